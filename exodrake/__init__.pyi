@@ -10,8 +10,7 @@ from exodrake.core.plugins import add_plugin as add_plugin
 from exodrake.core.robot import Robot as Robot
 from exodrake.data.case import Case as Case, CaseLog as CaseLog, read_case as read_case, write_case as write_case
 from exodrake.data.formats import read_log as read_log, write_log as write_log
-from exodrake.data.log import Log as Log, regularise as regularise
-from exodrake.data.plot import Comparison as Comparison, compare as compare
+from exodrake.data.log import Comparison as Comparison, Log as Log, compare as compare, regularise as regularise
 from exodrake.diagnosis.pipeline import diagnose as diagnose
 from exodrake.diagnosis.result import Diagnosis as Diagnosis
 from exodrake.diagrams.block_diagram import wiring_svg as wiring_svg

@@ -9,8 +9,7 @@ import pytest
 from command_line import run
 
 import exodrake as exo
-from exodrake.data.log import MODEL
-from exodrake.data.plot import compare
+from exodrake.data.log import MODEL, compare
 
 TIME = 0.02 * np.arange(100)
 

@@ -62,7 +62,7 @@ def command(
         from exodrake.data.case import write_case
         from exodrake.machines.library import reader
 
-        case = reader(known)(recordings[0])
+        case = reader(known)(next(iter(recordings)))
         write_case(case, out)
         click.echo(f"{out}: {len(case.logs)} logs; exodrake diagnose {out} --robot {known}")
         return

@@ -11,7 +11,7 @@ from exodrake.cli.options import AnyPath, log_in, robot_option
 
 if TYPE_CHECKING:
     from exodrake.core.machine import Machine
-    from exodrake.data.plot import Comparison
+    from exodrake.data.log import Comparison
 
 
 @click.command()
@@ -82,7 +82,8 @@ def compare_logs(first: Path, second: Path, robot: str, out: Path, json_file: Pa
     from exodrake.core.files import write_bytes
     from exodrake.core.plain import save
     from exodrake.data.formats import read_log
-    from exodrake.data.plot import compare, png_of, remarks
+    from exodrake.data.log import compare
+    from exodrake.data.plot import png_of, remarks
     from exodrake.machines.robot_file import load_robot
 
     if out.suffix.lower() != ".png":

@@ -127,7 +127,8 @@ def files_of(
     scenario: Scenario, robot: Robot, log: Log, name: str, say, nominal: Log | None = None
 ) -> dict[str, bytes]:
     """Contents of all files but the logs. A scenario that followed a log refers to the log written beside it."""
-    from exodrake.data.plot import compare, png_of, remarks
+    from exodrake.data.log import compare
+    from exodrake.data.plot import png_of, remarks
     from exodrake.diagrams.meshcat import recording_html
     from exodrake.simulation.scenario import scenario_text
 

@@ -182,24 +182,14 @@ SCHEMA = mapping(
 )
 
 
-@dataclass(frozen=True)
-class CaseFile:
-    """Content of a case.yaml: name, overrides of parameters, frame period [s], keys of each log, and serial number."""
-
-    name: str | None
-    robot: dict[str, Any]
-    period: float | None
-    logs: tuple[dict[str, Any], ...]
-    serial: str = ""
-
-
-def read_case_file(path: Path) -> CaseFile:
-    """Reads and checks a case.yaml; InputError names file and key."""
-    content = SCHEMA(read_yaml(path), str(path))
-    date = content.get("date")
-    logs = tuple({**log, "role": log.get("role") or "fit", "date": log.get("date") or date} for log in content["logs"])
-    name, serial = (None if content.get(key) is None else str(content[key]) for key in ("name", "serial"))
-    return CaseFile(name, content.get("robot") or {}, content.get("period"), logs, serial or "")
+def read_case_file(path: Path) -> dict[str, Any]:
+    """Content of a case.yaml by its keys, each log with its role and date; InputError names file and key."""
+    content = {"name": None, "serial": None, "robot": None, "period": None} | SCHEMA(read_yaml(path), str(path))
+    for key in ("name", "serial"):
+        content[key] = "" if content[key] is None else str(content[key])
+    for log in content["logs"]:
+        log |= {"role": log.get("role") or "fit", "date": log.get("date") or content.get("date")}
+    return content
 
 
 def log_names(folder: Path) -> list[str]:
@@ -265,29 +255,27 @@ def read_case(
         allow_outside: whether logs may lie outside the folder, by their names (`../a.csv`) or as links.
     """
     place, notes, hashes = Path(folder), list[str](), dict[str, str]()
+    content, entries = dict[str, Any](), list[dict[str, Any]]()
     if is_file(place) and place.name != FILE:
-        name, content, place = stem(place), CaseFile(None, {}, None, ({"file": place.name},)), place.parent
+        name, entries, place = stem(place), [{"file": place.name}], place.parent
     else:
         place = place.parent if place.name == FILE and is_file(place) else place
         if not is_folder(place):
             raise InputError(f"{folder}: no such folder")
-        content = read_case_file(place / FILE) if is_file(place / FILE) else None
-        files = log_names(place) if content is None else [entry["file"] for entry in content.logs]
-        for file in files if not allow_outside else ():
-            check_inside(place, file, str(folder))
-        if content is None:
-            entries, notes = find_logs(place)
-            content = CaseFile(None, {}, None, tuple(entries))
-        else:
-            hashes[FILE] = sha256_of(place / FILE)
-        name = printable(content.name or place.resolve().name)
-    period, logs = content.period or period or PERIOD, []
-    for entry in content.logs:
+        if is_file(place / FILE):
+            content, hashes[FILE] = read_case_file(place / FILE), sha256_of(place / FILE)
+        for file in [entry["file"] for entry in content["logs"]] if content else log_names(place):
+            if not allow_outside:
+                check_inside(place, file, str(folder))
+        entries, notes = (content["logs"], []) if content else find_logs(place)
+        name = printable(content.get("name") or place.resolve().name)
+    logs, frame = [], float(content.get("period") or period or PERIOD)
+    for entry in entries:
         path, repeats = place / entry["file"], entry.get("repeats")
         file = _relative(entry["file"], place)
         table = entry["table"] if "table" in entry else read_table(path)
         check_columns(table, required)
-        log, faults = regularise(table, period)
+        log, faults = regularise(table, frame)
         log = replace(log, simulated=table.simulated)
         hashes[file] = sha256_of(path)
         notes += read_notes(path)
@@ -300,7 +288,8 @@ def read_case(
         raise InputError(f"{name}: log {marked[0]!r} is simulated by exodrake, {measured!r} is not: not one robot")
     notes += [f"{', '.join(marked)}: simulated by exodrake, not measured"] if marked else []
     try:
-        return Case(name, content.robot, tuple(logs), period, tuple(notes), hashes, content.serial)
+        robot, serial = content.get("robot") or {}, content.get("serial", "")
+        return Case(name, robot, tuple(logs), frame, tuple(notes), hashes, serial)
     except InputError as problem:
         raise InputError(f"{place / FILE}: {problem}") from None
 

@@ -9,6 +9,7 @@ The file's header says which tendons and joints there are. A missing sample is N
     log.array("tension", ("AF", "MF", "AE"))    # (n, 3) N
     log["tension"]                              # the same: all columns of the kind
     log["angle_MCP"], log.time, log.dt          # (n,) rad, (n,) s, s
+    compare(log, other).signals["angle_MCP"].rms             # rad
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from exodrake.core.errors import InputError, argument
+from exodrake.core.text import short_repr
 from exodrake.core.units import KINDS, check_unit, default_unit, kind_of, to_si
 
 if TYPE_CHECKING:
@@ -35,6 +37,7 @@ LONGEST = 100  # rows to fill per row recorded; beyond, a clock has jumped or it
 SMALLER = {"ms": "milliseconds", "us": "microseconds", "ns": "nanoseconds"}  # units that a clock may count in
 RATE = 3e-3  # by which a clock may run fast or slow: assumed; those of computers keep to a tenth of it
 STRETCH = 250  # rows over which a rate is measured; the shortest, so that jitter of a third of a frame is none
+ALIKE = 1e-6  # s, clocks closer than this are the same
 EXACT = 1e-6  # s; frame times closer to the grid than this are on it (files often round time to microseconds)
 
 
@@ -101,6 +104,11 @@ class Log:
     def label(self) -> str:
         """The source, or `log` when there is none: what messages call this log."""
         return self.source or "log"
+
+    @property
+    def nominal(self) -> bool:
+        """Whether exodrake simulated it by a robot as its file states it."""
+        return self.simulated == MODEL
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -209,6 +217,16 @@ class Log:
         from exodrake.data.plot import plot_log  # matplotlib is heavy, and only a drawing needs it  # pyright: ignore
 
         return plot_log(self, *args, **options)
+
+    def sample(self, column: str, time: np.ndarray) -> np.ndarray:
+        """A column (n,) [its unit] at times (n,) [s]: its samples where the clocks agree, else linear between them.
+
+        NaN outside the time that the log covers.
+        """
+        if len(self) == len(time) and np.abs(self.time - time).max() <= ALIKE:
+            return self[column]
+        inside = (time >= self.time[0] - ALIKE) & (time <= self.time[-1] + ALIKE)
+        return np.where(inside, np.interp(time, self.time, self[column]), np.nan)
 
     def _repr_html_(self) -> str:
         from exodrake.data.plot import log_html  # pyright: ignore
@@ -528,3 +546,83 @@ def clock_frame(log: Log) -> float:
     step = log.dt
     found = other_rate(log.time, np.concatenate([[0], np.cumsum(np.rint(np.diff(log.time) / step))]), step)
     return step if found is None else found[1]
+
+
+@dataclass(frozen=True)
+class Difference:
+    """Second log less first in one signal.
+
+    Attributes:
+        unit: of the figures, SI.
+        rms, mean: over the samples that both have [unit].
+        largest: largest magnitude [unit].
+        at: when that was [s].
+        samples: how many both have.
+    """
+
+    unit: str
+    rms: float
+    mean: float
+    largest: float
+    at: float
+    samples: int
+
+
+@short_repr
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Differences of two logs.
+
+    Attributes:
+        names: names of both logs.
+        start: start of the time that both cover [s].
+        end: end of the time that both cover [s].
+        signals: column -> difference.
+        notes: what was left out, a sentence each.
+    """
+
+    names: tuple[str, str]
+    start: float
+    end: float
+    signals: dict[str, Difference]
+    notes: tuple[str, ...] = ()
+
+
+def compare(first: Log, second: Log) -> Comparison:
+    """Compare two logs in the columns and over the time that both have.
+
+    Args:
+        first: whose clock counts.
+        second: read between its samples where its clock differs.
+
+    Raises:
+        InputError: if they have no column or no time in common.
+    """
+    first, second = argument("first", first, Log), argument("second", second, Log)
+    common = [name for name in first.columns if name in second.signals]
+    start, end = max(first.time[0], second.time[0]), min(first.time[-1], second.time[-1])
+    inside = (first.time >= start - ALIKE) & (first.time <= end + ALIKE)
+    if not common or not inside.any():
+        lack = "column" if not common else "time"
+        raise InputError(f"{first.label} and {second.label}: no {lack} in common, so there is nothing to compare")
+    notes = [
+        f"{', '.join(alone)} only in {one.label}"
+        for one, other in ((first, second), (second, first))
+        if (alone := [name for name in one.columns if name not in other.signals])
+    ]
+    if not inside.all() or second.time[0] < start - ALIKE or second.time[-1] > end + ALIKE:
+        notes.append(f"compared from {start:g} to {end:g} s, which both cover")
+    time, found = first.time[inside], {}
+    for name in common:
+        if first.units[name] != second.units[name]:
+            notes.append(f"{name} is in [{first.units[name]}] and in [{second.units[name]}], and left out")
+            continue
+        error = second.sample(name, time) - first[name][inside]
+        known = np.flatnonzero(np.isfinite(error))
+        if not len(known):
+            notes.append(f"{name} has no sample that both have")
+            continue
+        worst = known[np.abs(error[known]).argmax()]
+        rms, mean = float(np.sqrt(np.mean(error[known] ** 2))), float(error[known].mean())
+        found[name] = Difference(first.units[name], rms, mean, float(abs(error[worst])), float(time[worst]), len(known))
+    return Comparison((first.label, second.label), float(start), float(end), found, tuple(notes))

@@ -1,9 +1,7 @@
-"""Figures of logs, for paper and screen, and two logs beside each other. No display is needed.
+"""Figures of logs, for paper and screen; they need no display.
 
 figure = plot_log(log, "caging")                  # or log.plot()
 save_png(figure, "caging.png")
-found = compare(read_log("robot.csv"), read_log("model.csv"))
-found.signals["angle_PIP"].rms                    # rad
 
 A log is solid, a nominal robot dotted and an improved one dashed, in every figure: `MEASURED`, `NOMINAL`, `IMPROVED`.
 """
@@ -12,7 +10,6 @@ from __future__ import annotations
 
 from base64 import b64encode
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from html import escape
 from io import BytesIO
 from pathlib import Path
@@ -22,12 +19,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from exodrake.core.display import Display, colour_of, display_of
-from exodrake.core.errors import InputError, argument
+from exodrake.core.errors import InputError
 from exodrake.core.files import write_bytes
 from exodrake.core.machine import Machine
-from exodrake.core.text import short_repr
 from exodrake.core.units import kind_of
-from exodrake.data.log import MODEL, Log
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from exodrake.data.log import Comparison, Log
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -46,7 +46,6 @@ NARROWEST, WIDEST, PER_INCH = 7.0, 12.0, 10.0  # width of a figure [inches], s o
 SIZES = (11.0, 7.5)  # of title and details [points]
 SMALL, MOST_ROWS = 60, 30  # dots an inch and rows of a table of a log in a notebook
 MOST_NAMES = 8  # of channels in a legend, so that it is no longer than its panel
-ALIKE = 1e-6  # s, clocks closer than this are the same
 STYLE: dict[Any, Any] = {
     "font.size": 9, "axes.titlesize": 10, "axes.spines.top": False, "axes.spines.right": False, "axes.linewidth": 0.7,
     "axes.grid": True, "grid.color": "#e3e6ea", "grid.linewidth": 0.6, "lines.linewidth": 1.1, "legend.frameon": False,
@@ -97,7 +96,7 @@ def plot_log(
         raise InputError(f"{log.label}: nothing to draw: no column but the time and references")
     width = min(WIDEST, max(NARROWEST, log.duration / PER_INCH)) if len(log) > 1 else NARROWEST
     thinner = (NARROWEST / width) ** 0.5
-    swapped = other is not None and log.simulated == MODEL != other.simulated
+    swapped = other is not None and log.nominal and not other.nominal
     first, second = (NOMINAL, MEASURED) if swapped else (MEASURED, NOMINAL)
     below = [kind for kind in kinds if difference and other is not None and other.names(kind)]
     heights = [height for kind in kinds for height in ((1.65, 0.75) if kind in below else (1.65,))]
@@ -116,7 +115,7 @@ def plot_log(
                 style = second | {"color": colour_of(name, i, machine), "linewidth": second["linewidth"] * thinner}
                 axes.plot(other.time, display_in(other, kind, machine).factor * other[f"{kind}_{name}"], **style)
                 if lower is not None and log.has(f"{kind}_{name}"):
-                    error = sample_at(other, f"{kind}_{name}", log.time) - log[f"{kind}_{name}"]
+                    error = other.sample(f"{kind}_{name}", log.time) - log[f"{kind}_{name}"]
                     lower.plot(log.time, factor * error, color=style["color"], lw=0.9)
             if lower is not None:
                 lower.axhline(0.0, color="#889", lw=0.6)
@@ -289,94 +288,6 @@ def blocks_of(values: np.ndarray, stretch: int) -> np.ndarray:
     padded = np.full((-(-len(values) // stretch) * stretch, values.shape[1]), np.nan)
     padded[: len(values)] = values
     return padded.reshape(-1, stretch, values.shape[1])
-
-
-@dataclass(frozen=True)
-class Difference:
-    """Second log less first in one signal.
-
-    Attributes:
-        unit: of the figures, SI.
-        rms, mean: over the samples that both have [unit].
-        largest: largest magnitude [unit].
-        at: when that was [s].
-        samples: how many both have.
-    """
-
-    unit: str
-    rms: float
-    mean: float
-    largest: float
-    at: float
-    samples: int
-
-
-@short_repr
-@dataclass(frozen=True, eq=False)
-class Comparison:
-    """Differences of two logs.
-
-    Attributes:
-        names: names of both logs.
-        start: start of the time that both cover [s].
-        end: end of the time that both cover [s].
-        signals: column -> difference.
-        notes: what was left out, a sentence each.
-    """
-
-    names: tuple[str, str]
-    start: float
-    end: float
-    signals: dict[str, Difference]
-    notes: tuple[str, ...] = ()
-
-
-def compare(first: Log, second: Log) -> Comparison:
-    """Compare two logs in the columns and over the time that both have.
-
-    Args:
-        first: whose clock counts.
-        second: read between its samples where its clock differs.
-
-    Raises:
-        InputError: if they have no column or no time in common.
-    """
-    first, second = argument("first", first, Log), argument("second", second, Log)
-    common = [name for name in first.columns if name in second.signals]
-    start, end = max(first.time[0], second.time[0]), min(first.time[-1], second.time[-1])
-    inside = (first.time >= start - ALIKE) & (first.time <= end + ALIKE)
-    if not common or not inside.any():
-        lack = "column" if not common else "time"
-        raise InputError(f"{first.label} and {second.label}: no {lack} in common, so there is nothing to compare")
-    notes = [
-        f"{', '.join(alone)} only in {one.label}"
-        for one, other in ((first, second), (second, first))
-        if (alone := [name for name in one.columns if name not in other.signals])
-    ]
-    if not inside.all() or second.time[0] < start - ALIKE or second.time[-1] > end + ALIKE:
-        notes.append(f"compared from {start:g} to {end:g} s, which both cover")
-    time, found = first.time[inside], {}
-    for name in common:
-        if first.units[name] != second.units[name]:
-            notes.append(f"{name} is in [{first.units[name]}] and in [{second.units[name]}], and left out")
-            continue
-        error = sample_at(second, name, time) - first[name][inside]
-        known = np.flatnonzero(np.isfinite(error))
-        if not len(known):
-            notes.append(f"{name} has no sample that both have")
-            continue
-        worst = known[np.abs(error[known]).argmax()]
-        rms, mean = float(np.sqrt(np.mean(error[known] ** 2))), float(error[known].mean())
-        found[name] = Difference(first.units[name], rms, mean, float(abs(error[worst])), float(time[worst]), len(known))
-    return Comparison((first.label, second.label), float(start), float(end), found, tuple(notes))
-
-
-def sample_at(log: Log, name: str, time: np.ndarray) -> np.ndarray:
-    """A column (n,) [its unit] at times (n,) [s]: its samples where clocks agree, else linear between; NaN outside."""
-    if len(log) == len(time) and np.abs(log.time - time).max() <= ALIKE:
-        return log[name]
-    inside = (time >= log.time[0] - ALIKE) & (time <= log.time[-1] + ALIKE)
-    return np.where(inside, np.interp(time, log.time, log[name]), np.nan)
 
 
 def remarks(found: Comparison, log: Log, machine: Machine | None = None) -> dict[str, str]:

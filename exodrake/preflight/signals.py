@@ -145,7 +145,7 @@ def clocks(path: Path, frame: float) -> tuple[Clock, ...]:
     place = path.parent if path.name == FILE else path
     if not place.is_dir():
         return (clock_of(read_table(path), path.name, frame),)
-    entries = read_case_file(place / FILE).logs if (place / FILE).is_file() else find_logs(place)[0]
+    entries = read_case_file(place / FILE)["logs"] if (place / FILE).is_file() else find_logs(place)[0]
     return tuple(clock_of(read_table(place / entry["file"]), entry["file"], frame) for entry in entries)
 
 
