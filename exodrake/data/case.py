@@ -255,7 +255,8 @@ def read_case(
         allow_outside: whether logs may lie outside the folder, by their names (`../a.csv`) or as links.
     """
     place, notes, hashes = Path(folder), list[str](), dict[str, str]()
-    content, entries = dict[str, Any](), list[dict[str, Any]]()
+    content: dict[str, Any] = {}
+    entries: list[dict[str, Any]] = []
     if is_file(place) and place.name != FILE:
         name, entries, place = stem(place), [{"file": place.name}], place.parent
     else:

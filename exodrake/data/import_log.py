@@ -664,6 +664,8 @@ def default_bag_mapping(path: str | Path) -> Mapped:
         commanded = any(word in topic.lower() for word in COMMANDS)
         for field in fields or ():
             what, _, joint = field.rstrip("]").partition("[")
+            if what not in KINDS:
+                continue
             ours = f"{KINDS[what]}{'_ref' if commanded and what != 'velocity' else ''}_{joint_name(joint)}"
             found = Column(f"{topic}:{field}", ours, UNITS[what])
             if (other := columns.setdefault(ours, found)) is not found:
