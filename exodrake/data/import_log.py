@@ -192,66 +192,58 @@ class Mapped(TextLayout):
 
 
 def read_mapping(path: str | Path) -> Mapped:
-    """Reads and checks a mapping file; InputError names file and key."""
+    """Reads and checks a mapping file.
+
+    Raises:
+        InputError: naming file and key, also for a unit that does not suit its column, a name that comes twice, a
+            derived column of one that is not above it, and columns of `sync` that are not there.
+    """
     content = SCHEMA(read_yaml(path), str(path))
     time = content.get("time") or {}
     check_unit("time", time.get("unit", "s"), f"{path}, 'time'")
-    columns = _columns(content["columns"], f"{path}, 'columns'")
-    derived = _derived(content.get("derived") or {}, columns, f"{path}, 'derived'")
-    known, syncs = [column.name for column in columns], []
+    columns, derived, syncs, known = [], [], [], ["time"]
+    for foreign, item in content["columns"].items():
+        where, name = inside(f"{path}, 'columns'", foreign), item["name"].strip()
+        if not name or not item["unit"].strip():
+            raise refusal(where, f"key {'unit' if name else 'name'!r} is missing")
+        check_unit(name, item["unit"], where)
+        if abs(item.get("sign", 1.0)) != 1.0:
+            raise refusal(inside(where, "sign"), f"wanted 1 or -1, found {item['sign']:g}")
+        if name in known:
+            raise refusal(where, f"{name!r} is the name of more than one column")
+        known.append(name)
+        columns.append(Column(foreign, **{**item, "name": name}))
+    for name, item in (content.get("derived") or {}).items():
+        where = inside(f"{path}, 'derived'", name)
+        for key in ("of", "minus"):
+            if key in item and item[key] not in known[1:]:
+                raise refusal(where, f"{item[key]!r} is no column above it{nearest(item[key], known[1:])}")
+        if name in known:
+            raise refusal(where, "is the name of another column")
+        if item.get("unit"):
+            check_unit(name, item["unit"], where)
+        known.append(name)
+        derived.append(Derived(name, **item))
+    ours = [column.name for column in columns]
     for item in content.get("sync") or ():
         where = f"{path}, 'sync'"
         for name in (*item["columns"], item["by"], item["with"]):
-            if name not in known:
-                raise refusal(where, f"{name!r} is no column{nearest(name, known)}")
+            if name not in ours:
+                raise refusal(where, f"{name!r} is no column{nearest(name, ours)}")
         if item["by"] not in item["columns"] or item["with"] in item["columns"]:
             raise refusal(where, "`by` is one of the columns that are moved, and `with` is none of them")
         syncs.append(Sync(tuple(item["columns"]), item["by"], item["with"], item["within"]))
     return Mapped(
-        columns=columns,
+        columns=tuple(columns),
         time=time.get("column"),
         time_unit=time.get("unit", "s"),
         time_period=time.get("period"),
         start=time.get("start"),
         period=content.get("period"),
-        derived=derived,
+        derived=tuple(derived),
         sync=tuple(syncs),
         **{key: content[key] for key in PLAIN if key in content},
     )
-
-
-def _columns(content: dict[str, dict[str, Any]], where: str) -> tuple[Column, ...]:
-    """The columns; refuses a unit that does not suit its column, and a name that comes twice."""
-    columns = []
-    for foreign, item in content.items():
-        name = item["name"].strip()
-        if not name or not item["unit"].strip():
-            raise refusal(inside(where, foreign), f"key {'unit' if name else 'name'!r} is missing")
-        check_unit(name, item["unit"], inside(where, foreign))
-        if abs(item.get("sign", 1.0)) != 1.0:
-            raise refusal(inside(inside(where, foreign), "sign"), f"wanted 1 or -1, found {item['sign']:g}")
-        columns.append(Column(foreign, **{**item, "name": name}))
-    taken = [column.name for column in columns]
-    for name in taken:
-        if taken.count(name) > 1 or name == "time":
-            raise InputError(f"{where}: {name!r} is the name of more than one column")
-    return tuple(columns)
-
-
-def _derived(content: dict[str, dict[str, Any]], columns: tuple[Column, ...], where: str) -> tuple[Derived, ...]:
-    """The derived columns, in order; refuses one of a column that comes later or is not there, and a doubled name."""
-    known, found = [column.name for column in columns], []
-    for name, item in content.items():
-        for key in ("of", "minus"):
-            if item.get(key, known[0]) not in known:
-                raise refusal(inside(where, name), f"{item[key]!r} is no column above it{nearest(item[key], known)}")
-        if name in known or name == "time":
-            raise refusal(inside(where, name), "is the name of another column")
-        if item.get("unit"):
-            check_unit(name, item["unit"], inside(where, name))
-        known.append(name)
-        found.append(Derived(name, **item))
-    return tuple(found)
 
 
 @dataclass(frozen=True, eq=False)

@@ -137,8 +137,12 @@ class Log:
         return name in self.signals or bool(self.names(name))
 
     def names(self, kind: str) -> tuple[str, ...]:
-        """Channels with this kind of column, in file order, such as `AF`, `MF`, `AE` for `tension`."""
-        return tuple(column[len(kind) + 1 :] for column in self.signals if _is_of_kind(column, kind))
+        """Channels with this kind of column, in file order, such as `AF`, `MF`, `AE` for `tension`.
+
+        A longer known kind claims its columns: `tension_ref_AF` is no `tension` of a channel `ref_AF`.
+        """
+        own = (column for column in self.signals if column.startswith(kind + "_"))
+        return tuple(column[len(kind) + 1 :] for column in own if len(kind_of(column) or "") <= len(kind))
 
     def array(self, kind: str, names: Sequence[str] | None = None) -> np.ndarray:
         """Columns of one kind (n, len(names)) [SI]; all of them in file order if no names are given.
@@ -243,14 +247,6 @@ def check_clock(log: Log) -> None:
         raise InputError(f"{log.label}: column 'time', row {row + 2}: {after:g} s does not come after {here:g} s")
 
 
-def _is_of_kind(column: str, kind: str) -> bool:
-    """A longer known kind claims its columns: `tension_ref_AF` is no `tension` of a channel `ref_AF`."""
-    if not column.startswith(kind + "_"):
-        return False
-    known = kind_of(column)
-    return known is None or len(known) <= len(kind)
-
-
 def _floats(values: Any, name: str, source: str) -> np.ndarray:
     """A column (n,) [any unit] of a DataFrame as float64, time differences in s."""
     array = np.asarray(values)
@@ -273,19 +269,15 @@ def heading(name: str, unit: str) -> str:
     return f"{name} [{unit}]"
 
 
-def visible_name(name: str) -> str:
-    """A name as a reader sees it: without signs that cannot be seen, any blank as a space."""
-    kinds = ((unicodedata.category(sign), sign) for sign in name)
-    return "".join(" " if kind.startswith("Z") else sign for kind, sign in kinds if kind not in ("Cf", "Cc")).strip()
-
-
 def refuse_doubled(names: Iterable[str], source: str) -> None:
     """InputError for a column that comes twice, also where only signs that cannot be seen tell the two apart."""
     known: set[str] = set()
-    for name in map(visible_name, names):
-        if name in known:
-            raise InputError(f"{source}: column {name!r} comes twice")
-        known.add(name)
+    for name in names:
+        kinds = ((unicodedata.category(sign), sign) for sign in name)
+        visible = "".join(" " if kind[0] == "Z" else sign for kind, sign in kinds if kind not in ("Cf", "Cc")).strip()
+        if visible in known:
+            raise InputError(f"{source}: column {visible!r} comes twice")
+        known.add(visible)
 
 
 def refuse_unclear(names: Iterable[str], source: str) -> None:

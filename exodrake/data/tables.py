@@ -11,7 +11,7 @@ import csv
 import io
 import json
 import re
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import chain, islice
@@ -259,15 +259,15 @@ def _numbers(cells: Sequence[str], name: str, source: str, decimal: str) -> np.n
 
 
 def _is_number(cell: str, decimal: str) -> bool:
-    """Whether a cell holds a number, or says that one is missing."""
-    return bool(number_with(decimal)(cell)) or cell.lower() in MISSING
+    """Whether a cell holds a number, or says that one is missing; no mark parts thousands, as Python's `1_000` does."""
+    return cell.lower() in MISSING or bool(number_pattern(decimal).fullmatch(cell))
 
 
 @cache
-def number_with(decimal: str) -> Callable[[str], object]:
-    """Test of a cell for a number with this decimal mark; no mark parts thousands, as Python's `1_000` does."""
+def number_pattern(decimal: str) -> re.Pattern[str]:
+    """Numbers with this decimal mark."""
     digits = rf"(?:[0-9]+(?:{re.escape(decimal)}[0-9]*)?|{re.escape(decimal)}[0-9]+)"
-    return re.compile(rf"[-+]?(?:{digits}(?:e[-+]?[0-9]+)?|inf|infinity|nan)", re.IGNORECASE).fullmatch
+    return re.compile(rf"[-+]?(?:{digits}(?:e[-+]?[0-9]+)?|inf|infinity|nan)", re.IGNORECASE)
 
 
 def _hint(data: bytes, layout: TextLayout) -> str:
