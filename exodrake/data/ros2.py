@@ -11,9 +11,9 @@ import io
 import math
 import re
 import sqlite3
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -141,15 +141,20 @@ def list_topics(data: bytes, source: str) -> dict[str, Topic]:
 
 def _get(message: Any, name: str, default: Any = None) -> Any:
     """A field of a message, which is an object of ROS or a mapping of JSON."""
-    return message.get(name, default) if isinstance(message, Mapping) else getattr(message, name, default)
+    return message.get(name, default) if isinstance(message, dict) else getattr(message, name, default)
 
 
 def _labels(owner: Any, values: Any) -> list[str]:
     """What a message calls the elements of one of its lists: by their own `name`, or by a list of names beside it."""
-    if isinstance(values, list | tuple) and values and all(isinstance(_get(one, "name"), str) for one in values):
-        return [_get(one, "name") for one in values]
-    names = next(filter(None, (_get(owner, key) for key in ("name", "joint_names", "names"))), [])
-    return [str(name) for name in names] if isinstance(names, list | tuple) else []
+    own = (
+        [_get(one, "name") for one in values]
+        if isinstance(values, list) and _get(next(iter(values), 0), "name")
+        else []
+    )
+    if own and all(isinstance(name, str) for name in own):
+        return own
+    beside = (_get(owner, key) for key in ("name", "joint_names", "names"))
+    return [str(name) for name in next((one for one in beside if isinstance(one, list | tuple) and one), ())]
 
 
 def numeric_fields(message: Any, path: str = "") -> list[str]:
@@ -158,10 +163,10 @@ def numeric_fields(message: Any, path: str = "") -> list[str]:
         return [path]
     if isinstance(message, str | bytes) or message is None:
         return []
-    if hasattr(message, "__len__") and not isinstance(message, Mapping):
+    if hasattr(message, "__len__") and not isinstance(message, dict):
         return [field for k, one in enumerate(message) for field in numeric_fields(one, f"{path}[{k}]")]
     found: list[str] = []
-    for name in message if isinstance(message, Mapping) else getattr(message, "__slots__", None) or vars(message):
+    for name in message if isinstance(message, dict) else getattr(message, "__slots__", None) or vars(message):
         value, here = _get(message, name), f"{path}.{name}" if path else name
         labels = _labels(message, value)
         if isinstance(value, list | tuple) and labels and len(value) == len(labels):
@@ -238,10 +243,9 @@ def sqlite_messages(data: bytes, source: str, topics: set[str] | None) -> Iterat
 
 def _field(message: Any, path: str, where: str) -> float | None:
     """`wrench.force.z`, `position[0]` or `position[MCP]` of a message, as a number; None if it lacks the element."""
-    whole = isinstance(message, Mapping) and path in message  # keys of JSON may hold dots
+    whole = isinstance(message, dict) and path in message  # keys of JSON may hold dots
     value: Any = message[path] if whole else message
-    for part in [] if whole else re.findall(r"[^.\[]+(?:\[[^\]]*\]?)*|\[[^\]]*\]?", path):
-        name, *indices = part.replace("]", "").split("[")
+    for name, *indices in () if whole else path_steps(path):
         if name and _get(value, name, _get) is _get:
             raise InputError(f"{where} has no field {path!r}")
         owner, value = value, _get(value, name) if name else value
@@ -251,6 +255,13 @@ def _field(message: Any, path: str, where: str) -> float | None:
         return None if value is None else float(value)
     except (TypeError, ValueError, OverflowError):
         raise InputError(f"{where}: field {path!r} is not a number") from None
+
+
+@cache
+def path_steps(path: str) -> list[list[str]]:
+    """A field's steps, each a name and the indices behind it: `a.b[0][MCP]` is [[a], [b, 0, MCP]]."""
+    steps = re.findall(r"[^.\[]+(?:\[[^\]]*\]?)*|\[[^\]]*\]?", path)
+    return [step.replace("]", "").split("[") for step in steps]
 
 
 def _element(owner: Any, values: Any, index: str, where: str, path: str) -> Any:
