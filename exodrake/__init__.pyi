@@ -9,9 +9,8 @@ from exodrake.core.plain import save as save, to_dict as to_dict
 from exodrake.core.plugins import add_plugin as add_plugin
 from exodrake.core.robot import Robot as Robot
 from exodrake.data.case import Case as Case, CaseLog as CaseLog, read_case as read_case, write_case as write_case
-from exodrake.data.compare import Comparison as Comparison, compare as compare
-from exodrake.data.log import Log as Log
-from exodrake.data.log_file import read_log as read_log, regularise as regularise, write_log as write_log
+from exodrake.data.formats import read_log as read_log, write_log as write_log
+from exodrake.data.log import Comparison as Comparison, Log as Log, compare as compare, regularise as regularise
 from exodrake.diagnosis.pipeline import diagnose as diagnose
 from exodrake.diagnosis.result import Diagnosis as Diagnosis
 from exodrake.diagrams.block_diagram import wiring_svg as wiring_svg
@@ -28,7 +27,6 @@ from exodrake.grasping.plan import plan_grasp as plan_grasp
 from exodrake.grasping.run import posture_controller as posture_controller
 from exodrake.identification.statics import find_maximum_tension as find_maximum_tension
 from exodrake.machines.robot_file import load_robot as load_robot, write_robot as write_robot
-from exodrake.simulation.diagram_log import diagram_log as diagram_log
 from exodrake.simulation.protocols import (
     chirp as chirp,
     grasp as grasp,
@@ -41,7 +39,12 @@ from exodrake.simulation.protocols import (
     sweeps as sweeps,
 )
 from exodrake.simulation.references import from_log as from_log, protocol as protocol
-from exodrake.simulation.simulate import Recording as Recording, record as record, simulate as simulate
+from exodrake.simulation.simulate import (
+    Recording as Recording,
+    diagram_log as diagram_log,
+    record as record,
+    simulate as simulate,
+)
 from exodrake.systems.admittance_controller import AdmittanceController as AdmittanceController
 from exodrake.systems.bus import Bus as Bus
 from exodrake.systems.encoder import Encoder as Encoder

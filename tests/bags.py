@@ -1,9 +1,11 @@
-"""ROS 2 bags of joint states, made here."""
+"""ROS 2 bags and JSON messages of joint states, made here."""
 
 import io
+import json
 import sqlite3
 
 import numpy as np
+from mcap.writer import Writer
 from mcap_ros2._dynamic import serialize_dynamic
 from mcap_ros2.writer import Writer as RosWriter
 
@@ -78,6 +80,21 @@ def bag() -> bytes:
 
 
 BAG = bag()
+
+
+def json_mcap(messages, encoding="json") -> bytes:
+    """An MCAP file of messages (topic, time [s], content), as Foxglove's tools write it."""
+    stream, channels = io.BytesIO(), {}
+    writer = Writer(stream)
+    writer.start(library="another program")
+    for topic, time, content in messages:
+        if topic not in channels:
+            schema = writer.register_schema(name=topic[1:], encoding="jsonschema", data=b"{}")
+            channels[topic] = writer.register_channel(topic=topic, message_encoding=encoding, schema_id=schema)
+        stamp = round(1e9 * time)
+        writer.add_message(channels[topic], log_time=stamp, publish_time=stamp, data=json.dumps(content).encode())
+    writer.finish()
+    return stream.getvalue()
 
 
 def sqlite_bag(path, definitions: bool) -> None:

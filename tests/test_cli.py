@@ -12,8 +12,8 @@ from hypothesis import HealthCheck, given, settings, strategies as st
 
 from exodrake import __version__
 from exodrake.cli.main import COMMANDS, cli
+from exodrake.data.formats import read_log, write_log
 from exodrake.data.log import Log
-from exodrake.data.log_file import read_log, write_log
 
 
 @pytest.fixture
@@ -84,7 +84,7 @@ def test_interrupt_is_status_130(monkeypatch, log_file):
     def interrupt(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("exodrake.data.log_file.read_log", interrupt)
+    monkeypatch.setattr("exodrake.data.formats.read_log", interrupt)
     result = run("export", log_file, "--out", "x.npz")
     assert result.exit_code == 130 and result.stderr == "interrupted\n"
 

@@ -11,8 +11,8 @@ from report_synthetic import UNKNOWN, VERDICTS, diagnosis
 import exodrake.diagnosis.pipeline as pipeline
 from exodrake.core.progress import Stage, fraction
 from exodrake.data.case import Case, CaseLog, read_case
+from exodrake.data.formats import write_log
 from exodrake.data.log import Log
-from exodrake.data.log_file import write_log
 from exodrake.diagnosis.result import NAMED
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation import protocols

@@ -12,7 +12,7 @@ from diagram_runs import both, nominal, wavy
 from shared_data import data_folder, needs_data
 
 from exodrake.compiled.inputs import Reference
-from exodrake.data.log_file import read_log
+from exodrake.data.formats import read_log
 from exodrake.machines.exo_index.machine import machine as exo_index
 from exodrake.simulation.simulate import record
 

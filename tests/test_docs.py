@@ -202,7 +202,7 @@ def test_files_in_the_how_tos_are_read(tmp_path):
     robot = blocks(ROOT / "docs" / "howto" / "robot.md", "yaml")[0]
     (tmp_path / "wearer.yaml").write_text(robot)
     assert exo.load_robot(tmp_path / "wearer.yaml")["finger.kappa.MCP"] == 0.09
-    from exodrake.data.foreign.import_log import import_log
+    from exodrake.data.import_log import import_log
 
     page = ROOT / "docs" / "howto" / "import.md"
     (tmp_path / "map.yaml").write_text(blocks(page, "yaml")[0])

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from exodrake.data.case import Case, CaseLog, write_case
-from exodrake.data.log_file import read_log
+from exodrake.data.formats import read_log
 from exodrake.machines import library
 
 ROOT = Path(__file__).parent.parent
@@ -86,7 +86,7 @@ import numpy as np
 from exodrake.core import plugins
 plugins.add_plugin(sys.argv[1])
 import exodrake as exo
-from exodrake.data.log_file import write_log
+from exodrake.data.formats import write_log
 robot, effect, value, out = exo.load_robot(sys.argv[2]), sys.argv[3], float(sys.argv[4]), sys.argv[5]
 time = 1e-3 * np.arange(600)
 ramp = np.column_stack([float(sys.argv[6]) * time, 0.0 * time, 0.0 * time + float(sys.argv[6])])

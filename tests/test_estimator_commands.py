@@ -5,7 +5,7 @@ import pytest
 from command_line import run
 from estimator_sweeps import as_log, worn_sweeps
 
-from exodrake.data.log_file import read_log, write_log
+from exodrake.data.formats import read_log, write_log
 
 
 @pytest.fixture(scope="module")

@@ -7,16 +7,13 @@ import numpy as np
 import pytest
 import yaml
 from bags import BAG, BAG_MAP
-from click.testing import CliRunner
-from hypothesis import HealthCheck, given, settings, strategies as st
 from mcap.reader import make_reader
 from scipy.io import loadmat, savemat
 
-from exodrake.cli.main import cli
 from exodrake.core.errors import InputError
-from exodrake.data.foreign.import_log import import_log
+from exodrake.data.formats import write_log
+from exodrake.data.import_log import import_log
 from exodrake.data.log import Log
-from exodrake.data.log_file import read_log, write_log
 
 TABLE = 't,cell,pos,note\n0,1000,"[1.0, 90.0]",start\n20000,,"[2.0, 180.0]",go\n40000,3000,"[3.0, 270.0]",stop\n'
 MAP = {
@@ -124,13 +121,6 @@ def test_mcap_is_what_foxglove_opens(tmp_path):
     assert json.loads(found[0][0].data)["properties"]["AF"] == {"type": "number", "description": "N"}
 
 
-def test_mcap_keeps_awkward_names(tmp_path):
-    names = ("tension_AF", "torque", "torque_value", "odd.name", "tension_ref_a_b")
-    log = Log(np.arange(4) / 3, {name: np.arange(4.0) for name in names}, {"odd.name": "W"})
-    write_log(log, tmp_path / "log.mcap")
-    assert read_log(tmp_path / "log.mcap").equals(log)
-
-
 def test_mat_is_what_matlab_opens(tmp_path):
     write_log(Log(np.arange(3.0), {"tension_AF": np.arange(3.0)}), tmp_path / "log.mat")
     found = loadmat(tmp_path / "log.mat")
@@ -174,46 +164,3 @@ def test_ros2_wrong_column_is_named(tmp_path, column, part):
     mapping = {"columns": {column: {"name": "force_x", "unit": "N"}}}
     with pytest.raises(InputError, match=part.replace("[", r"\[")):
         imported(tmp_path, mapping, BAG, "bag.mcap")
-
-
-def test_import_command(tmp_path):
-    (tmp_path / "map.yaml").write_text(yaml.safe_dump(MAP))
-    (tmp_path / "drive.csv").write_text(TABLE)
-    words = ["import", str(tmp_path / "drive.csv"), "--map", str(tmp_path / "map.yaml"), "--out"]
-    result = CliRunner().invoke(cli, [*words, str(tmp_path / "log.csv.gz")])
-    assert result.exit_code == 0, result.output
-    assert read_log(tmp_path / "log.csv.gz").equals(import_log(tmp_path / "drive.csv", tmp_path / "map.yaml"))
-    result = CliRunner().invoke(cli, [*words, str(tmp_path / "log.docx")])
-    assert result.exit_code == 2 and len(result.stderr.splitlines()) == 1
-
-
-NAMES = [f"d.{e}" for e in ["csv", "mat", "npy", "npz", "parquet", "mcap", "csv.gz", "json", "jsonl", "h5", "db3"]]
-
-
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(data=st.data(), name=st.sampled_from(NAMES))
-def test_damaged_recordings_are_refused_or_read(tmp_path, data, name):
-    whole = {"d.csv": TABLE.encode(), "d.mcap": BAG}.get(name) or data.draw(st.binary(max_size=60))
-    cut = data.draw(st.integers(0, len(whole)))
-    damaged = whole[:cut] + data.draw(st.binary(max_size=8)) + (whole[cut:] if data.draw(st.booleans()) else b"")
-    try:
-        assert isinstance(imported(tmp_path, BAG_MAP if name == "d.mcap" else MAP, damaged, name), Log)
-    except InputError as error:
-        assert str(tmp_path) in str(error)
-
-
-SCRAP = st.one_of(
-    st.none(), st.booleans(), st.floats(), st.text(max_size=4), st.sampled_from(["t", "cell", "N", "x_1"])
-)
-WORDS = st.sampled_from(
-    [*["time", "columns", "period", "hold", "separator", "decimal", "skip", "heading", "stamp"], "name", "unit", "cell"]
-)
-
-
-@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(page=st.dictionaries(WORDS, st.one_of(SCRAP, st.dictionaries(WORDS, SCRAP, max_size=3)), max_size=4))
-def test_any_mapping_is_refused_or_read(tmp_path, page):
-    try:
-        assert isinstance(imported(tmp_path, MAP | page), Log)
-    except InputError as error:
-        assert str(tmp_path) in str(error)

@@ -8,7 +8,7 @@ from contextlib import suppress
 import numpy as np
 import pytest
 import yaml
-from bags import BAG, BAG_MAP, sqlite_bag
+from bags import BAG, BAG_MAP, json_mcap, sqlite_bag
 from fuzzing import JUNK, bounded, run, spoilt_bytes, spoilt_page, spoilt_table
 from hypothesis import given, strategies as st
 from scipy.io import savemat
@@ -99,6 +99,26 @@ def test_spoilt_json(place, data, end):
         )
     (folder / f"run{end}").write_bytes(content)
     imported(folder, f"run{end}", TREE_MAP)
+
+
+@bounded(4)
+@given(
+    state=st.sampled_from(VALUES).map(str)
+    | st.recursive(
+        st.none() | st.floats() | st.integers() | st.text(max_size=4),
+        lambda one: (
+            st.lists(one, max_size=3) | st.dictionaries(st.sampled_from(["q", "name", "sec", "timestamp"]), one)
+        ),
+    ),
+    field=st.sampled_from(["q", "q[0]", "q[wrist]", "q.name", "timestamp.sec", "[0]", "q]["]),
+    stamp=st.sampled_from(["log", "header"]),
+)
+def test_spoilt_json_messages_of_mcap(place, state, field, stamp):
+    folder = place()
+    whole = {"q": [1.0, 2.0], "name": ["wrist", "elbow"], "timestamp": {"sec": 1, "nsec": 0}}
+    (folder / "a.mcap").write_bytes(json_mcap([("/s", 0.0, whole), ("/s", 0.1, state), ("/s", 0.2, whole)]))
+    columns = {f"/s:{field}": {"name": "angle_wrist", "unit": "rad"}}
+    imported(folder, "a.mcap", {"columns": columns, "stamp": stamp})
 
 
 def json_bytes(page) -> bytes:

@@ -7,20 +7,18 @@ import re
 import numpy as np
 import pytest
 import yaml
-from bags import BAG, TIME, N, Q, sqlite_bag
+from bags import BAG, TIME, N, Q, json_mcap, sqlite_bag
 from command_line import run
-from mcap.writer import Writer
 from mcap_ros2.writer import Writer as RosWriter
 from scipy.io import savemat
 
 from exodrake.core.errors import InputError
 from exodrake.core.units import default_unit
 from exodrake.data.case import read_case
-from exodrake.data.foreign.import_log import import_all, import_log, import_recording, lag_of, low_passed
-from exodrake.data.foreign.mapping import Track, read_mapping
-from exodrake.data.foreign.tables import list_columns
+from exodrake.data.formats import read_log, write_log
+from exodrake.data.import_log import Track, find_lag, import_all, import_log, import_recording, low_pass, read_mapping
 from exodrake.data.log import Log
-from exodrake.data.log_file import read_log, write_log
+from exodrake.data.tables import list_columns
 from exodrake.diagnosis.checks import check_case
 from exodrake.machines.robot_file import load_robot
 
@@ -146,19 +144,50 @@ def test_a_log_of_ours_in_mcap_is_listed_and_imported_by_its_headings(tmp_path):
     np.testing.assert_array_equal(mapped["force_x"], log["tension_AF"])
 
 
-def test_topics_of_another_program_that_cannot_be_decoded_are_listed_as_such(tmp_path):
-    stream = io.BytesIO()
-    writer = Writer(stream)
-    writer.start(library="another program")
-    schema = writer.register_schema(name="Pose", encoding="jsonschema", data=b"{}")
-    channel = writer.register_channel(topic="/pose", message_encoding="json", schema_id=schema)
-    for n in range(7):
-        writer.add_message(channel, log_time=n, publish_time=n, data=b'{"x": 1.0}')
-    writer.finish()
-    (tmp_path / "run.mcap").write_bytes(stream.getvalue())
+def test_topics_that_cannot_be_decoded_are_listed_as_such(tmp_path):
+    poses = [("/pose", time, {"x": 1.0}) for time in TIME]
+    (tmp_path / "run.mcap").write_bytes(json_mcap(poses, encoding="protobuf"))
     words = run("import", tmp_path / "run.mcap").output.split()
-    assert words[words.index("/pose") :][:6] == ["/pose", "Pose", "7", "cannot", "be", "decoded:"]
-    assert run("import", tmp_path / "run.mcap", "--out", tmp_path / "run.csv").exit_code == 2
+    assert words[words.index("/pose") :][:6] == ["/pose", "pose", str(N), "cannot", "be", "decoded:"]
+
+
+@pytest.mark.parametrize(
+    ("content", "fields"),
+    [
+        (lambda q: {"joint": {"q": q}}, ("joint.q[0]", "joint.q[1]")),
+        (lambda q: {"name": ["wrist", "elbow"], "position": q}, ("position[wrist]", "position[elbow]")),
+        (
+            lambda q: {"joints": [{"name": n, "position": v} for n, v in zip(("wrist", "elbow"), q)]},
+            ("joints[wrist].position", "joints[elbow].position"),
+        ),
+        (lambda q: {"wrist.pos": q[0], "elbow.pos": q[1]}, ("wrist.pos", "elbow.pos")),
+    ],
+    ids=["arrays", "names beside", "records with names", "keys with dots"],
+)
+def test_json_messages_of_mcap(tmp_path, content, fields):
+    """Arms are recorded in MCAP as JSON by a list, by joint states, by records of joints, or by LeRobot's keys."""
+    messages = [(topic, time, content(q.tolist())) for time, q in zip(TIME, Q) for topic in ("/state", "/command")]
+    (tmp_path / "run.mcap").write_bytes(json_mcap(messages))
+    listed = "".join(run("import", tmp_path / "run.mcap").output.split())
+    assert all(field in listed for field in fields)
+    columns = {f"/state:{field}": {"name": name, "unit": "rad"} for field, name in zip(fields, NAMES)}
+    columns |= {f"/command:{fields[0]}": {"name": "angle_ref_wrist", "unit": "deg"}}
+    mapping = {"time": {"start": 0}, "columns": columns, "period": 0.02}
+    log = imported(tmp_path, (tmp_path / "run.mcap").read_bytes(), "run.mcap", mapping)
+    check(log)
+    np.testing.assert_allclose(log["angle_ref_wrist"], np.radians(Q[:, 0]))
+
+
+def test_json_messages_have_foxgloves_stamp_and_are_refused_by_topic(tmp_path):
+    stamp = [{"timestamp": {"sec": 7, "nsec": round(1e9 * t)}, "q": q[0]} for t, q in zip(TIME[:40], Q)]
+    content = json_mcap([("/state", 5.0 + 0.1 * k, state) for k, state in enumerate(stamp)])
+    mapping = {"columns": {"/state:q": {"name": "angle_wrist", "unit": "rad"}}, "stamp": "header", "period": 0.02}
+    log = imported(tmp_path, content, "run.mcap", mapping)
+    np.testing.assert_allclose(log.time[[0, -1]], [7.0, 7.0 + TIME[-1]])
+    for key, said in (("/state:speed", "topic '/state' has no field 'speed'"), ("/state:timestamp", "is not a number")):
+        wrong = {**mapping, "columns": {key: {"name": "angle_wrist", "unit": "rad"}}}
+        with pytest.raises(InputError, match=re.escape(said)):
+            imported(tmp_path, content, "run.mcap", wrong)
 
 
 def test_messages_in_a_list_of_a_message_are_listed_and_read(tmp_path):
@@ -227,14 +256,14 @@ def test_a_zero_phase_filter_halves_the_amplitude_at_its_cut_off_and_delays_noth
     middle = slice(2000, 6000)
     for frequency, gain in ((1.0, 1.0), (cutoff, 0.5), (100.0, 0.0)):
         wave = np.sin(2 * np.pi * frequency * time)
-        passed = low_passed(time, wave, cutoff, "x")
+        passed = low_pass(time, wave, cutoff, "x")
         np.testing.assert_allclose(passed[middle], gain * wave[middle], atol=1e-3)
     holed = np.where(np.arange(8000) % 100 == 7, np.nan, np.sin(2 * np.pi * time))
-    np.testing.assert_array_equal(np.isnan(low_passed(time, holed, cutoff, "x")), np.isnan(holed))
+    np.testing.assert_array_equal(np.isnan(low_pass(time, holed, cutoff, "x")), np.isnan(holed))
     for bad, word in ((600.0, "half the sampling rate"), (10.0, "even clock")):
         uneven = time if bad == 600.0 else time + 0.0004 * (np.arange(8000) % 2)
         with pytest.raises(InputError, match=word):
-            low_passed(uneven, time, bad, "x")
+            low_pass(uneven, time, bad, "x")
 
 
 def test_derivative_and_difference(tmp_path):
@@ -263,7 +292,7 @@ def test_two_clocks_are_brought_together(late, gain):
     here, there = 0.01 * np.arange(2000), np.sort(rng.uniform(0.0, 20.0, 1500))
     fixed = Track(here, wander(here))
     moved = Track(there, gain * wander(there - late) + 0.05 * rng.standard_normal(1500))
-    lag, correlation = lag_of(moved, fixed, 0.5, "x")
+    lag, correlation = find_lag(moved, fixed, 0.5, "x")
     assert lag == pytest.approx(late, abs=2e-3) and correlation > 0.95
 
 

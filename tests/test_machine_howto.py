@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import yaml
 
-from exodrake.data.log_file import read_log
+from exodrake.data.formats import read_log
 
 ROOT = Path(__file__).parent.parent
 PAGE = ROOT / "docs" / "howto" / "machine.md"

@@ -13,8 +13,8 @@ import exodrake as exo
 from exodrake.compiled.splice import state_indices
 from exodrake.core.threads import one_blas_thread
 from exodrake.data.case import Case, CaseLog, write_case
+from exodrake.data.formats import read_log
 from exodrake.data.log import Log
-from exodrake.data.log_file import read_log
 from exodrake.diagnosis.discovery.candidates import state_places
 from exodrake.diagnosis.discovery.discover import discover, likeliest, ranked
 from exodrake.diagnosis.discovery.law_code import laws_of, robot_on, with_laws, write_law

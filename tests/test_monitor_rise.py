@@ -6,8 +6,8 @@ from scipy.signal import lfilter
 from scipy.stats import binomtest
 
 import exodrake as exo
+from exodrake.data.formats import write_log
 from exodrake.data.log import Log
-from exodrake.data.log_file import write_log
 from exodrake.monitor.alarm import rise
 from exodrake.monitor.gap import work
 from exodrake.monitor.watcher import Monitor, follow

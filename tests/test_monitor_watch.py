@@ -13,8 +13,8 @@ from hypothesis import HealthCheck, given, settings
 
 import exodrake as exo
 from exodrake.cli.main import cli
+from exodrake.data.formats import write_log
 from exodrake.data.formats.csv import write
-from exodrake.data.log_file import write_log
 from exodrake.diagnosis.healthy import healthy_robot
 from exodrake.monitor.alarm import limits_of, share_at_most
 from exodrake.monitor.gap import noise_std, work

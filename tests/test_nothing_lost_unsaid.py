@@ -11,10 +11,8 @@ import pytest
 import exodrake as exo
 from exodrake.core.errors import InputError
 from exodrake.core.json_file import parse_json
-from exodrake.data.foreign.import_log import frame_period, import_all, import_recording
-from exodrake.data.foreign.mapping import Column, Mapped, read_mapping
-from exodrake.data.log import Log
-from exodrake.data.log_file import regularise
+from exodrake.data.import_log import Column, Mapped, frame_period, import_all, import_recording, read_mapping
+from exodrake.data.log import Log, regularise
 from exodrake.monitor.tail import Grid, Rows
 
 N = 100

@@ -13,8 +13,8 @@ import yaml
 from exodrake.core import plugins
 from exodrake.core.errors import InputError
 from exodrake.data.case import Case, CaseLog, write_case
+from exodrake.data.formats import write_log
 from exodrake.data.log import Log
-from exodrake.data.log_file import write_log
 from exodrake.machines.library import machine_folders
 from exodrake.machines.robot_file import load_robot
 

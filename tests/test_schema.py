@@ -7,8 +7,7 @@ from hypothesis import given, settings, strategies as st
 
 from exodrake.core.errors import MAX_MESSAGE, InputError
 from exodrake.core.yaml_file import MAX_BYTES, dump_yaml, parse_yaml
-from exodrake.data import case
-from exodrake.data.foreign import mapping
+from exodrake.data import case, import_log as mapping
 from exodrake.identification.kinematics import markers
 from exodrake.machines import robot_file
 from exodrake.simulation import scenario

@@ -7,8 +7,8 @@ from command_line import run
 import exodrake as exo
 from exodrake.core.errors import InputError
 from exodrake.data.case import Case, CaseLog, read_case, write_case
+from exodrake.data.formats import read_log, write_log
 from exodrake.data.log import CHANGED, MODEL, Log
-from exodrake.data.log_file import read_log, write_log
 from exodrake.machines.robot_file import robot_text
 
 SHORT = "caging:rest=0.1,approach=0.3,hold=0.1"

@@ -17,8 +17,8 @@ from exodrake.core.errors import MAX_MESSAGE
 from exodrake.core.parallel import attempt
 from exodrake.data import log as log_module
 from exodrake.data.case import read_case
-from exodrake.data.foreign.tables import list_columns
-from exodrake.data.formats import csv_gz
+from exodrake.data.formats import csv
+from exodrake.data.tables import list_columns
 from exodrake.identification.kinematics.markers import c3d_bytes, read_markers
 from exodrake.identification.kinematics.synthetic import Faults, Hand, synthesise
 from exodrake.monitor.tail import Tail
@@ -81,7 +81,7 @@ def test_too_many_rows_and_too_many_bytes_are_refused_before_they_are_parsed(tmp
     rows = b"time [s]," + ",".join(f"{name} [N]" for name in NAMES[:2]).encode() + b"\n" + b"0.02,1,1\n" * 7_000_000
     (tmp_path / "rows.csv.gz").write_bytes(gzip.compress(rows, 1))
     assert "samples" in refusal(exo.read_log, tmp_path / "rows.csv.gz")
-    monkeypatch.setattr(csv_gz, "MAX_BYTES", 10**6)
+    monkeypatch.setattr(csv, "MAX_BYTES", 10**6)
     monkeypatch.setattr(files, "MAX_BYTES", 10**6)
     assert "larger than 1 MB" in refusal(exo.read_log, tmp_path / "rows.csv.gz")
     (tmp_path / "large.csv").write_bytes(rows[: 10**6 + 1])

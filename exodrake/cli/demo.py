@@ -71,7 +71,7 @@ def grasp(console: Console, folder: Path) -> None:
     """Simulates a grasp; writes log, figure and Meshcat recording."""
     from exodrake.cli.simulate import files_of
     from exodrake.core.files import write_folder
-    from exodrake.data.log_file import log_bytes
+    from exodrake.data.formats import log_bytes
     from exodrake.simulation.scenario import Scenario
 
     with console.status("simulating (the first run compiles for half a minute)") as status:

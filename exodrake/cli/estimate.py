@@ -36,7 +36,7 @@ def train_estimator(
     from rich.console import Console
 
     from exodrake.core.files import sha256_of
-    from exodrake.data.log_file import read_log
+    from exodrake.data.formats import read_log
     from exodrake.estimator.dataset import sweeps_from_logs
     from exodrake.estimator.file import save
     from exodrake.estimator.gp import condition, learn, learn_strokes
@@ -99,7 +99,7 @@ def estimate_angles(
     """
     from exodrake.core.errors import InputError
     from exodrake.core.files import sha256_of
-    from exodrake.data.log_file import read_log, write_log
+    from exodrake.data.formats import read_log, write_log
     from exodrake.data.plot import save_png
     from exodrake.estimator.file import load
     from exodrake.estimator.validate import estimate

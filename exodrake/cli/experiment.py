@@ -73,7 +73,7 @@ def command(
 def write(contest: Contest, best: Design, out: Path, picture: Path) -> None:
     """Write the reference and its figure, and say what to do with them."""
     from exodrake.core.files import write_bytes
-    from exodrake.data.log_file import write_log
+    from exodrake.data.formats import write_log
     from exodrake.experiment.figure import figure_of
 
     write_log(best.log(contest.problem.robot.machine), out)

@@ -41,7 +41,7 @@ def command(mode: str, size: str, file: Path | None, robot: str, seed: int, out:
     from rich.console import Console
 
     from exodrake.core.files import check_folder, write_folder
-    from exodrake.data.log_file import log_bytes
+    from exodrake.data.formats import log_bytes
     from exodrake.estimator.file import load, quick_estimator
     from exodrake.grasping.plan import plan_grasp
     from exodrake.grasping.run import run_plan

@@ -130,7 +130,7 @@ def maximum_tension(log: Path, robot: str) -> None:
     exodrake simulate maximum-tension --out ramps
     exodrake identify maximum-tension ramps/log.csv
     """
-    from exodrake.data.log_file import read_log
+    from exodrake.data.formats import read_log
     from exodrake.identification.statics import find_maximum_tension
     from exodrake.machines.robot_file import load_robot
 

@@ -12,8 +12,7 @@ from exodrake.core.errors import InputError
 from exodrake.machines.library import machine_folders, machine_named, recorded_machines
 
 if TYPE_CHECKING:
-    from exodrake.data.foreign.import_log import Imported
-    from exodrake.data.foreign.mapping import Mapped
+    from exodrake.data.import_log import Imported, Mapped
 
 FILE = {"type": AnyPath(), "default": None, "metavar": "FILE"}
 MAPPING = "mapping.yaml"  # in the folder of a machine
@@ -37,9 +36,9 @@ def command(
 ) -> None:  # fmt: skip
     """Turn RECORDINGs into a log, or a case of several logs, in our names and SI; without --out list what they hold.
 
-    Text, MAT (structs, version 7.3 too), HDF5, JSON, NPY, NPZ, Parquet, ROS 2 bags (MCAP, SQLite) and LeRobot data
-    sets. A mapping file says which foreign column is which, in what unit; joint states of a bag, and actions and states
-    of a LeRobot data set, need none.
+    Text, MAT (structs, version 7.3 too), HDF5, JSON, NPY, NPZ, Parquet, ROS 2 bags (MCAP, SQLite), MCAP with JSON
+    messages and LeRobot data sets. A mapping file says which foreign column is which, in what unit; joint states of a
+    bag, and actions and states of a LeRobot data set, need none.
 
     \b
     time: {column: timestamp, unit: us, start: 0}
@@ -51,6 +50,8 @@ def command(
       angle_speed_MCP: {of: angle_MCP, take: rate, filter: 8}
     period: 0.02       # optional: frames of this length [s]
     """  # noqa: D301 - click reads the character \b
+    from exodrake.data.import_log import import_all, read_mapping
+
     if out is None:
         for recording in recordings:
             list_contents(recording)
@@ -58,49 +59,36 @@ def command(
     if known is not None:
         if map_file or len(recordings) > 1:
             raise InputError("--from reads one set, without --map")
-        return import_known(next(iter(recordings)), known, out)
+        from exodrake.data.case import write_case
+        from exodrake.machines.library import reader
+
+        case = reader(known)(next(iter(recordings)))
+        write_case(case, out)
+        click.echo(f"{out}: {len(case.logs)} logs; exodrake diagnose {out} --robot {known}")
+        return
     machine = context.meta.get(MACHINE)
-    mapped = mapping_of(map_file or own_mapping(machine))
-    write_logs(imported_logs(recordings, mapped, unit, episodes), out, mapped, machine or DEFAULT)
-
-
-def own_mapping(machine: str | None) -> Path | None:
-    """mapping.yaml of the machine that --machine names, if it has one."""
-    file = None if machine is None else machine_folders()[machine] / MAPPING
-    return file if file is not None and file.is_file() else None
-
-
-def mapping_of(file: Path | None) -> Mapped | None:
-    """The content of a mapping file, if there is one."""
-    from exodrake.data.foreign.mapping import read_mapping
-
-    return None if file is None else read_mapping(file)
-
-
-def imported_logs(recordings: tuple[Path, ...], mapped: Mapped | None, unit: str, episodes: str) -> dict[str, Imported]:
-    """All logs of the recordings by name. InputError for two of one name."""
-    from exodrake.data.foreign.import_log import import_all
-
+    own = None if machine is None else machine_folders()[machine] / MAPPING
+    file = map_file or (own if own is not None and own.is_file() else None)
+    mapped = None if file is None else read_mapping(file)
     try:
         chosen = frozenset(int(word) for word in episodes.split(",") if word.strip())
     except ValueError:
         raise InputError(f"--episodes: {episodes!r}, wanted numbers, like 0,2") from None
-    found: dict[str, Imported] = {}
+    logs: dict[str, Imported] = {}
     for recording in recordings:
         for name, item in import_all(recording, mapped, unit, chosen).items():
-            if name in found:
+            if name in logs:
                 raise InputError(f"{recording}: there is a log {name!r} already")
-            found[name] = item
-    return found
+            logs[name] = item
+    write_logs(logs, out, mapped, machine or DEFAULT)
 
 
 def write_logs(logs: dict[str, Imported], out: Path, mapped: Mapped | None, machine: str) -> None:
     """Writes one log, or a case for a machine whose last log is held out, with their notes."""
     from exodrake.core.files import make_folder, write_bytes, write_folder
     from exodrake.data.case import FILE as CASE, Case, CaseLog, case_text, notes_name, notes_text
-    from exodrake.data.foreign.import_log import frame_period
-    from exodrake.data.formats import ending, format_of
-    from exodrake.data.log_file import log_bytes
+    from exodrake.data.formats import ending, format_of, log_bytes
+    from exodrake.data.import_log import frame_period
 
     if ending(out) or out.suffix:
         format_of(out)
@@ -131,38 +119,31 @@ def write_logs(logs: dict[str, Imported], out: Path, mapped: Mapped | None, mach
             click.echo(f"note: {name}: {note}" if several else f"note: {note}")
 
 
-def import_known(recording: Path, known: str, out: Path) -> None:
-    """Writes the case of a known set."""
-    from exodrake.data.case import write_case
-    from exodrake.machines.library import reader
-
-    case = reader(known)(recording)
-    write_case(case, out)
-    click.echo(f"{out}: {len(case.logs)} logs; exodrake diagnose {out} --robot {known}")
-
-
 def list_contents(recording: Path) -> None:
     """Prints the columns of a recording, or the topics of a bag, as a mapping file names them."""
     from rich.console import Console
     from rich.markup import escape
 
     from exodrake.core.files import read_bytes
-    from exodrake.data.foreign import lerobot
-    from exodrake.data.foreign.import_log import refuse_folder
-    from exodrake.data.foreign.ros2 import is_bag, topics_of
-    from exodrake.data.foreign.tables import list_columns
+    from exodrake.data.import_log import refuse_folder
+    from exodrake.data.ros2 import is_bag, read_topics
+    from exodrake.data.tables import episodes, is_dataset, list_columns
     from exodrake.report.terminal import table
 
     console = Console(highlight=False)
     if is_bag(recording):
         rows = []
-        for topic, (kind, count, fields) in topics_of(recording).items():
-            named = "cannot be decoded: no ROS 2 message with its definition" if fields is None else ", ".join(fields)
+        for topic, (kind, count, fields) in read_topics(recording).items():
+            named = (
+                "cannot be decoded: neither JSON nor a ROS 2 message with its definition"
+                if fields is None
+                else ", ".join(fields)
+            )
             rows.append((escape(topic), kind, str(count), escape(named)))
         console.print(table(("topic", "type", ">messages", "fields: column is TOPIC:FIELD"), rows, wrapped=3))
         return
-    if lerobot.is_dataset(recording):
-        name, columns = next(lerobot.episodes(recording))
+    if is_dataset(recording):
+        name, columns = next(episodes(recording))
         console.print(f"LeRobot data set, {name}")
     else:
         refuse_folder(recording)

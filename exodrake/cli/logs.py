@@ -11,7 +11,7 @@ from exodrake.cli.options import AnyPath, log_in, robot_option
 
 if TYPE_CHECKING:
     from exodrake.core.machine import Machine
-    from exodrake.data.compare import Comparison
+    from exodrake.data.log import Comparison
 
 
 @click.command()
@@ -27,7 +27,7 @@ def show_log(log: Path, robot: str, out: Path | None, estimated: bool, show: boo
     `#t=1.5` at the end of the address stops it at that time.
     """
     from exodrake.core.files import write_text
-    from exodrake.data.log_file import read_log
+    from exodrake.data.formats import read_log
     from exodrake.diagrams.meshcat import recording_html
     from exodrake.machines.robot_file import load_robot
 
@@ -53,7 +53,7 @@ def export_log(log: Path, out: Path, start: float | None, end: float | None) -> 
     Every format holds the same columns in SI, and reads back to the same bits.
     """
     from exodrake.core.errors import InputError
-    from exodrake.data.log_file import read_log, write_log
+    from exodrake.data.formats import read_log, write_log
 
     table = read_log(log_in(log))
     first, last = float(table.time[0]), float(table.time[-1])
@@ -73,7 +73,7 @@ def export_log(log: Path, out: Path, start: float | None, end: float | None) -> 
               help="Figure to write.")  # fmt: skip
 @click.option("--json", "json_file", type=AnyPath(), default=None, help="File for all numbers, in SI.")
 def compare_logs(first: Path, second: Path, robot: str, out: Path, json_file: Path | None) -> None:
-    """Overlay logs A and B, and print RMS, mean and largest difference of each signal that both have.
+    """Overlay logs A and B, draw B less A below, and print RMS, mean and largest difference of each common signal.
 
     A and B are log files, or folders that `exodrake simulate` wrote. Where the clocks differ, B is read between its
     samples. The robot gives labels, units and colours.
@@ -81,9 +81,9 @@ def compare_logs(first: Path, second: Path, robot: str, out: Path, json_file: Pa
     from exodrake.core.errors import InputError
     from exodrake.core.files import write_bytes
     from exodrake.core.plain import save
-    from exodrake.data.compare import compare, remarks
-    from exodrake.data.log_file import read_log
-    from exodrake.data.plot import png_of
+    from exodrake.data.formats import read_log
+    from exodrake.data.log import compare
+    from exodrake.data.plot import png_of, remarks
     from exodrake.machines.robot_file import load_robot
 
     if out.suffix.lower() != ".png":
@@ -91,7 +91,9 @@ def compare_logs(first: Path, second: Path, robot: str, out: Path, json_file: Pa
     machine = load_robot(robot).machine
     one, other = (read_log(log_in(path)) for path in (first, second))
     found = compare(one, other)
-    figure = one.plot("", other, found.names, machine=machine, remarks=remarks(found, one, machine))
+    names = (first.name, second.name) if first.name != second.name else found.names
+    said = remarks(found, one, machine)
+    figure = one.plot(" and ".join(names), other, names, machine=machine, remarks=said, difference=True)
     write_bytes(out, png_of(figure))
     if json_file:
         save(found, json_file)

@@ -48,7 +48,7 @@ def command(protocol: str, reference: str, file: str, robot: str, out: Path | No
     from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
     from exodrake.core.files import check_folder, write_folder
-    from exodrake.data.log_file import log_bytes
+    from exodrake.data.formats import log_bytes
 
     scenario = scenario_of(protocol, reference, file, robot)
     scenario, built = changed(scenario, options)
@@ -127,8 +127,8 @@ def files_of(
     scenario: Scenario, robot: Robot, log: Log, name: str, say, nominal: Log | None = None
 ) -> dict[str, bytes]:
     """Contents of all files but the logs. A scenario that followed a log refers to the log written beside it."""
-    from exodrake.data.compare import compare, remarks
-    from exodrake.data.plot import png_of
+    from exodrake.data.log import compare
+    from exodrake.data.plot import png_of, remarks
     from exodrake.diagrams.meshcat import recording_html
     from exodrake.simulation.scenario import scenario_text
 

@@ -142,9 +142,8 @@ def find_commands(wanted: str, robot: str, out: Path) -> None:
     from exodrake.cli.diagnose import check_target
     from exodrake.core.display import display_of
     from exodrake.core.files import is_file
-    from exodrake.data.formats import format_of
+    from exodrake.data.formats import format_of, write_log
     from exodrake.data.log import Log
-    from exodrake.data.log_file import write_log
     from exodrake.machines.robot_file import load_robot
     from exodrake.report.terminal import table
     from exodrake.simulation.references import from_log, protocol

@@ -24,7 +24,7 @@ case.yaml are refused. What was done to a log's signals before stands in `NAME.n
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime, time
 from pathlib import Path
@@ -36,9 +36,8 @@ from exodrake.core.plain import plain
 from exodrake.core.schema import anything, listing, mapping, names, number, optional, refusal, shown, text
 from exodrake.core.text import short_repr
 from exodrake.core.yaml_file import dump_yaml, read_yaml
-from exodrake.data.formats import ending, stem
-from exodrake.data.log import MODEL, Log, check_columns
-from exodrake.data.log_file import log_bytes, read_table, regularise
+from exodrake.data.formats import ending, log_bytes, read_table, stem
+from exodrake.data.log import MODEL, Log, check_columns, regularise
 
 ROLES = ("fit", "holdout")
 PERIOD = 0.02  # s, frame of the nominal robot
@@ -127,10 +126,14 @@ class Case:
         Between sessions the robot may change, so these do not show the noise. Neither do held-out logs, which decide
         nothing but the closure.
         """
-        heads = {item.file: item.repeats for item in self.logs}
+        before = {item.file: item.repeats for item in self.logs}
         groups: dict[tuple[str, datetime | None], list[CaseLog]] = {}
         for item in self.fit_logs:
-            groups.setdefault((_head(item.file, heads), item.date), []).append(item)
+            chain = [item.file]
+            while (earlier := before.get(chain[-1])) is not None and earlier not in chain:
+                chain.append(earlier)
+            ring = chain[chain.index(earlier) :] if earlier in chain else chain[-1:]  # its first name in the alphabet
+            groups.setdefault((min(ring), item.date), []).append(item)
         return tuple(tuple(group) for group in groups.values() if len(group) > 1)
 
     def is_copy(self, item: CaseLog) -> bool:
@@ -146,39 +149,6 @@ def date_of(written: str) -> datetime | None:
     except ValueError:
         return None
     return found if found.tzinfo else found.replace(tzinfo=UTC)
-
-
-def _head(file: str, heads: dict[str, str | None]) -> str:
-    """The first log of the chain of repeats; a ring of repeats ends at its first name in the alphabet."""
-    seen = [file]
-    while (before := heads.get(seen[-1])) is not None:
-        if before in seen:
-            return min(seen[seen.index(before) :])
-        seen.append(before)
-    return seen[-1]
-
-
-def robot_logs(logs: Mapping[str, Log], folder: str) -> tuple[list[str], list[str]]:
-    """Logs of a folder that may be the robot's, by name, and a note on those left out; InputError if there are none."""
-    highest = max(log.simulated for log in logs.values())
-    wanted = highest if all(log.simulated for log in logs.values()) else 0
-    if wanted == MODEL:
-        raise InputError(
-            f"{folder}: exodrake simulated all its logs with a robot as its file states it: they are the model, not the"
-            " robot; name a log itself to read it anyway"
-        )
-    left_out = [name for name, log in logs.items() if log.simulated != wanted]
-    notes = [f"{', '.join(left_out)}: left out, simulated by exodrake and not a log of the robot"] if left_out else []
-    return [name for name in logs if name not in left_out], notes
-
-
-def simulated_notes(logs: Mapping[str, Log], folder: str) -> list[str]:
-    """A note on simulated logs of a case; InputError naming one that stands beside a measured one."""
-    marked: Sequence[str] = [name for name, log in logs.items() if log.simulated]
-    if marked and len(marked) < len(logs):
-        measured = next(name for name in logs if name not in marked)
-        raise InputError(f"{folder}: log {marked[0]!r} is simulated by exodrake, {measured!r} is not: not one robot")
-    return [f"{', '.join(marked)}: simulated by exodrake, not measured"] if marked else []
 
 
 def moment(value: Any, where: str) -> datetime:
@@ -212,25 +182,14 @@ SCHEMA = mapping(
 )
 
 
-@dataclass(frozen=True)
-class CaseFile:
-    """Content of a case.yaml: name, overrides of parameters, frame period [s], keys of each log, and serial number."""
-
-    name: str | None
-    robot: dict[str, Any]
-    period: float | None
-    logs: tuple[dict[str, Any], ...]
-    serial: str = ""
-
-
-def read_case_file(path: Path) -> CaseFile:
-    """Reads and checks a case.yaml; InputError names file and key."""
-    content = SCHEMA(read_yaml(path), str(path))
-    date = content.get("date")
-    logs = tuple({**log, "role": log.get("role") or "fit", "date": log.get("date") or date} for log in content["logs"])
-    _check_files(logs, f"{path}, 'logs'")
-    name, serial = (None if content.get(key) is None else str(content[key]) for key in ("name", "serial"))
-    return CaseFile(name, content.get("robot") or {}, content.get("period"), logs, serial or "")
+def read_case_file(path: Path) -> dict[str, Any]:
+    """Content of a case.yaml by its keys, each log with its role and date; InputError names file and key."""
+    content = {"name": None, "serial": None, "robot": None, "period": None} | SCHEMA(read_yaml(path), str(path))
+    for key in ("name", "serial"):
+        content[key] = "" if content[key] is None else str(content[key])
+    for log in content["logs"]:
+        log |= {"role": log.get("role") or "fit", "date": log.get("date") or content.get("date")}
+    return content
 
 
 def log_names(folder: Path) -> list[str]:
@@ -247,7 +206,15 @@ def find_logs(folder: Path) -> tuple[list[dict[str, Any]], list[str]]:
     if not files:
         raise InputError(f"{folder}: no case.yaml and no logs")
     tables = {name: read_table(folder / name) for name in files}
-    files, notes = robot_logs(tables, str(folder))
+    wanted = max(log.simulated for log in tables.values()) if all(log.simulated for log in tables.values()) else 0
+    if wanted == MODEL:
+        raise InputError(
+            f"{folder}: exodrake simulated all its logs with a robot as its file states it: they are the model, not the"
+            " robot; name a log itself to read it anyway"
+        )
+    left_out = [name for name in files if tables[name].simulated != wanted]
+    notes = [f"{', '.join(left_out)}: left out, simulated by exodrake and not a log of the robot"] if left_out else []
+    files = [name for name in files if name not in left_out]
     held_out = files[-1] if len(files) > 1 else None
     logs = [{"file": name, "role": "holdout" if name == held_out else "fit", "table": tables[name]} for name in files]
     roles = f"{len(files)} logs, held out: {held_out}, the others to fit" if held_out else "one log, to fit"
@@ -271,18 +238,6 @@ def written_date(date: datetime) -> str:
     return date.date().isoformat() if whole else date.isoformat().replace("+00:00", "Z")
 
 
-def _check_files(logs: Sequence[dict[str, Any]], where: str) -> None:
-    """Refuses a file named twice, repeats of no other log, and a case with nothing to fit."""
-    files = [log["file"] for log in logs]
-    for n, log in enumerate(logs):
-        if files.index(log["file"]) != n:
-            raise refusal(f"{where} item {n + 1}, 'file'", f"{log['file']!r} comes twice")
-        if log.get("repeats") and (log["repeats"] == log["file"] or log["repeats"] not in files):
-            raise refusal(f"{where} item {n + 1}, 'repeats'", f"{log['repeats']!r} is no other log of the case")
-    if all(log["role"] != "fit" for log in logs):
-        raise refusal(where, "no log has the role 'fit'")
-
-
 def read_case(
     folder: str | Path,
     required: Sequence[str] = (),
@@ -300,37 +255,44 @@ def read_case(
         allow_outside: whether logs may lie outside the folder, by their names (`../a.csv`) or as links.
     """
     place, notes, hashes = Path(folder), list[str](), dict[str, str]()
+    content: dict[str, Any] = {}
+    entries: list[dict[str, Any]] = []
     if is_file(place) and place.name != FILE:
-        name, content, place = stem(place), CaseFile(None, {}, None, ({"file": place.name},)), place.parent
+        name, entries, place = stem(place), [{"file": place.name}], place.parent
     else:
         place = place.parent if place.name == FILE and is_file(place) else place
         if not is_folder(place):
             raise InputError(f"{folder}: no such folder")
-        content = read_case_file(place / FILE) if is_file(place / FILE) else None
-        files = log_names(place) if content is None else [entry["file"] for entry in content.logs]
-        for file in files if not allow_outside else ():
-            check_inside(place, file, str(folder))
-        if content is None:
-            entries, notes = find_logs(place)
-            content = CaseFile(None, {}, None, tuple(entries))
-        else:
-            hashes[FILE] = sha256_of(place / FILE)
-        name = printable(content.name or place.resolve().name)
-    period, logs = content.period or period or PERIOD, []
-    for entry in content.logs:
+        if is_file(place / FILE):
+            content, hashes[FILE] = read_case_file(place / FILE), sha256_of(place / FILE)
+        for file in [entry["file"] for entry in content["logs"]] if content else log_names(place):
+            if not allow_outside:
+                check_inside(place, file, str(folder))
+        entries, notes = (content["logs"], []) if content else find_logs(place)
+        name = printable(content.get("name") or place.resolve().name)
+    logs, frame = [], float(content.get("period") or period or PERIOD)
+    for entry in entries:
         path, repeats = place / entry["file"], entry.get("repeats")
         file = _relative(entry["file"], place)
         table = entry["table"] if "table" in entry else read_table(path)
         check_columns(table, required)
-        log, faults = regularise(table, period)
+        log, faults = regularise(table, frame)
         log = replace(log, simulated=table.simulated)
         hashes[file] = sha256_of(path)
         notes += read_notes(path)
         notes += [fault.replace(str(path), file) for fault in faults]  # the answer holds them
         protocol, repeats = entry.get("protocol") or stem(file), repeats and _relative(repeats, place)
         logs.append(CaseLog(log, protocol, entry.get("role", "fit"), repeats, file, entry.get("date")))
-    notes += simulated_notes({item.file: item.log for item in logs}, name)
-    return Case(name, content.robot, tuple(logs), period, tuple(notes), hashes, content.serial)
+    marked = [item.file for item in logs if item.log.simulated]
+    if marked and len(marked) < len(logs):
+        measured = next(item.file for item in logs if not item.log.simulated)
+        raise InputError(f"{name}: log {marked[0]!r} is simulated by exodrake, {measured!r} is not: not one robot")
+    notes += [f"{', '.join(marked)}: simulated by exodrake, not measured"] if marked else []
+    try:
+        robot, serial = content.get("robot") or {}, content.get("serial", "")
+        return Case(name, robot, tuple(logs), frame, tuple(notes), hashes, serial)
+    except InputError as problem:
+        raise InputError(f"{place / FILE}: {problem}") from None
 
 
 def write_case(case: Case, folder: str | Path) -> None:

@@ -1,5 +1,7 @@
 """A log: time and named columns in SI. Measured and simulated alike.
 
+A fault of a recorded clock is mended by `regularise` where the answer is certain, and refused by name where it is not.
+
 A column's name is `kind_name`: `tension_AF` is the tension of tendon AF, `angle_PIP` the angle of joint PIP.
 The file's header says which tendons and joints there are. A missing sample is NaN.
 
@@ -7,6 +9,7 @@ The file's header says which tendons and joints there are. A missing sample is N
     log.array("tension", ("AF", "MF", "AE"))    # (n, 3) N
     log["tension"]                              # the same: all columns of the kind
     log["angle_MCP"], log.time, log.dt          # (n,) rad, (n,) s, s
+    compare(log, other).signals["angle_MCP"].rms             # rad
 """
 
 from __future__ import annotations
@@ -18,7 +21,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from exodrake.core.errors import InputError
+from exodrake.core.errors import InputError, argument
+from exodrake.core.text import short_repr
 from exodrake.core.units import KINDS, check_unit, default_unit, kind_of, to_si
 
 if TYPE_CHECKING:
@@ -29,6 +33,12 @@ MODEL, CHANGED = 1, 2  # robots by which exodrake simulated a log: as its file s
 LARGEST = 1e12  # in SI: beyond any signal of a robot, and the square of a sum of squares is still finite
 MAX_SAMPLES = 20_000_000  # assumed: an hour of 100 columns at 50 Hz
 MAX_COLUMNS = 20_000  # assumed: a hundred times the widest recording
+LONGEST = 100  # rows to fill per row recorded; beyond, a clock has jumped or its unit is wrong
+SMALLER = {"ms": "milliseconds", "us": "microseconds", "ns": "nanoseconds"}  # units that a clock may count in
+RATE = 3e-3  # by which a clock may run fast or slow: assumed; those of computers keep to a tenth of it
+STRETCH = 250  # rows over which a rate is measured; the shortest, so that jitter of a third of a frame is none
+ALIKE = 1e-6  # s, clocks closer than this are the same
+EXACT = 1e-6  # s; frame times closer to the grid than this are on it (files often round time to microseconds)
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,12 +98,17 @@ class Log:
     def __repr__(self) -> str:
         span = f"{self.time[0]:g} to {self.time[-1]:g} s" if len(self) else "empty"
         listed = ", ".join(self.kinds or self.columns)
-        return f"Log({self.label}: {len(self)} rows, {span}; {listed if len(listed) <= 80 else listed[:77] + '...'})"
+        return f"Log({self.label}: {len(self)} rows, {span}; {listed if len(listed) <= 60 else listed[:57] + '...'})"
 
     @property
     def label(self) -> str:
         """The source, or `log` when there is none: what messages call this log."""
         return self.source or "log"
+
+    @property
+    def nominal(self) -> bool:
+        """Whether exodrake simulated it by a robot as its file states it."""
+        return self.simulated == MODEL
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -122,8 +137,12 @@ class Log:
         return name in self.signals or bool(self.names(name))
 
     def names(self, kind: str) -> tuple[str, ...]:
-        """Channels with this kind of column, in file order, such as `AF`, `MF`, `AE` for `tension`."""
-        return tuple(column[len(kind) + 1 :] for column in self.signals if _is_of_kind(column, kind))
+        """Channels with this kind of column, in file order, such as `AF`, `MF`, `AE` for `tension`.
+
+        A longer known kind claims its columns: `tension_ref_AF` is no `tension` of a channel `ref_AF`.
+        """
+        own = (column for column in self.signals if column.startswith(kind + "_"))
+        return tuple(column[len(kind) + 1 :] for column in own if len(kind_of(column) or "") <= len(kind))
 
     def array(self, kind: str, names: Sequence[str] | None = None) -> np.ndarray:
         """Columns of one kind (n, len(names)) [SI]; all of them in file order if no names are given.
@@ -203,6 +222,21 @@ class Log:
 
         return plot_log(self, *args, **options)
 
+    def sample(self, column: str, time: np.ndarray) -> np.ndarray:
+        """A column (n,) [its unit] at times (n,) [s]: its samples where the clocks agree, else linear between them.
+
+        NaN outside the time that the log covers.
+        """
+        if len(self) == len(time) and np.abs(self.time - time).max() <= ALIKE:
+            return self[column]
+        inside = (time >= self.time[0] - ALIKE) & (time <= self.time[-1] + ALIKE)
+        return np.where(inside, np.interp(time, self.time, self[column]), np.nan)
+
+    def _repr_html_(self) -> str:
+        from exodrake.data.plot import log_html  # pyright: ignore
+
+        return log_html(self)
+
 
 def check_clock(log: Log) -> None:
     """InputError, naming row and times, unless time strictly increases."""
@@ -211,14 +245,6 @@ def check_clock(log: Log) -> None:
         row = int(backward[0])
         here, after = log.time[row], log.time[row + 1]
         raise InputError(f"{log.label}: column 'time', row {row + 2}: {after:g} s does not come after {here:g} s")
-
-
-def _is_of_kind(column: str, kind: str) -> bool:
-    """A longer known kind claims its columns: `tension_ref_AF` is no `tension` of a channel `ref_AF`."""
-    if not column.startswith(kind + "_"):
-        return False
-    known = kind_of(column)
-    return known is None or len(known) <= len(kind)
 
 
 def _floats(values: Any, name: str, source: str) -> np.ndarray:
@@ -243,19 +269,15 @@ def heading(name: str, unit: str) -> str:
     return f"{name} [{unit}]"
 
 
-def seen(name: str) -> str:
-    """A name as a reader sees it: without signs that cannot be seen, any blank as a space."""
-    kinds = ((unicodedata.category(sign), sign) for sign in name)
-    return "".join(" " if kind.startswith("Z") else sign for kind, sign in kinds if kind not in ("Cf", "Cc")).strip()
-
-
 def refuse_doubled(names: Iterable[str], source: str) -> None:
     """InputError for a column that comes twice, also where only signs that cannot be seen tell the two apart."""
     known: set[str] = set()
-    for name in map(seen, names):
-        if name in known:
-            raise InputError(f"{source}: column {name!r} comes twice")
-        known.add(name)
+    for name in names:
+        kinds = ((unicodedata.category(sign), sign) for sign in name)
+        visible = "".join(" " if kind[0] == "Z" else sign for kind, sign in kinds if kind not in ("Cf", "Cc")).strip()
+        if visible in known:
+            raise InputError(f"{source}: column {visible!r} comes twice")
+        known.add(visible)
 
 
 def refuse_unclear(names: Iterable[str], source: str) -> None:
@@ -396,3 +418,203 @@ def check_size(samples: int, source: str) -> None:
     """InputError for a log that would fill the memory."""
     if samples > MAX_SAMPLES:
         raise InputError(f"{source}: {samples} samples, more than {MAX_SAMPLES}; cut it into several logs")
+
+
+def regularise(log: Log, period: float = 0.02) -> tuple[Log, list[str]]:
+    """One row per frame of `period` [s], and notes on what was changed (empty, and the same log, if nothing was).
+
+    Rows that repeat the one before, time included, are dropped. Frames that are absent become rows of NaN. Times off
+    the grid are set on it, since row n is frame n.
+
+    Raises:
+        InputError: naming the row, for a clock that steps backwards, the same time with other values, and rows that
+            come faster than the frame; naming the unit that a clock seems to have, and the frame that it seems to count
+            where that is another one.
+    """
+    if not (np.isfinite(period) and period > 0):
+        raise InputError(f"frame period {period!r} s: wanted a positive number")
+    table = np.column_stack([argument("log", log, Log).time, *log.signals.values()])
+    same = ((table[1:] == table[:-1]) | (np.isnan(table[1:]) & np.isnan(table[:-1]))).all(axis=1)
+    wrong = np.flatnonzero(~(np.diff(log.time) > 0) & ~same)
+    if len(wrong):
+        row = int(wrong[0])
+        here, after = log.time[row], log.time[row + 1]
+        fault = (
+            f"the clock steps backwards by {here - after:.6g} s" if here != after else "the same time with other values"
+        )
+        raise InputError(f"{log.label}: at row {row + 2}, {after:g} s after {here:g} s: {fault}; cut the log there")
+    notes, single = [], log
+    if same.any():
+        single, row = log.rows(np.concatenate([[True], ~same])), int(np.flatnonzero(same)[0]) + 1
+        notes = [f"{log.label}: {same.sum()} repeated rows dropped, the first is row {row + 1} at {log.time[row]:g} s"]
+    frames = _frame_numbers(single, period)
+    found = other_rate(single.time, frames, period)
+    if found is not None:
+        apart = found[1] * float(np.median(np.diff(frames)))
+        raise InputError(
+            f"{log.label}: from {found[0]:g} s on its rows are {apart * 1e3:.4g} ms apart, no multiple of the frame of "
+            f"{period * 1e3:g} ms: its clock or the `period` is wrong; `exodrake import` puts another rate on frames"
+        )
+    if not len(single):
+        return single, notes
+    grid = single.time[0] + period * np.arange(frames[-1] + 1)
+    deviation = float(np.max(np.abs(single.time - grid[frames])))
+    if deviation > max(EXACT, period * 1e-3):
+        notes.append(
+            f"{log.label}: frame times up to {deviation * 1e3:.3g} ms off the {period * 1e3:g} ms grid, set on it"
+        )
+    if deviation <= EXACT:  # times that are on the grid keep their bits
+        grid[frames] = single.time
+    absent = len(grid) - len(single)
+    if not absent:
+        return single if deviation <= EXACT else Log(grid, single.signals, single.units, single.source), notes
+    gaps = np.diff(frames)
+    first = grid[frames[np.flatnonzero(gaps > 1)[0]] + 1]
+    notes.append(
+        f"{log.label}: {absent} missing frames, the first at {first:g} s (longest gap {gaps.max() - 1} frames), left "
+        "empty"
+    )
+    signals = {name: np.full(len(grid), np.nan) for name in single.signals}
+    for name, values in single.signals.items():
+        signals[name][frames] = values
+    return Log(grid, signals, single.units, single.source), notes
+
+
+def _frame_numbers(log: Log, period: float) -> np.ndarray:
+    """Frame number (n,) of each row, 0 first.
+
+    Steps are rounded one by one and not from the start, so that a clock 0.1 % fast does not lose a frame in a minute.
+    InputError for a clock most steps of which are so long that its unit is a smaller one than the second (the one in
+    which the median step is nearest to `period` [s], by ratio), for rows faster than frames, and for a jump.
+    """
+    gaps = np.diff(log.time)
+    middle = float(np.quantile(gaps, 0.5, method="lower")) if len(gaps) else 0.0
+    if middle > LONGEST * period:
+        unit = min(SMALLER, key=lambda unit: abs(np.log(to_si(middle, unit) / period)))
+        raise InputError(
+            f"{log.label}: column 'time' looks like {SMALLER[unit]}, not seconds: its rows are {middle:g} apart, a "
+            f"frame is {period:g} s; say 'time [{unit}]'"
+        )
+    steps = np.rint(gaps / period)
+    if (steps < 1).any():
+        at = int(np.argmax(steps < 1))
+        raise InputError(
+            f"{log.label}: two rows {gaps[at]:.3g} s apart at {log.time[at]:g} s, but a frame is {period:g} s"
+        )
+    if steps.sum() > LONGEST * (len(log) + LONGEST):
+        at = int(np.argmax(gaps))
+        raise InputError(
+            f"{log.label}: a gap of {gaps[at]:.6g} s at {log.time[at]:g} s is no missing frame; cut the log there"
+        )
+    return np.concatenate([[0], np.cumsum(steps.astype(int))]) if len(log) else np.zeros(0, dtype=int)
+
+
+def other_rate(time: np.ndarray, frames: np.ndarray, period: float) -> tuple[float, float] | None:
+    """Time from which a clock runs at another rate, and its frame there; None if it does not.
+
+    The rate is that of the straight line through some rows. It counts where it takes them half a frame away, beyond
+    which they lie at another frame.
+
+    Args:
+        time: (n,) of the rows [s], increasing.
+        frames: (n,) their frame numbers.
+        period: of a frame [s].
+    """
+    for rows in np.array_split(np.arange(len(time)), max(1, len(time) // STRETCH)):
+        span = float(frames[rows[-1]] - frames[rows[0]]) if len(rows) > 2 else 0.0
+        if span:
+            numbers = frames[rows] - frames[rows].mean()
+            off = float(numbers @ (time[rows] - time[rows].mean()) / (numbers @ numbers)) / period - 1.0
+            if abs(off) > RATE and abs(off) * span > 0.5:
+                return float(time[rows[0]]), period * (1.0 + off)
+    return None
+
+
+def clock_frame(log: Log) -> float:
+    """Frame that a log's clock counts [s]: its median step, or the mean one where stamps are rounded.
+
+    InputError for a log of fewer than two rows.
+    """
+    step = log.dt
+    found = other_rate(log.time, np.concatenate([[0], np.cumsum(np.rint(np.diff(log.time) / step))]), step)
+    return step if found is None else found[1]
+
+
+@dataclass(frozen=True)
+class Difference:
+    """Second log less first in one signal.
+
+    Attributes:
+        unit: of the figures, SI.
+        rms, mean: over the samples that both have [unit].
+        largest: largest magnitude [unit].
+        at: when that was [s].
+        samples: how many both have.
+    """
+
+    unit: str
+    rms: float
+    mean: float
+    largest: float
+    at: float
+    samples: int
+
+
+@short_repr
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Differences of two logs.
+
+    Attributes:
+        names: names of both logs.
+        start: start of the time that both cover [s].
+        end: end of the time that both cover [s].
+        signals: column -> difference.
+        notes: what was left out, a sentence each.
+    """
+
+    names: tuple[str, str]
+    start: float
+    end: float
+    signals: dict[str, Difference]
+    notes: tuple[str, ...] = ()
+
+
+def compare(first: Log, second: Log) -> Comparison:
+    """Compare two logs in the columns and over the time that both have.
+
+    Args:
+        first: whose clock counts.
+        second: read between its samples where its clock differs.
+
+    Raises:
+        InputError: if they have no column or no time in common.
+    """
+    first, second = argument("first", first, Log), argument("second", second, Log)
+    common = [name for name in first.columns if name in second.signals]
+    start, end = max(first.time[0], second.time[0]), min(first.time[-1], second.time[-1])
+    inside = (first.time >= start - ALIKE) & (first.time <= end + ALIKE)
+    if not common or not inside.any():
+        lack = "column" if not common else "time"
+        raise InputError(f"{first.label} and {second.label}: no {lack} in common, so there is nothing to compare")
+    notes = [
+        f"{', '.join(alone)} only in {one.label}"
+        for one, other in ((first, second), (second, first))
+        if (alone := [name for name in one.columns if name not in other.signals])
+    ]
+    if not inside.all() or second.time[0] < start - ALIKE or second.time[-1] > end + ALIKE:
+        notes.append(f"compared from {start:g} to {end:g} s, which both cover")
+    time, found = first.time[inside], {}
+    for name in common:
+        if first.units[name] != second.units[name]:
+            notes.append(f"{name} is in [{first.units[name]}] and in [{second.units[name]}], and left out")
+            continue
+        error = second.sample(name, time) - first[name][inside]
+        known = np.flatnonzero(np.isfinite(error))
+        if not len(known):
+            notes.append(f"{name} has no sample that both have")
+            continue
+        worst = known[np.abs(error[known]).argmax()]
+        rms, mean = float(np.sqrt(np.mean(error[known] ** 2))), float(error[known].mean())
+        found[name] = Difference(first.units[name], rms, mean, float(abs(error[worst])), float(time[worst]), len(known))
+    return Comparison((first.label, second.label), float(start), float(end), found, tuple(notes))

@@ -1,12 +1,16 @@
 """Figures of logs, for paper and screen; they need no display.
 
-figure = plot_log(log, "caging")        # or log.plot()
+figure = plot_log(log, "caging")                  # or log.plot()
 save_png(figure, "caging.png")
+
+A log is solid, a nominal robot dotted and an improved one dashed, in every figure: `MEASURED`, `NOMINAL`, `IMPROVED`.
 """
 
 from __future__ import annotations
 
+from base64 import b64encode
 from collections.abc import Mapping, Sequence
+from html import escape
 from io import BytesIO
 from pathlib import Path
 from textwrap import wrap
@@ -23,8 +27,15 @@ from exodrake.core.units import kind_of
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from exodrake.data.log import Log
+    from exodrake.data.log import Comparison, Log
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+# of Matplotlib; where channels have colours of their own, these replace `color`
+MEASURED: dict[str, Any] = {"color": "#1f2328", "linestyle": "-", "linewidth": 1.1}
+NOMINAL: dict[str, Any] = {"color": "#d55e00", "linestyle": (0, (1, 1.2)), "linewidth": 1.3}
+IMPROVED: dict[str, Any] = {"color": "#0072b2", "linestyle": (0, (5, 1.5)), "linewidth": 1.2}
 # suffixes of kinds that are drawn with another kind, or not at all
 REFERENCE, ESTIMATE, DEVIATION = "_ref", "_est", "_std"
 ASIDE = (REFERENCE, ESTIMATE, DEVIATION, "_start", "_true")
@@ -33,6 +44,8 @@ STRETCHES = 240  # of a long log, about four pixels each on a screen
 LINE, POINTS, MARGIN = 120, 72.0, 0.05  # characters of a line of details; points in an inch; inches at the top
 NARROWEST, WIDEST, PER_INCH = 7.0, 12.0, 10.0  # width of a figure [inches], s of a long log in an inch
 SIZES = (11.0, 7.5)  # of title and details [points]
+SMALL, MOST_ROWS = 60, 30  # dots an inch and rows of a table of a log in a notebook
+MOST_NAMES = 8  # of channels in a legend, so that it is no longer than its panel
 STYLE: dict[Any, Any] = {
     "font.size": 9, "axes.titlesize": 10, "axes.spines.top": False, "axes.spines.right": False, "axes.linewidth": 0.7,
     "axes.grid": True, "grid.color": "#e3e6ea", "grid.linewidth": 0.6, "lines.linewidth": 1.1, "legend.frameon": False,
@@ -58,6 +71,7 @@ def plot_log(
     machine: Machine | None = None,
     details: Sequence[str] = (),
     remarks: Mapping[str, str] | None = None,
+    difference: bool = False,
 ) -> Figure:
     """Draws a log: a panel per kind of column over one time axis.
 
@@ -65,11 +79,12 @@ def plot_log(
         log: what is drawn; references are dashed, estimates have a band of two standard deviations. A long one is
             drawn by the mean and the range of stretches of time, without its references.
         title: above the figure.
-        other: a second log, drawn dotted on the same axes.
+        other: a second log on the same axes, dotted; of two, the one that the nominal robot wrote is the dotted one.
         names: of the two logs in the legend.
         machine: whose labels, units and colours are used; those of `display` without one.
         details: lines below the title.
         remarks: kind -> text above its panel.
+        difference: draw the second log less the first below each panel.
 
     Raises:
         InputError: the log has no column that could be drawn.
@@ -80,33 +95,56 @@ def plot_log(
     if not kinds:
         raise InputError(f"{log.label}: nothing to draw: no column but the time and references")
     width = min(WIDEST, max(NARROWEST, log.duration / PER_INCH)) if len(log) > 1 else NARROWEST
-    with matplotlib.rc_context({**STYLE, "lines.linewidth": STYLE["lines.linewidth"] * (NARROWEST / width) ** 0.5}):
-        figure = new_figure(width, 0.7 + 1.65 * len(kinds))
-        rows = figure.subplots(len(kinds), 1, sharex=True, squeeze=False)[:, 0]
-        panels = dict(zip(kinds, rows))
-        draw_panels(panels, log, other, machine, remarks or {})
-        add_legends(rows, kinds, log, names if other is not None else None)
-        figure.align_ylabels(rows)
+    thinner = (NARROWEST / width) ** 0.5
+    swapped = other is not None and log.nominal and not other.nominal
+    first, second = (NOMINAL, MEASURED) if swapped else (MEASURED, NOMINAL)
+    below = [kind for kind in kinds if difference and other is not None and other.names(kind)]
+    heights = [height for kind in kinds for height in ((1.65, 0.75) if kind in below else (1.65,))]
+    with matplotlib.rc_context({**STYLE, "lines.linewidth": STYLE["lines.linewidth"] * thinner}):
+        figure = new_figure(width, 0.7 + sum(heights))
+        rows = iter(figure.subplots(len(heights), 1, sharex=True, squeeze=False, height_ratios=heights)[:, 0])
+        panels = {}
+        for kind in kinds:
+            axes = panels[kind] = next(rows)
+            draw_panel(axes, log, kind, machine, first)
+            axes.set_title((remarks or {}).get(kind, ""), loc="right", fontsize=7.5, color="#445", pad=3)
+            lower = next(rows) if kind in below else None
+            factor = display_in(log, kind, machine).factor
+            for i, name in enumerate(other.names(kind) if other is not None else ()):
+                assert other is not None
+                style = second | {"color": colour_of(name, i, machine), "linewidth": second["linewidth"] * thinner}
+                axes.plot(other.time, display_in(other, kind, machine).factor * other[f"{kind}_{name}"], **style)
+                if lower is not None and log.has(f"{kind}_{name}"):
+                    error = other.sample(f"{kind}_{name}", log.time) - log[f"{kind}_{name}"]
+                    lower.plot(log.time, factor * error, color=style["color"], lw=0.9)
+            if lower is not None:
+                lower.axhline(0.0, color="#889", lw=0.6)
+                lower.set_ylabel("difference", fontsize=7.5)
+        figure.axes[-1].set_xlabel("Time [s]")
+        figure.axes[-1].set_xlim(log.time[0], log.time[-1] if len(log) > 1 else None)
+        add_legends(panels, log, dict(zip(names, (first, second))) if other is not None else {})
+        figure.align_ylabels(figure.axes)
         if title or any(details):
             add_title(figure, title, [line for detail in details for line in wrap(detail, LINE)])
     return figure
 
 
-def draw_panels(
-    panels: Mapping[str, Any], log: Log, other: Log | None, machine: Machine | None, remarks: Mapping[str, str]
-) -> None:
-    """Draws one or two logs into the axes of each kind, over one time axis, with the remark on each."""
-    for kind, axes in panels.items():
-        draw_panel(axes, log, kind, machine)
-        if other is not None:
-            factor = display_in(other, kind, machine).factor
-            for i, name in enumerate(other.names(kind)):
-                colour = colour_of(name, i, machine)
-                axes.plot(other.time, factor * other[f"{kind}_{name}"], color=colour, ls=(0, (1, 1.2)), lw=1.3)
-        axes.set_title(remarks.get(kind, ""), loc="right", fontsize=7.5, color="#445", pad=3)
-    *_, last = panels.values()
-    last.set_xlabel("Time [s]")
-    last.set_xlim(log.time[0], log.time[-1] if len(log) > 1 else None)
+def log_html(log: Log) -> str:
+    """A log in a notebook: its headline, a table of its signals with unit, rows and range, and a small figure."""
+    rows = []
+    for name in log.columns[:MOST_ROWS]:
+        values = log[name][np.isfinite(log[name])]
+        ends = [f"{values.min():.4g}", f"{values.max():.4g}"] if len(values) else ["", ""]
+        cells = (escape(name), escape(log.units[name]), f"{len(values)}", *ends)
+        rows.append("<tr>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>")
+    more = len(log.columns) - len(rows)
+    heads = "".join(f"<th>{head}</th>" for head in ("signal", "unit", "samples", "lowest", "highest"))
+    span = f", {log.time[0]:g} to {log.time[-1]:g} s" if len(log) else ""
+    page = f"<b>{escape(log.label)}</b>: {len(log)} rows{span}<table><tr>{heads}</tr>{''.join(rows)}</table>"
+    page += f"<p>and {more} more</p>" if more else ""
+    if not len(log) or not kinds_of(log):
+        return page
+    return f'{page}<img alt="" src="data:image/png;base64,{b64encode(png_of(plot_log(log), SMALL)).decode()}">'
 
 
 def add_title(figure: Figure, title: str, lines: list[str]) -> None:
@@ -127,12 +165,15 @@ def display_in(log: Log, kind: str, machine: Machine | None) -> Display:
     return display_of(kind, machine, log.units[f"{kind}_{log.names(kind)[0]}"] if log.names(kind) else "")
 
 
-def draw_panel(axes: Any, log: Log, kind: str, machine: Machine | None = None) -> None:
+def draw_panel(
+    axes: Any, log: Log, kind: str, machine: Machine | None = None, style: Mapping[str, Any] = MEASURED
+) -> None:
     """Draws the columns of one kind, with their references dashed and their estimates."""
     display = display_in(log, kind, machine)
     for i, name in enumerate(log.names(kind)):
         colour = colour_of(name, i, machine)
-        draw_course(axes, log.time, display.factor * log[f"{kind}_{name}"], color=colour, label=name)
+        draw_course(axes, log.time, display.factor * log[f"{kind}_{name}"], color=colour, label=name,
+                    ls=style["linestyle"])  # fmt: skip
         reference = f"{kind}{REFERENCE}_{name}"
         if log.has(reference) and len(log) <= LONG:
             wanted = display.factor * log[reference]
@@ -164,16 +205,23 @@ def draw_estimate(axes: Any, log: Log, kind: str, name: str, colour: str, factor
         axes.fill_between(log.time, mean - band, mean + band, color=colour, alpha=0.2, lw=0)
 
 
-def add_legends(rows: Any, kinds: list[str], log: Log, names: tuple[str, str] | None) -> None:
-    """Colours beside the first panel of each set of channels, with what dashed and dotted mean."""
+def add_legends(panels: Mapping[str, Any], log: Log, logs: Mapping[str, Mapping[str, Any]]) -> None:
+    """Colours beside the first panel of each set of channels, with what lines mean; `logs`: name -> style."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
     explained: set[tuple[str, ...]] = set()
-    for axes, kind in zip(rows, kinds):
+    for kind, axes in panels.items():
         handles, _ = axes.get_legend_handles_labels()
+        if len(handles) > MOST_NAMES:
+            more = Line2D([], [], ls="", label=f"and {len(handles) - MOST_NAMES} more")
+            handles = [*handles[:MOST_NAMES], more]
         if log.names(kind) in explained:
             continue
+        if logs and not explained:
+            handles += [
+                Line2D([], [], **{**style, "color": "#555"}, label=name) for name, style in logs.items() if name
+            ]
         explained.add(log.names(kind))
         if len(log) > LONG:
             handles.append(Patch(color="#555", alpha=0.3, lw=0, label="range"))
@@ -181,9 +229,6 @@ def add_legends(rows: Any, kinds: list[str], log: Log, names: tuple[str, str] | 
             handles.append(Line2D([], [], color="#555", lw=0.9, ls=(0, (4, 2)), label="reference"))
         if log.names(kind + ESTIMATE):
             handles.append(Line2D([], [], color="black", lw=0.6, label="estimate"))
-        if names is not None and axes is rows[0]:
-            handles += [Line2D([], [], color="#555", label=names[0])] if names[0] else []
-            handles.append(Line2D([], [], color="#555", lw=1.3, ls=(0, (1, 1.2)), label=names[1]))
         axes.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.0, 1.04), handlelength=1.8, borderaxespad=0.3)
 
 
@@ -243,3 +288,15 @@ def blocks_of(values: np.ndarray, stretch: int) -> np.ndarray:
     padded = np.full((-(-len(values) // stretch) * stretch, values.shape[1]), np.nan)
     padded[: len(values)] = values
     return padded.reshape(-1, stretch, values.shape[1])
+
+
+def remarks(found: Comparison, log: Log, machine: Machine | None = None) -> dict[str, str]:
+    """RMS differences of each kind of column in words, for the panels of `plot_log`."""
+    said = {}
+    for kind in kinds_of(log, machine):
+        display = display_in(log, kind, machine)
+        values = {n: found.signals[f"{kind}_{n}"] for n in log.names(kind) if f"{kind}_{n}" in found.signals}
+        if values and kind_of(f"{kind}_x") == kind:
+            listed = ", ".join(f"{name} {display.factor * one.rms:.3g}" for name, one in values.items())
+            said[kind] = f"RMS difference: {listed} {display.symbol}".rstrip()
+    return said

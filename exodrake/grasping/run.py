@@ -95,7 +95,7 @@ def run_plan(
         InputError: the estimator has other tendons or joints.
     """
     from exodrake.diagrams.diagram import Simulator, build_diagram, logged_signals
-    from exodrake.simulation.diagram_log import log_of_run
+    from exodrake.simulation.simulate import log_of_run
     from exodrake.systems.gp_estimator import GPEstimator
 
     check_axes(estimator, robot.machine.axes)

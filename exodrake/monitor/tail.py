@@ -2,7 +2,7 @@
 
 The reader waits for a file that does not exist yet, and for the end of an incomplete last line. A new log begins where
 the file shrinks, is replaced by another of its name or repeats its heading: its writer has started again. `Grid` sets
-the rows on frames, as `exodrake.data.log_file.regularise` does for a whole log.
+the rows on frames, as `exodrake.data.log.regularise` does for a whole log.
 """
 
 from __future__ import annotations
@@ -21,8 +21,7 @@ from exodrake.core.errors import InputError
 from exodrake.core.files import refuse_special
 from exodrake.core.machine import Machine
 from exodrake.core.units import check_unit, to_si
-from exodrake.data.log import refuse_separator, split_heading
-from exodrake.data.log_file import STRETCH, other_rate
+from exodrake.data.log import STRETCH, other_rate, refuse_separator, split_heading
 
 
 def wanted(machine: Machine) -> dict[str, bool]:

@@ -13,9 +13,8 @@ import numpy as np
 from exodrake.core.errors import InputError
 from exodrake.core.machine import Machine
 from exodrake.core.robot import Robot
-from exodrake.data.formats import ending
+from exodrake.data.formats import ending, read_table
 from exodrake.data.log import heading
-from exodrake.data.log_file import read_table
 from exodrake.monitor.alarm import BEFORE, Alarm, judge, limits, rise
 from exodrake.monitor.gap import Gap, Reading, noise_std
 from exodrake.monitor.online_replay import LOOP, OnlineReplay, channels, replayed_segments

@@ -9,8 +9,8 @@ import numpy as np
 
 from exodrake.core.robot import Robot
 from exodrake.data.case import FILE, Case, find_logs, read_case_file
+from exodrake.data.formats import read_table
 from exodrake.data.log import Log
-from exodrake.data.log_file import read_table
 from exodrake.diagnosis.checks.channels import longest_run
 from exodrake.diagnosis.checks.compare import Comparison
 from exodrake.diagnosis.checks.noise import LEAST_MOTION, fast_noise
@@ -145,7 +145,7 @@ def clocks(path: Path, frame: float) -> tuple[Clock, ...]:
     place = path.parent if path.name == FILE else path
     if not place.is_dir():
         return (clock_of(read_table(path), path.name, frame),)
-    entries = read_case_file(place / FILE).logs if (place / FILE).is_file() else find_logs(place)[0]
+    entries = read_case_file(place / FILE)["logs"] if (place / FILE).is_file() else find_logs(place)[0]
     return tuple(clock_of(read_table(place / entry["file"]), entry["file"], frame) for entry in entries)
 
 

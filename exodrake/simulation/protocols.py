@@ -1,8 +1,8 @@
-"""Protocols: tension references (frames, wires) [N] of one row per frame.
+"""Protocols: tension references (frames, tendons) [N] of one row per frame.
 
     exo.simulate(robot, exo.grasp("caging"))        exo.sweeps()        exo.protocol("chirp:high=1.5", robot)
 
-Levels are shares of each wire's `F_max`; no reference ever falls below its anti-slack limit `F_min` (both in the
+Levels are shares of each tendon's `F_max`; no reference ever falls below its anti-slack limit `F_min` (both in the
 robot's limits). All are reproducible: those with chance in them take a seed.
 """
 
@@ -51,7 +51,7 @@ def whole(name: str, value: float, high: int, unit: str) -> int:
 
 
 def above_minimum(robot: Robot, tension: np.ndarray, name: str) -> Reference:
-    """The reference of these tensions (frames, wires) [N], raised to the lower limit where they are below."""
+    """The reference of these tensions (frames, tendons) [N], raised to the lower limit where they are below."""
     return Reference(np.maximum(tension, robot.reference_limits()[0]), name)
 
 
@@ -68,22 +68,24 @@ MOST_CROSSED = 4  # channels: 256 sweeps, 21 min; assumed to be as long as anybo
 
 
 def targets_of(mode: str, robot: Robot, targets: Mapping[str, float] | None) -> np.ndarray:
-    """Target tensions (wires,) [N] of a mode, or those given; InputError naming mode, wire or value that is wrong."""
-    wires = robot.machine.axes.tendons
+    """Target tensions (tendons,) [N] of a mode, or those given; InputError naming the mode, tendon or value."""
+    tendons = robot.machine.axes.tendons
     if targets is None and mode not in robot.grasps:
         hint = nearest(mode, list(robot.grasps))
         raise InputError(f"unknown grasp mode {mode!r}{hint}; there are {', '.join(robot.grasps)}")
     wanted = dict(robot.grasps[mode] if targets is None else targets)
-    for wire in wanted:
-        if wire not in wires:
-            raise InputError(f"{mode}: unknown wire {wire!r}; the robot has {', '.join(wires)}")
-    for wire, (low, high) in zip(wires, np.transpose(robot.reference_limits())):
-        if wire not in wanted:
-            raise InputError(f"{mode}: no target tension for wire {wire}")
-        if not 0.0 <= wanted[wire] <= high:
-            raise InputError(f"{mode}: target tension of {wire} is {wanted[wire]} N, wanted 0 to F_max = {high:g} N")
-        wanted[wire] = max(wanted[wire], low)
-    return np.array([wanted[w] for w in wires])
+    for tendon in wanted:
+        if tendon not in tendons:
+            raise InputError(f"{mode}: unknown tendon {tendon!r}; the robot has {', '.join(tendons)}")
+    for tendon, (low, high) in zip(tendons, np.transpose(robot.reference_limits())):
+        if tendon not in wanted:
+            raise InputError(f"{mode}: no target tension for tendon {tendon}")
+        if not 0.0 <= wanted[tendon] <= high:
+            raise InputError(
+                f"{mode}: target tension of {tendon} is {wanted[tendon]} N, wanted 0 to F_max = {high:g} N"
+            )
+        wanted[tendon] = max(wanted[tendon], low)
+    return np.array([wanted[w] for w in tendons])
 
 
 def grasp(
@@ -111,68 +113,68 @@ def grasp(
 
 
 def one_by_one(highest: np.ndarray, base: float, course: np.ndarray) -> np.ndarray:
-    """Each wire in turn follows a course, the others stand at `base`.
+    """Each tendon in turn follows a course, the others stand at `base`.
 
     Args:
-        highest: (wires,) F_max [N].
+        highest: (tendons,) F_max [N].
         base: share of F_max.
         course: (frames,) shares of F_max.
 
     Returns:
-        (wires * frames, wires) tensions [N].
+        (tendons * frames, tendons) tensions [N].
     """
     tension = np.tile(base * highest, (len(highest), len(course), 1))
-    for wire, top in enumerate(highest):
-        tension[wire, :, wire] = course * top
+    for tendon, top in enumerate(highest):
+        tension[tendon, :, tendon] = course * top
     return tension.reshape(-1, len(highest))
 
 
-def one_sweep(robot: Robot, wire: int, levels: Sequence[float], period: float) -> np.ndarray:
-    """One wire 0-100-0 % of F_max in `period` [s], all others at `levels` (wires,) of F_max; (frames, wires) [N]."""
+def one_sweep(robot: Robot, tendon: int, levels: Sequence[float], period: float) -> np.ndarray:
+    """One tendon 0-100-0 % of F_max in `period` [s], others at `levels` (tendons,) of F_max; (frames, tendons) [N]."""
     time, highest = clock(robot, period=period), robot.reference_limits()[1]
     tension = np.tile(np.asarray(levels) * highest, (len(time), 1))
-    tension[:, wire] = highest[wire] * (1.0 - np.abs(2.0 * time / period - 1.0))
+    tension[:, tendon] = highest[tendon] * (1.0 - np.abs(2.0 * time / period - 1.0))
     return tension
 
 
 def sweeps(robot: Robot | None = None, *, period: float = 5.0) -> Reference:
-    """The paper's protocol in full: each wire ramps 0-100-0 % against all pairs of levels of the others, 48 sweeps.
+    """The paper's protocol in full: each tendon ramps 0-100-0 % against all pairs of levels of the others, 48 sweeps.
 
     period: of one sweep up and down [s]; 48 of them take 240 s.
     """
     robot = robot_or_default(robot)
-    wires = len(robot.reference_limits()[1])
-    if wires > MOST_CROSSED:
-        count = wires * len(LEVELS) ** (wires - 1)
-        raise InputError(f"sweeps: {wires} channels would cross in {count} sweeps; try short-sweeps")
+    tendons = len(robot.reference_limits()[1])
+    if tendons > MOST_CROSSED:
+        count = tendons * len(LEVELS) ** (tendons - 1)
+        raise InputError(f"sweeps: {tendons} channels would cross in {count} sweeps; try short-sweeps")
     crossed = [
-        one_sweep(robot, wire, [*levels[:wire], 0.0, *levels[wire:]], period)
-        for wire in range(wires)
-        for levels in product(LEVELS, repeat=wires - 1)
+        one_sweep(robot, tendon, [*levels[:tendon], 0.0, *levels[tendon:]], period)
+        for tendon in range(tendons)
+        for levels in product(LEVELS, repeat=tendons - 1)
     ]
     return above_minimum(robot, np.concatenate(crossed), "sweeps")
 
 
 def short_sweeps(robot: Robot | None = None, *, period: float = 5.0) -> Reference:
-    """Twelve of the sweeps in 60 s, as in the reference data: one other wire at 0, 33, 66, 100 %, the rest slack-free.
+    """Twelve of the sweeps in 60 s, as in the reference data: one other at 0, 33, 66, 100 %, the rest slack-free.
 
-    The first wire sweeps against the second, all later ones against the first. period: of one sweep [s].
+    The first tendon sweeps against the second, all later ones against the first. period: of one sweep [s].
     """
     robot = robot_or_default(robot)
-    wires = len(robot.reference_limits()[1])
+    tendons = len(robot.reference_limits()[1])
     chosen = []
-    for wire, level in product(range(wires), LEVELS):
-        levels = np.zeros(wires)
-        if wires > 1:
-            levels[1 if wire == 0 else 0] = level
-        chosen.append(one_sweep(robot, wire, list(levels), period))
+    for tendon, level in product(range(tendons), LEVELS):
+        levels = np.zeros(tendons)
+        if tendons > 1:
+            levels[1 if tendon == 0 else 0] = level
+        chosen.append(one_sweep(robot, tendon, list(levels), period))
     return above_minimum(robot, np.concatenate(chosen), "short-sweeps")
 
 
 def maximum_tension(robot: Robot | None = None, *, ramp: float = 10.0, dwell: float = 2.0) -> Reference:
-    """First step of the paper's Section 2.3: each wire in turn ramps slowly to F_max and back, the others slack-free.
+    """First step of the paper's Section 2.3: each tendon in turn ramps slowly to F_max and back, others slack-free.
 
-    `identification.maximum_tension` reads from the log at which tension of each wire the joints stop moving. The limits
+    `identification.maximum_tension` reads from the log at which tension of each tendon the joints stop. The limits
     F_max of the robot file are then what is safe. ramp: duration up, and down [s]; dwell: before it, and at F_max [s].
     """
     robot = robot_or_default(robot)
@@ -190,9 +192,9 @@ def chirp(
     base: float = 0.15,
     top: float = 0.8,
 ) -> Reference:
-    """Each wire in turn swings between 10 % and `top` of F_max, ever faster; the others stand at `base`.
+    """Each tendon in turn swings between 10 % and `top` of F_max, ever faster; the others stand at `base`.
 
-    Args: low, high: frequencies [Hz], exponential in time; span: duration per wire [s]; base, top: shares of F_max.
+    Args: low, high: frequencies [Hz], exponential in time; span: duration per tendon [s]; base, top: shares of F_max.
     """
     robot = robot_or_default(robot)
     nyquist = 0.5 / robot.machine.frame
@@ -209,7 +211,7 @@ def chirp(
 
 
 def holds(robot: Robot | None = None, *, seed: int = 0, count: int = 5, dwell: float = 8.0) -> Reference:
-    """Steps of all wires to random levels of 10 to 90 % of F_max, `count` of them, each held `dwell` [s]."""
+    """Steps of all tendons to random levels of 10 to 90 % of F_max, `count` of them, each held `dwell` [s]."""
     robot = robot_or_default(robot)
     count = whole("count", count, 1000, "holds")
     highest = robot.reference_limits()[1]
@@ -218,7 +220,7 @@ def holds(robot: Robot | None = None, *, seed: int = 0, count: int = 5, dwell: f
 
 
 def steps(robot: Robot | None = None, *, base: float = 0.2, top: float = 0.5, dwell: float = 2.0) -> Reference:
-    """Each wire in turn steps from `base` to `top` (shares of F_max) and back, `dwell` [s] on each level."""
+    """Each tendon in turn steps from `base` to `top` (shares of F_max) and back, `dwell` [s] on each level."""
     robot = robot_or_default(robot)
     check_range("base", base, 0.0, 1.0, "of F_max")
     check_range("top", top, 0.0, 1.0, "of F_max")
@@ -237,7 +239,7 @@ def multisine(
     repeats: int = 2,
     base: float = 0.3,
 ) -> Reference:
-    """All wires at once, each on its own comb of harmonics, so that one run tells their frequency responses apart.
+    """All tendons at once, each on its own comb of harmonics, so that one run tells their frequency responses apart.
 
     Args: high: highest frequency [Hz]; period [s] of the lowest harmonic; repeats of it; base: mean [F_max], about
     which 0.2 F_max are swung.
@@ -247,19 +249,19 @@ def multisine(
     check_range("high", high, len(highest) / period, 0.5 / robot.machine.frame, "Hz")
     check_range("base", base, 0.0, 0.8, "of F_max")
     repeats, last = whole("repeats", repeats, 1000, "periods"), int(high * period * (1.0 + ROUNDING))
-    tension, wires, swing = np.empty((len(time), len(highest))), len(highest), 0.2
-    for wire in range(wires):
-        harmonics = np.arange(wire + 1, last + 1, wires)
+    tension, tendons, swing = np.empty((len(time), len(highest))), len(highest), 0.2
+    for tendon in range(tendons):
+        harmonics = np.arange(tendon + 1, last + 1, tendons)
         turns = 2.0 * np.pi * (np.outer(time, harmonics) / period + rng.random(len(harmonics)))
         course = np.cos(turns).sum(axis=1)
-        tension[:, wire] = highest[wire] * (base + swing * course / np.abs(course).max())
+        tension[:, tendon] = highest[tendon] * (base + swing * course / np.abs(course).max())
     return above_minimum(robot, np.tile(tension, (repeats, 1)), "multisine")
 
 
 def random_motion(
     robot: Robot | None = None, *, seed: int = 0, duration: float = 40.0, fastest: float = 0.8
 ) -> Reference:
-    """Smooth random motion of all wires at once between F_min and 90 % of F_max, resembling no other protocol.
+    """Smooth random motion of all tendons at once between F_min and 90 % of F_max, resembling no other protocol.
 
     Args: duration [s]; fastest: highest frequency in it [Hz].
     """
@@ -268,10 +270,10 @@ def random_motion(
     time, rng = clock(robot, duration=duration), generator(seed)
     lowest, highest = robot.reference_limits()
     tension, sines, share = np.empty((len(time), len(highest))), 7, 0.9
-    for wire in range(len(highest)):
+    for tendon in range(len(highest)):
         frequency = rng.uniform(0.03 * fastest, fastest, sines)
         weight = rng.standard_normal(sines) / (frequency + 0.3 * fastest)
         turns = 2.0 * np.pi * (np.outer(time, frequency) + rng.random(sines))
         course = np.sin(turns) @ weight / np.linalg.norm(weight)
-        tension[:, wire] = lowest[wire] + (share * highest[wire] - lowest[wire]) / (1.0 + np.exp(-2.0 * course))
+        tension[:, tendon] = lowest[tendon] + (share * highest[tendon] - lowest[tendon]) / (1.0 + np.exp(-2.0 * course))
     return above_minimum(robot, tension, "random-motion")

@@ -15,8 +15,8 @@ from exodrake.core.machine import Machine
 from exodrake.core.robot import Robot
 from exodrake.core.signal import TENDONS
 from exodrake.core.units import quantity
+from exodrake.data.formats import read_log
 from exodrake.data.log import Log
-from exodrake.data.log_file import read_log
 from exodrake.machines.robot_file import robot_or_default
 from exodrake.simulation import protocols
 
@@ -100,7 +100,12 @@ def on_machine(function: Callable[..., Reference], robot: Robot, **options: floa
     unit = replace(robot, limits={name: dict.fromkeys(channels, level) for name, level in zip(limits, (0.0, 1.0))})
     shares = function(unit, **options)
     first_rows = low + shares.values * (high - low)
-    rows = {first.kind: smooth(first_rows, machine.frame) if any(c.rate_of for c in others) else first_rows}
+    if any(column.rate_of for column in others):  # a body with mass cannot follow corners
+        from scipy.ndimage import gaussian_filter1d
+
+        rows = {first.kind: gaussian_filter1d(first_rows, SMOOTH / machine.frame, axis=0, mode="nearest")}
+    else:
+        rows = {first.kind: first_rows}
     for column in others:
         start = column.kind == first.kind.removesuffix("_ref") + "_start"
         held = first_rows[0] if start else np.zeros(len(machine.channels(column.signal)))
@@ -108,13 +113,6 @@ def on_machine(function: Callable[..., Reference], robot: Robot, **options: floa
         if column.rate_of:
             rows[column.kind] = np.gradient(rows[column.rate_of], machine.frame, axis=0)
     return Reference(np.hstack(list(rows.values())), shares.name)
-
-
-def smooth(rows: np.ndarray, frame: float) -> np.ndarray:
-    """A motion (n, channels) as a body can follow it that has a mass, by a zero-phase filter; frame [s]."""
-    from scipy.ndimage import gaussian_filter1d
-
-    return gaussian_filter1d(rows, SMOOTH / frame, axis=0, mode="nearest")
 
 
 def reference_rows(machine: Machine, log: Log) -> np.ndarray:
@@ -133,26 +131,23 @@ def from_log(path: str | Path, robot: Robot | None = None) -> Reference:
     machine = robot.machine
     log = read_log(path)
     for column in machine.references:
-        axis = machine.signal[column.signal].axis
+        signal, channels = machine.signal[column.signal], machine.channels(column.signal)
         for channel in log.names(column.kind):
-            if channel not in machine.axes.of(axis):
+            if channel not in channels:
                 raise InputError(
                     f"{log.label}: {column.kind} of an unknown channel {channel!r}; {machine.name} has "
-                    f"{', '.join(machine.axes.of(axis))}"
+                    f"{', '.join(channels)}"
                 )
-        check_samples(log, log.array(column.kind, machine.axes.of(axis)), column.kind, machine)
+        values, low = (
+            log.array(column.kind, channels),
+            0.0 if signal.axis == TENDONS and signal.unit == "N" else -np.inf,
+        )
+        for row, k in np.argwhere(~(np.isfinite(values) & (values >= low)))[:1]:
+            what = "is missing" if np.isnan(values[row, k]) else f"is {values[row, k]:g} {signal.unit}"
+            raise InputError(
+                f"{log.label}: {column.kind}_{channels[k]} {what} in row {row + 2}, wanted "
+                f"{'0 or more' if low == 0.0 else 'a number'}"
+            )
     if len(log) < 2 or np.abs(np.diff(log.time) - machine.frame).max() > ALIKE:
         raise InputError(f"{log.label}: not two rows or more, {machine.frame:g} s apart; see exodrake.regularise")
     return Reference(reference_rows(machine, log), Path(path).name.split(".")[0])
-
-
-def check_samples(log: Log, values: np.ndarray, kind: str, machine: Machine) -> None:
-    """InputError naming column and row of a reference (n, channels) [SI] that is missing, or a tension below 0."""
-    signal = machine.signal[machine.column(kind).signal]
-    low = 0.0 if signal.axis == TENDONS and signal.unit == "N" else -np.inf
-    for row, k in np.argwhere(~(np.isfinite(values) & (values >= low)))[:1]:
-        value, name = values[row, k], f"{kind}_{machine.axes.of(signal.axis)[k]}"
-        what = "is missing" if np.isnan(value) else f"is {value:g} {signal.unit}"
-        raise InputError(
-            f"{log.label}: {name} {what} in row {row + 2}, wanted {'0 or more' if low == 0.0 else 'a number'}"
-        )

@@ -1,9 +1,10 @@
-"""Runs a robot on a reference and makes the log of it, by the compiled simulator or by the Drake Diagram."""
+"""Simulation of a robot on a reference, and its log, by the compiled simulator or by the Drake Diagram."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,6 +16,9 @@ from exodrake.core.robot import Robot
 from exodrake.core.text import short_repr
 from exodrake.data.log import CHANGED, MODEL, Log
 from exodrake.simulation.references import protocol
+
+if TYPE_CHECKING:
+    from pydrake.systems.framework import Context, Diagram
 
 
 def cubic(values: np.ndarray, at: np.ndarray) -> np.ndarray:
@@ -107,30 +111,18 @@ def record(
     """
     robot, reference = argument("robot", robot, Robot), argument("reference", reference, Reference, str)
     recording = run(robot, reference, seed, quantisation, engine, substeps)
-    refuse_divergence(recording)
+    machine, signals = robot.machine, recording.signals
+    if not all(np.isfinite(rows).all() for rows in signals.values()):  # rounding makes a finite reading of a NaN
+        columns = {
+            f"{name}_{channel}".rstrip("_"): values
+            for name, rows in signals.items()
+            for channel, values in zip(machine.channels(name), rows.T, strict=True)
+        }
+        shown = {**log_of(recording).signals, **columns}
+        name = next(name for name, values in shown.items() if not np.isfinite(values).all())
+        moment = recording.time[int(np.argmin(np.isfinite(shown[name])))]
+        raise InputError(f"the simulation diverges: {name} is not finite from {moment:g} s on; check the numbers set")
     return recording
-
-
-def refuse_divergence(recording: Recording) -> None:
-    """InputError naming the log column, or else the signal, and the time of a sample that is not finite.
-
-    Signals count that no column shows, too, since rounding makes a finite reading of what is not a number.
-    """
-    if all(np.isfinite(rows).all() for rows in recording.signals.values()):
-        return
-    machine = recording.robot.machine
-    columns = log_of(recording).signals
-    signals = {
-        f"{name}_{channel}".rstrip("_"): values
-        for name, rows in recording.signals.items()
-        for channel, values in zip(machine.channels(name), rows.T, strict=True)
-    }
-    for name, values in {**columns, **signals}.items():
-        if not np.isfinite(values).all():
-            moment = recording.time[int(np.argmin(np.isfinite(values)))]
-            raise InputError(
-                f"the simulation diverges: {name} is not finite from {moment:g} s on; check the numbers set"
-            )
 
 
 def run(
@@ -151,23 +143,17 @@ def run(
     if engine not in ("compiled", "drake"):
         raise InputError(f"unknown engine {engine!r}; there are compiled, drake")
     try:
-        rows = rows_of(robot, values, reference, noise_inputs, engine, substeps)
+        if engine == "drake":
+            from exodrake.diagrams.diagram import run_diagram
+
+            rows = run_diagram(robot, values, reference, noise_inputs, substeps)
+        else:
+            rows = run_compiled(machine, values, reference, noise_inputs, substeps)
     except ZeroDivisionError:
         raise InputError(f"{robot.source or machine.name}: a number is 0 that the equations divide by") from None
     signals = {name: rows[:, at] for name, at in machine.offsets.items()}
     delay_samples(machine, signals, lambda name: values[machine.index[name]])
     return Recording(robot, reference, machine.frame * np.arange(frames), signals)
-
-
-def rows_of(
-    robot: Robot, values: np.ndarray, reference: Reference, noise_inputs: NoiseInputs, engine: str, substeps: int
-) -> np.ndarray:
-    """All signals (frames, signals) [SI] at the end of each frame, by the named engine."""
-    if engine == "drake":
-        from exodrake.diagrams.diagram import run_diagram
-
-        return run_diagram(robot, values, reference, noise_inputs, substeps)
-    return run_compiled(robot.machine, values, reference, noise_inputs, substeps)
 
 
 def log_of(recording: Recording) -> Log:
@@ -203,3 +189,38 @@ def simulate(
 ) -> Log:
     """The log of a robot that follows a reference; arguments as in `record`."""
     return log_of(record(robot, reference, seed, quantisation, engine, substeps))
+
+
+def diagram_log(diagram: Diagram, context: Context) -> Log:
+    """The log that the robot of a Diagram would have written, one row for each frame that has ended.
+
+    Time is that of the frame's start, and samples of a sensor on a clock of its own are late, as in `simulate`.
+    References that are input ports of the Diagram are not in the log.
+
+    Args:
+        diagram: from `build_diagram`.
+        context: root Context that has run.
+
+    Returns:
+        The columns of the machine.
+    """
+    from exodrake.diagrams.diagram import logged_signals
+
+    return log_of_run(diagram, context, logged_signals(diagram, context))
+
+
+def log_of_run(diagram: Diagram, context: Context, signals: Mapping[str, np.ndarray]) -> Log:
+    """The log of a Diagram's run whose signals (rows, channels) [SI] are known; arguments as in `diagram_log`."""
+    from exodrake.diagrams.diagram import checked, find_parameter
+
+    def value(name: str) -> float:
+        try:
+            return float(find_parameter(diagram, name).get(context)[0])
+        except InputError:  # a system of one's own, which lacks the parameter, stands in the part's place
+            return 0.0
+
+    robot_diagram = checked(diagram)
+    machine, signals = robot_diagram.robot.machine, dict(signals)
+    delay_samples(machine, signals, value)
+    time = machine.frame * (np.round(signals["time"] / machine.frame) - 1.0)
+    return log_of_signals(machine, time, signals, robot_diagram.source)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
-from subprocess import PIPE, Popen
-from time import sleep
+import subprocess
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from typing import Any
 
 import numpy as np
 
@@ -53,22 +54,14 @@ def warm_up(tell: Callable[[str, list[str]], object] = lambda done, left: None) 
     """Compiles everything; `tell` hears what is done and what is left. Raises RuntimeError if a process fails."""
     compile_machine(load_robot().machine)  # writes the module, once for all processes
     call = "from exodrake.simulation.warm_up import job; job({!r}, {})"
-    running = {
-        name: Popen(
-            python_command("-c", call.format(function, os.getpid())), env=python_environment(), stderr=PIPE, text=True
-        )
-        for name, function in JOBS.items()
-    }
-    for name, process in ended(running):
-        if process.returncode:
-            raise RuntimeError(f"compiling {name} failed: {process.stderr.read() if process.stderr else ''}")
-        tell(name, [other for other, p in running.items() if p.poll() is None])
-
-
-def ended(running: dict[str, Popen]) -> Iterator[tuple[str, Popen]]:
-    """Processes as they end."""
-    waiting = dict(running)
-    while waiting:
-        for name in [name for name, process in waiting.items() if process.poll() is not None]:
-            yield name, waiting.pop(name)
-        sleep(0.05)
+    options: dict[str, Any] = {"env": python_environment(), "stderr": subprocess.PIPE, "text": True}
+    with ThreadPoolExecutor(len(JOBS)) as pool:
+        running = {
+            pool.submit(subprocess.run, python_command("-c", call.format(function, os.getpid())), **options): name
+            for name, function in JOBS.items()
+        }
+        for future in as_completed(running):
+            name, process = running.pop(future), future.result()
+            if process.returncode:
+                raise RuntimeError(f"compiling {name} failed: {process.stderr}")
+            tell(name, list(running.values()))

@@ -79,7 +79,7 @@ class Mark:
 def owner(data: Path, name: str) -> tuple[Robot, Callable[[str], CaseLog]]:
     """Robot of an owner's machine folder, and a reader of its recordings by name."""
     from exodrake.core.plugins import add_plugin
-    from exodrake.data.foreign.import_log import import_log
+    from exodrake.data.import_log import import_log
 
     add_plugin(data / name / name)
 

@@ -1,32 +1,47 @@
-"""File formats of logs, a module each, found by their folder here and in plugins.
+"""Files of logs: a table of endings with their readers and writers.
 
-A format has `ENDINGS`, `read(data: bytes, source: str) -> Log` and `write(log: Log) -> bytes`; `exodrake.data.log`
-has what they share. The formats differ in what they hold a heading `name [unit]` and a missing sample by.
+A format is a module here, or in `data/formats` of a plugin, with `ENDINGS`, `read(data: bytes, source: str) -> Log` and
+`write(log: Log) -> bytes`; `exodrake.data.log` has what formats share. They differ in how they hold a heading
+`name [unit]` and a missing sample. `.csv.gz` is gzipped CSV.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import cache
 from importlib import import_module
 from pathlib import Path
-from types import ModuleType
-from typing import Any
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from exodrake.core import plugins
 from exodrake.core.child import in_child
-from exodrake.core.errors import InputError
+from exodrake.core.errors import InputError, argument
+from exodrake.core.files import is_file, is_folder, read_bytes, refuse_special, write_bytes
+from exodrake.data.log import CHANGED, MODEL, Log, check_clock, check_columns, check_writable
 
 plugins.extend(__path__, "data/formats")
+MARK = "simulated"  # column of a file, of any format, that marks what exodrake simulated
+
+
+class Format(NamedTuple):
+    """Reader of a file's bytes, named for messages, and writer of a log."""
+
+    read: Callable[[bytes, str], Log]
+    write: Callable[[Log], bytes]
 
 
 @cache
-def formats() -> dict[str, ModuleType]:
-    """Format module by ending; where two claim an ending, the one that is first by name has it."""
-    found: dict[str, ModuleType] = {}
+def formats() -> dict[str, Format]:
+    """Formats by ending; where two modules claim an ending, the first by name has it."""
+    found: dict[str, Format] = {}
     for name in plugins.module_names(__path__):
         with plugins.shown_errors():
             module = import_module(f"{__name__}.{name}")
+            if name == "csv":
+                found[".csv.gz"] = Format(module.read_gzipped, module.write_gzipped)
         for ending in module.ENDINGS:
-            found.setdefault(ending, module)
+            found.setdefault(ending, Format(module.read, module.write))
     return found
 
 
@@ -42,7 +57,7 @@ def stem(path: str | Path) -> str:
     return name[: -len(ending(name) or "")] if ending(name) else Path(name).stem
 
 
-def format_of(path: str | Path) -> ModuleType:
+def format_of(path: str | Path) -> Format:
     """The format of a file; InputError with all endings for an unknown one."""
     known = ending(path)
     if known is None:
@@ -63,3 +78,52 @@ def read_whole(reader: Callable[[bytes, str], Any], data: bytes, source: str, wh
         raise
     except Exception as error:  # a parser raises whatever damaged bytes lead it to
         raise InputError(f"{source}: not a whole {what} file ({type(error).__name__})") from None
+
+
+def read_log(path: str | Path, required: Sequence[str] = (), complete: Sequence[str] = ()) -> Log:
+    """Reads a log in SI from .csv, .csv.gz, .npz, .parquet, .mcap, .mat or a plugin's format.
+
+    Args:
+        path: the file.
+        required: columns, or kinds (then every channel found under one of them must be there under all of them).
+        complete: columns or kinds in which no sample may be missing.
+
+    Raises:
+        InputError: naming file, column and row, for an unknown or unsuitable unit, a missing, doubled or empty column,
+            text in a cell, a ragged row, an empty file and a clock that does not increase (`regularise` mends that).
+    """
+    log = read_table(path)
+    check_columns(log, required, complete)
+    check_clock(log)
+    return log
+
+
+def read_table(path: str | Path) -> Log:
+    """A log whose required columns and clock are not checked."""
+    refuse_special(path)
+    if not is_file(path):
+        raise InputError(f"{path}: {'a folder, wanted a log' if is_folder(path) else 'no such file'}")
+    log = format_of(path).read(read_bytes(path), str(path))
+    mark = log.signals.get(MARK, np.zeros(0))
+    if not len(mark) or mark[0] not in (MODEL, CHANGED) or np.any(mark != mark[0]):
+        return log  # a column of this name that holds anything else stays a column
+    return replace(log.only([name for name in log.columns if name != MARK]), simulated=int(mark[0]))
+
+
+def write_log(log: Log, path: str | Path) -> None:
+    """Writes a log in SI, whole or not at all; `read_log` gives it back to the last bit. InputError as `log_bytes`."""
+    write_bytes(path, log_bytes(argument("log", log, Log), path))
+
+
+def log_bytes(log: Log, path: str | Path) -> bytes:
+    """Content of a log's file.
+
+    Raises:
+        InputError: for an unknown ending, and for what no file would give back: no rows, a sample that is infinite or
+            larger than any signal, a hole in the clock, a name that no heading can hold.
+    """
+    write = format_of(path).write
+    check_writable(log, str(path))
+    return write(
+        log.with_signals({MARK: np.full(len(log), float(log.simulated))}, {MARK: "-"}) if log.simulated else log
+    )

@@ -1,7 +1,9 @@
 """CSV: a heading row with units in brackets, one row per frame, an empty cell where a sample is missing."""
 
 import csv
+import gzip
 import io
+import zlib
 from array import array
 from collections.abc import Iterator
 from math import nan
@@ -9,6 +11,7 @@ from math import nan
 import numpy as np
 
 from exodrake.core.errors import InputError
+from exodrake.core.files import MAX_BYTES, limited
 from exodrake.data.log import Log, check_size, headings, log_from_columns, refuse_separator
 
 ENDINGS = (".csv",)
@@ -29,26 +32,16 @@ def read_cells(data: bytes, source: str) -> tuple[list[str], np.ndarray]:
         raise InputError(f"{source}: empty file")
     refuse_separator(names, source)
     values = array("d")
-    for number, row in enumerate(rows):
+    for number, row in enumerate(rows, 1):
         if len(row) != len(names):
             raise InputError(
-                f"{source}: row {number + 1} (line {number + 2}) has {len(row)} cells, the heading has {len(names)}"
+                f"{source}: row {number} (line {number + 1}) has {len(row)} cells, the heading has {len(names)}"
             )
         try:
             values.extend([float(cell) for cell in row])
         except ValueError:
-            values.extend([_number(cell, name, number, source) for cell, name in zip(row, names, strict=True)])
+            values.extend([_number(cell, name, number, source) for cell, name in zip(row, names)])
     return names, np.array(values).reshape(-1, len(names))
-
-
-def write(log: Log) -> bytes:
-    """The log as CSV in SI. Shortest digits that read back to the same bits; NaN becomes an empty cell."""
-    table = np.column_stack([log.time, *log.signals.values()]).tolist()
-    stream = io.StringIO(newline="")
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(headings(log))
-    writer.writerows([["" if cell != cell else repr(cell) for cell in row] for row in table])
-    return stream.getvalue().encode()
 
 
 def _rows(data: bytes, source: str) -> Iterator[list[str]]:
@@ -71,12 +64,39 @@ def _rows(data: bytes, source: str) -> Iterator[list[str]]:
 
 
 def _number(cell: str, name: str, number: int, source: str) -> float:
-    if not cell.strip():
-        return nan
     try:
-        return float(cell)
+        return float(cell) if cell.strip() else nan
     except ValueError:
         shown = cell if len(cell) <= 40 else cell[:37] + "..."
         raise InputError(
-            f"{source}: column {name!r}, row {number + 1} (line {number + 2}): {shown!r} is not a number"
+            f"{source}: column {name!r}, row {number} (line {number + 1}): {shown!r} is not a number"
         ) from None
+
+
+def write(log: Log) -> bytes:
+    """The log as CSV in SI. Shortest digits that read back to the same bits; NaN becomes an empty cell."""
+    table = np.column_stack([log.time, *log.signals.values()]).tolist()
+    stream = io.StringIO(newline="")
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(headings(log))
+    writer.writerows([["" if cell != cell else repr(cell) for cell in row] for row in table])
+    return stream.getvalue().encode()
+
+
+def read_gzipped(data: bytes, source: str) -> Log:
+    """`read` of gzipped text."""
+    return read(unpack(data, source), source)
+
+
+def unpack(data: bytes, source: str) -> bytes:
+    """Gunzipped bytes. InputError for no whole gzip file, and for more bytes than a file may have."""
+    try:
+        with gzip.open(io.BytesIO(data)) as stream:
+            return limited(stream.read(MAX_BYTES + 1), source)
+    except (OSError, EOFError, zlib.error) as error:
+        raise InputError(f"{source}: not a whole gzip file ({error})") from None
+
+
+def write_gzipped(log: Log) -> bytes:
+    """The text of `write`, gzipped without a time stamp, so that the same log gives the same bytes."""
+    return gzip.compress(write(log), compresslevel=6, mtime=0)

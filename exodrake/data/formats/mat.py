@@ -12,7 +12,7 @@ import numpy as np
 
 from exodrake.core.errors import InputError
 from exodrake.data.formats import read_apart, read_whole
-from exodrake.data.log import MAX_SAMPLES, Log, check_size, heading, log_from_columns
+from exodrake.data.log import Log, check_size, heading, log_from_columns
 
 ENDINGS = (".mat",)
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,62}")
@@ -112,50 +112,38 @@ def parse_hdf5(data: bytes, source: str) -> dict[str, Any]:
         import h5py  # pyright: ignore[reportMissingImports]
     except ImportError:
         raise InputError(f"{source}: HDF5 needs h5py; install exodrake[hdf5]") from None
-    with h5py.File(io.BytesIO(data), "r") as file:
-        return HDF5(h5py, file, source).group(file, 0)
+    samples = 0
 
+    def count(more: int) -> None:
+        nonlocal samples
+        check_size(samples := samples + int(more), source)
 
-class HDF5:
-    """Walks a file and counts the samples that it reads."""
-
-    def __init__(self, h5py: Any, file: Any, source: str) -> None:
-        self.h5py, self.file, self.source, self.samples = h5py, file, source, 0
-
-    def group(self, group: Any, depth: int) -> dict[str, Any]:
+    def group_of(group: Any, depth: int) -> dict[str, Any]:
         """The groups and data sets of a group, by name."""
-        found: dict[str, Any] = {}
-        for name in group if depth < MAX_DEPTH else ():
-            if name in HIDDEN or not isinstance(group.get(name, getlink=True), self.h5py.HardLink):
-                continue
-            value = self.value(group[name], depth + 1)
-            if value is not None:
-                found[name] = value
-        return found
+        names = [n for n in group if n not in HIDDEN and isinstance(group.get(n, getlink=True), h5py.HardLink)]
+        values = {name: value_of(group[name], depth + 1) for name in (names if depth < MAX_DEPTH else ())}
+        return {name: value for name, value in values.items() if value is not None}
 
-    def value(self, item: Any, depth: int) -> Any:
+    def value_of(item: Any, depth: int) -> Any:
         """A group, an array of numbers, or a list of a MATLAB cell's contents; None for anything else."""
-        if isinstance(item, self.h5py.Group):
-            return self.group(item, depth)
-        if not isinstance(item, self.h5py.Dataset) or item.is_virtual or item.external or item.shape is None:
+        if isinstance(item, h5py.Group):
+            return group_of(item, depth)
+        if not isinstance(item, h5py.Dataset) or item.is_virtual or item.external or item.shape is None:
             return None
         if item.dtype.names:
-            self.count(item.size * len(item.dtype.names))
+            count((item.size or 0) * len(item.dtype.names))
             table = item[()]
             return {name: table[name] for name in item.dtype.names if table[name].dtype.kind in "fiub"}
-        if self.h5py.check_ref_dtype(item.dtype) is self.h5py.Reference:
-            self.count(item.size)
-            cells = (self.value(self.file[one], depth + 1) for one in item[()].T.ravel() if one and depth < MAX_DEPTH)
+        if h5py.check_ref_dtype(item.dtype) is h5py.Reference:
+            count(item.size or 0)
+            cells = (value_of(file[one], depth + 1) for one in item[()].T.ravel() if one and depth < MAX_DEPTH)
             return [cell for cell in cells if cell is not None]
         matlab = item.attrs.get(MATLAB)
         if item.dtype.kind not in "fiub" or matlab in (b"char", "char") or item.attrs.get("MATLAB_empty"):
             return None
-        self.count(item.size)
+        count(item.size or 0)
         values = np.asarray(item[()])
         return values.T if matlab is not None else values
 
-    def count(self, samples: int) -> None:
-        """InputError for a file that would fill the memory."""
-        self.samples += int(samples)
-        if self.samples > MAX_SAMPLES:
-            check_size(self.samples, self.source)
+    with h5py.File(io.BytesIO(data), "r") as file:
+        return group_of(file, 0)

@@ -25,7 +25,6 @@ RECORD = "exodrake.data.log"
 LIBRARY = "exodrake"  # in the header of the file
 PROFILE_AT = 17  # byte after magic (8), opcode (1) and length (8) of the header, where profile and library begin
 LATEST = 2.0**64  # ns, MCAP's stamps
-Place = tuple[int, int]  # of a message: its sequence number, the row, and its time [ns]
 BARE = "value"  # field of a column that has no channel in its name
 
 
@@ -54,84 +53,59 @@ def parse(data: bytes, source: str) -> list[tuple[str, np.ndarray]]:
     records = {record.name: record.metadata for record in reader.iter_metadata()}
     if RECORD not in records:
         raise InputError(f"{source}: MCAP of another program; use `exodrake import` with a mapping file")
-    topics: dict[str, dict[Place, Mapping[str, float]]] = {}
+    topics: dict[str, dict[tuple[int, int], Mapping[str, float]]] = {}  # by number and time [ns] of a message
     for _, channel, message in reader.iter_messages(log_time_order=False):
         found, place = topics.setdefault(channel.topic, {}), (message.sequence, message.log_time)
         if place in found:
             raise InputError(f"{source}: topic {channel.topic!r}: message {message.sequence} comes twice")
         found[place] = parse_json(message.data, f"{source}: topic {channel.topic!r}")
     places = [(str(n), str(u), str(t), str(f)) for n, u, t, f in json.loads(records[RECORD]["columns"])]
-    rows = _rows(topics, {topic for _, _, topic, _ in places}, source)
-    return [(heading(n, u), np.array([float(topics[t][row].get(f, np.nan)) for row in rows])) for n, u, t, f in places]
-
-
-def _rows(topics: Mapping[str, Mapping[Place, Any]], wanted: set[str], source: str) -> list[Place]:
-    """The place of each row, in order: the number that its messages carry, then their time.
-
-    A file may hold them in any order. InputError for a row of which a topic has lost its message.
-    """
-    rows = sorted(set().union(*topics.values()))
-    for topic in sorted(wanted):
+    rows = sorted(set().union(*topics.values()))  # by their numbers, then their time: a file may hold them in any order
+    for topic in sorted({topic for _, _, topic, _ in places}):
         lost = [row for row in rows if row not in topics.get(topic, ())]
-        if lost and rows:
+        if lost:
             number, stamp = lost[0]
             count = f"{len(lost)} messages are" if len(lost) > 1 else "a message is"
             raise InputError(
                 f"{source}: topic {topic!r}: {count} missing that other topics have, the first is message {number} at "
                 f"{stamp * 1e-9:g} s"
             )
-    return rows
+    return [(heading(n, u), np.array([float(topics[t][row].get(f, np.nan)) for row in rows])) for n, u, t, f in places]
 
 
 def write(log: Log) -> bytes:
     """The log as MCAP in SI. A missing sample is a field left out."""
     _, writer_class = _mcap(log.label)
-    stream = io.BytesIO()
-    writer = writer_class(stream)
-    writer.start(library=LIBRARY)
-    places = _places(log)
-    channels = {topic: _channel(writer, topic, fields, log) for topic, fields in places.items()}
     start = min(0.0, float(log.time.min()))  # MCAP has no time before 0
     if (float(log.time.max()) - start) * 1e9 >= LATEST:
         raise InputError(f"{log.label}: column 'time': {log.time.max():g} s is beyond what MCAP can stamp")
-    columns = {"time": log.time.tolist()} | {name: values.tolist() for name, values in log.signals.items()}
+    units, columns = {"time": "s"} | log.units, {"time": log.time.tolist()}
+    topics: dict[str, dict[str, str]] = {"/time": {BARE: "time"}}  # topic -> field -> column
+    places = {"time": ("/time", BARE)}
+    for name, values in log.signals.items():
+        kind = kind_of(name)
+        topic, field = (f"/{kind}", name[len(kind) + 1 :] or BARE) if kind else (f"/{name}", BARE)
+        if field in topics.get(topic, {}):
+            topic, field = f"/{name}", BARE
+        topics.setdefault(topic, {})[field] = name
+        places[name], columns[name] = (topic, field), values.tolist()
+    stream, channels = io.BytesIO(), {}
+    writer = writer_class(stream)
+    writer.start(library=LIBRARY)
+    for topic, fields in topics.items():
+        properties = {field: {"type": "number", "description": units[name]} for field, name in fields.items()}
+        content = json.dumps({"type": "object", "title": topic[1:], "properties": properties}).encode()
+        schema = writer.register_schema(name=f"exodrake{topic}", encoding="jsonschema", data=content)
+        channels[topic] = writer.register_channel(topic=topic, message_encoding="json", schema_id=schema)
     for row, time in enumerate(columns["time"]):
         stamp = round((time - start) * 1e9)
-        for topic, fields in places.items():
+        for topic, fields in topics.items():
             message = {field: columns[name][row] for field, name in fields.items()}
             text = json.dumps({field: value for field, value in message.items() if value == value})
             writer.add_message(channels[topic], log_time=stamp, publish_time=stamp, data=text.encode(), sequence=row)
-    units = {"time": "s"} | log.units
-    listed = {
-        name: [name, units[name], topic, field] for topic, fields in places.items() for field, name in fields.items()
-    }
-    ordered = [listed[name] for name in columns]
-    writer.add_metadata(RECORD, {"columns": json.dumps(ordered)})
+    writer.add_metadata(RECORD, {"columns": json.dumps([[name, units[name], *places[name]] for name in columns])})
     writer.finish()
     return stream.getvalue()
-
-
-def _places(log: Log) -> dict[str, dict[str, str]]:
-    """Map topic and field to a column."""
-    places: dict[str, dict[str, str]] = {"/time": {BARE: "time"}}
-    for column in log.columns:
-        kind = kind_of(column)
-        topic, field = (f"/{kind}", column[len(kind) + 1 :] or BARE) if kind else (f"/{column}", BARE)
-        if field in places.get(topic, {}):
-            topic, field = f"/{column}", BARE
-        places.setdefault(topic, {})[field] = column
-    return places
-
-
-def _channel(writer: Any, topic: str, fields: Mapping[str, str], log: Log) -> int:
-    units = {"time": "s"} | log.units
-    schema = {
-        "type": "object",
-        "title": topic[1:],
-        "properties": {field: {"type": "number", "description": units[name]} for field, name in fields.items()},
-    }
-    number = writer.register_schema(name=f"exodrake{topic}", encoding="jsonschema", data=json.dumps(schema).encode())
-    return writer.register_channel(topic=topic, message_encoding="json", schema_id=number)
 
 
 def _mcap(source: str) -> tuple[Any, Any]:

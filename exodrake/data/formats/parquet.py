@@ -79,28 +79,20 @@ def write(log: Log) -> bytes:
 
 
 def _values(column: Any) -> np.ndarray | str:
+    """A column as numbers (n,), of lists of equal length m (n, m), or its type where it is neither."""
     import pyarrow
 
-    types = pyarrow.types
-    kind = column.type
+    types, kind, count = pyarrow.types, column.type, 0
     if types.is_list(kind) or types.is_large_list(kind) or types.is_fixed_size_list(kind):
-        return _lists(column)
-    if not (types.is_floating(kind) or types.is_integer(kind) or types.is_null(kind)):
+        arrays = column.combine_chunks()
+        column = arrays.flatten() if len(arrays) else arrays
+        count = len(column) // max(len(arrays), 1)
+        if not count or arrays.null_count or any(len(one) != count for one in arrays.to_pylist()):
+            return str(kind)
+    if not (types.is_floating(column.type) or types.is_integer(column.type) or types.is_null(column.type)):
         return str(kind)
-    return column.cast(pyarrow.float64(), safe=False).fill_null(float("nan")).to_numpy()
-
-
-def _lists(column: Any) -> np.ndarray | str:
-    """A column of lists of equal length as (n, m), or its type."""
-    import pyarrow
-
-    arrays = column.combine_chunks()
-    flat = arrays.flatten() if len(arrays) else arrays
-    number = pyarrow.types.is_floating(flat.type) or pyarrow.types.is_integer(flat.type)
-    count = len(flat) // max(len(arrays), 1)
-    if not number or not count or arrays.null_count or any(len(one) != count for one in arrays.to_pylist()):
-        return str(column.type)
-    return flat.cast(pyarrow.float64(), safe=False).fill_null(float("nan")).to_numpy().reshape(-1, count)
+    values = column.cast(pyarrow.float64(), safe=False).fill_null(float("nan"))
+    return values.to_numpy(zero_copy_only=False).reshape(-1, count) if count else values.to_numpy()
 
 
 def pyarrow_of(source: str) -> tuple[Any, Any]:

@@ -1,1 +1,0 @@
-"""Foreign recordings as logs, by a mapping file."""

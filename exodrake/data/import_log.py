@@ -1,0 +1,714 @@
+"""A foreign recording as a log, by a mapping file or, of joint states, by their names.
+
+Text, MAT, HDF5, JSON, NPY, NPZ, Parquet, ROS 2 bags (MCAP or SQLite), MCAP with JSON messages and LeRobot data sets.
+The mapping file says what the columns are called, and in which units, by us:
+
+    time: {column: timestamp, unit: us, start: 0}     # start [s]: shift the clock so that the first row has this time
+    columns:                                          # foreign column: ours; SI value is value * scale + offset
+      load_cell_1: {name: tension_AF, unit: mN, scale: 0.5, offset: -12}
+      "positions[0]": {name: position_shoulder, unit: deg}             # first number of a cell that holds a list
+      "/joint_states:position[MCP]": {name: angle_MCP, unit: rad}      # bag: topic, field, element by joint name
+    derived:              # of our columns; names and units are ours, in SI
+      angle_start_MCP: {of: angle_MCP, take: first}                     # its first sample, held
+      angle_speed_MCP: {of: angle_MCP, take: rate, filter: 8}           # derivative
+      twist: {of: angle_motor, minus: angle_MCP, scale: 0.5}            # difference of two
+    sync:                 # clocks that differ: move `columns` in time until `by` fits `with` best
+      - {columns: [angle_MCP], by: angle_MCP, with: angle_ref_MCP, within: 0.5}
+    period: 0.02          # s: put the rows on frames of this length; left out, they stay as recorded
+    hold: 1               # frames a sample stays valid for when none newer has come
+    separator: ";"        # of text, default ","; a blank stands for any white space
+    decimal: ","          # default "."
+    skip: 3               # lines before the heading, default 0
+    heading: false        # no heading: columns are called 0, 1, 2 ...
+    samples: columns      # of a matrix: a column for each sample; by default where there are as many as times
+    stamp: header         # bag: the message's own stamp, not the recorder's
+
+A column may further have `sign: -1`, `wrap: 360` (a reading that starts again after so much, in the foreign unit, is
+made continuous) and `filter: 10` (zero-phase low-pass, cut-off in Hz). What it changes is noted beside the log.
+
+With `time: {period: 0.02}` instead of a column, row n starts at n times the period.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from exodrake.core.errors import InputError, nearest
+from exodrake.core.files import is_folder, read_bytes
+from exodrake.core.schema import flag, inside, listing, mapping, names, number, optional, refusal, text, whole
+from exodrake.core.text import plural
+from exodrake.core.units import check_unit, si_unit, to_si
+from exodrake.core.yaml_file import read_yaml
+from exodrake.data.formats import ending, read_log, stem
+from exodrake.data.log import (
+    LONGEST,
+    Log,
+    check_clock,
+    check_columns,
+    clock_frame,
+    heading,
+    log_from_columns,
+    other_rate,
+    refuse_doubled,
+)  # fmt: skip
+from exodrake.data.ros2 import STATE, Track, is_bag, read_bag, read_topics
+from exodrake.data.tables import TIME, TextLayout, element_names, episodes, is_dataset, read_columns, read_info, slashed
+
+BAG_PERIOD = 0.02  # s, frames of a bag whose mapping states none
+ALIKE = 0.1  # relative difference of a frame and a recording's step up to which it has one sample a frame: assumed
+ORDER = 4  # of the Butterworth filter, run forwards and backwards
+LEAST = 0.3  # correlation below which two signals tell no delay: assumed
+JITTER = 0.05  # of a step by which a clock may vary for a filter: assumed
+FINEST = 200_000  # samples on which two signals are compared
+RATES = {"rad": "rad/s", "m": "m/s", "N": "N/s", "rad/s": "rad/s2", "m/s": "m/s2", "s": "-"}
+ROUNDED = 1e-3  # of a frame: POSIX times as floats are rounded to a quarter of a microsecond
+
+COMMAND, MEASURED = "action", "observation.state"  # of a LeRobot data set
+COMMANDS = ("command", "cmd", "desired", "reference", "target", "goal", "setpoint")  # in the name of a topic
+KINDS = {"position": "angle", "velocity": "angle_speed", "effort": "effort"}
+UNITS = {"position": "rad", "velocity": "rad/s", "effort": "N m"}  # REP 103; a sliding joint is another matter
+LARGEST, SHORTEST = 1e300, 1e-9  # of a finite number; s, a tick of the finest recorder
+
+
+def column_name(value: Any, where: str) -> str:
+    """A foreign column's name, or its number in a table without heading."""
+    return str(value) if isinstance(value, int) and not isinstance(value, bool) else text()(value, where)
+
+
+FINITE = number(low=-LARGEST, high=LARGEST)
+POSITIVE = number(above=0.0, high=LARGEST)
+STEP = number(low=SHORTEST, high=LARGEST, unit="s")
+CHANGES = {"scale": FINITE, "offset": FINITE, "filter": POSITIVE}
+COLUMN = {"name": text(), "unit": text(), "sign": FINITE, "wrap": POSITIVE} | CHANGES
+DERIVED = {"of": text(), "take": text(("first", "rate")), "minus": text(), "unit": text()} | CHANGES
+SYNC = {"columns": listing(text(), least=1), "by": text(), "with": text(), "within": STEP}
+TIME_KEYS = {"column": optional(column_name), "unit": text(), "start": optional(FINITE), "period": optional(STEP)}
+PLAIN = {
+    "hold": whole(), "separator": text(length=1), "decimal": text(length=1), "skip": whole(), "heading": flag,
+    "samples": text(("rows", "columns")), "stamp": text(("log", "header")),
+}  # fmt: skip
+SCHEMA = mapping(
+    {
+        "time": optional(mapping(TIME_KEYS)),
+        "columns": names(mapping(COLUMN, required=("name", "unit")), least=1),
+        "derived": optional(names(mapping(DERIVED, required=("of",)))),
+        "sync": optional(listing(mapping(SYNC, required=tuple(SYNC)))),
+        "period": optional(STEP),
+        **PLAIN,
+    },
+    required=("columns",),
+)
+
+
+@dataclass(frozen=True)
+class Column:
+    """A foreign column and the log column that it becomes: sign (value * scale + offset), converted from its unit.
+
+    Attributes:
+        foreign: name of the foreign column.
+        name: name of the log column.
+        unit: foreign unit.
+        scale: factor on the value.
+        offset: added after the factor [foreign unit].
+        sign: 1 or -1.
+        wrap: value at which readings start again [foreign unit]; None if they do not.
+        filter: cut-off of a zero-phase low-pass [Hz]; None for none.
+    """
+
+    foreign: str
+    name: str
+    unit: str
+    scale: float = 1.0
+    offset: float = 0.0
+    sign: float = 1.0
+    wrap: float | None = None
+    filter: float | None = None
+
+
+@dataclass(frozen=True)
+class Derived:
+    """A column made from one of ours: (take(of) - minus) scale + offset [SI], low-passed at `filter` [Hz]."""
+
+    name: str
+    of: str
+    take: str = ""
+    minus: str = ""
+    scale: float = 1.0
+    offset: float = 0.0
+    filter: float | None = None
+    unit: str = ""
+
+
+@dataclass(frozen=True)
+class Sync:
+    """Columns that are moved in time, at most `within` [s], until column `by` of them correlates best with `to`."""
+
+    columns: tuple[str, ...]
+    by: str
+    to: str
+    within: float
+
+
+@dataclass(frozen=True)
+class Mapped(TextLayout):
+    """Content of a mapping file.
+
+    Attributes:
+        columns: foreign columns and the log columns that they become.
+        time: foreign column of the time; None where `time_period` counts rows.
+        time_unit: foreign unit of the time.
+        time_period: time between two rows [s]; None where there is a column of the time.
+        start: time at which the log starts [s]; None: as recorded.
+        period: frame period of the log [s]; None leaves rows as recorded.
+        hold: frames for which a sample stays valid.
+        stamp: time of the messages of a bag: "log" (recorder) or "header" (message).
+        samples: "rows" or "columns" of a matrix; None: by its shape.
+        derived: columns made from others.
+        sync: columns that are moved in time.
+    """
+
+    columns: tuple[Column, ...]
+    time: str | None = None
+    time_unit: str = "s"
+    time_period: float | None = None
+    start: float | None = None
+    period: float | None = None
+    hold: int = 1
+    stamp: str = "log"
+    samples: str | None = None
+    derived: tuple[Derived, ...] = ()
+    sync: tuple[Sync, ...] = ()
+
+    @property
+    def foreign(self) -> list[str]:
+        """Foreign columns that must be there."""
+        return [*(column.foreign for column in self.columns), *([self.time] if self.time is not None else [])]
+
+
+def read_mapping(path: str | Path) -> Mapped:
+    """Reads and checks a mapping file.
+
+    Raises:
+        InputError: naming file and key, also for a unit that does not suit its column, a name that comes twice, a
+            derived column of one that is not above it, and columns of `sync` that are not there.
+    """
+    content = SCHEMA(read_yaml(path), str(path))
+    time = content.get("time") or {}
+    check_unit("time", time.get("unit", "s"), f"{path}, 'time'")
+    columns, derived, syncs, known = [], [], [], ["time"]
+    for foreign, item in content["columns"].items():
+        where, name = inside(f"{path}, 'columns'", foreign), item["name"].strip()
+        if not name or not item["unit"].strip():
+            raise refusal(where, f"key {'unit' if name else 'name'!r} is missing")
+        check_unit(name, item["unit"], where)
+        if abs(item.get("sign", 1.0)) != 1.0:
+            raise refusal(inside(where, "sign"), f"wanted 1 or -1, found {item['sign']:g}")
+        if name in known:
+            raise refusal(where, f"{name!r} is the name of more than one column")
+        known.append(name)
+        columns.append(Column(foreign, **{**item, "name": name}))
+    for name, item in (content.get("derived") or {}).items():
+        where = inside(f"{path}, 'derived'", name)
+        for key in ("of", "minus"):
+            if key in item and item[key] not in known[1:]:
+                raise refusal(where, f"{item[key]!r} is no column above it{nearest(item[key], known[1:])}")
+        if name in known:
+            raise refusal(where, "is the name of another column")
+        if item.get("unit"):
+            check_unit(name, item["unit"], where)
+        known.append(name)
+        derived.append(Derived(name, **item))
+    ours = [column.name for column in columns]
+    for item in content.get("sync") or ():
+        where = f"{path}, 'sync'"
+        for name in (*item["columns"], item["by"], item["with"]):
+            if name not in ours:
+                raise refusal(where, f"{name!r} is no column{nearest(name, ours)}")
+        if item["by"] not in item["columns"] or item["with"] in item["columns"]:
+            raise refusal(where, "`by` is one of the columns that are moved, and `with` is none of them")
+        syncs.append(Sync(tuple(item["columns"]), item["by"], item["with"], item["within"]))
+    return Mapped(
+        columns=tuple(columns),
+        time=time.get("column"),
+        time_unit=time.get("unit", "s"),
+        time_period=time.get("period"),
+        start=time.get("start"),
+        period=content.get("period"),
+        derived=tuple(derived),
+        sync=tuple(syncs),
+        **{key: content[key] for key in PLAIN if key in content},
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Imported:
+    """A log, and what was done to its signals beyond names and units, in sentences."""
+
+    log: Log
+    notes: tuple[str, ...]
+
+
+def import_log(file: str | Path, map_file: str | Path) -> Log:
+    """A foreign recording in our names and SI.
+
+    InputError names the file and the column or key for what is not there, not a number, or on a clock that steps
+    backwards or stands still. Rows that repeat the time of the row before are dropped (recorders often sample faster
+    than the clock ticks); `import_recording` says how many.
+    """
+    return import_recording(file, read_mapping(map_file)).log
+
+
+def import_recording(file: str | Path, mapped: Mapped) -> Imported:
+    """`import_log` by a mapping that is read already, with notes."""
+    if is_bag(file):
+        tracks = read_bag(file, [column.foreign for column in mapped.columns], mapped.stamp)
+        mapped = replace(mapped, period=mapped.period or BAG_PERIOD)  # topics have clocks of their own
+        tracks, notes = sort_tracks(tracks, mapped.period or BAG_PERIOD, str(file))
+    else:
+        tracks, notes = _one_clock(read_columns(read_bytes(file), str(file), mapped), mapped, str(file))
+    return make_log(tracks, mapped, str(file), notes)
+
+
+def import_all(
+    path: Path, mapped: Mapped | None, unit: str = "", chosen: frozenset[int] = frozenset()
+) -> dict[str, Imported]:
+    """Every log of a recording by name: one of a file or bag, one for each episode of a LeRobot data set.
+
+    Args:
+        path: recording.
+        mapped: mapping; None: that of joint states, or of actions and states.
+        unit: of the joints of a LeRobot data set without a mapping.
+        chosen: episodes; all if empty.
+
+    Raises:
+        InputError: as `import_log`, and for a recording that needs a mapping.
+    """
+    if is_dataset(path):
+        mapped = mapped or default_dataset_mapping(path, unit)
+        found = {}
+        for number, (name, columns) in enumerate(episodes(path)):
+            if number in chosen or not chosen:
+                where = f"{path}, {name}"
+                tracks, notes = _one_clock(columns, mapped, where)
+                found[name] = make_log(tracks, mapped, where, notes)
+        if not found:
+            raise InputError(f"{path}: none of the episodes of --episodes")
+        return found
+    if unit or chosen:
+        raise InputError(f"{path}: no LeRobot data set, so neither --unit nor --episodes says anything")
+    refuse_folder(path)
+    if mapped is None and ending(path) and not is_bag(path):
+        return {stem(path): Imported(read_log(path), ())}
+    if mapped is None and not is_bag(path):
+        raise InputError(f"{path}: wanted --map FILE; without --out, import lists the columns")
+    return {stem(path): import_recording(path, mapped or default_bag_mapping(path))}
+
+
+def frame_period(logs: Sequence[Log], mapped: Mapped | None, frame: float) -> float:
+    """Frame period [s] of a case of imported logs.
+
+    Args:
+        logs: the logs of the case.
+        mapped: mapping; the period that it states holds.
+        frame: frame of the machine [s], taken if every log has one row in each; else that of the first one's clock.
+
+    Raises:
+        InputError: for a first log of a single row, unless the mapping states a period.
+    """
+    if mapped is not None and mapped.period is not None:
+        return mapped.period
+    measured = round(clock_frame(logs[0]), 9)
+    for log in (log for log in logs if len(log) > 1):
+        frames = np.concatenate([[0], np.cumsum(np.rint(np.diff(log.time) / frame))])
+        if abs(log.dt / frame - 1.0) >= ALIKE or other_rate(log.time, frames, frame) is not None:
+            return measured
+    return frame
+
+
+def refuse_folder(path: Path) -> None:
+    """InputError for a folder that holds no bag."""
+    if is_folder(path) and not is_bag(path):
+        raise InputError(f"{path}: a folder without a ROS 2 bag or a LeRobot data set; wanted one, or a file")
+
+
+def make_log(tracks: dict[str, Track], mapped: Mapped, source: str, notes: Sequence[str] = ()) -> Imported:
+    """Foreign columns with their clocks, in order of time, as a log of ours; `notes`: what was done to them before."""
+    ours = {}
+    for column in mapped.columns:
+        values = tracks[column.foreign].values.copy()
+        if column.wrap is not None:  # readings start again: made continuous
+            there = np.isfinite(values)
+            values[there] = np.unwrap(values[there], period=column.wrap)
+        values = column.sign * (values * column.scale + column.offset)
+        ours[column.name] = Track(tracks[column.foreign].time, to_si(values, column.unit, source))
+    if mapped.start is not None:  # before frames are laid, since stamps since 1970 have few digits below a microsecond
+        first = min((track.time.min() for track in ours.values() if len(track.time)), default=0.0)
+        ours = {name: Track(track.time - first + mapped.start, track.values) for name, track in ours.items()}
+    ours, moved = synchronise(ours, mapped.sync, source)
+    notes = [*notes, *moved]
+    if mapped.period is not None:
+        time, values, lost = _on_frames(ours, mapped.period, mapped.hold, source)
+        notes += lost
+    else:
+        late = {name for entry in mapped.sync for name in entry.columns}  # interpolated on the clock of the others
+        time = next(track.time for name, track in ours.items() if name not in late)
+        if not len(time):
+            raise InputError(f"{source}: no rows")
+        values = {name: track.values for name, track in ours.items()}
+        for name in late:
+            values[name] = np.interp(time, ours[name].time, ours[name].values, left=np.nan, right=np.nan)
+    units = {column.name: si_unit(column.unit) for column in mapped.columns}
+    for column in mapped.columns:
+        if column.filter is not None:
+            values[column.name] = low_pass(time, values[column.name], column.filter, f"{source}: {column.name}")
+    for column in mapped.derived:
+        values[column.name], units[column.name] = derive_column(column, time, values, units, source)
+    log = log_from_columns(
+        [("time [s]", time), *((heading(name, units[name]), values[name]) for name in units)], source
+    )
+    check_columns(log, log.columns)
+    check_clock(log)
+    notes += filter(None, map(describe_conversion, (*mapped.columns, *mapped.derived)))
+    return Imported(log, tuple(notes))
+
+
+def sort_tracks(tracks: dict[str, Track], period: float, source: str) -> tuple[dict[str, Track], list[str]]:
+    """Tracks of a bag, each in order of its stamps, and notes on those that were not.
+
+    Messages overtake each other on their way by less than a frame of `period` [s]. InputError for a clock that steps
+    further back, and for one that stands still.
+    """
+    ordered, notes = {}, dict[str, None]()
+    for name, track in tracks.items():
+        topic, times = f"topic {name.partition(':')[0]!r}", track.time
+        if len(times) > 1 and times.min() == times.max():
+            raise InputError(
+                f"{source}: {topic}: its clock stands still, all {len(times)} messages at {times[0]:.10g} s"
+            )
+        latest = np.maximum.accumulate(times) if len(times) else times
+        late = np.flatnonzero(times < latest)
+        if len(late):
+            at = int(np.argmax(latest - times))
+            if latest[at] - times[at] > period:
+                first = int(np.flatnonzero(latest - times > period)[0])
+                raise InputError(
+                    f"{source}: {topic}: the clock steps backwards by {latest[at] - times[at]:.6g} s, at message "
+                    f"{first + 1}, {times[first]:.10g} s after {latest[first]:.10g} s; cut the bag there"
+                )
+            count = f"{len(late)} {plural(len(late), 'message')}"
+            first = f"the first is message {late[0] + 1} at {times[late[0]]:.10g} s"
+            notes[f"{topic}: {count} out of order, {first}, sorted by their stamps"] = None
+        order = np.argsort(times, kind="stable")
+        ordered[name] = Track(times[order], track.values[order])
+    return ordered, list(notes)
+
+
+def _one_clock(table: dict[str, np.ndarray], mapped: Mapped, source: str) -> tuple[dict[str, Track], list[str]]:
+    """Mapped columns of a table, on its time column or, without one, on its row number; notes on rows left out."""
+    wanted = [column.foreign for column in mapped.columns] + ([mapped.time] if mapped.time else [])
+    names = {name: slashed(name, table) for name in wanted}
+    for name, found in names.items():
+        if found not in table:
+            raise InputError(f"{source}: no column {name!r} (it has {', '.join(table)[:400]})")
+    if mapped.time is not None:
+        time = to_si(table[names[mapped.time]], mapped.time_unit, source)
+    elif mapped.time_period is not None:
+        time = mapped.time_period * np.arange(len(table[names[mapped.columns[0].foreign]]))
+    else:
+        raise InputError(f"{source}: the mapping file names no time: wanted time: {{column: ..., unit: s}}")
+    missing = np.flatnonzero(~np.isfinite(time))
+    if len(missing):
+        raise InputError(f"{source}: time column {mapped.time!r}, row {int(missing[0]) + 1}: empty or not finite")
+    lengths = {column.foreign: len(table[names[column.foreign]]) for column in mapped.columns}
+    for name, length in lengths.items():
+        if length != len(time):
+            raise InputError(f"{source}: column {name!r} has {length} samples, time has {len(time)}")
+    backward = np.flatnonzero(np.diff(time) < 0)
+    if len(backward):
+        row = int(backward[0])
+        after = f"{time[row + 1]:.10g} s does not come after {time[row]:.10g} s"
+        raise InputError(f"{source}: time column {mapped.time!r}, row {row + 2}: {after}; cut the recording there")
+    fresh = np.concatenate([np.ones(min(1, len(time)), dtype=bool), np.diff(time) != 0])
+    if len(time) > 1 and fresh.sum() == 1:
+        raise InputError(
+            f"{source}: time column {mapped.time!r}: the clock stands still, all {len(time)} rows at {time[0]:.10g} s"
+        )
+    notes = []
+    if not fresh.all():
+        row = int(np.flatnonzero(~fresh)[0])
+        notes.append(
+            f"{int((~fresh).sum())} of {len(time)} rows have the time of the row before and are dropped, the first is "
+            f"row {row + 1} at {time[row]:.10g} s"
+        )
+    return {name: Track(time[fresh], table[names[name]][fresh]) for name in lengths}, notes
+
+
+def _on_frames(
+    tracks: dict[str, Track], period: float, hold: int, source: str
+) -> tuple[np.ndarray, dict[str, np.ndarray], list[str]]:
+    """Frames from the first sample to the last, and notes; a frame carries the newest sample taken before its end.
+
+    A sample older than `hold` frames before the frame's start is stale, and the frame is left empty. Where a clock has
+    about one sample a frame, frames lie about their samples, so that jitter of the clock neither loses nor repeats one.
+    """
+    start = min(track.time.min() for track in tracks.values())
+    end = max(track.time.max() for track in tracks.values())
+    if (end - start) / period > 1e7:
+        raise InputError(
+            f"{source}: {end - start:.6g} s are too many frames of {period:g} s; is the unit of time right?"
+        )
+    count = int(np.floor((end - start) / period + ROUNDED)) + 1
+    if count > LONGEST * (max(len(track.time) for track in tracks.values()) + LONGEST):
+        raise InputError(
+            f"{source}: {count} frames of {period:g} s, far more than samples; cut it where its clock jumps"
+        )
+    time = start + period * np.arange(count)
+    step = median_step(np.unique(np.concatenate([track.time for track in tracks.values()])))
+    begin = time - 0.5 * period if abs(step / period - 1.0) < ALIKE else time
+    values, said = {}, dict[str, list[str]]()
+    for name, track in tracks.items():
+        newest = np.searchsorted(track.time, begin + period * (1 - ROUNDED), side="left") - 1
+        fresh = (newest >= 0) & (track.time[newest] >= begin - period * (hold + ROUNDED))
+        values[name] = np.where(fresh, track.values[newest], np.nan)
+        taken = np.where(fresh, newest, -1)
+        left = np.setdiff1d(np.arange(len(track.time)), taken)
+        again = np.flatnonzero((np.diff(taken) == 0) & (taken[1:] >= 0)) + 1
+        empty = np.flatnonzero(taken < 0)
+        parts = [
+            f"{what}, the first at {at[0]:.10g} s"
+            for what, at in (
+                (f"{len(left)} dropped for a newer one in the same frame", track.time[left]),
+                (f"the sample before again in {len(again)}", time[again]),
+                (f"{len(empty)} left empty", time[empty]),
+            )
+            if len(at)
+        ]
+        if parts:
+            frames = f"{len(track.time)} samples on {len(time)} frames of {period * 1e3:g} ms"
+            said.setdefault(f"{frames}: {'; '.join(parts)}", []).append(name)
+    return time, values, [f"{', '.join(names)}: {note}" for note, names in said.items()]
+
+
+def median_step(time: np.ndarray) -> float:
+    """Median step of a clock (n,) [s]; infinite with a single sample."""
+    return float(np.median(np.diff(time))) if len(time) > 1 else float("inf")
+
+
+def low_pass(time: np.ndarray, values: np.ndarray, cutoff: float, where: str) -> np.ndarray:
+    """Values (n,) through a zero-phase Butterworth low-pass; a missing sample stays missing.
+
+    Args:
+        time: (n,) [s], evenly spaced.
+        values: (n,) in any unit.
+        cutoff: where the amplitude falls to a half [Hz], since the filter runs both ways.
+        where: column, for messages.
+
+    Raises:
+        InputError: for a clock that is not even, a cut-off that it cannot hold, and too few samples.
+    """
+    from scipy.signal import butter, sosfiltfilt
+
+    steps, known = np.diff(time), np.isfinite(values)
+    if len(time) < 8 * ORDER or known.sum() < 2:
+        raise InputError(f"{where}: {int(known.sum())} samples, too few for a filter")
+    step = float(np.median(steps))
+    if np.abs(steps - step).max() > JITTER * step:
+        raise InputError(f"{where}: a filter wants an even clock; put the rows on frames with `period`")
+    if cutoff >= 0.5 / step:
+        raise InputError(f"{where}: filter: {cutoff:g} Hz, wanted below half the sampling rate, {0.5 / step:g} Hz")
+    if cutoff * (time[-1] - time[0]) < 1.0:
+        slowest = 1.0 / (time[-1] - time[0])
+        raise InputError(f"{where}: filter: {cutoff:g} Hz, wanted above one period in the log, {slowest:.3g} Hz")
+    filled = np.interp(time, time[known], values[known])
+    sections = butter(ORDER, 2.0 * step * cutoff, output="sos")
+    return np.where(known, sosfiltfilt(sections, filled), np.nan)
+
+
+def derive_column(
+    column: Derived, time: np.ndarray, values: Mapping[str, np.ndarray], units: Mapping[str, str], source: str
+):
+    """Values (n,) [SI] of a derived column, and its unit."""
+    found, unit = values[column.of], units[column.of]
+    if column.minus:
+        if units[column.minus] != unit:
+            raise InputError(
+                f"{source}: {column.name}: {column.of} is in {unit}, {column.minus} in {units[column.minus]}"
+            )
+        found = found - values[column.minus]
+    if column.take == "first":
+        known = found[np.isfinite(found)]
+        if not len(known):
+            raise InputError(f"{source}: {column.name}: {column.of} is empty")
+        found = np.full(len(found), known[0])
+    if column.filter is not None:
+        found = low_pass(time, found, column.filter, f"{source}: {column.name}")
+    if column.take == "rate":
+        if len(time) < 3:
+            raise InputError(f"{source}: {column.name}: {len(time)} rows, too few for a derivative")
+        found, unit = np.gradient(found, time), RATES.get(unit, "")
+    unit = si_unit(column.unit) if column.unit else unit
+    if not unit:
+        raise InputError(f"{source}: {column.name}: state its SI unit, `unit: ...`")
+    return found * column.scale + column.offset, unit
+
+
+def find_lag(moved: Track, fixed: Track, within: float, where: str) -> tuple[float, float]:
+    """Lag of one signal behind another [s] and their correlation at that lag, by the largest cross-correlation.
+
+    Each lag is judged on the same stretch of the fixed signal, by the correlation coefficient.
+
+    Args:
+        moved: signal that may be late.
+        fixed: signal whose clock counts.
+        within: largest lag either way [s].
+        where: names both, for messages.
+
+    Raises:
+        InputError: if they do not overlap, do not move, or are not alike at any lag.
+    """
+    from scipy.signal import correlate
+
+    def known(track: Track) -> Track:
+        order = np.argsort(track.time, kind="stable")
+        order = order[np.isfinite(track.values[order])]
+        return Track(track.time[order], track.values[order])
+
+    a, b = known(moved), known(fixed)
+    step = min(median_step(t.time) for t in (a, b))
+    start = max(a.time[0] + within, b.time[0]) if len(a.time) and len(b.time) else np.inf
+    end = min(a.time[-1] - within, b.time[-1]) if start < np.inf else -np.inf
+    if not (step < np.inf and end - start > 2.0 * within):
+        raise InputError(f"{where}: they overlap too little to be compared within {within:g} s")
+    step = max(step, (end - start) / FINEST)
+    reach = max(int(within / step), 1)
+    times = start + step * np.arange(int((end - start) / step))
+    wide = start + step * np.arange(-reach, len(times) + reach)
+    late, here = np.interp(wide, a.time, a.values), np.interp(times, b.time, b.values)
+    late, here = late - late.mean(), here - here.mean()
+    ones = np.ones(len(here))
+    sums, squares = (correlate(x, ones, mode="valid", method="fft") for x in (late, late**2))
+    spread = np.sqrt(np.maximum(squares - sums**2 / len(here), 0.0)) * np.linalg.norm(here)
+    if not spread.min() > 1e-9 * max(spread.max(), np.linalg.norm(here) ** 2 * 1e-9):
+        raise InputError(f"{where}: one of them does not move")
+    course = np.abs(correlate(late, here, mode="valid", method="fft")) / spread
+    at = int(course.argmax())
+    if course[at] < LEAST:
+        raise InputError(f"{where}: correlation {course[at]:.2f} at best, so the lag is unknown")
+    offset = 0.0
+    if 0 < at < len(course) - 1:  # vertex of the parabola through the largest sample and its neighbours
+        before, top, after = course[at - 1 : at + 2]
+        bend = before - 2.0 * top + after
+        offset = float(0.5 * (before - after) / bend) if bend < 0.0 else 0.0
+    return (at + offset - reach) * step, float(course[at])
+
+
+def synchronise(tracks: dict[str, Track], entries: tuple[Sync, ...], source: str) -> tuple[dict[str, Track], list[str]]:
+    """Tracks with the columns of each entry moved in time, and a note on each.
+
+    InputError as `find_lag`.
+    """
+    moved, notes = dict(tracks), []
+    for entry in entries:
+        where = f"{source}: sync of {entry.by} with {entry.to}"
+        lag, correlation = find_lag(moved[entry.by], moved[entry.to], entry.within, where)
+        for name in entry.columns:
+            moved[name] = Track(moved[name].time - lag, moved[name].values)
+        names, shift = ", ".join(entry.columns), f"{-1e3 * lag:+.3g} ms"
+        notes.append(
+            f"{names}: moved by {shift} to fit {entry.to} (correlation {correlation:.3f}), so a delay between them, "
+            "of a clock or real, is gone"
+        )
+    return moved, notes
+
+
+def describe_conversion(column: Column | Derived) -> str | None:
+    """Note on the conversions of a column beyond its unit, in one sentence; None for none."""
+    done = []
+    if isinstance(column, Derived) and column.take != "first":
+        minus = f" minus {column.minus}" if column.minus else ""
+        word = "the derivative of " if column.take else ""
+        done.append(f"{word}{column.of}{minus}")
+    elif isinstance(column, Column) and column.wrap is not None:
+        done.append(f"made continuous where readings start again after {column.wrap:g}")
+    if getattr(column, "sign", 1.0) < 0.0:
+        done.append("sign turned")
+    if column.filter is not None:
+        done.append(f"low-passed at {column.filter:g} Hz without phase, so its fast noise is not the sensor's")
+    return f"{column.name}: {', '.join(done)}" if done else None
+
+
+def default_bag_mapping(path: str | Path) -> Mapped:
+    """Joint states by their names: positions as angles, or as commands where the topic's name says so.
+
+    Raises:
+        InputError: for a bag without joint states.
+    """
+    columns: dict[str, Column] = {}
+    for topic, (kind, _, fields) in read_topics(path).items():
+        if kind.replace("/msg/", "/") != STATE.replace("/msg/", "/"):
+            continue
+        commanded = any(word in topic.lower() for word in COMMANDS)
+        for field in fields or ():
+            what, _, joint = field.rstrip("]").partition("[")
+            if what not in KINDS:
+                continue
+            ours = f"{KINDS[what]}{'_ref' if commanded and what != 'velocity' else ''}_{joint_name(joint)}"
+            found = Column(f"{topic}:{field}", ours, UNITS[what])
+            if (other := columns.setdefault(ours, found)) is not found:
+                raise InputError(
+                    f"{path}: {other.foreign!r} and {found.foreign!r} are both {ours}; write a mapping file that takes "
+                    "one of them"
+                )
+    if not columns:
+        raise InputError(
+            f"{path}: no topic of {STATE} with positions; write a mapping file (import without --out lists)"
+        )
+    starts = tuple(
+        Derived(name.replace("angle_", "angle_start_", 1), name, take="first")
+        for name in columns
+        if name.startswith("angle_") and not name.startswith(("angle_ref_", "angle_speed_"))
+    )
+    first = next(iter(columns.values())).foreign
+    steps = np.diff(read_bag(path, [first], "header")[first].time)
+    period = float(f"{np.median(steps):.3g}") if len(steps) and np.median(steps) > 0.0 else None
+    return Mapped(tuple(columns.values()), start=0.0, stamp="header", derived=starts, period=period)
+
+
+def default_dataset_mapping(path: Path, unit: str) -> Mapped:
+    """Actions as commands and states as angles of a LeRobot data set, in a unit that it does not state.
+
+    Raises:
+        InputError: without a unit, or for a data set whose actions and states are not the same joints.
+    """
+    info = read_info(path)
+    if not unit:
+        raise InputError(f"{path}: a LeRobot data set states no unit of its joints; --unit deg, for instance")
+    command, measured = element_names(info, COMMAND), element_names(info, MEASURED)
+    if not command or command != measured:
+        raise InputError(f"{path}: {COMMAND} and {MEASURED} do not name the same joints; write a mapping file")
+    joints = [joint_name(name) for name in command]
+    refuse_doubled(joints, f"{path}: joints of {COMMAND}")
+    columns = tuple(
+        Column(f"{foreign}[{name}]", f"{kind}_{joint}", unit)
+        for name, joint in zip(command, joints)
+        for foreign, kind in ((COMMAND, "angle_ref"), (MEASURED, "angle"))
+    )
+    starts = tuple(Derived(f"angle_start_{joint}", f"angle_{joint}", take="first") for joint in joints)
+    return Mapped(columns, time=TIME, start=0.0, period=1.0 / float(info["fps"]), derived=starts)
+
+
+def joint_name(name: str) -> str:
+    """`shoulder_pan.pos` as a channel: `shoulderPan`."""
+    bare = name
+    for suffix in (".pos", "_pos", ".position"):
+        bare = bare.removesuffix(suffix)
+    words = [word for word in re.split("[-._]", bare) if word]
+    if not words:
+        raise InputError(f"{name!r} is no name of a joint; write a mapping file")
+    return words[0] + "".join(word[0].upper() + word[1:] for word in words[1:])

@@ -1,0 +1,278 @@
+"""Messages of topics: ROS 2 bags in MCAP or SQLite storage, and MCAP with JSON messages. Needs the extra `mcap`.
+
+A column is `TOPIC:FIELD`: `/joint_states:position[MCP]` (the element whose `name` is MCP), `/joint_states:effort[0]`,
+`/wrench:wrench.force.z`, `/speed_command:data`; a field of JSON stands by the same rules. Definitions of ROS messages
+come from the bag; older SQLite bags hold none, and only the common types of `DEFINITIONS` can be read from them.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+import re
+import sqlite3
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache, partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from exodrake.core.errors import InputError
+from exodrake.core.files import is_folder, read_bytes
+from exodrake.core.json_file import parse_json
+from exodrake.data.formats import read_apart
+from exodrake.data.formats.mcap import is_log
+
+MCAP, SQLITE = ".mcap", ".db3"
+STATE = "sensor_msgs/msg/JointState"
+PART = f"{'=' * 80}\nMSG: "
+HEADER = (
+    f"{PART}std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n"
+    f"{PART}builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n"
+)
+DEFINITIONS = {
+    STATE: f"std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n{HEADER}",
+    "geometry_msgs/msg/WrenchStamped": "std_msgs/Header header\ngeometry_msgs/Wrench wrench\n"
+    f"{PART}geometry_msgs/Wrench\ngeometry_msgs/Vector3 force\ngeometry_msgs/Vector3 torque\n"
+    f"{PART}geometry_msgs/Vector3\nfloat64 x\nfloat64 y\nfloat64 z\n{HEADER}",
+    "std_msgs/msg/Float64": "float64 data\n",
+    "std_msgs/msg/Float32": "float32 data\n",
+    "std_msgs/msg/Float64MultiArray": "std_msgs/MultiArrayLayout layout\nfloat64[] data\n"
+    f"{PART}std_msgs/MultiArrayLayout\nstd_msgs/MultiArrayDimension[] dim\nuint32 data_offset\n"
+    f"{PART}std_msgs/MultiArrayDimension\nstring label\nuint32 size\nuint32 stride\n",
+}
+Topic = tuple[str, int, list[str] | None]  # type, number of messages, fields; None: they cannot be decoded
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """A foreign column with a clock of its own: time (n,) [s], values (n,) in the foreign unit."""
+
+    time: np.ndarray
+    values: np.ndarray
+
+
+def is_bag(path: str | Path) -> bool:
+    """Whether a path is a bag: a file of its storage, or a folder that holds such; a log of ours in MCAP is none."""
+    return bool(bag_files(path))
+
+
+def bag_files(path: str | Path) -> list[Path]:
+    """Files of a bag, in order: `bag_10` after `bag_9`."""
+
+    def by_number(file: Path) -> list[tuple[int, str]]:
+        return [(int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"([0-9]{1,18})", file.name)]
+
+    files = sorted(Path(path).iterdir(), key=by_number) if is_folder(path) else [Path(path)]
+    return [file for file in files if file.name.lower().endswith((MCAP, SQLITE)) and not is_log(file)]
+
+
+def read_bag(path: str | Path, columns: Sequence[str], stamp: str) -> dict[str, Track]:
+    """Column -> samples with their times [s] of a bag; a bag of several files as one."""
+    read = partial(read_tracks, columns=list(columns), stamp=stamp)
+    parts = [read_apart(read, read_bytes(file), str(file), "MCAP or SQLite") for file in bag_files(path)]
+    for column in columns:
+        if not any(len(part[column].time) for part in parts):
+            raise InputError(
+                f"{path}: no message on topic {column.partition(':')[0]!r} gives column {column!r}, which is empty"
+            )
+    return {
+        column: Track(*(np.concatenate([getattr(p[column], key) for p in parts]) for key in ("time", "values")))
+        for column in columns
+    }
+
+
+def read_topics(path: str | Path) -> dict[str, Topic]:
+    """Topic -> type, number of messages, and numeric fields of its first message, as columns name them.
+
+    The fields are None where the messages cannot be decoded.
+    """
+    found: dict[str, Topic] = {}
+    for file in bag_files(path):
+        for topic, (kind, count, fields) in read_apart(
+            list_topics, read_bytes(file), str(file), "MCAP or SQLite"
+        ).items():
+            before = found.get(topic, (kind, 0, fields))
+            found[topic] = kind, before[1] + count, before[2] or fields
+    return found
+
+
+def read_tracks(data: bytes, source: str, columns: Sequence[str], stamp: str) -> dict[str, Track]:
+    """Column -> samples with their times [s]; stamp `log` is the recorder's time, `header` the message's own.
+
+    InputError names the topic or field that is not there; a damaged bag; a message that cannot be decoded.
+    """
+    wanted: dict[str, list[str]] = {}
+    for column in columns:
+        topic, _, field = column.partition(":")
+        if not field:
+            raise InputError(f"{source}: column {column!r}: wanted TOPIC:FIELD, like '/joint_states:position[MCP]'")
+        wanted.setdefault(topic, []).append(field)
+    samples: dict[str, tuple[list[float], list[float]]] = {column: ([], []) for column in columns}
+    for topic, _, message, log_time in messages(data, source, set(wanted)):
+        where, time = f"{source}: topic {topic!r}", log_time * 1e-9
+        if stamp == "header":
+            own = _get(_get(message, "header"), "stamp") or _get(message, "timestamp")  # of ROS, of Foxglove's JSON
+            try:
+                time = float(_get(own, "sec", math.nan)) + 1e-9 * float(_get(own, "nanosec", _get(own, "nsec", 0)))
+            except (TypeError, ValueError, OverflowError):
+                time = math.nan
+            if not math.isfinite(time):
+                raise InputError(f"{where} has no header stamp; leave `stamp: header` out")
+        for field in wanted[topic]:
+            value = _field(message, field, where)
+            if value is not None:
+                times, values = samples[f"{topic}:{field}"]
+                times.append(time)
+                values.append(value)
+    return {column: Track(np.array(times), np.array(values)) for column, (times, values) in samples.items()}
+
+
+def list_topics(data: bytes, source: str) -> dict[str, Topic]:
+    """`read_topics` of one file, in this process."""
+    found: dict[str, Topic] = {}
+    for topic, kind, message, _ in messages(data, source, None):
+        _, count, fields = found.get(topic, (kind, 0, None))
+        found[topic] = kind, count + 1, numeric_fields(message) if fields is None and message is not None else fields
+    return found
+
+
+def _get(message: Any, name: str, default: Any = None) -> Any:
+    """A field of a message, which is an object of ROS or a mapping of JSON."""
+    return message.get(name, default) if isinstance(message, dict) else getattr(message, name, default)
+
+
+def _labels(owner: Any, values: Any) -> list[str]:
+    """What a message calls the elements of one of its lists: by their own `name`, or by a list of names beside it."""
+    own = (
+        [_get(one, "name") for one in values]
+        if isinstance(values, list) and _get(next(iter(values), 0), "name")
+        else []
+    )
+    if own and all(isinstance(name, str) for name in own):
+        return own
+    beside = (_get(owner, key) for key in ("name", "joint_names", "names"))
+    return [str(name) for name in next((one for one in beside if isinstance(one, list | tuple) and one), ())]
+
+
+def numeric_fields(message: Any, path: str = "") -> list[str]:
+    """Numeric fields of a message, elements of lists by their labels where they have such."""
+    if isinstance(message, bool | int | float):
+        return [path]
+    if isinstance(message, str | bytes) or message is None:
+        return []
+    if hasattr(message, "__len__") and not isinstance(message, dict):
+        return [field for k, one in enumerate(message) for field in numeric_fields(one, f"{path}[{k}]")]
+    found: list[str] = []
+    for name in message if isinstance(message, dict) else getattr(message, "__slots__", None) or vars(message):
+        value, here = _get(message, name), f"{path}.{name}" if path else name
+        labels = _labels(message, value)
+        if isinstance(value, list | tuple) and labels and len(value) == len(labels):
+            found += [field for label, one in zip(labels, value) for field in numeric_fields(one, f"{here}[{label}]")]
+        elif name != "header":
+            found += numeric_fields(value, here)
+    return found
+
+
+def messages(data: bytes, source: str, topics: set[str] | None) -> Iterator[tuple[str, str, Any, int]]:
+    """(topic, type, message, log time [ns]) of every message on some topics; on all for None.
+
+    Of all topics the message is None where it cannot be decoded; InputError for one of those that are named.
+    """
+    try:
+        yield from (sqlite_messages if source.lower().endswith(SQLITE) else mcap_messages)(data, source, topics)
+    except ImportError:
+        raise InputError(f"{source}: bags need mcap and mcap-ros2-support; install exodrake[mcap]") from None
+
+
+def mcap_messages(data: bytes, source: str, topics: set[str] | None) -> Iterator[tuple[str, str, Any, int]]:
+    """`messages` of MCAP storage, those of a topic by the numbers that they carry, else as they are stored.
+
+    Not by their time: a recorder's clock may have stepped back.
+    """
+    from mcap.reader import make_reader
+    from mcap_ros2.decoder import DecoderFactory
+
+    factory = DecoderFactory()
+    reader = make_reader(io.BytesIO(data))
+    stored = list(reader.iter_messages(topics=list(topics) if topics else None, log_time_order=False))
+    numbers: dict[int, list[int]] = {}
+    for _, channel, raw in stored:
+        numbers.setdefault(channel.id, []).append(raw.sequence)
+    counted = {channel for channel, found in numbers.items() if len(set(found)) == len(found)}
+    stored.sort(key=lambda item: item[2].sequence if item[1].id in counted else 0)
+    for schema, channel, raw in stored:
+        where = f"{source}: topic {channel.topic!r}"
+        if channel.message_encoding == "json":
+            message = parse_json(raw.data, where)
+        elif decode := factory.decoder_for(channel.message_encoding, schema):
+            message = decode(raw.data)
+        elif topics:
+            raise InputError(f"{where}: {channel.message_encoding!r} is read neither as a ROS 2 message nor as JSON")
+        else:
+            message = None
+        yield channel.topic, schema.name if schema else channel.message_encoding, message, raw.log_time
+
+
+def sqlite_messages(data: bytes, source: str, topics: set[str] | None) -> Iterator[tuple[str, str, Any, int]]:
+    """`messages` of SQLite storage."""
+    from mcap_ros2._dynamic import generate_dynamic
+
+    bag = sqlite3.connect(":memory:")
+    bag.deserialize(data)
+    kinds = {str(name).lower(): sql for name, sql in bag.execute("SELECT name, sql FROM sqlite_master")}
+    for table in ("topics", "messages", "message_definitions"):  # a view, or a virtual table, may have no end
+        if table in kinds and not str(kinds[table]).upper().startswith("CREATE TABLE"):
+            raise InputError(f"{source}: {table!r} is no table, so this is no bag that ROS 2 wrote")
+    listed = {n: (str(topic), str(kind)) for n, topic, kind in bag.execute("SELECT id, name, type FROM topics")}
+    stored = "message_definitions" in kinds
+    rows = bag.execute("SELECT topic_type, encoded_message_definition FROM message_definitions") if stored else ()
+    texts = DEFINITIONS | {kind: text for kind, text in rows if text}
+    decoders: dict[int, Any] = {}
+    for number, (topic, kind) in listed.items():
+        if (topics is None or topic in topics) and kind in texts:
+            decoders[number] = generate_dynamic(kind, texts[kind])[kind]
+        elif topics is not None and topic in topics:
+            raise InputError(f"{source}: topic {topic!r}: the bag holds no definition of {kind}; convert it to MCAP")
+    for number, time, raw in bag.execute("SELECT topic_id, timestamp, data FROM messages ORDER BY id"):
+        if number in listed and (topics is None or number in decoders) and isinstance(time, int):
+            yield *listed[number], decoders[number](raw) if number in decoders else None, time
+
+
+def _field(message: Any, path: str, where: str) -> float | None:
+    """`wrench.force.z`, `position[0]` or `position[MCP]` of a message, as a number; None if it lacks the element."""
+    whole = isinstance(message, dict) and path in message  # keys of JSON may hold dots
+    value: Any = message[path] if whole else message
+    for name, *indices in () if whole else path_steps(path):
+        if name and _get(value, name, _get) is _get:
+            raise InputError(f"{where} has no field {path!r}")
+        owner, value = value, _get(value, name) if name else value
+        for index in indices:
+            value = _element(owner, value, index, where, path)
+    try:
+        return None if value is None else float(value)
+    except (TypeError, ValueError, OverflowError):
+        raise InputError(f"{where}: field {path!r} is not a number") from None
+
+
+@cache
+def path_steps(path: str) -> list[list[str]]:
+    """A field's steps, each a name and the indices behind it: `a.b[0][MCP]` is [[a], [b, 0, MCP]]."""
+    steps = re.findall(r"[^.\[]+(?:\[[^\]]*\]?)*|\[[^\]]*\]?", path)
+    return [step.replace("]", "").split("[") for step in steps]
+
+
+def _element(owner: Any, values: Any, index: str, where: str, path: str) -> Any:
+    """An element by its number or label; None if this message lacks it, as do those of another publisher on the topic.
+
+    InputError for a label that comes twice.
+    """
+    names = _labels(owner, values)
+    if names.count(index) > 1:
+        raise InputError(f"{where}: field {path!r}: a message names {index!r} twice")
+    position = names.index(index) if index in names else int(index) if index.isdecimal() and len(index) < 10 else None
+    if position is None and not names:
+        raise InputError(f"{where}: field {path!r}: no element {index!r}")
+    return None if position is None or values is None or position >= len(values) else values[position]

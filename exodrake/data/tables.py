@@ -1,0 +1,356 @@
+"""Columns of foreign tables by name: text, MAT, HDF5, JSON, NPY, NPZ, Parquet, MCAP of ours, and LeRobot data sets.
+
+A cell `[1, 2, 3]`, and a matrix, make columns `name[0]`, `name[1]` ...; a field of a struct or group is `outer.inner`.
+A LeRobot data set (v2 or v3) is a folder with `meta/info.json` and Parquet files of episodes; video is left out. Its
+columns of several numbers are also called by the names that it states: `action[shoulder_pan]`.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import re
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from itertools import chain, islice
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from exodrake.core.child import in_child
+from exodrake.core.errors import InputError
+from exodrake.core.files import is_file, read_bytes
+from exodrake.core.json_file import parse_json, read_json
+from exodrake.data.formats import mat, mcap, npz, parquet
+from exodrake.data.formats.csv import unpack
+from exodrake.data.log import MAX_COLUMNS, check_size, refuse_doubled
+
+if TYPE_CHECKING:
+    from exodrake.data.import_log import Mapped
+
+JSON, HDF5 = (".json", ".jsonl", ".ndjson"), (".h5", ".hdf5", ".hdf")
+MAX_DEPTH = 20  # of nested values
+MISSING = ("", "nan", "na", "null", "none", "-")
+SEPARATORS = (",", ";", "\t", " ")
+LOOK, LINES = 1_000_000, 20  # bytes, and lines in them, by which separator and decimal mark are guessed
+INFO = "meta/info.json"
+EPISODE, TIME = "episode_index", "timestamp"
+FASTEST = 1e6  # Hz
+
+
+@dataclass(frozen=True, kw_only=True)
+class TextLayout:
+    """Layout of a text table: separator of cells, decimal mark, lines before the heading, and whether there is one."""
+
+    separator: str = ","
+    decimal: str = "."
+    skip: int = 0
+    heading: bool = True
+
+
+def read_columns(data: bytes, source: str, mapped: Mapped) -> dict[str, np.ndarray]:
+    """Mapped columns of a foreign table, and others of a table of numbers; name -> (n,) as recorded.
+
+    InputError names file, and column and row where there is text in a mapped column.
+    """
+    data, tree = _opened(data, source)
+    if tree is None:
+        cells = text_cells(data, source, mapped, mapped.foreign)
+        return {name: _numbers(column, name, source, mapped.decimal) for name, column in cells.items()}
+    columns = flatten(tree, source, side=mapped.samples)
+    refuse_doubled(columns, source)
+    if mapped.time is None or mapped.samples is not None:
+        return columns
+    time = columns.get(slashed(mapped.time, columns))
+    return columns if time is None else flatten(tree, source, len(time))
+
+
+def list_columns(data: bytes, source: str) -> dict[str, np.ndarray]:
+    """All columns of numbers of a foreign table, for a look at what it holds. InputError if there are none."""
+    data, tree = _opened(data, source)
+    if tree is None:
+        guess = guess_layout(data)
+        cells = text_cells(data, source, guess, ragged=True)
+        found = {
+            name: _numbers(column, name, source, guess.decimal)
+            for name, column in cells.items()
+            if all(_is_number(cell, guess.decimal) for cell in column)
+        }
+    else:
+        found = flatten(tree, source)
+    if not found:
+        raise InputError(f"{source}: no column of numbers")
+    return found
+
+
+def _opened(data: bytes, source: str) -> tuple[bytes, Any]:
+    """Bytes without gzip, and the nested values of a binary or JSON file; None for text."""
+    name = Path(source).name.lower()
+    if name.endswith(".gz"):
+        data, name = unpack(data, source), name.removesuffix(".gz")
+    readers = {
+        (".mat",): mat.read_variables, (".npy", ".npz"): npz.read_arrays, (".parquet",): parquet.read_columns,
+        (".mcap",): mcap.read_columns, JSON: read_records, HDF5: mat.read_hdf5,
+    }  # fmt: skip
+    reader = next((reader for endings, reader in readers.items() if name.endswith(endings)), None)
+    return data, None if reader is None else reader(data, source)
+
+
+def slashed(name: str, columns: Mapping[str, Any]) -> str:
+    """A name as the columns have it: HDF5's `group/data` is `group.data`."""
+    return name if name in columns else name.strip("/").replace("/", ".")
+
+
+def read_records(data: bytes, source: str) -> Any:
+    """The content of a JSON file. InputError for a damaged or too large one."""
+    check_size(data.count(b","), source)
+    return in_child(parse_records, data, source, source=source, size=len(data))
+
+
+def parse_records(data: bytes, source: str) -> Any:
+    """`read_records` in this process."""
+    if not source.lower().endswith(".json"):
+        lines = enumerate(data.removeprefix(b"\xef\xbb\xbf").splitlines(), 1)
+        return [parse_json(line, f"{source}, record {number}") for number, line in lines if line.strip()]
+    found = parse_json(data, source)
+    if not isinstance(found, dict | list):
+        raise InputError(f"{source}: holds one value, wanted objects or lists")
+    return found
+
+
+def flatten(tree: Any, source: str, samples: int | None = None, side: str | None = None) -> dict[str, np.ndarray]:
+    """Columns by name, (n,) each. InputError for a name that comes twice.
+
+    Args:
+        tree: mappings, lists and arrays.
+        source: file, for messages.
+        samples: length of the time column; None if it is not known.
+        side: where the samples of a matrix lie, "rows" or "columns"; None: by their number.
+    """
+    found: dict[str, np.ndarray] = {}
+
+    def add(value: Any, name: str, side: str | None, depth: int) -> None:
+        if depth > MAX_DEPTH or len(found) > MAX_COLUMNS:
+            return
+        if isinstance(value, Mapping):
+            for key, item in value.items():
+                add(item, f"{name}.{key}" if name else str(key), side, depth + 1)
+            return
+        records = isinstance(value, list | tuple) and bool(value) and isinstance(value[0], Mapping)
+        if (
+            records
+            and len(value) > 1
+            and all(isinstance(one, Mapping) and one.keys() == value[0].keys() for one in value)
+        ):
+            table = {key: [one[key] for one in value] for key in value[0]}
+            if all(_is_simple(item[0], nested=True) for item in table.values()):
+                add(table, name, "rows", depth + 1)
+                return
+        array = None if records else _array(value)
+        if array is None and isinstance(value, list | tuple):
+            for k, one in enumerate(value):
+                if records or not _is_simple(one):
+                    add(one, f"{name}[{k}]" if name else str(k), side, depth + 1)
+        elif array is not None:
+            many = array.ndim > 1
+            rows = array.shape[0] == samples if samples in array.shape else array.shape[0] >= array.shape[-1]
+            if many and (side == "rows" if side else rows):
+                array = array.T
+            for k, values in enumerate(np.atleast_2d(array)):
+                column = f"{name}[{k}]" if many and name else name or str(k)
+                if column in found:  # such as `a.b` of a group `a` beside a data set `a.b`
+                    raise InputError(f"{source}: column {column!r} comes twice")
+                found[column] = values.astype(float)
+
+    add(tree, "", side, 0)
+    return found
+
+
+def _is_simple(value: Any, nested: bool = False) -> bool:
+    """Whether a value is a number, text or a list of them; `nested`: or a mapping of such."""
+    if isinstance(value, Mapping):
+        return nested and all(_is_simple(one, True) for one in value.values())
+    if isinstance(value, list | tuple):
+        return not any(isinstance(one, Mapping | list | tuple) for one in value)
+    return np.ndim(value) == 0
+
+
+def _array(value: Any) -> np.ndarray | None:
+    """A value as an array of numbers of one or two axes, axes of length 1 left out; None if it is none."""
+    if isinstance(value, str | bytes) or value is None:
+        return None
+    try:
+        array = np.asarray(value)
+        if array.dtype.kind == "O":  # lists with None for a missing sample
+            array = np.array([np.nan if one is None else one for one in array.ravel()], float).reshape(array.shape)
+    except (ValueError, TypeError, OverflowError):
+        return None
+    if array.dtype.kind not in "fiub" or not array.size:
+        return None
+    array = array.reshape([n for n in array.shape if n > 1] or [1])
+    return array if array.ndim <= 2 else None
+
+
+def text_cells(
+    data: bytes, source: str, layout: TextLayout, wanted: Collection[str] = (), ragged: bool = False
+) -> dict[str, list[str]]:
+    """Cells of a text table by column; those of lists as `name[0]`, `name[1]` ... InputError for a ragged row.
+
+    Args:
+        data: the file.
+        source: its name.
+        layout: how cells are parted.
+        wanted: columns that must be there, the only ones that are kept; all if empty.
+        ragged: leave rows of another length out instead.
+    """
+    check_size(sum(data.count(end) for end in {b"\n", b"\r", layout.separator.encode()}), source)
+    rows = _rows(data, source, layout)
+    first = next(rows, [])
+    if not first:
+        raise InputError(f"{source}: empty file")
+    if len(first) > MAX_COLUMNS:
+        raise InputError(f"{source}: {len(first)} columns, more than {MAX_COLUMNS}")
+    names = [cell.strip() for cell in first] if layout.heading else [str(number) for number in range(len(first))]
+    refuse_doubled(names, source)
+    lists = {name.rpartition("[")[0] for name in wanted if name.endswith("]") and name not in names}
+    kept = {name: k for k, name in enumerate(names) if not wanted or name in wanted or name in lists}
+    cells: dict[str, list[str]] = {name: [] for name in kept}
+    for number, row in enumerate(rows if layout.heading else chain([first], rows), 1):
+        if len(row) == len(names):
+            for name, k in kept.items():
+                cells[name].append(row[k].strip())
+        elif not ragged:
+            raise InputError(f"{source}: row {number} has {len(row)} cells, wanted {len(names)}{_hint(data, layout)}")
+    for name, column in list(cells.items()):
+        if name in lists or (not wanted and column and column[0].startswith(("[", "("))):
+            items = [[item.strip() for item in cell.strip("[]() ").replace(";", ",").split(",")] for cell in column]
+            count = max(map(len, items), default=0)
+            check_size(count * len(items), source)
+            for k in range(count if count <= MAX_COLUMNS else 0):
+                cells[f"{name}[{k}]"] = [one[k] if k < len(one) else cell for one, cell in zip(items, column)]
+    for absent in sorted(set(wanted) - set(cells)):
+        raise InputError(f"{source}: no column {absent!r} (it has {', '.join(names)[:400]}){_hint(data, layout)}")
+    return {name: cells[name] for name in wanted or cells}
+
+
+def _rows(data: bytes, source: str, layout: TextLayout) -> Iterator[list[str]]:
+    """Rows of cells that are not all empty, after the lines to skip."""
+    try:
+        lines = islice(io.TextIOWrapper(io.BytesIO(data), "utf-8-sig"), layout.skip, None)
+        space = layout.separator.isspace() and layout.separator != "\t"
+        split = (line.split() for line in lines) if space else csv.reader(lines, delimiter=layout.separator)
+        yield from (row for row in split if any(map(str.strip, row)))
+    except UnicodeDecodeError:
+        raise InputError(f"{source}: not a text file") from None
+    except csv.Error as error:
+        raise InputError(f"{source}: not a table of text ({error})") from None
+
+
+def _numbers(cells: Sequence[str], name: str, source: str, decimal: str) -> np.ndarray:
+    """A column of text (n,) as numbers."""
+    for row, cell in enumerate(cells, 1):
+        if not _is_number(cell, decimal):
+            mark = f" with the decimal mark {decimal!r}" if set(cell) & set(".,'") else ""
+            raise InputError(f"{source}: column {name!r}, row {row}: {cell[:40]!r} is not a number{mark}")
+    return np.array([np.nan if cell.lower() in MISSING else float(cell.replace(decimal, ".")) for cell in cells])
+
+
+def _is_number(cell: str, decimal: str) -> bool:
+    """Whether a cell holds a number, or says that one is missing; no mark parts thousands, as Python's `1_000` does."""
+    return cell.lower() in MISSING or bool(number_pattern(decimal).fullmatch(cell))
+
+
+@cache
+def number_pattern(decimal: str) -> re.Pattern[str]:
+    """Numbers with this decimal mark."""
+    digits = rf"(?:[0-9]+(?:{re.escape(decimal)}[0-9]*)?|{re.escape(decimal)}[0-9]+)"
+    return re.compile(rf"[-+]?(?:{digits}(?:e[-+]?[0-9]+)?|inf|infinity|nan)", re.IGNORECASE)
+
+
+def _hint(data: bytes, layout: TextLayout) -> str:
+    """What a mapping lacks whose separator leaves all cells of the first lines in one."""
+    guess = guess_layout(data)
+    marks = {"separator": guess.separator, "decimal": guess.decimal}
+    other = [f"{key}: {json.dumps(mark)}" for key, mark in marks.items() if mark != getattr(layout, key)]
+    return f"; the mapping file lacks {' and '.join(other)}" if layout.separator != guess.separator else ""
+
+
+def guess_layout(data: bytes) -> TextLayout:
+    """The layout of a text table, by its first lines.
+
+    Separator and decimal mark are those by which most cells are numbers, in rows as long as the first; a first line of
+    numbers alone is no heading.
+    """
+    text = data[:LOOK].decode("utf-8-sig", "replace")
+    lines = [line for line in text.splitlines() if line.strip()][:LINES]
+
+    def cells(line: str, separator: str) -> list[str]:
+        try:
+            found = line.split() if separator == " " else next(csv.reader([line], delimiter=separator), [])
+        except csv.Error:
+            found = [line]
+        return [cell.strip() for cell in found]
+
+    def fit(marks: tuple[str, str]) -> int:
+        first, *rows = [cells(line, marks[0]) for line in lines] or [[]]
+        whole = [len(row) == len(first) and _is_number(cell, marks[1]) for row in rows or [first] for cell in row]
+        return 2 * sum(whole) - len(whole)
+
+    separator, decimal = max(((s, d) for d in ".," for s in SEPARATORS if s != d), key=fit)
+    heading = not all(_is_number(cell, decimal) for line in lines[:1] for cell in cells(line, separator))
+    return TextLayout(separator=separator, decimal=decimal, heading=heading)
+
+
+def is_dataset(path: str | Path) -> bool:
+    """Whether a path is the folder of a LeRobot data set."""
+    return is_file(Path(path) / INFO)
+
+
+def read_info(path: Path) -> dict[str, Any]:
+    """`meta/info.json`. InputError for one without rate or features."""
+    found = read_json(path / INFO)
+    rate, features = (found.get(key) if isinstance(found, dict) else None for key in ("fps", "features"))
+    if not isinstance(rate, int | float) or not 0 < rate < FASTEST or not isinstance(features, dict):
+        raise InputError(f"{path / INFO}: wanted 'fps' above 0 and 'features', as LeRobot writes them")
+    return found
+
+
+def element_names(info: dict[str, Any], column: str) -> list[str]:
+    """Names of the elements of a column, as the data set states them; none if it does not."""
+    feature = info["features"].get(column)
+    names = feature.get("names") if isinstance(feature, dict) else None
+    if isinstance(names, dict):
+        names = next((item for item in names.values() if isinstance(item, list)), None)
+    found = [str(name) for name in names] if isinstance(names, list) else []
+    refuse_doubled(found, f"the names of {column!r} in {INFO}")
+    return found
+
+
+def episodes(path: Path) -> Iterator[tuple[str, dict[str, np.ndarray]]]:
+    """Name and columns of each episode of a LeRobot data set, in order."""
+    info, files = read_info(path), sorted((path / "data").rglob("*.parquet"))
+    if not files:
+        raise InputError(f"{path}: no Parquet file in its folder 'data'")
+    samples, place_of = 0, dict[float, Path]()
+    for file in files:
+        table = parquet.read_columns(read_bytes(file), str(file))
+        check_size(samples := samples + sum(values.size for values in table.values()), str(path))
+        if EPISODE not in table or TIME not in table:
+            raise InputError(f"{file}: no column {EPISODE!r} and {TIME!r}, as a LeRobot data set has")
+        if table[EPISODE].ndim > 1 or not np.isfinite(table[EPISODE]).all():
+            raise InputError(f"{file}: column {EPISODE!r}: wanted one number in each row")
+        for number in np.unique(table[EPISODE]):
+            if number in place_of:
+                other = place_of[number].relative_to(path)
+                raise InputError(f"{file}: episode {int(number)} is also in {other}, so one of them would be lost")
+            place_of[number] = file
+            columns: dict[str, np.ndarray] = {}
+            for name, values in table.items():
+                values = values[table[EPISODE] == number]
+                names, width = element_names(info, name), values.shape[1] if values.ndim > 1 else 0
+                columns |= {f"{name}[{k}]": values[:, k] for k in range(width)} or {name: values}
+                columns |= {f"{name}[{one}]": values[:, k] for k, one in enumerate(names) if len(names) == width}
+            yield f"episode_{int(number):06d}", columns
