@@ -14,7 +14,7 @@ from _effects import ARMS_PATH, effect_pages, effect_paths
 from _notebook import page as notebook_page
 
 from exodrake import PUBLIC
-from exodrake.cli.main import COMMANDS, cli
+from exodrake.cli.main import COMMANDS, GROUPS, cli
 from exodrake.report.diagnosis_html import decision_numbers
 
 if TYPE_CHECKING:
@@ -109,8 +109,11 @@ def command_pages() -> Iterator[tuple[str, str]]:
     """Generate (path, Markdown) of the list of commands, and of the page of each."""
     context = click.Context(cli, info_name="exodrake")
     names = cli.list_commands(context)
-    lines = [f"| [`exodrake {name}`]({name}.md) | {COMMANDS[name][1]} |" for name in names]
-    yield "reference/commands/index.md", "# Commands\n\n| | |\n|---|---|\n" + "\n".join(lines) + "\n"
+    text = "# Commands\n\n`--out FOLDER` takes the files of a command, `--json` prints its numbers.\n"
+    for heading, group in (*GROUPS.items(), ("Others", [n for n in names if not any(n in g for g in GROUPS.values())])):
+        lines = [f"| [`exodrake {name}`]({name}.md) | {COMMANDS[name][1]} |" for name in group if name in names]
+        text += f"\n## {heading}\n\n| | |\n|---|---|\n" + "\n".join(lines) + "\n" if lines else ""
+    yield "reference/commands/index.md", text
     for name in names:
         yield f"reference/commands/{name}.md", command_page(cli.get_command(context, name), name, context)
 
