@@ -107,7 +107,12 @@ def test_unknown_effect_leaves_no_effect_in_the_robot(tmp_path):
 
 @pytest.mark.parametrize(
     ("option", "value"),
-    [("--json", "gone/a.json"), ("--report", "gone/r.html"), ("--out-robot", "gone/r.yaml"), ("--robot", "no_such_robot.yaml")],
+    [
+        ("--json", "gone/a.json"),
+        ("--report", "gone/r.html"),
+        ("--out-robot", "gone/r.yaml"),
+        ("--robot", "no_such_robot.yaml"),
+    ],
 )
 def test_bad_option_ends_with_2_before_the_work_and_writes_nothing(case, monkeypatch, tmp_path, option, value):
     monkeypatch.setattr(pipeline, "diagnose", lambda *a, **k: pytest.fail("worked"))

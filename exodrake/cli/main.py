@@ -47,7 +47,7 @@ COMMANDS = {
     "show": ("logs:show_log", "Write a log as HTML with the moving robot."),
     "warm-up": ("simulate:compile_kernels", "Compile the kernels now, not at first use."),
 }
-# heading -> commands, in the order of --help; those in no group come last
+# heading -> commands, in the order of --help
 GROUPS = {
     "Simulate": ("demo", "simulate", "sweep", "compare", "show", "robot", "effects", "draw", "warm-up"),
     "Diagnose": ("check", "diagnose", "experiment", "fleet", "watch", "blind"),
@@ -108,8 +108,7 @@ class LazyGroup(OneLineErrors, click.Group):
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Commands whose module exists, by group."""
-        grouped = [name for names in GROUPS.values() for name in names if name in COMMANDS]
-        return [name for name in dict.fromkeys((*grouped, *COMMANDS)) if _exists(name)]
+        return [name for names in grouped_commands().values() for name in names]
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """The command, its module imported; None if there is none such."""
@@ -132,13 +131,18 @@ class LazyGroup(OneLineErrors, click.Group):
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """The lists in --help, from the table alone."""
-        rest = self.list_commands(ctx)
-        for heading, names in (*GROUPS.items(), ("Others", rest)):
-            if rows := [(f"{name:12}", COMMANDS[name][1]) for name in names if name in rest]:
-                with formatter.section(heading):
-                    formatter.write_dl(rows)
-            rest = [name for name in rest if name not in names]
+        """The lists in --help, from the tables alone."""
+        for heading, names in grouped_commands().items():
+            with formatter.section(heading):
+                formatter.write_dl([(f"{name:12}", COMMANDS[name][1]) for name in names])
+
+
+def grouped_commands() -> dict[str, list[str]]:
+    """Commands whose module exists, by heading; those in no group are `Others`."""
+    there = [name for name in COMMANDS if _exists(name)]
+    rest = [name for name in there if not any(name in names for names in GROUPS.values())]
+    found = {heading: [name for name in names if name in there] for heading, names in GROUPS.items()}
+    return found | ({"Others": rest} if rest else {})
 
 
 def _exists(name: str) -> bool:
