@@ -94,7 +94,7 @@ def test_a_folder_of_cases_stands_for_them_and_names_that_are_alike_get_their_fo
     assert [place.name for place in places_of(logs, tmp_path).values()] == ["x_log", "y_log"]
     assert [place.name for place in places_of((str(tmp_path),), tmp_path).values()] == ["case", "x", "y"]
     refused = run("check", tmp_path)
-    assert refused.exit_code == 2 and "3 cases" in refused.stderr and "case" in refused.stderr
+    assert refused.exit_code == 2 and "folder of cases" in refused.stderr and "case" in refused.stderr
     assert run("diagnose", tmp_path, "--report", tmp_path / "r.html").exit_code == 2
 
 

@@ -190,7 +190,7 @@ def cases_in(folder: Path) -> list[Path]:
 def refuse_cases(folder: Path) -> None:
     """InputError for a folder that holds cases, by a command that takes one."""
     if inside := cases_in(folder):
-        raise InputError(f"{folder}: holds {len(inside)} cases; name one of them, such as {inside[0]}")
+        raise InputError(f"{folder}: a folder of cases; name one of them, such as {inside[0]}")
 
 
 def log_in(path: Path) -> Path:
