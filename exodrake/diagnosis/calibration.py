@@ -62,7 +62,7 @@ def calibration_of(machine: Machine) -> Calibration:
 
 
 def calibration_notes(machine: Machine) -> tuple[str, ...]:
-    """A sentence on missing tolerances, and one on the error rates of verdicts on a machine where they were measured."""
+    """A sentence on missing tolerances, and one on the error rates of verdicts where they were measured."""
     found, known = [], calibration_of(machine).rates
     if not machine.tolerances:
         found.append(f"{machine.name} states no tolerances: its nominal parameters count as exact and are not retuned")
