@@ -200,14 +200,12 @@ def log_in(path: Path) -> Path:
 
 def command_line() -> str:
     """The command as it was typed, for answers: absolute paths by their last part; empty outside of a command."""
-    context = click.get_current_context(silent=True)
-    return shlex.join(["exodrake", *map(without_folder, context.meta[ARGUMENTS])]) if context else ""
-
-
-def without_folder(argument: str) -> str:
-    """An argument, `FILE` or `--option=FILE`, whose absolute path is cut to its last part."""
-    option, equals, path = argument.partition("=") if argument.startswith("-") else ("", "", argument)
-    return f"{option}{equals}{os.path.basename(os.path.normpath(path))}" if os.path.isabs(path) else argument
+    context, words = click.get_current_context(silent=True), []
+    for argument in context.meta[ARGUMENTS] if context else ():
+        option, equals, path = argument.partition("=") if argument.startswith("-") else ("", "", argument)
+        last = os.path.basename(os.path.normpath(path))
+        words.append(f"{option}{equals}{last}" if os.path.isabs(path) else argument)
+    return shlex.join(["exodrake", *words]) if context else ""
 
 
 def robot_option(name: str = "robot", default: str = DEFAULT) -> Callable[[Callable], Callable]:

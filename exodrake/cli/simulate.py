@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -13,8 +13,6 @@ from exodrake.cli.options import OutputFolder, print_table, robot_changes, robot
 from exodrake.core.errors import InputError
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from exodrake.compiled.inputs import Reference
     from exodrake.core.robot import Robot
     from exodrake.data.log import Log
@@ -47,7 +45,8 @@ def command(protocol: str, reference: str, file: str, robot: str, out: Path | No
     from exodrake.core.files import check_folder, write_folder
     from exodrake.data.log_file import log_bytes
 
-    scenario, built = changed(scenario_of(protocol, reference, file, robot), options)
+    scenario = scenario_from(protocol, reference, file, robot, **options)
+    built = scenario.build_robot()
     what = scenario.build_reference(built)
     folder = out or Path("simulated") / what.name
     check_folder(folder)
@@ -62,43 +61,35 @@ def command(protocol: str, reference: str, file: str, robot: str, out: Path | No
     warn(built)
 
 
-def scenario_of(protocol: str, reference: str, file: str, robot: str) -> Scenario:
-    """The scenario that the first four options ask for; those given replace the file's."""
-    from exodrake.simulation.scenario import Scenario, embedded, read_scenario
+def scenario_from(
+    protocol: str, reference: str, file: str, robot: str, parameters: tuple[str, ...], effects: tuple[str, ...],
+    parts: tuple[str, ...], seed: int | None, no_noise: bool, no_quantisation: bool, engine: str,
+) -> Scenario:  # fmt: skip
+    """The scenario of the options; those given replace the file's, in the order variants, parameters, effects."""
+    from exodrake.simulation.scenario import Scenario, embedded, parse_effect, parse_number, read_scenario
 
     if protocol and reference:
         raise InputError("both a protocol and --reference: wanted one of them")
     if not (protocol or reference or file):
         raise InputError("nothing to follow: name a protocol or grasp mode (see --help), a --reference or a --scenario")
-    if not file:
-        there = Scenario(protocol, reference)
-    else:
-        there = read_scenario(file)
-        if protocol or reference:
-            there = replace(there, protocol=protocol, reference=reference)
-    return replace(there, robot=embedded(robot)) if robot else there
-
-
-def changed(scenario: Scenario, options: dict) -> tuple[Scenario, Robot]:
-    """The scenario with options applied in the order variants, parameters, effects, and its robot."""
-    from exodrake.simulation.scenario import parse_effect, parse_number
-
-    if options["seed"] is not None:
-        scenario = replace(scenario, seed=options["seed"])
-    if options["no_noise"]:
-        scenario = replace(scenario, seed=None)
-    if options["no_quantisation"]:
-        scenario = replace(scenario, quantisation=False)
-    if options["engine"]:
-        scenario = replace(scenario, engine=options["engine"])
-    scenario = replace(scenario, parts=list(dict.fromkeys([*scenario.parts, *options["parts"]])))
-    robot = scenario.build_robot()
-    parameters = dict(parse_number(text, robot) for text in options["parameters"])
-    scenario = replace(scenario, parameters={**scenario.parameters, **parameters})
-    for text in options["effects"]:
-        identity, given = parse_effect(text, scenario.build_robot())
-        scenario = replace(scenario, effects={**scenario.effects, identity: given})
-    return scenario, scenario.build_robot()
+    scenario = read_scenario(file) if file else Scenario(protocol, reference)
+    given: dict[str, Any] = {"protocol": protocol, "reference": reference} if protocol or reference else {}
+    if robot:
+        given["robot"] = embedded(robot)
+    if seed is not None or no_noise:
+        given["seed"] = None if no_noise else seed
+    if no_quantisation:
+        given["quantisation"] = False
+    if engine:
+        given["engine"] = engine
+    scenario = replace(scenario, parts=list(dict.fromkeys([*scenario.parts, *parts])), **given)
+    built = scenario.build_robot()
+    changes = dict(parse_number(text, built) for text in parameters)
+    scenario = replace(scenario, parameters={**scenario.parameters, **changes})
+    for text in effects:
+        identity, values = parse_effect(text, scenario.build_robot())
+        scenario = replace(scenario, effects={**scenario.effects, identity: values})
+    return scenario
 
 
 def nominal_of(scenario: Scenario, robot: Robot, what: Reference) -> Log | None:
@@ -159,7 +150,10 @@ def print_run(scenario: Scenario, robot: Robot, log: Log, nominal: Log | None) -
 
     from exodrake.core.display import display_of
 
-    machine, rows, peak = robot.machine, [], turning_point(robot, log)
+    machine, rows, peak = robot.machine, [], None
+    kind = machine.references[0].kind
+    if log.has(kind) and (away := np.linalg.norm(log[kind] - log[kind][0], axis=1)).max() > 0.0:
+        peak = int(np.flatnonzero(away >= away.max() * (1.0 - 1e-9))[-1])  # the last row farthest from the start
     for column in (column for column in machine.columns if column not in machine.references):
         display = display_of(column.kind, machine)
         for channel in machine.channels(column.signal):
@@ -179,16 +173,6 @@ def print_run(scenario: Scenario, robot: Robot, log: Log, nominal: Log | None) -
     print_table(titles, rows)
     if peak is not None:
         click.echo(f"{log.time[peak]:.2f} s: the last moment at which the references are farthest from their start")
-
-
-def turning_point(robot: Robot, log: Log) -> int | None:
-    """Last row in which the references are as far from their start as they go; None where they do not move."""
-    import numpy as np
-
-    kind = robot.machine.references[0].kind
-    away: np.ndarray = np.linalg.norm(log[kind] - log[kind][0], axis=1) if log.has(kind) else np.zeros(len(log))
-    far = np.flatnonzero(away >= away.max() * (1.0 - 1e-9))
-    return int(far[-1]) if away.max() > 0.0 else None
 
 
 def warn(robot: Robot) -> None:
