@@ -28,7 +28,7 @@ from exodrake.core.progress import counted, where_to_run
 if TYPE_CHECKING:
     from exodrake.diagnosis.result import Diagnosis
 
-REPORT, PAGE, DIAGNOSED = "report.html", "fleet.html", Path("diagnosed")
+REPORT, FLEET, DIAGNOSED = "report.html", "fleet.html", Path("diagnosed")
 
 
 class Targets(NamedTuple):
@@ -125,7 +125,7 @@ def diagnose_case(
     spent: dict[Stage, float] = {}
 
     def write(contents: dict[Path, str]) -> None:
-        write_files(contents, said=False)
+        write_files(contents, announce=False)
         written.update(dict.fromkeys(contents))
 
     def keep(found: Diagnosis) -> None:
@@ -133,7 +133,7 @@ def diagnose_case(
         made = found.provenance
         known[:] = [found if made is None else replace(found, provenance=replace(made, command=command_line()))]
         if isinstance(targets.json, Path):
-            write_json(known[0].to_json(), targets.json, said=False)
+            write_json(known[0].to_json(), targets.json, announce=False)
             written[targets.json] = None
         if targets.robot is not None:
             write({targets.robot: found.robot_file(found.robot)})
@@ -179,7 +179,7 @@ def diagnose_many(
         failed = diagnose_all(places, jobs, cluster, count, redo, robot, tried, allow_outside)
     rows = [verdict_row(place.name, stored(place)) for place in places.values()]
     print_table(("case", "verdict", "causes", ">closure"), rows, wrapped=2)
-    write_files({out / PAGE: fleet_html(read_answers(out), out.resolve().name)})
+    write_files({out / FLEET: fleet_html(read_answers(out), out.resolve().name)})
     for name, reason in failed.items():
         click.echo(f"{name}: {reason}", err=True)
     if failed:
@@ -237,7 +237,7 @@ LISTED, CAUSES = 4, 2  # columns of the report's table that the terminal shows, 
 
 @click.command()
 @click.argument("sources", nargs=-1, required=True, type=AnyPath(), metavar="ANSWERS...")
-@click.option("--out", type=OutputFile(PAGE), help="Write the page: which robots, which causes, since when.")
+@click.option("--out", type=OutputFile(FLEET), help="Write the page: which robots, which causes, since when.")
 @click.option("--table", type=OutputFile("fleet.parquet"), help="Write the table, a row each case, as Parquet.")
 def summarise_fleet(sources: tuple[Path, ...], out: Path | None, table: Path | None) -> None:
     """Say of many diagnosed cases which robots have which causes, and since when.

@@ -125,7 +125,7 @@ def json_option(command: Callable) -> Callable:
     )(command)  # fmt: skip
 
 
-def write_json(content: Any, target: Path | str | None, said: bool = True) -> bool:
+def write_json(content: Any, target: Path | str | None, announce: bool = True) -> bool:
     """Print plain data as JSON, or write it; True if it was printed, and nothing else should be."""
     import json
 
@@ -135,11 +135,11 @@ def write_json(content: Any, target: Path | str | None, said: bool = True) -> bo
     if target == "-":
         click.echo(text)
     else:
-        write_files({Path(target): text + "\n"}, said)
+        write_files({Path(target): text + "\n"}, announce)
     return target == "-"
 
 
-def write_files(contents: Mapping[Path, str | bytes], said: bool = True) -> None:
+def write_files(contents: Mapping[Path, str | bytes], announce: bool = True) -> None:
     """Write files, each whole or not at all, in folders that are made; and say where they are."""
     from exodrake.core.files import make_folder, write_bytes
 
@@ -147,7 +147,7 @@ def write_files(contents: Mapping[Path, str | bytes], said: bool = True) -> None
         if path.parent != Path():
             make_folder(path.parent)
         write_bytes(path, data.encode() if isinstance(data, str) else data)
-        if said:
+        if announce:
             click.echo(f"wrote {path}")
 
 
