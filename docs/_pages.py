@@ -14,7 +14,7 @@ from _effects import ARMS_PATH, effect_pages, effect_paths
 from _notebook import page as notebook_page
 
 from exodrake import PUBLIC
-from exodrake.cli.main import COMMANDS, cli
+from exodrake.cli.main import COMMANDS, cli, grouped_commands
 from exodrake.report.diagnosis_html import decision_numbers
 
 if TYPE_CHECKING:
@@ -70,7 +70,8 @@ def on_page_markdown(markdown: str, page, config, files):
 
 
 def on_page_content(html: str, page, config, files):
-    """Put MathML, which browsers draw without a script, in place of TeX."""
+    """Put MathML, which browsers draw without a script, in place of TeX, and keep numbers of tables with their %."""
+    html = re.sub(r"<td.*?</td>", lambda found: re.sub(r"(?<=\d) %", "\u00a0%", found[0]), html, flags=re.DOTALL)
     return re.sub(r'<(span|div) class="arithmatex">\\([(\[])(.*?)\\[)\]]</\1>', mathml, html, flags=re.DOTALL)
 
 
@@ -109,8 +110,11 @@ def command_pages() -> Iterator[tuple[str, str]]:
     """Generate (path, Markdown) of the list of commands, and of the page of each."""
     context = click.Context(cli, info_name="exodrake")
     names = cli.list_commands(context)
-    lines = [f"| [`exodrake {name}`]({name}.md) | {COMMANDS[name][1]} |" for name in names]
-    yield "reference/commands/index.md", "# Commands\n\n| | |\n|---|---|\n" + "\n".join(lines) + "\n"
+    text = "# Commands\n\n`--out FOLDER` takes the files of a command, `--json` prints its numbers.\n"
+    for heading, group in grouped_commands().items():
+        lines = [f"| [`exodrake {name}`]({name}.md) | {COMMANDS[name][1]} |" for name in group]
+        text += f"\n## {heading}\n\n| | |\n|---|---|\n" + "\n".join(lines) + "\n"
+    yield "reference/commands/index.md", text
     for name in names:
         yield f"reference/commands/{name}.md", command_page(cli.get_command(context, name), name, context)
 

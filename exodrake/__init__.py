@@ -10,7 +10,7 @@ from importlib import import_module as _import_module
 from pathlib import Path as _Path
 from typing import Any as _Any
 
-__version__ = "0.1.0"
+__version__ = "1.0.0"
 
 for _name in ("NUMBA_CACHE_DIR", "NUMBA_CACHE_LOCATOR_CLASSES"):  # stated, if only as nothing: else numba lets a file
     _os.environ.setdefault(_name, "")  # in the current folder, .numba_config.yaml, say where compiled code comes from

@@ -174,17 +174,16 @@ def test_diagnose_takes_several_cases(uninterrupted, tmp_path):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["a", "b"], "several cases need --out"),
         (["a", "b", "--out", "o", "--json", "x.json"], "--json is for one case"),
         (["a", "--cluster", "nowhere"], "for several cases"),
-        (["a", "c/a", "--out", "o"], "same name as a"),
+        (["c/a", "d/c/a", "--out", "o"], "same name as c/a"),
         (["a", "gone", "--out", "o"], "gone: no such folder"),
     ],
 )
 def test_diagnose_refuses_what_does_not_fit_before_it_works(tmp_path, monkeypatch, words, said):
     monkeypatch.chdir(tmp_path)
-    for name in ("a", "b", "c/a"):
+    for name in ("a", "b", "c/a", "d/c/a"):
         (tmp_path / name).mkdir(parents=True)
     result = CliRunner().invoke(cli, ["diagnose", *words])
     assert result.exit_code == 2 and said in result.output
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "b", "c"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "b", "c", "d"]

@@ -108,8 +108,7 @@ def test_file_is_read_back_and_the_note_states_the_rates(tmp_path, monkeypatch):
     machine = load_robot(SHEATH).machine
     monkeypatch.setattr(calibration, "machine_folders", lambda: {SHEATH: tmp_path})
     assert calibration_of(machine) == Calibration()
-    (note,) = calibration_notes(machine)
-    assert note.startswith("no error rates are known") and "exodrake calibrate --robot tendon_sheath" in note
+    assert calibration_notes(machine) == ()
     counts = dict.fromkeys(RATES, (0, 20)) | {ALARM: (1, 20), NAMED: (17, 20)}
     given = Calibration("exodrake calibrate, 2026-01-01", "abc", counts)
     (tmp_path / "calibration.yaml").write_text(calibration_text(given))
@@ -191,7 +190,7 @@ def test_command_prints_and_writes_the_rates(tmp_path):
 def test_shipped_calibration_is_well_formed(name):
     machine = load_robot(name).machine
     found = calibration_of(machine)
-    assert calibration_notes(machine)
+    assert bool(calibration_notes(machine)) == (found.rates is not None or not machine.tolerances)
     for k, n in (found.rates or {}).values():
         assert 0 <= k <= n
 

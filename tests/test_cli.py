@@ -11,7 +11,7 @@ from command_line import run
 from hypothesis import HealthCheck, given, settings, strategies as st
 
 from exodrake import __version__
-from exodrake.cli.main import COMMANDS, cli
+from exodrake.cli.main import COMMANDS, GROUPS, cli
 from exodrake.data.formats import read_log, write_log
 from exodrake.data.log import Log
 
@@ -23,11 +23,24 @@ def log_file(tmp_path):
 
 
 def test_help_lists_only_what_is_there():
+    """The help of --help, and of no arguments, has each command once, in a group with a heading."""
     result = run("--help")
-    assert result.exit_code == 0
-    listed = {line.split()[0] for line in result.output.split("Commands:")[1].splitlines() if line.strip()}
-    assert {"import", "export"} <= listed
-    assert listed == set(cli.list_commands(click.Context(cli)))
+    assert result.exit_code == 0 and run().output == result.output and run().exit_code == 0
+    lists = result.output[result.output.index("Simulate:") :].splitlines()
+    listed = [line.split()[0] for line in lists if line.startswith("  ")]
+    assert sorted(listed) == sorted(cli.list_commands(click.Context(cli)))
+    assert set(COMMANDS) <= {name for names in GROUPS.values() for name in names}
+
+
+def test_a_part_of_a_name_finds_it():
+    for words, found in (
+        (("effects", "capstan"), "tendon.capstan_friction"),
+        (("robot", "tendon.k"), "tendon.k"),
+        (("simulate", "caging", "--set", "kp=0.02"), "did you mean controller.kp"),
+        (("simulate", "caging", "--set", "admittance.kp=0.02"), "did you mean controller.kp"),
+        (("limits",), "did you mean alarm-limits?"),
+    ):
+        assert found in run(*words).output, words
 
 
 @pytest.mark.parametrize("name", cli.list_commands(click.Context(cli)))
@@ -84,7 +97,7 @@ def test_interrupt_is_status_130(monkeypatch, log_file):
     def interrupt(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("exodrake.data.formats.read_log", interrupt)
+    monkeypatch.setattr("exodrake.data.log_file.read_log", interrupt)
     result = run("export", log_file, "--out", "x.npz")
     assert result.exit_code == 130 and result.stderr == "interrupted\n"
 

@@ -9,6 +9,7 @@ from command_line import run
 from report_synthetic import UNKNOWN, VERDICTS, diagnosis
 
 import exodrake.diagnosis.pipeline as pipeline
+from exodrake.cli.diagnose import places_of
 from exodrake.core.progress import Stage, fraction
 from exodrake.data.case import Case, CaseLog, read_case
 from exodrake.data.formats import write_log
@@ -76,6 +77,27 @@ def test_answer_states_command_and_hashes_and_no_absolute_path(case, answered, t
     assert read_case(case).hashes == {"a.csv": hashlib.sha256(data).hexdigest()}
 
 
+def test_a_folder_takes_the_files_of_one_case_and_json_alone_is_printed(case, answered, tmp_path):
+    answered(NAMED)
+    assert run("diagnose", case, "--out", tmp_path / "answer").exit_code == 0
+    assert {path.name for path in (tmp_path / "answer").iterdir()} == {"diagnosis.json", "report.html", "improved.yaml"}
+    assert json.loads(run("diagnose", case, "--json").stdout)["verdict"] == "NAMED"
+    wrong = run("diagnose", "--json", case)
+    assert wrong.exit_code == 2 and "ends in .json" in wrong.stderr
+
+
+def test_a_folder_of_cases_stands_for_them_and_names_that_are_alike_get_their_folders_name(case, tmp_path):
+    for folder in ("x", "y"):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "log.csv").write_bytes((case / "a.csv").read_bytes())
+    logs = (str(tmp_path / "x" / "log.csv"), str(tmp_path / "y" / "log.csv"))
+    assert [place.name for place in places_of(logs, tmp_path).values()] == ["x_log", "y_log"]
+    assert [place.name for place in places_of((str(tmp_path),), tmp_path).values()] == ["case", "x", "y"]
+    refused = run("check", tmp_path)
+    assert refused.exit_code == 2 and "folder of cases" in refused.stderr and "case" in refused.stderr
+    assert run("diagnose", tmp_path, "--report", tmp_path / "r.html").exit_code == 2
+
+
 def test_unknown_effect_leaves_no_effect_in_the_robot(tmp_path):
     found = diagnosis(UNKNOWN)
     (tmp_path / "r.yaml").write_text(found.robot_file(found.robot))
@@ -85,7 +107,12 @@ def test_unknown_effect_leaves_no_effect_in_the_robot(tmp_path):
 
 @pytest.mark.parametrize(
     ("option", "value"),
-    [("--json", "gone/a.json"), ("--report", "."), ("--out-robot", "gone/r.yaml"), ("--robot", "no_such_robot.yaml")],
+    [
+        ("--json", "gone/a.json"),
+        ("--report", "gone/r.html"),
+        ("--out-robot", "gone/r.yaml"),
+        ("--robot", "no_such_robot.yaml"),
+    ],
 )
 def test_bad_option_ends_with_2_before_the_work_and_writes_nothing(case, monkeypatch, tmp_path, option, value):
     monkeypatch.setattr(pipeline, "diagnose", lambda *a, **k: pytest.fail("worked"))
@@ -133,7 +160,7 @@ def test_an_answer_is_kept_before_a_missing_law_is_sought(case, tmp_path, monkey
     monkeypatch.setattr(pipeline, "diagnose", interrupted_search)
     files = {"--json": "a.json", "--out-robot": "r.yaml", "--report": "r.html"}
     result = run("diagnose", case, *(x for o, name in files.items() for x in (o, tmp_path / name)))
-    assert result.exit_code != 0 and "UNKNOWN" in result.output and "written" in result.output
+    assert result.exit_code != 0 and "UNKNOWN" in result.output and "wrote" in result.output
     assert json.loads((tmp_path / "a.json").read_text())["verdict"] == "UNKNOWN"
     assert load_robot(tmp_path / "r.yaml") and "no effect of the library" in (tmp_path / "r.html").read_text()
 
@@ -174,20 +201,15 @@ def test_demo_draws_a_fault_by_its_seed():
 
 
 @pytest.mark.parametrize(("verdict", "words"), [(NAMED, "found: the verdict was NAMED"), (UNKNOWN, "number 1 of 3")])
-def test_demo_reveals_the_label_and_says_if_it_was_found(tmp_path, verdict, words):
-    from io import StringIO
-
-    from rich.console import Console
-
+def test_demo_reveals_the_label_and_says_if_it_was_found(tmp_path, capsys, verdict, words):
     from exodrake.cli.demo import COMMITMENT, LABELS, reveal
     from exodrake.reference.answers import write_committed
 
     truth = {"id": "tendon.capstan_friction", "block": "tendon", "wires": ["AF"], "joints": [], "exact": False}
     truth |= {"parameters": {"mu_phi": 0.3}, "gap": 5.0}
     write_committed({"case": {"kind": "single", "effects": [truth]}}, tmp_path / LABELS, tmp_path / COMMITMENT)
-    console = Console(file=StringIO(), record=True, width=120)
-    reveal(console, tmp_path, diagnosis(verdict))
-    text = console.export_text()
+    reveal(tmp_path, diagnosis(verdict))
+    text = capsys.readouterr().out
     assert "capstan_friction on AF" in text and words in text and "law has another form" in text
 
 

@@ -117,23 +117,42 @@ def test_python_blocks_print_what_the_page_says(name, tmp_path, monkeypatch, cap
     play(ROOT / name, capsys)
 
 
-def test_the_commands_of_the_readme_leave_what_it_names(tmp_path, monkeypatch):
-    """All lines of its sh blocks, one after the other."""
+def test_the_commands_of_the_readme_print_and_leave_what_it_says(tmp_path, monkeypatch):
+    """All lines of its sh blocks, one after the other; a text block after one is part of what its last line prints."""
     monkeypatch.chdir(tmp_path)
-    lines = [line for text in blocks(ROOT / "README.md", "sh") for line in text.splitlines()]
-    for line in lines:
-        run = CliRunner().invoke(cli, shlex.split(line)[1:])
-        assert run.exit_code == 0, f"{line}\n{run.output}"
-    assert len(lines) >= 4 and (tmp_path / "grasp" / "recording.html").stat().st_size > 1e5
-    assert "<svg" in (tmp_path / "report.html").read_text()
-    truth = json.loads((tmp_path / "cases-labels.json").read_text())["cases"]["case_00"]["effects"][0]
-    assert truth["id"] in exo.load_robot("better.yaml").effects()
+    monkeypatch.setenv(plugins.VARIABLE, "")
+    found = FENCE.findall((ROOT / "README.md").read_text())
+    for (language, source), (after, text) in zip(found, [*found[1:], ("", "")]):
+        printed = ""
+        for line in source.splitlines() if language == "sh" else ():
+            run = CliRunner().invoke(cli, shlex.split(line)[1:])
+            printed = run.output
+            assert run.exit_code == 0, f"{line}\n{printed}"
+        assert language != "sh" or after != "text" or text in printed, printed
+    assert (tmp_path / "rusty" / "recording.html").stat().st_size > 1e5
+    assert (tmp_path / "my_answer" / "improved.yaml").is_file() and "<svg" in (
+        tmp_path / "answer" / "report.html"
+    ).read_text()
+    truth = json.loads((tmp_path / "cases-labels.json").read_text())["cases"]["case_00"]["effects"]
+    assert [effect["id"] for effect in truth] == ["tendon.capstan_friction"]  # as the page says
+    assert "tendon.capstan_friction" in exo.load_robot("answer/improved.yaml").effects()
+
+
+def test_the_readme_is_short():
+    """900 words outside code, those of tables included; one sentence in twenty may have more than 25 words."""
+    text = re.sub(r"^    .*$", "", FENCE.sub("", (ROOT / "README.md").read_text()), flags=re.M)
+    words = re.sub(r"\]\([^)]*\)", "]", text).replace("|", " ")
+    assert len(words.split()) <= 900
+    prose = [
+        line for line in re.split(r"(?<=[.:;!?])\s|\n\n", re.sub(r"^[|#].*$", "", words, flags=re.M)) if line.strip()
+    ]
+    assert sum(len(sentence.split()) > 25 for sentence in prose) <= len(prose) / 20
 
 
 def test_each_task_of_the_readme_is_short():
     """At most three commands, or 15 lines of Python."""
     text = (ROOT / "README.md").read_text()
-    tasks = text[text.index("## Five things") : text.index("## On the command line")]
+    tasks = text[text.index("## Five things") : text.index("## How well it diagnoses")]
     found = [FENCE.findall(task) for task in re.split(r"^\*\*\d\. ", tasks, flags=re.M)[1:]]
     assert len(found) == 5
     for language, source in (block for task in found for block in task):
@@ -142,7 +161,7 @@ def test_each_task_of_the_readme_is_short():
 
 
 def test_the_readme_names_every_command():
-    table = (ROOT / "README.md").read_text().partition("## On the command line")[2].partition("\n## ")[0]
+    table = (ROOT / "README.md").read_text().partition("## Commands")[2].partition("\n## ")[0]
     table += "demo draw warm-up"  # run by make, or beside the point there
     assert not [name for name in cli.list_commands(click.Context(cli)) if name not in table]
 

@@ -184,6 +184,13 @@ def test_command_reads_a_folder_writes_table_and_page_and_refuses_what_is_none(t
     assert again.exit_code == 0 and len((tmp_path / "again.html").read_text()) == pytest.approx(
         len(page.read_text()), abs=200
     )
+    loose = tmp_path / "loose"
+    loose.mkdir()
+    for name in ("a", "b"):
+        (loose / f"{name}.json").write_text(json.dumps(diagnosis(NAMED).to_json()))
+    (loose / "labels.json").write_text("{}")
+    for given in ([loose], [loose / "a.json", loose / "b.json"], [answers / "c0", loose / "b.json"]):
+        assert len(read_answers(*given)) == 2 and run(*given).exit_code == 0
     for wrong in (tmp_path / "none", tmp_path, tmp_path / "again.html"):
         refused = run(wrong)
         assert refused.exit_code == 2 and "Traceback" not in refused.output and len(refused.stderr.splitlines()) == 1

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from exodrake.cli.options import AnyPath
+from exodrake.cli.options import AnyPath, OutputFile, json_option, write_files, write_json
 from exodrake.core.progress import counted, where_to_run
 
 
@@ -31,15 +31,9 @@ def make(
 
     The same seed makes the same set, whatever --jobs is. If it is interrupted, the same command goes on from there.
     """
-    from exodrake.machines.robot_file import load_robot
     from exodrake.reference.cases import named_mixes
-    from exodrake.reference.faults import without_entry
     from exodrake.reference.make import make as make_set
 
-    if lacking := without_entry(effect.id for effect in load_robot().machine.effects):
-        click.echo(
-            f"effects that no case has, since the reference simulator lacks them: {', '.join(lacking)}", err=True
-        )
     chosen = named_mixes(mixes)
     with counted("making") as count:
         path = make_set(out, seed, cases, labels, jobs, chosen, cluster, count)
@@ -70,25 +64,22 @@ def run(folder: Path, jobs: int, cluster: str | None, redo: bool) -> None:
 @click.argument("folder", type=AnyPath())
 @click.option("--labels", required=True, type=AnyPath(), help="Labels file of the set.")
 @click.option("--against", type=AnyPath(), default=None, help="Folder of other answers to the same cases.")
-@click.option("--json", "json_file", type=AnyPath(), default=None, help="Write the score as JSON.")
-@click.option("--markdown", type=AnyPath(), default=None, help="Write the score as Markdown.")
-def score(folder: Path, labels: Path, against: Path | None, json_file: Path | None, markdown: Path | None) -> None:
+@json_option
+@click.option("--markdown", type=OutputFile("score.md"), default=None, help="Write the score as Markdown.")
+def score(
+    folder: Path, labels: Path, against: Path | None, json_file: Path | str | None, markdown: Path | None
+) -> None:
     """Check the commitment and score the diagnoses of FOLDER against the labels.
 
     --against compares them, case by case, with the answers that another method or configuration gave.
     """
-    import json
-
     from rich.console import Console
 
-    from exodrake.core.files import write_text
     from exodrake.reference.score import as_json, as_markdown, as_tables, score as score_set
 
     result = score_set(folder, labels, against)
-    console = Console()
-    for table in as_tables(result):
-        console.print(table)
-    if json_file:
-        write_text(json_file, json.dumps(as_json(result), indent=1) + "\n")
+    if not write_json(as_json(result), json_file):
+        for table in as_tables(result):
+            Console().print(table)
     if markdown:
-        write_text(markdown, as_markdown(result))
+        write_files({markdown: as_markdown(result)})

@@ -5,11 +5,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from exodrake.cli.options import AnyPath, OutputFile
+from exodrake.cli.options import AnyPath, OutputFile, print_table, waiting
 
 if TYPE_CHECKING:
     import numpy as np
-    from rich.table import Table
 
     from exodrake.estimator.gp import Zeros
     from exodrake.estimator.validate import Score
@@ -17,7 +16,7 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("logs", nargs=-1, required=True, type=AnyPath())
-@click.option("--out", required=True, type=OutputFile(), help="Estimator file to write (.npz).")
+@click.option("--out", required=True, type=OutputFile("estimator.npz"), help="Estimator file, or a folder.")
 @click.option(
     "--points", default=500, show_default=True, type=click.IntRange(50, 4000), help="Training points, equispaced."
 )
@@ -33,9 +32,7 @@ def train_estimator(
     """
     from dataclasses import replace
 
-    from rich.console import Console
-
-    from exodrake.core.files import sha256_of
+    from exodrake.core.files import make_folder, sha256_of
     from exodrake.data.formats import read_log
     from exodrake.estimator.dataset import sweeps_from_logs
     from exodrake.estimator.file import save
@@ -46,34 +43,31 @@ def train_estimator(
     mark = sha256_of(robot_yaml(robot) or robot) if robot else ""
     read = [read_log(path, ("tension_ref", "tension", "stroke")) for path in logs]
     sweeps = sweeps_from_logs(read, one_per_log=[log.label for log in read] if one_sweep_per_log else ())
-    prior = learn(sweeps, points)
-    estimator = replace(condition(prior, sweeps, points), robot=mark, strokes=learn_strokes(sweeps))
-    scores = validate(prior, sweeps, points, seed)
+    with waiting("learning") as say:
+        prior = learn(sweeps, points)
+        estimator = replace(condition(prior, sweeps, points), robot=mark, strokes=learn_strokes(sweeps))
+        say("validating on held-out sweeps")
+        scores = validate(prior, sweeps, points, seed)
+    make_folder(out.parent)
     save(estimator, out, notes={f"{s.method}, {s.split}": [float(value) for value in s.rmse] for s in scores})
-    Console().print(table(scores, estimator.joints))
-    click.echo(f"{out}: {estimator.points} points of {estimator.sweeps} sweeps in {len(read)} log(s)")
+    print_scores(scores, estimator.joints)
+    click.echo(f"wrote {out}: {estimator.points} points of {estimator.sweeps} sweeps in {len(read)} log(s)")
 
 
-def table(scores: "tuple[Score, ...]", joints: tuple[str, ...]) -> "Table":
-    """Tabulate RMSE [rad] and 95 % coverage by method and split."""
-    from rich.table import Table
+def print_scores(scores: "tuple[Score, ...]", joints: tuple[str, ...]) -> None:
+    """Print RMSE [rad] and 95 % coverage by method and split."""
 
-    splits = list(dict.fromkeys(score.split for score in scores))
-    drawn = Table(title="Estimator and baselines by split: a new sweep is like the right column")
-    for heading in ("method", "figure"):
-        drawn.add_column(heading)
-    for split in splits:
-        drawn.add_column(split, justify="right")
+    def joined(values: "np.ndarray", digits: int) -> str:
+        return " / ".join("-" if value != value else f"{value:.{digits}f}" for value in values)
+
+    splits, rows = list(dict.fromkeys(score.split for score in scores)), []
     for method in dict.fromkeys(score.method for score in scores):
         found = {score.split: score for score in scores if score.method == method}
-        drawn.add_row(method, "RMSE, mean, rad", *(f"{found[split].mean_rmse:.4f}" for split in splits))
-        drawn.add_row("", "/".join(joints), *(_joined(found[split].rmse, 4) for split in splits))
-        drawn.add_row("", "inside 95 %", *(_joined(found[split].coverage, 2) for split in splits), end_section=True)
-    return drawn
-
-
-def _joined(values: "np.ndarray", digits: int) -> str:
-    return " / ".join("-" if value != value else f"{value:.{digits}f}" for value in values)
+        rows.append((method, "RMSE, mean, rad", *(f"{found[split].mean_rmse:.4f}" for split in splits)))
+        rows.append(("", "/".join(joints), *(joined(found[split].rmse, 4) for split in splits)))
+        rows.append(("", "inside 95 %", *(joined(found[split].coverage, 2) for split in splits)))
+    click.echo("estimator and baselines by split: a new sweep is like the right column")
+    print_table(("method", "figure", *(f">{split}" for split in splits)), rows)
 
 
 BAND = "black: estimate, with a band of two standard deviations; in colour: measured"
@@ -82,10 +76,9 @@ BAND = "black: estimate, with a band of two standard deviations; in colour: meas
 @click.command()
 @click.argument("log", type=AnyPath())
 @click.option("--estimator", required=True, type=AnyPath(), help="File written by `exodrake train`.")
-@click.option("--out", type=OutputFile(), default=None, help="Write the log with angle_est and angle_std columns.")
+@click.option("--out", type=OutputFile("estimated.csv"), help="Write the log with angle_est and angle_std columns.")
 @click.option(
-    "--figure", type=OutputFile(), default=None, metavar="PNG",
-    help="Figure of the log with the estimated angles [beside --out].",
+    "--figure", type=OutputFile("estimated.png"), help="Figure of the log with the estimated angles [beside --out]."
 )  # fmt: skip
 @click.option("--robot", default="", metavar="FILE", help="Robot file or machine that the estimator must belong to.")
 @click.option("--as-trained", is_flag=True, help="Keep the zeros of the training, even if those of LOG have moved.")
@@ -97,19 +90,17 @@ def estimate_angles(
     Tests whether the zeros of the strokes have moved since the training, as re-donning does, and corrects them. Where
     LOG has measured angles, prints the error and the share inside the 95 % interval.
     """
-    from exodrake.core.errors import InputError
-    from exodrake.core.files import sha256_of
+    from exodrake.core.files import make_folder, sha256_of
     from exodrake.data.formats import read_log, write_log
     from exodrake.data.plot import save_png
     from exodrake.estimator.file import load
     from exodrake.estimator.validate import estimate
     from exodrake.machines.library import robot_yaml
 
-    if figure is not None and figure.suffix.lower() != ".png":
-        raise InputError(f"{figure}: the figure is a PNG; its name ends in .png")
     trained = load(estimator, sha256_of(robot_yaml(robot) or robot) if robot else None)
     found = estimate(trained, read_log(log, ("tension", "stroke")), correct=not as_trained)
     if out:
+        make_folder(out.parent)
         write_log(found.log, out)
         click.echo(f"{out}: {len(found.log)} rows with angle_est and angle_std")
         figure = figure or out.with_name(out.name.split(".")[0] + ".png")

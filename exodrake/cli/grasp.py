@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from exodrake.cli.options import AnyPath, OutputFolder, refuse_others, robot_option
+from exodrake.cli.options import AnyPath, OutputFolder, print_table, refuse_others, robot_option, waiting
 
 if TYPE_CHECKING:
     from exodrake.core.robot import Robot
@@ -38,8 +38,6 @@ def command(mode: str, size: str, file: Path | None, robot: str, seed: int, out:
     and, without --estimator, the estimator.npz it trained. For a grasp out of reach the nearest one that the tendons
     hold is shown.
     """
-    from rich.console import Console
-
     from exodrake.core.files import check_folder, write_folder
     from exodrake.data.formats import log_bytes
     from exodrake.estimator.file import load, quick_estimator
@@ -50,19 +48,20 @@ def command(mode: str, size: str, file: Path | None, robot: str, seed: int, out:
     built, wanted = load_robot(robot), parse_size(size)
     refuse_others("grasp", built, "finger.length")
     listening = load(file) if file else None
-    with Console(stderr=True).status("planning (the statics compile first)") as status:
+    with waiting("planning (the statics compile first)") as say:
         plan = plan_grasp(mode, wanted, built)
         folder = out or Path("grasps") / f"{plan.mode}-{1e3 * plan.size:g}mm"
         check_folder(folder)
         if listening is None:
-            status.update("training an estimator on simulated sweeps")
+            say("training an estimator on simulated sweeps")
             listening = quick_estimator(built.without_effects(), folder / ESTIMATOR)
-        status.update("simulating the Diagram")
+        say("simulating the Diagram")
         log = run_plan(plan, built, listening, seed)
-        status.update("drawing")
+        say("drawing")
         contents = files_of(plan, log, built, None if file else listening)
-        files = write_folder(folder, {"log.csv": log_bytes(log, folder / "log.csv"), **contents})
-    show(plan, log, folder, [file.name for file in files])
+        write_folder(folder, {"log.csv": log_bytes(log, folder / "log.csv"), **contents})
+    print_plan(plan, log)
+    click.echo(f"wrote {folder}/: log.csv, {', '.join(contents)}")
 
 
 def parse_size(text: str) -> float:
@@ -105,18 +104,12 @@ def files_of(plan: Plan, log: Log, robot: Robot, trained: Estimator | None) -> d
     return contents
 
 
-def show(plan: Plan, log: Log, folder: Path, names: list[str]) -> None:
-    """Prints whether the grasp is feasible, tensions and postures, and the files."""
-    from rich.console import Console
-    from rich.markup import escape
-
+def print_plan(plan: Plan, log: Log) -> None:
+    """Prints whether the grasp is feasible, tensions and postures."""
     from exodrake.grasping.plan import at_hold
-    from exodrake.report.terminal import table
 
-    console = Console()
-    console.print(f"[bold]{plan.mode}[/bold]  {1e3 * plan.size:g} mm", "feasible" if plan.feasible else "not feasible")
-    console.print(f"fingertip at x {1e3 * plan.target[0]:.1f}, y {1e3 * plan.target[1]:.1f} mm (palmar) of the MCP")
-    titles = ("tendon", ">tension", "joint", ">wanted", ">planned", ">short by", ">reached", ">estimated")
+    click.echo(f"{plan.mode}  {1e3 * plan.size:g} mm {'feasible' if plan.feasible else 'not feasible'}")
+    click.echo(f"fingertip at x {1e3 * plan.target[0]:.1f}, y {1e3 * plan.target[1]:.1f} mm (palmar) of the MCP")
     rows = []
     reached = at_hold(log, "angle", plan.joints)
     guess, deviation = at_hold(log, "angle_est", plan.joints), at_hold(log, "angle_std", plan.joints)
@@ -124,7 +117,7 @@ def show(plan: Plan, log: Log, folder: Path, names: list[str]) -> None:
         angles = (f"{v:.3f}" for v in (plan.wanted[i], plan.planned[i], plan.shortfall[i], reached[i]))
         estimated = f"{guess[i]:.3f} ± {deviation[i]:.3f} rad"
         rows.append((tendon, f"{plan.tensions[i]:.2f} N", joint, *angles, estimated))
-    console.print(table(titles, rows))
+    titles = ("tendon", ">tension", "joint", ">wanted", ">planned", ">short by", ">reached", ">estimated")
+    print_table(titles, rows)
     if not plan.feasible:
         click.secho(f"not feasible: {plan.reason}", fg="yellow", err=True)
-    console.print(f"[bold]{escape(str(folder))}/[/bold]  {'  '.join(names)}", soft_wrap=True)

@@ -10,7 +10,16 @@ from typing import TYPE_CHECKING
 
 import click
 
-from exodrake.cli.options import AnyPath, OutputFile, OutputFolder, refuse_others, robot_option
+from exodrake.cli.options import (
+    AnyPath,
+    OutputFile,
+    OutputFolder,
+    print_table,
+    refuse_others,
+    robot_option,
+    waiting,
+    write_files,
+)
 
 if TYPE_CHECKING:
     from exodrake.identification.kinematics.identify import Kinematics
@@ -23,13 +32,7 @@ def command() -> None:
 
 @command.command(short_help="Joint axes, centres, angles and phalanx lengths.")
 @click.argument("file", type=AnyPath())
-@click.option(
-    "--out",
-    type=OutputFolder(),
-    default=Path("kinematics"),
-    show_default=True,
-    help="Folder for the results.",
-)
+@click.option("--out", type=OutputFolder(), default=Path("kinematics"), show_default=True, help="Folder for the files.")
 @click.option("--markers", type=AnyPath(), help="YAML with the marker names of each segment.")
 @click.option(
     "--cutoff", type=float, default=4.0, show_default=True, help="Smoothing of marker paths [Hz]; 0 for none."
@@ -53,33 +56,28 @@ def kinematics(file: Path, out: Path, markers: Path | None, cutoff: float, repai
         recording = relabelled(recording, swaps)
         for swap in swaps:
             click.echo(f"exchanged {swap.names[0]} and {swap.names[1]} in frames {swap.first} to {swap.last}")
-    found = identify(recording, layout, Settings(cutoff=cutoff or None))
-    files = write_report(found, out)
-    show(found)
+    with waiting("adjusting axes to the markers"):
+        found = identify(recording, layout, Settings(cutoff=cutoff or None))
+        files = write_report(found, out)
+    print_kinematics(found)
     for remark in found.remarks:
         click.echo(f"note: {remark}")
     click.echo("wrote " + ", ".join(str(name) for name in files))
 
 
-def show(found: Kinematics) -> None:
-    """Print the lines of the joint centres, and lengths and ranges."""
-    from rich.console import Console
-
+def print_kinematics(found: Kinematics) -> None:
+    """Prints the lines of the joint centres, and lengths and ranges."""
     from exodrake.identification.kinematics.report import length_rows, table_rows
-    from exodrake.report.terminal import table
 
-    console = Console()
-    titles = ("joint", "axis", ">gradient \\[mm/rad]", ">intercept \\[mm]", ">RMSE \\[mm]")
     rows = [
         (joint, axis, f"{gradient} ± {half}", f"{intercept} ± {other}", rmse)
         for joint, axis, gradient, half, intercept, other, rmse in table_rows(found)
     ]
-    console.print(f"joint centres of {Path(found.source).name}: centre = gradient x angle + intercept")
-    console.print(table(titles, rows))
-    titles = ("joint", ">flexion \\[rad]", "phalanx", ">length \\[mm]")
-    ranges = ["{:.2f} .. {:.2f}".format(*joint.range) for joint in found.joints]
+    click.echo(f"joint centres of {Path(found.source).name}: centre = gradient x angle + intercept")
+    print_table(("joint", "axis", ">gradient \\[mm/rad]", ">intercept \\[mm]", ">RMSE \\[mm]"), rows)
+    ranges = ["{:.2f} to {:.2f}".format(*joint.range) for joint in found.joints]
     lengths = [(j, span, bone, f"{mm} ± {half}") for span, (j, bone, mm, half) in zip(ranges, length_rows(found))]
-    console.print(table(titles, lengths))
+    print_table(("joint", ">flexion \\[rad]", "phalanx", ">length \\[mm]"), lengths)
 
 
 @command.command(short_help="Write a marker recording with known truth.")
@@ -97,7 +95,7 @@ def synthesise(
 ) -> None:  # fmt: skip
     """Write a synthetic 14-marker recording, CSV or C3D by its name, and its truth into FILE.truth.yaml."""
     from exodrake.core.errors import InputError
-    from exodrake.core.files import write_bytes
+    from exodrake.identification.kinematics.markers import c3d_bytes, csv_bytes
     from exodrake.identification.kinematics.rigid import Swap, relabelled
     from exodrake.identification.kinematics.synthetic import Faults, Hand, synthesise, truth_yaml
 
@@ -107,17 +105,10 @@ def synthesise(
             raise InputError(f"--swap {' '.join(swap)}: wanted two of {', '.join(recording.names)}")
         middle = len(recording.time) // 2
         recording = relabelled(recording, (Swap(swap, middle, middle + round(rate / 2)),))
-    if file.suffix.lower() == ".c3d":
-        from exodrake.identification.kinematics.markers import c3d_bytes
-
-        data = c3d_bytes(recording)
-    else:
-        from exodrake.identification.kinematics.markers import csv_bytes
-
-        data = csv_bytes(recording, (f"Synthetic, nobody was measured: exodrake identify synthesise, seed {seed}.",))
-    write_bytes(file, data)
-    write_bytes(file.with_name(file.name + ".truth.yaml"), truth_yaml(truth).encode())
-    click.echo(f"wrote {file}: {len(recording.time)} frames, {len(recording.names)} markers; truth beside it")
+    source = f"Synthetic, nobody was measured: exodrake identify synthesise, seed {seed}."
+    data = c3d_bytes(recording) if file.suffix.lower() == ".c3d" else csv_bytes(recording, (source,))
+    write_files({file: data, file.with_name(file.name + ".truth.yaml"): truth_yaml(truth)})
+    click.echo(f"{len(recording.time)} frames, {len(recording.names)} markers")
 
 
 @command.command("maximum-tension", short_help="Tension of each tendon beyond which the joints hardly move.")
@@ -145,13 +136,7 @@ def maximum_tension(log: Path, robot: str) -> None:
 
 @click.command()
 @robot_option()
-@click.option(
-    "--out",
-    type=OutputFolder(),
-    default=Path("workspace"),
-    show_default=True,
-    help="Folder for the results.",
-)
+@click.option("--out", type=OutputFolder(), default=Path("workspace"), show_default=True, help="Folder for the files.")
 @click.option("--samples", type=int, default=40_000, show_default=True, help="Points of the Monte Carlo areas.")
 @click.option("--steps", type=int, default=25, show_default=True, help="Tensions per tendon in the assisted workspace.")
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True)
@@ -160,24 +145,20 @@ def find_workspace(robot: str, out: Path, samples: int, steps: int, seed: int) -
 
     Writes workspace.csv and workspace.png; `make paper` compares them with the paper's Table 2.
     """
-    from rich.console import Console
     from rich.markup import escape
 
     from exodrake.core.files import write_folder
     from exodrake.identification.workspace import HEAD, SPONTANEOUS, areas, areas_csv, assisted, workspace_figure
     from exodrake.machines.robot_file import load_robot
-    from exodrake.report.terminal import table
 
     loaded = load_robot(robot)
     refuse_others("workspace", loaded, "finger.length")
     lengths = tuple(loaded.channels("finger.length").tolist())
-    wired = assisted(loaded, steps)
-    rows = areas(lengths, SPONTANEOUS, wired, samples, seed)
-    contents = {
-        "workspace.csv": areas_csv(rows).encode(),
-        "workspace.png": workspace_figure(lengths, SPONTANEOUS, wired),
-    }
-    files = write_folder(out, contents)
+    with waiting("sampling postures"):
+        wired = assisted(loaded, steps)
+        rows = areas(lengths, SPONTANEOUS, wired, samples, seed)
+        figure = workspace_figure(lengths, SPONTANEOUS, wired)
+    files = write_folder(out, {"workspace.csv": areas_csv(rows).encode(), "workspace.png": figure})
     marks = [f">{heading}" if "[" in heading else heading for heading in HEAD]
-    Console().print(table([escape(heading).replace(" \\[", "\n\\[") for heading in marks], rows))
+    print_table([escape(heading).replace(" \\[", "\n\\[") for heading in marks], rows)
     click.echo("wrote " + ", ".join(str(name) for name in files))

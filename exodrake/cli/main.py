@@ -5,7 +5,6 @@ import shlex
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from difflib import get_close_matches
 from importlib import import_module
 from pathlib import Path
 from typing import IO, Any
@@ -14,7 +13,7 @@ import click
 
 from exodrake import __version__
 from exodrake.cli.options import ARGUMENTS, plugin_added, without_machine
-from exodrake.core.errors import InputError, printable, shortened
+from exodrake.core.errors import InputError, nearest, printable, shortened
 from exodrake.core.progress import INTERRUPTED
 
 # command -> (module, with the name of the click command if it is not `command`; its line in --help); those without a
@@ -47,6 +46,14 @@ COMMANDS = {
     "alarm-limits": ("watch:find_alarm_limits", "Gaps that healthy robots stay below, for the alarm of watch."),
     "show": ("logs:show_log", "Write a log as HTML with the moving robot."),
     "warm-up": ("simulate:compile_kernels", "Compile the kernels now, not at first use."),
+}
+# heading -> commands, in the order of --help
+GROUPS = {
+    "Simulate": ("demo", "simulate", "sweep", "compare", "show", "robot", "effects", "draw", "warm-up"),
+    "Diagnose": ("check", "diagnose", "experiment", "fleet", "watch", "blind"),
+    "Logs and machines of your own": ("import", "export", "new-machine", "fit", "calibrate", "alarm-limits"),
+    "Control": ("analyse", "response", "tune", "feedforward"),
+    "The finger of the paper": ("identify", "workspace", "train", "estimate", "grasp"),
 }
 
 
@@ -100,8 +107,8 @@ class LazyGroup(OneLineErrors, click.Group):
     """A group that imports a command's module when the command is called, so that --help imports none."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """Commands whose module exists, in the order of the table."""
-        return [name for name in COMMANDS if _exists(name)]
+        """Commands whose module exists, by group."""
+        return [name for names in grouped_commands().values() for name in names]
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """The command, its module imported; None if there is none such."""
@@ -119,15 +126,23 @@ class LazyGroup(OneLineErrors, click.Group):
         """Resolve as click does; the error for an unknown command names the nearest ones."""
         name = args[0]
         if not name.startswith("-") and name not in self.list_commands(ctx):
-            near = get_close_matches(name, self.list_commands(ctx), n=3, cutoff=0.5)
-            hint = f"did you mean {' or '.join(near)}?" if near else "exodrake --help lists them"
-            raise InputProblem(f"no command {name!r}; {hint}")
+            hint = nearest(name, self.list_commands(ctx)) or "; exodrake --help lists them"
+            raise InputProblem(f"no command {name!r}{hint}")
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """The list in --help, from the table alone."""
-        with formatter.section("Commands"):
-            formatter.write_dl([(name, COMMANDS[name][1]) for name in self.list_commands(ctx)])
+        """The lists in --help, from the tables alone."""
+        for heading, names in grouped_commands().items():
+            with formatter.section(heading):
+                formatter.write_dl([(f"{name:12}", COMMANDS[name][1]) for name in names])
+
+
+def grouped_commands() -> dict[str, list[str]]:
+    """Commands whose module exists, by heading; those in no group are `Others`."""
+    there = [name for name in COMMANDS if _exists(name)]
+    rest = [name for name in there if not any(name in names for names in GROUPS.values())]
+    found = {heading: [name for name in names if name in there] for heading, names in GROUPS.items()}
+    return found | ({"Others": rest} if rest else {})
 
 
 def _exists(name: str) -> bool:
@@ -137,14 +152,24 @@ def _exists(name: str) -> bool:
     return (folder / f"{module}.py").is_file() or (folder / module / "__init__.py").is_file()
 
 
-@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+@click.group(
+    cls=LazyGroup,
+    invoke_without_command=True,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+)
 @click.version_option(__version__, message="exodrake %(version)s")
 @click.option(
     "--plugin", multiple=True, metavar="FOLDER", expose_value=False, callback=plugin_added,
     help="Folder of your own machines, effects, parts or file formats. Repeatable.",
 )  # fmt: skip
-def cli() -> None:
-    """Simulate a tendon-driven robot, and explain how far, where and why it differs from the real one."""
+@click.pass_context
+def cli(context: click.Context) -> None:
+    """Simulate a tendon-driven robot, and explain how far, where and why it differs from the real one.
+
+    `--out FOLDER` takes the files of a command, `--json` prints its numbers. `exodrake COMMAND --help` explains each.
+    """
+    if context.invoked_subcommand is None:
+        click.echo(context.get_help())
 
 
 def main() -> None:

@@ -1,10 +1,16 @@
-"""Options that commands share: --robot with --machine, and --plugin."""
+"""What commands share: options, files that they write, and the display while they work.
+
+`--out FOLDER` takes all files of a command, which have the same names everywhere: log.csv, figure.png, report.html,
+diagnosis.json, robot.yaml. `--json` prints numbers, or writes them into the file that it names.
+"""
 
 from __future__ import annotations
 
 import os
 import shlex
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -49,16 +55,42 @@ class AnyPath(click.Path):
 
 
 class OutputFile(AnyPath):
-    """A file to be written, which is refused before the work if it is a folder, or its own folder is absent."""
+    """A file to be written, or a folder for it; one that cannot be written is refused before the work.
+
+    Args:
+        name: Name of the file in a folder. Its ending is demanded of other names, unless it is that of a log.
+    """
+
+    def __init__(self, name: str = "") -> None:
+        super().__init__()
+        self.usual = name
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Path of the file."""
-        path = super().convert(value, param, ctx)
-        if path.is_dir():
-            raise InputError(f"{path}: a folder, wanted a file")
-        if not path.parent.is_dir():
-            raise InputError(f"{path}: cannot be written (no folder {path.parent})")
+        from exodrake.core.files import check_folder
+
+        path, kind = super().convert(value, param, ctx), Path(self.usual).suffix
+        if self.usual and (path.is_dir() or not (path.suffix or path.exists())):
+            check_folder(path)
+            return path / self.usual
+        check_target(path)
+        if kind not in ("", ".csv", path.suffix.lower()) and path.suffix:
+            raise InputError(f"{path}: wanted a folder, or a file whose name ends in {kind}")
         return path
+
+
+class JsonTarget(click.ParamType):
+    """A JSON file to be written; `-` is the standard output."""
+
+    name = "file"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Path of the file, or `-`."""
+        if value == "-" or isinstance(value, Path):
+            return value
+        if Path(value).suffix.lower() != ".json":
+            raise InputError(f"--json {value}: wanted a file whose name ends in .json, or --json last, to print")
+        return OutputFile().convert(value, param, ctx)
 
 
 class OutputFolder(AnyPath):
@@ -73,6 +105,94 @@ class OutputFolder(AnyPath):
         return path
 
 
+def check_target(path: Path | None) -> None:
+    """InputError before the work if a file could not be written in the end."""
+    if path is None:
+        return
+    if path.is_dir():
+        raise InputError(f"{path}: a folder, wanted a file")
+    if not path.parent.is_dir():
+        raise InputError(f"{path}: cannot be written (no folder {path.parent})")
+    if not os.access(path.parent, os.W_OK):
+        raise InputError(f"{path}: its folder takes no files")
+
+
+def json_option(command: Callable) -> Callable:
+    """Adds --json to a command: numbers in SI, printed alone or written into a file."""
+    return click.option(
+        "--json", "json_file", type=JsonTarget(), is_flag=False, flag_value="-", default=None, metavar="[FILE]",
+        help="Print the numbers as JSON, in SI, and nothing else; or write them into FILE.",
+    )(command)  # fmt: skip
+
+
+def write_json(content: Any, target: Path | str | None, announce: bool = True) -> bool:
+    """Print plain data as JSON, or write it; True if it was printed, and nothing else should be."""
+    import json
+
+    if target is None:
+        return False
+    text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False)
+    if target == "-":
+        click.echo(text)
+    else:
+        write_files({Path(target): text + "\n"}, announce)
+    return target == "-"
+
+
+def write_files(contents: Mapping[Path, str | bytes], announce: bool = True) -> None:
+    """Write files, each whole or not at all, in folders that are made; and say where they are."""
+    from exodrake.core.files import make_folder, write_bytes
+
+    for path, data in contents.items():
+        if path.parent != Path():
+            make_folder(path.parent)
+        write_bytes(path, data.encode() if isinstance(data, str) else data)
+        if announce:
+            click.echo(f"wrote {path}")
+
+
+@contextmanager
+def waiting(text: str) -> Iterator[Callable[[str], None]]:
+    """Show on a terminal what a command works on, and for how long; yields the function that changes the text."""
+    from rich.console import Console
+    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty()) as bar:
+        task = bar.add_task(text)
+        yield lambda text: bar.update(task, description=text)
+
+
+def print_table(titles: Sequence[str], rows: Sequence[Any], wrapped: int = -1) -> None:
+    """Print a table; into a pipe 120 columns wide."""
+    from rich.console import Console
+
+    from exodrake.report.terminal import table
+
+    console = Console(highlight=False)
+    console.width = console.width if console.is_terminal else max(console.width, 120)
+    console.print(table(titles, rows, wrapped))
+
+
+def cases_in(folder: Path) -> list[Path]:
+    """Folders of a folder that are cases, by name; none if it is a case itself."""
+    from exodrake.core.files import is_folder
+    from exodrake.data.case import FILE, log_names
+
+    def is_case(path: Path) -> bool:
+        return is_folder(path) and ((path / FILE).exists() or bool(log_names(path)))
+
+    if not is_folder(folder) or is_case(folder):
+        return []
+    return [path for path in sorted(folder.iterdir()) if is_case(path)]
+
+
+def refuse_cases(folder: Path) -> None:
+    """InputError for a folder that holds cases, by a command that takes one."""
+    if inside := cases_in(folder):
+        raise InputError(f"{folder}: a folder of cases; name one of them, such as {inside[0]}")
+
+
 def log_in(path: Path) -> Path:
     """A log's file: the path itself, or the log in a folder that `exodrake simulate` wrote."""
     return path / "log.csv" if path.is_dir() else path
@@ -80,14 +200,12 @@ def log_in(path: Path) -> Path:
 
 def command_line() -> str:
     """The command as it was typed, for answers: absolute paths by their last part; empty outside of a command."""
-    context = click.get_current_context(silent=True)
-    return shlex.join(["exodrake", *map(without_folder, context.meta[ARGUMENTS])]) if context else ""
-
-
-def without_folder(argument: str) -> str:
-    """An argument, `FILE` or `--option=FILE`, whose absolute path is cut to its last part."""
-    option, equals, path = argument.partition("=") if argument.startswith("-") else ("", "", argument)
-    return f"{option}{equals}{os.path.basename(os.path.normpath(path))}" if os.path.isabs(path) else argument
+    context, words = click.get_current_context(silent=True), []
+    for argument in context.meta[ARGUMENTS] if context else ():
+        option, equals, path = argument.partition("=") if argument.startswith("-") else ("", "", argument)
+        last = os.path.basename(os.path.normpath(path))
+        words.append(f"{option}{equals}{last}" if os.path.isabs(path) else argument)
+    return shlex.join(["exodrake", *words]) if context else ""
 
 
 def robot_option(name: str = "robot", default: str = DEFAULT) -> Callable[[Callable], Callable]:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import json
 import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from exodrake.cli.options import DEFAULT, AnyPath, robot_option
+from exodrake.cli.options import DEFAULT, OutputFile, json_option, print_table, robot_option, write_files, write_json
+from exodrake.core.errors import InputError, nearest
 
 if TYPE_CHECKING:
     from exodrake.core.effect import Effect, EffectParameter
@@ -21,97 +21,104 @@ if TYPE_CHECKING:
 @click.argument("name", required=False, default="", metavar="[NAME]")
 @robot_option()
 @click.option("--only", default="", metavar="TEXT", help="Parameters with this in their name, such as finger.kappa.")
-@click.option("--json", "as_json", is_flag=True, help="Print JSON instead of a table, in SI.")
-def list_parameters(name: str, robot: str, only: str, as_json: bool) -> None:
+@json_option
+def list_parameters(name: str, robot: str, only: str, json_file: Path | None) -> None:
     """List each parameter of a robot with value, unit, plausible range, tolerance and source.
 
-    NAME is a machine or a robot file, as for --robot. Below the parameters come effects in the robot, limits,
-    parts and references.
+    NAME is a machine or a robot file, as for --robot, or part of a parameter's name, as for --only.
     """
-    from exodrake.core.errors import InputError, nearest
     from exodrake.core.plain import to_dict
+    from exodrake.machines.library import robot_yaml
     from exodrake.machines.robot_file import load_robot
 
+    named = bool(name) and (Path(name).exists() or robot_yaml(name) is not None)
+    if name and not named and any(name in one for one in load_robot(robot).parameters()):
+        name, only = "", name
     found = load_robot(name or robot)
-    names = [one for one in found.parameters() if only in one]
+    known = found.parameters()
+    names = [one for one in known if only in one]
     if not names:
-        raise InputError(
-            f"{found.source}: no parameter with {only!r} in its name{nearest(only, list(found.parameters()))}"
-        )
-    if as_json:
-        content = to_dict(found)
-        content["parameters"] = {one: content["parameters"][one] for one in names}
-        click.echo(json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False))
-        return
-    show(found, names, bool(only))
+        raise InputError(f"{found.source}: no parameter with {only!r} in its name{nearest(only, list(known))}")
+    content = to_dict(found) if json_file else {}
+    content |= {"parameters": {one: content["parameters"][one] for one in names}} if json_file else {}
+    if not write_json(content, json_file):
+        print_parameters(found, names)
+        if not only:
+            print_rest(found, names[0])
 
 
-def show(robot: Robot, names: list[str], some: bool) -> None:
-    """Prints the table, and what else the robot file holds unless some parameters were chosen."""
-    from rich.console import Console
+def print_parameters(robot: Robot, names: list[str]) -> None:
+    """Prints a table of parameters, a group apart from the next, and those outside of their range."""
     from rich.markup import escape
 
-    from exodrake.core.robot import alike, effect_in_words, implausible
-    from exodrake.report.terminal import table
+    from exodrake.core.robot import alike, implausible
 
-    console = Console(width=None if Console().is_terminal else 150)
     rows, group = [], ""
     for name, channels, one in alike(robot):
-        if one.name not in names and not any(f"{name}.{channel}" in names for channel in channels):
-            continue
-        rows += [()] if group and name.split(".")[0] != group else []
-        group, texts = name.split(".")[0], one.texts
-        at = "" if not channels else " " + ", ".join(channels)
-        rows.append(
-            (f"[bold]{escape(name)}[/bold]{at}", texts["value"], texts["range"], texts["tolerance"], escape(one.source))
-        )
-    machine = robot.machine
-    console.print(
-        f"[bold]{escape(robot.source or machine.name)}[/bold]  machine {machine.name}, {len(names)} parameters"
-    )
-    console.print(table(("parameter", ">value", "plausible", "tolerance", "source"), rows, wrapped=4))
+        if one.name in names or any(f"{name}.{channel}" in names for channel in channels):
+            rows += [()] if group and name.split(".")[0] != group else []
+            group, texts, at = name.split(".")[0], one.texts, ", ".join(channels)
+            values = texts["value"], texts["range"], texts["tolerance"], escape(one.source)
+            rows.append((f"[bold]{escape(name)}[/bold] {at}".rstrip(), *values))
+    click.echo(f"{robot.source or robot.machine.name}: machine {robot.machine.name}, {len(names)} parameters")
+    print_table(("parameter", ">value", "plausible", "tolerance", "source"), rows, wrapped=4)
     for sentence in implausible(robot):
-        console.print(f"[yellow]note[/yellow]  {escape(sentence)}")
-    if some:
-        return
-    for identity in robot.effects():
-        console.print(f"with {escape(effect_in_words(robot, identity))}", highlight=False)
+        click.echo(f"note  {sentence}")
+
+
+def print_rest(robot: Robot, name: str) -> None:
+    """Prints effects, limits, grasps and variants of a robot, and how to set a parameter."""
+    from exodrake.core.robot import effect_in_words
+
+    machine = robot.machine
     unit = machine.signal[machine.references[0].signal].unit
+    for identity in robot.effects():
+        click.echo(f"with {effect_in_words(robot, identity)}")
     for title, values in (("limit", robot.limits), ("grasp", robot.grasps)):
-        for name, item in values.items():
-            listed = ", ".join(f"{channel} {value:g}" for channel, value in item.items())
-            console.print(f"{title} [bold]{escape(name)}[/bold]  {listed} {unit}", highlight=False)
-    variants = ", ".join(machine.variants_available)
-    console.print(f"variants of parts: {variants}" if variants else "no variants of parts", style="dim")
-    console.print(f"set one: exodrake simulate ... --set '{names[0]}=VALUE UNIT'", style="dim", highlight=False)
+        for key, item in values.items():
+            click.echo(f"{title} {key}  {', '.join(f'{channel} {value:g}' for channel, value in item.items())} {unit}")
+    click.echo(f"variants of parts: {', '.join(machine.variants_available) or 'none'}")
+    click.echo(f"set one: exodrake simulate ... --set '{name}=VALUE UNIT'")
 
 
 @click.command()
 @click.argument("identity", required=False, default="", metavar="[ID]")
-@click.option("--json", "as_json", is_flag=True, help="Print JSON instead of a table.")
+@json_option
 @robot_option()
-def list_effects(identity: str, as_json: bool, robot: str) -> None:
-    """List the effect library: id, what it is, parameters with unit and plausible range; with ID, all about one."""
+def list_effects(identity: str, json_file: Path | None, robot: str) -> None:
+    """List the effect library: id, what it is, parameters with unit and plausible range.
+
+    With ID, all about one effect, or a list of those that have the text in their id.
+    """
     from exodrake.machines.robot_file import load_robot
 
     machine = load_robot(robot).machine
-    chosen = [machine.effect(identity)] if identity else list(machine.effects)
-    if as_json:
-        described = [describe(machine, effect) for effect in chosen]
-        click.echo(json.dumps(described[0] if identity else described, indent=2, ensure_ascii=False, allow_nan=False))
-    elif identity:
+    within = [effect for effect in machine.effects if identity in effect.id]
+    exact = [effect for effect in within if effect.id == identity]
+    chosen = exact or within or [machine.effect(identity)]
+    single = bool(identity) and len(chosen) == 1
+    described = [describe(machine, effect) for effect in chosen]
+    if write_json(described[0] if single else described, json_file):
+        return
+    if single:
         print_description(machine, chosen[0])
-    else:
-        print_library(chosen)
-
-
-def finite(value: float) -> float | str:
-    """A number as JSON takes it: an infinite one as text."""
-    return value if math.isfinite(value) else str(value)
+        return
+    rows, block = [], ""
+    for effect in chosen:
+        rows += [()] if block and effect.block != block else []
+        block = effect.block
+        parameters = "\n".join(f"{n.name}  {plausible(n)}" for n in effect.parameters)
+        rows.append((f"[bold]{effect.id}[/bold]", effect.summary, parameters, effect.axis.removesuffix("s") or "robot"))
+    print_table(("effect", "what it is", "parameters", "per"), rows, wrapped=1)
+    click.echo(f"\n{len(chosen)} effects. `exodrake effects ID` describes one.")
 
 
 def describe(machine: Machine, effect: Effect) -> dict[str, Any]:
     """Everything about an effect as plain data."""
+
+    def finite(value: float) -> float | str:
+        return value if math.isfinite(value) else str(value)
+
     parameters = [
         {
             "name": n.name, "unit": n.unit, "null": finite(n.null),
@@ -129,75 +136,40 @@ def describe(machine: Machine, effect: Effect) -> dict[str, Any]:
 
 def example(machine: Machine, effect: Effect) -> str:
     """A command that shows the effect."""
-    parameter = effect.parameters[0]
-    channel = machine.axes.of(effect.axis)[0]
-    at = f"@{channel}" if channel else ""
+    parameter, channel = effect.parameters[0], machine.axes.of(effect.axis)[0]
     what = "caging" if machine.name == DEFAULT else f"chirp --robot {machine.name}"
+    at = f"@{channel}" if channel else ""
     return f"exodrake simulate {what} --effect {effect.id}:{parameter.name}={parameter.initial:.3g}{at}"
 
 
 def plausible(parameter: EffectParameter) -> str:
     """Plausible range with unit."""
-    unit = "" if parameter.unit == "-" else f" {parameter.unit}"
-    return f"{parameter.low:g} to {parameter.high:g}{unit}"
-
-
-def print_library(effects: list[Effect]) -> None:
-    """A table, one row an effect, grouped by block."""
-    from rich.console import Console
-
-    from exodrake.report.terminal import table
-
-    rows, block = [], ""
-    for effect in effects:
-        rows += [()] if block and effect.block != block else []
-        block = effect.block
-        parameters = "\n".join(f"{n.name}  {plausible(n)}" for n in effect.parameters)
-        per = effect.axis.removesuffix("s") or "robot"
-        rows.append((f"[bold]{effect.id}[/bold]", effect.summary, parameters, per))
-    console = Console(width=None if Console().is_terminal else 140)
-    console.print(table(("effect", "what it is", "parameters", "per"), rows, wrapped=1))
-    console.print(f"\n{len(effects)} effects. `exodrake effects ID` describes one.", style="dim")
+    return f"{parameter.low:g} to {parameter.high:g} {parameter.unit}".removesuffix(" -")
 
 
 def print_description(machine: Machine, effect: Effect) -> None:
-    """All about one effect."""
-    from rich.console import Console
-
-    from exodrake.report.terminal import table
-
-    console = Console(width=None if Console().is_terminal else 120)
-    console.print(f"[bold]{effect.id}[/bold]  {effect.summary}\n")
-    console.print(effect.equation, markup=False, highlight=False, style="cyan", soft_wrap=True)
+    """Prints all about one effect."""
+    click.echo(f"{click.style(effect.id, bold=True)}  {effect.summary}\n\n{effect.equation}\n")
     rows = []
     for n in effect.parameters:
         channels = ", ".join(filter(None, machine.axes.of(n.axis))) or "robot"
         null = f"{n.null:g}" if n is effect.parameters[0] else ""
         ends = f"{n.low:g} to {n.high:g}"
         rows.append((n.name, n.unit, ends, f"{n.initial:.4g}", null, channels, "yes" if n.fitted else "no"))
-    titles = ("parameter", "unit", "plausible", ">initial", ">null value", "one per", "fitted")
-    console.print()
-    console.print(table(titles, rows))
-    for title, text in (("shows as", effect.signature), ("acts at", ", ".join(effect.at)), ("source", effect.source)):
-        console.print(f"\n[bold]{title}[/bold]")
-        console.print(text, markup=False, highlight=False)
-    console.print("\n[bold]try[/bold]")
-    console.print(example(machine, effect), markup=False, highlight=False, soft_wrap=True)
+    print_table(("parameter", "unit", "plausible", ">initial", ">null value", "one per", "fitted"), rows)
+    texts = {"shows as": effect.signature, "acts at": ", ".join(effect.at), "source": effect.source}
+    for title, text in (*texts.items(), ("try", example(machine, effect))):
+        click.echo(f"\n{click.style(title, bold=True)}\n{text}")
 
 
 @click.command()
 @robot_option()
-@click.option("--out", default="wiring.svg", show_default=True, type=AnyPath(dir_okay=False))
+@click.option("--out", default="wiring.svg", show_default=True, type=OutputFile("wiring.svg"), help="SVG, or folder.")
 def draw(robot: str, out: Path) -> None:
     """Draw the robot's block diagram: parts, signals with their units, and the tasks in the slots of a frame."""
-    from exodrake.core.errors import InputError
-    from exodrake.core.files import write_text
     from exodrake.diagrams.block_diagram import wiring_svg
     from exodrake.machines.robot_file import load_robot
 
     machine = load_robot(robot).machine
-    if out.suffix.lower() != ".svg":
-        raise InputError(f"{out}: the drawing is an SVG; its name ends in .svg")
-    write_text(out, wiring_svg(machine))
-    names = ", ".join(part.name for part in machine.parts)
-    click.echo(f"{out}: {len(machine.parts)} parts ({names}) joined by {len(machine.signals)} signals")
+    write_files({out: wiring_svg(machine)})
+    click.echo(f"{len(machine.parts)} parts joined by {len(machine.signals)} signals")

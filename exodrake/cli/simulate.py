@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import sys
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from exodrake.cli.options import AnyPath, robot_changes, robot_option
+from exodrake.cli.options import OutputFolder, print_table, robot_changes, robot_option, waiting
+from exodrake.core.errors import InputError
 
 if TYPE_CHECKING:
-    import numpy as np
-    from rich.table import Table
-
     from exodrake.compiled.inputs import Reference
     from exodrake.core.robot import Robot
     from exodrake.data.log import Log
@@ -33,98 +31,79 @@ if TYPE_CHECKING:
 @click.option(
     "--engine", default="", metavar="NAME", help="compiled (the default) or drake: the same log to the last bit."
 )
-@click.option("--out", type=AnyPath(), default=None, help="Folder for the files [simulated/PROTOCOL].")
+@click.option("--out", type=OutputFolder(), default=None, help="Folder for the files [simulated/PROTOCOL].")
 def command(protocol: str, reference: str, file: str, robot: str, out: Path | None, **options) -> None:
     """Run a robot on PROTOCOL and write log.csv, scenario.yaml, figure.png and recording.html.
 
-    With --effect, --set or --part the nominal robot runs beside it: nominal.csv, dotted in the figure, a grey ghost in
-    the recording.
+    With --effect, --set, --part or a robot file the nominal robot runs beside it: nominal.csv, dotted in the figure, a
+    grey ghost in the recording.
 
     PROTOCOL is a grasp mode (caging, narrow-pinch, wide-pinch) or one of sweeps, short-sweeps, chirp, holds, steps,
-    multisine, random-motion, maximum-tension; options of its own follow a colon: `caging:hold=4`,
-    `chirp:low=0.1,high=1.5`. The wide pinch of the nominal robot is slight; `--robot exo_index/wide_pinch` bends the
-    PIP by 0.4 rad.
+    multisine, random-motion, maximum-tension. Options of its own follow a colon: `caging:hold=4`,
+    `chirp:low=0.1,high=1.5`. For a wide pinch that bends the PIP by 0.4 rad: `--robot exo_index/wide_pinch`.
     """
-    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
-
     from exodrake.core.files import check_folder, write_folder
     from exodrake.data.formats import log_bytes
 
-    scenario = scenario_of(protocol, reference, file, robot)
-    scenario, built = changed(scenario, options)
+    scenario = scenario_from(protocol, reference, file, robot, **options)
+    built = scenario.build_robot()
     what = scenario.build_reference(built)
     folder = out or Path("simulated") / what.name
     check_folder(folder)
-    columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
-    with Progress(*columns, console=stderr(), transient=True, disable=not sys.stderr.isatty()) as progress:
-        task = progress.add_task("simulating (the first run after a change compiles for half a minute)")
-        log, nominal = scenario.simulate(built, what), nominal_of(scenario, what)
+    with waiting("simulating") as say:
+        log, nominal = scenario.simulate(built, what), nominal_of(scenario, built, what)
         logs = {"log.csv": log} if nominal is None else {"log.csv": log, "nominal.csv": nominal}
-        say = lambda text: progress.update(task, description=text)  # noqa: E731
-        contents = files_of(scenario, built, log, what.name, say, nominal)
-        written = {name: log_bytes(one, folder / name) for name, one in logs.items()}
-        files = write_folder(folder, {**written, **contents})
-    show(scenario, built, log, nominal, folder, [file.name for file in files])
+        contents = {name: log_bytes(one, folder / name) for name, one in logs.items()}
+        contents |= files_of(scenario, built, log, what.name, say, nominal)
+        write_folder(folder, contents)
+    print_run(scenario, built, log, nominal)
+    click.echo(f"wrote {folder}/: {', '.join(contents)}")
     warn(built)
 
 
-def stderr():
-    """A console on standard error, so that a pipe gets no spinner."""
-    from rich.console import Console
-
-    return Console(stderr=True)
-
-
-def scenario_of(protocol: str, reference: str, file: str, robot: str) -> Scenario:
-    """The scenario that the first four options ask for; those given replace the file's."""
-    from exodrake.core.errors import InputError
-    from exodrake.simulation.scenario import Scenario, embedded, read_scenario
+def scenario_from(
+    protocol: str, reference: str, file: str, robot: str, parameters: tuple[str, ...], effects: tuple[str, ...],
+    parts: tuple[str, ...], seed: int | None, no_noise: bool, no_quantisation: bool, engine: str,
+) -> Scenario:  # fmt: skip
+    """The scenario of the options; those given replace the file's, in the order variants, parameters, effects."""
+    from exodrake.simulation.scenario import Scenario, embedded, parse_effect, parse_number, read_scenario
 
     if protocol and reference:
         raise InputError("both a protocol and --reference: wanted one of them")
     if not (protocol or reference or file):
         raise InputError("nothing to follow: name a protocol or grasp mode (see --help), a --reference or a --scenario")
-    if not file:
-        there = Scenario(protocol, reference)
-    else:
-        there = read_scenario(file)
-        if protocol or reference:
-            there = replace(there, protocol=protocol, reference=reference)
-    return replace(there, robot=embedded(robot)) if robot else there
+    scenario = read_scenario(file) if file else Scenario(protocol, reference)
+    given: dict[str, Any] = {"protocol": protocol, "reference": reference} if protocol or reference else {}
+    if robot:
+        given["robot"] = embedded(robot)
+    if seed is not None or no_noise:
+        given["seed"] = None if no_noise else seed
+    if no_quantisation:
+        given["quantisation"] = False
+    if engine:
+        given["engine"] = engine
+    scenario = replace(scenario, parts=list(dict.fromkeys([*scenario.parts, *parts])), **given)
+    built = scenario.build_robot()
+    changes = dict(parse_number(text, built) for text in parameters)
+    scenario = replace(scenario, parameters={**scenario.parameters, **changes})
+    for text in effects:
+        identity, values = parse_effect(text, scenario.build_robot())
+        scenario = replace(scenario, effects={**scenario.effects, identity: values})
+    return scenario
 
 
-def changed(scenario: Scenario, options: dict) -> tuple[Scenario, Robot]:
-    """The scenario with options applied in the order variants, parameters, effects, and its robot."""
-    from exodrake.simulation.scenario import parse_effect, parse_number
-
-    if options["seed"] is not None:
-        scenario = replace(scenario, seed=options["seed"])
-    if options["no_noise"]:
-        scenario = replace(scenario, seed=None)
-    if options["no_quantisation"]:
-        scenario = replace(scenario, quantisation=False)
-    if options["engine"]:
-        scenario = replace(scenario, engine=options["engine"])
-    scenario = replace(scenario, parts=list(dict.fromkeys([*scenario.parts, *options["parts"]])))
-    robot = scenario.build_robot()
-    parameters = dict(parse_number(text, robot) for text in options["parameters"])
-    scenario = replace(scenario, parameters={**scenario.parameters, **parameters})
-    for text in options["effects"]:
-        identity, given = parse_effect(text, scenario.build_robot())
-        scenario = replace(scenario, effects={**scenario.effects, identity: given})
-    return scenario, scenario.build_robot()
-
-
-def nominal_of(scenario: Scenario, what: Reference) -> Log | None:
-    """Log of the same run without the options' effects, parameters and variants; None where there are none."""
-    if not (scenario.effects or scenario.parameters or scenario.parts):
+def nominal_of(scenario: Scenario, robot: Robot, what: Reference) -> Log | None:
+    """Log of the same run of the nominal robot: without the options, and in place of a robot file; None if it is it."""
+    own = not isinstance(scenario.robot, str)
+    if not (scenario.effects or scenario.parameters or scenario.parts or own):
         return None
-    plain = replace(scenario, effects={}, parameters={}, parts=())
+    name = robot.machine.name if own else scenario.robot
+    plain = replace(scenario, robot=name, effects={}, parameters={}, parts=())
     return plain.simulate(plain.build_robot(), what)
 
 
 def files_of(
-    scenario: Scenario, robot: Robot, log: Log, name: str, say, nominal: Log | None = None
+    scenario: Scenario, robot: Robot, log: Log, name: str, say: Callable[[str], None], nominal: Log | None = None
 ) -> dict[str, bytes]:
     """Contents of all files but the logs. A scenario that followed a log refers to the log written beside it."""
     from exodrake.data.log import compare
@@ -164,58 +143,36 @@ def changes(scenario: Scenario, robot: Robot) -> list[str]:
     return said
 
 
-def show(scenario: Scenario, robot: Robot, log: Log, nominal: Log | None, folder: Path, names: list[str]) -> None:
-    """Prints what ran, how far each signal went, and the files."""
-    from rich.console import Console
-    from rich.markup import escape
-
-    console, peak = Console(), turning_point(robot, log)
-    console.print(f"[bold]{escape(log.label)}[/bold]  {log.duration:g} s, {len(log)} rows")
-    for change in changes(scenario, robot):
-        console.print(f"with {escape(change)}", highlight=False, soft_wrap=True)
-    console.print(signals(robot, log, nominal, peak))
-    if peak is not None:
-        console.print(
-            f"{log.time[peak]:.2f} s: the last moment at which the references are farthest from their start",
-            style="dim",
-        )
-    console.print(f"[bold]{escape(str(folder))}/[/bold]  {'  '.join(names)}", soft_wrap=True)
-
-
-def turning_point(robot: Robot, log: Log) -> int | None:
-    """Last row in which the references are as far from their start as they go; None where they do not move."""
-    import numpy as np
-
-    kind = robot.machine.references[0].kind
-    away: np.ndarray = np.linalg.norm(log[kind] - log[kind][0], axis=1) if log.has(kind) else np.zeros(len(log))
-    far = np.flatnonzero(away >= away.max() * (1.0 - 1e-9))
-    return int(far[-1]) if away.max() > 0.0 else None
-
-
-def signals(robot: Robot, log: Log, nominal: Log | None, peak: int | None) -> Table:
-    """Range of each measured channel, its errors from reference and nominal run."""
+def print_run(scenario: Scenario, robot: Robot, log: Log, nominal: Log | None) -> None:
+    """Prints what ran, and for each channel its range and its errors from reference and nominal run."""
     import numpy as np
     from rich.markup import escape
 
     from exodrake.core.display import display_of
-    from exodrake.report.terminal import table
 
-    machine, rows = robot.machine, []
+    machine, rows, peak = robot.machine, [], None
+    kind = machine.references[0].kind
+    if log.has(kind) and (away := np.linalg.norm(log[kind] - log[kind][0], axis=1)).max() > 0.0:
+        peak = int(np.flatnonzero(away >= away.max() * (1.0 - 1e-9))[-1])  # the last row farthest from the start
     for column in (column for column in machine.columns if column not in machine.references):
         display = display_of(column.kind, machine)
         for channel in machine.channels(column.signal):
             name, reference = f"{column.kind}_{channel}", f"{column.kind}_ref_{channel}"
             values = display.factor * log[name]
             cells = [values.min(), values.max(), *([] if peak is None else [values[peak]]), values[-1]]
-            errors = [(log, reference)] + ([(nominal, name)] if nominal is not None else [])
-            for other, wanted in errors:
+            for other, wanted in [(log, reference), *([] if nominal is None else [(nominal, name)])]:
                 known = other.has(wanted)
                 cells.append(np.sqrt(np.mean((values - display.factor * other[wanted]) ** 2)) if known else np.nan)
             texts = ["" if np.isnan(cell) else f"{float(cell):.3g}" for cell in cells]
             rows.append((f"{column.kind} {channel}".rstrip(), escape(display.unit), *texts))
     titles = ["signal", "unit", ">lowest", ">highest", *([] if peak is None else [f">at\n{log.time[peak]:.2f} s"])]
     titles += [">in the\nend", ">RMS from\nreference", *([">RMS from\nnominal"] if nominal is not None else [])]
-    return table(titles, rows)
+    click.echo(f"{log.label}  {log.duration:g} s, {len(log)} rows")
+    for change in changes(scenario, robot):
+        click.echo(f"with {change}")
+    print_table(titles, rows)
+    if peak is not None:
+        click.echo(f"{log.time[peak]:.2f} s: the last moment at which the references are farthest from their start")
 
 
 def warn(robot: Robot) -> None:
@@ -231,11 +188,9 @@ def compile_kernels() -> None:
     """Compile the nominal robot's simulation into numba's cache; later sessions load it in a second or two."""
     from time import perf_counter
 
-    from rich.console import Console
-
     from exodrake.simulation.warm_up import JOBS, warm_up
 
     start = perf_counter()
-    with Console(stderr=True).status(f"compiling {', '.join(JOBS)}") as status:
-        warm_up(lambda done, left: status.update(f"compiled {done}; still {', '.join(left) or 'nothing'}"))
+    with waiting(f"compiling {', '.join(JOBS)}") as say:
+        warm_up(lambda done, left: say(f"compiled {done}; still {', '.join(left) or 'nothing'}"))
     click.echo(f"compiled {', '.join(JOBS)} in {perf_counter() - start:.0f} s")

@@ -139,7 +139,7 @@ def find_commands(wanted: str, robot: str, out: Path) -> None:
     from rich.console import Console
 
     from exodrake.analysis.feedforward import feedforward
-    from exodrake.cli.diagnose import check_target
+    from exodrake.cli.options import check_target
     from exodrake.core.display import display_of
     from exodrake.core.files import is_file
     from exodrake.data.formats import format_of, write_log

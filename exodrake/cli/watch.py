@@ -92,7 +92,7 @@ def find_alarm_limits(
     """Find gaps that healthy robots stay below, from simulated ones at work whose parameters lie within tolerance."""
     import numpy as np
 
-    from exodrake.cli.diagnose import check_target
+    from exodrake.cli.options import check_target
     from exodrake.core.files import write_text
     from exodrake.machines.robot_file import load_robot
     from exodrake.monitor.alarm import MINUTE, limits_of, limits_text, peaks_of, share_at_most

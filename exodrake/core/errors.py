@@ -5,6 +5,7 @@ from __future__ import annotations
 from exodrake.core.text import brief
 
 MAX_MESSAGE, TAIL = 300, 120  # characters of a message, and of its end that a cut in the middle leaves
+HINTS = 3  # names that a message proposes
 
 
 class InputError(Exception):
@@ -30,10 +31,19 @@ def shortened(text: str, most: int = MAX_MESSAGE, tail: int = TAIL) -> str:
 
 
 def nearest(word: str, words: list[str]) -> str:
-    """A hint at names that resemble `word`."""
+    """A hint at names that hold `word`, resemble it, or hold its last part, in this order."""
     import difflib
 
-    close = difflib.get_close_matches(word, words, 3, 0.5)
+    def holding(part: str) -> list[str]:
+        found: list[str] = []
+        within = [name for name in words if len(part) > 1 and part.lower() in name.lower()]
+        for name in sorted(within, key=lambda name: (part not in name, len(name))):
+            if not name.startswith(tuple(f"{one}." for one in found)):  # finger.kappa stands for finger.kappa.MCP
+                found.append(name)
+        return found[:HINTS]
+
+    close = holding(word) or difflib.get_close_matches(word, words, HINTS, 0.8)
+    close = close or holding(word.rpartition(".")[2]) or difflib.get_close_matches(word, words, HINTS, 0.5)
     return f"; did you mean {' or '.join(close)}?" if close else ""
 
 

@@ -197,8 +197,9 @@ class Robot:
         """Indices in the flat vector of a full name, or of all channels of a name without channel."""
         found = self.machine.indices(name)
         if not found:
-            where = self.source or self.machine.name
-            raise InputError(f"{where}: unknown parameter {name!r}{nearest(name, list(self.machine.index))}")
+            where, full = self.source or self.machine.name, list(self.machine.index)
+            groups = [one for one in dict.fromkeys(n.rpartition(".")[0] for n in full) if "." in one]
+            raise InputError(f"{where}: unknown parameter {name!r}{nearest(name, groups + full)}")
         return found
 
     def general_first[*T](self, items: Iterable[tuple[str, *T]]) -> list[tuple[list[int], tuple[str, *T]]]:

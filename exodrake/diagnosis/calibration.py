@@ -11,7 +11,6 @@ from typing import Any
 
 from exodrake.core.confidence import binomial_interval
 from exodrake.core.machine import Machine
-from exodrake.core.plugins import single_machines
 from exodrake.core.provenance import configuration
 from exodrake.core.schema import mapping, number, text
 from exodrake.core.yaml_file import dump_yaml, read_yaml
@@ -63,15 +62,11 @@ def calibration_of(machine: Machine) -> Calibration:
 
 
 def calibration_notes(machine: Machine) -> tuple[str, ...]:
-    """A sentence on missing tolerances, and one on the error rates of verdicts on a machine."""
+    """A sentence on missing tolerances, and one on the error rates of verdicts where they were measured."""
     found, known = [], calibration_of(machine).rates
     if not machine.tolerances:
         found.append(f"{machine.name} states no tolerances: its nominal parameters count as exact and are not retuned")
-    if known is None:
-        folder = single_machines().get(machine.name)
-        option = f"--machine {folder.name}" if folder else f"--robot {machine.name}"
-        found.append(f"no error rates are known for this machine: `exodrake calibrate {option}` measures them")
-    else:
+    if known is not None:
         (alarms, healthy), (named, ill) = known[ALARM], known[NAMED]
         other = "" if calibration_of(machine).code == configuration()["code"] else " (measured on another version)"
         found.append(

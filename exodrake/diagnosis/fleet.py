@@ -148,25 +148,41 @@ def real(value: float | None) -> float:
     return float("nan") if value is None else value
 
 
-def read_answers(folder: str | Path) -> list[Row]:
-    """Rows of all answers and failures in the folders of a folder, by robot and date.
+def read_answers(*sources: str | Path) -> list[Row]:
+    """Rows of answers and failures, by robot and date.
+
+    Args:
+        sources: files that `exodrake diagnose --json` wrote, folders of these or of folders with `diagnosis.json`, and
+            such a folder itself.
 
     Raises:
-        InputError: if the folder has no answers.
+        InputError: for a file that is no answer, and if there are no answers.
     """
-    folder, rows = Path(folder), []
-    for place in sorted(path for path in folder.iterdir() if is_folder(path)) if is_folder(folder) else ():
-        name = printable(place.name)
-        if is_file(place / ANSWER):
-            try:
-                rows.append(row_of(read_json(place / ANSWER), name))
-            except InputError as error:
-                rows.append(Row(name, name, reason=str(error)))
-        elif is_file(place / FAILED):
-            rows.append(Row(name, name, reason=failure_of(place / FAILED)))
+    rows = []
+    for source in map(Path, sources):
+        if is_folder(source):
+            rows += [row for place in (source, *sorted(source.iterdir())) if (row := answer_in(place)) is not None]
+        else:
+            rows.append(row_of(read_json(source), printable(source.stem)))
     if not rows:
-        raise InputError(f"{folder}: no answers in it (folders with {ANSWER}, as `exodrake diagnose --out` writes)")
+        names = ", ".join(map(str, sources))
+        raise InputError(f"{names}: no answers in it (folders with {ANSWER}, or files of `exodrake diagnose --json`)")
     return ordered(rows)
+
+
+def answer_in(place: Path) -> Row | None:
+    """The row of a folder with an answer or a failure, or of a file of `diagnose --json`; None of anything else."""
+    folder, name = is_folder(place), printable(place.resolve().name.removesuffix(".json"))
+    if folder and is_file(place / FAILED) and not is_file(place / ANSWER):
+        return Row(name, name, reason=failure_of(place / FAILED))
+    answer = place / ANSWER if folder else place
+    named = folder or (place.suffix.lower() == ".json" and place.name not in (ANSWER, FAILED))
+    if not named or not is_file(answer):
+        return None
+    try:
+        return row_of(read_json(answer), name)
+    except InputError as error:
+        return Row(name, name, reason=str(error)) if folder else None
 
 
 def failure_of(path: Path) -> str:
