@@ -38,6 +38,10 @@ STYLE: dict[Any, Any] = {
     "axes.grid": True, "grid.color": "#e3e6ea", "grid.linewidth": 0.6, "lines.linewidth": 1.1, "legend.frameon": False,
     "xtick.major.width": 0.7, "ytick.major.width": 0.7, "axes.axisbelow": True, "axes.labelpad": 4,
 }  # fmt: skip
+# what was measured, the nominal robot and the improved one, in every figure and page
+MEASURED: dict[str, Any] = {"color": "#1c2430", "ls": "-", "lw": 2.2}
+NOMINAL: dict[str, Any] = {"color": "#0072b2", "ls": (0, (4, 2)), "lw": 1.2}
+IMPROVED: dict[str, Any] = {"color": "#d55e00", "ls": "-", "lw": 1.2}
 
 
 def kinds_of(log: Log, machine: Machine | None = None) -> list[str]:
