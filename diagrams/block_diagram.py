@@ -21,7 +21,8 @@ INK, SOFT, EDGE, SHARE = "#1f2933", "#5f6b7a", "#9aa5b1", "#f28e2b"
 HUES = ("#4c78a8", "#c46f14", "#3f9b7f", "#b65d86", "#8a6fb0", "#a0731f", "#5b8c3e", "#c0504d", "#3d8e98", "#7a6a58")
 STYLE = f"""text {{ font: 12px 'Inter', 'Segoe UI', 'Helvetica Neue', 'Liberation Sans', Arial, sans-serif; fill: {INK};
 text-anchor: middle; }}
-.left {{ text-anchor: start; }} .title {{ font-size: 20px; font-weight: 650; }} .part {{ font-size: 14px; font-weight: 650; }}
+.left {{ text-anchor: start; }} .title {{ font-size: 20px; font-weight: 650; }}
+.part {{ font-size: 14px; font-weight: 650; }}
 .soft {{ fill: {SOFT}; }} .chip {{ fill: white; font-weight: 600; }} .line {{ fill: none; stroke-width: 1.6; }}"""
 
 
@@ -106,7 +107,7 @@ def wiring_svg(machine: Machine, shares: Mapping[str, float] | None = None, sche
     def box(name: str) -> str:
         share = min(max(part_shares(machine, shares).get(name, 0.0), 0.0), 1.0) if shares is not None else None
         fill = blend(hue[name], 0.16) if share is None else blend(SHARE, share)
-        extra = 'stroke-width="2"' + ('' if name in order[1:-1] else ' stroke-dasharray="5 4"')
+        extra = 'stroke-width="2"' + ("" if name in order[1:-1] else ' stroke-dasharray="5 4"')
         left, above = x[name] - boxes[name] / 2, y[name] - BOX / 2
         drawn = rectangle(left, above, boxes[name], BOX, fill, hue[name], extra)
         return f"{drawn}\n{text(x[name], y[name] - 2, escape(name), 'part')}{text(x[name], y[name] + 15, notes[name])}"
@@ -119,7 +120,8 @@ def wiring_svg(machine: Machine, shares: Mapping[str, float] | None = None, sche
         body += [text(MARGIN, MARGIN + 20, escape(title), "left title"), text(MARGIN, MARGIN + 42, how, "left soft")]
         strip, height = draw_frame(machine, hue, top + grid + 26, width - 2 * MARGIN)
         body += strip
-    arrow = 'viewBox="0 0 8 8" refX="7" refY="4" markerWidth="7" markerHeight="7" orient="auto"><path d="M0,.6 L7.4,4 L0,7.4 z"'
+    arrow = 'viewBox="0 0 8 8" refX="7" refY="4" markerWidth="7" markerHeight="7" orient="auto"'
+    arrow += '><path d="M0,.6 L7.4,4 L0,7.4 z"'
     markers = "".join(f'<marker id="a{c[1:]}" {arrow} fill="{c}"/></marker>' for c in sorted(set(hue.values())))
     size = f'viewBox="0 0 {width:.0f} {height:.0f}" width="{width:.0f}" height="{height:.0f}"'
     head = f'<svg xmlns="http://www.w3.org/2000/svg" {size}>\n<style>{STYLE}</style>\n<defs>{markers}</defs>'

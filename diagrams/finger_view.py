@@ -48,6 +48,6 @@ class FingerView(LeafSystem):
     def _draw(self, context: Context) -> None:
         """Moves the finger to the present angles and colours its tendons."""
         tension = self.GetInputPort("tension")
-        load = tension.Eval(context) if tension.HasValue(context) else np.zeros(len(self.highest))
-        angle = self.GetInputPort("angle").Eval(context)
+        load = np.array(tension.Eval(context) if tension.HasValue(context) else np.zeros(len(self.highest)))
+        angle = np.array(self.GetInputPort("angle").Eval(context))
         self.finger.show(context.get_time(), angle, colours(np.abs(load) / self.highest))

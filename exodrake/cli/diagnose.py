@@ -283,7 +283,7 @@ def summarise_fleet(source: Path, out: Path | None, table: Path | None) -> None:
 
     from exodrake.core.files import write_bytes, write_text
     from exodrake.diagnosis.fleet import read_answers, read_table, table_bytes
-    from exodrake.report.fleet import fleet_html, members, robot_table
+    from exodrake.report.fleet import find_reports, fleet_html, members, robot_table
     from exodrake.report.terminal import table as table_of
 
     for path in (out, table):
@@ -292,7 +292,8 @@ def summarise_fleet(source: Path, out: Path | None, table: Path | None) -> None:
     if table is not None:
         write_bytes(table, table_bytes(rows))
     if out is not None:
-        write_text(out, fleet_html(rows, source.resolve().name))
+        links = find_reports(source, out) if source.is_dir() else {}
+        write_text(out, fleet_html(rows, source.resolve().name, links))
     shown = robot_table(members(rows))
     titles, cells = (
         shown.header[:LISTED],

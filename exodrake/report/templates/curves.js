@@ -76,7 +76,7 @@
   }
 
   function options(place, height, title, series, band, last) {
-    const axis = { stroke: css("--soft"), font: font(11), ticks: { show: false } };
+    const axis = { stroke: css("--soft"), font: font(12), ticks: { show: false } };
     const grid = { stroke: css("--rule"), width: 1 };
     return {
       width: place.clientWidth, height, legend: { show: false }, padding: [6, 6, 0, 0],
@@ -91,7 +91,7 @@
       },
       axes: [
         { ...axis, grid: { show: false }, size: last ? 26 : 6, values: last ? (u, t) => t.map((v) => v + " s") : () => [] },
-        { ...axis, grid, size: 46, space: 26, splits: band ? ticks : undefined, values: (u, t) => t.map((v) => +v.toPrecision(6) + "") },
+        { ...axis, grid, size: 50, space: 26, splits: band ? ticks : undefined, values: (u, t) => t.map((v) => +v.toPrecision(6) + "") },
       ],
       series: [{}, ...series],
       hooks: {
@@ -114,7 +114,7 @@
   }
 
   function panel(cell, kind, column, time) {
-    const line = (stroke, width) => ({ stroke: css(stroke), width, points: { show: false } });
+    const line = (stroke, width) => ({ stroke: css(stroke), width, points: { show: false }, dash: stroke === "--before" ? [6, 3] : [] });
     const head = (name, rest) => {
       const row = cell.appendChild(document.createElement("div"));
       row.className = "reading";
@@ -133,7 +133,7 @@
       panels.push(new uPlot(options(box, height, text, drawn, band, last), data, box));
     };
     const robots = found.robots.map((name, i) => [name, ["--before", "--after"][i]]);
-    draw(title, HEIGHT[0], [["measured", "--measured", 4], ...robots.map(([name, colour]) => [name, colour, 1.3])], 0, false);
+    draw(title, HEIGHT[0], [["measured", "--measured", 2.6], ...robots.map(([name, colour]) => [name, colour, 1.3])], 0, false);
     draw(head("", "error"), HEIGHT[1], robots.map(([name, colour]) => ["error_" + name, colour, 1]), column.band, true);
   }
 
