@@ -61,8 +61,8 @@ def test_a_second_run_is_a_ghost_at_the_same_times(log):
     np.testing.assert_allclose(ghost[:cut], angle[:cut], atol=1e-9)
     np.testing.assert_allclose(ghost[-1], ghost[len(time) // 2 + 1])
     page = recording_html(log, ROBOT, "caging", other=late, names=("rusty", "the nominal one"), details=["line <1>"])
-    assert "blue: the nominal one" in page and "line &lt;1&gt;" in page and "exo-ghost" in page
-    assert "blue: " not in recording_html(log, ROBOT)
+    assert "grey: the nominal one" in page and "line &lt;1&gt;" in page and "exo-ghost" in page
+    assert "grey: " not in recording_html(log, ROBOT)
 
 
 def test_the_scale_of_the_loads_ends_at_the_limits_of_the_references(log):

@@ -116,7 +116,7 @@ def recording_html(
         title: of the recording; the log's label by default.
         thing: an object at the robot.
         angles: kind of the columns drawn, such as `angle_est`; the measured ones by default.
-        other: a second log, drawn as a blue ghost.
+        other: a second log, drawn as a grey ghost.
         names: of both logs.
         details: lines below the title.
 

@@ -150,7 +150,7 @@ def angle_axis(angle: float, axis: np.ndarray) -> Any:
 
 ROOT, GHOST = "/robot", "/ghost"  # Meshcat paths; below them a dot begins what is no joint, which may have any name
 BONE, TENDON, GUIDE, SKIN = 0.0018, 0.0008, 0.0012, 0.20  # radii [m] and opacity
-GHOSTLY = (0.0, 0.447, 0.698, 0.38)  # colour, that of the nominal robot in figures, and opacity of the second robot
+GHOSTLY = (0.42, 0.45, 0.50, 0.45)  # colour, which no load has, and opacity of the second robot
 GROUND, CELL, CELLS = -0.085, 0.01, 12  # height [m], width [m] and half the number of squares
 ACROSS = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0.0]])  # z lies along the joints' axes
 

@@ -25,6 +25,10 @@ if TYPE_CHECKING:
 
     from exodrake.data.log import Log
 
+# of Matplotlib; where channels have colours of their own, these replace `color`
+MEASURED: dict[str, Any] = {"color": "#1f2328", "linestyle": "-", "linewidth": 1.1}
+NOMINAL: dict[str, Any] = {"color": "#d55e00", "linestyle": (0, (1, 1.2)), "linewidth": 1.3}
+IMPROVED: dict[str, Any] = {"color": "#0072b2", "linestyle": (0, (5, 1.5)), "linewidth": 1.2}
 # suffixes of kinds that are drawn with another kind, or not at all
 REFERENCE, ESTIMATE, DEVIATION = "_ref", "_est", "_std"
 ASIDE = (REFERENCE, ESTIMATE, DEVIATION, "_start", "_true")
@@ -38,10 +42,6 @@ STYLE: dict[Any, Any] = {
     "axes.grid": True, "grid.color": "#e3e6ea", "grid.linewidth": 0.6, "lines.linewidth": 1.1, "legend.frameon": False,
     "xtick.major.width": 0.7, "ytick.major.width": 0.7, "axes.axisbelow": True, "axes.labelpad": 4,
 }  # fmt: skip
-# what was measured, the nominal robot and the improved one, in every figure and page
-MEASURED: dict[str, Any] = {"color": "#1c2430", "ls": "-", "lw": 2.2}
-NOMINAL: dict[str, Any] = {"color": "#0072b2", "ls": (0, (4, 2)), "lw": 1.2}
-IMPROVED: dict[str, Any] = {"color": "#d55e00", "ls": "-", "lw": 1.2}
 
 
 def kinds_of(log: Log, machine: Machine | None = None) -> list[str]:

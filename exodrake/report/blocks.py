@@ -156,9 +156,10 @@ Block = Table | Bars | Drawing | Heading
 
 
 def shares(values: dict[str, float], caption: str = "") -> Bars:
-    """Bars of fractions, in the order given; the largest fills most of the width, in the accent colour."""
-    largest = max(*values.values(), 1e-9)
-    rows = [(name, max(v, 0.0) / largest, f"{100 * v:.0f} %", v == largest) for name, v in values.items()]
+    """Bars of fractions, the largest first, over the full width and in the accent colour."""
+    ordered = sorted(values.items(), key=lambda item: -item[1])
+    largest = max(ordered[0][1], 1e-9)
+    rows = [(name, max(v, 0.0) / largest, f"{100 * v:.0f} %", v == largest) for name, v in ordered]
     return Bars(rows, caption)
 
 

@@ -155,18 +155,8 @@ def robot_table(robots: Sequence[Member], links: Mapping[str, str] | None = None
         closed = w.closure(m.last.closure) if np.isfinite(m.last.closure) else "–"
         cells = (m.serial, last_verdict(m.last), cause or "–", *since, sizes(m.last), closed, last, f"{len(m.rows):,}")
         rows.append(cells)
-    header = (
-        "Robot",
-        "Last verdict",
-        "Cause",
-        "Size (90 %)",
-        "Closure",
-        "Since when (90 %)",
-        "Change",
-        "Last case",
-        "Cases",
-    )
-    return Table(header, rows, words=8)
+    header = ("Robot", "Last verdict", "Cause", "Since when (90 %)", "Change", "Size (90 %)", "Closure")
+    return Table((*header, "Last case", "Cases"), rows, words=8)
 
 
 def sizes(row: Row) -> str:

@@ -7,6 +7,7 @@
   const sync = uPlot.sync("time");
   const GAP = 65535; // level that marks a missing sample
   const HEIGHT = [150, 92]; // px, of a signal and of its error
+  const DASHES = { "--before": [2, 2], "--after": [7, 2] }; // px; nominal and improved robot as in all figures
   const PERIODS = 20; // that a panel shows at first; more of them cover each other
   let panels = [], view = null, shown = 0;
 
@@ -114,7 +115,7 @@
   }
 
   function panel(cell, kind, column, time) {
-    const line = (stroke, width) => ({ stroke: css(stroke), width, points: { show: false }, dash: stroke === "--before" ? [6, 3] : [] });
+    const line = (stroke, width) => ({ stroke: css(stroke), width, points: { show: false }, dash: DASHES[stroke] || [] });
     const head = (name, rest) => {
       const row = cell.appendChild(document.createElement("div"));
       row.className = "reading";
@@ -133,7 +134,7 @@
       panels.push(new uPlot(options(box, height, text, drawn, band, last), data, box));
     };
     const robots = found.robots.map((name, i) => [name, ["--before", "--after"][i]]);
-    draw(title, HEIGHT[0], [["measured", "--measured", 2.6], ...robots.map(([name, colour]) => [name, colour, 1.3])], 0, false);
+    draw(title, HEIGHT[0], [["measured", "--measured", 2], ...robots.map(([name, colour]) => [name, colour, 1.5])], 0, false);
     draw(head("", "error"), HEIGHT[1], robots.map(([name, colour]) => ["error_" + name, colour, 1]), column.band, true);
   }
 
