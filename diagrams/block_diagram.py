@@ -71,6 +71,11 @@ def wiring_svg(machine: Machine, shares: Mapping[str, float] | None = None, sche
         shares: part -> 0 .. 1, how much of something (a gap, say) it accounts for: colours the parts, written in them.
             The prefix of effects (`tendon`, `timing`) counts for the parts that these sit on.
         schedule: whether there is a title above, and the slots of a frame below.
+
+    Examples:
+        >>> import exodrake as exo
+        >>> wiring_svg(exo.load_robot().machine)[:4]
+        '<svg'
     """
     machine = argument("machine", machine, Machine)
     order, found = [OUTSIDE, *stream_order(machine), LOG], links(machine)
