@@ -167,15 +167,15 @@ def how_far(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
 
 def error_by_robot(diagnosis: Diagnosis) -> list[dict[str, Any]]:
     """Rows from the nominal robot to noise: RMS error [noise_std] with its share of the largest, and closures."""
-    closure, robots, rms = diagnosis.closure, w.robots_of(diagnosis), diagnosis.closure.rms
-    overall = {"retuned": closure.retune, "after": closure.overall}
-    effect = {"after": closure.effect} if np.isfinite(closure.effect.value) else {}
-    largest = max((rms[key] for key in robots if np.isfinite(rms[key])), default=1.0)
-    rows = [(key, name, rms[key]) for key, name in robots.items()] + [("noise", "noise alone", 1.0)]
+    closure, robots = diagnosis.closure, w.robots_of(diagnosis)
+    largest = max((closure.rms[key] for key in robots if np.isfinite(closure.rms[key])), default=1.0)
+    closed = {"retuned": closure.retune, "after": closure.overall}
+    step = {"after": closure.effect} if np.isfinite(closure.effect.value) else {}
+    rows = [(key, name, closure.rms[key]) for key, name in robots.items()] + [("noise", "noise alone", 1.0)]
     return [
-        {"key": key, "name": name, "rms": w.digits(value), "length": min(value / largest, 1.0)}
-        | {"overall": overall.get(key), "effect": effect.get(key)}
-        for key, name, value in rows
+        {"key": key, "name": name, "rms": w.digits(rms), "length": min(rms / largest, 1.0)}
+        | {"overall": closed.get(key), "effect": step.get(key)}
+        for key, name, rms in rows
     ]
 
 
@@ -371,7 +371,18 @@ def which(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
     """Values of the section's template."""
 
     def described(effects: list[NamedEffect]) -> list[tuple[Any, ...]]:
-        return [(e, w.effect_of(diagnosis, e.id), effect_table(e)) for e in effects]
+        found = []
+        for effect in effects:
+            rows = []
+            for name, item in effect.parameters.items():
+                channels = effect.channels.get(name, {})
+                several = len(channels) > 1
+                if not several or np.isfinite(item.value):
+                    rows.append((f"`{name}`{' (common value)' if several else ''}", *w.interval(item)))
+                rows += [(f"`{name}` {channel}", *w.interval(one)) for channel, one in channels.items() if several]
+            table = Table(("Parameter", "Value", "90 % interval"), rows, wide=False)
+            found.append((effect, w.effect_of(diagnosis, effect.id), table))
+        return found
 
     sets = []
     for one in diagnosis.candidates:
@@ -410,18 +421,6 @@ def share_bars(diagnosis: Diagnosis) -> Bars | None:
 def length(fraction: float) -> float:
     """A fraction as the length of a bar."""
     return float(np.clip(np.nan_to_num(fraction), 0.0, 1.0))
-
-
-def effect_table(effect: NamedEffect) -> Table:
-    """Parameters of an effect with intervals, channel by channel where there are several."""
-    rows = []
-    for name, item in effect.parameters.items():
-        channels = effect.channels.get(name, {})
-        several = len(channels) > 1
-        if not several or np.isfinite(item.value):
-            rows.append((f"`{name}`{' (common value)' if several else ''}", *w.interval(item)))
-        rows += [(f"`{name}` {channel}", *w.interval(one)) for channel, one in channels.items() if several]
-    return Table(("Parameter", "Value", "90 % interval"), rows, wide=False)
 
 
 def retuned_tables(diagnosis: Diagnosis, runs: SimulatedLogs) -> list[Table]:

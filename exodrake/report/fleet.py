@@ -65,15 +65,11 @@ class Member:
 
 
 def members(rows: Sequence[Row]) -> list[Member]:
-    """Robots with their cases, those whose last verdict is worst first."""
+    """Robots with their cases, those whose last verdict is worst first; one of a newer version, unknown here, leads."""
+    place = {verdict: k for k, verdict in enumerate(WORST_FIRST)}
     grouped = ((serial, tuple(own)) for serial, own in groupby(rows, key=lambda row: row.serial))
     found = [Member(serial, own, tuple(trends(own))) for serial, own in grouped]
-    return sorted(found, key=lambda m: (urgency(m.last.verdict), m.serial))
-
-
-def urgency(verdict: str) -> int:
-    """Place of a verdict in the order of robots: one that is unknown here, of a newer version, comes first."""
-    return WORST_FIRST.index(verdict) if verdict in WORST_FIRST else -1
+    return sorted(found, key=lambda m: (place.get(m.last.verdict, -1), m.serial))
 
 
 def fleet_html(rows: Sequence[Row], source: str, links: Mapping[str, str] | None = None) -> str:

@@ -167,12 +167,6 @@ def effect_of(diagnosis: Diagnosis, identity: str) -> Effect | None:
     return next((e for e in machine.effects if e.id == identity), None) if machine else None
 
 
-def summary_of(diagnosis: Diagnosis, identity: str) -> str:
-    """Summary of an effect in one sentence; empty if the library lacks it."""
-    effect = effect_of(diagnosis, identity)
-    return effect.summary if effect else ""
-
-
 def causes(diagnosis: Diagnosis) -> list[NamedEffect]:
     """Effects that the verdict calls causes, the largest first."""
     return [e for e in diagnosis.effects if e.role == CAUSE]
