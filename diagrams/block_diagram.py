@@ -8,24 +8,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from html import escape
-from itertools import permutations
+from itertools import accumulate, permutations, starmap
 
 from exodrake.core.errors import argument
 from exodrake.core.machine import Machine
-from exodrake.core.part import Part, Task
+from exodrake.core.part import Part
 
-CELL, ROW, BOX, HIGH, MARGIN, TOP = 158, 92, 128, 58, 34, 92  # sizes [px]
-STRIP, CHIP, LINE = 64, 30, 15
+MARGIN, GAP, ROW, BOX, LINE, CHIP = 12, 12, 14, 42, 15, 34  # px: round all, between columns and rows, heights
+LETTER = 6.1  # px, width of a letter of a signal
 OUTSIDE, LOG = "outside", "log"
-INK, SOFT, PAPER, EDGE = "#1f2933", "#7b8794", "#fdfcfa", "#9aa5b1"
-HUES = ("#4c78a8", "#d9822b", "#3f9b7f", "#b65d86", "#8a6fb0", "#b8862e", "#5b8c3e", "#c0504d", "#4a9ca6", "#7a6a58")
-STYLE = f"""text {{ font-family: 'Inter', 'Segoe UI', 'Helvetica Neue', Arial, sans-serif; fill: {INK}; }}
-.title {{ font-size: 21px; font-weight: 650; }} .sub {{ font-size: 13px; fill: {SOFT}; }}
-.part {{ font-size: 15px; font-weight: 650; text-anchor: middle; }} .when {{ font-size: 11px; text-anchor: middle; }}
-.signal {{ font-size: 11.5px; text-anchor: middle; }} .unit {{ fill: {SOFT}; }}
-.small {{ font-size: 11px; fill: {SOFT}; }}
-.chip {{ font-size: 11px; fill: white; font-weight: 600; text-anchor: middle; }}
-.mid {{ text-anchor: middle; }} .line {{ fill: none; stroke-width: 1.7; }}"""
+INK, SOFT, EDGE, SHARE = "#1f2933", "#5f6b7a", "#9aa5b1", "#f28e2b"
+HUES = ("#4c78a8", "#c46f14", "#3f9b7f", "#b65d86", "#8a6fb0", "#a0731f", "#5b8c3e", "#c0504d", "#3d8e98", "#7a6a58")
+STYLE = f"""text {{ font: 12px 'Inter', 'Segoe UI', 'Helvetica Neue', 'Liberation Sans', Arial, sans-serif; fill: {INK};
+text-anchor: middle; }}
+.left {{ text-anchor: start; }} .title {{ font-size: 20px; font-weight: 650; }}
+.part {{ font-size: 14px; font-weight: 650; }}
+.soft {{ fill: {SOFT}; }} .chip {{ fill: white; font-weight: 600; }} .line {{ fill: none; stroke-width: 1.6; }}"""
 
 
 def links(machine: Machine) -> dict[tuple[str, str], list[str]]:
@@ -55,38 +53,6 @@ def stream_order(machine: Machine) -> list[str]:
     return list(min(permutations(names), key=cost)) if len(names) <= 7 else names
 
 
-def wiring_svg(machine: Machine, shares: Mapping[str, float] | None = None, schedule: bool = True) -> str:
-    """The drawing as SVG text.
-
-    Args:
-        machine: what is drawn.
-        shares: part -> 0 .. 1, how much of something (a gap, say) it accounts for: colours the parts, written in them.
-            The prefix of effects (`tendon`, `timing`) counts for the parts that these sit on.
-        schedule: whether the slots of a frame are drawn below.
-    """
-    machine = argument("machine", machine, Machine)
-    shares = None if shares is None else part_shares(machine, shares)
-    order = [OUTSIDE, *stream_order(machine), LOG]
-    hue = {name: HUES[i % len(HUES)] for i, name in enumerate(order[1:-1])} | {OUTSIDE: SOFT, LOG: SOFT}
-    width = 2 * MARGIN + CELL * len(order)
-    grid = TOP + ROW * len(order)
-    chips = max(len(tasks_in(machine, slot)) for slot in range(machine.slots))
-    height = grid + (96 + STRIP + (CHIP + 4) * chips if schedule else 16)
-    body = [
-        f'<text class="title" x="{MARGIN}" y="42">{escape(machine.name.replace("_", "-"))}: parts and signals</text>',
-        f'<text class="sub" x="{MARGIN}" y="64">A part writes along its row and reads along its column. '
-        f"Frame {1e3 * machine.frame:g} ms, {machine.slots} slots.</text>",
-        *(draw_link(order, hue, pair) for pair in links(machine)),
-        *(draw_label(machine, order, hue, pair, signals) for pair, signals in links(machine).items()),
-        *(draw_part(machine, order, hue, name, shares) for name in order),
-        *(draw_strip(machine, hue, grid + 40, width - 2 * MARGIN) if schedule else ()),
-    ]
-    head = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" width="{width}" height="{height}">'
-    markers = "".join(arrow(colour) for colour in sorted(set(hue.values())))
-    paper = f'<rect width="{width}" height="{height}" fill="{PAPER}"/>'
-    return "\n".join([head, f"<style>{STYLE}</style>", f"<defs>{markers}</defs>", paper, *body, "</svg>"]) + "\n"
-
-
 def part_shares(machine: Machine, shares: Mapping[str, float]) -> dict[str, float]:
     """Shares by part: a name that is no part's is a prefix of effects and is split over the parts that carry them."""
     parts = {part.name: shares.get(part.name, 0.0) for part in machine.parts}
@@ -97,68 +63,95 @@ def part_shares(machine: Machine, shares: Mapping[str, float]) -> dict[str, floa
     return parts
 
 
-def arrow(colour: str) -> str:
-    """An arrowhead of a colour."""
-    return (
-        f'<marker id="a{colour[1:]}" viewBox="0 0 8 8" refX="7" refY="4" markerWidth="7" markerHeight="7" '
-        'orient="auto">'
-        f'<path d="M0,0.6 L7.4,4 L0,7.4 z" fill="{colour}"/></marker>'
-    )
+def wiring_svg(machine: Machine, shares: Mapping[str, float] | None = None, schedule: bool = True) -> str:
+    """The drawing as SVG text.
+
+    Args:
+        machine: what is drawn.
+        shares: part -> 0 .. 1, how much of something (a gap, say) it accounts for: colours the parts, written in them.
+            The prefix of effects (`tendon`, `timing`) counts for the parts that these sit on.
+        schedule: whether there is a title above, and the slots of a frame below.
+
+    Examples:
+        >>> import exodrake as exo
+        >>> wiring_svg(exo.load_robot().machine)[:4]
+        '<svg'
+    """
+    machine = argument("machine", machine, Machine)
+    order, found = [OUTSIDE, *stream_order(machine), LOG], links(machine)
+    hue = {name: HUES[i % len(HUES)] for i, name in enumerate(order[1:-1])} | {OUTSIDE: SOFT, LOG: SOFT}
+    notes = {part.name: when(part) for part in machine.parts} | {OUTSIDE: "a row a frame", LOG: "end of frame"}
+    if shares is not None:
+        notes |= {name: f"{100 * min(max(x, 0.0), 1.0):.0f} %" for name, x in part_shares(machine, shares).items()}
+    units = {signal.name: "" if signal.unit == "-" else signal.unit for signal in machine.signals}
+    texts = {pair: [(name, units[name]) for name in names] for pair, names in found.items()}
+    labels = {pair: label_size(lines) for pair, lines in texts.items()}
+    boxes = {name: max(1.5 * LETTER * len(name), LETTER * len(notes[name])) + 16 for name in order}
+    widths = [max([boxes[name], *(w for (_, to), (w, _) in labels.items() if to == name)]) + GAP for name in order]
+    heights = [max([BOX, *(h for (by, _), (_, h) in labels.items() if by == name)]) + ROW for name in order]
+    top, width, grid = MARGIN + 58 * schedule, 2 * MARGIN + sum(widths), sum(heights)
+    x = {name: MARGIN + end - size / 2 for name, end, size in zip(order, accumulate(widths), widths)}
+    y = {name: top + end - size / 2 for name, end, size in zip(order, accumulate(heights), heights)}
+
+    def link(writer: str, reader: str) -> str:
+        way, colour, r = 1 if x[reader] > x[writer] else -1, hue[writer], 8
+        start, end = x[writer] + way * boxes[writer] / 2, y[reader] - way * (BOX / 2 + 2)
+        d = f"M{start:.1f},{y[writer]:.1f} H{x[reader] - way * r:.1f} "
+        d += f"Q{x[reader]:.1f},{y[writer]:.1f} {x[reader]:.1f},{y[writer] + way * r:.1f} V{end:.1f}"
+        return f'<path class="line" d="{d}" stroke="{colour}" marker-end="url(#a{colour[1:]})"/>'
+
+    def label(writer: str, reader: str) -> str:
+        w, h = labels[writer, reader]
+        left, above = x[reader] - w / 2, y[writer] - h / 2
+        lines = [rectangle(left, above, w, h, "white", hue[writer])]
+        for k, (name, unit) in enumerate(texts[writer, reader]):
+            span = f' <tspan class="soft">{escape(unit)}</tspan>' if unit else ""
+            lines.append(text(x[reader], above + 15 + LINE * k, escape(name) + span))
+        return "\n".join(lines)
+
+    def box(name: str) -> str:
+        share = min(max(part_shares(machine, shares).get(name, 0.0), 0.0), 1.0) if shares is not None else None
+        fill = blend(hue[name], 0.16) if share is None else blend(SHARE, share)
+        extra = 'stroke-width="2"' + ("" if name in order[1:-1] else ' stroke-dasharray="5 4"')
+        left, above = x[name] - boxes[name] / 2, y[name] - BOX / 2
+        drawn = rectangle(left, above, boxes[name], BOX, fill, hue[name], extra)
+        return f"{drawn}\n{text(x[name], y[name] - 2, escape(name), 'part')}{text(x[name], y[name] + 15, notes[name])}"
+
+    body = [*starmap(link, found), *starmap(label, found), *map(box, order)]
+    height = top + grid + MARGIN
+    if schedule:
+        title = f"{machine.name.replace('_', '-')}: parts and signals"
+        how = f"A part writes along its row and reads along its column. Frame {1e3 * machine.frame:g} ms."
+        body += [text(MARGIN, MARGIN + 20, escape(title), "left title"), text(MARGIN, MARGIN + 42, how, "left soft")]
+        strip, height = draw_frame(machine, hue, top + grid + 26, width - 2 * MARGIN)
+        body += strip
+    arrow = 'viewBox="0 0 8 8" refX="7" refY="4" markerWidth="7" markerHeight="7" orient="auto"'
+    arrow += '><path d="M0,.6 L7.4,4 L0,7.4 z"'
+    markers = "".join(f'<marker id="a{c[1:]}" {arrow} fill="{c}"/></marker>' for c in sorted(set(hue.values())))
+    size = f'viewBox="0 0 {width:.0f} {height:.0f}" width="{width:.0f}" height="{height:.0f}"'
+    head = f'<svg xmlns="http://www.w3.org/2000/svg" {size}>\n<style>{STYLE}</style>\n<defs>{markers}</defs>'
+    return "\n".join([head, f'<rect width="{width:.0f}" height="{height:.0f}" fill="white"/>', *body, "</svg>"]) + "\n"
 
 
-def centre(order: list[str], name: str) -> tuple[float, float]:
-    """Middle of a part's box [px]."""
-    i = order.index(name)
-    return MARGIN + CELL * (i + 0.5), TOP + ROW * (i + 0.5)
+def label_size(lines: list[tuple[str, str]]) -> tuple[float, float]:
+    """Width and height [px] of the label of some signals: (name, unit) each."""
+    return LETTER * max(len(f"{name} {unit}".strip()) for name, unit in lines) + 15, LINE * len(lines) + 8
 
 
-def draw_link(order: list[str], hue: Mapping[str, str], pair: tuple[str, str]) -> str:
-    """A line along the writer's row, then along the reader's column, with a rounded corner."""
-    (x0, y0), (x1, y1) = centre(order, pair[0]), centre(order, pair[1])
-    way = 1 if x1 > x0 else -1
-    colour, r = hue[pair[0]], 10
-    d = f"M{x0 + way * BOX / 2},{y0} H{x1 - way * r} Q{x1},{y0} {x1},{y0 + way * r} V{y1 - way * (HIGH / 2 + 2)}"
-    return f'<path class="line" d="{d}" stroke="{colour}" marker-end="url(#a{colour[1:]})"/>'
+def rectangle(x: float, y: float, width: float, height: float, fill: str, edge: str, more: str = "") -> str:
+    """A rectangle with round corners."""
+    place = f'x="{x:.1f}" y="{y:.1f}" width="{width:.1f}" height="{height:.1f}"'
+    return f'<rect {place} rx="5" fill="{fill}" stroke="{edge}" {more}/>'
 
 
-def draw_label(
-    machine: Machine, order: list[str], hue: Mapping[str, str], pair: tuple[str, str], signals: list[str]
-) -> str:
-    """Names and units of the signals where row and column meet."""
-    x, y = centre(order, pair[1])[0], centre(order, pair[0])[1]
-    units = {signal: machine.signal[signal].unit for signal in signals}
-    longest = max(len(signal) + (len(unit) + 2 if unit != "-" else 0) for signal, unit in units.items())
-    w, h = 6.3 * longest + 14, LINE * len(signals) + 8
-    lines = [
-        f'<rect x="{x - w / 2}" y="{y - h / 2}" width="{w}" height="{h}" rx="5" fill="white" stroke="{hue[pair[0]]}"/>'
-    ]
-    for k, signal in enumerate(signals):
-        unit = f' <tspan class="unit">{escape(units[signal])}</tspan>' if units[signal] != "-" else ""
-        lines.append(f'<text class="signal" x="{x}" y="{y - h / 2 + 15 + LINE * k}">{escape(signal)}{unit}</text>')
-    return "\n".join(lines)
+def text(x: float, y: float, content: str, style: str = "") -> str:
+    """A line of text at its middle, or at its left end by the style `left`."""
+    return f'<text x="{x:.1f}" y="{y:.1f}" class="{style}">{content}</text>'
 
 
-def draw_part(
-    machine: Machine, order: list[str], hue: Mapping[str, str], name: str, shares: Mapping[str, float] | None
-) -> str:
-    """A part's box: name, when it runs, how many effects it may carry; filled by its share."""
-    x, y = centre(order, name)
-    part = next((b for b in machine.parts if b.name == name), None)
-    share = min(max((shares or {}).get(name, 0.0), 0.0), 1.0)
-    fill = blend("#ffffff", "#f28e2b", share) if shares is not None else blend("#ffffff", hue[name], 0.16)
-    dash = "" if part else ' stroke-dasharray="5 4"'
-    box = (
-        f'<rect x="{x - BOX / 2}" y="{y - HIGH / 2}" width="{BOX}" height="{HIGH}" rx="9" fill="{fill}" '
-        f'stroke="{hue[name]}" stroke-width="2"{dash}/>'
-    )
-    under = when(part) if part else {OUTSIDE: "one row a frame", LOG: "end of the frame"}[name]
-    tone = "when" if shares is not None else "when unit"
-    if shares is not None and part:
-        under = f"{100 * share:.0f} %"
-    return (
-        f'{box}\n<text class="part" x="{x}" y="{y - 2}">{escape(name)}</text>'
-        f'<text class="{tone}" x="{x}" y="{y + 16}">{escape(under)}</text>'
-    )
+def blend(colour: str, share: float) -> str:
+    """A colour between white and another."""
+    return "#" + "".join(f"{round(255 + share * (int(colour[i : i + 2], 16) - 255)):02x}" for i in (1, 3, 5))
 
 
 def when(part: Part) -> str:
@@ -171,58 +164,28 @@ def when(part: Part) -> str:
     return ", ".join(parts)
 
 
-def blend(light: str, dark: str, share: float) -> str:
-    """A colour between two."""
-    pairs = ((int(light[i : i + 2], 16), int(dark[i : i + 2], 16)) for i in (1, 3, 5))
-    return "#" + "".join(f"{round(a + share * (b - a)):02x}" for a, b in pairs)
-
-
-def tasks_in(machine: Machine, slot: int) -> list[tuple[Part, Task]]:
-    """Tasks that run in a slot."""
-    return [(part, task) for part in machine.parts for task in part.tasks if slot in task.slots]
-
-
-def draw_strip(machine: Machine, hue: Mapping[str, str], top: float, width: float) -> list[str]:
-    """One frame: slots with their tasks in the middle, and the plant's ticks between them."""
-    step, base = width / machine.slots, top + STRIP
+def draw_frame(machine: Machine, hue: Mapping[str, str], top: float, width: float) -> tuple[list[str], float]:
+    """One frame of slots with their tasks in the middle and the plant's ticks between, and its lower end [px]."""
+    step, base = width / machine.slots, top + 64
     ticking = ", ".join(b.name for b in machine.parts if any(not t.slots for t in b.tasks))
-    lines = [
-        f'<text class="part" style="text-anchor:start" x="{MARGIN}" y="{top}">One frame</text>',
-        f'<text class="small" x="{MARGIN + 84}" y="{top}">▲ tick of the plant ({escape(ticking)}), '
-        "before the task in the middle of its slot</text>",
-    ]
+    note = f"▲ tick of the plant ({escape(ticking)}), before the task in the middle of its slot"
+    lines = [text(MARGIN, top, "One frame", "left part"), text(MARGIN + 84, top, note, "left soft")]
+    end = base
     for slot in range(machine.slots):
-        x = MARGIN + step * slot
-        shade = "#ffffff" if slot % 2 else "#f1efea"
-        here, at = tasks_in(machine, slot), 1e3 * machine.slot * (slot + 0.5)
+        x = MARGIN + step * (slot + 0.5)
+        shade = "#ffffff" if slot % 2 else "#f3f4f6"
         lines += [
-            f'<rect x="{x}" y="{top + 18}" width="{step}" height="{STRIP - 18}" fill="{shade}" stroke="{EDGE}" '
-            'stroke-width="0.6"/>',
-            f'<text class="when" x="{x + step / 2}" y="{top + 36}">slot {slot}</text>',
-            f'<text class="small mid" x="{x + step / 2}" y="{top + 53}">{at:g} ms</text>',
-            f'<path d="M{x + step / 4 - 5},{base} h10 l-5,-9 z" fill="{SOFT}"/>',
+            rectangle(x - step / 2, top + 16, step, 48, shade, EDGE, 'stroke-width="0.6"'),
+            text(x, top + 34, f"slot {slot}"),
+            text(x, top + 51, f"{1e3 * machine.slot * (slot + 0.5):g} ms", "soft"),
+            f'<path d="M{x - step / 4 - 5:.1f},{base} h10 l-5,-9 z" fill="{SOFT}"/>',
         ]
-        for k, (part, task) in enumerate(here):
-            lines.append(
-                draw_chip(machine, hue, part, task, slot, (x + step / 2, base + 8 + (CHIP + 4) * k), step - 10)
-            )
-    return lines
-
-
-def draw_chip(
-    machine: Machine,
-    hue: Mapping[str, str],
-    part: Part,
-    task: Task,
-    slot: int,
-    place: tuple[float, float],
-    width: float,
-) -> str:
-    """A task in its slot; a task over channels names its channel."""
-    x, y = place
-    channel = machine.channels(task.reads[0])[task.slots.index(slot)] if task.per_channel else ""
-    text = escape(" ".join(filter(None, (part.name, task.function, channel))))
-    return (
-        f'<rect x="{x - width / 2}" y="{y}" width="{width}" height="{CHIP}" rx="6" fill="{hue[part.name]}"/>'
-        f'<text class="chip" x="{x}" y="{y + 19}">{text}</text>'
-    )
+        tasks = [(part, task) for part in machine.parts for task in part.tasks if slot in task.slots]
+        for k, (part, task) in enumerate(tasks):
+            channel = machine.channels(task.reads[0])[task.slots.index(slot)] if task.per_channel else ""
+            y = base + 8 + (CHIP + 4) * k
+            lines.append(rectangle(x - step / 2 + 3, y, step - 6, CHIP, hue[part.name], "none"))
+            lines.append(text(x, y + 14, escape(part.name), "chip"))
+            lines.append(text(x, y + 28, escape(f"{task.function} {channel}".strip()), "chip"))
+            end = max(end, y + CHIP)
+    return lines, end + MARGIN

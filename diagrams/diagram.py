@@ -61,6 +61,12 @@ def build_diagram(
 
     Raises:
         InputError: a system reads what nothing writes, writes what another writes, or does not write what its part did.
+
+    Examples:
+        >>> import exodrake as exo
+        >>> diagram = build_diagram(exo.load_robot(), exo.grasp("caging"))
+        >>> diagram.GetOutputPort("finger.angle").size()
+        3
     """
     machine = argument("robot", robot, Robot).machine
     rows: dict[str, np.ndarray] = {}
@@ -278,7 +284,14 @@ def logged(machine: Machine, diagram: Diagram, context: Context) -> np.ndarray:
 
 
 def find_parameter(diagram: Diagram, name: str) -> NamedParameter:
-    """A parameter of a Diagram's parts by its full name, whichever system holds it. InputError if none does."""
+    """A parameter of a Diagram's parts by its full name, whichever system holds it. InputError if none does.
+
+    Examples:
+        >>> import exodrake as exo
+        >>> diagram = exo.build_diagram(exo.load_robot())
+        >>> find_parameter(diagram, "finger.kappa.MCP").get(diagram.CreateDefaultContext())
+        array([0.08])
+    """
     known: list[str] = []
     for system in argument("diagram", diagram, Diagram).GetSystems():
         if isinstance(system, PartSystem):

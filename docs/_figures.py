@@ -17,7 +17,7 @@ from exodrake.core.effect import Effect
 from exodrake.core.machine import Machine
 from exodrake.core.robot import Robot
 from exodrake.data.log import Log
-from exodrake.data.plot import STYLE, new_figure
+from exodrake.data.plot import MEASURED, NOMINAL, STYLE, new_figure
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation.references import protocol
 from exodrake.simulation.simulate import simulate
@@ -30,7 +30,6 @@ REACH = {"m": 0.04, "rad": 0.5}  # amplitude of these swings
 BEND = 2.0  # [rad] of a sheath
 WINDOW, FRAMES, POINTS = 8.0, 300, 800  # drawn where the difference is largest: seconds, frames at least, points
 LOOP = re.compile(r"loops? of (\w+) against (\w+)")  # in the signature of an effect
-NOMINAL, WITH = "#8a94a0", "#1d4ed8"
 
 
 @dataclass(frozen=True)
@@ -135,27 +134,27 @@ def window(shown: Shown, column: str) -> slice:
 def draw(machine: Machine, shown: Shown, columns: list[str], loop: tuple[str, str] | None):
     """Both robots above, their difference below with two noise standard deviations in grey; a loop beside them."""
     figure, rows = new_figure(8.0, 3.2), window(shown, columns[0])
-    time, logs = (
-        shown.log.time[rows],
-        ((shown.nominal, NOMINAL, 1.7, "nominal"), (shown.log, WITH, 1.0, "with the effect")),
-    )
+    time = shown.log.time[rows]
+    logs = ((shown.log, MEASURED, "with the effect"), (shown.nominal, NOMINAL, "nominal"))
     grid = figure.add_gridspec(2, len(columns) + bool(loop), height_ratios=(2.2, 1))
     for i, column in enumerate(columns):
         display, label = display_of(column.rpartition("_")[0], machine), axis_label(machine, column)
         upper, lower = figure.add_subplot(grid[0, i], ylabel=label), figure.add_subplot(grid[1, i], ylabel="difference")
-        for log, colour, width, name in logs:
-            upper.plot(time, display.factor * log[column][rows], color=colour, lw=width, label=name)
+        for log, style, name in logs:
+            upper.plot(time, display.factor * log[column][rows], label=name, **style)
         noise = 2 * display.factor * shown.columns[column][1]
         lower.axhspan(-noise, noise, color="#e3e6ea", lw=0)
-        lower.plot(time, display.factor * (shown.log[column] - shown.nominal[column])[rows], color=WITH, lw=0.9)
+        lower.plot(
+            time, display.factor * (shown.log[column] - shown.nominal[column])[rows], color=MEASURED["color"], lw=0.9
+        )
         lower.set(xlabel="Time [s]", xlim=(time[0], time[-1]))
         upper.set(xlim=lower.get_xlim(), xticklabels=[])
         figure.align_ylabels([upper, lower])
     if loop:
         axes = figure.add_subplot(grid[:, -1], xlabel=axis_label(machine, loop[0]), ylabel=axis_label(machine, loop[1]))
         factors = [display_of(name.rpartition("_")[0], machine).factor for name in loop]
-        for log, colour, width, name in logs:
-            axes.plot(*(f * log[column][rows] for f, column in zip(factors, loop)), color=colour, lw=width, label=name)
+        for log, style, name in logs:
+            axes.plot(*(f * log[column][rows] for f, column in zip(factors, loop)), label=name, **style)
     figure.axes[0].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.2)
     return figure
 

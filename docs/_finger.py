@@ -12,11 +12,11 @@ from PIL import Image
 
 import exodrake as exo
 from exodrake.core.skeleton import Skeleton
-from exodrake.data.plot import STYLE, new_figure
+from exodrake.data.plot import IMPROVED, MEASURED, NOMINAL, STYLE, new_figure
 from exodrake.diagrams.meshcat.scene import span, turn
 
-EVERY, DPI, COLOURS = 5, 100, 24  # frames of 20 ms, dots per inch, colours of the picture
-NOMINAL, WITH, SKIN = "#b3bcc6", "#1d4ed8", "#f1ddd0"
+EVERY, DPI, COLOURS = 5, 100, 64  # frames of 20 ms, dots per inch, colours of the picture
+SKIN, GHOST = "#f1ddd0", "#f6e3d6"
 
 
 def places(bones: Skeleton, angle: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -29,17 +29,17 @@ def places(bones: Skeleton, angle: np.ndarray) -> list[tuple[np.ndarray, np.ndar
     return found
 
 
-def draw_finger(axes, bones: Skeleton, angle: np.ndarray, colour: str, ghost: bool) -> None:
+def draw_finger(axes, bones: Skeleton, angle: np.ndarray, style: dict, ghost: bool) -> None:
     """Draw phalanges and tendons at angles (joints,) [rad] from the side."""
     frames = places(bones, angle)
     ends = [origin for origin, _ in frames[1:]] + [frames[-1][0] + frames[-1][1] @ [bones.lengths[-1], 0.0, 0.0]]
     line = 1e3 * np.array([[bones.base, 0.0, 0.0], *ends])[:, (0, 2)]
-    axes.plot(*line.T, color=NOMINAL if ghost else SKIN, lw=20, alpha=0.45 if ghost else 1, solid_capstyle="round")
-    axes.plot(*line.T, color=colour, lw=1.6, marker="o", ms=3.5)
+    axes.plot(*line.T, color=GHOST if ghost else SKIN, lw=20, alpha=0.45 if ghost else 1, solid_capstyle="round")
+    axes.plot(*line.T, marker="o", ms=3.5, **style | {"linewidth": 1.8})
     for piece in () if ghost else bones.pieces:
         origin, rotation = frames[piece.first]
         tendon = np.array([origin + rotation @ point for point in span(bones, piece, angle)])
-        axes.plot(*(1e3 * tendon[:, (0, 2)]).T, color="#d55e00" if piece.tendon == "AF" else "#6b7280", lw=1.0)
+        axes.plot(*(1e3 * tendon[:, (0, 2)]).T, color=IMPROVED["color"] if piece.tendon == "AF" else "#6b7280", lw=1.0)
 
 
 def frame(row: int, bones: Skeleton, nominal: exo.Log, log: exo.Log) -> Image.Image:
@@ -48,20 +48,20 @@ def frame(row: int, bones: Skeleton, nominal: exo.Log, log: exo.Log) -> Image.Im
     grid = figure.add_gridspec(2, 2, width_ratios=(1.25, 1))
     side = figure.add_subplot(grid[:, 0], aspect="equal", xlim=(-62, 82), ylim=(-72, 16))
     side.set_axis_off()
-    side.set_title("Grey: nominal. Blue: friction in the sheath of AF", loc="left", fontsize=9)
-    for one, colour, ghost in ((nominal, NOMINAL, True), (log, WITH, False)):
-        draw_finger(side, bones, one.array("angle")[row], colour, ghost)
+    side.set_title("Dotted: nominal. Black: friction in the sheath of AF (blue)", loc="left", fontsize=9)
+    for one, style, ghost in ((nominal, NOMINAL, True), (log, MEASURED, False)):
+        draw_finger(side, bones, one.array("angle")[row], style, ghost)
     for k, (column, factor, label, top) in enumerate(
         [("tension_AF", 1.0, "Tension AF [N]", 8.5), ("angle_DIP", 180 / np.pi, "Joint angle DIP [°]", 72)]
     ):
         axes = figure.add_subplot(grid[k, 1], xlim=(0, log.duration), ylim=(0, top), ylabel=label)
         axes.tick_params(labelbottom=bool(k))
-        for one, colour, width in ((nominal, NOMINAL, 2.6), (log, WITH, 1.2)):
-            axes.plot(one.time[: row + 1], factor * one[column][: row + 1], color=colour, lw=width)
+        for one, style in ((nominal, NOMINAL), (log, MEASURED)):
+            axes.plot(one.time[: row + 1], factor * one[column][: row + 1], **style | {"linewidth": 1.8})
     axes.set_xlabel("Time [s]")
     buffer = BytesIO()
     figure.savefig(buffer, dpi=DPI)
-    return Image.open(buffer).convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE)
+    return Image.open(buffer).convert("RGB").quantize(COLOURS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
 
 
 def main() -> None:

@@ -64,6 +64,8 @@ def page(path: Path) -> Iterator[tuple[str, str | bytes]]:
             value.savefig(buffer, format="svg")
             text += f"![figure]({name})\n\n"
             yield name, buffer.getvalue()
+        elif hasattr(value, "_repr_html_"):
+            text += f"{value._repr_html_()}\n\n"
     yield f"{path.stem}.md", text
 
 

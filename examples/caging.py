@@ -28,6 +28,7 @@ tensions = LogVectorOutput(parts.sensor.GetOutputPort("tension_read"), builder, 
 if "--meshcat" in sys.argv:
     view = builder.AddSystem(exo.FingerView(robot, StartMeshcat()))
     builder.Connect(parts.finger.GetOutputPort("angle"), view.GetInputPort("angle"))
+    builder.Connect(parts.finger.GetOutputPort("tension"), view.GetInputPort("tension"))
 
 simulator = Simulator(builder.Build())
 simulator.set_target_realtime_rate(1.0 if "--meshcat" in sys.argv else 0.0)

@@ -28,6 +28,7 @@ log = LogVectorOutput(parts.finger.GetOutputPort("angle"), builder, 0.02)
 if "--meshcat" in sys.argv:
     view = builder.AddSystem(exo.FingerView(robot, StartMeshcat()))
     builder.Connect(parts.finger.GetOutputPort("angle"), view.GetInputPort("angle"))
+    builder.Connect(parts.finger.GetOutputPort("tension"), view.GetInputPort("tension"))
 simulator = Simulator(builder.Build())
 simulator.AdvanceTo(4.0)
 angle = log.FindLog(simulator.get_context()).data()[:, 1:].T

@@ -26,6 +26,7 @@ for name in ("exo_index", "exo_index/wide_pinch"):
     if "--meshcat" in sys.argv:
         view = builder.AddSystem(exo.FingerView(robot, StartMeshcat()))
         builder.Connect(parts.finger.GetOutputPort("angle"), view.GetInputPort("angle"))
+        builder.Connect(parts.finger.GetOutputPort("tension"), view.GetInputPort("tension"))
     diagram = builder.Build()
 
     simulator = Simulator(diagram)

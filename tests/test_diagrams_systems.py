@@ -2,10 +2,11 @@
 
 from dataclasses import replace
 
+import msgpack
 import numpy as np
 import pytest
 from diagram_runs import made_up_weights, nominal, wavy
-from pydrake.geometry import Meshcat, Role
+from pydrake.geometry import Meshcat
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import LeafSystem
 
@@ -15,6 +16,7 @@ from exodrake.core.errors import InputError
 from exodrake.core.machine import signal_count, state_size
 from exodrake.diagrams.diagram import build_diagram, logged_signals
 from exodrake.diagrams.finger_view import FingerView
+from exodrake.diagrams.meshcat import colours
 from exodrake.diagrams.meshcat.scene import skeleton
 from exodrake.diagrams.multibody_finger import MultibodyFinger
 from exodrake.diagrams.posture_loop import PostureLoop
@@ -54,28 +56,35 @@ def test_a_multibody_finger_refuses_what_it_does_not_know():
     MultibodyFinger(nominal().splice("motor.dead_zone"))
 
 
-def test_the_view_poses_the_fingertip_where_the_angles_say():
-    """The SceneGraph's frame of the last phalanx at a posture."""
-    view, angle = FingerView(nominal(), Meshcat()), np.array([0.4, 0.7, 0.3])
-    context = view.CreateDefaultContext()
-    view.GetInputPort("angle").FixValue(context, angle)
-    query = view.GetOutputPort("query").Eval(context)
-    frames = {query.inspector().GetName(f): f for f in query.inspector().GetAllFrameIds()}
-    last = nominal()["finger.length.DIP"]
-    reached = query.GetPoseInWorld(frames["DIP"]).multiply(np.array([last, 0.0, 0.0]))
-    np.testing.assert_allclose(np.ravel(reached), skeleton(nominal()).tip(angle), atol=1e-12)
-    assert query.inspector().NumGeometriesWithRole(Role.kIllustration) > 50
+def shown(meshcat, path):
+    """Transform (4, 4) of a Meshcat path."""
+    return np.array(msgpack.unpackb(meshcat._GetPackedTransform(path))["matrix"]).reshape(4, 4).T
 
 
 def test_the_diagram_moves_its_view():
-    diagram = build_diagram(nominal(), wavy(0.4), systems=[FingerView(nominal(), Meshcat())])
+    """Fingertip and colours of the tendons in Meshcat, by the Diagram's angles and tensions at the last picture."""
+    meshcat = Meshcat()
+    diagram = build_diagram(nominal(), wavy(0.4), systems=[FingerView(nominal(), meshcat, rate=10.0)])
     _, simulator = run(diagram, 0.4)
-    view = diagram.GetSubsystemByName("view")
-    query = view.GetOutputPort("query").Eval(view.GetMyContextFromRoot(simulator.get_context()))
-    frame = next(f for f in query.inspector().GetAllFrameIds() if query.inspector().GetName(f) == "MCP")
-    rotation = query.GetPoseInWorld(frame).rotation().matrix()
-    angle = diagram.GetOutputPort("finger.angle").Eval(simulator.get_context())[0]
-    assert np.arctan2(rotation[0, 2], rotation[0, 0]) == pytest.approx(angle, abs=1e-12) and angle > 0.21
+    context = simulator.get_context()
+    diagram.ForcedPublish(context)
+    angle = diagram.GetOutputPort("finger.angle").Eval(context)
+    joints = [shown(meshcat, path) for path in ("/robot/MCP", "/robot/MCP/PIP", "/robot/MCP/PIP/DIP")]
+    tip = np.linalg.multi_dot(joints) @ [nominal()["finger.length.DIP"], 0.0, 0.0, 1.0]
+    np.testing.assert_allclose(tip[:3], skeleton(nominal()).tip(angle), atol=1e-12)
+    share = diagram.GetOutputPort("finger.tension").Eval(context) / nominal().reference_limits()[1]
+    path = "/robot/AF_on_0"
+    colour = msgpack.unpackb(meshcat._GetPackedProperty(path, "color"))["value"]
+    np.testing.assert_allclose(colour, [*colours(share)[0], 1.0], atol=1e-12)
+
+
+def test_a_view_needs_a_finger_and_no_tension():
+    meshcat = Meshcat()
+    view = FingerView(nominal(), meshcat)
+    context = view.CreateDefaultContext()
+    view.GetInputPort("angle").FixValue(context, np.array([0.4, 0.7, 0.3]))
+    view.ForcedPublish(context)
+    assert shown(meshcat, "/robot/MCP")[0, 0] == pytest.approx(np.cos(0.4))
     with pytest.raises(InputError, match="nothing to draw"):
         FingerView(load_robot("emps"), Meshcat())
 

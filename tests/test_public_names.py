@@ -1,6 +1,7 @@
 """`import exodrake as exo`: every public name resolves for readers, completion, help() and type checkers."""
 
 import dataclasses
+import doctest
 import inspect
 import json
 import subprocess
@@ -10,8 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from pydrake.systems.framework import DiagramBuilder
+from report_synthetic import diagnosis
 
 import exodrake as exo
+from exodrake.diagnosis.pipeline import case_of_logs
 
 ROOT = Path(__file__).parent.parent
 CLASSES = [name for name in exo.PUBLIC if inspect.isclass(getattr(exo, name))]
@@ -22,6 +25,36 @@ RESULTS = [name for name in CLASSES if dataclasses.is_dataclass(getattr(exo, nam
 def test_every_public_name_resolves_and_has_a_docstring(name):
     assert getattr(exo, name).__name__ == name and getattr(exo, name).__doc__
     assert name in dir(exo) and name in exo.__all__
+
+
+@pytest.mark.parametrize("name", [name for name in exo.PUBLIC if ">>> " in (getattr(exo, name).__doc__ or "")])
+def test_examples_of_docstrings_run_and_print_what_they_say(name):
+    found = getattr(exo, name)
+    module = vars(sys.modules[found.__module__])
+    test = doctest.DocTestParser().get_doctest(inspect.getdoc(found) or "", dict(module), name, None, None)
+    assert doctest.DocTestRunner().run(test).failed == 0 < len(test.examples)
+
+
+def test_signatures_print_plainly():
+    plain = [name for name in exo.PUBLIC if name not in RESULTS and "<" in str(inspect.signature(getattr(exo, name)))]
+    assert not plain, "a default has no readable value"
+
+
+def test_a_robot_and_a_diagnosis_show_themselves_in_a_notebook():
+    robot, found = exo.load_robot()._repr_html_(), diagnosis()._repr_html_()
+    assert "326 parameters" in robot and "image/svg+xml" in robot
+    assert "explains 91 % of the gap" in found and "0.270 to 0.330" in found and "image/svg+xml" in found
+
+
+def test_a_diagnosis_takes_logs_and_frames():
+    """The last of several is held out; the log of another robot is refused by its column."""
+    pytest.importorskip("pandas")
+    logs = [exo.simulate(exo.load_robot(), exo.grasp("caging", hold=0.5), seed) for seed in (1, 2)]
+    for given in (logs, [log.to_pandas() for log in logs]):
+        roles = [item.role for item in case_of_logs(given, ("tension_AF",), 0.02).logs]
+        assert roles == ["fit", "holdout"]
+    with pytest.raises(exo.InputError, match="tension_ref"):
+        exo.diagnose(exo.Log(logs[0].time, {"angle_MCP": logs[0]["angle_MCP"]}))
 
 
 def test_an_unknown_name_is_an_attribute_error():

@@ -24,7 +24,7 @@ from exodrake.core.robot import Robot
 from exodrake.core.skeleton import Shape, Skeleton
 from exodrake.core.templates import render
 from exodrake.data.log import Log
-from exodrake.diagrams.meshcat.scene import GHOST, GHOSTLY, Arm, Finger, Thing, skeleton
+from exodrake.diagrams.meshcat.scene import GHOST, GHOSTLY, Arm, Finger, Thing, segment_path, skeleton
 
 TEMPLATES = Path(__file__).parent / "templates"
 # load as a share of the highest -> sRGB; slack is grey
@@ -56,11 +56,12 @@ def with_readings(html: str, title: str, readings: dict[str, Any], details: Sequ
         label: what is coloured, and by what.
     """
     scale = [(round(100 * share), [round(255 * c) for c in rgb]) for share, rgb in STOPS]
-    tops = [f"{top:.3g}" for top in (min(readings["top"]), max(readings["top"]))]
-    highest = f"{' to '.join(dict.fromkeys(tops))} {readings['unit']}".replace(" deg", "°")
+    tops = dict.fromkeys(f"{top:.3g}" for top in (min(readings["top"]), max(readings["top"])))
+    unit = readings["unit"].replace("deg", "°")
+    lowest, highest = (f"{value} {unit}".replace(" °", "°") for value in ("0", " to ".join(tops)))
     added = render(
         "recording.html", TEMPLATES, title=title, readings=readings, stops=STOPS, scale=scale, details=details,
-        label=label, highest=highest, ghost=[round(255 * c) for c in GHOSTLY[:3]],
+        label=label, lowest=lowest, highest=highest, ghost=[round(255 * c) for c in GHOSTLY[:3]],
     )  # fmt: skip
     html = html.replace("<title>Drake MeshCat</title>", f"<title>{escape(title)}</title>")
     head, end, tail = html.rpartition("</body>")
@@ -129,7 +130,8 @@ def recording_html(
     motion = Motion(time, angle, load, full_load(robot, bones, load), ghost)
     coloured, display = "joint" if isinstance(bones, Shape) else "tendon", display_of(bones.load, robot.machine)
     readings = {**readings_of(motion, bones, display), "names": names}
-    label = f"{coloured}: its {display.label.lower()}"
+    end = "its limit" if limits_load(robot, bones) else "its largest here"
+    label = f"{coloured}: its {display.label.lower()}, from 0 to {end}"
     return with_readings(animated(motion, bones, thing), title or log.label, readings, details, label)
 
 
@@ -153,6 +155,7 @@ def readings_of(motion: Motion, bones: Skeleton | Shape, display: Display) -> di
     """A motion as plain data for the live readings, loads in the unit of their display."""
     return {
         "time": motion.time.round(4).tolist(), "step": motion.step, "tendons": bones.tendons, "joints": bones.joints,
+        "paths": [segment_path(bones, i + 1)[1:].split("/") for i in range(len(bones.joints))],
         "one": bones.load == bones.angle,
         "sliding": bones.sliding.tolist() if isinstance(bones, Shape) else [], "angle": motion.angle.round(4).tolist(),
         "load": (display.factor * motion.load).round(2).tolist(), "unit": display.unit,
@@ -187,11 +190,16 @@ def beside(time: np.ndarray, own: np.ndarray, angle: np.ndarray) -> np.ndarray:
 
 def full_load(robot: Robot, bones: Skeleton | Shape, load: np.ndarray) -> np.ndarray:
     """Load of each tendon (tendons,) [SI] at the end of the colour scale: its limit, else the largest seen."""
-    largest = np.maximum(1.0, np.abs(load).max(axis=0))
-    first = robot.machine.references[0]
-    limited = first.kind.removesuffix("_ref") == bones.load and robot.machine.reference_limits
-    highest = robot.reference_limits()[1] if limited else largest
+    largest = np.abs(load).max(axis=0)
+    largest[largest == 0.0] = 1.0
+    highest = robot.reference_limits()[1] if limits_load(robot, bones) else largest
     return np.where(np.isfinite(highest) & (highest > 0), highest, largest)
+
+
+def limits_load(robot: Robot, bones: Skeleton | Shape) -> bool:
+    """Whether the machine limits the references of what colours the tendons or joints, and these may not turn back."""
+    machine, kind = robot.machine, robot.machine.references[0].kind.removesuffix("_ref")
+    return bool(kind == bones.load != bones.angle and machine.reference_limits)
 
 
 @contextmanager

@@ -51,8 +51,9 @@ def along(start: np.ndarray, end: np.ndarray) -> tuple[np.ndarray, np.ndarray, f
 
 
 SMALLEST = 0.3  # m, reach of a drawn arm at least, for an axis whose frames coincide: assumed
-PLATE, BELOW = 0.16, 0.1  # width of the base, and how far it lies below axes side by side: shares of the size
+PLATE, THICK = 0.16, 0.03  # width and thickness of the base: shares of the size
 BAR, DRUM, LONG, CUBE, RAIL = 0.028, 0.045, 0.11, 0.11, 0.015  # radii, lengths and widths as shares of the reach
+BELOW = 0.5 * (LONG + THICK)  # of the base under axes side by side, which stand on it
 LIMB, DARK, DRUMS = (0.90, 0.89, 0.86, 1.0), (0.27, 0.31, 0.38, 1.0), (0.55, 0.60, 0.67, 1.0)
 FRONT, VIEW = np.array([0.75, -0.15, 0.5]), np.array([0.8, -1.3, 0.45])  # camera from the middle of the arm, in reaches
 
@@ -69,8 +70,8 @@ class Arm:
         """Draws what there is at positions (joints,) [rad] or [m]; ghost: a second arm, too."""
         from pydrake.geometry import Box, Rgba
 
-        wide = np.array([PLATE * self.size, self.reach if self.shape.beside else PLATE * self.size, 0.03 * self.size])
-        base = f"{ROOT}/base", pose([0.0, 0.0, -BELOW * self.size * self.shape.beside])
+        wide = np.array([PLATE * self.size, self.reach if self.shape.beside else PLATE * self.size, THICK * self.size])
+        base = f"{ROOT}/.base", pose([0.0, 0.0, -BELOW * self.size * self.shape.beside])
         if self.shape.beside and self.shape.sliding.any():
             wide = wide[[1, 0, 2]]  # along the rail
         self.meshcat.SetObject(base[0], Box(*wide), Rgba(*DARK))
@@ -89,7 +90,7 @@ class Arm:
         draw_squares(self.meshcat, ground, float(step) / 2.0, round(2.4 * self.reach / step) + 2)
         middle = np.array([0.0, 0.0, 0.0 if self.shape.beside else 0.45 * self.reach])
         view = FRONT if self.shape.beside and not self.shape.sliding.any() else VIEW
-        self.meshcat.SetCameraPose(middle + self.reach * view, middle)
+        self.meshcat.SetCameraPose(middle + (1.3 if self.shape.beside else 1.0) * self.reach * view, middle)
 
     def _limbs(self, root: str, colour: tuple, width: float) -> None:
         """Bars, drums and carriages under a path."""
@@ -100,14 +101,14 @@ class Arm:
             path = segment_path(shape, j + 1, root)
             if np.linalg.norm(end) > 1e-6:
                 middle, turn, length = along(np.zeros(3), end)
-                self.meshcat.SetObject(f"{path}/link", Capsule(BAR * size, length), Rgba(*colour))
-                self.meshcat.SetTransform(f"{path}/link", pose(middle, turn))
+                self.meshcat.SetObject(f"{path}/.link", Capsule(BAR * size, length), Rgba(*colour))
+                self.meshcat.SetTransform(f"{path}/.link", pose(middle, turn))
             body = Box(*(3 * [CUBE * size])) if shape.sliding[j] else Cylinder(DRUM * size, LONG * size)
-            self.meshcat.SetObject(f"{path}/joint", body, Rgba(*(DRUMS if root == ROOT else colour)))
-            self.meshcat.SetTransform(f"{path}/joint", pose([0.0, 0.0, 0.0], along(np.zeros(3), shape.axes[j])[1]))
+            self.meshcat.SetObject(f"{path}/.joint", body, Rgba(*(DRUMS if root == ROOT else colour)))
+            self.meshcat.SetTransform(f"{path}/.joint", pose([0.0, 0.0, 0.0], along(np.zeros(3), shape.axes[j])[1]))
             if shape.sliding[j] and root == ROOT:
                 base = root if shape.beside else segment_path(shape, j, root)
-                rail, fixed = f"{base}/rail_{j}", rotation(*shape.angles[j])
+                rail, fixed = f"{base}/.rail_{j}", rotation(*shape.angles[j])
                 turn = fixed @ along(np.zeros(3), shape.axes[j])[1]
                 self.meshcat.SetObject(rail, Box(RAIL * size, RAIL * size, 3.0 * SMALLEST), Rgba(*DARK))
                 self.meshcat.SetTransform(rail, pose(shape.origins[j], turn))
@@ -129,7 +130,7 @@ class Arm:
         """Adds a frame at a time [s]: positions (joints,), and linear RGB (joints, 3) of the joints."""
         self.turn(ROOT, time, position)
         for j in range(len(position)):
-            path = f"{segment_path(self.shape, j + 1)}/joint/<object>"
+            path = f"{segment_path(self.shape, j + 1)}/.joint/<object>"
             self.meshcat.SetProperty(path, "material.color", colour[j].tolist(), time)
 
 
@@ -147,9 +148,9 @@ def angle_axis(angle: float, axis: np.ndarray) -> Any:
     return AngleAxis(angle, axis)
 
 
-ROOT, GHOST = "/robot", "/ghost"  # Meshcat paths
+ROOT, GHOST = "/robot", "/ghost"  # Meshcat paths; below them a dot begins what is no joint, which may have any name
 BONE, TENDON, GUIDE, SKIN = 0.0018, 0.0008, 0.0012, 0.20  # radii [m] and opacity
-GHOSTLY = (0.25, 0.30, 0.40, 0.38)  # colour and opacity of the second robot
+GHOSTLY = (0.42, 0.45, 0.50, 0.45)  # colour, which no load has, and opacity of the second robot
 GROUND, CELL, CELLS = -0.085, 0.01, 12  # height [m], width [m] and half the number of squares
 ACROSS = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0.0]])  # z lies along the joints' axes
 
@@ -193,18 +194,18 @@ def draw_scene(meshcat: Any, bones: Skeleton, thing: Thing | None, ghost: bool) 
     from pydrake.geometry import Box, Cylinder, Rgba, Sphere
 
     dark, bone = Rgba(0.27, 0.31, 0.38, 1.0), Rgba(0.93, 0.90, 0.83, 1.0)
-    meshcat.SetObject(f"{ROOT}/cuff", Box(0.010, 0.026, 0.026), dark)
-    meshcat.SetTransform(f"{ROOT}/cuff", pose([bones.base, 0.0, 0.0]))
+    meshcat.SetObject(f"{ROOT}/.cuff", Box(0.010, 0.026, 0.026), dark)
+    meshcat.SetTransform(f"{ROOT}/.cuff", pose([bones.base, 0.0, 0.0]))
     draw_segments(meshcat, bones, ROOT, "bone", [BONE] * len(bones.joints), bone)
     draw_segments(meshcat, bones, ROOT, "skin", list(bones.radii), Rgba(0.87, 0.68, 0.58, SKIN))
     if ghost:
         draw_segments(meshcat, bones, GHOST, "bone", [1.6 * BONE] * len(bones.joints), Rgba(*GHOSTLY))
     for i in range(1, len(bones.joints) + 1):
-        path = f"{segment_path(bones, i)}/joint"
+        path = f"{segment_path(bones, i)}/.joint"
         meshcat.SetObject(path, Cylinder(1.2 * BONE, 0.010), dark)
         meshcat.SetTransform(path, pose([0.0, 0.0, 0.0], ACROSS))
     for k, (segment, point) in enumerate(bones.guides):
-        path = f"{segment_path(bones, segment)}/guide_{k}"
+        path = f"{segment_path(bones, segment)}/.guide_{k}"
         meshcat.SetObject(path, Sphere(GUIDE), Rgba(0.15, 0.17, 0.22, 1.0))
         meshcat.SetTransform(path, pose(point))
     if thing is not None:
@@ -220,7 +221,7 @@ def draw_segments(meshcat: Any, bones: Skeleton, root: str, name: str, radii: li
 
     lying, lengths = turn(np.pi / 2), [-bones.base, *bones.lengths]
     for i, radius in enumerate([1.15 * radii[0] if name == "skin" else radii[0], *radii]):
-        path = f"{segment_path(bones, i, root)}/{name}"
+        path = f"{segment_path(bones, i, root)}/.{name}"
         meshcat.SetObject(path, Capsule(radius, lengths[i]), colour)
         meshcat.SetTransform(path, pose([(lengths[i] if i else -lengths[0]) / 2.0, 0.0, 0.0], lying))
 
@@ -244,8 +245,25 @@ class Finger:
 
     def frame(self, time: float, angle: np.ndarray, colour: np.ndarray) -> None:
         """Adds a frame at a time [s]: angles (joints,) [rad], and linear RGB (tendons, 3) of the tendons."""
+        self.move(time, angle)
+        for piece in self.bones.pieces:
+            shade = colour[self.bones.tendons.index(piece.tendon)].tolist()
+            self.meshcat.SetProperty(f"{tendon_path(self.bones, piece)}/<object>", "material.color", shade, time)
+
+    def show(self, time: float, angle: np.ndarray, colour: np.ndarray) -> None:
+        """Shows at once what `frame` adds to a recording: Meshcat names colours differently outside of recordings."""
+        self.move(time, angle)
+        for tendon, shade in zip(self.bones.tendons, colour):
+            for piece in (piece for piece in self.bones.pieces if piece.tendon == tendon):
+                self.meshcat.SetProperty(tendon_path(self.bones, piece), "color", [*shade, 1.0])
+
+    def move(self, time: float, angle: np.ndarray) -> None:
+        """Adds angles (joints,) [rad] at a time [s]."""
         self.turn(ROOT, time, angle)
-        move_tendons(self.meshcat, self.bones, time, angle, colour)
+        for piece in (piece for piece in self.bones.pieces if piece.first != piece.last):
+            path, (middle, rotation, length) = tendon_path(self.bones, piece), along(*span(self.bones, piece, angle))
+            self.meshcat.SetTransform(path, pose(middle, rotation), time)
+            self.meshcat.SetProperty(path, "scale", [1.0, 1.0, length], time)
 
 
 def draw_ground(meshcat: Any) -> None:
@@ -281,15 +299,3 @@ def draw_tendons(meshcat: Any, bones: Skeleton, angle: np.ndarray) -> None:
         meshcat.SetTransform(path, pose(middle, rotation))
         if not fixed:
             meshcat.SetProperty(path, "scale", [1.0, 1.0, length])
-
-
-def move_tendons(meshcat: Any, bones: Skeleton, time: float, angle: np.ndarray, colour: np.ndarray) -> None:
-    """Adds the tendons to a frame: angles (joints,) [rad], and linear RGB (tendons, 3) [-]."""
-    for piece in bones.pieces:
-        path = tendon_path(bones, piece)
-        if piece.first != piece.last:
-            middle, rotation, length = along(*span(bones, piece, angle))
-            meshcat.SetTransform(path, pose(middle, rotation), time)
-            meshcat.SetProperty(path, "scale", [1.0, 1.0, length], time)
-        shade = colour[bones.tendons.index(piece.tendon)].tolist()
-        meshcat.SetProperty(f"{path}/<object>", "material.color", shade, time)

@@ -101,6 +101,11 @@ def analyse(robot: Robot, at: Mapping[str, float] | str | None = None, seed: int
 
     Raises:
         InputError: no closed loop, unknown channel, reference outside its limits, kp = 0, or no state of rest.
+
+    Examples:
+        >>> import exodrake as exo
+        >>> exo.analyse(exo.load_robot()).margins[0].channel
+        'AF'
     """
     loop, point, model = linearise_robot(argument("robot", robot, Robot), at)
     whole = open_loop(loop, model)

@@ -160,7 +160,7 @@ def tune(
     only: tuple[str, ...] = (),
     draws: int = 4,
     judges: int = 12,
-    progress: Callable[[str], None] = lambda name: None,
+    progress: Callable[[str], None] | None = None,
 ) -> Tuning:
     """Tunes each controller structure of the machine's loop and compares them.
 
@@ -189,7 +189,8 @@ def tune(
     compared = [assess(OWN, robot, {}, wanted, judges)]
     for structure in loop.controllers:
         if not only or structure.name in only:
-            progress(structure.name)
+            if progress is not None:
+                progress(structure.name)
             fixed = {**structure.fixed, **compliance(plants[0], structure)}
             gains = search_gains(plants, structure, fixed, wanted)
             source = f"tuned by exodrake as {structure.name}"

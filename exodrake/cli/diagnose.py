@@ -249,13 +249,14 @@ def summarise_fleet(sources: tuple[Path, ...], out: Path | None, table: Path | N
     from rich.markup import escape
 
     from exodrake.diagnosis.fleet import read_answers, read_table, table_bytes
-    from exodrake.report.fleet import fleet_html, members, robot_table
+    from exodrake.report.fleet import find_reports, fleet_html, members, robot_table
 
     tabled = len(sources) == 1 and sources[0].suffix.lower() != ".json" and not sources[0].is_dir()
     rows = read_table(sources[0]) if tabled else read_answers(*sources)
     files: dict[Path, str | bytes] = {} if table is None else {table: table_bytes(rows)}
     if out is not None:
-        files[out] = fleet_html(rows, sources[0].resolve().name)
+        links = find_reports(sources[0], out) if sources[0].is_dir() else {}
+        files[out] = fleet_html(rows, sources[0].resolve().name, links)
     shown = robot_table(members(rows))
     cells: list[Any] = [[escape(cell.replace("`", "")) for cell in row[:LISTED]] for row in shown.rows]
     print_table(shown.header[:LISTED], cells, wrapped=CAUSES)

@@ -9,6 +9,7 @@ import math
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -163,6 +164,12 @@ class Robot:
         limits: limits of the references: name of the limit -> channel -> value [SI].
         grasps: reference targets: mode -> channel -> value [SI].
         source: the robot file's name, for messages.
+
+    Examples:
+        >>> import exodrake as exo
+        >>> rusty = exo.load_robot().splice("tendon.capstan_friction", {"mu_phi": 0.3}, channels=["AF"])
+        >>> rusty["tendon.capstan_friction.mu_phi.AF"]
+        0.3
     """
 
     machine: Machine
@@ -176,6 +183,9 @@ class Robot:
     def __repr__(self) -> str:
         there = ", ".join([*self.effects(), *self.machine.variant_names]) or "no effects"
         return f"Robot({self.machine.name} from {self.source or 'Python'}: {len(self.values)} parameters; {there})"
+
+    def _repr_html_(self) -> str:
+        return import_module("exodrake.report.notebook").robot_html(self)  # a room above this one
 
     def __getitem__(self, name: str) -> Any:
         """A parameter [SI] by its full name, `part.name` or `part.name.channel`; InputError with the nearest names.

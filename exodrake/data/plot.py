@@ -29,9 +29,6 @@ if TYPE_CHECKING:
 
     from exodrake.data.log import Comparison, Log
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 # of Matplotlib; where channels have colours of their own, these replace `color`
 MEASURED: dict[str, Any] = {"color": "#1f2328", "linestyle": "-", "linewidth": 1.1}
 NOMINAL: dict[str, Any] = {"color": "#d55e00", "linestyle": (0, (1, 1.2)), "linewidth": 1.3}

@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from exodrake.core.display import in_words
-from exodrake.core.errors import argument, printable, shortened
+from exodrake.core.errors import printable, shortened
 from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.core.robot import Robot
 from exodrake.core.signal import JOINTS, TENDONS
+from exodrake.core.text import brief
 from exodrake.core.threads import one_blas_thread
-from exodrake.data.case import Case, read_case
+from exodrake.data.case import Case, CaseLog, read_case
+from exodrake.data.log import Log, check_columns, regularise
 from exodrake.diagnosis.calibration import calibration_notes
 from exodrake.diagnosis.checks import suspicions
 from exodrake.diagnosis.closure import closure_of, robot_of, with_values
@@ -52,17 +55,18 @@ NONE = float("nan")
 
 
 def diagnose(
-    case: Case | str | Path,
+    case: Case | Log | list | str | Path,
     robot: Robot | None = None,
-    progress: StageProgress = no_progress,
+    progress: StageProgress | None = None,
     tried: frozenset[str] | None = None,
-    discovers: Callable[[str], bool] = lambda verdict: False,
-    answered: Callable[[Diagnosis], None] = lambda found: None,
+    discovers: Callable[[str], bool] | None = None,
+    answered: Callable[[Diagnosis], None] | None = None,
 ) -> Diagnosis:
     """Diagnosis of a case: location of the gap, effects that cause it, and its reduction by them.
 
     Args:
-        case: a case, or its folder.
+        case: a case, its folder, a log file, or a log; a list of logs, of which the last is held out. A DataFrame
+            counts as a log (`Log.from_pandas`).
         robot: the nominal robot; the built-in one if None.
         progress: called with the stage and what it works on, such as the name of an effect.
         tried: ids of the effects to try (`candidates.chosen`); by default all that are not `not_tried`.
@@ -72,24 +76,53 @@ def diagnose(
 
     Raises:
         InputError: for a case or a log that cannot be read, naming file, column and row.
+
+    Examples:
+        >>> import exodrake as exo
+        >>> rusty = exo.load_robot().splice("tendon.capstan_friction", {"mu_phi": 0.3}, channels=["AF"])
+        >>> motions = exo.protocol("short-sweeps:period=1.5"), exo.grasp("caging")
+        >>> found = exo.diagnose([exo.simulate(rusty, motion) for motion in motions])
+        >>> found.verdict, found.effects[0].id
+        ('NAMED', 'tendon.capstan_friction')
     """
     started = time.perf_counter()
     robot = robot_or_default(robot)
-    case = argument("case", case, Case, str, Path)
-    case = case if isinstance(case, Case) else read_case(case, required_of(robot.machine), robot.machine.frame)
+    progress, required = progress or no_progress, required_of(robot.machine)
+    if isinstance(case, str | Path):
+        case = read_case(case, required, robot.machine.frame)
+    elif not isinstance(case, Case):
+        case = case_of_logs(case, required, robot.machine.frame)
     progress(Stage.CHECK, "")
     with one_blas_thread():
         found = isolate(make_problem(case, with_recorded_ranges(robot, case), tried), progress)
         made = answer(found.whole, found, decided(found), started, progress)
-        if not discovers(made.verdict):
+        if discovers is None or not discovers(made.verdict):
             return made
-        answered(made)
+        if answered is not None:
+            answered(made)
         try:
             made = with_law(found.whole, made, discover(found.whole, found, progress))
         except Exception as error:  # whatever the search or generated code raises, the verdict stands
             reason = printable(f"{type(error).__name__}: {error}".splitlines()[0])
             made = replace(made, notes=(*made.notes, f"the search for a missing law failed ({shortened(reason)})"))
         return replace(made, run_time=time.perf_counter() - started)
+
+
+def case_of_logs(given: Any, required: Sequence[str], period: float) -> Case:
+    """A case of a log, a DataFrame or a list of these, in frames of a period [s]; of several the last is held out."""
+    items, logs, notes = given if isinstance(given, list) else [given], [], []
+    for k, item in enumerate(items):
+        item = Log.from_pandas(item) if hasattr(item, "iloc") else item
+        if not isinstance(item, Log):
+            kinds = "Case or Log or list or str or Path"
+            raise TypeError(f"case: wanted {kinds}, got {type(given).__name__} ({brief(given)})")
+        check_columns(item, required)
+        log, faults = regularise(item, period)
+        notes += faults
+        file = item.label if item.label not in [log.file for log in logs] else f"{item.label} {k + 1}"
+        role = "holdout" if 0 < k == len(items) - 1 else "fit"
+        logs.append(CaseLog(replace(log, simulated=item.simulated), file, role, None, file))
+    return Case("logs", {}, tuple(logs), period, tuple(notes))
 
 
 def with_law(problem: Problem, made: Diagnosis, law: MissingLaw) -> Diagnosis:

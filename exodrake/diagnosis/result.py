@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from exodrake.core.plain import plain
@@ -204,6 +205,9 @@ class Diagnosis:
     since: Since | None = None
     missing_law: MissingLaw | None = None
     problem: Problem | None = None
+
+    def _repr_html_(self) -> str:
+        return import_module("exodrake.report.notebook").diagnosis_html(self)  # a room above this one
 
     @property
     def simulated_time(self) -> float:

@@ -102,6 +102,10 @@ def load_robot(path: str | Path = "exo_index", above: tuple[str, ...] = ()) -> R
 
     Raises:
         InputError: naming file and key.
+
+    Examples:
+        >>> load_robot("exo_index")["finger.kappa.MCP"]
+        0.08
     """
     shipped = robot_yaml(str(path))
     if shipped is not None:

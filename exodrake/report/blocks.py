@@ -14,22 +14,23 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from exodrake.core import templates
+from exodrake.data import plot
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-INK, SOFT, RULE, LINE, BAND = "#1c2430", "#667085", "#e4e7ec", "#98a2b3", "#dfe5ec"
-MEASURED, BEFORE, AFTER = "#30363f", "#d9691e", "#1d5fd1"
+INK, SOFT, RULE, LINE, BAND = "#1c2430", "#5d6778", "#e4e7ec", "#98a2b3", "#dfe5ec"
+MEASURED, BEFORE, AFTER = (style["color"] for style in (plot.MEASURED, plot.NOMINAL, plot.IMPROVED))
 # colours that are variables of the report's style sheet, so that figures follow a dark scheme
 VARIABLES = {INK: "ink", SOFT: "soft", RULE: "rule", LINE: "line", BAND: "band", BEFORE: "before", AFTER: "after"}
 STYLE: dict[Any, Any] = {
-    "font.family": "sans-serif", "font.size": 8.5, "svg.fonttype": "none", "axes.linewidth": 0.6,
+    "font.family": "sans-serif", "font.size": 9, "svg.fonttype": "none", "axes.linewidth": 0.6,
     "axes.spines.top": False, "axes.spines.right": False, "axes.edgecolor": LINE, "axes.labelcolor": INK,
     "text.color": INK, "xtick.color": SOFT, "ytick.color": SOFT, "xtick.major.width": 0.6, "ytick.major.width": 0.6,
     "xtick.major.size": 2.5, "ytick.major.size": 2.5, "xtick.minor.size": 0, "ytick.minor.size": 0,
     "axes.titlesize": 9, "axes.titleweight": "bold",
-    "axes.titlelocation": "left", "axes.labelsize": 8.5, "legend.frameon": False, "axes.axisbelow": True,
+    "axes.titlelocation": "left", "axes.labelsize": 9, "legend.frameon": False, "axes.axisbelow": True,
     "lines.solid_joinstyle": "round", "figure.facecolor": "none", "axes.facecolor": "none", "savefig.facecolor": "none",
 }  # fmt: skip
 DPI = 220  # of what is drawn as pixels inside an SVG
@@ -155,9 +156,10 @@ Block = Table | Bars | Drawing | Heading
 
 
 def shares(values: dict[str, float], caption: str = "") -> Bars:
-    """Bars of fractions, in the order given; the largest fills most of the width, in the accent colour."""
-    largest = max(*values.values(), 1e-9)
-    rows = [(name, max(v, 0.0) / largest, f"{100 * v:.0f} %", v == largest) for name, v in values.items()]
+    """Bars of fractions, the largest first, over the full width and in the accent colour."""
+    ordered = sorted(values.items(), key=lambda item: -item[1])
+    largest = max(ordered[0][1], 1e-9)
+    rows = [(name, max(v, 0.0) / largest, f"{100 * v:.0f} %", v == largest) for name, v in ordered]
     return Bars(rows, caption)
 
 

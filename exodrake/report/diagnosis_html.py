@@ -21,7 +21,7 @@ import numpy as np
 
 from exodrake import __version__
 from exodrake.core.display import SYMBOLS, Display, display_of
-from exodrake.data.case import Case, CaseLog
+from exodrake.data import plot
 from exodrake.data.plot import envelope, new_figure, stretch_of
 from exodrake.diagnosis import localise
 from exodrake.diagnosis.filters import mismatch
@@ -36,7 +36,6 @@ from exodrake.diagnosis.result import (
     PARTLY,
     RETUNE,
     UNKNOWN,
-    Candidate,
     Diagnosis,
     NamedEffect,
 )
@@ -46,7 +45,7 @@ from exodrake.report import wording as w
 from exodrake.report.blocks import (
     AFTER,
     BAND,
-    BEFORE,
+    LINE,
     RULE,
     SOFT,
     Bars,
@@ -157,49 +156,48 @@ NOISE_BAND = 2.0  # noise standard deviations to either side of no error
 
 def how_far(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
     """Values of the section's template."""
-    drawn = dict([(NOMINAL, BEFORE), (IMPROVED, AFTER)][: len(w.robots_of(diagnosis))])
+    drawn = dict([(NOMINAL, plot.NOMINAL), (IMPROVED, plot.IMPROVED)][: len(w.robots_of(diagnosis))])
     return {
         "errors": error_by_robot(diagnosis),
         "curves": curves(runs, list(drawn)) if runs.judged else None,
-        "gaps": gap_table(diagnosis),
+        "gaps": gap_tables(diagnosis),
         "spectrum": Drawing(spectrum_svg(runs, drawn), wide=True) if runs.judged else None,
     }
 
 
 def error_by_robot(diagnosis: Diagnosis) -> list[dict[str, Any]]:
     """Rows from the nominal robot to noise: RMS error [noise_std] with its share of the largest, and closures."""
-    closure, robots, rms = diagnosis.closure, w.robots_of(diagnosis), diagnosis.closure.rms
-    overall = {"retuned": closure.retune, "after": closure.overall}
-    effect = {"after": closure.effect} if np.isfinite(closure.effect.value) else {}
-    largest = max((rms[key] for key in robots if np.isfinite(rms[key])), default=1.0)
-    rows = [(key, name, rms[key]) for key, name in robots.items()] + [("noise", "noise alone", 1.0)]
+    closure, robots = diagnosis.closure, w.robots_of(diagnosis)
+    largest = max((closure.rms[key] for key in robots if np.isfinite(closure.rms[key])), default=1.0)
+    closed = {"retuned": closure.retune, "after": closure.overall}
+    step = {"after": closure.effect} if np.isfinite(closure.effect.value) else {}
+    rows = [(key, name, closure.rms[key]) for key, name in robots.items()] + [("noise", "noise alone", 1.0)]
     return [
-        {"key": key, "name": name, "rms": w.digits(value), "length": min(value / largest, 1.0)}
-        | {"overall": overall.get(key), "effect": effect.get(key)}
-        for key, name, value in rows
+        {"key": key, "name": name, "rms": w.digits(rms), "length": min(rms / largest, 1.0)}
+        | {"overall": closed.get(key), "effect": step.get(key)}
+        for key, name, rms in rows
     ]
 
 
-def gap_table(diagnosis: Diagnosis) -> Table:
-    """Gap of each signal and of each kind with each robot, noise, closure."""
+def gap_tables(diagnosis: Diagnosis) -> list[Table]:
+    """Gap of each kind of signal with each robot, noise, closure; each signal's behind a fold."""
     machine, robots = w.machine_of(diagnosis), list(w.robots_of(diagnosis))
     kinds = {found.kind: found for found in w.kind_gaps(diagnosis)}
+    titles = w.robot_titles(diagnosis)
+    header = ("Signal", *titles, "Noise std", f"{titles[-1]} / noise std", *(["Closure"] if len(robots) > 1 else []))
+
+    def row(title: str, gap: SignalGap, unit: str) -> tuple[str, ...]:
+        gaps = [getattr(gap, name) for name in robots]
+        closed = w.closure(gap.closure) if gap.before > w.SMALL * gap.noise_std and np.isfinite(gap.closure) else "–"
+        cells = [w.quantity(x, gap.unit, unit) for x in (*gaps, gap.noise_std)]
+        return (title, *cells, f"{gaps[-1] / gap.noise_std:.2f}", *([closed] if len(robots) > 1 else []))
+
     rows = []
     for name, gap in diagnosis.closure.signals.items():
         kind, channel = w.split_column(name, machine)
-        rows.append(gap_row(f"{kinds[kind].display.label} {channel}", gap, kinds[kind].display.unit, robots))
-    totals = [gap_row(f"{k.display.label}, all", k.gap, k.display.unit, robots) for k in kinds.values()]
-    titles = w.robot_titles(diagnosis)
-    header = ("Signal", *titles, "Noise std", f"{titles[-1]} / noise std", *(["Closure"] if len(robots) > 1 else []))
-    return Table(header, [*rows, *totals], totals=len(totals))
-
-
-def gap_row(title: str, gap: SignalGap, unit: str, robots: list[str]) -> tuple[str, ...]:
-    """Cells of a row of the gap table."""
-    gaps = [getattr(gap, name) for name in robots]
-    closed = w.closure(gap.closure) if gap.before > w.SMALL * gap.noise_std and np.isfinite(gap.closure) else "–"
-    cells = [w.quantity(x, gap.unit, unit) for x in (*gaps, gap.noise_std)]
-    return (title, *cells, f"{gaps[-1] / gap.noise_std:.2f}", *([closed] if len(robots) > 1 else []))
+        rows.append(row(f"{kinds[kind].display.label} {channel}", gap, kinds[kind].display.unit))
+    totals = [row(k.display.label, k.gap, k.display.unit) for k in kinds.values()]
+    return [Table(header, totals), Table(header, rows, folded=f"Each of the {len(rows)} signals")]
 
 
 def spectra(runs: SimulatedLogs, robot: str, kind: str) -> tuple[np.ndarray, np.ndarray]:
@@ -210,17 +208,17 @@ def spectra(runs: SimulatedLogs, robot: str, kind: str) -> tuple[np.ndarray, np.
     return frequency, np.mean([power for _, power in found if len(power) == len(frequency)], axis=0)
 
 
-def spectrum_svg(runs: SimulatedLogs, drawn: dict[str, str]) -> str:
-    """Spectra of the normalised residuals of robots, each in its colour, a panel per kind of signal."""
+def spectrum_svg(runs: SimulatedLogs, drawn: dict[str, dict[str, Any]]) -> str:
+    """Spectra of the normalised residuals of robots, each in its style, a panel per kind of signal."""
     with house_style():
         figure = new_figure(9.6, 2.35)
         panels = figure.subplots(1, len(runs.kinds), sharey=True, squeeze=False)[0]
         white = 2.0 * runs.period  # density of white noise of unit variance up to the Nyquist frequency
         for axes, kind in zip(panels, runs.kinds):
-            for robot, colour in drawn.items():
+            for robot, style in drawn.items():
                 frequency, power = spectra(runs, robot, kind)
-                axes.loglog(frequency[1:], power[1:], color=colour, lw=1.2)
-            axes.axhline(white, color=SOFT, lw=0.9, ls=(0, (4, 2)))
+                axes.loglog(frequency[1:], power[1:], **style)
+            axes.axhline(white, color=SOFT, lw=0.9, ls=":")
             axes.set_title(runs.display(kind).label)
             axes.set_xlabel("Frequency [Hz]")
             axes.grid(color=RULE, lw=0.5)
@@ -284,51 +282,26 @@ LEVELS = {(0.0, 1.0): ("no", "yes"), (-1.0, 0.0, 1.0): ("negative", "at rest", "
 
 def where(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
     """Values of the section's template; nothing where there is no place."""
+    from exodrake.diagrams.block_diagram import wiring_svg
+
     found = diagnosis.where
     if found.block == "none":
-        return {"wiring": None, "blocks": None, "conditions": None, "scatter": None}
-    by = "the effects of each block take up" if diagnosis.effects else "the best effect of each block takes up alone"
-    caption = f"Share of the gap that {by}."
-    condition = top_condition(diagnosis, runs)
+        return {"wiring": None, "conditions": None, "figures": []}
+    by = "the effects of each part take up" if diagnosis.effects else "the best effect of each part takes up alone"
+    drawn = wiring_svg(runs.problem.robot.machine, found.shares, schedule=False)
+    caption = f"In each part the share of the gap that {by}."
+    figures = [condition_figure(diagnosis, runs)]  # a further figure of where the gap is stands beside it
     return {
-        "wiring": wiring(diagnosis, runs),
-        "blocks": shares(found.shares, caption) if found.shares else None,
+        "wiring": Drawing(drawn, caption, wide=True, alt="parts and signals of the robot"),
         "conditions": shares(found.regime) if found.regime else None,
-        "scatter": None if condition is None else scatter(condition, w.last_robot(diagnosis)),
+        "figures": [figure for figure in figures if figure is not None],
     }
 
 
-def wiring(diagnosis: Diagnosis, runs: SimulatedLogs) -> Drawing:
-    """The machine's parts and signals, parts coloured by their share."""
-    from exodrake.diagrams.block_diagram import wiring_svg
+def condition_figure(diagnosis: Diagnosis, runs: SimulatedLogs) -> Drawing | None:
+    """Residuals of the worst signal of the worst judged log against the condition of largest correlation ratio.
 
-    svg = wiring_svg(runs.problem.robot.machine, diagnosis.where.shares, schedule=False)
-    caption = "The fuller the colour of a part, the larger its share of the gap."
-    return Drawing(svg, caption, wide=True, alt="parts and signals of the robot")
-
-
-@dataclass(frozen=True, eq=False)
-class Condition:
-    """Residuals of a signal against a condition.
-
-    Attributes:
-        name: of the condition, with its unit.
-        signal: column whose residuals these are.
-        at: (n,) values of the condition [its unit].
-        before, after: (n,) normalised residuals of the retuned and of the improved robot.
-    """
-
-    name: str
-    signal: str
-    at: np.ndarray
-    before: np.ndarray
-    after: np.ndarray
-
-
-def top_condition(diagnosis: Diagnosis, runs: SimulatedLogs) -> Condition | None:
-    """The condition with the largest correlation ratio for the worst signal of the worst judged log, if there is one.
-
-    The loop's answer to an error does not count.
+    Samples, and means of bins, of the retuned and of the last robot. The loop's answer to an error does not count.
     """
     if not diagnosis.where.regime or not runs.judged:
         return None
@@ -336,14 +309,37 @@ def top_condition(diagnosis: Diagnosis, runs: SimulatedLogs) -> Condition | None
     power = np.nanmean(log.residuals[RETUNED] ** 2, axis=0)
     plain = [i for i, (kind, _) in enumerate(runs.parts) if kind != runs.loop_answer]
     column = max(plain or range(len(power)), key=lambda i: power[i])
-    name = runs.problem.columns[column]
-    table = localise.conditions(runs.problem, log.trial, localise.channel_of(runs.problem, name))
+    signal = runs.problem.columns[column]
     before, after = (log.residuals[robot][:, column] for robot in (RETUNED, IMPROVED))
     known = np.isfinite(before) & np.isfinite(after)
-    explained = {condition: localise.explained(before[known], at[known]) for condition, at in table.items()}
-    best = max(explained, key=lambda condition: explained[condition])
+    table = localise.conditions(runs.problem, log.trial, localise.channel_of(runs.problem, signal))
+    best = max(table, key=lambda condition: localise.explained(before[known], table[condition][known]))
     label, factor = condition_label(best, runs)
-    return Condition(label, name, factor * table[best][known], before[known], after[known])
+    at, before, after = factor * table[best][known], before[known], after[known]
+    levels = tuple(np.unique(at).tolist())
+    few, step = len(levels) <= max(map(len, LEVELS)), max(1, len(at) // DOTS)
+    dots = at + np.random.default_rng(0).uniform(-JITTER, JITTER, len(at)) if few else at
+    with house_style():
+        figure = new_figure(4.2, 2.6)
+        axes = figure.subplots()
+        axes.axhspan(-2.0, 2.0, color=BAND, lw=0)
+        for values, colour, name in ((before, LINE, "retuned robot"), (after, AFTER, w.last_robot(diagnosis))):
+            axes.plot(dots[::step], values[::step], ".", ms=1.6, mew=0, color=colour, alpha=0.35, rasterized=True)
+            axes.plot(*binned(at, values), "o-", ms=3, lw=1.2, color=colour, label=name, mew=0)
+        axes.axhline(0.0, color=SOFT, lw=0.4)
+        limit = 1.1 * max(np.percentile(np.abs(np.concatenate([before, after])), 99.5), 3.0)
+        axes.set_ylim(-limit, limit)
+        if levels in LEVELS:
+            axes.set_xticks(levels, LEVELS[levels])
+        axes.set_xlabel(label)
+        axes.set_ylabel(f"error of {signal} / noise std")
+        figure.legend(loc="outside upper left", ncols=2, handlelength=1.6)
+        svg = svg_of(figure, "condition", f"error of {signal} against {label}")
+    caption = (
+        "Error of the worst signal against the strongest condition: samples, and means of bins. "
+        "The band is ± 2 noise standard deviations."
+    )
+    return Drawing(svg, caption)
 
 
 def condition_label(name: str, runs: SimulatedLogs) -> tuple[str, float]:
@@ -354,8 +350,7 @@ def condition_label(name: str, runs: SimulatedLogs) -> tuple[str, float]:
     if declared is None or name not in ("load", "joint angle", "speed"):
         return name, 1.0
     shown = runs.display({"load": declared.load, "joint angle": declared.joint}.get(name, declared.position))
-    unit = SYMBOLS.get(shown.unit, shown.unit)
-    return f"{name} [{unit}/s]" if name == "speed" else f"{name} [{unit}]", shown.factor
+    return f"{name} [{shown.symbol}/s]" if name == "speed" else f"{name} [{shown.symbol}]", shown.factor
 
 
 def binned(at: np.ndarray, values: np.ndarray, bins: int = BINS) -> tuple[np.ndarray, np.ndarray]:
@@ -367,41 +362,7 @@ def binned(at: np.ndarray, values: np.ndarray, bins: int = BINS) -> tuple[np.nda
     return np.array([at[g].mean() for g in groups]), np.array([values[g].mean() for g in groups])
 
 
-def scatter(found: Condition, last: str) -> Drawing:
-    """Residuals against a condition: samples, and means of bins, before and after."""
-    levels = tuple(np.unique(found.at).tolist())
-    with house_style():
-        figure = new_figure(4.6, 2.6)
-        axes = figure.subplots()
-        axes.axhspan(-2.0, 2.0, color=BAND, lw=0)
-        step, dots = max(1, len(found.at) // DOTS), jittered(found.at)
-        for values, colour, label in ((found.before, BEFORE, "retuned robot"), (found.after, AFTER, last)):
-            axes.plot(dots[::step], values[::step], ".", ms=1.6, mew=0, color=colour, alpha=0.35, rasterized=True)
-            axes.plot(*binned(found.at, values), "o-", ms=3, lw=1.2, color=colour, label=label, mew=0)
-        axes.axhline(0.0, color=SOFT, lw=0.4)
-        limit = 1.1 * max(np.percentile(np.abs(np.concatenate([found.before, found.after])), 99.5), 3.0)
-        axes.set_ylim(-limit, limit)
-        if levels in LEVELS:
-            axes.set_xticks(levels, LEVELS[levels])
-        axes.set_xlabel(found.name)
-        axes.set_ylabel(f"error of {found.signal} / noise std")
-        figure.legend(loc="outside upper left", ncols=2, handlelength=1.6)
-        svg = svg_of(figure, "condition", f"error of {found.signal} against {found.name}")
-    caption = (
-        "Error of the worst signal against the strongest condition: samples, and means of bins. "
-        "The band is ± 2 noise standard deviations."
-    )
-    return Drawing(svg, caption)
-
-
-def jittered(at: np.ndarray) -> np.ndarray:
-    """Conditions (n,) with few levels, moved at random so that samples over one level do not hide each other."""
-    if len(np.unique(at)) > max(map(len, LEVELS)):
-        return at
-    return at + np.random.default_rng(0).uniform(-JITTER, JITTER, len(at))
-
-
-SHOWN = 12  # retuned parameters that are shown at once
+SHOWN = 5  # retuned parameters that are shown at once
 LEAST = 0.005  # standard deviations of its tolerance: a smaller change is not listed
 AT_BOUND = 0.999  # of the bound, from which a change counts as limited by it
 
@@ -410,13 +371,30 @@ def which(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
     """Values of the section's template."""
 
     def described(effects: list[NamedEffect]) -> list[tuple[Any, ...]]:
-        return [(e, w.effect_of(diagnosis, e.id), effect_table(e)) for e in effects]
+        found = []
+        for effect in effects:
+            rows = []
+            for name, item in effect.parameters.items():
+                channels = effect.channels.get(name, {})
+                several = len(channels) > 1
+                if not several or np.isfinite(item.value):
+                    rows.append((f"`{name}`{' (common value)' if several else ''}", *w.interval(item)))
+                rows += [(f"`{name}` {channel}", *w.interval(one)) for channel, one in channels.items() if several]
+            table = Table(("Parameter", "Value", "90 % interval"), rows, wide=False)
+            found.append((effect, w.effect_of(diagnosis, effect.id), table))
+        return found
 
+    sets = []
+    for one in diagnosis.candidates:
+        chi2 = [w.digits(x) if np.isfinite(x) else "–" for x in (one.chi2, one.prediction_chi2)]
+        evidence = f"{one.evidence:,.1f}" if np.isfinite(one.evidence) else "–"
+        sets.append((f"`{one.id or 'retune'}`", w.closure(one.share), *chi2, evidence))
+    header = ("Effects", "Explains", "chi-square, closed loop", "chi-square, prediction error", "Evidence [nats]")
     return {
         "shares": share_bars(diagnosis),
         "causes": described(w.causes(diagnosis)),
         "refinements": described(w.refinements(diagnosis)),
-        "sets": set_table(diagnosis),
+        "sets": Table(header, sets, folded=f"All {len(sets)} fitted sets in numbers") if sets else None,
         "retuned": retuned_tables(diagnosis, runs),
     }
 
@@ -443,32 +421,6 @@ def share_bars(diagnosis: Diagnosis) -> Bars | None:
 def length(fraction: float) -> float:
     """A fraction as the length of a bar."""
     return float(np.clip(np.nan_to_num(fraction), 0.0, 1.0))
-
-
-def effect_table(effect: NamedEffect) -> Table:
-    """Parameters of an effect with intervals, channel by channel where there are several."""
-    rows = []
-    for name, item in effect.parameters.items():
-        channels = effect.channels.get(name, {})
-        several = len(channels) > 1
-        if not several or np.isfinite(item.value):
-            rows.append((f"`{name}`{' (common value)' if several else ''}", *w.interval(item)))
-        rows += [(f"`{name}` {channel}", *w.interval(one)) for channel, one in channels.items() if several]
-    return Table(("Parameter", "Value", "90 % interval"), rows, wide=False)
-
-
-def set_table(diagnosis: Diagnosis) -> Table | None:
-    """All sets that were fitted, folded."""
-    rows = [set_row(one) for one in diagnosis.candidates]
-    header = ("Effects", "Explains", "chi-square, closed loop", "chi-square, prediction error", "Evidence [nats]")
-    return Table(header, rows, folded=f"All {len(rows)} fitted sets in numbers") if rows else None
-
-
-def set_row(one: Candidate) -> tuple[str, ...]:
-    """Cells of a fitted set."""
-    chi2 = [w.digits(x) if np.isfinite(x) else "–" for x in (one.chi2, one.prediction_chi2)]
-    evidence = f"{one.evidence:,.1f}" if np.isfinite(one.evidence) else "–"
-    return (f"`{one.id or 'retune'}`", w.closure(one.share), *chi2, evidence)
 
 
 def retuned_tables(diagnosis: Diagnosis, runs: SimulatedLogs) -> list[Table]:
@@ -502,36 +454,17 @@ def assumed(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
 def log_table(diagnosis: Diagnosis, runs: SimulatedLogs) -> Table:
     """Every log of the case: role, length, missing samples, RMS error with each robot, hash of its file."""
     case, simulated = runs.problem.case, {log.trial.name: log for log in runs.logs}
-    titles = w.robot_titles(diagnosis)
-    robots = ROBOTS[: len(titles)]
-    rows = []
+    titles, rows = w.robot_titles(diagnosis), []
     for item in case.logs:
-        log = simulated.get(item.file)
-        errors = ["–"] * len(robots) if log is None else [w.digits(runs.rms(log, robot)) for robot in robots]
-        length = f"{len(item.log) * runs.period:.0f} s"
-        rows.append((f"`{item.file}`", role(item, case), length, missing(item, runs), *errors, digest(case, item.file)))
-    header = ("Log", "Role", "Length", "Missing", *titles, "SHA-256")
-    return Table(header, rows, words=2)
-
-
-def role(item: CaseLog, case: Case) -> str:
-    """Use of a log in the diagnosis."""
-    if case.is_copy(item):
-        return f"noise: repeats {item.repeats}"
-    return "held out: closure" if item.role == "holdout" else "fitted"
-
-
-def missing(item: CaseLog, runs: SimulatedLogs) -> str:
-    """Part of the compared samples that a log lacks."""
-    samples = [item.log[column] for column in runs.problem.columns]
-    share = float(np.mean(~np.isfinite(samples))) if samples else 0.0
-    return "none" if share == 0.0 else f"{100 * share:.2g} %"
-
-
-def digest(case: Case, file: str) -> str:
-    """First digits of a file's hash."""
-    found = case.hashes.get(file, "")
-    return f"`{found[:DIGITS]}`" if found else "–"
+        log, role = simulated.get(item.file), "held out: closure" if item.role == "holdout" else "fitted"
+        role = f"noise: repeats {item.repeats}" if case.is_copy(item) else role
+        errors = ["–" if log is None else w.digits(runs.rms(log, robot)) for robot in ROBOTS[: len(titles)]]
+        samples = [item.log[column] for column in runs.problem.columns]
+        lost = float(np.mean(~np.isfinite(samples))) if samples else 0.0
+        missing = f"{100 * lost:.2g} %" if lost else "none"
+        digest = f"`{case.hashes[item.file][:DIGITS]}`" if case.hashes.get(item.file) else "–"
+        rows.append((f"`{item.file}`", role, f"{len(item.log) * runs.period:.0f} s", missing, *errors, digest))
+    return Table(("Log", "Role", "Length", "Missing", *titles, "SHA-256"), rows, words=2)
 
 
 def decision_numbers() -> list[tuple[str, str]]:
@@ -561,7 +494,7 @@ def provenance_table(diagnosis: Diagnosis) -> Table | None:
         ("Robot", f"`{made.robot}`, parameters `{made.parameters}`"),
         ("Calibration", made.calibration),
     ]
-    return Table((), rows, words=2, wide=False)
+    return Table((), rows, words=2, wide=False, folded="Date, version, command, robot and calibration")
 
 
 COLOURS = {

@@ -6,18 +6,24 @@ write_text("fleet.html", fleet_html(rows, "answers"))
 
 from __future__ import annotations
 
+import os
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
+from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 import numpy as np
 
 from exodrake import __version__
+from exodrake.core.errors import printable
 from exodrake.core.text import plural
 from exodrake.diagnosis.change_point import DAY, RAMP, STEP
 from exodrake.diagnosis.fleet import FAILURE, Row, Trend, trends
+from exodrake.diagnosis.gap import Interval
+from exodrake.diagnosis.many import ANSWER
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, PARTLY, RETUNE, UNKNOWN
 from exodrake.report import wording as w
 from exodrake.report.blocks import Bars, Table, render
@@ -59,26 +65,28 @@ class Member:
 
 
 def members(rows: Sequence[Row]) -> list[Member]:
-    """Robots with their cases, those whose last verdict is worst first."""
+    """Robots with their cases, those whose last verdict is worst first; one of a newer version, unknown here, leads."""
+    place = {verdict: k for k, verdict in enumerate(WORST_FIRST)}
     grouped = ((serial, tuple(own)) for serial, own in groupby(rows, key=lambda row: row.serial))
     found = [Member(serial, own, tuple(trends(own))) for serial, own in grouped]
-    return sorted(found, key=lambda m: (urgency(m.last.verdict), m.serial))
+    return sorted(found, key=lambda m: (place.get(m.last.verdict, -1), m.serial))
 
 
-def urgency(verdict: str) -> int:
-    """Place of a verdict in the order of robots: one that is unknown here, of a newer version, comes first."""
-    return WORST_FIRST.index(verdict) if verdict in WORST_FIRST else -1
+def fleet_html(rows: Sequence[Row], source: str, links: Mapping[str, str] | None = None) -> str:
+    """The report of a fleet.
 
-
-def fleet_html(rows: Sequence[Row], source: str) -> str:
-    """The report of the rows of a table; source: folder or file that they come from."""
+    Args:
+        rows: of its table.
+        source: folder or file that they come from.
+        links: case -> address of its report or answer, as seen from the page.
+    """
     robots = members(rows)
     shown = [t for m in robots for t in m.changed][:DRAWN]
     words = tuple(dict.fromkeys((*VERDICTS, *sorted({row.verdict for row in rows}))))
     return render(
         "fleet.html", title=f"Fleet: {source}", version=__version__, colour=COLOURS[NAMED], source=source,
         tiles=tiles(rows, robots), colours=dict.fromkeys(words, GREY) | COLOURS, verdicts=words,
-        strips=[(m.serial, strip(m.rows)) for m in robots], robots=robot_table(robots), causes=causes(robots),
+        strips=[(m.serial, strip(m.rows)) for m in robots], robots=robot_table(robots, links), causes=causes(robots),
         timelines=[drawn(t) for t in shown], rest=sum(len(m.changed) for m in robots) - len(shown),
         failed=failures(rows), dates=span(rows),
     )  # fmt: skip
@@ -95,7 +103,7 @@ def tiles(rows: Sequence[Row], robots: Sequence[Member]) -> list[tuple[str, str]
         (str(len(ill)), plural(len(ill), "robot") + " with a gap in the last case"),
         (str(changed), plural(changed, "robot") + " with a dated change"),
         (str(failed), plural(failed, "case") + " without an answer"),
-        (f"{np.median(times):.1f} s" if times else "–", "a case, median"),
+        *([(f"{np.median(times):.1f} s", "a case, median")] if times else []),
     ]
 
 
@@ -117,19 +125,45 @@ def strip(rows: Sequence[Row]) -> list[tuple[str, str]]:
     return cells
 
 
-def robot_table(robots: Sequence[Member]) -> Table:
-    """Robots: cases, last verdict and cause, since when, how much."""
+def find_reports(folder: Path, page: Path) -> dict[str, str]:
+    """Case -> address of its report.html, else of its answer, in the folders of a folder, as seen from a page."""
+    found = {}
+    for place in (path for path in folder.iterdir() if path.is_dir()):
+        file = next((place / name for name in ("report.html", ANSWER) if (place / name).is_file()), None)
+        if file is not None:
+            found[printable(place.name)] = quote(os.path.relpath(file, page.parent))
+    return found
+
+
+def robot_table(robots: Sequence[Member], links: Mapping[str, str] | None = None) -> Table:
+    """Robots: last verdict and cause, its change, size and closure; the last case with a link, number of cases."""
+    from markupsafe import Markup
+
     rows = []
     for m in robots:
         counts = Counter(effect for row in m.rows for effect in row.effects)
         causes = m.last.effects or tuple(effect for effect, _ in counts.most_common(1) if m.changed)
         cause = w.listed([f"`{effect}`" for effect in causes], "or" if m.last.verdict == AMBIGUOUS else "and")
         trend = next((t for t in m.changed if t.effect in causes), next(iter(m.changed), None))
-        cells = (words(trend), amount(trend)) if trend else ("–", "–")
-        last = m.last.date.date().isoformat() if m.last.date else "no date"
-        rows.append((m.serial, last_verdict(m.last), cause or "–", *cells, last, f"{len(m.rows):,}"))
-    header = ("Robot", "Last verdict", "Cause", "Since when (90 %)", "Change", "Last case", "Cases")
-    return Table(header, rows, words=6)
+        since = (words(trend), amount(trend)) if trend else ("–", "–")
+        last, address = m.last.date.date().isoformat() if m.last.date else "no date", (links or {}).get(m.last.case)
+        last = Markup('<a href="{}">{}</a>').format(address, last) if address else last
+        closed = w.closure(m.last.closure) if np.isfinite(m.last.closure) else "–"
+        cells = (m.serial, last_verdict(m.last), cause or "–", *since, sizes(m.last), closed, last, f"{len(m.rows):,}")
+        rows.append(cells)
+    header = ("Robot", "Last verdict", "Cause", "Since when (90 %)", "Change", "Size (90 %)", "Closure")
+    return Table((*header, "Last case", "Cases"), rows, words=8)
+
+
+def sizes(row: Row) -> str:
+    """Sizes of a case's causes with their intervals, channel by channel, of those that say something."""
+    items = [(a, Interval(a.value, a.low, a.high, a.unit)) for a in row.amounts if a.effect in row.effects]
+    each = [
+        f"{a.parameter}{f' {a.channel}' if a.channel else ''} {' ('.join(w.interval(item))})"
+        for a, item in items
+        if w.says_something(item)
+    ]
+    return "; ".join(each) or "–"
 
 
 def last_verdict(row: Row) -> str:

@@ -85,18 +85,16 @@ def title(one: Series) -> str:
 
 
 def drawn(found: Since, one: Series) -> dict[str, Any]:
-    """A series as plain data for `timeline.js`."""
+    """A series as plain data for `timeline.js`, over POSIX times [s], or over times of the log [s]."""
+    dated, first = found.unit == "d", date_of(found.sessions[0]) if found.unit == "d" else None
+
+    def clock(times: Sequence[float]) -> list[float]:
+        if not dated:
+            return list(times)
+        return [] if first is None else [(first + timedelta(days=t)).timestamp() for t in times]
+
     rows = {"values": one.values, "low": one.low, "high": one.high}
-    head = {"title": title(one), "dates": found.unit == "d"}
-    return timeline(head, one.unit, found.times, rows, one.change, lambda times: posix_times(found, times))
-
-
-def posix_times(found: Since, times: Sequence[float]) -> list[float]:
-    """Times [unit of `found`] as POSIX times [s], or as times of the log [s]."""
-    if found.unit == "s":
-        return list(times)
-    first = date_of(found.sessions[0])
-    return [] if first is None else [(first + timedelta(days=t)).timestamp() for t in times]
+    return timeline({"title": title(one), "dates": dated}, one.unit, found.times, rows, one.change, clock)
 
 
 def changes(found: Since) -> Table | None:

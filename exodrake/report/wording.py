@@ -167,12 +167,6 @@ def effect_of(diagnosis: Diagnosis, identity: str) -> Effect | None:
     return next((e for e in machine.effects if e.id == identity), None) if machine else None
 
 
-def summary_of(diagnosis: Diagnosis, identity: str) -> str:
-    """Summary of an effect in one sentence; empty if the library lacks it."""
-    effect = effect_of(diagnosis, identity)
-    return effect.summary if effect else ""
-
-
 def causes(diagnosis: Diagnosis) -> list[NamedEffect]:
     """Effects that the verdict calls causes, the largest first."""
     return [e for e in diagnosis.effects if e.role == CAUSE]
@@ -194,14 +188,28 @@ def place_of(diagnosis: Diagnosis, effect: NamedEffect) -> str:
     return f"at {place}" if place else f"in the {effect.id.split('.')[0]}"
 
 
-def parameter_values(effect: NamedEffect) -> list[tuple[str, str, str]]:
-    """Name, value with unit and 90 % interval of each parameter; channel by channel where their values disagree."""
+def block_words(diagnosis: Diagnosis) -> str:
+    """A sentence that says in which parts the effects of a block act which is no part itself, such as `timing`."""
+    block, machine = diagnosis.where.block, machine_of(diagnosis)
+    parts = machine.parts if machine else ()
+    found = [p.name for p in parts if machine and any(e.block == block for e in machine.effects_on(p))]
+    if not found or block in {p.name for p in parts}:
+        return ""
+    return f" Effects of the {block} act in {plural(len(found), 'part')} {listed(found)}."
+
+
+def parameter_values(effect: NamedEffect, known: bool = False) -> list[tuple[str, str, str]]:
+    """Name, value with unit and 90 % interval of each parameter; channel by channel where their values disagree.
+
+    With `known`, of those alone whose interval says something.
+    """
     found = []
     for name, item in effect.parameters.items():
         channels = effect.channels.get(name, {})
         alike = all(item.low <= one.value <= item.high for one in channels.values())
         several = {} if alike else {f"{name} {channel}": one for channel, one in channels.items()}
-        found += [(title, *interval(one)) for title, one in (several or {name: item}).items()]
+        shown = (several or {name: item}).items()
+        found += [(title, *interval(one)) for title, one in shown if says_something(one) or not known]
     return found
 
 

@@ -33,7 +33,8 @@
   function show(t) {
     const k = at(t), table = document.createElement("table");
     const barOf = (row, j) => bar(row.insertCell(), Math.abs(data.load[k][j]) / data.top[j]);
-    if (!data.one) data.tendons.forEach((name, j) => {
+    const own = data.tendons.join() === data.joints.join(); // loads are those of the joints
+    if (!own) data.tendons.forEach((name, j) => {
       const row = table.insertRow();
       cell(row, name);
       cell(row, data.load[k][j].toFixed(1) + " " + data.unit, "n");
@@ -43,11 +44,37 @@
       const row = table.insertRow();
       cell(row, name);
       cell(row, place(data.angle[k][i], i), "n");
-      if (data.one) barOf(row, i);
+      if (own && !data.one) cell(row, data.load[k][i].toFixed(1) + " " + data.unit, "n");
+      if (own) barOf(row, i);
       if (data.ghost.length) cell(row, data.names[1] + " " + place(data.ghost[k][i], i), "g");
     });
     document.getElementById("exo-now").replaceChildren(table);
   }
+
+  // The names of the joints beside them, where the camera sees these.
+  const names = document.querySelectorAll(".exo-joint");
+  const joints = data.paths.map((path) => viewer.scene_tree.find(path).object);
+  const times = (m, v) => [0, 1, 2, 3].map((i) => v.reduce((sum, x, j) => sum + m[4 * j + i] * x, 0));
+  function label() {
+    const camera = viewer.camera, used = [];
+    joints.forEach((joint, i) => {
+      const at = [...joint.matrixWorld.elements.slice(12, 15), 1];
+      const [x, y, , w] = times(camera.projectionMatrix.elements, times(camera.matrixWorldInverse.elements, at));
+      const left = innerWidth * (1 + x / w) / 2 + 22;
+      let top = innerHeight * (1 - y / w) / 2 - 26;
+      for (let k = 0; k < 20 && used.some(([l, t]) => Math.abs(l - left) < 40 && Math.abs(t - top) < 16); k++) top -= 4;
+      used.push([left, top]);
+      names[i].style.transform = "translate(" + left + "px," + top + "px)";
+    });
+  }
+
+  // In narrow windows the picture shrinks, so that the robot stays inside.
+  function fit() {
+    viewer.camera.zoom = Math.min(1, innerWidth / innerHeight / 1.2);
+    viewer.camera.updateProjectionMatrix();
+    viewer.set_dirty();
+  }
+  addEventListener("resize", () => setTimeout(fit));
 
   const animator = viewer.animator;
   const button = document.getElementById("exo-button"), slider = document.getElementById("exo-slider");
@@ -82,13 +109,15 @@
   });
 
   const asked = /t=([0-9.]+)/.exec(location.hash);
-  let waiting = asked !== null;
+  let waiting = asked !== null, fitted = null;
   (function tick() {
     if (waiting && animator.actions.length) {
       animator.pause();
       seek(parseFloat(asked[1]));
       waiting = false;
     }
+    if (viewer.camera !== fitted) { fitted = viewer.camera; fit(); }
+    label();
     const last = data.time[data.time.length - 1];
     slider.max = animator.duration || 1;
     if (document.activeElement !== slider || animator.playing) slider.value = animator.time;

@@ -7,6 +7,7 @@
   const sync = uPlot.sync("time");
   const GAP = 65535; // level that marks a missing sample
   const HEIGHT = [150, 92]; // px, of a signal and of its error
+  const DASHES = { "--before": [2, 2], "--after": [7, 2] }; // px; nominal and improved robot as in all figures
   const PERIODS = 20; // that a panel shows at first; more of them cover each other
   let panels = [], view = null, shown = 0;
 
@@ -76,7 +77,7 @@
   }
 
   function options(place, height, title, series, band, last) {
-    const axis = { stroke: css("--soft"), font: font(11), ticks: { show: false } };
+    const axis = { stroke: css("--soft"), font: font(12), ticks: { show: false } };
     const grid = { stroke: css("--rule"), width: 1 };
     return {
       width: place.clientWidth, height, legend: { show: false }, padding: [6, 6, 0, 0],
@@ -91,7 +92,7 @@
       },
       axes: [
         { ...axis, grid: { show: false }, size: last ? 26 : 6, values: last ? (u, t) => t.map((v) => v + " s") : () => [] },
-        { ...axis, grid, size: 46, space: 26, splits: band ? ticks : undefined, values: (u, t) => t.map((v) => +v.toPrecision(6) + "") },
+        { ...axis, grid, size: 50, space: 26, splits: band ? ticks : undefined, values: (u, t) => t.map((v) => +v.toPrecision(6) + "") },
       ],
       series: [{}, ...series],
       hooks: {
@@ -114,7 +115,7 @@
   }
 
   function panel(cell, kind, column, time) {
-    const line = (stroke, width) => ({ stroke: css(stroke), width, points: { show: false } });
+    const line = (stroke, width) => ({ stroke: css(stroke), width, points: { show: false }, dash: DASHES[stroke] || [] });
     const head = (name, rest) => {
       const row = cell.appendChild(document.createElement("div"));
       row.className = "reading";
@@ -133,7 +134,7 @@
       panels.push(new uPlot(options(box, height, text, drawn, band, last), data, box));
     };
     const robots = found.robots.map((name, i) => [name, ["--before", "--after"][i]]);
-    draw(title, HEIGHT[0], [["measured", "--measured", 4], ...robots.map(([name, colour]) => [name, colour, 1.3])], 0, false);
+    draw(title, HEIGHT[0], [["measured", "--measured", 2], ...robots.map(([name, colour]) => [name, colour, 1.5])], 0, false);
     draw(head("", "error"), HEIGHT[1], robots.map(([name, colour]) => ["error_" + name, colour, 1]), column.band, true);
   }
 

@@ -17,7 +17,7 @@
   }
 
   function intervals(u, one) {
-    u.ctx.strokeStyle = css("--after");
+    u.ctx.strokeStyle = css("--strong");
     u.ctx.lineWidth = devicePixelRatio;
     one.times.forEach((t, i) => {
       const x = Math.round(u.valToPos(t, "x", true));
@@ -30,7 +30,7 @@
 
   function change(u, one) { // level, then step or slope
     if (!one.path) return;
-    u.ctx.strokeStyle = css("--before");
+    u.ctx.strokeStyle = css("--link");
     u.ctx.lineWidth = 1.5 * devicePixelRatio;
     u.ctx.beginPath();
     one.path.forEach(([t, y], k) => u.ctx[k ? "lineTo" : "moveTo"](u.valToPos(t, "x", true), u.valToPos(y, "y", true)));
@@ -49,7 +49,7 @@
     name.textContent = one.title + (one.unit && one.unit !== "-" ? " [" + one.unit + "]" : "");
     const text = head.appendChild(document.createElement("span"));
     const box = place.appendChild(document.createElement("div"));
-    const axis = { stroke: css("--soft"), font: "11px " + css("--sans"), ticks: { show: false } };
+    const axis = { stroke: css("--soft"), font: "12px " + css("--sans"), ticks: { show: false } };
     const room = (low, high) => uPlot.rangeNum(low, high, 0.12, false);
     const first = one.times[0], last = one.times[one.times.length - 1], edge = 0.03 * (last - first || 1);
     panels.push(new uPlot({
@@ -60,7 +60,7 @@
         y: { range: () => room(Math.min(...one.low), Math.max(...one.high)) } },
       axes: [{ ...axis, grid: { show: false }, values: one.dates ? days : (u, t) => t.map((v) => v + " s") },
         { ...axis, grid: { stroke: css("--rule"), width: 1 }, size: 56, values: (u, t) => t.map((v) => +v.toPrecision(6) + "") }],
-      series: [{}, { stroke: css("--after"), width: 0, paths: () => null, points: { show: true, size: one.times.length > 30 ? 4 : 7, fill: css("--after") } }],
+      series: [{}, { stroke: css("--strong"), width: 0, paths: () => null, points: { show: true, size: one.times.length > 30 ? 4 : 7, fill: css("--strong") } }],
       hooks: { drawClear: [(u) => span(u, one)], drawAxes: [(u) => { change(u, one); intervals(u, one); }],
         setCursor: [(u) => {
           const i = u.cursor.idx;

@@ -1,0 +1,61 @@
+"""A robot and a diagnosis as a notebook shows them: a sentence, a figure, and the values with their intervals."""
+
+from __future__ import annotations
+
+from base64 import b64encode
+from html import escape
+from io import BytesIO
+from typing import TYPE_CHECKING
+
+from exodrake.data import plot
+from exodrake.diagnosis.result import Diagnosis
+from exodrake.diagrams.block_diagram import wiring_svg
+from exodrake.report import wording as w
+
+if TYPE_CHECKING:
+    from exodrake.core.robot import Robot
+
+RETUNED = "#98a2b3"
+
+
+def robot_html(robot: Robot) -> str:
+    """A robot as one line, above its parts and signals."""
+    return f"<div><p>{escape(repr(robot))}</p>{picture(wiring_svg(robot.machine, schedule=False))}</div>"
+
+
+def diagnosis_html(diagnosis: Diagnosis) -> str:
+    """The headline, the error of each kind of signal with each robot, and the values of the causes."""
+    rows = [row for effect in w.causes(diagnosis) for row in w.parameter_values(effect, known=True)]
+    cells = ("".join(f"<td>{escape(cell)}</td>" for cell in row) for row in rows)
+    head = "<tr><th>Parameter</th><th>Value</th><th>90 % interval</th></tr>"
+    table = f"<table>{head}{''.join(f'<tr>{row}</tr>' for row in cells)}</table>" if rows else ""
+    title = f"<p><b>{escape(diagnosis.verdict)}</b> {escape(w.headline(diagnosis))}</p>"
+    return f"<div>{title}{gap_picture(diagnosis) if diagnosis.closure.signals else ''}{table}</div>"
+
+
+def gap_picture(diagnosis: Diagnosis) -> str:
+    """Bars of the RMS error of each kind of signal with each robot [noise_std]."""
+    import matplotlib
+
+    kinds, robots = w.kind_gaps(diagnosis), w.robots_of(diagnosis)
+    colours = {"before": plot.NOMINAL["color"], "retuned": RETUNED, "after": plot.IMPROVED["color"]}
+    with matplotlib.rc_context({**plot.STYLE, "svg.fonttype": "none"}):
+        figure = plot.new_figure(7.0, 0.8 + 0.22 * len(kinds) * len(robots))
+        axes = figure.subplots()
+        for k, (key, name) in enumerate(robots.items()):
+            places = [i + 0.8 * (k + 0.5) / len(robots) - 0.4 for i in range(len(kinds))]
+            values = [getattr(kind.gap, key) / kind.gap.noise_std for kind in kinds]
+            axes.barh(places, values, 0.7 / len(robots), color=colours[key], label=name)
+        axes.axvline(1.0, color="#1f2328", lw=0.8, ls=":")
+        axes.set_yticks(range(len(kinds)), [kind.display.label for kind in kinds])
+        axes.invert_yaxis()
+        axes.set(xscale="log", xlabel="RMS error / noise standard deviation (dotted: noise alone)")
+        figure.legend(loc="outside upper left", ncols=3)
+        stream = BytesIO()
+        figure.savefig(stream, format="svg", metadata={"Date": None})
+    return picture(stream.getvalue().decode())
+
+
+def picture(svg: str) -> str:
+    """An SVG as an image of its own, whose styles reach nothing else of the notebook."""
+    return f'<img style="max-width:100%" src="data:image/svg+xml;base64,{b64encode(svg.encode()).decode()}">'
