@@ -5,12 +5,15 @@
 f runs the whole robot on the logged references (output error); with `prediction` the errors of the machine's observer
 join in (`Problem.prediction_error`; Ljung, System Identification, 2nd ed. 1999, ch. 3, 7). There are no priors.
 
-Intervals do not rest on white residuals: errors of a model go on for a while. What is the same over a whole log, such as
-the rounding of a sensor at rest or a wrong parameter that is not free, no interval can tell. The covariance is that of the
+Intervals do not rest on white residuals, since errors of a model go on for a while. The covariance is that of the
 delete-a-block jackknife of the linearised fit, over stretches of time, with Student's t of as many blocks (MacKinnon,
-Nielsen & Webb, J. Econometrics 232, 2023):
+Nielsen & Webb, J. Econometrics 232, 2023). Parameters that are not free add what their tolerances move the fit by
+(consider covariance; Schmidt, Adv. Control Systems 3, 1966), J_c being the derivatives by them in tolerances:
 
-    covariance = (B - 1) / B sum_b d_b d_b^T,     d_b = (J^T J - J_b^T J_b)^-1 J_b^T r_b
+    covariance = (B - 1) / B sum_b d_b d_b^T + S S^T
+    d_b = (J^T J - J_b^T J_b)^-1 J_b^T r_b,     S = (J^T J)^-1 J^T J_c
+
+What is the same over a whole log and has no tolerance, such as the rounding of a sensor at rest, no interval can tell.
 """
 
 from __future__ import annotations
@@ -32,6 +35,7 @@ from exodrake.data.log import Log
 from exodrake.data.plot import STYLE, new_figure
 from exodrake.diagnosis.filters import filled_columns
 from exodrake.diagnosis.likelihood import longest
+from exodrake.diagnosis.parameter import apply, nominal_parameters
 from exodrake.diagnosis.problem import Problem, make_problem, required_of
 
 if TYPE_CHECKING:
@@ -47,6 +51,8 @@ CONFIDENCE = 0.9
 LAGS = 25  # of the tests of residuals, as many as MATLAB's `resid`
 ORDERS = range(1, 11)  # of the ARX models, of which the best in simulation counts; assumed
 AT_BOUND = 1e-6  # of a parameter's scale
+NUMBERED = 8  # parameters whose correlations a figure states
+ALIKE = 1e6  # condition of the scaled Jacobian from which parameters act alike; assumed
 
 
 @dataclass(frozen=True)
@@ -61,7 +67,8 @@ class FittedParameter:
         low: lower end of its 90 % interval [unit].
         high: upper end [unit].
         std: standard deviation [unit].
-        inflation: `std` over that of white residuals.
+        std_white: of white residuals alone, as most programs state it [unit].
+        std_others: from the tolerances of all parameters that are not free [unit].
         at_bound: whether the fit ended at a bound; an interval then says little.
     """
 
@@ -72,7 +79,8 @@ class FittedParameter:
     low: float
     high: float
     std: float
-    inflation: float
+    std_white: float
+    std_others: float
     at_bound: bool
 
 
@@ -134,10 +142,9 @@ class Fit:
             f"{p.name} {p.value:.4g} ({p.low:.4g} to {p.high:.4g}) {p.unit}".removesuffix(" -") for p in self.parameters
         ]
         more = f"; {len(said) - 3} more" if len(said) > 3 else ""
-        held = np.mean([s.held_fitted if s.held_fitted == s.held_fitted else s.fitted for s in self.signals])
-        before = np.mean([s.held_start if s.held_start == s.held_start else s.start for s in self.signals])
+        before, after = (np.median([getattr(s, name) for s in self.signals]) for name in ("start", "fitted"))
         head = f"Fit({self.case}: {'; '.join(said[:3])}{more})"
-        return f"{head}\n  fit {before:.1f} -> {held:.1f} %, chi2 {self.chi2[0]:.4g} -> {self.chi2[1]:.4g}"
+        return f"{head}\n  median fit {before:.1f} -> {after:.1f} %, chi2 {self.chi2[0]:.4g} -> {self.chi2[1]:.4g}"
 
     @property
     def correlation(self) -> np.ndarray:
@@ -149,22 +156,14 @@ class Fit:
     def table(self) -> str:
         """Parameters and signals as tables in Markdown."""
         rows = [(p.name, *(f"{x:.5g}" for x in (p.start, p.value, p.low, p.high)), p.unit) for p in self.parameters]
-        signals = [
-            (
-                s.column,
-                *(f"{x:.4g}" for x in (s.start, s.fitted, s.arx, s.held_start, s.held_fitted, s.held_arx, s.left)),
-            )
-            for s in self.signals
-        ]
-        titles = (
-            "signal",
-            ">start [%]",
-            ">fitted [%]",
-            ">ARX [%]",
-            *(f">held out: {n} [%]" for n in ("start", "fitted", "ARX")),
-        )
         first = markdown_table(("parameter", ">start", ">fitted", ">low", ">high", "unit"), rows)
-        return first + "\n\n" + markdown_table((*titles, ">left, ARX [%]"), signals)
+        titles = ("fit [%] of", ">start", ">fitted", ">ARX", ">held out, start", ">held out, fitted", ">held out, ARX")
+        signals = [
+            (s.column, *("" if x != x else f"{max(x, -100.0):.1f}" for x in percents))
+            for s in self.signals
+            for percents in [(s.start, s.fitted, s.arx, s.held_start, s.held_fitted, s.held_arx)]
+        ]
+        return first + "\n\n" + markdown_table(titles, signals)
 
     def draw(self, count: int, seed: int = 0) -> list[Robot]:
         """Robots drawn from the normal distribution of the fitted values, for `exo.sweep`."""
@@ -192,14 +191,15 @@ class Fit:
                     values = [max(getattr(s, prefix + name), 0.0) for s in self.signals]
                     left.plot(values, rows, "o", ms=4.5, **style)
             left.set_yticks(rows, [s.column for s in self.signals])
-            left.set(xlabel="Fit [%]; hollow: held out; 0: no better than the mean", xlim=(-3.0, 103.0))
+            left.set(xlabel="Fit [%], hollow: held out", xlim=(-3.0, 103.0))
             left.invert_yaxis()
             figure.legend(loc="outside upper left", ncols=3)
-            names = [p.name.split()[0] for p in self.parameters]
             right.imshow(self.correlation, cmap="RdBu_r", vmin=-1.0, vmax=1.0)
-            for (i, j), value in np.ndenumerate(self.correlation):
-                right.text(j, i, f"{value:.2f}", ha="center", va="center", fontsize=7)
-            right.set_xticks(range(len(names)), names, rotation=30, ha="right", fontsize=7)
+            for (i, j), value in np.ndenumerate(self.correlation) if len(self.parameters) <= NUMBERED else ():
+                colour = "white" if abs(value) > 0.7 else "black"
+                right.text(j, i, f"{value:.2f}", ha="center", va="center", fontsize=6.5, color=colour)
+            names = [f"{p.name.split()[0]}  {k + 1}" for k, p in enumerate(self.parameters)]
+            right.set_xticks(range(len(names)), [str(k + 1) for k in range(len(names))], fontsize=7)
             right.set_yticks(range(len(names)), names, fontsize=7)
             right.set_title("Correlation of the estimates", fontsize=8.5)
             right.grid(visible=False)
@@ -254,52 +254,59 @@ def fit(
         views.append(injected)
     base = problem.silent()
 
-    def residual(rows: np.ndarray) -> np.ndarray:
-        """Residuals (rows, samples) at coordinates (rows, parameters)."""
-        values = base + rows @ scales
+    def residual(values: np.ndarray) -> np.ndarray:
+        """Residuals (rows, samples) of flat parameter vectors (rows, n)."""
         return np.concatenate([view.residual(values, view.fit) for view in views], axis=1)
 
     def jacobian(x: np.ndarray) -> np.ndarray:
         """Derivatives (samples, parameters), central but at a bound."""
         ends = np.clip(x + STEP * np.array([np.eye(len(x)), -np.eye(len(x))]), low, high)
-        above, below = np.split(residual(ends.reshape(-1, len(x))), 2)
-        return ((above - below) / np.einsum("sii->i", ends * np.array([1.0, -1.0])[:, None, None])[:, None]).T
+        above, below = (residual(base + end @ scales) for end in ends)
+        return ((above - below) / np.diag(ends[0] - ends[1])[:, None]).T
 
-    zero = np.zeros(len(names))
-    slopes = jacobian(zero)
-    for name, size in zip(names, np.linalg.norm(slopes, axis=0), strict=True):
-        if not size:
-            raise InputError(f"{case.name}: {name} moves none of {', '.join(problem.columns)}, so it cannot be fitted")
-    found = least_squares(lambda x: residual(x[None])[0], zero, jacobian, (low, high), x_scale="jac", max_nfev=RUNS)  # pyright: ignore
-    x, left, slopes = found.x, residual(found.x[None])[0], jacobian(found.x)
-    if np.linalg.cond(slopes / np.linalg.norm(slopes, axis=0)) > 1e6:
-        raise InputError(f"{case.name}: {', '.join(names)} act alike on these logs; free fewer of them")
-    block = number_blocks(views, len(x))
-    covariance, blocks = jackknife(left, slopes, block), int(block.max()) + 1
-    white = np.linalg.inv(slopes.T @ slopes) * float(left @ left) / max(len(left) - len(x), 1)
+    def refuse_alike(slopes: np.ndarray) -> None:
+        """InputError for columns of a Jacobian (samples, parameters) that are zero or dependent."""
+        sizes = np.linalg.norm(slopes, axis=0)
+        for name, size in zip(names, sizes, strict=True):
+            if not size:
+                raise InputError(f"{case.name}: {name} moves none of {', '.join(problem.columns)}, so no fit finds it")
+        if np.linalg.cond(slopes / sizes) > ALIKE:
+            raise InputError(f"{case.name}: {', '.join(names)} act alike on these logs; free fewer of them")
+
+    before = residual(base[None])[0]
+    refuse_alike(jacobian(np.zeros(len(names))))
+    found = least_squares(
+        lambda x: residual((base + x @ scales)[None])[0], np.zeros(len(names)), jacobian, (low, high), x_scale="jac",  # pyright: ignore
+        max_nfev=RUNS,
+    )  # fmt: skip
+    x, left, slopes = found.x, found.fun, found.jac
+    refuse_alike(slopes)
+    fitted, block = base + x @ scales, number_blocks(views, len(x))
+    inverse, own, blocks = np.linalg.inv(slopes.T @ slopes), jackknife(left, slopes, block), int(block.max()) + 1
+    spoken_for = {name for text in names for name in text.split()}
+    others = [p for p in nominal_parameters(problem.robot) if spoken_for.isdisjoint(p.name.split())]
+    moved = [apply(fitted, [p], np.array([STEP * p.prior_std])) for p in others]
+    shifts = (residual(np.array(moved)) - left) / STEP @ slopes @ inverse if moved else np.zeros((0, len(x)))
+    covariance, white = own + shifts.T @ shifts, inverse * (left @ left) / max(len(left) - len(x), 1)
     firsts = [machine.index[name.split()[0]] for name in names]
     start, size = problem.robot.values[firsts], scales[np.arange(len(names)), firsts]
-    std, quantile = np.sqrt(np.diag(covariance)), float(student.ppf(0.5 + 0.5 * CONFIDENCE, blocks - 1))
-    ends = np.clip(x + quantile * std * np.array([[-1.0], [1.0]]), low, high)
+    std, wide = np.sqrt(np.diag(covariance)), float(student.ppf(0.5 + 0.5 * CONFIDENCE, blocks - 1))
+    ends = np.clip(x + wide * std * np.array([[-1.0], [1.0]]), low, high)
+    stds = (std, np.sqrt(np.diag(white)), np.linalg.norm(shifts, axis=0))
+    numbers = np.array([start, *(start + size * np.array([x, *ends])), *(size * np.array(stds))]).T.tolist()
+    bound = (np.minimum(x - low, high - x) < AT_BOUND).tolist()
     parameters = tuple(
-        FittedParameter(
-            name, machine.parameters[firsts[i]].unit, *map(float, (
-                start[i], *(start[i] + size[i] * np.array([x[i], *ends[:, i]])), size[i] * std[i],
-                std[i] / np.sqrt(white[i, i]),
-            )), bool(min(x[i] - low[i], high[i] - x[i]) < AT_BOUND),
-        )
-        for i, name in enumerate(names)
-    )  # fmt: skip
-    values = problem.stated.values + x @ scales
-    fitted = {n: float(values[machine.index[n]]) for name in names for n in name.split()}
-    before = residual(zero[None])[0]
+        FittedParameter(name, machine.parameters[i].unit, *row, at_bound=at)
+        for name, i, row, at in zip(names, firsts, numbers, bound, strict=True)
+    )
+    values = {n: float(fitted[machine.index[n]]) for n in spoken_for}
     notes = [*case.notes, *(f"{p.name} ended at a bound" for p in parameters if p.at_bound)]
     notes += [] if found.success else [f"not converged after {RUNS} evaluations"]
     return Fit(
-        case.name, problem.stated.with_parameters(fitted, f"fitted to {case.name}"), parameters,
-        covariance * np.outer(size, size), compare_signals(problem, np.array([base, base + x @ scales])),
-        scales / size[:, None], (float(np.mean(before**2)), float(np.mean(left**2))),
-        sum(len(trial.measured) for trial in problem.fit), blocks, tuple(notes),
+        case.name, problem.stated.with_parameters(values, f"fitted to {case.name}"), parameters,
+        covariance * np.outer(size, size), compare_signals(problem, np.array([base, fitted])), scales / size[:, None],
+        (float(np.mean(before**2)), float(np.mean(left**2))), sum(len(t.measured) for t in problem.fit), blocks,
+        tuple(notes),
     )  # fmt: skip
 
 
@@ -322,11 +329,8 @@ def free_parameters(
     every = [name for group in groups for name in group]
     if not every:
         raise InputError("no parameter is free; name one, such as finger.kappa")
-    scales, low, high = (
-        np.zeros((len(groups), len(robot.values))),
-        np.full(len(groups), -np.inf),
-        np.full(len(groups), np.inf),
-    )
+    scales = np.zeros((len(groups), len(robot.values)))
+    low, high = np.tile([[-np.inf], [np.inf]], len(groups))
     for k, group in enumerate(groups):
         for name in group:
             value, i = robot[name], machine.index[name]
@@ -387,22 +391,21 @@ def compare_signals(problem: Problem, rows: np.ndarray) -> tuple[SignalFit, ...]
         problem: logs.
         rows: (2, n) flat parameter vectors of the robot before and after [SI].
     """
-    sets = (problem.fit, problem.holdout)
-    runs = [[problem.predict(rows, trial) for trial in trials] for trials in sets]
-    inputs = [[filled_columns(trial.reference) for trial in trials] for trials in sets]
+    sets = [[(trial, problem.predict(rows, trial)) for trial in trials] for trials in (problem.fit, problem.holdout)]
+    inputs = [[filled_columns(trial.reference) for trial, _ in one] for one in sets]
     found = []
     for j, column in enumerate(problem.columns):
-        measured = [[trial.measured[:, j] for trial in trials] for trials in sets]
-        robots = [
-            [fit_percent(ys, [run[k, :, j] for run in own]) for k in (0, 1)]
-            for ys, own in zip(measured, runs, strict=True)
-        ]
-        errors = [
-            [y - run[1, :, j] for y, run in zip(ys, own, strict=True)] for ys, own in zip(measured, runs, strict=True)
-        ]
-        linear, (left, _) = arx_percents(inputs, measured), arx_percents(inputs, errors)
-        tests = test_residual(errors[0], inputs[0])
-        found.append(SignalFit(column, *robots[0], linear[0], *robots[1], linear[1], left, *tests))
+        measured = [[trial.measured[:, j] for trial, _ in one] for one in sets]
+        before, after = ([[run[k, :, j] for _, run in one] for one in sets] for k in (0, 1))
+        errors = [[y - f for y, f in zip(*pair, strict=True)] for pair in zip(measured, after, strict=True)]
+        robots = [[fit_percent(*pair) for pair in zip(measured, runs, strict=True)] for runs in (before, after)]
+        percents = np.transpose([*robots, arx_percents(inputs, measured)]).ravel().tolist()
+        tests = check_residual(errors[0], inputs[0])
+        found.append(
+            SignalFit(
+                column, *percents, left=arx_percents(inputs, errors)[0], whiteness=tests[0], independence=tests[1]
+            )
+        )
     return tuple(found)
 
 
@@ -451,7 +454,7 @@ def arx_percents(inputs: Sequence[Sequence[np.ndarray]], outputs: Sequence[Seque
     return max(found, key=lambda percents: percents[0] if np.isfinite(percents[0]) else -np.inf)
 
 
-def test_residual(errors: Sequence[np.ndarray], inputs: Sequence[np.ndarray]) -> tuple[float, float]:
+def check_residual(errors: Sequence[np.ndarray], inputs: Sequence[np.ndarray]) -> tuple[float, float]:
     """p-values [-] of residuals that are white, and that are uncorrelated with present and past inputs.
 
     Under the second one the sum of e[t] u[t-k] is normal with the variance of the product of both spectra (Ljung 1999,
