@@ -251,7 +251,8 @@ def estimate_response(
     models = {}
     for name, found in runs.items():
         _, own, cross, _ = cross_spectra(found, counts, input, output, length)
-        models[name] = cross / own
+        with np.errstate(divide="ignore", invalid="ignore"):  # a robot whose input stands still has no response
+            models[name] = cross / own
     above, below = (logs[0].units.get(name, "s") for name in (output, input))
     below = f"({below})" if set(below) & set("/ ") else below
     unit = above if below == "-" else f"{'1' if above == '-' else above}/{below}"
@@ -326,6 +327,9 @@ def draw_response(level: Any, phase: Any, one: LogResponse) -> None:
     phase.fill_between(f, angle - spread, angle + spread, where=known, **look)
     for name, found in one.models.items():
         style = {"color": COLOURS.get(name, "#009e73"), "label": name}
+        style |= (
+            {} if name == "nominal" else {"ls": (0, (3, 2)), "zorder": 3}
+        )  # seen where it lies on what was measured
         level.plot(f, 20.0 * np.log10(np.abs(found[one.band])), **style)
         phase.plot(f, angle + np.degrees(np.angle(found[one.band] / np.exp(1j * np.radians(angle)))), **style)
     style = {"color": COLOURS["measured"], "lw": 1.4, "label": "measured"}

@@ -12,7 +12,6 @@ import click
 from exodrake.cli.options import AnyPath, OutputFile, OutputFolder, robot_changes, robot_option
 
 STDOUT = Path("-")
-SHOWN = 3  # frequencies of a response in the table
 JSON: dict[str, Any] = {"type": OutputFile(), "default": None, "metavar": "FILE", "help": "All numbers; - for stdout."}
 CASE = click.argument("cases", nargs=-1, required=True, metavar="CASE_OR_LOG...")
 
@@ -62,29 +61,33 @@ def command(cases, input, output, file, parameters, effects, parts, improved, se
 
 
 def show(responses: list, aside: bool) -> None:
-    """Gaps at some frequencies as a table; aside: on standard error."""
+    """Band, explained share and gap of each response, and of a single one its lines; aside: on standard error."""
     from rich.console import Console
 
+    from exodrake.analysis.log_response import TICKS
     from exodrake.report.terminal import table
 
-    rows = []
+    rows, console, models = [], Console(stderr=aside), list(responses[0].models) if responses else []
     for one in responses:
-        lines = [k for k in range(len(one.frequency))[one.band] if one.resolved[k]]
-        lines = (
-            [lines[k] for k in sorted({round(j * (len(lines) - 1) / (SHOWN - 1)) for j in range(SHOWN)})]
-            if lines
-            else []
-        )
-        for row, k in enumerate(lines):
-            gaps = [f"{level[k]:+.1f} dB {phase[k]:+.0f}°" for level, phase in (one.gap(name) for name in one.models)]
-            name = f"{one.input} → {one.output}" if row == 0 else ""
-            cells = (f"{one.frequency[k]:.3g}", f"{one.coherence[k]:.2f}", f"{abs(one.response[k]):.3g}")
-            rows.append((name, *cells, *gaps))
-        if not lines:
-            rows.append((f"{one.input} → {one.output}", "unresolved", "", "", *("" for _ in one.models)))
-    models = responses[0].models if responses else ()
-    titles = ("response", ">Hz", ">coherence", ">gain\n\\[SI]", *(f">measured /\n{name}" for name in models))
-    Console(stderr=aside).print(table(titles, rows))
+        f = one.frequency[one.band]
+        band = f"{f[0]:.3g} to {f[-1]:.3g}" if len(f) else "unresolved"
+        gaps = (one.in_words(name) for name in models)
+        rows.append((f"{one.input} → {one.output}", band, f"{one.explained:.0%}", *gaps))
+    titles = ("response", ">resolved\n\\[Hz]", ">explained", *(f">measured /\n{name}" for name in models))
+    console.print(table(titles, rows))
+    if len(responses) == 1:
+        one, gaps = responses[0], [responses[0].gap(name) for name in models]
+        known, f = one.resolved.nonzero()[0], one.frequency[one.band]
+        ticks = [tick for tick in TICKS if len(f) and f[0] <= tick <= f[-1]]
+        rows = [
+            (
+                f"{one.frequency[k]:.3g}",
+                f"{one.coherence[k]:.2f}",
+                *(f"{a[k]:+.1f} dB, {b[k]:+.0f} deg" for a, b in gaps),
+            )
+            for k in sorted({int(known[abs(one.frequency[known] - tick).argmin()]) for tick in ticks})
+        ]
+        console.print(table((">Hz", ">coherence", *titles[3:]), rows))
 
 
 def write_answer(

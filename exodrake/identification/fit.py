@@ -179,11 +179,8 @@ class Fit:
             figure = new_figure(7.4, 1.2 + 0.24 * max(len(self.signals), 3))
             left, right = figure.subplots(1, 2, width_ratios=[1.5, 1.0])
             rows = range(len(self.signals))
-            for name, colour, label in (
-                ("start", "#d9691e", "before"),
-                ("arx", "#98a2b3", "ARX"),
-                ("fitted", "#1d5fd1", "fitted"),
-            ):
+            drawn = {"start": ("#d9691e", "before"), "arx": ("#98a2b3", "ARX"), "fitted": ("#1d5fd1", "fitted")}
+            for name, (colour, label) in drawn.items():
                 for prefix, style in (
                     ("", {"color": colour, "label": label}),
                     ("held_", {"mfc": "none", "mec": colour}),
@@ -401,11 +398,8 @@ def compare_signals(problem: Problem, rows: np.ndarray) -> tuple[SignalFit, ...]
         robots = [[fit_percent(*pair) for pair in zip(measured, runs, strict=True)] for runs in (before, after)]
         percents = np.transpose([*robots, arx_percents(inputs, measured)]).ravel().tolist()
         tests = check_residual(errors[0], inputs[0])
-        found.append(
-            SignalFit(
-                column, *percents, left=arx_percents(inputs, errors)[0], whiteness=tests[0], independence=tests[1]
-            )
-        )
+        left = arx_percents(inputs, errors)[0]
+        found.append(SignalFit(column, *percents, left=left, whiteness=tests[0], independence=tests[1]))
     return tuple(found)
 
 
@@ -457,8 +451,8 @@ def arx_percents(inputs: Sequence[Sequence[np.ndarray]], outputs: Sequence[Seque
 def check_residual(errors: Sequence[np.ndarray], inputs: Sequence[np.ndarray]) -> tuple[float, float]:
     """p-values [-] of residuals that are white, and that are uncorrelated with present and past inputs.
 
-    Under the second one the sum of e[t] u[t-k] is normal with the variance of the product of both spectra (Ljung 1999,
-    eq. 16.67 and the text above); of all lags and inputs the largest counts, by Bonferroni's inequality.
+    Under the second one the sum of e[t] u[t-k] is normal, with the variance of the product of both spectra (Ljung 1999,
+    sec. 16.6); of all lags and inputs the largest counts, by Bonferroni's inequality.
 
     Args:
         errors: (n,) of each log.
