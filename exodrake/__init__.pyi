@@ -1,6 +1,8 @@
 """Public names, for type checkers and for `__init__`, which imports each at first use."""
 
 from exodrake.analysis.closed_loop import ClosedLoop as ClosedLoop, analyse as analyse
+from exodrake.analysis.log_response import frequency_response as frequency_response
+from exodrake.analysis.sweep import sweep as sweep
 from exodrake.analysis.tuning import Requirements as Requirements, Tuning as Tuning, tune as tune
 from exodrake.compiled.inputs import Reference as Reference
 from exodrake.core.errors import InputError as InputError
@@ -25,6 +27,7 @@ from exodrake.diagrams.finger_view import FingerView as FingerView
 from exodrake.diagrams.multibody_finger import MultibodyFinger as MultibodyFinger
 from exodrake.grasping.plan import plan_grasp as plan_grasp
 from exodrake.grasping.run import posture_controller as posture_controller
+from exodrake.identification.fit import fit as fit
 from exodrake.identification.statics import find_maximum_tension as find_maximum_tension
 from exodrake.machines.robot_file import load_robot as load_robot, write_robot as write_robot
 from exodrake.simulation.protocols import (

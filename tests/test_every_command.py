@@ -29,6 +29,9 @@ ALL = {
     "diagnose": ["{}/log.csv"],  # up to the diagnosis itself, which takes minutes
     "experiment": ["{}/log.csv", "--out", "{}/e.csv"],  # up to the diagnosis
     "calibrate": ["--case", "{}/absent"],  # a refusal: with robots it takes minutes
+    "response": ["{}/log.csv", "--out", "{}/response"],
+    "fit": ["{}/log.csv", "--free", "absent"],  # a refusal: no parameter is free in all machines
+    "sweep": ["--reference", "{}/log.csv", "--robots", "2", "--out", "{}/sweep"],
     "alarm-limits": ["--robots", "2", "--minutes", "0.5", "--jobs", "1"],
 }
 SOME = {
@@ -42,7 +45,7 @@ SOME = {
 }
 # of one machine, or none, by their nature
 NONE = ("demo", "identify", "blind", "import", "new-machine", "feedforward", "warm-up", "fleet")
-REFUSED = {"calibrate", "grasp", "train", "estimate"}  # what this test asks of these is wrong for any machine
+REFUSED = {"calibrate", "fit", "grasp", "train", "estimate"}  # what this test asks of these is wrong for any machine
 LONG = {"analyse", "tune", "workspace"}  # for the machine that they are made for, tested elsewhere
 MADE_FOR, LOOPS = "exo_index", {"emps", "mixed_loop"}  # other machines that declare a closed loop
 ARMS = {

@@ -29,7 +29,8 @@ BELOW = {
     "systems": ENGINES,
     "diagrams": ENGINES | {"systems"},
     "simulation": ENGINES | {"diagrams"},  # simulate(engine="drake")
-    **dict.fromkeys(("analysis", "identification", "estimator", "grasping", "diagnosis"), METHODS),
+    **dict.fromkeys(("analysis", "estimator", "grasping", "diagnosis"), METHODS),
+    "identification": METHODS | {"diagnosis"},  # a fit is a regression of the same kind
     **dict.fromkeys(("monitor", "preflight", "experiment", "report", "reference"), RESULTS),
     "cli": RESULTS | {"monitor", "preflight", "experiment", "report", "reference"},
     "__main__": {"cli"},

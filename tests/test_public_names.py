@@ -109,6 +109,7 @@ def whole():
         "diagram": diagram, "context": diagram.CreateDefaultContext(), "path": "absent.csv", "folder": "absent",
         "mode": "caging", "size": 0.05, "text": "caging", "name": "tendon.k.AF", "case": "absent",
         "plan": exo.plan_grasp("caging", 0.06), "builder": DiagramBuilder(),
+        "input": "angle_MCP", "output": "angle_MCP", "logs": log, "free": ["finger.kappa"], "over": 2,
     }  # fmt: skip
 
 

@@ -36,7 +36,7 @@ from exodrake.core.plain import plain
 from exodrake.core.schema import anything, listing, mapping, names, number, optional, refusal, shown, text
 from exodrake.core.text import short_repr
 from exodrake.core.yaml_file import dump_yaml, read_yaml
-from exodrake.data.formats import ending, log_bytes, read_table, stem
+from exodrake.data.formats import ending, log_bytes, read_log, read_table, stem
 from exodrake.data.log import MODEL, Log, check_columns, regularise
 
 ROLES = ("fit", "holdout")
@@ -293,6 +293,42 @@ def read_case(
         return Case(name, robot, tuple(logs), frame, tuple(notes), hashes, serial)
     except InputError as problem:
         raise InputError(f"{place / FILE}: {problem}") from None
+
+
+type LogSource = Case | Log | str | Path | Sequence[Log | str | Path]
+
+
+def gather_logs(
+    logs: LogSource,
+    held_out: Sequence[Log | str | Path] = (),
+    period: float | None = None,
+    required: Sequence[str] = (),
+) -> Case:
+    """The case of what a user names: a case, its folder, a log, its file, or several logs or files.
+
+    Args:
+        logs: those to fit; a case and a folder state the roles of their logs.
+        held_out: further logs, held out.
+        period: frame [s]; the step of each log's own clock if None.
+        required: as in `read_log`, of files.
+
+    Raises:
+        InputError: where a file cannot be read, or no log is given to fit.
+    """
+    if isinstance(logs, str | Path) and is_folder(logs):
+        logs = read_case(logs, required, period)
+    items, notes = list(logs.logs) if isinstance(logs, Case) else [], list(logs.notes) if isinstance(logs, Case) else []
+    fitted = [] if isinstance(logs, Case) else [logs] if isinstance(logs, Log | str | Path) else [*logs]
+    for role, given in (("fit", fitted), ("holdout", held_out)):
+        for one in given:
+            log = read_log(one, required) if isinstance(one, str | Path) else argument("logs", one, Log)
+            log, faults = regularise(log, period or log.dt)
+            notes += faults
+            items.append(CaseLog(log, "", role, None, f"{Path(log.label).name} ({len(items) + 1})"))
+    if isinstance(logs, Case):
+        return replace(logs, logs=tuple(items))
+    name = Path(items[0].log.label).name if items else "logs"
+    return Case(name, {}, tuple(items), period or (items[0].log.dt if items else PERIOD), tuple(notes))
 
 
 def write_case(case: Case, folder: str | Path) -> None:

@@ -1,0 +1,345 @@
+"""Frequency response between two signals of a log, beside that of robots on the same references.
+
+    H(f) = S_uy(f) / S_uu(f)          coherence(f) = |S_uy|^2 / (S_uu S_yy)
+
+S are Welch's spectra, averaged over the segments of all logs. With probability P the response lies within a radius r of
+its estimate (Bendat & Piersol, Random Data, 4th ed. 2010, ch. 9; here the F distribution of 2 and 2 (n - 1) degrees of
+freedom is in closed form), where n is the number of independent segments:
+
+    r^2 = (1 - coherence) S_yy / S_uu ((1 - P)^(-1 / (n - 1)) - 1)
+
+Inputs that move at once, and feedback of noise, bias the estimate. The robots run on the references of the logs with
+noise and pass the same estimator, so their responses have the same bias.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from exodrake.compiled.inputs import Reference
+from exodrake.core.errors import InputError, argument
+from exodrake.core.plain import plain
+from exodrake.core.robot import Robot
+from exodrake.data.case import LogSource, gather_logs
+from exodrake.data.log import Log
+from exodrake.data.plot import STYLE, new_figure
+from exodrake.simulation.references import reference_rows
+from exodrake.simulation.simulate import simulate
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+HANN = 18.0 / 19.0  # independent segments in one of Hann windows that overlap by half (Welch 1967)
+SEGMENTS, QUARTERS = 8, 4  # lengths of a segment in all logs, and in the shortest: fifteen averages; assumed
+RESOLVED = 0.5  # a response is resolved where its radius is at most this share of it: 3.5 dB and 30 deg; assumed
+CLOCKS = 1e-3  # relative difference of two sampling periods that count as one
+CONFIDENCE = 0.9
+MOST_MISSING = 0.1  # share of missing samples, which are read between their neighbours; assumed
+COLOURS = {"measured": "#30363f", "nominal": "#d9691e", "improved": "#1d5fd1"}  # those of the report
+COLUMNS = 3  # of panels in a figure
+TICKS = [digit * 10.0**power for power in range(-4, 4) for digit in (1, 2, 5)]  # [Hz]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LogResponse:
+    """Frequency response from one signal to another, measured and of robots on the same references.
+
+    Attributes:
+        input: column of the input.
+        output: column of the output.
+        unit: of the response, SI.
+        frequency: (f,) [Hz], the Fourier frequencies of a segment above 0.
+        response: (f,) complex, measured [unit].
+        coherence: (f,) measured.
+        low, high: (f,) ends of the 90 % band of its magnitude [unit].
+        models: name of a robot -> (f,) complex response of its log [unit].
+        power: (f,) power density of the output [its unit^2/Hz].
+        segments: number of independent segments.
+        logs: names of the logs.
+    """
+
+    input: str
+    output: str
+    unit: str
+    frequency: np.ndarray
+    response: np.ndarray
+    coherence: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    models: dict[str, np.ndarray]
+    power: np.ndarray
+    segments: float
+    logs: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        shown = self.frequency[self.band]
+        band = f"resolved at {shown[0]:.3g} to {shown[-1]:.3g} Hz" if len(shown) else "resolved nowhere"
+        head = f"LogResponse({self.input} -> {self.output}: {len(self.frequency)} lines, {band})"
+        gaps = [f"{name}: {self.in_words(name)}" for name in self.models]
+        return "\n  ".join([head, *(["measured against " + "; ".join(gaps)] if gaps else [])])
+
+    @property
+    def radius(self) -> np.ndarray:
+        """Radius (f,) of the confidence region about the response in the complex plane [unit]."""
+        return self.high - np.abs(self.response)
+
+    @property
+    def resolved(self) -> np.ndarray:
+        """Mask (f,) of the lines [-] whose radius is at most half of the response."""
+        return self.radius <= RESOLVED * np.abs(self.response)
+
+    @property
+    def band(self) -> slice:
+        """Lines from the first resolved one to the last before which at least half are resolved; empty if none is."""
+        if not self.resolved.any():
+            return slice(0, 0)
+        first = int(np.argmax(self.resolved))
+        later = self.resolved[first:]
+        share = np.cumsum(later) / np.arange(1, len(later) + 1)
+        return slice(first, first + int(np.flatnonzero(later & (share >= 0.5))[-1]) + 1)
+
+    @property
+    def explained(self) -> float:
+        """Share of the output's power that the input explains."""
+        return float(np.sum(self.coherence * self.power) / np.sum(self.power))
+
+    def gap(self, model: str = "nominal") -> tuple[np.ndarray, np.ndarray]:
+        """Measured response over that of a robot: magnitude (f,) [dB] and phase (f,) [deg] in -180 to 180."""
+        ratio = self.response / self.models[model]
+        return 20.0 * np.log10(np.abs(ratio)), np.degrees(np.angle(ratio))
+
+    def in_words(self, model: str) -> str:
+        """The gap over the resolved lines, weighted by the power of the output: `-3.9 dB, -31 deg`."""
+        if not self.resolved.any():
+            return "-"
+        weights = self.power[self.resolved]
+        level, phase = (np.average(part[self.resolved], weights=weights) for part in self.gap(model))
+        return f"{level:+.1f} dB, {phase:+.0f} deg"
+
+    def to_control(self, model: str = "") -> Any:
+        """A python-control `FrequencyResponseData` of what was measured, or of a robot by its name."""
+        from control import frd
+
+        found = self.models[model] if model else self.response
+        return frd(found, 2.0 * np.pi * self.frequency, inputs=[self.input], outputs=[self.output])  # pyright: ignore
+
+    def to_json(self) -> dict[str, Any]:
+        """All fields, and the gap to each robot in dB and degrees."""
+        gaps = {name: dict(zip(("dB", "deg"), self.gap(name), strict=True)) for name in self.models}
+        return {f.name: getattr(self, f.name) for f in fields(self)} | {"gap": gaps, "resolved": self.resolved}
+
+    def to_dict(self) -> dict[str, Any]:
+        """The same as plain data."""
+        return plain(self.to_json())
+
+
+def frequency_response(
+    log: LogSource,
+    input: str,
+    output: str,
+    robot: Robot | None = None,
+    improved: Robot | None = None,
+    segment: float | None = None,
+) -> LogResponse:
+    """Frequency response from one column of a log to another, with coherence and a confidence band.
+
+    Args:
+        log: a log, its file, several of them, or a case with its folder.
+        input: column, such as `tension_AF`.
+        output: column, such as `angle_PIP`.
+        robot: nominal robot, which runs on the same references; none if None.
+        improved: another such robot.
+        segment: length of Welch's segments [s]; if None an eighth of all logs together, a quarter of one at most.
+
+    Raises:
+        InputError: for a column that a log lacks or that stands still, clocks that differ, and too few segments.
+    """
+    for name, value in (("robot", robot), ("improved", improved)):
+        argument(name, value, Robot, type(None))
+    logs = [item.log for item in gather_logs(log, period=robot.machine.frame if robot else None).logs]
+    robots = {"nominal": robot, "improved": improved}
+    runs = {name: simulate_references(one, logs) for name, one in robots.items() if one is not None}
+    return estimate_response(logs, runs, input, output, segment)
+
+
+def block_responses(case: LogSource, robots: Mapping[str, Robot], segment: float | None = None) -> list[LogResponse]:
+    """Frequency response of each block of a machine: from the signal before it to its own, a channel each.
+
+    A block whose input has other channels than its output gets the input that explains most of the output's power.
+
+    Args:
+        case: as in `frequency_response`.
+        robots: name -> robot; all of one machine.
+        segment: as in `frequency_response`.
+    """
+    machine = next(iter(robots.values())).machine
+    logs = [item.log for item in gather_logs(case, period=machine.frame).logs]
+    runs = {name: simulate_references(robot, logs) for name, robot in robots.items()}
+    before, found = machine.references[0].kind, []
+    for block in machine.segments:
+        inputs, outputs = (
+            [c for c in machine.log_names([machine.column(kind)]) if all(log.has(c) and moves(log[c]) for log in logs)]
+            for kind in (before, block.output)
+        )
+        before = block.output
+        for output in outputs if not block.exact else ():
+            own = [name for name in inputs if name.rsplit("_", 1)[1] == output.rsplit("_", 1)[1]]
+            tried = [estimate_response(logs, {}, name, output, segment=segment) for name in own or inputs]
+            if tried:
+                best = max(tried, key=lambda one: one.explained)
+                found.append(estimate_response(logs, runs, best.input, output, segment=segment))
+    return found
+
+
+def moves(values: np.ndarray) -> bool:
+    """Whether a signal (n,) [any unit] has two different samples."""
+    known = values[np.isfinite(values)]
+    return bool(len(known)) and bool(known.max() > known.min())
+
+
+def simulate_references(robot: Robot, logs: Sequence[Log]) -> list[Log]:
+    """Logs of a robot on the references of some logs, with noise."""
+    machine, found = robot.machine, []
+    for seed, log in enumerate(logs):
+        if abs(log.dt - machine.frame) > CLOCKS * machine.frame:
+            raise InputError(f"{log.label}: a row every {log.dt:g} s, {machine.name} has one every {machine.frame:g} s")
+        rows = np.column_stack([filled(column, log.label) for column in reference_rows(machine, log).T])
+        found.append(simulate(robot, Reference(rows, log.label), seed))
+    return found
+
+
+def filled(values: np.ndarray, where: str) -> np.ndarray:
+    """A signal (n,) [any unit] with missing samples read between their neighbours; InputError if many are missing."""
+    known = np.isfinite(values)
+    if known.all():
+        return values
+    if 1.0 - known.mean() > MOST_MISSING:
+        raise InputError(
+            f"{where}: {1.0 - known.mean():.0%} of the samples are missing, at most {MOST_MISSING:.0%} may"
+        )
+    at = np.arange(len(values))
+    return np.interp(at, at[known], values[known])
+
+
+def estimate_response(
+    logs: Sequence[Log], runs: Mapping[str, Sequence[Log]], input: str, output: str, segment: float | None = None
+) -> LogResponse:
+    """The response of measured logs, and of the `runs` of robots on their references; else as `frequency_response`."""
+    dt, shortest = logs[0].dt, min(map(len, logs))
+    for log in logs:
+        if abs(log.dt - dt) > CLOCKS * dt:
+            raise InputError(f"{log.label}: a row every {log.dt:g} s, {logs[0].label} has one every {dt:g} s")
+        for name in (input, output):
+            if not moves(log[name]):
+                raise InputError(f"{log.label}: column {name!r} stands still, so it has no frequency response")
+    usual = min(sum(map(len, logs)) // SEGMENTS, shortest // QUARTERS)
+    length = usual if segment is None else int(min(segment / dt, 1e9) + 0.5)
+    counts = [(len(log) - length // 2) // max(length - length // 2, 1) for log in logs]
+    count = HANN * sum(counts)
+    if not 4 <= length <= shortest or count <= 1.0:
+        raise InputError(
+            f"{logs[0].label}: segments of {length * dt:g} s do not fit in logs of {shortest * dt:g} s; wanted two "
+            "segments of four rows at least"
+        )
+    frequency, uu, uy, yy = cross_spectra(logs, counts, input, output, length)
+    h, coherence = uy / uu, np.minimum(np.abs(uy) ** 2 / (uu * yy), 1.0)
+    radius = np.sqrt((1.0 - coherence) * yy / uu * ((1.0 - CONFIDENCE) ** (-1.0 / (count - 1.0)) - 1.0))
+    models = {}
+    for name, found in runs.items():
+        _, own, cross, _ = cross_spectra(found, counts, input, output, length)
+        with np.errstate(divide="ignore", invalid="ignore"):  # a robot whose input stands still has no response
+            models[name] = cross / own
+    above, below = (logs[0].units.get(name, "s") for name in (output, input))
+    below = f"({below})" if set(below) & set("/ ") else below
+    unit = above if below == "-" else f"{'1' if above == '-' else above}/{below}"
+    low, high = np.maximum(np.abs(h) - radius, 0.0), np.abs(h) + radius
+    names = tuple(log.label for log in logs)
+    return LogResponse(input, output, unit, frequency, h, coherence, low, high, models, yy, count, names)
+
+
+def cross_spectra(
+    logs: Sequence[Log], counts: Sequence[int], input: str, output: str, length: int
+) -> tuple[np.ndarray, ...]:
+    """Frequencies (f,) [Hz] above 0, and spectra (f,) [SI] of input, from input to output, and of output.
+
+    Args:
+        logs: averaged.
+        counts: segments of each log.
+        input: column.
+        output: column.
+        length: rows of a segment, of which half overlap.
+    """
+    from scipy.signal import csd
+
+    frequency, total = np.zeros(0), np.zeros((2, 2, 1))
+    for log, count in zip(logs, counts, strict=True):
+        rows = np.array([filled(log[name], f"{log.label}, column {name!r}") for name in (input, output)])
+        frequency, spectra = csd(rows[:, None], rows[None], 1.0 / log.dt, nperseg=length)
+        total = total + np.asarray(spectra) * count / sum(counts)
+    return frequency[1:], total[0, 0, 1:].real, total[0, 1, 1:], total[1, 1, 1:].real
+
+
+def plot_responses(responses: Sequence[LogResponse], style: Mapping[Any, Any] = STYLE) -> Figure:
+    """Magnitude and phase of each response over the lines that are resolved: measured, nominal, improved.
+
+    Args:
+        responses: a panel each.
+        style: settings of matplotlib; a report has its own.
+    """
+    import matplotlib
+
+    with matplotlib.rc_context(dict(style)):
+        shown = [one for one in responses if one.resolved.any()]
+        if not shown:
+            raise InputError("no response is resolved at any frequency: nothing to draw; longer logs would help")
+        columns = min(COLUMNS, len(shown))
+        rows = -(-len(shown) // columns)
+        figure = new_figure(1.0 + 2.9 * columns, 0.4 + 2.3 * rows)
+        grid = figure.subplots(2 * rows, columns, squeeze=False, height_ratios=[1.6, 1.0] * rows)
+        pairs = [(grid[2 * i, j], grid[2 * i + 1, j]) for i in range(rows) for j in range(columns)]
+        for k, (level, phase) in enumerate(pairs):
+            if k >= len(shown):
+                level.set_axis_off()
+                phase.set_axis_off()
+                continue
+            draw_response(level, phase, shown[k])
+            level.set_ylabel("Gain [dB]" if k % columns == 0 else "")
+            phase.set_ylabel("Phase [°]" if k % columns == 0 else "")
+            phase.set_xlabel("Frequency [Hz]" if k + columns >= len(shown) else "")
+        handles = {label: h for axes in grid[::2].flat for h, label in zip(*axes.get_legend_handles_labels())}
+        figure.legend(handles.values(), handles.keys(), loc="outside upper right", ncols=4)
+        figure.align_ylabels()
+        return figure
+
+
+def draw_response(level: Any, phase: Any, one: LogResponse) -> None:
+    """Draws one response into axes of magnitude and phase, over the band where it is resolved."""
+    f, known, h = one.frequency[one.band], one.resolved[one.band], one.response[one.band]
+    measured, look = np.where(known, 1.0, np.nan), {"color": COLOURS["measured"], "alpha": 0.18, "lw": 0}
+    angle = np.interp(f, f[known], np.degrees(np.unwrap(np.angle(h[known]))))
+    low, high = (20.0 * np.log10(np.maximum(end[one.band], 1e-300)) for end in (one.low, one.high))
+    level.fill_between(f, low, high, where=known, **look)
+    spread = np.degrees(np.arcsin(np.minimum(one.radius[one.band] / np.abs(h), 1.0)))
+    phase.fill_between(f, angle - spread, angle + spread, where=known, **look)
+    for name, found in one.models.items():
+        style = {"color": COLOURS.get(name, "#009e73"), "label": name}
+        style |= (
+            {} if name == "nominal" else {"ls": (0, (3, 2)), "zorder": 3}
+        )  # seen where it lies on what was measured
+        level.plot(f, 20.0 * np.log10(np.abs(found[one.band])), **style)
+        phase.plot(f, angle + np.degrees(np.angle(found[one.band] / np.exp(1j * np.radians(angle)))), **style)
+    style = {"color": COLOURS["measured"], "lw": 1.4, "label": "measured"}
+    level.plot(f, measured * 20.0 * np.log10(np.abs(h)), **style)
+    phase.plot(f, measured * angle, **style)
+    level.set_title(f"{one.input} → {one.output} [{one.unit}]".replace("_", " "), fontsize=8.5)
+    for axes in (level, phase):
+        axes.set_xscale("log")
+        axes.set_xlim(f[0], f[-1] if len(f) > 1 else 2.0 * f[0])
+        axes.set_xticks([tick for tick in TICKS if f[0] <= tick <= f[-1]])
+        axes.xaxis.set_major_formatter("{x:g}")
+        axes.xaxis.set_minor_formatter("")
+    level.tick_params(labelbottom=False)

@@ -1,0 +1,162 @@
+"""Many runs of a robot as a table: over a grid or a list of parameters, tolerances, or the answer of a diagnosis.
+
+table = exo.sweep(robot, {"finger.kappa.MCP": [0.06, 0.08, 0.1]}, "chirp")
+table = exo.sweep(robot, 200, exo.grasp("caging"), {"closed": lambda log: log["angle_PIP"].max()})
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from functools import partial
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from exodrake.analysis.robustness import within_intervals, within_tolerances
+from exodrake.compiled.inputs import Reference
+from exodrake.core.errors import InputError, argument
+from exodrake.core.plain import to_dict
+from exodrake.core.progress import Count, no_progress
+from exodrake.core.robot import Robot
+from exodrake.core.threads import side_by_side
+from exodrake.core.units import quantity
+from exodrake.data.log import Log
+from exodrake.data.plot import STYLE, new_figure
+from exodrake.simulation.references import protocol
+from exodrake.simulation.simulate import simulate
+
+CHUNK = 8  # runs between two reports of progress
+DRAWS = 100  # of the intervals of a diagnosis
+FAILED = "failed"  # column with the reason of a run without a log
+
+
+def sweep(
+    robot: Robot,
+    over: Any,
+    reference: Reference | str,
+    summary: Mapping[str, Callable[[Log], float]] | None = None,
+    draws: int = DRAWS,
+    seed: int = 0,
+    noise: int | None = None,
+    progress: Count = no_progress,
+) -> Any:
+    """Run variations of a robot on one reference by the compiled engine, on all cores, and tabulate them.
+
+    Args:
+        robot: the robot, whose run the others are compared with.
+        over: what varies. Parameter -> values: all combinations; several such points as a list of parameter -> value;
+            a number: so many robots within the tolerances; a diagnosis: robots within its intervals; or robots, such as
+            `Fit.draw` gives. A parameter of an effect that the robot lacks splices it in. Values are numbers [SI] or
+            text with a unit; a name without channel sets all channels.
+        reference: what all follow; text as in `simulate`.
+        summary: column -> function of a run's log; by default three numbers of each measured signal: `rms`, of the
+            difference from the robot's own run, `peak`, the sample of largest magnitude, and `final`, all in SI.
+        draws: number of robots of a diagnosis.
+        seed: of the draws.
+        noise: seed of the sensors' noise, the same in all runs; none without it.
+        progress: called with the numbers of runs that are done, that failed, and of all.
+
+    Returns:
+        A pandas DataFrame, a row a run: parameters, then the summary; `attrs["units"]` holds the units. A run that
+        diverges has NaN, and its reason in the column `failed`.
+
+    Raises:
+        InputError: for an unknown parameter, a value that cannot be read, nothing to run, and without pandas.
+    """
+    argument("robot", robot, Robot)
+    reference = argument("reference", reference, Reference, str)
+    try:
+        import pandas  # pyright: ignore
+    except ImportError:
+        raise InputError("pandas is not installed; pip install exodrake[pandas]") from None
+    reference = protocol(reference, robot) if isinstance(reference, str) else reference
+    points, robots = variations(robot, over, draws, seed)
+    nominal = simulate(robot, reference, noise)
+    measured = [name for name in nominal.columns if name not in robot.machine.log_names(robot.machine.references)]
+    names = list(summary) if summary else [f"{name} {what}" for name in measured for what in ("rms", "peak", "final")]
+
+    def run(one: Robot) -> dict[str, Any]:
+        """A row's summary."""
+        try:
+            log = simulate(one, reference, noise)
+        except InputError as problem:
+            return dict.fromkeys(names, np.nan) | {FAILED: str(problem)}
+        if summary:
+            return {name: function(log) for name, function in summary.items()}
+        values = [(log[c] - nominal[c], log[c]) for c in measured]
+        return dict(zip(names, [n for d, v in values for n in (np.sqrt(np.mean(d**2)), v[np.abs(v).argmax()], v[-1])]))
+
+    rows: list[dict[str, Any]] = []
+    for k in range(0, len(robots), CHUNK):
+        rows += side_by_side([partial(run, one) for one in robots[k : k + CHUNK]])
+        progress(len(rows), sum(FAILED in row for row in rows), len(robots))
+    table = pandas.DataFrame([point | row for point, row in zip(points, rows, strict=True)])
+    units = {name: robot.machine.parameters[robot.indices(name)[0]].unit for point in points[:1] for name in point}
+    units |= {name: nominal.units[name.rsplit(" ", 1)[0]] for name in names if not summary}
+    table.attrs = {"units": units, "robot": robot.source, "reference": reference.name, "varied": list(points[0])}
+    return table
+
+
+def variations(robot: Robot, over: Any, draws: int, seed: int) -> tuple[list[dict[str, float]], list[Robot]]:
+    """Parameters [SI] that vary, a mapping for each run, and the robots; arguments as in `sweep`."""
+    if isinstance(over, int):
+        over = [one for _, one in within_tolerances(robot, over, seed)] if over > 0 else []
+    elif hasattr(over, "verdict") or (isinstance(over, Mapping) and "verdict" in over):
+        answer = over if isinstance(over, Mapping) else to_dict(over)
+        over = [one for _, one in within_intervals(robot, answer, draws, seed)]
+    elif isinstance(over, Mapping):
+        grid = [[values] if isinstance(values, str | float | int) else list(values) for values in over.values()]
+        over = [dict(zip(over, values, strict=True)) for values in product(*grid)] if over else []
+    items = list(over) if isinstance(over, Iterable) else [over]
+    if not items:
+        raise InputError("nothing to run: no values, no robots")
+    points, robots = [], []
+    for item in items:
+        if isinstance(item, Robot):
+            robots.append(item)
+            continue
+        point = argument("over", item, Mapping)
+        units = {name: robot.machine.parameters[robot.indices(name)[0]].unit for name in point}
+        values = {name: quantity(value, units[name], name) for name, value in point.items()}
+        points.append(values)
+        robots.append(with_values(robot, values))
+    if not points:
+        differ = np.flatnonzero(np.any([one.values != robot.values for one in robots], axis=0))
+        points = [{robot.machine.parameters[i].name: float(one.values[i]) for i in differ} for one in robots]
+    if len(points) != len(robots):
+        raise InputError("robots and parameters together: wanted one or the other")
+    return points, robots
+
+
+def with_values(robot: Robot, values: Mapping[str, float]) -> Robot:
+    """The robot with parameters [SI] changed, and with the effects spliced in that they belong to."""
+    for effect in robot.machine.effects:
+        if any(name.startswith(f"{effect.id}.") for name in values) and effect.id not in robot.effects():
+            robot = robot.splice(effect.id)
+    return robot.with_parameters(values)
+
+
+def plot_sweep(table: Any) -> Any:
+    """Figure of a sweep: each summary, of the default ones the RMS, over one parameter, coloured by the second."""
+    import matplotlib
+
+    units, varied = table.attrs["units"], table.attrs["varied"]
+    shown = [
+        n for n in table.select_dtypes("number").columns if n not in varied and not n.endswith((" peak", " final"))
+    ]
+    with matplotlib.rc_context(STYLE):
+        columns = min(3, len(shown))
+        rows = -(-len(shown) // columns)
+        figure = new_figure(1.0 + 2.4 * columns, 0.5 + 1.7 * rows)
+        panels = figure.subplots(rows, columns, sharex=True, squeeze=False)
+        for axes in panels.flat[len(shown) :]:
+            axes.set_axis_off()
+        tint = {"c": table[varied[1]], "cmap": "viridis"} if len(varied) > 1 else {"color": "#1d5fd1"}
+        for axes, name in zip(panels.flat, shown, strict=False):
+            dots = axes.scatter(table[varied[0]] if varied else table.index, table[name], s=12, **tint)
+            axes.set_title(f"{name} [{units[name]}]" if name in units else name, fontsize=8.5)
+        if len(varied) > 1:
+            figure.colorbar(dots, ax=panels, label=f"{varied[1]} [{units[varied[1]]}]", aspect=40)
+        figure.supxlabel(f"{varied[0]} [{units[varied[0]]}]" if varied else "run", fontsize=9)
+    return figure

@@ -1,0 +1,57 @@
+"""`exodrake fit`: chosen parameters of a robot, fitted to its logs."""
+
+from __future__ import annotations
+
+import click
+
+from exodrake.cli.options import OutputFolder, robot_changes, robot_option
+from exodrake.cli.response import CASE, JSON, STDOUT, write_answer
+
+
+@click.command()
+@CASE
+@click.option(
+    "--free", multiple=True, required=True, metavar="NAME", help="Parameter to fit, such as finger.kappa. Repeatable."
+)
+@click.option(
+    "--bounds", multiple=True, metavar="NAME=LOW..HIGH", help="Range of one, with units or in SI. Repeatable."
+)
+@click.option("--held-out", multiple=True, metavar="LOG", help="Log that is not fitted. Repeatable.")
+@click.option("--prediction", is_flag=True, help="Fit prediction errors beside output errors.")
+@robot_option("file")
+@robot_changes
+@click.option("--out", type=OutputFolder(), default=None, help="Folder for robot.yaml, fit.png and fit.json.")
+@click.option("--json", "target", **JSON)
+def command(cases, free, bounds, held_out, prediction, file, parameters, effects, parts, out, target) -> None:
+    """Fit parameters of a robot to logs by least squares, with 90 % intervals that allow for coloured residuals.
+
+    CASE_OR_LOG is a case folder, whose held-out logs are held out, or one or several logs. A name without channel
+    frees each channel; names in one text, separated by blanks, move together. --effect puts an effect into the robot
+    whose parameters may be fitted.
+    """
+    from rich.console import Console
+    from rich.markdown import Markdown
+
+    from exodrake.cli.analyse import robot_of
+    from exodrake.core.errors import InputError
+    from exodrake.data.plot import png_of
+    from exodrake.identification.fit import fit
+    from exodrake.machines.robot_file import robot_text
+
+    limits = {}
+    for text in bounds:
+        name, equals, span = text.partition("=")
+        low, dots, high = span.partition("..")
+        if not equals or not dots:
+            raise InputError(f"--bounds: {text!r} is not of the form NAME=LOW..HIGH")
+        limits[name.strip()] = (low, high)
+    with Console(stderr=True).status("fitting (the first run after a change compiles for half a minute)"):
+        robot = robot_of(file, parameters, effects, parts)
+        found = fit(robot, cases[0] if len(cases) == 1 else cases, free, limits, held_out, prediction)
+    console = Console(stderr=target == STDOUT)
+    console.print(Markdown(found.table))
+    for line in (repr(found).splitlines()[-1].strip(), *(f"note: {note}" for note in found.notes)):
+        console.print(line, highlight=False, soft_wrap=True)
+    robot_file = robot_text(found.robot, f"{', '.join(free)} fitted to {found.case} by exodrake fit").encode()
+    files = {"robot.yaml": robot_file, "fit.png": png_of(found.plot())} if out else {}
+    write_answer(found.to_dict(), "fit", target, out, files)

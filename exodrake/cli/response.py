@@ -1,0 +1,113 @@
+"""`exodrake response`: frequency response from a log, between two columns or of every block, beside the robot's."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import click
+
+from exodrake.cli.options import AnyPath, OutputFile, OutputFolder, robot_changes, robot_option
+
+STDOUT = Path("-")
+JSON: dict[str, Any] = {"type": OutputFile(), "default": None, "metavar": "FILE", "help": "All numbers; - for stdout."}
+CASE = click.argument("cases", nargs=-1, required=True, metavar="CASE_OR_LOG...")
+
+
+@click.command()
+@CASE
+@click.option("--from", "input", default="", metavar="COLUMN", help="Input, such as tension_AF; else every block.")
+@click.option("--to", "output", default="", metavar="COLUMN", help="Output, such as angle_PIP.")
+@robot_option("file")
+@robot_changes
+@click.option("--improved", type=AnyPath(), default=None, metavar="FILE", help="Robot file of an improved robot.")
+@click.option(
+    "--segment", type=click.FloatRange(0.0, min_open=True), default=None, help="Length of Welch's segments [s]."
+)
+@click.option("--out", type=OutputFolder(), default=None, help="Folder for response.png and response.json.")
+@click.option("--json", "target", **JSON)
+def command(cases, input, output, file, parameters, effects, parts, improved, segment, out, target) -> None:
+    """Estimate frequency responses from logs, with coherence, and set them beside the robot's on the same references.
+
+    CASE_OR_LOG is a case folder, or one or several logs, which are averaged. Logs without the robot's references are
+    estimated alone.
+    """
+    from exodrake.analysis.log_response import block_responses, frequency_response, plot_responses
+    from exodrake.cli.analyse import robot_of
+    from exodrake.core.errors import InputError
+    from exodrake.data.case import gather_logs
+    from exodrake.data.plot import png_of
+    from exodrake.machines.robot_file import load_robot
+
+    if bool(input) != bool(output):
+        raise InputError("--from and --to belong together; without both, every block is estimated")
+    robot = robot_of(file, parameters, effects, parts)
+    case = gather_logs(cases[0] if len(cases) == 1 else cases)
+    other = load_robot(improved) if improved else None
+    if input:
+        wanted = robot.machine.log_names(robot.machine.references)
+        follows = all(item.log.has(name) for item in case.logs for name in wanted)
+        if not follows:
+            click.echo(f"note: no references of {robot.machine.name} in the logs, so no robot beside them", err=True)
+        robots = (robot, other) if follows else (None, None)
+        found = [frequency_response(case, input, output, *robots, segment)]
+    else:
+        found = block_responses(case, {"nominal": robot} | ({"improved": other} if other else {}), segment)
+    show(found, target == STDOUT)
+    files = {"response.png": png_of(plot_responses(found))} if out else {}
+    write_answer([one.to_dict() for one in found], "response", target, out, files)
+
+
+def show(responses: list, aside: bool) -> None:
+    """Band, explained share and gap of each response, and of a single one its lines; aside: on standard error."""
+    from rich.console import Console
+
+    from exodrake.analysis.log_response import TICKS
+    from exodrake.report.terminal import table
+
+    rows, console, models = [], Console(stderr=aside), list(responses[0].models) if responses else []
+    for one in responses:
+        f = one.frequency[one.band]
+        band = f"{f[0]:.3g} to {f[-1]:.3g}" if len(f) else "unresolved"
+        gaps = (one.in_words(name) for name in models)
+        rows.append((f"{one.input} → {one.output}", band, f"{one.explained:.0%}", *gaps))
+    titles = ("response", ">resolved\n\\[Hz]", ">explained", *(f">measured /\n{name}" for name in models))
+    console.print(table(titles, rows))
+    if len(responses) == 1:
+        one, gaps = responses[0], [responses[0].gap(name) for name in models]
+        known, f = one.resolved.nonzero()[0], one.frequency[one.band]
+        ticks = [tick for tick in TICKS if len(f) and f[0] <= tick <= f[-1]]
+        rows = [
+            (
+                f"{one.frequency[k]:.3g}",
+                f"{one.coherence[k]:.2f}",
+                *(f"{a[k]:+.1f} dB, {b[k]:+.0f} deg" for a, b in gaps),
+            )
+            for k in sorted({int(known[abs(one.frequency[known] - tick).argmin()]) for tick in ticks})
+        ]
+        console.print(table((">Hz", ">coherence", *titles[3:]), rows))
+
+
+def write_answer(
+    answer: Any, name: str, target: Path | None, out: Path | None, files: Mapping[str, bytes] | None = None
+) -> None:
+    """Write an answer as JSON to `target`, and with further files into the folder `out`; says what was written."""
+    from exodrake.core.files import make_folder, write_bytes
+    from exodrake.core.plain import plain
+
+    text = json.dumps(plain(answer), indent=1, allow_nan=False) + "\n"
+    contents = (
+        {out / file: data for file, data in {**(files or {}), f"{name}.json": text.encode()}.items()} if out else {}
+    )
+    if target == STDOUT:
+        click.echo(text, nl=False)
+    elif target:
+        contents[target] = text.encode()
+    if out:
+        make_folder(out)
+    for path, data in contents.items():
+        write_bytes(path, data)
+    if contents:
+        click.echo("wrote " + ", ".join(map(str, contents)), err=target == STDOUT)

@@ -1,0 +1,67 @@
+"""`exodrake sweep`: many runs of a robot over its parameters, tolerances or a diagnosis, as a table."""
+
+from __future__ import annotations
+
+import click
+
+from exodrake.cli.options import AnyPath, OutputFolder, robot_changes, robot_option
+from exodrake.cli.response import JSON, STDOUT, write_answer
+
+
+@click.command()
+@click.argument("protocol", required=False, default="")
+@click.option("--reference", default="", metavar="LOG", help="Follow the references of this log instead.")
+@click.option(
+    "--over",
+    multiple=True,
+    metavar="NAME=VALUES",
+    help="0.1,0.2,0.4 or 0.1:0.4:7 (low, high, count). Repeatable: a grid.",
+)
+@click.option("--robots", type=click.IntRange(1), default=None, help="So many robots within the tolerances.")
+@click.option("--diagnosis", type=AnyPath(), default=None, metavar="FILE", help="Robots within its intervals.")
+@robot_option("file")
+@robot_changes
+@click.option("--seed", type=click.IntRange(0), default=0, help="Seed of the draws. [0]")
+@click.option("--noise", type=click.IntRange(0), default=None, help="Seed of the sensors' noise; none without it.")
+@click.option("--out", type=OutputFolder(), default=None, help="Folder for sweep.csv, sweep.png and sweep.json.")
+@click.option("--json", "target", **JSON)
+def command(
+    protocol, reference, over, robots, diagnosis, file, parameters, effects, parts, seed, noise, out, target
+) -> None:  # fmt: skip
+    """Run a robot on PROTOCOL once for each variation, and tabulate RMS from the robot's own run, peak and end."""
+    import numpy as np
+    from rich.console import Console
+
+    from exodrake.analysis.sweep import plot_sweep, sweep
+    from exodrake.cli.analyse import robot_of
+    from exodrake.core.errors import InputError
+    from exodrake.core.json_file import read_json
+    from exodrake.core.progress import counted
+    from exodrake.data.plot import png_of
+    from exodrake.report.terminal import table
+    from exodrake.simulation.references import from_log
+
+    if bool(protocol) == bool(reference) or bool(over) + bool(robots) + bool(diagnosis) != 1:
+        raise InputError("wanted a protocol or --reference, and one of --over, --robots and --diagnosis")
+    robot, grid = robot_of(file, parameters, effects, parts), {}
+    for text in over:
+        name, _, values = text.partition("=")
+        ends = values.split(":")
+        try:
+            grid[name.strip()] = (
+                np.linspace(float(ends[0]), float(ends[1]), int(ends[2])) if len(ends) == 3 else values.split(",")
+            )
+        except ValueError:
+            raise InputError(f"--over: {text!r} is not NAME=VALUE,VALUE nor NAME=LOW:HIGH:COUNT") from None
+    what = grid or robots or read_json(diagnosis)
+    with counted("runs", "the table is written at the end") as count:
+        found = sweep(
+            robot, what, from_log(reference, robot) if reference else protocol, seed=seed, noise=noise,
+            draws=100, progress=count,
+        )  # fmt: skip
+    numbers = found.describe().T[["mean", "std", "min", "max"]]
+    rows = [(name, *(f"{x:.4g}" for x in row), found.attrs["units"].get(name, "")) for name, row in numbers.iterrows()]
+    Console(stderr=target == STDOUT).print(table(("", ">mean", ">std", ">least", ">largest", "unit"), rows))
+    files = {"sweep.csv": found.to_csv(index=False).encode(), "sweep.png": png_of(plot_sweep(found))} if out else {}
+    answer = {"units": found.attrs["units"], "rows": found.to_dict("records")}
+    write_answer(answer, "sweep", target, out, files)

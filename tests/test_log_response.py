@@ -1,0 +1,171 @@
+"""Frequency response from logs: against scipy's closed forms, bands that cover, and blocks told apart."""
+
+import json
+
+import numpy as np
+import pytest
+from command_line import run
+from scipy import signal, stats
+
+import exodrake as exo
+from exodrake.analysis.log_response import HANN, block_responses, plot_responses
+
+DT, FILTER = 0.02, signal.butter(2, 0.2)
+
+
+def made(seed: int, noise: float, n: int = 4000) -> exo.Log:
+    """White input through a Butterworth filter, white noise on the output."""
+    u, e = np.random.default_rng(seed).standard_normal((2, n))
+    return exo.Log(DT * np.arange(n), {"tension_AF": u, "angle_PIP": signal.lfilter(*FILTER, u) + noise * e})
+
+
+def truth(frequency):
+    return signal.freqz(*FILTER, worN=frequency, fs=1.0 / DT)[1]
+
+
+def test_response_of_a_filter_is_the_closed_form():
+    found = exo.frequency_response(made(1, 0.0, 40_000), "tension_AF", "angle_PIP", segment=10.0)
+    low = found.frequency < 5.0
+    assert np.abs(found.response - truth(found.frequency))[low].max() < 0.02
+    assert found.coherence[low].min() > 0.995 and found.unit == "rad/N"
+
+
+def test_estimate_coherence_and_radius_are_those_of_scipy():
+    log, length = made(2, 0.5), 256
+    found = exo.frequency_response(log, "tension_AF", "angle_PIP", segment=length * DT)
+    u, y = log["tension_AF"], log["angle_PIP"]
+    _, uu = signal.welch(u, 1 / DT, nperseg=length)
+    _, yy = signal.welch(y, 1 / DT, nperseg=length)
+    _, uy = signal.csd(u, y, 1 / DT, nperseg=length)
+    f, coherence = signal.coherence(u, y, 1 / DT, nperseg=length)
+    assert np.allclose(found.frequency, f[1:]) and np.allclose(found.response, (uy / uu)[1:])
+    assert np.allclose(found.coherence, coherence[1:])
+    n = 2.0 * HANN * ((len(log) - length // 2) // (length // 2))
+    assert found.segments == pytest.approx(n / 2.0)
+    square = 2.0 / (n - 2.0) * stats.f.ppf(0.9, 2, n - 2.0) * ((1.0 - coherence) * yy / uu)[1:]
+    assert np.allclose(found.radius, np.sqrt(square))
+
+
+def test_ninety_percent_regions_cover_ninety_percent():
+    hits = []
+    for seed in range(40):
+        found = exo.frequency_response(made(seed, 0.3), "tension_AF", "angle_PIP", segment=4.0)
+        inside = np.abs(found.response - truth(found.frequency)) <= found.radius
+        hits.append(inside[2:40].mean())  # lines below 10 Hz, where leakage is small beside the noise
+    assert np.mean(hits) == pytest.approx(0.9, abs=3.0 * np.std(hits) / np.sqrt(len(hits)) + 0.01)
+
+
+def test_further_logs_narrow_the_band():
+    one = exo.frequency_response(made(1, 0.5), "tension_AF", "angle_PIP", segment=4.0)
+    four = exo.frequency_response([made(k, 0.5) for k in range(4)], "tension_AF", "angle_PIP", segment=4.0)
+    assert four.segments == pytest.approx(4.0 * one.segments)
+    assert np.median(four.radius) < 0.6 * np.median(one.radius)
+
+
+def test_missing_samples_are_bridged_and_many_refused():
+    log = made(1, 0.0)
+    holes = log["angle_PIP"].copy()
+    holes[::50] = np.nan
+    whole, mended = (
+        exo.frequency_response(one, "tension_AF", "angle_PIP", segment=4.0)
+        for one in (log, log.with_signals({"angle_PIP": holes}))
+    )
+    assert np.abs(whole.response - mended.response)[:20].max() < 0.03
+    holes[::3] = np.nan
+    with pytest.raises(exo.InputError, match="column 'angle_PIP': 35% of the samples are missing"):
+        exo.frequency_response(log.with_signals({"angle_PIP": holes}), "tension_AF", "angle_PIP")
+
+
+def test_python_control_gets_the_same_response():
+    found = exo.frequency_response(made(1, 0.1), "tension_AF", "angle_PIP")
+    system = found.to_control()
+    at = 2.0 * np.pi * found.frequency[7]
+    assert system(1j * at) == pytest.approx(found.response[7])
+    assert system.input_labels == ["tension_AF"] and system.output_labels == ["angle_PIP"]
+
+
+@pytest.mark.parametrize(
+    ("given", "reason"),
+    [
+        ({"input": "tension_XX"}, "no column 'tension_XX'"),
+        ({"input": "tension_MF"}, "column 'tension_MF' stands still"),
+        ({"segment": 1e9}, "do not fit in logs of 80 s"),
+        ({"segment": 0.02}, "two segments of four rows"),
+        ({"robot": exo.load_robot()}, "no column 'tension_ref_AF'"),
+    ],
+)
+def test_bad_input_is_refused_in_one_sentence(given, reason):
+    log = made(1, 0.1).with_signals({"tension_MF": np.ones(4000)})
+    with pytest.raises(exo.InputError, match=reason):
+        exo.frequency_response(log, **{"input": "tension_AF", "output": "angle_PIP", **given})
+
+
+def test_logs_of_two_clocks_are_refused():
+    log = made(1, 0.1)
+    with pytest.raises(exo.InputError, match=r"a row every 0\.01 s, log has one every 0\.02 s"):
+        exo.frequency_response([log, exo.Log(0.5 * log.time, log.signals)], "tension_AF", "angle_PIP")
+
+
+@pytest.fixture(scope="module")
+def rubbing():
+    """A robot with friction in its sheaths."""
+    return exo.load_robot().splice("tendon.capstan_friction")
+
+
+@pytest.fixture(scope="module")
+def chirp(rubbing):
+    return exo.simulate(rubbing, "chirp", seed=5)
+
+
+@pytest.fixture(scope="module")
+def blocks(rubbing, chirp):
+    return block_responses(chirp, {"nominal": exo.load_robot(), "improved": rubbing})
+
+
+def test_gap_lies_in_the_tendon_and_not_in_the_motor(blocks):
+    assert [one.output for one in blocks[:3]] == ["stroke_AF", "stroke_MF", "stroke_AE"]
+    for one in blocks[:3]:
+        level, phase = (part[one.resolved] for part in one.gap())
+        assert abs(np.average(level, weights=one.power[one.resolved])) < 0.7
+        assert abs(np.average(phase, weights=one.power[one.resolved])) < 5.0
+    angle = next(one for one in blocks if one.output == "angle_PIP")
+    level, phase = (part[angle.resolved & (angle.frequency < 2.0)] for part in angle.gap())
+    assert level.max() < -2.0 and phase.max() < -10.0
+
+
+def test_robot_with_the_effect_closes_the_gap(blocks):
+    for one in blocks:
+        level, _ = one.gap("improved")
+        assert np.median(np.abs(level[one.band])) < 0.7
+
+
+def test_figure_has_a_pair_of_axes_for_each_resolved_response(blocks):
+    figure = plot_responses(blocks)
+    drawn = [axes for axes in figure.axes if axes.lines]
+    assert len(drawn) == 2 * len(blocks)
+    assert {text.get_text() for text in figure.legends[0].get_texts()} == {"measured", "nominal", "improved"}
+
+
+def test_result_as_plain_data(blocks):
+    answer = json.loads(json.dumps(blocks[0].to_dict()))
+    assert len(answer["gap"]["nominal"]["dB"]) == len(answer["frequency"]) == len(answer["coherence"])
+    assert complex(*answer["response"][3]) == blocks[0].response[3]
+    assert len(repr(blocks[0]).splitlines()) == 2 and "nominal" in repr(blocks[0])
+
+
+def test_command_writes_figure_and_numbers(chirp, tmp_path):
+    exo.write_log(chirp, tmp_path / "log.csv")
+    words = ("--from", "tension_AF", "--to", "angle_PIP")
+    found = run("response", tmp_path / "log.csv", *words, "--json", "-", "--out", tmp_path / "out")
+    assert found.exit_code == 0, found.output
+    (answer,) = json.loads(found.stdout)
+    assert answer["input"] == "tension_AF" and "nominal" in answer["gap"]
+    assert (tmp_path / "out" / "response.png").read_bytes().startswith(b"\x89PNG")
+    refused = run("response", tmp_path / "log.csv", "--from", "tension_AF")
+    assert refused.exit_code == 2 and "--from and --to belong together" in refused.stderr
+
+
+def test_command_estimates_a_log_without_references_alone(chirp, tmp_path):
+    exo.write_log(chirp.only(["tension_AF", "angle_PIP"]), tmp_path / "log.csv")
+    found = run("response", tmp_path / "log.csv", "--from", "tension_AF", "--to", "angle_PIP")
+    assert found.exit_code == 0 and "no references of exo_index" in found.stderr and "nominal" not in found.stdout
