@@ -14,7 +14,7 @@ from pydrake.systems.framework import DiagramBuilder
 from report_synthetic import diagnosis
 
 import exodrake as exo
-from exodrake.diagnosis.pipeline import case_of_logs
+from exodrake.data.case import gather_logs
 
 ROOT = Path(__file__).parent.parent
 CLASSES = [name for name in exo.PUBLIC if inspect.isclass(getattr(exo, name))]
@@ -51,7 +51,7 @@ def test_a_diagnosis_takes_logs_and_frames():
     pytest.importorskip("pandas")
     logs = [exo.simulate(exo.load_robot(), exo.grasp("caging", hold=0.5), seed) for seed in (1, 2)]
     for given in (logs, [log.to_pandas() for log in logs]):
-        roles = [item.role for item in case_of_logs(given, ("tension_AF",), 0.02).logs]
+        roles = [item.role for item in gather_logs(given[:1], given[1:], 0.02, ("tension_AF",)).logs]
         assert roles == ["fit", "holdout"]
     with pytest.raises(exo.InputError, match="tension_ref"):
         exo.diagnose(exo.Log(logs[0].time, {"angle_MCP": logs[0]["angle_MCP"]}))

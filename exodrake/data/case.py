@@ -304,13 +304,13 @@ def gather_logs(
     period: float | None = None,
     required: Sequence[str] = (),
 ) -> Case:
-    """The case of what a user names: a case, its folder, a log, its file, or several logs or files.
+    """The case of what a user names: a case or its folder, a log, its file, a DataFrame, or several of these.
 
     Args:
         logs: those to fit; a case and a folder state the roles of their logs.
         held_out: further logs, held out.
         period: frame [s]; the step of each log's own clock if None.
-        required: as in `read_log`, of files.
+        required: kinds of columns that each log must have.
 
     Raises:
         InputError: where a file cannot be read, or no log is given to fit.
@@ -318,12 +318,15 @@ def gather_logs(
     if isinstance(logs, str | Path) and is_folder(logs):
         logs = read_case(logs, required, period)
     items, notes = list(logs.logs) if isinstance(logs, Case) else [], list(logs.notes) if isinstance(logs, Case) else []
-    fitted = [] if isinstance(logs, Case) else [logs] if isinstance(logs, Log | str | Path) else [*logs]
+    fitted = [] if isinstance(logs, Case) else [*logs] if isinstance(logs, Sequence) else [logs]
+    fitted = [logs] if isinstance(logs, str | Path) else fitted
     for role, given in (("fit", fitted), ("holdout", held_out)):
         for one in given:
-            log = read_log(one, required) if isinstance(one, str | Path) else argument("logs", one, Log)
-            log, faults = regularise(log, period or log.dt)
-            notes += faults
+            log = Log.from_pandas(one) if hasattr(one, "iloc") else one
+            log = read_log(log, required) if isinstance(log, str | Path) else argument("logs", log, Log, str, Path)
+            check_columns(log, required)
+            whole, faults = regularise(log, period or log.dt)
+            notes, log = [*notes, *faults], replace(whole, simulated=log.simulated)
             items.append(CaseLog(log, "", role, None, f"{Path(log.label).name} ({len(items) + 1})"))
     if isinstance(logs, Case):
         return replace(logs, logs=tuple(items))

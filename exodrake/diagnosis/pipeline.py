@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -15,10 +14,9 @@ from exodrake.core.errors import printable, shortened
 from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.core.robot import Robot
 from exodrake.core.signal import JOINTS, TENDONS
-from exodrake.core.text import brief
 from exodrake.core.threads import one_blas_thread
-from exodrake.data.case import Case, CaseLog, read_case
-from exodrake.data.log import Log, check_columns, regularise
+from exodrake.data.case import Case, gather_logs, read_case
+from exodrake.data.log import Log
 from exodrake.diagnosis.calibration import calibration_notes
 from exodrake.diagnosis.checks import suspicions
 from exodrake.diagnosis.closure import closure_of, robot_of, with_values
@@ -91,7 +89,8 @@ def diagnose(
     if isinstance(case, str | Path):
         case = read_case(case, required, robot.machine.frame)
     elif not isinstance(case, Case):
-        case = case_of_logs(case, required, robot.machine.frame)
+        fitted, held_out = (case[:-1], case[-1:]) if isinstance(case, list) and len(case) > 1 else (case, ())
+        case = gather_logs(fitted, held_out, robot.machine.frame, required)
     progress(Stage.CHECK, "")
     with one_blas_thread():
         found = isolate(make_problem(case, with_recorded_ranges(robot, case), tried), progress)
@@ -106,23 +105,6 @@ def diagnose(
             reason = printable(f"{type(error).__name__}: {error}".splitlines()[0])
             made = replace(made, notes=(*made.notes, f"the search for a missing law failed ({shortened(reason)})"))
         return replace(made, run_time=time.perf_counter() - started)
-
-
-def case_of_logs(given: Any, required: Sequence[str], period: float) -> Case:
-    """A case of a log, a DataFrame or a list of these, in frames of a period [s]; of several the last is held out."""
-    items, logs, notes = given if isinstance(given, list) else [given], [], []
-    for k, item in enumerate(items):
-        item = Log.from_pandas(item) if hasattr(item, "iloc") else item
-        if not isinstance(item, Log):
-            kinds = "Case or Log or list or str or Path"
-            raise TypeError(f"case: wanted {kinds}, got {type(given).__name__} ({brief(given)})")
-        check_columns(item, required)
-        log, faults = regularise(item, period)
-        notes += faults
-        file = item.label if item.label not in [log.file for log in logs] else f"{item.label} {k + 1}"
-        role = "holdout" if 0 < k == len(items) - 1 else "fit"
-        logs.append(CaseLog(replace(log, simulated=item.simulated), file, role, None, file))
-    return Case("logs", {}, tuple(logs), period, tuple(notes))
 
 
 def with_law(problem: Problem, made: Diagnosis, law: MissingLaw) -> Diagnosis:
