@@ -92,7 +92,6 @@ def linearise(
     effects: Sequence[Effect],
     jacobian: np.ndarray | None = None,
     base: np.ndarray | None = None,
-    thorough: bool = True,
 ) -> Linearisation:
     """All directions at a robot.
 
@@ -104,7 +103,6 @@ def linearise(
         effects: effects to try.
         jacobian: (nominal, samples) known derivatives by the nominal parameters; simulated if None.
         base: (samples,) known residual of the robot; simulated if None.
-        thorough: whether an effect has all its probes, or the modest one alone.
     """
     here = apply(values, nominal, x)
     residual: np.ndarray = likelihood.residual(here[None])[0] if base is None else base
@@ -112,7 +110,7 @@ def linearise(
         jacobian = nominal_jacobian(likelihood, values, nominal, x, residual)
     found, at = [], 0
     for effect in effects:
-        for probe, robots in probes(likelihood.views[0].problem, effect, here, at)[: None if thorough else 1]:
+        for probe, robots in probes(likelihood.views[0].problem, effect, here, at):
             found.append((probe, robots))
             at += len(robots)
     directions = np.empty((at, len(residual)), dtype=np.float32)

@@ -264,7 +264,7 @@ class Search:
             promising = {p.probe.effect for p in self.screened(e, lin)[: None if far else LOOKED]}
             some, n = [x for x in self.effects if x.id in promising], e.nominal
             again, nominal = likelihood.for_stage("linearise again"), e.parameters[:n]
-            new = linearise(again, e.at_nominal, e.x[:n], nominal, some, e.jacobian, e.residual, thorough=False)
+            new = linearise(again, e.at_nominal, e.x[:n], nominal, some, e.jacobian, e.residual)
             lin = renewed(lin, new)
         kinds = {(x.block, kind_of(x)) for x in self.effects if x.id in key and kind_of(x) in ONE}
         barred = self.barred | {x.id for x in self.effects if (x.block, kind_of(x)) in kinds}
