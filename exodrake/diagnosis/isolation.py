@@ -130,6 +130,9 @@ def isolate(problem: Problem, progress: StageProgress = no_progress, most: float
     search = Search(likelihood, effects, lin, logs, progress=progress)
     search.add([retuned])
     best = search.run(max(machine.max_effects - certain, 0)) if effects else search.none
+    robot, more = best.explanation.robot, part < affordable(problem)
+    if more and best.effects and negligible(short, robot, likelihood) and not negligible(whole, robot, likelihood):
+        return isolate(problem, progress, MOST)  # the rest of the logs shows what this part does not
     return Isolation(short, whole, likelihood, lin, nominal, search, best)
 
 
