@@ -27,6 +27,7 @@ from exodrake.diagrams.multibody_finger import MultibodyFinger as MultibodyFinge
 from exodrake.grasping.plan import plan_grasp as plan_grasp
 from exodrake.grasping.run import posture_controller as posture_controller
 from exodrake.identification.statics import find_maximum_tension as find_maximum_tension
+from exodrake.machines.export import export_robot as export_robot
 from exodrake.machines.robot_file import load_robot as load_robot, write_robot as write_robot
 from exodrake.simulation.diagram_log import diagram_log as diagram_log
 from exodrake.simulation.protocols import (

@@ -95,6 +95,7 @@ def mjcf(mechanism: Mechanism) -> Element:
     SubElement(SubElement(root, "default"), "geom", contype="0", conaffinity="0", mass="0")
     base = SubElement(SubElement(root, "worldbody"), "body", name="base", euler=text([*mechanism.tilt, 0.0]))
     tendons, actuators = Element("tendon"), Element("actuator")
+    stiff = text([2.0 * mechanism.step, 1.0])  # the stiffest constraint that MuJoCo keeps stable, critically damped
     bodies, ends = [base], [*(joint.origin for joint in chain.joints[1:]), chain.tip]
     thin = THIN * max(float(np.linalg.norm(end)) for end in [*ends, [0.1, 0.0, 0.0]])
     for i, (joint, body, drive) in enumerate(zip(chain.joints, chain.bodies, mechanism.drives, strict=True)):
@@ -104,31 +105,29 @@ def mjcf(mechanism: Mechanism) -> Element:
         limits = {"range": text([joint.lower, joint.upper])} if isfinite(joint.upper - joint.lower) else {}
         spring = attributes(stiffness=drive.spring, springref=drive.rest)
         drag = attributes(damping=joint.damping, frictionloss=joint.friction)
+        drag |= {"solreffriction": stiff} if joint.friction else {}
         rotor = attributes(armature=drive.armature)
         if drive.gravity:  # the motor bears it, within the limit of its effort
-            rotor |= {"actuatorgravcomp": "true"} | (
-                {"actuatorfrcrange": both(joint.effort)} if isfinite(joint.effort) else {}
-            )
-        link = SubElement(parent, "body", name=joint.child, **frame, **attributes(gravcomp=drive.gravity))
+            rotor["actuatorgravcomp"] = "true"
+            rotor |= {"actuatorfrcrange": both(joint.effort)} if isfinite(joint.effort) else {}
+        link = SubElement(parent, "body", frame | attributes(gravcomp=drive.gravity), name=joint.child)
         inertial(link, body)
         driven = joint.name
         if drive.compliance or drive.backlash:  # a rotor on the link's axis, tied to the link with play and by a spring
             driven = f"{joint.name}_rotor"
-            turning = SubElement(parent, "body", name=driven, **frame)
+            turning = SubElement(parent, "body", frame, name=driven)
             inertial(turning, Body(TINY, np.zeros(3), TINY * np.eye(3)))
-            SubElement(turning, "joint", name=driven, **moving, **rotor, **(drag if drive.compliance else {}))
-            SubElement(
-                link, "joint", name=joint.name, **moving, **limits, **spring, **({} if drive.compliance else drag)
-            )
+            SubElement(turning, "joint", moving | rotor | (drag if drive.compliance else {}), name=driven)
+            SubElement(link, "joint", moving | limits | spring | ({} if drive.compliance else drag), name=joint.name)
             play = text([-drive.backlash, drive.backlash])
-            tie = SubElement(tendons, "fixed", name=f"{joint.name}_transmission", **(
-                {"stiffness": text(1.0 / drive.compliance), "springlength": play} if drive.compliance
-                else {"range": play, "solreflimit": text([2.0 * mechanism.step, 1.0])}
-            ))  # fmt: skip
+            tied = {"range": play, "solreflimit": stiff}
+            if drive.compliance:
+                tied = {"stiffness": text(1.0 / drive.compliance), "springlength": play}
+            tie = SubElement(tendons, "fixed", tied, name=f"{joint.name}_transmission")
             for name, coefficient in ((driven, 1.0), (joint.name, -1.0)):
                 SubElement(tie, "joint", joint=name, coef=text(coefficient))
         else:
-            SubElement(link, "joint", name=joint.name, **moving, **limits, **rotor, **drag, **spring)
+            SubElement(link, "joint", moving | limits | rotor | drag | spring, name=joint.name)
         radius = thin if mechanism.radii is None else mechanism.radii[i]
         end = chain.tip if mechanism.beside else ends[i]
         if np.linalg.norm(end) > radius:
@@ -139,19 +138,17 @@ def mjcf(mechanism: Mechanism) -> Element:
         if not mechanism.tendons:
             actuators.append(actuator(drive, joint.name, driven, joint.effort, mechanism.step))
     if mechanism.payload:
-        held = SubElement(
-            bodies[-1], "body", name="payload", pos=text(chain.tip), **attributes(gravcomp=mechanism.borne)
-        )
+        held = SubElement(bodies[-1], "body", attributes(pos=chain.tip, gravcomp=mechanism.borne), name="payload")
         inertial(held, Body(mechanism.payload, np.zeros(3), TINY * np.eye(3)))
     for tendon in mechanism.tendons:
         drag = attributes(damping=tendon.damping, frictionloss=tendon.friction)
-        cable = SubElement(tendons, "spatial", name=tendon.name, **drag)
+        cable = SubElement(tendons, "spatial", drag, name=tendon.name)
         for k, (segment, point) in enumerate(tendon.points):
             SubElement(bodies[segment], "site", name=f"{tendon.name}_{k}", pos=text(point), size=text(0.1 * thin))
             SubElement(cable, "site", site=f"{tendon.name}_{k}")
         SubElement(
-            actuators, "intvelocity", name=tendon.name, tendon=tendon.name, gear="-1", kp=text(tendon.stiffness),
-            actrange="-10 10", forcerange=text([0.0, min(tendon.limit, 1e9)]), **delayed(tendon.delay, mechanism.step),
+            actuators, "intvelocity", delayed(tendon.delay, mechanism.step), name=tendon.name, tendon=tendon.name,
+            gear="-1", kp=text(tendon.stiffness), actrange="-10 10", forcerange=text([0.0, min(tendon.limit, 1e9)]),
         )  # fmt: skip
     root.extend(part for part in (tendons, actuators) if len(part))
     if mechanism.tendons:
@@ -281,7 +278,7 @@ def isaac_text(robot: Robot, mechanism: Mechanism, head: list[str]) -> str:
         delays.setdefault((floor(late + 1e-9), ceil(late - 1e-9)), []).append(i)
     groups = []
     for (low, high), members in delays.items():
-        joints, drives = ([of[i] for i in members] for of in (mechanism.chain.joints, mechanism.drives))
+        joints, drives = [mechanism.chain.joints[i] for i in members], [mechanism.drives[i] for i in members]
         values = {
             "effort_limit": [j.effort for j in joints], "velocity_limit": [d.speed for d in drives],
             "stiffness": [d.kp + d.spring for d in drives], "damping": [d.kv for d in drives],

@@ -62,7 +62,9 @@ def parts_of(part: str, joints: tuple[str, ...], frame: float, settings: tuple[S
     return replace(joint.PART, name=part), command, reading
 
 
-INERTIA = 1e-3  # kg m2 of each rotor, and a hundredth of it of each link: assumed, since the model has none
+INERTIA = 1e-3  # kg m2 of each rotor: assumed, since the model has none; links have TINY of it
+TINY = 1e-4  # so that a link that play sets free stands still at once, with a friction of BRAKE times the inertia
+BRAKE = 20.0  # rad/s2: 2e-5 rad of error at the position loop of a frame of 20 ms
 PROMPT = (
     20.0  # 1/frames, critically damped: the assumed loop settles in a fraction of a frame, as the servos of the model
 )
@@ -88,9 +90,10 @@ def mechanism(robot: Robot) -> Mechanism:
             (name, convert), lead = STATED[law], effect.parameters[0]
             for fields, value in zip(found, robot.channels(f"{effect.id}.{lead.name}"), strict=True):
                 fields[name] = convert(float(value), machine.frame) * (fields["gain"] if name == "gain" else 1.0)
-    light = Body(INERTIA, np.zeros(3), 1e-2 * INERTIA * np.eye(3))
-    chain = [Joint(j, "continuous", "", f"link_{j}", at, np.zeros(3), np.array([0.0, 0.0, 1.0]), friction=INERTIA)
-             for j, at in zip(joints, place.origins, strict=True)]  # fmt: skip
+    light = Body(INERTIA, np.zeros(3), TINY * INERTIA * np.eye(3))
+    chain = [Joint(j, "continuous", "", f"link_{j}", at, np.zeros(3), np.array([0.0, 0.0, 1.0]),
+                   friction=BRAKE * INERTIA if fields.get("backlash") else 0.0)
+             for j, at, fields in zip(joints, place.origins, found, strict=True)]  # fmt: skip
     return Mechanism(
         Chain(joints, tuple(chain), (light,) * len(joints), place.ends[-1]),
         tuple(Drive(INERTIA * fast**2, 2.0 * INERTIA * fast, armature=INERTIA, **fields) for fields in found),
