@@ -9,14 +9,14 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from pydrake.math import RigidTransform
+from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import FixedOffsetFrame, RevoluteJoint, SpatialInertia
 from pydrake.systems.framework import BasicVector, Context, Diagram, DiagramBuilder, LeafSystem
 from pydrake.systems.primitives import Demultiplexer
 
 from exodrake.core.errors import InputError
 from exodrake.core.robot import Robot
+from exodrake.machines.export import robot_as
 from exodrake.physics.finger import end_stop
 from exodrake.physics.routers import EXTENSOR, FLEXOR, path
 
@@ -154,18 +154,11 @@ def tendon_law(robot: Robot) -> Callable[[np.ndarray, np.ndarray, np.ndarray, np
 def multibody_finger(robot: Robot, step: float) -> MultibodyPlant:
     """The finger as three solid cylinders on damped hinges, without gravity; step [s], 0 continuous."""
     plant = MultibodyPlant(step)
+    Parser(plant).AddModelsFromString(robot_as(robot, "urdf"), "urdf")
     plant.mutable_gravity_field().set_gravity_vector(np.zeros(3))
-    along, about = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
-    parent, offset = plant.world_frame(), 0.0
-    for i, joint in enumerate(robot.machine.axes.joints):
-        length, mass = robot[f"finger.length.{joint}"], robot[f"finger.mass.{joint}"]
-        centred = SpatialInertia.SolidCylinderWithMass(mass, robot[f"finger.radius.{joint}"], length, along)
-        body = plant.AddRigidBody(joint, centred.Shift(-0.5 * length * along))
-        hinge = plant.AddFrame(FixedOffsetFrame(f"hinge_{joint}", parent, RigidTransform(offset * along)))
-        damping = robot[f"finger.B.{joint}"]
-        hinged = RevoluteJoint(f"joint_{i}", hinge, body.body_frame(), about, damping)
-        hinged.set_default_angle(robot[f"finger.q0.{joint}"])
-        plant.AddJoint(hinged)
-        parent, offset = body.body_frame(), length
+    for joint in robot.machine.axes.joints:
+        hinge = plant.GetJointByName(joint)
+        hinge.set_default_positions(np.array([robot[f"finger.q0.{joint}"]]))
+        hinge.set_position_limits(np.array([-np.inf]), np.array([np.inf]))  # the tissue's own law stops it
     plant.Finalize()
     return plant

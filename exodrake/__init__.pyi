@@ -29,6 +29,7 @@ from exodrake.grasping.plan import plan_grasp as plan_grasp
 from exodrake.grasping.run import posture_controller as posture_controller
 from exodrake.identification.fit import fit as fit
 from exodrake.identification.statics import find_maximum_tension as find_maximum_tension
+from exodrake.machines.export import export_robot as export_robot
 from exodrake.machines.robot_file import load_robot as load_robot, write_robot as write_robot
 from exodrake.simulation.protocols import (
     chirp as chirp,

@@ -1,4 +1,4 @@
-"""`exodrake show`, `export` and `compare`: a log as a moving robot, in another file format, and beside a second one."""
+"""`exodrake show` and `compare`: a log as a moving robot, and beside a second one."""
 
 from __future__ import annotations
 
@@ -39,30 +39,6 @@ def show_log(log: Path, robot: str, out: Path | None, estimated: bool, show: boo
     click.echo(f"{target}: {len(html) / 1e6:.1f} MB")
     if show:
         click.launch(str(target))
-
-
-@click.command()
-@click.argument("log", type=AnyPath())
-@click.option("--out", required=True, type=AnyPath(), help="File to write; its ending is the format.")
-@click.option("--start", type=float, default=None, help="Leave out rows before this time [s].")
-@click.option("--end", type=float, default=None, help="Leave out rows from this time on [s].")
-def export_log(log: Path, out: Path, start: float | None, end: float | None) -> None:
-    """Turn LOG into .mcap (Foxglove, PlotJuggler), .parquet, .mat, .npz, .csv or .csv.gz.
-
-    LOG is a log file, or a folder that `exodrake simulate` wrote.
-    Every format holds the same columns in SI, and reads back to the same bits.
-    """
-    from exodrake.core.errors import InputError
-    from exodrake.data.formats import read_log, write_log
-
-    table = read_log(log_in(log))
-    first, last = float(table.time[0]), float(table.time[-1])
-    if start is not None or end is not None:
-        table = table.between(first if start is None else start, float("inf") if end is None else end)
-    if not len(table):
-        raise InputError(f"{log}: no rows between --start and --end (the log runs from {first:g} to {last:g} s)")
-    write_log(table, out)
-    click.echo(f"{out}: {len(table)} rows, {len(table.columns)} columns")
 
 
 @click.command()

@@ -44,7 +44,7 @@ COMMANDS = {
     "grasp": ("grasp", "From grasp mode and object size to joint targets and tensions."),
     "blind": ("blind", "Make, commit to and score cases from the reference simulator."),
     "import": ("import_", "Turn a foreign recording into a log, by a mapping file."),
-    "export": ("logs:export_log", "Turn a log into MCAP, Parquet, MAT, NPZ or CSV."),
+    "export": ("export", "A log in another format; a robot as MJCF, URDF, Isaac Lab."),
     "watch": ("watch", "Follow a growing log: the gap per block, and an alarm."),
     "alarm-limits": ("watch:find_alarm_limits", "Gaps that healthy robots stay below, for the alarm of watch."),
     "show": ("logs:show_log", "Write a log as HTML with the moving robot."),

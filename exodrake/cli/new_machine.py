@@ -11,7 +11,7 @@ import click
 from exodrake.cli.options import AnyPath
 
 if TYPE_CHECKING:
-    from exodrake.machines.urdf import Chain
+    from exodrake.core.mechanism import Chain
 
 
 SCAFFOLD = Path(__file__).parent / "scaffold"

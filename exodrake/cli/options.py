@@ -36,7 +36,6 @@ OTHERS: dict[str, str] = {
     "blind": "its reference simulator is a second model of the Exo-Index; `exodrake calibrate` counts the errors of "
     "another machine's diagnosis",
     "warm-up": "it compiles the Exo-Index; another machine is compiled at its first use",
-    "export": "it takes a log of any machine",
     "new-machine": "it makes one",
 }
 

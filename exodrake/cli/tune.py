@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from exodrake.cli.options import OutputFile, robot_option
+from exodrake.cli.options import AnyPath, OutputFile, robot_option
 
 if TYPE_CHECKING:
     from exodrake.analysis.tuning import Tuned, Tuning
@@ -129,7 +129,9 @@ def notes_of(tuning: Tuning, best: Tuned) -> str:
 @click.argument("wanted")
 @robot_option()
 @click.option("--out", required=True, type=OutputFile(), metavar="FILE", help="Log of the commands.")
-def find_commands(wanted: str, robot: str, out: Path) -> None:
+@click.option("--map", "map_file", type=AnyPath(), default=None, metavar="FILE",
+              help="Write them with the names and units of this mapping file, not as a log.")  # fmt: skip
+def find_commands(wanted: str, robot: str, out: Path, map_file: Path | None) -> None:
     """Find the commands with which the robot does what WANTED asks, and write them as a log of references.
 
     WANTED is a protocol such as random-motion, or a log whose references are what is wanted. With the improved robot of
@@ -139,17 +141,21 @@ def find_commands(wanted: str, robot: str, out: Path) -> None:
     from rich.console import Console
 
     from exodrake.analysis.feedforward import feedforward
+    from exodrake.cli.export import owner_table
     from exodrake.cli.options import check_target
     from exodrake.core.display import display_of
-    from exodrake.core.files import is_file
+    from exodrake.core.files import is_file, write_bytes
     from exodrake.data.formats import format_of, write_log
+    from exodrake.data.import_log import read_mapping
     from exodrake.data.log import Log
     from exodrake.machines.robot_file import load_robot
     from exodrake.report.terminal import table
     from exodrake.simulation.references import from_log, protocol
 
     check_target(out)
-    format_of(out)
+    mapped = read_mapping(map_file) if map_file else None
+    if mapped is None:
+        format_of(out)
     built = load_robot(robot)
     machine = built.machine
     reference = from_log(wanted, built) if is_file(wanted) else protocol(wanted, built)
@@ -158,7 +164,11 @@ def find_commands(wanted: str, robot: str, out: Path) -> None:
     names = machine.log_names(machine.references)
     signals = dict(zip(names, found.commands.values.T, strict=True))
     units = {name: machine.signal[c.signal].unit for c in machine.references for name in machine.log_names([c])}
-    write_log(Log(machine.frame * np.arange(len(reference.values)), signals, units, "commands"), out)
+    log = Log(machine.frame * np.arange(len(reference.values)), signals, units, "commands")
+    if mapped is None:
+        write_log(log, out)
+    else:
+        write_bytes(out, owner_table(log, mapped, str(map_file)))
     shown = display_of(found.kind, machine)
     ends = [[f"{shown.factor * value:.3g} {shown.unit}" for value in one] for one in (found.before, found.after)]
     rows = list(zip(machine.channels(machine.references[0].signal), *ends, strict=True))

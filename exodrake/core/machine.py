@@ -20,6 +20,7 @@ from exodrake.core.segment import CommandLink, Regime, Segment
 from exodrake.core.signal import Axes, Signal
 
 if TYPE_CHECKING:
+    from exodrake.core.mechanism import Mechanism
     from exodrake.core.robot import Robot
     from exodrake.core.skeleton import Shape, Skeleton
 from exodrake.core.part import Task, points_of
@@ -100,6 +101,7 @@ class Machine:
         regime: signals by which a gap is sorted; None for the first and last measured signal of a joint.
         colours: colours of channels in figures; others take theirs from a palette.
         skeleton: what a recording draws, from the robot; None for a machine that is not drawn.
+        mechanism: what another simulator needs of a robot; None for a machine that is not exported.
         loop: the closed loop that `analyse` and `tune` look at; None where there is none.
         separate: whether no joint moves another, as where each follows what is commanded or measured.
         defaults: values [SI] by full name of parameters that a robot file need not state.
@@ -133,6 +135,7 @@ class Machine:
     regime: Regime | None = None
     colours: Mapping[str, str] = field(default_factory=dict)
     skeleton: Callable[[Robot], Skeleton | Shape] | None = None
+    mechanism: Callable[[Robot], Mechanism] | None = None
     loop: Loop | None = None
     defaults: Mapping[str, float] = field(default_factory=dict)
     separate: bool = False

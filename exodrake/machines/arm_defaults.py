@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from exodrake.core.effect import Effect
 from exodrake.core.machine import Column
+from exodrake.core.mechanism import GRAVITY, Body, Chain, Drive, Joint, Mechanism
 from exodrake.core.part import Part
+from exodrake.core.robot import Robot
 from exodrake.core.signal import JOINTS, NORMAL, UNIFORM, Signal
 from exodrake.core.skeleton import Shape
 from exodrake.effects import effects_of
-from exodrake.machines.urdf import Chain, Joint
 from exodrake.physics import rigid_arm
 from exodrake.physics.reading import sensor
 
@@ -73,7 +73,7 @@ def renamed(noise: dict[str, float], found: tuple[Column, ...]) -> dict[str, flo
     return {column.kind: noise[key] for column in found for key in noise if column.kind.removeprefix("joint_") == key}
 
 
-def shape(robot: Any) -> Shape:
+def shape(robot: Robot) -> Shape:
     """Geometry that a recording draws: the joints of the robot's parameters, in order."""
 
     def rows(*names: str) -> np.ndarray:
@@ -89,7 +89,68 @@ def shape(robot: Any) -> Shape:
     )  # fmt: skip
 
 
-GRAVITY = 9.81  # m/s2, as Drake has it
+def mechanism(robot: Robot) -> Mechanism:
+    """The arm with its payload, rotors, friction and position loops, as other simulators take it."""
+    known, joints = robot.machine.index, robot.machine.axes.joints
+
+    def value(name: str, otherwise: float = 0.0) -> float:
+        return robot[name] if name in known else otherwise
+
+    def vector(part: str, joint: str, *names: str) -> np.ndarray:
+        return np.array([robot[f"{part}.{name}.{joint}"] for name in names])
+
+    chain, bodies, drives, notes = [], [], [], []
+    for j in joints:
+        mass = robot[f"arm.mass.{j}"] * (1.0 + value(f"arm.link_mass.share.{j}"))
+        tensor = np.zeros((3, 3))
+        tensor[np.triu_indices(3)] = vector("arm", j, "xx", "xy", "xz", "yy", "yz", "zz")
+        centre = vector("arm", j, "com_x", "com_y", "com_z")
+        bodies.append(Body(mass, centre, tensor + np.triu(tensor, 1).T))
+        ratio = value(f"cable.ratio.{j}", 1.0) or 1.0  # of a cable arm the motor's side counts by ratio
+        motor = value(f"motor.torque_constant.{j}") * value(f"motor.ratio.{j}") * value(f"motor.current_max.{j}")
+        low, high = value(f"arm.stop_low.{j}", -FAR), value(f"arm.stop_high.{j}", FAR)
+        kind = "prismatic" if robot[f"arm.sliding.{j}"] else "revolute" if high - low < FAR else "continuous"
+        chain.append(Joint(
+            j, kind, "", f"link_{j}", vector("arm", j, *"xyz"), vector("arm", j, "roll", "pitch", "yaw"),
+            vector("arm", j, "axis_x", "axis_y", "axis_z"),
+            low if low > -FAR else -np.inf, high if high < FAR else np.inf, abs(motor / ratio) or np.inf,
+            robot[f"arm.damping.{j}"] + value(f"arm.viscous_friction.coefficient.{j}")
+            + value(f"cable.damping.{j}") / ratio**2,
+            robot[f"arm.dry_friction.{j}"] + value(f"arm.coulomb_friction.force.{j}")
+            + value(f"cable.dry_friction.{j}") / abs(ratio),
+        ))  # fmt: skip
+        believed = value(f"drive.mass.{j}") * value(f"drive.feedforward.{j}")
+        drives.append(Drive(
+            kp=value("drive.kp") * value(f"drive.stiffness.{j}"), kv=value("drive.kd") * value(f"drive.viscosity.{j}"),
+            gravity=believed / mass if mass else 0.0,
+            armature=robot[f"arm.rotor_inertia.{j}"] + value(f"arm.rotor_inertia.inertia.{j}")
+            + value(f"cable.inertia.{j}") / ratio**2,
+            compliance=value(f"arm.compliance.{j}") + value(f"arm.joint_compliance.compliance.{j}"),
+        ))  # fmt: skip
+        off = np.abs(vector("drive", j, "com_x", "com_y", "com_z") - centre).max() if believed else 0.0
+        if off:
+            notes.append(f"{j}: the controller believes the link's centre of mass {off:.3g} m elsewhere")
+    payload = robot["arm.tip_mass"] + value("arm.payload.mass")
+    if "cable.ratio" in {name.rsplit(".", 1)[0] for name in known}:
+        notes.append("motors act on the joints without the elasticity and the coupling of the cables")
+    if any(drive.kp for drive in drives):
+        notes.append(
+            f"the robot's controller computes once in {robot.machine.frame:g} s and differentiates the error: "
+            "send q_ref + (kv / kp) dq_ref/dt"
+        )
+        if any(robot.channels("motor.time_constant")):
+            notes.append("the time constant of the motors' current loops is left out")
+    names = ("x", "y", "z")
+    stated = ("payload", "link_mass", "rotor_inertia", "viscous_friction", "coulomb_friction", "joint_compliance")
+    return Mechanism(
+        Chain(joints, tuple(chain), tuple(bodies), np.array([robot[f"arm.tip_{axis}"] for axis in names])),
+        tuple(drives), min(robot.machine.slot, robot.machine.frame / 4), frozenset(f"arm.{name}" for name in stated),
+        payload=payload,
+        borne=value("drive.tip_mass") * value(f"drive.feedforward.{joints[-1]}") / payload if payload else 0.0,
+        tilt=(robot["arm.base_roll"], robot["arm.base_pitch"]), gravity=robot["arm.gravity"], notes=tuple(notes),
+    )  # fmt: skip
+
+
 SWING, SPEED, BRISK = 1.0, 0.5, 2.0  # rad, rad/s, rad/s2 of a moderate motion: assumed
 SHARE = 0.05  # of friction in the largest effort: assumed
 BANDWIDTH = 2.0 * np.pi * 2.0  # rad/s of the nominal position loops: assumed

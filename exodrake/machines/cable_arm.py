@@ -14,6 +14,7 @@ import numpy as np
 
 from exodrake.core.effect import Effect
 from exodrake.core.machine import Column, Machine
+from exodrake.core.mechanism import Chain
 from exodrake.core.part import Output, Part, Task
 from exodrake.core.segment import Segment
 from exodrake.core.signal import JOINTS, Axes, Signal
@@ -28,6 +29,7 @@ from exodrake.machines.arm_defaults import (
     effects_in,
     inertias,
     losses,
+    mechanism,
     reading,
     scales,
     shape,
@@ -35,7 +37,6 @@ from exodrake.machines.arm_defaults import (
     typical_efforts,
     units,
 )
-from exodrake.machines.urdf import Chain
 from exodrake.physics import arm_drive, arm_forward, cable, gear_motor
 
 RATIO = 0.05  # of joint to motor: assumed, as of small gears and capstans
@@ -92,6 +93,7 @@ def cable_machine(name: str, chain: Chain, slots: int, frame: float) -> Machine:
         max_effects=6,
         reference_limits=("position_min", "position_max"),
         skeleton=shape,
+        mechanism=mechanism,
         defaults=defaults_of(chain, efforts, frame),
     )  # fmt: skip
 

@@ -5,13 +5,20 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
+import numpy as np
+
 from exodrake.core.effect import Effect
 from exodrake.core.machine import Column, Machine
+from exodrake.core.mechanism import Body, Chain, Drive, Joint, Mechanism
 from exodrake.core.part import Part
+from exodrake.core.robot import Robot
 from exodrake.core.segment import Segment
 from exodrake.core.signal import JOINTS, NORMAL, SCALAR, UNIFORM, Axes, Signal
 from exodrake.core.skeleton import axes_side_by_side
 from exodrake.effects import LIBRARY, for_machine, generic_effects, in_order, plugin_effects
+from exodrake.effects.servo import lagging, limited
+from exodrake.effects.signal import rests, scaled, shifted
+from exodrake.effects.timing import late
 from exodrake.physics import joint, joint_command
 from exodrake.physics.reading import sensor
 
@@ -55,6 +62,47 @@ def parts_of(part: str, joints: tuple[str, ...], frame: float, settings: tuple[S
     return replace(joint.PART, name=part), command, reading
 
 
+INERTIA = 1e-3  # kg m2 of each rotor: assumed, since the model has none; links have TINY of it
+TINY = 1e-4  # so that a link that play sets free stands still at once, with a friction of BRAKE times the inertia
+BRAKE = 20.0  # rad/s2: 2e-5 rad of error at the position loop of a frame of 20 ms
+PROMPT = (
+    20.0  # 1/frames, critically damped: the assumed loop settles in a fraction of a frame, as the servos of the model
+)
+# law at the joint or its command -> field of a drive, and how it follows from the law's parameter
+STATED: dict[Callable, tuple[str, Callable[[float, float], float]]] = {
+    late: ("delay", lambda frames, frame: frames * frame), lagging: ("lag", lambda time, frame: time),
+    rests: ("backlash", lambda width, frame: width), limited: ("speed", lambda speed, frame: speed),
+    shifted: ("offset", lambda offset, frame: offset), scaled: ("gain", lambda gain, frame: 1.0 + gain),
+}  # fmt: skip
+
+
+def mechanism(robot: Robot) -> Mechanism:
+    """Joints side by side behind fast position loops; the model knows no inertia, so those of the loops are assumed."""
+    machine, joints = robot.machine, robot.machine.axes.joints
+    part = next(part.name for part in machine.parts if part.module is joint)
+    place, fast = axes_side_by_side(joints, "angle", "angle"), PROMPT / machine.frame
+    found = [{"gain": robot[f"{part}.ratio.{j}"]} for j in joints]
+    stated = set()
+    for effect in machine.effects:
+        law = next(iter(effect.at.values()))
+        if law in STATED and next(iter(effect.at)).startswith("joint"):
+            stated.add(effect.id)
+            (name, convert), lead = STATED[law], effect.parameters[0]
+            for fields, value in zip(found, robot.channels(f"{effect.id}.{lead.name}"), strict=True):
+                fields[name] = convert(float(value), machine.frame) * (fields["gain"] if name == "gain" else 1.0)
+    light = Body(INERTIA, np.zeros(3), TINY * INERTIA * np.eye(3))
+    chain = [Joint(j, "continuous", "", f"link_{j}", at, np.zeros(3), np.array([0.0, 0.0, 1.0]),
+                   friction=BRAKE * INERTIA if fields.get("backlash") else 0.0)
+             for j, at, fields in zip(joints, place.origins, found, strict=True)]  # fmt: skip
+    return Mechanism(
+        Chain(joints, tuple(chain), (light,) * len(joints), place.ends[-1]),
+        tuple(Drive(INERTIA * fast**2, 2.0 * INERTIA * fast, armature=INERTIA, **fields) for fields in found),
+        step=0.1 / fast, stated=frozenset(stated), gravity=0.0, beside=True,
+        notes=("the model of these servos has neither inertias nor gains: masses, armature, friction, kp and kv are",
+               "assumed, so that a joint settles in a fraction of a frame; the other numbers are for your arm's model"),
+    )  # fmt: skip
+
+
 def joint_machine(
     name: str, part: str, joints: tuple[str, ...], library: tuple[Effect, ...], frame: float, max_effects: int,
     settings: tuple[Signal, ...] = (),
@@ -94,4 +142,5 @@ def joint_machine(
         reference_limits=("angle_min", "angle_max"),
         separate=True,
         skeleton=lambda robot: axes_side_by_side(robot.machine.axes.joints, "angle", "angle"),
+        mechanism=mechanism,
     )

@@ -18,6 +18,7 @@ import numpy as np
 from exodrake.core.errors import InputError
 from exodrake.core.loop import Controller, Gain, Loop
 from exodrake.core.machine import Machine
+from exodrake.core.mechanism import Chain
 from exodrake.core.schema import mapping, number, text
 from exodrake.core.segment import Segment
 from exodrake.core.signal import JOINTS, Axes, Signal
@@ -29,6 +30,7 @@ from exodrake.machines.arm_defaults import (
     drive_defaults,
     effects_in,
     losses,
+    mechanism,
     middle,
     noise_std,
     reading,
@@ -41,7 +43,7 @@ from exodrake.machines.arm_defaults import (
     units,
 )
 from exodrake.machines.cable_arm import cable_machine
-from exodrake.machines.urdf import Chain, read_urdf
+from exodrake.machines.urdf import read_urdf
 from exodrake.physics import arm_drive, arm_forward, arm_inverse, gear_motor
 
 FORMS = ("inverse", "closed-loop", "cable")
@@ -111,6 +113,7 @@ def inverse_machine(name: str, chain: Chain, frame: float) -> Machine:
         max_effects=6,
         reference_limits=("position_min", "position_max"),
         skeleton=shape,
+        mechanism=mechanism,
         separate=True,
         defaults=stated(chain, "arm") | losses(chain),
         recorded={"arm.mobility": lambda size: REST * size.get(speed, np.inf) / max(size.get(force, 0.0), 1e-12)},
@@ -150,6 +153,7 @@ def closed_machine(name: str, chain: Chain, frame: float) -> Machine:
         max_effects=6,
         reference_limits=("position_min", "position_max"),
         skeleton=shape,
+        mechanism=mechanism,
         loop=loop_of(chain),
         defaults=stated(chain, "arm") | losses(chain) | drive_defaults(chain, efforts, frame),
     )

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -17,58 +17,12 @@ import numpy as np
 
 from exodrake.core.errors import InputError, nearest
 from exodrake.core.files import read_bytes
+from exodrake.core.mechanism import Body, Chain, Joint
 from exodrake.core.schema import shown
 
 MAX_BYTES = 4_000_000  # a hundred times a long one
-TURNING, SLIDING = ("revolute", "continuous"), "prismatic"
 LARGEST = 1e9  # of a length, mass, inertia or loss [SI]: beyond any arm
-KINDS = (*TURNING, SLIDING, "fixed")
-
-
-@dataclass(frozen=True, eq=False)
-class Body:
-    """A rigid body in the frame of a link: mass [kg], centre (3,) [m], inertia about the centre (3, 3) [kg m2]."""
-
-    mass: float = 0.0
-    centre: np.ndarray = field(default_factory=lambda: np.zeros(3))
-    inertia: np.ndarray = field(default_factory=lambda: np.zeros((3, 3)))
-
-    def joined(self, other: Body, rotation: np.ndarray, origin: np.ndarray) -> Body:
-        """This body and another one whose frame stands at `origin` (3,) [m], turned by `rotation` (3, 3)."""
-        mass = self.mass + other.mass
-        if not mass:
-            return self
-        place = origin + rotation @ other.centre
-        centre = (self.mass * self.centre + other.mass * place) / mass
-        inertia = self.inertia + rotation @ other.inertia @ rotation.T
-        for m, at in ((self.mass, self.centre - centre), (other.mass, place - centre)):
-            inertia = inertia + m * (at @ at * np.eye(3) - np.outer(at, at))
-        return Body(mass, centre, inertia)
-
-
-@dataclass(frozen=True, eq=False)
-class Joint:
-    """A joint of a URDF file.
-
-    Attributes:
-        name, kind, parent, child: as the file says.
-        origin, angles, axis: (3,) [m], (3,) roll, pitch, yaw [rad], (3,) unit vector.
-        lower, upper, effort: limits [rad] or [m], [N m] or [N]; infinite where there is none.
-        damping, friction: of its `dynamics`.
-    """
-
-    name: str
-    kind: str
-    parent: str
-    child: str
-    origin: np.ndarray
-    angles: np.ndarray
-    axis: np.ndarray
-    lower: float
-    upper: float
-    effort: float
-    damping: float
-    friction: float
+KINDS = ("revolute", "continuous", "prismatic", "fixed")
 
 
 def parsed(data: bytes, source: str) -> ElementTree.Element:
@@ -172,28 +126,6 @@ def joint_of(element: ElementTree.Element, source: str) -> Joint:
 
 
 MAX_JOINTS, MAX_ALL = 30, 300  # that move on the way to the tip; in the file
-
-
-@dataclass(frozen=True, eq=False)
-class Chain:
-    """A serial arm: its moving joints from the base to the tip, and the body that each moves.
-
-    Attributes:
-        names: of the joints, letters and digits alone, as log columns have them.
-        joints: in the same order; `origin` and `angles` are those in the frame of the moving joint before.
-        bodies: of the links, with all that is fixed to them.
-        tip: (3,) [m] where the tool is, in the frame of the last joint.
-    """
-
-    names: tuple[str, ...]
-    joints: tuple[Joint, ...]
-    bodies: tuple[Body, ...]
-    tip: np.ndarray
-
-    @property
-    def sliding(self) -> np.ndarray:
-        """(joints,) 1 for a prismatic joint, else 0."""
-        return np.array([float(joint.kind == SLIDING) for joint in self.joints])
 
 
 def read_urdf(path: str | Path, tip: str = "") -> Chain:

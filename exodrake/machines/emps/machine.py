@@ -5,8 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cache
 
+import numpy as np
+
 from exodrake.core.loop import Controller, Gain, Loop
 from exodrake.core.machine import Column, Machine
+from exodrake.core.mechanism import Body, Chain, Drive, Joint, Mechanism
+from exodrake.core.robot import Robot
 from exodrake.core.segment import Segment
 from exodrake.core.signal import JOINTS, NORMAL, UNIFORM, Axes, Signal
 from exodrake.core.skeleton import axes_side_by_side
@@ -60,6 +64,22 @@ def noise_std(parameter: Callable[[str], float]) -> dict[str, float]:
     return {"position": parameter("scale.repeatability"), "force": parameter("drive.repeatability")}
 
 
+def mechanism(robot: Robot) -> Mechanism:
+    """The carriage under its cascade, as a position loop: kp kv and kv, both times the amplifier's gain."""
+    kv = robot["drive.gain"] * robot["drive.kv"]
+    axis = Joint(
+        "carriage", "prismatic", "", "carriage", np.zeros(3), np.zeros(3), np.array([1.0, 0.0, 0.0]),
+        damping=robot["carriage.viscous_friction.coefficient"], friction=robot["carriage.coulomb_friction.force"],
+    )  # fmt: skip
+    body = Body(robot["carriage.M"], np.zeros(3), robot["carriage.M"] * 0.01 * np.eye(3))
+    return Mechanism(
+        Chain(("carriage",), (axis,), (body,), np.zeros(3)), (Drive(robot["drive.kp"] * kv, kv),), 1e-4,
+        frozenset(("carriage.viscous_friction", "carriage.coulomb_friction")), gravity=0.0,
+        notes=("the drive computes once in 1 ms, with the difference of places over two frames as the speed",
+               "the inertia of the carriage about its centre is assumed; it does not turn"),
+    )  # fmt: skip
+
+
 @cache
 def machine() -> Machine:
     """The frictionless inertia under its drive, with every effect of its library at its null value."""
@@ -81,5 +101,6 @@ def machine() -> Machine:
         max_effects=4,
         reference_limits=("position_min", "position_max"),
         skeleton=lambda robot: axes_side_by_side(robot.machine.axes.joints, "position", "force", "x", sliding=True),
+        mechanism=mechanism,
         loop=LOOP,
     )

@@ -10,6 +10,7 @@ import numpy as np
 from exodrake.core.errors import InputError
 from exodrake.core.loop import Controller, Gain, Loop
 from exodrake.core.machine import Column, Machine, Observer
+from exodrake.core.mechanism import Body, Chain, Drive, Joint, Mechanism, Tendon
 from exodrake.core.robot import Robot
 from exodrake.core.segment import CommandLink, Imposed, Regime, Segment
 from exodrake.core.signal import JOINTS, NORMAL, SCALAR, TENDONS, UNIFORM, Axes, Delay, Signal
@@ -107,6 +108,42 @@ def skeleton(robot: Robot) -> Skeleton:
     lengths, radii = robot.channels("finger.length"), robot.channels("finger.radius")
     joints = robot.machine.axes.joints
     return Skeleton(joints, lengths, radii, HAND_END, tuple(pieces), tuple(routers), "angle", "tension")
+
+
+def mechanism(robot: Robot) -> Mechanism:
+    """The finger under its elastic tendons, which ideal motors wind in at the commanded speed."""
+    joints, tendons = robot.machine.axes.joints, robot.machine.axes.tendons
+    along, about = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
+    lengths, radii, masses = (robot.channels(f"finger.{name}") for name in ("length", "radius", "mass"))
+    ends = dict(zip(("lower", "upper"), (robot.channels("finger.q_e"), robot.channels("finger.q_f")), strict=True))
+    chain, bodies, drives = [], [], []
+    for i, (j, length, radius, mass) in enumerate(zip(joints, lengths, radii, masses, strict=True)):
+        across = mass * (radius**2 / 4.0 + length**2 / 12.0)  # of a solid cylinder
+        bodies.append(Body(mass, 0.5 * length * along, np.diag([0.5 * mass * radius**2, across, across])))
+        origin = lengths[i - 1] * along if i else np.zeros(3)
+        limits = {name: float(end[i]) for name, end in ends.items()}
+        chain.append(Joint(j, "revolute", "", j, origin, np.zeros(3), about, **limits, damping=robot[f"finger.B.{j}"]))
+        spring = robot[f"finger.kappa.{j}"] * robot[f"finger.stiffness.factor.{j}"]
+        drives.append(Drive(spring=spring, rest=robot[f"finger.q0.{j}"]))
+    winding = []
+    for j in tendons:
+        current = min(robot[f"motor.i_max.{j}"], robot[f"motor.current_limit.limit.{j}"])
+        winding.append(Tendon(
+            j, tuple(route(robot, j)), robot[f"tendon.k.{j}"], robot[f"tendon.viscous_friction.coefficient.{j}"],
+            robot[f"tendon.coulomb_friction.force.{j}"],
+            current * robot[f"motor.kM.{j}"] * robot["motor.N"] / robot[f"motor.r.{j}"],
+            robot["timing.command_latency.frames"] * robot.machine.frame,
+        ))  # fmt: skip
+    stated = ("finger.stiffness", "tendon.viscous_friction", "tendon.coulomb_friction", "motor.current_limit")
+    return Mechanism(
+        Chain(joints, tuple(chain), tuple(bodies), lengths[-1] * along), tuple(drives), robot.machine.slot,
+        frozenset((*stated, "timing.command_latency")), tuple(winding), radii=radii, gravity=0.0,
+        notes=(
+            "a motor winds its tendon in at the commanded speed at once: rotor, speed loop and sensors are left out",
+            "the end stops are hard at q_e and q_f, where those of the robot grow exponentially",
+            "the tension law is the user's: once a frame, speed = kp (reference - tension) - kd d(tension)/dt",
+        ),
+    )  # fmt: skip
 
 
 KP, KD = Gain("controller.kp", 1e-3, 0.03), Gain("controller.kd", 1e-6, 5e-4)  # m/(s N), m/N: range of the robot file
@@ -240,5 +277,6 @@ def machine() -> Machine:
         end_stops=("finger.q_f", "finger.q_e"),
         colours=COLOURS,
         skeleton=skeleton,
+        mechanism=mechanism,
         loop=LOOP,
     )

@@ -1,0 +1,108 @@
+"""`exodrake export`: a log in another file format or under its owner's names, or a robot for another simulator."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from exodrake.cli.options import AnyPath, log_in, robot_option
+
+if TYPE_CHECKING:
+    from exodrake.data.import_log import Mapped
+    from exodrake.data.log import Log
+
+
+@click.command()
+@click.argument("subject", required=False, default="", metavar="[LOG|ROBOT]")
+@click.option("--mjcf", "form", flag_value="mjcf", help="Write a robot as MJCF, for MuJoCo.")
+@click.option("--urdf", "form", flag_value="urdf", help="Write a robot as URDF.")
+@click.option("--isaac", "form", flag_value="isaac", help="Write a robot's actuators for Isaac Lab, as Python.")
+@robot_option()
+@click.option("--out", required=True, type=AnyPath(), help="File to write; a log's ending is its format.")
+@click.option("--map", "map_file", type=AnyPath(), default=None, metavar="FILE",
+              help="Write a log as text with the names and units of this mapping file.")  # fmt: skip
+@click.option("--start", type=float, default=None, help="Of a log: leave out rows before this time [s].")
+@click.option("--end", type=float, default=None, help="Of a log: leave out rows from this time on [s].")
+def command(
+    subject: str, form: str | None, robot: str, out: Path, map_file: Path | None,
+    start: float | None, end: float | None,
+) -> None:  # fmt: skip
+    """Turn a LOG into .mcap (Foxglove, PlotJuggler), .parquet, .mat, .npz, .csv or .csv.gz, or a ROBOT into MJCF,
+    URDF or actuators of Isaac Lab.
+
+    LOG is a log file, or a folder that `exodrake simulate` wrote. Every format holds the same columns in SI, and reads
+    back to the same bits.
+
+    ROBOT is a robot file or the name of a machine, as for --robot, and needs --mjcf, --urdf or --isaac. Its effects go
+    along; a comment in the file names what the format cannot state.
+    """  # noqa: D205 - click shows the first paragraph whole
+    from exodrake.core.errors import InputError
+    from exodrake.core.files import write_bytes
+    from exodrake.data.formats import read_log, write_log
+    from exodrake.data.import_log import read_mapping
+    from exodrake.machines.export import export_robot
+    from exodrake.machines.library import robot_yaml
+    from exodrake.machines.robot_file import load_robot
+
+    if form:
+        if map_file or start is not None or end is not None:
+            raise InputError("--map, --start and --end are of a log, and --mjcf, --urdf, --isaac of a robot")
+        found = load_robot(subject or robot)
+        export_robot(found, out, form)
+        effects = len(found.effects())
+        click.echo(f"{out}: {found.machine.name} with {effects} effect{'s' * (effects != 1)}")
+        return
+    if not subject or robot_yaml(subject) or Path(subject).suffix == ".yaml":
+        raise InputError("a robot is exported with --mjcf, --urdf or --isaac; else name a log")
+    table = read_log(log_in(Path(subject)))
+    first, last = float(table.time[0]), float(table.time[-1])
+    if start is not None or end is not None:
+        table = table.between(first if start is None else start, float("inf") if end is None else end)
+    if not len(table):
+        raise InputError(f"{subject}: no rows between --start and --end (the log runs from {first:g} to {last:g} s)")
+    if map_file:
+        write_bytes(out, owner_table(table, read_mapping(map_file), str(map_file)))
+    else:
+        write_log(table, out)
+    click.echo(f"{out}: {len(table)} rows, {len(table.columns)} columns")
+
+
+def owner_table(log: Log, mapped: Mapped, source: str) -> bytes:
+    """Columns of a log as text with the owner's names, units, separator and decimal point: a mapping read backwards.
+
+    Args:
+        log: in SI.
+        mapped: of its columns, those that the log has are written; readings that `wrap` stay continuous.
+        source: name of the mapping file.
+
+    Raises:
+        InputError: the mapping names no column of the log, or one whose scale or sign is 0.
+    """
+    import csv
+    import io
+
+    import numpy as np
+
+    from exodrake.core.errors import InputError
+    from exodrake.core.units import to_si
+
+    def foreign(values: np.ndarray, unit: str) -> np.ndarray:
+        return values / to_si(np.ones(1), unit, source)
+
+    columns = [column for column in mapped.columns if column.name in log.columns]
+    if not columns:
+        raise InputError(f"{source}: names no column of {log.source or 'the log'} ({', '.join(log.columns[:6])} ...)")
+    cells = [] if mapped.time is None else [foreign(log.time, mapped.time_unit)]
+    for column in columns:
+        if not column.scale * column.sign:
+            raise InputError(f"{source}: column {column.foreign!r} has a scale of 0, which has no inverse")
+        cells.append((foreign(log[column.name], column.unit) / column.sign - column.offset) / column.scale)
+    stream = io.StringIO(newline="")
+    writer = csv.writer(stream, delimiter=mapped.separator, lineterminator="\n")
+    if mapped.heading:
+        writer.writerow([*([] if mapped.time is None else [mapped.time]), *(column.foreign for column in columns)])
+    for row in np.column_stack(cells).tolist():
+        writer.writerow(["" if cell != cell else f"{cell:.12g}".replace(".", mapped.decimal) for cell in row])
+    return stream.getvalue().encode()
