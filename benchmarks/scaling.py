@@ -24,8 +24,7 @@ from time import process_time
 import click
 import numpy as np
 
-from exodrake.core.parallel import each
-from exodrake.core.threads import one_thread
+from exodrake.core.parallel import each, one_thread
 from exodrake.data.case import Case, CaseLog
 from exodrake.data.log import Log
 from exodrake.reference.cases import CasePlan

@@ -17,8 +17,8 @@ import numpy as np
 from exodrake.compiled.compose import compile_machine
 from exodrake.compiled.inputs import NOTHING, NoiseInputs, Reference, input_rows, prepared
 from exodrake.core.machine import signal_count, state_size
+from exodrake.core.parallel import side_by_side
 from exodrake.core.robot import Robot
-from exodrake.core.threads import side_by_side
 from exodrake.machines.robot_file import load_robot
 
 SPEED = "simulated s / s"

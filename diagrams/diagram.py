@@ -25,8 +25,7 @@ from pydrake.systems.primitives import Multiplexer, VectorLogSink
 
 from exodrake.compiled.inputs import NoiseInputs, Reference, input_rows, prepared
 from exodrake.core.errors import InputError, argument, nearest
-from exodrake.core.machine import Machine
-from exodrake.core.parameter import channels_of
+from exodrake.core.machine import Machine, channels_of
 from exodrake.core.robot import Robot
 from exodrake.diagrams.exo_index import add_exo_index
 from exodrake.machines.exo_index.machine import PARTS

@@ -126,7 +126,7 @@ def with_log(case: Case, spec: RobotSpec, reference: np.ndarray) -> Case:
 
 def ambiguous(folder: Path) -> list[Path]:
     """Cases of a set whose stored answer is ambiguous."""
-    from exodrake.core.json_file import read_json
+    from exodrake.core.schema import read_json
     from exodrake.reference.answers import ANSWER, cases_of
 
     answered = [case for case in cases_of(folder) if (case / ANSWER).is_file()]
@@ -182,8 +182,8 @@ def of_case(
     row: dict[str, Any], case: Path, labels: dict[str, Any], duration: float | None, motions: tuple[str, ...]
 ) -> Iterator[dict[str, Any]]:
     """Results of a case folder (`measured`)."""
-    from exodrake.core.json_file import read_json
-    from exodrake.core.threads import one_blas_thread
+    from exodrake.core.parallel import one_blas_thread
+    from exodrake.core.schema import read_json
     from exodrake.data.case import read_case
     from exodrake.diagnosis.problem import required_of
     from exodrake.machines.robot_file import load_robot

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import click
 
-from exodrake.core.threads import one_blas_thread
+from exodrake.core.parallel import one_blas_thread
 from exodrake.data.case import Case
 from exodrake.diagnosis.discovery.discover import discover
 from exodrake.diagnosis.discovery.law_code import laws_of

@@ -20,8 +20,8 @@ from typing import Any
 import click
 
 from exodrake.core.errors import InputError
+from exodrake.core.processes import ONE_THREAD
 from exodrake.core.provenance import configuration
-from exodrake.core.threads import ONE_THREAD
 from studies.page_text import made
 
 KERNELS = ("Haswell", "SkylakeX", "Sandybridge")  # AMD's Zen runs the code of Haswell in the wheels of numpy and scipy

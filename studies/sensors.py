@@ -43,7 +43,7 @@ def without(case: Case, hidden: tuple[str, ...]) -> Case:
 
 def computed(case: Case) -> dict[str, dict[str, str]]:
     """Effect -> sensors -> what the logs of a case would do of it, on the channel where they do best."""
-    from exodrake.core.threads import one_blas_thread
+    from exodrake.core.parallel import one_blas_thread
     from exodrake.machines.robot_file import load_robot
     from exodrake.preflight.identifiability import identifiability
 
@@ -61,7 +61,7 @@ def computed(case: Case) -> dict[str, dict[str, str]]:
 
 def measured(case: Case, hidden: tuple[str, ...]) -> dict[str, Any]:
     """Verdict of a case without some columns, and its causes with their rivals."""
-    from exodrake.core.threads import one_blas_thread
+    from exodrake.core.parallel import one_blas_thread
     from exodrake.diagnosis.isolation import isolate
     from exodrake.diagnosis.problem import make_problem
     from exodrake.diagnosis.verdict import decide

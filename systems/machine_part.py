@@ -12,9 +12,8 @@ import numpy as np
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues
 
 from exodrake.compiled.schedule import start_vectors
-from exodrake.core.part import Output, Part, Task
+from exodrake.core.part import NORMAL, Output, Part, Task
 from exodrake.core.robot import Robot
-from exodrake.core.signal import NORMAL
 from exodrake.systems.part import PartSystem
 
 

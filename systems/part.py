@@ -15,8 +15,7 @@ from pydrake.systems.framework import BasicVector, Context, DiscreteValues, Leaf
 from exodrake.compiled.compose import equations
 from exodrake.compiled.schedule import start_vectors
 from exodrake.core.errors import InputError, nearest
-from exodrake.core.machine import Machine
-from exodrake.core.parameter import channels_of
+from exodrake.core.machine import Machine, channels_of
 from exodrake.core.part import Part
 from exodrake.core.robot import Robot, drawn_deviation
 from exodrake.machines.robot_file import robot_or_default

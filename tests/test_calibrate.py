@@ -10,7 +10,7 @@ from scipy.stats import binomtest
 from exodrake.cli.main import cli
 from exodrake.compiled.inputs import Reference
 from exodrake.core.errors import InputError
-from exodrake.core.yaml_file import read_yaml
+from exodrake.core.schema import read_yaml
 from exodrake.data.case import Case, CaseLog, write_case
 from exodrake.diagnosis import calibration
 from exodrake.diagnosis.calibrate import Record, alike, calibrate, rates_of, record

@@ -8,7 +8,7 @@ from effects_motion import motion_of
 
 import exodrake as exo
 from exodrake.compiled.inputs import Reference
-from exodrake.core.threads import one_blas_thread
+from exodrake.core.parallel import one_blas_thread
 from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis.isolation import isolate
 from exodrake.diagnosis.localise import affected, conditions, explained, motion, remaining, since_reversal, sum_by_block

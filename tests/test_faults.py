@@ -175,7 +175,7 @@ def test_ctrl_c_within_a_destructor_is_not_lost():
 
 
 def test_the_process_that_reads_for_another_ends_with_it():
-    program = "from exodrake.core.child import in_child\nimport os, time\n"
+    program = "from exodrake.core.processes import in_child\nimport os, time\n"
     program += "print(in_child(os.getpid, source='', size=0), flush=True)\ntime.sleep(60)"
     process = start(program)
     reader = int(process.stdout.readline())

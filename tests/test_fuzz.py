@@ -9,7 +9,7 @@ from fuzzing import bounded, in_time, packed, run, spoilt_bytes, spoilt_page, sp
 from hypothesis import given, strategies as st
 
 import exodrake as exo
-from exodrake.core import child
+from exodrake.core import processes as child
 from exodrake.data.formats import formats
 from exodrake.identification.kinematics.markers import c3d_bytes, csv_bytes, read_markers
 from exodrake.identification.kinematics.synthetic import Faults, Hand, synthesise

@@ -9,7 +9,7 @@ import pytest
 from arm_folders import made
 
 import exodrake as exo
-from exodrake.core.threads import one_blas_thread
+from exodrake.core.parallel import one_blas_thread
 from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis.discovery import law_code
 from exodrake.diagnosis.discovery.discover import discover

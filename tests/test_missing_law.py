@@ -11,7 +11,7 @@ from scipy.stats import binomtest, multivariate_normal
 
 import exodrake as exo
 from exodrake.compiled.splice import state_indices
-from exodrake.core.threads import one_blas_thread
+from exodrake.core.parallel import one_blas_thread
 from exodrake.data.case import Case, CaseLog, write_case
 from exodrake.data.formats import read_log
 from exodrake.data.log import Log

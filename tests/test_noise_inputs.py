@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import kstest
 
 from exodrake.compiled.inputs import NoiseInputs
-from exodrake.core.signal import JOINTS, NORMAL, Signal
+from exodrake.core.part import JOINTS, NORMAL, Signal
 from exodrake.machines.robot_file import load_robot
 
 MACHINE = load_robot().machine

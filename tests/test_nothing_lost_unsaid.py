@@ -10,7 +10,7 @@ import pytest
 
 import exodrake as exo
 from exodrake.core.errors import InputError
-from exodrake.core.json_file import parse_json
+from exodrake.core.schema import parse_json
 from exodrake.data.import_log import Column, Mapped, frame_period, import_all, import_recording, read_mapping
 from exodrake.data.log import Log, regularise
 from exodrake.monitor.tail import Grid, Rows

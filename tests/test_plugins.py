@@ -275,8 +275,8 @@ def test_a_machine_of_an_installed_package_is_found_by_its_entry_point(puppet, t
 PUMP = {
     "machine.py": """
 from exodrake.core.machine import Column, Machine
-from exodrake.core.segment import Segment
-from exodrake.core.signal import JOINTS, NORMAL, Axes, Signal
+from exodrake.core.machine import Segment
+from exodrake.core.part import JOINTS, NORMAL, Axes, Signal
 from exodrake.machines.pump import leak, meter
 
 

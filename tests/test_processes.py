@@ -22,7 +22,7 @@ if __name__ == "__main__":
     print(sorted(outcome.value for outcome in each(double, [(1,), (2,)], jobs=2)))
 """
 BUSY = """
-from exodrake.core.child import in_child
+from exodrake.core.processes import in_child
 from tests.test_processes import say_and_stay
 in_child(say_and_stay, {pipe!r}, source="a", size=10**9)
 """

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from exodrake.core.errors import MAX_MESSAGE, InputError
-from exodrake.core.yaml_file import MAX_BYTES, dump_yaml, parse_yaml
+from exodrake.core.schema import MAX_BYTES, dump_yaml, parse_yaml
 from exodrake.data import case, import_log as mapping
 from exodrake.identification.kinematics import markers
 from exodrake.machines import robot_file

@@ -12,7 +12,7 @@ import pytest
 from fuzzing import packed, run
 
 import exodrake as exo
-from exodrake.core import child, files
+from exodrake.core import files, processes as child
 from exodrake.core.errors import MAX_MESSAGE
 from exodrake.core.parallel import attempt
 from exodrake.data import log as log_module

@@ -7,7 +7,7 @@ import numba
 import pytest
 from diagnosis_cases import FRAMES, case_of, robot_with
 
-from exodrake.core.threads import HELPERS, side_by_side
+from exodrake.core.parallel import HELPERS, side_by_side
 from exodrake.diagnosis.isolation import isolate
 from exodrake.diagnosis.problem import make_problem
 from exodrake.machines.robot_file import load_robot

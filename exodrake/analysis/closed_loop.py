@@ -25,10 +25,9 @@ from exodrake.analysis.margins import (
 )
 from exodrake.analysis.responses import FrequencyResponse, StepResponse, frequency_response, step_response
 from exodrake.analysis.robustness import Band, Robustness, robustness
-from exodrake.core.errors import argument
+from exodrake.core.errors import argument, short_repr
 from exodrake.core.plain import plain
 from exodrake.core.robot import Robot
-from exodrake.core.text import short_repr
 
 if TYPE_CHECKING:
     import control

@@ -18,11 +18,9 @@ import numpy as np
 from exodrake.compiled.compose import compile_machine
 from exodrake.compiled.inputs import NOTHING, NoiseInputs, input_rows, prepared, reference_width
 from exodrake.core.errors import InputError, nearest
-from exodrake.core.loop import Loop
-from exodrake.core.machine import Machine, signal_count, state_size
-from exodrake.core.parameter import full_name
+from exodrake.core.machine import Loop, Machine, full_name, signal_count, state_size
+from exodrake.core.part import NORMAL
 from exodrake.core.robot import Robot
-from exodrake.core.signal import NORMAL
 
 
 @dataclass(frozen=True)

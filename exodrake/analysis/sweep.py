@@ -16,10 +16,10 @@ import numpy as np
 from exodrake.analysis.robustness import within_intervals, within_tolerances
 from exodrake.compiled.inputs import Reference
 from exodrake.core.errors import InputError, argument
+from exodrake.core.parallel import side_by_side
 from exodrake.core.plain import to_dict
 from exodrake.core.progress import Count, no_progress
 from exodrake.core.robot import Robot
-from exodrake.core.threads import side_by_side
 from exodrake.core.units import quantity
 from exodrake.data.log import Log
 from exodrake.data.plot import STYLE, new_figure

@@ -37,10 +37,9 @@ from exodrake.analysis.linear_model import (
 from exodrake.analysis.margins import controller_states, open_loop, plant_response, structured_bound
 from exodrake.analysis.responses import BAND, StepResponse, step_response
 from exodrake.analysis.robustness import Band, band, points_band, within_tolerances
-from exodrake.core.errors import InputError, argument
-from exodrake.core.loop import Controller
+from exodrake.core.errors import InputError, argument, short_repr
+from exodrake.core.machine import Controller
 from exodrake.core.robot import Robot
-from exodrake.core.text import short_repr
 
 FREQUENCIES, FRAMES = 120, 300  # of the disk margin; of a step
 DESIGN_SEED, JUDGE_SEED = 1, 2  # of the robots that the search sees, and of others that judge its answer

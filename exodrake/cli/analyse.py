@@ -117,7 +117,7 @@ def bands_of(robot: Robot, at: dict[str, float] | str | None, draws: int, answer
 
 def answer_of(path: Path | None) -> Any:
     """Content of a diagnosis file, or None. InputError if the file is not JSON."""
-    from exodrake.core.json_file import read_json
+    from exodrake.core.schema import read_json
 
     return None if path is None else read_json(path)
 

@@ -39,7 +39,7 @@ def command(case: Path, robot: str, only: str, without: str, figure: Path | None
     CASE is a folder of logs or one log. The effects are judged on its references alone, by simulating each of them at a
     typical size on the nominal robot; the measured values are not fitted.
     """
-    from exodrake.core.threads import one_blas_thread
+    from exodrake.core.parallel import one_blas_thread
     from exodrake.machines.robot_file import load_robot
     from exodrake.preflight.check import figure_of, preflight
 

@@ -85,7 +85,7 @@ def command(
     if jobs is not None:
         import numba
 
-        from exodrake.core.threads import thread_limit
+        from exodrake.core.parallel import thread_limit
 
         numba.set_num_threads(min(jobs, numba.config.NUMBA_NUM_THREADS))  # pyright: ignore
         thread_limit(count=jobs)

@@ -48,8 +48,8 @@ def command(
     motion is the one on which they differ most after each is fitted to it, safe on every one of them. Its log, saved as
     experiment.csv in the folder of the case, decides the next diagnosis.
     """
+    from exodrake.core.parallel import one_blas_thread
     from exodrake.core.progress import stages
-    from exodrake.core.threads import one_blas_thread
     from exodrake.data.formats import log_bytes
     from exodrake.experiment.answer import in_play
     from exodrake.experiment.contest import contest_of

@@ -35,8 +35,8 @@ def command(
     from exodrake.analysis.sweep import plot_sweep, sweep
     from exodrake.cli.analyse import robot_of
     from exodrake.core.errors import InputError
-    from exodrake.core.json_file import read_json
     from exodrake.core.progress import counted
+    from exodrake.core.schema import read_json
     from exodrake.data.plot import png_of
     from exodrake.report.terminal import table
     from exodrake.simulation.references import from_log

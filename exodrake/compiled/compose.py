@@ -17,8 +17,7 @@ from exodrake.compiled.cache import load_text, once
 from exodrake.compiled.schedule import generate_equations, generate_frame
 from exodrake.compiled.splice import compose_point, generate_effects
 from exodrake.core.machine import Machine
-from exodrake.core.part import Part, module_name, part_modules, prefix
-from exodrake.core.signal import SCALAR
+from exodrake.core.part import SCALAR, Part, module_name, part_modules, prefix
 
 # Functions of parts allocate nothing. Without reference counts an array costs a call nothing, with them some 10 ns.
 PLAIN, INLINED = "@njit(_nrt=False)\n", "@njit(_nrt=False, forceinline=True)\n"

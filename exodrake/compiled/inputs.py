@@ -7,11 +7,10 @@ from zlib import crc32
 
 import numpy as np
 
-from exodrake.core.errors import InputError
+from exodrake.core.errors import InputError, short_repr
 from exodrake.core.machine import Machine
+from exodrake.core.part import NORMAL, Signal
 from exodrake.core.robot import Robot
-from exodrake.core.signal import NORMAL, Signal
-from exodrake.core.text import short_repr
 
 
 @short_repr

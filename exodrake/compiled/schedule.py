@@ -11,9 +11,8 @@ from collections.abc import Container
 from inspect import signature
 
 from exodrake.compiled.inputs import feed_places, reading_places
-from exodrake.core.machine import Machine, feedthrough_order
+from exodrake.core.machine import Imposed, Machine, Segment, feedthrough_order
 from exodrake.core.part import Output, Part, prefix
-from exodrake.core.segment import Imposed, Segment
 
 IMPOSED = "feed, rate, fixed, readings, targets, gains"
 

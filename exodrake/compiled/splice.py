@@ -13,8 +13,7 @@ import math
 from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.errors import InputError
 from exodrake.core.machine import Machine
-from exodrake.core.part import Part, Point, module_name, prefix
-from exodrake.core.signal import SCALAR
+from exodrake.core.part import SCALAR, Part, Point, module_name, prefix
 
 
 def generate_effects(machine: Machine, part: Part) -> str:

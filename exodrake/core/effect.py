@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from functools import partial
 from inspect import cleandoc
 
-from exodrake.core.part import State
-from exodrake.core.signal import JOINTS, SCALAR, TENDONS
+from exodrake.core.part import JOINTS, SCALAR, TENDONS, State
 
 
 @dataclass(frozen=True)

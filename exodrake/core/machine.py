@@ -1,6 +1,12 @@
 """A machine: parts joined by signals, a schedule of tasks in slots, an effect library and what its logs hold.
 
 Making one checks signals, schedule and effects.
+
+Parameters of a machine, and their tolerances.
+
+What a machine declares for replay, localisation and monitoring: segments, regime and command link.
+
+What an analysis of a closed loop needs to know of a machine: signals, gains, controllers, operating points.
 """
 
 from __future__ import annotations
@@ -13,18 +19,217 @@ from typing import TYPE_CHECKING
 
 from exodrake.core.effect import Effect
 from exodrake.core.errors import InputError, nearest
-from exodrake.core.loop import Loop
-from exodrake.core.parameter import ParameterInfo, Tolerance, channels_of, full_name
-from exodrake.core.part import Field, Part, State, module_name, part_modules
-from exodrake.core.segment import CommandLink, Regime, Segment
-from exodrake.core.signal import Axes, Signal
+from exodrake.core.part import Axes, Field, Part, Signal, State, module_name, part_modules
 
 if TYPE_CHECKING:
     from exodrake.core.mechanism import Mechanism
     from exodrake.core.robot import Robot
     from exodrake.core.skeleton import Shape, Skeleton
-from exodrake.core.part import Task, points_of
-from exodrake.core.signal import Delay
+from collections.abc import Sequence
+
+from exodrake.core.part import Delay, Task, points_of
+
+
+@dataclass(frozen=True)
+class ParameterInfo:
+    """A parameter: full name, SI unit, part that owns it, and null value if it is an effect's."""
+
+    name: str
+    unit: str
+    part: str
+    null: float | None = None
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """Parameters that differ a little from one machine to the next of its kind.
+
+    Attributes:
+        parameters: patterns, each naming one parameter, or several that err together; {w} and {j} stand for every
+            tendon and joint.
+        transform: "relative" (times 1 + x), "additive" (plus x) or "log" (times exp x).
+        prior_std: standard deviation of x.
+        max_deviation: largest |x|; beyond it a parameter is not the nominal one any more.
+    """
+
+    parameters: tuple[str, ...]
+    transform: str
+    prior_std: float
+    max_deviation: float
+
+    def in_words(self, unit: str = "") -> str:
+        """Standard deviation and largest deviation as text; unit: of the parameter, after a blank."""
+        std, most = self.prior_std, self.max_deviation
+        if self.transform == "relative":
+            return f"±{100 * std:g} %, at most {100 * most:g} %"
+        return f"±{std:g}{unit}, at most {most:g}" if self.transform == "additive" else f"factor e^±{std:g}"
+
+
+def full_name(*words: str) -> str:
+    """Words joined by dots, empty ones left out."""
+    return ".".join(word for word in words if word)
+
+
+def channels_of(name: str, names: Sequence[str]) -> list[int]:
+    """Places of a parameter among full names: its own, else those of its channels; none of an unknown one."""
+    if name in names:
+        return [names.index(name)]
+    return [i for i, full in enumerate(names) if full.rpartition(".")[0] == name]
+
+
+def expanded(pattern: str, axes: Axes) -> list[str]:
+    """The pattern for each tendon {w} or joint {j} that it names."""
+    for mark, channels in (("{w}", axes.tendons), ("{j}", axes.joints)):
+        if mark in pattern:
+            return [pattern.replace(mark, channel) for channel in channels]
+    return [pattern]
+
+
+@dataclass(frozen=True)
+class Imposed:
+    """A signal that carries the measured output of a fixed segment.
+
+    Attributes:
+        signal: name of the signal.
+        rate: whether it carries the rate of change of the output instead of its value.
+        gain: factor on value or rate.
+        low: lower bound of the value before the gain.
+        part: the only part whose plant update reads the signal so; empty: every part.
+    """
+
+    signal: str
+    rate: bool = False
+    gain: float = 1.0
+    low: float | None = None
+    part: str = ""
+
+
+@dataclass(frozen=True)
+class Segment:
+    """What lies between measured signals. A segment is fixed by imposing its measured output on the other segments.
+
+    Attributes:
+        name: name in reports.
+        output: column kind in which the segment ends.
+        inputs: column kinds from which the output follows.
+        imposed: signals that carry the measured output while the segment is fixed; the column's signal if empty.
+        parameters: values [SI] that parameters (names without channel) take while the segment is fixed.
+        hold: part and function `f(x, z, n, e, output)` that moves its state to the measured output after each tick.
+        sampled: time of the reading after the start of its frame [s]; the output runs straight through it at its rate.
+            None: the output is held over the frame.
+        exact: whether the segment is software of known law: never a suspect, and fed with unsmoothed readings.
+        contents: parts that it holds, for reports.
+    """
+
+    name: str
+    output: str
+    inputs: tuple[str, ...] = ()
+    imposed: tuple[Imposed, ...] = ()
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    hold: tuple[str, str] | None = None
+    sampled: float | None = None
+    exact: bool = False
+    contents: str = ""
+
+
+@dataclass(frozen=True)
+class Regime:
+    """Measured signals by which the frames of a gap are sorted: motion, load and slackness of a channel.
+
+    Attributes:
+        position: column kind whose rate of change is the motion.
+        load: column kind of the load.
+        joint: column kind of the joint position, or "".
+        still: speed below which a channel counts as at rest [unit of the position / s].
+        slack: load below which a channel counts as slack [unit of the load].
+    """
+
+    position: str
+    load: str
+    joint: str
+    still: float
+    slack: float
+
+
+@dataclass(frozen=True)
+class CommandLink:
+    """A link on which speed commands may be lost, and the drive whose output shows a loss.
+
+    Attributes:
+        command, output: column kinds of the command and of the position that the drive moves.
+        received: signal that the drive reads: the last command that arrived.
+        part: the drive; its other inputs are measured, as the segments impose them.
+        moved: signal of the position.
+    """
+
+    command: str
+    output: str
+    received: str
+    part: str
+    moved: str
+
+
+@dataclass(frozen=True)
+class Gain:
+    """A gain of the controller: parameter (name without channel), and the reach of maps and searches [its unit]."""
+
+    parameter: str
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Controller:
+    """A structure of the controller that can be tuned: which gains are searched, which parameters have other values.
+
+    Attributes:
+        name: as in reports.
+        gains: searched on logarithmic scales, between bounds above 0.
+        fixed: values [SI] of further parameters, by name without channel.
+        compliance: parameters that take the columns of the loop's static compliance d(actuated)/d(output), or ().
+    """
+
+    name: str
+    gains: tuple[Gain, ...]
+    fixed: Mapping[str, float] = field(default_factory=dict)
+    compliance: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Loop:
+    """The closed loop of a machine: one controller, run once a frame, with a command and a reading for each channel.
+
+    Attributes:
+        reference, command: signals into and out of the controller.
+        output, measured: signals of the controlled quantity itself and of its reading.
+        actuated: signal that the command's integral moves, for the static compliance; "" where there is none.
+        part: name of the controller among the parts.
+        held: its state that holds the command until the next.
+        gains: the two of the stability map.
+        gentle: gains that bring a loop to rest whose own do not.
+        step: of a reference, large against noise and small against the limits [unit of the reference].
+        points: operating points: name -> channel -> reference [SI]; the first is the machine's own.
+        controllers: structures that `tune` compares.
+        latency: parameter (without channel) of a latency of the command in frames; "" where there is none.
+        resolution: parameter by which the reading is rounded; "" where it is not.
+        nonlinear: effects of which limit cycles are predicted, beside the rounding: id -> values [SI] not at default.
+    """
+
+    reference: str
+    command: str
+    output: str
+    measured: str
+    part: str
+    held: str
+    gains: tuple[Gain, Gain]
+    gentle: Mapping[str, float]
+    step: float
+    points: Mapping[str, Mapping[str, float]]
+    controllers: tuple[Controller, ...] = ()
+    actuated: str = ""
+    latency: str = ""
+    resolution: str = ""
+    nonlinear: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,14 @@
 A module in `physics/` or `effects/` holds plain functions over floats, small tuples and arrays. `compiled.compose`
 copies those of a machine into one module that numba compiles; the same functions serve the Drake leaves and the
 compiled simulator.
+
+Signals between parts, and the channels that they run over.
+
+Free laws that may be missing at a point of a part: a curve, or a memory, whose shape is fitted to logs.
+
+A free law adds `factor f(variable)` to the value that passes the point, with a free curve f, or a sum of elements that
+remember how the variable moved. Texts are source code in the arguments of the point. A part declares the laws of its
+points (`Point.laws`); a point without a declaration gets a curve over each of its arguments.
 """
 
 from __future__ import annotations
@@ -13,10 +21,99 @@ from dataclasses import dataclass, field
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from types import ModuleType
-from typing import get_args, get_type_hints
+from typing import NamedTuple, get_args, get_type_hints
 
-from exodrake.core.free_law import FreeLaw
-from exodrake.core.signal import SCALAR
+TENDONS, JOINTS, SCALAR = "tendons", "joints", ""
+NORMAL, UNIFORM = "standard normal", "uniform in 0 .. 1"
+
+
+@dataclass(frozen=True)
+class Signal:
+    """A named signal between parts: a Drake port and, where it has a log column, a column family.
+
+    `distribution` of a noise input: `NORMAL` or `UNIFORM`.
+    """
+
+    name: str
+    unit: str
+    axis: str
+    distribution: str = ""
+
+
+@dataclass(frozen=True)
+class Delay:
+    """How late the samples of a measured signal are, as the log shows them.
+
+    Attributes:
+        signal: the delay of each sample [s].
+        noise_input: noise that is added to a sample after the delay.
+        noise_std: parameter that scales this noise.
+    """
+
+    signal: str
+    noise_input: str
+    noise_std: str
+
+
+class Axes(NamedTuple):
+    """Names of a machine's tendons and joints."""
+
+    tendons: tuple[str, ...]
+    joints: tuple[str, ...]
+
+    def of(self, axis: str) -> tuple[str, ...]:
+        """Channel names of `TENDONS` or `JOINTS`; one empty name for `SCALAR`."""
+        return {TENDONS: self.tendons, JOINTS: self.joints, SCALAR: ("",)}[axis]
+
+
+CURVE, PLACE, HYSTERESIS, RELAXATION = "curve", "place", "hysteresis", "relaxation"
+
+
+@dataclass(frozen=True)
+class FreeLaw:
+    """One free law at a point.
+
+    Attributes:
+        words: what the curve gives, over what: "friction over speed".
+        variable: u, as source of the point's arguments; of a law with memory, of those of the point `advances`.
+        unit: of u.
+        factor: what multiplies f(u), as source; "" for 1.
+        kind: curve of u, of the place that the moves of u add up to, or memory: hysteresis or relaxation.
+        advances: name of the point at which the states of a law with memory advance.
+        moves: whether the variable of a law with memory is already a change within the tick.
+        fine: whether knots lie close together near 0, where the law may jump.
+        result: how the law acts on the value, with `law` for the sum of factor and curve; "" for value + law.
+        rate: point that takes the rate of this value, and its result there, with `slope` for f'(u).
+    """
+
+    words: str
+    variable: str
+    unit: str
+    factor: str = ""
+    kind: str = CURVE
+    advances: str = ""
+    moves: bool = False
+    fine: bool = False
+    result: str = ""
+    rate: tuple[str, str, str] = ("", "", "")
+
+    @property
+    def is_curve(self) -> bool:
+        """Whether the law is a curve, of a variable or of a place."""
+        return self.kind in (CURVE, PLACE)
+
+
+def free_curve(words: str, variable: str, unit: str, factor: str = "", fine: bool = False, result: str = "") -> FreeLaw:
+    """A free curve of a variable."""
+    return FreeLaw(words, variable, unit, factor, fine=fine, result=result)
+
+
+def free_memory(
+    words: str, variable: str, unit: str, advances: str, factor: str = "", moves: bool = False
+) -> tuple[FreeLaw, FreeLaw]:
+    """Hysteresis and relaxation of a variable."""
+    hysteresis = FreeLaw(f"hysteresis {words}", variable, unit, factor, HYSTERESIS, advances, moves)
+    return hysteresis, FreeLaw(f"relaxation {words}", variable, unit, factor, RELAXATION, advances, moves)
 
 
 @dataclass(frozen=True)

@@ -1,13 +1,132 @@
-"""Processes that this one starts: they import nothing from the current folder, and end when this one does."""
+"""Processes that this one starts: they import nothing from the current folder, and end when this one does.
+
+Calls in a process of their own: a file that crashes a reader, or never ends in it, costs that file alone.
+
+    variables = in_child(parse, data, source, source=source, size=len(data))
+
+The process has limits of memory and processor time. It stays for the next call, and ends with the process that
+started it.
+"""
 
 from __future__ import annotations
 
+import math
 import os
+import resource
+import signal
+import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from multiprocessing import Pipe
+from multiprocessing.connection import Connection
+from threading import Lock
+from typing import Any
+
+from exodrake.core.errors import InputError
+
+ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA", "VECLIB_MAXIMUM")}
+
+
+CPU_TIME = 6.0  # s, assumed: of the processor, for a small file; readers take milliseconds
+PATIENCE = 20.0  # assumed: of the clock for one of those, on a busy machine or in a reader that waits
+BYTES_PER_SECOND = 2e6  # assumed: a tenth of what the slowest reader does
+MEMORY = 2 << 30  # bytes of address space; a log of the size that is read takes a tenth
+_lock = Lock()
+_child: Child | None = None
+
+
+def in_child[T](function: Callable[..., T], *arguments: Any, source: str, size: int) -> T:
+    """Calls a function in the child process.
+
+    Args:
+        function: one that a module of this package defines.
+        arguments: of the call, sent by value, as its result is.
+        source: the file it reads, for messages.
+        size: of that file [bytes]; a larger one may take longer.
+
+    Raises:
+        InputError: as the function does, or naming the file if the call crashes, takes too long or too much memory.
+    """
+    global _child
+    with _lock:
+        if _child is None or not _child.usable():
+            _child = Child()
+        try:
+            answer = _child.call(function, arguments, CPU_TIME + size / BYTES_PER_SECOND)
+        except BaseException as error:
+            _child.end()
+            if isinstance(error, TimeoutError):
+                raise InputError(f"{source}: not read: its reader does not come to an end") from None
+            if isinstance(error, EOFError | OSError):
+                raise InputError(f"{source}: not read: its reader crashes on it, so the file is damaged") from None
+            raise
+    if isinstance(answer, MemoryError):
+        raise InputError(f"{source}: not read: its content takes more than {MEMORY >> 30} GB of memory")
+    if isinstance(answer, Exception):
+        raise answer
+    return answer
+
+
+class Child:
+    """A process that takes calls one by one."""
+
+    def __init__(self) -> None:
+        self.pipe, theirs = Pipe()
+        self.owner = os.getpid()
+        command = python_command("-m", "exodrake.core.processes", str(theirs.fileno()), str(self.owner))
+        silent: dict[str, Any] = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
+        environment = python_environment() | ONE_THREAD
+        self.process = subprocess.Popen(command, pass_fds=[theirs.fileno()], env=environment, **silent)
+        theirs.close()
+
+    def usable(self) -> bool:
+        """Whether it runs, and belongs to this process: after a fork it is the parent's."""
+        return self.owner == os.getpid() and self.process.poll() is None
+
+    def call(self, function: Callable[..., Any], arguments: tuple, time_limit: float) -> Any:
+        """The result of a call, or the exception it raised. TimeoutError; EOFError or OSError if the process ends."""
+        self.pipe.send((function, arguments, time_limit))
+        if not self.pipe.poll(PATIENCE * time_limit):
+            raise TimeoutError
+        try:
+            return self.pipe.recv()
+        except EOFError:
+            if self.process.wait() == -signal.SIGXCPU:
+                raise TimeoutError from None
+            raise
+
+    def end(self) -> None:
+        """Ends the process at once."""
+        self.process.kill()
+        self.process.wait()
+        self.pipe.close()
+
+
+def serve(pipe: Connection) -> None:
+    """Answers calls until the other end is closed."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's matter
+    for limit, most in ((resource.RLIMIT_AS, MEMORY), (resource.RLIMIT_CORE, 0)):
+        with suppress(ValueError, OSError):  # a lower limit is in force, or the system has none
+            resource.setrlimit(limit, (most, most))
+    with suppress(EOFError, OSError):
+        while True:
+            pipe.send(answered(*pipe.recv()))
+
+
+def answered(function: Callable[..., Any], arguments: tuple, time_limit: float) -> Any:
+    """Result or exception of a call. The system ends the process after the time, even if the parent is gone."""
+    used = sum(resource.getrusage(resource.RUSAGE_SELF)[:2])
+    _, most = resource.getrlimit(resource.RLIMIT_CPU)
+    wanted = math.ceil(used + time_limit)
+    resource.setrlimit(resource.RLIMIT_CPU, (wanted if most < 0 else min(wanted, most), most))
+    try:
+        return function(*arguments)
+    except Exception as error:
+        return error
+
 
 SAFE_PATH = {"PYTHONSAFEPATH": "1"}  # `python -m` and `-c` would look for modules in the current folder first
 LOOK = 0.5  # s between two looks at whether the parent is there: assumed
@@ -47,3 +166,8 @@ def end_with(parent: int) -> None:
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True, name="parent").start()
+
+
+if __name__ == "__main__":
+    end_with(int(sys.argv[2]))
+    serve(Connection(int(sys.argv[1])))

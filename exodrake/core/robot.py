@@ -16,10 +16,8 @@ import numpy as np
 
 from exodrake.core.display import in_words
 from exodrake.core.effect import Effect
-from exodrake.core.errors import InputError, nearest
-from exodrake.core.machine import Machine
-from exodrake.core.parameter import Tolerance, expanded
-from exodrake.core.text import short_repr
+from exodrake.core.errors import InputError, nearest, short_repr
+from exodrake.core.machine import Machine, Tolerance, expanded
 from exodrake.core.units import UNITS, conversion, quantity, to_si
 
 # units that people have in mind when they give a bare number, likely ones first

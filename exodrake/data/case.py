@@ -30,12 +30,22 @@ from datetime import UTC, datetime, time
 from pathlib import Path
 from typing import Any
 
-from exodrake.core.errors import InputError, argument, printable
+from exodrake.core.errors import InputError, argument, printable, short_repr
 from exodrake.core.files import is_file, is_folder, read_bytes, sha256_of, write_folder
 from exodrake.core.plain import plain
-from exodrake.core.schema import anything, listing, mapping, names, number, optional, refusal, shown, text
-from exodrake.core.text import short_repr
-from exodrake.core.yaml_file import dump_yaml, read_yaml
+from exodrake.core.schema import (
+    anything,
+    dump_yaml,
+    listing,
+    mapping,
+    names,
+    number,
+    optional,
+    read_yaml,
+    refusal,
+    shown,
+    text,
+)
 from exodrake.data.formats import ending, log_bytes, read_log, read_table, stem
 from exodrake.data.log import MODEL, Log, check_columns, regularise
 

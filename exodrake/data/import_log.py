@@ -39,12 +39,22 @@ from typing import Any
 
 import numpy as np
 
-from exodrake.core.errors import InputError, nearest
+from exodrake.core.errors import InputError, nearest, plural
 from exodrake.core.files import is_folder, read_bytes
-from exodrake.core.schema import flag, inside, listing, mapping, names, number, optional, refusal, text, whole
-from exodrake.core.text import plural
+from exodrake.core.schema import (
+    flag,
+    inside,
+    listing,
+    mapping,
+    names,
+    number,
+    optional,
+    read_yaml,
+    refusal,
+    text,
+    whole,
+)
 from exodrake.core.units import check_unit, si_unit, to_si
-from exodrake.core.yaml_file import read_yaml
 from exodrake.data.formats import ending, read_log, stem
 from exodrake.data.log import (
     LONGEST,

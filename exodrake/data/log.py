@@ -21,8 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from exodrake.core.errors import InputError, argument
-from exodrake.core.text import short_repr
+from exodrake.core.errors import InputError, argument, short_repr
 from exodrake.core.units import KINDS, check_unit, default_unit, kind_of, to_si
 
 if TYPE_CHECKING:

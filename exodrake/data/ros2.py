@@ -21,7 +21,7 @@ import numpy as np
 
 from exodrake.core.errors import InputError
 from exodrake.core.files import is_folder, read_bytes
-from exodrake.core.json_file import parse_json
+from exodrake.core.schema import parse_json
 from exodrake.data.formats import read_apart
 from exodrake.data.formats.mcap import is_log
 

@@ -20,10 +20,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from exodrake.core.child import in_child
 from exodrake.core.errors import InputError
 from exodrake.core.files import is_file, read_bytes
-from exodrake.core.json_file import parse_json, read_json
+from exodrake.core.processes import in_child
+from exodrake.core.schema import parse_json, read_json
 from exodrake.data.formats import mat, mcap, npz, parquet
 from exodrake.data.formats.csv import unpack
 from exodrake.data.log import MAX_COLUMNS, check_size, refuse_doubled

@@ -11,8 +11,20 @@ from pathlib import Path
 from typing import Any
 
 from exodrake.core.errors import InputError, printable
-from exodrake.core.json_file import read_json
-from exodrake.core.schema import Schema, anything, flag, having, listing, names, number, optional, refusal, shown, text
+from exodrake.core.schema import (
+    Schema,
+    anything,
+    flag,
+    having,
+    listing,
+    names,
+    number,
+    optional,
+    read_json,
+    refusal,
+    shown,
+    text,
+)
 from exodrake.data.case import date_of
 
 WORD = re.compile(r"[A-Z][A-Z_]{0,30}")

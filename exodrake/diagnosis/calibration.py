@@ -12,8 +12,7 @@ from typing import Any
 from exodrake.core.confidence import binomial_interval
 from exodrake.core.machine import Machine
 from exodrake.core.provenance import configuration
-from exodrake.core.schema import mapping, number, text
-from exodrake.core.yaml_file import dump_yaml, read_yaml
+from exodrake.core.schema import dump_yaml, mapping, number, read_yaml, text
 from exodrake.machines.library import machine_folders
 
 FILE = "calibration.yaml"  # in the folder of the machine

@@ -19,7 +19,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from exodrake.core.machine import Machine
-from exodrake.core.threads import side_by_side
+from exodrake.core.parallel import side_by_side
 from exodrake.diagnosis.likelihood import Likelihood
 from exodrake.diagnosis.linear import LinearModel, bounded
 from exodrake.diagnosis.linearise import Probe, nominal_jacobian, with_effects

@@ -28,11 +28,11 @@ from typing import Any
 
 import numpy as np
 
-from exodrake.core.child import in_child
 from exodrake.core.confidence import ALPHA
 from exodrake.core.errors import InputError, printable
 from exodrake.core.files import is_file, is_folder, read_bytes
-from exodrake.core.json_file import read_json
+from exodrake.core.processes import in_child
+from exodrake.core.schema import read_json
 from exodrake.data.formats.parquet import parse_rows, pyarrow_of
 from exodrake.diagnosis.answer import check_answer
 from exodrake.diagnosis.change_point import DAY, DRAWS, LEAST, Change, ChangePoint

@@ -24,7 +24,7 @@ import numpy as np
 
 from exodrake.core.confidence import NORMAL_90
 from exodrake.core.effect import SHAPE_STD, Effect
-from exodrake.core.signal import SCALAR, TENDONS
+from exodrake.core.part import SCALAR, TENDONS
 from exodrake.diagnosis.gap import Interval
 from exodrake.diagnosis.parameter import Parameter
 from exodrake.diagnosis.result import NamedEffect

@@ -28,8 +28,8 @@ from threading import Lock
 import numpy as np
 from numba import njit
 
+from exodrake.core.parallel import side_by_side
 from exodrake.core.robot import Robot
-from exodrake.core.threads import side_by_side
 from exodrake.diagnosis.parameter import apply, nominal_parameters
 from exodrake.diagnosis.problem import Problem, Trial, by_trial
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from exodrake.core.effect import Effect
 from exodrake.core.machine import Machine
-from exodrake.core.threads import side_by_side
+from exodrake.core.parallel import side_by_side
 from exodrake.diagnosis.likelihood import Likelihood
 from exodrake.diagnosis.parameter import STEP, Parameter, apply, effect_parameters, fixed_parameters
 from exodrake.diagnosis.problem import Problem

@@ -17,7 +17,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from exodrake.core.signal import JOINTS, SCALAR, TENDONS
+from exodrake.core.part import JOINTS, SCALAR, TENDONS
 from exodrake.diagnosis.filters import filled
 from exodrake.diagnosis.gap import Where
 from exodrake.diagnosis.intervals import describe, fitted_effects

@@ -15,10 +15,10 @@ from typing import Any
 
 from exodrake.core.errors import InputError
 from exodrake.core.files import write_folder, write_text
-from exodrake.core.json_file import read_json
 from exodrake.core.parallel import Outcome, each
 from exodrake.core.progress import Count, no_progress
 from exodrake.core.provenance import configuration, described, robot_digest
+from exodrake.core.schema import read_json
 from exodrake.data.case import Case, read_case
 from exodrake.diagnosis.answer import check_answer
 from exodrake.machines.robot_file import load_robot

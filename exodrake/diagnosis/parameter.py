@@ -16,8 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from exodrake.core.effect import Effect, EffectParameter
-from exodrake.core.machine import Machine
-from exodrake.core.parameter import expanded
+from exodrake.core.machine import Machine, expanded
 from exodrake.core.robot import Robot, position
 
 # of a scale, for difference quotients: a robot without noise and quantisation is smooth, and where parameters

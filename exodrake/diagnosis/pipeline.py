@@ -11,10 +11,10 @@ import numpy as np
 
 from exodrake.core.display import in_words
 from exodrake.core.errors import printable, shortened
+from exodrake.core.parallel import one_blas_thread
+from exodrake.core.part import JOINTS, TENDONS
 from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.core.robot import Robot
-from exodrake.core.signal import JOINTS, TENDONS
-from exodrake.core.threads import one_blas_thread
 from exodrake.data.case import Case, gather_logs, read_case
 from exodrake.data.log import Log
 from exodrake.diagnosis.calibration import calibration_notes

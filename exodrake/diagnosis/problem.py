@@ -22,8 +22,8 @@ from exodrake.compiled.compose import compile_machine
 from exodrake.compiled.inputs import NOTHING, NoiseInputs, input_rows, prepared
 from exodrake.core.errors import InputError
 from exodrake.core.machine import Machine, signal_count, state_size
+from exodrake.core.parallel import side_by_side
 from exodrake.core.robot import Robot
-from exodrake.core.threads import side_by_side
 from exodrake.data.case import EXPERIMENT, Case, CaseLog
 from exodrake.diagnosis.checks import check_case, without_short_logs
 from exodrake.diagnosis.checks.compare import compare

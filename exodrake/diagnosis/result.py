@@ -6,9 +6,9 @@ from dataclasses import dataclass, field, fields
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from exodrake.core.errors import short_repr
 from exodrake.core.plain import plain
 from exodrake.core.robot import Robot
-from exodrake.core.text import short_repr
 from exodrake.diagnosis.gap import Closure, Interval, Where
 from exodrake.machines.robot_file import robot_text
 

@@ -16,8 +16,8 @@ from functools import partial
 import numpy as np
 
 from exodrake.core.effect import Effect
+from exodrake.core.parallel import side_by_side
 from exodrake.core.progress import Stage, StageProgress, no_progress
-from exodrake.core.threads import side_by_side
 from exodrake.diagnosis.fit import (
     Explanation,
     Predicted,

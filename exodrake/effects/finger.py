@@ -6,8 +6,7 @@ At `finger.external` a law takes and returns the torques on all joints; bones: (
 from math import cos, inf, pi, sin
 
 from exodrake.core.effect import ANY_SHAPE, Effect, EffectParameter, per_joint, per_tendon
-from exodrake.core.part import State
-from exodrake.core.signal import JOINTS, TENDONS
+from exodrake.core.part import JOINTS, TENDONS, State
 from exodrake.effects.friction import bent
 from exodrake.effects.signal import relaxed, shifted
 

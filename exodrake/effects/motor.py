@@ -3,8 +3,7 @@
 from math import copysign, floor, inf
 
 from exodrake.core.effect import Effect, EffectParameter, per_tendon
-from exodrake.core.part import State
-from exodrake.core.signal import TENDONS
+from exodrake.core.part import TENDONS, State
 from exodrake.effects.friction import bent, spring, yielded
 
 HARD = 0.01  # knee below which the current is clipped [-]

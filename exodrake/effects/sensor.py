@@ -3,8 +3,7 @@
 from math import exp, pi
 
 from exodrake.core.effect import ANY_SHAPE, Effect, per_tendon
-from exodrake.core.part import State
-from exodrake.core.signal import TENDONS
+from exodrake.core.part import TENDONS, State
 from exodrake.effects.friction import bent, spring, yielded
 from exodrake.effects.signal import drifted, mixed, relaxed, scaled, shifted
 from exodrake.physics.sensor import followed

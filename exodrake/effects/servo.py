@@ -3,8 +3,7 @@
 from math import cos, exp, inf
 
 from exodrake.core.effect import Effect, per_joint
-from exodrake.core.part import State
-from exodrake.core.signal import JOINTS
+from exodrake.core.part import JOINTS, State
 from exodrake.effects.friction import bent, turned
 from exodrake.effects.signal import clipped, mixed, rests, scaled, shifted
 

@@ -8,8 +8,7 @@ stores is let go as its wire goes slack and must be wound up again: its deflecti
 from math import exp, expm1, inf
 
 from exodrake.core.effect import ANY_SHAPE, Effect, per_tendon
-from exodrake.core.part import State
-from exodrake.core.signal import TENDONS
+from exodrake.core.part import TENDONS, State
 from exodrake.effects.friction import bent, bristle_force, deflected, level, spring, turned, yielded
 from exodrake.effects.signal import relaxed
 from exodrake.physics.tendon import grip

@@ -54,9 +54,8 @@ from sklearn.gaussian_process.kernels import (
 )
 
 from exodrake.core.confidence import NORMAL_95
-from exodrake.core.errors import InputError
-from exodrake.core.text import short_repr
-from exodrake.core.threads import thread_limit
+from exodrake.core.errors import InputError, short_repr
+from exodrake.core.parallel import thread_limit
 from exodrake.estimator.dataset import Sweeps
 from exodrake.physics.gp_estimator import Weights, predict_rows
 

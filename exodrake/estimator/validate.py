@@ -14,7 +14,7 @@ import numpy as np
 
 from exodrake.core.confidence import NORMAL_95
 from exodrake.core.errors import InputError
-from exodrake.core.threads import thread_limit
+from exodrake.core.parallel import thread_limit
 from exodrake.data.log import Log
 from exodrake.estimator.dataset import Sweeps, session_of
 from exodrake.estimator.gp import POINTS, Estimator, Prior, Zeros, condition

@@ -7,10 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from exodrake.core.errors import InputError
-from exodrake.core.json_file import read_json
 from exodrake.core.progress import StageProgress, no_progress
 from exodrake.core.robot import Robot
-from exodrake.core.schema import having, listing, names, number, text
+from exodrake.core.schema import having, listing, names, number, read_json, text
 from exodrake.data.case import read_case
 from exodrake.diagnosis.many import ANSWER
 from exodrake.diagnosis.problem import Problem, make_problem, required_of

@@ -24,8 +24,8 @@ from functools import partial
 import numpy as np
 
 from exodrake.compiled.inputs import Reference
+from exodrake.core.errors import short_repr
 from exodrake.core.robot import Robot
-from exodrake.core.text import short_repr
 from exodrake.data.log import Log
 from exodrake.grasping.hand import Candidates, Hand, Mode, bounds, candidates, check_size, joints, mode_of
 from exodrake.machines.robot_file import robot_or_default

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from exodrake.core.errors import InputError, argument
+from exodrake.core.part import Axes
 from exodrake.core.robot import Robot
-from exodrake.core.signal import Axes
 from exodrake.data.log import Log
 from exodrake.grasping.plan import Plan, stiffness
 from exodrake.physics.finger_statics import arms, parameters_of

@@ -25,10 +25,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from exodrake.core.errors import InputError, argument
+from exodrake.core.errors import InputError, argument, markdown_table
 from exodrake.core.plain import to_dict
 from exodrake.core.robot import Robot
-from exodrake.core.text import markdown_table
 from exodrake.core.units import quantity
 from exodrake.data.case import LogSource, gather_logs
 from exodrake.data.log import Log

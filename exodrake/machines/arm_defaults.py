@@ -10,9 +10,8 @@ import numpy as np
 from exodrake.core.effect import Effect
 from exodrake.core.machine import Column
 from exodrake.core.mechanism import GRAVITY, Body, Chain, Drive, Joint, Mechanism
-from exodrake.core.part import Part
+from exodrake.core.part import JOINTS, NORMAL, UNIFORM, Part, Signal
 from exodrake.core.robot import Robot
-from exodrake.core.signal import JOINTS, NORMAL, UNIFORM, Signal
 from exodrake.core.skeleton import Shape
 from exodrake.effects import effects_of
 from exodrake.physics import rigid_arm

@@ -13,11 +13,9 @@ from dataclasses import replace
 import numpy as np
 
 from exodrake.core.effect import Effect
-from exodrake.core.machine import Column, Machine
+from exodrake.core.machine import Column, Machine, Segment
 from exodrake.core.mechanism import Chain
-from exodrake.core.part import Output, Part, Task
-from exodrake.core.segment import Segment
-from exodrake.core.signal import JOINTS, Axes, Signal
+from exodrake.core.part import JOINTS, Axes, Output, Part, Signal, Task
 from exodrake.effects import friction
 from exodrake.machines.arm_defaults import (
     BANDWIDTH,

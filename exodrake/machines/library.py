@@ -19,10 +19,9 @@ from types import ModuleType
 import exodrake.machines
 from exodrake.core import plugins
 from exodrake.core.errors import InputError, nearest
-from exodrake.core.machine import Machine
-from exodrake.core.parameter import Tolerance
+from exodrake.core.machine import Machine, Tolerance
+from exodrake.core.schema import read_yaml
 from exodrake.core.units import add_kind
-from exodrake.core.yaml_file import read_yaml
 from exodrake.data.case import Case
 
 

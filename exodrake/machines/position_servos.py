@@ -8,12 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from exodrake.core.effect import Effect
-from exodrake.core.machine import Column, Machine
+from exodrake.core.machine import Column, Machine, Segment
 from exodrake.core.mechanism import Body, Chain, Drive, Joint, Mechanism
-from exodrake.core.part import Part
+from exodrake.core.part import JOINTS, NORMAL, SCALAR, UNIFORM, Axes, Part, Signal
 from exodrake.core.robot import Robot
-from exodrake.core.segment import Segment
-from exodrake.core.signal import JOINTS, NORMAL, SCALAR, UNIFORM, Axes, Signal
 from exodrake.core.skeleton import axes_side_by_side
 from exodrake.effects import LIBRARY, for_machine, generic_effects, in_order, plugin_effects
 from exodrake.effects.servo import lagging, limited

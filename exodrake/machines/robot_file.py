@@ -28,13 +28,22 @@ import numpy as np
 
 from exodrake.core.errors import InputError, argument, nearest
 from exodrake.core.files import is_file, read_bytes, write_text
-from exodrake.core.machine import Machine
-from exodrake.core.parameter import Tolerance
+from exodrake.core.machine import Machine, Tolerance
+from exodrake.core.part import TENDONS
 from exodrake.core.robot import Robot, flatten, refuse_negative
-from exodrake.core.schema import anything, either, listing, mapping, names, number, optional, text
-from exodrake.core.signal import TENDONS
+from exodrake.core.schema import (
+    anything,
+    dump_yaml,
+    either,
+    listing,
+    mapping,
+    names,
+    number,
+    optional,
+    parse_yaml,
+    text,
+)
 from exodrake.core.units import quantity
-from exodrake.core.yaml_file import dump_yaml, parse_yaml
 from exodrake.machines.library import machine_named, robot_files, robot_yaml
 
 TRANSFORMS = ("relative", "additive", "log")

@@ -16,12 +16,10 @@ from typing import Any
 import numpy as np
 
 from exodrake.core.errors import InputError
-from exodrake.core.loop import Controller, Gain, Loop
-from exodrake.core.machine import Machine
+from exodrake.core.machine import Controller, Gain, Loop, Machine, Segment
 from exodrake.core.mechanism import Chain
+from exodrake.core.part import JOINTS, Axes, Signal
 from exodrake.core.schema import mapping, number, text
-from exodrake.core.segment import Segment
-from exodrake.core.signal import JOINTS, Axes, Signal
 from exodrake.machines.arm_defaults import (
     SWING,
     both_std,

@@ -32,7 +32,7 @@ from exodrake.core.machine import Machine
 from exodrake.core.parallel import each
 from exodrake.core.progress import counted
 from exodrake.core.robot import Robot
-from exodrake.core.yaml_file import read_yaml
+from exodrake.core.schema import read_yaml
 from exodrake.diagnosis.change_point import LEAST, ChangePoint
 from exodrake.diagnosis.healthy import healthy_robot
 from exodrake.machines.library import machine_folders

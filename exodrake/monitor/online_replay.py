@@ -12,9 +12,8 @@ import numpy as np
 
 from exodrake.compiled.inputs import NOTHING, NoiseInputs, input_rows, prepared, reading_places, reference_width
 from exodrake.compiled.run import Replay
-from exodrake.core.machine import Machine, signal_count
+from exodrake.core.machine import Machine, Segment, signal_count
 from exodrake.core.robot import Robot
-from exodrake.core.segment import Segment
 from exodrake.simulation.simulate import cubic
 
 LOOP = "loop"

@@ -6,8 +6,7 @@ The friction family (`sliding.*`) acts on each joint. Link frames, axes and iner
 import sys
 from typing import Annotated
 
-from exodrake.core.part import Point, Unit
-from exodrake.core.signal import JOINTS, SCALAR
+from exodrake.core.part import JOINTS, SCALAR, Point, Unit
 from exodrake.physics.rigid_arm import add_point, in_base, load, place
 
 

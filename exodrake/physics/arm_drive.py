@@ -8,8 +8,7 @@ K and D are the gains of each joint, kp and kd factors on all of them; the deriv
 import sys
 from typing import NamedTuple
 
-from exodrake.core.part import Output, Part, State, Task
-from exodrake.core.signal import JOINTS
+from exodrake.core.part import JOINTS, Output, Part, State, Task
 from exodrake.physics.arm import body, fields
 from exodrake.physics.rigid_arm import WIDTH, WRENCH, downwards, effort, gather, move
 

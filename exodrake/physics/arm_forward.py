@@ -11,8 +11,7 @@ the drives. Beyond its limits a link meets a spring and a damper, which push it 
 import sys
 from typing import NamedTuple
 
-from exodrake.core.part import Output, Part, State, Task
-from exodrake.core.signal import JOINTS
+from exodrake.core.part import JOINTS, Output, Part, State, Task
 from exodrake.physics.arm import braked, fields, geared, link, points, pushed, settle, sprung
 from exodrake.physics.rigid_arm import WIDTH, WRENCH, downwards, effort, gather, invert, mass_matrix, move
 from exodrake.physics.scalar_laws import slowed

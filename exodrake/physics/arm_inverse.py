@@ -9,8 +9,7 @@ smaller one uncertain.
 import sys
 from typing import NamedTuple
 
-from exodrake.core.part import Output, Part, State, Task
-from exodrake.core.signal import JOINTS
+from exodrake.core.part import JOINTS, Output, Part, State, Task
 from exodrake.physics.arm import braked, fields, geared, link, points, pushed, seen, settle
 from exodrake.physics.rigid_arm import WIDTH, WRENCH, downwards, effort, gather, move
 from exodrake.physics.scalar_laws import slowed

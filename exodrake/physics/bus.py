@@ -3,8 +3,7 @@
 import sys
 from typing import NamedTuple
 
-from exodrake.core.part import Output, Part, Point, State, Task
-from exodrake.core.signal import TENDONS
+from exodrake.core.part import TENDONS, Output, Part, Point, State, Task
 
 
 class Parameters(NamedTuple):

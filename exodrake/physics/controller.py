@@ -13,8 +13,7 @@ each tendon takes in for a newton more on tendon k. Lags are backward difference
 import sys
 from typing import Annotated, NamedTuple
 
-from exodrake.core.part import Output, Part, State, Task, Unit
-from exodrake.core.signal import SCALAR, TENDONS
+from exodrake.core.part import SCALAR, TENDONS, Output, Part, State, Task, Unit
 
 
 class Parameters(NamedTuple):

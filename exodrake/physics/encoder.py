@@ -3,9 +3,7 @@
 import sys
 from typing import Annotated, NamedTuple
 
-from exodrake.core.free_law import free_curve
-from exodrake.core.part import Output, Part, Point, State, Task, Unit
-from exodrake.core.signal import TENDONS
+from exodrake.core.part import TENDONS, Output, Part, Point, State, Task, Unit, free_curve
 from exodrake.physics.scalar_laws import rounded
 
 

@@ -8,9 +8,7 @@ What the model leaves out sits where a joint aims, how it follows, and what its 
 import sys
 from typing import Annotated, NamedTuple
 
-from exodrake.core.free_law import free_curve, free_memory
-from exodrake.core.part import Output, Part, Point, State, Task, Unit
-from exodrake.core.signal import JOINTS, SCALAR
+from exodrake.core.part import JOINTS, SCALAR, Output, Part, Point, State, Task, Unit, free_curve, free_memory
 
 
 class Parameters(NamedTuple):

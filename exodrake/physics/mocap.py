@@ -6,9 +6,7 @@ Where its clock and the controller's meet, a picture may be late: the log takes 
 import sys
 from typing import Annotated, NamedTuple
 
-from exodrake.core.free_law import free_curve
-from exodrake.core.part import Output, Part, Point, State, Task, Unit
-from exodrake.core.signal import JOINTS, SCALAR
+from exodrake.core.part import JOINTS, SCALAR, Output, Part, Point, State, Task, Unit, free_curve
 
 
 class Parameters(NamedTuple):

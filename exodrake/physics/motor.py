@@ -10,9 +10,7 @@ Integrated by the classical Runge-Kutta rule over one tick with command and tens
 import sys
 from typing import Annotated, NamedTuple
 
-from exodrake.core.free_law import FreeLaw, free_curve, free_memory
-from exodrake.core.part import Output, Part, Point, State, Task, Unit
-from exodrake.core.signal import TENDONS
+from exodrake.core.part import TENDONS, FreeLaw, Output, Part, Point, State, Task, Unit, free_curve, free_memory
 
 
 class Parameters(NamedTuple):

@@ -7,8 +7,7 @@ of its own for each signal that it measures: `sensor("reading", "angle", unit="r
 from types import ModuleType
 from typing import Annotated, NamedTuple
 
-from exodrake.core.part import Output, Part, Point, State, Task, Unit, module_of_file
-from exodrake.core.signal import JOINTS
+from exodrake.core.part import JOINTS, Output, Part, Point, State, Task, Unit, module_of_file
 from exodrake.physics.scalar_laws import rounded
 
 

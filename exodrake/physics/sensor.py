@@ -9,9 +9,7 @@ import sys
 from math import exp
 from typing import Annotated, NamedTuple
 
-from exodrake.core.free_law import free_curve, free_memory
-from exodrake.core.part import Output, Part, Point, State, Task, Unit
-from exodrake.core.signal import SCALAR, TENDONS
+from exodrake.core.part import SCALAR, TENDONS, Output, Part, Point, State, Task, Unit, free_curve, free_memory
 from exodrake.physics.scalar_laws import rounded
 
 

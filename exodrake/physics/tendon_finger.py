@@ -11,9 +11,7 @@ import sys
 from math import cos, sin
 from typing import Annotated, NamedTuple
 
-from exodrake.core.free_law import free_curve, free_memory
-from exodrake.core.part import Output, Part, Point, State, Task, Unit
-from exodrake.core.signal import JOINTS, SCALAR, TENDONS
+from exodrake.core.part import JOINTS, SCALAR, TENDONS, Output, Part, Point, State, Task, Unit, free_curve, free_memory
 from exodrake.physics import finger, tendon, wire_paths
 from exodrake.physics.finger import coriolis, external_with_slope, inertia, mass_matrix, passive_with_slope, relax
 from exodrake.physics.routers import applied_arm

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from exodrake.core.errors import short_repr
 from exodrake.core.robot import Robot
-from exodrake.core.text import short_repr
 from exodrake.data.case import Case, read_case
 from exodrake.data.plot import STYLE, new_figure, png_of
 from exodrake.diagnosis.calibration import calibration_notes

@@ -15,10 +15,9 @@ from typing import Any
 
 from exodrake.core.errors import InputError
 from exodrake.core.files import read_bytes, write_text
-from exodrake.core.json_file import read_json
 from exodrake.core.progress import Count, no_progress
 from exodrake.core.provenance import described
-from exodrake.core.schema import anything, flag, having, listing, names, number, optional, text
+from exodrake.core.schema import anything, flag, having, listing, names, number, optional, read_json, text
 from exodrake.diagnosis.many import ANSWER, FAILED, diagnose_all
 from exodrake.reference.cases import VISIBLE
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from exodrake.core.text import markdown_table, plural
+from exodrake.core.errors import markdown_table, plural
 from exodrake.reference.answers import FAILURE, Answered, read_answers, read_labels
 from exodrake.reference.measures import (
     Paired,

@@ -18,8 +18,7 @@ from urllib.parse import quote
 import numpy as np
 
 from exodrake import __version__
-from exodrake.core.errors import printable
-from exodrake.core.text import plural
+from exodrake.core.errors import plural, printable
 from exodrake.diagnosis.change_point import DAY, RAMP, STEP
 from exodrake.diagnosis.fleet import FAILURE, Row, Trend, trends
 from exodrake.diagnosis.gap import Interval

@@ -10,8 +10,8 @@ import numpy as np
 
 from exodrake.core.display import SYMBOLS, Display, display_of, shown_unit
 from exodrake.core.effect import Effect
+from exodrake.core.errors import plural
 from exodrake.core.machine import Machine
-from exodrake.core.text import plural
 from exodrake.diagnosis.gap import Interval, SignalGap
 from exodrake.diagnosis.result import (
     AMBIGUOUS,

@@ -12,8 +12,8 @@ import numpy as np
 from exodrake.compiled.inputs import Reference
 from exodrake.core.errors import InputError, nearest
 from exodrake.core.machine import Machine
+from exodrake.core.part import TENDONS
 from exodrake.core.robot import Robot
-from exodrake.core.signal import TENDONS
 from exodrake.core.units import quantity
 from exodrake.data.formats import read_log
 from exodrake.data.log import Log

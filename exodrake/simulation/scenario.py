@@ -22,9 +22,8 @@ from exodrake.compiled.inputs import Reference
 from exodrake.core.errors import InputError, nearest
 from exodrake.core.files import is_file, read_bytes
 from exodrake.core.robot import Robot
-from exodrake.core.schema import anything, mapping, optional, text
+from exodrake.core.schema import anything, dump_yaml, mapping, optional, parse_yaml, read_yaml, text
 from exodrake.core.units import quantity
-from exodrake.core.yaml_file import dump_yaml, parse_yaml, read_yaml
 from exodrake.data.log import CHANGED, MODEL, Log
 from exodrake.machines.robot_file import EFFECTS, PARAMETERS, VARIANTS, build, load_robot
 from exodrake.simulation.references import from_log, protocol, split_options

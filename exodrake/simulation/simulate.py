@@ -10,10 +10,9 @@ import numpy as np
 
 from exodrake.compiled.inputs import NoiseInputs, Reference, prepared, reference_width
 from exodrake.compiled.run import run_compiled
-from exodrake.core.errors import InputError, argument
+from exodrake.core.errors import InputError, argument, short_repr
 from exodrake.core.machine import Machine
 from exodrake.core.robot import Robot
-from exodrake.core.text import short_repr
 from exodrake.data.log import CHANGED, MODEL, Log
 from exodrake.simulation.references import protocol
 

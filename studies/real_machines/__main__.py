@@ -26,8 +26,8 @@ def main(data: Path, out: Path, only: tuple[str, ...]) -> None:
     import yaml
 
     matplotlib.use("Agg")
+    from exodrake.core.errors import markdown_table
     from exodrake.core.files import write_text
-    from exodrake.core.text import markdown_table
     from exodrake.machines.robot_file import write_robot
     from studies.real_machines.exam import exam
     from studies.real_machines.page import page, verdict

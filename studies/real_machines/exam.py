@@ -14,9 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
-from exodrake.core.errors import InputError
+from exodrake.core.errors import InputError, markdown_table
 from exodrake.core.robot import Robot
-from exodrake.core.text import markdown_table
 from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis.pipeline import diagnose
 from exodrake.diagnosis.result import CAUSE, Diagnosis

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from exodrake.core.text import markdown_table
+from exodrake.core.errors import markdown_table
 from exodrake.diagnosis.gap import Interval
 from exodrake.diagnosis.result import Diagnosis
 from studies.real_machines.exam import Mark, table

@@ -16,7 +16,7 @@ import numpy as np
 
 from exodrake.compiled.inputs import Reference
 from exodrake.core.errors import InputError
-from exodrake.core.loop import Controller
+from exodrake.core.machine import Controller
 from exodrake.core.robot import Robot
 from exodrake.reference.cases import grasps, holds
 from exodrake.reference.robot import NOMINAL, TENSION_MAX, WIRES, Protocol

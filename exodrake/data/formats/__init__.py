@@ -15,9 +15,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from exodrake.core import plugins
-from exodrake.core.child import in_child
 from exodrake.core.errors import InputError, argument
 from exodrake.core.files import is_file, is_folder, read_bytes, refuse_special, write_bytes
+from exodrake.core.processes import in_child
 from exodrake.data.log import CHANGED, MODEL, Log, check_clock, check_columns, check_writable
 
 plugins.extend(__path__, "data/formats")

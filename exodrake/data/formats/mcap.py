@@ -15,7 +15,7 @@ import numpy as np
 
 from exodrake.core.errors import InputError
 from exodrake.core.files import first_bytes
-from exodrake.core.json_file import parse_json
+from exodrake.core.schema import parse_json
 from exodrake.core.units import kind_of
 from exodrake.data.formats import read_apart
 from exodrake.data.log import Log, heading, log_from_columns, refuse_doubled

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from exodrake.diagnosis.problem import Problem, Trial
 from exodrake.compiled.compose import compile_machine
 from exodrake.compiled.schedule import outer_reads
-from exodrake.core.segment import CommandLink
+from exodrake.core.machine import CommandLink
 
 ENTER, STAY = 12.0, 1.0  # -log of the probabilities that a run of losses begins at a change (6e-6), and goes on (0.4)
 PATHS, FAR = 6, 40.0  # most paths at a time; a path that costs so much more than the best is given up

@@ -13,9 +13,9 @@ import numpy as np
 
 from exodrake.compiled.compose import compile_machine
 from exodrake.compiled.inputs import NOTHING, NoiseInputs, input_rows
-from exodrake.core.free_law import HYSTERESIS, RELAXATION, FreeLaw
 from exodrake.core.machine import Machine, signal_count, state_size
-from exodrake.core.threads import side_by_side
+from exodrake.core.parallel import side_by_side
+from exodrake.core.part import HYSTERESIS, RELAXATION, FreeLaw
 from exodrake.diagnosis.discovery.law_code import COUNTS, KNOTS, SIZE, WATCHED, WEIGHTS, LawPoint
 from exodrake.diagnosis.parameter import Parameter
 from exodrake.diagnosis.problem import Problem, Trial

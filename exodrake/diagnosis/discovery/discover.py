@@ -16,11 +16,11 @@ from functools import cached_property, partial
 import numpy as np
 
 from exodrake.core.confidence import ALPHA, NORMAL_90
-from exodrake.core.free_law import HYSTERESIS, RELAXATION
 from exodrake.core.machine import Machine
+from exodrake.core.parallel import side_by_side
+from exodrake.core.part import HYSTERESIS, RELAXATION
 from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.core.robot import Robot
-from exodrake.core.threads import side_by_side
 from exodrake.diagnosis.closure import measure
 from exodrake.diagnosis.discovery.candidates import Candidate, candidates, counted
 from exodrake.diagnosis.discovery.formula import formulas

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from exodrake.core.free_law import HYSTERESIS
+from exodrake.core.part import HYSTERESIS
 from exodrake.diagnosis.discovery.candidates import Candidate
 from exodrake.diagnosis.discovery.law_code import SIZE
 from exodrake.diagnosis.linear import RIDGE, Reduced

@@ -18,9 +18,19 @@ import numpy as np
 from exodrake.compiled.cache import cache_folder, once, write_if_different
 from exodrake.core.effect import Effect
 from exodrake.core.files import write_text
-from exodrake.core.free_law import HYSTERESIS, PLACE, RELAXATION, FreeLaw, free_curve, free_memory
 from exodrake.core.machine import Machine
-from exodrake.core.part import Part, Point, module_name, module_of_file
+from exodrake.core.part import (
+    HYSTERESIS,
+    PLACE,
+    RELAXATION,
+    FreeLaw,
+    Part,
+    Point,
+    free_curve,
+    free_memory,
+    module_name,
+    module_of_file,
+)
 from exodrake.core.robot import Robot
 from exodrake.machines.robot_file import robot_text
 

@@ -29,12 +29,11 @@ from typing import Any
 
 import numpy as np
 
-from exodrake.core.child import in_child
 from exodrake.core.errors import InputError
 from exodrake.core.files import read_bytes
-from exodrake.core.schema import listing, mapping, optional, text
+from exodrake.core.processes import in_child
+from exodrake.core.schema import listing, mapping, optional, read_yaml, text
 from exodrake.core.units import si_unit, to_si
-from exodrake.core.yaml_file import read_yaml
 
 SEGMENTS = ("base", "proximal", "middle", "distal")
 JOINTS = ("MCP", "PIP", "DIP")

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
+from exodrake.core.errors import markdown_table
 from exodrake.core.files import write_folder
-from exodrake.core.text import markdown_table
 from exodrake.data.plot import new_figure, png_of
 from exodrake.identification.kinematics.identify import Joint, Kinematics
 from exodrake.identification.kinematics.markers import SEGMENTS

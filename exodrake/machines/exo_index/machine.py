@@ -8,12 +8,21 @@ from functools import cache
 import numpy as np
 
 from exodrake.core.errors import InputError
-from exodrake.core.loop import Controller, Gain, Loop
-from exodrake.core.machine import Column, Machine, Observer
+from exodrake.core.machine import (
+    Column,
+    CommandLink,
+    Controller,
+    Gain,
+    Imposed,
+    Loop,
+    Machine,
+    Observer,
+    Regime,
+    Segment,
+)
 from exodrake.core.mechanism import Body, Chain, Drive, Joint, Mechanism, Tendon
+from exodrake.core.part import JOINTS, NORMAL, SCALAR, TENDONS, UNIFORM, Axes, Delay, Signal
 from exodrake.core.robot import Robot
-from exodrake.core.segment import CommandLink, Imposed, Regime, Segment
-from exodrake.core.signal import JOINTS, NORMAL, SCALAR, TENDONS, UNIFORM, Axes, Delay, Signal
 from exodrake.core.skeleton import Piece, Skeleton
 from exodrake.effects import effects_of
 from exodrake.physics import (
