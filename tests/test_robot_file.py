@@ -1,8 +1,12 @@
 """A robot file: what is written is what is read, and what is wrong is refused by file and key."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 import yaml
+from command_line import run
 
 import exodrake as exo
 from exodrake.core.errors import InputError
@@ -109,7 +113,7 @@ def test_a_number_with_a_bare_exponent_is_a_number(tmp_path):
 @pytest.mark.parametrize(
     ("content", "parts"),
     [
-        ("base: robot.yaml", ["no robot file"]),
+        ("base: absent.yaml", ["no robot file"]),
         ("[1, 2", ["line 1", "not YAML"]),
         ("\x00", ["not YAML"]),
         ("", ["nothing"]),
@@ -184,3 +188,18 @@ def test_answers_are_told_apart_for_robots_that_differ_in_more_than_parameters(t
     np.testing.assert_array_equal(one.values, other.values)
     assert robot_digest(one) == robot_digest(again) != robot_digest(other)
     assert configured(str(tmp_path / "a.yaml")) != configured(str(tmp_path / "b.yaml"))
+
+
+def test_a_robot_of_a_machine_of_ones_own_stands_alone_beside_its_folder(tmp_path, monkeypatch):
+    """In another process, which knows of the machine by its folder alone; a fitted effect keeps its source."""
+    monkeypatch.setenv("EXODRAKE_PLUGINS", "")
+    assert run("new-machine", tmp_path / "lone_servo", "--joints", "J1,J2").exit_code == 0
+    (tmp_path / "worn.yaml").write_text(
+        "base: lone_servo\neffects: {servo.play: {half_width: {value: {J2: 0.02}, source: fitted to b}}}\n"
+    )
+    (tmp_path / "far.yaml").write_text("base: worn.yaml\nparameters: {servo.ratio.J1: 0.9}\n")
+    code = f"import exodrake as exo; exo.write_robot(exo.load_robot({str(tmp_path / 'far.yaml')!r}), 'all.yaml')"
+    subprocess.run([sys.executable, "-c", code], check=True, cwd=tmp_path)
+    back = exo.load_robot(tmp_path / "all.yaml")
+    assert back.effects() == {"servo.play": {"half_width": {"J1": 0.0, "J2": 0.02}}} and back["servo.ratio.J1"] == 0.9
+    assert back.parameters()["servo.play.half_width.J2"].source == "fitted to b"

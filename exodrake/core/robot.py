@@ -89,7 +89,8 @@ def stated_parameters(robot: Robot) -> dict[str, StatedParameter]:
             for i in robot.machine.effect_indices(identity, p.name).values():
                 name, value = machine.parameters[i].name, float(robot.values[i])
                 low, high = (p.low, p.high) if value != p.null else (-math.inf, math.inf)
-                found[name] = StatedParameter(name, value, p.unit, low, high, None, effect.source, identity)
+                source = robot.sources.get(name) or effect.source
+                found[name] = StatedParameter(name, value, p.unit, low, high, None, source, identity)
     return found
 
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
+from datetime import UTC, datetime
 
 import numpy as np
 
@@ -38,7 +39,8 @@ def robot_of(problem: Problem, values: np.ndarray, found_in: str) -> Robot:
     """
     nominal = problem.robot
     changed = values != replace(problem, detected=()).silent()
-    sources = {e.name: f"fitted to {found_in}" for e, c in zip(nominal.machine.parameters, changed, strict=True) if c}
+    source = f"fitted to {found_in} on {datetime.now(UTC):%Y-%m-%d}"
+    sources = {e.name: source for e, c in zip(nominal.machine.parameters, changed, strict=True) if c}
     return replace(nominal, values=np.where(changed, values, nominal.values), sources={**nominal.sources, **sources})
 
 

@@ -92,8 +92,10 @@ def mjcf(mechanism: Mechanism) -> Element:
     SubElement(root, "compiler", angle="radian", eulerseq="XYZ", autolimits="true")
     SubElement(root, "option", timestep=text(mechanism.step), gravity=text([0.0, 0.0, 0.0 - mechanism.gravity]),
                integrator="implicitfast")  # fmt: skip
-    SubElement(SubElement(root, "default"), "geom", contype="0", conaffinity="0", mass="0")
-    base = SubElement(SubElement(root, "worldbody"), "body", name="base", euler=text([*mechanism.tilt, 0.0]))
+    default, world = SubElement(root, "default"), SubElement(root, "worldbody")
+    SubElement(default, "geom", contype="0", conaffinity="0", mass="0", rgba="0.7 0.75 0.8 0.5")
+    SubElement(world, "light", directional="true", pos="0 0 3", ambient="0.4 0.4 0.4")
+    base = SubElement(world, "body", name="base", euler=text([*mechanism.tilt, 0.0]))
     tendons, actuators = Element("tendon"), Element("actuator")
     stiff = text([2.0 * mechanism.step, 1.0])  # the stiffest constraint that MuJoCo keeps stable, critically damped
     bodies, ends = [base], [*(joint.origin for joint in chain.joints[1:]), chain.tip]
@@ -142,7 +144,7 @@ def mjcf(mechanism: Mechanism) -> Element:
         inertial(held, Body(mechanism.payload, np.zeros(3), TINY * np.eye(3)))
     for tendon in mechanism.tendons:
         drag = attributes(damping=tendon.damping, frictionloss=tendon.friction)
-        cable = SubElement(tendons, "spatial", drag, name=tendon.name)
+        cable = SubElement(tendons, "spatial", drag, name=tendon.name, width=text(0.1 * thin), rgba="0.8 0.3 0 1")
         for k, (segment, point) in enumerate(tendon.points):
             SubElement(bodies[segment], "site", name=f"{tendon.name}_{k}", pos=text(point), size=text(0.1 * thin))
             SubElement(cable, "site", site=f"{tendon.name}_{k}")

@@ -11,8 +11,9 @@ A file either holds all parameters (`machines/exo_index/robot.yaml`) or names a 
 
 Numbers are in SI, or have their unit: `2.5 N/mm`, or `{value: 2.5, unit: N/mm}`.
 
-`machine` is a machine of the library or of a plugin (`exodrake.core.plugins`): robot files import no code. A folder
-that holds a robot file with an `arm` section and no machine.py is a machine, too (`machines.serial_arm`).
+`machine` is a machine of the library or of a plugin (`exodrake.core.plugins`), or one whose folder lies beside the file
+or holds it. Another robot file beside it can be a base, too. A folder that holds a robot file with an `arm` section and
+no machine.py is a machine, too (`machines.serial_arm`).
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from typing import Any
 
 import numpy as np
 
+from exodrake.core import plugins
 from exodrake.core.errors import InputError, argument, nearest
 from exodrake.core.files import is_file, read_bytes, write_text
 from exodrake.core.machine import Machine, Tolerance
@@ -59,6 +61,11 @@ def limit(value: Any, where: str) -> Any:
     return (STATED_LIMIT if isinstance(value, Mapping) and "value" in value else VALUES)(value, where)
 
 
+def effect_values(value: Any, where: str) -> Any:
+    """A parameter of an effect, one value or one per channel, with or without source."""
+    return (SOURCED if isinstance(value, Mapping) and "value" in value else either(VALUES, amount))(value, where)
+
+
 def amount(value: Any, where: str) -> Any:
     """A number, or text that `quantity` reads later, when the unit wanted is known."""
     return value if isinstance(value, str) else number()(value, where)
@@ -75,7 +82,8 @@ STATED = mapping(
     }
 )
 STATED_LIMIT = mapping({"value": VALUES, "unit": text(), "range": anything, "source": anything})
-EFFECTS = names(names(either(VALUES, amount)))
+SOURCED = mapping({"value": either(VALUES, amount), "source": anything}, required=("value",))
+EFFECTS = names(names(effect_values))
 VARIANTS = listing(text(), wanted="a list of names")
 TOLERANCE = mapping(
     {
@@ -118,7 +126,7 @@ def load_robot(path: str | Path = "exo_index", above: tuple[str, ...] = ()) -> R
     """
     shipped = robot_yaml(str(path))
     if shipped is not None:
-        source, data = f"{path}.yaml", read_bytes(shipped)
+        source, data, place = f"{path}.yaml", read_bytes(shipped), None
     else:
         file = Path(path)
         if not is_file(file):
@@ -126,7 +134,8 @@ def load_robot(path: str | Path = "exo_index", above: tuple[str, ...] = ()) -> R
             near, there = nearest(str(path), names), ", ".join(names)
             raise InputError(f"no robot file {str(path)!r}, nor a machine of that name{near or f'; there are {there}'}")
         source, data = file.name, read_bytes(file)
-    return build(parse_yaml(data, source), source, above or (str(path),))
+        place = file.parent
+    return build(parse_yaml(data, source), source, above or (str(path),), place)
 
 
 def robot_or_default(robot: Robot | None) -> Robot:
@@ -134,17 +143,35 @@ def robot_or_default(robot: Robot | None) -> Robot:
     return argument("robot", robot, Robot, type(None)) or load_robot()
 
 
-def build(content: Any, source: str, above: tuple[str, ...] = ()) -> Robot:
-    """A robot from a file's content; above: bases that led to it. InputError naming file and key."""
+def build(content: Any, source: str, above: tuple[str, ...] = (), folder: Path | None = None) -> Robot:
+    """A robot from a file's content.
+
+    Args:
+        content: of the file.
+        source: its name, for messages.
+        above: bases that led to it.
+        folder: that holds the file. A machine's folder that lies there, or is it, is known from then on as `--machine`
+            would make it; a base that is a file is looked for there first.
+
+    Raises:
+        InputError: naming file and key.
+    """
     content = SCHEMA(content, source)
     base = content.get("base")
+    name = base or content.get("machine")
+    if folder is not None and name and robot_yaml(str(name)) is None:
+        for beside in (folder / name, folder.resolve()):
+            if beside.name == name and plugins.is_machine(beside):
+                plugins.add_plugin(beside)
+        if base and is_file(folder / base):
+            base = str(folder / base)
     if base in above:
-        raise InputError(f"{source}: base {base!r} comes back to itself")
+        raise InputError(f"{source}: base {content['base']!r} comes back to itself")
     for key in ("machine", "tolerances"):
         if base and content.get(key):
             raise InputError(f"{source}, {key!r}: a robot with a base has the {key} of its base")
-    robot = load_robot(base, (*above, base)) if base else blank(content, source)
     with named(source):
+        robot = load_robot(base, (*above, base)) if base else blank(content, source)
         return changed_by(content, replace(robot, source=source))
 
 
@@ -155,9 +182,14 @@ def changed_by(content: Mapping[str, Any], robot: Robot) -> Robot:
     parameters = content.get("parameters") or {}
     robot = robot.with_parameters(parameters, robot.source)
     robot = refuse_negative(replace(robot, **stated(parameters, robot)))
-    for identity, given in (content.get("effects") or {}).items():
+    for identity, items in (content.get("effects") or {}).items():
+        told = {name: v for name, v in items.items() if isinstance(v, Mapping) and "value" in v}
+        given = items | {name: v["value"] for name, v in told.items()}
         channels = {channel for v in given.values() if isinstance(v, Mapping) for channel in v}
         robot = robot.splice(identity, given, [channel for channel in channels if channel])
+        for name, v in told.items():
+            for i in robot.machine.effect_indices(identity, name).values():
+                robot.sources[robot.machine.parameters[i].name] = str(v.get("source", ""))
     unit, there = reference_unit(robot.machine), f"{robot.source}: "
     limits = merged(robot.limits, table(content.get("limits") or {}, unit, f"{there}limits."))
     grasps = merged(robot.grasps, table(content.get("grasps") or {}, unit, f"{there}grasps."))
@@ -265,10 +297,14 @@ def robot_text(robot: Robot, notes: str = "") -> str:
     """
     base = load_robot(robot.machine.name)
     own = robot.machine.tolerances != base.machine.tolerances
-    effects = {
-        identity: {name: values.get("", values) for name, values in present.items()}
-        for identity, present in robot.effects().items()
-    }
+    effects: dict[str, dict[str, Any]] = {}
+    for identity, present in robot.effects().items():
+        effects[identity] = {}
+        for name, values in present.items():
+            places = robot.machine.effect_indices(identity, name).values()
+            sources = {robot.sources.get(robot.machine.parameters[i].name, "") for i in places} - {""}
+            value = values.get("", values)
+            effects[identity][name] = {"value": value, "source": sources.pop()} if len(sources) == 1 else value
     unit = {} if (name := reference_unit(robot.machine)) == "-" else {"unit": name}
     content = {
         "machine" if own else "base": robot.machine.name,
