@@ -16,7 +16,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import floor
+from typing import Any
 
+import control
 import numpy as np
 
 from exodrake.analysis.frame_map import FrameMap, name_states
@@ -26,9 +28,11 @@ from exodrake.analysis.linear_model import (
     FrameModel,
     OperatingPoint,
     differentiate,
+    evaluate,
     measure_excursions,
     observed_states,
     spectral_radius,
+    transfer,
 )
 from exodrake.analysis.responses import first_crossing
 from exodrake.core.errors import InputError
@@ -44,66 +48,73 @@ LATENCIES = np.arange(0.0, 8.01, 0.25)  # frames
 NAN = float("nan")
 
 
-def open_loop(loop: FrameMap, model: FrameModel) -> FrameModel:
+def open_loop(loop: FrameMap, model: FrameModel) -> control.StateSpace:
     """A loop opened at its commands, see `cut`. InputError where a command ignores its reference (a gain of 0)."""
-    own = controller_states(loop, model)
-    return cut(model, own, loop.column(loop.loop.command), loop.column(loop.loop.measured), loop.channels)
+    v, y = (model.rows(loop.kinds[signal], loop.channels) for signal in (loop.loop.command, loop.loop.measured))
+    return cut(model.system, controller_states(loop, model), v, y)
 
 
 def controller_states(loop: FrameMap, model: FrameModel) -> np.ndarray:
     """Whether each state (n,) [-] of a linear model is the controller's own."""
-    names = [name.name for name in name_states(loop.robot.machine)]
-    return loop.own[[names.index(name) for name in model.states]]
+    names = [name.name.replace(".", "_") for name in name_states(loop.robot.machine)]
+    return loop.own[[names.index(name) for name in model.system.state_labels]]
 
 
-def cut(
-    model: FrameModel, controller: np.ndarray, command: str, measured: str, channels: tuple[str, ...]
-) -> FrameModel:
-    """The linear model opened at its commands; `close` closes it again.
+def disturb(system: control.StateSpace, own: np.ndarray, v: list[int]) -> tuple[np.ndarray, np.ndarray]:
+    """B (n, channels) and D (outputs, channels) of disturbances that are added to the commands on their way.
 
     Args:
-        model: of the closed loop.
-        controller: (n,) mask of the controller's states [-].
-        command: kind of the commands' columns.
-        measured: kind of the readings' columns.
-        channels: names.
+        system: closed loop from its references to all signals.
+        own: (n,) mask of the controller's states [-].
+        v: indices of the commands among the outputs.
 
-    Returns:
-        The model from u, named as the channels, to the commands v, then the readings y.
+    Raises:
+        InputError: where a command ignores its reference.
     """
-    v, y = ([model.outputs.index(f"{kind}_{c}") for c in channels] for kind in (command, measured))
-    direct, rows = model.D[v], v + y
+    direct = system.D[v]
     if (np.abs(direct).max(axis=1) == 0.0).any() or np.linalg.cond(direct) > 1e12:
-        raise InputError(f"the {command} does not answer to its reference (kp = 0): there is no loop to break")
-    b = model.B @ np.linalg.inv(direct)
-    b[controller] = 0.0
-    noise = (model.N - b @ model.M[v], model.M[rows]) if model.N.size else (model.N, model.M)
-    return FrameModel(
-        model.A - b @ model.C[v], b, model.C[rows], np.zeros((len(rows), len(v))), model.period, model.states, channels,
-        tuple(model.outputs[i] for i in rows), N=noise[0], M=noise[1],
+        name = system.output_labels[v[0]]
+        raise InputError(f"{name} does not answer to its reference (kp = 0): there is no loop to break")
+    b, d = system.B @ np.linalg.inv(direct), system.D @ np.linalg.inv(direct)
+    b[own], d[v] = 0.0, 0.0
+    return b, d
+
+
+def cut(system: control.StateSpace, own: np.ndarray, v: list[int], y: list[int]) -> control.StateSpace:
+    """A closed loop opened at its commands; `close` closes it again.
+
+    Arguments as of `disturb`; y: indices of the readings among the outputs. The result goes from the commands that the
+    plant gets to those that the controller sends, then to the readings.
+    """
+    b, d = disturb(system, own, v)
+    rows, commands = v + y, [system.output_labels[i] for i in v]
+    return control.ss(
+        system.A - b @ system.C[v], b, system.C[rows] - d[rows] @ system.C[v], d[rows], system.dt,
+        remove_useless_states=False, states=system.state_labels, inputs=commands,
+        outputs=[system.output_labels[i] for i in rows],
     )  # fmt: skip
 
 
-def close(whole: FrameModel, gain: np.ndarray | float = 1.0) -> np.ndarray:
+def close(whole: control.StateSpace, gain: np.ndarray | float = 1.0) -> np.ndarray:
     """A (n, n) [SI] of an open loop closed with factors (channels,) [-] on the commands."""
-    m = len(whole.inputs)
+    m = whole.ninputs
     return whole.A + whole.B @ (np.broadcast_to(gain, (m,))[:, None] * whole.C[:m])
 
 
-def single(whole: FrameModel, channel: int) -> FrameModel:
-    """The loop of one channel opened, the others closed."""
-    m = len(whole.inputs)
-    rows, shut = [channel, m + channel], np.ones(m)
+def single(whole: control.StateSpace, channel: int) -> control.StateSpace:
+    """The loop of one channel opened, the others closed: from its command to its command and its reading."""
+    m, shut = whole.ninputs, np.ones(whole.ninputs)
     shut[channel] = 0.0
-    return FrameModel(
-        close(whole, shut), whole.B[:, [channel]], whole.C[rows], np.zeros((2, 1)), whole.period, whole.states,
-        (whole.inputs[channel],), tuple(whole.outputs[i] for i in rows),
+    rows = [channel, m + channel]
+    return control.ss(
+        close(whole, shut), whole.B[:, [channel]], whole.C[rows], 0.0, whole.dt, remove_useless_states=False,
+        states=whole.state_labels, inputs=[whole.input_labels[channel]], outputs=[whole.output_labels[i] for i in rows],
     )  # fmt: skip
 
 
-def delay(whole: FrameModel, frames: float) -> np.ndarray:
+def delay(whole: control.StateSpace, frames: float) -> np.ndarray:
     """A (k, k) [SI] of an open loop closed by commands late by `frames`, with a straight line between two commands."""
-    n, m = len(whole.A), len(whole.inputs)
+    n, m = whole.nstates, whole.ninputs
     depth = floor(frames) + 1  # commands of 1 .. depth frames ago
     a = np.zeros((n + depth * m, n + depth * m))
     a[:n, :n] = whole.A
@@ -117,31 +128,31 @@ def delay(whole: FrameModel, frames: float) -> np.ndarray:
     return a
 
 
-def return_ratio(whole: FrameModel, frequency: np.ndarray) -> np.ndarray:
+def return_ratio(whole: control.StateSpace, frequency: np.ndarray) -> np.ndarray:
     """Return ratio L (f, channels, channels) [-] of an open loop at frequencies (f,) [Hz]."""
-    return -whole.response(frequency)[:, : len(whole.inputs)]
+    return -evaluate(whole, frequency)[:, : whole.ninputs]
 
 
-def plant_response(whole: FrameModel, frequency: np.ndarray) -> np.ndarray:
+def plant_response(whole: control.StateSpace, frequency: np.ndarray) -> np.ndarray:
     """Response of the readings to the commands (f, channels, channels) [reading / command] at frequencies (f,) [Hz]."""
-    return whole.response(frequency)[:, len(whole.inputs) :]
+    return evaluate(whole, frequency)[:, whole.ninputs :]
 
 
-def frequency_grid(whole: FrameModel) -> np.ndarray:
+def frequency_grid(whole: control.StateSpace) -> np.ndarray:
     """Frequencies (f,) [Hz] up to the Nyquist frequency, dense where margins are read."""
-    top = 0.5 / whole.period
+    top = 0.5 / whole.dt
     return np.concatenate([np.geomspace(4e-5 * top, 0.04 * top, 300), np.linspace(0.04, 1.0, 1500)[1:] * top])
 
 
-def count_encirclements(whole: FrameModel) -> int:
+def count_encirclements(whole: control.StateSpace) -> int:
     """Counter-clockwise encirclements of 0 by det(I + L), z on a circle just outside |z| = 1.
 
     The steps in angle are halved where the phase changes fast. python-control counts a false one on the robot's loop.
     """
-    m = len(whole.inputs)
+    m = whole.ninputs
 
     def determinant(angle: np.ndarray) -> np.ndarray:
-        return np.linalg.det(np.eye(m) - whole.transfer((1.0 + OUTSIDE) * np.exp(1j * angle))[:, :m])
+        return np.linalg.det(np.eye(m) - transfer(whole, (1.0 + OUTSIDE) * np.exp(1j * angle))[:, :m])
 
     angle = np.geomspace(1e-9, np.pi, 400)
     value = determinant(angle)
@@ -161,11 +172,11 @@ class Margins:
     Attributes:
         channel: its name.
         frequency: (n,) [Hz] and loop: (n,) complex, the open loop L.
-        gain_margin: factor > 1 on the loop gain at the limit of stability, from L.
-        gain_limit: the same from the poles.
-        gain_low: factor < 1 at which a conditionally stable loop loses stability, from L; 0 where it does not.
-        gain_low_limit: the same from the poles.
-        phase_margin: [rad] and crossover: [Hz], at the crossover with the least delay margin.
+        gain_margin_db: gain above 0 dB at the limit of stability, from L.
+        gain_limit_db: the same from the poles.
+        gain_low_db: gain below 0 dB at which a conditionally stable loop loses stability, from L; -inf without.
+        gain_low_limit_db: the same from the poles.
+        phase_margin_deg: and crossover: [Hz], at the crossover with the least delay margin.
         delay_margin: extra delay at the limit [s], from L.
         delay_limit: the same [s] from the poles, the command of a fractional number of frames ago taken by a straight
             line between two; nan if none below 40 frames.
@@ -178,11 +189,11 @@ class Margins:
     channel: str
     frequency: np.ndarray
     loop: np.ndarray
-    gain_margin: float
-    gain_limit: float
-    gain_low: float
-    gain_low_limit: float
-    phase_margin: float
+    gain_margin_db: float
+    gain_limit_db: float
+    gain_low_db: float
+    gain_low_limit_db: float
+    phase_margin_deg: float
     crossover: float
     delay_margin: float
     delay_limit: float
@@ -192,15 +203,29 @@ class Margins:
     open_unstable: int
     closed_unstable: int
 
+    def __repr__(self) -> str:
+        """Margins, then poles."""
+        return (
+            f"Margins of {self.channel}: gain {self.gain_margin_db:.3g} dB, phase {self.phase_margin_deg:.3g} deg "
+            f"at {self.crossover:.3g} Hz, delay {1e3 * self.delay_margin:.3g} ms, disk margin {self.disk_margin:.3g}\n"
+            f"unstable poles: {self.open_unstable} open, {self.closed_unstable} closed"
+        )
+
     @property
     def consistent(self) -> bool:
         """Whether the encirclements count as many unstable poles as the eigenvalues (Nyquist)."""
         return self.closed_unstable == self.open_unstable - self.encirclements
 
 
-def margins(whole: FrameModel, channel: int) -> Margins:
+def decibel(size: Any) -> Any:
+    """Amplitude ratio, a number or (n,) [-], in dB; -inf of 0."""
+    with np.errstate(divide="ignore"):
+        return 20.0 * np.log10(size)
+
+
+def margins(whole: control.StateSpace, channel: int, name: str = "") -> Margins:
     """Margins of a channel's loop (its index); NaN where the closed loop is unstable, or the two counts disagree."""
-    one, frequency, name = single(whole, channel), frequency_grid(whole), whole.inputs[channel]
+    one, frequency = single(whole, channel), frequency_grid(whole)
     response = return_ratio(one, frequency)[:, 0, 0]
     unstable = [int((np.abs(np.linalg.eigvals(a)) > 1.0 + OUTSIDE).sum()) for a in (one.A, close(one))]
     counts = count_encirclements(one), *unstable
@@ -209,24 +234,24 @@ def margins(whole: FrameModel, channel: int) -> Margins:
     low, high, phase, crossover, late = loop_margins(frequency, response)
     sensitivity = 1.0 / (1.0 + response)
     most, least = (find_limit(lambda g: spectral_radius(close(one, g)), 1.0, end) for end in (MOST_GAIN, LEAST_GAIN))
-    late_limit = whole.period * find_limit(lambda frames: spectral_radius(delay(one, frames)), 0.0, MOST_FRAMES)
+    gains = (decibel(g) for g in (high, most, low, 0.0 if np.isnan(least) else least))
+    late_limit = whole.dt * find_limit(lambda frames: spectral_radius(delay(one, frames)), 0.0, MOST_FRAMES)
     return Margins(
-        name, frequency, response, high, most, low, 0.0 if np.isnan(least) else least, phase, crossover, late,
-        late_limit, float(disk_margin(sensitivity[:, None, None]).min()),
-        float(np.abs(sensitivity).max()), *counts,
-    )  # fmt: skip
+        name, frequency, response, *map(float, gains), phase, crossover, late, late_limit,
+        float(disk_margin(sensitivity[:, None, None]).min()), float(np.abs(sensitivity).max()), *counts,
+    )  # pyright: ignore # fmt: skip
 
 
 def loop_margins(frequency: np.ndarray, loop: np.ndarray) -> tuple[float, float, float, float, float]:
     """Margins of a loop L (n,) [-], sampled at frequencies (n,) [Hz] up to Nyquist, where it is real.
 
     Returns:
-        Largest factor < 1 and smallest > 1 that put L on -1, 0 and inf without any; phase margin [rad], crossover [Hz]
+        Largest factor < 1 and smallest > 1 that put L on -1, 0 and inf without any; phase margin [deg], crossover [Hz]
         and delay margin [s] at the crossover with the least delay margin, inf, nan and inf without any.
     """
-    from control import frd, stability_margins
-
-    gains, phases, _, _, crossovers, _ = stability_margins(frd(loop, 2.0 * np.pi * frequency), returnall=True)
+    gains, phases, _, _, crossovers, _ = control.stability_margins(
+        control.frd(loop, 2.0 * np.pi * frequency), returnall=True
+    )
     ends = [loop[-1].real]
     if abs(loop[0].imag) < ALMOST_REAL * abs(loop[0].real):  # a loop without integrator begins on the real axis
         ends.append(loop[0].real)
@@ -235,9 +260,10 @@ def loop_margins(frequency: np.ndarray, loop: np.ndarray) -> tuple[float, float,
     high = float(factors[factors > 1.0].min(initial=np.inf))
     if not len(crossovers):
         return low, high, np.inf, NAN, np.inf
-    phase = np.radians(np.asarray(phases) % 360.0)
+    phase = np.asarray(phases) % 360.0
     k = int(np.argmin(phase / crossovers))
-    return low, high, float(phase[k]), float(crossovers[k] / (2.0 * np.pi)), float(phase[k] / crossovers[k])
+    late = float(np.radians(phase[k]) / crossovers[k])
+    return low, high, float(phase[k]), float(crossovers[k] / (2.0 * np.pi)), late
 
 
 def find_limit(radius: Callable[[float], float], low: float, high: float) -> float:

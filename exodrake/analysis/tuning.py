@@ -20,6 +20,7 @@ from dataclasses import dataclass, replace
 from itertools import chain
 from typing import Any
 
+import control
 import numpy as np
 
 from exodrake.analysis.closed_loop import list_remarks
@@ -28,6 +29,7 @@ from exodrake.analysis.linear_model import (
     FrameModel,
     OperatingPoint,
     compute_noise,
+    evaluate,
     find_observed,
     linearise_robot,
     measure_excursions,
@@ -175,7 +177,8 @@ def tune(
     Raises:
         InputError: no closed loop, no state of rest, unknown structure.
     """
-    loop = FrameMap.of(argument("robot", robot, Robot)).loop
+    first = FrameMap.of(argument("robot", robot, Robot))
+    robot, loop = first.robot, first.loop
     requirements = argument("requirements", requirements, Requirements, type(None))
     known = [c.name for c in loop.controllers]
     if (name := next((name for name in only if name not in known), None)) is not None:
@@ -184,7 +187,11 @@ def tune(
     plants += [linearise_plant(drawn) for _, drawn in within_tolerances(robot, draws, DESIGN_SEED)]
     wanted = requirements or Requirements()
     if wanted.noise is None:
-        noises = [noise for plant in plants if np.isfinite(noise := predict_performance(plant, {}).noise)]
+        noises = [
+            noise
+            for plant in plants
+            if np.isfinite(noise := predict_performance(plant, linearise_law(plant, {})).noise)
+        ]
         wanted = replace(wanted, noise=NOISE_FACTOR * max(noises, default=np.inf))
     compared = [assess(OWN, robot, {}, wanted, judges)]
     for structure in loop.controllers:
@@ -206,7 +213,7 @@ def assess(name: str, robot: Robot, gains: dict[str, float], wanted: Requirement
     steps = tuple(step_response(loop, point, j) for j in range(len(loop.channels)))
     bands = (points_band(robot), band("tolerances", within_tolerances(robot, draws, JUDGE_SEED)))
     members = list(chain.from_iterable(b.members for b in bands))
-    kind, unit = loop.column(loop.loop.command), robot.machine.signal[loop.loop.command].unit
+    kind, unit = loop.kinds[loop.loop.command], robot.machine.signal[loop.loop.command].unit
 
     def worst(prefix: str, suffix: str, most: bool = True) -> float:
         names = [f"{prefix} {c}{suffix}" if prefix else suffix for c in loop.channels]
@@ -246,7 +253,8 @@ class Plant:
     Attributes:
         loop, point: frame map and state of rest.
         model: closed loop with the robot's own controller.
-        plant: from commands to readings.
+        plant: from commands to readings, without the controller's states.
+        N (n, noises), M (channels, noises): its answer to sensor noise of unit variance.
         frequency (f,) [Hz], response (f, channels, channels): of the readings to the commands.
         index (channels,): of a state that moves each reading, and size (channels,): by how far.
     """
@@ -254,7 +262,9 @@ class Plant:
     loop: FrameMap
     point: OperatingPoint
     model: FrameModel
-    plant: FrameModel
+    plant: control.StateSpace
+    N: np.ndarray
+    M: np.ndarray
     frequency: np.ndarray
     response: np.ndarray
     index: np.ndarray
@@ -265,20 +275,21 @@ def linearise_plant(robot: Robot, at: Mapping[str, float] | str | None = None) -
     """The linear plant of a robot at an operating point. InputError without loop or state of rest."""
     loop, point, model = linearise_robot(robot, at)
     whole, own, m = open_loop(loop, model), controller_states(loop, model), len(loop.channels)
-    frequency = np.geomspace(4e-4, 1.0, FREQUENCIES) * 0.5 / whole.period
-    plant = FrameModel(
-        whole.A[np.ix_(~own, ~own)], whole.B[~own], whole.C[m:, ~own], np.zeros((m, m)), whole.period,
-        N=whole.N[~own], M=whole.M[m:],
-    )  # fmt: skip
-    names = [name.name for name in name_states(robot.machine)]
-    indices = np.array([names.index(name) for name in whole.states])
+    frequency = np.geomspace(4e-4, 1.0, FREQUENCIES) * 0.5 / whole.dt
+    plant = control.ss(
+        whole.A[np.ix_(~own, ~own)], whole.B[~own], whole.C[m:, ~own], 0.0, whole.dt, remove_useless_states=False
+    )
+    command, reading = (model.rows(loop.kinds[s], loop.channels) for s in (loop.loop.command, loop.loop.measured))
+    drive = (model.N - whole.B @ model.M[command])[~own]
+    names = [name.name.replace(".", "_") for name in name_states(loop.robot.machine)]
+    indices = np.array([names.index(name) for name in whole.state_labels])
     size = measure_excursions(loop, point.state, point.references)
     chosen = indices[np.where(own, 0.0, np.abs(whole.C[m:]) * size[indices]).argmax(axis=1)]
     response = plant_response(whole, frequency)
-    return Plant(loop, point, model, plant, frequency, response, chosen, 0.05 * size[chosen])
+    return Plant(loop, point, model, plant, drive, model.M[reading], frequency, response, chosen, 0.05 * size[chosen])
 
 
-def linearise_law(plant: Plant, values: Mapping[str, Any]) -> FrameModel:
+def linearise_law(plant: Plant, values: Mapping[str, Any]) -> control.StateSpace:
     """The linear law of the plant's own controller with other parameters [SI], one or one for each channel.
 
     Its inputs are the readings, then the references; its outputs the commands.
@@ -309,7 +320,8 @@ def linearise_law(plant: Plant, values: Mapping[str, Any]) -> FrameModel:
         read[:, j], change[:, j] = sent - rest, measured - y
     driven = np.hstack([read @ np.linalg.inv(change), outer])
     keep = find_observed(inner[:q], inner[q:])
-    return FrameModel(inner[np.ix_(keep, keep)], driven[keep], inner[q:][:, keep], driven[q:], plant.plant.period)
+    matrices = inner[np.ix_(keep, keep)], driven[keep], inner[q:][:, keep], driven[q:]
+    return control.ss(*matrices, plant.plant.dt, remove_useless_states=False)
 
 
 @dataclass(frozen=True)
@@ -331,19 +343,19 @@ class Performance:
     noise: float
 
 
-def predict_performance(plant: Plant, values: Mapping[str, Any]) -> Performance:
-    """Performance of the controller with these values [SI]."""
-    law, p, m = linearise_law(plant, values), plant.plant, len(plant.loop.channels)
+def predict_performance(plant: Plant, law: control.StateSpace) -> Performance:
+    """Performance of a law from readings and references to commands, as of `linearise_law`."""
+    p, m = plant.plant, len(plant.loop.channels)
     (g, h), (read, direct) = np.hsplit(law.B, [m]), np.hsplit(law.D, [m])
     a = np.block([[p.A + p.B @ read @ p.C, p.B @ law.C], [g @ p.C, law.A]])  # the plant's states first
     radius = spectral_radius(a)
     if radius >= 1.0:
         return Performance(radius, np.inf, np.inf, 0.0, np.inf)
     settling, overshoot = predict_steps(plant, a, np.vstack([p.B @ direct, h]))
-    ratio = -law.response(plant.frequency)[:, :, :m] @ plant.response
+    ratio = -evaluate(law, plant.frequency)[:, :, :m] @ plant.response
     balanced = np.linalg.inv(np.eye(m) + ratio) - 0.5 * np.eye(m)
-    drive = np.vstack([p.N + p.B @ read @ p.M, g @ p.M])
-    noise = compute_noise(a, drive, np.hstack([read @ p.C, law.C]), read @ p.M)
+    drive = np.vstack([plant.N + p.B @ read @ plant.M, g @ plant.M])
+    noise = compute_noise(a, drive, np.hstack([read @ p.C, law.C]), read @ plant.M)
     return Performance(
         radius, settling, overshoot, float(1.0 / structured_bound(balanced)[0].max()), float(noise.max())
     )
@@ -351,7 +363,7 @@ def predict_performance(plant: Plant, values: Mapping[str, Any]) -> Performance:
 
 def predict_steps(plant: Plant, a: np.ndarray, b: np.ndarray) -> tuple[float, float]:
     """Settling [s] and overshoot [-] of x' = A x + B r, a (n, n), b (n, channels), the worst over the references."""
-    n, m = len(plant.plant.A), b.shape[1]
+    n, m = plant.plant.nstates, b.shape[1]
     x, share = np.zeros((len(a), m)), np.zeros((FRAMES, m))
     for k in range(FRAMES):
         x = a @ x + b
@@ -359,7 +371,7 @@ def predict_steps(plant: Plant, a: np.ndarray, b: np.ndarray) -> tuple[float, fl
     outside = np.abs(share - 1.0) > BAND
     last = np.where(outside.any(axis=0), FRAMES - 1 - outside[::-1].argmax(axis=0), -1)
     missing = np.maximum(np.abs(share[-1] - 1.0) - BAND, 0.0)
-    settling = plant.plant.period * (last + 2 + FRAMES * missing)
+    settling = plant.plant.dt * (last + 2 + FRAMES * missing)
     return float(settling.max()), max(0.0, float(share.max()) - 1.0)
 
 
@@ -378,11 +390,9 @@ def compliance(plant: Plant, structure: Controller) -> dict[str, np.ndarray]:
     if not structure.compliance:
         return {}
     loop, model = plant.loop, plant.model
-    gain = model.response(np.zeros(1))[0].real
-    rows = {s: [model.outputs.index(f"{loop.column(s)}_{c}") for c in loop.channels]
-            for s in (loop.loop.actuated, loop.loop.measured)}  # fmt: skip
-    static = gain[rows[loop.loop.actuated]] @ np.linalg.inv(gain[rows[loop.loop.measured]])
-    return dict(zip(structure.compliance, static.T, strict=True))
+    gain = evaluate(model.system, np.zeros(1))[0].real
+    moved, read = (gain[model.rows(loop.kinds[s], loop.channels)] for s in (loop.loop.actuated, loop.loop.measured))
+    return dict(zip(structure.compliance, (moved @ np.linalg.inv(read)).T, strict=True))
 
 
 def search_gains(
@@ -403,7 +413,8 @@ def search_gains(
         inside = np.clip(logs, *np.array(bounds).T)
         worst = 0.0
         for plant in over:
-            worst = max(worst, compute_cost(predict_performance(plant, {**fixed, **values(inside)}), wanted, scale))
+            law = linearise_law(plant, {**fixed, **values(inside)})
+            worst = max(worst, compute_cost(predict_performance(plant, law), wanted, scale))
             if worst > 1e6:
                 break
         return worst + 1e3 * float(np.abs(logs - inside).sum())

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from exodrake.core.robot import Robot
 
 
 @dataclass(frozen=True)
@@ -50,6 +54,7 @@ class Loop:
         latency: parameter (without channel) of a latency of the command in frames; "" where there is none.
         resolution: parameter by which the reading is rounded; "" where it is not.
         nonlinear: effects of which limit cycles are predicted, beside the rounding: id -> values [SI] not at default.
+        outer: adds the controller to a machine whose own drives cannot be opened; None where it has one.
     """
 
     reference: str
@@ -67,3 +72,4 @@ class Loop:
     latency: str = ""
     resolution: str = ""
     nonlinear: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    outer: Callable[[Robot], Robot] | None = None

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from exodrake.core.effect import Effect
+from exodrake.core.loop import Controller, Gain, Loop
 from exodrake.core.machine import Column
 from exodrake.core.part import Part
 from exodrake.core.signal import JOINTS, NORMAL, UNIFORM, Signal
@@ -89,6 +90,7 @@ def shape(robot: Any) -> Shape:
     )  # fmt: skip
 
 
+STEP = 0.02  # rad or m, of a reference for the analysis: assumed
 GRAVITY = 9.81  # m/s2, as Drake has it
 SWING, SPEED, BRISK = 1.0, 0.5, 2.0  # rad, rad/s, rad/s2 of a moderate motion: assumed
 SHARE = 0.05  # of friction in the largest effort: assumed
@@ -198,3 +200,14 @@ def drive_defaults(chain: Chain, efforts: np.ndarray, frame: float) -> dict[str,
             f"motor.current_max.{channel}": limit, f"motor.time_constant.{channel}": 0.0,
         }  # fmt: skip
     return {name: float(value) for name, value in found.items()}
+
+
+def joint_control(chain: Chain, nonlinear: Mapping[str, Mapping[str, float]]) -> Loop:
+    """The loop that `analyse` and `tune` look at; nonlinear: effects of which limit cycles are predicted."""
+    gains = (Gain("drive.kp", 0.1, 10.0), Gain("drive.kd", 0.1, 10.0))
+    return Loop(
+        reference="position_ref", command="effort_ref", output="position", measured="position_read",
+        part="drive", held="effort", gains=gains, gentle={"drive.kp": 0.5, "drive.kd": 1.0}, step=STEP,
+        points={"middle": dict(zip(chain.names, middle(chain).tolist(), strict=True))},
+        controllers=(Controller("PD", gains),), resolution="encoder.step", nonlinear=nonlinear,
+    )  # fmt: skip

@@ -27,6 +27,7 @@ from exodrake.machines.arm_defaults import (
     drive_defaults,
     effects_in,
     inertias,
+    joint_control,
     losses,
     reading,
     scales,
@@ -92,6 +93,7 @@ def cable_machine(name: str, chain: Chain, slots: int, frame: float) -> Machine:
         max_effects=6,
         reference_limits=("position_min", "position_max"),
         skeleton=shape,
+        loop=joint_control(chain, {}),
         defaults=defaults_of(chain, efforts, frame),
     )  # fmt: skip
 

@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 
 from exodrake.core.errors import InputError
-from exodrake.core.loop import Controller, Gain, Loop
 from exodrake.core.machine import Machine
 from exodrake.core.schema import mapping, number, text
 from exodrake.core.segment import Segment
@@ -28,8 +27,8 @@ from exodrake.machines.arm_defaults import (
     drawn,
     drive_defaults,
     effects_in,
+    joint_control,
     losses,
-    middle,
     noise_std,
     reading,
     renamed,
@@ -51,7 +50,6 @@ SECTION = mapping(
 )
 FRAME = 0.005  # s, as most recordings of arms: assumed
 REST = 0.01  # of the largest speed, below which dry friction of the largest effort counts as rest: assumed
-STEP = 0.02  # rad or m, of a reference for the analysis: assumed
 CROSSTALK = ("torque.crosstalk", "encoder.crosstalk")  # not tried: joints are measured one by one
 OFFSET = ("arm.offset",)  # which is `torque.offset` in inverse dynamics
 
@@ -150,17 +148,6 @@ def closed_machine(name: str, chain: Chain, frame: float) -> Machine:
         max_effects=6,
         reference_limits=("position_min", "position_max"),
         skeleton=shape,
-        loop=loop_of(chain),
+        loop=joint_control(chain, {"arm.coulomb_friction": {}}),
         defaults=stated(chain, "arm") | losses(chain) | drive_defaults(chain, efforts, frame),
     )
-
-
-def loop_of(chain: Chain) -> Loop:
-    """The closed loop that `analyse` and `tune` look at."""
-    gains = (Gain("drive.kp", 0.1, 10.0), Gain("drive.kd", 0.1, 10.0))
-    return Loop(
-        reference="position_ref", command="effort_ref", output="position", measured="position_read",
-        part="drive", held="effort", gains=gains, gentle={"drive.kp": 0.5, "drive.kd": 1.0}, step=STEP,
-        points={"middle": dict(zip(chain.names, middle(chain).tolist(), strict=True))},
-        controllers=(Controller("PD", gains),), resolution="encoder.step", nonlinear={"arm.coulomb_friction": {}},
-    )  # fmt: skip
