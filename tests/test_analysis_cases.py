@@ -49,7 +49,8 @@ def test_counts_and_margins_of_a_table_of_cases(case):
     whole, _, transfer = from_control(numerator, denominator, gain)
     found = margins(whole, 0)
     assert (found.closed_unstable, found.open_unstable) == (unstable, of_plant)
-    assert found.consistent and found.encirclements == of_plant - unstable
+    turns = control.nyquist_response(transfer, warn_encirclements=False, warn_nyquist=False).count
+    assert found.encirclements == of_plant - unstable == -turns
     assert int((np.abs(control.feedback(transfer).poles()) > 1.0 + 1e-6).sum()) == unstable
     if unstable:
         numbers = (
@@ -66,14 +67,12 @@ def test_counts_and_margins_of_a_table_of_cases(case):
     def radius(factor):
         return np.abs(control.feedback(factor * transfer).poles()).max()
 
-    assert found.gain_margin_db == pytest.approx(found.gain_limit_db, abs=0.05)
     high, low = (10.0 ** (g / 20.0) for g in (found.gain_margin_db, found.gain_low_db))
     assert radius(0.99 * high) < 1.0 < radius(1.01 * high)
     assert radius(max(1.01 * low, 1e-6)) < 1.0 + 1e-6
     assert (low > 0.0) == (case in ("conditionally stable", "unstable plant, held"))
     if low > 0.0:
         assert radius(0.99 * low) > 1.0
-        assert found.gain_low_db == pytest.approx(found.gain_low_limit_db, abs=0.05)
     if len(crossovers):
         delays = np.radians(np.asarray(phases) % 360.0) / crossovers
         k = int(np.argmin(delays))
@@ -101,8 +100,8 @@ def test_an_unstable_robot_has_no_margins_and_says_so():
     whole = open_loop(loop, model)
     for channel in range(3):
         found = margins(whole, channel)
-        assert found.closed_unstable > 0 and found.consistent
-        assert np.isnan([found.gain_margin_db, found.phase_margin_deg, found.delay_margin, found.delay_limit]).all()
+        assert found.closed_unstable > 0
+        assert np.isnan([found.gain_margin_db, found.phase_margin_deg, found.delay_margin]).all()
     assert any("no margins" in note for note in list_remarks(loop, point, model, ()))
     assert not returns(loop, point)
 
@@ -140,5 +139,4 @@ def test_the_loop_of_another_machine_has_the_margins_of_its_law():
     w = brentq(lambda w: abs(law(w)) - 1.0, 50.0, 500.0)
     assert 2.0 * np.pi * found.crossover == pytest.approx(w, rel=0.01)
     assert found.phase_margin_deg == pytest.approx(np.degrees(np.angle(-law(w))), abs=0.6)
-    assert found.consistent and found.delay_margin == pytest.approx(found.delay_limit, rel=0.01)
     assert found.open_unstable == 0 and np.isneginf(found.gain_low_db)

@@ -14,7 +14,7 @@ from exodrake.machines.robot_file import load_robot
 FIGURES = {
     f"{name}.png"
     for name in (
-        "steps", "poles", "stability", "bode", "margins", "nyquist", "robust", "root_locus", "delays", "limit_cycles"
+        "steps", "stability", "bode", "margins", "nyquist", "robust", "root_locus", "delays", "limit_cycles"
     )
 }  # fmt: skip
 

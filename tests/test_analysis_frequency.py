@@ -7,7 +7,7 @@ import pytest
 import exodrake as exo
 from exodrake.analysis.limit_cycles import CommandedLoop
 from exodrake.analysis.linear_model import evaluate, linearise, spectral_radius
-from exodrake.analysis.margins import cut, delay, margins, open_loop
+from exodrake.analysis.margins import close, cut, margins, open_loop, single
 from exodrake.analysis.responses import LINES, bandwidth, frequency_response, multisine
 
 TENDONS = ("AF", "MF", "AE")
@@ -30,13 +30,11 @@ def integrator(gain):
 def test_margins_of_an_integrator():
     """Held integrator: limit gain 2, so the gain margin is 2 / gain; |L| = 1 where 2 sin(w T / 2) = gain."""
     found = margins(integrator(0.5), 0)
-    assert found.gain_limit_db == pytest.approx(20.0 * np.log10(4.0), rel=1e-6)
     assert found.gain_margin_db == pytest.approx(20.0 * np.log10(4.0), rel=1e-3)
     angle = 2.0 * np.arcsin(0.25)
     assert found.crossover == pytest.approx(angle / (2.0 * np.pi * 0.02), rel=1e-3)
     assert found.phase_margin_deg == pytest.approx(90.0 - np.degrees(angle) / 2.0, rel=1e-3)
     assert found.delay_margin == pytest.approx(0.02 * (np.pi / 2.0 - angle / 2.0) / angle, rel=1e-3)
-    assert found.delay_limit == pytest.approx(found.delay_margin, rel=0.05)
 
 
 def test_multisine_is_odd_flat_and_periodic():
@@ -67,20 +65,13 @@ def test_noise_spreads_the_measured_response(loop, point, model):
 def test_margins_agree_with_poles_and_simulation(loop, point, model, wire):
     whole = open_loop(loop, model)
     found = margins(whole, wire)
-    assert found.gain_margin_db == pytest.approx(found.gain_limit_db, rel=1e-3)
-    assert found.delay_margin == pytest.approx(found.delay_limit, rel=0.01)
-    assert found.consistent and found.encirclements == 0
+    limit = 10.0 ** (found.gain_margin_db / 20.0)
+    assert spectral_radius(close(single(whole, wire), 0.999 * limit)) < 1.0
+    assert spectral_radius(close(single(whole, wire), 1.001 * limit)) > 1.0
+    assert found.encirclements == 0
     commanded = CommandedLoop(loop, point.references, model.system.D[model.rows("speed_cmd", loop.channels)], wire)
-    limit = 10.0 ** (found.gain_limit_db / 20.0)
     assert not grows(commanded, point.state, 0.97 * limit)
     assert grows(commanded, point.state, 1.03 * limit)
-
-
-@pytest.mark.parametrize("frames", [1.0, 2.5, 6.0])
-def test_the_delayed_loop_is_the_loop_with_command_latency(loop, point, model, frames):
-    there = loop.with_values({"timing.command_latency.frames": frames})
-    expected = linearise(there, point.state, point.references).spectral_radius
-    assert spectral_radius(delay(open_loop(loop, model), frames)) == pytest.approx(expected, abs=1e-5)
 
 
 @pytest.fixture(scope="module")

@@ -49,7 +49,7 @@ def test_with_a_dead_zone_it_gives_margins_over_amplitude_and_the_dead_band_at_t
     found = assess_answer(
         robot, answer_of("motor.dead_zone", width=(4e-4, 3e-4, 6e-4), release=(1.0, 1.0, 1.0)), draws=2
     )
-    assert found.dead_band["tension_MF"] == pytest.approx(6e-4 / robot["controller.kp"], rel=0.05)
+    assert found.dead_band["tension_MF"] == pytest.approx(6e-4 / robot["controller.kp"], rel=0.1)
     assert found.kicked == 2 and found.unstable == () and len(found.cycles) == 3
     assert found.gain_margin_db == pytest.approx(8.4, abs=1.0) and found.phase_margin_deg > 80.0
 

@@ -227,8 +227,6 @@ def list_margin_remarks(found: tuple[Margins, ...]) -> tuple[str, ...]:
     notes = []
     if idle := [m.channel for m in found if not np.abs(m.loop).max() > 0.0]:
         notes.append(f"the command of {', '.join(idle)} does not act on its reading here: no margins")
-    if odd := [m.channel for m in found if not m.consistent]:
-        notes.append(f"encirclements and poles disagree for {', '.join(odd)}: no margins")
     for m in found:
         if np.isfinite(m.gain_low_db):
             notes.append(f"{m.channel} is conditionally stable: {m.gain_low_db:.3g} dB of loop gain is too little")
@@ -239,7 +237,7 @@ UNITS = {  # names of fields in JSON
     "rise": "rise_time [s]", "settling": "settling_time [s]", "time_constant": "time_constant [s]",
     "frequency": "frequency [Hz]", "bandwidth": "bandwidth [Hz]", "bandwidth_measured": "bandwidth_measured [Hz]",
     "crossover": "crossover [Hz]", "delay_margin": "delay_margin [s]",
-    "delay_limit": "delay_limit [s]", "step": "difference_step", "where": "kink_at",
+    "step": "difference_step", "where": "kink_at",
     "residual": "residual [excursion/frame]", "steady": "steady_by_own_gains",
 }  # fmt: skip
 

@@ -99,24 +99,6 @@ def output_kind(result: ClosedLoop) -> str:
 
 
 @matplotlib.rc_context(STYLE)
-def plot_poles(result: ClosedLoop) -> Figure:
-    """Poles in the unit circle, with curves of equal damping and equal frequency."""
-    figure = new_figure(4.6, 4.4)
-    axes = figure.subplots()
-    draw_damping_grid(axes, result.model.system.dt)
-    z = np.array([pole.z for pole in result.model.poles()])
-    inside = np.abs(z) < 1.0
-    for shown, colour, size, width in ((z[inside], "#0072b2", 6, 1.4), (z[~inside], "#d55e00", 7, 1.8)):
-        axes.plot(np.real(shown), np.imag(shown), "x", color=colour, ms=size, mew=width, zorder=4)
-    reach = max(1.12, 1.08 * float(np.abs(z).max()))
-    axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal", xlabel="Re z", ylabel="Im z")
-    frame, radius = 1e3 * result.model.system.dt, result.model.spectral_radius
-    axes.set_title(f"Poles per {frame:g} ms frame, spectral radius {radius:.4f}")
-    axes.grid(False)
-    return figure
-
-
-@matplotlib.rc_context(STYLE)
 def plot_bode(result: ClosedLoop) -> Figure:
     """Closed loop from reference to reading per channel: a line from the frame map, dots from the multisine.
 
@@ -499,21 +481,23 @@ def plot_uncertainty(found: Uncertainty) -> Figure:
     panels[0].plot(f, np.abs(found.weight(2j * np.pi * f)), color="black", lw=1.1, label="weight")
     panels[0].set(xscale="log", yscale="log", xlabel="Frequency [Hz]", ylabel="Relative deviation of the plant [-]")
     panels[0].legend(fontsize=7.5)
-    for cycle in found.cycles:
+    for cycle, label in zip(found.cycles, ("improved robot", "lower ends", "upper ends")):
         size = shown_unit(cycle.unit)[1] * cycle.amplitude
-        panels[1].plot(size, decibel(cycle.factor), ".-", lw=0.9, ms=3)
+        panels[1].plot(size, decibel(cycle.factor), ".-", lw=0.9, ms=3, label=label)
         panels[2].plot(size, cycle.phase_margin_deg, ".-", lw=0.9, ms=3)
     for axes, label in zip(panels[1:], ("Gain margin [dB]", "Phase margin [deg]")):
         unit = shown_unit(found.cycles[0].unit)[0]
-        axes.set(xscale="log", xlabel=f"Amplitude of the command [{unit}]", ylabel=label)
+        axes.set(xscale="log", xlabel=f"Command amplitude [{unit}]", ylabel=label)
         axes.axhline(0.0, color="black", lw=0.8)
+    if found.cycles:
+        panels[1].legend(fontsize=7.5)
     return figure
 
 
 def draw_figures(result: ClosedLoop, cycles: tuple[LimitCycles, ...] = ()) -> dict[str, bytes]:
     """File name -> PNG of every figure; those of limit cycles and of an answer's robots where there are any."""
     figures = {
-        "steps": plot_steps, "poles": plot_poles, "stability": plot_stability, "bode": plot_bode,
+        "steps": plot_steps, "stability": plot_stability, "bode": plot_bode,
         "margins": plot_margins, "nyquist": plot_nyquist, "robust": plot_robust, "root_locus": plot_root_locus,
         "delays": plot_delays,
     }  # fmt: skip

@@ -118,11 +118,7 @@ class FrameModel:
 
 def evaluate(system: control.StateSpace, frequency: np.ndarray) -> np.ndarray:
     """Frequency response (f, outputs, inputs) [SI] at frequencies (f,) [Hz], solved many at a time."""
-    return transfer(system, np.exp(2j * np.pi * np.asarray(frequency, dtype=float) * system.dt))
-
-
-def transfer(system: control.StateSpace, z: np.ndarray) -> np.ndarray:
-    """Transfer function C (z - A)^-1 B + D (f, outputs, inputs) [SI] at points z (f,) [-]."""
+    z = np.exp(2j * np.pi * np.asarray(frequency, dtype=float) * system.dt)
     eye, parts = np.eye(system.nstates), np.array_split(z, max(1, len(z) // BATCH))
     inner = np.concatenate([np.linalg.solve(p[:, None, None] * eye - system.A, system.B) for p in parts])
     return system.C @ inner + system.D

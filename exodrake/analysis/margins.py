@@ -6,16 +6,12 @@ reference D^-1 u, and does not act on the controller's own states. No second sim
 
     B = B_r D^-1, 0 in the controller's states         A = A_closed - B C         L(z) = -C (z - A)^-1 B
 
-Margins of an unstable loop mean nothing and are NaN. Where a loop is stable, they are found twice: from the open loop
-L, and from the poles with the command of the channel scaled or late. The encirclements of -1 count the unstable poles
-once more.
+Margins of an unstable loop mean nothing and are NaN. Poles decide whether a loop is stable.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from math import floor
 from typing import Any
 
 import control
@@ -32,14 +28,12 @@ from exodrake.analysis.linear_model import (
     measure_excursions,
     observed_states,
     spectral_radius,
-    transfer,
 )
 from exodrake.analysis.responses import first_crossing
 from exodrake.core.errors import InputError
 from exodrake.core.part import Part
 
-TURN = 0.5  # rad: largest step of phase when encirclements are counted
-MOST_GAIN, LEAST_GAIN, MOST_FRAMES = 1e3, 1e-3, 40.0  # where the searches end
+LEAST_GAIN = 1e-3  # factor on the loop gain below which a lower margin counts as none
 ALMOST_REAL = 0.02  # share of |L| below which its imaginary part at the lowest frequency counts as 0
 DECOUPLED, FAR = 1e-20, 1e6  # share of squared coupling that scales nothing; bound of scalings
 TIGHT = 1e-6  # of the search for scalings
@@ -112,22 +106,6 @@ def single(whole: control.StateSpace, channel: int) -> control.StateSpace:
     )  # fmt: skip
 
 
-def delay(whole: control.StateSpace, frames: float) -> np.ndarray:
-    """A (k, k) [SI] of an open loop closed by commands late by `frames`, with a straight line between two commands."""
-    n, m = whole.nstates, whole.ninputs
-    depth = floor(frames) + 1  # commands of 1 .. depth frames ago
-    a = np.zeros((n + depth * m, n + depth * m))
-    a[:n, :n] = whole.A
-    a[n : n + m, :n] = whole.C[:m]
-    a[n + m :, n:-m] = np.eye((depth - 1) * m)
-    for age, share in ((depth - 1, depth - frames), (depth, frames - depth + 1)):
-        if age == 0:
-            a[:n, :n] += share * whole.B @ whole.C[:m]
-        else:
-            a[:n, n + (age - 1) * m : n + age * m] += share * whole.B
-    return a
-
-
 def return_ratio(whole: control.StateSpace, frequency: np.ndarray) -> np.ndarray:
     """Return ratio L (f, channels, channels) [-] of an open loop at frequencies (f,) [Hz]."""
     return -evaluate(whole, frequency)[:, : whole.ninputs]
@@ -144,27 +122,6 @@ def frequency_grid(whole: control.StateSpace) -> np.ndarray:
     return np.concatenate([np.geomspace(4e-5 * top, 0.04 * top, 300), np.linspace(0.04, 1.0, 1500)[1:] * top])
 
 
-def count_encirclements(whole: control.StateSpace) -> int:
-    """Counter-clockwise encirclements of 0 by det(I + L), z on a circle just outside |z| = 1.
-
-    The steps in angle are halved where the phase changes fast. python-control counts a false one on the robot's loop.
-    """
-    m = whole.ninputs
-
-    def determinant(angle: np.ndarray) -> np.ndarray:
-        return np.linalg.det(np.eye(m) - transfer(whole, (1.0 + OUTSIDE) * np.exp(1j * angle))[:, :m])
-
-    angle = np.geomspace(1e-9, np.pi, 400)
-    value = determinant(angle)
-    for _ in range(40):
-        wide = np.flatnonzero(np.abs(np.angle(value[1:] / value[:-1])) > TURN)
-        if not len(wide):
-            break
-        middle = np.sqrt(angle[wide] * angle[wide + 1])
-        angle, value = np.insert(angle, wide + 1, middle), np.insert(value, wide + 1, determinant(middle))
-    return round(np.angle(value[1:] / value[:-1]).sum() / np.pi)  # both halves of the circle
-
-
 @dataclass(frozen=True, eq=False)
 class Margins:
     """Margins of one channel's loop; NaN where the closed loop is unstable.
@@ -173,16 +130,11 @@ class Margins:
         channel: its name.
         frequency: (n,) [Hz] and loop: (n,) complex, the open loop L.
         gain_margin_db: gain above 0 dB at the limit of stability, from L.
-        gain_limit_db: the same from the poles.
         gain_low_db: gain below 0 dB at which a conditionally stable loop loses stability, from L; -inf without.
-        gain_low_limit_db: the same from the poles.
         phase_margin_deg: and crossover: [Hz], at the crossover with the least delay margin.
         delay_margin: extra delay at the limit [s], from L.
-        delay_limit: the same [s] from the poles, the command of a fractional number of frames ago taken by a straight
-            line between two; nan if none below 40 frames.
         disk_margin: gain and phase at once, balanced (`disk_margin`).
         peak_sensitivity: largest |S|; its inverse is the distance of L from -1.
-        encirclements: of -1 by L, counter-clockwise.
         open_unstable, closed_unstable: poles outside the unit circle.
     """
 
@@ -190,16 +142,12 @@ class Margins:
     frequency: np.ndarray
     loop: np.ndarray
     gain_margin_db: float
-    gain_limit_db: float
     gain_low_db: float
-    gain_low_limit_db: float
     phase_margin_deg: float
     crossover: float
     delay_margin: float
-    delay_limit: float
     disk_margin: float
     peak_sensitivity: float
-    encirclements: int
     open_unstable: int
     closed_unstable: int
 
@@ -212,9 +160,9 @@ class Margins:
         )
 
     @property
-    def consistent(self) -> bool:
-        """Whether the encirclements count as many unstable poles as the eigenvalues (Nyquist)."""
-        return self.closed_unstable == self.open_unstable - self.encirclements
+    def encirclements(self) -> int:
+        """Counter-clockwise encirclements of -1 by L, by Nyquist's criterion."""
+        return self.open_unstable - self.closed_unstable
 
 
 def decibel(size: Any) -> Any:
@@ -224,22 +172,18 @@ def decibel(size: Any) -> Any:
 
 
 def margins(whole: control.StateSpace, channel: int, name: str = "") -> Margins:
-    """Margins of a channel's loop (its index); NaN where the closed loop is unstable, or the two counts disagree."""
+    """Margins of a channel's loop (its index); NaN where the closed loop is unstable."""
     one, frequency = single(whole, channel), frequency_grid(whole)
     response = return_ratio(one, frequency)[:, 0, 0]
     unstable = [int((np.abs(np.linalg.eigvals(a)) > 1.0 + OUTSIDE).sum()) for a in (one.A, close(one))]
-    counts = count_encirclements(one), *unstable
-    if counts[2] or counts[2] != counts[1] - counts[0] or not np.abs(response).max() > 0.0:
-        return Margins(name, frequency, response, *(NAN,) * 10, *counts)  # pyright: ignore
+    if unstable[1] or not np.abs(response).max() > 0.0:
+        return Margins(name, frequency, response, *(NAN,) * 7, *unstable)  # pyright: ignore
     low, high, phase, crossover, late = loop_margins(frequency, response)
     sensitivity = 1.0 / (1.0 + response)
-    most, least = (find_limit(lambda g: spectral_radius(close(one, g)), 1.0, end) for end in (MOST_GAIN, LEAST_GAIN))
-    gains = (decibel(g) for g in (high, most, low, 0.0 if np.isnan(least) else least))
-    late_limit = whole.dt * find_limit(lambda frames: spectral_radius(delay(one, frames)), 0.0, MOST_FRAMES)
     return Margins(
-        name, frequency, response, *map(float, gains), phase, crossover, late, late_limit,
-        float(disk_margin(sensitivity[:, None, None]).min()), float(np.abs(sensitivity).max()), *counts,
-    )  # pyright: ignore # fmt: skip
+        name, frequency, response, float(decibel(high)), float(decibel(low)), phase, crossover, late,
+        float(disk_margin(sensitivity[:, None, None]).min()), float(np.abs(sensitivity).max()), *unstable,
+    )  # fmt: skip
 
 
 def loop_margins(frequency: np.ndarray, loop: np.ndarray) -> tuple[float, float, float, float, float]:
@@ -264,20 +208,6 @@ def loop_margins(frequency: np.ndarray, loop: np.ndarray) -> tuple[float, float,
     k = int(np.argmin(phase / crossovers))
     late = float(np.radians(phase[k]) / crossovers[k])
     return low, high, float(phase[k]), float(crossovers[k] / (2.0 * np.pi)), late
-
-
-def find_limit(radius: Callable[[float], float], low: float, high: float) -> float:
-    """Value at which a spectral radius passes 1 from low towards high (grid, then Brent's method); nan if none."""
-    from scipy.optimize import brentq
-
-    def beyond(x: float) -> float:
-        return radius(x) - 1.0 - OUTSIDE
-
-    grid = np.linspace(low, high, 80) if low == 0.0 else np.geomspace(low, high, 80)
-    above = next((k for k, x in enumerate(grid) if beyond(x) > 0.0), None)
-    if above is None:
-        return NAN
-    return float(brentq(beyond, grid[above - 1], grid[above], rtol=1e-7)) if above else low  # pyright: ignore
 
 
 def disk_margin(sensitivity: np.ndarray) -> np.ndarray:

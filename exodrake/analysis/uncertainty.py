@@ -15,7 +15,7 @@ from typing import Any
 
 import control
 import numpy as np
-from scipy.optimize import least_squares
+from scipy.optimize import least_squares, minimize
 
 from exodrake.analysis.limit_cycles import LimitCycles, find_dead_band, limit_cycles
 from exodrake.analysis.linear_model import linearise_robot
@@ -23,6 +23,7 @@ from exodrake.analysis.margins import open_loop, plant_response, return_ratio
 from exodrake.analysis.responses import returns
 from exodrake.analysis.robustness import within_intervals
 from exodrake.core.errors import InputError
+from exodrake.core.json_file import read_json
 from exodrake.core.robot import Robot
 
 POINTS, SLOWEST = 120, 1e-3  # frequencies of the weight; lowest, as a share of the Nyquist frequency
@@ -137,7 +138,7 @@ def assess_answer(
 def fit_weight(frequency: np.ndarray, deviation: np.ndarray) -> control.TransferFunction:
     """The weight g ((s / a + 1) / (s / b + 1))^n, n 1 or 2, that covers a deviation (f,) [-] at frequencies (f,) [Hz].
 
-    Fitted to the logarithm of the deviation, then raised until it covers it at each frequency.
+    Of all that cover it, it exceeds the deviation least in the mean of the logarithms.
     """
     w = 2.0 * np.pi * frequency
     log_size = np.log(np.maximum(deviation, 1e-6))
@@ -146,6 +147,9 @@ def fit_weight(frequency: np.ndarray, deviation: np.ndarray) -> control.Transfer
         lags = np.log1p((w / np.exp(x[1])) ** 2) - np.log1p((w / np.exp(x[2])) ** 2)
         return x[0] + 0.5 * order * lags - log_size
 
+    def uncovered(x: np.ndarray, order: int) -> float:
+        return float(np.mean(excess(x, order) - excess(x, order).min()))
+
     middle, ends = np.log(np.sqrt(w[0] * w[-1])), np.log([w[0] / 10.0, 10.0 * w[-1]])
     starts = [(log_size[0], middle + a, middle + b) for a, b in ((-1.0, 1.0), (1.0, -1.0), (1.0, 3.0), (-3.0, 0.0))]
     tried = []
@@ -153,8 +157,8 @@ def fit_weight(frequency: np.ndarray, deviation: np.ndarray) -> control.Transfer
         bounds = ([-20.0, ends[0], ends[0]], [20.0, ends[1], ends[1]])
         fits = [least_squares(excess, start, args=(order,), bounds=bounds) for start in starts]
         x = min(fits, key=lambda fit: fit.cost).x
-        lift = excess(x, order).min()
-        tried.append((float(np.mean(excess(x, order) - lift)), x - np.array([lift, 0.0, 0.0]), order))
+        found = minimize(uncovered, x, args=(order,), method="Nelder-Mead", bounds=np.transpose(bounds))
+        tried.append((found.fun, found.x - np.array([excess(found.x, order).min(), 0.0, 0.0]), order))
     (first, *_), (second, *_) = tried
     _, (gain, zero, pole), order = tried[1] if second < LESS * first else tried[0]
     s = control.tf("s")
@@ -163,8 +167,6 @@ def fit_weight(frequency: np.ndarray, deviation: np.ndarray) -> control.Transfer
 
 def read_diagnosis(path: Path) -> tuple[dict[str, Any], Path | None]:
     """The answer in a diagnosis file, or in a folder's `diagnosis.json`, and the improved robot beside it, if any."""
-    from exodrake.diagnosis.answer import read_answer
-
     file = path / "diagnosis.json" if path.is_dir() else path
     improved = file.parent / "improved.yaml"
-    return read_answer(file), improved if improved.is_file() else None
+    return read_json(file), improved if improved.is_file() else None
