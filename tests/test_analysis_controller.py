@@ -87,7 +87,7 @@ def test_a_candidate_on_the_linear_plant_is_the_robot_with_that_controller(plant
     point = operating_point(loop)
     model = linearise(loop, point.state, point.references)
     there = robustness(loop, point, model)
-    found = predict_performance(plant, VALUES)
+    found = predict_performance(plant, linearise_law(plant, VALUES))
     assert found.radius == pytest.approx(model.spectral_radius, abs=1e-7)
     assert found.disk_margin == pytest.approx(there.numbers["disk margin"], rel=5e-3)
     assert found.noise == pytest.approx(max(v for k, v in there.numbers.items() if k.startswith("noise")), rel=1e-4)

@@ -1,12 +1,13 @@
 """Frequency response, margins, python-control: one way of finding each number against another."""
 
+import control
 import numpy as np
 import pytest
 
 import exodrake as exo
 from exodrake.analysis.limit_cycles import CommandedLoop
-from exodrake.analysis.linear_model import FrameModel, linearise, spectral_radius
-from exodrake.analysis.margins import cut, delay, margins, open_loop
+from exodrake.analysis.linear_model import evaluate, linearise, spectral_radius
+from exodrake.analysis.margins import close, cut, margins, open_loop, single
 from exodrake.analysis.responses import LINES, bandwidth, frequency_response, multisine
 
 TENDONS = ("AF", "MF", "AE")
@@ -22,23 +23,18 @@ def grows(plant, state, factor, frames=400):
 
 def integrator(gain):
     """y_{n+1} = y_n + v_n, v_n = gain (r_n - y_n), opened: L = gain / (z - 1), poles at 1 - gain."""
-    one = np.ones((1, 1))
-    c, d = np.array([[1.0], [-gain]]), np.array([[0.0], [gain]])
-    outputs = ("tension_AF", "speed_cmd_AF")
-    model = FrameModel((1.0 - gain) * one, gain * one, c, d, 0.02, ("y",), ("tension_ref_AF",), outputs)
-    return cut(model, np.array([False]), "speed_cmd", "tension", ("AF",))
+    system = control.ss(1.0 - gain, gain, [[1.0], [-gain]], [[0.0], [gain]], 0.02)
+    return cut(system, np.array([False]), [1], [0])
 
 
 def test_margins_of_an_integrator():
     """Held integrator: limit gain 2, so the gain margin is 2 / gain; |L| = 1 where 2 sin(w T / 2) = gain."""
     found = margins(integrator(0.5), 0)
-    assert found.gain_limit == pytest.approx(4.0, rel=1e-6)
-    assert found.gain_margin == pytest.approx(4.0, rel=1e-3)
+    assert found.gain_margin_db == pytest.approx(20.0 * np.log10(4.0), rel=1e-3)
     angle = 2.0 * np.arcsin(0.25)
     assert found.crossover == pytest.approx(angle / (2.0 * np.pi * 0.02), rel=1e-3)
-    assert found.phase_margin == pytest.approx(np.pi / 2.0 - angle / 2.0, rel=1e-3)
+    assert found.phase_margin_deg == pytest.approx(90.0 - np.degrees(angle) / 2.0, rel=1e-3)
     assert found.delay_margin == pytest.approx(0.02 * (np.pi / 2.0 - angle / 2.0) / angle, rel=1e-3)
-    assert found.delay_limit == pytest.approx(found.delay_margin, rel=0.05)
 
 
 def test_multisine_is_odd_flat_and_periodic():
@@ -69,30 +65,49 @@ def test_noise_spreads_the_measured_response(loop, point, model):
 def test_margins_agree_with_poles_and_simulation(loop, point, model, wire):
     whole = open_loop(loop, model)
     found = margins(whole, wire)
-    assert found.gain_margin == pytest.approx(found.gain_limit, rel=1e-3)
-    assert found.delay_margin == pytest.approx(found.delay_limit, rel=0.01)
-    assert found.consistent and found.encirclements == 0
-    commanded = CommandedLoop(loop, point.references, model.D[model.rows("speed_cmd")], wire)
-    assert not grows(commanded, point.state, 0.97 * found.gain_limit)
-    assert grows(commanded, point.state, 1.03 * found.gain_limit)
+    limit = 10.0 ** (found.gain_margin_db / 20.0)
+    assert spectral_radius(close(single(whole, wire), 0.999 * limit)) < 1.0
+    assert spectral_radius(close(single(whole, wire), 1.001 * limit)) > 1.0
+    assert found.encirclements == 0
+    commanded = CommandedLoop(loop, point.references, model.system.D[model.rows("speed_cmd", loop.channels)], wire)
+    assert not grows(commanded, point.state, 0.97 * limit)
+    assert grows(commanded, point.state, 1.03 * limit)
 
 
-@pytest.mark.parametrize("frames", [1.0, 2.5, 6.0])
-def test_the_delayed_loop_is_the_loop_with_command_latency(loop, point, model, frames):
-    there = loop.with_values({"timing.command_latency.frames": frames})
-    expected = linearise(there, point.state, point.references).spectral_radius
-    assert spectral_radius(delay(open_loop(loop, model), frames)) == pytest.approx(expected, abs=1e-5)
+@pytest.fixture(scope="module")
+def analysed():
+    return exo.analyse(exo.load_robot())
 
 
-def test_python_control_reads_the_same_model(model):
-    system = model.to_control()
-    assert system.dt == 0.02 and system.nstates == len(model.A)
-    assert list(system.output_labels)[:3] == ["tension_AF", "tension_MF", "tension_AE"]
+def test_python_control_has_the_loop_between_any_two_signals(analysed):
+    """Sensitivity S = 1 / (1 + L) of one command, the others closed; margins of L by python-control alone."""
+    closed, opened = analysed.loop("speed_cmd_MF", "speed_cmd_MF"), analysed.open_loop("speed_cmd_MF")
     z = np.exp(2j * np.pi * 1.5 * 0.02)
-    here = model.response(np.array([1.5]))[0]
-    assert system(z) == pytest.approx(here, abs=1e-9)
+    assert 1.0 + closed(z) == pytest.approx(1.0 / (1.0 + opened(z)), rel=1e-6)
+    gain, phase, *_ = control.stability_margins(opened, method="frd")
+    assert 20.0 * np.log10(gain) == pytest.approx(analysed.margins[1].gain_margin_db, abs=0.01)
+    assert phase == pytest.approx(analysed.margins[1].phase_margin_deg, abs=0.1)
+    assert control.dcgain(analysed.loop("tension_ref_AF", "tension_AF")) == pytest.approx(1.0, abs=1e-3)
+    unlogged = analysed.loop("tension_ref_AF", "tension_true_AF")
+    assert opened.input_labels == opened.output_labels == ["speed_cmd_MF"]
+    assert unlogged.output_labels == ["tension_true_AF"] and unlogged.dt == 0.02
+    for call in (lambda: analysed.loop("tension_ref_A", "tension_AF"), lambda: analysed.open_loop("speed_cmd")):
+        with pytest.raises(exo.InputError, match="did you mean"):
+            call()
+
+
+def test_python_control_reads_the_same_model(analysed):
+    system = analysed.to_control("tension", "stroke")
+    assert system.dt == 0.02 and system.output_labels[:3] == ["tension_AF", "tension_MF", "tension_AE"]
+    here = evaluate(system, np.array([1.5]))[0]
+    assert system(np.exp(2j * np.pi * 1.5 * 0.02)) == pytest.approx(here, abs=1e-9)
     with pytest.raises(exo.InputError, match="colour"):
-        model.to_control("colour")
+        analysed.to_control("colour")
+
+
+def test_results_say_themselves_in_two_lines(analysed):
+    for one in (analysed, analysed.model, analysed.margins[0], analysed.steps[0], analysed.responses[0]):
+        assert len(repr(one).splitlines()) == 2 and max(map(len, repr(one).splitlines())) < 160
 
 
 def test_no_gain_no_loop(loop, point):

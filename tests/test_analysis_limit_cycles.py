@@ -10,15 +10,19 @@ from exodrake.analysis.limit_cycles import (
     CommandedLoop,
     describing_function,
     find_crossing,
+    find_dead_band,
     limit_cycles,
 )
+from exodrake.analysis.linear_model import operating_point
 from exodrake.analysis.margins import open_loop, plant_response, single
 
 
 @pytest.fixture(scope="module")
 def commanded(point, model):
     """The loop of a robot with the command of its second channel set from outside."""
-    return lambda robot: CommandedLoop(FrameMap.of(robot), point.references, model.D[model.rows("speed_cmd")], 1)
+    return lambda robot: CommandedLoop(
+        FrameMap.of(robot), point.references, model.system.D[model.rows("speed_cmd", ("AF", "MF", "AE"))], 1
+    )
 
 
 def test_without_a_nonlinearity_it_is_the_linear_plant(loop, model, commanded, point):
@@ -77,11 +81,27 @@ def test_smooth_effects_belong_to_the_linear_loop(monkeypatch):
     import exodrake.analysis.limit_cycles as module
 
     robot = exo.load_robot().splice("tendon.compliance", {"stiffness": 1200.0})
-    monkeypatch.setattr(module, "compare_cycles", lambda label, *rest: (label, rest[5]))
+    monkeypatch.setattr(module, "compare_cycles", lambda label, *rest, **more: (label, rest[5]))
     soft = dict(limit_cycles(robot))
     assert "tendon.compliance" not in soft and 7.0 < soft["motor.dead_zone"] < 9.5
     stuck = dict(limit_cycles(exo.load_robot().splice("tendon.coulomb_friction")))
     assert 2.5 < stuck["tendon.coulomb_friction"] < 2.8
+
+
+def test_a_p_loop_rests_within_the_dead_zone_over_its_gain():
+    """w / kp on either side: 0.5 mm/s over 6 mm/(s N); the derivative and the integral rest."""
+    robot = exo.load_robot().splice("motor.dead_zone", {"width": 5e-4, "release": 1.0}, ["MF"])
+    loop = FrameMap.of(robot)
+    band = find_dead_band(loop, operating_point(loop))
+    assert band["tension_MF"] == pytest.approx(5e-4 / robot["controller.kp"], rel=0.05)
+
+
+def test_describing_function_margins_are_the_linear_ones_at_large_amplitudes():
+    """A dead zone is nothing to a large sine; to a small one it lowers the gain: the margin is infinite."""
+    (found,) = limit_cycles(exo.load_robot().splice("motor.dead_zone", {"width": 2e-4}), own_only=True)
+    assert found.label == "motor.dead_zone"
+    assert np.nanmin(found.factor) == pytest.approx(found.limit, rel=0.15)
+    assert found.phase_margin_deg.min() == pytest.approx(100.0, abs=12.0)
 
 
 def test_an_unstable_loop_has_no_describing_function():

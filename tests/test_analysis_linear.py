@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import exodrake as exo
-from exodrake.analysis.closed_loop import list_remarks, returns
+from exodrake.analysis.closed_loop import list_remarks
 from exodrake.analysis.frame_map import FrameMap, name_states, resolve_references
 from exodrake.analysis.linear_model import (
     Pole,
@@ -14,10 +14,9 @@ from exodrake.analysis.linear_model import (
     find_observed,
     linearise,
     operating_point,
-    spectral_radius,
 )
 from exodrake.analysis.margins import latency_sweep, stability_limit, stability_map
-from exodrake.analysis.responses import step_figures
+from exodrake.analysis.responses import returns
 from exodrake.cli.analyse import course
 
 KNOWN = np.array([0.95, 0.6 + 0.5j, 0.6 - 0.5j])
@@ -70,7 +69,7 @@ def test_operating_point_is_at_rest(loop, point):
 
 def test_differences_have_converged(model):
     assert model.convergence < 1e-4 and model.kink < 1e-3
-    assert not any("clock" in s or "history" in s or "pictures" in s for s in model.states)
+    assert not any("clock" in s or "history" in s or "pictures" in s for s in model.system.state_labels)
 
 
 def test_the_slowest_pole_is_the_decay_of_a_small_perturbation(loop, point, model):
@@ -88,12 +87,12 @@ def test_the_linear_model_follows_a_small_step(loop, point, model):
     rows = np.tile(point.references, (80, 1))
     rows[:, 1] += 1e-3
     _, wires = loop.run(point.state, rows)
-    x, push = np.zeros(len(model.A)), np.array([0.0, 1e-3, 0.0])
+    x, push = np.zeros(model.system.nstates), np.array([0.0, 1e-3, 0.0])
     for n in range(80):
-        y = model.C @ x + model.D @ push
+        y = model.system.C @ x + model.system.D @ push
         seen = wires[n, loop.signals["tension_read"]] - point.output
         assert seen == pytest.approx(y[:3], abs=1e-6)
-        x = model.A @ x + model.B @ push
+        x = model.system.A @ x + model.system.B @ push
 
 
 def test_radius_above_one_is_divergence(loop, point):
@@ -157,18 +156,6 @@ def test_stability_limit():
     assert stability_limit(x, np.array([0.5, 0.9, 1.1])) == pytest.approx(2.5)
     assert stability_limit(x, np.array([1.5, 1.9, 2.1])) == 0.0
     assert np.isnan(stability_limit(x, np.array([0.5, 0.6, 0.7])))
-
-
-def test_step_figures_of_a_second_order_system():
-    """Overshoot exp(-pi zeta / sqrt(1 - zeta^2))."""
-    zeta, time = 0.3, np.linspace(0.001, 20.0, 20000)
-    w = np.sqrt(1.0 - zeta**2)
-    share = 1.0 - np.exp(-zeta * time) * (np.cos(w * time) + zeta / w * np.sin(w * time))
-    rise, overshoot, settling = step_figures(time, share)
-    assert overshoot == pytest.approx(np.exp(-np.pi * zeta / w), abs=1e-4)
-    assert rise == pytest.approx(1.32, abs=0.03)
-    assert settling == pytest.approx(11.2, abs=0.6)
-    assert spectral_radius(np.diag([0.2, -0.9])) == pytest.approx(0.9)
 
 
 def test_friction_is_reported_as_a_kink_and_simulation_decides():

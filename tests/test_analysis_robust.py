@@ -37,7 +37,7 @@ def found(loop, point, model):
 def test_disk_margin_of_one_loop_is_that_of_python_control(whole):
     one = single(whole, 1)
     f = np.geomspace(0.05, 24.9, 300)
-    system = control.ss(one.A, one.B, -one.C[:1], 0.0, whole.period)
+    system = control.ss(one.A, one.B, -one.C[:1], 0.0, whole.dt)
     expected, gain, phase = control.disk_margins(system, 2.0 * np.pi * f, skew=0.0)
     alpha = disk_margin(1.0 / (1.0 + return_ratio(one, f))).min()
     assert alpha == pytest.approx(float(expected), rel=1e-6)
@@ -82,7 +82,7 @@ def test_commands_that_err_together_destabilise_at_the_disk_margin(whole, found)
 
 
 def test_singular_values_are_those_of_python_control(whole, found):
-    sensitivity = control.ss(close(whole), whole.B, whole.C[:3], np.eye(3), whole.period)
+    sensitivity = control.ss(close(whole), whole.B, whole.C[:3], np.eye(3), whole.dt)
     values = control.singular_values_response(sensitivity, 2.0 * np.pi * found.frequency[:-1]).magnitude
     assert found.sigma_s[:-1] == pytest.approx(np.asarray(values).squeeze()[0], rel=1e-6)
     assert 1.66 < found.numbers["max sigma(S)"] < 1.76 and 0.78 < found.numbers["disk margin"] < 0.85
@@ -90,9 +90,9 @@ def test_singular_values_are_those_of_python_control(whole, found):
 
 def test_margins_do_not_depend_on_the_grid_of_frequencies(whole, found):
     """240 frequencies here, 1800 there."""
-    for j, name in enumerate(whole.inputs):
+    for j, name in enumerate(("AF", "MF", "AE")):
         fine = margins(whole, j)
-        assert found.numbers[f"gain margin {name}"] == pytest.approx(fine.gain_margin, rel=1e-5)
+        assert found.numbers[f"gain margin {name} [dB]"] == pytest.approx(fine.gain_margin_db, rel=1e-5)
         assert found.numbers[f"delay margin {name} [s]"] == pytest.approx(fine.delay_margin, rel=1e-5)
 
 
@@ -110,7 +110,7 @@ def test_noise_of_commands_is_that_of_the_simulation(loop, point, model):
     """Readings unrounded, 400 s after a transient."""
     _, signals = loop.run(point.state, np.tile(point.references, (20000, 1)), seed=4)
     simulated = signals[200:, loop.signals["speed_cmd"]].std(axis=0)
-    assert output_noise(model, "speed_cmd") == pytest.approx(simulated, rel=0.03)
+    assert output_noise(model, model.rows("speed_cmd", loop.channels)) == pytest.approx(simulated, rel=0.03)
 
 
 def test_the_delay_budget_reads_the_schedule(loop, whole):
@@ -165,8 +165,9 @@ def test_robots_within_the_intervals_of_a_diagnosis():
     effect = {"id": "motor.dead_zone", "wires": ["AF"], "joints": [], "parameters": {}, "channels": channels}
     answer = json.loads(json.dumps({"effects": [effect]}))
     drawn = [r["motor.dead_zone.width.AF"] for _, r in within_intervals(exo.load_robot(), answer, 400)]
-    assert np.quantile(drawn, [0.0, 0.5, 1.0]) == pytest.approx([9e-4, 1e-3, 1.2e-3], rel=0.01)
-    assert min(drawn) > 9e-4 and max(drawn) < 1.2e-3  # a stiffness just above 0 never turns negative
+    assert drawn[:2] == pytest.approx([9e-4, 1.2e-3])
+    assert np.median(drawn) == pytest.approx(1e-3, rel=0.01)
+    assert min(drawn) >= 9e-4 and max(drawn) <= 1.2e-3  # a stiffness just above 0 never turns negative
     assert all(r["motor.dead_zone.width.MF"] == 0.0 for _, r in within_intervals(exo.load_robot(), answer, 3))
 
 
@@ -180,9 +181,8 @@ def test_what_is_no_diagnosis_is_refused(answer, word):
 
 
 def test_python_control_closes_the_opened_loop_again(whole, model):
-    system = control.ss(whole.A, whole.B, whole.C[:3], 0.0, whole.period)
-    again = control.feedback(system, control.ss([], [], [], np.eye(3), whole.period), sign=1)
-    assert np.sort(np.abs(again.poles()))[-5:] == pytest.approx(np.sort(np.abs(model.to_control().poles()))[-5:])
+    again = control.feedback(whole[:3, :], control.ss([], [], [], np.eye(3), whole.dt), sign=1)
+    assert np.sort(np.abs(again.poles()))[-5:] == pytest.approx(np.sort(np.abs(model.system.poles()))[-5:])
 
 
 def test_the_loop_of_another_machine_has_a_robustness():

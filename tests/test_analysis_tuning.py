@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from arm_folders import made
 from click.testing import CliRunner
 
 import exodrake as exo
@@ -12,6 +13,7 @@ from exodrake.analysis.tuning import (
     Requirements,
     compliance,
     compute_cost,
+    linearise_law,
     linearise_plant,
     list_missed,
     predict_performance,
@@ -55,7 +57,7 @@ def test_the_tuned_loop_settles_no_later_than_one_that_holds_the_same(tuned):
     best, most = numbers["compared"][numbers["best"]], numbers["required"]["noise [N]"]
     plant = linearise_plant(exo.load_robot("emps"))
     grid = [(a, b) for a in np.geomspace(20.0, 400.0, 9) for b in np.geomspace(50.0, 1000.0, 9)]
-    found = [predict_performance(plant, {"drive.kp": a, "drive.kv": b}) for a, b in grid]
+    found = [predict_performance(plant, linearise_law(plant, {"drive.kp": a, "drive.kv": b})) for a, b in grid]
     held = [p.settling for p in found if p.disk_margin >= 0.75 and p.overshoot <= 0.18 and p.noise <= 0.9 * most]
     assert best["settling [s]"] <= 1.15 * min(held)
 
@@ -121,9 +123,9 @@ def test_bad_input_is_refused(arguments, word):
     assert found.exit_code == 2 and word in found.output
 
 
-def test_no_controller_is_tuned_without_a_loop():
+def test_no_controller_is_tuned_without_a_loop(arm_folder):
     with pytest.raises(exo.InputError, match="no closed loop"):
-        tune(exo.load_robot("so101"))
+        tune(made(arm_folder, "measured", "--urdf", "rotary_axis"))
 
 
 @pytest.mark.parametrize("wanted", [{"overshoot": float("nan")}, {"settling": -1.0}, {"noise": float("nan")}])

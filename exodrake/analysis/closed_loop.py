@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from io import BytesIO
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import control
 import numpy as np
 
 from exodrake.analysis.frame_map import FrameMap
@@ -17,28 +18,26 @@ from exodrake.analysis.margins import (
     LatencySweep,
     Margins,
     StabilityMap,
+    controller_states,
     delay_budget,
+    disturb,
     latency_sweep,
     margins,
     open_loop,
+    single,
     stability_map,
 )
-from exodrake.analysis.responses import FrequencyResponse, StepResponse, frequency_response, step_response
+from exodrake.analysis.responses import FrequencyResponse, StepResponse, frequency_response, returns, step_response
 from exodrake.analysis.robustness import Band, Robustness, robustness
-from exodrake.core.errors import argument, short_repr
+from exodrake.analysis.uncertainty import Uncertainty
+from exodrake.core.errors import InputError, argument, nearest
 from exodrake.core.plain import plain
 from exodrake.core.robot import Robot
 
-if TYPE_CHECKING:
-    import control
-
-KICK, KICKED = 0.1, 1000  # reference step of one frame, as a share of the loop's step; frames simulated
-HARD = 1.0  # the same for a loop that a small kick does not move
 ROUGH = 1e-3  # slopes of two step sizes that differ by more deserve a word
 STEADY_ERROR = 0.02  # share of a step
 
 
-@short_repr
 @dataclass(frozen=True, eq=False)
 class ClosedLoop:
     """The closed loop of a robot at an operating point.
@@ -48,6 +47,8 @@ class ClosedLoop:
         point: operating point at which it rests.
         model: linear model with one step per frame.
         opened: linear model opened at its commands, see `margins.cut`.
+        system: python-control's `StateSpace` of the closed loop. Inputs: references, sensor noise of unit variance, and
+            disturbances added to the commands; outputs: all signals.
         steps: step response of each channel, in the machine's order.
         responses: frequency response of each channel.
         margins: stability margins of each channel's loop.
@@ -63,7 +64,8 @@ class ClosedLoop:
     robot: Robot
     point: OperatingPoint
     model: FrameModel
-    opened: FrameModel
+    opened: control.StateSpace
+    system: control.StateSpace
     steps: tuple[StepResponse, ...]
     responses: tuple[FrequencyResponse, ...]
     margins: tuple[Margins, ...]
@@ -74,6 +76,18 @@ class ClosedLoop:
     returns: bool
     notes: tuple[str, ...]
     bands: tuple[Band, ...] = ()
+    uncertainty: Uncertainty | None = None
+
+    def __repr__(self) -> str:
+        """Robot, stability and speed, then the margins of each channel."""
+        slowest = max(s.settling for s in self.steps)
+        margins = "; ".join(
+            f"{m.channel} {m.gain_margin_db:.3g} dB, {m.phase_margin_deg:.3g} deg" for m in self.margins
+        )
+        return (
+            f"ClosedLoop of {self.robot.machine.name}: {'stable' if self.stable else 'UNSTABLE'}, spectral radius "
+            f"{self.model.spectral_radius:.4f}, settles in {slowest:.3g} s\nmargins: {margins}"
+        )
 
     @property
     def stable(self) -> bool:
@@ -85,9 +99,53 @@ class ClosedLoop:
         """Whether the nonlinear simulation decides on stability, because the poles do not."""
         return not self.model.decides
 
+    def loop(self, source: str, target: str) -> control.StateSpace:
+        """The closed loop between two signals as python-control's `StateSpace`.
+
+        Args:
+            source: an input of `system`: a reference such as `tension_ref_AF`, a command that is disturbed, or noise.
+            target: an output of `system`, such as `tension_AF`.
+
+        Raises:
+            InputError: an unknown signal.
+        """
+        for name, known in ((source, self.system.input_labels), (target, self.system.output_labels)):
+            if name not in known:
+                raise InputError(f"the loop has no signal {name!r} there{nearest(name, known)}; see `system`")
+        return self.system[target, source].copy(name=f"{source}_to_{target}")
+
+    def open_loop(self, command: str) -> control.StateSpace:
+        """The return ratio L of the loop opened at a command, the others closed, as python-control's `StateSpace`.
+
+        Its margins need `control.stability_margins(L, method="frd")`: the default method goes through polynomials of
+        the order of L, which are wrong for some tens of states.
+
+        Raises:
+            InputError: an unknown command.
+        """
+        if command not in self.opened.input_labels:
+            known = self.opened.input_labels
+            raise InputError(f"no command {command!r}{nearest(command, known)}; there are {', '.join(known)}")
+        ratio = -single(self.opened, self.opened.find_input(command))[0, 0]
+        ratio.update_names(name=f"L_{command}", inputs=[command], outputs=[command], states=self.opened.state_labels)
+        return ratio
+
     def to_control(self, *kinds: str) -> control.StateSpace:
-        """The linear model as a python-control `StateSpace` with dt = one frame; see `FrameModel.to_control`."""
-        return self.model.to_control(*kinds)
+        """The closed loop from the references as python-control's `StateSpace`, dt = one frame.
+
+        Args:
+            kinds: of outputs, such as "tension", "stroke"; all by default.
+
+        Raises:
+            InputError: a kind is unknown.
+        """
+        machine, labels = self.robot.machine, self.model.system.output_labels
+        known = {kind: machine.channels(signal) for signal, kind in FrameMap.of(self.robot).kinds.items()}
+        for kind in kinds:
+            if kind not in known:
+                raise InputError(f"the model has no output {kind!r}{nearest(kind, list(known))}")
+        names = {"_".join(filter(None, (k, c))) for k in kinds for c in known[k]} or set(labels)
+        return self.model.system[[name for name in labels if name in names], :]
 
 
 def analyse(robot: Robot, at: Mapping[str, float] | str | None = None, seed: int | None = None) -> ClosedLoop:
@@ -110,32 +168,26 @@ def analyse(robot: Robot, at: Mapping[str, float] | str | None = None, seed: int
     whole = open_loop(loop, model)
     channels = range(len(loop.channels))
     steps = tuple(step_response(loop, point, i) for i in channels)
-    found = tuple(margins(whole, i) for i in channels)
+    found = tuple(margins(whole, i, loop.channels[i]) for i in channels)
     responses = tuple(frequency_response(loop, point, model, i, seed=seed) for i in channels)
     maps = stability_map(loop, point), latency_sweep(loop, point)
     back = returns(loop, point)
     return ClosedLoop(
-        robot, point, model, whole, steps, responses, found, delay_budget(loop, found),
+        loop.robot, point, model, whole, connect(loop, model), steps, responses, found, delay_budget(loop, found),
         robustness(loop, point, model, "this robot"), *maps, back,
         (*list_remarks(loop, point, model, steps), *list_margin_remarks(found)),
     )  # fmt: skip
 
 
-def returns(loop: FrameMap, point: OperatingPoint) -> bool:
-    """Whether the nonlinear loop comes back to rest, to within 1 %, after a reference of a tenth of a step for a frame.
-
-    A loop that this does not move gets the whole step. One that rests farther than a step from where it was, as at a
-    limit of its commands, has not come back.
-    """
-    for kick in (KICK, HARD):
-        rows = np.tile(point.references, (KICKED, 1))
-        rows[0] += kick * loop.loop.step
-        output = loop.run(point.state, rows)[1][:, loop.signals[loop.loop.output]]
-        speed = np.abs(np.diff(output, axis=0)).max(axis=1)
-        if speed.max() > 1e-6 * loop.loop.step:
-            away = np.abs(output[-1] - point.output).max()
-            return bool(speed[-50:].max() < 0.01 * speed.max() and away < loop.loop.step)
-    return True
+def connect(loop: FrameMap, model: FrameModel) -> control.StateSpace:
+    """The closed loop with references, sensor noise and disturbed commands as inputs, and all signals as outputs."""
+    system, v = model.system, model.rows(loop.kinds[loop.loop.command], loop.channels)
+    b, d = disturb(system, controller_states(loop, model), v)
+    return control.ss(
+        system.A, np.hstack([system.B, model.N, b]), system.C, np.hstack([system.D, model.M, d]), system.dt,
+        remove_useless_states=False, states=system.state_labels, outputs=system.output_labels,
+        inputs=[*system.input_labels, *loop.noises, *(system.output_labels[i] for i in v)],
+    )  # fmt: skip
 
 
 def list_remarks(
@@ -180,19 +232,17 @@ def list_margin_remarks(found: tuple[Margins, ...]) -> tuple[str, ...]:
     notes = []
     if idle := [m.channel for m in found if not np.abs(m.loop).max() > 0.0]:
         notes.append(f"the command of {', '.join(idle)} does not act on its reading here: no margins")
-    if odd := [m.channel for m in found if not m.consistent]:
-        notes.append(f"encirclements and poles disagree for {', '.join(odd)}: no margins")
     for m in found:
-        if m.gain_low > 0.0:
-            notes.append(f"{m.channel} is conditionally stable: {m.gain_low:.2g} of its loop gain is too little")
+        if np.isfinite(m.gain_low_db):
+            notes.append(f"{m.channel} is conditionally stable: {m.gain_low_db:.3g} dB of loop gain is too little")
     return tuple(notes)
 
 
 UNITS = {  # names of fields in JSON
     "rise": "rise_time [s]", "settling": "settling_time [s]", "time_constant": "time_constant [s]",
     "frequency": "frequency [Hz]", "bandwidth": "bandwidth [Hz]", "bandwidth_measured": "bandwidth_measured [Hz]",
-    "phase_margin": "phase_margin [rad]", "crossover": "crossover [Hz]", "delay_margin": "delay_margin [s]",
-    "delay_limit": "delay_limit [s]", "step": "difference_step", "where": "kink_at", "period": "period [s]",
+    "crossover": "crossover [Hz]", "delay_margin": "delay_margin [s]",
+    "step": "difference_step", "where": "kink_at",
     "residual": "residual [excursion/frame]", "steady": "steady_by_own_gains",
 }  # fmt: skip
 
@@ -224,7 +274,7 @@ def to_plain(result: ClosedLoop, cycles: tuple[LimitCycles, ...] = ()) -> dict[s
             "operating_point": readings
             | name_fields(result.point, "references", "state", "output", "readings", "slack"),
             "poles": [{"z": p.z, "modulus": abs(p.z), **name_fields(p)} for p in result.model.poles()],
-            "linear_model": name_fields(result.model, "N", "M"),
+            "linear_model": name_fields(result.model, "N", "M", "system") | model_arrays(result),
             "steps": {s.channel: name_fields(s, "channel", "time", "output") for s in result.steps},
             "frequency_response": {r.channel: name_fields(r, "channel") for r in result.responses},
             "margins": {m.channel: name_fields(m, "channel", "frequency", "loop") for m in result.margins},
@@ -254,6 +304,7 @@ def to_plain(result: ClosedLoop, cycles: tuple[LimitCycles, ...] = ()) -> dict[s
                 for b in result.bands
             },
             "limit_cycles": {c.label: {k: v for k, v in vars(c).items() if k != "label"} for c in cycles},
+            "uncertainty": result.uncertainty and result.uncertainty.to_dict(),
             "stability_map": {
                 "gains": {name: machine.parameters[robot.indices(name)[0]].unit for name in gains.names},
                 "first": gains.first,
@@ -268,9 +319,16 @@ def to_plain(result: ClosedLoop, cycles: tuple[LimitCycles, ...] = ()) -> dict[s
     )
 
 
+def model_arrays(result: ClosedLoop) -> dict[str, Any]:
+    """Matrices, frame [s] and names of the linear model: what `control.StateSpace` takes."""
+    s = result.model.system
+    names = {"states": s.state_labels, "inputs": s.input_labels, "outputs": s.output_labels}
+    return {"A": s.A, "B": s.B, "C": s.C, "D": s.D, "dt": s.dt} | names
+
+
 def model_bytes(result: ClosedLoop) -> bytes:
-    """NPZ with A, B, C, D, dt, states, inputs, outputs: what `control.StateSpace` takes, without python-control."""
-    m, buffer = result.model, BytesIO()
-    states, inputs, outputs = np.array(m.states), np.array(m.inputs), np.array(m.outputs)
-    np.savez(buffer, A=m.A, B=m.B, C=m.C, D=m.D, dt=m.period, states=states, inputs=inputs, outputs=outputs)
+    """The linear model as an NPZ file for use without python-control."""
+    buffer = BytesIO()
+    arrays: dict[str, Any] = {name: np.array(value) for name, value in model_arrays(result).items()}
+    np.savez(buffer, **arrays)
     return buffer.getvalue()

@@ -9,9 +9,11 @@ import numpy as np
 
 from exodrake.analysis.closed_loop import ClosedLoop
 from exodrake.analysis.limit_cycles import LimitCycles
-from exodrake.analysis.margins import LatencySweep, Margins, close
-from exodrake.analysis.responses import FrequencyResponse, StepResponse, closed_response
+from exodrake.analysis.linear_model import evaluate
+from exodrake.analysis.margins import LatencySweep, Margins, close, decibel
+from exodrake.analysis.responses import StepResponse
 from exodrake.analysis.tuning import Tuning
+from exodrake.analysis.uncertainty import Uncertainty
 from exodrake.core.display import colour_of, display_of, shown_unit
 from exodrake.core.robot import Robot
 from exodrake.data.plot import STYLE, new_figure, png_of
@@ -32,6 +34,7 @@ FACTORS = (0.02, 20.0)  # of the loop gain, along the root locus
 LEVELS = [0.90, 0.92, 0.94, 0.96, 0.98, 1.0, 1.1, 1.25, 1.5, 2.0]  # of the spectral radius
 INSIDE = ["#1f6f8b", "#3f8aa3", "#68a6b9", "#97c3cf", "#c8e0e5"]
 OUTSIDE = ["#fde3cf", "#f7b98d", "#ec8c55", "#d7602f"]
+CLEAN = 0.999  # coherence above which there is nothing to show
 VISIBLE = 1e-4  # of a panel: below, the rest of a simulation
 
 
@@ -96,64 +99,43 @@ def output_kind(result: ClosedLoop) -> str:
 
 
 @matplotlib.rc_context(STYLE)
-def plot_poles(result: ClosedLoop) -> Figure:
-    """Poles in the unit circle, with curves of equal damping and equal frequency."""
-    figure = new_figure(4.6, 4.4)
-    axes = figure.subplots()
-    draw_damping_grid(axes, result.model.period)
-    z = np.array([pole.z for pole in result.model.poles()])
-    inside = np.abs(z) < 1.0
-    for shown, colour, size, width in ((z[inside], "#0072b2", 6, 1.4), (z[~inside], "#d55e00", 7, 1.8)):
-        axes.plot(np.real(shown), np.imag(shown), "x", color=colour, ms=size, mew=width, zorder=4)
-    reach = max(1.12, 1.08 * float(np.abs(z).max()))
-    axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal", xlabel="Re z", ylabel="Im z")
-    frame, radius = 1e3 * result.model.period, result.model.spectral_radius
-    axes.set_title(f"Poles per {frame:g} ms frame, spectral radius {radius:.4f}")
-    axes.grid(False)
-    return figure
-
-
-@matplotlib.rc_context(STYLE)
 def plot_bode(result: ClosedLoop) -> Figure:
-    """Frequency response from reference to reading per channel, measured and linear, and its coherence."""
-    count = len(result.responses)
-    figure = new_figure(min(7.0, 1.6 + 2.4 * count), 5.2)
-    rows = figure.subplots(3, count, sharex=True, sharey="row", squeeze=False, height_ratios=[1.4, 1.2, 0.7])
-    for j, response in enumerate(result.responses):
-        draw_response(rows[:, j], result, response, colour_of(response.channel, j, result.robot.machine))
+    """Closed loop from reference to reading per channel: a line from the frame map, dots from the multisine.
+
+    With noise or distortion, a panel of coherence; else it is 1 everywhere.
+    """
+    count, noisy = len(result.responses), any(np.nanmin(r.coherence) < CLEAN for r in result.responses)
+    figure = new_figure(min(7.0, 1.6 + 2.4 * count), 5.2 if noisy else 4.2)
+    heights = [1.4, 1.2, 0.7][: 3 if noisy else 2]
+    rows = figure.subplots(len(heights), count, sharex=True, sharey="row", squeeze=False, height_ratios=heights)
+    outputs = [f"{output_kind(result)}_{r.channel}" for r in result.responses]
+    for j, (response, output) in enumerate(zip(result.responses, outputs)):
+        gain, phase, *coherence = rows[:, j]
+        colour = colour_of(response.channel, j, result.robot.machine)
+        f, size = response.frequency, np.abs(response.measured)
+        fine = np.geomspace(f[0], f[-1], 400)
+        linear = evaluate(result.model.system[output, j], fine)[:, 0, 0]
+        low, high = np.maximum(size - response.spread, 1e-6), size + response.spread
+        gain.fill_between(f, decibel(low), decibel(high), color=colour, alpha=0.25, lw=0)
+        gain.plot(fine, decibel(np.abs(linear)), color="black", lw=0.9, label="frame map")
+        gain.plot(f, decibel(size), ".", ms=3, color=colour, label="multisine")
+        phase.plot(fine, np.degrees(np.unwrap(np.angle(linear))), color="black", lw=0.9)
+        phase.plot(f, np.degrees(np.unwrap(np.angle(response.measured))), ".", ms=3, color=colour)
+        for axes in coherence:
+            axes.plot(f, response.coherence, ".", ms=3, color=colour)
+            axes.set(ylim=(-0.05, 1.08))
+        if np.isfinite(response.bandwidth):
+            gain.axvline(response.bandwidth, color="#555", lw=0.7, ls=(0, (4, 2)))
+            words = f"-3 dB at {response.bandwidth:.2f} Hz"
+            gain.text(0.97, 0.95, words, transform=gain.transAxes, ha="right", va="top", fontsize=8, color=DARK)
+        gain.set(title=f"{response.channel}: closed loop", xscale="log", ylim=(-42, 12))
+        phase.set(ylim=(-400, 20), yticks=[-360, -270, -180, -90, 0])
+        rows[-1, j].set_xlabel("Frequency [Hz]")
     rows[0, 0].legend(loc="lower left", frameon=True, facecolor="white", edgecolor="none", framealpha=1.0)
     for axes, name in zip(rows[:, 0], ("Gain [dB]", "Phase [deg]", "Coherence [-]")):
         axes.set_ylabel(name)
     figure.align_ylabels(rows[:, 0])
     return figure
-
-
-def draw_response(column: Any, result: ClosedLoop, response: FrequencyResponse, colour: str) -> None:
-    """Gain, phase and coherence of one channel: a line from the frame map, dots from the multisine."""
-    gain, phase, coherence = column
-    f, size = response.frequency, np.abs(response.measured)
-    fine = np.geomspace(f[0], f[-1], 400)
-    kinds = result.model.inputs[0].rsplit("_", 1)[0], output_kind(result)
-    linear = closed_response(result.model, response.channel, kinds, fine)
-    low, high = np.maximum(size - response.spread, 1e-6), size + response.spread
-    gain.fill_between(f, decibel(low), decibel(high), color=colour, alpha=0.25, lw=0)
-    gain.plot(fine, decibel(np.abs(linear)), color="black", lw=0.9, label="frame map")
-    gain.plot(f, decibel(size), ".", ms=3, color=colour, label="multisine")
-    phase.plot(fine, np.degrees(np.unwrap(np.angle(linear))), color="black", lw=0.9)
-    phase.plot(f, np.degrees(np.unwrap(np.angle(response.measured))), ".", ms=3, color=colour)
-    coherence.plot(f, response.coherence, ".", ms=3, color=colour)
-    if np.isfinite(response.bandwidth):
-        gain.axvline(response.bandwidth, color="#555", lw=0.7, ls=(0, (4, 2)))
-        words = f"-3 dB at {response.bandwidth:.2f} Hz"
-        gain.text(0.97, 0.95, words, transform=gain.transAxes, ha="right", va="top", fontsize=8, color=DARK)
-    gain.set(title=f"{response.channel}: reference to reading", xscale="log", ylim=(-42, 12))
-    phase.set(ylim=(-400, 20), yticks=[-360, -270, -180, -90, 0])
-    coherence.set(xlabel="Frequency [Hz]", ylim=(-0.05, 1.08))
-
-
-def decibel(size: np.ndarray) -> np.ndarray:
-    """Amplitude ratio (n,) [-] in dB."""
-    return 20.0 * np.log10(size)
 
 
 @matplotlib.rc_context(STYLE)
@@ -190,10 +172,10 @@ def margin_words(m: Margins) -> str:
     """Margins in a few lines; those that are infinite left out."""
     if m.closed_unstable:
         return "unstable: no margins"
-    lines = [f"gain margin {m.gain_margin:.2f}"] if np.isfinite(m.gain_margin) else []
-    lines += [f"and down to {m.gain_low:.2g}"] if m.gain_low > 0.0 else []
+    lines = [f"gain {m.gain_margin_db:.1f} dB"] if np.isfinite(m.gain_margin_db) else []
+    lines += [f"and down to {m.gain_low_db:.1f} dB"] if np.isfinite(m.gain_low_db) else []
     if np.isfinite(m.delay_margin):
-        lines += [f"phase {np.degrees(m.phase_margin):.0f} deg at {m.crossover:.2f} Hz"]
+        lines += [f"phase {m.phase_margin_deg:.0f} deg at {m.crossover:.2f} Hz"]
         lines += [f"delay {1e3 * m.delay_margin:.3g} ms"]
     return "\n".join(lines)
 
@@ -276,7 +258,7 @@ def plot_robust(result: ClosedLoop) -> Figure:
 
 def draw_coupling(axes: Any, result: ClosedLoop) -> None:
     """Diagonal of the relative gain array over frequency."""
-    for j, name in enumerate(result.opened.inputs):
+    for j, name in enumerate([m.channel for m in result.margins]):
         colour = colour_of(name, j, result.robot.machine)
         for band in result.bands[:1]:
             values = [m.gain_array[:, j] for m in band.members]
@@ -296,15 +278,18 @@ def plot_root_locus(result: ClosedLoop) -> Figure:
     """Poles while the gain of all commands grows together, in the unit circle."""
     figure = new_figure(5.4, 4.4)
     axes = figure.subplots()
-    draw_damping_grid(axes, result.model.period)
+    draw_damping_grid(axes, result.model.system.dt)
     factors = np.geomspace(*FACTORS, 240)
     roots = [np.linalg.eigvals(close(result.opened, g)) for g in factors]
     z, tint = np.concatenate(roots), np.repeat(np.log10(factors), [len(r) for r in roots])
     shown = np.abs(z) > 1e-3
     dots = axes.scatter(np.real(z[shown]), np.imag(z[shown]), c=tint[shown], s=3, cmap="viridis", lw=0, zorder=3)
-    for matrix, mark, label in ((result.opened.A, "o", "open loop"), (close(result.opened), "x", "this robot")):
-        poles = np.linalg.eigvals(matrix)
-        axes.plot(np.real(poles), np.imag(poles), mark, mfc="none", mec="black", ms=5, mew=1.0, label=label, zorder=4)
+    loop = result.opened[: result.opened.ninputs, :]
+    marks = ((loop.poles(), "x", "open-loop poles"), (loop.zeros(), "o", "open-loop zeros"),
+             (np.linalg.eigvals(close(result.opened)), "s", "poles of this robot"))  # fmt: skip
+    for z, mark, label in marks:
+        z = z[(np.abs(z) > 1e-3) & (np.abs(z) < 2.0)]
+        axes.plot(np.real(z), np.imag(z), mark, mfc="none", mec="black", ms=4.5, mew=0.9, label=label, zorder=4)
     radius = np.array([np.abs(r).max() for r in roots])
     over = np.flatnonzero((radius > 1.0 + 1e-6) & (factors > 1.0))
     if result.robust.stable and len(over):
@@ -383,7 +368,7 @@ def plot_stability(result: ClosedLoop) -> Figure:
     panels = figure.subplots(1, 2, width_ratios=[1.45, 1.0]) if latency else [figure.subplots()]
     draw_gains(figure, panels[0], result)
     if latency:
-        draw_latency(panels[1], latency, result.model.period)
+        draw_latency(panels[1], latency, result.model.system.dt)
     return figure
 
 
@@ -486,12 +471,36 @@ def draw_requirements(figure: Any, tuning: Tuning) -> None:
     figure.axes[0].invert_yaxis()
 
 
+@matplotlib.rc_context(STYLE)
+def plot_uncertainty(found: Uncertainty) -> Figure:
+    """Deviation of the robots of an answer with the weight that covers it; margins over amplitude with friction."""
+    figure = new_figure(7.0 if found.cycles else 4.0, 3.0)
+    panels = figure.subplots(1, 3 if found.cycles else 1, squeeze=False)[0]
+    f = np.geomspace(found.frequency[0], found.frequency[-1], 200)
+    panels[0].plot(found.frequency, found.deviation, ".", ms=3, color="#0072b2", label="robots of the answer")
+    panels[0].plot(f, np.abs(found.weight(2j * np.pi * f)), color="black", lw=1.1, label="weight")
+    panels[0].set(xscale="log", yscale="log", xlabel="Frequency [Hz]", ylabel="Relative deviation of the plant [-]")
+    panels[0].legend(fontsize=7.5)
+    for cycle, label in zip(found.cycles, ("improved robot", "lower ends", "upper ends")):
+        size = shown_unit(cycle.unit)[1] * cycle.amplitude
+        panels[1].plot(size, decibel(cycle.factor), ".-", lw=0.9, ms=3, label=label)
+        panels[2].plot(size, cycle.phase_margin_deg, ".-", lw=0.9, ms=3)
+    for axes, label in zip(panels[1:], ("Gain margin [dB]", "Phase margin [deg]")):
+        unit = shown_unit(found.cycles[0].unit)[0]
+        axes.set(xscale="log", xlabel=f"Command amplitude [{unit}]", ylabel=label)
+        axes.axhline(0.0, color="black", lw=0.8)
+    if found.cycles:
+        panels[1].legend(fontsize=7.5)
+    return figure
+
+
 def draw_figures(result: ClosedLoop, cycles: tuple[LimitCycles, ...] = ()) -> dict[str, bytes]:
-    """File name -> PNG of every figure; that of limit cycles where there are any."""
+    """File name -> PNG of every figure; those of limit cycles and of an answer's robots where there are any."""
     figures = {
-        "steps": plot_steps, "poles": plot_poles, "stability": plot_stability, "bode": plot_bode,
+        "steps": plot_steps, "stability": plot_stability, "bode": plot_bode,
         "margins": plot_margins, "nyquist": plot_nyquist, "robust": plot_robust, "root_locus": plot_root_locus,
         "delays": plot_delays,
     }  # fmt: skip
     found = {f"{name}.png": png_of(plot(result)) for name, plot in figures.items()}
-    return found | ({"limit_cycles.png": png_of(plot_limit_cycles(cycles))} if cycles else {})
+    found |= {"limit_cycles.png": png_of(plot_limit_cycles(cycles))} if cycles else {}
+    return found | ({"uncertainty.png": png_of(plot_uncertainty(result.uncertainty))} if result.uncertainty else {})

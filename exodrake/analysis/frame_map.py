@@ -46,6 +46,17 @@ def name_states(machine: Machine) -> tuple[StateName, ...]:
     return tuple(found)
 
 
+def add_controller(robot: Robot) -> Robot:
+    """The robot with the outer controller of a machine that has none of its own. InputError if it can have no loop."""
+    loop = robot.machine.loop
+    if loop is None:
+        raise InputError(
+            f"{robot.machine.name}: no closed loop to analyse (its motion is measured, not commanded: "
+            "no reference goes through a controller)"
+        )
+    return loop.outer(robot) if loop.outer else robot
+
+
 @dataclass(frozen=True, eq=False)
 class FrameMap:
     """The frame map of a robot, unquantised and free of noise.
@@ -62,12 +73,8 @@ class FrameMap:
 
     @staticmethod
     def of(robot: Robot) -> FrameMap:
-        """The frame map of a robot. InputError if a parameter is missing, or the machine declares no loop."""
-        if robot.machine.loop is None:
-            raise InputError(
-                f"{robot.machine.name}: no closed loop to analyse (the machine does not say which signals and gains "
-                "make one: its field `loop`)"
-            )
+        """The frame map of a robot. InputError if a parameter is missing, or the machine has no loop."""
+        robot = add_controller(robot)
         return FrameMap(robot, prepared(robot, quantisation=False), compile_machine(robot.machine))
 
     @property
@@ -88,9 +95,36 @@ class FrameMap:
         signals = [machine.signal[n] for n in machine.inputs if machine.signal[n].distribution == NORMAL]
         return tuple(f"{s.name}_{channel}" for s in signals for channel in machine.axes.of(s.axis))
 
-    def column(self, signal: str) -> str:
-        """Kind of the log columns that show a signal of the loop."""
-        return next(c.kind for c in self.robot.machine.columns if c.signal == signal)
+    @cached_property
+    def kinds(self) -> dict[str, str]:
+        """Signal -> its name as an output: the kind of its log columns, else its own, with `_true` if taken."""
+        machine = self.robot.machine
+        shown = {c.signal: c.kind for c in machine.columns if c.signal not in machine.inputs}
+        others = (s.name for s in machine.signals if s.name not in machine.inputs and s.name not in shown)
+        return shown | {name: f"{name}_true" if name in shown.values() else name for name in others}
+
+    @cached_property
+    def outputs(self) -> dict[str, int]:
+        """Name of an output, such as `tension_AF`, -> its index in w; those of the log first."""
+        return {
+            "_".join(filter(None, (kind, channel))): self.signals[signal].start + i
+            for signal, kind in self.kinds.items()
+            for i, channel in enumerate(self.robot.machine.channels(signal))
+        }
+
+    @cached_property
+    def shown_rows(self) -> np.ndarray:
+        """Indices in w (n,) [-] of the signals of the log and of the loop."""
+        machine, loop = self.robot.machine, self.loop
+        wanted = {c.signal for c in machine.columns} | {loop.command, loop.output, loop.measured}
+        return np.concatenate(
+            [np.arange(self.signals[s].start, self.signals[s].stop) for s in self.kinds if s in wanted]
+        )
+
+    @property
+    def references(self) -> tuple[str, ...]:
+        """Names of the loop's references, such as `tension_ref_AF`."""
+        return tuple(f"{self.loop.reference}_{channel}" for channel in self.channels)
 
     @cached_property
     def signals(self) -> dict[str, slice]:

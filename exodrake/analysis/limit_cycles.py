@@ -3,8 +3,8 @@
 The describing function N(a, f) between command and reading is measured: a sine of amplitude a and frequency f replaces
 the channel's command, and the first harmonic of its reading is fitted (Gelb, Vander Velde 1968). With the linear
 controller K a limit cycle is predicted at the factor g on the loop gain for which g K N(a, f) = -1. Where g grows with
-a, it is stable. The closed loop with that factor is then simulated after a kick. python-control knows describing
-functions of static nonlinearities alone; here N depends on the frequency, too, and rests on the frame's schedule.
+a, it is stable. The closed loop with that factor is then simulated after a kick. python-control's
+`describing_function_response` knows static nonlinearities alone; here N depends on the frequency and the schedule.
 """
 
 from __future__ import annotations
@@ -12,11 +12,20 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
+import control
 import numpy as np
 
 from exodrake.analysis.frame_map import FrameMap
-from exodrake.analysis.linear_model import FrameModel, OperatingPoint, linearise_robot
-from exodrake.analysis.margins import frequency_grid, loop_margins, open_loop, plant_response, return_ratio, single
+from exodrake.analysis.linear_model import OperatingPoint, linearise_robot
+from exodrake.analysis.margins import (
+    decibel,
+    frequency_grid,
+    loop_margins,
+    open_loop,
+    plant_response,
+    return_ratio,
+    single,
+)
 from exodrake.compiled.inputs import prepared
 from exodrake.core.robot import Robot
 
@@ -25,6 +34,7 @@ CYCLES = (1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 16, 18, 21, 24)  # of t
 AMPLITUDES = np.geomspace(2e-3, 10.0, 12)  # of the command, in units of its answer to a step of the reference
 FACTORS = (0.2, 0.4, 0.6, 0.8, 0.9, 0.95, 1.05, 1.1, 1.2, 1.3)  # simulated factors, in units of the gain margin
 RUN, SEEN = 1000, 250  # frames simulated; last ones in which an oscillation is measured
+RAMP = 6000  # frames in which a reference is approached: slow, or what relaxes after it narrows the dead band
 LEAST = 1e-4  # of the open loop where it crosses the real axis, below which it does not
 UNBOUNDED = 1e3  # amplitude of a command that grows without bound, in the same unit
 FAINT = 1e-3  # amplitude below which nothing oscillates, in units of the smallest one tried
@@ -42,6 +52,9 @@ class LimitCycles:
         amplitude: (k,) amplitudes of the command [SI] for which a limit cycle is predicted.
         factor: (k,) factor on the loop gain at each amplitude [-]; nan where L never turns by 180 degrees.
         frequency: (k,) frequency at each amplitude [Hz]; nan like the factor.
+        phase_margin_deg: (k,) of the loop with the describing function of each amplitude; inf without crossover.
+        measured: (k, lines) describing functions from command to reading at each amplitude, and line_frequency
+            (lines,) [Hz].
         factors: (m,) factors on the loop gain that are simulated [-].
         swing: (m,) simulated amplitude of the command [SI]; 0 at rest, inf where it grows without bound.
         swing_frequency: (m,) its frequency [Hz]; 0 at rest, nan where it grows without bound.
@@ -54,9 +67,26 @@ class LimitCycles:
     amplitude: np.ndarray
     factor: np.ndarray
     frequency: np.ndarray
+    phase_margin_deg: np.ndarray
+    measured: np.ndarray
+    line_frequency: np.ndarray
     factors: np.ndarray
     swing: np.ndarray
     swing_frequency: np.ndarray
+
+    def __repr__(self) -> str:
+        """Describing-function margins over all amplitudes, then the limit cycle with the robot's own gains."""
+        size, frequency = self.read_simulation()
+        cycle = f"{size:.3g} {self.unit} at {frequency:.3g} Hz" if size else "none"
+        return (
+            f"LimitCycles of {self.label} ({self.channel}): gain margin {self.gain_margin_db:.3g} dB, phase margin "
+            f"{self.phase_margin_deg.min():.3g} deg at the worst amplitude\nsimulated limit cycle: {cycle}"
+        )
+
+    @property
+    def gain_margin_db(self) -> float:
+        """Describing-function gain margin [dB] at the worst amplitude; inf where no amplitude has a limit."""
+        return float(decibel(np.nanmin(self.factor, initial=np.inf)))
 
     def predict(self, factor: float = 1.0) -> tuple[float, float]:
         """Amplitude [SI] and frequency [Hz] of the smallest stable limit cycle at a factor; 0 and 0 without any."""
@@ -130,12 +160,19 @@ def describing_function(plant: CommandedLoop, state: np.ndarray, amplitude: floa
     return complex(read / sent)
 
 
-def limit_cycles(robot: Robot, at: Mapping[str, float] | str | None = None) -> tuple[LimitCycles, ...]:
+def limit_cycles(
+    robot: Robot, at: Mapping[str, float] | str | None = None, own_only: bool = False
+) -> tuple[LimitCycles, ...]:
     """Limit cycles of the channel with the least gain margin, for the robot and for each nonlinearity its loop names.
 
     Effects of the robot that are smooth where it rests belong to its linear loop; where they are not, that loop is
     without them, and they are the first nonlinearity. The reading is rounded at the edge between two values, its worst
     place. None for a loop that is unstable without nonlinearities, or has no gain margin.
+
+    Args:
+        robot: whose loop it is.
+        at: operating point.
+        own_only: leaves out all nonlinearities but the robot's own effects.
     """
     for plain in (robot, robot.without_effects()):
         loop, point, model = linearise_robot(plain, at)
@@ -144,22 +181,23 @@ def limit_cycles(robot: Robot, at: Mapping[str, float] | str | None = None) -> t
     if model.spectral_radius >= 1.0:
         return ()
     whole = open_loop(loop, model)
-    grid, direct = frequency_grid(whole), model.D[model.rows(loop.column(loop.loop.command))]
+    grid, direct = frequency_grid(whole), model.system.D[model.rows(loop.kinds[loop.loop.command], loop.channels)]
     ratios = [return_ratio(single(whole, j), grid)[:, 0, 0] for j in range(len(loop.channels))]
     margins = [loop_margins(grid, ratio)[1] if np.abs(ratio).max() > 0.0 else np.inf for ratio in ratios]
     channel = int(np.argmin(margins))
     if not np.isfinite(margins[channel]):
         return ()
+    given = (point, whole, direct, channel, margins[channel])
     found, own = [], robot.effects()
     if own and plain is not robot:
-        found.append(compare_cycles(" + ".join(own), robot, point, whole, direct, channel, margins[channel], False))
+        found.append(compare_cycles(" + ".join(own), robot, *given))
+    if own_only:
+        return tuple(found)
     if loop.loop.resolution and plain.channels(loop.loop.resolution).max() > 0.0:
-        label = f"rounding, {loop.loop.resolution}"
-        found.append(compare_cycles(label, plain, point, whole, direct, channel, margins[channel], True))
+        found.append(compare_cycles(f"rounding, {loop.loop.resolution}", plain, *given, rounded=True))
     for identity, values in loop.loop.nonlinear.items():
         if identity not in own:
-            spliced = plain.splice(identity, values)
-            found.append(compare_cycles(identity, spliced, point, whole, direct, channel, margins[channel], False))
+            found.append(compare_cycles(identity, plain.splice(identity, values), *given))
     return tuple(found)
 
 
@@ -167,11 +205,11 @@ def compare_cycles(
     label: str,
     robot: Robot,
     point: OperatingPoint,
-    whole: FrameModel,
+    whole: control.StateSpace,
     direct: np.ndarray,
     channel: int,
     limit: float,
-    rounded: bool,
+    rounded: bool = False,
 ) -> LimitCycles:
     """Predicted and simulated limit cycles of one robot.
 
@@ -196,33 +234,41 @@ def compare_cycles(
         state = replace(loop, parameters=prepared(robot, quantisation=False)).run(state, rows)[0]
     plant = CommandedLoop(loop, references, direct, channel)
     unit = abs(direct[channel, channel]) * loop.loop.step
-    frequency = np.array(CYCLES) / (WINDOW * whole.period)
+    frequency = np.array(CYCLES) / (WINDOW * whole.dt)
     one = single(whole, channel)
-    controller = return_ratio(one, frequency)[:, 0, 0] / plant_response(one, frequency)[:, 0, 0]
-    curve = []
-    for size in unit * AMPLITUDES:
-        measured = np.array([describing_function(plant, state, size, cycles) for cycles in CYCLES])
-        curve.append(find_crossing(frequency, controller * measured))
+    law = return_ratio(one, frequency)[:, 0, 0] / plant_response(one, frequency)[:, 0, 0]
+    measured = np.array([[describing_function(plant, state, a, n) for n in CYCLES] for a in unit * AMPLITUDES])
+    curve = [(*find_crossing(frequency, law * n), loop_margins(frequency, law * n)[2]) for n in measured]
     factors = np.sort(np.append(limit * np.array(FACTORS), 1.0))
-    swings = [simulate_oscillation(plant, state, g, whole.period, unit) for g in factors]
+    swings = [simulate_oscillation(plant, state, g, whole.dt, unit) for g in factors]
     return LimitCycles(
-        label, whole.inputs[channel], loop.robot.machine.signal[loop.loop.command].unit, limit, unit * AMPLITUDES,
-        *np.array(curve).T, factors, *np.array(swings).T,  # pyright: ignore
+        label, loop.channels[channel], loop.robot.machine.signal[loop.loop.command].unit, limit, unit * AMPLITUDES,
+        *np.array(curve).T, measured, frequency, factors, *np.array(swings).T,  # pyright: ignore
     )  # fmt: skip
 
 
 def find_crossing(frequency: np.ndarray, response: np.ndarray) -> tuple[float, float]:
     """Least factor that puts a response (f,) on -1, and the frequency [Hz] where; nan and nan if none does."""
-    best = (np.nan, np.nan)
-    for k in range(len(frequency) - 1):
-        a, b = response[k], response[k + 1]
-        if a.imag * b.imag > 0.0 or a.imag == b.imag:
-            continue
-        share = a.imag / (a.imag - b.imag)
-        real = (1.0 - share) * a.real + share * b.real
-        if real < -LEAST and not -1.0 / real >= best[0]:
-            best = (-1.0 / real, (1.0 - share) * frequency[k] + share * frequency[k + 1])
-    return best
+    gains, _, _, turns, _, _ = control.stability_margins(control.frd(response, 2.0 * np.pi * frequency), returnall=True)
+    seen = [(g, w / (2.0 * np.pi)) for g, w in zip(gains, turns) if 0.0 < g < 1.0 / LEAST]
+    return min(seen, default=(np.nan, np.nan))
+
+
+def find_dead_band(loop: FrameMap, point: OperatingPoint) -> dict[str, float]:
+    """Half the range in which each logged signal may rest under the same references: log column -> [SI].
+
+    Every reference is approached by a slow ramp from below and from above, one channel at a time. A P loop with a dead
+    zone w of its command rests within w / kp of its reference.
+    """
+    band = np.zeros(len(loop.outputs))
+    for channel in range(len(loop.channels)):
+        ends = []
+        for side in (-1.0, 1.0):
+            rows = np.tile(point.references, (RAMP + RUN, 1))
+            rows[:RAMP, channel] += np.linspace(side * loop.loop.step, 0.0, RAMP)
+            ends.append(loop.run(point.state, rows)[1][-1, list(loop.outputs.values())])
+        band = np.maximum(band, 0.5 * np.abs(ends[1] - ends[0]))
+    return dict(zip(loop.outputs, band.tolist(), strict=True))
 
 
 def simulate_oscillation(

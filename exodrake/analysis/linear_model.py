@@ -10,19 +10,16 @@ With them, a shift register of m frames would make A defective, and its zero pol
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
+import control
 import numpy as np
 
 from exodrake.analysis.frame_map import FrameMap, name_states, resolve_references
 from exodrake.core.errors import InputError
 from exodrake.core.robot import Robot
-
-if TYPE_CHECKING:
-    import control
 
 NUDGE = 0.02  # reference step that measures excursions, as a share of the loop's step
 FRAMES = 8  # frames of it
@@ -64,38 +61,38 @@ class Pole:
 
 @dataclass(frozen=True, eq=False)
 class FrameModel:
-    """Linear model with one step per frame: of the closed loop, of the loop opened, of a plant or of a controller.
+    """Linear model of the closed loop with one step per frame.
 
     Attributes:
-        A (n, n), B (n, inputs), C (outputs, n), D (outputs, inputs): SI.
-        period: frame period [s].
-        states, inputs, outputs: names; of the closed loop, inputs and outputs are log columns.
+        system: python-control's `StateSpace` from the references to all signals, dt = one frame, SI. Signals of the log
+            have their columns' names; of two signals that share one, the one not in the log ends in `_true`.
+        N (n, noises), M (outputs, noises): answer to sensor noise of unit variance.
         step: fraction of the excursions used.
         convergence: change of A, in excursions, against the next fraction.
         kink: largest difference of one-sided slopes, in excursions.
         where: name of the state that shows the kink.
-        N (n, noises), M (outputs, noises): answer to sensor noise of unit variance.
     """
 
-    A: np.ndarray
-    B: np.ndarray
-    C: np.ndarray
-    D: np.ndarray
-    period: float
-    states: tuple[str, ...] = ()
-    inputs: tuple[str, ...] = ()
-    outputs: tuple[str, ...] = ()
+    system: control.StateSpace
+    N: np.ndarray
+    M: np.ndarray
     step: float = 0.0
     convergence: float = 0.0
     kink: float = 0.0
     where: str = ""
-    N: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
-    M: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+
+    def __repr__(self) -> str:
+        """Size, then what the poles say."""
+        s = self.system
+        return (
+            f"FrameModel: {s.nstates} states, {s.ninputs} references, {s.noutputs} outputs, a frame of {s.dt:g} s\n"
+            f"spectral radius {self.spectral_radius:.4f}" + ("" if self.decides else "; poles mean little (kink)")
+        )
 
     @property
     def spectral_radius(self) -> float:
         """Largest modulus of a pole; below 1 the loop is stable."""
-        return spectral_radius(self.A)
+        return spectral_radius(self.system.A)
 
     @property
     def marginal(self) -> bool:
@@ -109,48 +106,22 @@ class FrameModel:
 
     def poles(self) -> tuple[Pole, ...]:
         """Poles, the slowest to decay first."""
-        values, right = np.linalg.eig(self.A)
+        values, right = np.linalg.eig(self.system.A)
         share = np.abs(np.linalg.pinv(right).T * right)
-        order = np.argsort(-np.abs(values), kind="stable")
-        return tuple(
-            Pole.from_z(complex(values[i]), self.period, self.states[int(share[:, i].argmax())]) for i in order
-        )
+        order, names = np.argsort(-np.abs(values), kind="stable"), self.system.state_labels
+        return tuple(Pole.from_z(complex(values[i]), self.system.dt, names[int(share[:, i].argmax())]) for i in order)
 
-    def response(self, frequency: np.ndarray) -> np.ndarray:
-        """Frequency response (f, outputs, inputs) at frequencies (f,) [Hz]."""
-        return self.transfer(np.exp(2j * np.pi * np.asarray(frequency, dtype=float) * self.period))
+    def rows(self, kind: str, channels: Iterable[str]) -> list[int]:
+        """Indices of the outputs of a kind, e.g. "tension", one for each channel."""
+        return [self.system.find_output(f"{kind}_{channel}") for channel in channels]
 
-    def transfer(self, z: np.ndarray) -> np.ndarray:
-        """Transfer function C (z - A)^-1 B + D (f, outputs, inputs) [SI] at points z (f,) [-]."""
-        eye, parts = np.eye(len(self.A)), np.array_split(z, max(1, len(z) // BATCH))
-        inner = np.concatenate([np.linalg.solve(p[:, None, None] * eye - self.A, self.B) for p in parts])
-        return self.C @ inner + self.D
 
-    def rows(self, kind: str) -> list[int]:
-        """Indices of the outputs of a column kind, e.g. "tension", "angle"."""
-        return [i for i, name in enumerate(self.outputs) if name.rsplit("_", 1)[0] == kind]
-
-    def to_control(self, *kinds: str) -> control.StateSpace:
-        """The model as python-control's `StateSpace`, dt = one frame, signals named as log columns.
-
-        Args:
-            kinds: of outputs, such as "tension", "stroke"; all by default.
-
-        Raises:
-            InputError: a kind is unknown.
-        """
-        from control import StateSpace
-
-        known = sorted({name.rsplit("_", 1)[0] for name in self.outputs})
-        for kind in kinds:
-            if kind not in known:
-                raise InputError(f"the model has no output {kind!r}; there are {', '.join(known)}")
-        rows = sorted(i for kind in set(kinds or known) for i in self.rows(kind))
-        return StateSpace(
-            self.A, self.B, self.C[rows], self.D[rows], self.period, remove_useless_states=False,
-            states=[name.replace(".", "_") for name in self.states], inputs=list(self.inputs),
-            outputs=[self.outputs[i] for i in rows],
-        )  # fmt: skip
+def evaluate(system: control.StateSpace, frequency: np.ndarray) -> np.ndarray:
+    """Frequency response (f, outputs, inputs) [SI] at frequencies (f,) [Hz], solved many at a time."""
+    z = np.exp(2j * np.pi * np.asarray(frequency, dtype=float) * system.dt)
+    eye, parts = np.eye(system.nstates), np.array_split(z, max(1, len(z) // BATCH))
+    inner = np.concatenate([np.linalg.solve(p[:, None, None] * eye - system.A, system.B) for p in parts])
+    return system.C @ inner + system.D
 
 
 def spectral_radius(a: np.ndarray) -> float:
@@ -261,33 +232,26 @@ def observed_states(loop: FrameMap, state: np.ndarray, references: np.ndarray, s
     """Indices of the states on which the log depends, at once or later; size: excursions (states,) [SI]."""
     n = len(state)
     central, _ = differentiate(loop, state, references, size, FRACTION, np.arange(n))
-    return find_observed(central[:n, :n], central[n + output_rows(loop)[0], :n])
-
-
-def output_rows(loop: FrameMap) -> tuple[np.ndarray, tuple[str, ...]]:
-    """Indices (outputs,) [-] in w of the log's columns, references excepted, and their names."""
-    machine = loop.robot.machine
-    columns = [c for c in machine.columns if c.signal not in machine.inputs]
-    rows = np.concatenate([np.arange(loop.signals[c.signal].start, loop.signals[c.signal].stop) for c in columns])
-    return rows, tuple(machine.log_names(columns))
+    return find_observed(central[:n, :n], central[n + loop.shown_rows, :n])
 
 
 def linearise(loop: FrameMap, state: np.ndarray, references: np.ndarray) -> FrameModel:
-    """The linear model at a state of rest (states,), from references (channels,) [SI] to the log's columns."""
+    """The linear model at a state of rest (states,), from references (channels,) [SI] to all signals."""
     machine, n = loop.robot.machine, len(state)
     size = measure_excursions(loop, state, references)
     central, bend, fraction, gap = differentiate_best(loop, state, references, size)
-    rows, outputs = output_rows(loop)
     a, b, e = np.split(central[:n], [n, n + len(references)], axis=1)
-    c, d, m = np.split(central[n + rows], [n, n + len(references)], axis=1)
-    keep = find_observed(a, c)
+    keep = find_observed(a, central[n + loop.shown_rows, :n])
+    left_out = np.setdiff1d(np.arange(n), keep)
+    rows = {name: n + i for name, i in loop.outputs.items() if not central[n + i, left_out].any()}
+    c, d, m = np.split(central[list(rows.values())], [n, n + len(references)], axis=1)
     bends = np.abs(bend[np.ix_(keep, keep)] * size[keep] / size[keep, None]).max(axis=0, initial=0.0)
-    names = tuple(name_states(machine)[i].name for i in keep)
-    return FrameModel(
-        a[np.ix_(keep, keep)], b[keep], c[:, keep], d, machine.frame, names,
-        tuple(f"{loop.loop.reference}_{channel}" for channel in loop.channels), outputs,
-        fraction, gap, float(bends.max()), names[int(bends.argmax())], e[keep], m,
+    names = [name_states(machine)[i].name for i in keep]
+    system = control.ss(
+        a[np.ix_(keep, keep)], b[keep], c[:, keep], d, machine.frame, remove_useless_states=False,
+        states=[name.replace(".", "_") for name in names], inputs=list(loop.references), outputs=list(rows),
     )  # fmt: skip
+    return FrameModel(system, e[keep], m, fraction, gap, float(bends.max()), names[int(bends.argmax())])
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,17 +6,15 @@ reference D^-1 u, and does not act on the controller's own states. No second sim
 
     B = B_r D^-1, 0 in the controller's states         A = A_closed - B C         L(z) = -C (z - A)^-1 B
 
-Margins of an unstable loop mean nothing and are NaN. Where a loop is stable, they are found twice: from the open loop
-L, and from the poles with the command of the channel scaled or late. The encirclements of -1 count the unstable poles
-once more.
+Margins of an unstable loop mean nothing and are NaN. Poles decide whether a loop is stable.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from math import floor
+from typing import Any
 
+import control
 import numpy as np
 
 from exodrake.analysis.frame_map import FrameMap, name_states
@@ -26,6 +24,7 @@ from exodrake.analysis.linear_model import (
     FrameModel,
     OperatingPoint,
     differentiate,
+    evaluate,
     measure_excursions,
     observed_states,
     spectral_radius,
@@ -34,8 +33,7 @@ from exodrake.analysis.responses import first_crossing
 from exodrake.core.errors import InputError
 from exodrake.core.part import Part
 
-TURN = 0.5  # rad: largest step of phase when encirclements are counted
-MOST_GAIN, LEAST_GAIN, MOST_FRAMES = 1e3, 1e-3, 40.0  # where the searches end
+LEAST_GAIN = 1e-3  # factor on the loop gain below which a lower margin counts as none
 ALMOST_REAL = 0.02  # share of |L| below which its imaginary part at the lowest frequency counts as 0
 DECOUPLED, FAR = 1e-20, 1e6  # share of squared coupling that scales nothing; bound of scalings
 TIGHT = 1e-6  # of the search for scalings
@@ -44,114 +42,84 @@ LATENCIES = np.arange(0.0, 8.01, 0.25)  # frames
 NAN = float("nan")
 
 
-def open_loop(loop: FrameMap, model: FrameModel) -> FrameModel:
+def open_loop(loop: FrameMap, model: FrameModel) -> control.StateSpace:
     """A loop opened at its commands, see `cut`. InputError where a command ignores its reference (a gain of 0)."""
-    own = controller_states(loop, model)
-    return cut(model, own, loop.column(loop.loop.command), loop.column(loop.loop.measured), loop.channels)
+    v, y = (model.rows(loop.kinds[signal], loop.channels) for signal in (loop.loop.command, loop.loop.measured))
+    return cut(model.system, controller_states(loop, model), v, y)
 
 
 def controller_states(loop: FrameMap, model: FrameModel) -> np.ndarray:
     """Whether each state (n,) [-] of a linear model is the controller's own."""
-    names = [name.name for name in name_states(loop.robot.machine)]
-    return loop.own[[names.index(name) for name in model.states]]
+    names = [name.name.replace(".", "_") for name in name_states(loop.robot.machine)]
+    return loop.own[[names.index(name) for name in model.system.state_labels]]
 
 
-def cut(
-    model: FrameModel, controller: np.ndarray, command: str, measured: str, channels: tuple[str, ...]
-) -> FrameModel:
-    """The linear model opened at its commands; `close` closes it again.
+def disturb(system: control.StateSpace, own: np.ndarray, v: list[int]) -> tuple[np.ndarray, np.ndarray]:
+    """B (n, channels) and D (outputs, channels) of disturbances that are added to the commands on their way.
 
     Args:
-        model: of the closed loop.
-        controller: (n,) mask of the controller's states [-].
-        command: kind of the commands' columns.
-        measured: kind of the readings' columns.
-        channels: names.
+        system: closed loop from its references to all signals.
+        own: (n,) mask of the controller's states [-].
+        v: indices of the commands among the outputs.
 
-    Returns:
-        The model from u, named as the channels, to the commands v, then the readings y.
+    Raises:
+        InputError: where a command ignores its reference.
     """
-    v, y = ([model.outputs.index(f"{kind}_{c}") for c in channels] for kind in (command, measured))
-    direct, rows = model.D[v], v + y
+    direct = system.D[v]
     if (np.abs(direct).max(axis=1) == 0.0).any() or np.linalg.cond(direct) > 1e12:
-        raise InputError(f"the {command} does not answer to its reference (kp = 0): there is no loop to break")
-    b = model.B @ np.linalg.inv(direct)
-    b[controller] = 0.0
-    noise = (model.N - b @ model.M[v], model.M[rows]) if model.N.size else (model.N, model.M)
-    return FrameModel(
-        model.A - b @ model.C[v], b, model.C[rows], np.zeros((len(rows), len(v))), model.period, model.states, channels,
-        tuple(model.outputs[i] for i in rows), N=noise[0], M=noise[1],
+        name = system.output_labels[v[0]]
+        raise InputError(f"{name} does not answer to its reference (kp = 0): there is no loop to break")
+    b, d = system.B @ np.linalg.inv(direct), system.D @ np.linalg.inv(direct)
+    b[own], d[v] = 0.0, 0.0
+    return b, d
+
+
+def cut(system: control.StateSpace, own: np.ndarray, v: list[int], y: list[int]) -> control.StateSpace:
+    """A closed loop opened at its commands; `close` closes it again.
+
+    Arguments as of `disturb`; y: indices of the readings among the outputs. The result goes from the commands that the
+    plant gets to those that the controller sends, then to the readings.
+    """
+    b, d = disturb(system, own, v)
+    rows, commands = v + y, [system.output_labels[i] for i in v]
+    return control.ss(
+        system.A - b @ system.C[v], b, system.C[rows] - d[rows] @ system.C[v], d[rows], system.dt,
+        remove_useless_states=False, states=system.state_labels, inputs=commands,
+        outputs=[system.output_labels[i] for i in rows],
     )  # fmt: skip
 
 
-def close(whole: FrameModel, gain: np.ndarray | float = 1.0) -> np.ndarray:
+def close(whole: control.StateSpace, gain: np.ndarray | float = 1.0) -> np.ndarray:
     """A (n, n) [SI] of an open loop closed with factors (channels,) [-] on the commands."""
-    m = len(whole.inputs)
+    m = whole.ninputs
     return whole.A + whole.B @ (np.broadcast_to(gain, (m,))[:, None] * whole.C[:m])
 
 
-def single(whole: FrameModel, channel: int) -> FrameModel:
-    """The loop of one channel opened, the others closed."""
-    m = len(whole.inputs)
-    rows, shut = [channel, m + channel], np.ones(m)
+def single(whole: control.StateSpace, channel: int) -> control.StateSpace:
+    """The loop of one channel opened, the others closed: from its command to its command and its reading."""
+    m, shut = whole.ninputs, np.ones(whole.ninputs)
     shut[channel] = 0.0
-    return FrameModel(
-        close(whole, shut), whole.B[:, [channel]], whole.C[rows], np.zeros((2, 1)), whole.period, whole.states,
-        (whole.inputs[channel],), tuple(whole.outputs[i] for i in rows),
+    rows = [channel, m + channel]
+    return control.ss(
+        close(whole, shut), whole.B[:, [channel]], whole.C[rows], 0.0, whole.dt, remove_useless_states=False,
+        states=whole.state_labels, inputs=[whole.input_labels[channel]], outputs=[whole.output_labels[i] for i in rows],
     )  # fmt: skip
 
 
-def delay(whole: FrameModel, frames: float) -> np.ndarray:
-    """A (k, k) [SI] of an open loop closed by commands late by `frames`, with a straight line between two commands."""
-    n, m = len(whole.A), len(whole.inputs)
-    depth = floor(frames) + 1  # commands of 1 .. depth frames ago
-    a = np.zeros((n + depth * m, n + depth * m))
-    a[:n, :n] = whole.A
-    a[n : n + m, :n] = whole.C[:m]
-    a[n + m :, n:-m] = np.eye((depth - 1) * m)
-    for age, share in ((depth - 1, depth - frames), (depth, frames - depth + 1)):
-        if age == 0:
-            a[:n, :n] += share * whole.B @ whole.C[:m]
-        else:
-            a[:n, n + (age - 1) * m : n + age * m] += share * whole.B
-    return a
-
-
-def return_ratio(whole: FrameModel, frequency: np.ndarray) -> np.ndarray:
+def return_ratio(whole: control.StateSpace, frequency: np.ndarray) -> np.ndarray:
     """Return ratio L (f, channels, channels) [-] of an open loop at frequencies (f,) [Hz]."""
-    return -whole.response(frequency)[:, : len(whole.inputs)]
+    return -evaluate(whole, frequency)[:, : whole.ninputs]
 
 
-def plant_response(whole: FrameModel, frequency: np.ndarray) -> np.ndarray:
+def plant_response(whole: control.StateSpace, frequency: np.ndarray) -> np.ndarray:
     """Response of the readings to the commands (f, channels, channels) [reading / command] at frequencies (f,) [Hz]."""
-    return whole.response(frequency)[:, len(whole.inputs) :]
+    return evaluate(whole, frequency)[:, whole.ninputs :]
 
 
-def frequency_grid(whole: FrameModel) -> np.ndarray:
+def frequency_grid(whole: control.StateSpace) -> np.ndarray:
     """Frequencies (f,) [Hz] up to the Nyquist frequency, dense where margins are read."""
-    top = 0.5 / whole.period
+    top = 0.5 / whole.dt
     return np.concatenate([np.geomspace(4e-5 * top, 0.04 * top, 300), np.linspace(0.04, 1.0, 1500)[1:] * top])
-
-
-def count_encirclements(whole: FrameModel) -> int:
-    """Counter-clockwise encirclements of 0 by det(I + L), z on a circle just outside |z| = 1.
-
-    The steps in angle are halved where the phase changes fast. python-control counts a false one on the robot's loop.
-    """
-    m = len(whole.inputs)
-
-    def determinant(angle: np.ndarray) -> np.ndarray:
-        return np.linalg.det(np.eye(m) - whole.transfer((1.0 + OUTSIDE) * np.exp(1j * angle))[:, :m])
-
-    angle = np.geomspace(1e-9, np.pi, 400)
-    value = determinant(angle)
-    for _ in range(40):
-        wide = np.flatnonzero(np.abs(np.angle(value[1:] / value[:-1])) > TURN)
-        if not len(wide):
-            break
-        middle = np.sqrt(angle[wide] * angle[wide + 1])
-        angle, value = np.insert(angle, wide + 1, middle), np.insert(value, wide + 1, determinant(middle))
-    return round(np.angle(value[1:] / value[:-1]).sum() / np.pi)  # both halves of the circle
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,59 +129,60 @@ class Margins:
     Attributes:
         channel: its name.
         frequency: (n,) [Hz] and loop: (n,) complex, the open loop L.
-        gain_margin: factor > 1 on the loop gain at the limit of stability, from L.
-        gain_limit: the same from the poles.
-        gain_low: factor < 1 at which a conditionally stable loop loses stability, from L; 0 where it does not.
-        gain_low_limit: the same from the poles.
-        phase_margin: [rad] and crossover: [Hz], at the crossover with the least delay margin.
+        gain_margin_db: gain above 0 dB at the limit of stability, from L.
+        gain_low_db: gain below 0 dB at which a conditionally stable loop loses stability, from L; -inf without.
+        phase_margin_deg: and crossover: [Hz], at the crossover with the least delay margin.
         delay_margin: extra delay at the limit [s], from L.
-        delay_limit: the same [s] from the poles, the command of a fractional number of frames ago taken by a straight
-            line between two; nan if none below 40 frames.
         disk_margin: gain and phase at once, balanced (`disk_margin`).
         peak_sensitivity: largest |S|; its inverse is the distance of L from -1.
-        encirclements: of -1 by L, counter-clockwise.
         open_unstable, closed_unstable: poles outside the unit circle.
     """
 
     channel: str
     frequency: np.ndarray
     loop: np.ndarray
-    gain_margin: float
-    gain_limit: float
-    gain_low: float
-    gain_low_limit: float
-    phase_margin: float
+    gain_margin_db: float
+    gain_low_db: float
+    phase_margin_deg: float
     crossover: float
     delay_margin: float
-    delay_limit: float
     disk_margin: float
     peak_sensitivity: float
-    encirclements: int
     open_unstable: int
     closed_unstable: int
 
+    def __repr__(self) -> str:
+        """Margins, then poles."""
+        return (
+            f"Margins of {self.channel}: gain {self.gain_margin_db:.3g} dB, phase {self.phase_margin_deg:.3g} deg "
+            f"at {self.crossover:.3g} Hz, delay {1e3 * self.delay_margin:.3g} ms, disk margin {self.disk_margin:.3g}\n"
+            f"unstable poles: {self.open_unstable} open, {self.closed_unstable} closed"
+        )
+
     @property
-    def consistent(self) -> bool:
-        """Whether the encirclements count as many unstable poles as the eigenvalues (Nyquist)."""
-        return self.closed_unstable == self.open_unstable - self.encirclements
+    def encirclements(self) -> int:
+        """Counter-clockwise encirclements of -1 by L, by Nyquist's criterion."""
+        return self.open_unstable - self.closed_unstable
 
 
-def margins(whole: FrameModel, channel: int) -> Margins:
-    """Margins of a channel's loop (its index); NaN where the closed loop is unstable, or the two counts disagree."""
-    one, frequency, name = single(whole, channel), frequency_grid(whole), whole.inputs[channel]
+def decibel(size: Any) -> Any:
+    """Amplitude ratio, a number or (n,) [-], in dB; -inf of 0."""
+    with np.errstate(divide="ignore"):
+        return 20.0 * np.log10(size)
+
+
+def margins(whole: control.StateSpace, channel: int, name: str = "") -> Margins:
+    """Margins of a channel's loop (its index); NaN where the closed loop is unstable."""
+    one, frequency = single(whole, channel), frequency_grid(whole)
     response = return_ratio(one, frequency)[:, 0, 0]
     unstable = [int((np.abs(np.linalg.eigvals(a)) > 1.0 + OUTSIDE).sum()) for a in (one.A, close(one))]
-    counts = count_encirclements(one), *unstable
-    if counts[2] or counts[2] != counts[1] - counts[0] or not np.abs(response).max() > 0.0:
-        return Margins(name, frequency, response, *(NAN,) * 10, *counts)  # pyright: ignore
+    if unstable[1] or not np.abs(response).max() > 0.0:
+        return Margins(name, frequency, response, *(NAN,) * 7, *unstable)  # pyright: ignore
     low, high, phase, crossover, late = loop_margins(frequency, response)
     sensitivity = 1.0 / (1.0 + response)
-    most, least = (find_limit(lambda g: spectral_radius(close(one, g)), 1.0, end) for end in (MOST_GAIN, LEAST_GAIN))
-    late_limit = whole.period * find_limit(lambda frames: spectral_radius(delay(one, frames)), 0.0, MOST_FRAMES)
     return Margins(
-        name, frequency, response, high, most, low, 0.0 if np.isnan(least) else least, phase, crossover, late,
-        late_limit, float(disk_margin(sensitivity[:, None, None]).min()),
-        float(np.abs(sensitivity).max()), *counts,
+        name, frequency, response, float(decibel(high)), float(decibel(low)), phase, crossover, late,
+        float(disk_margin(sensitivity[:, None, None]).min()), float(np.abs(sensitivity).max()), *unstable,
     )  # fmt: skip
 
 
@@ -221,12 +190,12 @@ def loop_margins(frequency: np.ndarray, loop: np.ndarray) -> tuple[float, float,
     """Margins of a loop L (n,) [-], sampled at frequencies (n,) [Hz] up to Nyquist, where it is real.
 
     Returns:
-        Largest factor < 1 and smallest > 1 that put L on -1, 0 and inf without any; phase margin [rad], crossover [Hz]
+        Largest factor < 1 and smallest > 1 that put L on -1, 0 and inf without any; phase margin [deg], crossover [Hz]
         and delay margin [s] at the crossover with the least delay margin, inf, nan and inf without any.
     """
-    from control import frd, stability_margins
-
-    gains, phases, _, _, crossovers, _ = stability_margins(frd(loop, 2.0 * np.pi * frequency), returnall=True)
+    gains, phases, _, _, crossovers, _ = control.stability_margins(
+        control.frd(loop, 2.0 * np.pi * frequency), returnall=True
+    )
     ends = [loop[-1].real]
     if abs(loop[0].imag) < ALMOST_REAL * abs(loop[0].real):  # a loop without integrator begins on the real axis
         ends.append(loop[0].real)
@@ -235,23 +204,10 @@ def loop_margins(frequency: np.ndarray, loop: np.ndarray) -> tuple[float, float,
     high = float(factors[factors > 1.0].min(initial=np.inf))
     if not len(crossovers):
         return low, high, np.inf, NAN, np.inf
-    phase = np.radians(np.asarray(phases) % 360.0)
+    phase = np.asarray(phases) % 360.0
     k = int(np.argmin(phase / crossovers))
-    return low, high, float(phase[k]), float(crossovers[k] / (2.0 * np.pi)), float(phase[k] / crossovers[k])
-
-
-def find_limit(radius: Callable[[float], float], low: float, high: float) -> float:
-    """Value at which a spectral radius passes 1 from low towards high (grid, then Brent's method); nan if none."""
-    from scipy.optimize import brentq
-
-    def beyond(x: float) -> float:
-        return radius(x) - 1.0 - OUTSIDE
-
-    grid = np.linspace(low, high, 80) if low == 0.0 else np.geomspace(low, high, 80)
-    above = next((k for k, x in enumerate(grid) if beyond(x) > 0.0), None)
-    if above is None:
-        return NAN
-    return float(brentq(beyond, grid[above - 1], grid[above], rtol=1e-7)) if above else low  # pyright: ignore
+    late = float(np.radians(phase[k]) / crossovers[k])
+    return low, high, float(phase[k]), float(crossovers[k] / (2.0 * np.pi)), late
 
 
 def disk_margin(sensitivity: np.ndarray) -> np.ndarray:

@@ -10,10 +10,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import control
 import numpy as np
 
 from exodrake.analysis.frame_map import FrameMap
-from exodrake.analysis.linear_model import FrameModel, OperatingPoint
+from exodrake.analysis.linear_model import FrameModel, OperatingPoint, evaluate
 from exodrake.compiled.inputs import prepared
 
 BEFORE, AFTER = 10, 300  # frames shown before the step and simulated after it
@@ -24,6 +25,8 @@ DRAWS = 4
 RMS = 0.05  # of the excitation, as a share of the loop's step
 PHASES = 20  # seed of the phases
 HALF_POWER = 0.5**0.5
+KICK, KICKED = 0.1, 1000  # reference step of one frame, as a share of the loop's step; frames simulated
+HARD = 1.0  # the same for a loop that a small kick does not move
 
 
 def first_crossing(x: np.ndarray, y: np.ndarray, level: float) -> float:
@@ -54,6 +57,7 @@ class StepResponse:
         settling: last time outside +-2 % [s], nan if never inside.
         steady_error: reference minus output at the end [SI].
         crosstalk: largest change of another channel, fraction of the step.
+        command_peak: largest change of a command [SI].
     """
 
     channel: str
@@ -65,18 +69,15 @@ class StepResponse:
     settling: float
     steady_error: float
     crosstalk: float
+    command_peak: float
 
-
-def step_figures(time: np.ndarray, share: np.ndarray) -> tuple[float, float, float]:
-    """Rise time [s], overshoot [-] and settling time [s] of a response (n,) that ought to go from 0 to 1.
-
-    python-control's `step_info` takes the rise time from sample to sample; here it is interpolated.
-    """
-    outside = np.flatnonzero(np.abs(share - 1.0) > BAND)
-    last = int(outside[-1]) if len(outside) else -1
-    settling = float("nan") if last == len(time) - 1 else float(time[last + 1])
-    rise = first_crossing(time, share, 0.9) - first_crossing(time, share, 0.1)
-    return rise, max(0.0, float(share.max()) - 1.0), settling
+    def __repr__(self) -> str:
+        """What is quoted of a step, then its size."""
+        return (
+            f"StepResponse of {self.channel}: rises in {self.rise:.3g} s, overshoots {100.0 * self.overshoot:.2g} %, "
+            f"settles in {self.settling:.3g} s\nstep {self.size:g}, steady error {self.steady_error:.2g}, "
+            f"crosstalk {100.0 * self.crosstalk:.2g} %, commands up to {self.command_peak:.3g} (SI)"
+        )
 
 
 def step_response(loop: FrameMap, point: OperatingPoint, channel: int, size: float | None = None) -> StepResponse:
@@ -88,11 +89,36 @@ def step_response(loop: FrameMap, point: OperatingPoint, channel: int, size: flo
     output = signals[:, loop.signals[loop.loop.output]]
     time = machine.slot * (np.arange(len(signals)) + 1) - BEFORE * machine.frame
     later = time > 0.0
-    rise, overshoot, settling = step_figures(time[later], (output[later, channel] - point.output[channel]) / size)
+    share = (output[later, channel] - point.output[channel]) / size
+    info = {"RiseTime": np.nan, "Overshoot": 0.0, "SettlingTime": np.nan}
+    if share.max() >= 0.9:  # below, python-control finds no rise time and raises
+        info = control.step_info(share, time[later], final_output=1.0, SettlingTimeThreshold=BAND)
+    command = signals[:, loop.signals[loop.loop.command]]
+    peak = float(np.abs(command - command[0]).max())
     others = np.delete(np.abs(output - point.output), channel, axis=1)
     error = float(rows[-1, channel] - output[-1, channel])
     crosstalk = float(others.max(initial=0.0) / abs(size))
-    return StepResponse(loop.channels[channel], size, time, output, rise, overshoot, settling, error, crosstalk)
+    return StepResponse(
+        loop.channels[channel], size, time, output, info["RiseTime"], info["Overshoot"] / 100.0, info["SettlingTime"],
+        error, crosstalk, peak,
+    )  # fmt: skip
+
+
+def returns(loop: FrameMap, point: OperatingPoint) -> bool:
+    """Whether the nonlinear loop comes back to rest, to within 1 %, after a reference of a tenth of a step for a frame.
+
+    A loop that this does not move gets the whole step. One that rests farther than a step from where it was, as at a
+    limit of its commands, has not come back.
+    """
+    for kick in (KICK, HARD):
+        rows = np.tile(point.references, (KICKED, 1))
+        rows[0] += kick * loop.loop.step
+        output = loop.run(point.state, rows)[1][:, loop.signals[loop.loop.output]]
+        speed = np.abs(np.diff(output, axis=0)).max(axis=1)
+        if speed.max() > 1e-6 * loop.loop.step:
+            away = np.abs(output[-1] - point.output).max()
+            return bool(speed[-50:].max() < 0.01 * speed.max() and away < loop.loop.step)
+    return True
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,6 +144,14 @@ class FrequencyResponse:
     linear: np.ndarray
     bandwidth: float
     bandwidth_measured: float
+
+    def __repr__(self) -> str:
+        """Bandwidth, then what was measured."""
+        return (
+            f"FrequencyResponse of {self.channel}: -3 dB at {self.bandwidth:.3g} Hz, "
+            f"measured {self.bandwidth_measured:.3g} Hz\n{len(self.frequency)} lines, {self.frequency[0]:.3g} to "
+            f"{self.frequency[-1]:.3g} Hz, coherence from {np.nanmin(self.coherence):.3g}"
+        )
 
 
 def multisine(rms: float, lines: np.ndarray, period: int, rng: np.random.Generator) -> np.ndarray:
@@ -156,23 +190,14 @@ def frequency_response(
     cross, power = (read * sent.conj()).mean(0), (np.abs(sent) ** 2).mean(0) * (np.abs(read) ** 2).mean(0)
     coherence = np.divide(np.abs(cross) ** 2, power, out=np.full(len(lines), np.nan), where=power > 0.0)
     fine = np.linspace(0.0, 0.5 / machine.frame, 2001)
-    name, kinds = loop.channels[channel], (loop.loop.reference, loop.column(loop.loop.measured))
-    finely = closed_response(model, name, kinds, fine)
+    row = model.rows(loop.kinds[loop.loop.measured], loop.channels)[channel]
+    own = model.system[row, channel]
+    linear, finely = evaluate(own, frequency)[:, 0, 0], evaluate(own, fine)[:, 0, 0]
     static = float(abs(finely[0]))
     return FrequencyResponse(
-        name, frequency, ratio.mean(0), ratio.std(0, ddof=1), coherence,
-        closed_response(model, name, kinds, frequency),
+        loop.channels[channel], frequency, ratio.mean(0), ratio.std(0, ddof=1), coherence, linear,
         bandwidth(fine, static, finely), bandwidth(frequency, static, ratio.mean(0)),
     )  # fmt: skip
-
-
-def closed_response(model: FrameModel, channel: str, kinds: tuple[str, str], frequency: np.ndarray) -> np.ndarray:
-    """Complex response (n,) [reading / reference] of a channel to its own reference, from the linear model.
-
-    kinds: of the reference and of the reading, as the model's inputs and outputs are named.
-    """
-    row, column = model.outputs.index(f"{kinds[1]}_{channel}"), model.inputs.index(f"{kinds[0]}_{channel}")
-    return model.response(frequency)[:, row, column]
 
 
 def bandwidth(frequency: np.ndarray, static: float, response: np.ndarray) -> float:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from scipy.special import ndtri
 
 from exodrake.analysis.frame_map import FrameMap
 from exodrake.analysis.linear_model import FrameModel, OperatingPoint, compute_noise, linearise_robot
-from exodrake.analysis.margins import disk_margin, loop_margins, open_loop, plant_response, return_ratio
+from exodrake.analysis.margins import decibel, disk_margin, loop_margins, open_loop, plant_response, return_ratio
 from exodrake.analysis.responses import step_response
 from exodrake.core.confidence import NORMAL_90
 from exodrake.core.errors import InputError
@@ -82,16 +83,15 @@ def relative_gains(plant: np.ndarray) -> np.ndarray:
     return np.abs(np.einsum("fii,fii->fi", plant, np.linalg.pinv(plant)))
 
 
-def output_noise(model: FrameModel, kind: str) -> np.ndarray:
-    """Standard deviation (channels,) [SI] of the outputs of a kind under the sensors' noise, in a stable loop."""
-    rows = model.rows(kind)
-    return compute_noise(model.A, model.N, model.C[rows], model.M[rows])
+def output_noise(model: FrameModel, rows: list[int]) -> np.ndarray:
+    """Standard deviation (rows,) [SI] of some outputs, by index, under the sensors' noise, in a stable loop."""
+    return compute_noise(model.system.A, model.N, model.system.C[rows], model.M[rows])
 
 
 def robustness(loop: FrameMap, point: OperatingPoint, model: FrameModel, label: str = "") -> Robustness:
     """Robustness of a loop at an operating point."""
     whole, eye = open_loop(loop, model), np.eye(len(loop.channels))
-    frequency = np.geomspace(SLOWEST, 1.0, POINTS) * 0.5 / whole.period
+    frequency = np.geomspace(SLOWEST, 1.0, POINTS) * 0.5 / whole.dt
     s = np.linalg.inv(eye + return_ratio(whole, frequency))
     loops = 1.0 / np.einsum("fii->fi", s) - 1.0
     t, disk, stable = eye - s, disk_margin(s), model.spectral_radius < 1.0 if model.decides else None
@@ -100,14 +100,14 @@ def robustness(loop: FrameMap, point: OperatingPoint, model: FrameModel, label: 
     numbers = {"max sigma(S)": sigma[0].max(), "max sigma(T)": sigma[1].max(), "disk margin": disk.min()}
     for j, name in enumerate(loop.channels):
         _, gain, phase, _, late = loop_margins(frequency, loops[:, j]) if stable else (np.nan,) * 5
-        numbers[f"gain margin {name}"] = gain
-        numbers[f"phase margin {name} [rad]"] = phase
+        numbers[f"gain margin {name} [dB]"] = decibel(gain)
+        numbers[f"phase margin {name} [deg]"] = phase
         numbers[f"delay margin {name} [s]"] = late
         numbers[f"disk margin {name}"] = disk_margin(s[:, j : j + 1, j : j + 1]).min()
         numbers[f"relative gain {name}"] = gains[0, j]
     if stable:
-        kind, unit = loop.column(loop.loop.command), loop.robot.machine.signal[loop.loop.command].unit
-        for j, (name, noise) in enumerate(zip(loop.channels, output_noise(model, kind))):
+        kind, unit = loop.kinds[loop.loop.command], loop.robot.machine.signal[loop.loop.command].unit
+        for j, (name, noise) in enumerate(zip(loop.channels, output_noise(model, model.rows(kind, loop.channels)))):
             step = step_response(loop, point, j)
             numbers[f"noise of {kind} {name} [{unit}]"] = noise
             numbers[f"settling {name} [s]"], numbers[f"overshoot {name}"] = step.settling, step.overshoot
@@ -145,7 +145,9 @@ def within_tolerances(robot: Robot, draws: int, seed: int = 0) -> Iterator[tuple
         yield f"draw {k + 1}", drawn_robot(robot, np.random.default_rng([seed, k]))
 
 
-def within_intervals(robot: Robot, answer: Mapping[str, Any], draws: int, seed: int = 0) -> Iterator[tuple[str, Robot]]:
+def within_intervals(
+    robot: Robot, answer: Mapping[str, Any], draws: int, seed: int = 0, ends: tuple[float, ...] = (-1.0, 1.0)
+) -> Iterator[tuple[str, Robot]]:
     """Robots within the 90 % intervals of the effects that a diagnosis named, with labels.
 
     Args:
@@ -153,6 +155,7 @@ def within_intervals(robot: Robot, answer: Mapping[str, Any], draws: int, seed: 
         answer: the diagnosis as `exodrake diagnose --json` writes it.
         draws: number of robots.
         seed: of the draws; each parameter is normal on either side of its value, and inside its interval.
+        ends: of the intervals, -1 lower, 0 the estimate, 1 upper, at which the first robots have all parameters.
 
     Raises:
         InputError: the answer has no effects, or names parameters that the robot lacks.
@@ -163,19 +166,25 @@ def within_intervals(robot: Robot, answer: Mapping[str, Any], draws: int, seed: 
     if not effects:
         raise InputError("the diagnosis names no effect, so there are no intervals to draw from")
     for k in range(draws):
-        rng, drawn = np.random.default_rng([seed, k]), robot
+        drawn, end = robot, ends[k] if k < len(ends) else None
+        draw = partial(draw_within, rng=np.random.default_rng([seed, k]), end=end)
         for effect in effects:
             try:
-                values: dict[str, Any] = {n: draw_within(i, rng) for n, i in effect["parameters"].items()}
-                values |= {n: {c: draw_within(i, rng) for c, i in at.items()} for n, at in effect["channels"].items()}
+                stated = {n: i for n, i in effect["parameters"].items() if i["value"] is not None}
+                values: dict[str, Any] = {n: draw(i) for n, i in stated.items()}
+                values |= {n: {c: draw(i) for c, i in at.items()} for n, at in effect["channels"].items()}
                 channels = [*effect["wires"], *effect["joints"]]
                 drawn = drawn.splice(effect["id"], values, channels)
             except (KeyError, TypeError, AttributeError):
                 raise InputError("the diagnosis states an effect without id, parameters and intervals") from None
-        yield f"draw {k + 1}", drawn
+        yield f"draw {k + 1}" if end is None else ("lower ends", "estimate", "upper ends")[int(end) + 1], drawn
 
 
-def draw_within(interval: Mapping[str, float], rng: np.random.Generator) -> float:
-    """A value inside a 90 % interval, normal on either side of the estimate: tails could leave what a robot can be."""
-    value, x = interval["value"], float(ndtri(rng.uniform(0.05, 0.95)))
-    return value + x * ((interval["high"] - value) if x > 0.0 else (value - interval["low"])) / NORMAL_90
+def draw_within(interval: Mapping[str, Any], rng: np.random.Generator, end: float | None) -> float:
+    """A value inside a 90 % interval, or at its end: tails could leave what a robot can be.
+
+    Normal on either side of the estimate; an end that is not known stands at the estimate.
+    """
+    x = float(ndtri(rng.uniform(0.05, 0.95))) / NORMAL_90 if end is None else end
+    value, other = interval["value"], interval["high" if x > 0.0 else "low"]
+    return value if other is None else value + abs(x) * (other - value)

@@ -39,7 +39,7 @@ def sweep(
     draws: int = DRAWS,
     seed: int = 0,
     noise: int | None = None,
-    progress: Count = no_progress,
+    progress: Count | None = None,
 ) -> Any:
     """Run variations of a robot on one reference by the compiled engine, on all cores, and tabulate them.
 
@@ -90,7 +90,7 @@ def sweep(
     rows: list[dict[str, Any]] = []
     for k in range(0, len(robots), CHUNK):
         rows += side_by_side([partial(run, one) for one in robots[k : k + CHUNK]])
-        progress(len(rows), sum(FAILED in row for row in rows), len(robots))
+        (progress or no_progress)(len(rows), sum(FAILED in row for row in rows), len(robots))
     table = pandas.DataFrame([point | row for point, row in zip(points, rows, strict=True)])
     units = {name: robot.machine.parameters[robot.indices(name)[0]].unit for point in points[:1] for name in point}
     units |= {name: nominal.units[name.rsplit(" ", 1)[0]] for name in names if not summary}

@@ -16,25 +16,28 @@ readings moved. Any law of the machine's controller can therefore be tuned.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import chain
 from typing import Any
 
+import control
 import numpy as np
 
+from exodrake.analysis.bounds import bound_settling, design_lqg
 from exodrake.analysis.closed_loop import list_remarks
 from exodrake.analysis.frame_map import FrameMap, name_states
 from exodrake.analysis.linear_model import (
     FrameModel,
     OperatingPoint,
     compute_noise,
+    evaluate,
     find_observed,
     linearise_robot,
     measure_excursions,
     operating_point,
     spectral_radius,
 )
-from exodrake.analysis.margins import controller_states, open_loop, plant_response, structured_bound
+from exodrake.analysis.margins import controller_states, decibel, open_loop, plant_response, structured_bound
 from exodrake.analysis.responses import BAND, StepResponse, step_response
 from exodrake.analysis.robustness import Band, band, points_band, within_tolerances
 from exodrake.core.errors import InputError, argument, short_repr
@@ -47,6 +50,11 @@ SLACK = 0.04  # by which the search keeps away from each requirement, since step
 PENALTY = 20.0  # cost of a requirement missed by 100 %, in the length of the simulated steps: assumed
 LEAST = 1e-12  # of a requirement that is 0, for a division
 SEARCH: dict[str, Any] = {"maxiter": 14, "popsize": 8, "seed": 0, "polish": False, "init": "sobol", "tol": 1e-3}
+UNSTABLE = 1e6  # cost of an unstable loop
+LQG_RUNS = 60  # designs that are tried over all plants
+# logarithms of the weights of command and integral, and of the disturbance, in units of the tuned loop's commands
+LQG_BOUNDS = np.log([(1e-4, 1e4), (1e-9, 1.0), (1e-4, 10.0)])
+MOVED = 1.5  # ratio of gain margins over operating points from which gains are scheduled
 OWN = "as it is"
 NOISE_FACTOR = 2.0  # noise of the commands that is allowed by default, in units of what the robot has: assumed
 
@@ -102,6 +110,35 @@ class Tuned:
     missed: tuple[str, ...]
 
 
+@dataclass(frozen=True, eq=False)
+class Limit:
+    """How fast a loop could be, beside the best tuned one.
+
+    Attributes:
+        settling: bound [s] for any controller on the linear plant at the machine's own point, without noise, with
+            commands, overshoot and crosstalk up to those below; the slowest channel's.
+        tuned: settling [s] of the best tuned controller there, else of the robot as it is.
+        command_peak: largest change of a command in its steps [command / reference].
+        crosstalk: its largest change of another channel, as a fraction of the step.
+        lqg: the worst of the LQG design over all plants that the search sees; None if it stabilises not all of them.
+        missed: requirements that LQG does not hold, a phrase each.
+        law: that design, from readings and references to commands.
+    """
+
+    settling: float
+    tuned: float
+    command_peak: float
+    crosstalk: float
+    lqg: Performance | None
+    missed: tuple[str, ...]
+    law: control.StateSpace
+
+    def __repr__(self) -> str:
+        """The bound beside the tuned loop, then LQG."""
+        lqg = f"LQG settles in {self.lqg.settling:.3g} s" if self.lqg else "LQG does not stabilise all plants"
+        return f"Limit: settles in {self.tuned:.3g} s, at least {self.settling:.3g} s with such commands\n{lqg}"
+
+
 @short_repr
 @dataclass(frozen=True, eq=False)
 class Tuning:
@@ -112,12 +149,17 @@ class Tuning:
         requirements: requirements that the controllers shall hold.
         compared: assessed controllers, the robot's own first.
         notes: conditions under which the linear model means little, a sentence each.
+        limit: how fast any controller could be.
+        schedule: operating point -> gains [SI] of the best structure tuned there alone, and the settling [s] predicted;
+            empty where the gain margins of its fixed gains move by less than half over the points.
     """
 
     robot: Robot
     requirements: Requirements
     compared: tuple[Tuned, ...]
     notes: tuple[str, ...] = ()
+    limit: Limit | None = None
+    schedule: Mapping[str, tuple[dict[str, float], float]] = field(default_factory=dict)
 
     @property
     def best(self) -> Tuned | None:
@@ -145,6 +187,8 @@ class Tuning:
             "compared": compared,
             "best": self.best and self.best.name,
             "notes": list(self.notes),
+            "limit": self.limit and {k: v for k, v in vars(self.limit).items() if k != "law"},
+            "schedule": {p: {"gains": gains, "settling [s]": t} for p, (gains, t) in self.schedule.items()},
         }
 
     @property
@@ -174,7 +218,8 @@ def tune(
     Raises:
         InputError: no closed loop, no state of rest, unknown structure.
     """
-    loop = FrameMap.of(argument("robot", robot, Robot)).loop
+    first = FrameMap.of(argument("robot", robot, Robot))
+    robot, loop = first.robot, first.loop
     requirements = argument("requirements", requirements, Requirements, type(None))
     known = [c.name for c in loop.controllers]
     if (name := next((name for name in only if name not in known), None)) is not None:
@@ -183,7 +228,11 @@ def tune(
     plants += [linearise_plant(drawn) for _, drawn in within_tolerances(robot, draws, DESIGN_SEED)]
     wanted = requirements or Requirements()
     if wanted.noise is None:
-        noises = [noise for plant in plants if np.isfinite(noise := predict_performance(plant, {}).noise)]
+        noises = [
+            noise
+            for plant in plants
+            if np.isfinite(noise := predict_performance(plant, linearise_law(plant, {})).noise)
+        ]
         wanted = replace(wanted, noise=NOISE_FACTOR * max(noises, default=np.inf))
     compared = [assess(OWN, robot, {}, wanted, judges)]
     for structure in loop.controllers:
@@ -196,7 +245,61 @@ def tune(
             changed = robot.with_parameters(expand_channels(robot, {**fixed, **gains}), source)
             compared.append(assess(structure.name, changed, gains, wanted, judges))
     plant = plants[0]
-    return Tuning(robot, wanted, tuple(compared), list_remarks(plant.loop, plant.point, plant.model, ()))
+    tuning = Tuning(robot, wanted, tuple(compared), list_remarks(plant.loop, plant.point, plant.model, ()))
+    if progress is not None:
+        progress("LQG and bound")
+    tuning = replace(tuning, limit=find_limit(plants, tuning.best or compared[0], wanted))
+    return replace(tuning, schedule=schedule_gains(plants[: len(loop.points)], tuning)) if tuning.best else tuning
+
+
+def find_limit(plants: list[Plant], tuned: Tuned, wanted: Requirements) -> Limit:
+    """How fast any controller could be that moves its commands as little as a tuned one, and how fast LQG is."""
+    from scipy.optimize import differential_evolution, minimize
+
+    plant, size = plants[0], plants[0].loop.loop.step
+    m, frame = len(plant.loop.channels), plant.plant.dt
+    settling = max(s.settling for s in tuned.steps)
+    peak, crosstalk = (max(values) for values in zip(*((s.command_peak / size, s.crosstalk) for s in tuned.steps)))
+    frames = int(min(FRAMES, 1.2 * settling / frame)) if np.isfinite(settling) else FRAMES
+    limits = [bound_settling(plant.plant, j, peak, wanted.overshoot, crosstalk, frames) for j in range(m)]
+
+    def design(logs: np.ndarray) -> control.StateSpace:
+        effort, integral, disturbance = np.exp(logs)
+        return design_lqg(plant.plant, (plant.N, plant.M), effort / peak**2, integral, disturbance * peak)
+
+    def cost(logs: np.ndarray, over: list[Plant]) -> float:
+        try:
+            law = design(logs)
+        except (np.linalg.LinAlgError, ValueError):
+            return 1e3 * UNSTABLE
+        return worst_cost(over, lambda _: law, wanted)
+
+    nominal = [p for p in plants if p.loop.robot is plant.loop.robot]
+    first = differential_evolution(cost, LQG_BOUNDS, (nominal,), **SEARCH)
+    found = minimize(cost, first.x, (plants,), method="Nelder-Mead", options={"maxfev": LQG_RUNS, "xatol": 0.05})
+    law = design(found.x)
+    each = [predict_performance(one, law) for one in plants]
+    columns = [[getattr(p, name) for p in each] for name in vars(each[0])]
+    stable = max(columns[0]) < 1.0
+    lqg = Performance(*(min(c) if n == "disk_margin" else max(c) for n, c in zip(vars(each[0]), columns, strict=True)))
+    unit = plant.loop.robot.machine.signal[plant.loop.loop.command].unit
+    missed = list_missed(wanted, lqg.settling, lqg.overshoot, lqg.disk_margin, lqg.noise, unit)
+    return Limit(max(limits), settling, peak, crosstalk, lqg if stable else None, missed, law)
+
+
+def schedule_gains(plants: list[Plant], tuning: Tuning) -> dict[str, tuple[dict[str, float], float]]:
+    """Gains of the best structure at each operating point alone, where its margins move by half over the points."""
+    best, loop = tuning.best, plants[0].loop.loop
+    assert best is not None  # the caller sees to it
+    margins = [[m.numbers[f"gain margin {c} [dB]"] for m in best.bands[0].members] for c in plants[0].loop.channels]
+    if len(plants) < 2 or np.ptp(margins, axis=1).max() < decibel(MOVED):
+        return {}
+    structure = next(c for c in loop.controllers if c.name == best.name)
+    fixed, found = {**structure.fixed, **compliance(plants[0], structure)}, {}
+    for name, plant in zip(loop.points, plants, strict=True):
+        gains = search_gains([plant], structure, fixed, tuning.requirements, best.gains)
+        found[name] = gains, predict_performance(plant, linearise_law(plant, {**fixed, **gains})).settling
+    return found
 
 
 def assess(name: str, robot: Robot, gains: dict[str, float], wanted: Requirements, draws: int) -> Tuned:
@@ -206,7 +309,7 @@ def assess(name: str, robot: Robot, gains: dict[str, float], wanted: Requirement
     steps = tuple(step_response(loop, point, j) for j in range(len(loop.channels)))
     bands = (points_band(robot), band("tolerances", within_tolerances(robot, draws, JUDGE_SEED)))
     members = list(chain.from_iterable(b.members for b in bands))
-    kind, unit = loop.column(loop.loop.command), robot.machine.signal[loop.loop.command].unit
+    kind, unit = loop.kinds[loop.loop.command], robot.machine.signal[loop.loop.command].unit
 
     def worst(prefix: str, suffix: str, most: bool = True) -> float:
         names = [f"{prefix} {c}{suffix}" if prefix else suffix for c in loop.channels]
@@ -246,7 +349,8 @@ class Plant:
     Attributes:
         loop, point: frame map and state of rest.
         model: closed loop with the robot's own controller.
-        plant: from commands to readings.
+        plant: from commands to readings, without the controller's states.
+        N (n, noises), M (channels, noises): its answer to sensor noise of unit variance.
         frequency (f,) [Hz], response (f, channels, channels): of the readings to the commands.
         index (channels,): of a state that moves each reading, and size (channels,): by how far.
     """
@@ -254,7 +358,9 @@ class Plant:
     loop: FrameMap
     point: OperatingPoint
     model: FrameModel
-    plant: FrameModel
+    plant: control.StateSpace
+    N: np.ndarray
+    M: np.ndarray
     frequency: np.ndarray
     response: np.ndarray
     index: np.ndarray
@@ -265,20 +371,21 @@ def linearise_plant(robot: Robot, at: Mapping[str, float] | str | None = None) -
     """The linear plant of a robot at an operating point. InputError without loop or state of rest."""
     loop, point, model = linearise_robot(robot, at)
     whole, own, m = open_loop(loop, model), controller_states(loop, model), len(loop.channels)
-    frequency = np.geomspace(4e-4, 1.0, FREQUENCIES) * 0.5 / whole.period
-    plant = FrameModel(
-        whole.A[np.ix_(~own, ~own)], whole.B[~own], whole.C[m:, ~own], np.zeros((m, m)), whole.period,
-        N=whole.N[~own], M=whole.M[m:],
-    )  # fmt: skip
-    names = [name.name for name in name_states(robot.machine)]
-    indices = np.array([names.index(name) for name in whole.states])
+    frequency = np.geomspace(4e-4, 1.0, FREQUENCIES) * 0.5 / whole.dt
+    plant = control.ss(
+        whole.A[np.ix_(~own, ~own)], whole.B[~own], whole.C[m:, ~own], 0.0, whole.dt, remove_useless_states=False
+    )
+    command, reading = (model.rows(loop.kinds[s], loop.channels) for s in (loop.loop.command, loop.loop.measured))
+    drive = (model.N - whole.B @ model.M[command])[~own]
+    names = [name.name.replace(".", "_") for name in name_states(loop.robot.machine)]
+    indices = np.array([names.index(name) for name in whole.state_labels])
     size = measure_excursions(loop, point.state, point.references)
     chosen = indices[np.where(own, 0.0, np.abs(whole.C[m:]) * size[indices]).argmax(axis=1)]
     response = plant_response(whole, frequency)
-    return Plant(loop, point, model, plant, frequency, response, chosen, 0.05 * size[chosen])
+    return Plant(loop, point, model, plant, drive, model.M[reading], frequency, response, chosen, 0.05 * size[chosen])
 
 
-def linearise_law(plant: Plant, values: Mapping[str, Any]) -> FrameModel:
+def linearise_law(plant: Plant, values: Mapping[str, Any]) -> control.StateSpace:
     """The linear law of the plant's own controller with other parameters [SI], one or one for each channel.
 
     Its inputs are the readings, then the references; its outputs the commands.
@@ -309,7 +416,8 @@ def linearise_law(plant: Plant, values: Mapping[str, Any]) -> FrameModel:
         read[:, j], change[:, j] = sent - rest, measured - y
     driven = np.hstack([read @ np.linalg.inv(change), outer])
     keep = find_observed(inner[:q], inner[q:])
-    return FrameModel(inner[np.ix_(keep, keep)], driven[keep], inner[q:][:, keep], driven[q:], plant.plant.period)
+    matrices = inner[np.ix_(keep, keep)], driven[keep], inner[q:][:, keep], driven[q:]
+    return control.ss(*matrices, plant.plant.dt, remove_useless_states=False)
 
 
 @dataclass(frozen=True)
@@ -331,19 +439,19 @@ class Performance:
     noise: float
 
 
-def predict_performance(plant: Plant, values: Mapping[str, Any]) -> Performance:
-    """Performance of the controller with these values [SI]."""
-    law, p, m = linearise_law(plant, values), plant.plant, len(plant.loop.channels)
+def predict_performance(plant: Plant, law: control.StateSpace) -> Performance:
+    """Performance of a law from readings and references to commands, as of `linearise_law`."""
+    p, m = plant.plant, len(plant.loop.channels)
     (g, h), (read, direct) = np.hsplit(law.B, [m]), np.hsplit(law.D, [m])
     a = np.block([[p.A + p.B @ read @ p.C, p.B @ law.C], [g @ p.C, law.A]])  # the plant's states first
     radius = spectral_radius(a)
     if radius >= 1.0:
         return Performance(radius, np.inf, np.inf, 0.0, np.inf)
     settling, overshoot = predict_steps(plant, a, np.vstack([p.B @ direct, h]))
-    ratio = -law.response(plant.frequency)[:, :, :m] @ plant.response
+    ratio = -evaluate(law, plant.frequency)[:, :, :m] @ plant.response
     balanced = np.linalg.inv(np.eye(m) + ratio) - 0.5 * np.eye(m)
-    drive = np.vstack([p.N + p.B @ read @ p.M, g @ p.M])
-    noise = compute_noise(a, drive, np.hstack([read @ p.C, law.C]), read @ p.M)
+    drive = np.vstack([plant.N + p.B @ read @ plant.M, g @ plant.M])
+    noise = compute_noise(a, drive, np.hstack([read @ p.C, law.C]), read @ plant.M)
     return Performance(
         radius, settling, overshoot, float(1.0 / structured_bound(balanced)[0].max()), float(noise.max())
     )
@@ -351,7 +459,7 @@ def predict_performance(plant: Plant, values: Mapping[str, Any]) -> Performance:
 
 def predict_steps(plant: Plant, a: np.ndarray, b: np.ndarray) -> tuple[float, float]:
     """Settling [s] and overshoot [-] of x' = A x + B r, a (n, n), b (n, channels), the worst over the references."""
-    n, m = len(plant.plant.A), b.shape[1]
+    n, m = plant.plant.nstates, b.shape[1]
     x, share = np.zeros((len(a), m)), np.zeros((FRAMES, m))
     for k in range(FRAMES):
         x = a @ x + b
@@ -359,7 +467,7 @@ def predict_steps(plant: Plant, a: np.ndarray, b: np.ndarray) -> tuple[float, fl
     outside = np.abs(share - 1.0) > BAND
     last = np.where(outside.any(axis=0), FRAMES - 1 - outside[::-1].argmax(axis=0), -1)
     missing = np.maximum(np.abs(share[-1] - 1.0) - BAND, 0.0)
-    settling = plant.plant.period * (last + 2 + FRAMES * missing)
+    settling = plant.plant.dt * (last + 2 + FRAMES * missing)
     return float(settling.max()), max(0.0, float(share.max()) - 1.0)
 
 
@@ -378,47 +486,65 @@ def compliance(plant: Plant, structure: Controller) -> dict[str, np.ndarray]:
     if not structure.compliance:
         return {}
     loop, model = plant.loop, plant.model
-    gain = model.response(np.zeros(1))[0].real
-    rows = {s: [model.outputs.index(f"{loop.column(s)}_{c}") for c in loop.channels]
-            for s in (loop.loop.actuated, loop.loop.measured)}  # fmt: skip
-    static = gain[rows[loop.loop.actuated]] @ np.linalg.inv(gain[rows[loop.loop.measured]])
-    return dict(zip(structure.compliance, static.T, strict=True))
+    gain = evaluate(model.system, np.zeros(1))[0].real
+    moved, read = (gain[model.rows(loop.kinds[s], loop.channels)] for s in (loop.loop.actuated, loop.loop.measured))
+    return dict(zip(structure.compliance, (moved @ np.linalg.inv(read)).T, strict=True))
+
+
+def worst_cost(plants: list[Plant], law: Callable[[Plant], control.StateSpace], wanted: Requirements) -> float:
+    """Largest cost of a law over plants; the first that is unstable ends the search."""
+    worst = 0.0
+    for plant in plants:
+        worst = max(worst, compute_cost(predict_performance(plant, law(plant)), wanted, plant.plant.dt))
+        if worst > UNSTABLE:
+            break
+    return worst
 
 
 def search_gains(
-    plants: list[Plant], structure: Controller, fixed: Mapping[str, float | np.ndarray], wanted: Requirements
+    plants: list[Plant],
+    structure: Controller,
+    fixed: Mapping[str, float | np.ndarray],
+    wanted: Requirements,
+    start: Mapping[str, float] | None = None,
 ) -> dict[str, float]:
-    """Gains [SI] of least cost, for the nominal plants first, then for all; `fixed` holds values, or (channels,)."""
+    """Gains [SI] of least cost, for the nominal plants first, then for all, from `start` if given.
+
+    Args:
+        plants: on which the gains are judged.
+        structure: whose gains they are.
+        fixed: values of other parameters, one or (channels,) each.
+        wanted: requirements.
+        start: gains from which a local search begins; without, a global one over the nominal plants comes first.
+    """
     from scipy.optimize import differential_evolution, minimize
 
     names = [g.parameter for g in structure.gains]
     bounds = [(np.log(g.low), np.log(g.high)) for g in structure.gains]
-    scale = plants[0].loop.robot.machine.frame
-    nominal = [p for p in plants if p.loop.robot is plants[0].loop.robot]
 
     def values(logs: np.ndarray) -> dict[str, float]:
         return {n: float(np.exp(x)) for n, x in zip(names, logs)}
 
     def cost(logs: np.ndarray, over: list[Plant]) -> float:
         inside = np.clip(logs, *np.array(bounds).T)
-        worst = 0.0
-        for plant in over:
-            worst = max(worst, compute_cost(predict_performance(plant, {**fixed, **values(inside)}), wanted, scale))
-            if worst > 1e6:
-                break
+        worst = worst_cost(over, lambda plant: linearise_law(plant, {**fixed, **values(inside)}), wanted)
         return worst + 1e3 * float(np.abs(logs - inside).sum())
 
-    found = differential_evolution(cost, bounds, (nominal,), **SEARCH)
-    simplex = np.vstack([found.x, found.x - 0.15 * np.eye(len(names))])  # lowers each gain in turn by 15 %
+    if start:
+        x = np.log([start[name] for name in names])
+    else:
+        nominal = [p for p in plants if p.loop.robot is plants[0].loop.robot]
+        x = differential_evolution(cost, bounds, (nominal,), **SEARCH).x
+    simplex = np.vstack([x, x - 0.15 * np.eye(len(names))])  # lowers each gain in turn by 15 %
     options = {"maxfev": 40 * len(names), "xatol": 1e-2, "fatol": 0.1, "initial_simplex": simplex}
-    found = minimize(cost, found.x, (plants,), method="Nelder-Mead", options=options)
+    found = minimize(cost, x, (plants,), method="Nelder-Mead", options=options)
     return values(np.clip(found.x, *np.array(bounds).T))
 
 
 def compute_cost(p: Performance, wanted: Requirements, frame: float) -> float:
     """Settling time in frames, plus what each missed requirement costs; far above for an unstable loop."""
     if p.radius >= 1.0:
-        return 1e6 * (1.0 + p.radius)
+        return UNSTABLE * (1.0 + p.radius)
     most = wanted.noise if wanted.noise is not None else np.inf
     missed = (
         max(0.0, p.overshoot - wanted.overshoot * (1.0 - SLACK)) / max(wanted.overshoot, 0.01),

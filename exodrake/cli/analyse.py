@@ -5,10 +5,10 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+from click.core import ParameterSource
 
 from exodrake.cli.options import AnyPath, OutputFile, OutputFolder, robot_changes, robot_option
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from exodrake.core.robot import Robot
 
 FIGURES = {
-    "rise": "s", "overshoot": "%", "settling": "s", "-3 dB": "Hz", "gain\nmargin": "-", "phase": "deg", "delay": "ms",
+    "rise": "s", "overshoot": "%", "settling": "s", "-3 dB": "Hz", "gain\nmargin": "dB", "phase": "deg", "delay": "ms",
     "disk\nmargin": "-",
 }  # fmt: skip
 SHOWN = 0.3  # poles of smaller modulus are gone within a few frames
@@ -33,8 +33,8 @@ SHOWN = 0.3  # poles of smaller modulus are gone within a few frames
     "--diagnosis",
     type=AnyPath(),
     default=None,
-    metavar="FILE",
-    help="Answer of `exodrake diagnose --json`: bands over its intervals, too.",
+    metavar="FILE|FOLDER",
+    help="Answer of `exodrake diagnose --json`, or the folder of one: every robot that it leaves possible.",
 )
 @click.option(
     "--seed",
@@ -62,14 +62,18 @@ def command(file, parameters, effects, parts, at, draws, diagnosis, seed, out, t
     from exodrake.analysis.closed_loop import analyse, model_bytes, to_plain
     from exodrake.analysis.figures import draw_figures
     from exodrake.analysis.limit_cycles import limit_cycles
+    from exodrake.analysis.uncertainty import assess_answer, read_diagnosis
     from exodrake.cli.simulate import warn
     from exodrake.core.files import make_folder, write_bytes
 
+    answer, improved = read_diagnosis(diagnosis) if diagnosis else (None, None)
+    if improved and click.get_current_context().get_parameter_source("file") == ParameterSource.DEFAULT:
+        file = str(improved)
     robot, point = robot_of(file, parameters, effects, parts), point_of(at)
     with Console(stderr=True).status("analysing (the first run after a change compiles for half a minute)"):
-        answer = answer_of(diagnosis)
         result = analyse(robot, point, seed)
-        result = replace(result, bands=bands_of(robot, point, draws, answer))
+        uncertainty = None if answer is None else assess_answer(robot, answer, point, draws or 12)
+        result = replace(result, bands=bands_of(robot, point, draws, answer), uncertainty=uncertainty)
         cycles = limit_cycles(robot, point) if out or target else ()
         text = (json.dumps(to_plain(result, cycles), indent=1, allow_nan=False) + "\n").encode()
         contents = {out / name: png for name, png in draw_figures(result, cycles).items()} if out else {}
@@ -88,10 +92,11 @@ def command(file, parameters, effects, parts, at, draws, diagnosis, seed, out, t
 
 def robot_of(file: str, parameters: tuple[str, ...], effects: tuple[str, ...], parts: tuple[str, ...]) -> Robot:
     """The robot of the options: parts first, then parameters, then effects."""
+    from exodrake.analysis.frame_map import add_controller
     from exodrake.machines.robot_file import load_robot
     from exodrake.simulation.scenario import channels_of, parse_effect, parse_number
 
-    robot = load_robot(file)
+    robot = add_controller(load_robot(file))
     for part in parts:
         robot = robot.with_part(part)
     robot = robot.with_parameters(dict(parse_number(text, robot) for text in parameters))
@@ -113,13 +118,6 @@ def bands_of(robot: Robot, at: dict[str, float] | str | None, draws: int, answer
     if robot.machine.loop and len(robot.machine.loop.points) > 1:
         found.append(points_band(robot))
     return tuple(found)
-
-
-def answer_of(path: Path | None) -> Any:
-    """Content of a diagnosis file, or None. InputError if the file is not JSON."""
-    from exodrake.core.schema import read_json
-
-    return None if path is None else read_json(path)
 
 
 def point_of(text: str) -> dict[str, float] | str | None:
@@ -152,7 +150,7 @@ def show(result: ClosedLoop) -> None:
     for step, response, m in zip(result.steps, result.responses, result.margins):
         row = (step.rise, 100.0 * step.overshoot, step.settling, response.bandwidth)
         row = row if result.stable else (math.nan,) * len(row)  # of a growing oscillation
-        margin = (m.gain_margin, math.degrees(m.phase_margin), 1e3 * m.delay_margin, m.disk_margin)
+        margin = (m.gain_margin_db, m.phase_margin_deg, 1e3 * m.delay_margin, m.disk_margin)
         cells = [f"{v:.2f}" for v in row] + [f"{v:.3g}" for v in margin]
         rows.append((step.channel, *("-" if cell == "nan" else cell for cell in cells)))
     for pole in result.model.poles():
@@ -164,7 +162,12 @@ def show(result: ClosedLoop) -> None:
     titles = (">|z|", ">z", ">frequency\n\\[Hz]", ">damping\n\\[-]", "e-fold\n", "mostly in")
     console.print()
     console.print(table(titles, poles))
-    for line in (*robust_lines(result), verdict(result), *(f"note: {note}" for note in result.notes)):
+    for line in (
+        *robust_lines(result),
+        *uncertainty_lines(result),
+        verdict(result),
+        *(f"note: {note}" for note in result.notes),
+    ):
         click.echo(line)
 
 
@@ -190,6 +193,41 @@ def robust_lines(result: ClosedLoop) -> list[str]:
         counts += [f"{len(band.failures)} without rest"] if band.failures else []
         found.append(f"over {band.name} ({', '.join(counts)}): {text or 'no margins'}")
     return found
+
+
+def uncertainty_lines(result: ClosedLoop) -> list[str]:
+    """Stability, margins over amplitude, limit cycles, dead band and weight over the robots of a diagnosis."""
+    from exodrake.core.display import display_of, shown_unit
+
+    u, machine = result.uncertainty, result.robot.machine
+    if u is None:
+        return []
+    stable = u.robots - len(u.unstable)
+    found = [
+        f"robots of the diagnosis: {stable} of {u.robots} stable"
+        + (f", {u.kicked} by a simulated kick" * (u.kicked > 0))
+    ]
+    if u.unstable:
+        found[0] += "; unstable: " + ", ".join(u.unstable)
+    if u.cycles:
+        found.append(
+            f"describing functions, worst amplitude and interval: gain margin {u.gain_margin_db:.3g} dB, phase margin "
+            f"{u.phase_margin_deg:.3g} deg ({u.cycles[0].channel})"
+        )
+        size, frequency = max(c.read_simulation() for c in u.cycles)
+        unit, factor = shown_unit(u.cycles[0].unit)
+        cycle = f"{factor * size:.3g} {unit} of the command at {frequency:.3g} Hz" if size else "none"
+        found.append(f"limit cycle to expect: {cycle}")
+    bands = []
+    for column in machine.columns:
+        shown = display_of(column.kind, machine)
+        sizes = [u.dead_band.get(f"{column.kind}_{c}", 0.0) for c in machine.channels(column.signal)]
+        bands += [f"{column.kind} ±{shown.factor * max(sizes):.2g} {shown.unit}"] if max(sizes) > 1e-9 else []
+    found.append("dead band at rest: " + (", ".join(bands) or "none"))
+    text = f"plant within {100.0 * u.deviation.min():.2g} to {100.0 * u.deviation.max():.2g} % of the improved one"
+    if math.isfinite(u.peak):
+        text += f"; weight times T up to {u.peak:.2g}" + (": stable for all of them" if u.peak < 1.0 else "")
+    return [*found, text]
 
 
 def verdict(result: ClosedLoop) -> str:

@@ -104,6 +104,17 @@ def show(tuning: Tuning) -> None:
         + (f", noise of a command up to {factor * w.noise:.3g} {unit}" if w.noise is not None else "")
         + (f", settling within {w.settling:g} s" if w.settling is not None else "")
     )
+    if limit := tuning.limit:
+        click.echo(
+            f"bound: without tolerances {limit.tuned:.3g} s; no controller with such commands and crosstalk (up to "
+            f"{100.0 * limit.crosstalk:.2g} %) does better than {limit.settling:.3g} s on the linear plant"
+        )
+    if limit and (p := limit.lqg):
+        click.echo(
+            f"LQG of {limit.law.nstates} states: settles in {p.settling:.3g} s, overshoot {100.0 * p.overshoot:.2g} %, "
+            f"disk margin {p.disk_margin:.3g}, noise {factor * p.noise:.3g} {unit}"
+            + (f"; misses: {', '.join(limit.missed)}" if limit.missed else "")
+        )
     for note in tuning.notes:
         click.echo(f"note: {note}")
     best = tuning.best
@@ -113,6 +124,9 @@ def show(tuning: Tuning) -> None:
     own = tuning.compared[0]
     click.echo(f"best: {best.name}, settles in {best.settling:.3g} s (now {own.settling:.3g} s)")
     click.echo("  " + ", ".join(f"{name} = {value:.4g}" for name, value in best.gains.items()))
+    for point, (gains, settling) in tuning.schedule.items():
+        values = ", ".join(f"{name} = {value:.4g}" for name, value in gains.items())
+        click.echo(f"  scheduled, {point}: {values}; settles in {settling:.3g} s")
 
 
 def notes_of(tuning: Tuning, best: Tuned) -> str:

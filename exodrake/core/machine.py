@@ -213,6 +213,7 @@ class Loop:
         latency: parameter (without channel) of a latency of the command in frames; "" where there is none.
         resolution: parameter by which the reading is rounded; "" where it is not.
         nonlinear: effects of which limit cycles are predicted, beside the rounding: id -> values [SI] not at default.
+        outer: adds the controller to a machine whose own drives cannot be opened; None where it has one.
     """
 
     reference: str
@@ -230,6 +231,7 @@ class Loop:
     latency: str = ""
     resolution: str = ""
     nonlinear: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    outer: Callable[[Robot], Robot] | None = None
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from exodrake.core.effect import Effect
-from exodrake.core.machine import Column
+from exodrake.core.machine import Column, Controller, Gain, Loop
 from exodrake.core.mechanism import GRAVITY, Body, Chain, Drive, Joint, Mechanism
 from exodrake.core.part import JOINTS, NORMAL, UNIFORM, Part, Signal
 from exodrake.core.robot import Robot
@@ -150,6 +150,7 @@ def mechanism(robot: Robot) -> Mechanism:
     )  # fmt: skip
 
 
+STEP = 0.02  # rad or m, of a reference for the analysis: assumed
 SWING, SPEED, BRISK = 1.0, 0.5, 2.0  # rad, rad/s, rad/s2 of a moderate motion: assumed
 SHARE = 0.05  # of friction in the largest effort: assumed
 BANDWIDTH = 2.0 * np.pi * 2.0  # rad/s of the nominal position loops: assumed
@@ -258,3 +259,14 @@ def drive_defaults(chain: Chain, efforts: np.ndarray, frame: float) -> dict[str,
             f"motor.current_max.{channel}": limit, f"motor.time_constant.{channel}": 0.0,
         }  # fmt: skip
     return {name: float(value) for name, value in found.items()}
+
+
+def joint_control(chain: Chain, nonlinear: Mapping[str, Mapping[str, float]]) -> Loop:
+    """The loop that `analyse` and `tune` look at; nonlinear: effects of which limit cycles are predicted."""
+    gains = (Gain("drive.kp", 0.1, 10.0), Gain("drive.kd", 0.1, 10.0))
+    return Loop(
+        reference="position_ref", command="effort_ref", output="position", measured="position_read",
+        part="drive", held="effort", gains=gains, gentle={"drive.kp": 0.5, "drive.kd": 1.0}, step=STEP,
+        points={"middle": dict(zip(chain.names, middle(chain).tolist(), strict=True))},
+        controllers=(Controller("PD", gains),), resolution="encoder.step", nonlinear=nonlinear,
+    )  # fmt: skip

@@ -26,6 +26,7 @@ from exodrake.machines.arm_defaults import (
     drive_defaults,
     effects_in,
     inertias,
+    joint_control,
     losses,
     mechanism,
     reading,
@@ -92,6 +93,7 @@ def cable_machine(name: str, chain: Chain, slots: int, frame: float) -> Machine:
         reference_limits=("position_min", "position_max"),
         skeleton=shape,
         mechanism=mechanism,
+        loop=joint_control(chain, {}),
         defaults=defaults_of(chain, efforts, frame),
     )  # fmt: skip
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from exodrake.core.effect import Effect
-from exodrake.core.machine import Column, Machine, Segment
+from exodrake.core.machine import Column, Controller, Gain, Loop, Machine, Segment
 from exodrake.core.mechanism import Body, Chain, Drive, Joint, Mechanism
 from exodrake.core.part import JOINTS, NORMAL, SCALAR, UNIFORM, Axes, Part, Signal
 from exodrake.core.robot import Robot
@@ -17,7 +17,7 @@ from exodrake.effects import LIBRARY, for_machine, generic_effects, in_order, pl
 from exodrake.effects.servo import lagging, limited
 from exodrake.effects.signal import rests, scaled, shifted
 from exodrake.effects.timing import late
-from exodrake.physics import joint, joint_command
+from exodrake.physics import joint, joint_command, joint_loop
 from exodrake.physics.reading import sensor
 
 FRAMES = replace(LIBRARY["timing.command_latency"].parameters[0], axis=JOINTS)  # each joint late by its own
@@ -27,6 +27,7 @@ ANGLE = ("angle", "noise_angle", "reading_arrival", "angle_read")  # what the se
 COLUMN = Column("angle", "angle_read", label="Joint angle")
 STANDARD = ("speed_limit", "hysteresis")  # laws that every drive may have
 SLOW = 0.2  # s, frames of a quasi-static log, which shows no speed: assumed
+STEP = 0.02  # rad, of a reference for the analysis: assumed
 SWING = 1.0  # rad, by which a joint typically moves; ranges of the generic effects scale with it; assumed
 DRAWN = (Signal("noise_angle", "-", JOINTS, NORMAL), Signal("reading_arrival", "-", JOINTS, UNIFORM))
 COMPUTED = (
@@ -139,6 +140,34 @@ def joint_machine(
         max_effects=max_effects,
         reference_limits=("angle_min", "angle_max"),
         separate=True,
+        loop=loop_of(joints, frame, library),
         skeleton=lambda robot: axes_side_by_side(robot.machine.axes.joints, "angle", "angle"),
         mechanism=mechanism,
     )
+
+
+def loop_of(joints: tuple[str, ...], frame: float, library: tuple[Effect, ...]) -> Loop:
+    """The outer loop that `analyse` and `tune` look at; its integral acts over ten frames at first: assumed."""
+    proportional, integral = Gain("joint_loop.kp", 0.01, 2.0), Gain("joint_loop.ki", 0.01 / frame, 1.0 / frame)
+    latency = (f"{e.id}.frames" for e in library if e.family == LIBRARY["timing.command_latency"].family)
+
+    def add_controller(robot: Robot) -> Robot:
+        machine = robot.machine
+        parts = [replace(p, tasks=tuple(replace(t, reads=("angle_sent", *t.reads[1:]), slots=(1,)) for t in p.tasks))
+                 if p.name == joint_command.PART.name else p for p in machine.parts]  # fmt: skip
+        closed = replace(
+            machine, parts=(*parts, joint_loop.PART), signals=(*machine.signals, Signal("angle_sent", "rad", JOINTS)),
+            loop=replace(loop, outer=None),
+        )  # fmt: skip
+        values = {name: float(robot.values[i]) for name, i in machine.index.items()}
+        values |= {"joint_loop.kp": 0.0, "joint_loop.ki": 0.1 / frame, "joint_loop.period": frame}
+        return replace(robot, machine=closed, values=np.array([values[p.name] for p in closed.parameters]))
+
+    loop = Loop(
+        reference="angle_ref", command="angle_sent", output="angle", measured="angle_read", part="joint_loop",
+        held="sent", gains=(proportional, integral), gentle={"joint_loop.kp": 0.0, "joint_loop.ki": 0.05 / frame},
+        step=STEP, points={"rest": dict.fromkeys(joints, 0.0)},
+        controllers=(Controller("I", (integral,)), Controller("PI", (proportional, integral))),
+        latency=next(latency, ""), resolution="reading.step", outer=add_controller,
+    )  # fmt: skip
+    return loop

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from exodrake.core.errors import InputError
-from exodrake.core.machine import Controller, Gain, Loop, Machine, Segment
+from exodrake.core.machine import Machine, Segment
 from exodrake.core.mechanism import Chain
 from exodrake.core.part import JOINTS, Axes, Signal
 from exodrake.core.schema import mapping, number, text
@@ -27,9 +27,9 @@ from exodrake.machines.arm_defaults import (
     drawn,
     drive_defaults,
     effects_in,
+    joint_control,
     losses,
     mechanism,
-    middle,
     noise_std,
     reading,
     renamed,
@@ -51,7 +51,6 @@ SECTION = mapping(
 )
 FRAME = 0.005  # s, as most recordings of arms: assumed
 REST = 0.01  # of the largest speed, below which dry friction of the largest effort counts as rest: assumed
-STEP = 0.02  # rad or m, of a reference for the analysis: assumed
 CROSSTALK = ("torque.crosstalk", "encoder.crosstalk")  # not tried: joints are measured one by one
 OFFSET = ("arm.offset",)  # which is `torque.offset` in inverse dynamics
 
@@ -152,17 +151,6 @@ def closed_machine(name: str, chain: Chain, frame: float) -> Machine:
         reference_limits=("position_min", "position_max"),
         skeleton=shape,
         mechanism=mechanism,
-        loop=loop_of(chain),
+        loop=joint_control(chain, {"arm.coulomb_friction": {}}),
         defaults=stated(chain, "arm") | losses(chain) | drive_defaults(chain, efforts, frame),
     )
-
-
-def loop_of(chain: Chain) -> Loop:
-    """The closed loop that `analyse` and `tune` look at."""
-    gains = (Gain("drive.kp", 0.1, 10.0), Gain("drive.kd", 0.1, 10.0))
-    return Loop(
-        reference="position_ref", command="effort_ref", output="position", measured="position_read",
-        part="drive", held="effort", gains=gains, gentle={"drive.kp": 0.5, "drive.kd": 1.0}, step=STEP,
-        points={"middle": dict(zip(chain.names, middle(chain).tolist(), strict=True))},
-        controllers=(Controller("PD", gains),), resolution="encoder.step", nonlinear={"arm.coulomb_friction": {}},
-    )  # fmt: skip

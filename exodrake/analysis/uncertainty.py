@@ -1,0 +1,172 @@
+"""What a diagnosis leaves open, for control: every robot of its answer in the loop.
+
+    |P_i - P| <= |w| |P|       robustly stable if |w| max sigma(T) < 1 at every frequency
+
+Robots are drawn within the intervals of the effects; the first two stand at their lower and at their upper ends. With
+friction or a dead zone, describing functions take the place of linear responses: over amplitudes, at those two ends.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import control
+import numpy as np
+from scipy.optimize import least_squares, minimize
+
+from exodrake.analysis.limit_cycles import LimitCycles, find_dead_band, limit_cycles
+from exodrake.analysis.linear_model import linearise_robot
+from exodrake.analysis.margins import open_loop, plant_response, return_ratio
+from exodrake.analysis.responses import returns
+from exodrake.analysis.robustness import within_intervals
+from exodrake.core.errors import InputError
+from exodrake.core.robot import Robot
+from exodrake.core.schema import read_json
+
+POINTS, SLOWEST = 120, 1e-3  # frequencies of the weight; lowest, as a share of the Nyquist frequency
+ENDS = 2  # robots at the ends of the intervals, of which limit cycles are predicted
+LESS = 0.9  # second order is taken where it covers the deviation with less than this share of the first order's excess
+
+
+@dataclass(frozen=True, eq=False)
+class Uncertainty:
+    """The robots of a diagnosis' answer in the loop.
+
+    Attributes:
+        robots: number of them.
+        unstable: labels of those whose loop is not stable.
+        kicked: number of those that a simulated kick decides, because their poles mean little.
+        failures: why others have no operating point, a sentence each.
+        dead_band: log column -> half the range in which it may rest [SI], the worst of the robots.
+        cycles: describing-function margins and limit cycles of the improved robot and of the intervals' ends; empty for
+            a robot that is smooth where it rests.
+        frequency: (f,) [Hz].
+        deviation: (f,) largest relative deviation of a robot's plant from the improved one's [-].
+        weight: python-control's transfer function in s, of order 1 or 2, that covers the deviation.
+        peak: largest |weight| max sigma(T); below 1 every plant within the weight is stable. nan where T means little.
+    """
+
+    robots: int
+    unstable: tuple[str, ...]
+    kicked: int
+    failures: tuple[str, ...]
+    dead_band: dict[str, float]
+    cycles: tuple[LimitCycles, ...]
+    frequency: np.ndarray
+    deviation: np.ndarray
+    weight: control.TransferFunction
+    peak: float
+
+    def __repr__(self) -> str:
+        """Stability, then margins and deviation."""
+        return (
+            f"Uncertainty: {self.robots - len(self.unstable)} of {self.robots} robots stable, {self.kicked} by a kick\n"
+            f"gain margin from {self.gain_margin_db:.3g} dB, phase margin from {self.phase_margin_deg:.3g} deg over "
+            f"amplitude; deviation up to {self.deviation.max():.3g}, |w T| up to {self.peak:.3g}"
+        )
+
+    @property
+    def gain_margin_db(self) -> float:
+        """Worst describing-function gain margin over amplitudes and intervals [dB]; nan without nonlinearities."""
+        return min((c.gain_margin_db for c in self.cycles), default=np.nan)
+
+    @property
+    def phase_margin_deg(self) -> float:
+        """Worst describing-function phase margin over amplitudes and intervals [deg]; nan without nonlinearities."""
+        return min((float(np.nanmin(c.phase_margin_deg)) for c in self.cycles), default=np.nan)
+
+    def to_dict(self) -> dict[str, Any]:
+        """All numbers as plain data; the weight by its coefficients in s, the highest power first."""
+        num, den = (c.tolist() for c in (self.weight.num_array[0, 0], self.weight.den_array[0, 0]))
+        worst = {"gain_margin_db": self.gain_margin_db, "phase_margin_deg": self.phase_margin_deg}
+        return vars(self) | worst | {"weight": {"numerator": num, "denominator": den}}
+
+
+def assess_answer(
+    robot: Robot, answer: Mapping[str, Any], at: Mapping[str, float] | str | None = None, draws: int = 12
+) -> Uncertainty:
+    """Stability, margins over amplitude, dead band and uncertainty weight over the robots of a diagnosis' answer.
+
+    Args:
+        robot: the improved robot of that diagnosis, or the nominal one.
+        answer: the diagnosis as `exodrake diagnose --json` writes it.
+        at: operating point.
+        draws: number of robots, the ends of the intervals included.
+
+    Raises:
+        InputError: the answer names no effect, or the improved robot has no loop or no state of rest.
+    """
+    improved = next(iter(within_intervals(robot, answer, 1, ends=(0.0,))))[1]
+    loop, point, model = linearise_robot(improved, at)
+    smooth, frequency = model.decides, np.geomspace(SLOWEST, 1.0, POINTS) * 0.5 / model.system.dt
+    nominal = plant_response(open_loop(loop, model), frequency) if smooth else None
+    unstable, failures, kicked, deviations = [], [], 0, []
+    dead_band, cycles = find_dead_band(loop, point), list(limit_cycles(improved, at, own_only=True))
+    for k, (label, drawn) in enumerate(within_intervals(robot, answer, draws)):
+        try:
+            there, rest, linear = linearise_robot(drawn, at)
+        except InputError as problem:
+            failures.append(f"{label}: {problem}")
+            continue
+        kicked += not linear.decides
+        if not (linear.spectral_radius < 1.0 if linear.decides else returns(there, rest)):
+            unstable.append(label)
+        dead_band = {n: max(b, dead_band[n]) for n, b in find_dead_band(there, rest).items()}
+        if nominal is not None and linear.decides:
+            change = plant_response(open_loop(there, linear), frequency) - nominal
+            deviations.append(np.linalg.norm(change @ np.linalg.pinv(nominal), 2, axis=(1, 2)))
+        elif k < ENDS:
+            cycles += limit_cycles(drawn, at, own_only=True)
+    if nominal is None and cycles:
+        frequency, first = cycles[0].line_frequency, cycles[0].measured
+        deviations = [np.abs(c.measured / first - 1.0).max(axis=0) for c in cycles if c.channel == cycles[0].channel]
+    deviation = np.max(deviations, axis=0) if deviations else np.zeros(len(frequency))
+    weight, peak = fit_weight(frequency, deviation), np.nan
+    if nominal is not None:
+        ratio = return_ratio(open_loop(loop, model), frequency)
+        t = nominal @ np.linalg.solve(np.eye(ratio.shape[-1]) + ratio, ratio) @ np.linalg.pinv(nominal)
+        peak = float((np.abs(weight(2j * np.pi * frequency)) * np.linalg.norm(t, 2, axis=(1, 2))).max())
+    return Uncertainty(
+        draws - len(failures), tuple(unstable), kicked, tuple(failures), dead_band, tuple(cycles), frequency, deviation,
+        weight, peak,
+    )  # fmt: skip
+
+
+def fit_weight(frequency: np.ndarray, deviation: np.ndarray) -> control.TransferFunction:
+    """The weight g ((s / a + 1) / (s / b + 1))^n, n 1 or 2, that covers a deviation (f,) [-] at frequencies (f,) [Hz].
+
+    Of all that cover it, it exceeds the deviation least in the mean of the logarithms.
+    """
+    w = 2.0 * np.pi * frequency
+    log_size = np.log(np.maximum(deviation, 1e-6))
+
+    def excess(x: np.ndarray, order: int) -> np.ndarray:
+        lags = np.log1p((w / np.exp(x[1])) ** 2) - np.log1p((w / np.exp(x[2])) ** 2)
+        return x[0] + 0.5 * order * lags - log_size
+
+    def uncovered(x: np.ndarray, order: int) -> float:
+        return float(np.mean(excess(x, order) - excess(x, order).min()))
+
+    middle, ends = np.log(np.sqrt(w[0] * w[-1])), np.log([w[0] / 10.0, 10.0 * w[-1]])
+    starts = [(log_size[0], middle + a, middle + b) for a, b in ((-1.0, 1.0), (1.0, -1.0), (1.0, 3.0), (-3.0, 0.0))]
+    tried = []
+    for order in (1, 2):
+        bounds = ([-20.0, ends[0], ends[0]], [20.0, ends[1], ends[1]])
+        fits = [least_squares(excess, start, args=(order,), bounds=bounds) for start in starts]
+        x = min(fits, key=lambda fit: fit.cost).x
+        found = minimize(uncovered, x, args=(order,), method="Nelder-Mead", bounds=np.transpose(bounds))
+        tried.append((found.fun, found.x - np.array([excess(found.x, order).min(), 0.0, 0.0]), order))
+    (first, *_), (second, *_) = tried
+    _, (gain, zero, pole), order = tried[1] if second < LESS * first else tried[0]
+    s = control.tf("s")
+    return np.exp(gain) * ((s / np.exp(zero) + 1.0) / (s / np.exp(pole) + 1.0)) ** order
+
+
+def read_diagnosis(path: Path) -> tuple[dict[str, Any], Path | None]:
+    """The answer in a diagnosis file, or in a folder's `diagnosis.json`, and the improved robot beside it, if any."""
+    file = path / "diagnosis.json" if path.is_dir() else path
+    improved = file.parent / "improved.yaml"
+    return read_json(file), improved if improved.is_file() else None

@@ -1,0 +1,54 @@
+"""Outer loop about position servos, once a frame: what a computer adds to the reference of drives that it cannot open.
+
+    sent = q_ref + kp e + ki E      E' = e      e = q_ref of the frame before - q
+
+The error is that of the reference which the reading answers, so ideal servos get the reference itself.
+"""
+
+import sys
+from typing import Annotated, NamedTuple
+
+from exodrake.core.part import JOINTS, SCALAR, Output, Part, State, Task, Unit
+
+
+class Parameters(NamedTuple):
+    """Gains, and the frame that they were tuned for."""
+
+    kp: Annotated[float, Unit("-")]
+    ki: Annotated[float, Unit("1/s")]
+    period: Annotated[float, Unit("s")]
+
+
+def control(x, z, n, e, angle_ref, angle_read):
+    """The law; signals [rad]. x: angles sent, integrals of the errors [rad s], references before, started."""
+    count = angle_ref.shape[0]
+    for j in range(count):
+        error = x[2 * count + j] - angle_read[j] if x[3 * count] > 0.0 else 0.0  # nothing is read in the first frame
+        x[count + j] += n.period * error
+        x[j] = angle_ref[j] + n.kp * error + n.ki * x[count + j]
+        x[2 * count + j] = angle_ref[j]
+    x[3 * count] = 1.0
+
+
+def output(x, z, n, e, angle_sent):
+    """Angles sent to the drives [rad]."""
+    for j in range(angle_sent.shape[0]):
+        angle_sent[j] = x[j]
+
+
+def start(x, z, n, e, start_stroke):
+    """Nothing read."""
+    x[:] = 0.0
+
+
+PART = Part(
+    name="joint_loop",
+    module=sys.modules[__name__],
+    parameters=Parameters,
+    states=(
+        State("sent", JOINTS, unit="rad"), State("integral", JOINTS, unit="rad s"), State("before", JOINTS, unit="rad"),
+        State("started", SCALAR),
+    ),
+    tasks=(Task("control", ("angle_ref", "angle_read"), slots=(0,)),),
+    outputs=(Output("output", ("angle_sent",)),),
+)  # fmt: skip

@@ -1,0 +1,72 @@
+"""The robots of a diagnosis in the loop: stability, margins over amplitude, dead band, the weight that covers them."""
+
+import json
+
+import control
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import exodrake as exo
+from exodrake.analysis.uncertainty import assess_answer, fit_weight, read_diagnosis
+from exodrake.cli.main import cli
+
+
+def answer_of(identity, wires=("MF",), **intervals):
+    parameters = {n: {"value": v, "low": a, "high": b, "unit": "-"} for n, (v, a, b) in intervals.items()}
+    effect = {"id": identity, "wires": list(wires), "joints": [], "parameters": parameters, "channels": {}}
+    return {"verdict": "NAMED", "where": {"block": "motor"}, "effects": [effect], "equivalents": [],
+            "closure": {"overall": {"value": 1.0}}}  # fmt: skip
+
+
+@pytest.mark.parametrize(("order", "zero", "pole"), [(1, 5.0, 60.0), (2, 4.0, 50.0)])
+def test_a_weight_of_that_form_is_found_again(order, zero, pole):
+    f = np.geomspace(0.02, 25.0, 120)
+    s = control.tf("s")
+    planted = 0.03 * ((s / zero + 1.0) / (s / pole + 1.0)) ** order
+    found = fit_weight(f, np.abs(planted(2j * np.pi * f)))
+    assert len(found.poles()) == order
+    assert np.abs(found(2j * np.pi * f)) == pytest.approx(np.abs(planted(2j * np.pi * f)), rel=1e-3)
+
+
+def test_the_weight_covers_any_deviation():
+    f = np.geomspace(0.02, 25.0, 120)
+    deviation = 0.1 + 0.5 * np.exp(-(np.log(f / 3.0) ** 2))
+    assert (np.abs(fit_weight(f, deviation)(2j * np.pi * f)) >= deviation * (1.0 - 1e-9)).all()
+
+
+def test_a_gain_of_the_sensor_is_an_uncertainty_of_that_size():
+    """MF reads 10 % more, 4 to 16: its plant deviates by 0.06 / 1.10 but for the tension at rest."""
+    found = assess_answer(exo.load_robot(), answer_of("sensor.gain", gain=(0.10, 0.04, 0.16)), draws=4)
+    assert found.robots == 4 and found.unstable == () and found.kicked == 0 and found.cycles == ()
+    assert found.deviation == pytest.approx(0.06 / 1.10 * np.ones(120), rel=0.15)
+    assert found.peak < 0.07 and len(repr(found).splitlines()) == 2
+    assert max(found.dead_band.values()) < 1e-6
+
+
+def test_with_a_dead_zone_it_gives_margins_over_amplitude_and_the_dead_band_at_the_upper_end():
+    robot = exo.load_robot()
+    found = assess_answer(
+        robot, answer_of("motor.dead_zone", width=(4e-4, 3e-4, 6e-4), release=(1.0, 1.0, 1.0)), draws=2
+    )
+    assert found.dead_band["tension_MF"] == pytest.approx(6e-4 / robot["controller.kp"], rel=0.1)
+    assert found.kicked == 2 and found.unstable == () and len(found.cycles) == 3
+    assert found.gain_margin_db == pytest.approx(8.4, abs=1.0) and found.phase_margin_deg > 80.0
+
+
+def test_a_robot_of_the_answer_that_is_unstable_is_named():
+    """The nominal loop bears 4.9 frames of latency."""
+    found = assess_answer(exo.load_robot(), answer_of("timing.command_latency", (), frames=(3.0, 1.0, 7.0)), draws=2)
+    assert found.unstable == ("upper ends",) and found.peak > 0.9
+
+
+def test_the_command_reads_a_folder_and_its_improved_robot(tmp_path):
+    (tmp_path / "diagnosis.json").write_text(json.dumps(answer_of("sensor.gain", gain=(0.1, 0.04, 0.16))))
+    exo.write_robot(exo.load_robot().splice("sensor.gain", {"gain": 0.1}, ["MF"]), tmp_path / "improved.yaml")
+    assert read_diagnosis(tmp_path)[1] == tmp_path / "improved.yaml"
+    options = ["--diagnosis", str(tmp_path), "--draws", "2", "--json", str(tmp_path / "a.json")]
+    found = CliRunner().invoke(cli, ["analyse", *options])
+    assert found.exit_code == 0, found.output
+    assert "robots of the diagnosis: 2 of 2 stable" in found.output and "stable for all of them" in found.output
+    saved = json.loads((tmp_path / "a.json").read_text())
+    assert saved["effects"] and saved["uncertainty"]["weight"]["denominator"]
