@@ -1,9 +1,6 @@
 """Retuning of healthy robots that the reference simulator wrote."""
 
-from collections import defaultdict
-
-from exodrake.diagnosis.isolation import retune
-from exodrake.diagnosis.likelihood import likelihood_of
+from exodrake.diagnosis.isolation import isolate
 from exodrake.diagnosis.problem import make_problem
 from exodrake.machines.robot_file import load_robot
 from exodrake.reference.cases import MIXES, CasePlan
@@ -13,8 +10,5 @@ from exodrake.reference.make import case_and_label
 def test_a_robot_whose_finger_snaps_over_is_retuned_to_its_noise():
     """Fitted in closed loop alone it ended in another minimum, with reduced chi-squares of 16.3 and 3.6."""
     case, _ = case_and_label(CasePlan("case", (400123, 84), "healthy", (), False, MIXES["healthy"]))
-    problem = make_problem(case, load_robot()).shortened(0.7)
-    found, _ = retune(problem)
-    likelihood = likelihood_of(problem, found.robot, defaultdict(float))
-    closed, prediction = likelihood.chi2(found.at(likelihood, found.x).residual)
+    closed, prediction = isolate(make_problem(case, load_robot()).shortened(0.7)).retuned.chi2
     assert prediction < 1.1 and closed < 2.0

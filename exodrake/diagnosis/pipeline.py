@@ -89,6 +89,10 @@ def diagnose(
     if isinstance(case, str | Path):
         case = read_case(case, required, robot.machine.frame)
     elif not isinstance(case, Case):
+        items = case if isinstance(case, list) else [case]
+        if not all(isinstance(one, Log) or hasattr(one, "iloc") for one in items):
+            kinds = "Case or Log or list or str or Path"
+            raise TypeError(f"case: wanted {kinds}, got {type(case).__name__} ({brief(case)})")
         fitted, held_out = (case[:-1], case[-1:]) if isinstance(case, list) and len(case) > 1 else (case, ())
         case = gather_logs(fitted, held_out, robot.machine.frame, required)
     progress(Stage.CHECK, "")
