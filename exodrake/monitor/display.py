@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 WHOLE = "closed loop"
 CALM, HIGH = 0.5, 1.0  # of the limit: below the first green, above the second red
 BAR = 24  # characters
+LARGE = 3.0  # noise standard deviations that a summary names though no alarm came: assumed
 EVERY = 10  # s of the log between plain lines
 
 
@@ -134,9 +135,12 @@ def line(monitor: Monitor, reading: Reading) -> str:
 
 
 def summary(monitor: Monitor, path: Path) -> list[str]:
-    """Last lines of a run."""
+    """Last lines of a run; a log too short for an alarm, and a large gap that raised none, say so."""
+    needed = f"a gap needs more than {SKIP} s, and an alarm {SKIP + WINDOW} s"
     if monitor.reading is None:
-        return [f"{path}: {monitor.frames} frames, too short for a gap"]
+        return [
+            f"{path}: {monitor.frames} frames, {monitor.frames * monitor.machine.frame:.3g} s, are too few: {needed}"
+        ]
     gaps = "  ".join(f"{named(s)} {shown(monitor.rms(monitor.reading.overall, s))}" for s in monitor.segments)
     duration, cost = monitor.frames * monitor.machine.frame, monitor.busy / max(monitor.frames, 1)
     lines = [
@@ -144,5 +148,14 @@ def summary(monitor: Monitor, path: Path) -> list[str]:
         f"gap since the start in noise standard deviations: {gaps}",
     ]
     if not monitor.alarms:
+        at = int(np.nanargmax(monitor.reading.overall)) if np.isfinite(monitor.reading.overall).any() else 0
+        gap, channel = float(monitor.reading.overall[at]), monitor.channels[at]
+        if gap > LARGE:
+            lines.append(
+                f"the gap is large: {channel.column}, {named(channel.segment)}, {gap:.1f} noise standard deviations; "
+                f"for the cause: exodrake diagnose {path}"
+            )
+        if not monitor.reading.full and monitor.limit is not None:
+            return [*lines, f"no alarm is possible: the log is too short, {needed}"]
         return [*lines, rate(monitor)]
     return [*lines, f"{len(monitor.alarms)} alarms, the first: {sentence(monitor, monitor.alarms[0], path)}"]
