@@ -110,6 +110,24 @@ def test_export_cuts_and_converts(log_file):
     assert run("export", log_file, "--out", out.with_suffix(".doc")).exit_code == 2
 
 
+def test_export_writes_the_owners_names_and_units_back(tmp_path):
+    """A mapping read backwards: what is imported again has the values that were there, to the 12 digits written."""
+    mapping = tmp_path / "mapping.yaml"
+    mapping.write_text(
+        "time: {column: t, unit: ms}\nseparator: ';'\ndecimal: ','\ncolumns:\n"
+        "  load: {name: tension_AF, unit: mN, scale: 0.5, offset: -12, sign: -1}\n"
+        "  elbow: {name: angle_PIP, unit: deg}\n"
+    )
+    time, tension = 0.02 * np.arange(4), np.array([1.0, 2.0, np.nan, 3.0])
+    write_log(Log(time, {"tension_AF": tension, "angle_PIP": 0.1 * time, "stroke_AF": time}), tmp_path / "log.csv")
+    assert run("export", tmp_path / "log.csv", "--map", mapping, "--out", tmp_path / "own.csv").exit_code == 0
+    assert (tmp_path / "own.csv").read_text().splitlines()[:2] == ["t;load;elbow", "0;-1976;0"]
+    assert run("import", tmp_path / "own.csv", "--map", mapping, "--out", tmp_path / "back.csv").exit_code == 0
+    back = read_log(tmp_path / "back.csv")
+    np.testing.assert_allclose(back["tension_AF"], tension, rtol=1e-11)
+    np.testing.assert_allclose(back["angle_PIP"], 0.1 * time, atol=1e-12)
+
+
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     words=st.lists(

@@ -206,6 +206,16 @@ def test_command_summarises_and_its_status_tells_an_alarm(tmp_path, file, log):
     assert "tendon" in result.stdout and "tension_MF" in result.stdout
 
 
+@pytest.mark.parametrize(("duration", "said"), [(2.0, "are too few"), (6.0, "the log is too short")])
+def test_a_log_too_short_for_an_alarm_is_no_clean_bill(tmp_path, duration, said):
+    loose = NOMINAL.splice("tendon.slack", channels=["MF"])
+    write_log(exo.simulate(loose, work(NOMINAL, 5, duration)), tmp_path / "short.csv")
+    result = run(tmp_path / "short.csv", "--until-idle", 0)
+    assert result.exit_code == 0 and said in result.stdout and "an alarm 13 s" in result.stdout
+    assert "at most" not in result.stdout
+    assert ("the gap is large: " in result.stdout) == (duration > 3.0)
+
+
 def test_interrupt_ends_with_a_summary(file, monkeypatch):
     def stopped(_):
         raise KeyboardInterrupt

@@ -11,9 +11,9 @@ A file either holds all parameters (`machines/exo_index/robot.yaml`) or names a 
 
 Numbers are in SI, or have their unit: `2.5 N/mm`, or `{value: 2.5, unit: N/mm}`.
 
-`machine` is a machine of the library or of a plugin (`exodrake.core.plugins`), or one whose folder lies beside the file
-or holds it. Another robot file beside it can be a base, too. A folder that holds a robot file with an `arm` section and
-no machine.py is a machine, too (`machines.serial_arm`).
+`machine` is a machine of the library or of a plugin (`exodrake.core.plugins`). A `base` can also be a machine's folder
+beside the file or round it, and another robot file beside it. A folder that holds a robot file with an `arm` section
+and no machine.py is a machine, too (`machines.serial_arm`).
 """
 
 from __future__ import annotations
@@ -150,20 +150,19 @@ def build(content: Any, source: str, above: tuple[str, ...] = (), folder: Path |
         content: of the file.
         source: its name, for messages.
         above: bases that led to it.
-        folder: that holds the file. A machine's folder that lies there, or is it, is known from then on as `--machine`
-            would make it; a base that is a file is looked for there first.
+        folder: that holds the file. A base that is a machine's folder beside the file, or this folder itself, is known
+            from then on, code and all, as `--machine` would make it; a base that is a file is looked for there first.
 
     Raises:
         InputError: naming file and key.
     """
     content = SCHEMA(content, source)
     base = content.get("base")
-    name = base or content.get("machine")
-    if folder is not None and name and robot_yaml(str(name)) is None:
-        for beside in (folder / name, folder.resolve()):
-            if beside.name == name and plugins.is_machine(beside):
+    if folder is not None and base and robot_yaml(base) is None:
+        for beside in (folder / base, folder.resolve()):
+            if beside.name == base and plugins.is_machine(beside):
                 plugins.add_plugin(beside)
-        if base and is_file(folder / base):
+        if is_file(folder / base):
             base = str(folder / base)
     if base in above:
         raise InputError(f"{source}: base {content['base']!r} comes back to itself")

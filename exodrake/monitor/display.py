@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 WHOLE = "closed loop"
 CALM, HIGH = 0.5, 1.0  # of the limit: below the first green, above the second red
 BAR = 24  # characters
+LARGE = 3.0  # noise standard deviations that a summary names though no alarm came: assumed
 EVERY = 10  # s of the log between plain lines
 
 
@@ -62,28 +63,14 @@ def worst(monitor: Monitor, values: np.ndarray, segment: str) -> tuple[str, floa
     return monitor.channels[k].column, float(values[k]), float("nan" if monitor.limit is None else shares[k])
 
 
-def colour(share: float) -> str:
-    """Colour of a share of the limit."""
-    return "default" if share != share else "green" if share < CALM else "yellow" if share <= HIGH else "bold red"
-
-
-def bar(share: float) -> str:
-    """A share of the limit as a bar; the mark stands at the limit."""
-    if share != share:
-        return ""
-    at = round(BAR * CALM)  # of the limit
-    full = min(round(share * at), BAR)
-    return "".join("│" if k == at and k >= full else "█" if k < full else " " for k in range(BAR))
-
-
 def screen(monitor: Monitor, path: Path) -> RenderableType:
-    """The whole display."""
+    """The whole display: a row for each segment, coloured by its share of the limit, and the alarm's state below."""
     from rich.console import Group
     from rich.table import Table
     from rich.text import Text
 
-    notes = [Text(note, style="dim") for note in monitor.notes[-3:]]
-    if monitor.reading is None:
+    notes, reading = [Text(note, style="dim") for note in monitor.notes[-3:]], monitor.reading
+    if reading is None:
         state = "waiting for rows" if path.exists() else "waiting for the file"
         return Group(Text(f"{path}: {state}", style="dim"), *notes)
     table = Table(box=None, pad_edge=False, header_style="bold")
@@ -91,35 +78,31 @@ def screen(monitor: Monitor, path: Path) -> RenderableType:
     for title in ("segment", f"{WINDOW} s", "so far", nearest, "gap"):
         table.add_column(title, justify="left" if title in ("segment", nearest) else "right")
     table.add_column("" if monitor.limit is None else "of the limit│", width=BAR)
+    at = round(BAR * CALM)  # where the bar marks the limit
     for segment in monitor.segments:
-        column, gap, share = worst(monitor, monitor.reading.recent, segment)
-        means = (shown(monitor.rms(v, segment)) for v in (monitor.reading.recent, monitor.reading.overall))
-        cells = (named(segment), *means, column or "not measured", shown(gap), bar(share))
-        table.add_row(*(Text(c, style=colour(share) if column else "dim") for c in cells))
-    return Group(Text(head(monitor, path), style="bold"), table, state_of(monitor, path), *notes)
-
-
-def state_of(monitor: Monitor, path: Path) -> RenderableType:
-    """The present alarm, the last one, or the rate that is to be expected."""
-    from rich.text import Text
-
+        column, gap, share = worst(monitor, reading.recent, segment)
+        style, bar = "default", ""
+        if share == share:
+            style = "green" if share < CALM else "yellow" if share <= HIGH else "bold red"
+            full = min(round(share * at), BAR)
+            bar = "".join("│" if k == at and k >= full else "█" if k < full else " " for k in range(BAR))
+        means = (shown(monitor.rms(v, segment)) for v in (reading.recent, reading.overall))
+        cells = (named(segment), *means, column or "not measured", shown(gap), bar)
+        table.add_row(*(Text(c, style=style if column else "dim") for c in cells))
     if monitor.limit is None:
-        return Text(rate(monitor), style="dim")
-    if monitor.reading is not None and not monitor.reading.full:
-        return Text(f"the alarm begins after {SKIP + WINDOW} s", style="dim")
-    if monitor.alarm is not None:
-        return Text(sentence(monitor, monitor.alarm, path), style="bold red")
-    if monitor.alarms:
+        state = Text(rate(monitor), style="dim")
+    elif not reading.full:
+        state = Text(f"the alarm begins after {SKIP + WINDOW} s", style="dim")
+    elif monitor.alarm is not None:
+        state = Text(sentence(monitor, monitor.alarm, path), style="bold red")
+    elif monitor.alarms:
         last = sentence(monitor, monitor.alarms[-1], path)
-        return Text(f"no alarm now; {len(monitor.alarms)} so far, the last: {last}", style="yellow")
-    return Text(rate(monitor), style="green")
-
-
-def head(monitor: Monitor, path: Path) -> str:
-    """File, time in the log, and the cost of a frame."""
-    second = monitor.reading.second if monitor.reading else 0
-    frame, cost = monitor.machine.frame, monitor.busy / max(monitor.frames, 1)
-    return f"{path}  {second} s  gap in noise standard deviations  {1e3 * cost:.2f} of {1e3 * frame:g} ms a frame"
+        state = Text(f"no alarm now; {len(monitor.alarms)} so far, the last: {last}", style="yellow")
+    else:
+        state = Text(rate(monitor), style="green")
+    cost = f"{1e3 * monitor.busy / max(monitor.frames, 1):.2f} of {1e3 * monitor.machine.frame:g} ms a frame"
+    head = Text(f"{path}  {reading.second} s  gap in noise standard deviations  {cost}", style="bold")
+    return Group(head, table, state, *notes)
 
 
 def shown(value: float) -> str:
@@ -134,9 +117,12 @@ def line(monitor: Monitor, reading: Reading) -> str:
 
 
 def summary(monitor: Monitor, path: Path) -> list[str]:
-    """Last lines of a run."""
+    """Last lines of a run; a log too short for an alarm, and a large gap that raised none, say so."""
+    needed = f"a gap needs more than {SKIP} s, and an alarm {SKIP + WINDOW} s"
     if monitor.reading is None:
-        return [f"{path}: {monitor.frames} frames, too short for a gap"]
+        return [
+            f"{path}: {monitor.frames} frames, {monitor.frames * monitor.machine.frame:.3g} s, are too few: {needed}"
+        ]
     gaps = "  ".join(f"{named(s)} {shown(monitor.rms(monitor.reading.overall, s))}" for s in monitor.segments)
     duration, cost = monitor.frames * monitor.machine.frame, monitor.busy / max(monitor.frames, 1)
     lines = [
@@ -144,5 +130,14 @@ def summary(monitor: Monitor, path: Path) -> list[str]:
         f"gap since the start in noise standard deviations: {gaps}",
     ]
     if not monitor.alarms:
+        at = int(np.nanargmax(monitor.reading.overall)) if np.isfinite(monitor.reading.overall).any() else 0
+        gap, channel = float(monitor.reading.overall[at]), monitor.channels[at]
+        if gap > LARGE:
+            lines.append(
+                f"the gap is large: {channel.column}, {named(channel.segment)}, {gap:.1f} noise standard deviations; "
+                f"for the cause: exodrake diagnose {path}"
+            )
+        if not monitor.reading.full and monitor.limit is not None:
+            return [*lines, f"no alarm is possible: the log is too short, {needed}"]
         return [*lines, rate(monitor)]
     return [*lines, f"{len(monitor.alarms)} alarms, the first: {sentence(monitor, monitor.alarms[0], path)}"]
