@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from exodrake.core.display import in_words
-from exodrake.core.errors import printable, shortened
+from exodrake.core.errors import brief, printable, shortened
 from exodrake.core.parallel import one_blas_thread
 from exodrake.core.part import JOINTS, TENDONS
 from exodrake.core.progress import Stage, StageProgress, no_progress
