@@ -43,6 +43,8 @@ def test_the_command_writes_figure_numbers_and_a_robot_that_holds_them(tuned):
     assert (folder / "tune.png").read_bytes().startswith(b"\x89PNG")
     numbers = json.loads((folder / "tune.json").read_text())
     best = numbers["compared"][numbers["best"]]
+    assert numbers["limit"]["settling"] <= numbers["limit"]["tuned"] <= best["settling [s]"] + 1e-9
+    assert "bound: " in found.output and "LQG of " in found.output
     assert best["disk_margin"] >= 0.7 and best["overshoot"] <= 0.2 and best["misses"] == []
     loop = exo.analyse(exo.load_robot(folder / "tuned.yaml"))
     assert loop.robot["drive.kp"] == pytest.approx(best["gains"]["drive.kp"])
@@ -126,6 +128,11 @@ def test_bad_input_is_refused(arguments, word):
 def test_no_controller_is_tuned_without_a_loop(arm_folder):
     with pytest.raises(exo.InputError, match="no closed loop"):
         tune(made(arm_folder, "measured", "--urdf", "rotary_axis"))
+
+
+def test_gains_of_an_outer_loop_are_no_robot_file(tmp_path):
+    found = run("--robot", "so101", "--out-robot", tmp_path / "r.yaml")
+    assert found.exit_code == 2 and "outer loop" in found.output and not (tmp_path / "r.yaml").exists()
 
 
 @pytest.mark.parametrize("wanted", [{"overshoot": float("nan")}, {"settling": -1.0}, {"noise": float("nan")}])

@@ -14,14 +14,13 @@ from __future__ import annotations
 import control
 import numpy as np
 
+from exodrake.analysis.linear_model import System
 from exodrake.analysis.responses import BAND
 
 ROUNDING = 1e-6  # of a step, by which the programme may miss its limits
 
 
-def bound_settling(
-    plant: control.StateSpace, channel: int, peak: float, overshoot: float, crosstalk: float, frames: int
-) -> float:
+def bound_settling(plant: System, channel: int, peak: float, overshoot: float, crosstalk: float, frames: int) -> float:
     """Least time [s] in which a channel can settle to 2 % of a unit step; nan if not within `frames`.
 
     Args:
@@ -65,8 +64,8 @@ def bound_settling(
 
 
 def design_lqg(
-    plant: control.StateSpace, noise: tuple[np.ndarray, np.ndarray], effort: float, integral: float, disturbance: float
-) -> control.StateSpace:
+    plant: System, noise: tuple[np.ndarray, np.ndarray], effort: float, integral: float, disturbance: float
+) -> System:
     """LQG controller with integral action, from readings and references to commands.
 
     It minimises the mean of |y - r|^2 + integral |E|^2 + effort |v|^2; states are estimated by a Kalman filter. The
@@ -98,6 +97,4 @@ def design_lqg(
                          [np.zeros((n, n + m)), ideal]])  # fmt: skip
     inputs = np.block([[kalman, b @ feed], [np.eye(m), np.zeros((m, m))], [np.zeros((n, m)), b @ feed]])
     rows = np.hstack([-gain, np.zeros((m, n))])
-    return control.ss(
-        dynamics, inputs, rows, np.hstack([np.zeros((m, m)), feed]), plant.dt, remove_useless_states=False
-    )
+    return System(dynamics, inputs, rows, np.hstack([np.zeros((m, m)), feed]), plant.dt)

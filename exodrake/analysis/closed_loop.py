@@ -12,7 +12,7 @@ import numpy as np
 
 from exodrake.analysis.frame_map import FrameMap
 from exodrake.analysis.limit_cycles import LimitCycles
-from exodrake.analysis.linear_model import KINK, FrameModel, OperatingPoint, linearise_robot
+from exodrake.analysis.linear_model import KINK, FrameModel, OperatingPoint, System, linearise_robot
 from exodrake.analysis.margins import (
     DelayBudget,
     LatencySweep,
@@ -64,8 +64,8 @@ class ClosedLoop:
     robot: Robot
     point: OperatingPoint
     model: FrameModel
-    opened: control.StateSpace
-    system: control.StateSpace
+    opened: System
+    system: System
     steps: tuple[StepResponse, ...]
     responses: tuple[FrequencyResponse, ...]
     margins: tuple[Margins, ...]
@@ -126,7 +126,7 @@ class ClosedLoop:
         if command not in self.opened.input_labels:
             known = self.opened.input_labels
             raise InputError(f"no command {command!r}{nearest(command, known)}; there are {', '.join(known)}")
-        ratio = -single(self.opened, self.opened.find_input(command))[0, 0]
+        ratio = -single(self.opened, self.opened.input_labels.index(command))[0, 0]
         ratio.update_names(name=f"L_{command}", inputs=[command], outputs=[command], states=self.opened.state_labels)
         return ratio
 
@@ -179,13 +179,13 @@ def analyse(robot: Robot, at: Mapping[str, float] | str | None = None, seed: int
     )  # fmt: skip
 
 
-def connect(loop: FrameMap, model: FrameModel) -> control.StateSpace:
+def connect(loop: FrameMap, model: FrameModel) -> System:
     """The closed loop with references, sensor noise and disturbed commands as inputs, and all signals as outputs."""
     system, v = model.system, model.rows(loop.kinds[loop.loop.command], loop.channels)
     b, d = disturb(system, controller_states(loop, model), v)
-    return control.ss(
+    return System(
         system.A, np.hstack([system.B, model.N, b]), system.C, np.hstack([system.D, model.M, d]), system.dt,
-        remove_useless_states=False, states=system.state_labels, outputs=system.output_labels,
+        states=system.state_labels, outputs=system.output_labels,
         inputs=[*system.input_labels, *loop.noises, *(system.output_labels[i] for i in v)],
     )  # fmt: skip
 
@@ -329,6 +329,5 @@ def model_arrays(result: ClosedLoop) -> dict[str, Any]:
 def model_bytes(result: ClosedLoop) -> bytes:
     """The linear model as an NPZ file for use without python-control."""
     buffer = BytesIO()
-    arrays: dict[str, Any] = {name: np.array(value) for name, value in model_arrays(result).items()}
-    np.savez(buffer, **arrays)
+    np.savez(buffer, allow_pickle=False, **{name: np.array(value) for name, value in model_arrays(result).items()})
     return buffer.getvalue()

@@ -487,7 +487,7 @@ def plot_uncertainty(found: Uncertainty) -> Figure:
         panels[2].plot(size, cycle.phase_margin_deg, ".-", lw=0.9, ms=3)
     for axes, label in zip(panels[1:], ("Gain margin [dB]", "Phase margin [deg]")):
         unit = shown_unit(found.cycles[0].unit)[0]
-        axes.set(xscale="log", xlabel=f"Command amplitude [{unit}]", ylabel=label)
+        axes.set(xscale="log", xlabel=f"Command [{unit}]", ylabel=label)
         axes.axhline(0.0, color="black", lw=0.8)
     if found.cycles:
         panels[1].legend(fontsize=7.5)

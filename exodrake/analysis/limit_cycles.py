@@ -16,7 +16,7 @@ import control
 import numpy as np
 
 from exodrake.analysis.frame_map import FrameMap
-from exodrake.analysis.linear_model import OperatingPoint, linearise_robot
+from exodrake.analysis.linear_model import OperatingPoint, System, linearise_robot
 from exodrake.analysis.margins import (
     decibel,
     frequency_grid,
@@ -205,7 +205,7 @@ def compare_cycles(
     label: str,
     robot: Robot,
     point: OperatingPoint,
-    whole: control.StateSpace,
+    whole: System,
     direct: np.ndarray,
     channel: int,
     limit: float,

@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import TYPE_CHECKING, Any
 
 import control
 import numpy as np
@@ -59,6 +60,21 @@ class Pole:
         return Pole(z, float(abs(s)) / (2.0 * np.pi), float(damping), float(decay), state)
 
 
+class System(control.StateSpace):
+    """python-control's `StateSpace`, here with one step per frame, SI; no state is left out as useless."""
+
+    if TYPE_CHECKING:  # which python-control's own annotations leave open
+        A: np.ndarray
+        B: np.ndarray
+        C: np.ndarray
+        D: np.ndarray
+        dt: float
+
+    def __init__(self, a: Any, b: Any, c: Any, d: Any, period: float, **names: Any) -> None:
+        """From matrices, frame period [s], and lists of names `states`, `inputs`, `outputs`."""
+        super().__init__(a, b, c, d, period, remove_useless_states=False, **names)
+
+
 @dataclass(frozen=True, eq=False)
 class FrameModel:
     """Linear model of the closed loop with one step per frame.
@@ -73,7 +89,7 @@ class FrameModel:
         where: name of the state that shows the kink.
     """
 
-    system: control.StateSpace
+    system: System
     N: np.ndarray
     M: np.ndarray
     step: float = 0.0
@@ -113,15 +129,15 @@ class FrameModel:
 
     def rows(self, kind: str, channels: Iterable[str]) -> list[int]:
         """Indices of the outputs of a kind, e.g. "tension", one for each channel."""
-        return [self.system.find_output(f"{kind}_{channel}") for channel in channels]
+        return [self.system.output_labels.index(f"{kind}_{channel}") for channel in channels]
 
 
 def evaluate(system: control.StateSpace, frequency: np.ndarray) -> np.ndarray:
     """Frequency response (f, outputs, inputs) [SI] at frequencies (f,) [Hz], solved many at a time."""
     z = np.exp(2j * np.pi * np.asarray(frequency, dtype=float) * system.dt)
     eye, parts = np.eye(system.nstates), np.array_split(z, max(1, len(z) // BATCH))
-    inner = np.concatenate([np.linalg.solve(p[:, None, None] * eye - system.A, system.B) for p in parts])
-    return system.C @ inner + system.D
+    a, b, c, d = (np.asarray(matrix) for matrix in (system.A, system.B, system.C, system.D))
+    return c @ np.concatenate([np.linalg.solve(p[:, None, None] * eye - a, b) for p in parts]) + d
 
 
 def spectral_radius(a: np.ndarray) -> float:
@@ -247,8 +263,8 @@ def linearise(loop: FrameMap, state: np.ndarray, references: np.ndarray) -> Fram
     c, d, m = np.split(central[list(rows.values())], [n, n + len(references)], axis=1)
     bends = np.abs(bend[np.ix_(keep, keep)] * size[keep] / size[keep, None]).max(axis=0, initial=0.0)
     names = [name_states(machine)[i].name for i in keep]
-    system = control.ss(
-        a[np.ix_(keep, keep)], b[keep], c[:, keep], d, machine.frame, remove_useless_states=False,
+    system = System(
+        a[np.ix_(keep, keep)], b[keep], c[:, keep], d, machine.frame,
         states=[name.replace(".", "_") for name in names], inputs=list(loop.references), outputs=list(rows),
     )  # fmt: skip
     return FrameModel(system, e[keep], m, fraction, gap, float(bends.max()), names[int(bends.argmax())])

@@ -23,6 +23,7 @@ from exodrake.analysis.linear_model import (
     OUTSIDE,
     FrameModel,
     OperatingPoint,
+    System,
     differentiate,
     evaluate,
     measure_excursions,
@@ -42,7 +43,7 @@ LATENCIES = np.arange(0.0, 8.01, 0.25)  # frames
 NAN = float("nan")
 
 
-def open_loop(loop: FrameMap, model: FrameModel) -> control.StateSpace:
+def open_loop(loop: FrameMap, model: FrameModel) -> System:
     """A loop opened at its commands, see `cut`. InputError where a command ignores its reference (a gain of 0)."""
     v, y = (model.rows(loop.kinds[signal], loop.channels) for signal in (loop.loop.command, loop.loop.measured))
     return cut(model.system, controller_states(loop, model), v, y)
@@ -54,7 +55,7 @@ def controller_states(loop: FrameMap, model: FrameModel) -> np.ndarray:
     return loop.own[[names.index(name) for name in model.system.state_labels]]
 
 
-def disturb(system: control.StateSpace, own: np.ndarray, v: list[int]) -> tuple[np.ndarray, np.ndarray]:
+def disturb(system: System, own: np.ndarray, v: list[int]) -> tuple[np.ndarray, np.ndarray]:
     """B (n, channels) and D (outputs, channels) of disturbances that are added to the commands on their way.
 
     Args:
@@ -74,7 +75,7 @@ def disturb(system: control.StateSpace, own: np.ndarray, v: list[int]) -> tuple[
     return b, d
 
 
-def cut(system: control.StateSpace, own: np.ndarray, v: list[int], y: list[int]) -> control.StateSpace:
+def cut(system: System, own: np.ndarray, v: list[int], y: list[int]) -> System:
     """A closed loop opened at its commands; `close` closes it again.
 
     Arguments as of `disturb`; y: indices of the readings among the outputs. The result goes from the commands that the
@@ -82,41 +83,41 @@ def cut(system: control.StateSpace, own: np.ndarray, v: list[int], y: list[int])
     """
     b, d = disturb(system, own, v)
     rows, commands = v + y, [system.output_labels[i] for i in v]
-    return control.ss(
+    return System(
         system.A - b @ system.C[v], b, system.C[rows] - d[rows] @ system.C[v], d[rows], system.dt,
-        remove_useless_states=False, states=system.state_labels, inputs=commands,
+        states=system.state_labels, inputs=commands,
         outputs=[system.output_labels[i] for i in rows],
     )  # fmt: skip
 
 
-def close(whole: control.StateSpace, gain: np.ndarray | float = 1.0) -> np.ndarray:
+def close(whole: System, gain: np.ndarray | float = 1.0) -> np.ndarray:
     """A (n, n) [SI] of an open loop closed with factors (channels,) [-] on the commands."""
     m = whole.ninputs
     return whole.A + whole.B @ (np.broadcast_to(gain, (m,))[:, None] * whole.C[:m])
 
 
-def single(whole: control.StateSpace, channel: int) -> control.StateSpace:
+def single(whole: System, channel: int) -> System:
     """The loop of one channel opened, the others closed: from its command to its command and its reading."""
     m, shut = whole.ninputs, np.ones(whole.ninputs)
     shut[channel] = 0.0
     rows = [channel, m + channel]
-    return control.ss(
-        close(whole, shut), whole.B[:, [channel]], whole.C[rows], 0.0, whole.dt, remove_useless_states=False,
+    return System(
+        close(whole, shut), whole.B[:, [channel]], whole.C[rows], 0.0, whole.dt,
         states=whole.state_labels, inputs=[whole.input_labels[channel]], outputs=[whole.output_labels[i] for i in rows],
     )  # fmt: skip
 
 
-def return_ratio(whole: control.StateSpace, frequency: np.ndarray) -> np.ndarray:
+def return_ratio(whole: System, frequency: np.ndarray) -> np.ndarray:
     """Return ratio L (f, channels, channels) [-] of an open loop at frequencies (f,) [Hz]."""
     return -evaluate(whole, frequency)[:, : whole.ninputs]
 
 
-def plant_response(whole: control.StateSpace, frequency: np.ndarray) -> np.ndarray:
+def plant_response(whole: System, frequency: np.ndarray) -> np.ndarray:
     """Response of the readings to the commands (f, channels, channels) [reading / command] at frequencies (f,) [Hz]."""
     return evaluate(whole, frequency)[:, whole.ninputs :]
 
 
-def frequency_grid(whole: control.StateSpace) -> np.ndarray:
+def frequency_grid(whole: System) -> np.ndarray:
     """Frequencies (f,) [Hz] up to the Nyquist frequency, dense where margins are read."""
     top = 0.5 / whole.dt
     return np.concatenate([np.geomspace(4e-5 * top, 0.04 * top, 300), np.linspace(0.04, 1.0, 1500)[1:] * top])
@@ -171,7 +172,7 @@ def decibel(size: Any) -> Any:
         return 20.0 * np.log10(size)
 
 
-def margins(whole: control.StateSpace, channel: int, name: str = "") -> Margins:
+def margins(whole: System, channel: int, name: str = "") -> Margins:
     """Margins of a channel's loop (its index); NaN where the closed loop is unstable."""
     one, frequency = single(whole, channel), frequency_grid(whole)
     response = return_ratio(one, frequency)[:, 0, 0]

@@ -9,6 +9,7 @@ lines, which carry no signal). Pintelon and Schoukens, System Identification, ch
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import control
 import numpy as np
@@ -90,7 +91,7 @@ def step_response(loop: FrameMap, point: OperatingPoint, channel: int, size: flo
     time = machine.slot * (np.arange(len(signals)) + 1) - BEFORE * machine.frame
     later = time > 0.0
     share = (output[later, channel] - point.output[channel]) / size
-    info = {"RiseTime": np.nan, "Overshoot": 0.0, "SettlingTime": np.nan}
+    info: Any = {"RiseTime": np.nan, "Overshoot": 0.0, "SettlingTime": np.nan}
     if share.max() >= 0.9:  # below, python-control finds no rise time and raises
         info = control.step_info(share, time[later], final_output=1.0, SettlingTimeThreshold=BAND)
     command = signals[:, loop.signals[loop.loop.command]]

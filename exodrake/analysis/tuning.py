@@ -20,7 +20,6 @@ from dataclasses import dataclass, field, replace
 from itertools import chain
 from typing import Any
 
-import control
 import numpy as np
 
 from exodrake.analysis.bounds import bound_settling, design_lqg
@@ -29,6 +28,7 @@ from exodrake.analysis.frame_map import FrameMap, name_states
 from exodrake.analysis.linear_model import (
     FrameModel,
     OperatingPoint,
+    System,
     compute_noise,
     evaluate,
     find_observed,
@@ -131,7 +131,7 @@ class Limit:
     crosstalk: float
     lqg: Performance | None
     missed: tuple[str, ...]
-    law: control.StateSpace
+    law: System
 
     def __repr__(self) -> str:
         """The bound beside the tuned loop, then LQG."""
@@ -263,7 +263,7 @@ def find_limit(plants: list[Plant], tuned: Tuned, wanted: Requirements) -> Limit
     frames = int(min(FRAMES, 1.2 * settling / frame)) if np.isfinite(settling) else FRAMES
     limits = [bound_settling(plant.plant, j, peak, wanted.overshoot, crosstalk, frames) for j in range(m)]
 
-    def design(logs: np.ndarray) -> control.StateSpace:
+    def design(logs: np.ndarray) -> System:
         effort, integral, disturbance = np.exp(logs)
         return design_lqg(plant.plant, (plant.N, plant.M), effort / peak**2, integral, disturbance * peak)
 
@@ -358,7 +358,7 @@ class Plant:
     loop: FrameMap
     point: OperatingPoint
     model: FrameModel
-    plant: control.StateSpace
+    plant: System
     N: np.ndarray
     M: np.ndarray
     frequency: np.ndarray
@@ -372,9 +372,7 @@ def linearise_plant(robot: Robot, at: Mapping[str, float] | str | None = None) -
     loop, point, model = linearise_robot(robot, at)
     whole, own, m = open_loop(loop, model), controller_states(loop, model), len(loop.channels)
     frequency = np.geomspace(4e-4, 1.0, FREQUENCIES) * 0.5 / whole.dt
-    plant = control.ss(
-        whole.A[np.ix_(~own, ~own)], whole.B[~own], whole.C[m:, ~own], 0.0, whole.dt, remove_useless_states=False
-    )
+    plant = System(whole.A[np.ix_(~own, ~own)], whole.B[~own], whole.C[m:, ~own], 0.0, whole.dt)
     command, reading = (model.rows(loop.kinds[s], loop.channels) for s in (loop.loop.command, loop.loop.measured))
     drive = (model.N - whole.B @ model.M[command])[~own]
     names = [name.name.replace(".", "_") for name in name_states(loop.robot.machine)]
@@ -385,7 +383,7 @@ def linearise_plant(robot: Robot, at: Mapping[str, float] | str | None = None) -
     return Plant(loop, point, model, plant, drive, model.M[reading], frequency, response, chosen, 0.05 * size[chosen])
 
 
-def linearise_law(plant: Plant, values: Mapping[str, Any]) -> control.StateSpace:
+def linearise_law(plant: Plant, values: Mapping[str, Any]) -> System:
     """The linear law of the plant's own controller with other parameters [SI], one or one for each channel.
 
     Its inputs are the readings, then the references; its outputs the commands.
@@ -417,7 +415,7 @@ def linearise_law(plant: Plant, values: Mapping[str, Any]) -> control.StateSpace
     driven = np.hstack([read @ np.linalg.inv(change), outer])
     keep = find_observed(inner[:q], inner[q:])
     matrices = inner[np.ix_(keep, keep)], driven[keep], inner[q:][:, keep], driven[q:]
-    return control.ss(*matrices, plant.plant.dt, remove_useless_states=False)
+    return System(*matrices, plant.plant.dt)
 
 
 @dataclass(frozen=True)
@@ -439,7 +437,7 @@ class Performance:
     noise: float
 
 
-def predict_performance(plant: Plant, law: control.StateSpace) -> Performance:
+def predict_performance(plant: Plant, law: System) -> Performance:
     """Performance of a law from readings and references to commands, as of `linearise_law`."""
     p, m = plant.plant, len(plant.loop.channels)
     (g, h), (read, direct) = np.hsplit(law.B, [m]), np.hsplit(law.D, [m])
@@ -491,7 +489,7 @@ def compliance(plant: Plant, structure: Controller) -> dict[str, np.ndarray]:
     return dict(zip(structure.compliance, (moved @ np.linalg.inv(read)).T, strict=True))
 
 
-def worst_cost(plants: list[Plant], law: Callable[[Plant], control.StateSpace], wanted: Requirements) -> float:
+def worst_cost(plants: list[Plant], law: Callable[[Plant], System], wanted: Requirements) -> float:
     """Largest cost of a law over plants; the first that is unstable ends the search."""
     worst = 0.0
     for plant in plants:

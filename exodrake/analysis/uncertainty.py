@@ -80,7 +80,7 @@ class Uncertainty:
 
     def to_dict(self) -> dict[str, Any]:
         """All numbers as plain data; the weight by its coefficients in s, the highest power first."""
-        num, den = (c.tolist() for c in (self.weight.num_array[0, 0], self.weight.den_array[0, 0]))
+        num, den = (np.asarray(c[0][0]).tolist() for c in (self.weight.num, self.weight.den))
         worst = {"gain_margin_db": self.gain_margin_db, "phase_margin_deg": self.phase_margin_deg}
         return vars(self) | worst | {"weight": {"numerator": num, "denominator": den}}
 
@@ -159,8 +159,7 @@ def fit_weight(frequency: np.ndarray, deviation: np.ndarray) -> control.Transfer
         x = min(fits, key=lambda fit: fit.cost).x
         found = minimize(uncovered, x, args=(order,), method="Nelder-Mead", bounds=np.transpose(bounds))
         tried.append((found.fun, found.x - np.array([excess(found.x, order).min(), 0.0, 0.0]), order))
-    (first, *_), (second, *_) = tried
-    _, (gain, zero, pole), order = tried[1] if second < LESS * first else tried[0]
+    _, (gain, zero, pole), order = tried[1] if tried[1][0] < LESS * tried[0][0] else tried[0]
     s = control.tf("s")
     return np.exp(gain) * ((s / np.exp(zero) + 1.0) / (s / np.exp(pole) + 1.0)) ** order
 

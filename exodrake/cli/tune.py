@@ -50,11 +50,14 @@ def command(file, settling, overshoot, disk_margin, noise, only, draws, out_robo
     from rich.console import Console
 
     from exodrake.analysis.tuning import Requirements, tune
+    from exodrake.core.errors import InputError
     from exodrake.core.files import write_bytes
     from exodrake.core.plain import plain
     from exodrake.machines.robot_file import load_robot, write_robot
 
     robot = load_robot(file)
+    if out_robot and robot.machine.loop and robot.machine.loop.outer:
+        raise InputError("--out-robot: the gains are those of an outer loop, which no robot file holds")
     wanted = Requirements(settling, overshoot / 100.0, disk_margin, noise)
     with Console(stderr=True).status("tuning") as status:
         tuning = tune(robot, wanted, only, draws, progress=lambda name: status.update(f"tuning: {name}"))
@@ -72,8 +75,6 @@ def command(file, settling, overshoot, disk_margin, noise, only, draws, out_robo
     if written:
         click.echo("wrote " + ", ".join(written))
     if out_robot and not tuning.best:
-        from exodrake.core.errors import InputError
-
         raise InputError("no controller holds all requirements: no robot file written")
 
 
