@@ -173,12 +173,12 @@ itself uses other methods:
 
 | paper | function | used instead |
 |---|---|---|
-| Eq. 7-13, joint centre | `kinematics.screws.joint_centre` | bundle adjustment (a) |
-| Eq. 14-18, MCP angles by Newton | `kinematics.screws.joint_angles` | bundle adjustment (a) |
-| Eq. 21, tension to angle | `stiffness.compliance` | nonlinear statics (b) |
-| Eq. 22, angle to tension | `stiffness.tension_map` | `exodrake grasp` (b) |
-| 2.3, maximum tension | `maximum_tension.find_maximum_tension` | - |
-| Fig. 5 and 8a, sync pulse | `sync.clock_from_pulses` | samples of slot 0 (c) |
+| Eq. 7-13, joint centre | `kinematics.rigid.joint_centre` | bundle adjustment (a) |
+| Eq. 14-18, MCP angles by Newton | `kinematics.rigid.joint_angles` | bundle adjustment (a) |
+| Eq. 21, tension to angle | `statics.compliance` | nonlinear statics (b) |
+| Eq. 22, angle to tension | `statics.tension_map` | `exodrake grasp` (b) |
+| 2.3, maximum tension | `statics.find_maximum_tension` | - |
+| Fig. 5 and 8a, sync pulse | `kinematics.markers.clock_from_pulses` | samples of slot 0 (c) |
 
 (a) The centre of a single frame has an error that grows as 1/angle, and Newton's iteration takes axes as known and
 poses as exact. The adjustment weighs all frames and markers by their noise, bridges gaps, and gives intervals.

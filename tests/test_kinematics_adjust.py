@@ -5,10 +5,10 @@ import pytest
 from scipy.optimize import least_squares
 
 from exodrake.identification.kinematics import adjust as module
-from exodrake.identification.kinematics.adjust import FREE, Finger, adjust, fit_frames, moved
-from exodrake.identification.kinematics.identify import identify, measured, measures
+from exodrake.identification.kinematics.adjust import FREE, Finger, adjust, fit_frames, shift_poses
+from exodrake.identification.kinematics.identify import identify, measure, measures
 from exodrake.identification.kinematics.markers import Layout, Recording
-from exodrake.identification.kinematics.rigid import Axis, across, apply, inverse, kabsch, triad_pose
+from exodrake.identification.kinematics.rigid import Axis, across, apply, fit_pose, inverse, triad_pose
 from exodrake.identification.kinematics.synthetic import Faults, Hand, Truth, synthesise
 from studies.identification import recordings
 
@@ -24,7 +24,7 @@ def few_frames(seed: int = 0) -> tuple[np.ndarray, np.ndarray, Finger, np.ndarra
     shapes = points[0].reshape(4, 3, 3)
     markers = apply(inverse(triad_pose(shapes[0])), shapes)
     finger = Finger(markers, in_base(truth, markers))
-    poses = kabsch(markers[0], points[:, :3])[0]
+    poses = fit_pose(markers[0], points[:, :3])[0]
     points = points + NOISE * np.random.default_rng(seed).standard_normal(points.shape)
     return points, np.arange(FRAMES) < REST, finger, poses, Truth(truth.angles[rows], truth.axes, truth.lengths)
 
@@ -48,7 +48,7 @@ def test_derivatives_are_difference_quotients():
         slope = (finger.places(angles + way) - finger.places(angles - way)) / (2 * step)
         np.testing.assert_allclose(by_angle[..., number], slope, atol=1e-8)
     for way in finger.free().T:
-        slope = (finger.moved(step * way).places(angles) - finger.moved(-step * way).places(angles)) / (2 * step)
+        slope = (finger.shift(step * way).places(angles) - finger.shift(-step * way).places(angles)) / (2 * step)
         np.testing.assert_allclose(by_change @ way, slope, atol=1e-8)
 
 
@@ -67,18 +67,18 @@ def test_minimum_and_covariance_are_those_of_scipy_on_all_unknowns_at_once(monke
     def residual(x):
         moves = x[FREE:].reshape(FRAMES, 10)
         angles = truth.angles + moves[:, 6:]
-        gap = points - apply(moved(poses, moves), finger.moved(free @ x[:FREE]).places(angles))
+        gap = points - apply(shift_poses(poses, moves), finger.shift(free @ x[:FREE]).places(angles))
         return np.r_[gap.ravel(), 1e3 * angles[rest].sum(axis=0)]
 
     dense = least_squares(residual, np.zeros(FREE + 10 * FRAMES), x_scale="jac", xtol=1e-12, ftol=1e-12)
-    best = finger.moved(free @ dense.x[:FREE])
-    values, covariance = measured(found, TIP)
+    best = finger.shift(free @ dense.x[:FREE])
+    values, covariance = measure(found, TIP)
     half = np.sqrt(np.diag(covariance))
     assert np.max(np.abs(values - measures(best, TIP)) / half) < 1e-2
     dense_covariance = np.linalg.inv(dense.jac.T @ dense.jac)[:FREE, :FREE]
     variance = 2 * dense.cost / (points.size - FREE - 10 * FRAMES)
     slope = np.stack(
-        [(measures(finger.moved(1e-6 * w), TIP) - measures(finger.moved(-1e-6 * w), TIP)) / 2e-6 for w in free.T],
+        [(measures(finger.shift(1e-6 * w), TIP) - measures(finger.shift(-1e-6 * w), TIP)) / 2e-6 for w in free.T],
         axis=1,
     )
     wanted = np.sqrt(variance * np.diag(slope @ dense_covariance @ slope.T))

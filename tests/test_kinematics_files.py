@@ -6,7 +6,7 @@ from click.testing import CliRunner
 
 from exodrake.cli.main import cli
 from exodrake.core.errors import InputError
-from exodrake.identification.kinematics.identify import Settings, identify
+from exodrake.identification.kinematics.identify import identify
 from exodrake.identification.kinematics.markers import (
     Layout,
     Recording,
@@ -16,10 +16,8 @@ from exodrake.identification.kinematics.markers import (
     read_layout,
     read_markers,
 )
-from exodrake.identification.kinematics.rigid import Swap, check_labels, relabelled
+from exodrake.identification.kinematics.rigid import Swap, check_labels, exchange_labels
 from exodrake.identification.kinematics.synthetic import Faults, Hand, synthesise
-
-FAST = Settings(cutoff=None)
 
 
 def _recording(**faults) -> Recording:
@@ -99,7 +97,7 @@ def test_marker_mostly_missing_is_named():
     recording = _recording()
     recording.positions[20:, recording.names.index("P3")] = np.nan
     with pytest.raises(InputError, match=r"P3 being missing in 9\d %"):
-        identify(recording, settings=FAST)
+        identify(recording, cutoff=None)
 
 
 @pytest.mark.parametrize("pair", [("P1", "P3"), ("P2", "M1"), ("D1", "D2"), ("B1", "D3")])
@@ -110,7 +108,7 @@ def test_swapped_markers_are_named_with_their_frames_and_can_be_repaired(pair):
         identify(recording)
     check = check_labels(recording, Layout())
     assert check.swaps == (swap,)
-    np.testing.assert_array_equal(relabelled(recording, check.swaps).positions, _recording(noise=1e-4).positions)
+    np.testing.assert_array_equal(exchange_labels(recording, check.swaps).positions, _recording(noise=1e-4).positions)
 
 
 @pytest.mark.parametrize("pair", [("P3", "M1"), ("P2", "M1"), ("M2", "D1"), ("B1", "P1")])
@@ -146,13 +144,13 @@ def test_too_few_frames_still_joints_and_restless_starts_are_refused():
     recording = _recording()
     few = Recording(recording.names, recording.time[:40], recording.positions[:40], "hand.csv")
     with pytest.raises(InputError, match="MCP is seen in 40 of 40 frames"):
-        identify(few, settings=FAST)
+        identify(few, cutoff=None)
     stiff = synthesise(Hand(flexion=((-0.35, 1.34), (0.0, 0.1), (0.07, 0.92))), Faults(), 8.0, 50.0, 3)[0]
     with pytest.raises(InputError, match=r"PIP turns 5\.7 deg at most"):
-        identify(stiff, settings=FAST)
+        identify(stiff, cutoff=None)
     late = Recording(recording.names, recording.time[80:], recording.positions[80:], "hand.csv")
     with pytest.raises(InputError, match="straight and still"):
-        identify(late, settings=FAST)
+        identify(late, cutoff=None)
 
 
 def test_layout_file(tmp_path):

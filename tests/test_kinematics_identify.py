@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from exodrake.identification.kinematics.identify import Kinematics, Settings, identify
+from exodrake.identification.kinematics.identify import Kinematics, identify
 from exodrake.identification.kinematics.report import robot_yaml, table_csv, table_markdown
 from exodrake.identification.kinematics.rigid import across
 from exodrake.identification.kinematics.synthetic import Faults, Hand, Truth, synthesise
@@ -14,7 +14,7 @@ NOISE = 3e-4
 @pytest.fixture(scope="module")
 def clean() -> tuple[Kinematics, Truth]:
     recording, truth = synthesise(Hand(), Faults(), 12.0, 50.0, 0)
-    return identify(recording, settings=Settings(cutoff=None)), truth
+    return identify(recording, cutoff=None), truth
 
 
 @pytest.fixture(scope="module")

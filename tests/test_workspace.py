@@ -16,7 +16,6 @@ from exodrake.identification.workspace import (
     monte_carlo,
     reach,
     tip,
-    traced,
 )
 from studies.paper.table_2 import table_2
 
@@ -72,13 +71,6 @@ def test_monte_carlo_error_of_the_bounding_box():
     assert small.box == pytest.approx(11432 * MM2, rel=0.01)
     assert small.error == pytest.approx(175 * MM2, rel=0.05) and large.error == pytest.approx(56 * MM2, rel=0.05)
     assert monte_carlo(LENGTHS, SPONTANEOUS, samples=1000) == small
-
-
-def test_motion_of_one_joint_traces_a_ring():
-    angles = np.zeros((400, 3))
-    angles[:, 0] = np.linspace(0, 1, 400)
-    inner = LENGTHS[0] + LENGTHS[1]
-    assert traced(LENGTHS, angles).area == pytest.approx((sum(LENGTHS) ** 2 - inner**2) / 2, rel=1e-4)
 
 
 def test_table_2_verdicts():

@@ -44,20 +44,20 @@ def kinematics(file: Path, out: Path, markers: Path | None, cutoff: float, repai
     Writes kinematics.csv, kinematics.md, kinematics.png and robot.yaml. The recording begins with the finger straight
     and still for 1 s.
     """
-    from exodrake.identification.kinematics.identify import Settings, identify
+    from exodrake.identification.kinematics.identify import identify
     from exodrake.identification.kinematics.markers import Layout, read_layout, read_markers
     from exodrake.identification.kinematics.report import write_report
-    from exodrake.identification.kinematics.rigid import check_labels, relabelled
+    from exodrake.identification.kinematics.rigid import check_labels, exchange_labels
 
     recording = read_markers(file)
     layout = read_layout(markers) if markers else Layout()
     if repair:
         swaps = check_labels(recording, layout).swaps
-        recording = relabelled(recording, swaps)
+        recording = exchange_labels(recording, swaps)
         for swap in swaps:
             click.echo(f"exchanged {swap.names[0]} and {swap.names[1]} in frames {swap.first} to {swap.last}")
     with waiting("adjusting axes to the markers"):
-        found = identify(recording, layout, Settings(cutoff=cutoff or None))
+        found = identify(recording, layout, cutoff or None)
         files = write_report(found, out)
     print_kinematics(found)
     for remark in found.remarks:
@@ -96,7 +96,7 @@ def synthesise(
     """Write a synthetic 14-marker recording, CSV or C3D by its name, and its truth into FILE.truth.yaml."""
     from exodrake.core.errors import InputError
     from exodrake.identification.kinematics.markers import c3d_bytes, csv_bytes
-    from exodrake.identification.kinematics.rigid import Swap, relabelled
+    from exodrake.identification.kinematics.rigid import Swap, exchange_labels
     from exodrake.identification.kinematics.synthetic import Faults, Hand, synthesise, truth_yaml
 
     recording, truth = synthesise(Hand(), Faults(1e-3 * noise, 1e-3 * artefact, dropouts), duration, rate, seed)
@@ -104,7 +104,7 @@ def synthesise(
         if len(set(swap) & set(recording.names)) < 2:
             raise InputError(f"--swap {' '.join(swap)}: wanted two of {', '.join(recording.names)}")
         middle = len(recording.time) // 2
-        recording = relabelled(recording, (Swap(swap, middle, middle + round(rate / 2)),))
+        recording = exchange_labels(recording, (Swap(swap, middle, middle + round(rate / 2)),))
     source = f"Synthetic, nobody was measured: exodrake identify synthesise, seed {seed}."
     data = c3d_bytes(recording) if file.suffix.lower() == ".c3d" else csv_bytes(recording, (source,))
     write_files({file: data, file.with_name(file.name + ".truth.yaml"): truth_yaml(truth)})

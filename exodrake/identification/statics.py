@@ -97,8 +97,7 @@ def fit_stiffness(tension: np.ndarray, angle: np.ndarray, n: Parameters, statics
     kept = kept[np.linspace(0, len(kept) - 1, min(ROWS, len(kept))).round().astype(int)]
     tension, angle = tension[kept], angle[kept]
     fits = [_fit_joint(joint, tension, angle[:, joint], n, statics) for joint in range(3)]
-    kappa, q0, kappa_error, q0_error, rmse = (tuple(float(fit[i]) for fit in fits) for i in range(5))
-    return Stiffness(kappa, q0, kappa_error, q0_error, rmse)
+    return Stiffness(*(tuple(float(value) for value in column) for column in zip(*fits)))
 
 
 def _fit_joint(
@@ -118,27 +117,21 @@ def _fit_joint(
         found = statics(tension, n._replace(kappa=tuple(kappa), q0=tuple(q0)))[:, joint]
         return np.where(np.isfinite(found), found - angle, 1.0)
 
-    start = _start(joint, tension, angle, n)
+    start = [np.log(n.kappa[joint]), n.q0[joint]]
+    inside = (angle > n.q_e[joint]) & (angle < n.q_f[joint])
+    if inside.sum() >= 10:  # the line through torque against angle between the end stops, if it rises
+        at = np.zeros((int(inside.sum()), 3))
+        at[:, joint] = angle[inside]
+        torque = np.sum(arms(at, n)[:, :, joint] * tension[inside], axis=1)
+        slope, level = np.polyfit(angle[inside], torque, 1)
+        start = [np.log(slope), -level / slope] if slope > 0 else start
     # beyond the fold the posture jumps to the end stop; a robust loss limits the weight of such rows
     best = least_squares(residual, start, loss="soft_l1", f_scale=0.1)
     error = residual(best.x)
     variance = float(error @ error) / max(len(error) - 2, 1)
     spread = np.sqrt(np.diag(np.linalg.pinv(best.jac.T @ best.jac)) * variance)
     kappa = float(np.exp(best.x[0]))
-    return kappa, float(best.x[1]), kappa * spread[0], spread[1], float(np.sqrt(np.mean(error**2)))
-
-
-def _start(joint: int, tension: np.ndarray, angle: np.ndarray, n: Parameters) -> np.ndarray:
-    """Start at the line through torque against angle between the end stops; at `n` if that line falls."""
-    inside = (angle > n.q_e[joint]) & (angle < n.q_f[joint])
-    if inside.sum() >= 10:
-        at = np.zeros((int(inside.sum()), 3))
-        at[:, joint] = angle[inside]
-        torque = np.sum(arms(at, n)[:, :, joint] * tension[inside], axis=1)
-        slope, level = np.polyfit(angle[inside], torque, 1)
-        if slope > 0:
-            return np.array([np.log(slope), -level / slope])
-    return np.array([np.log(n.kappa[joint]), n.q0[joint]])
+    return kappa, best.x[1], kappa * spread[0], spread[1], np.sqrt(np.mean(error**2))
 
 
 ROUTER_SIGNS = np.array([1.0, 1.0, -1.0])  # of AF, MF, AE
@@ -149,14 +142,6 @@ def router_arms(angle: np.ndarray, n: Parameters) -> np.ndarray:
     return arms(angle[None], n)[0].T * ROUTER_SIGNS
 
 
-def determinant(r: np.ndarray) -> float:
-    """D = R21 R33 - R23 R31 [m2] of arms r (3, 3) [m]; J is singular for D = 0 (same routers, q2 = q3).
-
-    The PIP alone can flex for D > 0, the DIP alone for D < 0.
-    """
-    return float(r[1, 0] * r[2, 2] - r[1, 2] * r[2, 0])
-
-
 def compliance(r: np.ndarray, kappa: np.ndarray) -> np.ndarray:
     """J (3, 3) [rad/N] of the corrected Eq. 21: row i of arms r (3, 3) [m] over kappa_i (3,) [N m/rad]."""
     passed = np.array([[1.0, 1.0, 1.0], [1.0, 0.0, 1.0], [1.0, 0.0, 1.0]])  # MF passes the first joint only
@@ -165,18 +150,10 @@ def compliance(r: np.ndarray, kappa: np.ndarray) -> np.ndarray:
 
 def tension_map(r: np.ndarray, kappa: np.ndarray) -> np.ndarray:
     """J^-1 (3, 3) [N/rad] of the corrected Eq. 22. InputError where it does not exist (D = 0 or R12 = 0)."""
-    return tension_map_with(r, kappa, kappa[0] / r[0, 1] if r[0, 1] else np.inf)
-
-
-def tension_map_with(r: np.ndarray, kappa: np.ndarray, first: float) -> np.ndarray:
-    """J^-1 (3, 3) [N/rad] of Eq. 22 with entry (2, 1) over D given; arms r (3, 3) [m], kappa (3,) [N m/rad]."""
-    d, k = determinant(r), kappa
+    d = r[1, 0] * r[2, 2] - r[1, 2] * r[2, 0]
     if d == 0 or r[0, 1] == 0:
         raise InputError(f"no tensions for this posture: D = {d:g} m2, R12 = {r[0, 1]:g} m")
-    second = k[1] * (r[0, 2] * r[2, 0] - r[0, 0] * r[2, 2]) / r[0, 1]
-    third = k[2] * (r[0, 0] * r[1, 2] - r[0, 2] * r[1, 0]) / r[0, 1]
-    rows = [[0.0, k[1] * r[2, 2], -k[2] * r[1, 2]], [first * d, second, third], [0.0, k[1] * r[2, 0], -k[2] * r[1, 0]]]
-    return np.array(rows) / d
+    return np.linalg.inv(compliance(r, kappa))
 
 
 SHARE = 0.2  # of the largest gain of movement per newton, below which joints count as at their stops: assumed
@@ -250,8 +227,6 @@ def saturation(tension: np.ndarray, angle: np.ndarray) -> tuple[float, bool, np.
     posture = np.array([angle[place == k].mean(axis=0) for k in kept])
     travel = posture - posture[0]
     gain = np.gradient(np.abs(travel).sum(axis=1), level)
-    moving = np.flatnonzero(gain >= SHARE * gain.max())
-    first = int(moving[-1]) + 1
-    saturated = first < len(level)
-    at = first if saturated else len(level) - 1
-    return float(level[at]), saturated, travel[at]
+    first = int(np.flatnonzero(gain >= SHARE * gain.max())[-1]) + 1
+    at = min(first, len(level) - 1)
+    return float(level[at]), first < len(level), travel[at]

@@ -57,11 +57,10 @@ def tip(lengths, mcp, pip, dip, along=None) -> np.ndarray:
         Points (..., 2) [m].
     """
     first = np.asarray(mcp, dtype=float)
-    second, third = first + pip, first + pip + dip
-    last = lengths[2] if along is None else along
-    x = lengths[0] * np.cos(first) + lengths[1] * np.cos(second) + last * np.cos(third)
-    y = lengths[0] * np.sin(first) + lengths[1] * np.sin(second) + last * np.sin(third)
-    return np.stack(np.broadcast_arrays(x, y), axis=-1)
+    angles = (first, first + pip, first + pip + dip)
+    bones = (lengths[0], lengths[1], lengths[2] if along is None else along)
+    point = sum(bone * np.exp(1j * angle) for bone, angle in zip(bones, angles))
+    return np.stack([np.real(point), np.imag(point)], axis=-1)
 
 
 def reachable(points: np.ndarray, lengths, ranges: Ranges, dip: float, along: float) -> np.ndarray:
@@ -158,29 +157,20 @@ def monte_carlo(lengths, ranges: Ranges, what: str = FINGERTIP, samples: int = 4
     check(lengths, ranges)
     if samples < 100:
         raise InputError(f"workspace: {samples} samples are too few; at least 100")
-    low, high = _box(lengths, ranges, what)
-    points = np.random.default_rng(seed).uniform(low, high, (samples, 2))
-    outside = points
+    # bounding box of a grid of postures, with a margin for postures between
+    q = np.meshgrid(*(np.linspace(*span, 61) for span in ranges), indexing="ij")
+    grid = tip(lengths, *q).reshape(-1, 2)
+    if what == DISTAL:
+        grid = np.concatenate([grid, tip(lengths, q[0], q[1], 0.0, 0.0).reshape(-1, 2)])
+    margin = 1e-3 * np.sum(lengths)
+    low, high = grid.min(axis=0) - margin, grid.max(axis=0) + margin
+    outside = np.random.default_rng(seed).uniform(low, high, (samples, 2))
     bones = [lengths[2]] if what == FINGERTIP else np.linspace(lengths[2], 0, 16)
     for dip in np.linspace(*ranges.DIP, 40 if what == FINGERTIP else 24):
         for along in bones:
             outside = outside[~reachable(outside, lengths, ranges, dip, along)]
     share, box = 1 - len(outside) / samples, float(np.prod(high - low))
     return Area(box * share, box * float(np.sqrt(share * (1 - share) / samples)), samples, box)
-
-
-def traced(lengths, angles: np.ndarray):
-    """Region that the distal phalanx swept in a recorded motion, a shapely geometry in m.
-
-    Args:
-        lengths: (3,) phalanx lengths [m].
-        angles: (frames, 3) angles of MCP, PIP, DIP [rad]; rows with NaN interrupt the path.
-    """
-    q = np.asarray(angles, dtype=float).T
-    ends = np.stack([tip(lengths, q[0], q[1], q[2], along) for along in (0.0, None)], axis=1)
-    pairs = np.concatenate([ends[:-1], ends[1:]], axis=1)
-    pairs = pairs[np.isfinite(pairs).all(axis=(1, 2))]
-    return shapely.union_all(hulls(pairs))
 
 
 def _fine(span: tuple[float, float]) -> np.ndarray:
@@ -202,21 +192,6 @@ def _swept(curve: np.ndarray, span: tuple[float, float]) -> list:
     return patches
 
 
-def _box(lengths, ranges: Ranges, what: str) -> tuple[np.ndarray, np.ndarray]:
-    """Corners (2,) [m] of the bounding box of a grid of postures, with a margin for postures between."""
-    q = np.meshgrid(*(np.linspace(*span, 61) for span in ranges), indexing="ij")
-    points = tip(lengths, *q).reshape(-1, 2)
-    if what == DISTAL:
-        points = np.concatenate([points, tip(lengths, q[0], q[1], 0.0, 0.0).reshape(-1, 2)])
-    margin = 1e-3 * np.sum(lengths)
-    return points.min(axis=0) - margin, points.max(axis=0) + margin
-
-
-def hulls(points: np.ndarray):
-    """Convex hulls of point sets (n, k, 2) [m]."""
-    return shapely.convex_hull(shapely.linestrings(points))
-
-
 class Assisted(NamedTuple):
     """Tensions (n, n, n, 3) [N] of AF, MF, AE and the angles (n, n, n, 3) [rad] of MCP, PIP, DIP."""
 
@@ -233,8 +208,12 @@ class Assisted(NamedTuple):
         """Region of all tensions, a shapely geometry in m, for phalanx lengths (3,) [m]."""
         mcp, pip, dip = np.moveaxis(self.angles, -1, 0)
         ends = [tip(lengths, mcp, pip, dip, along) for along in ((None, 0.0) if what == DISTAL else (None,))]
-        cells = [_cells(np.moveaxis(np.stack(ends, axis=3), wire, 2)) for wire in range(3)]
-        return shapely.union_all(hulls(np.concatenate(cells)))
+        cells = []
+        for wire in range(3):  # hulls of the cells along the two other axes
+            p = np.moveaxis(np.stack(ends, axis=3), wire, 2)
+            sides = np.stack([p[:-1, :-1], p[1:, :-1], p[1:, 1:], p[:-1, 1:]], axis=3)
+            cells.append(sides.reshape(-1, 4 * len(ends), 2))
+        return shapely.union_all(shapely.convex_hull(shapely.linestrings(np.concatenate(cells))))
 
 
 def assisted(robot, steps: int = 25) -> Assisted:
@@ -259,12 +238,6 @@ def assisted(robot, steps: int = 25) -> Assisted:
             f"{robot.source}: no equilibrium with AF {af:g}, MF {mf:g}, AE {ae:g} N; lower the limits F_max"
         )
     return Assisted(grid, angles)
-
-
-def _cells(points: np.ndarray) -> np.ndarray:
-    """Corners (cells, 4 k, 2) [m] of the cells along the first two axes of points (n, n, n, k, 2) [m]."""
-    corners = [points[:-1, :-1], points[1:, :-1], points[1:, 1:], points[:-1, 1:]]
-    return np.stack(corners, axis=3).reshape(-1, 4 * points.shape[3], 2)
 
 
 HEAD = ("motion", "workspace", "exact [mm2]", "Monte Carlo [mm2]", "standard error [mm2]", "points")
@@ -303,13 +276,21 @@ def workspace_figure(lengths, ranges: Ranges, assisted=None) -> bytes:
     """Draw fingertip and distal phalanx as PNG for phalanx lengths (3,) [m]; `assisted` may be None."""
     figure = new_figure(10.5, 5.6)
     panels = figure.subplots(1, 2, sharex=True, sharey=True)
+    q = [float(np.mean(span)) for span in ranges]
+    joints = [np.zeros(2), tip((lengths[0], 0, 0), q[0], 0, 0), tip((*lengths[:2], 0.0), *q), tip(lengths, *q)]
     for panel, what in zip(panels, (FINGERTIP, DISTAL), strict=True):
-        whole = reach(lengths, ranges, what)
-        _fill(panel, whole, "0.25", 0.25, f"full range of motion, {1e6 * whole.area:.0f} mm²")
+        shown = [(reach(lengths, ranges, what), "0.25", 0.25, "full range of motion")]
         if assisted is not None:
-            wired = assisted.region(lengths, what)
-            _fill(panel, wired, "#c8372d", 0.45, f"assisted, nominal robot, {1e6 * wired.area:.0f} mm²")
-        _finger(panel, lengths, ranges)
+            shown.append((assisted.region(lengths, what), "#c8372d", 0.45, "assisted, nominal robot"))
+        for region, colour, alpha, name in shown:
+            label = f"{name}, {1e6 * region.area:.0f} mm²"
+            for part in getattr(region, "geoms", [region]):
+                x, y = 1e3 * np.array(part.exterior.coords).T
+                panel.fill(x, y, color=colour, alpha=alpha, lw=0, label=label)
+                panel.plot(x, y, color=colour, lw=1)
+                label = None
+        x, y = 1e3 * np.array(joints).T
+        panel.plot(x, y, "-o", color="#1f4f7a", lw=3, ms=6, mfc="white", zorder=5, label="finger, mid range")
         panel.set_title(f"{what} workspace", fontsize=11)
         panel.set_xlabel("x, along the proximal phalanx at MCP 0 [mm]")
         panel.legend(loc="upper left", fontsize=8, framealpha=0.95)
@@ -319,19 +300,3 @@ def workspace_figure(lengths, ranges: Ranges, assisted=None) -> bytes:
     panels[0].set_ylabel("y, palmar [mm]")
     panels[0].set_ylim(90, -55)  # palmar down, as the hand lies
     return png_of(figure, dpi=130)
-
-
-def _fill(panel, region, colour: str, alpha: float, label: str) -> None:
-    for number, part in enumerate(getattr(region, "geoms", [region])):
-        x, y = 1e3 * np.array(part.exterior.coords).T
-        panel.fill(x, y, color=colour, alpha=alpha, lw=0, label=label if number == 0 else None)
-        panel.plot(x, y, color=colour, lw=1)
-
-
-def _finger(panel, lengths, ranges: Ranges) -> None:
-    """Draw the finger at the middle of its ranges."""
-    q = [float(np.mean(span)) for span in ranges]
-    bone = np.array([lengths[0], lengths[1], 0.0])
-    joints = [np.zeros(2), tip((lengths[0], 0, 0), q[0], 0, 0), tip(bone, *q), tip(lengths, *q)]
-    x, y = 1e3 * np.array(joints).T
-    panel.plot(x, y, "-o", color="#1f4f7a", lw=3, ms=6, mfc="white", zorder=5, label="finger, mid range")

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from exodrake.identification.kinematics.identify import Kinematics, identify
+from exodrake.identification.kinematics.identify import SMALLEST_ANGLE, Kinematics, identify
 from exodrake.identification.kinematics.synthetic import Faults, Hand, Truth, synthesise
 from exodrake.report.blocks import Drawing, Heading, Table
 from studies.paper.claim import AGREES, DOES_NOT, UNKNOWN, Chapter, Claim
@@ -195,7 +195,7 @@ def figure(found: Kinematics) -> str:
     with house_style():
         drawn = new_figure(9.6, 3.1)
         for axes, joint in zip(drawn.subplots(1, 3), found.joints):
-            used = np.abs(np.nan_to_num(joint.angle)) >= joint.smallest_angle
+            used = np.abs(np.nan_to_num(joint.angle)) >= SMALLEST_ANGLE
             span = np.linspace(*joint.range, 40)
             for number, (axis, colour) in enumerate(COLOURS.items()):
                 for which, alpha in ((used, 0.6), (~used, 0.25)):

@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from exodrake.grasping.plan import at_hold
-from exodrake.identification.kinematics.rigid import Axis, chain_pose
-from exodrake.identification.kinematics.screws import g_inverse, g_matrix, joint_angles
+from exodrake.identification.kinematics.rigid import Axis, chain_pose, joint_angles
 from exodrake.identification.statics import compliance, find_maximum_tension, router_arms, tension_map
 from exodrake.machines.robot_file import load_robot
 from exodrake.physics.finger_statics import parameters_of, posture
@@ -15,7 +14,7 @@ from exodrake.simulation.protocols import grasp, maximum_tension
 from exodrake.simulation.simulate import simulate
 from studies.paper import loop_sign
 from studies.paper.claim import AGREES, DOES_NOT, UNKNOWN, Chapter, Claim
-from studies.paper.printed_equations import g_inverse_as_printed, tension_map_as_printed
+from studies.paper.printed_equations import g_inverse, g_matrix, tension_map_as_printed
 
 DEGREES = (5, 10, 30, 60, 89)  # angles at which Eq. 9 is tried
 CENTRE = np.array([0.035, 0.005, 0.0])  # m, a joint centre in the proximal frame
@@ -71,15 +70,14 @@ def control(robot) -> tuple[Claim, ...]:
 def residue(degrees: float, printed: bool) -> float:
     """‖G G⁻¹ − I‖ (Frobenius) about z at an angle [deg]."""
     axis, angle = np.array([0.0, 0.0, 1.0]), float(np.deg2rad(degrees))
-    undo = g_inverse_as_printed if printed else g_inverse
-    return float(np.linalg.norm(g_matrix(axis, angle) @ undo(axis, angle) - np.eye(3)))
+    return float(np.linalg.norm(g_matrix(axis, angle) @ g_inverse(axis, angle, printed) - np.eye(3)))
 
 
 def centre_error(degrees: float) -> float:
     """Error [m] of a joint centre by Eq. 9 as printed after a turn [deg] about z."""
     axis, angle = np.array([0.0, 0.0, -1.0]), float(np.deg2rad(degrees))
     shift = g_matrix(axis, angle) @ -np.cross(axis, CENTRE)
-    return float(np.linalg.norm(np.cross(axis, g_inverse_as_printed(axis, angle) @ shift) - CENTRE))
+    return float(np.linalg.norm(np.cross(axis, g_inverse(axis, angle, printed=True) @ shift) - CENTRE))
 
 
 def newton_left() -> float:

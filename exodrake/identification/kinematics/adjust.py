@@ -32,17 +32,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from exodrake.identification.kinematics.rigid import (
-    Axis,
-    across,
-    apply,
-    corners,
-    hat,
-    inverse,
-    motion,
-    rotation,
-    turned_by,
-)
+from exodrake.identification.kinematics.rigid import Axis, across, apply, corners, hat, inverse, motion, rotation
 
 SEGMENTS, TRIAD = 4, 3
 COUNT = 3 * TRIAD * SEGMENTS  # coordinates of markers
@@ -83,11 +73,11 @@ class Finger:
                 columns.append(column)
         return np.hstack(columns)
 
-    def moved(self, change: np.ndarray) -> "Finger":
+    def shift(self, change: np.ndarray) -> "Finger":
         """Finger after a change (72,) of markers [m], directions [rad], centres [m] and slopes [m/rad]."""
         axes = []
         for axis, (turn, shift, slope) in zip(self.axes, change[COUNT:].reshape(4, 3, 3), strict=True):
-            w = turned_by(turn) @ axis.direction
+            w = rotation(turn) @ axis.direction
             axes.append(Axis(w, across(axis.point + shift, w), across(axis.slope + slope, w)))
         return Finger(self.markers + change[:COUNT].reshape(self.markers.shape), tuple(axes))  # type: ignore[arg-type]
 
@@ -106,41 +96,36 @@ class Finger:
             Places (frames, 12, 3) [m], and their derivatives with respect to the angles (frames, 12, 3, 4) [m/rad] and
             to a change of the finger (frames, 12, 3, 72).
         """
-        frames = len(angles)
-        turns = [rotation(axis.direction, angles[:, k]) for k, axis in enumerate(self.axes)]
+        frames, size = len(angles), ALL if derivatives else 0
+        turns = [axis.turn(angles[:, k]) for k, axis in enumerate(self.axes)]
         place = np.empty((frames, SEGMENTS, TRIAD, 3))
         by_angle = np.zeros((frames, SEGMENTS, TRIAD, 3, 4))
-        by_change = np.zeros((frames if derivatives else 0, SEGMENTS, TRIAD, 3, ALL))
+        by_change = np.zeros((frames, SEGMENTS, TRIAD, 3, size))
         for k in range(SEGMENTS):
             x = np.broadcast_to(self.markers[k], (frames, TRIAD, 3))
-            angle, change, turn = by_angle[:, k], by_change[:, k], np.broadcast_to(np.eye(3), (frames, 3, 3))
-            for number in reversed(range(k + 1 if k else 0)):
-                x = self._carried(number, x, angles[:, number], turns[number], angle, change if derivatives else None)
-                turn = turns[number] @ turn
+            angle, change, whole = by_angle[:, k], by_change[:, k], np.broadcast_to(np.eye(3), (frames, 3, 3))
+            for number in reversed(range(k + 1 if k else 0)):  # carry markers and derivatives by one joint
+                axis, turn, theta = self.axes[number], turns[number], angles[:, number]
+                centre, rotate = axis.centre(theta)[:, None], turn[:, None]
+                lever = x - centre
+                turned = lever @ np.swapaxes(turn, 1, 2)
+                still = (np.eye(3) - turn)[:, None]
+                angle[:] = rotate @ angle
+                angle[..., number] = np.cross(axis.direction, turned) + still @ axis.slope
+                if derivatives:
+                    start = COUNT + PER_AXIS * number
+                    beyond = slice(start + PER_AXIS, ALL)  # of the joints between this one and the markers
+                    change[..., beyond] = rotate @ change[..., beyond]
+                    change[..., start : start + 3] = rotate @ hat(lever) - hat(turned)
+                    change[..., start + 3 : start + 6] = still
+                    change[..., start + 6 : start + 9] = theta[:, None, None, None] * still
+                x, whole = turned + centre, turn @ whole
             place[:, k] = x
             for marker in range(TRIAD if derivatives else 0):
                 start = 9 * k + 3 * marker
-                change[:, marker, :, start : start + 3] = turn
+                change[:, marker, :, start : start + 3] = whole
         flat = (frames, SEGMENTS * TRIAD, 3)
-        return place.reshape(flat), by_angle.reshape(*flat, 4), by_change.reshape(len(by_change), *flat[1:], ALL)
-
-    def _carried(self, number, x, theta, turn, angle, change) -> np.ndarray:
-        """Carry markers x (frames, 3, 3) [m] and their derivatives by one joint, and add those of the joint."""
-        axis, rotate = self.axes[number], turn[:, None]
-        centre = axis.centre(theta)[:, None]
-        lever = x - centre
-        turned = lever @ np.swapaxes(turn, 1, 2)
-        still = (np.eye(3) - turn)[:, None]
-        angle[:] = rotate @ angle
-        angle[..., number] = np.cross(axis.direction, turned) + still @ axis.slope
-        if change is not None:
-            start = COUNT + PER_AXIS * number
-            beyond = slice(start + PER_AXIS, ALL)  # of the joints between this one and the markers
-            change[..., beyond] = rotate @ change[..., beyond]
-            change[..., start : start + 3] = rotate @ hat(lever) - hat(turned)
-            change[..., start + 3 : start + 6] = still
-            change[..., start + 6 : start + 9] = theta[:, None, None, None] * still
-        return turned + centre
+        return place.reshape(flat), by_angle.reshape(*flat, 4), by_change.reshape(*flat, size)
 
 
 STEPS = 60  # a finger needs 5 to 15
@@ -150,7 +135,6 @@ DAMPING = 1e9  # beyond it no step lowers the cost
 FRAME_STEPS, STILL = 20, 1e-12  # of a frame with the finger known; last step [rad, m]
 CHUNK = 400  # frames at a time, for memory
 HELD = 1e-9  # m2; holds what missing markers leave open in a frame
-JOINT_ANGLES = 4
 PRIOR = np.r_[np.full(COUNT, 0.03), np.tile(np.repeat([0.5, 0.03, 0.03], 3), 4)] ** -2  # m, rad, m/rad; assumed, wide
 
 
@@ -195,7 +179,7 @@ def adjust(
         cost = np.sum(error**2) + prior @ offset**2
         while damping < DAMPING:
             change, moves = system.step(prior, offset, damping)
-            trial = finger.moved(change), moved(poses, moves), angles + moves[:, 6:]
+            trial = finger.shift(change), shift_poses(poses, moves), angles + moves[:, 6:]
             left = _errors(points, trial[0].places(trial[2]), trial[1])
             lower = np.sum(left**2) + prior @ (offset + change) ** 2
             if lower <= cost:
@@ -232,8 +216,9 @@ def fit_frames(points: np.ndarray, finger: Finger, poses: np.ndarray, angles: np
         error = _errors(points, place, poses)
         own = _own(place, by_angle, points)
         pull = np.einsum("fmil,fmi->fl", own, error)
-        moves = np.linalg.solve(_held(np.einsum("fmik,fmil->fkl", own, own)), pull[..., None])[..., 0]
-        poses, angles = moved(poses, moves), angles + moves[:, 6:]
+        normal = np.einsum("fmik,fmil->fkl", own, own) + HELD * np.eye(LOCAL)
+        moves = np.linalg.solve(normal, pull[..., None])[..., 0]
+        poses, angles = shift_poses(poses, moves), angles + moves[:, 6:]
         if np.max(np.abs(moves), initial=0.0) < STILL:
             break
     return angles
@@ -244,32 +229,29 @@ class _Normal:
 
     def __init__(self, points, finger: Finger, poses, angles, rest) -> None:
         self.free = finger.free()
-        self.normal, self.gradient = np.zeros((ALL, ALL)), np.zeros(ALL)
-        chunks = [slice(at, at + CHUNK) for at in range(0, len(points), CHUNK)]
-        parts = [self._sum(points[part], poses[part], angles[part], rest[part], finger) for part in chunks]
-        self.own, self.pull, self.to = (np.concatenate(part) for part in zip(*parts))
-        self.start = np.r_[self.free.T @ self.gradient, np.zeros(JOINT_ANGLES)]
-
-    def _sum(self, points, poses, angles, rest, finger: Finger):
-        """Add some frames; return own (frames, 10, 10), pull (frames, 10) and coupling (frames, 10, 55) of each."""
-        place, by_angle, by_change = finger.linearised(angles)
-        by_change *= np.isfinite(points)[..., None]
-        error, own = _errors(points, place, poses), _own(place, by_angle, points)
-        flat, wide = own.reshape(len(points), COUNT, LOCAL), by_change.reshape(len(points), COUNT, ALL)
-        tall = wide.reshape(-1, ALL)
-        self.normal += tall.T @ tall
-        self.gradient += tall.T @ error.ravel()
-        fixed = np.zeros((len(points), LOCAL, JOINT_ANGLES))
-        fixed[rest, 6:] = np.eye(JOINT_ANGLES)
-        across = np.swapaxes(flat, 1, 2)
-        to = np.concatenate([across @ wide @ self.free, fixed], axis=2)
-        return across @ flat, np.einsum("fil,fi->fl", flat, error.reshape(len(points), COUNT)), to
+        normal, gradient, frames = np.zeros((ALL, ALL)), np.zeros(ALL), []
+        for part in (slice(at, at + CHUNK) for at in range(0, len(points), CHUNK)):
+            place, by_angle, by_change = finger.linearised(angles[part])
+            by_change *= np.isfinite(points[part])[..., None]
+            error = _errors(points[part], place, poses[part]).reshape(-1, COUNT)
+            own = _own(place, by_angle, points[part]).reshape(-1, COUNT, LOCAL)
+            wide = by_change.reshape(-1, COUNT, ALL)
+            tall, turned = wide.reshape(-1, ALL), np.swapaxes(own, 1, 2)
+            normal += tall.T @ tall
+            gradient += tall.T @ error.ravel()
+            fixed = np.zeros((len(own), LOCAL, 4))
+            fixed[rest[part], 6:] = np.eye(4)
+            coupling = np.concatenate([turned @ wide @ self.free, fixed], axis=2)
+            frames.append((turned @ own, np.einsum("fil,fi->fl", own, error), coupling))
+        self.normal = normal
+        self.own, self.pull, self.to = (np.concatenate(part) for part in zip(*frames))
+        self.start = np.r_[self.free.T @ gradient, np.zeros(4)]
 
     def reduced(self, prior: np.ndarray, damping: float = 0.0):
         """Schur complement (55, 55), and H^-1 [coupling, pull] (frames, 10, 56) of each frame; prior: (72,) weights."""
-        own = _held(self.own + damping * self.own * np.eye(LOCAL))
+        own = self.own + (damping * self.own + HELD) * np.eye(LOCAL)
         solved = np.linalg.solve(own, np.concatenate([self.to, self.pull[..., None]], axis=2))
-        matrix = np.zeros((FREE + JOINT_ANGLES,) * 2)
+        matrix = np.zeros((FREE + 4,) * 2)
         inner = self.free.T @ ((self.normal + np.diag(prior)) @ self.free)
         matrix[:FREE, :FREE] = inner + damping * inner * np.eye(FREE)
         size = len(matrix)
@@ -291,18 +273,14 @@ def _own(place: np.ndarray, by_angle: np.ndarray, points: np.ndarray) -> np.ndar
     return np.concatenate([-hat(place), shift, by_angle], axis=3) * np.isfinite(points)[..., None]
 
 
-def _held(own: np.ndarray) -> np.ndarray:
-    return own + HELD * np.eye(LOCAL)
-
-
 def _errors(points: np.ndarray, place: np.ndarray, poses: np.ndarray) -> np.ndarray:
     """Measured less predicted markers (frames, 12, 3) [m], seen from the base triad; 0 where missing."""
     return np.nan_to_num(apply(inverse(poses), points) - place)
 
 
-def moved(poses: np.ndarray, moves: np.ndarray) -> np.ndarray:
+def shift_poses(poses: np.ndarray, moves: np.ndarray) -> np.ndarray:
     """Poses (frames, 4, 4) [m] after small rotations and shifts, moves (frames, 10) [rad, m]."""
-    return poses @ motion(turned_by(moves[:, :3]), moves[:, 3:6])
+    return poses @ motion(rotation(moves[:, :3]), moves[:, 3:6])
 
 
 def _variance(error: np.ndarray, points: np.ndarray) -> float:

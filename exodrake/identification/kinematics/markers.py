@@ -18,12 +18,11 @@ The controller's clock on the clock of the motion capture follows from the recor
 
 from __future__ import annotations
 
-import io
 import os
 import re
 import struct
 import tempfile
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -123,38 +122,44 @@ def parse_csv(data: bytes, source: str) -> Recording:
 
     lines = data.splitlines(keepends=True)
     headings, values = read_cells(b"".join(line for line in lines if not line.lstrip().startswith(b"#")), source)
-    names, places = _places(headings, values, source)
-    return checked(Recording(names, _time(headings, values, source), places, source))
+    time, columns = None, {}
+    for heading, column in zip(headings, values.T):
+        if found := TIME.match(heading):
+            if si_unit(found["unit"], f"{source}, time") != "s":
+                raise InputError(f"{source}: time is in [{found['unit']}], wanted [s] or [ms]")
+            time = to_si(column, found["unit"]) if time is None else time
+        elif found := HEADING.match(heading):
+            if si_unit(found["unit"], f"{source}, column {heading!r}") != "m":
+                raise InputError(f"{source}: column {heading!r} is not a length")
+            axes = columns.setdefault(found["marker"], {})
+            if found["axis"] in axes:
+                raise InputError(f"{source}: column {heading!r} occurs twice")
+            axes[found["axis"]] = to_si(column, found["unit"])
+        elif re.search(r"_[xyz]$", heading):
+            raise InputError(f"{source}: column {heading!r} has no unit, wanted '{heading} [mm]'")
+    for name, axes in columns.items():
+        if lost := [axis for axis in "xyz" if axis not in axes]:
+            raise InputError(f"{source}: marker {name} lacks its {', '.join(lost)} column")
+    if not columns:
+        raise InputError(f"{source}: no marker columns such as 'B1_x [mm]'")
+    if time is None:
+        raise InputError(f"{source}: no column 'time [s]'")
+    places = [np.stack([axes[axis] for axis in "xyz"], axis=1) for axes in columns.values()]
+    return check_recording(Recording(tuple(columns), time, np.stack(places, axis=1), source))
 
 
-def checked(recording: Recording) -> Recording:
+def check_recording(recording: Recording) -> Recording:
     """Check that time rises and positions are finite, else InputError; a marker seen in part becomes missing."""
-    steps = np.diff(recording.time)
-    if not np.isfinite(recording.time).all() or (steps <= 0).any():
-        bad = (
-            int(np.argmax(~np.isfinite(recording.time)))
-            if not np.isfinite(recording.time).all()
-            else int(np.argmax(steps <= 0)) + 1
-        )
-        raise InputError(f"{recording.source}: time does not rise at frame {bad}")
+    wrong = np.flatnonzero(~np.isfinite(recording.time))
+    if not len(wrong):
+        wrong = 1 + np.flatnonzero(np.diff(recording.time) <= 0)
+    if len(wrong):
+        raise InputError(f"{recording.source}: time does not rise at frame {wrong[0]}")
     if np.isinf(recording.positions).any():
         frame, marker, _ = np.argwhere(np.isinf(recording.positions))[0]
         raise InputError(f"{recording.source}: marker {recording.names[marker]} is infinite in frame {frame}")
     seen = np.isfinite(recording.positions).all(axis=2, keepdims=True)
-    return Recording(recording.names, recording.time, np.where(seen, recording.positions, np.nan), recording.source)
-
-
-def csv_bytes(recording: Recording, remarks: tuple[str, ...] = ()) -> bytes:
-    """Encode a recording as CSV in mm with comment lines, in the shortest digits that read back exactly."""
-    stream = io.StringIO()
-    for remark in (*remarks, *FORMAT):
-        stream.write(f"# {remark}\n")
-    columns = [f"{name}_{axis} [mm]" for name in recording.names for axis in "xyz"]
-    stream.write(",".join(["time [s]", *columns]) + "\n")
-    table = np.column_stack([recording.time, 1e3 * recording.positions.reshape(len(recording.time), -1)])
-    for row in table.tolist():
-        stream.write(",".join("" if cell != cell else repr(cell) for cell in row) + "\n")
-    return stream.getvalue().encode()
+    return replace(recording, positions=np.where(seen, recording.positions, np.nan))
 
 
 FORMAT = (
@@ -165,50 +170,20 @@ FORMAT = (
 )
 
 
-def _time(headings: list[str], values: np.ndarray, source: str) -> np.ndarray:
-    from exodrake.core.units import si_unit, to_si
-
-    for number, heading in enumerate(headings):
-        found = TIME.match(heading)
-        if found:
-            if si_unit(found["unit"], f"{source}, time") != "s":
-                raise InputError(f"{source}: time is in [{found['unit']}], wanted [s] or [ms]")
-            return to_si(values[:, number], found["unit"])
-    raise InputError(f"{source}: no column 'time [s]'")
-
-
-def _places(headings: list[str], values: np.ndarray, source: str) -> tuple[tuple[str, ...], np.ndarray]:
-    from exodrake.core.units import si_unit, to_si
-
-    columns: dict[str, dict[str, np.ndarray]] = {}
-    for number, heading in enumerate(headings):
-        found = HEADING.match(heading)
-        if not found:
-            if re.search(r"_[xyz]$", heading):
-                raise InputError(f"{source}: column {heading!r} has no unit, wanted '{heading} [mm]'")
-            continue
-        if si_unit(found["unit"], f"{source}, column {heading!r}") != "m":
-            raise InputError(f"{source}: column {heading!r} is not a length")
-        axes = columns.setdefault(found["marker"], {})
-        if found["axis"] in axes:
-            raise InputError(f"{source}: column {heading!r} occurs twice")
-        axes[found["axis"]] = to_si(values[:, number], found["unit"])
-    for marker, axes in columns.items():
-        if len(axes) < 3:
-            raise InputError(
-                f"{source}: marker {marker} lacks its {', '.join(a for a in 'xyz' if a not in axes)} column"
-            )
-    if not columns:
-        raise InputError(f"{source}: no marker columns such as 'B1_x [mm]'")
-    stacked = [np.stack([axes[a] for a in "xyz"], axis=1) for axes in columns.values()]
-    return tuple(columns), np.stack(stacked, axis=1)
+def csv_bytes(recording: Recording, remarks: tuple[str, ...] = ()) -> bytes:
+    """Encode a recording as CSV in mm with comment lines, in the shortest digits that read back exactly."""
+    columns = [f"{name}_{axis} [mm]" for name in recording.names for axis in "xyz"]
+    table = np.column_stack([recording.time, 1e3 * recording.positions.reshape(len(recording.time), -1)])
+    rows = [",".join("" if cell != cell else repr(cell) for cell in row) for row in table.tolist()]
+    comments = [f"# {remark}" for remark in (*remarks, *FORMAT)]
+    return ("\n".join([*comments, ",".join(["time [s]", *columns]), *rows]) + "\n").encode()
 
 
 BIG_ENDIAN = 86  # number of the processor that wrote the file: MIPS
 BLOCK = 512  # bytes
 
 
-def frames_of(data: bytes) -> int:
+def count_frames(data: bytes) -> int:
     """Number of frames that the header promises; the format counts to 65535. 0 of a file too short for a header."""
     mark = BLOCK * (data[0] - 1) + 3 if data else 0
     if mark < 0 or len(data) <= max(mark, BLOCK):
@@ -217,7 +192,7 @@ def frames_of(data: bytes) -> int:
     return last - first + 1
 
 
-def parse(path: str, frames: int) -> Recording:
+def parse_c3d(path: str, frames: int) -> Recording:
     """`read_c3d` in this process; frames: how many there have to be at least."""
     import ezc3d
 
@@ -228,7 +203,7 @@ def parse(path: str, frames: int) -> Recording:
     settings = content["parameters"]["POINT"]
     names = tuple(label.rsplit(":", 1)[-1].strip() for label in settings["LABELS"]["value"])
     points = np.moveaxis(content["data"]["points"][:3], 0, 2).swapaxes(0, 1)
-    rate = float(np.ravel(settings["RATE"]["value"])[0]) if len(np.ravel(settings["RATE"]["value"])) else 0.0
+    rate = float(next(iter(np.ravel(settings["RATE"]["value"])), 0.0))
     if len(points) < frames:
         raise InputError(f"{path}: {len(points)} frames, but its header promises {frames}: it is cut short")
     if not names or len(points) == 0 or rate <= 0:
@@ -239,8 +214,12 @@ def parse(path: str, frames: int) -> Recording:
     unit = (list(settings["UNITS"]["value"]) or [""])[0]
     if si_unit(unit, f"{path}, POINT:UNITS") != "m":
         raise InputError(f"{path}: POINT:UNITS is [{unit}], not a length")
-    points = np.where(_unseen(content, points), np.nan, points)
-    return checked(Recording(names, np.arange(len(points)) / rate, to_si(points[:, : len(names)], unit), str(path)))
+    residuals = content["data"]["meta_points"]["residuals"]  # ezc3d gives NaN for most negative ones
+    if residuals.shape[1:] == points.shape[1::-1]:
+        points = np.where((residuals[0].T < 0)[:, :, None], np.nan, points)
+    return check_recording(
+        Recording(names, np.arange(len(points)) / rate, to_si(points[:, : len(names)], unit), str(path))
+    )
 
 
 def c3d_bytes(recording: Recording) -> bytes:
@@ -262,19 +241,11 @@ def c3d_bytes(recording: Recording) -> bytes:
         return name.read_bytes()
 
 
-def _unseen(content, points: np.ndarray) -> np.ndarray:
-    """Mask (frames, points, 1) of negative residuals; ezc3d returns NaN for most of them."""
-    residuals = content["data"]["meta_points"]["residuals"]
-    if residuals.shape[1:] != points.shape[1::-1]:
-        return np.zeros((*points.shape[:2], 1), dtype=bool)
-    return (residuals[0].T < 0)[:, :, None]
-
-
 def read_markers(path: str | Path) -> Recording:
     """Read a `.c3d` file, or CSV under any other name. InputError names the file, and column and row if known."""
     if Path(path).suffix.lower() == ".c3d":
         data = read_bytes(path)
-        return in_child(parse, os.fspath(path), frames_of(data), source=str(path), size=len(data))
+        return in_child(parse_c3d, os.fspath(path), count_frames(data), source=str(path), size=len(data))
     return parse_csv(read_bytes(path), str(path))
 
 

@@ -1,7 +1,5 @@
 """Results of the identification: a table like the paper's Table 1 (CSV, Markdown), robot file, figure (Fig. 9)."""
 
-import csv
-import io
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +7,7 @@ import numpy as np
 from exodrake.core.errors import markdown_table
 from exodrake.core.files import write_folder
 from exodrake.data.plot import new_figure, png_of
-from exodrake.identification.kinematics.identify import Joint, Kinematics
+from exodrake.identification.kinematics.identify import SMALLEST_ANGLE, Joint, Kinematics
 from exodrake.identification.kinematics.markers import SEGMENTS
 
 HEAD = (
@@ -40,13 +38,8 @@ def length_rows(found: Kinematics) -> list[tuple[str, str, str, str]]:
 
 def table_csv(found: Kinematics) -> str:
     """Format the table as CSV, followed by the lengths."""
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(HEAD)
-    writer.writerows(table_rows(found))
-    for joint, bone, length, half in length_rows(found):
-        writer.writerow((joint, f"{bone} length", "", "", length, half, ""))
-    return stream.getvalue()
+    lengths = [(joint, f"{bone} length", "", "", length, half, "") for joint, bone, length, half in length_rows(found)]
+    return "".join(",".join(row) + "\n" for row in (HEAD, *table_rows(found), *lengths))
 
 
 def table_markdown(found: Kinematics) -> str:
@@ -55,20 +48,8 @@ def table_markdown(found: Kinematics) -> str:
         (name, "{:.3f} .. {:.3f}".format(*joint.range), joint.line.frames, f"{1e3 * joint.line.rmse_3d:.2f}", *rest)
         for joint, (name, *rest) in zip(found.joints, length_rows(found), strict=True)
     ]
-    parts = [
-        f"# Kinematic identification of {Path(found.source).name}",
-        markdown_table(HEAD, table_rows(found)),
-        "Centre = gradient x angle + intercept, normal to the joint's axis, in the frame of the proximal segment.",
-        markdown_table(JOINT_HEAD, joints),
-        "\n".join(f"* {note}" for note in notes(found)),
-    ]
-    return "\n\n".join(parts) + "\n"
-
-
-def notes(found: Kinematics) -> list[str]:
-    """List the quality of the triads, the limits of the intervals, and the remarks of the label check."""
     residuals = ", ".join(f"{name} {1e3 * value:.2f}" for name, value in zip(SEGMENTS, found.residuals, strict=True))
-    return [
+    notes = (
         f"Median residual of the triads after smoothing [mm]: {residuals}.",
         f"Noise of the markers {1e3 * found.noise:.2f} mm per axis; errors that last for several frames make the"
         f" variances of the intervals {found.inflation:.1f} times those of independent noise.",
@@ -76,7 +57,15 @@ def notes(found: Kinematics) -> list[str]:
         " angle comes on top and cannot be seen in the markers alone.",
         "The distal length runs from the DIP axis to the tip marker, along the straight finger.",
         *found.remarks,
+    )
+    parts = [
+        f"# Kinematic identification of {Path(found.source).name}",
+        markdown_table(HEAD, table_rows(found)),
+        "Centre = gradient x angle + intercept, normal to the joint's axis, in the frame of the proximal segment.",
+        markdown_table(JOINT_HEAD, joints),
+        "\n".join(f"* {note}" for note in notes),
     ]
+    return "\n\n".join(parts) + "\n"
 
 
 def robot_yaml(found: Kinematics) -> str:
@@ -111,7 +100,9 @@ def centre_figure(found: Kinematics) -> bytes:
     """Draw the figure as PNG: a column per joint, a row per axis of the proximal frame, equal heights in mm."""
     figure = new_figure(11.0, 8.0)
     panels = figure.subplots(3, len(found.joints), sharex="col")
-    height = max(_height(joint) for joint in found.joints)
+    ends = [1e3 * joint.line.at(np.array(joint.range)) for joint in found.joints]
+    heights = [np.abs(b - a) + 8e3 * joint.line.rmse for (a, b), joint in zip(ends, found.joints)]
+    height = float(np.max(heights))  # mm, of line and scatter
     for column, (joint, frame) in enumerate(zip(found.joints, PROXIMAL, strict=True)):
         for row, (axis, colour) in enumerate(COLOURS.items()):
             panel = panels[row, column]
@@ -125,14 +116,8 @@ def centre_figure(found: Kinematics) -> bytes:
     return png_of(figure, dpi=130)
 
 
-def _height(joint: Joint) -> float:
-    """Height [mm] of a panel that shows line and scatter of a joint."""
-    lines = 1e3 * joint.line.at(np.linspace(*joint.range, 2))
-    return float(np.max(np.abs(lines[1] - lines[0]) + 8e3 * joint.line.rmse))
-
-
 def _panel(panel, joint: Joint, number: int, colour: str, height: float) -> None:
-    used = np.abs(np.nan_to_num(joint.angle)) >= joint.smallest_angle
+    used = np.abs(np.nan_to_num(joint.angle)) >= SMALLEST_ANGLE
     span = np.linspace(*joint.range, 60)
     middle, half = 1e3 * joint.line.at(span)[:, number], 1e3 * joint.line.band(span)[:, number]
     dots = {"ms": 3, "color": colour, "alpha": 0.3, "mec": "none", "label": "a frame"}
@@ -140,7 +125,7 @@ def _panel(panel, joint: Joint, number: int, colour: str, height: float) -> None
     band = {"color": "0.15", "alpha": 0.25, "lw": 0, "label": "95 % band of the line"}
     panel.fill_between(span, middle - half, middle + half, **band)
     panel.plot(span, middle, color="0.15", lw=1.4, label="line, of all frames together")
-    edge = joint.smallest_angle
+    edge = SMALLEST_ANGLE
     panel.axvspan(max(joint.range[0], -edge), edge, color="0.93", lw=0, zorder=0, label="angle too small, left out")
     panel.set_ylim(np.mean(middle) - height / 2, np.mean(middle) + height / 2)
     line = joint.line

@@ -1,4 +1,4 @@
-"""Rigid motions: axis, angle and centre of a one-axis joint, and the pose of a segment from its three markers.
+"""Rigid motions: moving joint axes, the paper's screws (Eq. 4-18), triads of markers, and the check of their labels.
 
 Rotations R (3, 3) and motions T = [R p; 0 1] (4, 4) act on the leading axes (`...`), which are frames of a recording.
 
@@ -7,19 +7,16 @@ The centre of an axis moves with the angle, as in a rolling contact (paper Table
     e^{[S(theta)] theta},  S(theta) = (w, -w x Q(theta)),  Q(theta) = Y + G theta
     R = e^{[w] theta},     p = (I - R) Q(theta)
 
-Q is the centre of the finite rotation from the reference posture. With G = 0 the axis is an ordinary screw.
-
-A finger joint has a constant axis, so it is estimated once from all frames, which removes its noise from every centre.
-With the axis known, w x G^{-1} p of Eq. 8-12 has the closed form
+Q is the centre of the finite rotation from the reference posture. With G = 0 the axis is an ordinary screw. With the
+axis known, Q = w x v with v = G^{-1} p of Eq. 8-12 has the closed form
 
     Q = 1/2 p + 1/2 cot(theta/2) w x p                p normal to w
 
 with an error that grows as 1/theta. Frames therefore have the weight (2 sin(theta/2))^2, about theta^2, in all sums.
 
-The sides of a triad are the medians of the marker distances over all frames, which neither the motion of the hand nor a
-few swapped frames disturb. Its frame has the origin in the centroid, x from the first marker to the second, and z
-normal to the triangle (first to second to third, right-handed). The pose in each frame of the recording is the
-least-squares fit of that shape to the measured markers (Kabsch).
+A triad is three markers on one segment. Its sides are the medians of the marker distances over all frames, which
+neither the motion of the hand nor a few swapped frames disturb. Its frame has the origin in the centroid, x from the
+first marker to the second, and z normal to the triangle. Poses are least-squares fits of that shape (Kabsch).
 
 A triad is rigid, so a wrong label shows as a jump of the residual, in both triads if the swap is between segments. A
 frame counts as swapped if the exchange of one pair restores the shape of every triad. Triads should have three
@@ -31,7 +28,7 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+from scipy.spatial.transform import RigidTransform, Rotation
 
 from exodrake.core.errors import InputError
 from exodrake.identification.kinematics.markers import SEGMENTS, Layout, Recording
@@ -44,21 +41,9 @@ def hat(w: np.ndarray) -> np.ndarray:
     return matrix - np.swapaxes(matrix, -1, -2)
 
 
-def vee(matrix: np.ndarray) -> np.ndarray:
-    """Vector of the antisymmetric part (M - M^T) / 2: (..., 3, 3) [-] to (..., 3) [-]."""
-    part = (matrix - np.swapaxes(matrix, -1, -2)) / 2
-    return np.stack([part[..., 2, 1], part[..., 0, 2], part[..., 1, 0]], axis=-1)
-
-
-def rotation(axis: np.ndarray, angle: np.ndarray | float) -> np.ndarray:
-    """Rotation e^{[w] theta} (..., 3, 3) about unit axes (..., 3) by angles (...) [rad], Rodrigues' formula."""
-    w, theta = hat(axis), np.asarray(angle)[..., None, None]
-    return np.eye(3) + np.sin(theta) * w + (1 - np.cos(theta)) * (w @ w)
-
-
-def turned_by(vector: np.ndarray) -> np.ndarray:
+def rotation(vector: np.ndarray) -> np.ndarray:
     """Rotation e^{[v]} (..., 3, 3) of rotation vectors (..., 3) [rad]."""
-    return Rotation.from_rotvec(np.reshape(vector, (-1, 3))).as_matrix().reshape(*np.shape(vector), 3)
+    return Rotation.from_rotvec(vector).as_matrix()
 
 
 def motion(matrix: np.ndarray, shift: np.ndarray) -> np.ndarray:
@@ -69,7 +54,7 @@ def motion(matrix: np.ndarray, shift: np.ndarray) -> np.ndarray:
 
 
 def inverse(pose: np.ndarray) -> np.ndarray:
-    """Inverse [R^T, -R^T p; 0 1] of poses (..., 4, 4) (Eq. 6)."""
+    """Inverse [R^T, -R^T p; 0 1] of poses (..., 4, 4) [m] (Eq. 6), NaN where they are."""
     turned = np.swapaxes(pose[..., :3, :3], -1, -2)
     return motion(turned, -np.einsum("...ij,...j->...i", turned, pose[..., :3, 3]))
 
@@ -77,6 +62,11 @@ def inverse(pose: np.ndarray) -> np.ndarray:
 def apply(pose: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Points (..., k, 3) [m] carried by poses (..., 4, 4): X_M = T_MF X_F (Eq. 4)."""
     return points @ np.swapaxes(pose[..., :3, :3], -1, -2) + pose[..., None, :3, 3]
+
+
+def across(vector: np.ndarray, direction: np.ndarray) -> np.ndarray:
+    """Component of vectors (..., 3) [m] normal to a unit direction (3,) [-]: the observable part of a centre."""
+    return vector - np.asarray(vector @ direction)[..., None] * direction
 
 
 @dataclass(frozen=True)
@@ -97,18 +87,25 @@ class Axis:
         """Centre Q(theta) (..., 3) [m] at angles (...) [rad]."""
         return self.point + self.slope * np.asarray(angle)[..., None]
 
+    def turn(self, angle: np.ndarray) -> np.ndarray:
+        """Rotation (..., 3, 3) by angles (...,) [rad]."""
+        return rotation(self.direction * np.asarray(angle)[..., None])
+
     def pose(self, angle: np.ndarray) -> np.ndarray:
         """Motion from the reference posture (..., 4, 4) at angles (...) [rad]."""
-        turn = rotation(self.direction, angle)
-        centre = self.centre(angle)
+        turn, centre = self.turn(angle), self.centre(angle)
         return motion(turn, centre - np.einsum("...ij,...j->...i", turn, centre))
+
+    def velocity(self, angle: np.ndarray) -> np.ndarray:
+        """Spatial velocity (w, -w x Q + (I - R) G) per rad (..., 6) [-, m/rad] at angles (...) [rad]."""
+        v = np.cross(self.centre(angle), self.direction) + self.slope - self.turn(angle) @ self.slope
+        return np.concatenate([np.broadcast_to(self.direction, v.shape), v], axis=-1)
 
     def seen_from(self, pose: np.ndarray) -> "Axis":
         """The axis in the frame of a pose (4, 4) [m], centre and slope normal to it."""
         into = inverse(pose)
-        turn = into[:3, :3]
-        w = turn @ self.direction
-        return Axis(w, across(apply(into, self.point[None])[0], w), across(turn @ self.slope, w))
+        w = into[:3, :3] @ self.direction
+        return Axis(w, across(apply(into, self.point[None])[0], w), across(into[:3, :3] @ self.slope, w))
 
 
 def chain_pose(axes: Sequence[Axis], angles: np.ndarray) -> np.ndarray:
@@ -117,44 +114,6 @@ def chain_pose(axes: Sequence[Axis], angles: np.ndarray) -> np.ndarray:
     for number, axis in enumerate(axes[1:], start=1):
         pose = pose @ axis.pose(angles[:, number])
     return pose
-
-
-def across(vector: np.ndarray, direction: np.ndarray) -> np.ndarray:
-    """Component of vectors (..., 3) [m] normal to a unit direction (3,) [-]: the observable part of a centre."""
-    return vector - np.asarray(vector @ direction)[..., None] * direction
-
-
-def joint_points(near: Axis, far: Axis, origin: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Points (3,) [m] where axes cross the plane through `origin` (3,) [m] normal to their mean; that normal (3,)."""
-    normal = near.direction + far.direction
-    normal = normal / np.linalg.norm(normal)
-    a, b = (
-        axis.point + axis.direction * ((origin - axis.point) @ normal) / (axis.direction @ normal)
-        for axis in (near, far)
-    )
-    return a, b, normal
-
-
-def mean_axis(turns: np.ndarray) -> np.ndarray:
-    """Estimate the unit direction (3,) [-] of the common axis of rotations (frames, 3, 3) from the reference posture.
-
-    It is the principal direction of w sin theta, so small angles have little weight; positive towards the larger
-    excursion (flexion).
-    """
-    sines = vee(turns)
-    _, vectors = np.linalg.eigh(sines.T @ sines)
-    axis = vectors[:, -1]
-    along = sines @ axis
-    return axis if np.sum(along * np.abs(along)) >= 0 else -axis
-
-
-def angle_about(turns: np.ndarray, axis: np.ndarray) -> np.ndarray:
-    """Signed angle (frames,) [rad] about an axis (3,) nearest to each rotation (frames, 3, 3).
-
-    tan theta = (w . vee(R - R^T) / 2) / ((tr R - w^T R w) / 2), exact for a rotation about w and unbiased near zero.
-    """
-    about = np.einsum("i,fij,j->f", axis, turns, axis)
-    return np.arctan2(vee(turns) @ axis, (np.trace(turns, axis1=1, axis2=2) - about) / 2)
 
 
 def centres(turns: np.ndarray, axis: np.ndarray, angle: np.ndarray, about: np.ndarray) -> np.ndarray:
@@ -170,53 +129,71 @@ def centres(turns: np.ndarray, axis: np.ndarray, angle: np.ndarray, about: np.nd
     Returns:
         Centres (frames, 3) [m], NaN at angle 0.
     """
-    moved = turns[:, :3, :3] @ about + turns[:, :3, 3] - about
-    moved = across(moved, axis)
+    shift = across(turns[:, :3, :3] @ about + turns[:, :3, 3] - about, axis)
     with np.errstate(divide="ignore", invalid="ignore"):
-        quarter = np.cross(axis, moved) / np.tan(angle / 2)[:, None]
-    found = across(about, axis) + (moved + quarter) / 2
+        quarter = np.cross(axis, shift) / np.tan(angle / 2)[:, None]
+    found = across(about, axis) + (shift + quarter) / 2
     found[angle == 0] = np.nan
     return found
 
 
-def weight(angle: np.ndarray) -> np.ndarray:
-    """Weight (2 sin(theta/2))^2 (frames,) [-] of centres at angles (frames,) [rad]: their inverse relative variance."""
-    return (2 * np.sin(angle / 2)) ** 2
+def joint_centre(pose: np.ndarray) -> np.ndarray:
+    """The paper's centre Q = w x v (..., 3) [m] of motions (..., 4, 4) about an axis (Eq. 12); NaN for no rotation.
+
+    Eq. 13, |Q| = |v| / |w|, agrees for a pure rotation only: a slide along the axis adds to |v|, not to w x v.
+    """
+    screw = RigidTransform.from_matrix(pose).as_exp_coords()
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.cross(screw[..., :3], screw[..., 3:]) / np.sum(screw[..., :3] ** 2, axis=-1, keepdims=True)
+
+
+NEWTON_STEPS, CONVERGED = 50, 1e-10  # steps at most, and rad: a step below this is the last
+
+
+def joint_angles(axes: Sequence[Axis], turns: np.ndarray, start: np.ndarray | None = None) -> np.ndarray:
+    """The paper's angles of a joint with one or more axes by Newton's iteration on the space Jacobian (Eq. 14-18).
+
+        T(theta) = e^{[S1] theta1} e^{[S2] theta2} M        A = vee log(T(theta) T^{-1})
+        -A = J_s dtheta,   theta <- theta + dtheta          J_s = [S1, Ad(e^{[S1] theta1}) S2]
+
+    It takes axes as known and poses as exact; `adjust` weighs all markers by their noise instead.
+
+    Args:
+        axes: from the proximal one to the distal one; for the MCP abduction and flexion.
+        turns: (frames, 4, 4) measured T M^{-1}, motions from the reference posture [m]; NaN where there is none.
+        start: (frames, axes) initial guess [rad]; 0 if None.
+
+    Returns:
+        Angles (frames, axes) [rad], NaN where the motion is.
+
+    Raises:
+        InputError: if the iteration does not converge in a frame.
+    """
+    seen = np.isfinite(turns).all(axis=(1, 2))
+    angles = np.zeros((len(turns), len(axes))) if start is None else np.array(start, dtype=float)
+    angles[~seen] = np.nan
+    left = np.flatnonzero(seen)
+    for _ in range(NEWTON_STEPS):
+        if not len(left):
+            return angles
+        columns, pose = [], np.broadcast_to(np.eye(4), (len(left), 4, 4))
+        for number, axis in enumerate(axes):
+            w, v = np.split(axis.velocity(angles[left, number]), 2, axis=-1)
+            w, v = (np.einsum("fij,fj->fi", pose[:, :3, :3], part) for part in (w, v))
+            columns.append(np.concatenate([w, v + np.cross(pose[:, :3, 3], w)], axis=1))
+            pose = pose @ axis.pose(angles[left, number])
+        error = RigidTransform.from_matrix(pose @ inverse(turns[left])).as_exp_coords()
+        step = -np.einsum("fai,fi->fa", np.linalg.pinv(np.stack(columns, axis=2)), error)
+        angles[left] += step
+        left = left[np.abs(step).max(axis=1) > CONVERGED]
+    raise InputError(f"joint angles: Newton's iteration does not converge in {len(left)} of {len(turns)} frames")
 
 
 FLATTEST = 2e-3  # m; a lower triangle does not determine the rotation about its long side
 
 
-@dataclass(frozen=True)
-class Triad:
-    """Three markers on one segment: names, and positions `shape` (3, 3) [m] in the frame of the segment."""
-
-    names: tuple[str, str, str]
-    shape: np.ndarray
-
-    @property
-    def sides(self) -> np.ndarray:
-        """Distances 1-2, 2-3, 3-1 (3,) [m]."""
-        return np.linalg.norm(self.shape - np.roll(self.shape, -1, axis=0), axis=1)
-
-
-@dataclass(frozen=True)
-class SegmentMotion:
-    """Motion of a segment, NaN where a marker is missing.
-
-    Attributes:
-        triad: The markers.
-        pose: (frames, 4, 4) from the frame of the segment to that of the laboratory [m].
-        residual: (frames,) RMS distance between measured and fitted markers [m].
-    """
-
-    triad: Triad
-    pose: np.ndarray
-    residual: np.ndarray
-
-
-def triad_of(points: np.ndarray, names: tuple[str, str, str], source: str = "recording") -> Triad:
-    """Estimate the shape of a triad from markers (frames, 3, 3) [m] with NaN. InputError if collinear."""
+def triad_shape(points: np.ndarray, names: tuple[str, ...], source: str = "recording") -> np.ndarray:
+    """Triad (3, 3) [m] in its own frame from markers (frames, 3, 3) [m] with NaN. InputError if collinear."""
     whole = points[np.isfinite(points).all(axis=(1, 2))]
     if not len(whole):
         raise InputError(f"{source}: markers {', '.join(names)} are never seen together")
@@ -224,13 +201,12 @@ def triad_of(points: np.ndarray, names: tuple[str, str, str], source: str = "rec
     base, right, left = side
     along = (base**2 + left**2 - right**2) / (2 * base) if base > 0 else 0.0
     height = np.sqrt(max(left**2 - along**2, 0.0))
-    altitude = base * height / max(side)
-    if altitude < FLATTEST:
+    if (altitude := base * height / max(side)) < FLATTEST:
         low = 1e3 * altitude
         raise InputError(
             f"{source}: markers {', '.join(names)} lie on a line (height {low:.2f} mm), which determines no frame"
         )
-    return Triad(names, corners() @ np.array([base, along, height]))
+    return corners() @ np.array([base, along, height])
 
 
 def corners() -> np.ndarray:
@@ -240,21 +216,7 @@ def corners() -> np.ndarray:
     return place - place.mean(axis=0)
 
 
-def place(triad: Triad, points: np.ndarray) -> SegmentMotion:
-    """Fit the pose of a triad to markers (frames, 3, 3) [m] in every frame by least squares (Kabsch)."""
-    return SegmentMotion(triad, *placed(triad.shape, points))
-
-
-def placed(shape: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Poses (frames, 4, 4) [m] and residuals (frames,) [m] of `kabsch`, NaN where one of points is missing."""
-    whole = np.isfinite(points).all(axis=(1, 2))
-    pose, residual = np.full((len(points), 4, 4), np.nan), np.full(len(points), np.nan)
-    if whole.any():
-        pose[whole], residual[whole] = kabsch(shape, points[whole])
-    return pose, residual
-
-
-def kabsch(shape: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def fit_pose(shape: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Fit rigid motions of a shape to points by least squares (Kabsch).
 
     Args:
@@ -262,16 +224,21 @@ def kabsch(shape: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarra
         points: (frames, k, 3) measured points [m].
 
     Returns:
-        Poses (frames, 4, 4) [m] and RMS residuals (frames,) [m].
+        Poses (frames, 4, 4) [m] and RMS residuals (frames,) [m], NaN in frames where a point is missing.
     """
-    middle, centre = shape.mean(axis=0), points.mean(axis=1)
-    moved, wanted = shape - middle, points - centre[:, None, :]
-    u, _, vt = np.linalg.svd(np.einsum("ki,fkj->fij", moved, wanted))
-    sign = np.linalg.det(u @ vt)
-    u[:, :, 2] *= sign[:, None]
+    whole = np.isfinite(points).all(axis=(1, 2))
+    pose, residual = np.full((len(points), 4, 4), np.nan), np.full(len(points), np.nan)
+    if not whole.any():
+        return pose, residual
+    middle, centre = shape.mean(axis=0), points[whole].mean(axis=1)
+    own, wanted = shape - middle, points[whole] - centre[:, None, :]
+    u, _, vt = np.linalg.svd(np.einsum("ki,fkj->fij", own, wanted))
+    u[:, :, 2] *= np.linalg.det(u @ vt)[:, None]
     turn = np.swapaxes(u @ vt, 1, 2)
-    left = wanted - moved @ np.swapaxes(turn, 1, 2)
-    return motion(turn, centre - turn @ middle), np.sqrt(np.mean(np.sum(left**2, axis=2), axis=1))
+    left = wanted - own @ np.swapaxes(turn, 1, 2)
+    pose[whole] = motion(turn, centre - turn @ middle)
+    residual[whole] = np.sqrt(np.mean(np.sum(left**2, axis=2), axis=1))
+    return pose, residual
 
 
 def triad_pose(points: np.ndarray) -> np.ndarray:
@@ -280,11 +247,6 @@ def triad_pose(points: np.ndarray) -> np.ndarray:
     z = np.cross(x, points[2] - points[0])
     x, z = x / np.linalg.norm(x), z / np.linalg.norm(z)
     return motion(np.stack([x, np.cross(z, x), z], axis=1), points.mean(axis=0))
-
-
-def mean_pose(poses: np.ndarray) -> np.ndarray:
-    """Mean (4, 4) of poses (frames, 4, 4) [m] that lie close together and hold no NaN."""
-    return motion(Rotation.from_matrix(poses[:, :3, :3]).mean().as_matrix(), poses[:, :3, 3].mean(axis=0))
 
 
 PAIRS = tuple(combinations(range(12), 2))  # of markers that may carry each other's name
@@ -305,9 +267,9 @@ class Swap:
 
 @dataclass(frozen=True)
 class LabelCheck:
-    """Result of `check_labels`: triads, swaps, unusable frames `spoilt` (4, frames), and remarks for the report."""
+    """Result of `check_labels`: shapes (4, 3, 3) [m], swaps, unusable frames `spoilt` (4, frames), and remarks."""
 
-    triads: tuple[Triad, ...]
+    shapes: np.ndarray
     swaps: tuple[Swap, ...]
     spoilt: np.ndarray
     remarks: tuple[str, ...]
@@ -316,102 +278,73 @@ class LabelCheck:
 def check_labels(recording: Recording, layout: Layout) -> LabelCheck:
     """Compare every frame with the shapes of the triads. InputError for missing markers, collinear or loose triads."""
     points = recording.of(layout.finger)
-    triads = _triads(points, layout, recording.source)
-    residual = _residuals(triads, points)
+    shapes = _shapes(points, layout, recording.source)
+    residual = _residuals(shapes, points)
     median = np.nanmedian(residual, axis=1)
     _refuse_loose(recording, layout, points, np.nanquantile(residual, 0.9, axis=1))
     limit = np.maximum(OUTLIER * median, EXACT)[:, None]
     bad = residual > limit
-    suspects = np.flatnonzero(bad.any(axis=0))
-    pairs = np.full(len(points), -1)
-    pairs[suspects] = _exchanges(triads, points[suspects], bad[:, suspects], limit)
-    for pair in np.unique(pairs[pairs >= 0]):
-        pairs = _extended(triads, points, residual, pairs, int(pair))
+    # in each suspect frame the pair whose exchange gives the smallest residual, or -1
+    suspects, pairs = np.flatnonzero(bad.any(axis=0)), np.full(len(points), -1)
+    best, answer = np.full(len(suspects), np.inf), np.full(len(suspects), -1)
+    for number, (a, b) in enumerate(PAIRS if len(suspects) else ()):
+        touched = bad[a // 3, suspects] | bad[b // 3, suspects]
+        if touched.any():
+            swapped = np.nan_to_num(_residuals(shapes, _exchanged(points[suspects], (a, b))) / limit)
+            worst = np.where(touched, swapped.max(axis=0), np.inf)
+            better = (worst < 1 / 2) & (worst < best)
+            best[better], answer[better] = worst[better], number
+    pairs[suspects] = answer
+    # neighbouring frames whose residual is smaller with the exchange: noise hides single frames
+    for pair in np.unique(pairs[pairs >= 0]).tolist():
+        swapped = _residuals(shapes, _exchanged(points, PAIRS[pair]))
+        better = (np.nansum(swapped, axis=0) < np.nansum(residual, axis=0)) | (pairs == pair)
+        for first, stop in np.flatnonzero(np.diff(np.r_[False, better, False])).reshape(-1, 2):
+            if np.mean(pairs[first:stop] == pair) > 1 / 4:
+                pairs[first:stop] = pair
+    runs = np.split(np.arange(len(pairs)), np.flatnonzero(np.diff(pairs)) + 1)
+    swaps = []
+    for run in runs:
+        if len(run) and (pair := pairs[run[0]]) >= 0:
+            a, b = (layout.finger[marker] for marker in PAIRS[pair])
+            swaps.append(Swap((a, b), int(run[0]), int(run[-1])))
     spoilt = bad & (pairs < 0)
-    swaps = _runs(np.flatnonzero(pairs >= 0), pairs[pairs >= 0], layout.finger)
-    return LabelCheck(triads, swaps, spoilt, _remarks(triads, median, spoilt))
+    remarks = []
+    for name, shape, level, lost in zip(SEGMENTS, shapes, median, spoilt):
+        sides = np.sort(np.linalg.norm(shape - np.roll(shape, -1, axis=0), axis=1))
+        if (near := np.diff(sides).min()) < 2 * max(OUTLIER * level, EXACT):
+            remarks.append(f"{name} triad: two sides differ by {1e3 * near:.1f} mm only, some swaps would not be seen")
+        if lost.any():
+            count = np.count_nonzero(lost)
+            remarks.append(f"{name} triad: {count} frames left out: wrong shape that no exchange corrects")
+    return LabelCheck(shapes, tuple(swaps), spoilt, tuple(remarks))
 
 
-def refuse_swaps(check: LabelCheck, recording: Recording) -> None:
-    """Raise InputError naming the markers and the first frame, if any are swapped."""
-    if check.swaps:
-        swap = check.swaps[0]
-        frames = sum(s.last - s.first + 1 for s in check.swaps)
-        a, b = swap.names
-        raise InputError(
-            f"{recording.source}: markers {a} and {b} are swapped from frame {swap.first}"
-            f" ({recording.time[swap.first]:.3f} s) to {swap.last}"
-            f" ({frames} swapped frames in all); correct the labels, or let --repair exchange them"
-        )
-
-
-def relabelled(recording: Recording, swaps: tuple[Swap, ...]) -> Recording:
+def exchange_labels(recording: Recording, swaps: tuple[Swap, ...]) -> Recording:
     """Exchange the swapped markers of a recording."""
     positions = recording.positions.copy()
     for swap in swaps:
-        a, b = (recording.names.index(name) for name in swap.names)
-        span = slice(swap.first, swap.last + 1)
-        positions[span, a], positions[span, b] = recording.positions[span, b], recording.positions[span, a]
+        pair, span = [recording.names.index(name) for name in swap.names], slice(swap.first, swap.last + 1)
+        positions[span] = _exchanged(positions[span], (pair[0], pair[1]))
     return replace(recording, positions=positions)
 
 
-def _residuals(triads: tuple[Triad, ...], points: np.ndarray) -> np.ndarray:
+def _residuals(shapes: np.ndarray, points: np.ndarray) -> np.ndarray:
     """RMS residual (4, frames) [m] of points (frames, 12, 3) [m], NaN where a marker is missing."""
-    return np.stack([placed(triad.shape, points[:, 3 * k : 3 * k + 3])[1] for k, triad in enumerate(triads)])
+    return np.stack([fit_pose(shape, points[:, 3 * k : 3 * k + 3])[1] for k, shape in enumerate(shapes)])
 
 
-def _triads(points: np.ndarray, layout: Layout, source: str) -> tuple[Triad, ...]:
-    """Shapes of the four triads from points (frames, 12, 3) [m]. InputError for a collinear one."""
-    return tuple(triad_of(points[:, 3 * k : 3 * k + 3], names, source) for k, names in enumerate(layout.segments))
+def _shapes(points: np.ndarray, layout: Layout, source: str) -> np.ndarray:
+    """Shapes (4, 3, 3) [m] of the triads from points (frames, 12, 3) [m]. InputError for a collinear one."""
+    triads = enumerate(layout.segments)
+    return np.stack([triad_shape(points[:, 3 * k : 3 * k + 3], names, source) for k, names in triads])
 
 
 def _exchanged(points: np.ndarray, pair: tuple[int, int]) -> np.ndarray:
-    """Points (frames, 12, 3) [m] with a pair of markers exchanged."""
+    """Points (frames, markers, 3) [m] with a pair of markers exchanged."""
     swapped = points.copy()
     swapped[:, pair] = points[:, pair[::-1]]
     return swapped
-
-
-def _exchanges(triads: tuple[Triad, ...], points: np.ndarray, bad: np.ndarray, limit: np.ndarray) -> np.ndarray:
-    """Find in each suspect frame the pair whose exchange gives the smallest residual, or -1."""
-    best, answer = np.full(len(points), np.inf), np.full(len(points), -1)
-    if not len(points):
-        return answer
-    for number, (a, b) in enumerate(PAIRS):
-        if not bad[[a // 3, b // 3]].any():
-            continue
-        residual = np.nan_to_num(_residuals(triads, _exchanged(points, (a, b))) / limit)
-        touched = bad[a // 3] | bad[b // 3]
-        worst = np.where(touched, residual.max(axis=0), np.inf)
-        better = (worst < 1 / 2) & (worst < best)
-        best[better], answer[better] = worst[better], number
-    return answer
-
-
-def _extended(
-    triads: tuple[Triad, ...], points: np.ndarray, residual: np.ndarray, pairs: np.ndarray, pair: int
-) -> np.ndarray:
-    """Extend a swap to neighbouring frames whose residual is smaller with the exchange: noise hides single frames."""
-    swapped = _residuals(triads, _exchanged(points, PAIRS[pair]))
-    better = np.nansum(swapped, axis=0) < np.nansum(residual, axis=0)
-    better |= pairs == pair
-    bounds = np.flatnonzero(np.diff(np.r_[False, better, False]))
-    for first, stop in bounds.reshape(-1, 2):
-        if np.mean(pairs[first:stop] == pair) > 1 / 4:
-            pairs[first:stop] = pair
-    return pairs
-
-
-def _runs(frames: np.ndarray, pairs: np.ndarray, names: tuple[str, ...]) -> tuple[Swap, ...]:
-    """Join consecutive frames with the same exchange into swaps."""
-    swaps: list[Swap] = []
-    for frame, pair in zip(frames.tolist(), pairs.tolist(), strict=True):
-        a, b = (names[marker] for marker in PAIRS[pair])
-        if swaps and swaps[-1].names == (a, b) and swaps[-1].last == frame - 1:
-            swaps[-1] = replace(swaps[-1], last=frame)
-        else:
-            swaps.append(Swap((a, b), frame, frame))
-    return tuple(swaps)
 
 
 def _refuse_loose(recording: Recording, layout: Layout, points: np.ndarray, residual: np.ndarray) -> None:
@@ -426,31 +359,14 @@ def _refuse_loose(recording: Recording, layout: Layout, points: np.ndarray, resi
     for a, b in PAIRS:
         if a // 3 == b // 3 or k not in (a // 3, b // 3):
             continue
-        if _worst_change(_exchanged(some, (a, b)), layout) < residual[k] / 2:
+        swapped = _exchanged(some, (a, b))
+        try:
+            residuals = _residuals(_shapes(swapped, layout, "recording"), swapped)
+        except InputError:  # collinear
+            continue
+        if np.nanquantile(residuals, 0.9, axis=1).max() < residual[k] / 2:
             raise InputError(
                 f"{loose}; with {layout.finger[a]} and {layout.finger[b]} exchanged they do not: look at these labels"
             )
     if residual[k] > LOOSE:
         raise InputError(loose)
-
-
-def _worst_change(points: np.ndarray, layout: Layout) -> float:
-    """Residual that the worst triad exceeds in a tenth of the frames [m]; infinite for a collinear triad."""
-    try:
-        triads = _triads(points, layout, "recording")
-    except InputError:
-        return np.inf
-    return float(np.nanquantile(_residuals(triads, points), 0.9, axis=1).max())
-
-
-def _remarks(triads: tuple[Triad, ...], median: np.ndarray, spoilt: np.ndarray) -> tuple[str, ...]:
-    remarks = []
-    for k, triad in enumerate(triads):
-        sides = np.sort(triad.sides)
-        if np.diff(sides).min() < 2 * max(OUTLIER * median[k], EXACT):
-            near = 1e3 * np.diff(sides).min()
-            remarks.append(f"{SEGMENTS[k]} triad: two sides differ by {near:.1f} mm only, some swaps would not be seen")
-        if spoilt[k].any():
-            count = np.count_nonzero(spoilt[k])
-            remarks.append(f"{SEGMENTS[k]} triad: {count} frames left out: wrong shape that no exchange corrects")
-    return tuple(remarks)

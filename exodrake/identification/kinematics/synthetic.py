@@ -99,75 +99,45 @@ def synthesise(hand: Hand, faults: Faults, duration: float, rate: float, seed: i
             raise InputError(f"synthesise: {name} is {value:g}, wanted a number from 0")
     rng = np.random.default_rng(seed)
     time = np.arange(round(duration * rate)) / rate
-    angles = wanted_angles(time, hand)
-    rest, layout = rest_markers(hand), Layout()
-    axes = _axes_at_rest(hand)
-    places = []
-    for number, name in enumerate((*SEGMENTS, "thumb")):
-        joints = min(number + 1, 4) if 0 < number < 4 else 0
-        carried = chain_pose(axes[:joints], angles) if joints else np.broadcast_to(np.eye(4), (len(time), 4, 4))
-        nearest = angles[:, joints - 1] if joints else np.zeros(len(time))
-        places.append(apply(carried, rest[name] + _skin_motion(len(rest[name]), nearest, faults.artefact, rng)))
-    positions = apply(_hand_motion(time), np.concatenate(places, axis=1))
-    names = (*layout.finger, *layout.thumb)
-    recording = Recording(names, time, _faulty(positions, time, faults, rng), f"synthetic, seed {seed}")
-    seen = [a.seen_from(triad_pose(rest[n])) for a, n in zip(axes, ("base", "base", "proximal", "middle"), strict=True)]
-    return recording, Truth(angles, tuple(seen), hand.lengths)  # type: ignore[arg-type]
-
-
-def wanted_angles(time: np.ndarray, hand: Hand) -> np.ndarray:
-    """Abduction, MCP, PIP, DIP (frames, 4) [rad] at times (frames,) [s]: rest, then sines."""
-    rise = smooth((time - 1.0) / 1.5)
-    columns = []
+    # angles: rest, then sines
+    rise, columns = smooth((time - 1.0) / 1.5), []
     for number, (low, high) in enumerate((hand.abduction, *hand.flexion)):
-        update = 2 * np.pi * (0.19 + 0.06 * number) * time + 0.7 * number
-        columns.append(rise * ((low + high) / 2 + (high - low) / 2 * np.sin(update)))
-    return np.stack(columns, axis=1)
-
-
-def rest_markers(hand: Hand) -> dict[str, np.ndarray]:
-    """Markers (k, 3) [m] of each segment at rest, with the tip marker at the end of the finger."""
-    joints = {"proximal": 0.0, "middle": hand.lengths[0], "distal": hand.lengths[0] + hand.lengths[1]}
+        phase = 2 * np.pi * (0.19 + 0.06 * number) * time + 0.7 * number
+        columns.append(rise * ((low + high) / 2 + (high - low) / 2 * np.sin(phase)))
+    angles = np.stack(columns, axis=1)
+    # finger at rest, the tip marker at its end
+    joints = np.cumsum([0.0, hand.lengths[0], hand.lengths[1]])
+    palmar, still = np.array([0.0, 0, -1]), np.zeros(3)
+    bends = [Axis(palmar, np.array([x, 0, 0]), np.array(g, dtype=float)) for x, g in zip(joints, hand.slopes)]
+    axes = (Axis(np.array([0.0, 1, 0]), still, still), *bends)
     rest = {name: MM * np.array(places, dtype=float) for name, places in PLACES.items()}
     rest["distal"][1, 0] = hand.lengths[2]
-    return {name: places + np.array([joints.get(name, 0.0), 0, 0]) for name, places in rest.items()}
-
-
-def _axes_at_rest(hand: Hand) -> tuple[Axis, Axis, Axis, Axis]:
-    dorsal, palmar_turn = np.array([0.0, 1, 0]), np.array([0.0, 0, -1])
-    centres = np.cumsum([0.0, hand.lengths[0], hand.lengths[1]])
-    bends = [
-        Axis(palmar_turn, np.array([x, 0, 0]), np.array(g, dtype=float))
-        for x, g in zip(centres, hand.slopes, strict=True)
-    ]
-    return Axis(dorsal, np.zeros(3), np.zeros(3)), *bends  # type: ignore[return-value]
-
-
-def _skin_motion(markers: int, angle: np.ndarray, artefact: float, rng: np.random.Generator) -> np.ndarray:
-    """Shift of each marker (frames, k, 3) [m], proportional to the angle of the proximal joint."""
-    ways = rng.standard_normal((markers, 3))
-    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
-    return artefact * angle[:, None, None] * ways
-
-
-def _hand_motion(time: np.ndarray) -> np.ndarray:
-    """Pose of the hand (frames, 4, 4) [m], which drifts and rotates slowly."""
-    axis = np.array([0.48, 0.6, 0.64])
-    shift = np.stack(
-        [0.4 + 0.03 * np.sin(0.6 * time), 0.1 + 0.02 * np.sin(0.9 * time), 0.9 + 0.02 * np.cos(0.5 * time)], axis=1
-    )
-    return motion(rotation(axis, 0.7 + 0.25 * np.sin(0.7 * time)), shift)
-
-
-def _faulty(positions: np.ndarray, time: np.ndarray, faults: Faults, rng: np.random.Generator) -> np.ndarray:
-    """Add noise, then gaps, to positions (frames, markers, 3) [m]."""
-    seen = positions + faults.noise * rng.standard_normal(positions.shape)
-    step = time[1] - time[0]
+    for name, x in zip(SEGMENTS[1:], joints):
+        rest[name] = rest[name] + np.array([x, 0, 0])
+    # skin drags each marker along with the angle of the proximal joint
+    places = []
+    for number, name in enumerate((*SEGMENTS, "thumb")):
+        before = number + 1 if 0 < number < 4 else 0
+        carried = chain_pose(axes[:before], angles) if before else np.broadcast_to(np.eye(4), (len(time), 4, 4))
+        nearest = angles[:, before - 1] if before else np.zeros(len(time))
+        ways = rng.standard_normal((len(rest[name]), 3))
+        ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+        places.append(apply(carried, rest[name] + faults.artefact * nearest[:, None, None] * ways))
+    # the hand drifts and turns slowly
+    turn = np.array([0.48, 0.6, 0.64]) * (0.7 + 0.25 * np.sin(0.7 * time))[:, None]
+    waves = (0.03 * np.sin(0.6 * time), 0.02 * np.sin(0.9 * time), 0.02 * np.cos(0.5 * time))
+    shift = np.array([0.4, 0.1, 0.9]) + np.stack(waves, axis=1)
+    positions = apply(motion(rotation(turn), shift), np.concatenate(places, axis=1))
+    positions = positions + faults.noise * rng.standard_normal(positions.shape)
+    gap = max(1, round(faults.gap / (time[1] - time[0])))
     for marker in range(positions.shape[1]):
         count = rng.poisson(faults.dropouts * time[-1] / 60) if faults.dropouts else 0
         for first in rng.integers(0, len(time), size=count):
-            seen[first : first + max(1, round(faults.gap / step)), marker] = np.nan
-    return seen
+            positions[first : first + gap, marker] = np.nan
+    layout = Layout()
+    recording = Recording((*layout.finger, *layout.thumb), time, positions, f"synthetic, seed {seed}")
+    seen = [a.seen_from(triad_pose(rest[n])) for a, n in zip(axes, ("base", *SEGMENTS[:3]), strict=True)]
+    return recording, Truth(angles, tuple(seen), hand.lengths)  # type: ignore[arg-type]
 
 
 def truth_yaml(truth: Truth) -> str:
