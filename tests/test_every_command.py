@@ -47,7 +47,7 @@ SOME = {
 NONE = ("demo", "identify", "blind", "import", "new-machine", "feedforward", "warm-up", "fleet")
 REFUSED = {"calibrate", "fit", "grasp", "train", "estimate"}  # what this test asks of these is wrong for any machine
 LONG = {"analyse", "tune", "workspace"}  # for the machine that they are made for, tested elsewhere
-MADE_FOR, LOOPS = "exo_index", {"emps", "mixed_loop"}  # other machines that declare a closed loop
+MADE_FOR, LOOPS = "exo_index", {"dvrk_wrist", "emps", "mixed_loop", "so101", "tendon_sheath"}  # others with a loop
 ARMS = {
     "cable_arm": ["--urdf", "cable_arm"],
     "mixed_loop": ["--urdf", "{}", "--form", "closed-loop"],

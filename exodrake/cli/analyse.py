@@ -61,15 +61,17 @@ def command(file, parameters, effects, parts, at, draws, diagnosis, seed, out, t
 
     from exodrake.analysis.closed_loop import analyse, model_bytes, to_plain
     from exodrake.analysis.figures import draw_figures
+    from exodrake.analysis.frame_map import add_controller
     from exodrake.analysis.limit_cycles import limit_cycles
     from exodrake.analysis.uncertainty import assess_answer, read_diagnosis
     from exodrake.cli.simulate import warn
     from exodrake.core.files import make_folder, write_bytes
+    from exodrake.machines.robot_file import load_robot
 
     answer, improved = read_diagnosis(diagnosis) if diagnosis else (None, None)
     if improved and click.get_current_context().get_parameter_source("file") == ParameterSource.DEFAULT:
         file = str(improved)
-    robot, point = robot_of(file, parameters, effects, parts), point_of(at)
+    robot, point = robot_of(add_controller(load_robot(file)), parameters, effects, parts), point_of(at)
     with Console(stderr=True).status("analysing (the first run after a change compiles for half a minute)"):
         result = analyse(robot, point, seed)
         uncertainty = None if answer is None else assess_answer(robot, answer, point, draws or 12)
@@ -90,13 +92,10 @@ def command(file, parameters, effects, parts, at, draws, diagnosis, seed, out, t
         click.echo("wrote " + ", ".join(str(path) for path in contents))
 
 
-def robot_of(file: str, parameters: tuple[str, ...], effects: tuple[str, ...], parts: tuple[str, ...]) -> Robot:
-    """The robot of the options: parts first, then parameters, then effects."""
-    from exodrake.analysis.frame_map import add_controller
-    from exodrake.machines.robot_file import load_robot
+def robot_of(robot: Robot, parameters: tuple[str, ...], effects: tuple[str, ...], parts: tuple[str, ...]) -> Robot:
+    """A robot with what the options change: parts first, then parameters, then effects."""
     from exodrake.simulation.scenario import channels_of, parse_effect, parse_number
 
-    robot = add_controller(load_robot(file))
     for part in parts:
         robot = robot.with_part(part)
     robot = robot.with_parameters(dict(parse_number(text, robot) for text in parameters))

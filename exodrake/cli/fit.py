@@ -36,7 +36,7 @@ def command(cases, free, bounds, held_out, prediction, file, parameters, effects
     from exodrake.core.errors import InputError
     from exodrake.data.plot import png_of
     from exodrake.identification.fit import fit
-    from exodrake.machines.robot_file import robot_text
+    from exodrake.machines.robot_file import load_robot, robot_text
 
     limits = {}
     for text in bounds:
@@ -46,7 +46,7 @@ def command(cases, free, bounds, held_out, prediction, file, parameters, effects
             raise InputError(f"--bounds: {text!r} is not of the form NAME=LOW..HIGH")
         limits[name.strip()] = (low, high)
     with Console(stderr=True).status("fitting (the first run after a change compiles for half a minute)"):
-        robot = robot_of(file, parameters, effects, parts)
+        robot = robot_of(load_robot(file), parameters, effects, parts)
         found = fit(robot, cases[0] if len(cases) == 1 else cases, free, limits, held_out, prediction)
     console = Console(stderr=target == STDOUT)
     console.print(Markdown(found.table))

@@ -43,7 +43,7 @@ def command(cases, input, output, file, parameters, effects, parts, improved, se
 
     if bool(input) != bool(output):
         raise InputError("--from and --to belong together; without both, every block is estimated")
-    robot = robot_of(file, parameters, effects, parts)
+    robot = robot_of(load_robot(file), parameters, effects, parts)
     case = gather_logs(cases[0] if len(cases) == 1 else cases)
     other = load_robot(improved) if improved else None
     if input:

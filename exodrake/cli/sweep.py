@@ -38,12 +38,13 @@ def command(
     from exodrake.core.progress import counted
     from exodrake.core.schema import read_json
     from exodrake.data.plot import png_of
+    from exodrake.machines.robot_file import load_robot
     from exodrake.report.terminal import table
     from exodrake.simulation.references import from_log
 
     if bool(protocol) == bool(reference) or bool(over) + bool(robots) + bool(diagnosis) != 1:
         raise InputError("wanted a protocol or --reference, and one of --over, --robots and --diagnosis")
-    robot, grid = robot_of(file, parameters, effects, parts), {}
+    robot, grid = robot_of(load_robot(file), parameters, effects, parts), {}
     for text in over:
         name, _, values = text.partition("=")
         ends = values.split(":")

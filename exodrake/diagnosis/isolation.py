@@ -18,7 +18,7 @@ from exodrake.diagnosis.search import NEGLIGIBLE, Fitted, Search
 
 USED, MOST = 20_000, 135_000  # samples that are fitted, and at most where the rest shows a gap that this part does not
 SAMPLING = 3.0  # standard deviations of a mean square over runs with noise that a gap must exceed, too
-ROUNDS, LEAST_GAIN = 1, 0.1  # nominal Jacobians of retuning; mean log chi-square that one gains for a next one
+ROUNDS, LEAST_GAIN = 3, 0.1  # nominal Jacobians of retuning; mean log chi-square that one gains for a next one
 
 
 @dataclass(frozen=True, eq=False)
