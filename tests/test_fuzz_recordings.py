@@ -270,7 +270,7 @@ def test_spoilt_recordings_of_machines(place, data, name):
 def test_spoilt_answers_of_a_diagnosis(data, place):
     """`analyse --diagnosis` draws no robots from what is no answer."""
     from exodrake.analysis.robustness import within_intervals
-    from exodrake.cli.analyse import answer_of
+    from exodrake.analysis.uncertainty import read_diagnosis
 
     interval = {"value": 1e-3, "low": 9e-4, "high": 1.2e-3, "unit": "m/s"}
     effect = {
@@ -283,4 +283,4 @@ def test_spoilt_answers_of_a_diagnosis(data, place):
     file = place() / "answer.json"
     file.write_bytes(data.draw(spoilt_page({"verdict": "x", "effects": [effect]}, json_bytes)))
     with suppress(exo.InputError):
-        assert all(label for label, _ in within_intervals(exo.load_robot(), answer_of(file), 2))
+        assert all(label for label, _ in within_intervals(exo.load_robot(), read_diagnosis(file)[0], 2))

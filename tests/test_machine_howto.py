@@ -22,7 +22,7 @@ REFUSED = [
     f"exodrake {line} --machine my_arm"
     for line in (
         "blind make --seed 1 --cases 1 --out x", "blind run x", "demo", "identify", "workspace", "train x", "warm-up",
-        "estimate x", "grasp x --size 60", "analyse",
+        "estimate x", "grasp x --size 60",
     )
 ]  # fmt: skip
 ANSWERS = {"exodrake diagnose case": " --json found.json", "exodrake diagnose held/log.csv": " --json arm.json"}

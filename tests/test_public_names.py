@@ -71,6 +71,7 @@ def full(cls: type) -> object:
 
 
 REAL = {
+    "ClosedLoop": lambda: exo.analyse(exo.load_robot()),
     "Robot": exo.load_robot,
     "Machine": lambda: exo.load_robot().machine,
     "Log": lambda: exo.Log(np.arange(9.0), {f"angle_{k}": np.zeros(9) for k in range(99)}),
