@@ -59,6 +59,7 @@ class ClosedLoop:
         returns: whether the nonlinear simulation comes back to rest after a kick; it decides where the poles do not.
         notes: what a reader must know before trusting the numbers, a sentence each.
         bands: robustness over populations of robots and operating points.
+        uncertainty: what the intervals of a diagnosis mean for the loop; None without one.
     """
 
     robot: Robot

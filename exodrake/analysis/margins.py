@@ -78,8 +78,14 @@ def disturb(system: System, own: np.ndarray, v: list[int]) -> tuple[np.ndarray, 
 def cut(system: System, own: np.ndarray, v: list[int], y: list[int]) -> System:
     """A closed loop opened at its commands; `close` closes it again.
 
-    Arguments as of `disturb`; y: indices of the readings among the outputs. The result goes from the commands that the
-    plant gets to those that the controller sends, then to the readings.
+    Args:
+        system: the closed loop.
+        own: (states,) mask of the controller's own states [-].
+        v: indices of the commands among the outputs.
+        y: indices of the readings among the outputs.
+
+    Returns:
+        From the commands that the plant gets to those that the controller sends, then to the readings.
     """
     b, d = disturb(system, own, v)
     rows, commands = v + y, [system.output_labels[i] for i in v]
