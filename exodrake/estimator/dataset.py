@@ -60,8 +60,8 @@ class Sweeps:
 
     def rows(self, which: np.ndarray) -> "Sweeps":
         """Select rows by a mask (n,) [-] or indices."""
-        part = (self.inputs[which], self.angle[which], self.sweep[which], self.time[which])
-        return replace(self, inputs=part[0], angle=part[1], sweep=part[2], time=part[3])
+        parts = {name: getattr(self, name)[which] for name in ("inputs", "angle", "sweep", "time")}
+        return replace(self, **parts)
 
     def equispaced(self, count: int) -> "Sweeps":
         """Select at most `count` rows, equally spaced."""
@@ -104,9 +104,9 @@ def inputs_of(log: Log, wires: tuple[str, ...]) -> np.ndarray:
     """Tensions [N] and strokes [m] (n, 2 x wires) of a log. InputError for other wires or missing samples."""
     found = log.names("tension")
     if not wires or set(found) != set(wires):
-        raise InputError(f"{log.label}: tensions of wires {_names(found)}, the estimator needs {_names(wires)}")
-    _complete(log, [f"{kind}_{wire}" for kind in ("tension", "stroke") for wire in wires])
-    return np.hstack([log.array("tension", wires), log.array("stroke", wires)])
+        have = ", ".join(found) or "none"
+        raise InputError(f"{log.label}: tensions of wires {have}, the estimator needs {', '.join(wires) or 'none'}")
+    return np.hstack([_complete_array(log, "tension", wires), _complete_array(log, "stroke", wires)])
 
 
 def session_of(log: Log, wires: tuple[str, ...], joints: tuple[str, ...]) -> Sweeps:
@@ -122,9 +122,10 @@ def angles_of(log: Log, joints: tuple[str, ...]) -> np.ndarray:
     if not found:
         raise InputError(f"{log.label}: no joint angles, which training needs (columns angle_...)")
     if set(found) != set(joints):
-        raise InputError(f"{log.label}: angles of joints {_names(found)}, the estimator needs {_names(joints)}")
-    _complete(log, [f"angle_{joint}" for joint in joints])
-    return log.array("angle", joints)
+        raise InputError(
+            f"{log.label}: angles of joints {', '.join(found)}, the estimator needs {', '.join(joints) or 'none'}"
+        )
+    return _complete_array(log, "angle", joints)
 
 
 def cut(reference: np.ndarray, dt: float) -> np.ndarray:
@@ -146,9 +147,13 @@ def cut(reference: np.ndarray, dt: float) -> np.ndarray:
     if len(reference) < 2 or not np.any(span > 0):
         return label
     step = np.diff(reference, axis=0) / np.where(span > 0, span, 1.0)
-    ramps = sorted(_runs(step, +1, dt) + _runs(step, -1, dt))
+    jump, ramps = np.any(np.abs(step) > MAX_STEP, axis=1), []
+    for way in (+1, -1):
+        moving = np.any(way * step > MIN_STEP, axis=1) & ~jump
+        edges = np.flatnonzero(np.diff(np.r_[False, moving, False])).reshape(-1, 2)
+        ramps += [(int(a), int(b), way) for a, b in edges if (b - a) * dt >= MIN_RAMP]
     last, lead, height, fallen = 0, -1, 0.0, False
-    for start, end, way in ramps:
+    for start, end, way in sorted(ramps):
         if way < 0:
             fallen, last = True, end
             continue
@@ -160,23 +165,14 @@ def cut(reference: np.ndarray, dt: float) -> np.ndarray:
     return label
 
 
-def _runs(step: np.ndarray, way: int, dt: float) -> list[tuple[int, int, int]]:
-    """List (first row, last row, direction) of the ramps of one direction (+1 up, -1 down)."""
-    jump = np.any(np.abs(step) > MAX_STEP, axis=1)
-    moving = np.any(way * step > MIN_STEP, axis=1) & ~jump
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], moving, [False]]).astype(int)))
-    return [(int(a), int(b), way) for a, b in zip(edges[::2], edges[1::2], strict=True) if (b - a) * dt >= MIN_RAMP]
-
-
-def _complete(log: Log, columns: Sequence[str]) -> None:
-    """InputError naming column and row of the first missing sample."""
-    for column in columns:
-        missing = np.flatnonzero(~np.isfinite(log[column]))
+def _complete_array(log: Log, kind: str, names: Sequence[str]) -> np.ndarray:
+    """Columns of a kind (rows, names). InputError naming column and row of the first missing sample."""
+    array = log.array(kind, tuple(names))
+    for name, values in zip(names, array.T):
+        missing = np.flatnonzero(~np.isfinite(values))
         if len(missing):
+            column = f"{kind}_{name}"
             raise InputError(
                 f"{log.label}: column {column!r}, row {missing[0] + 1}: sample missing ({len(missing)} in all)"
             )
-
-
-def _names(names: Sequence[str]) -> str:
-    return ", ".join(names) or "none"
+    return array

@@ -39,21 +39,14 @@ def save(estimator: Estimator, path: str | Path, notes: dict[str, Any] | None = 
     """
     from exodrake import __version__
 
-    record = {
-        "format": FORMAT,
-        "exodrake": __version__,
-        "units": UNITS,
-        "wires": estimator.wires,
-        "joints": estimator.joints,
-        "robot": estimator.robot,
-        "logs": estimator.logs,
-        "sweeps": estimator.sweeps,
-        "kernel": estimator.kernel,
-        "limit": estimator.limit,
-        "notes": notes or {},
-    }
+    kept = ("wires", "joints", "robot", "logs", "sweeps", "kernel", "limit")
+    record = {"format": FORMAT, "exodrake": __version__, "units": UNITS, "notes": notes or {}}
+    record |= {name: getattr(estimator, name) for name in kept}
+    arrays = estimator.weights._asdict()
+    if model := estimator.strokes:
+        rows = model.rows
+        arrays |= zip(STROKES, (rows.inputs, rows.angle, rows.sweep, rows.time, model.theta), strict=True)
     stream = io.BytesIO()
-    arrays = {**estimator.weights._asdict(), **_strokes_arrays(estimator.strokes)}
     np.savez(stream, record=np.array(json.dumps(record)), **arrays)
     write_bytes(path, stream.getvalue())
 
@@ -69,7 +62,13 @@ def load(path: str | Path, robot: str | None = None) -> Estimator:
         InputError: Naming the file, if it is not an estimator, is damaged, has unknown units, or belongs to another
             robot.
     """
-    record, arrays = _read(path)
+    arrays = read_arrays(read_bytes(path), str(path))
+    try:
+        record = json.loads(str(arrays.pop("record")))
+    except (ValueError, KeyError, RecursionError) as error:
+        raise InputError(f"{path}: not an estimator file ({error})") from None
+    if not isinstance(record, dict) or record.get("format") != FORMAT:
+        raise InputError(f"{path}: not an estimator file of this version ({FORMAT!r})")
     if record.get("units") != UNITS:
         raise InputError(f"{path}: estimator in units {record.get('units')}, wanted {UNITS}")
     if robot is not None and record.get("robot") != robot:
@@ -78,78 +77,36 @@ def load(path: str | Path, robot: str | None = None) -> Estimator:
             f"{path}: estimator trained for another robot (signature {known}, this robot's is {robot[:12]})"
         )
     try:
-        estimator = Estimator(
-            wires=tuple(record["wires"]),
-            joints=tuple(record["joints"]),
-            weights=Weights(*(np.ascontiguousarray(arrays[name], dtype=float) for name in Weights._fields)),
-            limit=float(record["limit"]),
-            robot=record["robot"],
-            logs=tuple(record["logs"]),
-            sweeps=int(record["sweeps"]),
-            kernel=record["kernel"],
-            strokes=_strokes(arrays, tuple(record["wires"])),
-        )
+        wires, joints, logs = (tuple(record[name]) for name in ("wires", "joints", "logs"))
+        # compiled code does not check the shapes
+        inputs, points = 2 * len(wires), len(arrays["alpha"])
+        shapes = {
+            "center": (inputs,), "rotation": (inputs, inputs), "points": (inputs, points), "shrink": (inputs,),
+            "variances": (3,), "alpha": (points, len(joints)), "factor": (points * (points + 1) // 2,),
+            "offset": (len(joints),), "gain": (len(joints),), "spread": (len(joints),),
+        }  # fmt: skip
+        weights = Weights(**{name: _array(arrays, name, shape) for name, shape in shapes.items()})
+        strokes = None
+        if STROKES[0] in arrays:  # not in files of earlier versions
+            rows = len(arrays["strokes_sweep"])
+            wide, theta = (rows, len(wires)), sweep_kernel(len(wires)).theta.shape
+            shapes = dict(zip(STROKES, (wide, wide, (rows,), (rows,), theta), strict=True))
+            tension, stroke, sweep, time, theta = (_array(arrays, name, shape) for name, shape in shapes.items())
+            strokes = StrokeModel(Sweeps(tension, stroke, sweep.astype(int), time, wires, wires), theta)
+        return Estimator(
+            wires, joints, weights, float(record["limit"]), record["robot"], logs, int(record["sweeps"]),
+            record["kernel"], strokes,
+        )  # fmt: skip
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(f"{path}: damaged estimator file ({error})") from None
-    _check_shapes(estimator, path)
-    return estimator
 
 
-def _strokes_arrays(model: StrokeModel | None) -> dict[str, np.ndarray]:
-    """Arrays of a model of the strokes, by name."""
-    if model is None:
-        return {}
-    rows = model.rows
-    parts = (rows.inputs, rows.angle, rows.sweep, rows.time, model.theta)
-    return dict(zip(STROKES, parts, strict=True))
-
-
-def _strokes(arrays: dict[str, np.ndarray], wires: tuple[str, ...]) -> StrokeModel | None:
-    """Model of the strokes from its arrays; None in files without. ValueError for wrong shapes."""
-    if STROKES[0] not in arrays:
-        return None
-    tension, stroke, sweep, time, theta = (np.asarray(arrays[name], dtype=float) for name in STROKES)
-    wide, long = (len(sweep), len(wires)), (len(sweep),)
-    kernel = sweep_kernel(len(wires))
-    if (tension.shape, stroke.shape, time.shape, theta.shape) != (wide, wide, long, kernel.theta.shape):
-        raise ValueError("arrays of the strokes have wrong shapes")
-    if not all(np.isfinite(part).all() for part in (tension, stroke, sweep, time, theta)) or not len(sweep):
-        raise ValueError("arrays of the strokes are not finite")
-    return StrokeModel(Sweeps(tension, stroke, sweep.astype(int), time, wires, wires), theta)
-
-
-def _read(path: str | Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """Read record and arrays."""
-    arrays = read_arrays(read_bytes(path), str(path))
-    try:
-        record = json.loads(str(arrays.pop("record")))
-    except (ValueError, KeyError, RecursionError) as error:
-        raise InputError(f"{path}: not an estimator file ({error})") from None
-    if not isinstance(record, dict) or record.get("format") != FORMAT:
-        raise InputError(f"{path}: not an estimator file of this version ({FORMAT!r})")
-    return record, arrays
-
-
-def _check_shapes(estimator: Estimator, path: str | Path) -> None:
-    """Raise InputError unless the shapes of the arrays agree, which compiled code does not check."""
-    inputs, joints = 2 * len(estimator.wires), len(estimator.joints)
-    points = estimator.weights.alpha.shape[0]
-    wanted: dict[str, tuple[int, ...]] = {
-        "center": (inputs,),
-        "rotation": (inputs, inputs),
-        "points": (inputs, points),
-        "shrink": (inputs,),
-        "variances": (3,),
-        "alpha": (points, joints),
-        "factor": (points * (points + 1) // 2,),
-        **dict.fromkeys(("offset", "gain", "spread"), (joints,)),
-    }
-    for name, shape in wanted.items():
-        array = getattr(estimator.weights, name)
-        if array.shape != shape or not np.isfinite(array).all():
-            raise InputError(
-                f"{path}: damaged estimator file ({name} has shape {array.shape}, wanted {shape}, all finite)"
-            )
+def _array(arrays: dict[str, np.ndarray], name: str, shape: tuple[int, ...]) -> np.ndarray:
+    """Array of a file. ValueError for another shape, for none of anything, and for numbers that are not finite."""
+    array = np.ascontiguousarray(arrays[name], dtype=float)
+    if array.shape != shape or not array.size or not np.isfinite(array).all():
+        raise ValueError(f"{name} has shape {array.shape}, wanted {shape}, all finite")
+    return array
 
 
 def quick_estimator(robot: Robot, cache: Path | None = None) -> Estimator:

@@ -5,15 +5,13 @@ Covariance of the angles: a function of the inputs, plus a random offset and dri
     k = v_lin (1 + z . z') + v_rbf exp(-|(z - z') / ell|^2 / 2)
         + [same sweep] (v_sweep + v_drift exp(-|t - t'| / tau)) + v_noise [same row]
 
-It is a composition of scikit-learn's kernels and two more: a kernel on some columns, and an indicator of equal labels.
 Rows are (z (m columns), sweep label, time [s]). Without the middle terms the length scales absorb the correlated error
 of a sweep, and more data makes a new sweep worse. `learn` fits the hyperparameters with scikit-learn's
 GaussianProcessRegressor (marginal likelihood summed over the outputs, which share the covariance up to scale). Inputs
 are rotated to the principal axes of their correlation, since combinations such as s - T / k carry the information.
 
-`condition` conditions on the training rows and calibrates; `fit` learns and conditions. The prediction of sweep B from
-the other sweeps follows from K = L L' without a new fit (Rasmussen and Williams, section 5.4.2, with a block in place
-of a point):
+`condition` conditions on the training rows and calibrates. The prediction of sweep B from the other sweeps follows from
+K = L L' without a new fit (Rasmussen and Williams, section 5.4.2, with a block in place of a point):
 
     y_B - mu_B = [K^-1]_BB^-1 [K^-1 y]_B          Cov(y_B | the other sweeps) = [K^-1]_BB^-1
 
@@ -21,17 +19,17 @@ The residuals scale the standard deviation of each joint, and the variances set 
 flagged.
 
 Re-donning shifts the zero of each wire's stroke, which the estimator would read as motion (`physics.md` 4.G: 0.5 to
-3 mm, some 0.1 rad per mm). The zeros are found, tested and corrected without measured angles: a second process with the
-same covariance predicts strokes from tensions, and generalised least squares finds the constants z that a session adds.
-With residuals r (rows, wires) and their covariance C (rows, rows) up to the scale of each wire,
+3 mm, some 0.1 rad per mm). A second process with the same covariance predicts strokes from tensions, and generalised
+least squares finds the constants z that a session adds. With residuals r (rows, wires) and their covariance C (rows,
+rows) up to the scale of each wire,
 
     z = r' C^-1 1 / kappa      Cov(z) = Sigma / kappa      kappa = 1' C^-1 1
 
 For a training sweep B given the others, C^-1 = [K^-1]_BB and C^-1 r = [K^-1 y]_B, so sqrt(kappa) z of the training
 sweeps in turn estimates Sigma. z counts as moved if z' (Cov(z) + TOLERANCE^2 I)^-1 z exceeds the quantile of
-Hotelling's T^2. Corrected strokes are s - z: since inputs enter linearly, a shift of the estimator's center. A changed
-rest posture of the wearer looks like a shift and is corrected as one. A session whose residuals a constant does not
-explain (contact, another wearer) is reported as unlike the training and left alone.
+Hotelling's T^2. Corrected strokes are s - z: a shift of the estimator's center. A changed rest posture of the wearer
+looks like a shift and is corrected as one. A session whose residuals a constant does not explain (contact, another
+wearer) is reported as unlike the training and left alone.
 """
 
 import warnings
@@ -46,7 +44,6 @@ from sklearn.gaussian_process.kernels import (
     RBF,
     ConstantKernel,
     DotProduct,
-    Hyperparameter,
     Kernel,
     Matern,
     Sum,
@@ -61,43 +58,25 @@ from exodrake.physics.gp_estimator import Weights, predict_rows
 
 
 class OnColumns(Kernel):
-    """Kernel on some columns of its input."""
+    """Kernel on some columns of its input; its hyperparameters are those of the inner kernel."""
+
+    hyperparameters = property(lambda self: [h._replace(name=f"kernel__{h.name}") for h in self.kernel.hyperparameters])
+    bounds = property(lambda self: self.kernel.bounds)
+    theta = property(lambda self: self.kernel.theta, lambda self, theta: setattr(self.kernel, "theta", theta))
 
     def __init__(self, kernel, columns):
         self.kernel = kernel
         self.columns = columns
 
-    def get_params(self, deep=True):
-        """Parameters, those of the inner kernel as `kernel__...`."""
-        inner = {f"kernel__{name}": value for name, value in self.kernel.get_params().items()} if deep else {}
-        return {"kernel": self.kernel, "columns": self.columns, **inner}
-
-    @property
-    def hyperparameters(self):
-        """Hyperparameters of the inner kernel."""
-        return [
-            Hyperparameter(f"kernel__{h.name}", h.value_type, h.bounds, h.n_elements)
-            for h in self.kernel.hyperparameters
-        ]
-
-    @property
-    def theta(self):
-        """Logarithms of the hyperparameters."""
-        return self.kernel.theta
-
-    @theta.setter
-    def theta(self, theta):
-        self.kernel.theta = theta
-
-    @property
-    def bounds(self):
-        """Bounds (p, 2) of theta."""
-        return self.kernel.bounds
-
     def __call__(self, X, Y=None, eval_gradient=False):
         """Covariance (n, m) of rows X (n, columns) and Y (m, columns)."""
         columns = list(self.columns)
         return self.kernel(X[:, columns], None if Y is None else Y[:, columns], eval_gradient)
+
+    def get_params(self, deep=True):
+        """Parameters, those of the inner kernel as `kernel__...`."""
+        inner = {f"kernel__{name}": value for name, value in self.kernel.get_params().items()} if deep else {}
+        return {"kernel": self.kernel, "columns": self.columns, **inner}
 
     def diag(self, X):
         """Prior variances (n,)."""
@@ -140,16 +119,6 @@ def sweep_kernel(inputs: int) -> Sum:
     return linear + curved + shared + drift + WhiteKernel(1e-3, (1e-7, 1.0))
 
 
-def parts(kernel: Sum) -> tuple[float, float, np.ndarray, float]:
-    """Read (v_lin, v_rbf, ell (m,), v_sweep + v_drift + v_noise) of a `sweep_kernel` [-]."""
-    without_noise, noise = kernel.k1, kernel.k2
-    without_drift, drift = without_noise.k1, without_noise.k2
-    explained, shared = without_drift.k1, without_drift.k2
-    linear, curved = explained.k1, explained.k2
-    rest = shared.k1.constant_value + drift.k1.k1.constant_value + noise.noise_level
-    return linear.k1.constant_value, curved.k1.constant_value, np.atleast_1d(curved.k2.kernel.length_scale), rest
-
-
 POINTS = 500
 JITTER = 1e-10  # scikit-learn's default, added to the diagonal
 EVALUATIONS = 60  # of the marginal likelihood, which has converged by then
@@ -176,36 +145,31 @@ class Prior:
 
 def learn(sweeps: Sweeps, points: int = POINTS) -> Prior:
     """Fit scaling and hyperparameters by marginal likelihood, from the start values of `sweep_kernel`."""
+    from scipy.optimize import minimize
     from sklearn.exceptions import ConvergenceWarning
     from sklearn.gaussian_process import GaussianProcessRegressor
 
+    def optimise(objective, start, bounds):
+        options = {"maxfun": EVALUATIONS}
+        found = minimize(objective, start, method="L-BFGS-B", jac=True, bounds=bounds, options=options)
+        return found.x, found.fun
+
     chosen = sweeps.equispaced(points)
-    prior = scaled(chosen)
-    process = GaussianProcessRegressor(prior.kernel, alpha=JITTER, optimizer=_minimise)  # pyright: ignore
+    prior = scaled_prior(chosen)
+    process = GaussianProcessRegressor(prior.kernel, alpha=JITTER, optimizer=optimise)  # pyright: ignore
     with thread_limit(), warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)  # a variance at its lower bound is an effect that is absent
         process.fit(prior.rows(chosen), prior.targets(chosen))
     return replace(prior, kernel=process.kernel_)
 
 
-def scaled(sweeps: Sweeps) -> Prior:
-    """Scale inputs and angles to unit variance; constant ones keep unit scale."""
-    center, width = sweeps.inputs.mean(axis=0), sweeps.inputs.std(axis=0)
-    width = np.where(width > 0, width, 1.0)
+def scaled_prior(sweeps: Sweeps) -> Prior:
+    """Scale inputs and angles to unit variance, constant ones not, with the start values of `sweep_kernel`."""
+    center, width, gain = sweeps.inputs.mean(axis=0), sweeps.inputs.std(axis=0), sweeps.angle.std(axis=0)
+    width, gain = np.where(width > 0, width, 1.0), np.where(gain > 0, gain, 1.0)
     unit = (sweeps.inputs - center) / width
-    _, axes = np.linalg.eigh(unit.T @ unit)
-    gain = sweeps.angle.std(axis=0)
-    gain = np.where(gain > 0, gain, 1.0)
+    axes = np.linalg.eigh(unit.T @ unit)[1]
     return Prior(sweep_kernel(len(center)), center, axes.T / width, sweeps.angle.mean(axis=0), gain)
-
-
-def _minimise(objective, start, bounds):
-    """Optimizer of scikit-learn: L-BFGS-B with a bounded number of evaluations, each of which costs n^3."""
-    from scipy.optimize import minimize
-
-    options = {"maxfun": EVALUATIONS}
-    found = minimize(objective, start, method="L-BFGS-B", jac=True, bounds=bounds, options=options)
-    return found.x, found.fun
 
 
 STROKE_POINTS = 250  # training rows: strokes follow tensions smoothly
@@ -254,7 +218,7 @@ class StrokeModel:
     @cached_property
     def prior(self) -> Prior:
         """Covariance and scaling."""
-        start = scaled(self.rows)
+        start = scaled_prior(self.rows)
         return replace(start, kernel=start.kernel.clone_with_theta(self.theta))
 
     @cached_property
@@ -270,11 +234,11 @@ class StrokeModel:
         shifts, left = [], []
         for label in labels:
             own = self.rows.sweep == label
-            precision, pulled = self.inverse[np.ix_(own, own)], weighted[own]
-            shift, kappa, chi2 = _constant(precision, np.linalg.solve(precision, pulled))
+            precision = self.inverse[np.ix_(own, own)]
+            shift, kappa, chi2 = _constant(precision, np.linalg.solve(precision, weighted[own]))
             shifts.append(np.sqrt(kappa) * shift)
             left.append(chi2)
-        return np.stack(shifts).T @ np.stack(shifts) / len(labels), np.array(left)
+        return np.transpose(shifts) @ shifts / len(labels), np.array(left)
 
     def zeros(self, session: Sweeps) -> Zeros:
         """Estimate and test the zeros of a session from its tensions and strokes."""
@@ -318,7 +282,7 @@ def _constant(precision: np.ndarray, residual: np.ndarray) -> tuple[np.ndarray, 
     kappa = float(precision.sum())
     shift = pulled.sum(axis=0) / kappa
     left = residual - shift
-    return shift, kappa, float(np.einsum("iw,ij,jw->", left, precision, left)) / left.size
+    return shift, kappa, float(np.sum(left * (precision @ left))) / left.size
 
 
 # Quantile of the held-out variances that is the limit; new sweeps at trained levels exceed it about 1 % of the time
@@ -415,14 +379,17 @@ def condition(prior: Prior, sweeps: Sweeps, points: int = POINTS) -> Estimator:
         lower = solve_triangular(factor, np.eye(len(rows)), lower=True)
         inverse = lower.T @ lower
         residual, variance = leave_one_sweep_out(inverse, targets, chosen.sweep)
-    linear, curved, length, rest = parts(prior.kernel)
+    without_noise, noise = prior.kernel.k1, prior.kernel.k2
+    without_drift, drift = without_noise.k1, without_noise.k2
+    (linear, curved), shared = (without_drift.k1.k1, without_drift.k1.k2), without_drift.k2
+    rest = shared.k1.constant_value + drift.k1.k1.constant_value + noise.noise_level
     scale = ALLOWANCE / NORMAL_95 * np.quantile(np.abs(residual) / np.sqrt(variance)[:, None], 0.95, axis=0)
     weights = Weights(
         center=prior.center,
         rotation=np.ascontiguousarray(prior.rotation),
         points=np.ascontiguousarray(rows[:, : prior.rotation.shape[0]].T),
-        shrink=1.0 / length,
-        variances=np.array([linear, curved, rest]),
+        shrink=1.0 / np.atleast_1d(curved.k2.kernel.length_scale),
+        variances=np.array([linear.k1.constant_value, curved.k1.constant_value, rest]),
         alpha=np.ascontiguousarray(lower.T @ (lower @ targets)),
         factor=np.concatenate([lower[column:, column] for column in range(len(rows))]),
         offset=prior.offset,
@@ -444,7 +411,7 @@ def leave_one_sweep_out(inverse: np.ndarray, targets: np.ndarray, sweep: np.ndar
         sweep: (n,) labels.
 
     Returns:
-        Residual (n, joints) [-] and variance (n,) [-].
+        Residual (n, joints) and variance (n,) [-].
     """
     weighted = inverse @ targets
     residual, variance = np.empty_like(targets), np.empty(len(targets))

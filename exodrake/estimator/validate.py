@@ -9,6 +9,7 @@ neighbour exposes a random split: it is good at looking up rows of the same swee
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
@@ -28,15 +29,18 @@ Predictor = Callable[[Sweeps], tuple[np.ndarray, np.ndarray]]
 
 def fit_ridge(sweeps: Sweeps) -> Predictor:
     """Fit a quadratic ridge; penalty and standard deviation by cross-validation; predicts (n, joints) [rad]."""
+    from sklearn.linear_model import Ridge
     from sklearn.model_selection import GroupKFold, cross_val_predict
+    from sklearn.pipeline import make_pipeline
+    from sklearn.preprocessing import PolynomialFeatures, StandardScaler
 
-    folds = GroupKFold(min(RIDGE_FOLDS, sweeps.count))
-    errors = []
-    for penalty in PENALTIES:
-        held_out = cross_val_predict(_quadratic(penalty), sweeps.inputs, sweeps.angle, groups=sweeps.sweep, cv=folds)
+    folds, errors = GroupKFold(min(RIDGE_FOLDS, sweeps.count)), []
+    models = [make_pipeline(StandardScaler(), PolynomialFeatures(2), Ridge(penalty)) for penalty in PENALTIES]
+    for model in models:
+        held_out = cross_val_predict(model, sweeps.inputs, sweeps.angle, groups=sweeps.sweep, cv=folds)
         errors.append(np.sqrt(np.mean((held_out - sweeps.angle) ** 2, axis=0)))
     best = int(np.argmin([error.mean() for error in errors]))
-    model = _quadratic(PENALTIES[best]).fit(sweeps.inputs, sweeps.angle)
+    model = models[best].fit(sweeps.inputs, sweeps.angle)
     return lambda new: (model.predict(new.inputs), np.broadcast_to(errors[best], (len(new), len(errors[best]))))
 
 
@@ -48,14 +52,6 @@ def fit_nearest(sweeps: Sweeps) -> Predictor:
 
     model = make_pipeline(StandardScaler(), KNeighborsRegressor(1)).fit(sweeps.inputs, sweeps.angle)
     return lambda new: (model.predict(new.inputs), np.full((len(new), sweeps.angle.shape[1]), np.nan))
-
-
-def _quadratic(penalty: float):
-    from sklearn.linear_model import Ridge
-    from sklearn.pipeline import make_pipeline
-    from sklearn.preprocessing import PolynomialFeatures, StandardScaler
-
-    return make_pipeline(StandardScaler(), PolynomialFeatures(2), Ridge(penalty))
 
 
 FOLDS = 6
@@ -97,44 +93,26 @@ def score(method: str, split: str, angle: np.ndarray, mean: np.ndarray, std: np.
 
 def validate(prior: Prior, sweeps: Sweeps, points: int = POINTS, seed: int = 0) -> tuple[Score, ...]:
     """Score Gaussian process, quadratic ridge and nearest neighbour under both splits: six scores, by method."""
-    methods: dict[str, Callable[[Sweeps], Predictor]] = {
-        "Gaussian process": lambda part: _process(prior, part, points),
-        "quadratic ridge": fit_ridge,
-        "nearest row": fit_nearest,
-    }
-    splits = {RANDOM: random_folds(sweeps, seed), HELD_OUT: sweep_folds(sweeps, seed)}
-    with thread_limit():  # many small products: a second thread only waits
-        return tuple(
-            score(method, split, sweeps.angle, *out_of_fold(fit, sweeps, folds))
-            for method, fit in methods.items()
-            for split, folds in splits.items()
-        )
 
+    def fit_process(part: Sweeps) -> Predictor:
+        estimator = condition(prior, part, points)
+        return lambda new: estimator.predict(new.tension, new.stroke)[:2]
 
-def out_of_fold(fit: Callable[[Sweeps], Predictor], sweeps: Sweeps, folds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Mean and standard deviation (n, joints) [rad] of each row from a fit without its fold; folds (n,)."""
-    mean, std = np.empty_like(sweeps.angle), np.empty_like(sweeps.angle)
-    for fold in np.unique(folds):
-        inside = folds == fold
-        mean[inside], std[inside] = fit(sweeps.rows(~inside))(sweeps.rows(inside))
-    return mean, std
-
-
-def random_folds(sweeps: Sweeps, seed: int) -> np.ndarray:
-    """Fold (n,) [-] of each row, random over rows: an optimistic split."""
-    return np.random.default_rng(seed).permutation(len(sweeps)) % FOLDS
-
-
-def sweep_folds(sweeps: Sweeps, seed: int) -> np.ndarray:
-    """Fold (n,) [-] of each row, random over sweeps."""
     labels, row = np.unique(sweeps.sweep, return_inverse=True)
-    folds = np.random.default_rng(seed).permutation(len(labels)) % min(FOLDS, len(labels))
-    return folds[row]
-
-
-def _process(prior: Prior, sweeps: Sweeps, points: int) -> Predictor:
-    estimator = condition(prior, sweeps, points)
-    return lambda new: estimator.predict(new.tension, new.stroke)[:2]
+    splits = {
+        RANDOM: np.random.default_rng(seed).permutation(len(sweeps)) % FOLDS,
+        HELD_OUT: (np.random.default_rng(seed).permutation(len(labels)) % min(FOLDS, len(labels)))[row],
+    }
+    methods = {"Gaussian process": fit_process, "quadratic ridge": fit_ridge, "nearest row": fit_nearest}
+    scores = []
+    with thread_limit():  # many small products: a second thread only waits
+        for (method, fit), (split, folds) in product(methods.items(), splits.items()):
+            mean, std = np.empty_like(sweeps.angle), np.empty_like(sweeps.angle)
+            for fold in np.unique(folds):
+                inside = folds == fold
+                mean[inside], std[inside] = fit(sweeps.rows(~inside))(sweeps.rows(inside))
+            scores.append(score(method, split, sweeps.angle, mean, std))
+    return tuple(scores)
 
 
 @dataclass(frozen=True, eq=False)
