@@ -24,13 +24,24 @@ THUMB_BONE = complex(-0.030, 0.012)  # from the thumb's tip backwards, for the d
 def grasp_figure(plan: Plan, log: Log, robot: Robot) -> Figure:
     """The figure of a plan and of its run (`run.run_plan`)."""
     import matplotlib
+    from matplotlib.lines import Line2D
 
     with matplotlib.rc_context(STYLE):
         figure = new_figure(10.4, 5.4)
         grid = figure.add_gridspec(2, 2, width_ratios=(1.0, 1.1), height_ratios=(1.5, 1.0))
         draw_posture(figure.add_subplot(grid[:, 0]), plan, log, robot)
         angle = figure.add_subplot(grid[0, 1])
-        draw_angles(angle, plan, log, robot)
+        display = display_of("angle", robot.machine)
+        for i, name in enumerate(plan.joints):
+            colour = colour_of(name, i, robot.machine)
+            angle.plot(log.time, display.factor * log[f"angle_{name}"], color=colour, label=name)
+            draw_estimate(angle, log, "angle", name, colour, display.factor)
+            angle.axhline(display.factor * plan.planned[i], color=colour, lw=0.9, ls=(0, (4, 2)))
+        handles = angle.get_legend_handles_labels()[0]
+        handles.append(Line2D([], [], color="black", lw=0.6, label="estimate"))
+        handles.append(Line2D([], [], color="#555", lw=0.9, ls=(0, (4, 2)), label="planned"))
+        angle.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.0, 1.04), handlelength=1.8)
+        angle.set_ylabel(display.axis)
         tension = figure.add_subplot(grid[1, 1], sharex=angle)
         draw_panel(tension, log, "tension", robot.machine)
         tension.legend(loc="upper left", bbox_to_anchor=(1.0, 1.04), handlelength=1.8)
@@ -72,23 +83,6 @@ def draw_posture(axes: Any, plan: Plan, log: Log, robot: Robot) -> None:
     axes.set_xlabel("distal [mm]")
     axes.set_ylabel("palmar [mm]")
     axes.legend(loc="lower left", ncols=3, handlelength=2.2, columnspacing=1.0, bbox_to_anchor=(0.0, 1.0))
-
-
-def draw_angles(axes: Any, plan: Plan, log: Log, robot: Robot) -> None:
-    """Draws joint angles as measured, with the estimate as a black line and band, and the plan dashed."""
-    from matplotlib.lines import Line2D
-
-    display = display_of("angle", robot.machine)
-    for i, name in enumerate(plan.joints):
-        colour = colour_of(name, i, robot.machine)
-        axes.plot(log.time, display.factor * log[f"angle_{name}"], color=colour, label=name)
-        draw_estimate(axes, log, "angle", name, colour, display.factor)
-        axes.axhline(display.factor * plan.planned[i], color=colour, lw=0.9, ls=(0, (4, 2)))
-    handles = axes.get_legend_handles_labels()[0]
-    handles.append(Line2D([], [], color="black", lw=0.6, label="estimate"))
-    handles.append(Line2D([], [], color="#555", lw=0.9, ls=(0, (4, 2)), label="planned"))
-    axes.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.0, 1.04), handlelength=1.8)
-    axes.set_ylabel(display.axis)
 
 
 def fill(axes: Any, points: list[complex], radii: list[float], colour: str, alpha: float) -> None:

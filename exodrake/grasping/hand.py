@@ -20,7 +20,6 @@ What is left free (q2 and q3; s and how far a cage stays off the thumb) is a gri
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import isfinite
 
 import numpy as np
 
@@ -47,10 +46,6 @@ class Hand:
     pad: float = 0.75
     soft: float = 0.0025
     tissue: float = 0.15
-
-    def limits(self, n: Parameters) -> tuple[np.ndarray, np.ndarray]:
-        """Lowest and highest joint angles (3,), (3,) [rad]."""
-        return np.array(n.q_e) - self.tissue, np.array(n.q_f) + self.tissue
 
 
 @dataclass(frozen=True)
@@ -92,7 +87,7 @@ def check_size(size: float, hand: Hand, n: Parameters) -> float:
     """The size of an object [m]. InputError if it is not a length, or wider than finger and thumb can span."""
     span = abs(complex(*hand.thumb)) + sum(n.length) - hand.thumb_radius - n.radius[2]
     number = isinstance(size, (int, float, np.number)) and not isinstance(size, bool)
-    if not number or not isfinite(size) or not 0.0 < size <= span:
+    if not (number and 0.0 < size <= span):
         shown = f"{size:g} m" if number else repr(size)
         raise InputError(
             f"object size is {shown}, wanted more than 0 and at most {span:.3f} m: finger and thumb span that"
@@ -137,9 +132,16 @@ def candidates(mode: Mode, size: float, hand: Hand, n: Parameters) -> Candidates
     gap = np.abs(centre - thumb) - touch
     low, high = bounds(mode, hand, n)
     miss = np.maximum(np.maximum(low - angles, angles - high), 0.0).sum(axis=1)
-    miss += np.maximum(pierced(angles, centre, radius, n) - hand.soft, 0.0) / DEPTH
+    ends, pierced = joints(angles, n), np.zeros(len(angles))  # m, by which the object enters a phalanx
+    for i in range(3):
+        bone = ends[:, i + 1] - ends[:, i]
+        along = (centre - ends[:, i]) * bone.conj() / np.abs(bone)
+        away = np.abs(along - np.clip(along.real, 0.0, np.abs(bone)))
+        pierced = np.maximum(pierced, radius + n.radius[i] - away)
+    miss += np.maximum(pierced - hand.soft, 0.0) / DEPTH
     if mode.wraps:
-        miss += np.where(cosine < 0.0, beyond, 0.0) + np.maximum(opening(angles, hand, n) - size, 0.0) / DEPTH
+        opening = np.abs(ends[:, 3] - thumb) - n.radius[2] - hand.thumb_radius  # m, between fingertip and thumb
+        miss += np.where(cosine < 0.0, beyond, 0.0) + np.maximum(opening - size, 0.0) / DEPTH
     else:
         miss += beyond
     return Candidates(angles, centre, gap, miss)
@@ -147,8 +149,8 @@ def candidates(mode: Mode, size: float, hand: Hand, n: Parameters) -> Candidates
 
 def bounds(mode: Mode, hand: Hand, n: Parameters) -> tuple[np.ndarray, np.ndarray]:
     """Lowest and highest joint angles (3,) [rad] of a mode."""
-    low, high = hand.limits(n)
     rest = np.array(n.q0)
+    low, high = np.array(n.q_e) - hand.tissue, np.array(n.q_f) + hand.tissue
     return np.maximum(low, rest + mode.low), np.minimum(high, rest + mode.high)
 
 
@@ -184,19 +186,3 @@ def joints(angles: np.ndarray, n: Parameters) -> np.ndarray:
     """MCP, PIP, DIP and fingertip (..., 4) complex [m]; angles (..., 3) [rad]."""
     bones = np.array(n.length) * np.exp(1j * np.cumsum(angles, axis=-1))
     return np.concatenate([np.zeros_like(bones[..., :1]), np.cumsum(bones, axis=-1)], axis=-1)
-
-
-def pierced(angles: np.ndarray, centre: np.ndarray, radius: float, n: Parameters) -> np.ndarray:
-    """Largest depth of the object in a phalanx (k,) [m]; 0 for none."""
-    ends, deepest = joints(angles, n), np.zeros(len(angles))
-    for i in range(3):
-        bone = ends[:, i + 1] - ends[:, i]
-        along = (centre - ends[:, i]) * bone.conj() / np.abs(bone)
-        away = np.abs(along - np.clip(along.real, 0.0, np.abs(bone)))
-        deepest = np.maximum(deepest, radius + n.radius[i] - away)
-    return deepest
-
-
-def opening(angles: np.ndarray, hand: Hand, n: Parameters) -> np.ndarray:
-    """Clear width between fingertip and thumb (k,) [m]."""
-    return np.abs(joints(angles, n)[..., 3] - complex(*hand.thumb)) - n.radius[2] - hand.thumb_radius

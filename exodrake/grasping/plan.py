@@ -27,7 +27,7 @@ from exodrake.compiled.inputs import Reference
 from exodrake.core.errors import short_repr
 from exodrake.core.robot import Robot
 from exodrake.data.log import Log
-from exodrake.grasping.hand import Candidates, Hand, Mode, bounds, candidates, check_size, joints, mode_of
+from exodrake.grasping.hand import Hand, Mode, bounds, candidates, check_size, joints, mode_of
 from exodrake.machines.robot_file import robot_or_default
 from exodrake.physics.finger import end_stop
 from exodrake.physics.finger_statics import arms, follow, parameters_of, posture
@@ -37,7 +37,7 @@ from exodrake.simulation.simulate import log_of, run
 
 RAMP = 40  # postures along the approach
 Confirm = Callable[[np.ndarray, np.ndarray], bool]
-"""Whether these tensions (3,) [N] do lead to this posture (3,) [rad]: `trial.confirmed`."""
+"""Whether these tensions (3,) [N] do lead to this posture (3,) [rad]."""
 
 SAME = 2e-3  # rad, postures closer than this are one
 STIFF = 0.4  # share of its passive stiffness that a joint keeps under tension, or it is too close to snapping
@@ -123,39 +123,24 @@ def holdable(
     return None
 
 
-def reachable(low: np.ndarray, high: np.ndarray, n: Parameters) -> tuple[np.ndarray, np.ndarray]:
-    """Tensions (k, 3) [N] over the box and their steady postures (k, 3) [rad]."""
-    axes = [np.linspace(a, b, STEPS) for a, b in zip(low, high)]
-    tension = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-    angles = posture(tension, n)
-    kept = np.isfinite(angles).all(axis=1)
-    tension, angles = tension[kept], angles[kept]
-    kept = steady(angles, tension, n)
-    return tension[kept], angles[kept]
-
-
 def project(
-    wanted: np.ndarray,
-    cloud: tuple[np.ndarray, np.ndarray],
-    low: np.ndarray,
-    high: np.ndarray,
-    n: Parameters,
+    wanted: np.ndarray, tension: np.ndarray, angles: np.ndarray, limits: tuple[np.ndarray, np.ndarray], n: Parameters,
     confirm: Confirm,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Tensions (3,) [N] within low .. high whose posture (3,) [rad], from rest along the ramp, is nearest `wanted`.
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """Tensions (3,) [N] within limits whose posture (3,) [rad], from rest along the ramp, is nearest `wanted`.
 
-    cloud: `reachable`, whose nearest members are the starts; a solution too close to snapping is not taken.
+    Starts are the nearest of steady postures (k, 3) [rad] and their tensions (k, 3) [N]; a solution too close to
+    snapping is not taken.
     """
     from scipy.optimize import least_squares
 
-    tension, angles = cloud
+    low, high = limits
 
     def miss(x: np.ndarray) -> np.ndarray:
         return np.nan_to_num(ramped(x, low, n) - wanted, nan=1.0)
 
     best = np.inf, low, ramped(low, low, n)
-    order = np.argsort(np.linalg.norm(angles - wanted, axis=1))
-    for place in order[:STARTS]:
+    for place in np.argsort(np.linalg.norm(angles - wanted, axis=1))[:STARTS]:
         start = np.clip(tension[place], low + 1e-3, high - 1e-3)
         found = least_squares(miss, start, bounds=(low, high), x_scale=high - low, diff_step=1e-4).x
         for x in (found, tension[place]):
@@ -164,7 +149,7 @@ def project(
             safe = error < best[0] and steady(here[None], x[None], n)[0] and arrives(here, x, low, n)
             if safe and confirm(x, here):
                 best = error, x, here
-    return best[1], best[2]
+    return best[1:]
 
 
 REST, APPROACH, HOLD = 0.5, 1.0, 2.5  # s
@@ -240,45 +225,42 @@ def plan_grasp(mode: str, size: float, robot: Robot | None = None, hand: Hand | 
     Raises:
         InputError: an unknown mode, a size that is not a length, or beyond the span of finger and thumb.
     """
+    from scipy.spatial import KDTree
+
     robot, hand = robot_or_default(robot), hand or Hand()
     way, n, (low, high) = mode_of(mode), parameters_of(robot), robot.reference_limits()
     size = check_size(size, hand, n)
     found = candidates(way, size, hand, n)
     allowed = np.flatnonzero(found.miss <= 0.0)
-    cost, confirm = cost_of(way, found, n), partial(confirmed, robot.without_effects())
+    # weighted departure from rest, and distance of a caged object from the thumb
+    cost = (found.angles - np.array(n.q0)) ** 2 @ np.array(way.weight) + (np.maximum(found.gap, 0.0) / GAP) ** 2
+    confirm = partial(confirmed, robot.without_effects())
     best = holdable(found.angles[allowed], cost[allowed], low, high, n, confirm) if len(allowed) else None
     if best is not None:
         place, tension = int(allowed[best[0]]), np.clip(best[1], low, high)
         wanted, planned = found.angles[place], ramped(tension, low, n)
     else:
-        cloud = reachable(low, high, n)
-        place = nearest_candidate(found, allowed, cloud[1])
+        axes = [np.linspace(a, b, STEPS) for a, b in zip(low, high)]
+        tension = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+        held = posture(tension, n)
+        kept = np.isfinite(held).all(axis=1)
+        kept[kept] = steady(held[kept], tension[kept], n)
+        tension, held = tension[kept], held[kept]
+        # the admissible posture nearest those that the tendons hold; else the least miss
+        place = int(found.miss.argmin())
+        if len(allowed):
+            place = int(allowed[KDTree(held).query(found.angles[allowed])[0].argmin()])
         wanted = np.clip(found.angles[place], *bounds(way, hand, n))
-        tension, planned = project(wanted, cloud, low, high, n, confirm)
+        tension, planned = project(wanted, tension, held, (low, high), n, confirm)
     shortfall = wanted - planned
-    touched = len(allowed) > 0
-    feasible = bool(touched and np.abs(shortfall).max() <= TOLERANCE)
-    reason = words(robot, way, size, touched, feasible, shortfall, tension)
+    feasible = bool(len(allowed) and np.abs(shortfall).max() <= TOLERANCE)
+    reason = words(robot, way, size, len(allowed) > 0, feasible, shortfall, tension)
+    target, centre = ((float(point.real), float(point.imag)) for point in (joints(wanted, n)[3], found.centre[place]))
+    axes = robot.machine.axes
     return Plan(
-        way.name, size, pair(joints(wanted, n)[3]), pair(found.centre[place]), values(wanted), values(tension),
-        values(planned), values(shortfall), feasible, reason, robot.machine.axes.tendons, robot.machine.axes.joints,
-        hand,
+        way.name, size, target, centre, tuple(wanted.tolist()), tuple(tension.tolist()), tuple(planned.tolist()),
+        tuple(shortfall.tolist()), feasible, reason, axes.tendons, axes.joints, hand,
     )  # fmt: skip
-
-
-def cost_of(mode: Mode, found: Candidates, n: Parameters) -> np.ndarray:
-    """Cost of each posture (k,) [-]: weighted departure from rest, and distance of a caged object from the thumb."""
-    away = (found.angles - np.array(n.q0)) ** 2 @ np.array(mode.weight)
-    return away + (np.maximum(found.gap, 0.0) / GAP) ** 2
-
-
-def nearest_candidate(found: Candidates, allowed: np.ndarray, held: np.ndarray) -> int:
-    """Index of the admissible posture nearest those that the tendons hold (k, 3) [rad]; else of the least miss."""
-    from scipy.spatial import KDTree
-
-    if not len(allowed):
-        return int(found.miss.argmin())
-    return int(allowed[KDTree(held).query(found.angles[allowed])[0].argmin()])
 
 
 def words(
@@ -295,17 +277,5 @@ def words(
     short = ", ".join(f"{j} {v:+.3f} rad" for j, v in zip(axes.joints, shortfall) if abs(v) > TOLERANCE)
     at = [f"{w} at F_min" for w, t, a in zip(axes.tendons, tension, low) if t < a + 0.01]
     at += [f"{w} at F_max" for w, t, b in zip(axes.tendons, tension, high) if t > b - 0.01]
-    cause = (
-        f"; the nearest they hold has {' and '.join(at)}" if at else "; nearer ones are not stable or not on the ramp"
-    )
-    return f"{what} is out of the tendons' reach: no tensions hold the posture, which falls short by {short}{cause}"
-
-
-def pair(point: complex) -> tuple[float, float]:
-    """A point as (x, y) [m]."""
-    return float(point.real), float(point.imag)
-
-
-def values(array: np.ndarray) -> tuple[float, ...]:
-    """Convert an array (n,) [SI] to floats."""
-    return tuple(float(v) for v in array)
+    cause = f"the nearest they hold has {' and '.join(at)}" if at else "nearer ones are not stable or not on the ramp"
+    return f"{what} is out of the tendons' reach: no tensions hold the posture, which falls short by {short}; {cause}"

@@ -6,7 +6,7 @@ log = run_plan(plan, wearer, estimator, controller=controller)
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,21 +16,15 @@ from exodrake.core.robot import Robot
 from exodrake.data.log import Log
 from exodrake.grasping.plan import Plan, stiffness
 from exodrake.physics.finger_statics import arms, parameters_of
-from exodrake.physics.gp_estimator import Weights
 from exodrake.physics.posture_controller import damped_inverse
 from exodrake.simulation.simulate import record
 
 if TYPE_CHECKING:
+    from exodrake.estimator.gp import Estimator
     from exodrake.systems.posture_controller import PostureController
 
 
 KI = 0.5  # 1/s: a quarter of the tension loop's bandwidth, which settles in 1.8 s; assumed
-
-
-def compliance(plan: Plan, robot: Robot) -> np.ndarray:
-    """dq/dF (joints, tendons) [rad/N] of the nominal finger in the planned posture."""
-    n, angle, tension = parameters_of(robot), np.array([plan.planned]), np.array([plan.tensions])
-    return arms(angle, n)[0].T / stiffness(angle, tension, n)[0][:, None]
 
 
 def posture_controller(plan: Plan, robot: Robot, ki: float = KI, **durations: float) -> PostureController:
@@ -47,33 +41,16 @@ def posture_controller(plan: Plan, robot: Robot, ki: float = KI, **durations: fl
     reference = argument("plan", plan, Plan).reference(argument("robot", robot, Robot), **durations)
     angle = record(robot.without_effects(), reference, seed=None, quantisation=False).signals["angle"]
     low, high = robot.reference_limits()
-    gain = damped_inverse(compliance(plan, robot))
+    n, planned, tension = parameters_of(robot), np.array([plan.planned]), np.array([plan.tensions])
+    compliance = arms(planned, n)[0].T / stiffness(planned, tension, n)[0][:, None]  # dq/dF [rad/N]
+    gain = damped_inverse(compliance)
     return PostureController(PosturePlan(reference.values, angle, gain, low, high, ki), robot.machine)
-
-
-class TrainedEstimator(Protocol):
-    """Interface of an estimator in a run: its channels and the arrays of its prediction."""
-
-    @property
-    def wires(self) -> tuple[str, ...]:
-        """Names of the tendons."""
-        ...
-
-    @property
-    def joints(self) -> tuple[str, ...]:
-        """Names of the joints."""
-        ...
-
-    @property
-    def weights(self) -> Weights:
-        """Arrays of the prediction."""
-        ...
 
 
 def run_plan(
     plan: Plan,
     robot: Robot,
-    estimator: TrainedEstimator,
+    estimator: Estimator,
     seed: int | None = 0,
     controller: PostureController | None = None,
     **durations: float,
@@ -98,7 +75,9 @@ def run_plan(
     from exodrake.simulation.simulate import log_of_run
     from exodrake.systems.gp_estimator import GPEstimator
 
-    check_axes(estimator, robot.machine.axes)
+    axes = robot.machine.axes
+    if (estimator.wires, estimator.joints) != (axes.tendons, axes.joints):
+        raise InputError(f"estimator of tendons {', '.join(estimator.wires)}, joints {', '.join(estimator.joints)}")
     reference = plan.reference(robot, **durations)
     systems = [GPEstimator(estimator.weights, robot.machine), *([controller] if controller else [])]
     diagram = build_diagram(robot, reference, seed, systems=systems)
@@ -109,9 +88,3 @@ def run_plan(
     for kind in ("angle_est", "angle_std", *(["angle_ref"] if controller else [])):
         log = log.with_array(kind, estimator.joints, signals[kind])
     return log
-
-
-def check_axes(estimator: TrainedEstimator, axes: Axes) -> None:
-    """Raises InputError for an estimator of other tendons or joints."""
-    if (estimator.wires, estimator.joints) != (axes.tendons, axes.joints):
-        raise InputError(f"estimator of tendons {', '.join(estimator.wires)}, joints {', '.join(estimator.joints)}")
