@@ -2,15 +2,13 @@
 
 import numpy as np
 
-from exodrake.reference.robot import INPUT_SIZE, STATE_SIZE, InjectedFault, RobotSpec, tolerance_vector
-from exodrake.reference.simulator import assemble, initial_state
+from exodrake.reference.dynamics import INPUT_SIZE, STATE_SIZE, derivative, tolerance_vector
+from exodrake.reference.robot import InjectedFault, RobotSpec
+from exodrake.reference.simulator import advance, assemble, initial_state, workspace
 
 
 def test_integrator_agrees_with_radau():
     from scipy.integrate import solve_ivp
-
-    from exodrake.reference.dynamics import derivative
-    from exodrake.reference.integrate import advance, workspace
 
     effects = (
         InjectedFault("tendon.capstan_friction", parameters={"mu_phi": 0.3}),

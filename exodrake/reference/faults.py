@@ -8,27 +8,13 @@ no gap is drawn again by the maker.
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from exodrake.reference.robot import (
-    CELL_DRIFT,
-    FRAME,
-    JOINTS,
-    MARKER_SHIFT,
-    REST_SHIFT,
-    ROUTER_SHIFT,
-    STIFFENED,
-    SUPPLY,
-    TREMOR_PHASE,
-    VOLUNTARY,
-    WIRE_SHIFT,
-    WIRES,
-    InjectedFault,
-    settle_routing,
-)
+from exodrake.reference import dynamics
+from exodrake.reference.robot import FRAME, JOINTS, WIRES, InjectedFault, settle_routing
 
 GRAVITY = 9.81  # m/s2
 MIDDLE_LOAD = 4.0  # N, load at which a stiffening garment's secant stiffness is the stated one [A]
@@ -46,26 +32,6 @@ def joints_of(effect):
     return [JOINTS.index(name) for name in effect.joints] or [0, 1, 2]
 
 
-def set_wires(**fields):
-    """Injector of plain per-wire constants: record field = effect parameter."""
-
-    def inject(build, effect, rng):
-        for name, parameter in fields.items():
-            build.record[name][wires_of(effect)] = effect.parameters[parameter]
-
-    return inject
-
-
-def set_joints(**fields):
-    """Injector of plain per-joint constants."""
-
-    def inject(build, effect, rng):
-        for name, parameter in fields.items():
-            build.record[name][joints_of(effect)] = effect.parameters[parameter]
-
-    return inject
-
-
 def slow_loop(build, effect, rng):
     """Speed loop with an extra first-order lag whose delay adds to the loop's own 1/bandwidth."""
     record = build.record
@@ -76,8 +42,8 @@ def slow_loop(build, effect, rng):
 
 def stribeck(build, effect, rng):
     """LuGre friction whose static level exceeds the Coulomb level by the ratio."""
-    set_wires(coulomb="force")(build, effect, rng)
-    build.record["static"][wires_of(effect)] = effect.parameters["force"] * effect.parameters["ratio"]
+    where, force = wires_of(effect), effect.parameters["force"]
+    build.record["coulomb"][where], build.record["static"][where] = force, force * effect.parameters["ratio"]
     build.record["stribeck_speed"] = effect.parameters["speed"]
 
 
@@ -90,7 +56,7 @@ def compliance(build, effect, rng):
 
 def slack(build, effect, rng):
     """Wire too long, that comes taut over a toe."""
-    set_wires(slack="length")(build, effect, rng)
+    build.record["slack"][wires_of(effect)] = effect.parameters["length"]
     build.record["toe"][wires_of(effect)] = TOE
 
 
@@ -106,13 +72,7 @@ def drift(build, effect, rng):
     rate, time = effect.parameters["rate"], build.time
     for wire in wires_of(effect):
         steps = rng.standard_normal(len(time)) / np.sqrt(len(time))
-        build.inputs[:, CELL_DRIFT + wire] += rate * time + 0.15 * abs(rate) * time[-1] * np.cumsum(steps)
-
-
-def coupling(build, effect, rng):
-    """Spring between DIP and PIP."""
-    build.record["coupling"][2] = effect.parameters["stiffness"]
-    build.record["coupling_ratio"][2] = effect.parameters["ratio"]
+        build.inputs[:, dynamics.CELL_DRIFT + wire] += rate * time + 0.15 * abs(rate) * time[-1] * np.cumsum(steps)
 
 
 def router_height(build, effect, rng):
@@ -130,24 +90,15 @@ def gravity(build, effect, rng):
     build.record["gravity_y"] = -GRAVITY * np.cos(pitch)
 
 
-def contact(build, effect, rng):
-    """Object below the fingertip, Hunt-Crossley."""
-    build.record["contact_depth"] = effect.parameters["distance"]
-    build.record["contact_stiffness"] = effect.parameters["stiffness"]
-
-
 def tremor(build, effect, rng):
     """A phase that wanders by about half a turn in 10 s [A]."""
     build.record["tremor_torque"] = effect.parameters["torque"]
     build.record["tremor_frequency"] = effect.parameters["frequency"]
     build.record["tremor_share"][joints_of(effect)] = 1.0
     step = np.sqrt(build.time[1] / 10.0) * np.pi
-    build.inputs[:, TREMOR_PHASE] += rng.uniform(0, 2 * np.pi) + np.cumsum(step * rng.standard_normal(len(build.time)))
-
-
-def latency(build, effect, rng):
-    """Commands that arrive whole frames late."""
-    build.record["latency"] = effect.parameters["frames"]
+    build.inputs[:, dynamics.TREMOR_PHASE] += rng.uniform(0, 2 * np.pi) + np.cumsum(
+        step * rng.standard_normal(len(build.time))
+    )
 
 
 def dropped(build, effect, rng):
@@ -168,47 +119,6 @@ def mocap_delay(build, effect, rng):
 def mocap_skew(build, effect, rng):
     """Motion-capture clock of another rate."""
     build.skew = effect.parameters["skew"]
-
-
-LIBRARY_INJECTORS = {
-    "motor.slow_velocity_loop": slow_loop,
-    "motor.dead_zone": set_wires(dead_zone="width"),
-    "motor.current_limit": set_wires(soft_limit="limit"),
-    "motor.spool_growth": set_wires(growth="growth"),
-    "tendon.capstan_friction": set_wires(capstan="mu_phi"),
-    "tendon.coulomb_friction": set_wires(coulomb="force"),
-    "tendon.stribeck_friction": stribeck,
-    "tendon.viscous_friction": set_wires(viscous="coefficient"),
-    "tendon.compliance": compliance,
-    "tendon.creep": set_wires(creep="stiffness", creep_time="time_constant"),
-    "tendon.slack": slack,
-    "tendon.stiffening": stiffening,
-    "sensor.gain": set_wires(cell_gain="gain"),
-    "sensor.offset": set_wires(cell_offset="offset"),
-    "sensor.drift": drift,
-    "sensor.nonlinearity": set_wires(cell_bow="error"),
-    "sensor.lag": set_wires(cell_lag="time_constant"),
-    "sensor.pulley_friction": set_wires(pulley="mu"),
-    "sensor.crosstalk": set_wires(crosstalk="coefficient"),
-    "finger.stiffness": set_joints(factor="factor"),
-    "finger.hardening": set_joints(hardening="coefficient"),
-    "finger.viscoelasticity": set_joints(relaxing="fraction", relaxing_time="time_constant"),
-    "finger.hysteresis": set_joints(loss="torque", loss_width="width"),
-    "finger.coupling": coupling,
-    "finger.router_height": router_height,
-    "finger.router_migration": set_wires(router_give="migration"),
-    "finger.gravity": gravity,
-    "finger.contact": contact,
-    "finger.tremor": tremor,
-    "finger.spasticity": set_joints(spastic_gain="gain", spastic_threshold="threshold"),
-    "timing.command_latency": latency,
-    "timing.dropped_commands": dropped,
-    "timing.mocap_delay": mocap_delay,
-    "timing.mocap_clock_skew": mocap_skew,
-    "encoder.homing_offset": set_wires(homing="offset"),
-    "mocap.gain": set_joints(marker_gain="gain"),
-    "mocap.offset": set_joints(marker_offset="offset"),
-}
 
 
 def walk(rng, samples, size, memory):
@@ -232,22 +142,10 @@ def bursts(rng, time, gap, length):
     return course
 
 
-def spool_eccentricity(build, effect, rng):
-    """Spool bored off centre: radius changes periodically with its angle."""
-    build.record["eccentricity"] = effect.parameters["eccentricity"]
-    build.record["eccentric_phase"] = effect.parameters["phase"]
-
-
-def wire_snag(build, effect, rng):
-    """A rough spot that holds the all-flexor wire back at one place, pulling only."""
-    for name in ("snag_force", "snag_place", "snag_width"):
-        build.record[name] = effect.parameters[name.removeprefix("snag_")]
-
-
 def wandering_rest(build, effect, rng):
     """The wearer's resting posture wanders."""
     for joint in range(3):
-        build.inputs[:, REST_SHIFT + joint] += walk(
+        build.inputs[:, dynamics.REST_SHIFT + joint] += walk(
             rng, len(build.time), effect.parameters["size"], effect.parameters["memory"]
         )
 
@@ -256,7 +154,7 @@ def torque_bursts(build, effect, rng):
     """Voluntary flexion now and then."""
     course = effect.parameters["torque"] * bursts(rng, build.time, 4.0, effect.parameters["length"])
     for joint, share in enumerate((1.0, 0.6, 0.25)):
-        build.inputs[:, VOLUNTARY + joint] += share * course
+        build.inputs[:, dynamics.VOLUNTARY + joint] += share * course
 
 
 def posture_friction(build, effect, rng):
@@ -268,99 +166,39 @@ def posture_friction(build, effect, rng):
 def redonning(build, effect, rng):
     """The glove slips at one moment: routers and wires sit elsewhere from then on."""
     after = np.clip((build.time - rng.uniform(0.3, 0.7) * build.time[-1]) / 0.2, 0.0, 1.0)
-    build.inputs[:, ROUTER_SHIFT] += effect.parameters["height"] * after
+    build.inputs[:, dynamics.ROUTER_SHIFT] += effect.parameters["height"] * after
     for wire in range(3):
-        build.inputs[:, WIRE_SHIFT + wire] += effect.parameters["length"] * rng.uniform(-1, 1) * after
+        build.inputs[:, dynamics.WIRE_SHIFT + wire] += effect.parameters["length"] * rng.uniform(-1, 1) * after
 
 
 def tendon_jump(build, effect, rng):
     """A wire jumps off a pulley and back again."""
     off = np.clip(3.0 * bursts(rng, build.time, 5.0, effect.parameters["length"]), 0.0, 1.0)
-    build.inputs[:, WIRE_SHIFT] += effect.parameters["shift"] * off
-
-
-def snap_through(build, effect, rng):
-    """Negative stiffness around one PIP angle."""
-    build.record["notch_torque"] = effect.parameters["torque"]
-    build.record["notch_angle"] = effect.parameters["angle"]
-    build.record["notch_width"] = effect.parameters["width"]
-
-
-def flexible_mount(build, effect, rng):
-    """The actuation unit rings on its mount, kicked by what it accelerates."""
-    build.record["mount_frequency"] = effect.parameters["frequency"]
-    build.record["mount_ratio"] = effect.parameters["ratio"]
+    build.inputs[:, dynamics.WIRE_SHIFT] += effect.parameters["shift"] * off
 
 
 def voltage_sag(build, effect, rng):
     """The supply sags in spells; back EMF then limits the current."""
     build.record["supply_voltage"] = 12.0
     build.record["winding_resistance"] = 19.8
-    build.inputs[:, SUPPLY] -= effect.parameters["depth"] * np.clip(2 * bursts(rng, build.time, 2.0, 6.0), 0, 1)
-
-
-def abduction(build, effect, rng):
-    """The finger splays as the all-flexor wire pulls: the MCP's plane no longer holds the wires."""
-    build.record["abduction"] = effect.parameters["splay"]
+    build.inputs[:, dynamics.SUPPLY] -= effect.parameters["depth"] * np.clip(
+        2 * bursts(rng, build.time, 2.0, 6.0), 0, 1
+    )
 
 
 def warming(build, effect, rng):
     """Tissue softens as it warms up over the log."""
     softer = -effect.parameters["softening"] * (1 - np.exp(-build.time / effect.parameters["time_constant"]))
     for joint in range(3):
-        build.inputs[:, STIFFENED + joint] += softer
-
-
-def spool_slip(build, effect, rng):
-    """The wire slips on its spool, for good, while the load is above a threshold."""
-    build.record["slip_rate"] = effect.parameters["rate"]
-    build.record["slip_load"] = effect.parameters["load"]
-
-
-def leaky_integrator(build, effect, rng):
-    """The drive's integrator forgets, so the speed droops under load."""
-    build.record["leak"] = effect.parameters["leak"]
-
-
-def wire_rub(build, effect, rng):
-    """The two flexor wires rub against each other where they share a sheath."""
-    build.record["rub"] = effect.parameters["mu"]
+        build.inputs[:, dynamics.STIFFENED + joint] += softer
 
 
 def marker_jump(build, effect, rng):
     """A marker cluster is mislabelled in spells."""
     spells = np.clip(8 * bursts(rng, build.time, 4.0, 2.5), 0, 1)
-    build.inputs[:, MARKER_SHIFT + 1] += effect.parameters["angle"] * spells
+    build.inputs[:, dynamics.MARKER_SHIFT + 1] += effect.parameters["angle"] * spells
 
 
-def sticking_cell(build, effect, rng):
-    """The cell's reading stays put until the load has moved far enough."""
-    build.record["sticky"] = effect.parameters["band"]
-
-
-_ALL = (
-    spool_eccentricity,
-    wire_snag,
-    wandering_rest,
-    torque_bursts,
-    posture_friction,
-    redonning,
-    tendon_jump,
-    snap_through,
-    flexible_mount,
-    voltage_sag,
-    abduction,
-    warming,
-    spool_slip,
-    leaky_integrator,
-    wire_rub,
-    marker_jump,
-    sticking_cell,
-)
-OUTSIDE_INJECTORS = {f"outside.{inject.__name__}": inject for inject in _ALL}
-
-
-INJECTORS = LIBRARY_INJECTORS | OUTSIDE_INJECTORS
 ONE_ONLY = 0.4  # share of draws that sit on one wire or joint
 
 
@@ -370,102 +208,177 @@ class Entry:
 
     Attributes:
         seat: "wire", "joint", "one joint", or "" (whole robot).
+        inject: Writes the fault into the robot that is being assembled; or record field -> parameter, of its channels.
         ranges: Parameter -> (low, high), drawn log-uniformly if low > 0.
+        blocks: Blocks it acts in, of a fault outside the library (a spool is where motor and tendon meet); an effect of
+            the library says it in its id.
+        channels: Wires or joints it acts on, where these are not drawn.
         exact: Whether the parameters mean what effects.md's mean, so that intervals can be checked against them.
         signed: Parameters that get either sign.
-        blocks: Blocks it acts in, of a fault outside the library; an effect of the library says it in its id.
-        channels: Wires or joints it acts on, where these are not drawn.
     """
 
     seat: str
+    inject: Callable | dict[str, str]
     ranges: dict[str, tuple[float, float]]
-    exact: bool = False
-    signed: tuple[str, ...] = ()
     blocks: tuple[str, ...] = ()
     channels: tuple[str, ...] = ()
+    exact: bool = False
+    signed: tuple[str, ...] = ()
 
 
 LIBRARY = {
-    "motor.slow_velocity_loop": Entry("wire", {"factor": (0.15, 0.5)}),
-    "motor.dead_zone": Entry("wire", {"width": (0.6e-3, 3e-3)}),
-    "motor.current_limit": Entry("wire", {"limit": (0.045, 0.12)}),
-    "motor.spool_growth": Entry("wire", {"growth": (1.5, 5.5)}),
-    "tendon.capstan_friction": Entry("wire", {"mu_phi": (0.1, 0.6)}),
-    "tendon.coulomb_friction": Entry("wire", {"force": (0.15, 0.8)}),
-    "tendon.stribeck_friction": Entry("wire", {"force": (0.2, 0.7), "ratio": (1.25, 1.8), "speed": (1e-3, 5e-3)}),
-    "tendon.viscous_friction": Entry("wire", {"coefficient": (4.0, 25.0)}),
-    "tendon.compliance": Entry("wire", {"stiffness": (700.0, 6000.0)}),
-    "tendon.creep": Entry("wire", {"stiffness": (4000.0, 15000.0), "time_constant": (2.0, 30.0)}),
-    "tendon.slack": Entry("wire", {"length": (0.5e-3, 3e-3)}),
-    "tendon.stiffening": Entry("wire", {"soft_stiffness": (700.0, 1600.0), "stiffening": (80.0, 400.0)}),
-    "sensor.gain": Entry("wire", {"gain": (0.02, 0.12)}, exact=True, signed=("gain",)),
-    "sensor.offset": Entry("wire", {"offset": (0.1, 0.8)}, exact=True, signed=("offset",)),
-    "sensor.drift": Entry("wire", {"rate": (3e-3, 2e-2)}, signed=("rate",)),
-    "sensor.nonlinearity": Entry("wire", {"error": (0.1, 0.6)}, signed=("error",)),
-    "sensor.lag": Entry("wire", {"time_constant": (0.015, 0.08)}),
-    "sensor.pulley_friction": Entry("wire", {"mu": (0.01, 0.06)}),
-    "sensor.crosstalk": Entry("wire", {"coefficient": (0.01, 0.05)}, exact=True),
-    "finger.stiffness": Entry("joint", {"factor": (0.55, 1.8)}, exact=True),
-    "finger.hardening": Entry("joint", {"coefficient": (0.01, 0.08)}),
-    "finger.viscoelasticity": Entry("joint", {"fraction": (0.12, 0.6), "time_constant": (0.7, 10.0)}),
-    "finger.hysteresis": Entry("joint", {"torque": (1.5e-3, 8e-3), "width": (0.02, 0.08)}),
-    "finger.coupling": Entry("", {"stiffness": (5e-3, 3e-2), "ratio": (0.5, 0.8)}),
-    "finger.router_height": Entry("joint", {"height": (0.3e-3, 1.4e-3)}, signed=("height",)),
-    "finger.router_migration": Entry("wire", {"migration": (3e-5, 1.5e-4)}),
-    "finger.gravity": Entry("", {"pitch": (-0.3, 0.3)}, exact=True),
-    "finger.contact": Entry("", {"distance": (0.034, 0.055), "stiffness": (1000.0, 8000.0)}),
-    "finger.tremor": Entry("one joint", {"torque": (2e-3, 1e-2), "frequency": (4.0, 10.0)}),
-    "finger.spasticity": Entry("joint", {"gain": (5e-3, 4e-2), "threshold": (0.15, 0.6)}),
-    "timing.command_latency": Entry("", {"frames": (1, 3)}, exact=True),
-    "timing.dropped_commands": Entry("", {"probability": (0.05, 0.35)}, exact=True),
-    "timing.mocap_delay": Entry("", {"delay": (0.012, 0.08)}, exact=True),
-    "timing.mocap_clock_skew": Entry("", {"skew": (6e-4, 3e-3)}, exact=True, signed=("skew",)),
-    "encoder.homing_offset": Entry("wire", {"offset": (0.3e-3, 2e-3)}, exact=True, signed=("offset",)),
-    "mocap.gain": Entry("joint", {"gain": (0.03, 0.15)}, exact=True, signed=("gain",)),
-    "mocap.offset": Entry("joint", {"offset": (0.02, 0.15)}, exact=True, signed=("offset",)),
+    "motor.slow_velocity_loop": Entry("wire", slow_loop, {"factor": (0.15, 0.5)}),
+    "motor.dead_zone": Entry("wire", {"dead_zone": "width"}, {"width": (0.6e-3, 3e-3)}),
+    "motor.current_limit": Entry("wire", {"soft_limit": "limit"}, {"limit": (0.045, 0.12)}),
+    "motor.spool_growth": Entry("wire", {"growth": "growth"}, {"growth": (1.5, 5.5)}),
+    "tendon.capstan_friction": Entry("wire", {"capstan": "mu_phi"}, {"mu_phi": (0.1, 0.6)}),
+    "tendon.coulomb_friction": Entry("wire", {"coulomb": "force"}, {"force": (0.15, 0.8)}),
+    "tendon.stribeck_friction": Entry(
+        "wire", stribeck, {"force": (0.2, 0.7), "ratio": (1.25, 1.8), "speed": (1e-3, 5e-3)}
+    ),
+    "tendon.viscous_friction": Entry("wire", {"viscous": "coefficient"}, {"coefficient": (4.0, 25.0)}),
+    "tendon.compliance": Entry("wire", compliance, {"stiffness": (700.0, 6000.0)}),
+    "tendon.creep": Entry(
+        "wire",
+        {"creep": "stiffness", "creep_time": "time_constant"},
+        {"stiffness": (4000.0, 15000.0), "time_constant": (2.0, 30.0)},
+    ),
+    "tendon.slack": Entry("wire", slack, {"length": (0.5e-3, 3e-3)}),
+    "tendon.stiffening": Entry("wire", stiffening, {"soft_stiffness": (700.0, 1600.0), "stiffening": (80.0, 400.0)}),
+    "sensor.gain": Entry("wire", {"cell_gain": "gain"}, {"gain": (0.02, 0.12)}, exact=True, signed=("gain",)),
+    "sensor.offset": Entry("wire", {"cell_offset": "offset"}, {"offset": (0.1, 0.8)}, exact=True, signed=("offset",)),
+    "sensor.drift": Entry("wire", drift, {"rate": (3e-3, 2e-2)}, signed=("rate",)),
+    "sensor.nonlinearity": Entry("wire", {"cell_bow": "error"}, {"error": (0.1, 0.6)}, signed=("error",)),
+    "sensor.lag": Entry("wire", {"cell_lag": "time_constant"}, {"time_constant": (0.015, 0.08)}),
+    "sensor.pulley_friction": Entry("wire", {"pulley": "mu"}, {"mu": (0.01, 0.06)}),
+    "sensor.crosstalk": Entry("wire", {"crosstalk": "coefficient"}, {"coefficient": (0.01, 0.05)}, exact=True),
+    "finger.stiffness": Entry("joint", {"factor": "factor"}, {"factor": (0.55, 1.8)}, exact=True),
+    "finger.hardening": Entry("joint", {"hardening": "coefficient"}, {"coefficient": (0.01, 0.08)}),
+    "finger.viscoelasticity": Entry(
+        "joint",
+        {"relaxing": "fraction", "relaxing_time": "time_constant"},
+        {"fraction": (0.12, 0.6), "time_constant": (0.7, 10.0)},
+    ),
+    "finger.hysteresis": Entry(
+        "joint", {"loss": "torque", "loss_width": "width"}, {"torque": (1.5e-3, 8e-3), "width": (0.02, 0.08)}
+    ),
+    "finger.coupling": Entry(
+        "", {"coupling": "stiffness", "coupling_ratio": "ratio"}, {"stiffness": (5e-3, 3e-2), "ratio": (0.5, 0.8)}
+    ),
+    "finger.router_height": Entry("joint", router_height, {"height": (0.3e-3, 1.4e-3)}, signed=("height",)),
+    "finger.router_migration": Entry("wire", {"router_give": "migration"}, {"migration": (3e-5, 1.5e-4)}),
+    "finger.gravity": Entry("", gravity, {"pitch": (-0.3, 0.3)}, exact=True),
+    "finger.contact": Entry(
+        "",
+        {"contact_depth": "distance", "contact_stiffness": "stiffness"},
+        {"distance": (0.034, 0.055), "stiffness": (1000.0, 8000.0)},
+    ),
+    "finger.tremor": Entry("one joint", tremor, {"torque": (2e-3, 1e-2), "frequency": (4.0, 10.0)}),
+    "finger.spasticity": Entry(
+        "joint",
+        {"spastic_gain": "gain", "spastic_threshold": "threshold"},
+        {"gain": (5e-3, 4e-2), "threshold": (0.15, 0.6)},
+    ),
+    "timing.command_latency": Entry("", {"latency": "frames"}, {"frames": (1, 3)}, exact=True),
+    "timing.dropped_commands": Entry("", dropped, {"probability": (0.05, 0.35)}, exact=True),
+    "timing.mocap_delay": Entry("", mocap_delay, {"delay": (0.012, 0.08)}, exact=True),
+    "timing.mocap_clock_skew": Entry("", mocap_skew, {"skew": (6e-4, 3e-3)}, exact=True, signed=("skew",)),
+    "encoder.homing_offset": Entry(
+        "wire", {"homing": "offset"}, {"offset": (0.3e-3, 2e-3)}, exact=True, signed=("offset",)
+    ),
+    "mocap.gain": Entry("joint", {"marker_gain": "gain"}, {"gain": (0.03, 0.15)}, exact=True, signed=("gain",)),
+    "mocap.offset": Entry(
+        "joint", {"marker_offset": "offset"}, {"offset": (0.02, 0.15)}, exact=True, signed=("offset",)
+    ),
 }
-
-
-def outside(
-    ranges: dict[str, tuple[float, float]],
-    blocks: tuple[str, ...],
-    channels: tuple[str, ...],
-    signed: tuple[str, ...] = (),
-) -> Entry:
-    """Entry of a fault outside the library, on channels that are not drawn; a spool is where motor and tendon meet."""
-    return Entry("", ranges, signed=signed, blocks=blocks, channels=channels)
 
 
 OUTSIDE = {
-    "outside.spool_eccentricity": outside(
-        {"eccentricity": (0.06, 0.15), "phase": (0.1, 6.2)}, ("motor", "tendon"), WIRES
+    # bored off centre
+    "outside.spool_eccentricity": Entry(
+        "",
+        {"eccentricity": "eccentricity", "eccentric_phase": "phase"},
+        {"eccentricity": (0.06, 0.15), "phase": (0.1, 6.2)},
+        ("motor", "tendon"),
+        WIRES,
     ),
-    "outside.wire_snag": outside(
-        {"force": (1.0, 3.0), "place": (5e-3, 9e-3), "width": (4e-4, 1e-3)}, ("tendon",), ("AF",)
+    # a rough spot, pulling only
+    "outside.wire_snag": Entry(
+        "",
+        {"snag_force": "force", "snag_place": "place", "snag_width": "width"},
+        {"force": (1.0, 3.0), "place": (5e-3, 9e-3), "width": (4e-4, 1e-3)},
+        ("tendon",),
+        ("AF",),
     ),
-    "outside.wandering_rest": outside({"size": (0.08, 0.2), "memory": (2.0, 10.0)}, ("finger",), JOINTS),
-    "outside.torque_bursts": outside(
-        {"torque": (0.008, 0.03), "length": (0.8, 2.0)}, ("finger",), JOINTS, signed=("torque",)
+    "outside.wandering_rest": Entry(
+        "", wandering_rest, {"size": (0.08, 0.2), "memory": (2.0, 10.0)}, ("finger",), JOINTS
     ),
-    "outside.posture_friction": outside({"torque": (5e-3, 2e-2)}, ("finger",), JOINTS),
-    "outside.redonning": outside(
-        {"height": (0.6e-3, 1.5e-3), "length": (1e-3, 2e-3)}, ("finger", "tendon"), WIRES, signed=("height",)
+    "outside.torque_bursts": Entry(
+        "", torque_bursts, {"torque": (0.008, 0.03), "length": (0.8, 2.0)}, ("finger",), JOINTS, signed=("torque",)
     ),
-    "outside.tendon_jump": outside({"shift": (1e-3, 3e-3), "length": (1.0, 3.0)}, ("tendon",), ("AF",)),
-    "outside.snap_through": outside(
-        {"torque": (0.012, 0.03), "angle": (0.6, 0.9), "width": (0.08, 0.16)}, ("finger",), ("PIP",)
+    "outside.posture_friction": Entry("", posture_friction, {"torque": (5e-3, 2e-2)}, ("finger",), JOINTS),
+    "outside.redonning": Entry(
+        "",
+        redonning,
+        {"height": (0.6e-3, 1.5e-3), "length": (1e-3, 2e-3)},
+        ("finger", "tendon"),
+        WIRES,
+        signed=("height",),
     ),
-    "outside.flexible_mount": outside({"ratio": (0.8, 1.3), "frequency": (3.0, 6.0)}, ("motor",), WIRES),
-    "outside.voltage_sag": outside({"depth": (0.75, 0.92)}, ("motor",), WIRES),
-    "outside.abduction": outside({"splay": (0.05, 0.12)}, ("finger",), ("MCP",)),
-    "outside.warming": outside({"softening": (0.2, 0.4), "time_constant": (8.0, 25.0)}, ("finger",), JOINTS),
-    "outside.spool_slip": outside({"rate": (1e-5, 6e-5), "load": (2.0, 4.0)}, ("motor", "tendon"), WIRES),
-    "outside.leaky_integrator": outside({"leak": (3.0, 15.0)}, ("motor",), WIRES),
-    "outside.wire_rub": outside({"mu": (0.3, 0.8)}, ("tendon",), ("AF", "MF")),
-    "outside.marker_jump": outside({"angle": (0.08, 0.25)}, ("mocap",), ("PIP",), signed=("angle",)),
-    "outside.sticking_cell": outside({"band": (0.15, 0.5)}, ("sensor",), WIRES),
+    "outside.tendon_jump": Entry("", tendon_jump, {"shift": (1e-3, 3e-3), "length": (1.0, 3.0)}, ("tendon",), ("AF",)),
+    # negative stiffness around one angle
+    "outside.snap_through": Entry(
+        "",
+        {"notch_torque": "torque", "notch_angle": "angle", "notch_width": "width"},
+        {"torque": (0.012, 0.03), "angle": (0.6, 0.9), "width": (0.08, 0.16)},
+        ("finger",),
+        ("PIP",),
+    ),
+    # rings, kicked by what it accelerates
+    "outside.flexible_mount": Entry(
+        "",
+        {"mount_frequency": "frequency", "mount_ratio": "ratio"},
+        {"ratio": (0.8, 1.3), "frequency": (3.0, 6.0)},
+        ("motor",),
+        WIRES,
+    ),
+    "outside.voltage_sag": Entry("", voltage_sag, {"depth": (0.75, 0.92)}, ("motor",), WIRES),
+    # by the all-flexor wire, out of the MCP's plane
+    "outside.abduction": Entry("", {"abduction": "splay"}, {"splay": (0.05, 0.12)}, ("finger",), ("MCP",)),
+    "outside.warming": Entry("", warming, {"softening": (0.2, 0.4), "time_constant": (8.0, 25.0)}, ("finger",), JOINTS),
+    # for good, above a load
+    "outside.spool_slip": Entry(
+        "",
+        {"slip_rate": "rate", "slip_load": "load"},
+        {"rate": (1e-5, 6e-5), "load": (2.0, 4.0)},
+        ("motor", "tendon"),
+        WIRES,
+    ),
+    # the speed droops under load
+    "outside.leaky_integrator": Entry("", {"leak": "leak"}, {"leak": (3.0, 15.0)}, ("motor",), WIRES),
+    # where the flexor wires share a sheath
+    "outside.wire_rub": Entry("", {"rub": "mu"}, {"mu": (0.3, 0.8)}, ("tendon",), ("AF", "MF")),
+    "outside.marker_jump": Entry("", marker_jump, {"angle": (0.08, 0.25)}, ("mocap",), ("PIP",), signed=("angle",)),
+    # until the load has moved far enough
+    "outside.sticking_cell": Entry("", {"sticky": "band"}, {"band": (0.15, 0.5)}, ("sensor",), WIRES),
 }
 ENTRIES = LIBRARY | OUTSIDE
+
+
+def inject(build, effect: InjectedFault, rng: np.random.Generator) -> None:
+    """Write an effect into a robot that is being assembled (`simulator.Build`)."""
+    entry = ENTRIES[effect.id]
+    if not isinstance(entry.inject, dict):
+        return entry.inject(build, effect, rng)
+    for name, parameter in entry.inject.items():
+        if entry.seat:
+            build.record[name][{"wire": wires_of, "joint": joints_of}[entry.seat](effect)] = effect.parameters[
+                parameter
+            ]
+        else:
+            build.record[name] = effect.parameters[parameter]
+
+
 MARKER_FAULTS = tuple(name for name in ENTRIES if "mocap" in name or "marker" in name)  # unseen without joint angles
 
 # effects without a strength: there or not there, a wire whose toe stays when its slack goes, a stiffness that is

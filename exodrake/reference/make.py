@@ -49,15 +49,8 @@ def gap_in_noise(with_effect: Columns, without: Columns) -> Gaps:
     return gaps
 
 
-def held_out_gap(case: DrawnCase, without: RobotSpec, seed: list[int], hidden: tuple[str, ...]) -> Gaps:
-    """Gap per logged signal between a case's robot and another; the same random courses in both."""
-    robots = (case.spec, without)
-    logs = [simulate(replace(robot, noisy=False), case.protocols["grasps"], seed) for robot in robots]
-    return {name: gap for name, gap in gap_in_noise(*logs).items() if kind_of(name) not in hidden}
-
-
 def parts_gaps(case: DrawnCase, seed: list[int], hidden: tuple[str, ...] = ()) -> tuple[list[float], Gaps]:
-    """Gaps of a case.
+    """Gaps of a case on the held-out motion, with the same random courses in all robots.
 
     Args:
         case: Robot and motions.
@@ -67,23 +60,21 @@ def parts_gaps(case: DrawnCase, seed: list[int], hidden: tuple[str, ...] = ()) -
     Returns:
         What each effect adds to the others, a list of the largest signal's gap; and the gap of all by signal.
     """
-    effects = case.spec.effects
-    whole = held_out_gap(case, case.healthy, seed, hidden)
+
+    def gaps(without: RobotSpec) -> Gaps:
+        robots = (replace(robot, noisy=False) for robot in (case.spec, without))
+        found = gap_in_noise(*(simulate(robot, case.protocols["grasps"], seed) for robot in robots))
+        return {name: gap for name, gap in found.items() if kind_of(name) not in hidden}
+
+    effects, whole = case.spec.effects, gaps(case.healthy)
     if len(effects) < 2:
         return [max(whole.values())] * len(effects), whole
-    without = [
-        replace(case.spec, effects=tuple(other for other in effects if other is not effect)) for effect in effects
-    ]
-    return [max(held_out_gap(case, spec, seed, hidden).values()) for spec in without], whole
+    others = [tuple(other for other in effects if other is not effect) for effect in effects]
+    return [max(gaps(replace(case.spec, effects=rest)).values()) for rest in others], whole
 
 
 def small_enough(case: DrawnCase, seed: list[int], mix: CaseMix) -> tuple[DrawnCase, list[float], Gaps]:
     """Weaken the effects of a case until their smallest gap lies in the range of the mix, by bisection in the strength.
-
-    Args:
-        case: Robot and motions.
-        seed: Seed of the random courses.
-        mix: Mix that the case belongs to.
 
     Returns:
         Case, gap per effect and gap per signal; the last tried where no strength gives a gap in the range.
@@ -119,41 +110,24 @@ MARK = ".incomplete"  # of a set that is not complete
 
 def label_of(plan: CasePlan, case: DrawnCase, each: list[float], whole: Gaps) -> Label:
     """Label of a case: kind, mix, true effects with the channels they act on, gaps and nominal parameters."""
-    effects = []
-    for effect, gap in zip(case.spec.effects, each):
-        blocks = blocks_of(effect.id)
-        effects.append(
-            {
-                "id": effect.id,
-                "block": blocks[0],
-                "blocks": list(blocks),
-                "wires": channels_of(effect, WIRES),
-                "joints": channels_of(effect, JOINTS),
-                "parameters": effect.parameters,
-                "exact": ENTRIES[effect.id].exact,
-                "gap": gap,
-            }
-        )
-    largest = max(whole.values(), default=0.0)
-    label = {"kind": plan.kind, "mix": plan.mix.name, "effects": effects, "gap": largest, "gaps": whole}
+    effects = [
+        {
+            "id": effect.id, "block": blocks_of(effect.id)[0], "blocks": list(blocks_of(effect.id)),
+            "wires": channels_of(effect, WIRES), "joints": channels_of(effect, JOINTS),
+            "parameters": effect.parameters, "exact": ENTRIES[effect.id].exact, "gap": gap,
+        }
+        for effect, gap in zip(case.spec.effects, each)
+    ]  # fmt: skip
     parameters = {name: np.asarray(value).tolist() for name, value in case.spec.parameters.items()}
-    return label | {"unseen_motion": plan.unseen, "numbers": parameters}
+    return {
+        "kind": plan.kind, "mix": plan.mix.name, "effects": effects, "gap": max(whole.values(), default=0.0),
+        "gaps": whole, "unseen_motion": plan.unseen, "numbers": parameters,
+    }  # fmt: skip
 
 
 def rounded(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Round columns (n,) [SI] to the digits a real log carries; floats print short."""
     return {name: np.round(values, DECIMALS[kind_of(name)]) + 0.0 for name, values in columns.items()}
-
-
-def logs_of(case: DrawnCase, plan: CasePlan) -> Case:
-    """Simulate the logs of a case as the reference simulator would have written them."""
-    logs = []
-    for index, (log, (role, repeats)) in enumerate(ROLES.items()):
-        columns = rounded(simulate(case.spec, case.protocols[log], [*plan.seed, 5, index]))
-        time = columns.pop("time")
-        columns = {name: values for name, values in columns.items() if kind_of(name) not in plan.mix.hidden}
-        logs.append(CaseLog(Log(time, columns), log, role, repeats, f"{log}.csv.gz"))
-    return Case(plan.name, {}, tuple(logs))
 
 
 def case_and_label(plan: CasePlan) -> tuple[Case, Label]:
@@ -167,20 +141,21 @@ def case_and_label(plan: CasePlan) -> tuple[Case, Label]:
         if distance(best[1], plan.mix.gap) == 0.0:
             break
     case, gaps, whole = best
-    return logs_of(case, plan), label_of(plan, case, gaps, whole)
+    logs = []
+    for index, (log, (role, repeats)) in enumerate(ROLES.items()):
+        columns = rounded(simulate(case.spec, case.protocols[log], [*plan.seed, 5, index]))
+        time = columns.pop("time")
+        columns = {name: values for name, values in columns.items() if kind_of(name) not in plan.mix.hidden}
+        logs.append(CaseLog(Log(time, columns), log, role, repeats, f"{log}.csv.gz"))
+    return Case(plan.name, {}, tuple(logs)), label_of(plan, case, gaps, whole)
 
 
 def make_case(plan: CasePlan, folder: str | Path) -> Label:
-    """Write one case into `folder` (kept if it is there already) and return its label."""
+    """Write one case into `folder`, whole or not at all, unless it is there already; return its label."""
     case, label = case_and_label(plan)
-    keep_case(case, Path(folder) / plan.name)
+    if not (Path(folder) / plan.name / FILE).is_file():
+        write_case(case, Path(folder) / plan.name)
     return label
-
-
-def keep_case(case: Case, folder: Path) -> None:
-    """Write a case, whole or not at all, unless it is there."""
-    if not (folder / FILE).is_file():
-        write_case(case, folder)
 
 
 @dataclass(frozen=True)
@@ -234,7 +209,8 @@ class SetFolder:
 
     def keep(self, name: str, case: Case, label: Label) -> Label:
         """Write a case, then its label; return the label as it is read back."""
-        keep_case(case, self.folder / name)
+        if not (self.folder / name / FILE).is_file():
+            write_case(case, self.folder / name)
         text = json.dumps(label, indent=1) + "\n"
         write_text(self.parts / f"{name}.json", text)
         return json.loads(text)
@@ -244,13 +220,6 @@ class SetFolder:
         write_committed(found, self.labels, self.folder / COMMITMENT)
         shutil.rmtree(self.parts)
         (self.folder / MARK).unlink()
-
-
-def stamp_of(seed: int, cases: int, mixes: Sequence[CaseMix]) -> str:
-    """Digest of what a set follows from: seed, number of cases, mixes, and the code of the reference simulator."""
-    from exodrake.core.provenance import digest, source_files
-
-    return hashlib.sha256(f"{seed} {cases} {mixes} {digest(source_files(Path(__file__).parent))}".encode()).hexdigest()
 
 
 def make(
@@ -284,19 +253,15 @@ def make(
     Raises:
         InputError: For a bad number of cases, as `SetFolder.begin`, and naming cases that could not be made.
     """
+    from exodrake.core.provenance import digest, source_files
+
     folder = Path(folder)
     home = SetFolder(folder, Path(labels) if labels else folder.with_name(folder.name + "-labels.json"))
     if cases < 1:
         raise InputError(f"--cases {cases}: at least one case is wanted")
-    home.begin(stamp_of(seed, cases, mixes))
-    home.commit(make_all(home, plan(seed, cases, *mixes), jobs, cluster, progress))
-    return home.labels
-
-
-def make_all(
-    home: SetFolder, plans: list[CasePlan], jobs: int, cluster: str | None, progress: Count
-) -> dict[str, Label]:
-    """Make or read back the labels by case; InputError naming the cases that could not be made."""
+    code = digest(source_files(Path(__file__).parent))
+    home.begin(hashlib.sha256(f"{seed} {cases} {mixes} {code}".encode()).hexdigest())
+    plans = plan(seed, cases, *mixes)
     found = {item.name: label for item in plans if (label := home.made(item.name)) is not None}
     warm_up()
     waiting, failed = [item for item in plans if item.name not in found], {}
@@ -311,5 +276,6 @@ def make_all(
             progress(len(found), len(failed), len(plans))
     if failed:
         why = "; ".join(f"{name} ({reason})" for name, reason in sorted(failed.items()))
-        raise InputError(f"{home.folder}: not made: {why}")
-    return {item.name: found[item.name] for item in plans}
+        raise InputError(f"{folder}: not made: {why}")
+    home.commit({item.name: found[item.name] for item in plans})
+    return home.labels

@@ -13,7 +13,7 @@ import math
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from itertools import permutations
+from itertools import permutations, product
 from typing import Any
 
 import numpy as np
@@ -85,14 +85,10 @@ def is_in_class(truths: Sequence[Truth], diagnosis: Diagnosis) -> bool:
 
 
 @cache
-def kinds() -> dict[str, str]:
-    """Kind of each effect of the library by its id."""
-    return {effect.id: kind_of(effect) for effect in load_robot().machine.effects}
-
-
 def kind_and_block(identity: str) -> tuple[str, str]:
     """Kind of an effect by its id, and its block."""
-    return kinds().get(identity, identity), identity.split(".")[0]
+    kinds = {effect.id: kind_of(effect) for effect in load_robot().machine.effects}
+    return kinds.get(identity, identity), identity.split(".")[0]
 
 
 def is_kind_right(truths: Sequence[Truth], diagnosis: Diagnosis) -> bool:
@@ -225,27 +221,22 @@ class ParameterInterval:
 
 
 def intervals_of(case: Answered) -> Iterator[ParameterInterval]:
-    """Stated intervals of the effects that are named by their true id."""
+    """Stated intervals of the effects that are named by their true id.
+
+    They are those of the channels of the truth; of an effect without channels the overall one.
+    """
     for truth in case.truths:
-        for name, true in truth["parameters"].items():
-            for channel, bounds in stated(name, truth, case.diagnosis):
+        seat = (*truth["wires"], *truth["joints"])
+        named = [effect for effect in causes_of(case.diagnosis) if effect["id"] == truth["id"]]
+        for (name, true), effect in product(truth["parameters"].items(), named):
+            stated = (effect.get("channels") or {}).get(name) or {
+                None: (effect.get("parameters") or {}).get(name) or {}
+            }
+            for channel, bounds in stated.items():
                 low, high = bounds.get("low"), bounds.get("high")
-                if low is not None and high is not None:
+                if (channel is None or not seat or channel in seat) and low is not None and high is not None:
                     key, scale = (case.name, truth["id"], name, channel), scale_of(truth["id"], name, true)
                     yield ParameterInterval(key, bool(truth["exact"]), low, high, true, scale)
-
-
-def stated(name: str, truth: Truth, diagnosis: Diagnosis) -> Iterator[tuple[str | None, dict[str, Any]]]:
-    """Channel and interval of a parameter, for the channels of the truth; without channels the overall interval."""
-    for effect in causes_of(diagnosis):
-        if effect["id"] != truth["id"]:
-            continue
-        channels = (effect.get("channels") or {}).get(name)
-        seat = (*truth["wires"], *truth["joints"])
-        if channels:
-            yield from ((channel, bounds) for channel, bounds in channels.items() if not seat or channel in seat)
-        elif overall := (effect.get("parameters") or {}).get(name):
-            yield None, overall
 
 
 def scale_of(effect_id: str, name: str, true: float) -> float:
@@ -356,6 +347,7 @@ def shares_of(cases: Sequence[Answered]) -> tuple[Share, ...]:
     rows = [share(f"exactly named, {kind}", visible(cases, [kind]), exactly_named, NAMEABLE[kind]) for kind in NAMEABLE]
     rows += [share(f"truth named or in its class, {kind}", visible(cases, [kind]), in_class) for kind in NAMEABLE]
     rows += [share(f"kind and block right, {kind}", visible(cases, [kind]), kind_right) for kind in NAMEABLE]
+    located = [case for case in nameable + outside if "where" in case.diagnosis or case.verdict == FAILURE]
     partly = [case for case in nameable if case.verdict == "PARTLY"]
     return (
         *rows,
@@ -367,7 +359,16 @@ def shares_of(cases: Sequence[Answered]) -> tuple[Share, ...]:
         share("false alarm on healthy", healthy, lambda case: case.verdict not in NO_EFFECT, "0-1 cases"),
         share("missed (NO_GAP or RETUNE) though visible", nameable, lambda case: case.verdict in NO_EFFECT),
         share("another effect named, or one too many", named, names_too_much),
-        *localisation_of([case for case in nameable + outside if "where" in case.diagnosis or case.verdict == FAILURE]),
+        share("block right", filter(blocks, located), lambda case: where(case, "block") in blocks(case), ">= 95 %"),
+        *(
+            share(
+                f"{name} right",
+                (case for case in located if channels(case, key)),
+                lambda case, key=key: set(where(case, key) or ()) == channels(case, key),
+                ">= 95 %",
+            )
+            for name, key in (("tendons", "wires"), ("joints", "joints"))
+        ),
         share(
             f"C(effect given retune), lower bound > {CLOSED:g}",
             closed,
@@ -381,26 +382,15 @@ def shares_of(cases: Sequence[Answered]) -> tuple[Share, ...]:
     )
 
 
-def localisation_of(cases: Sequence[Answered]) -> list[Share]:
-    """Shares of right blocks, tendons and joints, each of the cases whose label has any."""
-    rows = [share("block right", filter(blocks, cases), lambda case: where(case, "block") in blocks(case), ">= 95 %")]
-    for name, key in (("tendons right", "wires"), ("joints right", "joints")):
-        rows.append(
-            share(
-                name,
-                (case for case in cases if channels(case, key)),
-                lambda case, key=key: set(where(case, key) or ()) == channels(case, key),
-                ">= 95 %",
-            )
-        )
-    return rows
-
-
 def quantities_of(cases: Sequence[Answered]) -> tuple[Quantity, ...]:
     """Measures that are no shares."""
     answers = [case.diagnosis for case in cases]
     named = [case for case in visible(cases, NAMEABLE) if case.verdict == "NAMED"]
-    sizes = [size for answer in answers if answer["verdict"] == "AMBIGUOUS" for size in class_sizes(answer)]
+    sizes = []  # of the classes of the causes that have rivals; of an older answer that of its one class
+    for answer in answers:
+        if answer["verdict"] == "AMBIGUOUS":
+            own = [1 + len(rivals_of(cause)) for cause in causes_of(answer) if rivals_of(cause)]
+            sizes += own or [len(set(answer.get("equivalents") or ()))]
     rows = [quantity("size of an AMBIGUOUS class, mean", np.mean, sizes, "<= 2.2")]
     for label, part in (("C(overall)", "overall"), ("C(retune)", "retune"), ("C(effect given retune)", "effect")):
         rows.append(quantity(f"{label} when named, median", np.median, (closure(c, part, "value") for c in named)))
@@ -418,28 +408,19 @@ def quantities_of(cases: Sequence[Answered]) -> tuple[Quantity, ...]:
     return tuple(rows)
 
 
-def class_sizes(answer: dict[str, Any]) -> list[int]:
-    """Sizes of the classes of the causes that have rivals; of an older answer that of its one class."""
-    own = [1 + len(rivals_of(cause)) for cause in causes_of(answer) if rivals_of(cause)]
-    return own or [len(set(answer.get("equivalents") or ()))]
-
-
 def baselines_of(cases: Sequence[Answered]) -> tuple[Share, ...]:
     """Trivial answers to the visible cases with one effect, those that the diagnosis carries among them."""
     single = visible(cases, ["single"])
     names = sorted({name for case in single for name in case.diagnosis.get("baselines") or ()})
-    carried = [
-        share(f"{name} names the truth", single, lambda case, name=name: is_truth(case.truths, baseline(case, name)))
-        for name in names
-    ]
+
+    def is_named_by(case: Answered, baseline: str) -> bool:
+        ids = (case.diagnosis.get("baselines") or {}).get(baseline) or ""
+        return is_truth(case.truths, ids.split(" + "))
+
+    carried = [share(f"{n} names the truth", single, lambda case, n=n: is_named_by(case, n)) for n in names]
     rows = []
     for label, key in (("effect", "id"), ("block", "block")):
         values = [case.truths[0][key] for case in single]
         commonest = max(values, key=values.count, default="")
         rows.append(share(f"always the commonest {label}", single, lambda c, k=key, v=commonest: c.truths[0][k] == v))
     return (*rows, *carried)
-
-
-def baseline(case: Answered, name: str) -> tuple[str, ...]:
-    """Ids that a baseline names."""
-    return tuple(((case.diagnosis.get("baselines") or {}).get(name) or "").split(" + "))

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from exodrake.core.errors import markdown_table, plural
-from exodrake.reference.answers import FAILURE, Answered, read_answers, read_labels
+from exodrake.reference.answers import FAILURE, read_answers, read_labels
 from exodrake.reference.measures import (
     Paired,
     Quantity,
@@ -54,7 +54,8 @@ class Score:
 
     Attributes:
         groups: Measures of each mix.
-        confusion: (truth, answer, whether it is right) -> number of cases.
+        confusion: (truth, answer, whether it is right) -> number of cases; several effects are joined by +, an answer
+            without a name is its verdict.
         missing: Names of the cases without a diagnosis.
         cases: Number of cases that were answered, or failed.
         failed: Names of the cases that failed.
@@ -65,27 +66,6 @@ class Score:
     missing: tuple[str, ...]
     cases: int
     failed: tuple[str, ...] = ()
-
-
-def group_of(name: str, cases: Sequence[Answered], others: Sequence[Answered]) -> Group:
-    """Measure the cases of a mix; `others`: other answers to the same cases."""
-    shares, baselines = shares_of(cases), baselines_of(cases)
-    first = next(item for item in shares if item.name == "truth first")
-    carried = [paired(first, item, f"truth first; {item.name}") for item in baselines if "names" in item.name]
-    against = [paired(here, there) for here, there in zip(shares, shares_of(others))] if others else []
-    return Group(name, len(cases), shares, quantities_of(cases), baselines, (*carried, *against))
-
-
-def confusion_of(cases: Sequence[Answered]) -> dict[tuple[str, str, bool], int]:
-    """Count truths with answers; several effects are joined by +, an answer without a name is its verdict."""
-    table = Counter()
-    for case in cases:
-        truth = " + ".join(effect["id"] for effect in case.truths) or "healthy"
-        named = " + ".join(named_ids(case.diagnosis))
-        answer = named if case.verdict in ("NAMED", "AMBIGUOUS") and named else case.verdict
-        answer = f"PARTLY: {named}" if case.verdict == "PARTLY" else answer
-        table[truth, answer, right(case)] += 1
-    return dict(sorted(table.items()))
 
 
 def score(folder: str | Path, labels: str | Path, against: str | Path | None = None) -> Score:
@@ -105,13 +85,23 @@ def score(folder: str | Path, labels: str | Path, against: str | Path | None = N
     truths = read_labels(Path(folder), Path(labels))
     cases = read_answers(Path(folder), truths)
     others = read_answers(Path(against), truths) if against else ()
-    mixes = dict.fromkeys(case.mix for case in cases)
-    groups = tuple(
-        group_of(mix, *([case for case in answers if case.mix == mix] for answers in (cases, others))) for mix in mixes
-    )
+    groups, confusion = [], Counter()
+    for mix in dict.fromkeys(case.mix for case in cases):
+        here, there = ([case for case in answers if case.mix == mix] for answers in (cases, others))
+        shares, baselines = shares_of(here), baselines_of(here)
+        first = next(item for item in shares if item.name == "truth first")
+        compared = [paired(first, item, f"truth first; {item.name}") for item in baselines if "names" in item.name]
+        compared += [paired(one, other) for one, other in zip(shares, shares_of(there))] if there else []
+        groups.append(Group(mix, len(here), shares, quantities_of(here), baselines, tuple(compared)))
+    for case in cases:
+        truth = " + ".join(effect["id"] for effect in case.truths) or "healthy"
+        named = " + ".join(named_ids(case.diagnosis))
+        answer = named if case.verdict in ("NAMED", "AMBIGUOUS") and named else case.verdict
+        answer = f"PARTLY: {named}" if case.verdict == "PARTLY" else answer
+        confusion[truth, answer, right(case)] += 1
     missing = tuple(sorted(set(truths) - {case.name for case in cases}))
     failed = tuple(case.name for case in cases if case.verdict == FAILURE)
-    return Score(groups, confusion_of(cases), missing, len(cases), failed)
+    return Score(tuple(groups), dict(sorted(confusion.items())), missing, len(cases), failed)
 
 
 HEADINGS = ("measure", "wanted", "found", "95 % interval", "of")
@@ -130,37 +120,28 @@ def share_rows(shares: Iterable[Share], prefix: str = "") -> list[Row]:
     return rows
 
 
-def quantity_rows(quantities: Iterable[Quantity]) -> list[Row]:
-    """Cells of the quantities that count any case."""
-    return [(item.name, item.wanted, f"{item.value:.3g}", "", str(item.count)) for item in quantities if item.count]
-
-
-def paired_rows(found: Iterable[Paired]) -> list[Row]:
-    """Cells of the paired comparisons that count any case."""
-    cells = ((item.both, item.first, item.second, item.neither, f"{item.p:.2g}", item.name) for item in found)
-    return [(name, *map(str, counts)) for *counts, name in cells if any(counts[:4])]
-
-
-def confusion_rows(score: Score) -> list[Row]:
-    """Cells of truth against answer."""
-    return [(truth, answer, "yes" if right else "", str(n)) for (truth, answer, right), n in score.confusion.items()]
-
-
 def tables(score: Score) -> Iterator[tuple[str, Row, list[Row]]]:
-    """Title, headings and rows of each table."""
+    """Title, headings and rows of each table; rows that count no case are left out."""
     for group in score.groups:
-        rows = share_rows(group.shares) + quantity_rows(group.quantities) + share_rows(group.baselines, "baseline: ")
+        rows = share_rows(group.shares)
+        rows += [
+            (item.name, item.wanted, f"{item.value:.3g}", "", str(item.count))
+            for item in group.quantities
+            if item.count
+        ]
+        rows += share_rows(group.baselines, "baseline: ")
         yield f"{group.name}, {counted(group.cases)}", HEADINGS, rows
-        if compared := paired_rows(group.paired):
+        compared = [
+            (item.name, *map(str, (item.both, item.first, item.second, item.neither)), f"{item.p:.2g}")
+            for item in group.paired
+            if item.both or item.first or item.second or item.neither
+        ]
+        if compared:
             yield f"{group.name}, paired", PAIRED, compared
-    yield f"truth and answer, {title_of(score)}", CONFUSION, confusion_rows(score)
-
-
-def title_of(score: Score) -> str:
-    """Number of cases, of those that failed, and of those without a diagnosis."""
-    lacking = f", {len(score.missing)} without a diagnosis" if score.missing else ""
     failed = f", {len(score.failed)} of them failed" if score.failed else ""
-    return f"{counted(score.cases)}{failed}{lacking}"
+    lacking = f", {len(score.missing)} without a diagnosis" if score.missing else ""
+    rows = [(truth, answer, "yes" if right else "", str(n)) for (truth, answer, right), n in score.confusion.items()]
+    yield f"truth and answer, {counted(score.cases)}{failed}{lacking}", CONFUSION, rows
 
 
 def counted(cases: int) -> str:
@@ -195,38 +176,33 @@ def markdown(tables: Iterable[tuple[str, Row, list[Row]]]) -> str:
 
 def as_json(score: Score) -> dict[str, Any]:
     """Plain data of the score."""
+    mixes = {
+        group.name: {
+            "cases": group.cases,
+            "shares": shares_json(group.shares),
+            "quantities": {
+                item.name: {"value": None if math.isnan(item.value) else item.value, "cases": item.count}
+                for item in group.quantities
+            },
+            "baselines": shares_json(group.baselines),
+            "paired": {item.name: vars(item) | {"p": item.p} for item in group.paired},
+        }
+        for group in score.groups
+    }
     confusion = [
         {"truth": truth, "answer": answer, "right": right, "cases": many}
         for (truth, answer, right), many in score.confusion.items()
     ]
     return {
-        "cases": score.cases,
-        "missing": list(score.missing),
-        "failed": list(score.failed),
-        "mixes": {group.name: group_json(group) for group in score.groups},
+        "cases": score.cases, "missing": list(score.missing), "failed": list(score.failed), "mixes": mixes,
         "confusion": confusion,
-    }
-
-
-def group_json(group: Group) -> dict[str, Any]:
-    """Plain data of the measures of a mix."""
-    return {
-        "cases": group.cases,
-        "shares": shares_json(group.shares),
-        "quantities": {
-            item.name: {"value": None if math.isnan(item.value) else item.value, "cases": item.count}
-            for item in group.quantities
-        },
-        "baselines": shares_json(group.baselines),
-        "paired": {item.name: vars(item) | {"p": item.p} for item in group.paired},
-    }
+    }  # fmt: skip
 
 
 def shares_json(shares: Sequence[Share]) -> dict[str, Any]:
     """Plain data of shares; a share of no case has the value null."""
-    found = {}
-    for item in shares:
-        low, high = item.interval
-        value = item.value if item.total else None
-        found[item.name] = {"hits": item.hits, "total": item.total, "value": value, "low": low, "high": high}
-    return found
+    return {
+        item.name: {"hits": item.hits, "total": item.total, "value": item.value if item.total else None}
+        | dict(zip(("low", "high"), item.interval))
+        for item in shares
+    }
