@@ -106,20 +106,7 @@ def test_an_effect_of_no_strength_leaves_no_visible_gap(short, effect):
 
 def test_a_set_of_several_mixes_is_made_and_scored_mix_by_mix(short, tmp_path):
     folder = tmp_path / "set"
-    words = [
-        "blind",
-        "make",
-        "--seed",
-        "8",
-        "--cases",
-        "1",
-        "--out",
-        str(folder),
-        "--mix",
-        "no-mocap",
-        "--mix",
-        "healthy",
-    ]
+    words = f"blind make --seed 8 --cases 1 --out {folder} --mix no-mocap --mix healthy".split()
     result = CliRunner().invoke(cli, words)
     assert result.exit_code == 0 and ": 2; labels in" in result.output, result.output
     labels = read_committed(folder.with_name("set-labels.json"), folder / "seal.txt")
@@ -129,10 +116,8 @@ def test_a_set_of_several_mixes_is_made_and_scored_mix_by_mix(short, tmp_path):
     assert labels["case_00"]["gaps"] and not any(name.startswith("angle") for name in labels["case_00"]["gaps"])
     for name in labels:
         (folder / name / "diagnosis.json").write_text(json.dumps({"verdict": "RETUNE"}))
-    assert [group.name for group in score(folder, folder.with_name("set-labels.json")).groups] == [
-        "no-mocap",
-        "healthy",
-    ]
+    groups = score(folder, folder.with_name("set-labels.json")).groups
+    assert [group.name for group in groups] == ["no-mocap", "healthy"]
 
 
 def test_an_unknown_mix_is_refused(tmp_path):
@@ -151,9 +136,3 @@ def test_labels_say_where_outside_faults_act(short):
         _, label = case_and_label(CasePlan("case", (3, 1), "unknown", (effect,), False))
         (line,) = label["effects"]
         assert (line["block"], line["wires"], line["joints"]) == (block, wires, joints)
-
-
-@pytest.mark.parametrize("effect", [name for name in ENTRIES if name.startswith("outside.")])
-def test_outside_faults_have_blocks_and_channels(effect):
-    entry = ENTRIES[effect]
-    assert entry.blocks and entry.channels and set(entry.blocks) <= {block_of(name) for name in LIBRARY}

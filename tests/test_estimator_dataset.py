@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from estimator_sweeps import as_log, as_sweeps, reference, worn_sweeps
+from estimator_sweeps import as_log, reference, worn_sweeps
 
 from exodrake.core.errors import InputError
 from exodrake.estimator.dataset import cut, inputs_of, sweeps_from_logs
@@ -33,14 +33,6 @@ def test_logs_join_with_their_own_labels_and_may_stay_whole():
     joined = sweeps_from_logs([first, second], one_per_log=["other.csv"])
     assert joined.count == 7
     assert joined.logs == ("worn.csv", "other.csv")
-
-
-def test_equispaced_keeps_ends_and_order():
-    sweeps = as_sweeps(worn_sweeps(4, seed=0, rows=50))
-    few = sweeps.equispaced(20)
-    assert len(few) == 20
-    assert few.time[0] == sweeps.time[0] and few.time[-1] == sweeps.time[-1]
-    assert np.all(np.diff(few.time) > 0)
 
 
 def test_bad_logs_are_refused_by_name():

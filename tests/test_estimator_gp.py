@@ -53,12 +53,6 @@ def test_one_sample_rows_and_the_writing_form_agree_to_the_last_bit():
         assert np.array_equal(mean, many[row]) and np.array_equal(std, many_std[row])
 
 
-def test_a_missing_sample_gives_no_angle():
-    _, estimator, sweeps = trained()
-    mean, std = predict(np.array([np.nan, 1.0, 1.0]), sweeps.stroke[0], estimator.weights)
-    assert np.isnan(mean).all() and np.isnan(std).all()
-
-
 def test_leaving_a_sweep_out_in_closed_form_is_fitting_without_it():
     prior, _, sweeps = trained()
     few = sweeps.rows(np.flatnonzero(sweeps.sweep < 6)[::15])

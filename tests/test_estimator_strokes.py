@@ -66,12 +66,6 @@ def test_all_zeros_and_the_rest_posture_at_once_are_flagged():
         assert estimator.zeros(as_sweeps(donned)).moved, way
 
 
-def test_own_and_fresh_sweeps_are_not_flagged_sample_by_sample(healthy):
-    _, estimator, sweeps = trained()
-    assert np.mean(estimator.predict(sweeps.tension, sweeps.stroke)[2]) <= 0.02
-    assert np.mean([estimator.predict(s.tension, s.stroke)[2] for s in healthy]) <= 0.03
-
-
 def test_contact_is_no_shift_of_zeros():
     """Strokes stop half way while tensions rise, as where an object holds the finger."""
     estimator, session = trained()[1], as_sweeps(worn_sweeps(6, seed=5, rows=60))
@@ -92,11 +86,6 @@ def test_constant_is_generalised_least_squares():
     white = np.linalg.solve(factor, np.c_[np.ones(len(rows)), residual])
     wanted = prior.gain * lstsq(white[:, :1], white[:, 1:])[0][0]
     np.testing.assert_allclose(model.zeros(session).shift, wanted, rtol=1e-4, atol=1e-8)
-
-
-def test_hotelling_quantile_tends_to_chi_square():
-    assert hotelling(3, 10**6) == pytest.approx(11.345, abs=0.01)  # tables: chi-square, 3 degrees of freedom, 1 %
-    assert hotelling(3, 24) > hotelling(3, 48) > 11.345
 
 
 @pytest.mark.parametrize("sweeps", [6, 12])

@@ -8,7 +8,6 @@ from command_line import run
 
 import exodrake as exo
 from exodrake.core.errors import InputError
-from exodrake.identification.statics import saturation
 
 ROBOT = exo.load_robot()
 
@@ -66,12 +65,6 @@ def test_a_ramp_that_ends_before_the_joints_stop_says_so():
     found = exo.find_maximum_tension(exo.simulate(ROBOT, exo.maximum_tension(ROBOT)))
     assert [one.saturated for one in found] == [False, False, False]
     np.testing.assert_allclose([one.tension for one in found], [12.0, 8.0, 8.0], atol=0.3)
-
-
-def test_saturation_of_a_straight_line_with_a_corner():
-    tension = np.linspace(0.0, 10.0, 1000)
-    at, saturated, travel = saturation(tension, np.column_stack([np.minimum(tension, 6.0), 0.0 * tension]) / 10.0)
-    assert saturated and at == pytest.approx(6.0, abs=0.8) and travel == pytest.approx([0.6, 0.0], abs=0.03)
 
 
 def test_a_log_without_such_ramps_is_refused():

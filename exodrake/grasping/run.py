@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from exodrake.core.errors import InputError, argument
-from exodrake.core.part import Axes
 from exodrake.core.robot import Robot
 from exodrake.data.log import Log
 from exodrake.grasping.plan import Plan, stiffness
