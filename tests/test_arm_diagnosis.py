@@ -106,7 +106,7 @@ def test_an_arm_as_its_model_says_has_no_gap(cable_arm):
 LATE = 1e-3  # s from a reading to the effort that answers it, as in the model's schedule
 
 
-def loop_case(robot, path, payload, rows=1200):
+def loop_case(robot, path, payload, rows=400):
     """An arm that Drake moves with its own integrator, under the robot file's PD law and gravity of the bare arm."""
     believed, logs, rng = plant_of(path), [], np.random.default_rng(7)
     at = believed.CreateDefaultContext()

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -22,7 +23,7 @@ from exodrake.reference.cases import MIXES
 from exodrake.reference.score import score
 from tests.short_sets import RUN, answers, write_set
 
-HEALTHY = (MIXES["healthy"],)
+HEALTHY = (replace(MIXES["healthy"], duration=0.25),)
 PACKAGE = Path(make.__file__).parents[2]
 
 
