@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from exodrake.core.errors import MAX_MESSAGE, InputError
-from exodrake.core.schema import MAX_BYTES, dump_yaml, parse_yaml
+from exodrake.core.schema import MAX_BYTES, dump_yaml, parse_json, parse_yaml
 from exodrake.data import case, import_log as mapping
 from exodrake.identification.kinematics import markers
 from exodrake.machines import robot_file
@@ -83,3 +83,8 @@ PLAIN = st.recursive(
 @given(content=st.dictionaries(st.text(), PLAIN, max_size=4))
 def test_what_is_dumped_is_what_is_parsed(content):
     assert parse_yaml(dump_yaml(content).encode(), "f.yaml") == content
+
+
+def test_json_may_be_larger_than_yaml():
+    """An answer of many frames is; a robot file is not."""
+    assert parse_json(b"[" + b" " * MAX_BYTES + b"]", "answer.json") == []

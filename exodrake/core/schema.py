@@ -1,16 +1,12 @@
-"""Schemas of YAML content: checks that compose, and messages that name file and key of whatever is wrong.
+"""Plain data in YAML and JSON files, and schemas: checks that compose, whose messages name file and key.
 
     SCHEMA = mapping({"name": text(), "period": number(above=0.0), "logs": listing(LOG, least=1)}, required=("logs",))
     content = SCHEMA(read_yaml(path), str(path))
 
 A schema is a function of a value and the place where it stands; it returns the value, or raises InputError.
 
-JSON files as plain data.
-
-YAML files as plain data: one loader with limits for robot files, scenarios, cases, mappings and layouts.
-
-Scalars are those of YAML 1.2: `1e-3` is a number; `1:30`, `no` and dates are text. Anchors, aliases, tags
-and keys that come twice are refused.
+One loader with limits serves robot files, scenarios, cases, mappings and layouts. Scalars are those of YAML 1.2: `1e-3`
+is a number; `1:30`, `no` and dates are text. Anchors, aliases, tags and keys that come twice are refused.
 """
 
 from __future__ import annotations
@@ -26,7 +22,17 @@ from typing import Any
 from exodrake.core.errors import InputError
 from exodrake.core.files import read_bytes
 
-MAX_BYTES = 200_000_000  # a thousand times the longest answer
+MAX_JSON = 200_000_000  # bytes, a thousand times the longest answer
+MAX_BYTES = 4_000_000  # of YAML, a hundred times the longest robot file
+MAX_DEPTH = 20  # nested mappings and lists; a scenario with a robot in it has 7
+BREAKS = "\x85\u2028\u2029\ufeff"  # line breaks and marks of Unicode that must be escaped
+MAX_DIGITS = 4000  # Python converts no longer integers
+CONSTANTS = {"": None, "~": None, "true": True, "false": False, "null": None}
+INTEGER = re.compile(r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+")
+FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
+SPECIAL = re.compile(r"[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
+MAX_PLACE, MAX_SHOWN = 160, 40  # characters
+MAX_WHOLE = 1_000_000_000  # of rows, frames and other counts
 
 
 def read_json(path: str | Path) -> Any:
@@ -36,8 +42,8 @@ def read_json(path: str | Path) -> Any:
 
 def parse_json(data: bytes | str, source: str) -> Any:
     """The content of JSON text. InputError as `read_json`."""
-    if len(data) > MAX_BYTES:
-        raise InputError(f"{source}: {len(data)} bytes, more than {MAX_BYTES}")
+    if len(data) > MAX_JSON:
+        raise InputError(f"{source}: {len(data)} bytes, more than {MAX_JSON}")
     try:
         return json.loads(data, object_pairs_hook=_object)
     except InputError as error:
@@ -57,16 +63,6 @@ def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         keys = [key for key, _ in pairs]
         raise InputError(f"key {shown(next(key for key in keys if keys.count(key) > 1))} comes twice")
     return found
-
-
-MAX_BYTES = 4_000_000  # a hundred times the longest robot file
-MAX_DEPTH = 20  # nested mappings and lists; a scenario with a robot in it has 7
-BREAKS = "\x85\u2028\u2029\ufeff"  # line breaks and marks of Unicode that must be escaped
-MAX_DIGITS = 4000  # Python converts no longer integers
-CONSTANTS = {"": None, "~": None, "true": True, "false": False, "null": None}
-INTEGER = re.compile(r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+")
-FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
-SPECIAL = re.compile(r"[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
 
 
 def read_yaml(path: str | Path) -> Any:
@@ -166,8 +162,6 @@ def _scalar(text: str) -> Any:
 
 
 Schema = Callable[[Any, str], Any]
-MAX_PLACE, MAX_SHOWN = 160, 40  # characters
-MAX_WHOLE = 1_000_000_000  # of rows, frames and other counts
 
 
 def shown(value: Any) -> str:
