@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from exodrake.cli.options import AnyPath, OutputFile, OutputFolder, robot_changes, robot_option
+from exodrake.cli.options import AnyPath, OutputFile, OutputFolder, change_robot, robot_changes, robot_option, waiting
 
 if TYPE_CHECKING:
     from exodrake.analysis.closed_loop import ClosedLoop
@@ -57,8 +57,6 @@ def command(file, parameters, effects, parts, at, draws, diagnosis, seed, out, t
     Linearises the whole sampled loop at an operating point, and measures the full nonlinear one by steps and multisine.
     Bands are over robots within the tolerances and over the machine's operating points.
     """
-    from rich.console import Console
-
     from exodrake.analysis.closed_loop import analyse, model_bytes, to_plain
     from exodrake.analysis.figures import draw_figures
     from exodrake.analysis.frame_map import add_controller
@@ -71,8 +69,8 @@ def command(file, parameters, effects, parts, at, draws, diagnosis, seed, out, t
     answer, improved = read_diagnosis(diagnosis) if diagnosis else (None, None)
     if improved and click.get_current_context().get_parameter_source("file") == ParameterSource.DEFAULT:
         file = str(improved)
-    robot, point = robot_of(add_controller(load_robot(file)), parameters, effects, parts), point_of(at)
-    with Console(stderr=True).status("analysing (the first run after a change compiles for half a minute)"):
+    robot, point = change_robot(add_controller(load_robot(file)), parameters, effects, parts), point_of(at)
+    with waiting("analysing (the first run after a change compiles for half a minute)"):
         result = analyse(robot, point, seed)
         uncertainty = None if answer is None else assess_answer(robot, answer, point, draws or 12)
         result = replace(result, bands=bands_of(robot, point, draws, answer), uncertainty=uncertainty)
@@ -90,19 +88,6 @@ def command(file, parameters, effects, parts, at, draws, diagnosis, seed, out, t
     warn(robot)
     if contents:
         click.echo("wrote " + ", ".join(str(path) for path in contents))
-
-
-def robot_of(robot: Robot, parameters: tuple[str, ...], effects: tuple[str, ...], parts: tuple[str, ...]) -> Robot:
-    """A robot with what the options change: parts first, then parameters, then effects."""
-    from exodrake.simulation.scenario import channels_of, parse_effect, parse_number
-
-    for part in parts:
-        robot = robot.with_part(part)
-    robot = robot.with_parameters(dict(parse_number(text, robot) for text in parameters))
-    for text in effects:
-        identity, given = parse_effect(text, robot)
-        robot = robot.splice(identity, given, channels_of(given))
-    return robot
 
 
 def bands_of(robot: Robot, at: dict[str, float] | str | None, draws: int, answer: Any) -> tuple[Band, ...]:

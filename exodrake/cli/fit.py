@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import click
 
-from exodrake.cli.options import OutputFolder, robot_changes, robot_option
-from exodrake.cli.response import CASE, JSON, STDOUT, write_answer
+from exodrake.cli.options import OutputFolder, change_robot, json_option, robot_changes, robot_option, waiting
+from exodrake.cli.response import CASE, write_answer
 
 
 @click.command()
@@ -21,8 +21,8 @@ from exodrake.cli.response import CASE, JSON, STDOUT, write_answer
 @robot_option("file")
 @robot_changes
 @click.option("--out", type=OutputFolder(), default=None, help="Folder for robot.yaml, fit.png and fit.json.")
-@click.option("--json", "target", **JSON)
-def command(cases, free, bounds, held_out, prediction, file, parameters, effects, parts, out, target) -> None:
+@json_option
+def command(cases, free, bounds, held_out, prediction, file, parameters, effects, parts, out, json_file) -> None:
     """Fit parameters of a robot to logs by least squares, with 90 % intervals that allow for coloured residuals.
 
     CASE_OR_LOG is a case folder, whose held-out logs are held out, or one or several logs. A name without channel
@@ -32,7 +32,6 @@ def command(cases, free, bounds, held_out, prediction, file, parameters, effects
     from rich.console import Console
     from rich.markdown import Markdown
 
-    from exodrake.cli.analyse import robot_of
     from exodrake.core.errors import InputError
     from exodrake.data.plot import png_of
     from exodrake.identification.fit import fit
@@ -45,13 +44,13 @@ def command(cases, free, bounds, held_out, prediction, file, parameters, effects
         if not equals or not dots:
             raise InputError(f"--bounds: {text!r} is not of the form NAME=LOW..HIGH")
         limits[name.strip()] = (low, high)
-    with Console(stderr=True).status("fitting (the first run after a change compiles for half a minute)"):
-        robot = robot_of(load_robot(file), parameters, effects, parts)
+    with waiting("fitting (the first run after a change compiles for half a minute)"):
+        robot = change_robot(load_robot(file), parameters, effects, parts)
         found = fit(robot, cases[0] if len(cases) == 1 else cases, free, limits, held_out, prediction)
-    console = Console(stderr=target == STDOUT)
+    console = Console(stderr=json_file == "-")
     console.print(Markdown(found.table))
     for line in (repr(found).splitlines()[-1].strip(), *(f"note: {note}" for note in found.notes)):
         console.print(line, highlight=False, soft_wrap=True)
-    robot_file = robot_text(found.robot, f"{', '.join(free)} fitted to {found.case} by exodrake fit").encode()
+    robot_file = robot_text(found.robot, f"{', '.join(free)} fitted to {found.case} by exodrake fit")
     files = {"robot.yaml": robot_file, "fit.png": png_of(found.plot())} if out else {}
-    write_answer(found.to_dict(), "fit", target, out, files)
+    write_answer(found.to_dict(), "fit", json_file, out, files)

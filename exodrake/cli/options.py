@@ -241,6 +241,19 @@ def robot_changes(command: Callable) -> Callable:
     return command
 
 
+def change_robot(robot: Robot, parameters: tuple[str, ...], effects: tuple[str, ...], parts: tuple[str, ...]) -> Robot:
+    """A robot with what the options change: parts first, then parameters, then effects."""
+    from exodrake.simulation.scenario import channels_of, parse_effect, parse_number
+
+    for part in parts:
+        robot = robot.with_part(part)
+    robot = robot.with_parameters(dict(parse_number(text, robot) for text in parameters))
+    for text in effects:
+        identity, given = parse_effect(text, robot)
+        robot = robot.splice(identity, given, channels_of(given))
+    return robot
+
+
 def machine_added(context: click.Context, _: click.Parameter, folder: str | None) -> None:
     """Registers the folder of --machine; InputError if it holds no machine."""
     if folder is None:

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import click
 
-from exodrake.cli.options import AnyPath, OutputFile, OutputFolder, robot_changes, robot_option
+from exodrake.cli.options import (
+    AnyPath,
+    OutputFolder,
+    change_robot,
+    json_option,
+    robot_changes,
+    robot_option,
+    write_files,
+    write_json,
+)
 
-STDOUT = Path("-")
-JSON: dict[str, Any] = {"type": OutputFile(), "default": None, "metavar": "FILE", "help": "All numbers; - for stdout."}
 CASE = click.argument("cases", nargs=-1, required=True, metavar="CASE_OR_LOG...")
 
 
@@ -27,15 +33,14 @@ CASE = click.argument("cases", nargs=-1, required=True, metavar="CASE_OR_LOG..."
     "--segment", type=click.FloatRange(0.0, min_open=True), default=None, help="Length of Welch's segments [s]."
 )
 @click.option("--out", type=OutputFolder(), default=None, help="Folder for response.png and response.json.")
-@click.option("--json", "target", **JSON)
-def command(cases, input, output, file, parameters, effects, parts, improved, segment, out, target) -> None:
+@json_option
+def command(cases, input, output, file, parameters, effects, parts, improved, segment, out, json_file) -> None:
     """Estimate frequency responses from logs, with coherence, and set them beside the robot's on the same references.
 
     CASE_OR_LOG is a case folder, or one or several logs, which are averaged. Logs without the robot's references are
     estimated alone.
     """
     from exodrake.analysis.log_response import block_responses, frequency_response, plot_responses
-    from exodrake.cli.analyse import robot_of
     from exodrake.core.errors import InputError
     from exodrake.data.case import gather_logs
     from exodrake.data.plot import png_of
@@ -43,7 +48,7 @@ def command(cases, input, output, file, parameters, effects, parts, improved, se
 
     if bool(input) != bool(output):
         raise InputError("--from and --to belong together; without both, every block is estimated")
-    robot = robot_of(load_robot(file), parameters, effects, parts)
+    robot = change_robot(load_robot(file), parameters, effects, parts)
     case = gather_logs(cases[0] if len(cases) == 1 else cases)
     other = load_robot(improved) if improved else None
     if input:
@@ -55,9 +60,9 @@ def command(cases, input, output, file, parameters, effects, parts, improved, se
         found = [frequency_response(case, input, output, *robots, segment)]
     else:
         found = block_responses(case, {"nominal": robot} | ({"improved": other} if other else {}), segment)
-    show(found, target == STDOUT)
+    show(found, json_file == "-")
     files = {"response.png": png_of(plot_responses(found))} if out else {}
-    write_answer([one.to_dict() for one in found], "response", target, out, files)
+    write_answer([one.to_dict() for one in found], "response", json_file, out, files)
 
 
 def show(responses: list, aside: bool) -> None:
@@ -91,23 +96,12 @@ def show(responses: list, aside: bool) -> None:
 
 
 def write_answer(
-    answer: Any, name: str, target: Path | None, out: Path | None, files: Mapping[str, bytes] | None = None
+    answer: Any, name: str, json_file: Path | str | None, out: Path | None, files: Mapping[str, str | bytes]
 ) -> None:
-    """Write an answer as JSON to `target`, and with further files into the folder `out`; says what was written."""
-    from exodrake.core.files import make_folder, write_bytes
+    """Write an answer as JSON, and with further files into the folder `out`; print nothing beside printed numbers."""
     from exodrake.core.plain import plain
 
-    text = json.dumps(plain(answer), indent=1, allow_nan=False) + "\n"
-    contents = (
-        {out / file: data for file, data in {**(files or {}), f"{name}.json": text.encode()}.items()} if out else {}
-    )
-    if target == STDOUT:
-        click.echo(text, nl=False)
-    elif target:
-        contents[target] = text.encode()
+    printed = write_json(plain(answer), json_file)
     if out:
-        make_folder(out)
-    for path, data in contents.items():
-        write_bytes(path, data)
-    if contents:
-        click.echo("wrote " + ", ".join(map(str, contents)), err=target == STDOUT)
+        write_files({out / file: data for file, data in files.items()}, not printed)
+        write_json(plain(answer), out / f"{name}.json", not printed)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import click
 
-from exodrake.cli.options import AnyPath, OutputFolder, robot_changes, robot_option
-from exodrake.cli.response import JSON, STDOUT, write_answer
+from exodrake.cli.options import AnyPath, OutputFolder, change_robot, json_option, robot_changes, robot_option
+from exodrake.cli.response import write_answer
 
 
 @click.command()
@@ -24,16 +24,15 @@ from exodrake.cli.response import JSON, STDOUT, write_answer
 @click.option("--seed", type=click.IntRange(0), default=0, help="Seed of the draws. [0]")
 @click.option("--noise", type=click.IntRange(0), default=None, help="Seed of the sensors' noise; none without it.")
 @click.option("--out", type=OutputFolder(), default=None, help="Folder for sweep.csv, sweep.png and sweep.json.")
-@click.option("--json", "target", **JSON)
+@json_option
 def command(
-    protocol, reference, over, robots, diagnosis, file, parameters, effects, parts, seed, noise, out, target
+    protocol, reference, over, robots, diagnosis, file, parameters, effects, parts, seed, noise, out, json_file
 ) -> None:  # fmt: skip
     """Run a robot on PROTOCOL once for each variation, and tabulate RMS from the robot's own run, peak and end."""
     import numpy as np
     from rich.console import Console
 
     from exodrake.analysis.sweep import plot_sweep, sweep
-    from exodrake.cli.analyse import robot_of
     from exodrake.core.errors import InputError
     from exodrake.core.progress import counted
     from exodrake.core.schema import read_json
@@ -44,7 +43,7 @@ def command(
 
     if bool(protocol) == bool(reference) or bool(over) + bool(robots) + bool(diagnosis) != 1:
         raise InputError("wanted a protocol or --reference, and one of --over, --robots and --diagnosis")
-    robot, grid = robot_of(load_robot(file), parameters, effects, parts), {}
+    robot, grid = change_robot(load_robot(file), parameters, effects, parts), {}
     for text in over:
         name, _, values = text.partition("=")
         ends = values.split(":")
@@ -62,7 +61,7 @@ def command(
         )  # fmt: skip
     numbers = found.describe().T[["mean", "std", "min", "max"]]
     rows = [(name, *(f"{x:.4g}" for x in row), found.attrs["units"].get(name, "")) for name, row in numbers.iterrows()]
-    Console(stderr=target == STDOUT).print(table(("", ">mean", ">std", ">least", ">largest", "unit"), rows))
-    files = {"sweep.csv": found.to_csv(index=False).encode(), "sweep.png": png_of(plot_sweep(found))} if out else {}
+    Console(stderr=json_file == "-").print(table(("", ">mean", ">std", ">least", ">largest", "unit"), rows))
+    files = {"sweep.csv": found.to_csv(index=False), "sweep.png": png_of(plot_sweep(found))} if out else {}
     answer = {"units": found.attrs["units"], "rows": found.to_dict("records")}
-    write_answer(answer, "sweep", target, out, files)
+    write_answer(answer, "sweep", json_file, out, files)
