@@ -107,6 +107,12 @@ def isolate(problem: Problem, progress: StageProgress = no_progress, most: float
     (residual,) = likelihood.residual(start.robot[None])
     likelihood = likelihood.with_memory_of(residual)
     effects = tuple(e for e in machine.effects if e.id in short.tried)
+
+    def hides(robot: np.ndarray) -> bool:
+        """Whether the rest of the logs shows what the fitted part does not, with a robot (parameters,)."""
+        more = part < affordable(problem)
+        return more and negligible(short, robot, likelihood) and not negligible(whole, robot, likelihood)
+
     zero = replace(start, x=np.zeros(len(start.x)))
     if negligible(whole, zero.robot, likelihood):
         none = np.zeros((len(start.x), likelihood.samples), dtype=np.float32)
@@ -114,10 +120,8 @@ def isolate(problem: Problem, progress: StageProgress = no_progress, most: float
         effects = ()
     else:
         retuned = fitted(likelihood, start.at_each(likelihood, [start.x])[0])
-        more, robot = part < affordable(problem), retuned.robot
-        if more and not negligible(whole, robot, likelihood) and negligible(short, robot, likelihood):
-            # the rest of the logs shows what this part does not
-            wide = likelihood_of(whole.shortened(affordable(problem)), robot, simulated)
+        if hides(retuned.robot):
+            wide = likelihood_of(whole.shortened(affordable(problem)), retuned.robot, simulated)
             by_all = fitted(wide, retuned.at_each(wide, [retuned.x])[0])
             if not negligible(whole, by_all.robot, likelihood):
                 return isolate(problem, progress, MOST)
@@ -130,9 +134,8 @@ def isolate(problem: Problem, progress: StageProgress = no_progress, most: float
     search = Search(likelihood, effects, lin, logs, progress=progress)
     search.add([retuned])
     best = search.run(max(machine.max_effects - certain, 0)) if effects else search.none
-    robot, more = best.explanation.robot, part < affordable(problem)
-    if more and best.effects and negligible(short, robot, likelihood) and not negligible(whole, robot, likelihood):
-        return isolate(problem, progress, MOST)  # the rest of the logs shows what this part does not
+    if best.effects and hides(best.explanation.robot):
+        return isolate(problem, progress, MOST)
     return Isolation(short, whole, likelihood, lin, nominal, search, best)
 
 

@@ -296,7 +296,7 @@ class Search:
             self.likelihood = self.likelihood.with_memory_of(best.explanation.residual)
             best = self.best
             if best.effects:
-                self.add([settled(self.likelihood.for_stage("refine again"), best.explanation, 2)])
+                self.add([settled(self.likelihood.for_stage("refine again"), best.explanation)])
                 self.reduce(best.effects)
             if self.best.effects != best.effects:
                 continue
