@@ -1,7 +1,4 @@
-"""Errors a user can cause and mend.
-
-Short texts: a `repr` of one line for results with arrays and logs, nouns after numbers, tables in Markdown.
-"""
+"""Errors that a user can cause and mend, and short texts: a `repr` of one line, plural nouns, Markdown tables."""
 
 from __future__ import annotations
 
@@ -9,6 +6,8 @@ from collections.abc import Iterable, Mapping, Sequence, Sized
 from dataclasses import fields
 
 LONGEST, LONGEST_FIELD = 160, 40  # characters
+MAX_MESSAGE, TAIL = 300, 120  # characters of a message, and of its end that a cut in the middle leaves
+HINTS = 3  # names that a message proposes
 
 
 def short_repr[T](cls: type[T]) -> type[T]:
@@ -45,10 +44,6 @@ def markdown_table(headings: Sequence[str], rows: Iterable[Sequence[object]]) ->
     lines = ([heading.removeprefix(">") for heading in headings], *rows)
     head, *body = ("| " + " | ".join(map(str, cells)) + " |" for cells in lines)
     return "\n".join([head, "|" + "|".join(marks) + "|", *body])
-
-
-MAX_MESSAGE, TAIL = 300, 120  # characters of a message, and of its end that a cut in the middle leaves
-HINTS = 3  # names that a message proposes
 
 
 class InputError(Exception):

@@ -1,17 +1,12 @@
 """A machine: parts joined by signals, a schedule of tasks in slots, an effect library and what its logs hold.
 
-Making one checks signals, schedule and effects.
-
-Parameters of a machine, and their tolerances.
-
-What a machine declares for replay, localisation and monitoring: segments, regime and command link.
-
-What an analysis of a closed loop needs to know of a machine: signals, gains, controllers, operating points.
+Making one checks signals, schedule and effects. It declares its parameters with their tolerances; segments, regime and
+command link for replay, localisation and monitoring; and its closed loop, if it has one, for the analysis.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import accumulate, pairwise
@@ -19,15 +14,12 @@ from typing import TYPE_CHECKING
 
 from exodrake.core.effect import Effect
 from exodrake.core.errors import InputError, nearest
-from exodrake.core.part import Axes, Field, Part, Signal, State, module_name, part_modules
+from exodrake.core.part import Axes, Delay, Field, Part, Signal, State, Task, module_name, part_modules, points_of
 
 if TYPE_CHECKING:
     from exodrake.core.mechanism import Mechanism
     from exodrake.core.robot import Robot
     from exodrake.core.skeleton import Shape, Skeleton
-from collections.abc import Sequence
-
-from exodrake.core.part import Delay, Task, points_of
 
 
 @dataclass(frozen=True)

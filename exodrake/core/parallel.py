@@ -1,14 +1,11 @@
-"""Loops over tasks: in this process, in worker processes (joblib's loky), or on a Dask cluster.
+"""Loops over tasks: in this process, in worker processes (joblib's loky), or on a Dask cluster; and on threads.
 
     for outcome in each(function, tasks, jobs=4):   # or cluster="tcp://192.168.1.20:8786"
         ...                                         # as tasks finish, in any order
 
-A task of a worker has one thread, one of this process all of them (see `threads`).
-
-Threads: simulations side by side on several, linear algebra on one.
-
-Two threads of linear algebra compete for the cores with each other and with other tasks (a 40 us prediction then takes
-15 ms) and add in another order, which changes the last digits of an answer.
+A task of a worker has one thread, one of this process all of them. Simulations run side by side on several threads,
+linear algebra on one. Two threads of linear algebra compete for the cores with each other and with other tasks (a 40 us
+prediction then takes 15 ms) and add in another order, which changes the last digits of an answer.
 """
 
 from __future__ import annotations
@@ -31,6 +28,12 @@ from typing import Any, cast
 
 from exodrake.core.errors import InputError
 from exodrake.core.processes import ONE_THREAD, SAFE_PATH, end_with, safe_path
+
+ONE_TASK = RLock()  # a limit of linear algebra holds for the whole process: threads of a worker take turns
+TIMEOUT = "10s"  # for a scheduler to answer
+QUEUED = 2  # tasks sent to a cluster per worker, so that no worker waits for its next task
+GROWN = "A worker stopped while some jobs"  # loky replaces one that has grown by 300 MB, as the allocator keeps memory
+CRASHED = "the worker process crashed (out of memory?)"
 
 
 @contextmanager
@@ -122,13 +125,6 @@ class Helpers:
 
 
 HELPERS = Helpers()
-
-
-ONE_TASK = RLock()  # a limit of linear algebra holds for the whole process: threads of a worker take turns
-TIMEOUT = "10s"  # for a scheduler to answer
-QUEUED = 2  # tasks sent to a cluster per worker, so that no worker waits for its next task
-GROWN = "A worker stopped while some jobs"  # loky replaces one that has grown by 300 MB, as the allocator keeps memory
-CRASHED = "the worker process crashed (out of memory?)"
 
 
 @dataclass(frozen=True)

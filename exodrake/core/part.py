@@ -2,15 +2,12 @@
 
 A module in `physics/` or `effects/` holds plain functions over floats, small tuples and arrays. `compiled.compose`
 copies those of a machine into one module that numba compiles; the same functions serve the Drake leaves and the
-compiled simulator.
+compiled simulator. Signals join parts, over the channels of an axis.
 
-Signals between parts, and the channels that they run over.
-
-Free laws that may be missing at a point of a part: a curve, or a memory, whose shape is fitted to logs.
-
-A free law adds `factor f(variable)` to the value that passes the point, with a free curve f, or a sum of elements that
-remember how the variable moved. Texts are source code in the arguments of the point. A part declares the laws of its
-points (`Point.laws`); a point without a declaration gets a curve over each of its arguments.
+A free law adds `factor f(variable)` to the value that passes a point, with a free curve f, or a sum of elements that
+remember how the variable moved. It may be missing in the part; its shape is fitted to logs. Texts are source code in
+the arguments of the point. A part declares the laws of its points (`Point.laws`); a point without a declaration gets a
+curve over each of its arguments.
 """
 
 from __future__ import annotations
@@ -25,6 +22,7 @@ from typing import NamedTuple, get_args, get_type_hints
 
 TENDONS, JOINTS, SCALAR = "tendons", "joints", ""
 NORMAL, UNIFORM = "standard normal", "uniform in 0 .. 1"
+CURVE, PLACE, HYSTERESIS, RELAXATION = "curve", "place", "hysteresis", "relaxation"
 
 
 @dataclass(frozen=True)
@@ -64,9 +62,6 @@ class Axes(NamedTuple):
     def of(self, axis: str) -> tuple[str, ...]:
         """Channel names of `TENDONS` or `JOINTS`; one empty name for `SCALAR`."""
         return {TENDONS: self.tendons, JOINTS: self.joints, SCALAR: ("",)}[axis]
-
-
-CURVE, PLACE, HYSTERESIS, RELAXATION = "curve", "place", "hysteresis", "relaxation"
 
 
 @dataclass(frozen=True)

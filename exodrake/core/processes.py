@@ -1,11 +1,10 @@
 """Processes that this one starts: they import nothing from the current folder, and end when this one does.
 
-Calls in a process of their own: a file that crashes a reader, or never ends in it, costs that file alone.
+A call in a process of its own: a file that crashes a reader, or never ends in it, costs that file alone.
 
     variables = in_child(parse, data, source, source=source, size=len(data))
 
-The process has limits of memory and processor time. It stays for the next call, and ends with the process that
-started it.
+The process has limits of memory and processor time. It stays for the next call.
 """
 
 from __future__ import annotations
@@ -36,6 +35,8 @@ BYTES_PER_SECOND = 2e6  # assumed: a tenth of what the slowest reader does
 MEMORY = 2 << 30  # bytes of address space; a log of the size that is read takes a tenth
 _lock = Lock()
 _child: Child | None = None
+SAFE_PATH = {"PYTHONSAFEPATH": "1"}  # `python -m` and `-c` would look for modules in the current folder first
+LOOK = 0.5  # s between two looks at whether the parent is there: assumed
 
 
 def in_child[T](function: Callable[..., T], *arguments: Any, source: str, size: int) -> T:
@@ -126,10 +127,6 @@ def answered(function: Callable[..., Any], arguments: tuple, time_limit: float) 
         return function(*arguments)
     except Exception as error:
         return error
-
-
-SAFE_PATH = {"PYTHONSAFEPATH": "1"}  # `python -m` and `-c` would look for modules in the current folder first
-LOOK = 0.5  # s between two looks at whether the parent is there: assumed
 
 
 def python_command(*arguments: str) -> list[str]:

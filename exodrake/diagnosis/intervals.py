@@ -4,9 +4,7 @@ The covariance is that of the linear model about the fit, nominal parameters and
 An error that no residual shows is added (`Effect.law_std`): a parameter of friction, creep or contact belongs to a law,
 a real robot follows another law, and the fitted value is an effective one.
 
-Channels that an effect sits on: the set of largest evidence, given its fitted amplitudes.
-
-For a set S of channels the fitted amplitudes x are normal numbers about 0,
+The channels of an effect are the set S of largest evidence. Its fitted amplitudes x are normal numbers about 0,
 
     var x = C + (l s)^2 1 + s^2 1_S 1_S' + (c s)^2 1_S      one cause: the channels of S share a value
     var x = C + (l s)^2 1 + s^2 1_S                         each channel of S has a value of its own
@@ -32,6 +30,9 @@ from exodrake.diagnosis.search import Fitted, kind_of
 
 ROUNDING = 0.01  # relative standard deviation between two simulators of one law: integration and rounding; assumed
 UNSURE = float("nan")
+LEAK = 0.12  # of the largest amplitude, into channels without the effect: development cases of the reference simulator
+SPREAD = 0.2  # of the largest amplitude, between channels with one cause: as the parameters of two laws differ
+ONE_OR_ALL = 0.4  # prior probability of one channel, and of all of them; other sets share what is left: assumed
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,11 +155,6 @@ def interval(parameter: Parameter, x: float, std: float, unit: str, law: float =
     low, high = max(x - half, min(x, parameter.bounds[0])), min(x + half, max(x, parameter.bounds[1]))
     ends = [parameter.value(low), parameter.value(high)]
     return Interval(parameter.value(x), min(ends), max(ends), unit)
-
-
-LEAK = 0.12  # of the largest amplitude, into channels without the effect: development cases of the reference simulator
-SPREAD = 0.2  # of the largest amplitude, between channels with one cause: as the parameters of two laws differ
-ONE_OR_ALL = 0.4  # prior probability of one channel, and of all of them; other sets share what is left: assumed
 
 
 def affected_channels(x: np.ndarray, covariance: np.ndarray) -> np.ndarray:

@@ -7,12 +7,10 @@ logged outputs (output injection, `Machine.observer`), so that an error of one p
 (prediction error; Ljung, System Identification, 1999, ch. 3 and 7). A machine without an observer has f1 alone. Each
 view is divided in the cost by the distance of the best robot so far from its noise, so that both views have weight.
 
-Whitening: residuals filtered so that noise of the measured spectrum becomes white with unit variance.
-
-The noise of a residual differs from that of the sensor: it passes through the loop, and encoder steps colour it. It is
-measured as the difference of two simulated runs of the retuned robot, with and without noise and quantisation. An
-autoregressive model is fitted to each column by the Yule-Walker equations (Kay, Modern Spectral Estimation, 1988,
-ch. 7):
+W makes noise of the measured spectrum white. The noise of a residual differs from that of the sensor: it passes through
+the loop, and encoder steps colour it. It is the difference of two simulated runs of the retuned robot, with and without
+noise and quantisation. An autoregressive model is fitted to each column by the Yule-Walker equations (Kay, Modern
+Spectral Estimation, 1988, ch. 7):
 
     e[t] + a1 e[t-1] + ... + ap e[t-p] = s w[t]          w white, unit variance
 """
@@ -42,6 +40,22 @@ COUNTING = Lock()  # of the simulated time, by fits side by side
 NOISE_RUNS = 8  # simulated runs with noise; draws are made from them
 # of the tolerances, by which the robot of each run differs: a signal at rest is then rounded elsewhere; assumed
 NOISE_MOVES = 0.2
+ORDER = 12  # frames of memory, 0.24 s at 50 Hz: longer than a bus round trip and the encoder's steps in motion; assumed
+REGULARISATION = 1e-4  # of the variance, added to it: an encoder at rest has a singular spectrum
+
+
+@dataclass(frozen=True, eq=False)
+class Whitening:
+    """Autoregressive noise model: `coefficients` (columns, ORDER + 1), `noise_std` (columns,) of the innovations."""
+
+    coefficients: np.ndarray
+    noise_std: np.ndarray
+
+    def __call__(self, residuals: np.ndarray) -> np.ndarray:
+        """Whitened residuals [-] of residuals (..., frames, columns)."""
+        taps, out = self.coefficients.T / self.noise_std, np.empty(residuals.shape)
+        convolve(residuals.reshape(-1, *residuals.shape[-2:]), taps, out.reshape(-1, *residuals.shape[-2:]))
+        return out
 
 
 @dataclass(frozen=True, eq=False)
@@ -271,24 +285,6 @@ def written_by(problem: Problem, values: np.ndarray, seed: int) -> Problem:
         return replace(trial, measured=np.where(np.isfinite(trial.measured), measured, np.nan))
 
     return replace(problem, fit=tuple(written(k, trial) for k, trial in enumerate(problem.fit)))
-
-
-ORDER = 12  # frames of memory, 0.24 s at 50 Hz: longer than a bus round trip and the encoder's steps in motion; assumed
-REGULARISATION = 1e-4  # of the variance, added to it: an encoder at rest has a singular spectrum
-
-
-@dataclass(frozen=True, eq=False)
-class Whitening:
-    """Autoregressive noise model: `coefficients` (columns, ORDER + 1), `noise_std` (columns,) of the innovations."""
-
-    coefficients: np.ndarray
-    noise_std: np.ndarray
-
-    def __call__(self, residuals: np.ndarray) -> np.ndarray:
-        """Whitened residuals [-] of residuals (..., frames, columns)."""
-        taps, out = self.coefficients.T / self.noise_std, np.empty(residuals.shape)
-        convolve(residuals.reshape(-1, *residuals.shape[-2:]), taps, out.reshape(-1, *residuals.shape[-2:]))
-        return out
 
 
 @njit(cache=True, nogil=True)

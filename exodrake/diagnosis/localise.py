@@ -5,10 +5,9 @@ that of the further effect that takes up most of it, as fitted beside the set or
 cause goes before the memory of a sensor. Where none takes up a tenth, it is the segment that ends in the signal of the
 largest prediction error. Channels that no fit tells are those whose prediction errors hold most of what is left.
 
-Regime of a gap: conditional variance of the residual under each condition that a machine declares.
-
-A condition sorts the frames into bins. The share explained is the correlation ratio, the variance of the bin means over
-the whole variance. `frequency` is the share of the residual's power below 1 Hz.
+The regime is the conditional variance of the residual. Each condition that a machine declares sorts the frames into
+bins; the share that it explains is the correlation ratio, the variance of the bin means over the whole variance.
+`frequency` is the share of the residual's power below 1 Hz.
 """
 
 from __future__ import annotations
@@ -28,6 +27,10 @@ from exodrake.diagnosis.search import Fitted, is_memory
 from exodrake.diagnosis.verdict import LARGE
 
 AFFECTED = 0.25  # share of the strongest channel's residual power, half its amplitude, from which one counts: assumed
+BINS = 10
+SLOW = 1.0  # Hz: below it a residual counts as slow
+SMOOTH = 15  # frames over which the steps of an encoder are averaged for direction and speed
+CRAWL = 0.02  # of the fastest motion: slower channels count as at rest; assumed
 
 
 def localise(found: Isolation, verdict: str, effects: tuple[NamedEffect, ...]) -> Where:
@@ -104,12 +107,6 @@ def affected(residual: np.ndarray, columns: tuple[str, ...], channels: tuple[str
             power[channel] += float(squared)
     strongest = max(power.values(), default=0.0)
     return tuple(channel for channel, p in power.items() if p >= AFFECTED * strongest)
-
-
-BINS = 10
-SLOW = 1.0  # Hz: below it a residual counts as slow
-SMOOTH = 15  # frames over which the steps of an encoder are averaged for direction and speed
-CRAWL = 0.02  # of the fastest motion: slower channels count as at rest; assumed
 
 
 def conditions(problem: Problem, trial: Trial, channel: int) -> dict[str, np.ndarray]:

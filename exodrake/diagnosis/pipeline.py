@@ -67,7 +67,7 @@ def diagnose(
             counts as a log (`Log.from_pandas`).
         robot: the nominal robot; the built-in one if None.
         progress: called with the stage and what it works on, such as the name of an effect.
-        tried: ids of the effects to try (`candidates.chosen`); by default all that are not `not_tried`.
+        tried: ids of the effects to try (`problem.chosen`); by default all that are not `not_tried`.
         discovers: whether to look for a missing law after a verdict (`discovery`). A failure of this search becomes a
             note.
         answered: called with the answer before a missing law is sought, to keep it whatever comes.

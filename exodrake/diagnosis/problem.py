@@ -1,19 +1,14 @@
 """A case as a regression: measured signals in units of their noise, and simulated logs of given robots.
 
-A log of a case as arrays.
-
-Result of a detector: an effect that shows in a log before any fit.
-
-Candidates: the effects that a diagnosis tries.
+A `Trial` is one log of the case as arrays. A `Detection` is an effect that a detector found in the logs before any fit.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numba import njit
@@ -33,11 +28,64 @@ from exodrake.diagnosis.noise import noise_std, reference_rows
 from exodrake.diagnosis.result import NamedEffect
 from exodrake.simulation.simulate import delayed
 
-if TYPE_CHECKING:
-    import numpy as np
+ROWS = 4  # robots simulated at once: their records stay in the cache
+WILD = 1e4  # residuals are clipped here [noise_std]: a diverging candidate is bad, not infinite
 
-    from exodrake.diagnosis.problem import Problem, Trial
-from collections.abc import Sequence
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """One log of a case as arrays.
+
+    Attributes:
+        name: file of the log.
+        role: use of the log in the case.
+        reference: (n, references) references [SI].
+        measured: (n, columns) measured signals [SI], NaN where missing.
+        latent: inputs that were not logged but decoded from the log, name -> (n, channels).
+        follow: (n, channels) logged inputs and outputs that correct a run (`Machine.observer`), if they do.
+        whole: whether no part of it may be left out, as of a motion that was designed to tell explanations apart.
+    """
+
+    name: str
+    role: str
+    reference: np.ndarray
+    measured: np.ndarray
+    latent: Mapping[str, np.ndarray] = field(default_factory=dict)
+    follow: np.ndarray | None = None
+    whole: bool = False
+
+    def shortened(self, share: float) -> Trial:
+        """The first part of the log, two frames at least; all of one that is used whole."""
+        return self if self.whole else self.first(max(2, int(share * len(self.reference))))
+
+    def first(self, n: int) -> Trial:
+        """The first n frames."""
+        follow = None if self.follow is None else self.follow[:n]
+        return replace(self, reference=self.reference[:n], measured=self.measured[:n], follow=follow)
+
+
+@dataclass(frozen=True)
+class Detection:
+    """An effect that a detector found.
+
+    Attributes:
+        effect: effect as the answer states it.
+        values: parameter name -> value [SI] that all further robots have; none for an effect that remains a candidate
+            of the fits.
+        reason: how it was found, in one sentence.
+        noise: draws what a log shows of the effect beyond its simulation, by the problem, the parameters (parameters,)
+            of a robot, a trial and a random generator: (n, columns) [SI]. None if the simulation shows it all.
+    """
+
+    effect: NamedEffect
+    values: dict[str, float]
+    reason: str
+    noise: Callable[[Problem, np.ndarray, Trial, np.random.Generator], np.ndarray] | None = None
+
+    @property
+    def certain(self) -> bool:
+        """Whether the effect is there, whatever a fit finds."""
+        return bool(self.values)
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,10 +263,6 @@ def by_trial(rows: np.ndarray, trials: tuple[Trial, ...]) -> list[np.ndarray]:
     return [part.reshape(t.measured.shape) for part, t in zip(np.split(rows, ends), trials, strict=True)]
 
 
-ROWS = 4  # robots simulated at once: their records stay in the cache
-WILD = 1e4  # residuals are clipped here [noise_std]: a diverging candidate is bad, not infinite
-
-
 @njit(cache=True, nogil=True)
 def subtract(simulated: np.ndarray, measured: np.ndarray, noise_std: np.ndarray) -> None:
     """Turns simulated signals (rows, n, columns), in place, into (measured - simulated) / noise_std, clipped."""
@@ -284,62 +328,6 @@ def make_problem(case: Case, robot: Robot, tried: frozenset[str] | None = None) 
     problem = Problem(robot, columns, noise_std(case, robot, columns), tuple(fit), tuple(held), case)
     tried = frozenset(e.id for e in robot.machine.effects if not e.not_tried) if tried is None else tried
     return replace(problem, tried=tried, noisier=noisier)
-
-
-@dataclass(frozen=True, eq=False)
-class Trial:
-    """One log of a case as arrays.
-
-    Attributes:
-        name: file of the log.
-        role: use of the log in the case.
-        reference: (n, references) references [SI].
-        measured: (n, columns) measured signals [SI], NaN where missing.
-        latent: inputs that were not logged but decoded from the log, name -> (n, channels).
-        follow: (n, channels) logged inputs and outputs that correct a run (`Machine.observer`), if they do.
-        whole: whether no part of it may be left out, as of a motion that was designed to tell explanations apart.
-    """
-
-    name: str
-    role: str
-    reference: np.ndarray
-    measured: np.ndarray
-    latent: Mapping[str, np.ndarray] = field(default_factory=dict)
-    follow: np.ndarray | None = None
-    whole: bool = False
-
-    def shortened(self, share: float) -> Trial:
-        """The first part of the log, two frames at least; all of one that is used whole."""
-        return self if self.whole else self.first(max(2, int(share * len(self.reference))))
-
-    def first(self, n: int) -> Trial:
-        """The first n frames."""
-        follow = None if self.follow is None else self.follow[:n]
-        return replace(self, reference=self.reference[:n], measured=self.measured[:n], follow=follow)
-
-
-@dataclass(frozen=True)
-class Detection:
-    """An effect that a detector found.
-
-    Attributes:
-        effect: effect as the answer states it.
-        values: parameter name -> value [SI] that all further robots have; none for an effect that remains a candidate
-            of the fits.
-        reason: how it was found, in one sentence.
-        noise: draws what a log shows of the effect beyond its simulation, by the problem, the parameters (parameters,)
-            of a robot, a trial and a random generator: (n, columns) [SI]. None if the simulation shows it all.
-    """
-
-    effect: NamedEffect
-    values: dict[str, float]
-    reason: str
-    noise: Callable[[Problem, np.ndarray, Trial, np.random.Generator], np.ndarray] | None = None
-
-    @property
-    def certain(self) -> bool:
-        """Whether the effect is there, whatever a fit finds."""
-        return bool(self.values)
 
 
 def chosen(machine: Machine, only: Sequence[str] = (), without: Sequence[str] = ()) -> frozenset[str]:

@@ -1,20 +1,13 @@
 """Packet loss: decoding of the commands that did not reach the drives, from a log.
 
-The path of least cost through a log (`command_paths`) gives the losses, run by run. A run of losses is accepted if it
-removes most of the errors around it.
-
-Paths of commands through a log: each command arrives at the drives, or the last one that arrived is held on.
-
-Only the drives are simulated, on the measured commands and loads, along several paths side by side. The path of least
-cost is the likeliest (Viterbi 1967):
+A command arrives at the drives, or the last one that arrived is held on. Only the drives are simulated, on the measured
+commands and loads, along several paths side by side. The path of least cost is the likeliest (Viterbi 1967):
 
     cost = sum of (moved - measured)^2 / (2 s^2)   +   ENTER where a run of losses begins, STAY where it goes on
 
 moved, measured: change of position in a frame. s: standard deviation of two readings and of the drive's model error,
 which is taken from the whole log. A drive that follows badly therefore loses no commands. A burst of losses is detected
-even if it begins with small changes.
-
-Simulation of a machine's drives alone, frame by frame on measured commands and loads.
+even if it begins with small changes. A run of losses is accepted if it removes most of the errors around it.
 """
 
 from __future__ import annotations
@@ -25,9 +18,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from exodrake.compiled.compose import compile_machine
+from exodrake.compiled.schedule import outer_reads
 from exodrake.core.confidence import CONFIDENCE
 from exodrake.core.effect import Effect
-from exodrake.core.machine import Machine
+from exodrake.core.machine import CommandLink, Machine
 from exodrake.diagnosis.filters import filled_columns
 from exodrake.diagnosis.gap import Interval
 from exodrake.diagnosis.noise import sensor_noise_std
@@ -37,9 +32,6 @@ from exodrake.diagnosis.search import kind_of
 
 if TYPE_CHECKING:
     from exodrake.diagnosis.problem import Problem, Trial
-from exodrake.compiled.compose import compile_machine
-from exodrake.compiled.schedule import outer_reads
-from exodrake.core.machine import CommandLink
 
 ENTER, STAY = 12.0, 1.0  # -log of the probabilities that a run of losses begins at a change (6e-6), and goes on (0.4)
 PATHS, FAR = 6, 40.0  # most paths at a time; a path that costs so much more than the best is given up
