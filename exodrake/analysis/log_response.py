@@ -26,7 +26,7 @@ from exodrake.core.plain import plain
 from exodrake.core.robot import Robot
 from exodrake.data.case import LogSource, gather_logs
 from exodrake.data.log import Log
-from exodrake.data.plot import STYLE, new_figure
+from exodrake.data.plot import IMPROVED, MEASURED, NOMINAL, STYLE, new_figure
 from exodrake.simulation.references import reference_rows
 from exodrake.simulation.simulate import simulate
 
@@ -39,7 +39,7 @@ RESOLVED = 0.5  # a response is resolved where its radius is at most this share 
 CLOCKS = 1e-3  # relative difference of two sampling periods that count as one
 CONFIDENCE = 0.9
 MOST_MISSING = 0.1  # share of missing samples, which are read between their neighbours; assumed
-COLOURS = {"measured": "#30363f", "nominal": "#d9691e", "improved": "#1d5fd1"}  # those of the report
+STYLES = {"nominal": NOMINAL, "improved": IMPROVED}
 COLUMNS = 3  # of panels in a figure
 TICKS = [digit * 10.0**power for power in range(-4, 4) for digit in (1, 2, 5)]  # [Hz]
 
@@ -319,20 +319,18 @@ def plot_responses(responses: Sequence[LogResponse], style: Mapping[Any, Any] = 
 def draw_response(level: Any, phase: Any, one: LogResponse) -> None:
     """Draws one response into axes of magnitude and phase, over the band where it is resolved."""
     f, known, h = one.frequency[one.band], one.resolved[one.band], one.response[one.band]
-    measured, look = np.where(known, 1.0, np.nan), {"color": COLOURS["measured"], "alpha": 0.18, "lw": 0}
+    measured, look = np.where(known, 1.0, np.nan), {"color": MEASURED["color"], "alpha": 0.18, "lw": 0}
     angle = np.interp(f, f[known], np.degrees(np.unwrap(np.angle(h[known]))))
     low, high = (20.0 * np.log10(np.maximum(end[one.band], 1e-300)) for end in (one.low, one.high))
     level.fill_between(f, low, high, where=known, **look)
     spread = np.degrees(np.arcsin(np.minimum(one.radius[one.band] / np.abs(h), 1.0)))
     phase.fill_between(f, angle - spread, angle + spread, where=known, **look)
     for name, found in one.models.items():
-        style = {"color": COLOURS.get(name, "#009e73"), "label": name}
-        style |= (
-            {} if name == "nominal" else {"ls": (0, (3, 2)), "zorder": 3}
-        )  # seen where it lies on what was measured
+        # above what was measured, so that it is seen where it lies on that
+        style = STYLES.get(name, {"color": "#009e73"}) | {"label": name, "zorder": 3}
         level.plot(f, 20.0 * np.log10(np.abs(found[one.band])), **style)
         phase.plot(f, angle + np.degrees(np.angle(found[one.band] / np.exp(1j * np.radians(angle)))), **style)
-    style = {"color": COLOURS["measured"], "lw": 1.4, "label": "measured"}
+    style = MEASURED | {"label": "measured"}
     level.plot(f, measured * 20.0 * np.log10(np.abs(h)), **style)
     phase.plot(f, measured * angle, **style)
     level.set_title(f"{one.input} → {one.output} [{one.unit}]".replace("_", " "), fontsize=8.5)

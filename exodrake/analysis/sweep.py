@@ -22,7 +22,7 @@ from exodrake.core.progress import Count, no_progress
 from exodrake.core.robot import Robot
 from exodrake.core.units import quantity
 from exodrake.data.log import Log
-from exodrake.data.plot import STYLE, new_figure
+from exodrake.data.plot import IMPROVED, STYLE, new_figure
 from exodrake.simulation.references import protocol
 from exodrake.simulation.simulate import simulate
 
@@ -152,7 +152,7 @@ def plot_sweep(table: Any) -> Any:
         panels = figure.subplots(rows, columns, sharex=True, squeeze=False)
         for axes in panels.flat[len(shown) :]:
             axes.set_axis_off()
-        tint = {"c": table[varied[1]], "cmap": "viridis"} if len(varied) > 1 else {"color": "#1d5fd1"}
+        tint = {"c": table[varied[1]], "cmap": "viridis"} if len(varied) > 1 else {"color": IMPROVED["color"]}
         for axes, name in zip(panels.flat, shown, strict=False):
             dots = axes.scatter(table[varied[0]] if varied else table.index, table[name], s=12, **tint)
             axes.set_title(f"{name} [{units[name]}]" if name in units else name, fontsize=8.5)

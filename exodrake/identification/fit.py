@@ -31,7 +31,7 @@ from exodrake.core.robot import Robot
 from exodrake.core.units import quantity
 from exodrake.data.case import LogSource, gather_logs
 from exodrake.data.log import Log
-from exodrake.data.plot import STYLE, new_figure
+from exodrake.data.plot import IMPROVED, NOMINAL, STYLE, new_figure
 from exodrake.diagnosis.filters import filled_columns
 from exodrake.diagnosis.likelihood import longest
 from exodrake.diagnosis.parameter import apply, nominal_parameters
@@ -178,7 +178,8 @@ class Fit:
             figure = new_figure(7.4, 1.2 + 0.24 * max(len(self.signals), 3))
             left, right = figure.subplots(1, 2, width_ratios=[1.5, 1.0])
             rows = range(len(self.signals))
-            drawn = {"start": ("#d9691e", "before"), "arx": ("#98a2b3", "ARX"), "fitted": ("#1d5fd1", "fitted")}
+            before, after = NOMINAL["color"], IMPROVED["color"]
+            drawn = {"start": (before, "before"), "arx": ("#98a2b3", "ARX"), "fitted": (after, "fitted")}
             for name, (colour, label) in drawn.items():
                 for prefix, style in (
                     ("", {"color": colour, "label": label}),
