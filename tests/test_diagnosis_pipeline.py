@@ -12,13 +12,15 @@ from effects_motion import motion_of
 import exodrake as exo
 from exodrake.compiled.inputs import Reference
 from exodrake.core.progress import Stage
-from exodrake.data.case import Case, CaseLog
+from exodrake.data.case import Case, CaseLog, gather_logs
 from exodrake.diagnosis import isolation, pipeline
 from exodrake.diagnosis.answer import check_answer
 from exodrake.diagnosis.likelihood import NOISE_RUNS, duration
 from exodrake.diagnosis.pipeline import notes_on_length
 from exodrake.diagnosis.problem import make_problem
 from exodrake.diagnosis.result import CAUSE, NAMED, NO_GAP, RETUNE
+from exodrake.simulation import protocols
+from exodrake.simulation.simulate import simulate
 
 AFFORDABLE = 1_400  # robots simulated in both views
 
@@ -157,6 +159,19 @@ def test_isolation_uses_no_more_than_is_affordable_and_the_answer_says_so(monkey
     assert found.likelihood.views[0].samples == pytest.approx(0.3 * size, rel=0.01)
     assert found.best.effects == {"tendon.capstan_friction"}
     assert notes_on_length(found, found.best) == ("the logs are long: the first 30% of each was fitted",)
+
+
+def test_more_of_a_log_is_fitted_where_an_effect_begins_after_the_part_that_would_be():
+    robot = exo.load_robot()
+    motion = 0.3 * protocols.random_motion(robot, seed=2).values[:500]
+    motion[330:] *= 3.0  # the current is limited from here on
+    limited = robot.splice("motor.current_limit", {"limit": 0.06})
+    case = gather_logs([simulate(limited, Reference(motion), seed=2)], (), robot.machine.frame)
+    problem = make_problem(case, robot, frozenset({"motor.current_limit", "tendon.capstan_friction", "sensor.gain"}))
+    size = sum(trial.measured.size for trial in problem.fit)
+    found = isolation.isolate(problem, most=0.4 * size)
+    assert "motor.current_limit" in found.best.effects
+    assert found.likelihood.views[0].samples > 0.66 * size
 
 
 def test_effect_beside_a_tremor_is_named_with_it():

@@ -17,6 +17,9 @@ from exodrake.diagnosis.problem import Problem, by_trial
 from exodrake.diagnosis.search import NEGLIGIBLE, Fitted, Search
 
 USED, MOST = 20_000, 135_000  # samples that are fitted, and at most where the rest shows a gap that this part does not
+# First parts of the logs are compared by the gap that they show. More is fitted where the fitted one
+# shows less than SEEN of the largest and less than noise: the shortest that shows HALF of it. Assumed
+PARTS, SEEN, HALF = 20, 0.1, 0.5
 SAMPLING = 3.0  # standard deviations of a mean square over runs with noise that a gap must exceed, too
 ROUNDS, LEAST_GAIN = 3, 0.1  # nominal Jacobians of retuning; mean log chi-square that one gains for a next one
 
@@ -58,11 +61,24 @@ def negligible(problem: Problem, robot: np.ndarray, likelihood: Likelihood) -> b
 
     Noise is what simulated runs with noise show (`View.squares`), with their scatter; what the sensors state at least.
     """
-    squares = np.concatenate(by_trial(problem.residual(robot[None], problem.fit)[0], problem.fit)) ** 2
+    return bool(excess(problem, robot, likelihood, np.ones(1))[0] < 0.0)
+
+
+def excess(problem: Problem, robot: np.ndarray, likelihood: Likelihood, shares: np.ndarray) -> np.ndarray:
+    """What a robot leaves beyond noise and `NEGLIGIBLE` in its worst column [noise variances], over parts of the logs.
+
+    Args:
+        problem: the logs.
+        robot: (parameters,) flat vector.
+        likelihood: of the noise.
+        shares: (n,) the parts, each from the beginning of every log.
+    """
+    logs = [log**2 for log in by_trial(problem.residual(robot[None], problem.fit)[0], problem.fit)]
     runs = likelihood.views[0].squares
     assert runs is not None, "a likelihood of noise"
     noise = np.maximum(runs.mean(axis=0), 1.0) + SAMPLING * runs.std(axis=0, ddof=1)
-    return bool((squares.mean(axis=0) < noise + NEGLIGIBLE**2).all())
+    means = [np.concatenate([log[: max(2, round(s * len(log)))] for log in logs]).mean(axis=0) for s in shares]
+    return np.max(means - noise - NEGLIGIBLE**2, axis=1)
 
 
 def retune(problem: Problem, x: np.ndarray | None = None) -> tuple[Explanation, defaultdict[str, float]]:
@@ -85,13 +101,16 @@ def retune(problem: Problem, x: np.ndarray | None = None) -> tuple[Explanation, 
     return found, likelihood.simulated
 
 
-def isolate(problem: Problem, progress: StageProgress = no_progress, most: float = USED) -> Isolation:
+def isolate(
+    problem: Problem, progress: StageProgress = no_progress, most: float = USED, before: Search | None = None
+) -> Isolation:
     """The isolation of a case.
 
     Args:
         problem: the case.
         progress: called with the stage and what it works on.
         most: samples that are fitted.
+        before: sets that were fitted on fewer, where this search begins.
     """
     progress(Stage.RETUNE, "")
     part = affordable(problem, most)
@@ -108,10 +127,13 @@ def isolate(problem: Problem, progress: StageProgress = no_progress, most: float
     likelihood = likelihood.with_memory_of(residual)
     effects = tuple(e for e in machine.effects if e.id in short.tried)
 
-    def hides(robot: np.ndarray) -> bool:
-        """Whether the rest of the logs shows what the fitted part does not, with a robot (parameters,)."""
-        more = part < affordable(problem)
-        return more and negligible(short, robot, likelihood) and not negligible(whole, robot, likelihood)
+    def hidden(robot: np.ndarray) -> float:
+        """Samples to fit instead, where the rest of the logs shows what the fitted part does not; 0 where not."""
+        shares = np.linspace(part, affordable(problem), PARTS)
+        found = excess(whole, robot, likelihood, shares)
+        if part == shares[-1] or found[-1] < 0.0 or found[0] >= min(SEEN * found.max(), 1.0):
+            return 0.0
+        return float(shares[np.argmax(found >= HALF * found.max())]) * samples_of(problem)
 
     zero = replace(start, x=np.zeros(len(start.x)))
     if negligible(whole, zero.robot, likelihood):
@@ -120,12 +142,12 @@ def isolate(problem: Problem, progress: StageProgress = no_progress, most: float
         effects = ()
     else:
         retuned = fitted(likelihood, start.at_each(likelihood, [start.x])[0])
-        if hides(retuned.robot):
-            wide = likelihood_of(whole.shortened(affordable(problem)), retuned.robot, simulated)
-            by_all = fitted(wide, retuned.at_each(wide, [retuned.x])[0])
-            if not negligible(whole, by_all.robot, likelihood):
-                return isolate(problem, progress, MOST)
-            (retuned,) = retuned.at_each(likelihood, [by_all.x])
+        if more := hidden(retuned.robot):
+            wide = likelihood_of(whole.shortened(affordable(problem, more)), retuned.robot, simulated)
+            by_more = fitted(wide, retuned.at_each(wide, [retuned.x])[0])
+            if not negligible(whole, by_more.robot, likelihood):
+                return isolate(problem, progress, more)
+            (retuned,) = retuned.at_each(likelihood, [by_more.x])
     (nominal,) = retuned.at_each(likelihood, [zero.x])
     progress(Stage.LINEARISE, "")
     known = (retuned.values, retuned.x, retuned.parameters, effects, retuned.jacobian, retuned.residual)
@@ -133,9 +155,11 @@ def isolate(problem: Problem, progress: StageProgress = no_progress, most: float
     logs = likelihood.on(whole.shortened(affordable(whole))).for_stage("measure")
     search = Search(likelihood, effects, lin, logs, progress=progress)
     search.add([retuned])
+    if before is not None:
+        search.take_over(before)
     best = search.run(max(machine.max_effects - certain, 0)) if effects else search.none
-    if best.effects and hides(best.explanation.robot):
-        return isolate(problem, progress, MOST)
+    if best.effects and (more := hidden(best.explanation.robot)):
+        return isolate(problem, progress, more, search)
     return Isolation(short, whole, likelihood, lin, nominal, search, best)
 
 
@@ -148,4 +172,9 @@ def fitted(likelihood: Likelihood, e: Explanation) -> Explanation:
 
 def affordable(problem: Problem, most: float = MOST) -> float:
     """Part of the fitted logs that can be used in reasonable time and memory; most: samples."""
-    return min(1.0, most / sum(trial.measured.size for trial in problem.fit))
+    return min(1.0, most / samples_of(problem))
+
+
+def samples_of(problem: Problem) -> int:
+    """Number of samples of the fitted logs."""
+    return sum(trial.measured.size for trial in problem.fit)

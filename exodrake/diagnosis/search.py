@@ -19,6 +19,7 @@ from exodrake.core.effect import Effect
 from exodrake.core.parallel import side_by_side
 from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.diagnosis.fit import (
+    ROUGH,
     Explanation,
     Predicted,
     at_bounds,
@@ -249,18 +250,19 @@ class Search:
         """Each further effect beside an explanation by its best probe, the most promising first."""
         return screen(self.likelihood.scaled_to(e.residual), e, lin)
 
-    def expand(self, key: frozenset[str], fitted: int = FITTED, exchange: bool = False) -> None:
+    def expand(self, key: frozenset[str], fitted: int = FITTED, start: Explanation | None = None) -> None:
         """Fit the most promising effects beside a set, which had new directions there.
 
         Beside the best set all effects have where it leaves much: one may act only where this set has brought it.
+        start: where they are looked at instead, such as a larger set of which one effect is to be exchanged.
         """
         if key in self.expanded:
             return
         self.expanded.add(key)
-        e, lin = self.sets[key].explanation, self.lin
+        e, lin = start or self.sets[key].explanation, self.lin
         likelihood = self.likelihood.scaled_to(e.residual)
+        far = bool(key) and self.sets[key].excess > 1.0 and start is None  # noise variances
         if key:
-            far = self.sets[key].excess > 1.0 and not exchange  # noise variances
             promising = {p.probe.effect for p in self.screened(e, lin)[: None if far else LOOKED]}
             some, n = [x for x in self.effects if x.id in promising], e.nominal
             again, nominal = likelihood.for_stage("linearise again"), e.parameters[:n]
@@ -271,7 +273,18 @@ class Search:
         predicted = [p for p in self.screened(e, lin) if p.probe.effect not in barred]
         new = [p for p in predicted if key | {p.probe.effect} not in self.sets]
         self.progress(Stage.FIT, e.name)
-        self.add(fit_beside(likelihood.for_stage("refine"), e, new[:fitted]))
+        self.add(fit_beside(likelihood.for_stage("refine"), e, new[: SINGLES if far else fitted]))
+
+    def take_over(self, before: Search) -> None:
+        """Fit the sets of a search on fewer samples, from where they ended."""
+        likelihood, jacobian = self.likelihood.for_stage("refine"), self.none.explanation.jacobian
+
+        def fit(e: Explanation) -> Explanation:
+            (start,) = replace(e, jacobian=jacobian).at_each(likelihood, [e.x])
+            return minimise(likelihood.scaled_to(start.residual), start, tol=ROUGH)
+
+        self.add(side_by_side([partial(fit, f.explanation) for key, f in before.sets.items() if key]))
+        self.expanded.add(frozenset())
 
     def reduce(self, key: frozenset[str]) -> None:
         """Fit the sets with one effect less."""
@@ -306,7 +319,8 @@ class Search:
             if self.best.effects != best.effects:
                 continue
             for effect in sorted(best.effects):
-                self.expand(best.effects - {effect}, exchange=True)
+                one_less = without(self.likelihood, best.explanation, effect)
+                self.expand(best.effects - {effect}, start=one_less)
             if self.best.effects == best.effects:
                 break
         best = self.plainer(self.best)
