@@ -18,8 +18,8 @@ from exodrake.diagnosis.search import NEGLIGIBLE, Fitted, Search
 
 USED, MOST = 20_000, 135_000  # samples that are fitted, and at most where the rest shows a gap that this part does not
 # First parts of the logs are compared by the gap that they show. More is fitted where the fitted one
-# shows less than SEEN of the largest and less than noise: the shortest that shows HALF of it. Assumed
-PARTS, SEEN, HALF = 20, 0.1, 0.5
+# shows less than SEEN of the largest: the shortest that shows HALF of it. Assumed
+PARTS, SEEN, HALF = 20, 0.02, 0.5
 SAMPLING = 3.0  # standard deviations of a mean square over runs with noise that a gap must exceed, too
 ROUNDS, LEAST_GAIN = 3, 0.1  # nominal Jacobians of retuning; mean log chi-square that one gains for a next one
 
@@ -131,7 +131,7 @@ def isolate(
         """Samples to fit instead, where the rest of the logs shows what the fitted part does not; 0 where not."""
         shares = np.linspace(part, affordable(problem), PARTS)
         found = excess(whole, robot, likelihood, shares)
-        if part == shares[-1] or found[-1] < 0.0 or found[0] >= min(SEEN * found.max(), 1.0):
+        if part == shares[-1] or found[-1] < 0.0 or found[0] >= SEEN * found.max():
             return 0.0
         return float(shares[np.argmax(found >= HALF * found.max())]) * samples_of(problem)
 
