@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from exodrake.cli.options import AnyPath, log_in, robot_option
+from exodrake.cli.options import AnyPath, OutputFile, json_option, log_in, robot_option, write_files, write_json
 
 if TYPE_CHECKING:
     from exodrake.core.machine import Machine
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 @click.command()
 @click.argument("log", type=AnyPath())
 @robot_option()
-@click.option("--out", type=AnyPath(), default=None, help="File to write [LOG with .html].")
+@click.option("--out", type=OutputFile("log.html"), default=None, help="File to write, or a folder [LOG with .html].")
 @click.option("--estimated", is_flag=True, help="Show the estimated joint angles, not the measured ones.")
 @click.option("--open", "show", is_flag=True, help="Open the file in the browser.")
 def show_log(log: Path, robot: str, out: Path | None, estimated: bool, show: bool) -> None:
@@ -26,7 +26,6 @@ def show_log(log: Path, robot: str, out: Path | None, estimated: bool, show: boo
     LOG is a log file, or a folder that `exodrake simulate` wrote.
     `#t=1.5` at the end of the address stops it at that time.
     """
-    from exodrake.core.files import write_text
     from exodrake.data.formats import read_log
     from exodrake.diagrams.meshcat import recording_html
     from exodrake.machines.robot_file import load_robot
@@ -35,8 +34,7 @@ def show_log(log: Path, robot: str, out: Path | None, estimated: bool, show: boo
     file = log_in(log)
     html = recording_html(read_log(file), load_robot(robot), log.name or log.resolve().name, angles=kind)
     target = out or file.with_name(file.name.split(".")[0] + ".html")
-    write_text(target, html)
-    click.echo(f"{target}: {len(html) / 1e6:.1f} MB")
+    write_files({target: html})
     if show:
         click.launch(str(target))
 
@@ -45,36 +43,32 @@ def show_log(log: Path, robot: str, out: Path | None, estimated: bool, show: boo
 @click.argument("first", type=AnyPath(), metavar="A")
 @click.argument("second", type=AnyPath(), metavar="B")
 @robot_option()
-@click.option("--out", type=AnyPath(), default=Path("compare.png"), show_default=True,
-              help="Figure to write.")  # fmt: skip
-@click.option("--json", "json_file", type=AnyPath(), default=None, help="File for all numbers, in SI.")
+@click.option("--out", type=OutputFile("compare.png"), default=Path("compare.png"), show_default=True,
+              help="Figure to write, or a folder.")  # fmt: skip
+@json_option
 def compare_logs(first: Path, second: Path, robot: str, out: Path, json_file: Path | None) -> None:
     """Overlay logs A and B, draw B less A below, and print RMS, mean and largest difference of each common signal.
 
     A and B are log files, or folders that `exodrake simulate` wrote. Where the clocks differ, B is read between its
     samples. The robot gives labels, units and colours.
     """
-    from exodrake.core.errors import InputError
-    from exodrake.core.files import write_bytes
-    from exodrake.core.plain import save
+    from exodrake.core.plain import to_dict
     from exodrake.data.formats import read_log
     from exodrake.data.log import compare
     from exodrake.data.plot import png_of, remarks
     from exodrake.machines.robot_file import load_robot
 
-    if out.suffix.lower() != ".png":
-        raise InputError(f"{out}: the figure is a PNG; its name ends in .png")
     machine = load_robot(robot).machine
     one, other = (read_log(log_in(path)) for path in (first, second))
     found = compare(one, other)
     names = (first.name, second.name) if first.name != second.name else found.names
     said = remarks(found, one, machine)
     figure = one.plot(" and ".join(names), other, names, machine=machine, remarks=said, difference=True)
-    write_bytes(out, png_of(figure))
-    if json_file:
-        save(found, json_file)
-    show_differences(found, machine)
-    click.echo(" ".join(["written", str(out), *([str(json_file)] if json_file else [])]))
+    quiet = json_file == "-"
+    if not quiet:
+        show_differences(found, machine)
+    write_files({out: png_of(figure)}, announce=not quiet)
+    write_json(to_dict(found), json_file)
 
 
 def show_differences(found: Comparison, machine: Machine) -> None:

@@ -11,14 +11,21 @@ from typing import TYPE_CHECKING
 
 import click
 
-from exodrake.cli.options import AnyPath, OutputFile, robot_option
+from exodrake.cli.options import (
+    AnyPath,
+    OutputFile,
+    OutputFolder,
+    json_option,
+    robot_option,
+    write_files,
+    write_json,
+)
 
 if TYPE_CHECKING:
     from exodrake.analysis.tuning import Tuned, Tuning
 
 
 ABOVE = click.FloatRange(min=0.0, min_open=True)
-FILE = {"type": OutputFile(), "default": None, "metavar": "FILE"}
 
 
 @click.command()
@@ -38,10 +45,11 @@ FILE = {"type": OutputFile(), "default": None, "metavar": "FILE"}
 @click.option(
     "--draws", type=click.IntRange(0, 100), default=4, help="Robots within tolerances that the search sees. [4]"
 )
-@click.option("--out-robot", **FILE, help="Write the robot with the best controller.")
-@click.option("--figure", **FILE, help="PNG that compares the controllers.")
-@click.option("--json", "target", **FILE, help="File for all numbers.")
-def command(file, settling, overshoot, disk_margin, noise, only, draws, out_robot, figure, target) -> None:
+@click.option("--out", type=OutputFolder(), default=None, help="Folder for tuned.yaml, tune.png and tune.json.")
+@click.option("--out-robot", type=OutputFile("tuned.yaml"), help="Write the robot with the best controller alone.")
+@click.option("--figure", type=OutputFile("tune.png"), help="Write the figure that compares the controllers alone.")
+@json_option
+def command(file, settling, overshoot, disk_margin, noise, only, draws, out, out_robot, figure, json_file) -> None:
     """Choose the gains of a robot's closed loop that settle fastest within requirements.
 
     They hold at every operating point of the machine and for robots within the tolerances. Every controller that the
@@ -51,7 +59,6 @@ def command(file, settling, overshoot, disk_margin, noise, only, draws, out_robo
 
     from exodrake.analysis.tuning import Requirements, tune
     from exodrake.core.errors import InputError
-    from exodrake.core.files import write_bytes
     from exodrake.core.plain import plain
     from exodrake.machines.robot_file import load_robot, write_robot
 
@@ -61,19 +68,26 @@ def command(file, settling, overshoot, disk_margin, noise, only, draws, out_robo
     wanted = Requirements(settling, overshoot / 100.0, disk_margin, noise)
     with Console(stderr=True).status("tuning") as status:
         tuning = tune(robot, wanted, only, draws, progress=lambda name: status.update(f"tuning: {name}"))
-    show(tuning)
-    if target:
-        write_bytes(target, (json.dumps(plain(tuning.to_dict()), indent=1, allow_nan=False) + "\n").encode())
+    numbers, contents = plain(tuning.to_dict()), {}
+    if out:
+        contents[out / "tune.json"] = json.dumps(numbers, indent=1, allow_nan=False) + "\n"
+        figure = figure or out / "tune.png"
+        if not (robot.machine.loop and robot.machine.loop.outer):
+            out_robot = out_robot or out / "tuned.yaml"
     if figure:
         from exodrake.analysis.figures import plot_tuning
         from exodrake.data.plot import png_of
 
-        write_bytes(figure, png_of(plot_tuning(tuning)))
+        contents[figure] = png_of(plot_tuning(tuning))
+    quiet = json_file == "-"
+    if not quiet:
+        show(tuning)
+    write_files(contents, announce=not quiet)
     if out_robot and tuning.best:
         write_robot(tuning.best.robot, out_robot, notes_of(tuning, tuning.best))
-    written = [str(p) for p in (target, figure, out_robot if tuning.best else None) if p]
-    if written:
-        click.echo("wrote " + ", ".join(written))
+        if not quiet:
+            click.echo(f"wrote {out_robot}")
+    write_json(numbers, json_file)
     if out_robot and not tuning.best:
         raise InputError("no controller holds all requirements: no robot file written")
 
@@ -188,4 +202,4 @@ def find_commands(wanted: str, robot: str, out: Path, map_file: Path | None) -> 
     ends = [[f"{shown.factor * value:.3g} {shown.unit}" for value in one] for one in (found.before, found.after)]
     rows = list(zip(machine.channels(machine.references[0].signal), *ends, strict=True))
     Console(highlight=False).print(table(("channel", ">RMS error if sent as wanted", ">with these commands"), rows))
-    click.echo(f"written {out}; the errors are those of the model")
+    click.echo(f"wrote {out}; the errors are those of the model")
