@@ -33,8 +33,7 @@ ROUGH = 5e-3  # the same of a first fit, which the best set alone goes on from
 FREE = (
     1e3  # prior standard deviations, in scales, of an effect's parameter in a fit: none, but the matrix stays regular
 )
-# of the predicted and of the initial amplitude, tried where a fit begins; so little that the fit is as it was without
-LESS, INITIAL, HARDLY = (1.0, 0.5, 0.2), (1.0, 0.3), 0.05
+LESS, INITIAL = (1.0, 0.5, 0.2), (1.0, 0.3)  # of the predicted and of the initial amplitude, tried where a fit begins
 HALF = 0.5  # of the best gain after two steps, with which a fit goes on
 USELESS = 1.0  # nats that a new nominal Jacobian must gain for the next one
 
@@ -295,7 +294,7 @@ def corrected(here: Explanation, trial: Explanation, expected: np.ndarray) -> np
 def starts(machine: Machine, known: Explanation, predicted: Predicted) -> tuple[Explanation, list[np.ndarray]]:
     """An explanation with one more effect, and the coordinates at which its fit may begin.
 
-    As the linearisation predicts it, less of it, hardly any, and at the initial amplitudes of the effect.
+    As the linearisation predicts it, less of it, and at the initial amplitudes of the effect.
     """
     probe = predicted.probe
     values = with_effects(known.values, [(machine, machine.effect(probe.effect))])
@@ -305,7 +304,6 @@ def starts(machine: Machine, known: Explanation, predicted: Predicted) -> tuple[
     initial = np.array([p.start for p in probe.parameters])
     points = [np.concatenate([predicted.x, np.where(amplitude, less * own, own)]) for less in LESS]
     points += [np.concatenate([known.x, np.where(amplitude, share * initial, initial)]) for share in INITIAL]
-    points.append(np.concatenate([known.x, np.where(amplitude, HARDLY * own, own)]))
     joined = Explanation((*known.effects, probe.effect), parameters, points[0], values, known.residual, known.jacobian)
     return joined, list(np.clip(points, low, high))
 

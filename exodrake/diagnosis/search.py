@@ -19,6 +19,7 @@ from exodrake.core.effect import Effect
 from exodrake.core.parallel import side_by_side
 from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.diagnosis.fit import (
+    HALF,
     ROUGH,
     Explanation,
     Predicted,
@@ -250,18 +251,19 @@ class Search:
         """Each further effect beside an explanation by its best probe, the most promising first."""
         return screen(self.likelihood.scaled_to(e.residual), e, lin)
 
-    def expand(self, key: frozenset[str], fitted: int = FITTED, start: Explanation | None = None) -> None:
+    def expand(self, key: frozenset[str], fitted: int = FITTED, exchange: bool = False) -> None:
         """Fit the most promising effects beside a set, which had new directions there.
 
+        Where much is left and none of them takes up half of it, the next ones are fitted.
+
         Beside the best set all effects have where it leaves much: one may act only where this set has brought it.
-        start: where they are looked at instead, such as a larger set of which one effect is to be exchanged.
         """
         if key in self.expanded:
             return
         self.expanded.add(key)
-        e, lin = start or self.sets[key].explanation, self.lin
+        e, lin = self.sets[key].explanation, self.lin
         likelihood = self.likelihood.scaled_to(e.residual)
-        far = bool(key) and self.sets[key].excess > 1.0 and start is None  # noise variances
+        far = bool(key) and self.sets[key].excess > 1.0 and not exchange  # noise variances
         if key:
             promising = {p.probe.effect for p in self.screened(e, lin)[: None if far else LOOKED]}
             some, n = [x for x in self.effects if x.id in promising], e.nominal
@@ -273,7 +275,11 @@ class Search:
         predicted = [p for p in self.screened(e, lin) if p.probe.effect not in barred]
         new = [p for p in predicted if key | {p.probe.effect} not in self.sets]
         self.progress(Stage.FIT, e.name)
-        self.add(fit_beside(likelihood.for_stage("refine"), e, new[: SINGLES if far else fitted]))
+        for some in (new[:fitted], new[fitted : 2 * fitted])[: 2 if far else 1]:
+            found = fit_beside(likelihood.for_stage("refine"), e, some)
+            self.add(found)
+            if min((self.sets[frozenset(x.effects)].excess for x in found), default=0.0) < HALF * self.sets[key].excess:
+                break
 
     def take_over(self, before: Search) -> None:
         """Fit the sets of a search on fewer samples, from where they ended."""
@@ -286,10 +292,10 @@ class Search:
         self.add(side_by_side([partial(fit, f.explanation) for key, f in before.sets.items() if key]))
         self.expanded.add(frozenset())
 
-    def reduce(self, key: frozenset[str]) -> None:
-        """Fit the sets with one effect less."""
+    def reduce(self, key: frozenset[str], again: bool = False) -> None:
+        """Fit the sets with one effect less, from this set; again: also those that were fitted from elsewhere."""
         e = self.sets[key].explanation
-        wanted = [i for i in e.effects if key - {i} not in self.sets]
+        wanted = [i for i in e.effects if again or key - {i} not in self.sets]
         likelihood = self.likelihood.for_stage("refine")
 
         def smaller(effect: str) -> Explanation:
@@ -319,12 +325,11 @@ class Search:
             if self.best.effects != best.effects:
                 continue
             for effect in sorted(best.effects):
-                one_less = without(self.likelihood, best.explanation, effect)
-                self.expand(best.effects - {effect}, start=one_less)
+                self.expand(best.effects - {effect}, exchange=True)
             if self.best.effects == best.effects:
                 break
         best = self.plainer(self.best)
-        self.reduce(best.effects)
+        self.reduce(best.effects, again=True)
         return best
 
     def predicted(self, fitted: Fitted) -> float:
