@@ -29,11 +29,8 @@ from exodrake.core.machine import Machine, channels_of
 from exodrake.core.robot import Robot
 from exodrake.diagrams.exo_index import add_exo_index
 from exodrake.machines.exo_index.machine import PARTS
-from exodrake.systems.machine_part import MachinePart
-from exodrake.systems.noise import Noise
-from exodrake.systems.part import NamedParameter, PartSystem
-from exodrake.systems.playback import Playback
-from exodrake.systems.robot_draw import RobotDraw, random_source
+from exodrake.systems.part import MachinePart, NamedParameter, PartSystem
+from exodrake.systems.sources import Noise, Playback, RobotDraw
 
 
 def build_diagram(
@@ -165,9 +162,8 @@ def add_parts(
 
 def join_draw(builder: DiagramBuilder, robot: Robot, parts: Mapping[str, System], noise: Noise | None) -> None:
     """Joins the draw of a robot to noise and parts."""
-    source = random_source()
-    builder.AddNamedSystem("random", source)
-    draw = builder.AddNamedSystem("draw", RobotDraw(robot, source))
+    draw = builder.AddNamedSystem("draw", RobotDraw(robot))
+    source = builder.AddNamedSystem("random", draw.source)
     builder.Connect(source.get_output_port(), draw.GetInputPort("sample"))
     if noise:
         builder.Connect(draw.GetOutputPort("drawn_seed"), noise.GetInputPort("drawn_seed"))

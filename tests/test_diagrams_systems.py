@@ -15,18 +15,17 @@ from exodrake.compiled.inputs import NOTHING, NoiseInputs, Reference, input_rows
 from exodrake.core.errors import InputError
 from exodrake.core.machine import signal_count, state_size
 from exodrake.diagrams.diagram import build_diagram, logged_signals
-from exodrake.diagrams.finger_view import FingerView
-from exodrake.diagrams.meshcat import colours
+from exodrake.diagrams.meshcat import FingerView, colours
 from exodrake.diagrams.meshcat.scene import skeleton
-from exodrake.diagrams.multibody_finger import MultibodyFinger
+from exodrake.diagrams.multibody import MultibodyFinger
 from exodrake.diagrams.posture_loop import PostureLoop
 from exodrake.machines.robot_file import load_robot
 from exodrake.physics.gp_estimator import Weights, predict, predict_rows
 from exodrake.physics.posture_controller import corrected, damped_inverse
 from exodrake.simulation.simulate import record
 from exodrake.systems.gp_estimator import GPEstimator
-from exodrake.systems.playback import Playback
 from exodrake.systems.posture_controller import PostureController, PosturePlan
+from exodrake.systems.sources import Playback
 
 
 def run(diagram, seconds):

@@ -8,9 +8,9 @@ import pytest
 import exodrake as exo
 from exodrake.effects import LIBRARY, finger, friction, motor, sensor, signal, tendon, timing
 from exodrake.physics.finger import inertia
-from exodrake.physics.routers import EXTENSOR, FLEXOR, path
 from exodrake.physics.sensor import followed
 from exodrake.physics.tendon import slid
+from exodrake.physics.wire_paths import EXTENSOR, FLEXOR, path
 
 DT = 0.002
 # effects whose laws serve several: value, what else the law takes of its point, parameters; then the value that is left

@@ -88,13 +88,21 @@ def generate_begin(machine: Machine) -> str:
     vectors = dict.fromkeys(name for part in machine.parts for name in start_vectors(part))
     first = sorted(machine.parts, key=lambda part: not part.fills_start)
     lines = [*views(machine, signals=False), *(f"{name} = np.zeros({len(machine.axes.tendons)})" for name in vectors)]
-    lines += [call(part, "start", list(start_vectors(part))) for part in first]
+    lines += [call_start(part) for part in first]
     return "@njit(cache=True)\ndef begin(p, state):\n" + indent(lines)
 
 
 def start_vectors(part: Part) -> tuple[str, ...]:
     """Vectors over the tendons that a part's `start(x, z, n, e, ...)` reads, or fills if `fills_start`."""
-    return tuple(signature(part.module.start).parameters)[4:]
+    start = getattr(part.module, "start", None)
+    return tuple(signature(start).parameters)[4:] if start else ()
+
+
+def call_start(part: Part) -> str:
+    """A call of a part's `start`; without one its state begins at 0."""
+    return (
+        call(part, "start", list(start_vectors(part))) if hasattr(part.module, "start") else f"{part.name}_x[:] = 0.0"
+    )
 
 
 def generate_run(machine: Machine) -> str:
@@ -296,11 +304,11 @@ def generate_equations(machine: Machine, part: Part) -> list[str]:
     """One function `part__equation__name(state, p, ...)` per task, output and the start of a part: see `equations`."""
     tasks = [(t.function, [*(["dt"] if not t.slots else ["channel"] * t.per_channel), *t.reads]) for t in part.tasks]
     outputs = [(o.function, [*o.reads, *o.writes]) for o in part.outputs]
+    functions = [(name, given, call(part, name, given)) for name, given in (*tasks, *outputs)]
     lines = []
-    for name, given in [*tasks, *outputs, ("start", list(start_vectors(part)))]:
+    for name, given, line in [*functions, ("start", list(start_vectors(part)), call_start(part))]:
         head = f"@njit(cache=True)\ndef {part.name}__equation__{name}({', '.join(['state', 'p', *given])}):\n"
-        body = [f"{part.name}_p = p", *part_views(machine, part, "state"), call(part, name, given)]
-        lines.append(head + indent(body))
+        lines.append(head + indent([f"{part.name}_p = p", *part_views(machine, part, "state"), line]))
     return lines
 
 

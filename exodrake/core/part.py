@@ -189,7 +189,10 @@ class Point:
 
 @dataclass(frozen=True)
 class Part:
-    """A part: `name` is unique in a machine; `module` has `Parameters`, `start` and functions of tasks and outputs."""
+    """A part: `name` is unique in a machine; `module` has `Parameters` and functions of tasks and outputs.
+
+    `start(x, z, n, e, ...)` of the module sets the first state, which is 0 without it.
+    """
 
     name: str
     module: ModuleType

@@ -8,7 +8,7 @@ from math import exp
 
 from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.part import State
-from exodrake.physics.scalar_laws import slowed
+from exodrake.physics.arithmetic import slowed
 
 LOAD = 4.0  # tension at which a presliding travel is stated [N]: in the middle of the wires' ranges
 

@@ -10,7 +10,7 @@ from math import exp, inf, sin
 from exodrake.core.effect import ANY_SHAPE, Effect, EffectParameter, per_joint, per_tendon
 from exodrake.core.part import State
 from exodrake.effects.friction import bent
-from exodrake.physics.scalar_laws import rounded
+from exodrake.physics.arithmetic import rounded
 
 DEPTH = 8  # samples that a late signal remembers
 

@@ -9,8 +9,7 @@ import sys
 from typing import NamedTuple
 
 from exodrake.core.part import JOINTS, Output, Part, State, Task
-from exodrake.physics.arm import body, fields
-from exodrake.physics.rigid_arm import WIDTH, WRENCH, downwards, effort, gather, move
+from exodrake.physics.arm import WIDTH, WRENCH, body, downwards, effort, fields, gather, move
 
 
 def control(x, z, n, e, position_ref, position_read):
@@ -41,11 +40,6 @@ def output(x, z, n, e, effort_ref):
     count = effort_ref.shape[0]
     for j in range(count):
         effort_ref[j] = x[WIDTH * count + j]
-
-
-def start(x, z, n, e, start_stroke):
-    """Nothing read."""
-    x[:] = 0.0
 
 
 def part(slot: int, unit: dict[str, str]) -> Part:

@@ -38,11 +38,6 @@ def output(x, z, n, e, speed_applied):
         speed_applied[j] = x[3 * DEPTH + j]
 
 
-def start(x, z, n, e, start_stroke):
-    """Nothing sent yet."""
-    x[:] = 0.0
-
-
 PART = Part(
     name="bus",
     module=sys.modules[__name__],

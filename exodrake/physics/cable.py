@@ -18,7 +18,7 @@ import sys
 from typing import Annotated, NamedTuple
 
 from exodrake.core.part import JOINTS, Output, Part, Point, State, Task, Unit
-from exodrake.physics.scalar_laws import slowed
+from exodrake.physics.arithmetic import slowed
 
 ANGLE, SPEED, STRETCH, STATES = 0, 1, 2, 3
 
@@ -169,11 +169,6 @@ def shared(x, z, n, e, effort_ref, motor_effort_ref):
             motor_effort_ref[j] += n.by_previous[j + 1] * effort_ref[j + 1]
         if j > 0:
             motor_effort_ref[j] += n.by_next[j - 1] * effort_ref[j - 1]
-
-
-def start(x, z, n, e, start_stroke):
-    """At rest, not placed yet."""
-    x[:] = 0.0
 
 
 FRICTION = ("pushed", "braked", "settle")

@@ -61,11 +61,6 @@ def output(x, z, n, e, position):
     position[0] = x[PLACE]
 
 
-def start(x, z, n, e, start_stroke):
-    """At rest, not placed yet."""
-    x[:] = 0.0
-
-
 PART = Part(
     name="carriage",
     module=sys.modules[__name__],

@@ -4,7 +4,7 @@ import sys
 from typing import Annotated, NamedTuple
 
 from exodrake.core.part import TENDONS, Output, Part, Point, State, Task, Unit, free_curve
-from exodrake.physics.scalar_laws import rounded
+from exodrake.physics.arithmetic import rounded
 
 
 class Parameters(NamedTuple):

@@ -44,11 +44,6 @@ def output(x, z, n, e, effort, effort_true):
         effort[j], effort_true[j] = x[count + j], x[2 * count + j]
 
 
-def start(x, z, n, e, start_stroke):
-    """No current."""
-    x[:] = 0.0
-
-
 PART = Part(
     name="motor",
     module=sys.modules[__name__],

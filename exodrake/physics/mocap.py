@@ -48,11 +48,6 @@ def output_late(x, z, n, e, mocap_delay):
     mocap_delay[0] = x[LATE]
 
 
-def start(x, z, n, e, start_stroke):
-    """Nothing seen yet."""
-    x[:] = 0.0
-
-
 PART = Part(
     name="mocap",
     module=sys.modules[__name__],

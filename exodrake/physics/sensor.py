@@ -10,7 +10,7 @@ from math import exp
 from typing import Annotated, NamedTuple
 
 from exodrake.core.part import SCALAR, TENDONS, Output, Part, Point, State, Task, Unit, free_curve, free_memory
-from exodrake.physics.scalar_laws import rounded
+from exodrake.physics.arithmetic import rounded
 
 
 class Parameters(NamedTuple):
@@ -100,11 +100,6 @@ def output_read(x, z, n, e, tension_read):
     """Last readings [N]."""
     for j in range(3):
         tension_read[j] = x[READING + j]
-
-
-def start(x, z, n, e, start_stroke):
-    """Unloaded."""
-    x[:] = 0.0
 
 
 FREE_LAWS = {

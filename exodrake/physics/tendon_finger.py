@@ -13,11 +13,10 @@ from typing import Annotated, NamedTuple
 
 from exodrake.core.part import JOINTS, SCALAR, TENDONS, Output, Part, Point, State, Task, Unit, free_curve, free_memory
 from exodrake.physics import finger, tendon, wire_paths
+from exodrake.physics.arithmetic import along, column, dot, solve
 from exodrake.physics.finger import coriolis, external_with_slope, inertia, mass_matrix, passive_with_slope, relax
-from exodrake.physics.routers import applied_arm
 from exodrake.physics.tendon import at_cell, at_spool, cell_tension, finger_tension, settle, slid, stretched_by
-from exodrake.physics.triples import along, column, dot, solve
-from exodrake.physics.wire_paths import heights, levers, moved, paths
+from exodrake.physics.wire_paths import applied_arm, heights, levers, moved, paths
 
 
 def stiffness(i, k, turns, arms, bends, falls, tensions, passive_slope, external_slope):
@@ -86,6 +85,8 @@ class Parameters(NamedTuple):
 Q, RATE, Q_BEFORE, RATE_BEFORE, TAKEN, SLIDE, PULL, CLOCK = 0, 3, 6, 9, 12, 15, 18, 21
 STEPS, CLOSE = 6, 1e-5  # Newton steps at most; last step [rad]: they converge quadratically, to 1e-9 after it
 RESTING = 0.02  # length of a tick before the log begins [s]
+PULLING = 0.1  # tension with which a finger does not rest in q0 [N], ten times the noise of the cells; assumed
+RESTS = 100  # ticks: 2 s, 40 time constants B / kappa
 NUDGE = 1e-7  # of difference quotients [m]
 
 
@@ -156,6 +157,15 @@ def update(x, z, n, e, dt, stroke, wire_speed):
 def rests_before(tension):
     """Ticks of rest before the log begins, by the tension in the wires [N]: none, it begins in q0 however they pull."""
     return 0
+
+
+def rests_at_switch_on(tension):
+    """Ticks of rest before the log begins, by the tension in the wires [N], a variant: at rest at switch-on.
+
+    The nominal log begins in q0 at once, as that of the reference simulator does: wires homed 1 mm too far in then pull
+    at the finger with 2.7 N, and it moves before the controller does.
+    """
+    return RESTS if tension > PULLING else 0
 
 
 def pulled_at_start(x, z, n, e, stroke):
