@@ -90,9 +90,10 @@ class MultibodyFinger(Diagram):
             if (robot.channels(f"{effect.id}.{lead.name}") != lead.null).any():
                 raise InputError(f"a MultibodyFinger is nominal: it does not know the effect {effect.id}")
         builder, joints = DiagramBuilder(), len(robot.machine.axes.joints)
-        self.plant = builder.AddNamedSystem("plant", multibody_finger(robot, step))
-        tendons = builder.AddNamedSystem("tendons", ElasticTendons(robot))
-        split = builder.AddNamedSystem("split", Demultiplexer(output_ports_sizes=[joints, joints]))  # angles, rates
+        self.plant, tendons = multibody_finger(robot, step), ElasticTendons(robot)
+        split = Demultiplexer(output_ports_sizes=[joints, joints])  # angles, then rates
+        for name, system in (("plant", self.plant), ("tendons", tendons), ("split", split)):
+            builder.AddNamedSystem(name, system)
         builder.Connect(self.plant.get_state_output_port(), tendons.GetInputPort("state"))
         builder.Connect(self.plant.get_state_output_port(), split.get_input_port())
         builder.Connect(tendons.GetOutputPort("torque"), self.plant.get_applied_generalized_force_input_port())

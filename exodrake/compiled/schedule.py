@@ -17,12 +17,6 @@ from exodrake.core.part import Output, Part, prefix
 IMPOSED = "feed, rate, fixed, readings, targets, gains"
 
 
-def generate_frame(machine: Machine) -> list[str]:
-    """The functions `begin`, `run`, `batch` and, of a machine with a command link, `moves`."""
-    functions = [generate_begin(machine), generate_run(machine), generate_batch(machine)]
-    return functions + ([generate_moves(machine)] if machine.command_link else [])
-
-
 def views(machine: Machine, signals: bool = True) -> list[str]:
     """Source lines that name the parts of the flat vectors p and state, and of w each signal (`w_name`)."""
     lines, parameter, state = [], 0, 0
@@ -38,9 +32,9 @@ def views(machine: Machine, signals: bool = True) -> list[str]:
 def part_views(machine: Machine, part: Part, state: str, at: int = 0) -> list[str]:
     """Source lines that name a part's parameters n, effects e, state x and effect state z; `at`: start in `state`."""
     name, (own, extra) = part.name, machine.part_size(part)
-    middle, end = at + own, at + own + extra
+    middle, end, count = at + own, at + own + extra, sum(machine.width(f.axis) for f in part.fields)
     return [
-        f"{name}_n, {name}_e = fill_{name}_n({name}_p), fill_{name}_e({name}_p)",
+        f"{name}_n, {name}_e = {name}_p[:{count}], fill_{name}_e({name}_p)",
         f"{name}_x, {name}_z = {state}[{at}:{middle}], {state}[{middle}:{end}]",
     ]
 
@@ -153,9 +147,8 @@ def tick(machine: Machine, private: Container[tuple[str, str]]) -> list[str]:
     for k, segment in enumerate(machine.segments):
         if segment.hold:
             part = next(b for b in machine.parts if b.name == segment.hold[0])
-            values = ", ".join(
-                measured_output(machine, segment, str(j)) for j in range(machine.column_width(segment.output))
-            )
+            width = machine.column_width(segment.output)
+            values = ", ".join(measured_output(machine, segment, str(j)) for j in range(width))
             lines += [f"if imposing and fixed[{k}]:", "    " + call(part, segment.hold[1], [f"({values})"])]
     return lines + impose_all(machine) or ["pass"]
 
@@ -240,21 +233,18 @@ def correct_state(machine: Machine) -> list[str]:
     divisor = next(i for i, full in enumerate(own) if full.rsplit(".", 1)[0] == observer.divisor)
     signal, first = machine.column(observer.output).signal, machine.column_width(observer.measured_input)
 
-    def move(rows: str, target: str, gain: str) -> list[str]:
-        state, scale = (
-            f"{part.name}_x[{machine.state_index(part, observer.state[1])} + j]",
-            f"{part.name}_p[{divisor} + j]",
-        )
-        return [
+    state, lines = f"{part.name}_x[{machine.state_index(part, observer.state[1])} + j]", []
+    for rows, target, gain in (
+        ("follow", f"follow[frame, {first} + j]", repr(observer.gain)),
+        ("targets", "targets[frame, j]", "gains[frame, j]"),
+    ):
+        lines += [
             f"if {rows}.shape[0] > 0:",
             f"    for j in range({machine.column_width(observer.output)}):",
             f"        off = {target} - w_{signal}[j]",
             "        if off == off:",
-            f"            {state} += {gain} * off / {scale}",
+            f"            {state} += {gain} * off / {part.name}_p[{divisor} + j]",
         ]
-
-    lines = move("follow", f"follow[frame, {first} + j]", repr(observer.gain))
-    lines += move("targets", "targets[frame, j]", "gains[frame, j]")
     return lines + ["    " + line for line in held_outputs(part)]
 
 
@@ -294,9 +284,7 @@ def generate_moves(machine: Machine) -> str:
         for line in (call(part, task.function, ["dt", *(f"w_{n}" for n in task.reads)]), *held_outputs(part))
     ]
     body += ["    " + line for line in (*inner, f"moved[k] += w_{link.moved}")]
-    arguments = ", ".join(
-        ["states", "p", "dt", "slots", "switch", "before", "after", *(f"w_{n}" for n in loads), "moved"]
-    )
+    arguments = ", ".join(("states, p, dt, slots, switch, before, after", *(f"w_{n}" for n in loads), "moved"))
     return f"@njit(cache=True)\ndef moves({arguments}):\n{indent(body)}"
 
 

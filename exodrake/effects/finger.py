@@ -23,10 +23,9 @@ def worn_height(height, migration, stored, felt):
         torque    T R(h_drawn + (1 - stored / 2) migration T_s)
 
     The wire lifts the routers by dh against the garment and does the work T (dl/dh) dh. With stored = 1 the garment
-    keeps all of it as an elastic body does: stroke and torque then derive from one co-energy W(T, q), dW/dT = s and
-    dW/dq = tau, so that no closed cycle gains energy (Maxwell: ds/dq at constant T is dtau/dT at constant q). With
-    stored = 0 the torque has the arm of the lifted path, as of a router that a loss-free drive moves. An instant h(T)
-    would close an algebraic loop of gain above 1 (more tension, more height, less tension).
+    keeps it as an elastic body: stroke and torque derive from one co-energy W(T, q), so that no closed cycle gains
+    energy. With stored = 0 the torque has the arm of the lifted path. An instant h(T) would close an algebraic loop of
+    gain above 1.
     """
     return height + migration * felt
 

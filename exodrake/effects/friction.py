@@ -46,15 +46,6 @@ def deflected(z, travel, steady, stiffness):
     return end + (z - end) * exp(-abs(travel) * stiffness / steady)
 
 
-def bristle_force(z, after, travel, speed, stiffness, damping):
-    """F [N] without its part sigma_2 v, as the deflection went from z to `after` [m]; damping: sigma_1 [N s/m].
-
-    z' is its mean over the step.
-    """
-    rate = speed * (after - z) / travel if travel != 0.0 else 0.0
-    return stiffness * after + damping * rate
-
-
 def spring(friction, presliding):
     """Stiffness [N/m] of friction of `friction` times the load that builds up over `presliding` [m] at LOAD."""
     return friction * LOAD / presliding

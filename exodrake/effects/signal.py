@@ -84,14 +84,6 @@ def relaxed(state, target, dt, time_constant):
     return target + (state - target) * exp(-dt / time_constant)
 
 
-def coarse(value, step):
-    """Value in steps.
-
-    shown = step round(value / step)
-    """
-    return rounded(value, step)
-
-
 def hysteresis(value, clock, error, width, bristle, before):
     """Value that remembers the way it has come, then the bristle [-1 .. 1] and the value that it has seen.
 
@@ -119,27 +111,23 @@ def low_pass(value, clock, period, time_constant, filtered):
     return after, after
 
 
-def remembered(value, clock, history):
-    """The value and those of the samples before it, the newest first; before the first sample it was always so."""
-    if clock == 0.0:
-        return value, value, value, value, value, value, value, value, value
-    return value, history[0], history[1], history[2], history[3], history[4], history[5], history[6], history[7]
-
-
-def late(samples, values):
-    """Value that many samples ago, at most `DEPTH`; for a clock that is ahead (< 0) the line through the last two."""
-    if samples <= 0.0:
-        return values[0] - samples * (values[0] - values[1])
-    whole = min(int(samples), DEPTH - 1)
-    part = min(samples - whole, 1.0)
-    return (1.0 - part) * values[whole] + part * values[whole + 1]
-
-
 def delayed(value, clock, samples, history):
-    """The late value, then the history that the next sample will see."""
-    values = remembered(value, clock, history)
-    shown = late(samples, values)
-    return shown, values[0], values[1], values[2], values[3], values[4], values[5], values[6], values[7]
+    """Value that many samples ago, then the history that the next sample will see, the newest first.
+
+    At most `DEPTH` samples; for a clock that is ahead (< 0) the line through the last two. Before the first sample the
+    value was always the same.
+    """
+    h0, h1, h2, h3, h4, h5, h6, h7 = history
+    if clock == 0.0:
+        h0 = h1 = h2 = h3 = h4 = h5 = h6 = h7 = value
+    values = value, h0, h1, h2, h3, h4, h5, h6, h7
+    if samples <= 0.0:
+        shown = value - samples * (value - h0)
+    else:
+        whole = min(int(samples), DEPTH - 1)
+        part = min(samples - whole, 1.0)
+        shown = (1.0 - part) * values[whole] + part * values[whole + 1]
+    return shown, value, h0, h1, h2, h3, h4, h5, h6
 
 
 def delay(value, clock, period, lateness, h0, h1, h2, h3, h4, h5, h6, h7):
@@ -275,7 +263,8 @@ CLOCK_SKEW = Effect(
 QUANTISATION = Effect(
     id="signal.quantisation", summary="reading in coarser steps than stated", family="quantisation",
     signature="readings are multiples of one step; error uniform within half of it",
-    source="resolution of encoders and converters; range assumed", at={"signal.delivered": coarse},
+    source="resolution of encoders and converters; range assumed", at={"signal.delivered": rounded},
+    formula="shown = step round(value / step)",
     parameters=(EffectParameter("step", "value", null=0.0, low=0.005, high=0.1, default=0.02),),
     not_tried="rounding is noise to a fit; the values of the readings show it, and the resolution is a parameter",
 )  # fmt: skip

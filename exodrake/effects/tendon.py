@@ -1,6 +1,6 @@
 """Tendon: what its wire is beyond a linear spring, and its friction in the sheath between cell and finger.
 
-Friction that does not depend on load still needs a taut wire: it fades as the wire goes slack (`gripped`). The fading
+Friction that does not depend on load still needs a taut wire: it fades as the wire goes slack (`grip`). The fading
 makes the tension at the finger a continuous function of stretch, which the plant's Newton steps need. What a bristle
 stores is let go as its wire goes slack and must be wound up again: its deflection is kept within the grip (`kept`).
 """
@@ -9,7 +9,7 @@ from math import exp, expm1, inf
 
 from exodrake.core.effect import ANY_SHAPE, Effect, per_tendon
 from exodrake.core.part import TENDONS, State
-from exodrake.effects.friction import bent, bristle_force, deflected, level, spring, turned, yielded
+from exodrake.effects.friction import bent, deflected, level, spring, turned, yielded
 from exodrake.effects.signal import relaxed
 from exodrake.physics.tendon import grip
 
@@ -101,30 +101,20 @@ def in_series(tension, stiffness, garment):
     return tension * garment / (stiffness + garment)
 
 
-def slipping(first, ratio, count):
-    """First of `count` stretches [m] in a row, each `ratio` times the one before, that add up to `first`."""
-    total, one = 0.0, 1.0
-    for _ in range(count):
-        total, one = total + one, one * ratio
-    return first / total
-
-
-def held(nearer, farther, ratio):
-    """Whether a bend holds between the stretches of the moving and of the next piece [m]; ratio: of a slip there."""
-    return farther >= ratio * nearer if ratio < 1.0 else farther <= ratio * nearer
-
-
 def moved(own, change, cone):
     """Stretches [m] of the pieces, in order from the end that moves, after it moved by `change` [m] (> 0 stretches)."""
-    ratio = cone if change > 0.0 else 1.0 / cone
+    ratio = cone if change > 0.0 else 1.0 / cone  # of the stretches beside a bend that slips
     first, count, sum_slipping = own[0] + change, 1, own[0] + change
     while count < PIECES:
-        last = first * ratio ** (count - 1.0)
-        if held(last, own[count], ratio):
-            break
+        nearer, farther = first * ratio ** (count - 1.0), own[count]
+        if farther >= ratio * nearer if ratio < 1.0 else farther <= ratio * nearer:
+            break  # the bend holds
         sum_slipping += own[count]
         count += 1
-        first = max(0.0, slipping(sum_slipping, ratio, count))
+        total, one = 0.0, 1.0
+        for _ in range(count):
+            total, one = total + one, one * ratio
+        first = max(0.0, sum_slipping / total)
     return (
         max(0.0, first),
         piece(1, own, first, ratio, count),
@@ -247,11 +237,6 @@ def settle_dahl(dt, tension, travel, force, stiffness, bristle):
     return kept(bent(bristle, travel, force / stiffness), tension)
 
 
-def gripped(friction, tension):
-    """Friction force [N] on a wire under this tension [N]."""
-    return friction * grip(tension)
-
-
 def gripped_to(z, tension, most):
     """Deflection [m] that a wire under this tension [N] holds, `most` of a taut one."""
     return most * kept(z / most, tension)
@@ -265,19 +250,16 @@ def lugre(tension, travel, speed, coulomb, ratio, stribeck_speed, stiffness, dam
     The part sigma_2 v is `tendon.viscous_friction`.
     """
     after = deflected(z, travel, level(speed, coulomb, ratio, stribeck_speed), stiffness)
-    damped = bristle_force(z, after, travel, speed, 0.0, gripped(damping, tension))
-    return tension - damped - stiffness * gripped_to(after, tension, ratio * coulomb / stiffness)
+    rate = speed * (after - z) / travel if travel != 0.0 else 0.0  # of the deflection, its mean over the tick
+    return (
+        tension - damping * grip(tension) * rate - stiffness * gripped_to(after, tension, ratio * coulomb / stiffness)
+    )
 
 
 def settle_lugre(dt, tension, travel, coulomb, ratio, stribeck_speed, stiffness, damping, z):
     """Deflection of the bristle [m]."""
     after = deflected(z, travel, level(travel / dt, coulomb, ratio, stribeck_speed), stiffness)
     return gripped_to(after, tension, ratio * coulomb / stiffness)
-
-
-def mean_stop(first, second, third):
-    """Mean of the stops [-1 .. 1]."""
-    return (first + second + third) / STOPS
 
 
 def stops(tension, travel, distance, first, second, third):
@@ -295,7 +277,7 @@ def prandtl_ishlinskii(tension, travel, force, distance, first, second, third):
     T_d = T_c - force (z_1 + z_2 + z_3) / 3          z_i: stop operator of range i distance
     """
     after = stops(tension, travel, distance, first, second, third)
-    return tension - force * mean_stop(after[0], after[1], after[2])
+    return tension - force * ((after[0] + after[1] + after[2]) / STOPS)
 
 
 def settle_stops(dt, tension, travel, force, distance, first, second, third):
@@ -308,7 +290,7 @@ def viscous(tension, speed, coefficient):
 
     T_d = T_c - coefficient v          v > 0 while the finger takes wire in
     """
-    return tension - gripped(coefficient * speed, tension)
+    return tension - coefficient * speed * grip(tension)
 
 
 SLACK = Effect(

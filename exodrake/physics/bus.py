@@ -13,12 +13,12 @@ class Parameters(NamedTuple):
 DEPTH = 12  # commands remembered per wire, the newest first
 
 
-def sent(e, z, j, command, history, first, applied, packet_arrival, frame_arrival):
+def sent(e, z, j, command, history, first, held, arrival, frame_arrival):
     """Point: speed [m/s] that reaches drive j.
 
     command: the newest [m/s]; history: commands of all tendons [m/s], the newest of this one at `first`, older ones
-    after it; applied: speed held so far [m/s]; packet_arrival: uniform draw in 0 .. 1 of this frame and drive;
-    frame_arrival: of this frame, the same for all drives.
+    after it; held: speed so far [m/s]; arrival: uniform draw in 0 .. 1 of this frame and drive; frame_arrival: of this
+    frame, the same for all drives.
     """
     return command
 

@@ -22,6 +22,7 @@ class Parameters(NamedTuple):
 
 
 CELL, LOAD, READING, CLOCK, TICK, SLIDE = 0, 3, 6, 9, 10, 11
+PRESLIDING = 5e-5  # wire travel over which friction at the sensing pulley turns round [m]; assumed
 
 
 def felt(e, z, j, tension, slide):
@@ -76,9 +77,6 @@ def update(x, z, n, e, dt, tension, wire_speed):
         settle(e, z, j, dt, load, x[CELL + j], travel)
     x[CLOCK] += dt
     x[TICK] = dt
-
-
-PRESLIDING = 5e-5  # wire travel over which friction at the sensing pulley turns round [m]; assumed
 
 
 def output(x, z, n, e, tension, cell):

@@ -19,13 +19,6 @@ from exodrake.physics.tendon import at_cell, at_spool, cell_tension, finger_tens
 from exodrake.physics.wire_paths import applied_arm, heights, levers, moved, paths
 
 
-def stiffness(i, k, turns, arms, bends, falls, tensions, passive_slope, external_slope):
-    """Entry i, k of d(passive - tendon - external torque)/dq [N m/rad]."""
-    own = passive_slope - dot(column(bends, i), tensions) if i == k else 0.0
-    r, s = column(turns, i), column(arms, k)
-    return own + r[0] * s[0] * falls[0] + r[1] * s[1] * falls[1] + r[2] * s[2] * falls[2] - external_slope[k][i]
-
-
 def newton_row(i, inertia, damping, lag, s, passive_slope, push_slope):
     """Row i of the Newton matrix d(residual)/d(rate) [N m s/rad]; inertia: row i of the mass matrix [kg m2]."""
     return (
@@ -36,9 +29,13 @@ def newton_row(i, inertia, damping, lag, s, passive_slope, push_slope):
 
 
 def entry(i, k, inertia, damping, lag, s, passive_slope, push_slope):
-    """Entry i, k of the Newton matrix [N m s/rad]."""
+    """Entry i, k of the Newton matrix [N m s/rad]; lag times d(passive - tendon - external torque)/dq is in it."""
+    turns, arms, bends, falls, pull = s
     own = inertia / lag + damping if i == k else inertia / lag
-    return own + lag * stiffness(i, k, s[0], s[1], s[2], s[3], s[4], passive_slope, push_slope)
+    stiffness = passive_slope - dot(column(bends, i), pull) if i == k else 0.0
+    r, a = column(turns, i), column(arms, k)
+    stiffness = stiffness + r[0] * a[0] * falls[0] + r[1] * a[1] * falls[1] + r[2] * a[2] * falls[2] - push_slope[k][i]
+    return own + lag * stiffness
 
 
 def torque(turns, i, pull):
@@ -149,7 +146,10 @@ def update(x, z, n, e, dt, stroke, wire_speed):
     for k in range(rests + 1):
         if k < rests:
             tick(x, z, n, e, RESTING, stroke, (0.0, 0.0, 0.0))
-            stand_still(x)
+            for i in range(3):  # it stands still again
+                x[RATE + i] = x[RATE_BEFORE + i] = 0.0
+                x[Q_BEFORE + i] = x[Q + i]
+            x[CLOCK] = 0.0
         else:
             tick(x, z, n, e, dt, stroke, wire_speed)
 
@@ -176,14 +176,6 @@ def pulled_at_start(x, z, n, e, stroke):
     return max(t0, t1, t2)
 
 
-def stand_still(x):
-    """A finger that is at rest before the log begins."""
-    for i in range(3):
-        x[RATE + i] = x[RATE_BEFORE + i] = 0.0
-        x[Q_BEFORE + i] = x[Q + i]
-    x[CLOCK] = 0.0
-
-
 def tick(x, z, n, e, dt, stroke, wire_speed):
     """One tick of length dt [s]; signals [m], [m/s]."""
     constants = inertia(n.length, n.mass, n.radius)
@@ -205,19 +197,7 @@ def tick(x, z, n, e, dt, stroke, wire_speed):
         x[Q_BEFORE + i], x[RATE_BEFORE + i] = x[Q + i], x[RATE + i]
         x[Q + i], x[RATE + i] = angle[i], rate[i]
         relax(e, z, i, dt, angle[i] - n.q0[i], rate[i], n.kappa[i] * (angle[i] - n.q0[i]))
-    arrive(x, z, n, e, ends, worn, dt)
-
-
-def taken_in(x, n, high):
-    """Wire that each tendon's path takes in [m] at the joint angles of the state; router heights `high` [m]."""
-    cosines, sines = (cos(x[Q]), cos(x[Q + 1]), cos(x[Q + 2])), (sin(x[Q]), sin(x[Q + 1]), sin(x[Q + 2]))
-    taken, _, _ = paths(n, cosines, sines, high)
-    return taken
-
-
-def arrive(x, z, n, e, ends, high, dt):
-    """A tick ends: states of wires and clock follow the joints; strokes `ends` [m], router heights `high` [m]."""
-    taken = taken_in(x, n, high)
+    taken = taken_in(x, n, worn)
     for j in range(3):
         travel = taken[j] - x[TAKEN + j]
         stretched = stretched_by(e, z, j, ends[j] - taken[j], x[PULL + j])
@@ -227,6 +207,13 @@ def arrive(x, z, n, e, ends, high, dt):
         x[TAKEN + j] = taken[j]
         settle(e, z, j, dt, stretched, tension, x[PULL + j], travel)
     x[CLOCK] += dt
+
+
+def taken_in(x, n, high):
+    """Wire that each tendon's path takes in [m] at the joint angles of the state; router heights `high` [m]."""
+    cosines, sines = (cos(x[Q]), cos(x[Q + 1]), cos(x[Q + 2])), (sin(x[Q]), sin(x[Q + 1]), sin(x[Q + 2]))
+    taken, _, _ = paths(n, cosines, sines, high)
+    return taken
 
 
 def output(x, z, n, e, angle, rate, tension_finger):
@@ -264,6 +251,7 @@ def start(x, z, n, e, start_stroke):
 
 GRIP = "-min(1.0, tension / 0.1)"  # friction fades as the wire goes slack (`tendon.grip`)
 AGAINST = "rate / (abs(rate) + 0.05)"  # direction of a joint, blurred over a slow turn [rad/s]: assumed
+TENDON_POINTS = ("stretch", "elastic", "near_end", "far_end", "transmit", "at_cell", "at_spool", "settle")
 TENDON_LAWS = {
     "stretch": (
         free_curve("lengthening over tension", "tension_finger", "N", "-1.0"),
@@ -273,16 +261,11 @@ TENDON_LAWS = {
         free_curve("tension over stretch", "stretch", "m"),
         *free_memory("of tension", "stretched", "m", "settle"),
     ),
-    "near_end": (),
-    "far_end": (),
     "transmit": (
         free_curve("friction over tension", "tension", "N", "-slide"),
         free_curve("friction over speed", "speed", "m/s", GRIP, fine=True),
         *free_memory("of friction over travel", "travel", "m", "settle", GRIP, moves=True),
     ),
-    "at_cell": (),
-    "at_spool": (),
-    "settle": (),
 }
 JOINT_LAWS = (
     free_curve("torque over bend", "bend", "rad"),
@@ -317,7 +300,7 @@ PART = Part(
         Point("router_height", JOINTS, wire_paths, laws=(free_curve("height", "height", "m"),)),
         Point("worn_height", TENDONS, wire_paths, laws=(free_curve("height over tension", "tension", "N"),)),
         Point("lever_height", TENDONS, wire_paths, laws=()),
-        *(Point(name, TENDONS, tendon, laws=laws) for name, laws in TENDON_LAWS.items()),
+        *(Point(name, TENDONS, tendon, laws=TENDON_LAWS.get(name, ())) for name in TENDON_POINTS),
         Point("passive", JOINTS, finger, laws=JOINT_LAWS),
         Point("external", SCALAR, finger, laws=()),
         Point("relax", JOINTS, finger, laws=()),
