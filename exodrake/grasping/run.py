@@ -15,7 +15,6 @@ from exodrake.core.robot import Robot
 from exodrake.data.log import Log
 from exodrake.grasping.plan import Plan, stiffness
 from exodrake.physics.finger_statics import arms, parameters_of
-from exodrake.physics.posture_controller import damped_inverse
 from exodrake.simulation.simulate import record
 
 if TYPE_CHECKING:
@@ -35,7 +34,7 @@ def posture_controller(plan: Plan, robot: Robot, ki: float = KI, **durations: fl
         ki: [1/s]; 0 leaves the planned tensions as they are.
         durations: of the grasp, as in `exo.grasp` [s].
     """
-    from exodrake.systems.posture_controller import PostureController, PosturePlan
+    from exodrake.systems.posture_controller import PostureController, PosturePlan, damped_inverse
 
     reference = argument("plan", plan, Plan).reference(argument("robot", robot, Robot), **durations)
     angle = record(robot.without_effects(), reference, seed=None, quantisation=False).signals["angle"]
