@@ -151,7 +151,11 @@ class PartSystem(LeafSystem):
 
     def signal(self, context: Context, name: str) -> np.ndarray:
         """A signal that the part writes, or reads at a port, (channels,) [SI]; unconnected noise counts as none."""
-        if output := self.writer.get(name):
+        output = self.writer.get(name)
+        if output and output.states:
+            at = self.machine.state_index(self.part, output.states[output.writes.index(name)])
+            return np.array(self.x(context)[at : at + len(self.machine.channels(name))])
+        if output:
             found = [np.zeros(len(self.machine.channels(signal))) for signal in output.writes]
             given = [self.signal(context, signal) for signal in output.reads]
             getattr(self.equations, output.function)(self.x(context), self.p(context), *given, *found)

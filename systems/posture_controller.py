@@ -43,7 +43,8 @@ def correct_tensions(
         error: (joints,) wanted less estimated angles [rad]; NaN where there is no estimate yet, which counts as none.
         gain: (tendons, joints) [N/rad].
         step: k_i times the period [-].
-        low, high: (tendons,) limits [N].
+        low: (tendons,) lower limits [N].
+        high: (tendons,) upper limits [N].
     """
     wanted = planned + correction
     for i, missing in enumerate(error):

@@ -40,7 +40,11 @@ class Loop:
         call(self.states[part.name], self.parameters[part.name], *arguments)
 
     def output(self, part, output):
-        self.equation(part, output.function, [self.signals[n] for n in (*output.reads, *output.writes)])
+        for name, state in zip(output.writes, output.states):
+            at = self.machine.state_index(part, state)
+            self.signals[name][:] = self.states[part.name][at : at + len(self.signals[name])]
+        if not output.states:
+            self.equation(part, output.function, [self.signals[n] for n in (*output.reads, *output.writes)])
 
     def hold(self, part):
         for output in (o for o in part.outputs if not o.reads):

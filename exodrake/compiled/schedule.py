@@ -45,19 +45,25 @@ def call(part: Part, function: str, arguments: list[str]) -> str:
     return f"{prefix(part.module.__name__)}__{function}({', '.join([own, *arguments])})"
 
 
-def call_output(part: Part, output: Output) -> str:
-    """A call of one of a part's outputs."""
-    return call(part, output.function, [f"w_{name}" for name in (*output.reads, *output.writes)])
+def call_output(machine: Machine, part: Part, output: Output) -> list[str]:
+    """Lines that compute one of a part's outputs."""
+    if not output.states:
+        return [call(part, output.function, [f"w_{name}" for name in (*output.reads, *output.writes)])]
+    lines = []
+    for name, state in zip(output.writes, output.states):
+        lines += [f"for j in range({len(machine.channels(name))}):"]
+        lines += [f"    w_{name}[j] = {part.name}_x[{machine.state_index(part, state)} + j]"]
+    return lines
 
 
 def outputs(machine: Machine, part_names: set[str] | None = None) -> list[str]:
-    """Calls of the outputs of some parts, and of those that these feed, in feedthrough order."""
+    """Lines of the outputs of some parts, and of those that these feed, in feedthrough order."""
     changed: set[str] = set()
     lines = []
     for part, k in feedthrough_order(machine):
         output = part.outputs[k]
         if part_names is None or part.name in part_names or changed & set(output.reads):
-            lines.append(call_output(part, output))
+            lines += call_output(machine, part, output)
             changed |= set(output.writes)
     return lines
 
@@ -67,9 +73,9 @@ def held_signals(part: Part) -> tuple[str, ...]:
     return tuple(name for output in part.outputs if not output.reads for name in output.writes)
 
 
-def held_outputs(part: Part) -> list[str]:
-    """Calls that compute a part's held signals."""
-    return [call_output(part, output) for output in part.outputs if not output.reads]
+def held_outputs(machine: Machine, part: Part) -> list[str]:
+    """Lines that compute a part's held signals."""
+    return [line for output in part.outputs if not output.reads for line in call_output(machine, part, output)]
 
 
 def outer_reads(part: Part, reads: tuple[str, ...]) -> tuple[str, ...]:
@@ -219,7 +225,7 @@ def impose_all(machine: Machine) -> list[str]:
     lines = impose(machine, machine.offsets)
     for part, k in feedthrough_order(machine):
         if (output := part.outputs[k]).reads:
-            lines += [call_output(part, output), *impose(machine, output.writes)]
+            lines += [*call_output(machine, part, output), *impose(machine, output.writes)]
     return ["if imposing:", *("    " + line for line in lines)] if lines else []
 
 
@@ -245,7 +251,7 @@ def correct_state(machine: Machine) -> list[str]:
             "        if off == off:",
             f"            {state} += {gain} * off / {part.name}_p[{divisor} + j]",
         ]
-    return lines + ["    " + line for line in held_outputs(part)]
+    return lines + ["    " + line for line in held_outputs(machine, part)]
 
 
 def generate_batch(machine: Machine) -> str:
@@ -277,11 +283,11 @@ def generate_moves(machine: Machine) -> str:
     loads = [name for name in outer_reads(part, task.reads) if name != link.received]
     body = [f"{part.name}_p = p", *(f"w_{n} = np.zeros({len(machine.channels(n))})" for n in held_signals(part))]
     body += ["for k in range(states.shape[0]):"]
-    inner = [*part_views(machine, part, "states[k]"), *held_outputs(part), f"moved[k] = -w_{link.moved}"]
+    inner = [*part_views(machine, part, "states[k]"), *held_outputs(machine, part), f"moved[k] = -w_{link.moved}"]
     inner += ["for tick in range(slots):", f"    w_{link.received} = after[k] if tick >= switch else before[k]"]
     inner += [
         "    " + line
-        for line in (call(part, task.function, ["dt", *(f"w_{n}" for n in task.reads)]), *held_outputs(part))
+        for line in (call(part, task.function, ["dt", *(f"w_{n}" for n in task.reads)]), *held_outputs(machine, part))
     ]
     body += ["    " + line for line in (*inner, f"moved[k] += w_{link.moved}")]
     arguments = ", ".join(("states, p, dt, slots, switch, before, after", *(f"w_{n}" for n in loads), "moved"))
@@ -291,7 +297,7 @@ def generate_moves(machine: Machine) -> str:
 def generate_equations(machine: Machine, part: Part) -> list[str]:
     """One function `part__equation__name(state, p, ...)` per task, output and the start of a part: see `equations`."""
     tasks = [(t.function, [*(["dt"] if not t.slots else ["channel"] * t.per_channel), *t.reads]) for t in part.tasks]
-    outputs = [(o.function, [*o.reads, *o.writes]) for o in part.outputs]
+    outputs = [(o.function, [*o.reads, *o.writes]) for o in part.outputs if not o.states]
     functions = [(name, given, call(part, name, given)) for name, given in (*tasks, *outputs)]
     lines = []
     for name, given, line in [*functions, ("start", list(start_vectors(part)), call_start(part))]:

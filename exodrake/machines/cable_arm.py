@@ -121,7 +121,7 @@ def parts_of(chain: Chain, unit: dict[str, str], efforts: np.ndarray, frame: flo
     motors = replace(
         gear_motor.PART,
         tasks=(Task("update", ("motor_effort_ref",)),),
-        outputs=(Output("output", ("motor_effort", "motor_effort_true")),),
+        outputs=(Output.of_states(effort="motor_effort", effort_true="motor_effort_true"),),
     )
     seen = {"link_position": unit["position"], "motor_position": "rad", "motor_effort": "N m"}
     sizes = (SWING, SWING / RATIO, most)

@@ -282,12 +282,6 @@ def compute_efforts(x, z, n, e, dt, position, velocity, acceleration):
         settle(e, z, j, dt, dt * speed)
 
 
-def output_efforts(x, z, n, e, effort):
-    """Efforts [N m]."""
-    for j in range(effort.shape[0]):
-        effort[j] = x[WIDTH * effort.shape[0] + j]
-
-
 def place_of(count, state, j):
     """Index of a state of joint j in forward dynamics, behind the memory of the links and the matrix."""
     return (WIDTH + count + state) * count + j
@@ -388,13 +382,6 @@ def stand(x, z, n, e, position_start):
         x[(WIDTH + count + STATES) * count] = 1.0
 
 
-def output(x, z, n, e, position, link_position):
-    """Positions at the drives and behind the compliance [rad]."""
-    count = position.shape[0]
-    for j in range(count):
-        position[j], link_position[j] = x[place_of(count, ROTOR, j)], x[place_of(count, ANGLE, j)]
-
-
 LINK = {
     "mass": "kg", **dict.fromkeys(("com_x", "com_y", "com_z"), "m"),
     **dict.fromkeys(("xx", "xy", "xz", "yy", "yz", "zz"), "kg m2"),
@@ -450,7 +437,7 @@ def forward_part(count: int, slot: int, scales: dict[str, tuple[float, str]], un
             *(State(name, JOINTS, unit=u) for name, u in own), State("placed"),
         ),
         tasks=(Task("update", ("effort_true",)), Task("stand", ("position_start",), slots=(slot,))),
-        outputs=(Output("output", ("position", "link_position")),),
+        outputs=(Output.of_states(rotor="position", angle="link_position"),),
         points=points("sprung"),
         scales=scales,
     )  # fmt: skip
@@ -467,7 +454,7 @@ def inverse_part(scales: dict[str, tuple[float, str]], unit: dict[str, str]) -> 
         parameters=NamedTuple("Parameters", fields(per_joint, {"mobility": "-"})),
         states=(State("link", JOINTS, WIDTH), State("effort", JOINTS, unit=unit["effort"])),
         tasks=(Task("compute_efforts", ("position", "velocity", "acceleration")),),
-        outputs=(Output("output_efforts", ("effort",)),),
+        outputs=(Output.of_states(effort="effort"),),
         points=points("seen"),
         scales=scales,
     )

@@ -32,19 +32,13 @@ def write(x, z, n, e, j, speed_cmd, packet_arrival):
     x[applied] = sent(e, z, j, speed_cmd[j], x, DEPTH * j, x[applied], packet_arrival[j], packet_arrival[0])
 
 
-def output(x, z, n, e, speed_applied):
-    """Speeds held by the drives [m/s]."""
-    for j in range(3):
-        speed_applied[j] = x[3 * DEPTH + j]
-
-
 PART = Part(
     name="bus",
     module=sys.modules[__name__],
     parameters=Parameters,
     states=(State("history", TENDONS, DEPTH, "m/s"), State("applied", TENDONS, unit="m/s")),
     tasks=(Task("write", ("speed_cmd", "packet_arrival"), slots=(5, 6, 7), per_channel=True),),
-    outputs=(Output("output", ("speed_applied",)),),
+    outputs=(Output.of_states(applied="speed_applied"),),
     points=(Point("sent", TENDONS, laws=()),),
     group="timing",
 )

@@ -81,12 +81,6 @@ def control(x, z, n, e, tension_ref, tension_read):
     x[STARTED] = 1.0
 
 
-def output(x, z, n, e, speed_cmd):
-    """Speed commands [m/s]."""
-    for j in range(3):
-        speed_cmd[j] = x[COMMAND + j]
-
-
 PART = Part(
     name="controller",
     module=sys.modules[__name__],
@@ -100,5 +94,5 @@ PART = Part(
         State("model", TENDONS, unit="N"),
     ),
     tasks=(Task("control", ("tension_ref", "tension_read"), slots=(4,)),),
-    outputs=(Output("output", ("speed_cmd",)),),
+    outputs=(Output.of_states(command="speed_cmd"),),
 )

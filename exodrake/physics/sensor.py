@@ -94,12 +94,6 @@ def read(x, z, n, e, j, cell, noise_tension):
     x[READING + j] = rounded(reading(e, z, j, cell[j], x[CLOCK]) + n.sigma_F * noise_tension[j], n.q_F)
 
 
-def output_read(x, z, n, e, tension_read):
-    """Last readings [N]."""
-    for j in range(3):
-        tension_read[j] = x[READING + j]
-
-
 FREE_LAWS = {
     "felt": (free_curve("friction at the cell over tension", "tension", "N", "-slide"),),
     "lag": (),
@@ -128,6 +122,6 @@ PART = Part(
         Task("update", ("tension", "wire_speed")),
         Task("read", ("cell", "noise_tension"), slots=(1, 2, 3), per_channel=True),
     ),
-    outputs=(Output("output", ("cell",), reads=("tension",)), Output("output_read", ("tension_read",))),
+    outputs=(Output("output", ("cell",), reads=("tension",)), Output.of_states(reading="tension_read")),
     points=tuple(Point(p, TENDONS, laws=FREE_LAWS[p]) for p in FREE_LAWS),
 )

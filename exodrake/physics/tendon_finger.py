@@ -216,12 +216,6 @@ def taken_in(x, n, high):
     return taken
 
 
-def output(x, z, n, e, angle, rate, tension_finger):
-    """Joint angles [rad] and rates [rad/s], tensions at the finger [N]."""
-    for i in range(3):
-        angle[i], rate[i], tension_finger[i] = x[Q + i], x[RATE + i], x[PULL + i]
-
-
 def output_tension(x, z, n, e, stroke, tension, tension_spool):
     """Tension at the cell and at the spool [N], directly from the stroke [m]."""
     for j in range(3):
@@ -293,7 +287,7 @@ PART = Part(
     ),
     tasks=(Task("update", ("stroke", "wire_speed")),),
     outputs=(
-        Output("output", ("angle", "rate", "tension_finger")),
+        Output.of_states(angle="angle", rate="rate", pull="tension_finger"),
         Output("output_tension", ("tension", "tension_spool"), reads=("stroke",)),
     ),
     points=(
