@@ -70,7 +70,7 @@ def run_plan(
         InputError: the estimator has other tendons or joints.
     """
     from exodrake.diagrams.diagram import Simulator, build_diagram, logged_signals
-    from exodrake.simulation.simulate import log_of_run
+    from exodrake.simulation.simulate import diagram_log
     from exodrake.systems.gp_estimator import GPEstimator
 
     axes = robot.machine.axes
@@ -82,7 +82,7 @@ def run_plan(
     simulator = Simulator(diagram)
     simulator.AdvanceTo(robot.machine.frame * len(reference.values))
     signals = logged_signals(diagram, simulator.get_context())
-    log = log_of_run(diagram, simulator.get_context(), signals)
+    log = diagram_log(diagram, simulator.get_context(), signals)
     for kind in ("angle_est", "angle_std", *(["angle_ref"] if controller else [])):
         log = log.with_array(kind, estimator.joints, signals[kind])
     return log
