@@ -16,66 +16,42 @@ DEPTH = 8  # samples that a late signal remembers
 
 
 def scaled(value, gain):
-    """Value times a factor near 1.
-
-    shown = (1 + gain) value
-    """
+    """Value times a factor near 1: shown = (1 + gain) value."""
     return (1.0 + gain) * value
 
 
 def shifted(value, offset):
-    """Value plus a constant.
-
-    shown = value + offset
-    """
+    """Value plus a constant: shown = value + offset."""
     return value + offset
 
 
 def drifted(value, clock, rate):
-    """Value plus an amount that grows with time.
-
-    shown = value + rate t          t from the first sample
-    """
+    """Value plus an amount that grows with time: shown = value + rate t; t from the first sample."""
     return value + rate * clock
 
 
 def mixed(value, other, coefficient):
-    """Value plus a share of another one.
-
-    shown_j = value_j + coefficient value_(j+1)          the last channel is followed by the first
-    """
+    """Value plus a share of another one: shown_j = value_j + coefficient value_(j+1); the last one meets the first."""
     return value + coefficient * other
 
 
 def beyond(value, width):
-    """Value by how much it lies beyond a width.
-
-    shown = value - min(max(value, -width), width)
-    """
+    """Value by how much it lies beyond a width: shown = value - min(max(value, -width), width)."""
     return value - min(max(value, -width), width)
 
 
 def clipped(value, limit):
-    """Value clipped at both ends.
-
-    shown = min(max(value, -limit), limit)
-    """
+    """Value clipped at both ends: shown = min(max(value, -limit), limit)."""
     return min(max(value, -limit), limit)
 
 
 def rests(value, before, half_width):
-    """Value that rests until play is taken up, then follows at its edge.
-
-    shown <- min(max(shown, value - half_width), value + half_width)
-    """
+    """Value behind play: shown <- min(max(shown, value - half_width), value + half_width)."""
     return min(max(before, value - half_width), value + half_width)
 
 
 def lost(value, held, arrival, probability):
-    """Value that is lost by chance; the last one is repeated.
-
-    shown(n) = shown(n - 1) where arrival < probability          arrival: uniform in 0 .. 1, one per sample
-    """
+    """Value of which samples are lost: shown(n) = shown(n - 1) where arrival < probability; arrival in 0 .. 1."""
     return held if arrival < probability else value
 
 
@@ -94,10 +70,7 @@ def hysteresis(value, clock, error, width, bristle, before):
 
 
 def backlash(value, clock, half_width, held):
-    """Value behind play, then the same as what the sensor rests at.
-
-    shown <- min(max(shown, value - half_width), value + half_width)
-    """
+    """Value behind play, then its state: shown <- min(max(shown, value - half_width), value + half_width)."""
     after = rests(value, held, half_width) if clock > 0.0 else value
     return after, after
 
@@ -140,19 +113,13 @@ def delay(value, clock, period, lateness, h0, h1, h2, h3, h4, h5, h6, h7):
 
 
 def skewed(value, clock, period, skew, h0, h1, h2, h3, h4, h5, h6, h7):
-    """Value by a clock that runs fast (skew > 0) or slow, then the samples remembered.
-
-    shown(t) = value(t - skew t)          as far back as eight samples
-    """
+    """Value by a clock that runs fast (> 0) or slow, then the samples remembered: shown(t) = value(t - skew t)."""
     samples = skew * clock / period if period > 0.0 else 0.0
     return delayed(value, clock, samples, (h0, h1, h2, h3, h4, h5, h6, h7))
 
 
 def slipped(angle, slip):
-    """Angle as the markers show it [rad], as skin slides over the bone.
-
-    q as seen = q + slip sin(2 q)
-    """
+    """Angle as the markers show it [rad], as skin slides over the bone: q as seen = q + slip sin(2 q)."""
     return angle + slip * sin(2.0 * angle)
 
 

@@ -39,10 +39,7 @@ def slack(extension, length, toe):
 
 
 def crept(extension, stiffness, time_constant, elongation):
-    """Elastic stretch [m] of a wire with a delayed elongation (standard linear solid).
-
-    T_c = k (s - l - y)          time_constant y' = T_c / stiffness - y
-    """
+    """Stretch [m] of a standard linear solid: T_c = k (s - l - y); time_constant y' = T_c / stiffness - y."""
     return extension - elongation
 
 
@@ -94,10 +91,7 @@ def settle_bouc_wen(dt, stretched, fraction, width, z, stretch_before):
 
 
 def in_series(tension, stiffness, garment):
-    """Tension [N] of wire and garment in series.
-
-    T_c = k_s (s - l)          1 / k_s = 1 / k + 1 / stiffness          stiffness: of the garment
-    """
+    """Tension [N] of wire and garment in series: T_c = k_s (s - l); 1 / k_s = 1 / k + 1 / stiffness."""
     return tension * garment / (stiffness + garment)
 
 
@@ -195,10 +189,7 @@ def settle_capstan(dt, tension, travel, mu_phi, force):
 
 
 def coulomb(tension, slide, force):
-    """Tension at the finger [N] behind load-independent friction.
-
-    T_d = T_c - force slide        slide -> +1 while the finger takes wire in, -1 while it gives wire back
-    """
+    """Tension at the finger [N] behind friction of any load: T_d = T_c - force slide; slide -> 1 where it takes in."""
     return tension - force * slide
 
 
@@ -225,10 +216,7 @@ def kept(bristle, tension):
 
 
 def dahl(tension, travel, force, stiffness, bristle):
-    """Tension at the finger [N] behind dry friction with a soft onset (Dahl's law); `tendon.lugre` adds to it.
-
-    T_d = T_c - F          dF/dx = stiffness (1 - F sgn(x') / force)
-    """
+    """Tension at the finger [N] behind Dahl's friction: T_d = T_c - F; dF/dx = stiffness (1 - F sgn(x') / force)."""
     return tension - force * kept(bent(bristle, travel, force / stiffness), tension)
 
 
@@ -272,10 +260,7 @@ def stops(tension, travel, distance, first, second, third):
 
 
 def prandtl_ishlinskii(tension, travel, force, distance, first, second, third):
-    """Tension at the finger [N] behind dry friction over many contacts that let go one after the other: a sum of stops.
-
-    T_d = T_c - force (z_1 + z_2 + z_3) / 3          z_i: stop operator of range i distance
-    """
+    """Tension at the finger [N] behind stops of range i distance: T_d = T_c - force (z_1 + z_2 + z_3) / 3."""
     after = stops(tension, travel, distance, first, second, third)
     return tension - force * ((after[0] + after[1] + after[2]) / STOPS)
 
@@ -286,10 +271,7 @@ def settle_stops(dt, tension, travel, force, distance, first, second, third):
 
 
 def viscous(tension, speed, coefficient):
-    """Tension at the finger [N] behind friction proportional to wire speed.
-
-    T_d = T_c - coefficient v          v > 0 while the finger takes wire in
-    """
+    """Tension at the finger [N] behind viscous friction: T_d = T_c - coefficient v; v > 0 where it takes wire in."""
     return tension - coefficient * speed * grip(tension)
 
 
