@@ -14,7 +14,7 @@ from pydrake.trajectories import PiecewisePolynomial
 from exodrake.compiled.inputs import Reference
 from exodrake.core.robot import Robot
 from exodrake.diagrams.diagram import build_diagram
-from exodrake.diagrams.multibody_finger import ElasticTendons, multibody_finger
+from exodrake.diagrams.multibody import ElasticTendons, multibody_finger
 from exodrake.simulation.simulate import record
 
 

@@ -31,9 +31,9 @@ def step(p, q, w, c, s, ends, lag):
     spin = finger__coriolis(coupling, s[1], s[2], s[1] * c[2] + c[1] * s[2], w)
     rows, none = ((m[0], m[1], m[2]), (m[1], m[3], m[4]), (m[2], m[4], m[5])), (0.0, 0.0, 0.0)
     speed_up = (w[0] / lag, w[1] / lag, w[2] / lag)
-    r0 = triples__dot(rows[0], speed_up) + spin[0] + p[34] * w[0] + p[28] * (q[0] - p[31])
-    r1 = triples__dot(rows[1], speed_up) + spin[1] + p[35] * w[1] + p[29] * (q[1] - p[32])
-    r2 = triples__dot(rows[2], speed_up) + spin[2] + p[36] * w[2] + p[30] * (q[2] - p[33])
+    r0 = arithmetic__dot(rows[0], speed_up) + spin[0] + p[34] * w[0] + p[28] * (q[0] - p[31])
+    r1 = arithmetic__dot(rows[1], speed_up) + spin[1] + p[35] * w[1] + p[29] * (q[1] - p[32])
+    r2 = arithmetic__dot(rows[2], speed_up) + spin[2] + p[36] * w[2] + p[30] * (q[2] - p[33])
     r0 -= tendon_finger__torque(arms, 0, pull)
     r1 -= tendon_finger__torque(arms, 1, pull)
     r2 -= tendon_finger__torque(arms, 2, pull)
@@ -41,7 +41,7 @@ def step(p, q, w, c, s, ends, lag):
     first = tendon_finger__newton_row(0, rows[0], p[34], lag, known, p[28], still)
     second = tendon_finger__newton_row(1, rows[1], p[35], lag, known, p[29], still)
     third = tendon_finger__newton_row(2, rows[2], p[36], lag, known, p[30], still)
-    return triples__solve((first, second, third), (-r0, -r1, -r2))
+    return arithmetic__solve((first, second, third), (-r0, -r1, -r2))
 """
 
 

@@ -12,7 +12,6 @@ from itertools import accumulate, permutations, starmap
 
 from exodrake.core.errors import argument
 from exodrake.core.machine import Machine
-from exodrake.core.part import Part
 
 MARGIN, GAP, ROW, BOX, LINE, CHIP = 12, 12, 14, 42, 15, 34  # px: round all, between columns and rows, heights
 LETTER = 6.1  # px, width of a letter of a signal
@@ -80,12 +79,24 @@ def wiring_svg(machine: Machine, shares: Mapping[str, float] | None = None, sche
     machine = argument("machine", machine, Machine)
     order, found = [OUTSIDE, *stream_order(machine), LOG], links(machine)
     hue = {name: HUES[i % len(HUES)] for i, name in enumerate(order[1:-1])} | {OUTSIDE: SOFT, LOG: SOFT}
-    notes = {part.name: when(part) for part in machine.parts} | {OUTSIDE: "a row a frame", LOG: "end of frame"}
+    notes, fills = {OUTSIDE: "a row a frame", LOG: "end of frame"}, {name: blend(hue[name], 0.16) for name in order}
+    for part in machine.parts:  # when its tasks run
+        slots = sorted({slot for task in part.tasks for slot in task.slots})
+        run = len(slots) > 1 and slots == list(range(slots[0], slots[-1] + 1))
+        parts = ["every tick"] if any(not task.slots for task in part.tasks) else []
+        parts += [f"slots {slots[0]}–{slots[-1]}" if run else "slot " + ", ".join(map(str, slots))] if slots else []
+        notes[part.name] = ", ".join(parts)
     if shares is not None:
-        notes |= {name: f"{100 * min(max(x, 0.0), 1.0):.0f} %" for name, x in part_shares(machine, shares).items()}
+        within = dict.fromkeys(order, 0.0) | part_shares(machine, shares)
+        within = {name: min(max(share, 0.0), 1.0) for name, share in within.items()}
+        notes |= {part.name: f"{100 * within[part.name]:.0f} %" for part in machine.parts}
+        fills = {name: blend(SHARE, share) for name, share in within.items()}
     units = {signal.name: "" if signal.unit == "-" else signal.unit for signal in machine.signals}
     texts = {pair: [(name, units[name]) for name in names] for pair, names in found.items()}
-    labels = {pair: label_size(lines) for pair, lines in texts.items()}
+    labels = {  # widths and heights
+        pair: (LETTER * max(len(f"{name} {unit}".strip()) for name, unit in lines) + 15, LINE * len(lines) + 8)
+        for pair, lines in texts.items()
+    }
     boxes = {name: max(1.5 * LETTER * len(name), LETTER * len(notes[name])) + 16 for name in order}
     widths = [max([boxes[name], *(w for (_, to), (w, _) in labels.items() if to == name)]) + GAP for name in order]
     heights = [max([BOX, *(h for (by, _), (_, h) in labels.items() if by == name)]) + ROW for name in order]
@@ -110,11 +121,9 @@ def wiring_svg(machine: Machine, shares: Mapping[str, float] | None = None, sche
         return "\n".join(lines)
 
     def box(name: str) -> str:
-        share = min(max(part_shares(machine, shares).get(name, 0.0), 0.0), 1.0) if shares is not None else None
-        fill = blend(hue[name], 0.16) if share is None else blend(SHARE, share)
         extra = 'stroke-width="2"' + ("" if name in order[1:-1] else ' stroke-dasharray="5 4"')
         left, above = x[name] - boxes[name] / 2, y[name] - BOX / 2
-        drawn = rectangle(left, above, boxes[name], BOX, fill, hue[name], extra)
+        drawn = rectangle(left, above, boxes[name], BOX, fills[name], hue[name], extra)
         return f"{drawn}\n{text(x[name], y[name] - 2, escape(name), 'part')}{text(x[name], y[name] + 15, notes[name])}"
 
     body = [*starmap(link, found), *starmap(label, found), *map(box, order)]
@@ -133,11 +142,6 @@ def wiring_svg(machine: Machine, shares: Mapping[str, float] | None = None, sche
     return "\n".join([head, f'<rect width="{width:.0f}" height="{height:.0f}" fill="white"/>', *body, "</svg>"]) + "\n"
 
 
-def label_size(lines: list[tuple[str, str]]) -> tuple[float, float]:
-    """Width and height [px] of the label of some signals: (name, unit) each."""
-    return LETTER * max(len(f"{name} {unit}".strip()) for name, unit in lines) + 15, LINE * len(lines) + 8
-
-
 def rectangle(x: float, y: float, width: float, height: float, fill: str, edge: str, more: str = "") -> str:
     """A rectangle with round corners."""
     place = f'x="{x:.1f}" y="{y:.1f}" width="{width:.1f}" height="{height:.1f}"'
@@ -152,16 +156,6 @@ def text(x: float, y: float, content: str, style: str = "") -> str:
 def blend(colour: str, share: float) -> str:
     """A colour between white and another."""
     return "#" + "".join(f"{round(255 + share * (int(colour[i : i + 2], 16) - 255)):02x}" for i in (1, 3, 5))
-
-
-def when(part: Part) -> str:
-    """Slots in which a part's tasks run, in words."""
-    slots = sorted({slot for task in part.tasks for slot in task.slots})
-    parts = ["every tick"] if any(not task.slots for task in part.tasks) else []
-    if slots:
-        run = slots == list(range(slots[0], slots[-1] + 1)) and len(slots) > 1
-        parts.append(f"slots {slots[0]}–{slots[-1]}" if run else "slot " + ", ".join(map(str, slots)))
-    return ", ".join(parts)
 
 
 def draw_frame(machine: Machine, hue: Mapping[str, str], top: float, width: float) -> tuple[list[str], float]:

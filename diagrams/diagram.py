@@ -23,17 +23,14 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort, PortDataType, System
 from pydrake.systems.primitives import Multiplexer, VectorLogSink
 
-from exodrake.compiled.inputs import NoiseInputs, Reference, input_rows, prepared
+from exodrake.compiled.inputs import NoiseInputs, Reference, input_rows, prepared, stack
 from exodrake.core.errors import InputError, argument, nearest
 from exodrake.core.machine import Machine, channels_of
 from exodrake.core.robot import Robot
 from exodrake.diagrams.exo_index import add_exo_index
 from exodrake.machines.exo_index.machine import PARTS
-from exodrake.systems.machine_part import MachinePart
-from exodrake.systems.noise import Noise
-from exodrake.systems.part import NamedParameter, PartSystem
-from exodrake.systems.playback import Playback
-from exodrake.systems.robot_draw import RobotDraw, random_source
+from exodrake.systems.part import MachinePart, NamedParameter, PartSystem
+from exodrake.systems.sources import Noise, Playback, RobotDraw
 
 
 def build_diagram(
@@ -124,19 +121,39 @@ class RobotDiagram(Diagram):
             names = [system.get_name() for system in systems]
             raise InputError(f"two systems are named {max(names, key=names.count)!r}")
         replaced = {part.name: own.pop(part.name) for part in machine.parts if part.name in own}
-        parts = add_parts(builder, robot, substeps, replaced)
+        if machine.parts == PARTS:
+            parts = add_exo_index(builder, robot, substeps, **replaced)._asdict()
+        else:
+            parts = {p.name: replaced.get(p.name) or MachinePart(robot, p.name, substeps) for p in machine.parts}
+            for name, system in parts.items():
+                builder.AddNamedSystem(name, system)
         for name, system in own.items():
             builder.AddNamedSystem(name, system)
         if rows:
             builder.AddNamedSystem("reference", Playback(rows, machine.frame, 0.125 * machine.slot))
-        noise = None
+        draw = RobotDraw(robot)
+        builder.AddNamedSystem("draw", draw)
+        builder.AddNamedSystem("random", draw.source)
+        builder.Connect(draw.source.get_output_port(), draw.GetInputPort("sample"))
         if any(machine.signal[name].distribution and name not in rows for name in machine.inputs):
-            builder.AddNamedSystem("noise", noise := Noise(machine, seed))
-        join_draw(builder, robot, parts, noise)
+            noise = builder.AddNamedSystem("noise", Noise(machine, seed))
+            builder.Connect(draw.GetOutputPort("drawn_seed"), noise.GetInputPort("drawn_seed"))
+        for name, system in parts.items():
+            if isinstance(system, PartSystem):
+                builder.Connect(draw.GetOutputPort(f"{name}.deviation"), system.GetInputPort("deviation"))
         ports = port_names(builder)
         check_fit(machine, ports, systems)
         join_by_name(machine, builder, ports)
-        self.columns = add_log(machine, builder, ports)
+        # the log: a row of the signals that something writes, and of what systems of one's own show
+        names = [*(name for name in machine.signal if name in ports), *(n for n in ports if n not in machine.signal)]
+        names = [n for n in names if n in machine.signal or not isinstance(ports[n].get_system(), PartSystem)]
+        sizes = [ports[name].size() for name in names]
+        signals = builder.AddNamedSystem("signals", Multiplexer(sizes))
+        log = builder.AddNamedSystem("log", VectorLogSink(sum(sizes), machine.frame))
+        for k, name in enumerate(names):
+            builder.Connect(ports[name], signals.get_input_port(k))
+        builder.Connect(signals.get_output_port(), log.get_input_port())
+        self.columns = stack(dict(zip(names, sizes)))
         for name, port in ports.items():
             system: Any = port.get_system()
             if name in machine.signal or system in systems:
@@ -149,31 +166,6 @@ class RobotDiagram(Diagram):
         robot, rows, seed, quantisation, substeps, systems, source = self._arguments
         clones = [system.Clone() for system in systems]
         return RobotDiagram(robot, rows, seed, quantisation, substeps, clones, source)
-
-
-def add_parts(
-    builder: DiagramBuilder, robot: Robot, substeps: int, replaced: Mapping[str, System]
-) -> dict[str, System]:
-    """Adds the systems of a robot's parts by name; `join_by_name` joins those that `add_exo_index` does not."""
-    if robot.machine.parts == PARTS:
-        return add_exo_index(builder, robot, substeps, **replaced)._asdict()
-    return {
-        part.name: builder.AddNamedSystem(part.name, replaced.get(part.name) or MachinePart(robot, part.name, substeps))
-        for part in robot.machine.parts
-    }
-
-
-def join_draw(builder: DiagramBuilder, robot: Robot, parts: Mapping[str, System], noise: Noise | None) -> None:
-    """Joins the draw of a robot to noise and parts."""
-    source = random_source()
-    builder.AddNamedSystem("random", source)
-    draw = builder.AddNamedSystem("draw", RobotDraw(robot, source))
-    builder.Connect(source.get_output_port(), draw.GetInputPort("sample"))
-    if noise:
-        builder.Connect(draw.GetOutputPort("drawn_seed"), noise.GetInputPort("drawn_seed"))
-    for name, system in parts.items():
-        if isinstance(system, PartSystem):
-            builder.Connect(draw.GetOutputPort(f"{name}.deviation"), system.GetInputPort("deviation"))
 
 
 def join_by_name(machine: Machine, builder: DiagramBuilder, ports: Mapping[str, OutputPort]) -> None:
@@ -191,20 +183,6 @@ def join_by_name(machine: Machine, builder: DiagramBuilder, ports: Mapping[str, 
             elif name in machine.inputs and not machine.signal[name].distribution:
                 builder.ExportInput(port, name)
                 exported.add(name)
-
-
-def add_log(machine: Machine, builder: DiagramBuilder, ports: Mapping[str, OutputPort]) -> dict[str, slice]:
-    """Logs the signals that something writes, and what systems of one's own show: their places in a row."""
-    names = [*(name for name in machine.signal if name in ports), *(n for n in ports if n not in machine.signal)]
-    names = [name for name in names if name in machine.signal or not isinstance(ports[name].get_system(), PartSystem)]
-    sizes = [ports[name].size() for name in names]
-    signals = builder.AddNamedSystem("signals", Multiplexer(sizes))
-    log = builder.AddNamedSystem("log", VectorLogSink(sum(sizes), machine.frame))
-    for i, name in enumerate(names):
-        builder.Connect(ports[name], signals.get_input_port(i))
-    builder.Connect(signals.get_output_port(), log.get_input_port())
-    ends = np.cumsum(sizes)
-    return {name: slice(int(end - size), int(end)) for name, size, end in zip(names, sizes, ends)}
 
 
 def outputs_of(system: System) -> list[OutputPort]:

@@ -23,8 +23,8 @@ from exodrake.diagrams.diagram import (
     set_parameters as set_parameters,
 )
 from exodrake.diagrams.exo_index import add_exo_index as add_exo_index
-from exodrake.diagrams.finger_view import FingerView as FingerView
-from exodrake.diagrams.multibody_finger import MultibodyFinger as MultibodyFinger
+from exodrake.diagrams.meshcat import FingerView as FingerView
+from exodrake.diagrams.multibody import MultibodyFinger as MultibodyFinger
 from exodrake.grasping.plan import plan_grasp as plan_grasp
 from exodrake.grasping.run import posture_controller as posture_controller
 from exodrake.identification.fit import fit as fit
@@ -53,12 +53,11 @@ from exodrake.systems.admittance_controller import AdmittanceController as Admit
 from exodrake.systems.bus import Bus as Bus
 from exodrake.systems.encoder import Encoder as Encoder
 from exodrake.systems.gp_estimator import GPEstimator as GPEstimator
-from exodrake.systems.machine_part import MachinePart as MachinePart
 from exodrake.systems.motion_capture import MotionCapture as MotionCapture
 from exodrake.systems.motor import MotorDynamics as MotorDynamics
-from exodrake.systems.noise import Noise as Noise
-from exodrake.systems.playback import Playback as Playback
+from exodrake.systems.part import MachinePart as MachinePart
 from exodrake.systems.posture_controller import PostureController as PostureController
+from exodrake.systems.sources import Noise as Noise, Playback as Playback
 from exodrake.systems.tendon_finger import TendonFinger as TendonFinger
 from exodrake.systems.tension_sensor import TensionSensor as TensionSensor
 

@@ -183,7 +183,7 @@ itself uses other methods:
 (a) The centre of a single frame has an error that grows as 1/angle, and Newton's iteration takes axes as known and
 poses as exact. The adjustment weighs all frames and markers by their noise, bridges gaps, and gives intervals.
 (b) Arms and stiffness depend on the angle, tensions are bounded, and a posture must be stable and reached from rest.
-(c) The model's motion capture samples in slot 0, so no log has a column for the pulse. `diagrams.sync_pulse.SyncPulse`
+(c) The model's motion capture samples in slot 0, so no log has a column for the pulse. `systems.sources.SyncPulse`
 adds it to a Diagram as a signal; a late or drifting camera is an effect (`timing.mocap_delay`,
 `timing.mocap_clock_skew`).
 

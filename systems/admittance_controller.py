@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import numpy as np
-from pydrake.systems.framework import BasicVector, Context, DiscreteValues
+from pydrake.systems.framework import Context, DiscreteValues
 
 from exodrake.core.robot import Robot
 from exodrake.systems.part import PartSystem
@@ -41,16 +40,10 @@ class AdmittanceController(PartSystem):
         super().__init__(robot, "controller")
         self.tension_ref = self.DeclareVectorInputPort("tension_ref", 3)
         self.tension_read = self.DeclareVectorInputPort("tension_read", 3)
-        self.DeclareVectorOutputPort("speed_cmd", 3, self.show, {self.xd_ticket(), self.parameters_ticket})
+        self.declare_outputs("speed_cmd")
         self.DeclarePeriodicDiscreteUpdateEvent(self.machine.frame, self.moment(SLOT), self.update)
 
     def update(self, context: Context, discrete: DiscreteValues) -> None:
         """The law for all tendons."""
         reference, reading = self.tension_ref.Eval(context), self.tension_read.Eval(context)
         self.equations.control(discrete.get_mutable_value(0), self.p(context), reference, reading)
-
-    def show(self, context: Context, output: BasicVector) -> None:
-        """Speed commands [m/s]."""
-        found = np.empty(3)
-        self.equations.output(self.x(context), self.p(context), found)
-        output.set_value(found)

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 
-import numpy as np
-from pydrake.systems.framework import BasicVector, Context, DiscreteValues
+from pydrake.systems.framework import Context, DiscreteValues
 
 from exodrake.core.robot import Robot
 from exodrake.systems.part import PartSystem
@@ -42,21 +41,13 @@ class Bus(PartSystem):
         """Takes the robot, the nominal one if None."""
         super().__init__(robot, "bus")
         self.speed_cmd = self.DeclareVectorInputPort("speed_cmd", 3)
-        self.arrival = self.DeclareVectorInputPort("packet_arrival", 3)
-        self.DeclareVectorOutputPort("speed_applied", 3, self.show, {self.xd_ticket(), self.parameters_ticket})
+        self.DeclareVectorInputPort("packet_arrival", 3)
+        self.declare_outputs("speed_applied")
         for channel, slot in enumerate(SLOTS):
-            self.DeclarePeriodicDiscreteUpdateEvent(
-                self.machine.frame, self.moment(slot), partial(self.update, channel)
-            )
+            write = partial(self.update, channel)
+            self.DeclarePeriodicDiscreteUpdateEvent(self.machine.frame, self.moment(slot), write)
 
     def update(self, channel: int, context: Context, discrete: DiscreteValues) -> None:
         """The bus writes to one drive."""
-        arrival = self.arrival.Eval(context) if self.arrival.HasValue(context) else np.ones(3)
-        command = self.speed_cmd.Eval(context)
+        command, arrival = self.speed_cmd.Eval(context), self.signal(context, "packet_arrival")
         self.equations.write(discrete.get_mutable_value(0), self.p(context), channel, command, arrival)
-
-    def show(self, context: Context, output: BasicVector) -> None:
-        """Speeds that the drives hold [m/s]."""
-        found = np.empty(3)
-        self.equations.output(self.x(context), self.p(context), found)
-        output.set_value(found)

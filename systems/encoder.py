@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 
-import numpy as np
-from pydrake.systems.framework import BasicVector, Context, DiscreteValues
+from pydrake.systems.framework import Context, DiscreteValues
 
 from exodrake.core.robot import Robot
 from exodrake.systems.part import PartSystem
@@ -42,19 +41,12 @@ class Encoder(PartSystem):
         super().__init__(robot, "encoder")
         self.spool_angle = self.DeclareVectorInputPort("spool_angle", 3)
         self.DeclareVectorInputPort("start_stroke", 3)
-        self.DeclareVectorOutputPort("stroke_read", 3, self.show, {self.xd_ticket(), self.parameters_ticket})
+        self.declare_outputs("stroke_read")
         for channel, slot in enumerate(SLOTS):
-            self.DeclarePeriodicDiscreteUpdateEvent(
-                self.machine.frame, self.moment(slot), partial(self.update, channel)
-            )
+            read = partial(self.update, channel)
+            self.DeclarePeriodicDiscreteUpdateEvent(self.machine.frame, self.moment(slot), read)
 
     def update(self, channel: int, context: Context, discrete: DiscreteValues) -> None:
         """The bus reads one encoder."""
         angle = self.spool_angle.Eval(context)
         self.equations.read(discrete.get_mutable_value(0), self.p(context), channel, angle)
-
-    def show(self, context: Context, output: BasicVector) -> None:
-        """Last readings [m]."""
-        found = np.empty(3)
-        self.equations.output(self.x(context), self.p(context), found)
-        output.set_value(found)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import numpy as np
-from pydrake.systems.framework import BasicVector, Context, DiscreteValues
+from pydrake.systems.framework import Context, DiscreteValues
 
 from exodrake.core.robot import Robot
 from exodrake.systems.part import PartSystem
@@ -41,25 +40,11 @@ class MotionCapture(PartSystem):
         """Takes the robot, the nominal one if None."""
         super().__init__(robot, "mocap")
         self.angle = self.DeclareVectorInputPort("angle", 3)
-        self.noise = self.DeclareVectorInputPort("noise_angle", 3)
-        needs = {self.xd_ticket(), self.parameters_ticket}
-        self.DeclareVectorOutputPort("angle_read", 3, self.show_angle, needs)
-        self.DeclareVectorOutputPort("mocap_delay", 1, self.show_delay, needs)
+        self.DeclareVectorInputPort("noise_angle", 3)
+        self.declare_outputs("angle_read", "mocap_delay")
         self.DeclarePeriodicDiscreteUpdateEvent(self.machine.frame, self.moment(SLOT), self.update)
 
     def update(self, context: Context, discrete: DiscreteValues) -> None:
         """One picture of all joints."""
-        noise = self.noise.Eval(context) if self.noise.HasValue(context) else np.zeros(3)
-        self.equations.sample(discrete.get_mutable_value(0), self.p(context), self.angle.Eval(context), noise)
-
-    def show_angle(self, context: Context, output: BasicVector) -> None:
-        """Last picture [rad]."""
-        found = np.empty(3)
-        self.equations.output(self.x(context), self.p(context), found)
-        output.set_value(found)
-
-    def show_delay(self, context: Context, output: BasicVector) -> None:
-        """How late the last picture is [s]."""
-        found = np.empty(1)
-        self.equations.output_late(self.x(context), self.p(context), found)
-        output.set_value(found)
+        angle, noise = self.angle.Eval(context), self.signal(context, "noise_angle")
+        self.equations.sample(discrete.get_mutable_value(0), self.p(context), angle, noise)

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from functools import partial
-
-import numpy as np
-from pydrake.systems.framework import BasicVector, Context, DiscreteValues
+from pydrake.systems.framework import Context, DiscreteValues
 
 from exodrake.core.robot import Robot
 from exodrake.systems.part import PartSystem
@@ -47,9 +44,7 @@ class MotorDynamics(PartSystem):
         self.speed_applied = self.DeclareVectorInputPort("speed_applied", 3)
         self.tension_spool = self.DeclareVectorInputPort("tension_spool", 3)
         self.DeclareVectorInputPort("start_stroke", 3)
-        needs = {self.xd_ticket(), self.parameters_ticket}
-        for row, name in enumerate(("stroke", "wire_speed", "spool_angle")):
-            self.DeclareVectorOutputPort(name, 3, partial(self.show, row), needs)
+        self.declare_outputs("stroke", "wire_speed", "spool_angle")
         for period, offset in self.ticks(substeps):
             self.DeclarePeriodicDiscreteUpdateEvent(period, offset, self.update)
 
@@ -57,9 +52,3 @@ class MotorDynamics(PartSystem):
         """One tick of the equations of motion, with commands and tensions held."""
         speed, tension = self.speed_applied.Eval(context), self.tension_spool.Eval(context)
         self.equations.update(discrete.get_mutable_value(0), self.p(context), self.dt, speed, tension)
-
-    def show(self, row: int, context: Context, output: BasicVector) -> None:
-        """Wire wound in [m], its speed [m/s], or what the encoder sees [rad], by their row."""
-        found = np.empty((3, 3))
-        self.equations.output(self.x(context), self.p(context), *found)
-        output.set_value(found[row])

@@ -1,9 +1,12 @@
-"""What the systems of a robot's parts share: their equations, their parameters by name, and where they start."""
+"""A part of a robot as a Drake system: equations, parameters by name and start, and a generic leaf for any part."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import ast
+import inspect
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 from weakref import ref
 
@@ -15,8 +18,8 @@ from pydrake.systems.framework import BasicVector, Context, DiscreteValues, Leaf
 from exodrake.compiled.compose import equations
 from exodrake.compiled.schedule import start_vectors
 from exodrake.core.errors import InputError, nearest
-from exodrake.core.machine import Machine, channels_of
-from exodrake.core.part import Part
+from exodrake.core.machine import channels_of
+from exodrake.core.part import NORMAL, Task
 from exodrake.core.robot import Robot, drawn_deviation
 from exodrake.machines.robot_file import robot_or_default
 
@@ -76,18 +79,10 @@ def array_parameter(leaf: LeafSystem, name: str, sizes: Mapping[str, int]) -> Na
     return NamedParameter(leaf, name, tuple(range(sizes[name])), names.index(name))
 
 
-def named_parameter(leaf: Any, name: str, names: tuple[str, ...]) -> NamedParameter:
-    """A parameter among the `names` of a leaf. InputError if there is none."""
-    index = channels_of(name, names)
-    if not index:
-        raise InputError(f"{leaf.get_name()} has no parameter {name!r}{nearest(name, list(names))}")
-    return NamedParameter(leaf, name, tuple(index), in_effect=leaf.p)
-
-
 class PartSystem(LeafSystem):
     """A LeafSystem with the equations, the parameters and the discrete state of one part of a robot.
 
-    A subclass declares ports and events, and calls `self.equations`: the functions of the part's module in
+    A subclass declares ports and events, and its updates call `self.equations`: the functions of the part's module in
     `exodrake.physics`, effects included, which the compiled simulator runs too. Arguments are the state x, the
     parameters p, and signals. They write in place.
 
@@ -111,13 +106,23 @@ class PartSystem(LeafSystem):
         super().__init__()
         self.set_name(name)
         self.robot = robot_or_default(robot)
-        self.machine, self.part = self.robot.machine, part_named(self.robot.machine, name)
-        self.equations = equations(self.machine, self.part)
-        own = [i for i, parameter in enumerate(self.machine.parameters) if parameter.part == name]
+        self.machine = machine = self.robot.machine
+        parts = {part.name: part for part in machine.parts}
+        if name not in parts:
+            raise InputError(f"{machine.name} has no part {name!r}{nearest(name, list(parts))}")
+        self.part = parts[name]
+        self.equations = equations(machine, self.part)
+        self.writer = {signal: output for output in self.part.outputs for signal in output.writes}
+        own = [i for i, parameter in enumerate(machine.parameters) if parameter.part == name]
         self.own = slice(own[0], own[-1] + 1) if own else slice(0, 0)
-        self.parameter_names = tuple(parameter.name for parameter in self.machine.parameters[self.own])
-        self.starts = start_arrays(self.robot)
-        self.initial = np.zeros(sum(self.machine.part_size(self.part)))
+        self.parameter_names = tuple(parameter.name for parameter in machine.parameters[self.own])
+        self.starts: dict[str, np.ndarray] = {}  # the start vectors (tendons,) [SI] of the robot as it is
+        for part in (part for part in machine.parts if part.fills_start):
+            values = np.array([self.robot[p.name] for p in machine.parameters if p.part == part.name])
+            vectors = {vector: np.zeros(len(machine.axes.tendons)) for vector in start_vectors(part)}
+            equations(machine, part).start(np.zeros(sum(machine.part_size(part))), values, *vectors.values())
+            self.starts |= vectors
+        self.initial = np.zeros(sum(machine.part_size(self.part)))
         values = np.array(self.robot.values[self.own])
         self.equations.start(self.initial, values, *self.start_vectors(None))
 
@@ -132,6 +137,40 @@ class PartSystem(LeafSystem):
         entry = self.DeclareCacheEntry("parameters with their deviations", producer, changed)
         self._parameters, self.parameters_ticket = entry.cache_index(), entry.ticket()
         self.DeclareInitializationDiscreteUpdateEvent(self.begin)
+
+    def declare_outputs(self, *signals: str) -> None:
+        """Declares an output port for each signal, computed by the part's output function from state and signals."""
+        for signal in signals:
+            needs = {self.xd_ticket(), self.parameters_ticket}
+            needs |= {self.input_port_ticket(self.GetInputPort(s).get_index()) for s in self.outer_reads(signal)}
+            self.DeclareVectorOutputPort(signal, len(self.machine.channels(signal)), partial(self.show, signal), needs)
+
+    def show(self, signal: str, context: Context, output: BasicVector) -> None:
+        """Fills the output port of a signal."""
+        output.set_value(self.signal(context, signal))
+
+    def signal(self, context: Context, name: str) -> np.ndarray:
+        """A signal that the part writes, or reads at a port, (channels,) [SI]; unconnected noise counts as none."""
+        output = self.writer.get(name)
+        if output and output.states:
+            at = self.machine.state_index(self.part, output.states[output.writes.index(name)])
+            return np.array(self.x(context)[at : at + len(self.machine.channels(name))])
+        if output:
+            found = [np.zeros(len(self.machine.channels(signal))) for signal in output.writes]
+            given = [self.signal(context, signal) for signal in output.reads]
+            getattr(self.equations, output.function)(self.x(context), self.p(context), *given, *found)
+            return found[output.writes.index(name)]
+        port: Any = self.GetInputPort(name)
+        kind = self.machine.signal[name].distribution
+        if kind and not port.HasValue(context):
+            return np.zeros(port.size()) if kind == NORMAL else np.ones(port.size())
+        return port.Eval(context)
+
+    def outer_reads(self, signal: str) -> set[str]:
+        """Input ports on which a signal depends at once."""
+        if signal not in self.writer:
+            return {signal}
+        return set().union(*(self.outer_reads(name) for name in self.writer[signal].reads))
 
     def p(self, context: Context) -> np.ndarray:
         """Parameters in effect in a Context of the leaf, deviation included, (n,) [SI]; not to be written to."""
@@ -148,7 +187,11 @@ class PartSystem(LeafSystem):
         Raises:
             InputError: the part has no parameter of that name.
         """
-        return named_parameter(self, name, self.parameter_names)
+        index = channels_of(name, self.parameter_names)
+        if not index:
+            known = list(self.parameter_names)
+            raise InputError(f"{self.get_name()} has no parameter {name!r}{nearest(name, known)}")
+        return NamedParameter(self, name, tuple(index), in_effect=self.p)
 
     def begin(self, context: Context, discrete: DiscreteValues) -> None:
         """The initialization: a state that is still the default one begins from the Context's parameters."""
@@ -164,6 +207,12 @@ class PartSystem(LeafSystem):
             else np.array(self.starts.get(name, np.zeros(len(self.machine.axes.tendons))))
             for name in start_vectors(self.part)
         ]
+
+    def show_start(self, row: int, context: Context, output: BasicVector) -> None:
+        """Fills the output port of a start vector, which follows from the parameters alone."""
+        vectors = self.start_vectors(None)
+        self.equations.start(np.array(self.initial), self.p(context), *vectors)
+        output.set_value(vectors[row])
 
     def ticks(self, substeps: int) -> list[tuple[float, float]]:
         """(period, offset) [s] of the ticks of the plant: in the first half of each slot, before the tasks."""
@@ -191,20 +240,61 @@ class PartSystem(LeafSystem):
             values += self.deviation.Eval(context)
 
 
-def part_named(machine: Machine, name: str) -> Part:
-    """A part of a machine. InputError with the nearest names."""
-    parts = {part.name: part for part in machine.parts}
-    if name not in parts:
-        raise InputError(f"{machine.name} has no part {name!r}{nearest(name, list(parts))}")
-    return parts[name]
+class MachinePart(PartSystem):
+    """A part of a machine that has no class of its own: a port for each signal, an event for each slot and tick.
 
+    .. pydrake_system::
 
-def start_arrays(robot: Robot) -> dict[str, np.ndarray]:
-    """The start vectors (tendons,) of the robot's machine [SI], from the parts that fill them."""
-    machine, found = robot.machine, {}
-    for part in (part for part in machine.parts if part.fills_start):
-        values = np.array([robot[p.name] for p in machine.parameters if p.part == part.name])
-        vectors = {name: np.zeros(len(machine.axes.tendons)) for name in start_vectors(part)}
-        equations(machine, part).start(np.zeros(sum(machine.part_size(part))), values, *vectors.values())
-        found |= vectors
-    return found
+        name: MachinePart
+        input_ports:
+        - deviation
+        - a signal read from another part
+        - ...
+        - a start vector that another part fills
+        output_ports:
+        - a signal that the part writes
+        - ...
+
+    Unconnected noise counts as none. State: that of the part in the order of its `PART`, then memories of effects.
+
+    Example:
+        scale = MachinePart(load_robot("emps"), "scale")
+        simulator = Simulator(scale)
+        scale.GetInputPort("position").FixValue(simulator.get_mutable_context(), [0.1])
+        simulator.AdvanceTo(0.1)
+        print(scale.GetOutputPort("position_read").Eval(simulator.get_context()))
+    """
+
+    def __init__(self, robot: Robot | None, name: str, substeps: int = 1) -> None:
+        """Takes the robot, the name of the part, and plant ticks per slot."""
+        super().__init__(robot, name)
+        self.options, part, tendons = (name, substeps), self.part, len(self.machine.axes.tendons)
+        for signal in dict.fromkeys(s for item in (*part.tasks, *part.outputs) for s in item.reads):
+            if signal not in self.writer:
+                self.DeclareVectorInputPort(signal, len(self.machine.channels(signal)))
+        if start_vectors(part) and not part.fills_start:
+            tree = ast.parse(inspect.getsource(part.module.start))
+            used = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
+            for vector in (name for name in start_vectors(part) if name in used):
+                self.DeclareVectorInputPort(vector, tendons)
+        self.declare_outputs(*self.writer)
+        for row, vector in enumerate(start_vectors(part) if part.fills_start else ()):
+            self.DeclareVectorOutputPort(vector, tendons, partial(self.show_start, row), {self.parameters_ticket})
+        together: dict[tuple[int, ...], list[Task]] = {}  # tasks at the tick, or in the same slots
+        for task in part.tasks:
+            together.setdefault(task.slots, []).append(task)
+        for slots, tasks in together.items():
+            events = [((self.machine.slot / substeps,), *when) for when in self.ticks(substeps)]
+            if slots:
+                channels = [(k,) if tasks[0].per_channel else () for k in range(len(slots))]
+                moments = [self.moment(slot) for slot in slots]
+                events = [(channel, self.machine.frame, moment) for channel, moment in zip(channels, moments)]
+            for arguments, period, offset in events:
+                self.DeclarePeriodicDiscreteUpdateEvent(period, offset, partial(self.update, tasks, arguments))
+
+    def update(self, tasks: Sequence[Task], arguments: tuple, context: Context, discrete: DiscreteValues) -> None:
+        """Tasks of one slot, or of the tick; each sees the signals from before it."""
+        x, p = discrete.get_mutable_value(0), self.p(context)
+        given = [[self.signal(context, signal) for signal in task.reads] for task in tasks]
+        for task, signals in zip(tasks, given):
+            getattr(self.equations, task.function)(x, p, *arguments, *signals)

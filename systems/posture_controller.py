@@ -1,4 +1,11 @@
-"""The posture controller: `PostureController(plan)`; its law is in `exodrake/physics/posture_controller.py`."""
+"""The posture controller, `PostureController(plan)`: planned tensions, corrected by the integral of the angle error.
+
+    c' = k_i G (q_ref - q)        F_ref = clip(F_plan + c, F_min, F_max)        G = J^T (J J^T + (d s)^2 I)^-1
+
+Around the paper's Fig. 4. c is the correction [N], J = dq/dF the compliance of the finger under its tendons [rad/N], s
+its largest singular value, and d the damping of its inverse. c is cut so that F_plan + c stays within the limits, which
+keeps it from winding up.
+"""
 
 from __future__ import annotations
 
@@ -6,21 +13,45 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from pydrake.systems.framework import (
-    BasicVector,
-    Context,
-    DiscreteStateIndex,
-    DiscreteValues,
-    LeafSystem,
-)
+from pydrake.systems.framework import BasicVector, Context, DiscreteStateIndex, DiscreteValues, LeafSystem
 
 from exodrake.core.machine import Machine
-from exodrake.physics.posture_controller import corrected
 from exodrake.systems.part import NamedParameter, array_parameter
 
 FRAME, SLOT = 0.02, 0.002  # [s] of the Exo-Index
 RUNS = 3  # slot of the frame: before the tension controller
 PARAMETERS = ("ki", "gain", "low", "high")
+DAMPING = 0.1  # assumed: directions in which a tension moves the finger less than this share of the best are spared
+
+
+def damped_inverse(compliance: np.ndarray, damping: float = DAMPING) -> np.ndarray:
+    """G (tendons, joints) [N/rad] from J (joints, tendons) [rad/N]."""
+    size = damping * np.linalg.norm(compliance, 2)
+    inner = compliance @ compliance.T + size**2 * np.eye(len(compliance))
+    return np.linalg.solve(inner, compliance).T
+
+
+def correct_tensions(
+    correction: np.ndarray, planned: np.ndarray, error: np.ndarray, gain: np.ndarray, step: float,
+    low: np.ndarray, high: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """Tension references (tendons,) [N], and the correction (tendons,) [N] of the next period.
+
+    Args:
+        correction: (tendons,) of the last period [N].
+        planned: (tendons,) tensions [N].
+        error: (joints,) wanted less estimated angles [rad]; NaN where there is no estimate yet, which counts as none.
+        gain: (tendons, joints) [N/rad].
+        step: k_i times the period [-].
+        low: (tendons,) lower limits [N].
+        high: (tendons,) upper limits [N].
+    """
+    wanted = planned + correction
+    for i, missing in enumerate(error):
+        if missing == missing:
+            wanted = wanted + step * gain[:, i] * missing
+    tension = np.minimum(np.maximum(wanted, low), high)
+    return tension, tension - planned
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,12 +124,12 @@ class PostureController(LeafSystem):
     def update(self, context: Context, discrete: DiscreteValues) -> None:
         """One step of the law."""
         ki, gain, low, high = (np.array(context.get_numeric_parameter(i).value()) for i in range(len(PARAMETERS)))
-        tension = self.planned(self.tension_planned, self.plan.tension, context)
+        planned = self.planned(self.tension_planned, self.plan.tension, context)
         angle = self.planned(self.angle_planned, self.plan.angle, context)
         error, step = angle - self.angle_est.Eval(context), ki[0] * self.frame
-        before, gain = np.array(context.get_discrete_state(2).value()), gain.reshape(self.plan.gain.shape)
-        reference, correction = corrected(before, tension, error, gain, step, low, high)
-        for group, values in enumerate((reference, angle, correction)):
+        before, gain = context.get_discrete_state(2).value(), gain.reshape(self.plan.gain.shape)
+        tension, correction = correct_tensions(before, planned, error, gain, step, low, high)
+        for group, values in enumerate((tension, angle, correction)):
             discrete.set_value(group, values)
 
     def planned(self, port: Any, rows: np.ndarray, context: Context) -> np.ndarray:

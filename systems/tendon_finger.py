@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 
-import numpy as np
-from pydrake.systems.framework import BasicVector, Context, DiscreteValues
+from pydrake.systems.framework import Context, DiscreteValues
 
 from exodrake.core.robot import Robot
 from exodrake.systems.part import PartSystem
@@ -49,13 +48,8 @@ class TendonFinger(PartSystem):
         self.options, self.dt = (substeps,), self.machine.slot / substeps
         self.stroke = self.DeclareVectorInputPort("stroke", 3)
         self.wire_speed = self.DeclareVectorInputPort("wire_speed", 3)
-        needs = {self.xd_ticket(), self.parameters_ticket}
-        for row, name in enumerate(("angle", "rate", "tension_finger")):
-            self.DeclareVectorOutputPort(name, 3, partial(self.show_state, row), needs)
-        through = needs | {self.input_port_ticket(self.stroke.get_index())}
-        for row, name in enumerate(("tension", "tension_spool")):
-            self.DeclareVectorOutputPort(name, 3, partial(self.show_tension, row), through)
-        self.DeclareVectorOutputPort("start_stroke", 3, self.show_start, {self.parameters_ticket})
+        self.declare_outputs("angle", "rate", "tension_finger", "tension", "tension_spool")
+        self.DeclareVectorOutputPort("start_stroke", 3, partial(self.show_start, 0), {self.parameters_ticket})
         for period, offset in self.ticks(substeps):
             self.DeclarePeriodicDiscreteUpdateEvent(period, offset, self.update)
 
@@ -63,21 +57,3 @@ class TendonFinger(PartSystem):
         """One tick of the equations of motion; the spools move on at their speed."""
         stroke, speed = self.stroke.Eval(context), self.wire_speed.Eval(context)
         self.equations.update(discrete.get_mutable_value(0), self.p(context), self.dt, stroke, speed)
-
-    def show_state(self, row: int, context: Context, output: BasicVector) -> None:
-        """Angles [rad], their rates [rad/s], or tensions behind the friction of the tendons [N], by their row."""
-        found = np.empty((3, 3))
-        self.equations.output(self.x(context), self.p(context), *found)
-        output.set_value(found[row])
-
-    def show_tension(self, row: int, context: Context, output: BasicVector) -> None:
-        """Tensions at the load cells or at the spools [N], by their row."""
-        found = np.empty((2, 3))
-        self.equations.output_tension(self.x(context), self.p(context), self.stroke.Eval(context), *found)
-        output.set_value(found[row])
-
-    def show_start(self, context: Context, output: BasicVector) -> None:
-        """Strokes at which the tendons are just taut in the rest posture [m]."""
-        found = np.empty(3)
-        self.equations.start(np.array(self.initial), self.p(context), found)
-        output.set_value(found)

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 
-import numpy as np
-from pydrake.systems.framework import BasicVector, Context, DiscreteValues
+from pydrake.systems.framework import Context, DiscreteValues
 
 from exodrake.core.robot import Robot
 from exodrake.systems.part import PartSystem
@@ -47,11 +46,8 @@ class TensionSensor(PartSystem):
         self.options, self.dt = (substeps,), self.machine.slot / substeps
         self.tension = self.DeclareVectorInputPort("tension", 3)
         self.wire_speed = self.DeclareVectorInputPort("wire_speed", 3)
-        self.noise = self.DeclareVectorInputPort("noise_tension", 3)
-        needs = {self.xd_ticket(), self.parameters_ticket}
-        through = needs | {self.input_port_ticket(self.tension.get_index())}
-        self.DeclareVectorOutputPort("cell", 3, self.show_cell, through)
-        self.DeclareVectorOutputPort("tension_read", 3, self.show_reading, needs)
+        self.DeclareVectorInputPort("noise_tension", 3)
+        self.declare_outputs("cell", "tension_read")
         for period, offset in self.ticks(substeps):
             self.DeclarePeriodicDiscreteUpdateEvent(period, offset, self.update)
         for channel, slot in enumerate(SLOTS):
@@ -64,21 +60,5 @@ class TensionSensor(PartSystem):
 
     def read(self, channel: int, context: Context, discrete: DiscreteValues) -> None:
         """The bus reads one cell, with noise and rounding."""
-        noise = self.noise.Eval(context) if self.noise.HasValue(context) else np.zeros(3)
-        self.equations.read(discrete.get_mutable_value(0), self.p(context), channel, self.cell(context), noise)
-
-    def cell(self, context: Context) -> np.ndarray:
-        """Amplified tensions of this instant (3,) [N]."""
-        found = np.empty(3)
-        self.equations.output(self.x(context), self.p(context), self.tension.Eval(context), found)
-        return found
-
-    def show_cell(self, context: Context, output: BasicVector) -> None:
-        """Amplified tensions of this instant [N]."""
-        output.set_value(self.cell(context))
-
-    def show_reading(self, context: Context, output: BasicVector) -> None:
-        """Last readings [N]."""
-        found = np.empty(3)
-        self.equations.output_read(self.x(context), self.p(context), found)
-        output.set_value(found)
+        cell, noise = self.signal(context, "cell"), self.signal(context, "noise_tension")
+        self.equations.read(discrete.get_mutable_value(0), self.p(context), channel, cell, noise)

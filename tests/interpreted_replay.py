@@ -7,7 +7,7 @@ import numpy as np
 from exodrake.compiled.compose import compile_machine
 from exodrake.compiled.schedule import outer_reads
 from exodrake.core.machine import feedthrough_order
-from exodrake.physics import routers
+from exodrake.physics import wire_paths
 
 SOFT, READ = 1e-3, 0.005  # N/m: tendons so soft that a stroke is a force; s: middle of the bus reads
 Q, RATE, TAKEN = slice(0, 3), slice(3, 6), slice(12, 15)
@@ -40,7 +40,11 @@ class Loop:
         call(self.states[part.name], self.parameters[part.name], *arguments)
 
     def output(self, part, output):
-        self.equation(part, output.function, [self.signals[n] for n in (*output.reads, *output.writes)])
+        for name, state in zip(output.writes, output.states):
+            at = self.machine.state_index(part, state)
+            self.signals[name][:] = self.states[part.name][at : at + len(self.signals[name])]
+        if not output.states:
+            self.equation(part, output.function, [self.signals[n] for n in (*output.reads, *output.writes)])
 
     def hold(self, part):
         for output in (o for o in part.outputs if not o.reads):
@@ -84,8 +88,8 @@ class Loop:
     def taken(self, posture):
         """Tendon taken in (3,) [m] in a posture [rad]."""
         flexor, extensor = (
-            [routers.path(cos(q), sin(q), *a, sign)[0] for q, a in zip(posture, side, strict=True)]
-            for side, sign in zip(self.routers, (routers.FLEXOR, routers.EXTENSOR), strict=True)
+            [wire_paths.path(cos(q), sin(q), *a, sign)[0] for q, a in zip(posture, side, strict=True)]
+            for side, sign in zip(self.routers, (wire_paths.FLEXOR, wire_paths.EXTENSOR), strict=True)
         )
         return np.array([sum(flexor), flexor[0], sum(extensor)])
 

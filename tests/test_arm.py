@@ -17,11 +17,11 @@ from pydrake.multibody.tree import MultibodyForces_
 import exodrake as exo
 from exodrake.compiled.inputs import Reference
 from exodrake.core import plugins
-from exodrake.diagrams.multibody_arm import multibody_arm
+from exodrake.diagrams.multibody import multibody_arm
 from exodrake.machines.arm_defaults import moved
 from exodrake.machines.serial_arm import arm_machine
 from exodrake.machines.urdf import read_urdf
-from exodrake.physics import arm_forward, rigid_arm
+from exodrake.physics import arm
 from exodrake.simulation.simulate import record
 
 
@@ -127,13 +127,13 @@ def ticks(robot, efforts, q, count=1, dt=1e-4, rotor=None):
     part, n = robot.machine.parts[0], len(q)
     x = np.zeros(sum(robot.machine.part_size(part)))
     parameters = of_part(robot, part)
-    arm_forward.stand(x, None, parameters, None, q)
+    arm.stand(x, None, parameters, None, q)
     if rotor is not None:
-        x[arm_forward.place_of(n, arm_forward.ROTOR, 0) : arm_forward.place_of(n, arm_forward.ROTOR, n)] = rotor
+        x[arm.place_of(n, arm.ROTOR, 0) : arm.place_of(n, arm.ROTOR, n)] = rotor
     for _ in range(count):
-        arm_forward.update(x, None, parameters, None, dt, np.asarray(efforts, dtype=float))
+        arm.update(x, None, parameters, None, dt, np.asarray(efforts, dtype=float))
     return {
-        name: x[arm_forward.place_of(n, k, 0) : arm_forward.place_of(n, k, n)]
+        name: x[arm.place_of(n, k, 0) : arm.place_of(n, k, n)]
         for k, name in enumerate(("angle", "speed", "rotor", "rotor_speed"))
     }
 
@@ -200,9 +200,9 @@ def test_an_end_stop_that_a_link_leaves_does_not_pull_it(closed):
     part, n = robot.machine.parts[0], of_part(robot, robot.machine.parts[0])
     x = np.zeros(sum(robot.machine.part_size(part)))
     for speed, pushes in ((0.5, False), (-0.5, True)):
-        x[arm_forward.place_of(3, arm_forward.ANGLE, 2)] = -1.1
-        x[arm_forward.place_of(3, arm_forward.SPEED, 2)] = speed
-        assert (arm_forward.stopped(x, n, 2, 3) > 0.0) == pushes
+        x[arm.place_of(3, arm.ANGLE, 2)] = -1.1
+        x[arm.place_of(3, arm.SPEED, 2)] = speed
+        assert (arm.stopped(x, n, 2, 3) > 0.0) == pushes
 
 
 def test_both_engines_agree_to_the_last_bit(closed):
@@ -220,14 +220,14 @@ def test_the_closed_loop_follows_its_references(closed):
 
 
 def test_the_place_of_the_tip_is_drakes(inverse):
-    q, w = np.linspace(-1.0, 1.0, 7), np.zeros(7 * rigid_arm.WIDTH)
+    q, w = np.linspace(-1.0, 1.0, 7), np.zeros(7 * arm.WIDTH)
     chain, plant = read_urdf(CABLE), parsed(CABLE)
     for j, joint in enumerate(chain.joints):
-        rigid_arm.place(w, j, joint.origin, joint.angles, joint.axis, 0.0, q[j])
+        arm.place(w, j, joint.origin, joint.angles, joint.axis, 0.0, q[j])
     context = plant.CreateDefaultContext()
     plant.SetPositions(context, q)
     wanted = plant.GetFrameByName("tool").CalcPoseInWorld(context).translation()
-    assert rigid_arm.in_base(w, 6, chain.tip) == pytest.approx(wanted, abs=1e-12)
+    assert arm.in_base(w, 6, chain.tip) == pytest.approx(wanted, abs=1e-12)
 
 
 WELD = '<joint name="b" type="fixed"><parent link="a"/><child link="a"/></joint>'

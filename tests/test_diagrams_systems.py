@@ -15,18 +15,16 @@ from exodrake.compiled.inputs import NOTHING, NoiseInputs, Reference, input_rows
 from exodrake.core.errors import InputError
 from exodrake.core.machine import signal_count, state_size
 from exodrake.diagrams.diagram import build_diagram, logged_signals
-from exodrake.diagrams.finger_view import FingerView
-from exodrake.diagrams.meshcat import colours
+from exodrake.diagrams.meshcat import FingerView, colours
 from exodrake.diagrams.meshcat.scene import skeleton
-from exodrake.diagrams.multibody_finger import MultibodyFinger
+from exodrake.diagrams.multibody import MultibodyFinger
 from exodrake.diagrams.posture_loop import PostureLoop
 from exodrake.machines.robot_file import load_robot
-from exodrake.physics.gp_estimator import Weights, predict, predict_rows
-from exodrake.physics.posture_controller import corrected, damped_inverse
+from exodrake.physics.gp_estimator import Weights, predict_rows
 from exodrake.simulation.simulate import record
 from exodrake.systems.gp_estimator import GPEstimator
-from exodrake.systems.playback import Playback
-from exodrake.systems.posture_controller import PostureController, PosturePlan
+from exodrake.systems.posture_controller import PostureController, PosturePlan, correct_tensions, damped_inverse
+from exodrake.systems.sources import Playback
 
 
 def run(diagram, seconds):
@@ -177,11 +175,11 @@ def stepwise(robot, plan, weights, frames, seed):
     for k in range(frames):
         error = plan.angle[k] - estimate
         step = plan.ki * machine.frame
-        tension, correction = corrected(correction, plan.tension[k], error, plan.gain, step, plan.low, plan.high)
+        tension, correction = correct_tensions(correction, plan.tension[k], error, plan.gain, step, plan.low, plan.high)
         now = NoiseInputs({name: draws[k : k + 1] for name, draws in noise.items()})
         given = input_rows(machine, tension[None], now).values()
         module.run(values, state, w, *given, machine.slot, 1, rows[k : k + 1], NOTHING, NOTHING)
-        estimate, _ = predict(rows[k, at["tension_read"]].copy(), rows[k, at["stroke_read"]].copy(), weights)
+        estimate = predict_rows(rows[[k], at["tension_read"]], rows[[k], at["stroke_read"]], weights)[0][0]
         estimates[k] = estimate
     return {name: rows[:, place] for name, place in at.items()} | {"angle_est": estimates}
 
@@ -241,10 +239,12 @@ def test_the_correction_ends_at_the_angle_and_within_the_limits():
     gain, correction = damped_inverse(compliance), np.zeros(3)
     tension, wanted = planned, 1.1 * compliance @ planned
     for _ in range(4000):
-        tension, correction = corrected(correction, planned, wanted - compliance @ tension, gain, 0.01, low, high)
+        tension, correction = correct_tensions(
+            correction, planned, wanted - compliance @ tension, gain, 0.01, low, high
+        )
     np.testing.assert_allclose(compliance @ tension, wanted, atol=1e-4)
     for _ in range(4000):
-        tension, correction = corrected(correction, planned, np.array([0.0, 0.0, 1.0]), gain, 0.01, low, high)
+        tension, correction = correct_tensions(correction, planned, np.array([0.0, 0.0, 1.0]), gain, 0.01, low, high)
     assert ((tension == low) | (tension == high)).any() and ((tension >= low) & (tension <= high)).all()
-    back, _ = corrected(correction, planned, np.array([0.0, 0.0, -1.0]), gain, 0.01, low, high)
+    back, _ = correct_tensions(correction, planned, np.array([0.0, 0.0, -1.0]), gain, 0.01, low, high)
     assert (back[(tension == low) | (tension == high)] != tension[(tension == low) | (tension == high)]).any()

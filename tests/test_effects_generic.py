@@ -37,7 +37,7 @@ def course(law, values, *parameters, states: int) -> np.ndarray:
 def test_static_errors_are_what_they_say() -> None:
     assert [signal.clipped(v, 0.4) for v in (-1.0, 0.3, 1.0)] == [-0.4, 0.3, 0.4]
     assert [signal.beyond(v, 0.25) for v in (-1.0, 0.2, 1.0)] == [-0.75, 0.0, 0.75]
-    assert [signal.coarse(v, 0.25) for v in (-0.3, 0.1, 0.2)] == [-0.25, 0.0, 0.25]
+    assert [signal.rounded(v, 0.25) for v in (-0.3, 0.1, 0.2)] == [-0.25, 0.0, 0.25]
     assert [signal.lost(2.0, 1.0, u, 0.1) for u in (0.05, 0.15)] == [1.0, 2.0]
 
 

@@ -8,9 +8,9 @@ import pytest
 import exodrake as exo
 from exodrake.effects import LIBRARY, finger, friction, motor, sensor, signal, tendon, timing
 from exodrake.physics.finger import inertia
-from exodrake.physics.routers import EXTENSOR, FLEXOR, path
 from exodrake.physics.sensor import followed
 from exodrake.physics.tendon import slid
+from exodrake.physics.wire_paths import EXTENSOR, FLEXOR, path
 
 DT = 0.002
 # effects whose laws serve several: value, what else the law takes of its point, parameters; then the value that is left
@@ -158,7 +158,7 @@ def test_stops_dissipate(amplitude: float) -> None:
 
     def step(travel: float) -> float:
         stops[:] = tendon.stops(5.0, travel, distance, *stops)
-        return force * tendon.mean_stop(*stops)
+        return 5.0 - tendon.prandtl_ishlinskii(5.0, 0.0, force, distance, *stops)
 
     work = closed_loop_work(step, amplitude)
     exact = 4.0 * force * np.mean([max(amplitude - k * distance, 0.0) for k in (1, 2, 3)])
@@ -431,8 +431,8 @@ def test_latency_counts_frames() -> None:
 
 
 def test_uniform_draws_decide_on_lost_frames() -> None:
-    assert timing.dropped(1.0, 0.5, 0.1, 0.15) == 0.5
-    assert timing.dropped(1.0, 0.5, 0.2, 0.15) == 1.0
+    assert signal.lost(1.0, 0.5, 0.1, 0.15) == 0.5
+    assert signal.lost(1.0, 0.5, 0.2, 0.15) == 1.0
     assert timing.jittered(1.0, (1.0, 0.0), 0, 0.5, 0.5) == pytest.approx(0.75)
 
 

@@ -9,7 +9,7 @@ from sklearn.gaussian_process import GaussianProcessRegressor
 
 from exodrake.estimator.gp import JITTER, condition, leave_one_sweep_out, sweep_kernel
 from exodrake.estimator.validate import HELD_OUT, RANDOM, fit_ridge, score, validate
-from exodrake.physics.gp_estimator import predict, predict_into, scratch
+from exodrake.physics.gp_estimator import predict_into, predict_rows, scratch
 
 
 def reference_process(prior, sweeps):
@@ -47,7 +47,7 @@ def test_one_sample_rows_and_the_writing_form_agree_to_the_last_bit():
     weights, work, mean, std = estimator.weights, scratch(estimator.weights), np.empty(3), np.empty(3)
     many, many_std, _ = estimator.predict(sweeps.tension[:5], sweeps.stroke[:5])
     for row in range(5):
-        one = predict(sweeps.tension[row], sweeps.stroke[row], weights)
+        one = [rows[0] for rows in predict_rows(sweeps.tension[[row]], sweeps.stroke[[row]], weights)[:2]]
         predict_into(sweeps.tension[row], sweeps.stroke[row], weights, work, mean, std)
         assert np.array_equal(one[0], many[row]) and np.array_equal(one[1], many_std[row])
         assert np.array_equal(mean, many[row]) and np.array_equal(std, many_std[row])

@@ -10,11 +10,10 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RevoluteJoint, SpatialInertia
 
 from exodrake.compiled.inputs import Reference
-from exodrake.physics import finger_statics, tendon_finger, variants
+from exodrake.physics import finger_statics, tendon_finger
 from exodrake.physics.finger import coriolis, inertia, mass_matrix
-from exodrake.physics.routers import EXTENSOR, FLEXOR, path
 from exodrake.physics.tendon_finger import PART, Parameters
-from exodrake.physics.wire_paths import heights, paths
+from exodrake.physics.wire_paths import EXTENSOR, FLEXOR, heights, path, paths
 from exodrake.simulation.simulate import record
 
 RNG = np.random.default_rng(7)
@@ -122,7 +121,7 @@ def test_power_balance():
 def test_a_finger_homed_with_taut_wires_is_switched_on_at_rest(monkeypatch, offset):
     """Under the tension of wires wound in too far, it stands where statics put it, and stays there."""
     parameters, x, z, e = finger_numbers(), np.zeros(22), np.zeros(0), np.zeros(0)
-    monkeypatch.setattr(tendon_finger, "rests_before", variants.rests_before)
+    monkeypatch.setattr(tendon_finger, "rests_before", tendon_finger.rests_at_switch_on)
     stroke = np.zeros(3)
     tendon_finger.start(x, z, parameters, e, stroke)
     stroke += offset * np.array((1.0, 0.0, 1.0))

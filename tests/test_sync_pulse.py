@@ -8,8 +8,8 @@ from pydrake.systems.primitives import ConstantVectorSource, LogVectorOutput
 
 import exodrake as exo
 from exodrake.core.errors import InputError
-from exodrake.diagrams.sync_pulse import SyncPulse
 from exodrake.identification.kinematics.markers import clock_from_pulses
+from exodrake.systems.sources import SyncPulse
 
 
 def test_the_pulse_is_high_in_slot_0_of_every_frame_and_changes_no_signal():

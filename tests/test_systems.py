@@ -27,13 +27,11 @@ from exodrake.systems.admittance_controller import AdmittanceController
 from exodrake.systems.bus import Bus
 from exodrake.systems.encoder import Encoder
 from exodrake.systems.gp_estimator import GPEstimator
-from exodrake.systems.machine_part import MachinePart
 from exodrake.systems.motion_capture import MotionCapture
 from exodrake.systems.motor import MotorDynamics
-from exodrake.systems.noise import Noise
-from exodrake.systems.part import PartSystem
-from exodrake.systems.playback import Playback
+from exodrake.systems.part import MachinePart, PartSystem
 from exodrake.systems.posture_controller import PostureController, PosturePlan
+from exodrake.systems.sources import Noise, Playback
 from exodrake.systems.tendon_finger import TendonFinger
 from exodrake.systems.tension_sensor import TensionSensor
 

@@ -1,6 +1,7 @@
-"""A log as a moving robot: a Meshcat recording in one HTML file that plays offline, built from the log afterwards.
+"""A robot in Meshcat: a log as a recording in one HTML file that plays offline, or a finger while a Diagram runs.
 
     html = recording_html(log, robot)
+    diagram = build_diagram(robot, reference, systems=[FingerView(robot, Meshcat())])
 
 Tendons are coloured by their load; the recording has play, pause, speed and a slider over time. `#t=1.5` in the address
 stops it at that time.
@@ -9,16 +10,16 @@ stops it at that time.
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+from pydrake.geometry import Meshcat, MeshcatAnimation, MeshcatParams
+from pydrake.systems.framework import Context, LeafSystem
 
-from exodrake.core.display import Display, display_of
+from exodrake.core.display import display_of
 from exodrake.core.errors import InputError
 from exodrake.core.robot import Robot
 from exodrake.core.skeleton import Shape, Skeleton
@@ -26,7 +27,11 @@ from exodrake.core.templates import render
 from exodrake.data.log import Log
 from exodrake.diagrams.meshcat.scene import GHOST, GHOSTLY, Arm, Finger, Thing, segment_path, skeleton
 
+__all__ = ["FingerView", "Thing", "beside", "frames_of", "recording_html"]
+
 TEMPLATES = Path(__file__).parent / "templates"
+FRAMES = 500  # at most, so that the file stays below 5 MB
+RATE = 25.0  # frames per second of a short recording
 # load as a share of the highest -> sRGB; slack is grey
 STOPS = ((0.0, (0.55, 0.60, 0.67)), (0.35, (0.96, 0.76, 0.22)), (0.7, (0.91, 0.36, 0.13)), (1.0, (0.69, 0.02, 0.15)))
 
@@ -43,35 +48,6 @@ def colours(share: np.ndarray) -> np.ndarray:
     at = np.array([x for x, _ in STOPS])
     srgb = np.column_stack([np.interp(share, at, [rgb[i] for _, rgb in STOPS]) for i in range(3)])
     return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)  # the sRGB standard's curve
-
-
-def with_readings(html: str, title: str, readings: dict[str, Any], details: Sequence[str], label: str) -> str:
-    """A Meshcat recording with title, scale, live readings and controls.
-
-    Args:
-        html: from `Meshcat.StaticHtml`.
-        title: plain text.
-        readings: time, step, tendons, joints, load, unit, angle, ghost, names, top as lists.
-        details: lines below the title.
-        label: what is coloured, and by what.
-    """
-    scale = [(round(100 * share), [round(255 * c) for c in rgb]) for share, rgb in STOPS]
-    tops = dict.fromkeys(f"{top:.3g}" for top in (min(readings["top"]), max(readings["top"])))
-    unit = readings["unit"].replace("deg", "°")
-    lowest, highest = (f"{value} {unit}".replace(" °", "°") for value in ("0", " to ".join(tops)))
-    added = render(
-        "recording.html", TEMPLATES, title=title, readings=readings, stops=STOPS, scale=scale, details=details,
-        label=label, lowest=lowest, highest=highest, ghost=[round(255 * c) for c in GHOSTLY[:3]],
-    )  # fmt: skip
-    html = html.replace("<title>Drake MeshCat</title>", f"<title>{escape(title)}</title>")
-    head, end, tail = html.rpartition("</body>")
-    return head + added + end + tail
-
-
-__all__ = ["Thing", "beside", "frames_of", "recording_html"]
-
-FRAMES = 500  # at most, so that the file stays below 5 MB
-RATE = 25.0  # frames per second of a short recording
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,20 +100,43 @@ def recording_html(
         InputError: a log lacks these columns, or the robot says nothing of its shape.
     """
     bones = skeleton(robot)
-    kind = angles or bones.angle
+    kind, title = angles or bones.angle, title or log.label
     time, angle, load = frames_of(log, bones, kind)
     ghost = None if other is None else beside(time, *frames_of(other, bones, kind)[:2])
     motion = Motion(time, angle, load, full_load(robot, bones, load), ghost)
     coloured, display = "joint" if isinstance(bones, Shape) else "tendon", display_of(bones.load, robot.machine)
-    readings = {**readings_of(motion, bones, display), "names": names}
+    readings = {
+        "time": time.round(4).tolist(), "step": motion.step, "tendons": bones.tendons, "joints": bones.joints,
+        "paths": [segment_path(bones, i + 1)[1:].split("/") for i in range(len(bones.joints))],
+        "one": bones.load == bones.angle,
+        "sliding": bones.sliding.tolist() if isinstance(bones, Shape) else [], "angle": angle.round(4).tolist(),
+        "load": (display.factor * load).round(2).tolist(), "unit": display.unit,
+        "top": (display.factor * motion.top).tolist(), "ghost": [] if ghost is None else ghost.round(4).tolist(),
+        "names": names,
+    }  # fmt: skip
     end = "its limit" if limits_load(robot, bones) else "its largest here"
-    label = f"{coloured}: its {display.label.lower()}, from 0 to {end}"
-    return with_readings(animated(motion, bones, thing), title or log.label, readings, details, label)
+    tops = dict.fromkeys(f"{top:.3g}" for top in (min(readings["top"]), max(readings["top"])))
+    unit = display.unit.replace("deg", "°")
+    lowest, highest = (f"{value} {unit}".replace(" °", "°") for value in ("0", " to ".join(tops)))
+    added = render(
+        "recording.html", TEMPLATES, title=title, readings=readings, stops=STOPS, details=details,
+        scale=[(round(100 * share), [round(255 * c) for c in rgb]) for share, rgb in STOPS],
+        label=f"{coloured}: its {display.label.lower()}, from 0 to {end}",
+        lowest=lowest, highest=highest, ghost=[round(255 * c) for c in GHOSTLY[:3]],
+    )  # fmt: skip
+    html = animated(motion, bones, thing)
+    html = html.replace("<title>Drake MeshCat</title>", f"<title>{escape(title)}</title>")
+    before, tag, after = html.rpartition("</body>")
+    return before + added + tag + after
 
 
 def animated(motion: Motion, bones: Skeleton | Shape, thing: Thing | None) -> str:
-    """A motion as Meshcat's own HTML."""
-    with silent_meshcat() as meshcat:
+    """A motion as Meshcat's own HTML, an endless loop."""
+    logger = logging.getLogger("drake")
+    level = logger.level
+    logger.setLevel(logging.WARNING)  # a server says where it listens, which nobody is to visit
+    try:
+        meshcat = Meshcat(MeshcatParams(host="localhost", show_stats_plot=False))
         drawn = Arm(meshcat, bones) if isinstance(bones, Shape) else Finger(meshcat, bones, thing)
         drawn.begin(motion.angle[0], motion.ghost is not None)
         meshcat.StartRecording(frames_per_second=1.0 / motion.step, set_visualizations_while_recording=False)
@@ -147,21 +146,14 @@ def animated(motion: Motion, bones: Skeleton | Shape, thing: Thing | None) -> st
             if motion.ghost is not None:
                 drawn.turn(GHOST, time, motion.ghost[k])
         meshcat.StopRecording()
-        repeat(meshcat)
+        animation = meshcat.get_mutable_recording()
+        animation.set_autoplay(True)
+        animation.set_loop_mode(MeshcatAnimation.LoopMode.kLoopRepeat)
+        animation.set_repetitions(1_000_000)
+        meshcat.PublishRecording()
         return meshcat.StaticHtml()
-
-
-def readings_of(motion: Motion, bones: Skeleton | Shape, display: Display) -> dict[str, Any]:
-    """A motion as plain data for the live readings, loads in the unit of their display."""
-    return {
-        "time": motion.time.round(4).tolist(), "step": motion.step, "tendons": bones.tendons, "joints": bones.joints,
-        "paths": [segment_path(bones, i + 1)[1:].split("/") for i in range(len(bones.joints))],
-        "one": bones.load == bones.angle,
-        "sliding": bones.sliding.tolist() if isinstance(bones, Shape) else [], "angle": motion.angle.round(4).tolist(),
-        "load": (display.factor * motion.load).round(2).tolist(), "unit": display.unit,
-        "top": (display.factor * motion.top).tolist(),
-        "ghost": [] if motion.ghost is None else motion.ghost.round(4).tolist(),
-    }  # fmt: skip
+    finally:
+        logger.setLevel(level)
 
 
 def frames_of(log: Log, bones: Skeleton | Shape, angles: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -202,26 +194,41 @@ def limits_load(robot: Robot, bones: Skeleton | Shape) -> bool:
     return bool(kind == bones.load != bones.angle and machine.reference_limits)
 
 
-@contextmanager
-def silent_meshcat() -> Iterator[Any]:
-    """A Meshcat server without log messages, closed afterwards."""
-    from pydrake.geometry import Meshcat, MeshcatParams
+class FingerView(LeafSystem):
+    """Finger and tendons in Meshcat, the tendons coloured by their tension as a share of its limit.
 
-    logger = logging.getLogger("drake")
-    level = logger.level
-    logger.setLevel(logging.WARNING)
-    try:
-        yield Meshcat(MeshcatParams(host="localhost", show_stats_plot=False))
-    finally:
-        logger.setLevel(level)
+    .. pydrake_system::
 
+        name: FingerView
+        input_ports:
+        - angle
+        - tension
 
-def repeat(meshcat: Any) -> None:
-    """Publishes the recording as an endless loop."""
-    from pydrake.geometry import MeshcatAnimation
+    angle [rad] per joint, tension [N] per tendon; without `tension` the tendons stay grey. Tendons are drawn straight
+    between their routers.
 
-    animation = meshcat.get_mutable_recording()
-    animation.set_autoplay(True)
-    animation.set_loop_mode(MeshcatAnimation.LoopMode.kLoopRepeat)
-    animation.set_repetitions(1_000_000)
-    meshcat.PublishRecording()
+    Raises:
+        InputError: the robot has no finger.
+    """
+
+    def __init__(self, robot: Robot, meshcat: Meshcat, rate: float = 32.0) -> None:
+        """Takes the robot, a Meshcat, and pictures per simulated second."""
+        super().__init__()
+        bones = skeleton(robot)
+        if isinstance(bones, Shape):
+            raise InputError(f"{robot.machine.name}: nothing to draw, since it has no finger")
+        self.finger, self.optional = Finger(meshcat, bones), ("tension",)
+        self.highest = full_load(robot, bones, np.zeros((1, len(bones.tendons))))
+        self.DeclareVectorInputPort("angle", len(bones.joints))
+        self.DeclareVectorInputPort("tension", len(bones.tendons))
+        self.finger.begin(np.zeros(len(bones.joints)), False)
+        self.DeclareForcedPublishEvent(self._draw)
+        self.DeclarePeriodicPublishEvent(1.0 / rate, 0.0, self._draw)
+        self.set_name("view")
+
+    def _draw(self, context: Context) -> None:
+        """Moves the finger to the present angles and colours its tendons."""
+        tension = self.GetInputPort("tension")
+        load = np.array(tension.Eval(context) if tension.HasValue(context) else np.zeros(len(self.highest)))
+        angle = np.array(self.GetInputPort("angle").Eval(context))
+        self.finger.frame(context.get_time(), angle, colours(np.abs(load) / self.highest), live=True)

@@ -14,7 +14,7 @@ import sys
 from types import ModuleType, SimpleNamespace
 
 from exodrake.compiled.cache import load_text, once
-from exodrake.compiled.schedule import generate_equations, generate_frame
+from exodrake.compiled.schedule import generate_batch, generate_begin, generate_equations, generate_moves, generate_run
 from exodrake.compiled.splice import compose_point, generate_effects
 from exodrake.core.machine import Machine
 from exodrake.core.part import SCALAR, Part, module_name, part_modules, prefix
@@ -35,11 +35,6 @@ class ModuleSource:
         self.classes = [node.name for node in tree.body if isinstance(node, ast.ClassDef)]
         self.constants = [node for node in tree.body if isinstance(node, ast.Assign) and constant_names(node)]
         self.imports = [node for node in tree.body if isinstance(node, ast.ImportFrom)]
-
-    def siblings(self) -> list[ModuleType]:
-        """Modules of equations from which this one imports functions."""
-        names = [node.module for node in self.imports if node.module and self.equations(node.module)]
-        return [importlib.import_module(name) for name in names]
 
     def equations(self, module: str) -> bool:
         """Whether a module that this one imports from holds equations: one of the library or of the same package."""
@@ -155,19 +150,15 @@ def module_sources(machine: Machine) -> dict[str, ModuleSource]:
 
     def add(module: ModuleType) -> None:
         source = ModuleSource(module)
-        if source.prefix in found:
-            return
-        for sibling in source.siblings():
-            add(sibling)
-        found[source.prefix] = source
+        if source.prefix not in found:
+            for name in (node.module for node in source.imports if node.module and source.equations(node.module)):
+                add(importlib.import_module(name))
+            found[source.prefix] = source
 
-    for part in machine.parts:
-        for module in part_modules(part):
-            add(module)
-    for effect in machine.effects:
-        for function in effect.at.values():
-            add(sys.modules[function.__module__])
-    for function in machine.variants.values():
+    laws = [law for effect in machine.effects for law in effect.at.values()]
+    for module in (module for part in machine.parts for module in part_modules(part)):
+        add(module)
+    for function in (*laws, *machine.variants.values()):
         add(sys.modules[function.__module__])
     return found
 
@@ -198,29 +189,21 @@ def generate_functions(machine: Machine, sources: dict[str, ModuleSource]) -> li
     return lines
 
 
-def generate_parameters(machine: Machine, part: Part) -> str:
-    """`fill_part_n(p)`: the part's own parameters, the start of its own vector."""
-    count = sum(machine.width(f.axis) for f in part.fields)
-    return f"@njit\ndef fill_{part.name}_n(p):\n    return p[:{count}]"
-
-
 def generate_module(machine: Machine) -> str:
     """The whole module as text."""
     sources = module_sources(machine)
-    math = [node for source in sources.values() for node in source.imports if node.module == "math"]
-    imports = {f"from math import {alias.name}" for node in math for alias in node.names}
+    imports = [node for source in sources.values() for node in source.imports if node.module == "math"]
     lines = [
         HEADER.format(name=machine.name),
         "from collections import namedtuple\nfrom math import inf\n",
         "import numpy as np\nfrom numba import njit",
-        *sorted(imports),
-        *(
-            line
-            for part in machine.parts
-            for line in (generate_parameters(machine, part), generate_effects(machine, part))
-        ),
+        *sorted({f"from math import {alias.name}" for node in imports for alias in node.names}),
+        *(generate_effects(machine, part) for part in machine.parts),
         *generate_functions(machine, sources),
-        *generate_frame(machine),
+        generate_begin(machine),
+        generate_run(machine),
+        generate_batch(machine),
+        *([generate_moves(machine)] if machine.command_link else []),
         *(line for part in machine.parts for line in generate_equations(machine, part)),
     ]
     return "\n\n".join(lines) + "\n"

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import accumulate
 from zlib import crc32
 
 import numpy as np
 
 from exodrake.core.errors import InputError, short_repr
 from exodrake.core.machine import Machine
-from exodrake.core.part import NORMAL, Signal
+from exodrake.core.part import NORMAL
 from exodrake.core.robot import Robot
 
 
@@ -55,16 +57,15 @@ class NoiseInputs(dict[str, np.ndarray]):
             seed: of the streams; None: normal noise is 0 and uniform noise 1, so that every packet arrives.
             machine: whose `inputs` they are.
         """
-        signals = [machine.signal[name] for name in machine.inputs if machine.signal[name].distribution]
-        return NoiseInputs({s.name: stream(s, (frames, machine.width(s.axis)), seed) for s in signals})
-
-
-def stream(signal: Signal, shape: tuple[int, int], seed: int | None) -> np.ndarray:
-    """Draws of one noise input: an array of `shape` (frames, channels) [-]."""
-    if seed is None:
-        return np.zeros(shape) if signal.distribution == NORMAL else np.ones(shape)
-    rng = np.random.default_rng([seed, crc32(signal.name.encode())])
-    return rng.standard_normal(shape) if signal.distribution == NORMAL else rng.random(shape)
+        found = NoiseInputs()
+        for signal in (machine.signal[name] for name in machine.inputs if machine.signal[name].distribution):
+            shape, normal = (frames, machine.width(signal.axis)), signal.distribution == NORMAL
+            if seed is None:
+                found[signal.name] = np.zeros(shape) if normal else np.ones(shape)
+            else:
+                rng = np.random.default_rng([seed, crc32(signal.name.encode())])
+                found[signal.name] = rng.standard_normal(shape) if normal else rng.random(shape)
+        return found
 
 
 NOTHING = np.zeros((0, 0))  # no fine record; no log to follow
@@ -95,19 +96,18 @@ def input_rows(machine: Machine, references: np.ndarray, noise_inputs: NoiseInpu
 
 def feed_places(machine: Machine) -> dict[str, slice]:
     """Columns of each segment's output among the feeds."""
-    found, at = {}, 0
-    for segment in machine.segments:
-        width = machine.column_width(segment.output)
-        found[segment.name], at = slice(at, at + width), at + width
-    return found
+    return stack({segment.name: machine.column_width(segment.output) for segment in machine.segments})
 
 
 def reading_places(machine: Machine) -> dict[str, slice]:
     """Columns of each compared kind among the readings."""
-    found, at = {}, 0
-    for kind in machine.compared:
-        found[kind], at = slice(at, at + machine.column_width(kind)), at + machine.column_width(kind)
-    return found
+    return stack({kind: machine.column_width(kind) for kind in machine.compared})
+
+
+def stack(widths: Mapping[str, int]) -> dict[str, slice]:
+    """Columns of things side by side."""
+    ends = accumulate(widths.values())
+    return {name: slice(end - width, end) for (name, width), end in zip(widths.items(), ends)}
 
 
 def prepared(robot: Robot, quantisation: bool = True) -> np.ndarray:

@@ -17,12 +17,6 @@ from exodrake.core.part import Output, Part, prefix
 IMPOSED = "feed, rate, fixed, readings, targets, gains"
 
 
-def generate_frame(machine: Machine) -> list[str]:
-    """The functions `begin`, `run`, `batch` and, of a machine with a command link, `moves`."""
-    functions = [generate_begin(machine), generate_run(machine), generate_batch(machine)]
-    return functions + ([generate_moves(machine)] if machine.command_link else [])
-
-
 def views(machine: Machine, signals: bool = True) -> list[str]:
     """Source lines that name the parts of the flat vectors p and state, and of w each signal (`w_name`)."""
     lines, parameter, state = [], 0, 0
@@ -38,9 +32,9 @@ def views(machine: Machine, signals: bool = True) -> list[str]:
 def part_views(machine: Machine, part: Part, state: str, at: int = 0) -> list[str]:
     """Source lines that name a part's parameters n, effects e, state x and effect state z; `at`: start in `state`."""
     name, (own, extra) = part.name, machine.part_size(part)
-    middle, end = at + own, at + own + extra
+    middle, end, count = at + own, at + own + extra, sum(machine.width(f.axis) for f in part.fields)
     return [
-        f"{name}_n, {name}_e = fill_{name}_n({name}_p), fill_{name}_e({name}_p)",
+        f"{name}_n, {name}_e = {name}_p[:{count}], fill_{name}_e({name}_p)",
         f"{name}_x, {name}_z = {state}[{at}:{middle}], {state}[{middle}:{end}]",
     ]
 
@@ -51,19 +45,25 @@ def call(part: Part, function: str, arguments: list[str]) -> str:
     return f"{prefix(part.module.__name__)}__{function}({', '.join([own, *arguments])})"
 
 
-def call_output(part: Part, output: Output) -> str:
-    """A call of one of a part's outputs."""
-    return call(part, output.function, [f"w_{name}" for name in (*output.reads, *output.writes)])
+def call_output(machine: Machine, part: Part, output: Output) -> list[str]:
+    """Lines that compute one of a part's outputs."""
+    if not output.states:
+        return [call(part, output.function, [f"w_{name}" for name in (*output.reads, *output.writes)])]
+    lines = []
+    for name, state in zip(output.writes, output.states):
+        lines += [f"for j in range({len(machine.channels(name))}):"]
+        lines += [f"    w_{name}[j] = {part.name}_x[{machine.state_index(part, state)} + j]"]
+    return lines
 
 
 def outputs(machine: Machine, part_names: set[str] | None = None) -> list[str]:
-    """Calls of the outputs of some parts, and of those that these feed, in feedthrough order."""
+    """Lines of the outputs of some parts, and of those that these feed, in feedthrough order."""
     changed: set[str] = set()
     lines = []
     for part, k in feedthrough_order(machine):
         output = part.outputs[k]
         if part_names is None or part.name in part_names or changed & set(output.reads):
-            lines.append(call_output(part, output))
+            lines += call_output(machine, part, output)
             changed |= set(output.writes)
     return lines
 
@@ -73,9 +73,9 @@ def held_signals(part: Part) -> tuple[str, ...]:
     return tuple(name for output in part.outputs if not output.reads for name in output.writes)
 
 
-def held_outputs(part: Part) -> list[str]:
-    """Calls that compute a part's held signals."""
-    return [call_output(part, output) for output in part.outputs if not output.reads]
+def held_outputs(machine: Machine, part: Part) -> list[str]:
+    """Lines that compute a part's held signals."""
+    return [line for output in part.outputs if not output.reads for line in call_output(machine, part, output)]
 
 
 def outer_reads(part: Part, reads: tuple[str, ...]) -> tuple[str, ...]:
@@ -88,13 +88,21 @@ def generate_begin(machine: Machine) -> str:
     vectors = dict.fromkeys(name for part in machine.parts for name in start_vectors(part))
     first = sorted(machine.parts, key=lambda part: not part.fills_start)
     lines = [*views(machine, signals=False), *(f"{name} = np.zeros({len(machine.axes.tendons)})" for name in vectors)]
-    lines += [call(part, "start", list(start_vectors(part))) for part in first]
+    lines += [call_start(part) for part in first]
     return "@njit(cache=True)\ndef begin(p, state):\n" + indent(lines)
 
 
 def start_vectors(part: Part) -> tuple[str, ...]:
     """Vectors over the tendons that a part's `start(x, z, n, e, ...)` reads, or fills if `fills_start`."""
-    return tuple(signature(part.module.start).parameters)[4:]
+    start = getattr(part.module, "start", None)
+    return tuple(signature(start).parameters)[4:] if start else ()
+
+
+def call_start(part: Part) -> str:
+    """A call of a part's `start`; without one its state begins at 0."""
+    return (
+        call(part, "start", list(start_vectors(part))) if hasattr(part.module, "start") else f"{part.name}_x[:] = 0.0"
+    )
 
 
 def generate_run(machine: Machine) -> str:
@@ -145,9 +153,8 @@ def tick(machine: Machine, private: Container[tuple[str, str]]) -> list[str]:
     for k, segment in enumerate(machine.segments):
         if segment.hold:
             part = next(b for b in machine.parts if b.name == segment.hold[0])
-            values = ", ".join(
-                measured_output(machine, segment, str(j)) for j in range(machine.column_width(segment.output))
-            )
+            width = machine.column_width(segment.output)
+            values = ", ".join(measured_output(machine, segment, str(j)) for j in range(width))
             lines += [f"if imposing and fixed[{k}]:", "    " + call(part, segment.hold[1], [f"({values})"])]
     return lines + impose_all(machine) or ["pass"]
 
@@ -218,7 +225,7 @@ def impose_all(machine: Machine) -> list[str]:
     lines = impose(machine, machine.offsets)
     for part, k in feedthrough_order(machine):
         if (output := part.outputs[k]).reads:
-            lines += [call_output(part, output), *impose(machine, output.writes)]
+            lines += [*call_output(machine, part, output), *impose(machine, output.writes)]
     return ["if imposing:", *("    " + line for line in lines)] if lines else []
 
 
@@ -232,22 +239,19 @@ def correct_state(machine: Machine) -> list[str]:
     divisor = next(i for i, full in enumerate(own) if full.rsplit(".", 1)[0] == observer.divisor)
     signal, first = machine.column(observer.output).signal, machine.column_width(observer.measured_input)
 
-    def move(rows: str, target: str, gain: str) -> list[str]:
-        state, scale = (
-            f"{part.name}_x[{machine.state_index(part, observer.state[1])} + j]",
-            f"{part.name}_p[{divisor} + j]",
-        )
-        return [
+    state, lines = f"{part.name}_x[{machine.state_index(part, observer.state[1])} + j]", []
+    for rows, target, gain in (
+        ("follow", f"follow[frame, {first} + j]", repr(observer.gain)),
+        ("targets", "targets[frame, j]", "gains[frame, j]"),
+    ):
+        lines += [
             f"if {rows}.shape[0] > 0:",
             f"    for j in range({machine.column_width(observer.output)}):",
             f"        off = {target} - w_{signal}[j]",
             "        if off == off:",
-            f"            {state} += {gain} * off / {scale}",
+            f"            {state} += {gain} * off / {part.name}_p[{divisor} + j]",
         ]
-
-    lines = move("follow", f"follow[frame, {first} + j]", repr(observer.gain))
-    lines += move("targets", "targets[frame, j]", "gains[frame, j]")
-    return lines + ["    " + line for line in held_outputs(part)]
+    return lines + ["    " + line for line in held_outputs(machine, part)]
 
 
 def generate_batch(machine: Machine) -> str:
@@ -279,28 +283,26 @@ def generate_moves(machine: Machine) -> str:
     loads = [name for name in outer_reads(part, task.reads) if name != link.received]
     body = [f"{part.name}_p = p", *(f"w_{n} = np.zeros({len(machine.channels(n))})" for n in held_signals(part))]
     body += ["for k in range(states.shape[0]):"]
-    inner = [*part_views(machine, part, "states[k]"), *held_outputs(part), f"moved[k] = -w_{link.moved}"]
+    inner = [*part_views(machine, part, "states[k]"), *held_outputs(machine, part), f"moved[k] = -w_{link.moved}"]
     inner += ["for tick in range(slots):", f"    w_{link.received} = after[k] if tick >= switch else before[k]"]
     inner += [
         "    " + line
-        for line in (call(part, task.function, ["dt", *(f"w_{n}" for n in task.reads)]), *held_outputs(part))
+        for line in (call(part, task.function, ["dt", *(f"w_{n}" for n in task.reads)]), *held_outputs(machine, part))
     ]
     body += ["    " + line for line in (*inner, f"moved[k] += w_{link.moved}")]
-    arguments = ", ".join(
-        ["states", "p", "dt", "slots", "switch", "before", "after", *(f"w_{n}" for n in loads), "moved"]
-    )
+    arguments = ", ".join(("states, p, dt, slots, switch, before, after", *(f"w_{n}" for n in loads), "moved"))
     return f"@njit(cache=True)\ndef moves({arguments}):\n{indent(body)}"
 
 
 def generate_equations(machine: Machine, part: Part) -> list[str]:
     """One function `part__equation__name(state, p, ...)` per task, output and the start of a part: see `equations`."""
     tasks = [(t.function, [*(["dt"] if not t.slots else ["channel"] * t.per_channel), *t.reads]) for t in part.tasks]
-    outputs = [(o.function, [*o.reads, *o.writes]) for o in part.outputs]
+    outputs = [(o.function, [*o.reads, *o.writes]) for o in part.outputs if not o.states]
+    functions = [(name, given, call(part, name, given)) for name, given in (*tasks, *outputs)]
     lines = []
-    for name, given in [*tasks, *outputs, ("start", list(start_vectors(part)))]:
+    for name, given, line in [*functions, ("start", list(start_vectors(part)), call_start(part))]:
         head = f"@njit(cache=True)\ndef {part.name}__equation__{name}({', '.join(['state', 'p', *given])}):\n"
-        body = [f"{part.name}_p = p", *part_views(machine, part, "state"), call(part, name, given)]
-        lines.append(head + indent(body))
+        lines.append(head + indent([f"{part.name}_p = p", *part_views(machine, part, "state"), line]))
     return lines
 
 

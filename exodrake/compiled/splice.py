@@ -8,7 +8,6 @@ travel as one array: as arguments of their own, some hundred of them, they would
 from __future__ import annotations
 
 import ast
-import math
 
 from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.errors import InputError
@@ -34,25 +33,16 @@ def point_key(part: Part, point: Point) -> str:
     return f"{module_name(point.module or part.module)}.{point.name}"
 
 
-def start_of(machine: Machine, part: Part, effect: Effect, parameter: EffectParameter) -> int:
-    """Where a parameter of an effect starts in the part's array of flags and parameters."""
-    at = len(part.points)
-    for other in machine.effects_on(part):
-        for n in other.parameters:
-            if other.id == effect.id and n.name == parameter.name:
-                return at
-            at += machine.width(n.axis)
-    raise KeyError(f"{effect.id}.{parameter.name}")
-
-
-def value_of(machine: Machine, part: Part, effect: Effect, parameter: EffectParameter, channel: str | None) -> str:
-    """A parameter of a channel as source, or all of them where the point has no channel."""
-    at = start_of(machine, part, effect, parameter)
-    if parameter.axis == SCALAR:
-        return f"e[{at}]"
-    if channel:
-        return f"e[{at} + {channel}]"
-    return "(" + ", ".join(f"e[{at + i}]" for i in range(machine.width(parameter.axis))) + ")"
+def parameter_values(
+    machine: Machine, part: Part, effect: Effect, parameter: EffectParameter, channel: str | None
+) -> list[str]:
+    """A parameter of a channel as source, or those of all channels where the point has none."""
+    all_parameters = [(other.id, n) for other in machine.effects_on(part) for n in other.parameters]
+    before = all_parameters[: [(identity, n.name) for identity, n in all_parameters].index((effect.id, parameter.name))]
+    at = len(part.points) + sum(machine.width(n.axis) for _, n in before)
+    if parameter.axis != SCALAR and channel:
+        return [f"e[{at} + {channel}]"]
+    return [f"e[{at + i}]" for i in range(machine.width(parameter.axis))]
 
 
 def compose_point(machine: Machine, part: Part, point: Point, function: ast.FunctionDef, effects: list[Effect]) -> str:
@@ -63,39 +53,25 @@ def compose_point(machine: Machine, part: Part, point: Point, function: ast.Func
         f"{prefix((point.module or part.module).__name__)}__{point.name}",
         [point_key(part, p) for p in part.points].index(key),
     )
-    header, summary = f"({', '.join(names)}):", f'    """{ast.get_docstring(function)}"""'
-    body, value = spliced_body(machine, part, point, names, effects)
-    call = f"        return {name}__spliced({', '.join(names)})"
-    spliced = [
-        "@njit(_nrt=False)",
-        f"def {name}__spliced{header}",
-        *body,
-        *([f"    return {value}"] if value else []),
-    ]
-    plain = ["@njit(_nrt=False, forceinline=True)", f"def {name}{header}", summary, f"    if e[{flag}] != 0.0:"]
-    plain += [call if value else call.replace("return ", "")]
-    return "\n".join([*spliced, "\n", *plain, *([f"    return {value}"] if value else [])])
-
-
-def spliced_body(
-    machine: Machine, part: Part, point: Point, names: list[str], effects: list[Effect]
-) -> tuple[list[str], str]:
-    """Lines through which the value passes, and its name; no name at a point that advances states."""
-    key, channel = point_key(part, point), names[2] if point.axis != SCALAR else None
+    channel = names[2] if point.axis != SCALAR else None
     value, context = names[3 if channel else 2], names[4 if channel else 3 :]
-    body, advances = [], False
+    body = []  # lines through which the value passes
     for effect in effects:
         act, own = effect.at[key], channel if effect.axis == point.axis or effect.axis == SCALAR else None
         states = state_indices(machine, part, effect, own)
-        parameters = [value_of(machine, part, effect, n, own) for n in effect.parameters]
+        values = [parameter_values(machine, part, effect, n, own) for n in effect.parameters]
+        parameters = [v[0] if len(v) == 1 else f"({', '.join(v)})" for v in values]
         given = named_by(effect, key, context, len(parameters) + len(states))
-        arguments = ", ".join([value, *given, *parameters, *states])
-        call = f"{prefix(act.__module__)}__{act.__name__}({arguments})"
+        call = f"{prefix(act.__module__)}__{act.__name__}({', '.join([value, *given, *parameters, *states])})"
         filtered = [value, *states] if key in effect.filters else [value]
         target = ", ".join(states if key in effect.advances else filtered)
-        advances = advances or key in effect.advances
         body += [f"    if {guard(machine, part, effect, own)}:", f"        {target} = {call}"]
-    return body, "" if advances else value
+    returns = [] if any(key in effect.advances for effect in effects) else [f"    return {value}"]
+    header, call = f"({', '.join(names)}):", f"{name}__spliced({', '.join(names)})"
+    spliced = ["@njit(_nrt=False)", f"def {name}__spliced{header}", *body, *returns]
+    plain = ["@njit(_nrt=False, forceinline=True)", f"def {name}{header}", f'    """{ast.get_docstring(function)}"""']
+    plain += [f"    if e[{flag}] != 0.0:", f"        {'return ' if returns else ''}{call}", *returns]
+    return "\n".join([*spliced, "\n", *plain])
 
 
 def named_by(effect: Effect, key: str, context: list[str], own: int) -> list[str]:
@@ -123,34 +99,19 @@ def named_by(effect: Effect, key: str, context: list[str], own: int) -> list[str
     )
 
 
-def literal(value: float) -> str:
-    """A null value as source."""
-    return "inf" if math.isinf(value) else repr(float(value))
-
-
 def guard(machine: Machine, part: Part, effect: Effect, channel: str | None) -> str:
     """Condition under which the effect is present."""
     first = effect.parameters[0]
-    if first.axis == SCALAR or channel:
-        return f"{value_of(machine, part, effect, first, channel)} != {literal(first.null)}"
-    at = start_of(machine, part, effect, first)
-    return " or ".join(f"e[{at + i}] != {literal(first.null)}" for i in range(machine.width(first.axis)))
+    return " or ".join(f"{v} != {float(first.null)!r}" for v in parameter_values(machine, part, effect, first, channel))
 
 
 def state_indices(machine: Machine, part: Part, effect: Effect, channel: str | None) -> list[str]:
     """Where the effect's own states lie in the part's vector z, as source."""
     offset, places = 0, []
-    for other in machine.effects_on(part):
-        for state in other.states:
-            width = machine.width(state.axis)
-            if other.id == effect.id:
-                for k in range(state.width):
-                    at = offset + k * width
-                    own = (
-                        [f"z[{at} + {channel}]"]
-                        if channel and state.axis != SCALAR
-                        else [f"z[{at + i}]" for i in range(width)]
-                    )
-                    places += own
-            offset += width * state.width
+    for owner, state in ((other.id, state) for other in machine.effects_on(part) for state in other.states):
+        width = machine.width(state.axis)
+        for at in range(offset, offset + width * state.width, width) if owner == effect.id else ():
+            one = channel and state.axis != SCALAR
+            places += [f"z[{at} + {channel}]"] if one else [f"z[{at + i}]" for i in range(width)]
+        offset += width * state.width
     return places

@@ -125,10 +125,14 @@ class Effect:
     def equation(self) -> str:
         """Equation of the effect with a description: the docstring of its first law, whose equation `formula` replaces.
 
-        Where that has one paragraph and there is no formula, the docstring of the law's module, which then has one law.
+        It is the second paragraph, or what follows the colon of a docstring of one line. Where there is neither, the
+        docstring of the law's module, which then has one law.
         """
         law = next(iter(self.at.values()))
         said, _, rest = cleandoc(law.__doc__ or "").partition("\n\n")
+        if not rest and ": " in said:
+            said, _, rest = said.rstrip(".").partition(": ")
+            said, rest = f"{said}.", rest.replace("; ", " " * 10)
         if self.formula or rest:
             return f"{said}\n\n{self.formula or rest}"
         return cleandoc(sys.modules[law.__module__].__doc__ or "")

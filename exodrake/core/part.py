@@ -164,11 +164,20 @@ class Task:
 
 @dataclass(frozen=True)
 class Output:
-    """A function from state to signals; with `reads`, also from signals (direct feedthrough)."""
+    """A function from state to signals; with `reads`, also from signals (direct feedthrough).
+
+    `states`: names of states that the signals show as they are; no function is called then.
+    """
 
     function: str
     writes: tuple[str, ...]
     reads: tuple[str, ...] = ()
+    states: tuple[str, ...] = ()
+
+    @staticmethod
+    def of_states(**signals: str) -> Output:
+        """The output of states as they are: the signal of each state by the state's name."""
+        return Output("", tuple(signals.values()), states=tuple(signals))
 
 
 @dataclass(frozen=True)
@@ -189,7 +198,10 @@ class Point:
 
 @dataclass(frozen=True)
 class Part:
-    """A part: `name` is unique in a machine; `module` has `Parameters`, `start` and functions of tasks and outputs."""
+    """A part: `name` is unique in a machine; `module` has `Parameters` and functions of tasks and outputs.
+
+    `start(x, z, n, e, ...)` of the module sets the first state, which is 0 without it.
+    """
 
     name: str
     module: ModuleType

@@ -75,27 +75,20 @@ def generic_effects(part: Part) -> tuple[Effect, ...]:
 
     Ranges and units follow from the part's `scales`, and each channel of the part gets parameters of its own.
     """
-    places = {p.standard: (f"{module_name(p.module or part.module)}.{p.name}", p.axis) for p in part.points}
-    found = (effect for effect in LIBRARY.values() if set(effect.at) <= set(places))
-    return tuple(on_part(effect, part, places) for effect in found)
-
-
-def on_part(effect: Effect, part: Part, places: Mapping[str, tuple[str, str]]) -> Effect:
-    """A generic effect on a part; places: its own point and the axis for each standard point."""
-    axis = places[next(iter(effect.at))][1]
-    parameters = {p.name: scaled(p, axis, *part.scales.get(p.unit, (1.0, p.unit))) for p in effect.parameters}
-    points = {standard: places[standard][0] for standard in effect.at}
-    states = tuple(replace(s, axis=axis, unit=part.scales.get(s.unit, (1.0, s.unit))[1]) for s in effect.states)
-    return replace(
-        for_machine(effect.id, f"{part.name}.{effect.id.split('.')[1]}", points, **parameters), states=states
-    )
-
-
-def scaled(parameter: EffectParameter, axis: str, size: float, unit: str) -> EffectParameter:
-    """A generic effect's parameter on an axis, in units of `size` [unit]."""
-    default = None if parameter.default is None else size * parameter.default
-    ends = {"null": size * parameter.null, "low": size * parameter.low, "high": size * parameter.high}
-    return replace(parameter, unit=unit, axis=axis, default=default, **ends)
+    own = {p.standard: p for p in part.points}
+    names = {standard: f"{module_name(p.module or part.module)}.{p.name}" for standard, p in own.items()}
+    found = []
+    for effect in (effect for effect in LIBRARY.values() if set(effect.at) <= set(own)):
+        axis, parameters = own[next(iter(effect.at))].axis, {}
+        for p in effect.parameters:
+            size, unit = part.scales.get(p.unit, (1.0, p.unit))
+            ends = {"null": size * p.null, "low": size * p.low, "high": size * p.high}
+            default = None if p.default is None else size * p.default
+            parameters[p.name] = replace(p, unit=unit, axis=axis, default=default, **ends)
+        states = tuple(replace(s, axis=axis, unit=part.scales.get(s.unit, (1.0, s.unit))[1]) for s in effect.states)
+        one = for_machine(effect.id, f"{part.name}.{effect.id.split('.')[1]}", names, **parameters)
+        found.append(replace(one, states=states))
+    return tuple(found)
 
 
 def for_machine(

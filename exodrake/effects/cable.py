@@ -8,18 +8,12 @@ from exodrake.effects.signal import beyond, mixed, scaled
 
 
 def softer(stiffness, share):
-    """Stiffness of a loop with both strands taut [N m/rad], of thinner, longer or worn cables.
-
-    k_j = k / (1 + share)
-    """
+    """Stiffness [N m/rad] of a loop of softer cables, both strands taut: k_j = k / (1 + share)."""
     return stiffness / (1.0 + share)
 
 
 def looser(pretension, share):
-    """Pretension that is left, as the effort of one strand [N m].
-
-    pretension_j = (1 - share) pretension
-    """
+    """Pretension that is left, as the effort of one strand [N m]: pretension_j = (1 - share) pretension."""
     return (1.0 - share) * pretension
 
 

@@ -23,10 +23,9 @@ def worn_height(height, migration, stored, felt):
         torque    T R(h_drawn + (1 - stored / 2) migration T_s)
 
     The wire lifts the routers by dh against the garment and does the work T (dl/dh) dh. With stored = 1 the garment
-    keeps all of it as an elastic body does: stroke and torque then derive from one co-energy W(T, q), dW/dT = s and
-    dW/dq = tau, so that no closed cycle gains energy (Maxwell: ds/dq at constant T is dtau/dT at constant q). With
-    stored = 0 the torque has the arm of the lifted path, as of a router that a loss-free drive moves. An instant h(T)
-    would close an algebraic loop of gain above 1 (more tension, more height, less tension).
+    keeps it as an elastic body: stroke and torque derive from one co-energy W(T, q), so that no closed cycle gains
+    energy. With stored = 0 the torque has the arm of the lifted path. An instant h(T) would close an algebraic loop of
+    gain above 1.
     """
     return height + migration * felt
 
@@ -42,26 +41,17 @@ def settle_garment(dt, tension_finger, migration, stored, felt):
 
 
 def stiffer(torque, elastic, factor):
-    """Passive torque [N m] of joints whose stiffness is scaled.
-
-    tau_p = factor kappa (q - q0) + end stops
-    """
+    """Passive torque [N m] of joints whose stiffness is scaled: tau_p = factor kappa (q - q0) + end stops."""
     return torque + (factor - 1.0) * elastic
 
 
 def hardened(torque, bend, coefficient):
-    """Passive torque [N m] of joints that stiffen by the cube of their bend.
-
-    tau_p = kappa (q - q0) + coefficient (q - q0)^3 + end stops
-    """
+    """Passive torque [N m] with cubic stiffening: tau_p = kappa (q - q0) + coefficient (q - q0)^3 + end stops."""
     return torque + coefficient * bend * bend * bend
 
 
 def tensed(torque, elastic, clock, gain, frequency):
-    """Passive torque [N m] of joints that stiffen and soften again.
-
-    tau_p = kappa (q - q0) (1 + gain (1 - cos(2 pi frequency t)) / 2) + end stops
-    """
+    """Passive torque [N m] in bouts: tau_p = kappa (q - q0) (1 + gain (1 - cos(2 pi frequency t)) / 2) + end stops."""
     return torque + 0.5 * gain * elastic * (1.0 - cos(2.0 * pi * frequency * clock))
 
 
@@ -80,10 +70,7 @@ def relax_tissue(dt, elastic, fraction, time_constant, relaxed_torque):
 
 
 def hysteretic(passive_torque, bend, torque, width, bristle, bend_before):
-    """Passive torque [N m] with a bristle that turns round over a width of angle.
-
-    tau_p = elastic + torque z + end stops          dz/dq = (1 - z sgn(q')) / width
-    """
+    """Passive torque [N m] with a bristle: tau_p = elastic + torque z + end stops; dz/dq = (1 - z sgn(q')) / width."""
     return passive_torque + torque * bent(bristle, bend - bend_before, width)
 
 
@@ -93,10 +80,7 @@ def relax_bristle(dt, bend, torque, width, bristle, bend_before):
 
 
 def spastic(torque, rate, gain, threshold):
-    """Passive torque [N m] of a wearer who resists flexion above a speed.
-
-    tau_p = ... + gain max(0, q' - threshold)
-    """
+    """Passive torque [N m] of a wearer who resists flexion above a speed: tau_p = ... + gain max(0, q' - threshold)."""
     return torque + gain * max(0.0, rate - threshold)
 
 
@@ -154,19 +138,13 @@ def met(torque, angle, bones, distance, stiffness, exponent):
 
 
 def trembling(outside, clock, torque, frequency):
-    """Torques on the joints [N m] with an oscillating one of the wearer's.
-
-    tau_i = torque_i sin(2 pi frequency t)
-    """
+    """Torques on the joints [N m] with an oscillating one of the wearer's: tau_i = torque_i sin(2 pi frequency t)."""
     wave = sin(2.0 * pi * frequency * clock)
     return outside[0] + torque[0] * wave, outside[1] + torque[1] * wave, outside[2] + torque[2] * wave
 
 
 def pushing(outside, clock, torque, growth):
-    """Torques on the joints [N m] with the wearer's, steady or more and more.
-
-    tau_i = torque_i (1 + growth_i t)
-    """
+    """Torques on the joints [N m] with the wearer's, steady or more and more: tau_i = torque_i (1 + growth_i t)."""
     first = torque[0] * (1.0 + growth[0] * clock)
     second = torque[1] * (1.0 + growth[1] * clock)
     return outside[0] + first, outside[1] + second, outside[2] + torque[2] * (1.0 + growth[2] * clock)

@@ -8,7 +8,7 @@ from math import exp
 
 from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.part import State
-from exodrake.physics.scalar_laws import slowed
+from exodrake.physics.arithmetic import slowed
 
 LOAD = 4.0  # tension at which a presliding travel is stated [N]: in the middle of the wires' ranges
 
@@ -46,15 +46,6 @@ def deflected(z, travel, steady, stiffness):
     return end + (z - end) * exp(-abs(travel) * stiffness / steady)
 
 
-def bristle_force(z, after, travel, speed, stiffness, damping):
-    """F [N] without its part sigma_2 v, as the deflection went from z to `after` [m]; damping: sigma_1 [N s/m].
-
-    z' is its mean over the step.
-    """
-    rate = speed * (after - z) / travel if travel != 0.0 else 0.0
-    return stiffness * after + damping * rate
-
-
 def spring(friction, presliding):
     """Stiffness [N/m] of friction of `friction` times the load that builds up over `presliding` [m] at LOAD."""
     return friction * LOAD / presliding
@@ -74,58 +65,37 @@ def yielded(force, travel, stiffness, low, high):
 
 
 def viscous(force, speed, coefficient):
-    """Force on the part [N] under friction proportional to speed.
-
-    F_net = F - coefficient v
-    """
+    """Force on the part [N] under friction proportional to speed: F_net = F - coefficient v."""
     return force - coefficient * speed
 
 
 def directed(force, speed, coefficient):
-    """Force on the part [N] under viscous friction that differs from one direction to the other.
-
-    F_net = F - coefficient |v|          friction is c + coefficient forwards and c - coefficient backwards
-    """
+    """Force on the part [N] with more viscous friction forwards than back: F_net = F - coefficient |v|."""
     return force - coefficient * abs(speed)
 
 
 def opposed(drive_force, force):
-    """Force on the part [N] under a constant one: tilt, a spring, or the zero of the amplifier.
-
-    F_net = F - force
-    """
+    """Force on the part [N] against a constant one, as of tilt or a spring: F_net = F - force."""
     return drive_force - force
 
 
 def coulomb(speed, mobility, force):
-    """Speed [m/s] after dry friction acted for a tick, no more than would stop it; mobility: dt / M [s/kg].
-
-    v after the tick = v - sgn(v) min(|v|, force dt / M)
-    """
+    """Speed [m/s] after a tick of dry friction: v <- v - sgn(v) min(|v|, force dt / M); mobility = dt / M."""
     return slowed(speed, force * mobility)
 
 
 def loaded(speed, mobility, load, coefficient):
-    """Speed [m/s] after dry friction proportional to the drive's load on gear, screw or guide acted for a tick.
-
-    v after the tick = v - sgn(v) min(|v|, coefficient |F| dt / M)          F: force of the drive
-    """
+    """Speed [m/s] after a tick of friction by the drive's load: v <- v - sgn(v) min(|v|, coefficient |F| dt / M)."""
     return slowed(speed, coefficient * load * mobility)
 
 
 def stribeck(speed, mobility, force, ratio, stribeck_speed):
-    """Speed [m/s] after dry friction with a higher level near standstill acted for a tick.
-
-    level(v) = force (1 + (ratio - 1) exp(-(v / v_s)^2))          v after the tick = v - sgn(v) min(|v|, level dt / M)
-    """
+    """Speed [m/s] after a tick of dry friction g(v) (`level`): v <- v - sgn(v) min(|v|, g(v) dt / M)."""
     return slowed(speed, level(speed, force, ratio, stribeck_speed) * mobility)
 
 
 def presliding_force(drive_force, force, presliding, slide):
-    """Force on the part [N] under dry friction whose contact yields before it slides.
-
-    F_net = F - force slide          slide: -1 .. 1, grows with travel / presliding
-    """
+    """Force on the part [N] with presliding friction: F_net = F - force slide; slide' = v / presliding in -1 .. 1."""
     return drive_force - force * slide
 
 

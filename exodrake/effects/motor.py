@@ -83,10 +83,7 @@ def current(clipped, wanted, nominal, limit, knee):
 
 
 def drag(load, torque, bristle):
-    """Torque on the rotor [N m] with dry friction of brushes and bearings.
-
-    torque on the rotor = r T_c / N + torque z          z: bristle over WIDTH of rotor angle
-    """
+    """Torque on the rotor [N m] with dry friction, z over WIDTH of its angle: r T_c / N + torque z."""
     return load + torque * bristle
 
 

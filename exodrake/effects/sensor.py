@@ -62,10 +62,7 @@ def settle_filter(dt, cell, time_constant, filtering, filtered, amplified, tick)
 
 
 def crept_reading(tension, fraction, time_constant, crept):
-    """Tension as read [N] of a cell that goes on yielding (standard linear solid).
-
-    F = T + y          time_constant y' = fraction T - y
-    """
+    """Tension as read [N] of a standard linear solid: F = T + y; time_constant y' = fraction T - y."""
     return tension + crept
 
 
@@ -75,10 +72,7 @@ def settle_creep(dt, load, fraction, time_constant, crept):
 
 
 def hysteretic_reading(tension, error, width, bristle, load_before):
-    """Tension as read [N] of a cell that remembers the way its load has come.
-
-    F = T + error z          z: bristle over a width of load
-    """
+    """Tension as read [N] that remembers its way: F = T + error z; z: bristle over a width of load."""
     return tension + error * bristle
 
 
@@ -88,10 +82,7 @@ def settle_hysteresis(dt, load, error, width, bristle, load_before):
 
 
 def bowed(tension, error):
-    """Tension as read [N] with a parabolic error, zero at 0 and full scale.
-
-    F = T + error T (T_s - T) / (T_s / 2)^2          T_s = 20 N full scale of tension
-    """
+    """Tension as read [N] with a parabolic error: F = T + error T (T_s - T) / (T_s / 2)^2; T_s = 20 N full scale."""
     half = 0.5 * FULL_SCALE
     return tension + error * tension * (FULL_SCALE - tension) / (half * half)
 

@@ -10,86 +10,54 @@ from math import exp, inf, sin
 from exodrake.core.effect import ANY_SHAPE, Effect, EffectParameter, per_joint, per_tendon
 from exodrake.core.part import State
 from exodrake.effects.friction import bent
-from exodrake.physics.scalar_laws import rounded
+from exodrake.physics.arithmetic import rounded
 
 DEPTH = 8  # samples that a late signal remembers
 
 
 def scaled(value, gain):
-    """Value times a factor near 1.
-
-    shown = (1 + gain) value
-    """
+    """Value times a factor near 1: shown = (1 + gain) value."""
     return (1.0 + gain) * value
 
 
 def shifted(value, offset):
-    """Value plus a constant.
-
-    shown = value + offset
-    """
+    """Value plus a constant: shown = value + offset."""
     return value + offset
 
 
 def drifted(value, clock, rate):
-    """Value plus an amount that grows with time.
-
-    shown = value + rate t          t from the first sample
-    """
+    """Value plus an amount that grows with time: shown = value + rate t; t from the first sample."""
     return value + rate * clock
 
 
 def mixed(value, other, coefficient):
-    """Value plus a share of another one.
-
-    shown_j = value_j + coefficient value_(j+1)          the last channel is followed by the first
-    """
+    """Value plus a share of another one: shown_j = value_j + coefficient value_(j+1); the last one meets the first."""
     return value + coefficient * other
 
 
 def beyond(value, width):
-    """Value by how much it lies beyond a width.
-
-    shown = value - min(max(value, -width), width)
-    """
+    """Value by how much it lies beyond a width: shown = value - min(max(value, -width), width)."""
     return value - min(max(value, -width), width)
 
 
 def clipped(value, limit):
-    """Value clipped at both ends.
-
-    shown = min(max(value, -limit), limit)
-    """
+    """Value clipped at both ends: shown = min(max(value, -limit), limit)."""
     return min(max(value, -limit), limit)
 
 
 def rests(value, before, half_width):
-    """Value that rests until play is taken up, then follows at its edge.
-
-    shown <- min(max(shown, value - half_width), value + half_width)
-    """
+    """Value behind play: shown <- min(max(shown, value - half_width), value + half_width)."""
     return min(max(before, value - half_width), value + half_width)
 
 
 def lost(value, held, arrival, probability):
-    """Value that is lost by chance; the last one is repeated.
-
-    shown(n) = shown(n - 1) where arrival < probability          arrival: uniform in 0 .. 1, one per sample
-    """
+    """Value of which samples are lost: shown(n) = shown(n - 1) where arrival < probability; arrival in 0 .. 1."""
     return held if arrival < probability else value
 
 
 def relaxed(state, target, dt, time_constant):
     """First-order relaxation: state after dt [s] on its way to a target held meanwhile, exact."""
     return target + (state - target) * exp(-dt / time_constant)
-
-
-def coarse(value, step):
-    """Value in steps.
-
-    shown = step round(value / step)
-    """
-    return rounded(value, step)
 
 
 def hysteresis(value, clock, error, width, bristle, before):
@@ -102,10 +70,7 @@ def hysteresis(value, clock, error, width, bristle, before):
 
 
 def backlash(value, clock, half_width, held):
-    """Value behind play, then the same as what the sensor rests at.
-
-    shown <- min(max(shown, value - half_width), value + half_width)
-    """
+    """Value behind play, then its state: shown <- min(max(shown, value - half_width), value + half_width)."""
     after = rests(value, held, half_width) if clock > 0.0 else value
     return after, after
 
@@ -119,27 +84,23 @@ def low_pass(value, clock, period, time_constant, filtered):
     return after, after
 
 
-def remembered(value, clock, history):
-    """The value and those of the samples before it, the newest first; before the first sample it was always so."""
-    if clock == 0.0:
-        return value, value, value, value, value, value, value, value, value
-    return value, history[0], history[1], history[2], history[3], history[4], history[5], history[6], history[7]
-
-
-def late(samples, values):
-    """Value that many samples ago, at most `DEPTH`; for a clock that is ahead (< 0) the line through the last two."""
-    if samples <= 0.0:
-        return values[0] - samples * (values[0] - values[1])
-    whole = min(int(samples), DEPTH - 1)
-    part = min(samples - whole, 1.0)
-    return (1.0 - part) * values[whole] + part * values[whole + 1]
-
-
 def delayed(value, clock, samples, history):
-    """The late value, then the history that the next sample will see."""
-    values = remembered(value, clock, history)
-    shown = late(samples, values)
-    return shown, values[0], values[1], values[2], values[3], values[4], values[5], values[6], values[7]
+    """Value that many samples ago, then the history that the next sample will see, the newest first.
+
+    At most `DEPTH` samples; for a clock that is ahead (< 0) the line through the last two. Before the first sample the
+    value was always the same.
+    """
+    h0, h1, h2, h3, h4, h5, h6, h7 = history
+    if clock == 0.0:
+        h0 = h1 = h2 = h3 = h4 = h5 = h6 = h7 = value
+    values = value, h0, h1, h2, h3, h4, h5, h6, h7
+    if samples <= 0.0:
+        shown = value - samples * (value - h0)
+    else:
+        whole = min(int(samples), DEPTH - 1)
+        part = min(samples - whole, 1.0)
+        shown = (1.0 - part) * values[whole] + part * values[whole + 1]
+    return shown, value, h0, h1, h2, h3, h4, h5, h6
 
 
 def delay(value, clock, period, lateness, h0, h1, h2, h3, h4, h5, h6, h7):
@@ -152,19 +113,13 @@ def delay(value, clock, period, lateness, h0, h1, h2, h3, h4, h5, h6, h7):
 
 
 def skewed(value, clock, period, skew, h0, h1, h2, h3, h4, h5, h6, h7):
-    """Value by a clock that runs fast (skew > 0) or slow, then the samples remembered.
-
-    shown(t) = value(t - skew t)          as far back as eight samples
-    """
+    """Value by a clock that runs fast (> 0) or slow, then the samples remembered: shown(t) = value(t - skew t)."""
     samples = skew * clock / period if period > 0.0 else 0.0
     return delayed(value, clock, samples, (h0, h1, h2, h3, h4, h5, h6, h7))
 
 
 def slipped(angle, slip):
-    """Angle as the markers show it [rad], as skin slides over the bone.
-
-    q as seen = q + slip sin(2 q)
-    """
+    """Angle as the markers show it [rad], as skin slides over the bone: q as seen = q + slip sin(2 q)."""
     return angle + slip * sin(2.0 * angle)
 
 
@@ -275,7 +230,8 @@ CLOCK_SKEW = Effect(
 QUANTISATION = Effect(
     id="signal.quantisation", summary="reading in coarser steps than stated", family="quantisation",
     signature="readings are multiples of one step; error uniform within half of it",
-    source="resolution of encoders and converters; range assumed", at={"signal.delivered": coarse},
+    source="resolution of encoders and converters; range assumed", at={"signal.delivered": rounded},
+    formula="shown = step round(value / step)",
     parameters=(EffectParameter("step", "value", null=0.0, low=0.005, high=0.1, default=0.02),),
     not_tried="rounding is noise to a fit; the values of the readings show it, and the resolution is a parameter",
 )  # fmt: skip

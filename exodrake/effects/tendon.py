@@ -1,6 +1,6 @@
 """Tendon: what its wire is beyond a linear spring, and its friction in the sheath between cell and finger.
 
-Friction that does not depend on load still needs a taut wire: it fades as the wire goes slack (`gripped`). The fading
+Friction that does not depend on load still needs a taut wire: it fades as the wire goes slack (`grip`). The fading
 makes the tension at the finger a continuous function of stretch, which the plant's Newton steps need. What a bristle
 stores is let go as its wire goes slack and must be wound up again: its deflection is kept within the grip (`kept`).
 """
@@ -9,7 +9,7 @@ from math import exp, expm1, inf
 
 from exodrake.core.effect import ANY_SHAPE, Effect, per_tendon
 from exodrake.core.part import TENDONS, State
-from exodrake.effects.friction import bent, bristle_force, deflected, level, spring, turned, yielded
+from exodrake.effects.friction import bent, deflected, level, spring, turned, yielded
 from exodrake.effects.signal import relaxed
 from exodrake.physics.tendon import grip
 
@@ -39,10 +39,7 @@ def slack(extension, length, toe):
 
 
 def crept(extension, stiffness, time_constant, elongation):
-    """Elastic stretch [m] of a wire with a delayed elongation (standard linear solid).
-
-    T_c = k (s - l - y)          time_constant y' = T_c / stiffness - y
-    """
+    """Stretch [m] of a standard linear solid: T_c = k (s - l - y); time_constant y' = T_c / stiffness - y."""
     return extension - elongation
 
 
@@ -94,37 +91,24 @@ def settle_bouc_wen(dt, stretched, fraction, width, z, stretch_before):
 
 
 def in_series(tension, stiffness, garment):
-    """Tension [N] of wire and garment in series.
-
-    T_c = k_s (s - l)          1 / k_s = 1 / k + 1 / stiffness          stiffness: of the garment
-    """
+    """Tension [N] of wire and garment in series: T_c = k_s (s - l); 1 / k_s = 1 / k + 1 / stiffness."""
     return tension * garment / (stiffness + garment)
-
-
-def slipping(first, ratio, count):
-    """First of `count` stretches [m] in a row, each `ratio` times the one before, that add up to `first`."""
-    total, one = 0.0, 1.0
-    for _ in range(count):
-        total, one = total + one, one * ratio
-    return first / total
-
-
-def held(nearer, farther, ratio):
-    """Whether a bend holds between the stretches of the moving and of the next piece [m]; ratio: of a slip there."""
-    return farther >= ratio * nearer if ratio < 1.0 else farther <= ratio * nearer
 
 
 def moved(own, change, cone):
     """Stretches [m] of the pieces, in order from the end that moves, after it moved by `change` [m] (> 0 stretches)."""
-    ratio = cone if change > 0.0 else 1.0 / cone
+    ratio = cone if change > 0.0 else 1.0 / cone  # of the stretches beside a bend that slips
     first, count, sum_slipping = own[0] + change, 1, own[0] + change
     while count < PIECES:
-        last = first * ratio ** (count - 1.0)
-        if held(last, own[count], ratio):
-            break
+        nearer, farther = first * ratio ** (count - 1.0), own[count]
+        if farther >= ratio * nearer if ratio < 1.0 else farther <= ratio * nearer:
+            break  # the bend holds
         sum_slipping += own[count]
         count += 1
-        first = max(0.0, slipping(sum_slipping, ratio, count))
+        total, one = 0.0, 1.0
+        for _ in range(count):
+            total, one = total + one, one * ratio
+        first = max(0.0, sum_slipping / total)
     return (
         max(0.0, first),
         piece(1, own, first, ratio, count),
@@ -205,10 +189,7 @@ def settle_capstan(dt, tension, travel, mu_phi, force):
 
 
 def coulomb(tension, slide, force):
-    """Tension at the finger [N] behind load-independent friction.
-
-    T_d = T_c - force slide        slide -> +1 while the finger takes wire in, -1 while it gives wire back
-    """
+    """Tension at the finger [N] behind friction of any load: T_d = T_c - force slide; slide -> 1 where it takes in."""
     return tension - force * slide
 
 
@@ -235,21 +216,13 @@ def kept(bristle, tension):
 
 
 def dahl(tension, travel, force, stiffness, bristle):
-    """Tension at the finger [N] behind dry friction with a soft onset (Dahl's law); `tendon.lugre` adds to it.
-
-    T_d = T_c - F          dF/dx = stiffness (1 - F sgn(x') / force)
-    """
+    """Tension at the finger [N] behind Dahl's friction: T_d = T_c - F; dF/dx = stiffness (1 - F sgn(x') / force)."""
     return tension - force * kept(bent(bristle, travel, force / stiffness), tension)
 
 
 def settle_dahl(dt, tension, travel, force, stiffness, bristle):
     """Bristle [-1 .. 1]."""
     return kept(bent(bristle, travel, force / stiffness), tension)
-
-
-def gripped(friction, tension):
-    """Friction force [N] on a wire under this tension [N]."""
-    return friction * grip(tension)
 
 
 def gripped_to(z, tension, most):
@@ -265,19 +238,16 @@ def lugre(tension, travel, speed, coulomb, ratio, stribeck_speed, stiffness, dam
     The part sigma_2 v is `tendon.viscous_friction`.
     """
     after = deflected(z, travel, level(speed, coulomb, ratio, stribeck_speed), stiffness)
-    damped = bristle_force(z, after, travel, speed, 0.0, gripped(damping, tension))
-    return tension - damped - stiffness * gripped_to(after, tension, ratio * coulomb / stiffness)
+    rate = speed * (after - z) / travel if travel != 0.0 else 0.0  # of the deflection, its mean over the tick
+    return (
+        tension - damping * grip(tension) * rate - stiffness * gripped_to(after, tension, ratio * coulomb / stiffness)
+    )
 
 
 def settle_lugre(dt, tension, travel, coulomb, ratio, stribeck_speed, stiffness, damping, z):
     """Deflection of the bristle [m]."""
     after = deflected(z, travel, level(travel / dt, coulomb, ratio, stribeck_speed), stiffness)
     return gripped_to(after, tension, ratio * coulomb / stiffness)
-
-
-def mean_stop(first, second, third):
-    """Mean of the stops [-1 .. 1]."""
-    return (first + second + third) / STOPS
 
 
 def stops(tension, travel, distance, first, second, third):
@@ -290,12 +260,9 @@ def stops(tension, travel, distance, first, second, third):
 
 
 def prandtl_ishlinskii(tension, travel, force, distance, first, second, third):
-    """Tension at the finger [N] behind dry friction over many contacts that let go one after the other: a sum of stops.
-
-    T_d = T_c - force (z_1 + z_2 + z_3) / 3          z_i: stop operator of range i distance
-    """
+    """Tension at the finger [N] behind stops of range i distance: T_d = T_c - force (z_1 + z_2 + z_3) / 3."""
     after = stops(tension, travel, distance, first, second, third)
-    return tension - force * mean_stop(after[0], after[1], after[2])
+    return tension - force * ((after[0] + after[1] + after[2]) / STOPS)
 
 
 def settle_stops(dt, tension, travel, force, distance, first, second, third):
@@ -304,11 +271,8 @@ def settle_stops(dt, tension, travel, force, distance, first, second, third):
 
 
 def viscous(tension, speed, coefficient):
-    """Tension at the finger [N] behind friction proportional to wire speed.
-
-    T_d = T_c - coefficient v          v > 0 while the finger takes wire in
-    """
-    return tension - gripped(coefficient * speed, tension)
+    """Tension at the finger [N] behind viscous friction: T_d = T_c - coefficient v; v > 0 where it takes wire in."""
+    return tension - coefficient * speed * grip(tension)
 
 
 SLACK = Effect(

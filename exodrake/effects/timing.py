@@ -28,14 +28,6 @@ def jittered(command, history, first, frame_arrival, spread):
     return (1.0 - late) * command + late * history[first + 1]
 
 
-def dropped(command, applied, packet_arrival, probability):
-    """Speed that reaches the drive [m/s]: where a frame is lost the drive keeps the speed held so far.
-
-    v(n) = v(n - 1) where packet_arrival < probability, else v_cmd(n)
-    """
-    return lost(command, applied, packet_arrival, probability)
-
-
 COMMAND_LATENCY = Effect(
     id="timing.command_latency", summary="commands reach the motor whole frames late", family="delay",
     signature="stroke follows the command late by a fixed time: phase without loss of magnitude; the loop overshoots",
@@ -52,7 +44,8 @@ JITTER = Effect(
 DROPPED_COMMANDS = Effect(
     id="timing.dropped_commands", summary="some command frames are lost", family="packet loss",
     signature="stroke goes on at the old speed for a frame or more at random instants; on average a small delay",
-    source="physics.md 4.E; 1e-4-1e-2, worse on a faulty bus", at={"bus.sent": dropped},
+    source="physics.md 4.E; 1e-4-1e-2, worse on a faulty bus", at={"bus.sent": lost},
+    formula="v(n) = v(n - 1) where packet_arrival < probability, else v_cmd(n)",
     parameters=(EffectParameter("probability", "-", null=0.0, low=0.005, high=0.6, default=0.15),), same_meaning=True,
     detector="packet_loss",
 )  # fmt: skip

@@ -15,7 +15,6 @@ from exodrake.core.robot import Robot
 from exodrake.data.log import Log
 from exodrake.grasping.plan import Plan, stiffness
 from exodrake.physics.finger_statics import arms, parameters_of
-from exodrake.physics.posture_controller import damped_inverse
 from exodrake.simulation.simulate import record
 
 if TYPE_CHECKING:
@@ -35,7 +34,7 @@ def posture_controller(plan: Plan, robot: Robot, ki: float = KI, **durations: fl
         ki: [1/s]; 0 leaves the planned tensions as they are.
         durations: of the grasp, as in `exo.grasp` [s].
     """
-    from exodrake.systems.posture_controller import PostureController, PosturePlan
+    from exodrake.systems.posture_controller import PostureController, PosturePlan, damped_inverse
 
     reference = argument("plan", plan, Plan).reference(argument("robot", robot, Robot), **durations)
     angle = record(robot.without_effects(), reference, seed=None, quantisation=False).signals["angle"]
@@ -71,7 +70,7 @@ def run_plan(
         InputError: the estimator has other tendons or joints.
     """
     from exodrake.diagrams.diagram import Simulator, build_diagram, logged_signals
-    from exodrake.simulation.simulate import log_of_run
+    from exodrake.simulation.simulate import diagram_log
     from exodrake.systems.gp_estimator import GPEstimator
 
     axes = robot.machine.axes
@@ -83,7 +82,7 @@ def run_plan(
     simulator = Simulator(diagram)
     simulator.AdvanceTo(robot.machine.frame * len(reference.values))
     signals = logged_signals(diagram, simulator.get_context())
-    log = log_of_run(diagram, simulator.get_context(), signals)
+    log = diagram_log(diagram, simulator.get_context(), signals)
     for kind in ("angle_est", "angle_std", *(["angle_ref"] if controller else [])):
         log = log.with_array(kind, estimator.joints, signals[kind])
     return log

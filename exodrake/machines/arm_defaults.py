@@ -14,7 +14,7 @@ from exodrake.core.part import JOINTS, NORMAL, UNIFORM, Part, Signal
 from exodrake.core.robot import Robot
 from exodrake.core.skeleton import Shape
 from exodrake.effects import effects_of
-from exodrake.physics import rigid_arm
+from exodrake.physics import arm
 from exodrake.physics.reading import sensor
 
 
@@ -199,15 +199,15 @@ def losses(chain: Chain) -> dict[str, float]:
 def moved(chain: Chain, q: np.ndarray, rate: np.ndarray, acceleration: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Efforts (n,) and mass matrix (n, n) of the bare arm at a motion (n,) each [SI], by the equations themselves."""
     n = len(q)
-    w = np.zeros((rigid_arm.WIDTH + n) * n)
+    w = np.zeros((arm.WIDTH + n) * n)
     for j, (joint, body) in enumerate(zip(chain.joints, chain.bodies, strict=True)):
-        rigid_arm.place(w, j, joint.origin, joint.angles, joint.axis, chain.sliding[j], q[j])
-        rigid_arm.load(w, j, body.mass, body.centre, body.inertia[np.triu_indices(3)])
-        rigid_arm.move(w, j, rate[j], acceleration[j], (0.0, 0.0, -GRAVITY))
-    rigid_arm.gather(w, n, rigid_arm.WRENCH, rigid_arm.WIDTH - rigid_arm.WRENCH)
-    efforts = np.array([rigid_arm.effort(w, j) for j in range(n)])
-    rigid_arm.mass_matrix(w, n, rigid_arm.WIDTH * n)
-    return efforts, w[rigid_arm.WIDTH * n :].reshape(n, n)
+        arm.place(w, j, joint.origin, joint.angles, joint.axis, chain.sliding[j], q[j])
+        arm.load(w, j, body.mass, body.centre, body.inertia[np.triu_indices(3)])
+        arm.move(w, j, rate[j], acceleration[j], (0.0, 0.0, -GRAVITY))
+    arm.gather(w, n, arm.WRENCH, arm.WIDTH - arm.WRENCH)
+    efforts = np.array([arm.effort(w, j) for j in range(n)])
+    arm.mass_matrix(w, n, arm.WIDTH * n)
+    return efforts, w[arm.WIDTH * n :].reshape(n, n)
 
 
 def stops(joint: Joint, channel: str) -> dict[str, float]:

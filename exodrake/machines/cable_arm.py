@@ -36,7 +36,7 @@ from exodrake.machines.arm_defaults import (
     typical_efforts,
     units,
 )
-from exodrake.physics import arm_drive, arm_forward, cable, gear_motor
+from exodrake.physics import arm, arm_drive, cable, gear_motor
 
 RATIO = 0.05  # of joint to motor: assumed, as of small gears and capstans
 RESONANCE = 2.0 * np.pi * 15.0  # rad/s of the links on their cables, motors held: assumed; 10-30 Hz are usual
@@ -116,17 +116,17 @@ def inner_signals(unit: dict[str, str]) -> tuple[Signal, ...]:
 def parts_of(chain: Chain, unit: dict[str, str], efforts: np.ndarray, frame: float) -> tuple[Part, ...]:
     """Arm, cables, motors, sensors and controller."""
     count, most = len(chain.names), RATIO * float(efforts.max())
-    arm = arm_forward.part(count, 0, scales(efforts, unit), unit)
+    links = arm.forward_part(count, 0, scales(efforts, unit), unit)
     stand = Task("stand", ("link_start",), slots=(0,))
     motors = replace(
         gear_motor.PART,
         tasks=(Task("update", ("motor_effort_ref",)),),
-        outputs=(Output("output", ("motor_effort", "motor_effort_true")),),
+        outputs=(Output.of_states(effort="motor_effort", effort_true="motor_effort_true"),),
     )
     seen = {"link_position": unit["position"], "motor_position": "rad", "motor_effort": "N m"}
     sizes = (SWING, SWING / RATIO, most)
     return (
-        replace(arm, tasks=(arm.tasks[0], stand)),
+        replace(links, tasks=(links.tasks[0], stand)),
         cable.part(1, SHARE * most, SPEED / RATIO, unit),
         motors,
         *(reading(name, signal, seen, slot, frame, size, count)

@@ -42,7 +42,7 @@ from exodrake.machines.arm_defaults import (
 )
 from exodrake.machines.cable_arm import cable_machine
 from exodrake.machines.urdf import read_urdf
-from exodrake.physics import arm_drive, arm_forward, arm_inverse, gear_motor
+from exodrake.physics import arm, arm_drive, gear_motor
 
 FORMS = ("inverse", "closed-loop", "cable")
 SLOWEST, TICK = 10.0, 5e-4  # s: longest frame; the plant's tick at most, so that a wrist's resonance is resolved
@@ -88,7 +88,7 @@ def inverse_machine(name: str, chain: Chain, frame: float) -> Machine:
     unit, efforts, count = units(chain), typical_efforts(chain), len(chain.names)
     speed, force = unit["velocity"], unit["effort"]
     torque = reading("torque", "effort", unit, 0, frame, float(efforts.max()), count)
-    parts = (arm_inverse.part(scales(efforts, unit), unit), torque)
+    parts = (arm.inverse_part(scales(efforts, unit), unit), torque)
     motion = signals(unit, "position", "velocity", "acceleration")
     shown = {**{s.name: s.name for s in motion}, "effort": "effort_read"}
     found = columns(chain, shown, {"velocity": "position", "acceleration": "velocity"})
@@ -122,7 +122,7 @@ def closed_machine(name: str, chain: Chain, frame: float) -> Machine:
     unit, efforts, count = units(chain), typical_efforts(chain), len(chain.names)
     encoder = reading("encoder", "position", unit, 1, frame, SWING, count)
     torque = reading("torque", "effort", unit, 3, frame, float(efforts.max()), count)
-    forward = arm_forward.part(count, 0, scales(efforts, unit), unit)
+    forward = arm.forward_part(count, 0, scales(efforts, unit), unit)
     parts = (forward, gear_motor.PART, encoder, torque, arm_drive.part(2, unit))
     given = signals(unit, "position_ref", "position_start")
     inner = signals(unit, "position", "position_read", "effort_ref", "effort", "effort_true", "effort_read")

@@ -9,8 +9,7 @@ import sys
 from typing import NamedTuple
 
 from exodrake.core.part import JOINTS, Output, Part, State, Task
-from exodrake.physics.arm import body, fields
-from exodrake.physics.rigid_arm import WIDTH, WRENCH, downwards, effort, gather, move
+from exodrake.physics.arm import WIDTH, WRENCH, body, downwards, effort, fields, gather, move
 
 
 def control(x, z, n, e, position_ref, position_read):
@@ -36,18 +35,6 @@ def weigh(x, n, count, position):
     gather(x, count, WRENCH, WIDTH - WRENCH)
 
 
-def output(x, z, n, e, effort_ref):
-    """Reference efforts of the motors [N m]."""
-    count = effort_ref.shape[0]
-    for j in range(count):
-        effort_ref[j] = x[WIDTH * count + j]
-
-
-def start(x, z, n, e, start_stroke):
-    """Nothing read."""
-    x[:] = 0.0
-
-
 def part(slot: int, unit: dict[str, str]) -> Part:
     """The controller as a part; slot: in which it runs; unit: of position, effort, effort/position, effort/speed."""
     joints = {"stiffness": unit["effort/position"], "viscosity": unit["effort/speed"], "feedforward": "-"}
@@ -60,5 +47,5 @@ def part(slot: int, unit: dict[str, str]) -> Part:
             State("before", JOINTS, unit=unit["position"]), State("started"),
         ),
         tasks=(Task("control", ("position_ref", "position_read"), slots=(slot,)),),
-        outputs=(Output("output", ("effort_ref",)),),
+        outputs=(Output.of_states(effort="effort_ref"),),
     )  # fmt: skip

@@ -13,12 +13,12 @@ class Parameters(NamedTuple):
 DEPTH = 12  # commands remembered per wire, the newest first
 
 
-def sent(e, z, j, command, history, first, applied, packet_arrival, frame_arrival):
+def sent(e, z, j, command, history, first, held, arrival, frame_arrival):
     """Point: speed [m/s] that reaches drive j.
 
     command: the newest [m/s]; history: commands of all tendons [m/s], the newest of this one at `first`, older ones
-    after it; applied: speed held so far [m/s]; packet_arrival: uniform draw in 0 .. 1 of this frame and drive;
-    frame_arrival: of this frame, the same for all drives.
+    after it; held: speed so far [m/s]; arrival: uniform draw in 0 .. 1 of this frame and drive; frame_arrival: of this
+    frame, the same for all drives.
     """
     return command
 
@@ -32,24 +32,13 @@ def write(x, z, n, e, j, speed_cmd, packet_arrival):
     x[applied] = sent(e, z, j, speed_cmd[j], x, DEPTH * j, x[applied], packet_arrival[j], packet_arrival[0])
 
 
-def output(x, z, n, e, speed_applied):
-    """Speeds held by the drives [m/s]."""
-    for j in range(3):
-        speed_applied[j] = x[3 * DEPTH + j]
-
-
-def start(x, z, n, e, start_stroke):
-    """Nothing sent yet."""
-    x[:] = 0.0
-
-
 PART = Part(
     name="bus",
     module=sys.modules[__name__],
     parameters=Parameters,
     states=(State("history", TENDONS, DEPTH, "m/s"), State("applied", TENDONS, unit="m/s")),
     tasks=(Task("write", ("speed_cmd", "packet_arrival"), slots=(5, 6, 7), per_channel=True),),
-    outputs=(Output("output", ("speed_applied",)),),
+    outputs=(Output.of_states(applied="speed_applied"),),
     points=(Point("sent", TENDONS, laws=()),),
     group="timing",
 )

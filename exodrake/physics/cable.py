@@ -18,7 +18,7 @@ import sys
 from typing import Annotated, NamedTuple
 
 from exodrake.core.part import JOINTS, Output, Part, Point, State, Task, Unit
-from exodrake.physics.scalar_laws import slowed
+from exodrake.physics.arithmetic import slowed
 
 ANGLE, SPEED, STRETCH, STATES = 0, 1, 2, 3
 
@@ -171,25 +171,6 @@ def shared(x, z, n, e, effort_ref, motor_effort_ref):
             motor_effort_ref[j] += n.by_next[j - 1] * effort_ref[j - 1]
 
 
-def start(x, z, n, e, start_stroke):
-    """At rest, not placed yet."""
-    x[:] = 0.0
-
-
-FRICTION = ("pushed", "braked", "settle")
-POINTS = ("ratio", "by_previous", "by_next", "taken", "stiff", "tensioned")
-
-
-def parameters(unit: dict[str, str]) -> type:
-    """Parameters of the transmission, each with a value for a joint; unit: of effort and effort/position."""
-    per_joint = {
-        **dict.fromkeys(("ratio", "by_previous", "by_next"), "-"), "stiffness": unit["effort/position"],
-        "pretension": unit["effort"], "loss": "s", "inertia": "kg m2", "damping": "N m s/rad", "dry_friction": "N m",
-    }  # fmt: skip
-    fields = [(name, Annotated[tuple, Unit(u, JOINTS)]) for name, u in per_joint.items()]
-    return NamedTuple("Parameters", fields)
-
-
 def part(slot: int, friction: float, speed: float, unit: dict[str, str]) -> Part:
     """The transmission as a part.
 
@@ -199,10 +180,16 @@ def part(slot: int, friction: float, speed: float, unit: dict[str, str]) -> Part
         speed: of a motor in a moderate motion [rad/s], for the same.
         unit: of position, effort and effort/position of the joints.
     """
+    per_joint = {
+        **dict.fromkeys(("ratio", "by_previous", "by_next"), "-"), "stiffness": unit["effort/position"],
+        "pretension": unit["effort"], "loss": "s", "inertia": "kg m2", "damping": "N m s/rad", "dry_friction": "N m",
+    }  # fmt: skip
+    fields = [(name, Annotated[tuple, Unit(u, JOINTS)]) for name, u in per_joint.items()]
+    points = ("ratio", "by_previous", "by_next", "taken", "stiff", "tensioned")
     return Part(
         name="cable",
         module=sys.modules[__name__],
-        parameters=parameters(unit),
+        parameters=NamedTuple("Parameters", fields),
         states=(
             State("angle", JOINTS, unit="rad"), State("speed", JOINTS, unit="rad/s"),
             State("stretch", JOINTS, unit=unit["position"]), State("placed", width=2),
@@ -218,8 +205,8 @@ def part(slot: int, friction: float, speed: float, unit: dict[str, str]) -> Part
             Output("shared", ("motor_effort_ref",), reads=("effort_ref",)),
         ),
         points=(
-            *(Point(name, JOINTS) for name in POINTS),
-            *(Point(name, JOINTS, standard=f"sliding.{name}") for name in FRICTION),
+            *(Point(name, JOINTS) for name in points),
+            *(Point(name, JOINTS, standard=f"sliding.{name}") for name in ("pushed", "braked", "settle")),
         ),
         scales={
             "force": (friction, "N m"), "speed": (speed, "rad/s"), "force/speed": (friction / speed, "N m s/rad"),

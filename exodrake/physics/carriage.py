@@ -56,23 +56,13 @@ def place(x, z, n, e, position_start, speed_start):
         x[STARTED] = 1.0
 
 
-def output(x, z, n, e, position):
-    """Place [m]."""
-    position[0] = x[PLACE]
-
-
-def start(x, z, n, e, start_stroke):
-    """At rest, not placed yet."""
-    x[:] = 0.0
-
-
 PART = Part(
     name="carriage",
     module=sys.modules[__name__],
     parameters=Parameters,
     states=(State("place", SCALAR, unit="m"), State("speed", SCALAR, unit="m/s"), State("started", SCALAR)),
     tasks=(Task("update", ("force",)), Task("place", ("position_start", "speed_start"), slots=(0,))),
-    outputs=(Output("output", ("position",)),),
+    outputs=(Output.of_states(place="position"),),
     points=tuple(Point(name, SCALAR, standard=f"sliding.{name}") for name in ("pushed", "braked", "settle")),
     scales={"force": (15.0, "N"), "speed": (0.1, "m/s"), "force/speed": (150.0, "N s/m"), "length": (0.1, "m")},
 )

@@ -40,6 +40,11 @@ def damping(rate, kd):
     return -kd * rate
 
 
+def damping_as_printed(rate, kd):
+    """The same with the sign printed in the paper's Eq. 3, a variant: it undamps (`physics.md` 1.3)."""
+    return kd * rate
+
+
 def lagged(before, value, period, tau):
     """First-order lag of a value after a frame."""
     share = period / (period + tau)
@@ -76,17 +81,6 @@ def control(x, z, n, e, tension_ref, tension_read):
     x[STARTED] = 1.0
 
 
-def output(x, z, n, e, speed_cmd):
-    """Speed commands [m/s]."""
-    for j in range(3):
-        speed_cmd[j] = x[COMMAND + j]
-
-
-def start(x, z, n, e, start_stroke):
-    """At rest, nothing read."""
-    x[:] = 0.0
-
-
 PART = Part(
     name="controller",
     module=sys.modules[__name__],
@@ -100,5 +94,5 @@ PART = Part(
         State("model", TENDONS, unit="N"),
     ),
     tasks=(Task("control", ("tension_ref", "tension_read"), slots=(4,)),),
-    outputs=(Output("output", ("speed_cmd",)),),
+    outputs=(Output.of_states(command="speed_cmd"),),
 )

@@ -4,7 +4,7 @@ import sys
 from typing import Annotated, NamedTuple
 
 from exodrake.core.part import TENDONS, Output, Part, Point, State, Task, Unit, free_curve
-from exodrake.physics.scalar_laws import rounded
+from exodrake.physics.arithmetic import rounded
 
 
 class Parameters(NamedTuple):
@@ -24,12 +24,6 @@ def read(x, z, n, e, j, spool_angle):
     x[j] = rounded(homed(e, z, j, n.radius * spool_angle[j]), n.q_theta * n.radius)
 
 
-def output(x, z, n, e, stroke_read):
-    """Last readings [m]."""
-    for j in range(3):
-        stroke_read[j] = x[j]
-
-
 def start(x, z, n, e, start_stroke):
     """Holds the stroke at rest until first read."""
     for j in range(3):
@@ -42,6 +36,6 @@ PART = Part(
     parameters=Parameters,
     states=(State("reading", TENDONS, unit="m"),),
     tasks=(Task("read", ("spool_angle",), slots=(1, 2, 3), per_channel=True),),
-    outputs=(Output("output", ("stroke_read",)),),
+    outputs=(Output.of_states(reading="stroke_read"),),
     points=(Point("homed", TENDONS, laws=(free_curve("error of the reading over stroke", "stroke", "m"),)),),
 )

@@ -9,7 +9,7 @@ distal to it. Passive torque (`model.md`, Finger):
 
 from math import exp
 
-from exodrake.physics.triples import quotient
+from exodrake.physics.arithmetic import quotient
 
 NUDGE = 1e-6  # of difference quotients [rad]
 

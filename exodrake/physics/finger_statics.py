@@ -15,9 +15,9 @@ from numba import njit
 
 from exodrake.core.part import fields_of
 from exodrake.core.robot import Robot
-from exodrake.physics import finger, routers
-from exodrake.physics.routers import EXTENSOR, FLEXOR
+from exodrake.physics import finger, wire_paths
 from exodrake.physics.tendon_finger import Parameters
+from exodrake.physics.wire_paths import EXTENSOR, FLEXOR
 
 STEPS, STEP, HALVINGS = 40, 0.05, 46  # search: at most 2 rad in steps of 0.05 rad, then halved down to 1e-15 rad
 MF_JOINTS = 1  # the MCP flexor passes the first joint only
@@ -25,7 +25,7 @@ MF_JOINTS = 1  # the MCP flexor passes the first joint only
 # Where two routers meet, arms are not finite: no equilibrium there, rather than a division by zero.
 # Not cached on disk, since numba would not notice a change of the other modules.
 compiled = njit(error_model="numpy")
-path, end_stop = compiled(routers.path), compiled(finger.end_stop)
+path, end_stop = compiled(wire_paths.path), compiled(finger.end_stop)
 
 
 def parameters_of(robot: Robot) -> Parameters:
@@ -35,41 +35,20 @@ def parameters_of(robot: Robot) -> Parameters:
     return Parameters(*plain)
 
 
-def posture(tension: np.ndarray, n: Parameters) -> np.ndarray:
-    """Joint angles at rest, (rows, 3) rad, under wire tensions (rows, 3) N: where a slow finger from q0 ends up.
-
-    That is the first equilibrium along the torque. Arms grow with the angle, so a joint may have two beyond
-    sum_j T_j dR_ji/dq > kappa_i, and which of them it takes then depends on its past. NaN for none within 2 rad.
-    """
-    return _postures(np.ascontiguousarray(tension, dtype=float), n)
-
-
-def follow(tension: np.ndarray, n: Parameters) -> np.ndarray:
-    """As `posture`, but each row starts where the row before ended: a joint with two equilibria keeps its own."""
-    return _followed(np.ascontiguousarray(tension, dtype=float), n)
-
-
-def arms(angle: np.ndarray, n: Parameters) -> np.ndarray:
-    """P = dl/dq at joint angles (rows, 3) rad: (rows, 3 wires, 3 joints) m, extensors negative."""
-    return _arms(np.ascontiguousarray(angle, dtype=float), n)
-
-
 @compiled
 def joint_paths(i, angle, n):
-    """Moment arms R of AF, MF, AE at joint i [m]."""
+    """Paths of a flexor and of the extensor over joint i: wire taken in [m], moment arm [m], its slope [m/rad]."""
     c, s = cos(angle), sin(angle)
-    _, flexor, _ = path(c, s, n.a_f[i], n.b_f[i], n.m_f[i], n.n_f[i], FLEXOR)
-    _, extensor, _ = path(c, s, n.a_e[i], n.b_e[i], n.m_e[i], n.n_e[i], EXTENSOR)
-    if i < MF_JOINTS:
-        return flexor, flexor, extensor
-    return flexor, 0.0, extensor
+    flexor = path(c, s, n.a_f[i], n.b_f[i], n.m_f[i], n.n_f[i], FLEXOR)
+    return flexor, path(c, s, n.a_e[i], n.b_e[i], n.m_e[i], n.n_e[i], EXTENSOR)
 
 
 @compiled
 def excess(i, angle, tension, n):
     """Torque of the wires less the passive torque at joint i [N m]."""
-    af, mf, ae = joint_paths(i, angle, n)
-    pulled = tension[0] * af + tension[1] * mf + tension[2] * ae
+    flexor, extensor = joint_paths(i, angle, n)
+    mf = flexor[1] if i < MF_JOINTS else 0.0
+    pulled = tension[0] * flexor[1] + tension[1] * mf + tension[2] * extensor[1]
     return pulled - n.kappa[i] * (angle - n.q0[i]) - end_stop(angle, n.q_f[i], n.q_e[i], n.beta[i], n.A[i])
 
 
@@ -92,29 +71,43 @@ def settle(i, here, tension, n):
 
 
 @compiled
-def _postures(tension, n):
-    angle = np.empty_like(tension)
-    for row in range(len(tension)):
-        for i in range(3):
-            angle[row, i] = settle(i, n.q0[i], tension[row], n)
-    return angle
-
-
-@compiled
-def _followed(tension, n):
+def settle_rows(tension, n, keep):
+    """Angles at rest (rows, 3) [rad]; keep: whether a row starts where the row before ended."""
     angle = np.empty_like(tension)
     for i in range(3):
         here = n.q0[i]
         for row in range(len(tension)):
             angle[row, i] = settle(i, here, tension[row], n)
-            here = angle[row, i] if np.isfinite(angle[row, i]) else n.q0[i]
+            here = angle[row, i] if keep and np.isfinite(angle[row, i]) else n.q0[i]
     return angle
 
 
 @compiled
-def _arms(angle, n):
-    found = np.empty((len(angle), 3, 3))
+def arm_rows(angle, n):
+    """As `arms`."""
+    found = np.zeros((len(angle), 3, 3))
     for row in range(len(angle)):
         for i in range(3):
-            found[row, :, i] = joint_paths(i, angle[row, i], n)
+            flexor, extensor = joint_paths(i, angle[row, i], n)
+            found[row, 0, i], found[row, 1, i] = flexor[1], flexor[1] if i < MF_JOINTS else 0.0
+            found[row, 2, i] = extensor[1]
     return found
+
+
+def posture(tension: np.ndarray, n: Parameters) -> np.ndarray:
+    """Joint angles at rest, (rows, 3) rad, under wire tensions (rows, 3) N: where a slow finger from q0 ends up.
+
+    That is the first equilibrium along the torque. Arms grow with the angle, so a joint may have two beyond
+    sum_j T_j dR_ji/dq > kappa_i, and which of them it takes then depends on its past. NaN for none within 2 rad.
+    """
+    return settle_rows(np.ascontiguousarray(tension, dtype=float), n, False)
+
+
+def follow(tension: np.ndarray, n: Parameters) -> np.ndarray:
+    """As `posture`, but each row starts where the row before ended: a joint with two equilibria keeps its own."""
+    return settle_rows(np.ascontiguousarray(tension, dtype=float), n, True)
+
+
+def arms(angle: np.ndarray, n: Parameters) -> np.ndarray:
+    """P = dl/dq at joint angles (rows, 3) rad: (rows, 3 wires, 3 joints) m, extensors negative."""
+    return arm_rows(np.ascontiguousarray(angle, dtype=float), n)

@@ -37,24 +37,16 @@ def update(x, z, n, e, dt, effort_ref):
         x[2 * count + j] = driven(e, z, j, scale * x[j])
 
 
-def output(x, z, n, e, effort, effort_true):
-    """Efforts that the currents stand for, and those on the joints [N m]."""
-    count = effort.shape[0]
-    for j in range(count):
-        effort[j], effort_true[j] = x[count + j], x[2 * count + j]
-
-
-def start(x, z, n, e, start_stroke):
-    """No current."""
-    x[:] = 0.0
-
-
 PART = Part(
     name="motor",
     module=sys.modules[__name__],
     parameters=Parameters,
-    states=(State("current", JOINTS, unit="A"), State("effort", JOINTS, 2, "N m")),
+    states=(
+        State("current", JOINTS, unit="A"),
+        State("effort", JOINTS, unit="N m"),
+        State("effort_true", JOINTS, unit="N m"),
+    ),
     tasks=(Task("update", ("effort_ref",)),),
-    outputs=(Output("output", ("effort", "effort_true")),),
+    outputs=(Output.of_states(effort="effort", effort_true="effort_true"),),
     points=(Point("driven", JOINTS),),
 )

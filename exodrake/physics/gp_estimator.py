@@ -82,29 +82,14 @@ def predict_into(tension, stroke, weights, work, mean, std):
     for i in range(size):
         explained += whitened[i] * whitened[i]
     variance = variances[0] * own + variances[1] + variances[2] - explained
-    write(covariance, variance, weights, mean, std)
-    return variance / variances[2]
-
-
-@njit(cache=True)
-def write(covariance, variance, weights, mean, std):
-    """Mean and standard deviation (J,) [rad] from the covariances (n,) and the variance of the sample."""
     deviation = sqrt(variance) if variance >= 0.0 else nan
     for joint in range(mean.shape[0]):
         total = 0.0
-        for i in range(covariance.shape[0]):
+        for i in range(size):
             total += covariance[i] * weights.alpha[i, joint]
         mean[joint] = weights.offset[joint] + weights.gain[joint] * total
         std[joint] = weights.spread[joint] * deviation
-
-
-@njit(cache=True)
-def predict(tension, stroke, weights):
-    """Mean (J,) and standard deviation (J,) [rad] of one sample; tension [N], stroke [m] (tendons,)."""
-    joints = weights.offset.shape[0]
-    mean, std = np.empty(joints), np.empty(joints)
-    predict_into(tension, stroke, weights, np.empty((3, weights.alpha.shape[0])), mean, std)
-    return mean, std
+    return variance / variances[2]
 
 
 @njit(cache=True)

@@ -37,29 +37,13 @@ def sample(x, z, n, e, angle, noise_angle):
     x[PICTURES] += 1.0
 
 
-def output(x, z, n, e, angle_read):
-    """Last picture [rad]."""
-    for i in range(3):
-        angle_read[i] = x[READING + i]
-
-
-def output_late(x, z, n, e, mocap_delay):
-    """How late the last picture is [s]."""
-    mocap_delay[0] = x[LATE]
-
-
-def start(x, z, n, e, start_stroke):
-    """Nothing seen yet."""
-    x[:] = 0.0
-
-
 PART = Part(
     name="mocap",
     module=sys.modules[__name__],
     parameters=Parameters,
     states=(State("reading", JOINTS, unit="rad"), State("lateness", SCALAR, unit="s"), State("pictures", SCALAR)),
     tasks=(Task("sample", ("angle", "noise_angle"), slots=(0,)),),
-    outputs=(Output("output", ("angle_read",)), Output("output_late", ("mocap_delay",))),
+    outputs=(Output.of_states(reading="angle_read", lateness="mocap_delay"),),
     points=(
         Point("seen", JOINTS, laws=(free_curve("error of the reading over angle", "angle", "rad"),)),
         Point("late", SCALAR, laws=(free_curve("delay over time", "clock", "s"),)),

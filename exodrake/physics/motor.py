@@ -132,7 +132,6 @@ def start(x, z, n, e, start_stroke):
         x[6 + j] = start_stroke[j] / n.r[j]
 
 
-PLAIN = ("follow", "loop_gain", "integral_gain", "current_limit", "drag", "settle", "winding")  # take no free law
 FREE_LAWS = {
     "command": (
         free_curve("speed over its command", "speed", "m/s", fine=True),
@@ -144,24 +143,13 @@ FREE_LAWS = {
         free_curve("radius for the load over wire wound", "spool", "m", "tension"),
     ),
     "wound": (
-        FreeLaw(
-            "wire wound over spool angle", "stroke", "m", rate=("winding", "spool", "speed * (1.0 + slope)")
-        ),
+        FreeLaw("wire wound over spool angle", "stroke", "m", rate=("winding", "spool", "speed * (1.0 + slope)")),
     ),
-}  # fmt: skip
+}
 POINTS = (
-    "follow",
-    "command",
-    "loop_gain",
-    "integral_gain",
-    "current_limit",
-    "current",
-    "load",
-    "drag",
-    "wound",
-    "winding",
+    "follow", "command", "loop_gain", "integral_gain", "current_limit", "current", "load", "drag", "wound", "winding",
     "settle",
-)
+)  # fmt: skip
 
 PART = Part(
     name="motor",
@@ -174,5 +162,5 @@ PART = Part(
     ),
     tasks=(Task("update", ("speed_applied", "tension_spool")),),
     outputs=(Output("output", ("stroke", "wire_speed", "spool_angle")),),
-    points=tuple(Point(p, TENDONS, laws=FREE_LAWS.get(p, () if p in PLAIN else None)) for p in POINTS),
+    points=tuple(Point(p, TENDONS, laws=None if p == "current" else FREE_LAWS.get(p, ())) for p in POINTS),
 )

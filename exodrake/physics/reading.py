@@ -8,7 +8,7 @@ from types import ModuleType
 from typing import Annotated, NamedTuple
 
 from exodrake.core.part import JOINTS, Output, Part, Point, State, Task, Unit, module_of_file
-from exodrake.physics.scalar_laws import rounded
+from exodrake.physics.arithmetic import rounded
 
 
 def mixed(e, z, j, value, other):

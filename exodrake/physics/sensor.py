@@ -10,7 +10,7 @@ from math import exp
 from typing import Annotated, NamedTuple
 
 from exodrake.core.part import SCALAR, TENDONS, Output, Part, Point, State, Task, Unit, free_curve, free_memory
-from exodrake.physics.scalar_laws import rounded
+from exodrake.physics.arithmetic import rounded
 
 
 class Parameters(NamedTuple):
@@ -22,6 +22,7 @@ class Parameters(NamedTuple):
 
 
 CELL, LOAD, READING, CLOCK, TICK, SLIDE = 0, 3, 6, 9, 10, 11
+PRESLIDING = 5e-5  # wire travel over which friction at the sensing pulley turns round [m]; assumed
 
 
 def felt(e, z, j, tension, slide):
@@ -78,9 +79,6 @@ def update(x, z, n, e, dt, tension, wire_speed):
     x[TICK] = dt
 
 
-PRESLIDING = 5e-5  # wire travel over which friction at the sensing pulley turns round [m]; assumed
-
-
 def output(x, z, n, e, tension, cell):
     """Amplified tension [N] of this instant."""
     for j in range(3):
@@ -94,17 +92,6 @@ def output(x, z, n, e, tension, cell):
 def read(x, z, n, e, j, cell, noise_tension):
     """The bus reads cell j: signals [N], standard normal noise."""
     x[READING + j] = rounded(reading(e, z, j, cell[j], x[CLOCK]) + n.sigma_F * noise_tension[j], n.q_F)
-
-
-def output_read(x, z, n, e, tension_read):
-    """Last readings [N]."""
-    for j in range(3):
-        tension_read[j] = x[READING + j]
-
-
-def start(x, z, n, e, start_stroke):
-    """Unloaded."""
-    x[:] = 0.0
 
 
 FREE_LAWS = {
@@ -135,6 +122,6 @@ PART = Part(
         Task("update", ("tension", "wire_speed")),
         Task("read", ("cell", "noise_tension"), slots=(1, 2, 3), per_channel=True),
     ),
-    outputs=(Output("output", ("cell",), reads=("tension",)), Output("output_read", ("tension_read",))),
+    outputs=(Output("output", ("cell",), reads=("tension",)), Output.of_states(reading="tension_read")),
     points=tuple(Point(p, TENDONS, laws=FREE_LAWS[p]) for p in FREE_LAWS),
 )

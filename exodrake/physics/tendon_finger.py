@@ -13,18 +13,10 @@ from typing import Annotated, NamedTuple
 
 from exodrake.core.part import JOINTS, SCALAR, TENDONS, Output, Part, Point, State, Task, Unit, free_curve, free_memory
 from exodrake.physics import finger, tendon, wire_paths
+from exodrake.physics.arithmetic import along, column, dot, solve
 from exodrake.physics.finger import coriolis, external_with_slope, inertia, mass_matrix, passive_with_slope, relax
-from exodrake.physics.routers import applied_arm
 from exodrake.physics.tendon import at_cell, at_spool, cell_tension, finger_tension, settle, slid, stretched_by
-from exodrake.physics.triples import along, column, dot, solve
-from exodrake.physics.wire_paths import heights, levers, moved, paths
-
-
-def stiffness(i, k, turns, arms, bends, falls, tensions, passive_slope, external_slope):
-    """Entry i, k of d(passive - tendon - external torque)/dq [N m/rad]."""
-    own = passive_slope - dot(column(bends, i), tensions) if i == k else 0.0
-    r, s = column(turns, i), column(arms, k)
-    return own + r[0] * s[0] * falls[0] + r[1] * s[1] * falls[1] + r[2] * s[2] * falls[2] - external_slope[k][i]
+from exodrake.physics.wire_paths import applied_arm, heights, levers, moved, paths
 
 
 def newton_row(i, inertia, damping, lag, s, passive_slope, push_slope):
@@ -37,9 +29,13 @@ def newton_row(i, inertia, damping, lag, s, passive_slope, push_slope):
 
 
 def entry(i, k, inertia, damping, lag, s, passive_slope, push_slope):
-    """Entry i, k of the Newton matrix [N m s/rad]."""
+    """Entry i, k of the Newton matrix [N m s/rad]; lag times d(passive - tendon - external torque)/dq is in it."""
+    turns, arms, bends, falls, pull = s
     own = inertia / lag + damping if i == k else inertia / lag
-    return own + lag * stiffness(i, k, s[0], s[1], s[2], s[3], s[4], passive_slope, push_slope)
+    stiffness = passive_slope - dot(column(bends, i), pull) if i == k else 0.0
+    r, a = column(turns, i), column(arms, k)
+    stiffness = stiffness + r[0] * a[0] * falls[0] + r[1] * a[1] * falls[1] + r[2] * a[2] * falls[2] - push_slope[k][i]
+    return own + lag * stiffness
 
 
 def torque(turns, i, pull):
@@ -86,6 +82,8 @@ class Parameters(NamedTuple):
 Q, RATE, Q_BEFORE, RATE_BEFORE, TAKEN, SLIDE, PULL, CLOCK = 0, 3, 6, 9, 12, 15, 18, 21
 STEPS, CLOSE = 6, 1e-5  # Newton steps at most; last step [rad]: they converge quadratically, to 1e-9 after it
 RESTING = 0.02  # length of a tick before the log begins [s]
+PULLING = 0.1  # tension with which a finger does not rest in q0 [N], ten times the noise of the cells; assumed
+RESTS = 100  # ticks: 2 s, 40 time constants B / kappa
 NUDGE = 1e-7  # of difference quotients [m]
 
 
@@ -148,7 +146,10 @@ def update(x, z, n, e, dt, stroke, wire_speed):
     for k in range(rests + 1):
         if k < rests:
             tick(x, z, n, e, RESTING, stroke, (0.0, 0.0, 0.0))
-            stand_still(x)
+            for i in range(3):  # it stands still again
+                x[RATE + i] = x[RATE_BEFORE + i] = 0.0
+                x[Q_BEFORE + i] = x[Q + i]
+            x[CLOCK] = 0.0
         else:
             tick(x, z, n, e, dt, stroke, wire_speed)
 
@@ -158,20 +159,21 @@ def rests_before(tension):
     return 0
 
 
+def rests_at_switch_on(tension):
+    """Ticks of rest before the log begins, by the tension in the wires [N], a variant: at rest at switch-on.
+
+    The nominal log begins in q0 at once, as that of the reference simulator does: wires homed 1 mm too far in then pull
+    at the finger with 2.7 N, and it moves before the controller does.
+    """
+    return RESTS if tension > PULLING else 0
+
+
 def pulled_at_start(x, z, n, e, stroke):
     """Largest tension in the wires before the finger has moved [N]; stroke [m]."""
     t0 = cell_tension(e, z, 0, stretched_by(e, z, 0, stroke[0] - x[TAKEN], 0.0), 0.0, n.k[0])
     t1 = cell_tension(e, z, 1, stretched_by(e, z, 1, stroke[1] - x[TAKEN + 1], 0.0), 0.0, n.k[1])
     t2 = cell_tension(e, z, 2, stretched_by(e, z, 2, stroke[2] - x[TAKEN + 2], 0.0), 0.0, n.k[2])
     return max(t0, t1, t2)
-
-
-def stand_still(x):
-    """A finger that is at rest before the log begins."""
-    for i in range(3):
-        x[RATE + i] = x[RATE_BEFORE + i] = 0.0
-        x[Q_BEFORE + i] = x[Q + i]
-    x[CLOCK] = 0.0
 
 
 def tick(x, z, n, e, dt, stroke, wire_speed):
@@ -195,19 +197,7 @@ def tick(x, z, n, e, dt, stroke, wire_speed):
         x[Q_BEFORE + i], x[RATE_BEFORE + i] = x[Q + i], x[RATE + i]
         x[Q + i], x[RATE + i] = angle[i], rate[i]
         relax(e, z, i, dt, angle[i] - n.q0[i], rate[i], n.kappa[i] * (angle[i] - n.q0[i]))
-    arrive(x, z, n, e, ends, worn, dt)
-
-
-def taken_in(x, n, high):
-    """Wire that each tendon's path takes in [m] at the joint angles of the state; router heights `high` [m]."""
-    cosines, sines = (cos(x[Q]), cos(x[Q + 1]), cos(x[Q + 2])), (sin(x[Q]), sin(x[Q + 1]), sin(x[Q + 2]))
-    taken, _, _ = paths(n, cosines, sines, high)
-    return taken
-
-
-def arrive(x, z, n, e, ends, high, dt):
-    """A tick ends: states of wires and clock follow the joints; strokes `ends` [m], router heights `high` [m]."""
-    taken = taken_in(x, n, high)
+    taken = taken_in(x, n, worn)
     for j in range(3):
         travel = taken[j] - x[TAKEN + j]
         stretched = stretched_by(e, z, j, ends[j] - taken[j], x[PULL + j])
@@ -219,10 +209,11 @@ def arrive(x, z, n, e, ends, high, dt):
     x[CLOCK] += dt
 
 
-def output(x, z, n, e, angle, rate, tension_finger):
-    """Joint angles [rad] and rates [rad/s], tensions at the finger [N]."""
-    for i in range(3):
-        angle[i], rate[i], tension_finger[i] = x[Q + i], x[RATE + i], x[PULL + i]
+def taken_in(x, n, high):
+    """Wire that each tendon's path takes in [m] at the joint angles of the state; router heights `high` [m]."""
+    cosines, sines = (cos(x[Q]), cos(x[Q + 1]), cos(x[Q + 2])), (sin(x[Q]), sin(x[Q + 1]), sin(x[Q + 2]))
+    taken, _, _ = paths(n, cosines, sines, high)
+    return taken
 
 
 def output_tension(x, z, n, e, stroke, tension, tension_spool):
@@ -254,6 +245,7 @@ def start(x, z, n, e, start_stroke):
 
 GRIP = "-min(1.0, tension / 0.1)"  # friction fades as the wire goes slack (`tendon.grip`)
 AGAINST = "rate / (abs(rate) + 0.05)"  # direction of a joint, blurred over a slow turn [rad/s]: assumed
+TENDON_POINTS = ("stretch", "elastic", "near_end", "far_end", "transmit", "at_cell", "at_spool", "settle")
 TENDON_LAWS = {
     "stretch": (
         free_curve("lengthening over tension", "tension_finger", "N", "-1.0"),
@@ -263,16 +255,11 @@ TENDON_LAWS = {
         free_curve("tension over stretch", "stretch", "m"),
         *free_memory("of tension", "stretched", "m", "settle"),
     ),
-    "near_end": (),
-    "far_end": (),
     "transmit": (
         free_curve("friction over tension", "tension", "N", "-slide"),
         free_curve("friction over speed", "speed", "m/s", GRIP, fine=True),
         *free_memory("of friction over travel", "travel", "m", "settle", GRIP, moves=True),
     ),
-    "at_cell": (),
-    "at_spool": (),
-    "settle": (),
 }
 JOINT_LAWS = (
     free_curve("torque over bend", "bend", "rad"),
@@ -300,14 +287,14 @@ PART = Part(
     ),
     tasks=(Task("update", ("stroke", "wire_speed")),),
     outputs=(
-        Output("output", ("angle", "rate", "tension_finger")),
+        Output.of_states(angle="angle", rate="rate", pull="tension_finger"),
         Output("output_tension", ("tension", "tension_spool"), reads=("stroke",)),
     ),
     points=(
         Point("router_height", JOINTS, wire_paths, laws=(free_curve("height", "height", "m"),)),
         Point("worn_height", TENDONS, wire_paths, laws=(free_curve("height over tension", "tension", "N"),)),
         Point("lever_height", TENDONS, wire_paths, laws=()),
-        *(Point(name, TENDONS, tendon, laws=laws) for name, laws in TENDON_LAWS.items()),
+        *(Point(name, TENDONS, tendon, laws=TENDON_LAWS.get(name, ())) for name in TENDON_POINTS),
         Point("passive", JOINTS, finger, laws=JOINT_LAWS),
         Point("external", SCALAR, finger, laws=()),
         Point("relax", JOINTS, finger, laws=()),

@@ -1,6 +1,46 @@
-"""Paths of the three wires over the finger: wire taken in, moment arms P = dl/dq and their slopes."""
+"""Paths of the three wires over the finger: wire taken in, moment arms P = dl/dq and their slopes.
 
-from exodrake.physics.routers import EXTENSOR, FLEXOR, path
+A wire crosses a joint between a router on each phalanx, at axial distances a, b from the joint and heights n, m above
+the bone. Distal router A = Rot(-q) (a, -+n), proximal one B = (-b, -+m), upper sign for the flexor (palmar). With
+L(q) = |A - B|:
+
+    L(q)^2 = a^2 + b^2 + m^2 + n^2 - 2 (D cos q + sigma E sin q)     D = m n - a b    E = m a + n b
+    l = L(0) - L(q)     R = dl/dq = (sigma E cos q - D sin q) / L     dR/dq = (R^2 - sigma E sin q - D cos q) / L
+
+with sigma = +1 for a flexor, -1 for the extensor. l is the wire taken in by the finger and R the signed moment arm
+(R > 0 flexes): the paper's Eq. 1 and 2 with the sign kept and without the factor 0.5, which breaks T dl = tau dq
+(`physics.md` 1.1). For a = b, m = n = h this is rho sin(alpha +- q/2) of `model.md`.
+"""
+
+from math import sqrt
+
+FLEXOR, EXTENSOR = 1.0, -1.0
+
+
+def path(cos_q, sin_q, a, b, m, n, side):
+    """Wire taken in l [m], moment arm R [m] and dR/dq [m/rad] at one joint.
+
+    Args: cos_q, sin_q of the joint angle; a, b, m, n [m]; side `FLEXOR` or `EXTENSOR`.
+    """
+    d = m * n - a * b
+    e = side * (m * a + n * b)
+    squares = a * a + b * b + m * m + n * n
+    length = sqrt(squares - 2.0 * (d * cos_q + e * sin_q))
+    arm = (e * cos_q - d * sin_q) / length
+    return sqrt(squares - 2.0 * d) - length, arm, (arm * arm - e * sin_q - d * cos_q) / length
+
+
+def applied_arm(arm):
+    """Moment arm that turns tension into torque [m]: the same one, by virtual work."""
+    return arm
+
+
+def applied_arm_as_printed(arm):
+    """|R| / 2 [m] as printed in our copy of the paper's Eq. 2; only the extensor's arm (< 0 near q = 0) has a sign.
+
+    A variant of `applied_arm`: T dl/dt = tau q' no longer holds (`physics.md` 1.1). The path keeps its true length.
+    """
+    return 0.5 * abs(arm) if arm > 0.0 else -0.5 * abs(arm)
 
 
 def router_height(e, z, i, height):
@@ -53,26 +93,16 @@ def pair(e, z, j, i, proximal, distal, pull):
     return m, worn_height(e, z, j, router_height(e, z, i, distal[i]), pull[j])
 
 
-def flexor(i, cosines, sines, height, n):
-    """Path of a flexor over joint i: l, R, dR/dq (`routers.path`); height: m and n [m]."""
-    return path(cosines[i], sines[i], n.a_f[i], n.b_f[i], height[0], height[1], FLEXOR)
-
-
-def extensor(i, cosines, sines, height, n):
-    """Path of an extensor over joint i: l, R, dR/dq (`routers.path`); height: m and n [m]."""
-    return path(cosines[i], sines[i], n.a_e[i], n.b_e[i], height[0], height[1], EXTENSOR)
-
-
 def paths(n, cosines, sines, high):
     """Wire taken in [m], the rows of P [m] and of dP/dq [m/rad] for AF, MF, AE at these angles; high: `heights` [m]."""
     all_flexor, mcp_flexor, all_extensor = high
-    f0 = flexor(0, cosines, sines, all_flexor[0], n)
-    f1 = flexor(1, cosines, sines, all_flexor[1], n)
-    f2 = flexor(2, cosines, sines, all_flexor[2], n)
-    g0 = flexor(0, cosines, sines, mcp_flexor, n)
-    x0 = extensor(0, cosines, sines, all_extensor[0], n)
-    x1 = extensor(1, cosines, sines, all_extensor[1], n)
-    x2 = extensor(2, cosines, sines, all_extensor[2], n)
+    f0 = path(cosines[0], sines[0], n.a_f[0], n.b_f[0], all_flexor[0][0], all_flexor[0][1], FLEXOR)
+    f1 = path(cosines[1], sines[1], n.a_f[1], n.b_f[1], all_flexor[1][0], all_flexor[1][1], FLEXOR)
+    f2 = path(cosines[2], sines[2], n.a_f[2], n.b_f[2], all_flexor[2][0], all_flexor[2][1], FLEXOR)
+    g0 = path(cosines[0], sines[0], n.a_f[0], n.b_f[0], mcp_flexor[0], mcp_flexor[1], FLEXOR)
+    x0 = path(cosines[0], sines[0], n.a_e[0], n.b_e[0], all_extensor[0][0], all_extensor[0][1], EXTENSOR)
+    x1 = path(cosines[1], sines[1], n.a_e[1], n.b_e[1], all_extensor[1][0], all_extensor[1][1], EXTENSOR)
+    x2 = path(cosines[2], sines[2], n.a_e[2], n.b_e[2], all_extensor[2][0], all_extensor[2][1], EXTENSOR)
     taken = (f0[0] + f1[0] + f2[0], g0[0], x0[0] + x1[0] + x2[0])
     arms = ((f0[1], f1[1], f2[1]), (g0[1], 0.0, 0.0), (x0[1], x1[1], x2[1]))
     return taken, arms, ((f0[2], f1[2], f2[2]), (g0[2], 0.0, 0.0), (x0[2], x1[2], x2[2]))

@@ -67,27 +67,6 @@ ROUNDING = 1e-12  # relative, of a frequency times a period
 MOST_CROSSED = 4  # channels: 256 sweeps, 21 min; assumed to be as long as anybody waits
 
 
-def targets_of(mode: str, robot: Robot, targets: Mapping[str, float] | None) -> np.ndarray:
-    """Target tensions (tendons,) [N] of a mode, or those given; InputError naming the mode, tendon or value."""
-    tendons = robot.machine.axes.tendons
-    if targets is None and mode not in robot.grasps:
-        hint = nearest(mode, list(robot.grasps))
-        raise InputError(f"unknown grasp mode {mode!r}{hint}; there are {', '.join(robot.grasps)}")
-    wanted = dict(robot.grasps[mode] if targets is None else targets)
-    for tendon in wanted:
-        if tendon not in tendons:
-            raise InputError(f"{mode}: unknown tendon {tendon!r}; the robot has {', '.join(tendons)}")
-    for tendon, (low, high) in zip(tendons, np.transpose(robot.reference_limits())):
-        if tendon not in wanted:
-            raise InputError(f"{mode}: no target tension for tendon {tendon}")
-        if not 0.0 <= wanted[tendon] <= high:
-            raise InputError(
-                f"{mode}: target tension of {tendon} is {wanted[tendon]} N, wanted 0 to F_max = {high:g} N"
-            )
-        wanted[tendon] = max(wanted[tendon], low)
-    return np.array([wanted[w] for w in tendons])
-
-
 def grasp(
     mode: str = "caging", robot: Robot | None = None, targets: Mapping[str, float] | None = None,
     *, rest: float = 0.5, approach: float = 1.0, hold: float = 2.5, release: float = 1.0,
@@ -102,9 +81,25 @@ def grasp(
         approach: duration [s].
         hold: duration [s].
         release: duration [s].
+
+    Raises:
+        InputError: naming the mode, tendon, value or duration.
     """
     robot = robot_or_default(robot)
-    peak, lowest = targets_of(mode, robot, targets), robot.reference_limits()[0]
+    tendons, (lowest, highest) = robot.machine.axes.tendons, robot.reference_limits()
+    if targets is None and mode not in robot.grasps:
+        hint = nearest(mode, list(robot.grasps))
+        raise InputError(f"unknown grasp mode {mode!r}{hint}; there are {', '.join(robot.grasps)}")
+    wanted = robot.grasps[mode] if targets is None else targets
+    for tendon in wanted:
+        if tendon not in tendons:
+            raise InputError(f"{mode}: unknown tendon {tendon!r}; the robot has {', '.join(tendons)}")
+    for tendon, high in zip(tendons, highest):
+        if tendon not in wanted:
+            raise InputError(f"{mode}: no target tension for tendon {tendon}")
+        if not 0.0 <= (value := wanted[tendon]) <= high:
+            raise InputError(f"{mode}: target tension of {tendon} is {value} N, wanted 0 to F_max = {high:g} N")
+    peak = np.maximum([wanted[tendon] for tendon in tendons], lowest)
     time = clock(robot, rest=rest, approach=approach, hold=hold, release=release, rest_after=rest)
     frame = robot.machine.frame
     up = smooth((time - rest) / max(approach, frame))

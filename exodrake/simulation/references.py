@@ -24,17 +24,12 @@ SMOOTH = 0.08  # s, standard deviation of the filter of a motion whose rates are
 ALIKE = 1e-6  # [s] two clocks closer than this are the same
 
 PROTOCOLS: dict[str, Callable[..., Reference]] = {
-    "sweeps": protocols.sweeps,
-    "short-sweeps": protocols.short_sweeps,
-    "maximum-tension": protocols.maximum_tension,
-    "chirp": protocols.chirp,
-    "holds": protocols.holds,
-    "steps": protocols.steps,
-    "multisine": protocols.multisine,
-    "random-motion": protocols.random_motion,
-}
-
-
+    function.__name__.replace("_", "-"): function
+    for function in (
+        protocols.sweeps, protocols.short_sweeps, protocols.maximum_tension, protocols.chirp, protocols.holds,
+        protocols.steps, protocols.multisine, protocols.random_motion,
+    )
+}  # fmt: skip
 # SI unit of the options of protocols; those without one are shares and counts
 UNITS = {
     **dict.fromkeys(("rest", "approach", "hold", "release", "period", "span", "dwell", "duration", "ramp"), "s"),

@@ -190,7 +190,7 @@ def simulate(
     return log_of(record(robot, reference, seed, quantisation, engine, substeps))
 
 
-def diagram_log(diagram: Diagram, context: Context) -> Log:
+def diagram_log(diagram: Diagram, context: Context, signals: Mapping[str, np.ndarray] | None = None) -> Log:
     """The log that the robot of a Diagram would have written, one row for each frame that has ended.
 
     Time is that of the frame's start, and samples of a sensor on a clock of its own are late, as in `simulate`.
@@ -199,18 +199,12 @@ def diagram_log(diagram: Diagram, context: Context) -> Log:
     Args:
         diagram: from `build_diagram`.
         context: root Context that has run.
+        signals: those of the run where they are known, name -> (rows, channels) array [SI].
 
     Returns:
         The columns of the machine.
     """
-    from exodrake.diagrams.diagram import logged_signals
-
-    return log_of_run(diagram, context, logged_signals(diagram, context))
-
-
-def log_of_run(diagram: Diagram, context: Context, signals: Mapping[str, np.ndarray]) -> Log:
-    """The log of a Diagram's run whose signals (rows, channels) [SI] are known; arguments as in `diagram_log`."""
-    from exodrake.diagrams.diagram import checked, find_parameter
+    from exodrake.diagrams.diagram import checked, find_parameter, logged_signals
 
     def value(name: str) -> float:
         try:
@@ -218,8 +212,9 @@ def log_of_run(diagram: Diagram, context: Context, signals: Mapping[str, np.ndar
         except InputError:  # a system of one's own, which lacks the parameter, stands in the part's place
             return 0.0
 
+    signals = dict(logged_signals(diagram, context) if signals is None else signals)
     robot_diagram = checked(diagram)
-    machine, signals = robot_diagram.robot.machine, dict(signals)
+    machine = robot_diagram.robot.machine
     delay_samples(machine, signals, value)
     time = machine.frame * (np.round(signals["time"] / machine.frame) - 1.0)
     return log_of_signals(machine, time, signals, robot_diagram.source)

@@ -20,45 +20,31 @@ from exodrake.simulation.simulate import record
 SHORT = Reference(np.tile([5.0, 3.0, 1.0], (3, 1)), "warm-up")
 
 
-def simulator() -> None:
-    """`begin`, `run` and `batch` of the compiled simulator."""
-    robot = load_robot()
-    machine, noise_inputs = robot.machine, NoiseInputs.draw(len(SHORT.values), 0, robot.machine)
-    record(robot, SHORT)
-    records = np.zeros((1, len(SHORT.values), signal_count(machine)))
-    given = input_rows(machine, SHORT.values, noise_inputs).values()
-    compile_machine(machine).batch(
-        prepared(robot)[None], state_size(machine), *given, machine.slot, 1, records, NOTHING
-    )
+JOBS = {"the compiled simulator": "compiled", "the Drake leaves": "drake"}  # and the engine that uses them
 
 
-def leaves() -> None:
-    """Compile the functions that the Drake leaves call."""
-    from exodrake.diagrams.diagram import run_diagram
-
-    robot = load_robot()
-    noise_inputs = NoiseInputs.draw(len(SHORT.values), 0, robot.machine)
-    run_diagram(robot, prepared(robot), SHORT, noise_inputs, 1)
-
-
-JOBS = {"the compiled simulator": "simulator", "the Drake leaves": "leaves"}
-
-
-def job(name: str, parent: int) -> None:
-    """One of the jobs, in a process that ends with the one of that id."""
+def use_engine(engine: str, parent: int) -> None:
+    """Uses all that an engine compiles once, in a process that ends with the one of that id."""
     end_with(parent)
-    globals()[name]()
+    robot = load_robot()
+    machine, frames = robot.machine, len(SHORT.values)
+    record(robot, SHORT, engine=engine)
+    if engine == "compiled":
+        given = input_rows(machine, SHORT.values, NoiseInputs.draw(frames, 0, machine)).values()
+        records = np.zeros((1, frames, signal_count(machine)))
+        batch = compile_machine(machine).batch
+        batch(prepared(robot)[None], state_size(machine), *given, machine.slot, 1, records, NOTHING)
 
 
 def warm_up(tell: Callable[[str, list[str]], object] = lambda done, left: None) -> None:
     """Compiles everything; `tell` hears what is done and what is left. Raises RuntimeError if a process fails."""
     compile_machine(load_robot().machine)  # writes the module, once for all processes
-    call = "from exodrake.simulation.warm_up import job; job({!r}, {})"
+    call = "from exodrake.simulation.warm_up import use_engine; use_engine({!r}, {})"
     options: dict[str, Any] = {"env": python_environment(), "stderr": subprocess.PIPE, "text": True}
     with ThreadPoolExecutor(len(JOBS)) as pool:
         running = {
-            pool.submit(subprocess.run, python_command("-c", call.format(function, os.getpid())), **options): name
-            for name, function in JOBS.items()
+            pool.submit(subprocess.run, python_command("-c", call.format(engine, os.getpid())), **options): name
+            for name, engine in JOBS.items()
         }
         for future in as_completed(running):
             name, process = running.pop(future), future.result()

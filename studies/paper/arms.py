@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from exodrake.physics.routers import EXTENSOR, FLEXOR, path
+from exodrake.physics.wire_paths import EXTENSOR, FLEXOR, path
 from exodrake.report.blocks import Drawing, Table
 from studies.paper.claim import AGREES, DOES_NOT, Chapter, Claim
 

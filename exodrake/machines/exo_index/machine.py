@@ -33,7 +33,7 @@ from exodrake.physics import (
     motor,
     sensor,
     tendon_finger,
-    variants,
+    wire_paths,
 )
 
 # A tendon is stiff: a micrometre turns into millinewtons. So a measured tension acts on the finger as a force, through
@@ -271,9 +271,9 @@ def machine() -> Machine:
         command_link=COMMAND_LINK,
         observer=Observer("speed_cmd", "stroke", ("motor", "theta"), "motor.r", gain=0.2),
         variants_available={
-            "controller_as_printed": ("controller.damping", variants.damping),
-            "finger_at_rest": ("tendon_finger.rests_before", variants.rests_before),
-            "routers_as_printed": ("routers.applied_arm", variants.applied_arm),
+            "controller_as_printed": ("controller.damping", controller.damping_as_printed),
+            "finger_at_rest": ("tendon_finger.rests_before", tendon_finger.rests_at_switch_on),
+            "routers_as_printed": ("wire_paths.applied_arm", wire_paths.applied_arm_as_printed),
         },
         reference_limits=("F_min", "F_max"),
         experiments={

@@ -1,4 +1,19 @@
-"""Vectors and matrices of three: tuples of floats, which numba keeps in registers."""
+"""Arithmetic that several parts share: rounding, dry friction, and vectors and matrices of three.
+
+Vectors are tuples of floats, which numba keeps in registers.
+"""
+
+from math import floor
+
+
+def rounded(value, step):
+    """Value rounded to the nearest multiple of step; unchanged where step is 0."""
+    return floor(value / step + 0.5) * step if step > 0.0 else value
+
+
+def slowed(speed, loss):
+    """Speed after dry friction took `loss` from it, which never turns motion round."""
+    return speed - loss if speed > loss else speed + loss if speed < -loss else 0.0
 
 
 def plus(a, b):

@@ -1,0 +1,163 @@
+"""Robots as Drake's own MultibodyPlant: a serial arm, and a finger under the same tendons.
+
+    plant = multibody_arm(load_robot("improved.yaml"))
+    diagram = build_diagram(robot, reference, systems=[MultibodyFinger(robot)])
+
+An arm knows payload and inertias of a diagnosis, and has an actuator for each joint. A MultibodyFinger stands in the
+place of the part `finger`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.systems.framework import BasicVector, Context, Diagram, DiagramBuilder, LeafSystem
+from pydrake.systems.primitives import Demultiplexer
+
+from exodrake.core.errors import InputError
+from exodrake.core.robot import Robot
+from exodrake.machines.export import robot_as
+from exodrake.physics.finger_statics import MF_JOINTS, end_stop, joint_paths, parameters_of
+
+FINGER = "finger"
+
+
+def multibody_arm(robot: Robot, step: float = 0.0) -> MultibodyPlant:
+    """The arm of a robot, finalized: links, joints with damping, rotors, payload and a tilted base.
+
+    Dry friction, elastic joints and other effects are not part of it.
+
+    Args:
+        robot: of a machine with an arm.
+        step: of a discrete plant [s]; 0 for a continuous one.
+
+    Raises:
+        InputError: the robot has no arm.
+    """
+    if "arm.tip_mass" not in robot.machine.index:
+        raise InputError(f"{robot.machine.name}: no arm that a MultibodyPlant could stand for")
+    plant = MultibodyPlant(step)
+    Parser(plant).AddModelsFromString(robot_as(robot, "urdf"), "urdf")
+    plant.mutable_gravity_field().set_gravity_vector(np.array([0.0, 0.0, -robot["arm.gravity"]]))
+    plant.Finalize()
+    return plant
+
+
+def multibody_finger(robot: Robot, step: float) -> MultibodyPlant:
+    """The finger as three solid cylinders on damped hinges, without gravity; step [s], 0 continuous."""
+    plant = MultibodyPlant(step)
+    Parser(plant).AddModelsFromString(robot_as(robot, "urdf"), "urdf")
+    plant.mutable_gravity_field().set_gravity_vector(np.zeros(3))
+    for joint in robot.machine.axes.joints:
+        hinge = plant.GetJointByName(joint)
+        hinge.set_default_positions(np.array([robot[f"finger.q0.{joint}"]]))
+        hinge.set_position_limits(np.array([-np.inf]), np.array([np.inf]))  # the tissue's own law stops it
+    plant.Finalize()
+    return plant
+
+
+class MultibodyFinger(Diagram):
+    """The nominal finger as a MultibodyPlant with elastic tendons.
+
+    .. pydrake_system::
+
+        name: MultibodyFinger
+        input_ports:
+        - stroke
+        output_ports:
+        - angle
+        - rate
+        - tension_finger
+        - tension
+        - tension_spool
+
+    stroke and tensions per tendon [m], [N]; angle and rate per joint [rad], [rad/s]. `plant` is the MultibodyPlant.
+
+    Raises:
+        InputError: the robot has no finger, or an effect on it, which the MultibodyPlant does not know.
+    """
+
+    def __init__(self, robot: Robot, step: float = 0.0) -> None:
+        """Takes the robot, and the step of a discrete plant [s]; 0 for a continuous one."""
+        super().__init__()
+        part = next((part for part in robot.machine.parts if part.name == FINGER), None)
+        if part is None:
+            raise InputError(f"{robot.machine.name}: no finger that a MultibodyPlant could stand for")
+        for effect in robot.machine.effects_on(part):
+            lead = effect.parameters[0]
+            if (robot.channels(f"{effect.id}.{lead.name}") != lead.null).any():
+                raise InputError(f"a MultibodyFinger is nominal: it does not know the effect {effect.id}")
+        builder, joints = DiagramBuilder(), len(robot.machine.axes.joints)
+        self.plant, tendons = multibody_finger(robot, step), ElasticTendons(robot)
+        split = Demultiplexer(output_ports_sizes=[joints, joints])  # angles, then rates
+        for name, system in (("plant", self.plant), ("tendons", tendons), ("split", split)):
+            builder.AddNamedSystem(name, system)
+        builder.Connect(self.plant.get_state_output_port(), tendons.GetInputPort("state"))
+        builder.Connect(self.plant.get_state_output_port(), split.get_input_port())
+        builder.Connect(tendons.GetOutputPort("torque"), self.plant.get_applied_generalized_force_input_port())
+        builder.ExportInput(tendons.GetInputPort("stroke"), "stroke")
+        builder.ExportOutput(split.get_output_port(0), "angle")
+        builder.ExportOutput(split.get_output_port(1), "rate")
+        for name in ("tension_finger", "tension", "tension_spool"):
+            builder.ExportOutput(tendons.GetOutputPort("tension"), name)
+        builder.BuildInto(self)
+        self.set_name(FINGER)
+
+
+class ElasticTendons(LeafSystem):
+    """Tensions of the tendons, and torques of tendons and passive joints without their damping.
+
+    .. pydrake_system::
+
+        name: ElasticTendons
+        input_ports:
+        - state
+        - stroke
+        output_ports:
+        - torque
+        - tension
+
+    state: angles [rad], then rates [rad/s]; stroke [m]; torque [N m]; tension [N].
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        super().__init__()
+        self.parameters = parameters_of(robot)
+        self.state = self.DeclareVectorInputPort("state", 6)
+        self.stroke = self.DeclareVectorInputPort("stroke", 3)
+        self.DeclareVectorOutputPort("torque", 3, self.show_torque, {self.all_input_ports_ticket()})
+        self.DeclareVectorOutputPort("tension", 3, self.show_tension, {self.all_input_ports_ticket()})
+
+    def show_torque(self, context: Context, output: BasicVector) -> None:
+        """Torques on the joints [N m]."""
+        output.set_value(pull_joints(self.state.Eval(context), self.stroke.Eval(context), self.parameters)[0])
+
+    def show_tension(self, context: Context, output: BasicVector) -> None:
+        """Tensions [N]."""
+        output.set_value(pull_joints(self.state.Eval(context), self.stroke.Eval(context), self.parameters)[1])
+
+
+@njit
+def pull_joints(state, stroke, n):
+    """Torques (3,) [N m] and tensions (3,) [N] of nominal tendons and joints.
+
+    state: (6,) angles [rad], then rates [rad/s]; stroke: (3,) [m]; n: `Parameters` of the finger.
+    """
+    arms, taken, torque, tension = np.zeros((3, 3)), np.zeros(3), np.zeros(3), np.zeros(3)
+    for i in range(3):
+        flexor, extensor = joint_paths(i, state[i], n)
+        taken[0] += flexor[0]
+        taken[2] += extensor[0]
+        arms[0, i], arms[2, i] = flexor[1], extensor[1]
+        if i < MF_JOINTS:
+            taken[1] += flexor[0]
+            arms[1, i] = flexor[1]
+    for j in range(3):
+        tension[j] = max(0.0, n.k[j] * (stroke[j] - taken[j]))
+    for i in range(3):
+        torque[i] = -n.kappa[i] * (state[i] - n.q0[i]) - end_stop(state[i], n.q_f[i], n.q_e[i], n.beta[i], n.A[i])
+        for j in range(3):
+            torque[i] += arms[j, i] * tension[j]
+    return torque, tension
