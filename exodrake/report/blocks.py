@@ -23,7 +23,10 @@ if TYPE_CHECKING:
 INK, SOFT, RULE, LINE, BAND = "#1c2430", "#5d6778", "#e4e7ec", "#98a2b3", "#dfe5ec"
 MEASURED, BEFORE, AFTER = (style["color"] for style in (plot.MEASURED, plot.NOMINAL, plot.IMPROVED))
 # colours that are variables of the report's style sheet, so that figures follow a dark scheme
-VARIABLES = {INK: "ink", SOFT: "soft", RULE: "rule", LINE: "line", BAND: "band", BEFORE: "before", AFTER: "after"}
+VARIABLES = {
+    INK: "ink", SOFT: "soft", RULE: "rule", LINE: "line", BAND: "band", MEASURED: "ink", BEFORE: "before",
+    AFTER: "after",
+}  # fmt: skip
 STYLE: dict[Any, Any] = {
     "font.family": "sans-serif", "font.size": 9, "svg.fonttype": "none", "axes.linewidth": 0.6,
     "axes.spines.top": False, "axes.spines.right": False, "axes.edgecolor": LINE, "axes.labelcolor": INK,

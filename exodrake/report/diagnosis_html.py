@@ -20,7 +20,9 @@ from typing import Any
 import numpy as np
 
 from exodrake import __version__
+from exodrake.analysis.log_response import COLUMNS, LogResponse, block_responses, plot_responses
 from exodrake.core.display import SYMBOLS, Display, display_of
+from exodrake.core.errors import InputError
 from exodrake.data import plot
 from exodrake.data.plot import envelope, new_figure, stretch_of
 from exodrake.diagnosis import localise
@@ -48,6 +50,7 @@ from exodrake.report.blocks import (
     LINE,
     RULE,
     SOFT,
+    STYLE,
     Bars,
     Drawing,
     Table,
@@ -290,12 +293,49 @@ def where(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
     by = "the effects of each part take up" if diagnosis.effects else "the best effect of each part takes up alone"
     drawn = wiring_svg(runs.problem.robot.machine, found.shares, schedule=False)
     caption = f"In each part the share of the gap that {by}."
-    figures = [condition_figure(diagnosis, runs)]  # a further figure of where the gap is stands beside it
+    figures = [response_figure(diagnosis, runs), condition_figure(diagnosis, runs)]
     return {
         "wiring": Drawing(drawn, caption, wide=True, alt="parts and signals of the robot"),
         "conditions": shares(found.regime) if found.regime else None,
         "figures": [figure for figure in figures if figure is not None],
     }
+
+
+def response_figure(diagnosis: Diagnosis, runs: SimulatedLogs) -> Drawing | None:
+    """Frequency response of each block: measured, nominal and improved, in the channel of the largest gap.
+
+    None where the estimate makes no sense: logs without the references of the machine, too short or with too many
+    missing samples, a robot that diverges on them, and no frequency at which a response is resolved.
+    """
+    robots = {name: diagnosis.robots[name] for name in (NOMINAL, IMPROVED)}
+    machine = robots[NOMINAL].machine
+    try:
+        found = block_responses(runs.problem.case, robots)
+    except InputError:
+        return None
+    by_block: dict[str, list[LogResponse]] = {segment.name: [] for segment in machine.segments}
+    for one in found:
+        name = next(s.name for s in machine.segments if s.output == split_column(one.output, machine)[0])
+        if one.resolved.any() and all(np.isfinite(model).all() for model in one.models.values()):
+            by_block[name].append(one)
+    by_block = {name: sorted(each, key=response_gap)[::-1] for name, each in by_block.items() if each}
+    if not by_block:
+        return None
+    chosen = {name: each[: max(1, COLUMNS // len(by_block))] for name, each in by_block.items()}
+    figure = plot_responses([one for each in chosen.values() for one in each], style=STYLE)
+    label = "frequency responses of the blocks, measured, nominal and improved"
+    parts = w.listed([f"{name} ({w.listed([one.output for one in each])})" for name, each in chosen.items()])
+    caption = (
+        f"Frequency response from the signal before each block to its own, before any effect is named: {parts}, "
+        "each in the channels of its largest gap. Band: 90 %. Where coherence is low, noise or a nonlinearity acts."
+    )
+    return Drawing(svg_of(figure, "response", label), caption, wide=True)
+
+
+def response_gap(one: LogResponse) -> float:
+    """RMS of the relative error of the nominal response, weighted by the output's power; 0 at unresolved lines."""
+    error = np.where(one.resolved, np.abs(one.models[NOMINAL] / one.response - 1.0), 0.0)
+    return float(np.sqrt(np.average(error**2, weights=one.power)))
 
 
 def condition_figure(diagnosis: Diagnosis, runs: SimulatedLogs) -> Drawing | None:
