@@ -12,8 +12,8 @@ from exodrake.analysis.limit_cycles import LimitCycles
 from exodrake.analysis.linear_model import evaluate
 from exodrake.analysis.margins import LatencySweep, Margins, close, decibel
 from exodrake.analysis.responses import StepResponse
+from exodrake.analysis.robustness import Uncertainty
 from exodrake.analysis.tuning import Tuning
-from exodrake.analysis.uncertainty import Uncertainty
 from exodrake.core.display import colour_of, display_of, shown_unit
 from exodrake.core.robot import Robot
 from exodrake.data.plot import STYLE, new_figure, png_of

@@ -17,10 +17,10 @@ from typing import Any
 import control
 import numpy as np
 
-from exodrake.analysis.frame_map import FrameMap, name_states
 from exodrake.analysis.linear_model import (
     FRACTION,
     OUTSIDE,
+    FrameMap,
     FrameModel,
     OperatingPoint,
     System,
@@ -46,25 +46,13 @@ NAN = float("nan")
 def open_loop(loop: FrameMap, model: FrameModel) -> System:
     """A loop opened at its commands, see `cut`. InputError where a command ignores its reference (a gain of 0)."""
     v, y = (model.rows(loop.kinds[signal], loop.channels) for signal in (loop.loop.command, loop.loop.measured))
-    return cut(model.system, controller_states(loop, model), v, y)
-
-
-def controller_states(loop: FrameMap, model: FrameModel) -> np.ndarray:
-    """Whether each state (n,) [-] of a linear model is the controller's own."""
-    names = [name.name.replace(".", "_") for name in name_states(loop.robot.machine)]
-    return loop.own[[names.index(name) for name in model.system.state_labels]]
+    return cut(model.system, loop.own[model.keep], v, y)
 
 
 def disturb(system: System, own: np.ndarray, v: list[int]) -> tuple[np.ndarray, np.ndarray]:
-    """B (n, channels) and D (outputs, channels) of disturbances that are added to the commands on their way.
+    """B (n, channels) and D (outputs, channels) of disturbances that are added to the commands; arguments as of `cut`.
 
-    Args:
-        system: closed loop from its references to all signals.
-        own: (n,) mask of the controller's states [-].
-        v: indices of the commands among the outputs.
-
-    Raises:
-        InputError: where a command ignores its reference.
+    InputError where a command ignores its reference. The states of the controller, `own` (n,) [-], are not disturbed.
     """
     direct = system.D[v]
     if (np.abs(direct).max(axis=1) == 0.0).any() or np.linalg.cond(direct) > 1e12:
@@ -232,13 +220,26 @@ def disk_margin(sensitivity: np.ndarray) -> np.ndarray:
     Returns:
         The margins; their minimum is exact, others may be a little pessimistic.
     """
+    from scipy.optimize import minimize
+
     balanced = sensitivity - 0.5 * np.eye(sensitivity.shape[-1])  # (S - T) / 2 with T = I - S
-    bound, scale = structured_bound(balanced)
-    if sensitivity.shape[-1] > 1:
-        done: set[int] = set()
-        while (worst := int(bound.argmax())) not in done:
-            bound[worst] = min(refine_bound(balanced[worst], scale[worst]), bound[worst])
-            done.add(worst)
+    bound, scales = structured_bound(balanced)
+    done: set[int] = set() if sensitivity.shape[-1] > 1 else set(range(len(bound)))
+
+    def size(logs: np.ndarray, m: np.ndarray) -> float:
+        scale = np.exp(np.append(0.0, logs))
+        return float(np.linalg.norm(scale[:, None] * m / scale, 2))
+
+    while (worst := int(bound.argmax())) not in done:
+        logs, found = np.log(scales[worst, 1:] / scales[worst, 0]), np.inf
+        for _ in range(3):  # the largest singular value has kinks: start again where the simplex ended
+            options = {"xatol": TIGHT, "fatol": TIGHT}
+            result = minimize(size, logs, (balanced[worst],), method="Nelder-Mead", options=options)
+            logs, before, found = result.x, found, min(found, float(result.fun))
+            if found > before * (1.0 - 10.0 * TIGHT):
+                break
+        bound[worst] = min(found, bound[worst])
+        done.add(worst)
     return 1.0 / np.maximum(bound, np.finfo(float).tiny)
 
 
@@ -253,23 +254,6 @@ def structured_bound(m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             least = DECOUPLED * size.max(axis=(1, 2))
             scale[:, i] = np.clip(scale[:, i] * ((column + least) / (row + least)) ** 0.25, 1.0 / FAR, FAR)
     return np.linalg.norm(scale[:, :, None] * m / scale[:, None, :], 2, axis=(-2, -1)), scale
-
-
-def refine_bound(m: np.ndarray, start: np.ndarray) -> float:
-    """Least sigma_max(Q M Q^-1) over diagonal Q > 0 of a matrix (k, k) [-], searched from scalings (k,) [-]."""
-    from scipy.optimize import minimize
-
-    def size(logs: np.ndarray) -> float:
-        scale = np.exp(np.append(0.0, logs))
-        return float(np.linalg.norm(scale[:, None] * m / scale, 2))
-
-    logs, found = np.log(start[1:] / start[0]), np.inf
-    for _ in range(3):  # the largest singular value has kinks: start again where the simplex ended
-        result = minimize(size, logs, method="Nelder-Mead", options={"xatol": TIGHT, "fatol": TIGHT})
-        logs, before, found = result.x, found, min(found, float(result.fun))
-        if found > before * (1.0 - 10.0 * TIGHT):
-            break
-    return found
 
 
 @dataclass(frozen=True)
@@ -328,11 +312,8 @@ def delay_budget(loop: FrameMap, margins: tuple[Margins, ...]) -> tuple[DelayBud
         writes = (find_slot(part, k, kinds.command) for part in machine.parts if part.name != kinds.part)
         write = next((slot for slot in writes if slot is not None), control)  # a plant that reads the command at once
         to_control, to_write = ((b - a) % machine.slots * machine.slot for a, b in ((read, control), (control, write)))
-        budgets.append(
-            DelayBudget(
-                m.channel, machine.slot, read, control, write, to_control, to_write, 0.5 * machine.frame, m.delay_margin
-            )
-        )
+        slots = machine.slot, read, control, write
+        budgets.append(DelayBudget(m.channel, *slots, to_control, to_write, 0.5 * machine.frame, m.delay_margin))
     return tuple(budgets)
 
 
@@ -380,13 +361,9 @@ def radius_at(loop: FrameMap, point: OperatingPoint, size: np.ndarray, keep: np.
 def stability_map(
     loop: FrameMap, point: OperatingPoint, first: np.ndarray | None = None, second: np.ndarray | None = None
 ) -> StabilityMap:
-    """The map over the loop's two gains, linearised afresh at each pair; the loop rests in the same state under all.
+    """The map over the loop's two gains, first (m,) and second (n,) [SI], or over grids of them.
 
-    Args:
-        loop: the frame map.
-        point: operating point.
-        first: (m,) rising [SI]; a grid by default.
-        second: (n,) rising [SI]; a grid by default.
+    It is linearised afresh at each pair; the loop rests in the same state under all.
     """
     across, up = loop.loop.gains
     names = (across.parameter, up.parameter)

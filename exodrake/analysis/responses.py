@@ -14,8 +14,7 @@ from typing import Any
 import control
 import numpy as np
 
-from exodrake.analysis.frame_map import FrameMap
-from exodrake.analysis.linear_model import FrameModel, OperatingPoint, evaluate
+from exodrake.analysis.linear_model import FrameMap, FrameModel, OperatingPoint, evaluate
 from exodrake.compiled.inputs import prepared
 
 BEFORE, AFTER = 10, 300  # frames shown before the step and simulated after it
