@@ -13,8 +13,7 @@ from exodrake.cli.grasp import parse_size
 from exodrake.cli.main import cli
 from exodrake.core.errors import InputError
 from exodrake.grasping.hand import MODES, mode_of
-from exodrake.grasping.plan import at_hold, tensions_for
-from exodrake.grasping.run import run_plan
+from exodrake.grasping.plan import at_hold, run_plan, tensions_for
 from exodrake.physics import finger_statics as statics
 from exodrake.physics.finger_statics import parameters_of
 

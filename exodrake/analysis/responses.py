@@ -35,11 +35,8 @@ def first_crossing(x: np.ndarray, y: np.ndarray, level: float) -> float:
     x[0] if y begins at the level or above, NaN if it never reaches it.
     """
     above = np.flatnonzero(y >= level)
-    if not len(above):
-        return float("nan")
-    k = int(above[0])
-    if k == 0:
-        return float(x[0])
+    if not len(above) or (k := int(above[0])) == 0:
+        return float(x[0]) if len(above) else float("nan")
     return float(x[k - 1] + (x[k] - x[k - 1]) * (level - y[k - 1]) / (y[k] - y[k - 1]))
 
 
@@ -48,8 +45,7 @@ class StepResponse:
     """Response of the controlled quantity to a step of one channel's reference, without noise.
 
     Attributes:
-        channel: whose reference steps.
-        size: of the step [SI].
+        channel: whose reference steps, by `size` [SI].
         time: (n,) [s], a sample per slot; the frame with the new reference starts at 0.
         output: (n, channels) [SI].
         rise: 10 to 90 % [s].
@@ -165,17 +161,11 @@ def multisine(rms: float, lines: np.ndarray, period: int, rng: np.random.Generat
 def frequency_response(
     loop: FrameMap, point: OperatingPoint, model: FrameModel, channel: int, seed: int | None = None
 ) -> FrequencyResponse:
-    """Frequency response of a channel from its reference to its reading.
+    """Frequency response of a channel, by its index, from its reference to its reading.
 
-    Args:
-        loop: the frame map.
-        point: operating point.
-        model: linear model there.
-        channel: its index.
-        seed: of the sensors' noise, then readings are rounded too; None measures without.
+    With the seed of the sensors' noise readings are rounded, too; without, neither.
     """
-    machine = loop.robot.machine
-    lines, rng = LINES, np.random.default_rng(PHASES)
+    machine, lines, rng = loop.robot.machine, LINES, np.random.default_rng(PHASES)
     if seed is not None:
         loop = replace(loop, parameters=prepared(loop.robot))
     sent, read = np.zeros((DRAWS, len(lines)), complex), np.zeros((DRAWS, len(lines)), complex)

@@ -41,8 +41,7 @@ def command(mode: str, size: str, file: Path | None, robot: str, seed: int, out:
     from exodrake.core.files import check_folder, write_folder
     from exodrake.data.formats import log_bytes
     from exodrake.estimator.file import load, quick_estimator
-    from exodrake.grasping.plan import plan_grasp
-    from exodrake.grasping.run import run_plan
+    from exodrake.grasping.plan import plan_grasp, run_plan
     from exodrake.machines.robot_file import load_robot
 
     built, wanted = load_robot(robot), parse_size(size)

@@ -40,21 +40,26 @@ from typing import Any
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from scipy.stats import f as fisher
-from sklearn.gaussian_process.kernels import (
-    RBF,
-    ConstantKernel,
-    DotProduct,
-    Kernel,
-    Matern,
-    Sum,
-    WhiteKernel,
-)
+from sklearn.gaussian_process.kernels import RBF, ConstantKernel, DotProduct, Kernel, Matern, Sum, WhiteKernel
 
 from exodrake.core.confidence import NORMAL_95
 from exodrake.core.errors import InputError, short_repr
 from exodrake.core.parallel import thread_limit
 from exodrake.estimator.dataset import Sweeps
 from exodrake.physics.gp_estimator import Weights, predict_rows
+
+POINTS = 500
+JITTER = 1e-10  # scikit-learn's default, added to the diagonal
+EVALUATIONS = 60  # of the marginal likelihood, which has converged by then
+STROKE_POINTS = 250  # training rows: strokes follow tensions smoothly
+ROWS = 200  # rows of a session, equispaced
+TOLERANCE = 7e-5  # m; a shift as small costs up to 0.01 rad (MF 0.14 rad/mm), a third of the paper's 0.03 rad
+FALSE = 0.01  # probability that zeros which have not moved count as moved
+UNLIKE = 4.0  # standard deviations by which the reduced chi-square of a session exceeds that of training sweeps
+# Quantile of the held-out variances that is the limit; new sweeps at trained levels exceed it about 1 % of the time
+OWN = 0.975
+# The hyperparameters were learnt with the held-out sweep included, so residuals are too small: measured on new sweeps
+ALLOWANCE = 1.1
 
 
 class OnColumns(Kernel):
@@ -119,11 +124,6 @@ def sweep_kernel(inputs: int) -> Sum:
     return linear + curved + shared + drift + WhiteKernel(1e-3, (1e-7, 1.0))
 
 
-POINTS = 500
-JITTER = 1e-10  # scikit-learn's default, added to the diagonal
-EVALUATIONS = 60  # of the marginal likelihood, which has converged by then
-
-
 @dataclass(frozen=True, eq=False)
 class Prior:
     """Covariance and scaling: kernel over (z, sweep, time) with z = rotation (x - center), angle = offset + gain y."""
@@ -172,21 +172,11 @@ def scaled_prior(sweeps: Sweeps) -> Prior:
     return Prior(sweep_kernel(len(center)), center, axes.T / width, sweeps.angle.mean(axis=0), gain)
 
 
-STROKE_POINTS = 250  # training rows: strokes follow tensions smoothly
-ROWS = 200  # rows of a session, equispaced
-TOLERANCE = 7e-5  # m; a shift as small costs up to 0.01 rad (MF 0.14 rad/mm), a third of the paper's 0.03 rad
-FALSE = 0.01  # probability that zeros which have not moved count as moved
-UNLIKE = 4.0  # standard deviations by which the reduced chi-square of a session exceeds that of training sweeps
-
-
 @dataclass(frozen=True)
 class Zeros:
-    """Shift of the stroke zeros of a session against training.
+    """Shift (wires,) [m] of the stroke zeros of a session against training, with its covariance (wires, wires) [m2].
 
     Attributes:
-        wires: Names of the wires.
-        shift: (wires,) [m].
-        covariance: (wires, wires) [m2].
         moved: Whether the shift is more than variation between sweeps, and a constant explains the residuals.
         unlike: Whether a constant does not explain the residuals: contact, another wearer or robot.
     """
@@ -205,11 +195,9 @@ class Zeros:
 
 @dataclass(frozen=True, eq=False)
 class StrokeModel:
-    """Strokes that training sweeps show at their tensions.
+    """Strokes that training rows show at their tensions: inputs [N], outputs (`angle`) strokes [m].
 
-    Attributes:
-        rows: Training rows: tensions [N] as inputs, strokes [m] as outputs (`angle`).
-        theta: Logarithms of the hyperparameters of the covariance.
+    `theta` are the logarithms of the hyperparameters of the covariance.
     """
 
     rows: Sweeps
@@ -224,8 +212,8 @@ class StrokeModel:
     @cached_property
     def inverse(self) -> np.ndarray:
         """K^-1 of the training rows (n, n) [-]."""
-        covariance = self.prior.kernel(self.prior.rows(self.rows)) + JITTER * np.eye(len(self.rows))
-        return cho_solve(cho_factor(covariance), np.eye(len(covariance)))
+        eye = np.eye(len(self.rows))
+        return cho_solve(cho_factor(self.prior.kernel(self.prior.rows(self.rows)) + JITTER * eye), eye)
 
     @cached_property
     def held_out(self) -> tuple[np.ndarray, np.ndarray]:
@@ -285,24 +273,16 @@ def _constant(precision: np.ndarray, residual: np.ndarray) -> tuple[np.ndarray, 
     return shift, kappa, float(np.sum(left * (precision @ left))) / left.size
 
 
-# Quantile of the held-out variances that is the limit; new sweeps at trained levels exceed it about 1 % of the time
-OWN = 0.975
-# The hyperparameters were learnt with the held-out sweep included, so residuals are too small: measured on new sweeps
-ALLOWANCE = 1.1
-
-
 @short_repr
 @dataclass(frozen=True, eq=False)
 class Estimator:
     """Trained estimator.
 
     Attributes:
-        wires: Names of the wires.
-        joints: Names of the joints.
+        wires, joints, logs: Names of wires, joints and training logs.
         weights: Arrays of the prediction.
         limit: Variance ratio (see `predict_into`) beyond which a sample is unlike the training sweeps [-].
         robot: Signature of the robot file, or "".
-        logs: Names of the training logs.
         sweeps: Number of training sweeps.
         kernel: The covariance, as text.
         strokes: Strokes that the training shows at its tensions, for the zeros of a session; None if not learnt.
@@ -324,18 +304,11 @@ class Estimator:
         return len(self.weights.alpha)
 
     def predict(self, tension: np.ndarray, stroke: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Predict joint angles.
+        """Mean and standard deviation (rows, joints) [rad], and flag (rows,) of samples unlike the training sweeps.
 
-        The flag is that of a sample: `zeros` finds re-donning with a whole session. It does not detect contact with an
-        object, which changes tension and stroke along combinations seen in training.
-
-        Args:
-            tension: (rows, wires) [N].
-            stroke: (rows, wires) [m].
-
-        Returns:
-            Mean (rows, joints) [rad], standard deviation (rows, joints) [rad], and flag (rows,) of samples unlike the
-            training sweeps.
+        From tension (rows, wires) [N] and stroke (rows, wires) [m]. The flag is that of a sample: `zeros` finds
+        re-donning with a whole session. It does not detect contact with an object, which changes tension and stroke
+        along combinations seen in training.
         """
         mean, std, ratio = predict_rows(np.ascontiguousarray(tension), np.ascontiguousarray(stroke), self.weights)
         return mean, std, ratio > self.limit
@@ -385,17 +358,14 @@ def condition(prior: Prior, sweeps: Sweeps, points: int = POINTS) -> Estimator:
     rest = shared.k1.constant_value + drift.k1.k1.constant_value + noise.noise_level
     scale = ALLOWANCE / NORMAL_95 * np.quantile(np.abs(residual) / np.sqrt(variance)[:, None], 0.95, axis=0)
     weights = Weights(
-        center=prior.center,
-        rotation=np.ascontiguousarray(prior.rotation),
+        center=prior.center, rotation=np.ascontiguousarray(prior.rotation),
         points=np.ascontiguousarray(rows[:, : prior.rotation.shape[0]].T),
         shrink=1.0 / np.atleast_1d(curved.k2.kernel.length_scale),
         variances=np.array([linear.k1.constant_value, curved.k1.constant_value, rest]),
         alpha=np.ascontiguousarray(lower.T @ (lower @ targets)),
         factor=np.concatenate([lower[column:, column] for column in range(len(rows))]),
-        offset=prior.offset,
-        gain=prior.gain,
-        spread=prior.gain * scale,
-    )
+        offset=prior.offset, gain=prior.gain, spread=prior.gain * scale,
+    )  # fmt: skip
     limit = float(np.quantile(variance / rest, OWN))
     return Estimator(
         chosen.wires, chosen.joints, weights, limit, logs=sweeps.logs, sweeps=sweeps.count, kernel=str(prior.kernel)
@@ -403,15 +373,9 @@ def condition(prior: Prior, sweeps: Sweeps, points: int = POINTS) -> Estimator:
 
 
 def leave_one_sweep_out(inverse: np.ndarray, targets: np.ndarray, sweep: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Predict each row from the other sweeps.
+    """Residual (n, joints) and variance (n,) [-] of each row, predicted from the other sweeps.
 
-    Args:
-        inverse: K^-1 (n, n) [-].
-        targets: (n, joints) scaled angles [-].
-        sweep: (n,) labels.
-
-    Returns:
-        Residual (n, joints) and variance (n,) [-].
+    From K^-1 (n, n), scaled angles (n, joints), and labels of sweeps (n,) [-].
     """
     weighted = inverse @ targets
     residual, variance = np.empty_like(targets), np.empty(len(targets))

@@ -65,6 +65,23 @@ from exodrake.report.wording import split_column
 
 NOMINAL, RETUNED, IMPROVED = "nominal", "retuned", "improved"
 ROBOTS: tuple[str, ...] = (NOMINAL, RETUNED, IMPROVED)
+COLOURS = {
+    NO_GAP: "#18794e", RETUNE: "#0b7285", NAMED: "#1d4ed8", AMBIGUOUS: "#a15c00", PARTLY: "#7a3e9d", UNKNOWN: "#b42318",
+}  # fmt: skip
+CURVE_LEVELS = 65534  # of a curve; the next one marks a missing sample
+SIZE = 900_000  # characters that all curves of a report may take
+CHARACTERS = 8 / 3  # that a sample takes
+FEWEST_SAMPLES, MOST_SAMPLES = 600, 8000  # samples of a curve: least, however many logs there are, and most
+NOISE_BAND = 2.0  # noise standard deviations to either side of no error
+BINS = 14  # of a condition
+DOTS = 2500  # of a scatter, at most
+JITTER = 0.12  # half the width of a cloud of samples over one of a few levels
+# conditions with two or three levels, and how these are called
+LEVELS = {(0.0, 1.0): ("no", "yes"), (-1.0, 0.0, 1.0): ("negative", "at rest", "positive")}
+SHOWN = 5  # retuned parameters that are shown at once
+LEAST = 0.005  # standard deviations of its tolerance: a smaller change is not listed
+AT_BOUND = 0.999  # of the bound, from which a change counts as limited by it
+DIGITS = 12  # of a file's hash that are shown; the JSON has them all
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,54 +149,31 @@ class SimulatedLogs:
         """Display of a kind of signal."""
         return display_of(kind, self.problem.robot.machine)
 
-    def of_kind(self, kind: str) -> list[int]:
-        """Indices of the columns of one kind."""
-        return [i for i, (own, _) in enumerate(self.parts) if own == kind]
-
     def rms(self, log: SimulatedLog, robot: str) -> float:
         """RMS error of a robot on a log [noise_std], in the band of a tremor its strength alone, as for the closure."""
         gaps = mismatch(log.trial.measured, log.simulated[robot], self.problem.notched, self.period) / log.noise_std
         return float(np.sqrt(np.nanmean(gaps**2))) if gaps.size else float("nan")
 
 
-def simulate_logs(diagnosis: Diagnosis, problem: Problem) -> SimulatedLogs:
-    """Simulates the logs of a case with the nominal, the retuned and the improved robot."""
-    plain = replace(problem, detected=())  # the robots hold what was detected
-    rows = np.array([plain.silent(diagnosis.robots[name]) for name in ROBOTS])
-    runs = ((t, dict(zip(ROBOTS, problem.predict(rows, t)))) for t in (*problem.fit, *problem.holdout))
-    return SimulatedLogs(problem, tuple(SimulatedLog(t, simulated, problem.noise_std) for t, simulated in runs))
-
-
-CURVE_LEVELS = 65534  # of a curve; the next one marks a missing sample
-SIZE = 900_000  # characters that all curves of a report may take
-CHARACTERS = 8 / 3  # that a sample takes
-FEWEST_SAMPLES, MOST_SAMPLES = 600, 8000  # samples of a curve: least, however many logs there are, and most
-NOISE_BAND = 2.0  # noise standard deviations to either side of no error
-
-
 def how_far(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
-    """Values of the section's template."""
-    drawn = dict([(NOMINAL, plot.NOMINAL), (IMPROVED, plot.IMPROVED)][: len(w.robots_of(diagnosis))])
-    return {
-        "errors": error_by_robot(diagnosis),
-        "curves": curves(runs, list(drawn)) if runs.judged else None,
-        "gaps": gap_tables(diagnosis),
-        "spectrum": Drawing(spectrum_svg(runs, drawn), wide=True) if runs.judged else None,
-    }
-
-
-def error_by_robot(diagnosis: Diagnosis) -> list[dict[str, Any]]:
-    """Rows from the nominal robot to noise: RMS error [noise_std] with its share of the largest, and closures."""
+    """Values of the section's template; rows of `errors` from the nominal robot to noise: RMS [noise_std], closures."""
     closure, robots = diagnosis.closure, w.robots_of(diagnosis)
+    drawn = dict([(NOMINAL, plot.NOMINAL), (IMPROVED, plot.IMPROVED)][: len(robots)])
     largest = max((closure.rms[key] for key in robots if np.isfinite(closure.rms[key])), default=1.0)
     closed = {"retuned": closure.retune, "after": closure.overall}
     step = {"after": closure.effect} if np.isfinite(closure.effect.value) else {}
     rows = [(key, name, closure.rms[key]) for key, name in robots.items()] + [("noise", "noise alone", 1.0)]
-    return [
+    errors = [
         {"key": key, "name": name, "rms": w.digits(rms), "length": min(rms / largest, 1.0)}
         | {"overall": closed.get(key), "effect": step.get(key)}
         for key, name, rms in rows
     ]
+    return {
+        "errors": errors,
+        "curves": curves(runs, list(drawn)) if runs.judged else None,
+        "gaps": gap_tables(diagnosis),
+        "spectrum": Drawing(spectrum_svg(runs, drawn), wide=True) if runs.judged else None,
+    }
 
 
 def gap_tables(diagnosis: Diagnosis) -> list[Table]:
@@ -205,7 +199,8 @@ def gap_tables(diagnosis: Diagnosis) -> list[Table]:
 
 def spectra(runs: SimulatedLogs, robot: str, kind: str) -> tuple[np.ndarray, np.ndarray]:
     """Frequency [Hz] and mean power density [1/Hz] of the normalised residuals of one kind, over judged logs."""
-    columns = [log.residuals[robot][:, i] for log in runs.judged for i in runs.of_kind(kind)]
+    indices = [i for i, (own, _) in enumerate(runs.parts) if own == kind]
+    columns = [log.residuals[robot][:, i] for log in runs.judged for i in indices]
     found = [localise.spectrum(np.nan_to_num(column), runs.period) for column in columns]
     frequency = min((frequency for frequency, _ in found), key=len)
     return frequency, np.mean([power for _, power in found if len(power) == len(frequency)], axis=0)
@@ -237,33 +232,27 @@ def curves(runs: SimulatedLogs, robots: Sequence[str]) -> dict[str, Any]:
     """
     count = (1 + 2 * len(robots)) * max(len(runs.problem.columns), 1) * max(len(runs.judged), 1)
     most = int(np.clip(SIZE / (CHARACTERS * count), FEWEST_SAMPLES, MOST_SAMPLES))
-    shown = {kind: runs.display(kind) for kind in runs.kinds}
+    displays, logs = {kind: runs.display(kind) for kind in runs.kinds}, []
+    for log in runs.judged:
+        stretch = stretch_of(len(log.trial.measured), most)
+        rows = {"measured": log.trial.measured}
+        for name in robots:
+            rows[name] = np.where(np.isfinite(log.simulated[name]), log.simulated[name], np.nan)
+            rows[f"error_{name}"] = log.residuals[name] * log.noise_std
+        short, columns = {name: envelope(values, stretch) for name, values in rows.items()}, []
+        for i, (kind, channel) in enumerate(runs.parts):
+            factor = displays[kind].factor
+            column = {"kind": kind, "channel": channel, "band": NOISE_BAND * factor * float(log.noise_std[i])}
+            columns.append(column | {name: packed(factor * values[:, i]) for name, values in short.items()})
+        logs.append({
+            "name": log.trial.name, "samples": len(short["measured"]), "stretch": stretch,
+            "step": runs.period * (stretch / 2 if stretch > 1 else 1), "columns": columns,
+        })  # fmt: skip
     return {
-        "kinds": [{"name": k, "label": d.label, "unit": SYMBOLS.get(d.unit, d.unit)} for k, d in shown.items()],
+        "kinds": [{"name": k, "label": d.label, "unit": SYMBOLS.get(d.unit, d.unit)} for k, d in displays.items()],
         "robots": list(robots),
-        "logs": [log_curves(runs, log, robots, most) for log in runs.judged],
+        "logs": logs,
     }
-
-
-def log_curves(runs: SimulatedLogs, log: SimulatedLog, robots: Sequence[str], most: int) -> dict[str, Any]:
-    """The curves of a log, of at most so many samples each."""
-    stretch = stretch_of(len(log.trial.measured), most)
-    rows = {"measured": log.trial.measured}
-    for name in robots:
-        rows[name] = np.where(np.isfinite(log.simulated[name]), log.simulated[name], np.nan)
-        rows[f"error_{name}"] = log.residuals[name] * log.noise_std
-    short = {name: envelope(values, stretch) for name, values in rows.items()}
-    columns = []
-    for i, (kind, channel) in enumerate(runs.parts):
-        factor = runs.display(kind).factor
-        found = {name: packed(factor * values[:, i]) for name, values in short.items()}
-        columns.append(
-            {"kind": kind, "channel": channel, "band": NOISE_BAND * factor * float(log.noise_std[i]), **found}
-        )
-    return {
-        "name": log.trial.name, "samples": len(short["measured"]), "stretch": stretch,
-        "step": runs.period * (stretch / 2 if stretch > 1 else 1), "columns": columns,
-    }  # fmt: skip
 
 
 def packed(values: np.ndarray) -> dict[str, Any]:
@@ -274,13 +263,6 @@ def packed(values: np.ndarray) -> dict[str, Any]:
     levels = np.full(len(values), CURVE_LEVELS + 1, "<u2")
     levels[known] = np.round((values[known] - least) / (height or 1.0))
     return {"least": least, "height": height, "levels": b64encode(levels.tobytes()).decode()}
-
-
-BINS = 14  # of a condition
-DOTS = 2500  # of a scatter, at most
-JITTER = 0.12  # half the width of a cloud of samples over one of a few levels
-# conditions with two or three levels, and how these are called
-LEVELS = {(0.0, 1.0): ("no", "yes"), (-1.0, 0.0, 1.0): ("negative", "at rest", "positive")}
 
 
 def where(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
@@ -354,10 +336,18 @@ def condition_figure(diagnosis: Diagnosis, runs: SimulatedLogs) -> Drawing | Non
     known = np.isfinite(before) & np.isfinite(after)
     table = localise.conditions(runs.problem, log.trial, localise.channel_of(runs.problem, signal))
     best = max(table, key=lambda condition: localise.explained(before[known], table[condition][known]))
-    label, factor = condition_label(best, runs)
+    declared, label, factor = runs.problem.robot.machine.regime, best, 1.0
+    if best.startswith("time"):
+        label = f"{best} [s]"
+    elif declared is not None and best in ("load", "joint angle", "speed"):
+        shown = runs.display({"load": declared.load, "joint angle": declared.joint}.get(best, declared.position))
+        label, factor = f"{best} [{shown.symbol}{'/s' if best == 'speed' else ''}]", shown.factor
     at, before, after = factor * table[best][known], before[known], after[known]
     levels = tuple(np.unique(at).tolist())
     few, step = len(levels) <= max(map(len, LEVELS)), max(1, len(at) // DOTS)
+    # bins of equal count, or of equal condition, where it has few values
+    bins = np.array_split(np.argsort(at, kind="stable"), BINS)
+    bins = [np.flatnonzero(at == level) for level in levels] if len(levels) <= BINS else bins
     dots = at + np.random.default_rng(0).uniform(-JITTER, JITTER, len(at)) if few else at
     with house_style():
         figure = new_figure(4.2, 2.6)
@@ -365,7 +355,8 @@ def condition_figure(diagnosis: Diagnosis, runs: SimulatedLogs) -> Drawing | Non
         axes.axhspan(-2.0, 2.0, color=BAND, lw=0)
         for values, colour, name in ((before, LINE, "retuned robot"), (after, AFTER, w.last_robot(diagnosis))):
             axes.plot(dots[::step], values[::step], ".", ms=1.6, mew=0, color=colour, alpha=0.35, rasterized=True)
-            axes.plot(*binned(at, values), "o-", ms=3, lw=1.2, color=colour, label=name, mew=0)
+            means = [[rows[one].mean() for one in bins] for rows in (at, values)]
+            axes.plot(*means, "o-", ms=3, lw=1.2, color=colour, label=name, mew=0)
         axes.axhline(0.0, color=SOFT, lw=0.4)
         limit = 1.1 * max(np.percentile(np.abs(np.concatenate([before, after])), 99.5), 3.0)
         axes.set_ylim(-limit, limit)
@@ -380,31 +371,6 @@ def condition_figure(diagnosis: Diagnosis, runs: SimulatedLogs) -> Drawing | Non
         "The band is ± 2 noise standard deviations."
     )
     return Drawing(svg, caption)
-
-
-def condition_label(name: str, runs: SimulatedLogs) -> tuple[str, float]:
-    """A condition with the unit in which it is shown, where the machine declares it, and its factor from SI."""
-    declared = runs.problem.robot.machine.regime
-    if name.startswith("time"):
-        return f"{name} [s]", 1.0
-    if declared is None or name not in ("load", "joint angle", "speed"):
-        return name, 1.0
-    shown = runs.display({"load": declared.load, "joint angle": declared.joint}.get(name, declared.position))
-    return f"{name} [{shown.symbol}/s]" if name == "speed" else f"{name} [{shown.symbol}]", shown.factor
-
-
-def binned(at: np.ndarray, values: np.ndarray, bins: int = BINS) -> tuple[np.ndarray, np.ndarray]:
-    """Mean condition and mean value in bins of equal count (or of equal condition, where it has few values)."""
-    levels = np.unique(at)
-    if len(levels) <= bins:
-        return levels, np.array([values[at == level].mean() for level in levels])
-    groups = np.array_split(np.argsort(at, kind="stable"), bins)
-    return np.array([at[g].mean() for g in groups]), np.array([values[g].mean() for g in groups])
-
-
-SHOWN = 5  # retuned parameters that are shown at once
-LEAST = 0.005  # standard deviations of its tolerance: a smaller change is not listed
-AT_BOUND = 0.999  # of the bound, from which a change counts as limited by it
 
 
 def which(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
@@ -444,23 +410,19 @@ def share_bars(diagnosis: Diagnosis) -> Bars | None:
     rows = []
     for effect in (*w.causes(diagnosis), *w.refinements(diagnosis)):
         strong = effect in w.causes(diagnosis)
-        rows.append((f"`{effect.id}`", length(effect.share.value), w.share_span(effect.share), strong))
-        rows += [(f"or `{r.id}`", length(r.share.value), w.share(r.share.value), False) for r in effect.rivals]
+        rows.append((f"`{effect.id}`", effect.share.value, w.share_span(effect.share), strong))
+        rows += [(f"or `{r.id}`", r.share.value, w.share(r.share.value), False) for r in effect.rivals]
     if not rows:
         return None
     left = diagnosis.remainder
     noise = f", {w.digits(left.noise_std, 2)} noise std" if np.isfinite(left.noise_std) else ""
-    rows.append(("remains", length(left.value), w.share(left.value) + noise, False))
+    rows.append(("remains", left.value, w.share(left.value) + noise, False))
+    rows = [(name, float(np.clip(np.nan_to_num(length), 0.0, 1.0)), *rest) for name, length, *rest in rows]
     caption = (
         "Share of the gap beyond retuning, fitted logs: what is left without the effect less what is left with it. "
         "Causes in colour, rivals of a cause beneath it. Effects that partly replace each other do not add up to 100 %."
     )
     return Bars(rows, caption)
-
-
-def length(fraction: float) -> float:
-    """A fraction as the length of a bar."""
-    return float(np.clip(np.nan_to_num(fraction), 0.0, 1.0))
 
 
 def retuned_tables(diagnosis: Diagnosis, runs: SimulatedLogs) -> list[Table]:
@@ -479,20 +441,8 @@ def retuned_tables(diagnosis: Diagnosis, runs: SimulatedLogs) -> list[Table]:
     return tables + ([Table(header, rest, wide=False, folded=f"{len(rest)} smaller changes")] if rest else [])
 
 
-DIGITS = 12  # of a file's hash that are shown; the JSON has them all
-
-
 def assumed(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
-    """Values of the section's template."""
-    return {
-        "logs": log_table(diagnosis, runs),
-        "numbers": Table(("Number", "Value"), decision_numbers(), words=1, folded="The numbers of the decisions"),
-        "provenance": provenance_table(diagnosis),
-    }
-
-
-def log_table(diagnosis: Diagnosis, runs: SimulatedLogs) -> Table:
-    """Every log of the case: role, length, missing samples, RMS error with each robot, hash of its file."""
+    """Values of the section's template: every log with role, length, missing samples, RMS errors, hash; provenance."""
     case, simulated = runs.problem.case, {log.trial.name: log for log in runs.logs}
     titles, rows = w.robot_titles(diagnosis), []
     for item in case.logs:
@@ -504,7 +454,20 @@ def log_table(diagnosis: Diagnosis, runs: SimulatedLogs) -> Table:
         missing = f"{100 * lost:.2g} %" if lost else "none"
         digest = f"`{case.hashes[item.file][:DIGITS]}`" if case.hashes.get(item.file) else "–"
         rows.append((f"`{item.file}`", role, f"{len(item.log) * runs.period:.0f} s", missing, *errors, digest))
-    return Table(("Log", "Role", "Length", "Missing", *titles, "SHA-256"), rows, words=2)
+    logs = Table(("Log", "Role", "Length", "Missing", *titles, "SHA-256"), rows, words=2)
+    numbers = Table(("Number", "Value"), decision_numbers(), words=1, folded="The numbers of the decisions")
+    made, provenance = diagnosis.provenance, None
+    if made is not None:
+        rows = [
+            ("Date", made.date.replace("T", " ").replace("+00:00", " UTC")),
+            ("Command", f"`{made.command}`" if made.command else "called from Python"),
+            ("exodrake", f"{made.version}, code `{made.code}`"),
+            ("Robot", f"`{made.robot}`, parameters `{made.parameters}`"),
+            ("Calibration", made.calibration),
+        ]
+        folded = "Date, version, command, robot and calibration"
+        provenance = Table((), rows, words=2, wide=False, folded=folded)
+    return {"logs": logs, "numbers": numbers, "provenance": provenance}
 
 
 def decision_numbers() -> list[tuple[str, str]]:
@@ -522,34 +485,13 @@ def decision_numbers() -> list[tuple[str, str]]:
     ]
 
 
-def provenance_table(diagnosis: Diagnosis) -> Table | None:
-    """With what, from what and when the answer was made."""
-    made = diagnosis.provenance
-    if made is None:
-        return None
-    rows = [
-        ("Date", made.date.replace("T", " ").replace("+00:00", " UTC")),
-        ("Command", f"`{made.command}`" if made.command else "called from Python"),
-        ("exodrake", f"{made.version}, code `{made.code}`"),
-        ("Robot", f"`{made.robot}`, parameters `{made.parameters}`"),
-        ("Calibration", made.calibration),
-    ]
-    return Table((), rows, words=2, wide=False, folded="Date, version, command, robot and calibration")
-
-
-COLOURS = {
-    NO_GAP: "#18794e", RETUNE: "#0b7285", NAMED: "#1d4ed8", AMBIGUOUS: "#a15c00", PARTLY: "#7a3e9d", UNKNOWN: "#b42318",
-}  # fmt: skip
-
-
 def report_html(diagnosis: Diagnosis, problem: Problem) -> str:
-    """The report of a diagnosis.
-
-    Args:
-        diagnosis: the answer.
-        problem: from `make_problem`; its logs are simulated once more.
-    """
-    return html_of(diagnosis, simulate_logs(diagnosis, problem))
+    """The report of a diagnosis; the logs of the problem are simulated with the nominal, retuned and improved robot."""
+    plain = replace(problem, detected=())  # the robots hold what was detected
+    rows = np.array([plain.silent(diagnosis.robots[name]) for name in ROBOTS])
+    runs = ((t, dict(zip(ROBOTS, problem.predict(rows, t)))) for t in (*problem.fit, *problem.holdout))
+    logs = tuple(SimulatedLog(t, simulated, problem.noise_std) for t, simulated in runs)
+    return html_of(diagnosis, SimulatedLogs(problem, logs))
 
 
 def html_of(diagnosis: Diagnosis, runs: SimulatedLogs) -> str:

@@ -52,7 +52,15 @@ def print_summary(diagnosis: Diagnosis, console: Console | None = None) -> None:
     if diagnosis.effects:
         rows = [row for effect in diagnosis.effects for row in effect_rows(effect)]
         console.print(table(("effect", ">of the gap", "parameter", ">value", ">90 % interval"), rows))
-    console.print(gap_table(diagnosis))
+    rows, closes = [], diagnosis.verdict != NO_GAP
+    for found in w.kind_gaps(diagnosis):
+        gap = found.gap
+        gaps = (gap.before, gap.after, gap.noise_std) if closes else (gap.before, gap.noise_std)
+        cells = [w.quantity(x, gap.unit, found.display.unit) for x in gaps]
+        closed = w.closure(gap.closure) if gap.before > w.SMALL * gap.noise_std else "-"
+        rows.append((found.display.label.lower(), *cells, *([closed] if closes else [])))
+    titles = (">before", ">after", ">noise std", ">closure") if closes else (">nominal", ">noise std")
+    console.print(table(("gap (RMS)", *titles), rows))
     for line in closing_lines(diagnosis):
         console.print(line)
     for k, line in enumerate(since_words(diagnosis)):
@@ -60,7 +68,11 @@ def print_summary(diagnosis: Diagnosis, console: Console | None = None) -> None:
     for line in law_lines(diagnosis.missing_law):
         console.print(escape(line))
     if diagnosis.candidates:
-        console.print(ranking(diagnosis))
+        rows = []
+        for one in diagnosis.candidates[:TOP]:
+            bar = "━" * round(BAR * min(max(one.share, 0.0), 1.0))
+            rows.append((one.id or "retune", w.share(one.share), w.digits(one.chi2), f"{one.evidence:,.0f} nats", bar))
+        console.print(table(("fitted set", ">explains", ">chi-square", ">evidence", ""), rows, wrapped=0))
     for note in diagnosis.notes:
         console.print(f"[yellow]note[/yellow]    {escape(note)}")
 
@@ -101,19 +113,6 @@ def effect_rows(effect: NamedEffect) -> list[tuple[str, ...]]:
     return [(*a, *b) for a, b in zip(left, values, strict=True)]
 
 
-def gap_table(diagnosis: Diagnosis) -> Table:
-    """Gap per kind of signal with the nominal and the last robot, noise standard deviation and closure."""
-    rows, closes = [], diagnosis.verdict != NO_GAP
-    for found in w.kind_gaps(diagnosis):
-        gap = found.gap
-        gaps = (gap.before, gap.after, gap.noise_std) if closes else (gap.before, gap.noise_std)
-        cells = [w.quantity(x, gap.unit, found.display.unit) for x in gaps]
-        closed = w.closure(gap.closure) if gap.before > w.SMALL * gap.noise_std else "-"
-        rows.append((found.display.label.lower(), *cells, *([closed] if closes else [])))
-    titles = (">before", ">after", ">noise std", ">closure") if closes else (">nominal", ">noise std")
-    return table(("gap (RMS)", *titles), rows)
-
-
 def closing_lines(diagnosis: Diagnosis) -> list[str]:
     """Closure with its interval; for an ambiguous verdict the class and the next experiment."""
     lines = []
@@ -130,17 +129,8 @@ def closing_lines(diagnosis: Diagnosis) -> list[str]:
     if alike := w.alike_words(diagnosis):
         lines.append(f"moved   {alike}")
     if diagnosis.rivals:
-        lines.append(f"next    {w.experiment_words(diagnosis)}")
+        lines.append(f"next    {w.EXPERIMENT}")
     return lines
-
-
-def ranking(diagnosis: Diagnosis) -> Table:
-    """The likeliest fitted sets: share of the gap, reduced chi-square in closed loop, evidence, and a bar."""
-    rows = []
-    for one in diagnosis.candidates[:TOP]:
-        bar = "━" * round(BAR * min(max(one.share, 0.0), 1.0))
-        rows.append((one.id or "retune", w.share(one.share), w.digits(one.chi2), f"{one.evidence:,.0f} nats", bar))
-    return table(("fitted set", ">explains", ">chi-square", ">evidence", ""), rows, wrapped=0)
 
 
 def print_profile(diagnosis: Diagnosis, spent: Mapping[Stage, float], console: Console | None = None) -> None:

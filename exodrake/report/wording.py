@@ -27,6 +27,11 @@ from exodrake.diagnosis.result import (
 
 DIGITS = 3  # significant digits of a quantity
 NEARLY = 0.985  # a fraction above it is given to a tenth of a per cent, so that 0.996 is not printed as 100 %
+MOST_MOVED = 4  # parameters that a sentence lists
+MOST_SEATS = 4  # channels that a sentence lists where an effect sits on all of them
+SMALL = 1.1  # noise standard deviations: a gap below it leaves nothing to close
+REFINED = "a refinement may be the error of a cause's law, and is no cause"
+EXPERIMENT = "`exodrake experiment CASE --out reference.csv` designs the motion that tells them apart"
 
 
 def digits(value: float, count: int = DIGITS) -> str:
@@ -88,17 +93,9 @@ def closure_span(item: Interval) -> str:
 
 
 def closure_words(item: Interval, error: str, where: str = "") -> str:
-    """A closure with its interval in a sentence.
-
-    Args:
-        item: the closure.
-        error: what is gone or grew: "the excess error".
-        where: end of the sentence: "with the improved robot".
-    """
-    value, span, rest = closure(item.value), closure_span(item), f" {where}" if where else ""
-    return (
-        f"{error} {value} ({span}){rest}" if rounds_below(item.value) else f"{value} ({span}) of {error} is gone{rest}"
-    )
+    """A closure with its interval in a sentence: how much of "the excess error" is gone "with the improved robot"."""
+    value, rest = f"{closure(item.value)} ({closure_span(item)})", f" {where}" if where else ""
+    return f"{error} {value}{rest}" if rounds_below(item.value) else f"{value} of {error} is gone{rest}"
 
 
 def rounds_below(fraction: float) -> bool:
@@ -115,12 +112,6 @@ def listed(items: tuple[str, ...] | list[str], last: str = "and") -> str:
     """Items in a sentence: `a, b and c`."""
     items = list(items)
     return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} {last} {items[-1]}" if items else ""
-
-
-MOST_MOVED = 4  # parameters that a sentence lists
-MOST_SEATS = 4  # channels that a sentence lists where an effect sits on all of them
-SMALL = 1.1  # noise standard deviations: a gap below it leaves nothing to close
-REFINED = "a refinement may be the error of a cause's law, and is no cause"
 
 
 @dataclass(frozen=True)
@@ -244,22 +235,35 @@ def headline(diagnosis: Diagnosis) -> str:
     """The verdict in one sentence: causes, places, shares, what remains, and what held-out motion says of them."""
     if diagnosis.verdict == NO_GAP:
         return "What the nominal robot leaves beyond noise is negligible on every signal."
+    unconfirmed = ""
+    if diagnosis.confirmed is False:
+        contradicted = diagnosis.closure.effect.high < 0.0
+        unconfirmed = f"; held-out motion {'contradicts' if contradicted else 'does not confirm'} it"
     if diagnosis.verdict == RETUNE:
-        moved = moved_words(diagnosis)
-        said = f": {moved}" if moved else ""
-        return f"Nominal parameters within their tolerances explain the gap{said}; no effect is needed."
+        changed = diagnosis.retune.moved  # the largest change first
+        shown = [f"{m.name} {digits(m.nominal, 3)} -> {digits(m.value, 3)} {m.unit}" for m in changed[:MOST_MOVED]]
+        shown += [f"{len(changed) - len(shown)} more"] if len(changed) > len(shown) else []
+        words = f": {listed(shown)}" if shown else ""
+        return f"Nominal parameters within their tolerances explain the gap{words}; no effect is needed."
     if diagnosis.verdict == UNKNOWN:
-        return f"{unknown_words(diagnosis)}{unconfirmed(diagnosis)}."
+        where, explained = diagnosis.where, 1.0 - diagnosis.remainder.value
+        place = seat(where.wires, where.joints, machine_of(diagnosis))
+        within = f" in the {where.block}" if where.block != "none" else ""
+        text = f"There is a gap{within}{f' at {place}' if place else ''}{regime_words(where.regime)}"
+        best = min(diagnosis.candidates, key=lambda c: abs(c.share - explained), default=None)
+        would = ""
+        if best and explained > 0.005:
+            would = f"; the best set, {best.id}, would explain {share(explained)} of it"
+        return f"{text}, that no effect of the library explains{would}{unconfirmed}."
     words = "; ".join(cause_words(diagnosis))
-    text = f"{words[:1].upper()}{words[1:]}{remainder_words(diagnosis)}{unconfirmed(diagnosis)}"
+    text = f"{words[:1].upper()}{words[1:]}{remainder_words(diagnosis)}{unconfirmed}"
     return f"{text}{'' if diagnosis.closure.overall.value > 0.0 else '; on the judged logs the gap is not closed'}."
 
 
 def cause_words(diagnosis: Diagnosis) -> list[str]:
     """Each cause: what, where, and how much of the gap it explains; those with rivals first, with these."""
-    found = causes(diagnosis)
     said, named = [], "explains {} of the gap"
-    for effect in sorted(found, key=lambda e: not e.rivals):
+    for effect in sorted(causes(diagnosis), key=lambda e: not e.rivals):
         place, values = place_of(diagnosis, effect), by_channel(effect)
         known = math.isfinite(effect.share.value)  # not of one among several that detectors found
         explained = named.format(share(effect.share.value)) if known else "was detected"
@@ -294,32 +298,12 @@ def regime_words(regime: Mapping[str, float]) -> str:
     return f", mostly with {max(regime, key=lambda name: regime[name])}" if regime else ""
 
 
-def unknown_words(diagnosis: Diagnosis) -> str:
-    """Where the gap lies that no effect explains, in what regime, and what the best set would explain."""
-    where = diagnosis.where
-    place = seat(where.wires, where.joints, machine_of(diagnosis))
-    within = f" in the {where.block}" if where.block != "none" else ""
-    text = f"There is a gap{within}{f' at {place}' if place else ''}{regime_words(where.regime)}"
-    explained = 1.0 - diagnosis.remainder.value
-    best = min(diagnosis.candidates, key=lambda c: abs(c.share - explained), default=None)
-    would = f"; the best set, {best.id}, would explain {share(explained)} of it" if best and explained > 0.005 else ""
-    return f"{text}, that no effect of the library explains{would}"
-
-
 def refinement_words(diagnosis: Diagnosis) -> str:
     """Refinements with place and share in a sentence, and what they are; empty without any."""
-    found = refinements(diagnosis)
-    if not found:
-        return ""
-    each = [f"{kind_words(e)} {place_of(diagnosis, e)}, {share(e.share.value)} of the gap" for e in found]
-    return f"{'; '.join(each)} ({REFINED})"
-
-
-def unconfirmed(diagnosis: Diagnosis) -> str:
-    """Says that held-out motion contradicts the effects, or does not confirm them; empty where it does."""
-    if diagnosis.confirmed is not False:
-        return ""
-    return f"; held-out motion {'contradicts' if diagnosis.closure.effect.high < 0.0 else 'does not confirm'} it"
+    each = [
+        f"{kind_words(e)} {place_of(diagnosis, e)}, {share(e.share.value)} of the gap" for e in refinements(diagnosis)
+    ]
+    return f"{'; '.join(each)} ({REFINED})" if each else ""
 
 
 def robots_of(diagnosis: Diagnosis) -> dict[str, str]:
@@ -364,21 +348,6 @@ def motion_words(diagnosis: Diagnosis) -> str:
         return ""
     each = ", ".join(f"{kind} {closure(c.value)}" for kind, c in found.motions.items())
     return f"measured on {', '.join(found.measured_on)}; kinds of motion left out of the fit, one at a time: {each}"
-
-
-def experiment_words(diagnosis: Diagnosis) -> str:
-    """The command that designs the motion by which the explanations still in play differ; empty without any."""
-    if not diagnosis.rivals:
-        return ""
-    return "`exodrake experiment CASE --out reference.csv` designs the motion that tells them apart"
-
-
-def moved_words(diagnosis: Diagnosis) -> str:
-    """Parameters that retuning moved, the largest change first; empty where it moved nothing."""
-    moved = diagnosis.retune.moved
-    shown = [f"{m.name} {digits(m.nominal, 3)} -> {digits(m.value, 3)} {m.unit}" for m in moved[:MOST_MOVED]]
-    rest = [f"{len(moved) - len(shown)} more"] if len(moved) > len(shown) else []
-    return listed(shown + rest)
 
 
 def alike_words(diagnosis: Diagnosis) -> str:
