@@ -10,7 +10,7 @@ import numpy as np
 
 import exodrake as exo
 from exodrake.data.plot import save_png
-from exodrake.estimator.file import quick_estimator
+from exodrake.estimator.gp import quick_estimator
 from exodrake.grasping.figure import grasp_figure
 from exodrake.grasping.plan import at_hold, run_plan
 

@@ -10,7 +10,7 @@ import matplotlib
 
 import exodrake as exo
 from exodrake.data.plot import STYLE, new_figure, save_png
-from exodrake.estimator.file import quick_estimator
+from exodrake.estimator.gp import quick_estimator
 from exodrake.grasping.plan import posture_controller, run_plan
 
 robot = exo.load_robot()

@@ -105,14 +105,10 @@ class ClosedLoop:
         return not self.model.decides
 
     def loop(self, source: str, target: str) -> control.StateSpace:
-        """The closed loop between two signals as python-control's `StateSpace`.
+        """The closed loop from an input of `system` to an output, as a `StateSpace`. InputError for an unknown one.
 
-        Args:
-            source: an input of `system`: a reference such as `tension_ref_AF`, a command that is disturbed, or noise.
-            target: an output of `system`, such as `tension_AF`.
-
-        Raises:
-            InputError: an unknown signal.
+        Inputs are references such as `tension_ref_AF`, commands that are disturbed, and noise; outputs such as
+        `tension_AF`.
         """
         for name, known in ((source, self.system.input_labels), (target, self.system.output_labels)):
             if name not in known:
@@ -123,10 +119,7 @@ class ClosedLoop:
         """The return ratio L of the loop opened at a command, the others closed, as python-control's `StateSpace`.
 
         Its margins need `control.stability_margins(L, method="frd")`: the default method goes through polynomials of
-        the order of L, which are wrong for some tens of states.
-
-        Raises:
-            InputError: an unknown command.
+        the order of L, which are wrong for some tens of states. InputError for an unknown command.
         """
         if command not in self.opened.input_labels:
             known = self.opened.input_labels
@@ -136,13 +129,9 @@ class ClosedLoop:
         return ratio
 
     def to_control(self, *kinds: str) -> control.StateSpace:
-        """The closed loop from the references as python-control's `StateSpace`, dt = one frame.
+        """The closed loop from the references, as python-control's `StateSpace` with dt = one frame.
 
-        Args:
-            kinds: of outputs, such as "tension", "stroke"; all by default.
-
-        Raises:
-            InputError: a kind is unknown.
+        Outputs are of kinds such as "tension" and "stroke", or all. InputError for an unknown kind.
         """
         machine, labels = self.robot.machine, self.model.system.output_labels
         known = {kind: machine.channels(signal) for signal, kind in FrameMap.of(self.robot).kinds.items()}

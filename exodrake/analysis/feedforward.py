@@ -26,13 +26,9 @@ LATEST = 25  # frames of delay at most
 @short_repr
 @dataclass(frozen=True, eq=False)
 class Feedforward:
-    """Commands and their tracking errors on the model.
+    """Commands to be sent, and RMS tracking errors (channels,) [SI] on the model without and with them.
 
-    Attributes:
-        commands: to be sent.
-        before: (channels,) RMS error if the wanted motion is sent as it is [SI].
-        after: (channels,) RMS error with the commands [SI].
-        kind: column kind of the motion.
+    `before` is the error if the wanted motion, columns of a `kind`, is sent as it is.
     """
 
     commands: Reference

@@ -156,8 +156,7 @@ class FrameMap:
             seed: of the sensors' noise; None runs without.
             ticks: (slots, w) array that takes all signals at the end of each slot.
 
-        Returns:
-            The state (states,) after the frames, and all signals (frames, w) at the end of each.
+        Returns the state (states,) after the frames, and all signals (frames, w) at the end of each.
         """
         machine, frames = self.robot.machine, len(references)
         x, w, rows = state.copy(), np.zeros(signal_count(machine)), np.zeros((frames, signal_count(machine)))
@@ -404,17 +403,9 @@ def differentiate(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Difference quotients of the frame map [SI]: rows x' then all signals w, columns x, r, e.
 
-    Args:
-        loop: the frame map.
-        state: (states,) where it is differentiated [SI].
-        references: (channels,) there [SI].
-        size: excursions (states,) [SI].
-        fraction: of the excursions by which each state moves.
-        columns: indices in x, r, e; the other columns stay zero.
-
-    Returns:
-        The central quotients (states + w, states + channels + noises), and (forward - backward) / 2 of the same shape,
-        which is zero where the map is smooth.
+    They are taken at state (states,) and references (channels,) [SI]. Each state moves by a fraction of its excursion
+    `size` (states,) [SI]; columns that are not in `columns` stay zero. Returns the central quotients (states + w,
+    states + channels + noises), and (forward - backward) / 2 of the same shape, which is zero where the map is smooth.
     """
     step, n, noises = loop.stepper(), len(state), len(loop.noises)
     after = n + len(references)
@@ -489,11 +480,9 @@ def linearise(loop: FrameMap, state: np.ndarray, references: np.ndarray) -> Fram
 
 @dataclass(frozen=True, eq=False)
 class OperatingPoint:
-    """Operating point: the state of rest of a loop under constant references.
+    """State of rest (states,) of a loop at a frame's start, under constant references (channels,) [SI].
 
     Attributes:
-        references: (channels,) [SI].
-        state: (states,) at a frame's start.
         output: (channels,) the controlled quantity [SI].
         readings: column kind -> reading of each of its channels [SI].
         frames: simulated until rest.

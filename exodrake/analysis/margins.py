@@ -66,14 +66,8 @@ def disturb(system: System, own: np.ndarray, v: list[int]) -> tuple[np.ndarray, 
 def cut(system: System, own: np.ndarray, v: list[int], y: list[int]) -> System:
     """A closed loop opened at its commands; `close` closes it again.
 
-    Args:
-        system: the closed loop.
-        own: (states,) mask of the controller's own states [-].
-        v: indices of the commands among the outputs.
-        y: indices of the readings among the outputs.
-
-    Returns:
-        From the commands that the plant gets to those that the controller sends, then to the readings.
+    From the commands that the plant gets to those that the controller sends, then to the readings. `own` (states,) [-]
+    masks the controller's states; v and y are indices of commands and readings among the outputs.
     """
     b, d = disturb(system, own, v)
     rows, commands = v + y, [system.output_labels[i] for i in v]
@@ -260,16 +254,8 @@ def structured_bound(m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 class DelayBudget:
     """Delays of one channel between a reading and its command [s], and the further delay that is allowed.
 
-    A task runs in the middle of its slot. One that comes before what it reads has the value of the frame before.
-
-    Attributes:
-        channel: its name.
-        slot: length of a slot.
-        read_slot, control_slot, write_slot: in which the reading, the law and the command are executed.
-        to_control: from reading to law.
-        to_write: from law to the plant.
-        hold: half a frame, since a command is held for a frame.
-        margin: further delay at the limit of stability; nan if the loop is unstable, inf if there is none.
+    A task runs in the middle of its slot. One that comes before what it reads has the value of the frame before. Half a
+    frame is for the hold of a command. The margin is nan if the loop is unstable, inf if there is none.
     """
 
     channel: str
@@ -319,14 +305,9 @@ def delay_budget(loop: FrameMap, margins: tuple[Margins, ...]) -> tuple[DelayBud
 
 @dataclass(frozen=True, eq=False)
 class StabilityMap:
-    """Spectral radius over two gains.
+    """Spectral radius (n, m) [-] over two gains, first (m,) and second (n,) [SI], and the robot's own values.
 
-    Attributes:
-        names: of the gains.
-        first (m,), second (n,): their values [SI].
-        radius: (n, m) [-].
-        nominal: values of the robot.
-        limit: (n,) first gain up to which the loop is stable at that second; nan beyond the map, 0 where none is.
+    `limit` (n,) is the first gain up to which the loop is stable at that second; nan beyond the map, 0 where none is.
     """
 
     names: tuple[str, str]

@@ -119,15 +119,12 @@ def returns(loop: FrameMap, point: OperatingPoint) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class FrequencyResponse:
-    """Frequency response from reference to reading of one channel.
+    """Frequency response (lines,) from reference to reading of one channel, at frequency (lines,) [Hz].
 
     Attributes:
-        channel: its name.
-        frequency: (lines,) [Hz].
-        measured: (lines,) complex mean over the draws.
-        spread: (lines,) standard deviation over the draws.
-        coherence: (lines,) share of the reading's power that the reference explains, over the draws.
-        linear: (lines,) complex, from the frame map.
+        measured: complex mean over the draws; spread: standard deviation over them.
+        coherence: share of the reading's power that the reference explains, over the draws.
+        linear: complex, from the frame map.
         bandwidth: -3 dB against the frame map's static gain [Hz], from the frame map; nan if none.
         bandwidth_measured: from the multisine, against the same static gain [Hz]; nan if none.
     """

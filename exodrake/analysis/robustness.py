@@ -155,12 +155,9 @@ def within_intervals(
 ) -> Iterator[tuple[str, Robot]]:
     """Robots within the 90 % intervals of the effects that a diagnosis named, with labels.
 
-    Args:
-        robot: the improved robot of that diagnosis, or the nominal one.
-        answer: the diagnosis as `exodrake diagnose --json` writes it.
-        draws: number of robots.
-        seed: of the draws; each parameter is normal on either side of its value, and inside its interval.
-        ends: of the intervals, -1 lower, 0 the estimate, 1 upper, at which the first robots have all parameters.
+    The robot is the improved one of that diagnosis, or the nominal one; the answer as `exodrake diagnose --json` writes
+    it. Each parameter is normal on either side of its value, and inside its interval; the first robots have all
+    parameters at `ends` of the intervals: -1 lower, 0 the estimate, 1 upper.
 
     Raises:
         InputError: the answer has no effects, or names parameters that the robot lacks.
@@ -196,15 +193,12 @@ class Uncertainty:
     """The robots of a diagnosis' answer in the loop.
 
     Attributes:
-        robots: number of them.
         unstable: labels of those whose loop is not stable.
         kicked: number of those that a simulated kick decides, because their poles mean little.
         failures: why others have no operating point, a sentence each.
         dead_band: log column -> half the range in which it may rest [SI], the worst of the robots.
-        cycles: describing-function margins and limit cycles of the improved robot and of the intervals' ends; empty for
-            a robot that is smooth where it rests.
-        frequency: (f,) [Hz].
-        deviation: (f,) largest relative deviation of a robot's plant from the improved one's [-].
+        cycles: of the improved robot and of the intervals' ends; empty for a robot that is smooth at rest.
+        deviation: (f,) largest relative deviation of a plant from the improved one's [-], at frequency (f,) [Hz].
         weight: python-control's transfer function in s, of order 1 or 2, that covers the deviation.
         peak: largest |weight| max sigma(T); below 1 every plant within the weight is stable. nan where T means little.
     """

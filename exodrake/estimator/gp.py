@@ -30,11 +30,20 @@ sweeps in turn estimates Sigma. z counts as moved if z' (Cov(z) + TOLERANCE^2 I)
 Hotelling's T^2. Corrected strokes are s - z: a shift of the estimator's center. A changed rest posture of the wearer
 looks like a shift and is corrected as one. A session whose residuals a constant does not explain (contact, another
 wearer) is reported as unlike the training and left alone.
+
+An estimator file holds arrays and one JSON record in an .npz, without pickle, written whole or not at all. The record
+names wires, joints, units, training logs and the robot. An estimator is refused for a log of other wires or joints, and
+for a robot file of another signature.
 """
 
+from __future__ import annotations
+
+import io
+import json
 import warnings
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -44,8 +53,12 @@ from sklearn.gaussian_process.kernels import RBF, ConstantKernel, DotProduct, Ke
 
 from exodrake.core.confidence import NORMAL_95
 from exodrake.core.errors import InputError, short_repr
+from exodrake.core.files import read_bytes, write_bytes
 from exodrake.core.parallel import thread_limit
-from exodrake.estimator.dataset import Sweeps
+from exodrake.core.provenance import robot_digest
+from exodrake.core.robot import Robot
+from exodrake.data.formats.npz import read_arrays
+from exodrake.estimator.dataset import Sweeps, sweeps_from_logs
 from exodrake.physics.gp_estimator import Weights, predict_rows
 
 POINTS = 500
@@ -60,6 +73,10 @@ UNLIKE = 4.0  # standard deviations by which the reduced chi-square of a session
 OWN = 0.975
 # The hyperparameters were learnt with the held-out sweep included, so residuals are too small: measured on new sweeps
 ALLOWANCE = 1.1
+FORMAT = "exodrake estimator 1"
+STROKES = ("strokes_tension", "strokes_stroke", "strokes_sweep", "strokes_time", "strokes_theta")
+QUICK_POINTS = 250  # of a quick estimator: some s of training
+UNITS = {"tension": "N", "stroke": "m", "angle": "rad", "time": "s"}
 
 
 class OnColumns(Kernel):
@@ -323,7 +340,7 @@ class Estimator:
             raise InputError("estimator without a model of the strokes: train it again to find the zeros of a session")
         return self.strokes.zeros(session)
 
-    def corrected(self, zeros: Zeros, session: Sweeps) -> "Estimator":
+    def corrected(self, zeros: Zeros, session: Sweeps) -> Estimator:
         """Move the zeros of the estimator to those of a session.
 
         The standard deviations grow by the uncertainty of the zeros, in the mean over the session: the result is an
@@ -385,3 +402,89 @@ def leave_one_sweep_out(inverse: np.ndarray, targets: np.ndarray, sweep: np.ndar
         residual[block] = covariance @ weighted[block]
         variance[block] = np.diag(covariance)
     return residual, variance
+
+
+def save(estimator: Estimator, path: str | Path, notes: dict[str, Any] | None = None) -> None:
+    """Write an estimator (.npz) with notes, such as validation errors, in its record. InputError if it cannot."""
+    from exodrake import __version__
+
+    kept = ("wires", "joints", "robot", "logs", "sweeps", "kernel", "limit")
+    record = {"format": FORMAT, "exodrake": __version__, "units": UNITS, "notes": notes or {}}
+    record |= {name: getattr(estimator, name) for name in kept}
+    arrays = estimator.weights._asdict()
+    if model := estimator.strokes:
+        rows = model.rows
+        arrays |= zip(STROKES, (rows.inputs, rows.angle, rows.sweep, rows.time, model.theta), strict=True)
+    stream = io.BytesIO()
+    np.savez(stream, record=np.array(json.dumps(record)), **arrays)
+    write_bytes(path, stream.getvalue())
+
+
+def load(path: str | Path, robot: str | None = None) -> Estimator:
+    """Read an estimator; with the signature of a robot, one that carries it.
+
+    Raises:
+        InputError: Naming a file that is no estimator, is damaged, has unknown units, or belongs to another robot.
+    """
+    arrays = read_arrays(read_bytes(path), str(path))
+    try:
+        record = json.loads(str(arrays.pop("record")))
+    except (ValueError, KeyError, RecursionError) as error:
+        raise InputError(f"{path}: not an estimator file ({error})") from None
+    if not isinstance(record, dict) or record.get("format") != FORMAT:
+        raise InputError(f"{path}: not an estimator file of this version ({FORMAT!r})")
+    if record.get("units") != UNITS:
+        raise InputError(f"{path}: estimator in units {record.get('units')}, wanted {UNITS}")
+    if robot is not None and record.get("robot") != robot:
+        known = str(record.get("robot"))[:12] or "unknown"
+        raise InputError(
+            f"{path}: estimator trained for another robot (signature {known}, this robot's is {robot[:12]})"
+        )
+    try:
+        wires, joints, logs = (tuple(record[name]) for name in ("wires", "joints", "logs"))
+        # compiled code does not check the shapes
+        inputs, points = 2 * len(wires), len(arrays["alpha"])
+        shapes = {
+            "center": (inputs,), "rotation": (inputs, inputs), "points": (inputs, points), "shrink": (inputs,),
+            "variances": (3,), "alpha": (points, len(joints)), "factor": (points * (points + 1) // 2,),
+            "offset": (len(joints),), "gain": (len(joints),), "spread": (len(joints),),
+        }  # fmt: skip
+        weights = Weights(**{name: _array(arrays, name, shape) for name, shape in shapes.items()})
+        strokes = None
+        if STROKES[0] in arrays:  # not in files of earlier versions
+            rows = len(arrays["strokes_sweep"])
+            wide, theta = (rows, len(wires)), sweep_kernel(len(wires)).theta.shape
+            shapes = dict(zip(STROKES, (wide, wide, (rows,), (rows,), theta), strict=True))
+            tension, stroke, sweep, time, theta = (_array(arrays, name, shape) for name, shape in shapes.items())
+            strokes = StrokeModel(Sweeps(tension, stroke, sweep.astype(int), time, wires, wires), theta)
+        return Estimator(
+            wires, joints, weights, float(record["limit"]), record["robot"], logs, int(record["sweeps"]),
+            record["kernel"], strokes,
+        )  # fmt: skip
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(f"{path}: damaged estimator file ({error})") from None
+
+
+def _array(arrays: dict[str, np.ndarray], name: str, shape: tuple[int, ...]) -> np.ndarray:
+    """Array of a file. ValueError for another shape, for none of anything, and for numbers that are not finite."""
+    array = np.ascontiguousarray(arrays[name], dtype=float)
+    if array.shape != shape or not array.size or not np.isfinite(array).all():
+        raise ValueError(f"{name} has shape {array.shape}, wanted {shape}, all finite")
+    return array
+
+
+def quick_estimator(robot: Robot, cache: Path | None = None) -> Estimator:
+    """An estimator trained on simulated sweeps of a robot, which should have no effects, or the one kept in a file.
+
+    The file is used if it belongs to the same robot; it is never written.
+    """
+    from exodrake.simulation.protocols import sweeps
+    from exodrake.simulation.simulate import simulate
+
+    if cache is not None and cache.is_file():
+        try:
+            return load(cache, robot_digest(robot))
+        except InputError:
+            pass
+    training = sweeps_from_logs([simulate(robot, sweeps(robot), seed=0)])
+    return replace(fit(training, QUICK_POINTS), robot=robot_digest(robot))

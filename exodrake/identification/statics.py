@@ -76,14 +76,9 @@ def linear(n: Parameters) -> Parameters:
 def fit_stiffness(tension: np.ndarray, angle: np.ndarray, n: Parameters, statics: Statics = follow) -> Stiffness:
     """Fit stiffness and rest posture of each joint by least squares in angle, from quasi-static rows.
 
-    Args:
-        tension: (rows, 3) tension of AF, MF, AE [N]; rows with missing samples are left out.
-        angle: (rows, 3) measured angle of MCP, PIP, DIP [rad].
-        n: Parameters of the finger; routers and end stops are taken as known.
-        statics: `follow` for rows of a log in order, `posture` for rows that each start from rest.
-
-    Returns:
-        The fitted stiffness.
+    Tension (rows, 3) [N] is of AF, MF, AE, measured angle (rows, 3) [rad] of MCP, PIP, DIP; rows with missing samples
+    are left out, routers and end stops taken as known. Statics are `follow` for rows of a log in order, `posture` for
+    rows that each start from rest.
 
     Raises:
         InputError: If fewer than ten rows are complete, or a joint hardly moves.
@@ -148,11 +143,8 @@ def tension_map(r: np.ndarray, kappa: np.ndarray) -> np.ndarray:
 class MaximumTension:
     """The tension of a tendon that maximises the movement.
 
-    Attributes:
-        tendon: its name.
-        tension: at which the joints have all but stopped [N]; the largest one held where they have not.
-        saturated: whether they have.
-        travel: joint -> its angle at that tension less the one at the start of the ramp [rad].
+    The joints have all but stopped at the tension [N], the largest one held where they are not `saturated`. `travel` is
+    by joint its angle at that tension less the one at the start of the ramp [rad].
     """
 
     tendon: str

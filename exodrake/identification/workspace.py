@@ -97,10 +97,7 @@ class Area(NamedTuple):
 def reach(lengths, ranges: Ranges, what: str = FINGERTIP, steps: int = 60):
     """Region that the fingertip or the whole distal phalanx reaches, a shapely geometry in m.
 
-    From lengths (3,) [m] and ranges of motion, with `steps` of each joint between its limits.
-
-    Raises:
-        InputError: For impossible lengths or ranges.
+    From lengths (3,) [m] and ranges of motion, with `steps` of each joint between its limits. InputError if impossible.
     """
     check(lengths, ranges)
     pip, dip = np.linspace(*ranges.PIP, steps), np.linspace(*ranges.DIP, steps)

@@ -47,12 +47,9 @@ def house_style() -> Any:
 
 
 def svg_of(figure: Figure, name: str, label: str) -> str:
-    """The figure as an SVG element.
+    """A figure that was drawn under `house_style` as an SVG element.
 
-    Args:
-        figure: drawn under `house_style`.
-        name: unique in the report; its ids are derived from it.
-        label: what the figure shows, for screen readers.
+    Its ids are derived from a name unique in the report; the label says what it shows, for screen readers.
     """
     import matplotlib
 

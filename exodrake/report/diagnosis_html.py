@@ -86,12 +86,9 @@ DIGITS = 12  # of a file's hash that are shown; the JSON has them all
 
 @dataclass(frozen=True, eq=False)
 class SimulatedLog:
-    """A log and the same motion simulated.
+    """A log and the same motion simulated: robot -> (n, columns) array [SI], noise-free and unquantised.
 
-    Attributes:
-        trial: what was measured.
-        simulated: robot -> (n, columns) array [SI], noise-free and unquantised.
-        noise_std: (columns,) noise standard deviations [SI].
+    Noise standard deviations are (columns,) [SI].
     """
 
     trial: Trial
@@ -107,12 +104,7 @@ class SimulatedLog:
 
 @dataclass(frozen=True, eq=False)
 class SimulatedLogs:
-    """The logs of a case and the same motion simulated.
-
-    Attributes:
-        problem: trials, columns and their noise standard deviations.
-        logs: fitted ones, then held-out ones.
-    """
+    """The logs of a problem and the same motion simulated; fitted ones, then held-out ones."""
 
     problem: Problem
     logs: tuple[SimulatedLog, ...]

@@ -24,12 +24,9 @@ REGIMES = 3  # conditions that are named
 
 
 def table(titles: Sequence[str], rows: Iterable[Sequence[str]] = (), wrapped: int = -1) -> Table:
-    """A table without lines.
+    """A table without lines. Titles that begin with `>` head numbers, aligned right; cells may hold rich markup.
 
-    Args:
-        titles: of the columns; one that begins with `>` heads numbers, which are aligned right.
-        rows: cells, which may hold rich markup.
-        wrapped: index of the one column that may be wrapped; -1 for none.
+    One column, by its index `wrapped`, may be wrapped.
     """
     from rich.table import Table
 

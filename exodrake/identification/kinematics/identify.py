@@ -134,15 +134,10 @@ class Finger:
         return self.linearised(angles, derivatives=False)[0]
 
     def linearised(self, angles: np.ndarray, derivatives: bool = True) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Places of the markers and their derivatives.
+        """Places of the markers (frames, 12, 3) [m] at angles (frames, 4) [rad], and their derivatives.
 
-        Args:
-            angles: (frames, 4) abduction, MCP, PIP, DIP [rad].
-            derivatives: False leaves them zero.
-
-        Returns:
-            Places (frames, 12, 3) [m], and their derivatives with respect to the angles (frames, 12, 3, 4) [m/rad] and
-            to a change of the finger (frames, 12, 3, 72).
+        Derivatives with respect to the angles are (frames, 12, 3, 4) [m/rad], to a change of the finger (frames, 12, 3,
+        72), of no columns without `derivatives`. Angles are abduction, MCP, PIP, DIP.
         """
         frames, size = len(angles), ALL if derivatives else 0
         turns = [axis.turn(angles[:, k]) for k, axis in enumerate(self.axes)]
@@ -192,15 +187,10 @@ class Adjusted:
 def adjust(
     points: np.ndarray, rest: np.ndarray, start: Finger, poses: np.ndarray, angles: np.ndarray, block: int
 ) -> Adjusted:
-    """Adjust finger, poses and angles to markers.
+    """Adjust finger, poses and angles to measured markers (frames, 12, 3) [m], NaN where missing.
 
-    Args:
-        points: (frames, 12, 3) measured markers [m], NaN where missing.
-        rest: (frames,) mask of the frames whose mean angles are 0.
-        start: Finger to start from.
-        poses: (frames, 4, 4) poses of the base triad to start from [m].
-        angles: (frames, 4) angles to start from [rad].
-        block: Number of frames within which errors may be correlated.
+    The mean angles over the frames of the mask `rest` (frames,) [-] are 0. It starts from a finger, poses of the base
+    triad (frames, 4, 4) [m] and angles (frames, 4) [rad]; errors may be correlated within `block` frames.
     """
     finger, offset, damping = start, np.zeros(ALL), 1e-6
     angles = angles - angles[rest].mean(axis=0)
@@ -315,12 +305,7 @@ def first_guess(
 ) -> tuple[Finger, np.ndarray, np.ndarray]:
     """Guess the finger, poses of the base triad (frames, 4, 4) [m], and angles (frames, 4) [rad].
 
-    Args:
-        shapes: (4, 3, 3) triads of base, proximal, middle and distal segment [m].
-        poses: of each of them (frames, 4, 4) [m].
-        rest: (frames,) mask of the rest at the start.
-        recording: of the errors, with the names of its markers in `layout`.
-        layout: see above.
+    From the triads (4, 3, 3) [m] of the segments, poses of each (frames, 4, 4) [m], and the mask of the rest (frames,).
 
     Raises:
         InputError: For a joint that is hardly seen, is not at rest at the start, or hardly moves.
@@ -522,18 +507,13 @@ class Joint:
 
 @dataclass(frozen=True)
 class Kinematics:
-    """Identified finger.
+    """Identified finger in a recording: joints, phalanx lengths (3,) [m] and their 95 % half widths.
 
     Attributes:
-        joints: MCP, PIP, DIP.
-        lengths: (3,) phalanx lengths [m].
-        intervals: (3,) 95 % half widths of the lengths [m].
         residuals: (4,) median residual of each triad after smoothing [m].
         noise: RMS noise per axis of a marker [m].
         inflation: Factor by which errors that last for several frames enlarge the variances.
-        time: (frames,) [s].
         remarks: Warnings of the label check.
-        source: Name of the recording.
     """
 
     joints: tuple[Joint, Joint, Joint]
@@ -548,12 +528,7 @@ class Kinematics:
 
 
 def identify(recording: Recording, layout: Layout | None = None, cutoff: float | None = CUTOFF) -> Kinematics:
-    """Identify the kinematics of the finger in a marker recording.
-
-    Args:
-        recording: Marker positions.
-        layout: Marker names of each segment.
-        cutoff: Cut-off frequency of the smoothing [Hz]; None for none.
+    """Identify the kinematics of the finger in a marker recording, smoothed below a cut-off frequency [Hz].
 
     Raises:
         InputError: Naming file, marker and frame, for missing or swapped markers, collinear triads, too few frames,

@@ -132,14 +132,7 @@ TIME = re.compile(r"^time\s*\[(?P<unit>[^\]]*)\]$")
 
 @dataclass(frozen=True)
 class Recording:
-    """Marker recording.
-
-    Attributes:
-        names: Names of the markers.
-        time: (frames,) [s].
-        positions: (frames, markers, 3) [m], NaN where missing.
-        source: Name of the file.
-    """
+    """Positions of markers (frames, markers, 3) [m] over time (frames,) [s], NaN where missing, of a file `source`."""
 
     names: tuple[str, ...]
     time: np.ndarray
@@ -280,16 +273,12 @@ def read_markers(path: str | Path) -> Recording:
 
 
 def clock_from_pulses(time: np.ndarray, level: np.ndarray, frame: float) -> tuple[float, float]:
-    """Start and skew of the controller's clock, by least squares over the rising edges.
+    """Start and skew of the controller's clock, by least squares over the rising edges; missed pulses are bridged.
 
-    Args:
-        time: (n,) instants on the clock of the motion capture [s].
-        level: (n,) analogue record of the sync pulse, any unit.
-        frame: time between pulses on the controller's clock [s].
-
-    Returns:
-        The instant of the first pulse recorded [s], and the relative excess of a frame's duration [-]: 1e-4 where the
-        capture counts 100 us more in a second than the controller. Missed pulses are bridged.
+    From the analogue record of the sync pulse (n,), any unit, at instants (n,) on the clock of the motion capture [s],
+    and the time between pulses on the controller's clock [s]. Start is the instant of the first pulse recorded [s],
+    skew the relative excess of a frame's duration [-]: 1e-4 where the capture counts 100 us more in a second than the
+    controller.
 
     Raises:
         InputError: fewer than two pulses rise in the record, or time does not increase.
@@ -434,13 +423,9 @@ def _exchanged(points: np.ndarray, pair: tuple[int, int]) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Hand:
-    """True parameters of a synthetic hand.
+    """True parameters of a synthetic hand: phalanx lengths (3,) [m], ranges of motion [rad], and centres.
 
-    Attributes:
-        lengths: (3,) phalanx lengths [m].
-        slopes: (3, 3) slopes of the MCP, PIP, DIP centres along x, y, z at rest [m/rad].
-        flexion: (3, 2) ranges of motion [rad].
-        abduction: (2,) range of motion [rad].
+    `slopes` (3, 3) are those of the MCP, PIP, DIP centres along x, y, z at rest [m/rad].
     """
 
     lengths: tuple[float, float, float] = LENGTHS
@@ -451,13 +436,9 @@ class Hand:
 
 @dataclass(frozen=True)
 class Faults:
-    """Faults of a synthetic recording.
+    """Faults of a synthetic recording: RMS noise per axis [m], gaps per marker and minute, and their duration [s].
 
-    Attributes:
-        noise: RMS noise per axis [m].
-        artefact: Skin motion of each marker, in a random direction [m/rad].
-        dropouts: Gaps per marker and minute.
-        gap: Duration of a gap [s].
+    `artefact` is the skin motion of each marker, in a random direction [m/rad].
     """
 
     noise: float = 0.0

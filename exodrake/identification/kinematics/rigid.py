@@ -108,17 +108,11 @@ def chain_pose(axes: Sequence[Axis], angles: np.ndarray) -> np.ndarray:
 
 
 def centres(turns: np.ndarray, axis: np.ndarray, angle: np.ndarray, about: np.ndarray) -> np.ndarray:
-    """Joint centre normal to the axis in every frame.
+    """Joint centres (frames, 3) [m] normal to the axis in every frame, NaN at angle 0.
 
-    Args:
-        turns: (frames, 4, 4) motions from the reference posture [m].
-        axis: (3,) unit direction.
-        angle: (frames,) angle about the axis [rad].
-        about: (3,) point near the joint and the markers [m]; residual rotations about other axes act on the lever from
-            this point instead of from a distant origin.
-
-    Returns:
-        Centres (frames, 3) [m], NaN at angle 0.
+    From motions (frames, 4, 4) from the reference posture [m], the unit direction of the axis (3,), and the angle about
+    it (frames,) [rad]. Residual rotations about other axes act on the lever from a point `about` (3,) [m] near the
+    joint and the markers, instead of from a distant origin.
     """
     shift = across(turns[:, :3, :3] @ about + turns[:, :3, 3] - about, axis)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -144,18 +138,9 @@ def joint_angles(axes: Sequence[Axis], turns: np.ndarray, start: np.ndarray | No
         T(theta) = e^{[S1] theta1} e^{[S2] theta2} M        A = vee log(T(theta) T^{-1})
         -A = J_s dtheta,   theta <- theta + dtheta          J_s = [S1, Ad(e^{[S1] theta1}) S2]
 
-    It takes axes as known and poses as exact; `adjust` weighs all markers by their noise instead.
-
-    Args:
-        axes: from the proximal one to the distal one; for the MCP abduction and flexion.
-        turns: (frames, 4, 4) measured T M^{-1}, motions from the reference posture [m]; NaN where there is none.
-        start: (frames, axes) initial guess [rad]; 0 if None.
-
-    Returns:
-        Angles (frames, axes) [rad], NaN where the motion is.
-
-    Raises:
-        InputError: if the iteration does not converge in a frame.
+    It takes axes, the proximal one first, as known and poses as exact; `adjust` weighs all markers by their noise
+    instead. `turns` (frames, 4, 4) are measured T M^{-1} [m], NaN where there is none. Returns angles (frames, axes)
+    [rad], from a start of that shape, or from 0. InputError if the iteration does not converge in a frame.
     """
     seen = np.isfinite(turns).all(axis=(1, 2))
     angles = np.zeros((len(turns), len(axes))) if start is None else np.array(start, dtype=float)
@@ -185,14 +170,9 @@ def corners() -> np.ndarray:
 
 
 def fit_pose(shape: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Fit rigid motions of a shape to points by least squares (Kabsch).
+    """Poses (frames, 4, 4) [m] that carry a shape (k, 3) [m] to points (frames, k, 3) [m] by least squares (Kabsch).
 
-    Args:
-        shape: (k, 3) points of the body [m].
-        points: (frames, k, 3) measured points [m].
-
-    Returns:
-        Poses (frames, 4, 4) [m] and RMS residuals (frames,) [m], NaN in frames where a point is missing.
+    With RMS residuals (frames,) [m]; both are NaN in frames where a point is missing.
     """
     whole = np.isfinite(points).all(axis=(1, 2))
     pose, residual = np.full((len(points), 4, 4), np.nan), np.full(len(points), np.nan)
