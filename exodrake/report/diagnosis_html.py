@@ -31,34 +31,11 @@ from exodrake.diagnosis.gap import SignalGap
 from exodrake.diagnosis.isolation import SAMPLING
 from exodrake.diagnosis.parameter import nominal_parameters
 from exodrake.diagnosis.problem import Problem, Trial
-from exodrake.diagnosis.result import (
-    AMBIGUOUS,
-    NAMED,
-    NO_GAP,
-    PARTLY,
-    RETUNE,
-    UNKNOWN,
-    Diagnosis,
-    NamedEffect,
-)
+from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, PARTLY, RETUNE, UNKNOWN, Diagnosis, NamedEffect
 from exodrake.diagnosis.search import GAIN, LAW, NATS, NEGLIGIBLE
 from exodrake.diagnosis.verdict import EXPLAINED, LARGE, MOST
-from exodrake.report import wording as w
-from exodrake.report.blocks import (
-    AFTER,
-    BAND,
-    LINE,
-    RULE,
-    SOFT,
-    STYLE,
-    Bars,
-    Drawing,
-    Table,
-    house_style,
-    render,
-    shares,
-    svg_of,
-)
+from exodrake.report import blocks, wording as w
+from exodrake.report.blocks import AFTER, BAND, LINE, RULE, SOFT, Bars, Drawing, Table, render, shares, svg_of
 from exodrake.report.missing_law import missing_law
 from exodrake.report.since import since
 from exodrake.report.wording import split_column
@@ -160,12 +137,23 @@ def how_far(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
         | {"overall": closed.get(key), "effect": step.get(key)}
         for key, name, rms in rows
     ]
-    return {
-        "errors": errors,
-        "curves": curves(runs, list(drawn)) if runs.judged else None,
-        "gaps": gap_tables(diagnosis),
-        "spectrum": Drawing(spectrum_svg(runs, drawn), wide=True) if runs.judged else None,
-    }
+    answer = {"errors": errors, "curves": None, "gaps": gap_tables(diagnosis), "spectrum": None}
+    if not runs.judged:
+        return answer
+    with blocks.house_style():  # a panel of spectra for each kind of signal, each robot in its style
+        figure = new_figure(9.6, 2.35)
+        panels = figure.subplots(1, len(runs.kinds), sharey=True, squeeze=False)[0]
+        white = 2.0 * runs.period  # density of white noise of unit variance up to the Nyquist frequency
+        for axes, kind in zip(panels, runs.kinds):
+            for robot, style in drawn.items():
+                frequency, power = spectra(runs, robot, kind)
+                axes.loglog(frequency[1:], power[1:], **style)
+            axes.axhline(white, color=SOFT, lw=0.9, ls=":")
+            axes.set(title=runs.display(kind).label, xlabel="Frequency [Hz]")
+            axes.grid(color=RULE, lw=0.5)
+        panels[0].set_ylabel("Density [1/Hz]")
+        svg = svg_of(figure, "spectrum", "power density of normalised residuals")
+    return answer | {"curves": curves(runs, list(drawn)), "spectrum": Drawing(svg, wide=True)}
 
 
 def gap_tables(diagnosis: Diagnosis) -> list[Table]:
@@ -196,24 +184,6 @@ def spectra(runs: SimulatedLogs, robot: str, kind: str) -> tuple[np.ndarray, np.
     found = [localise.spectrum(np.nan_to_num(column), runs.period) for column in columns]
     frequency = min((frequency for frequency, _ in found), key=len)
     return frequency, np.mean([power for _, power in found if len(power) == len(frequency)], axis=0)
-
-
-def spectrum_svg(runs: SimulatedLogs, drawn: dict[str, dict[str, Any]]) -> str:
-    """Spectra of the normalised residuals of robots, each in its style, a panel per kind of signal."""
-    with house_style():
-        figure = new_figure(9.6, 2.35)
-        panels = figure.subplots(1, len(runs.kinds), sharey=True, squeeze=False)[0]
-        white = 2.0 * runs.period  # density of white noise of unit variance up to the Nyquist frequency
-        for axes, kind in zip(panels, runs.kinds):
-            for robot, style in drawn.items():
-                frequency, power = spectra(runs, robot, kind)
-                axes.loglog(frequency[1:], power[1:], **style)
-            axes.axhline(white, color=SOFT, lw=0.9, ls=":")
-            axes.set_title(runs.display(kind).label)
-            axes.set_xlabel("Frequency [Hz]")
-            axes.grid(color=RULE, lw=0.5)
-        panels[0].set_ylabel("Density [1/Hz]")
-        return svg_of(figure, "spectrum", "power density of normalised residuals")
 
 
 def curves(runs: SimulatedLogs, robots: Sequence[str]) -> dict[str, Any]:
@@ -296,7 +266,7 @@ def response_figure(diagnosis: Diagnosis, runs: SimulatedLogs) -> Drawing | None
     if not by_block:
         return None
     chosen = {name: each[: max(1, COLUMNS // len(by_block))] for name, each in by_block.items()}
-    figure = plot_responses([one for each in chosen.values() for one in each], style=STYLE)
+    figure = plot_responses([one for each in chosen.values() for one in each], style=blocks.STYLE)
     label = "frequency responses of the blocks, measured, nominal and improved"
     parts = w.listed([f"{name} ({w.listed([one.output for one in each])})" for name, each in chosen.items()])
     caption = (
@@ -341,7 +311,7 @@ def condition_figure(diagnosis: Diagnosis, runs: SimulatedLogs) -> Drawing | Non
     bins = np.array_split(np.argsort(at, kind="stable"), BINS)
     bins = [np.flatnonzero(at == level) for level in levels] if len(levels) <= BINS else bins
     dots = at + np.random.default_rng(0).uniform(-JITTER, JITTER, len(at)) if few else at
-    with house_style():
+    with blocks.house_style():
         figure = new_figure(4.2, 2.6)
         axes = figure.subplots()
         axes.axhspan(-2.0, 2.0, color=BAND, lw=0)

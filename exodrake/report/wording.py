@@ -158,25 +158,21 @@ def effect_of(diagnosis: Diagnosis, identity: str) -> Effect | None:
     return next((e for e in machine.effects if e.id == identity), None) if machine else None
 
 
-def causes(diagnosis: Diagnosis) -> list[NamedEffect]:
-    """Effects that the verdict calls causes, the largest first."""
-    return [e for e in diagnosis.effects if e.role == CAUSE]
+def causes(diagnosis: Diagnosis, role: str = CAUSE) -> list[NamedEffect]:
+    """Effects that the verdict calls causes, the largest first; those of another role on demand."""
+    return [e for e in diagnosis.effects if e.role == role]
 
 
 def refinements(diagnosis: Diagnosis) -> list[NamedEffect]:
     """Further effects of the improved robot, the largest first."""
-    return [e for e in diagnosis.effects if e.role == REFINEMENT]
+    return causes(diagnosis, REFINEMENT)
 
 
-def kind_words(effect: NamedEffect) -> str:
-    """An effect's kind with its id: `load-dependent friction (tendon.capstan_friction)`."""
-    return f"{effect.kind or name_of(effect.id)} ({effect.id})"
-
-
-def place_of(diagnosis: Diagnosis, effect: NamedEffect) -> str:
-    """Where an effect sits: `at tendons AF and MF`, or `in the motor`."""
+def name_place(diagnosis: Diagnosis, effect: NamedEffect) -> tuple[str, str]:
+    """Kind and id of an effect, `load-dependent friction (tendon.capstan_friction)`, and its place, `in the motor`."""
     place = seat(effect.wires, effect.joints, machine_of(diagnosis))
-    return f"at {place}" if place else f"in the {effect.id.split('.')[0]}"
+    place = f"at {place}" if place else f"in the {effect.id.split('.')[0]}"
+    return f"{effect.kind or name_of(effect.id)} ({effect.id})", place
 
 
 def block_words(diagnosis: Diagnosis) -> str:
@@ -264,7 +260,7 @@ def cause_words(diagnosis: Diagnosis) -> list[str]:
     """Each cause: what, where, and how much of the gap it explains; those with rivals first, with these."""
     said, named = [], "explains {} of the gap"
     for effect in sorted(causes(diagnosis), key=lambda e: not e.rivals):
-        place, values = place_of(diagnosis, effect), by_channel(effect)
+        (kind, place), values = name_place(diagnosis, effect), by_channel(effect)
         known = math.isfinite(effect.share.value)  # not of one among several that detectors found
         explained = named.format(share(effect.share.value)) if known else "was detected"
         explained += f" ({values})" if values and not effect.rivals else ""
@@ -274,7 +270,7 @@ def cause_words(diagnosis: Diagnosis) -> list[str]:
             said.append(f"{lead} {name_of(effect.id)} ({effect.id}) from {others} {place}, which {explained}")
         else:
             besides = " besides" if said and diagnosis.verdict == AMBIGUOUS else ""
-            said.append(f"{kind_words(effect)} {place}{besides} {explained}")
+            said.append(f"{kind} {place}{besides} {explained}")
         named = "explains {} of it"
     return said
 
@@ -300,9 +296,8 @@ def regime_words(regime: Mapping[str, float]) -> str:
 
 def refinement_words(diagnosis: Diagnosis) -> str:
     """Refinements with place and share in a sentence, and what they are; empty without any."""
-    each = [
-        f"{kind_words(e)} {place_of(diagnosis, e)}, {share(e.share.value)} of the gap" for e in refinements(diagnosis)
-    ]
+    found = refinements(diagnosis)
+    each = [f"{' '.join(name_place(diagnosis, e))}, {share(e.share.value)} of the gap" for e in found]
     return f"{'; '.join(each)} ({REFINED})" if each else ""
 
 
