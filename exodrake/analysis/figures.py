@@ -37,7 +37,6 @@ CLEAN = 0.999  # coherence above which there is nothing to show
 VISIBLE = 1e-4  # of a panel: below, the rest of a simulation
 
 
-@matplotlib.rc_context(STYLE)
 def plot_steps(result: ClosedLoop) -> Figure:
     """Output of all channels when each reference steps, one panel per channel that is stepped."""
     figure = new_figure(max(4.0, min(7.0, 1.0 + 2.0 * len(result.steps))), 2.7)
@@ -52,12 +51,8 @@ def plot_steps(result: ClosedLoop) -> Figure:
             axes.plot(step.time, change[:, j], color=colour_of(name, j, result.robot.machine), label=name, **look)
         axes.plot([step.time[0], 0, 0, step.time[-1]], [0, 0, 1, 1], color="#444", lw=0.8, ls=(0, (4, 2)))
         axes.set(xlim=(-0.04 * shown, shown), xlabel="Time [s]", title=f"Step on {step.channel}")
-        lines = (
-            f"rise {step.rise:.3g} s",
-            f"overshoot {100 * step.overshoot:.1f} %",
-            f"settles in {step.settling:.3g} s",
-        )
-        words = "\n".join(line for line in lines if "nan" not in line)
+        words = f"rise {step.rise:.3g} s\novershoot {100 * step.overshoot:.1f} %\nsettles in {step.settling:.3g} s"
+        words = "\n".join(line for line in words.splitlines() if "nan" not in line)
         axes.text(0.97, 0.55, words, transform=axes.transAxes, ha="right", **NOTE)
     low, high = np.min(changes), np.max(changes)  # an unstable step must not hide the rest
     panels[0].set_ylim(max(low - 0.05, -1.0), min(max(high, 1.0) + 0.12, 2.5))
@@ -73,7 +68,6 @@ def output_kind(result: ClosedLoop) -> str:
     return next(c.kind for c in machine.columns if c.signal == machine.loop.measured)
 
 
-@matplotlib.rc_context(STYLE)
 def plot_bode(result: ClosedLoop) -> Figure:
     """Closed loop from reference to reading per channel: a line from the frame map, dots from the multisine.
 
@@ -113,7 +107,6 @@ def plot_bode(result: ClosedLoop) -> Figure:
     return figure
 
 
-@matplotlib.rc_context(STYLE)
 def plot_margins(result: ClosedLoop) -> Figure:
     """Open loop of each channel, opened at its command, with gain and phase margins."""
     figure = new_figure(min(7.0, 1.6 + 2.4 * len(result.margins)), 4.2)
@@ -145,7 +138,6 @@ def plot_margins(result: ClosedLoop) -> Figure:
     return figure
 
 
-@matplotlib.rc_context(STYLE)
 def plot_nyquist(result: ClosedLoop) -> Figure:
     """Nyquist curve of each channel for positive frequencies (full) and negative (dashed), of each drawn robot, too.
 
@@ -183,7 +175,6 @@ def plot_nyquist(result: ClosedLoop) -> Figure:
     return figure
 
 
-@matplotlib.rc_context(STYLE)
 def plot_robust(result: ClosedLoop) -> Figure:
     """Singular values of S and T, disk margin for all commands at once, and coupling, with bands."""
     figure = new_figure(7.0, 5.0)
@@ -228,7 +219,6 @@ def plot_robust(result: ClosedLoop) -> Figure:
     return figure
 
 
-@matplotlib.rc_context(STYLE)
 def plot_root_locus(result: ClosedLoop) -> Figure:
     """Poles in the z plane while the gain of all commands grows together.
 
@@ -278,7 +268,6 @@ def plot_root_locus(result: ClosedLoop) -> Figure:
     return figure
 
 
-@matplotlib.rc_context(STYLE)
 def plot_delays(result: ClosedLoop) -> Figure:
     """Delay of each channel, from its reading through its slots to the middle of the held command, and what is left."""
     figure = new_figure(7.0, 1.1 + 0.5 * len(result.delays))
@@ -307,7 +296,6 @@ def plot_delays(result: ClosedLoop) -> Figure:
     return figure
 
 
-@matplotlib.rc_context(STYLE)
 def plot_limit_cycles(cycles: tuple[LimitCycles, ...]) -> Figure:
     """Amplitude of each limit cycle over the loop gain: describing function as lines, simulation as dots."""
     figure = new_figure(max(4.0, 2.5 * len(cycles)), 3.0)
@@ -333,7 +321,6 @@ def plot_limit_cycles(cycles: tuple[LimitCycles, ...]) -> Figure:
     return figure
 
 
-@matplotlib.rc_context(STYLE)
 def plot_stability(result: ClosedLoop) -> Figure:
     """Spectral radius over two gains, blue stable, orange not, the boundary black, and over added command latency."""
     from matplotlib.colors import BoundaryNorm, ListedColormap
@@ -429,7 +416,6 @@ def plot_tuning(tuning: Tuning) -> Figure:
     return figure
 
 
-@matplotlib.rc_context(STYLE)
 def plot_uncertainty(found: Uncertainty) -> Figure:
     """Deviation of the robots of an answer with the weight that covers it; margins over amplitude with friction."""
     figure = new_figure(7.0 if found.cycles else 4.0, 3.0)
@@ -459,6 +445,8 @@ def draw_figures(result: ClosedLoop, cycles: tuple[LimitCycles, ...] = ()) -> di
         "margins": plot_margins, "nyquist": plot_nyquist, "robust": plot_robust, "root_locus": plot_root_locus,
         "delays": plot_delays,
     }  # fmt: skip
-    found = {f"{name}.png": png_of(plot(result)) for name, plot in figures.items()}
-    found |= {"limit_cycles.png": png_of(plot_limit_cycles(cycles))} if cycles else {}
-    return found | ({"uncertainty.png": png_of(plot_uncertainty(result.uncertainty))} if result.uncertainty else {})
+    with matplotlib.rc_context(STYLE):
+        drawn = {name: plot(result) for name, plot in figures.items()}
+        drawn |= {"limit_cycles": plot_limit_cycles(cycles)} if cycles else {}
+        drawn |= {"uncertainty": plot_uncertainty(result.uncertainty)} if result.uncertainty else {}
+    return {f"{name}.png": png_of(figure) for name, figure in drawn.items()}

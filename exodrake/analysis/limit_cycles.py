@@ -154,8 +154,8 @@ def limit_cycles(
 
     Effects of the robot that are smooth where it rests belong to its linear loop; where they are not, that loop is
     without them, and they are the first nonlinearity. The reading is rounded at the edge between two values, its worst
-    place. None for a loop that is unstable without nonlinearities, or has no gain margin. With `own_only`, none of the
-    nonlinearities but the robot's own effects.
+    place. None for a loop that is unstable without nonlinearities, has no gain margin, or whose reading does not answer
+    to its command. With `own_only`, none of the nonlinearities but the robot's own effects.
     """
     for plain in (robot, robot.without_effects()):
         loop, point, model = linearise_robot(plain, at)
@@ -168,7 +168,8 @@ def limit_cycles(
     ratios = [return_ratio(single(whole, j), grid)[:, 0, 0] for j in range(len(loop.channels))]
     margins = [loop_margins(grid, ratio)[1] if np.abs(ratio).max() > 0.0 else np.inf for ratio in ratios]
     channel = int(np.argmin(margins))
-    if not np.isfinite(margins[channel]):
+    answer = plant_response(single(whole, channel), np.array(CYCLES) / (WINDOW * whole.dt))
+    if not np.isfinite(margins[channel]) or not np.abs(answer).min() > 0.0:
         return ()
     given = (point, whole, direct, channel, margins[channel])  # of the linear loop
     found, own = [], robot.effects()

@@ -64,10 +64,8 @@ def add_controller(robot: Robot) -> Robot:
     """The robot with the outer controller of a machine that has none of its own. InputError if it can have no loop."""
     loop = robot.machine.loop
     if loop is None:
-        raise InputError(
-            f"{robot.machine.name}: no closed loop to analyse (its motion is measured, not commanded: "
-            "no reference goes through a controller)"
-        )
+        words = "its motion is measured, not commanded: no reference goes through a controller"
+        raise InputError(f"{robot.machine.name}: no closed loop to analyse ({words})")
     return loop.outer(robot) if loop.outer else robot
 
 
@@ -123,16 +121,9 @@ class FrameMap:
     @cached_property
     def shown_rows(self) -> np.ndarray:
         """Indices in w (n,) [-] of the signals of the log and of the loop."""
-        machine, loop = self.robot.machine, self.loop
-        wanted = {c.signal for c in machine.columns} | {loop.command, loop.output, loop.measured}
-        return np.concatenate(
-            [np.arange(self.signals[s].start, self.signals[s].stop) for s in self.kinds if s in wanted]
-        )
-
-    @property
-    def references(self) -> tuple[str, ...]:
-        """Names of the loop's references, such as `tension_ref_AF`."""
-        return tuple(f"{self.loop.reference}_{channel}" for channel in self.channels)
+        loop, w = self.loop, np.arange(signal_count(self.robot.machine))
+        wanted = {c.signal for c in self.robot.machine.columns} | {loop.command, loop.output, loop.measured}
+        return np.concatenate([w[self.signals[s]] for s in self.kinds if s in wanted])
 
     @cached_property
     def signals(self) -> dict[str, slice]:
@@ -225,32 +216,24 @@ def resolve_references(loop: FrameMap, at: Mapping[str, float] | str | None) -> 
     Raises:
         InputError: an unknown point or channel, a missing one, or a reference outside its limits.
     """
-    robot, channels = loop.robot, loop.channels
-    at = next(iter(loop.loop.points)) if at is None else at
+    robot, channels, points = loop.robot, loop.channels, loop.loop.points
+    at = next(iter(points)) if at is None else at
     lowest, highest = robot.reference_limits()
-    values: Mapping[str, float]
     if isinstance(at, str):
-        points = loop.loop.points
         if at not in points:
             raise InputError(f"no operating point {at!r}{nearest(at, list(points))}; there are {', '.join(points)}")
-        values = {c: float(np.clip(points[at][c], *ends)) for c, *ends in zip(channels, lowest, highest)}
-    else:
-        values = at
-    for name in values:
+        at = {c: float(np.clip(points[at][c], *ends)) for c, *ends in zip(channels, lowest, highest)}
+    for name in at:
         if name not in channels:
             raise InputError(f"operating point names {name!r}; the loop has {', '.join(channels)}")
-    if not robot.machine.reference_limits:
-        lowest = -highest
-    unit = robot.machine.signal[loop.loop.reference].unit
-    for i, name in enumerate(channels):
-        if name not in values:
+    unit, lowest = robot.machine.signal[loop.loop.reference].unit, np.minimum(lowest, 0.0)
+    for name, low, high in zip(channels, lowest if robot.machine.reference_limits else -highest, highest):
+        if name not in at:
             raise InputError(f"operating point lacks {name}; wanted {', '.join(channels)}")
-        low = min(lowest[i], 0.0)
-        if not math.isfinite(values[name]) or not low <= values[name] <= highest[i]:
-            raise InputError(
-                f"operating point {name} = {values[name]:g} {unit} is outside {low:g} .. {highest[i]:g} {unit}"
-            )
-    return np.array([float(values[name]) for name in channels])
+        if not math.isfinite(at[name]) or not low <= at[name] <= high:
+            limits = f"{low:g} .. {high:g} {unit}"
+            raise InputError(f"operating point {name} = {at[name]:g} {unit} is outside {limits}")
+    return np.array([float(at[name]) for name in channels])
 
 
 @dataclass(frozen=True)
@@ -472,7 +455,8 @@ def linearise(loop: FrameMap, state: np.ndarray, references: np.ndarray) -> Fram
     names = [name_states(machine)[i][1] for i in keep]
     system = System(
         a[np.ix_(keep, keep)], b[keep], c[:, keep], d, machine.frame,
-        states=[name.replace(".", "_") for name in names], inputs=list(loop.references), outputs=list(rows),
+        states=[name.replace(".", "_") for name in names], outputs=list(rows),
+        inputs=[f"{loop.loop.reference}_{channel}" for channel in loop.channels],
     )  # fmt: skip
     kink, where = float(bends.max()), names[int(bends.argmax())]
     return FrameModel(system, e[keep], m, fraction, gap, kink, where, keep.tolist())
@@ -524,17 +508,16 @@ def operating_point(loop: FrameMap, at: Mapping[str, float] | str | None = None)
     Where the robot's own gains do not bring it to rest, gentle ones do; that state counts if its own keep it at rest.
     InputError where neither does, for such a loop has no operating point: drift, creep, tremor, a limit cycle.
     """
-    references = resolve_references(loop, at)
+    references, machine = resolve_references(loop, at), loop.robot.machine
     state, frames, residual = settle(loop, references)
     steady = residual < SLOW
-    machine = loop.robot.machine
     if not steady:
         state, more, _ = settle(loop.with_values(loop.loop.gentle), references)
         residual, frames = measure_drift(loop, state, references), frames + more
-        if not residual < SLOW:
-            unit = machine.signal[loop.loop.reference].unit
-            words = ", ".join(f"{name} = {r:g} {unit}" for name, r in zip(loop.channels, references))
-            raise InputError(f"the loop does not come to rest at {words}: it still moves {residual:.2g} a frame")
+    if not residual < SLOW:
+        unit = machine.signal[loop.loop.reference].unit
+        words = ", ".join(f"{name} = {r:g} {unit}" for name, r in zip(loop.channels, references))
+        raise InputError(f"the loop does not come to rest at {words}: it still moves {residual:.2g} a frame")
     _, signals = loop.run(state, references[None, :])
     output = signals[0, loop.signals[loop.loop.output]]
     readings = {c.kind: signals[0, loop.signals[c.signal]] for c in machine.columns}

@@ -262,7 +262,13 @@ def response_figure(diagnosis: Diagnosis, runs: SimulatedLogs) -> Drawing | None
         name = next(s.name for s in machine.segments if s.output == split_column(one.output, machine)[0])
         if one.resolved.any() and all(np.isfinite(model).all() for model in one.models.values()):
             by_block[name].append(one)
-    by_block = {name: sorted(each, key=response_gap)[::-1] for name, each in by_block.items() if each}
+
+    def size_gap(one: LogResponse) -> float:
+        """Mean square of the relative error of the nominal response, weighted by power; 0 at unresolved lines."""
+        error = np.where(one.resolved, np.abs(one.models[NOMINAL] / one.response - 1.0), 0.0)
+        return float(np.average(error**2, weights=one.power))
+
+    by_block = {name: sorted(each, key=size_gap)[::-1] for name, each in by_block.items() if each}
     if not by_block:
         return None
     chosen = {name: each[: max(1, COLUMNS // len(by_block))] for name, each in by_block.items()}
@@ -274,12 +280,6 @@ def response_figure(diagnosis: Diagnosis, runs: SimulatedLogs) -> Drawing | None
         "each in the channels of its largest gap. Band: 90 %. Where coherence is low, noise or a nonlinearity acts."
     )
     return Drawing(svg_of(figure, "response", label), caption, wide=True)
-
-
-def response_gap(one: LogResponse) -> float:
-    """RMS of the relative error of the nominal response, weighted by the output's power; 0 at unresolved lines."""
-    error = np.where(one.resolved, np.abs(one.models[NOMINAL] / one.response - 1.0), 0.0)
-    return float(np.sqrt(np.average(error**2, weights=one.power)))
 
 
 def condition_figure(diagnosis: Diagnosis, runs: SimulatedLogs) -> Drawing | None:

@@ -1,1 +1,1 @@
-"""Kinematic identification from skin markers: `markers` reads, `identify` estimates, `report` writes; poses in `rigid`."""
+"""Kinematics from skin markers: `markers` reads them, `identify` estimates, `report` writes; `rigid` has the motions."""

@@ -296,21 +296,6 @@ def clock_from_pulses(time: np.ndarray, level: np.ndarray, frame: float) -> tupl
     return float(start), float(slope / frame - 1.0)
 
 
-def _triad_shape(points: np.ndarray, names: tuple[str, ...], source: str) -> np.ndarray:
-    """Triad (3, 3) [m] in its own frame from markers (frames, 3, 3) [m] with NaN. InputError if collinear."""
-    whole = points[np.isfinite(points).all(axis=(1, 2))]
-    if not len(whole):
-        raise InputError(f"{source}: markers {', '.join(names)} are never seen together")
-    side = np.median(np.linalg.norm(whole - np.roll(whole, -1, axis=1), axis=2), axis=0)
-    base, right, left = side
-    along = (base**2 + left**2 - right**2) / (2 * base) if base > 0 else 0.0
-    height = np.sqrt(max(left**2 - along**2, 0.0))
-    if (low := base * height / max(side)) < FLATTEST:
-        low = f"(height {1e3 * low:.2f} mm)"
-        raise InputError(f"{source}: markers {', '.join(names)} lie on a line {low}, which determines no frame")
-    return corners() @ np.array([base, along, height])
-
-
 @dataclass(frozen=True)
 class Swap:
     """Two markers that carry each other's name from `first` through `last` (frames)."""
@@ -409,9 +394,21 @@ def _residuals(shapes: np.ndarray, points: np.ndarray) -> np.ndarray:
 
 
 def _shapes(points: np.ndarray, layout: Layout, source: str) -> np.ndarray:
-    """Shapes (4, 3, 3) [m] of the triads from points (frames, 12, 3) [m]. InputError for a collinear one."""
-    triads = enumerate(layout.segments)
-    return np.stack([_triad_shape(points[:, 3 * k : 3 * k + 3], names, source) for k, names in triads])
+    """Triads (4, 3, 3) [m] in their own frames from points (frames, 12, 3) [m]. InputError for a collinear one."""
+    shapes = []
+    for k, names in enumerate(layout.segments):
+        triad, words = points[:, 3 * k : 3 * k + 3], f"{source}: markers {', '.join(names)}"
+        whole = triad[np.isfinite(triad).all(axis=(1, 2))]
+        if not len(whole):
+            raise InputError(f"{words} are never seen together")
+        side = np.median(np.linalg.norm(whole - np.roll(whole, -1, axis=1), axis=2), axis=0)
+        base, right, left = side
+        along = (base**2 + left**2 - right**2) / (2 * base) if base > 0 else 0.0
+        height = np.sqrt(max(left**2 - along**2, 0.0))
+        if (low := base * height / max(side)) < FLATTEST:
+            raise InputError(f"{words} lie on a line (height {1e3 * low:.2f} mm), which determines no frame")
+        shapes.append(corners() @ np.array([base, along, height]))
+    return np.stack(shapes)
 
 
 def _exchanged(points: np.ndarray, pair: tuple[int, int]) -> np.ndarray:
