@@ -77,7 +77,7 @@ def sweeps_from_logs(logs: Sequence[Log], one_per_log: Sequence[str] = ()) -> Sw
     wires, joints = logs[0].names("tension"), logs[0].names("angle")
     inputs, angles, labels, times, first = [], [], [], [], 0
     for log in logs:
-        inputs.append(inputs_of(log, wires))
+        inputs.append(read_inputs(log, wires))
         found = log.names("angle")
         if not found:
             raise InputError(f"{log.label}: no joint angles, which training needs (columns angle_...)")
@@ -97,7 +97,7 @@ def sweeps_from_logs(logs: Sequence[Log], one_per_log: Sequence[str] = ()) -> Sw
     return Sweeps(*parts, wires=wires, joints=joints, logs=tuple(log.label for log in logs))
 
 
-def inputs_of(log: Log, wires: tuple[str, ...]) -> np.ndarray:
+def read_inputs(log: Log, wires: tuple[str, ...]) -> np.ndarray:
     """Tensions [N] and strokes [m] (n, 2 x wires) of a log. InputError for other wires or missing samples."""
     found = log.names("tension")
     if not wires or set(found) != set(wires):
@@ -106,9 +106,9 @@ def inputs_of(log: Log, wires: tuple[str, ...]) -> np.ndarray:
     return np.hstack([_complete_array(log, "tension", wires), _complete_array(log, "stroke", wires)])
 
 
-def session_of(log: Log, wires: tuple[str, ...], joints: tuple[str, ...]) -> Sweeps:
+def read_session(log: Log, wires: tuple[str, ...], joints: tuple[str, ...]) -> Sweeps:
     """Cut a log; its angles (rows, joints) are left NaN. InputError for other wires or missing samples."""
-    inputs, references = inputs_of(log, wires), set(log.names("tension_ref")) >= set(wires)
+    inputs, references = read_inputs(log, wires), set(log.names("tension_ref")) >= set(wires)
     label = cut(log.array("tension_ref", wires), log.dt) if references else np.zeros(len(log), int)
     return Sweeps(inputs, np.full((len(log), len(joints)), np.nan), label, log.time, wires, joints, (log.label,))
 

@@ -17,7 +17,7 @@ from exodrake.core.confidence import NORMAL_95
 from exodrake.core.errors import InputError
 from exodrake.core.parallel import thread_limit
 from exodrake.data.log import Log
-from exodrake.estimator.dataset import Sweeps, session_of
+from exodrake.estimator.dataset import Sweeps, read_session
 from exodrake.estimator.gp import POINTS, Estimator, Prior, Zeros, condition
 
 PENALTIES = tuple(10.0**power for power in range(-3, 3))
@@ -131,7 +131,7 @@ def estimate(estimator: Estimator, log: Log, correct: bool = True) -> Estimate:
     Raises:
         InputError: For other wires or joints than the estimator's, and for missing tensions or strokes.
     """
-    session, measured = session_of(log, estimator.wires, estimator.joints), log.names("angle")
+    session, measured = read_session(log, estimator.wires, estimator.joints), log.names("angle")
     if measured and set(measured) != set(estimator.joints):
         raise InputError(
             f"{log.label}: joints {', '.join(measured)}, the estimator's are {', '.join(estimator.joints)}"

@@ -75,7 +75,7 @@ CAGING = Mode("caging", (-FREE, -FREE, -FREE), (FREE, FREE, FREE), (0.0, 0.0, 0.
 MODES = {mode.name: mode for mode in (CAGING, NARROW, WIDE)}
 
 
-def mode_of(name: str) -> Mode:
+def find_mode(name: str) -> Mode:
     """The mode of that name, spaces or underscores allowed; InputError with the nearest one otherwise."""
     plain = "-".join(name.lower().replace("_", " ").replace("-", " ").split())
     if plain not in MODES:

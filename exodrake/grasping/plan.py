@@ -28,7 +28,7 @@ from exodrake.compiled.inputs import Reference
 from exodrake.core.errors import InputError, argument, short_repr
 from exodrake.core.robot import Robot
 from exodrake.data.log import Log
-from exodrake.grasping.hand import Hand, bounds, candidates, check_size, joints, mode_of
+from exodrake.grasping.hand import Hand, bounds, candidates, check_size, find_mode, joints
 from exodrake.machines.robot_file import robot_or_default
 from exodrake.physics.finger import end_stop
 from exodrake.physics.finger_statics import arms, follow, parameters_of, posture
@@ -213,7 +213,7 @@ def plan_grasp(mode: str, size: float, robot: Robot | None = None, hand: Hand | 
     from scipy.spatial import KDTree
 
     robot, hand = robot_or_default(robot), hand or Hand()
-    way, n, (low, high) = mode_of(mode), parameters_of(robot), robot.reference_limits()
+    way, n, (low, high) = find_mode(mode), parameters_of(robot), robot.reference_limits()
     size = check_size(size, hand, n)
     found = candidates(way, size, hand, n)
     allowed = np.flatnonzero(found.miss <= 0.0)

@@ -126,7 +126,7 @@ class SimulatedLogs:
 
 def how_far(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
     """Values of the section's template; rows of `errors` from the nominal robot to noise: RMS [noise_std], closures."""
-    closure, robots = diagnosis.closure, w.robots_of(diagnosis)
+    closure, robots = diagnosis.closure, w.list_robots(diagnosis)
     drawn = dict([(NOMINAL, plot.NOMINAL), (IMPROVED, plot.IMPROVED)][: len(robots)])
     largest = max((closure.rms[key] for key in robots if np.isfinite(closure.rms[key])), default=1.0)
     closed = {"retuned": closure.retune, "after": closure.overall}
@@ -158,7 +158,7 @@ def how_far(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
 
 def gap_tables(diagnosis: Diagnosis) -> list[Table]:
     """Gap of each kind of signal with each robot, noise, closure; each signal's behind a fold."""
-    machine, robots = w.machine_of(diagnosis), list(w.robots_of(diagnosis))
+    machine, robots = w.find_machine(diagnosis), list(w.list_robots(diagnosis))
     kinds = {found.kind: found for found in w.kind_gaps(diagnosis)}
     titles = w.robot_titles(diagnosis)
     header = ("Signal", *titles, "Noise std", f"{titles[-1]} / noise std", *(["Closure"] if len(robots) > 1 else []))
@@ -349,7 +349,7 @@ def which(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
                     rows.append((f"`{name}`{' (common value)' if several else ''}", *w.interval(item)))
                 rows += [(f"`{name}` {channel}", *w.interval(one)) for channel, one in channels.items() if several]
             table = Table(("Parameter", "Value", "90 % interval"), rows, wide=False)
-            found.append((effect, w.effect_of(diagnosis, effect.id), table))
+            found.append((effect, w.find_effect(diagnosis, effect.id), table))
         return found
 
     sets = []

@@ -82,7 +82,7 @@ def verdict_panel(diagnosis: Diagnosis) -> Panel:
     lines = [f"[bold]{escape(w.headline(diagnosis))}[/bold]"]
     where = diagnosis.where
     if where.block != "none":
-        place = w.seat(where.wires, where.joints, w.machine_of(diagnosis))
+        place = w.seat(where.wires, where.joints, w.find_machine(diagnosis))
         lines.append(f"where   {where.block}{', ' + place if place else ''}")
     if diagnosis.verdict in (UNKNOWN, PARTLY, AMBIGUOUS) and where.regime:
         top = sorted(where.regime.items(), key=lambda item: -item[1])[:REGIMES]
@@ -121,7 +121,7 @@ def closing_lines(diagnosis: Diagnosis) -> list[str]:
         if diagnosis.effects and step.value == step.value:
             lines.append(f"        {w.closure_words(step, 'what retuning alone leaves')}")
         lines += [f"        {words}"] if (words := w.motion_words(diagnosis)) else []
-        robots = ", ".join(f"{name} {w.digits(rms[key])}" for key, name in w.robots_of(diagnosis).items())
+        robots = ", ".join(f"{name} {w.digits(rms[key])}" for key, name in w.list_robots(diagnosis).items())
         lines.append(f"error   {robots} noise standard deviations (RMS)")
     if alike := w.alike_words(diagnosis):
         lines.append(f"moved   {alike}")

@@ -123,7 +123,7 @@ class KindGap:
     gap: SignalGap
 
 
-def machine_of(diagnosis: Diagnosis) -> Machine | None:
+def find_machine(diagnosis: Diagnosis) -> Machine | None:
     """The machine of the diagnosed robots."""
     return next((robot.machine for robot in diagnosis.robots.values()), None)
 
@@ -147,14 +147,14 @@ def seat(tendons: Sequence[str], joints: Sequence[str], machine: Machine | None 
     return " and ".join(parts)
 
 
-def name_of(identity: str) -> str:
+def shorten_id(identity: str) -> str:
     """`tendon.capstan_friction` -> `capstan friction`."""
     return " + ".join(part.strip().split(".")[-1].replace("_", " ") for part in identity.split("+"))
 
 
-def effect_of(diagnosis: Diagnosis, identity: str) -> Effect | None:
+def find_effect(diagnosis: Diagnosis, identity: str) -> Effect | None:
     """An effect of the library of the machine; None if the library lacks it."""
-    machine = machine_of(diagnosis)
+    machine = find_machine(diagnosis)
     return next((e for e in machine.effects if e.id == identity), None) if machine else None
 
 
@@ -170,14 +170,14 @@ def refinements(diagnosis: Diagnosis) -> list[NamedEffect]:
 
 def name_place(diagnosis: Diagnosis, effect: NamedEffect) -> tuple[str, str]:
     """Kind and id of an effect, `load-dependent friction (tendon.capstan_friction)`, and its place, `in the motor`."""
-    place = seat(effect.wires, effect.joints, machine_of(diagnosis))
+    place = seat(effect.wires, effect.joints, find_machine(diagnosis))
     place = f"at {place}" if place else f"in the {effect.id.split('.')[0]}"
-    return f"{effect.kind or name_of(effect.id)} ({effect.id})", place
+    return f"{effect.kind or shorten_id(effect.id)} ({effect.id})", place
 
 
 def block_words(diagnosis: Diagnosis) -> str:
     """A sentence that says in which parts the effects of a block act which is no part itself, such as `timing`."""
-    block, machine = diagnosis.where.block, machine_of(diagnosis)
+    block, machine = diagnosis.where.block, find_machine(diagnosis)
     parts = machine.parts if machine else ()
     found = [p.name for p in parts if machine and any(e.block == block for e in machine.effects_on(p))]
     if not found or block in {p.name for p in parts}:
@@ -243,7 +243,7 @@ def headline(diagnosis: Diagnosis) -> str:
         return f"Nominal parameters within their tolerances explain the gap{words}; no effect is needed."
     if diagnosis.verdict == UNKNOWN:
         where, explained = diagnosis.where, 1.0 - diagnosis.remainder.value
-        place = seat(where.wires, where.joints, machine_of(diagnosis))
+        place = seat(where.wires, where.joints, find_machine(diagnosis))
         within = f" in the {where.block}" if where.block != "none" else ""
         text = f"There is a gap{within}{f' at {place}' if place else ''}{regime_words(where.regime)}"
         best = min(diagnosis.candidates, key=lambda c: abs(c.share - explained), default=None)
@@ -265,9 +265,9 @@ def cause_words(diagnosis: Diagnosis) -> list[str]:
         explained = named.format(share(effect.share.value)) if known else "was detected"
         explained += f" ({values})" if values and not effect.rivals else ""
         if effect.rivals:
-            others = listed([f"{name_of(r.id)} ({r.id})" for r in effect.rivals], "or")
+            others = listed([f"{shorten_id(r.id)} ({r.id})" for r in effect.rivals], "or")
             lead = "the logs cannot tell" if not said else "nor"
-            said.append(f"{lead} {name_of(effect.id)} ({effect.id}) from {others} {place}, which {explained}")
+            said.append(f"{lead} {shorten_id(effect.id)} ({effect.id}) from {others} {place}, which {explained}")
         else:
             besides = " besides" if said and diagnosis.verdict == AMBIGUOUS else ""
             said.append(f"{kind} {place}{besides} {explained}")
@@ -301,7 +301,7 @@ def refinement_words(diagnosis: Diagnosis) -> str:
     return f"{'; '.join(each)} ({REFINED})" if each else ""
 
 
-def robots_of(diagnosis: Diagnosis) -> dict[str, str]:
+def list_robots(diagnosis: Diagnosis) -> dict[str, str]:
     """The robots that the answer compares: their key among the gaps of a signal -> what they are."""
     robots = {"before": "nominal robot", "retuned": "retuned robot", "after": "improved robot"}
     if diagnosis.verdict == UNKNOWN:
@@ -311,17 +311,17 @@ def robots_of(diagnosis: Diagnosis) -> dict[str, str]:
 
 def last_robot(diagnosis: Diagnosis) -> str:
     """Description of the last of these robots."""
-    return list(robots_of(diagnosis).values())[-1]
+    return list(list_robots(diagnosis).values())[-1]
 
 
 def robot_titles(diagnosis: Diagnosis) -> list[str]:
     """Titles of columns of these robots: `Nominal`, `Retuned`, `Improved`."""
-    return [name.removesuffix(" robot").partition(" (")[0].capitalize() for name in robots_of(diagnosis).values()]
+    return [name.removesuffix(" robot").partition(" (")[0].capitalize() for name in list_robots(diagnosis).values()]
 
 
 def kind_gaps(diagnosis: Diagnosis) -> list[KindGap]:
     """Gap per kind of signal, from the gaps of its signals."""
-    machine = machine_of(diagnosis)
+    machine = find_machine(diagnosis)
     by_kind: dict[str, list[SignalGap]] = {}
     for name, gap in diagnosis.closure.signals.items():
         by_kind.setdefault(split_column(name, machine)[0], []).append(gap)

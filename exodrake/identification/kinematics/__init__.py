@@ -1,1 +1,1 @@
-"""Kinematics from skin markers: `markers` reads them, `identify` estimates, `report` writes; `rigid` has the motions."""
+"""Kinematics from skin markers: `markers` reads, `identify` estimates, `report` writes; `rigid` has the motions."""
