@@ -301,39 +301,34 @@ def plot_responses(responses: Sequence[LogResponse], style: Mapping[Any, Any] = 
                 for axes in panels:
                     axes.set_axis_off()
                 continue
-            draw_response(*panels, shown[k])
-            for axes, label in zip(panels, ("Gain [dB]", "Phase [°]", "Coherence") if j == 0 else ()):
-                axes.set_ylabel(label)
-            panels[2].set_xlabel("Frequency [Hz]" if k + columns >= len(shown) else "")
+            (level, phase, coherence), one = panels, shown[k]
+            f, known, h = one.frequency[one.band], one.resolved[one.band], one.response[one.band]
+            measured, look = np.where(known, 1.0, np.nan), {"color": MEASURED["color"], "alpha": 0.18, "lw": 0}
+            angle = np.interp(f, f[known], np.degrees(np.unwrap(np.angle(h[known]))))
+            low, high = (20.0 * np.log10(np.maximum(end[one.band], 1e-300)) for end in (one.low, one.high))
+            level.fill_between(f, low, high, where=known, **look)
+            spread = np.degrees(np.arcsin(np.minimum(one.radius[one.band] / np.abs(h), 1.0)))
+            phase.fill_between(f, angle - spread, angle + spread, where=known, **look)
+            for name, found in one.models.items():
+                # above what was measured, so that it is seen where it lies on that
+                line = STYLES.get(name, {"color": "#009e73"}) | {"label": name, "zorder": 3}
+                level.plot(f, 20.0 * np.log10(np.abs(found[one.band])), **line)
+                turn = np.degrees(np.angle(found[one.band] / np.exp(1j * np.radians(angle))))
+                phase.plot(f, angle + turn, **line)
+            level.plot(f, measured * 20.0 * np.log10(np.abs(h)), **MEASURED, label="measured")
+            phase.plot(f, measured * angle, **MEASURED)
+            coherence.plot(f, one.coherence[one.band], **MEASURED)
+            coherence.set_ylim(0.0, 1.05)
+            level.set_title(f"{one.input} → {one.output} [{one.unit}]".replace("_", " "), fontsize=8.5)
+            for axes, label in zip(panels, ("Gain [dB]", "Phase [°]", "Coherence")):
+                axes.set(xscale="log", xlim=(f[0], f[-1] if len(f) > 1 else 2.0 * f[0]))
+                axes.set_ylabel(label if j == 0 else "")
+                axes.set_xticks([tick for tick in TICKS if f[0] <= tick <= f[-1]])
+                axes.xaxis.set_major_formatter("{x:g}")
+                axes.xaxis.set_minor_formatter("")
+                axes.tick_params(labelbottom=axes is coherence)
+            coherence.set_xlabel("Frequency [Hz]" if k + columns >= len(shown) else "")
         handles = {label: h for axes in grid[::3].flat for h, label in zip(*axes.get_legend_handles_labels())}
         figure.legend(handles.values(), handles.keys(), loc="outside upper right", ncols=4)
         figure.align_ylabels()
     return figure
-
-
-def draw_response(level: Any, phase: Any, coherence: Any, one: LogResponse) -> None:
-    """Draws one response into axes of magnitude, phase and coherence, over the band where it is resolved."""
-    f, known, h = one.frequency[one.band], one.resolved[one.band], one.response[one.band]
-    measured, look = np.where(known, 1.0, np.nan), {"color": MEASURED["color"], "alpha": 0.18, "lw": 0}
-    angle = np.interp(f, f[known], np.degrees(np.unwrap(np.angle(h[known]))))
-    low, high = (20.0 * np.log10(np.maximum(end[one.band], 1e-300)) for end in (one.low, one.high))
-    level.fill_between(f, low, high, where=known, **look)
-    spread = np.degrees(np.arcsin(np.minimum(one.radius[one.band] / np.abs(h), 1.0)))
-    phase.fill_between(f, angle - spread, angle + spread, where=known, **look)
-    for name, found in one.models.items():
-        # above what was measured, so that it is seen where it lies on that
-        style = STYLES.get(name, {"color": "#009e73"}) | {"label": name, "zorder": 3}
-        level.plot(f, 20.0 * np.log10(np.abs(found[one.band])), **style)
-        phase.plot(f, angle + np.degrees(np.angle(found[one.band] / np.exp(1j * np.radians(angle)))), **style)
-    level.plot(f, measured * 20.0 * np.log10(np.abs(h)), **MEASURED, label="measured")
-    phase.plot(f, measured * angle, **MEASURED)
-    coherence.plot(f, one.coherence[one.band], **MEASURED)
-    coherence.set_ylim(0.0, 1.05)
-    level.set_title(f"{one.input} → {one.output} [{one.unit}]".replace("_", " "), fontsize=8.5)
-    for axes in (level, phase, coherence):
-        axes.set_xscale("log")
-        axes.set_xlim(f[0], f[-1] if len(f) > 1 else 2.0 * f[0])
-        axes.set_xticks([tick for tick in TICKS if f[0] <= tick <= f[-1]])
-        axes.xaxis.set_major_formatter("{x:g}")
-        axes.xaxis.set_minor_formatter("")
-        axes.tick_params(labelbottom=axes is coherence)

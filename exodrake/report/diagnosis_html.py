@@ -352,6 +352,19 @@ def which(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
             found.append((effect, w.find_effect(diagnosis, effect.id), table))
         return found
 
+    bars = []  # of the gap: each cause with its rivals beneath, the refinements, and what remains
+    for effect in (*w.causes(diagnosis), *w.refinements(diagnosis)):
+        strong = effect in w.causes(diagnosis)
+        bars.append((f"`{effect.id}`", effect.share.value, w.share_span(effect.share), strong))
+        bars += [(f"or `{r.id}`", r.share.value, w.share(r.share.value), False) for r in effect.rivals]
+    left = diagnosis.remainder
+    noise = f", {w.digits(left.noise_std, 2)} noise std" if np.isfinite(left.noise_std) else ""
+    bars.append(("remains", left.value, w.share(left.value) + noise, False))
+    bars = [(name, float(np.clip(np.nan_to_num(length), 0.0, 1.0)), *rest) for name, length, *rest in bars]
+    caption = (
+        "Share of the gap beyond retuning, fitted logs: what is left without the effect less what is left with it. "
+        "Causes in colour, rivals of a cause beneath it. Effects that partly replace each other do not add up to 100 %."
+    )
     sets = []
     for one in diagnosis.candidates:
         chi2 = [w.digits(x) if np.isfinite(x) else "–" for x in (one.chi2, one.prediction_chi2)]
@@ -359,32 +372,12 @@ def which(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
         sets.append((f"`{one.id or 'retune'}`", w.closure(one.share), *chi2, evidence))
     header = ("Effects", "Explains", "chi-square, closed loop", "chi-square, prediction error", "Evidence [nats]")
     return {
-        "shares": share_bars(diagnosis),
+        "shares": Bars(bars, caption) if len(bars) > 1 else None,
         "causes": described(w.causes(diagnosis)),
         "refinements": described(w.refinements(diagnosis)),
         "sets": Table(header, sets, folded=f"All {len(sets)} fitted sets in numbers") if sets else None,
         "retuned": retuned_tables(diagnosis, runs),
     }
-
-
-def share_bars(diagnosis: Diagnosis) -> Bars | None:
-    """Shares of the gap: each cause with its rivals beneath, the refinements, and what remains."""
-    rows = []
-    for effect in (*w.causes(diagnosis), *w.refinements(diagnosis)):
-        strong = effect in w.causes(diagnosis)
-        rows.append((f"`{effect.id}`", effect.share.value, w.share_span(effect.share), strong))
-        rows += [(f"or `{r.id}`", r.share.value, w.share(r.share.value), False) for r in effect.rivals]
-    if not rows:
-        return None
-    left = diagnosis.remainder
-    noise = f", {w.digits(left.noise_std, 2)} noise std" if np.isfinite(left.noise_std) else ""
-    rows.append(("remains", left.value, w.share(left.value) + noise, False))
-    rows = [(name, float(np.clip(np.nan_to_num(length), 0.0, 1.0)), *rest) for name, length, *rest in rows]
-    caption = (
-        "Share of the gap beyond retuning, fitted logs: what is left without the effect less what is left with it. "
-        "Causes in colour, rivals of a cause beneath it. Effects that partly replace each other do not add up to 100 %."
-    )
-    return Bars(rows, caption)
 
 
 def retuned_tables(diagnosis: Diagnosis, runs: SimulatedLogs) -> list[Table]:

@@ -251,14 +251,7 @@ def headline(diagnosis: Diagnosis) -> str:
         if best and explained > 0.005:
             would = f"; the best set, {best.id}, would explain {share(explained)} of it"
         return f"{text}, that no effect of the library explains{would}{unconfirmed}."
-    words = "; ".join(cause_words(diagnosis))
-    text = f"{words[:1].upper()}{words[1:]}{remainder_words(diagnosis)}{unconfirmed}"
-    return f"{text}{'' if diagnosis.closure.overall.value > 0.0 else '; on the judged logs the gap is not closed'}."
-
-
-def cause_words(diagnosis: Diagnosis) -> list[str]:
-    """Each cause: what, where, and how much of the gap it explains; those with rivals first, with these."""
-    said, named = [], "explains {} of the gap"
+    said, named = [], "explains {} of the gap"  # by each cause; those with rivals first
     for effect in sorted(causes(diagnosis), key=lambda e: not e.rivals):
         (kind, place), values = name_place(diagnosis, effect), by_channel(effect)
         known = math.isfinite(effect.share.value)  # not of one among several that detectors found
@@ -272,21 +265,16 @@ def cause_words(diagnosis: Diagnosis) -> list[str]:
             besides = " besides" if said and diagnosis.verdict == AMBIGUOUS else ""
             said.append(f"{kind} {place}{besides} {explained}")
         named = "explains {} of it"
-    return said
-
-
-def remainder_words(diagnosis: Diagnosis) -> str:
-    """What the causes and refinements leave; where causes explain a part only, its place, regime and worst signal."""
-    left = diagnosis.remainder
-    if not math.isfinite(left.value):
-        return ""
-    text = f"; {share(left.value)} remains" if left.value >= 0.005 else "; nothing remains"
-    worst = max(diagnosis.closure.signals.items(), key=lambda item: item[1].after / item[1].noise_std, default=None)
-    if diagnosis.verdict != PARTLY or worst is None:
-        return text
-    name, ratio = worst[0], digits(worst[1].after / worst[1].noise_std, 2)
-    within = f" in the {left.block}" if left.block else ""
-    return f"{text}{within}{regime_words(left.regime)}, most on {name} ({ratio} noise standard deviations)"
+    words, left = "; ".join(said), diagnosis.remainder
+    if math.isfinite(left.value):
+        words += f"; {share(left.value)} remains" if left.value >= 0.005 else "; nothing remains"
+        worst = max(diagnosis.closure.signals.items(), key=lambda item: item[1].after / item[1].noise_std, default=None)
+        if diagnosis.verdict == PARTLY and worst is not None:
+            name, ratio = worst[0], digits(worst[1].after / worst[1].noise_std, 2)
+            words += f" in the {left.block}" if left.block else ""
+            words += f"{regime_words(left.regime)}, most on {name} ({ratio} noise standard deviations)"
+    closed = "" if diagnosis.closure.overall.value > 0.0 else "; on the judged logs the gap is not closed"
+    return f"{words[:1].upper()}{words[1:]}{unconfirmed}{closed}."
 
 
 def regime_words(regime: Mapping[str, float]) -> str:

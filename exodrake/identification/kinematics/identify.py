@@ -556,34 +556,27 @@ def identify(recording: Recording, layout: Layout | None = None, cutoff: float |
     angles = fit_frames(smoothed, found.finger, poses, angles)
     values, covariance = measure(found, layout.distal.index(layout.tip))
     half = NORMAL_95 * np.sqrt(np.diag(covariance)[:3])
-    parts = [slice(3 + 6 * k, 9 + 6 * k) for k in range(3)]
-    joints = tuple(
-        _joint(k, found.finger, smoothed, angles, values[part], covariance[part, part]) for k, part in enumerate(parts)
-    )
+    finger, joints = found.finger, []
+    for k, name in enumerate(JOINTS):
+        axis, angle, side = finger.axes[k + 1], angles[:, k + 1].copy(), angles[:, 0].copy()
+        near, far = (fit_pose(finger.markers[i], smoothed[:, 3 * i : 3 * i + 3])[0] for i in (k, k + 1))
+        turns = inverse(near) @ far
+        seen = np.isfinite(turns).all(axis=(1, 2))
+        angle[~seen] = side[~seen] = np.nan
+        if k == 0:
+            turns = inverse(finger.axes[0].pose(side)) @ turns
+        pose = triad_pose(finger.markers[k])
+        own = axis.seen_from(pose)
+        centre = centres(turns, axis.direction, angle, finger.markers[k + 1].mean(axis=0))
+        centre = across(apply(inverse(pose), centre), own.direction)
+        part = slice(3 + 6 * k, 9 + 6 * k)
+        (gradient, intercept), used = np.split(values[part], 2), np.abs(np.nan_to_num(angle)) >= SMALLEST_ANGLE
+        rmse = np.sqrt(np.mean((centre[used] - intercept - gradient * angle[used, None]) ** 2, axis=0))
+        line = CentreLine(gradient, intercept, covariance[part, part], rmse, int(used.sum()))
+        abduction_axis, abduction = (None, None) if k else (finger.axes[0].seen_from(pose), side)
+        joints.append(Joint(name, own, angle, centre, line, abduction_axis, abduction))
     residuals = tuple(float(np.nanmedian(residual)) for _, residual in fits)
     return Kinematics(
         (joints[0], joints[1], joints[2]), tuple(values[:3].tolist()), tuple(half.tolist()),
         residuals, found.noise, found.inflation, time, check.remarks, recording.source,
     )  # fmt: skip
-
-
-def _joint(
-    k: int, finger: Finger, points: np.ndarray, angles: np.ndarray, values: np.ndarray, covariance: np.ndarray
-) -> Joint:
-    """Describe joint k; values (6,) [m/rad, m] are its gradient and intercept, with their covariance (6, 6)."""
-    axis, angle, side = finger.axes[k + 1], angles[:, k + 1].copy(), angles[:, 0].copy()
-    near, far = (fit_pose(finger.markers[i], points[:, 3 * i : 3 * i + 3])[0] for i in (k, k + 1))
-    turns = inverse(near) @ far
-    seen = np.isfinite(turns).all(axis=(1, 2))
-    angle[~seen] = side[~seen] = np.nan
-    if k == 0:
-        turns = inverse(finger.axes[0].pose(side)) @ turns
-    pose = triad_pose(finger.markers[k])
-    own = axis.seen_from(pose)
-    centre = centres(turns, axis.direction, angle, finger.markers[k + 1].mean(axis=0))
-    centre = across(apply(inverse(pose), centre), own.direction)
-    used = np.abs(np.nan_to_num(angle)) >= SMALLEST_ANGLE
-    error = centre[used] - values[3:] - values[:3] * angle[used, None]
-    line = CentreLine(values[:3], values[3:], covariance, np.sqrt(np.mean(error**2, axis=0)), len(error))
-    abduction_axis, abduction = (None, None) if k else (finger.axes[0].seen_from(pose), side)
-    return Joint(JOINTS[k], own, angle, centre, line, abduction_axis, abduction)
