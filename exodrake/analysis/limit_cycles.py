@@ -41,20 +41,17 @@ FAINT = 1e-3  # amplitude below which nothing oscillates, in units of the smalle
 
 @dataclass(frozen=True, eq=False)
 class LimitCycles:
-    """Limit cycles of one nonlinearity, its `label`, in the loop of one channel.
+    """Limit cycles of one nonlinearity, its `label`, in the loop of one channel; `unit` is that of the command.
 
     Attributes:
-        unit: unit of the command.
         limit: linear gain margin of that loop without the nonlinearity.
         amplitude: (k,) amplitudes of the command [SI] for which a limit cycle is predicted.
-        factor: (k,) factor on the loop gain at each amplitude [-]; nan where L never turns by 180 degrees.
-        frequency: (k,) frequency at each amplitude [Hz]; nan like the factor.
+        factor, frequency: (k,) factor on the loop gain [-] and frequency [Hz]; nan where L never turns by 180 degrees.
         phase_margin_deg: (k,) of the loop with the describing function of each amplitude; inf without crossover.
-        measured: (k, lines) describing functions from command to reading at each amplitude, and line_frequency
-            (lines,) [Hz].
+        measured: (k, lines) describing functions from command to reading at line_frequency (lines,) [Hz].
         factors: (m,) factors on the loop gain that are simulated [-].
-        swing: (m,) simulated amplitude of the command [SI]; 0 at rest, inf where it grows without bound.
-        swing_frequency: (m,) its frequency [Hz]; 0 at rest, nan where it grows without bound.
+        swing, swing_frequency: (m,) simulated amplitude of the command [SI] and its frequency [Hz]; 0 at rest, inf and
+            nan where it grows without bound.
     """
 
     label: str

@@ -277,16 +277,14 @@ class System(control.StateSpace):
 
 @dataclass(frozen=True, eq=False)
 class FrameModel:
-    """Linear model of the closed loop with one step per frame.
+    """Linear model of the closed loop with one step per frame, from the references to all signals, SI.
+
+    Signals of the log have their columns' names; of two signals that share one, the one not in the log ends in `_true`.
 
     Attributes:
-        system: python-control's `StateSpace` from the references to all signals, dt = one frame, SI. Signals of the log
-            have their columns' names; of two signals that share one, the one not in the log ends in `_true`.
         N (n, noises), M (outputs, noises): answer to sensor noise of unit variance.
-        step: fraction of the excursions used.
-        convergence: change of A, in excursions, against the next fraction.
-        kink: largest difference of one-sided slopes, in excursions.
-        where: name of the state that shows the kink.
+        step: fraction of the excursions used; convergence: change of A, in excursions, against the next fraction.
+        kink: largest difference of one-sided slopes, in excursions; where: name of the state that shows it.
         keep: indices of its states among those of the frame map.
     """
 

@@ -48,18 +48,10 @@ TICKS = [digit * 10.0**power for power in range(-4, 4) for digit in (1, 2, 5)]  
 class LogResponse:
     """Frequency response from one signal to another, measured and of robots on the same references.
 
-    Attributes:
-        input: column of the input.
-        output: column of the output.
-        unit: of the response, SI.
-        frequency: (f,) [Hz], the Fourier frequencies of a segment above 0.
-        response: (f,) complex, measured [unit].
-        coherence: (f,) measured.
-        low, high: (f,) ends of the 90 % band of its magnitude [unit].
-        models: name of a robot -> (f,) complex response of its log [unit].
-        power: (f,) power density of the output [its unit^2/Hz].
-        segments: number of independent segments.
-        logs: names of the logs.
+    At Fourier frequencies (f,) [Hz] of a segment above 0: response (f,) complex, measured [unit]; coherence (f,); ends
+    `low` and `high` (f,) of the 90 % band of its magnitude [unit]; of each robot in `models` the complex response (f,)
+    of its log [unit]; and power density (f,) of the output [its unit^2/Hz]. `segments` is the number of independent
+    ones.
     """
 
     input: str

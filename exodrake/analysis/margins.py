@@ -113,11 +113,9 @@ def frequency_grid(whole: System) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Margins:
-    """Margins of one channel's loop; NaN where the closed loop is unstable.
+    """Margins of one channel's open loop L (n,) at frequency (n,) [Hz]; NaN where the closed loop is unstable.
 
     Attributes:
-        channel: its name.
-        frequency: (n,) [Hz] and loop: (n,) complex, the open loop L.
         gain_margin_db: gain above 0 dB at the limit of stability, from L.
         gain_low_db: gain below 0 dB at which a conditionally stable loop loses stability, from L; -inf without.
         phase_margin_deg: and crossover: [Hz], at the crossover with the least delay margin.

@@ -42,18 +42,12 @@ def first_crossing(x: np.ndarray, y: np.ndarray, level: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class StepResponse:
-    """Response of the controlled quantity to a step of one channel's reference, without noise.
+    """Response (n, channels) [SI] of the controlled quantity to a step of one channel's reference, without noise.
 
-    Attributes:
-        channel: whose reference steps, by `size` [SI].
-        time: (n,) [s], a sample per slot; the frame with the new reference starts at 0.
-        output: (n, channels) [SI].
-        rise: 10 to 90 % [s].
-        overshoot: fraction of the step.
-        settling: last time outside +-2 % [s], nan if never inside.
-        steady_error: reference minus output at the end [SI].
-        crosstalk: largest change of another channel, fraction of the step.
-        command_peak: largest change of a command [SI].
+    There is a sample per slot; the frame with the new reference starts at time 0. Rise is from 10 to 90 % [s]; settling
+    the last time outside +-2 % [s], nan if never inside; overshoot and crosstalk, the largest change of another
+    channel, are fractions of the step; the steady error is reference minus output at the end [SI]; the peak the largest
+    change of a command [SI].
     """
 
     channel: str

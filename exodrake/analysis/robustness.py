@@ -41,14 +41,10 @@ LESS = 0.9  # second order is taken where it covers the deviation with less than
 class Robustness:
     """Robustness of one robot at one operating point, over frequency (f,) [Hz].
 
-    Attributes:
-        label: of the robot or the point.
-        stable: whether all poles lie inside the unit circle; None where the poles do not decide (`FrameModel.decides`).
-        loops: (f, channels) open loop of each channel, the others closed.
-        sigma_s, sigma_t: (f,) largest singular values of S and T = I - S at the commands.
-        disk: (f,) disk margin for all commands at once.
-        gain_array: (f, channels) diagonal of the relative gain array.
-        numbers: name -> value, SI; NaN where the loop is not stable.
+    It is stable if all poles lie inside the unit circle; None where they do not decide (`FrameModel.decides`). `loops`
+    (f, channels) are the open loops of each channel, the others closed; sigma (f,) the largest singular values of S and
+    T = I - S at the commands; `disk` (f,) the disk margin for all commands at once; `gain_array` (f, channels) the
+    diagonal of the relative gain array; `numbers` are by name [SI], NaN where the loop is not stable.
     """
 
     label: str

@@ -120,15 +120,11 @@ class Tuned:
 class Limit:
     """How fast a loop could be, beside the best tuned one.
 
-    Attributes:
-        settling: bound [s] for any controller on the linear plant at the machine's own point, without noise, with
-            commands, overshoot and crosstalk up to those below; the slowest channel's.
-        tuned: settling [s] of the best tuned controller there, else of the robot as it is.
-        command_peak: largest change of a command in its steps [command / reference].
-        crosstalk: its largest change of another channel, as a fraction of the step.
-        lqg: the worst of the LQG design over all plants that the search sees; None if it stabilises not all of them.
-        missed: requirements that LQG does not hold, a phrase each.
-        law: that design, from readings and references to commands.
+    `settling` bounds [s] any controller on the linear plant at the machine's own point, without noise, with commands,
+    overshoot and crosstalk up to those below; the slowest channel's. `tuned` is that of the best tuned controller
+    there, else of the robot as it is, with the largest change of a command in its steps [command / reference] and of
+    another channel, as a fraction of the step. `lqg` is the worst of the LQG design `law` over all plants that the
+    search sees, None if it stabilises not all of them; `missed` what it does not hold.
     """
 
     settling: float

@@ -296,12 +296,10 @@ class Estimator:
     """Trained estimator.
 
     Attributes:
-        wires, joints, logs: Names of wires, joints and training logs.
         weights: Arrays of the prediction.
         limit: Variance ratio (see `predict_into`) beyond which a sample is unlike the training sweeps [-].
         robot: Signature of the robot file, or "".
-        sweeps: Number of training sweeps.
-        kernel: The covariance, as text.
+        sweeps: Number of training sweeps; logs: their names.
         strokes: Strokes that the training shows at its tensions, for the zeros of a session; None if not learnt.
     """
 

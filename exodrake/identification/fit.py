@@ -79,12 +79,9 @@ class FittedParameter:
 class SignalFit:
     """Fit percent of one column, 100 (1 - |y - f| / |y - mean|) as of MATLAB's `compare`, and tests of its residual.
 
-    Attributes:
-        start, fitted, arx: of the robot before and after, and of a linear model simulated on the references [%].
-        held_start, held_fitted, held_arx: the same on held-out logs; NaN without [%].
-        left: of a linear model of the fitted robot's residual, on the fitted logs [%]; of noise alone 1 or 2.
-        whiteness: p-value of white residuals (Ljung & Box 1978).
-        independence: p-value of residuals that are uncorrelated with the references (Ljung 1999, sec. 16.6).
+    Of the robot before and after, and of a linear model simulated on the references, on fitted and on held-out logs
+    [%]. `left` is that of a linear model of the fitted robot's residual, of noise alone 1 or 2. The p-values are of
+    white residuals (Ljung & Box 1978), and of independence of the references (Ljung 1999, sec. 16.6).
     """
 
     column: str
