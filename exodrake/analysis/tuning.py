@@ -227,7 +227,7 @@ def tune(
     wanted = requirements or Requirements()
     if wanted.noise is None:
         noises = [predict_performance(plant, linearise_law(plant, {})).noise for plant in plants]
-        wanted = replace(wanted, noise=NOISE_FACTOR * max(filter(np.isfinite, noises), default=np.inf))
+        wanted = replace(wanted, noise=NOISE_FACTOR * max((n for n in noises if np.isfinite(n)), default=np.inf))
     compared = [assess(OWN, robot, {}, wanted, judges)]
     for structure in loop.controllers:
         if not only or structure.name in only:

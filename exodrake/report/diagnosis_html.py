@@ -137,7 +137,7 @@ def how_far(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
         | {"overall": closed.get(key), "effect": step.get(key)}
         for key, name, rms in rows
     ]
-    answer = {"errors": errors, "curves": None, "gaps": gap_tables(diagnosis), "spectrum": None}
+    answer: dict[str, Any] = {"errors": errors, "curves": None, "gaps": gap_tables(diagnosis), "spectrum": None}
     if not runs.judged:
         return answer
     with blocks.house_style():  # a panel of spectra for each kind of signal, each robot in its style
@@ -254,7 +254,7 @@ def response_figure(diagnosis: Diagnosis, runs: SimulatedLogs) -> Drawing | None
     robots = {name: diagnosis.robots[name] for name in (NOMINAL, IMPROVED)}
     machine = robots[NOMINAL].machine
     try:
-        found = block_responses(runs.problem.case, robots)
+        found = block_responses(runs.problem.case, robots) if machine.references else []
     except InputError:
         return None
     by_block: dict[str, list[LogResponse]] = {segment.name: [] for segment in machine.segments}
@@ -352,15 +352,16 @@ def which(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
             found.append((effect, w.find_effect(diagnosis, effect.id), table))
         return found
 
-    bars = []  # of the gap: each cause with its rivals beneath, the refinements, and what remains
+    def bar(name: str, length: float, text: str, strong: bool = False) -> tuple[str, float, str, bool]:
+        return name, float(np.clip(np.nan_to_num(length), 0.0, 1.0)), text, strong
+
+    bars, left = [], diagnosis.remainder  # each cause with its rivals beneath, the refinements, and what remains
     for effect in (*w.causes(diagnosis), *w.refinements(diagnosis)):
         strong = effect in w.causes(diagnosis)
-        bars.append((f"`{effect.id}`", effect.share.value, w.share_span(effect.share), strong))
-        bars += [(f"or `{r.id}`", r.share.value, w.share(r.share.value), False) for r in effect.rivals]
-    left = diagnosis.remainder
+        bars.append(bar(f"`{effect.id}`", effect.share.value, w.share_span(effect.share), strong))
+        bars += [bar(f"or `{r.id}`", r.share.value, w.share(r.share.value)) for r in effect.rivals]
     noise = f", {w.digits(left.noise_std, 2)} noise std" if np.isfinite(left.noise_std) else ""
-    bars.append(("remains", left.value, w.share(left.value) + noise, False))
-    bars = [(name, float(np.clip(np.nan_to_num(length), 0.0, 1.0)), *rest) for name, length, *rest in bars]
+    bars.append(bar("remains", left.value, w.share(left.value) + noise))
     caption = (
         "Share of the gap beyond retuning, fitted logs: what is left without the effect less what is left with it. "
         "Causes in colour, rivals of a cause beneath it. Effects that partly replace each other do not add up to 100 %."
