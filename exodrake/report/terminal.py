@@ -13,7 +13,6 @@ from exodrake.report.since import words as since_words
 
 if TYPE_CHECKING:
     from rich.console import Console
-    from rich.panel import Panel
     from rich.table import Table
 
 COLOURS = {NO_GAP: "green", RETUNE: "cyan", NAMED: "blue", AMBIGUOUS: "yellow", PARTLY: "magenta", UNKNOWN: "red"}
@@ -43,9 +42,22 @@ def print_summary(diagnosis: Diagnosis, console: Console | None = None) -> None:
     """Prints the verdict, where, which, how far and the best candidates; to standard output without a console."""
     from rich.console import Console
     from rich.markup import escape
+    from rich.panel import Panel
 
-    console = console or Console(highlight=False)
-    console.print(verdict_panel(diagnosis))
+    console, where = console or Console(highlight=False), diagnosis.where
+    lines = [f"[bold]{escape(w.headline(diagnosis))}[/bold]"]
+    if where.block != "none":
+        place = w.seat(where.wires, where.joints, w.find_machine(diagnosis))
+        lines.append(f"where   {where.block}{', ' + place if place else ''}")
+    if diagnosis.verdict in (UNKNOWN, PARTLY, AMBIGUOUS) and where.regime:
+        top = sorted(where.regime.items(), key=lambda item: -item[1])[:REGIMES]
+        lines.append("when    " + ", ".join(f"{name} {w.percent(value)}" for name, value in top) + " of its variance")
+    if refined := w.refinement_words(diagnosis):
+        lines.append(f"refined {escape(refined)}")
+    lines += [f"because {escape(reason)}" for reason in diagnosis.reasons]
+    title = f"[bold]{diagnosis.verdict}[/bold]  {escape(diagnosis.case)}"
+    style = COLOURS.get(diagnosis.verdict, "white")
+    console.print(Panel("\n".join(lines), title=title, title_align="left", border_style=style, padding=(0, 2)))
     if diagnosis.effects:
         rows = [row for effect in diagnosis.effects for row in effect_rows(effect)]
         console.print(table(("effect", ">of the gap", "parameter", ">value", ">90 % interval"), rows))
@@ -72,27 +84,6 @@ def print_summary(diagnosis: Diagnosis, console: Console | None = None) -> None:
         console.print(table(("fitted set", ">explains", ">chi-square", ">evidence", ""), rows, wrapped=0))
     for note in diagnosis.notes:
         console.print(f"[yellow]note[/yellow]    {escape(note)}")
-
-
-def verdict_panel(diagnosis: Diagnosis) -> Panel:
-    """The verdict in a coloured box, with place, refinements and reason."""
-    from rich.markup import escape
-    from rich.panel import Panel
-
-    lines = [f"[bold]{escape(w.headline(diagnosis))}[/bold]"]
-    where = diagnosis.where
-    if where.block != "none":
-        place = w.seat(where.wires, where.joints, w.find_machine(diagnosis))
-        lines.append(f"where   {where.block}{', ' + place if place else ''}")
-    if diagnosis.verdict in (UNKNOWN, PARTLY, AMBIGUOUS) and where.regime:
-        top = sorted(where.regime.items(), key=lambda item: -item[1])[:REGIMES]
-        lines.append("when    " + ", ".join(f"{name} {w.percent(value)}" for name, value in top) + " of its variance")
-    if refined := w.refinement_words(diagnosis):
-        lines.append(f"refined {escape(refined)}")
-    lines += [f"because {escape(reason)}" for reason in diagnosis.reasons]
-    title = f"[bold]{diagnosis.verdict}[/bold]  {escape(diagnosis.case)}"
-    style = COLOURS.get(diagnosis.verdict, "white")
-    return Panel("\n".join(lines), title=title, title_align="left", border_style=style, padding=(0, 2))
 
 
 def effect_rows(effect: NamedEffect) -> list[tuple[str, ...]]:
