@@ -6,7 +6,7 @@ Run: python examples/identify_kinematics.py
 import numpy as np
 
 from exodrake.identification.kinematics.identify import identify
-from exodrake.identification.kinematics.synthetic import Faults, Hand, synthesise
+from exodrake.identification.kinematics.markers import Faults, Hand, synthesise
 from exodrake.identification.workspace import Ranges, monte_carlo, reach
 
 # 20 s of a moving hand at 100 Hz, fourteen markers with 0.3 mm of noise and now and then a gap

@@ -10,10 +10,9 @@ import numpy as np
 
 import exodrake as exo
 from exodrake.data.plot import save_png
-from exodrake.estimator.file import quick_estimator
+from exodrake.estimator.gp import quick_estimator
 from exodrake.grasping.figure import grasp_figure
-from exodrake.grasping.plan import at_hold
-from exodrake.grasping.run import run_plan
+from exodrake.grasping.plan import at_hold, run_plan
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else ".")
 robot = exo.load_robot()

@@ -10,8 +10,8 @@ import matplotlib
 
 import exodrake as exo
 from exodrake.data.plot import STYLE, new_figure, save_png
-from exodrake.estimator.file import quick_estimator
-from exodrake.grasping.run import posture_controller, run_plan
+from exodrake.estimator.gp import quick_estimator
+from exodrake.grasping.plan import posture_controller, run_plan
 
 robot = exo.load_robot()
 plan = exo.plan_grasp("caging", 0.050, robot)

@@ -25,8 +25,7 @@ from exodrake.diagrams.diagram import (
 from exodrake.diagrams.exo_index import add_exo_index as add_exo_index
 from exodrake.diagrams.meshcat import FingerView as FingerView
 from exodrake.diagrams.multibody import MultibodyFinger as MultibodyFinger
-from exodrake.grasping.plan import plan_grasp as plan_grasp
-from exodrake.grasping.run import posture_controller as posture_controller
+from exodrake.grasping.plan import plan_grasp as plan_grasp, posture_controller as posture_controller
 from exodrake.identification.fit import fit as fit
 from exodrake.identification.statics import find_maximum_tension as find_maximum_tension
 from exodrake.machines.export import export_robot as export_robot

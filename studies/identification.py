@@ -50,7 +50,7 @@ class Recordings:
 def identified(seed: int, seconds: float = SECONDS, rate: float = RATE) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Errors (21,), half widths (21,) and RMSE of the angles (4,) of one synthetic recording."""
     from exodrake.identification.kinematics.identify import identify
-    from exodrake.identification.kinematics.synthetic import Faults, Hand, synthesise
+    from exodrake.identification.kinematics.markers import Faults, Hand, synthesise
 
     recording, truth = synthesise(Hand(), Faults(noise=NOISE, dropouts=GAPS), seconds, rate, seed)
     found = identify(recording)

@@ -33,7 +33,7 @@ def pytest_terminal_summary(terminalreporter):
 @pytest.fixture(scope="session")
 def loop():
     """The nominal robot's map from one frame to the next."""
-    from exodrake.analysis.frame_map import FrameMap
+    from exodrake.analysis.linear_model import FrameMap
 
     return FrameMap.of(exo.load_robot())
 

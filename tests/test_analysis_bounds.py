@@ -5,13 +5,14 @@ import numpy as np
 import pytest
 
 import exodrake as exo
-from exodrake.analysis.bounds import bound_settling, design_lqg
 from exodrake.analysis.responses import step_response
 from exodrake.analysis.robustness import points_band
 from exodrake.analysis.tuning import (
     Requirements,
     Tuned,
     Tuning,
+    bound_settling,
+    design_lqg,
     linearise_plant,
     predict_performance,
     schedule_gains,

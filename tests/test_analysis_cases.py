@@ -8,8 +8,7 @@ from scipy.optimize import brentq
 
 import exodrake as exo
 from exodrake.analysis.closed_loop import list_margin_remarks, list_remarks
-from exodrake.analysis.frame_map import FrameMap
-from exodrake.analysis.linear_model import FrameModel, linearise, operating_point, spectral_radius
+from exodrake.analysis.linear_model import FrameMap, FrameModel, linearise, operating_point, spectral_radius
 from exodrake.analysis.margins import close, cut, margins, open_loop
 from exodrake.analysis.responses import returns
 from exodrake.cli.main import cli

@@ -5,8 +5,7 @@ import pytest
 from scipy.signal import lfilter
 
 import exodrake as exo
-from exodrake.analysis.frame_map import FrameMap
-from exodrake.analysis.linear_model import linearise, operating_point
+from exodrake.analysis.linear_model import FrameMap, linearise, operating_point
 from exodrake.analysis.responses import step_response
 from exodrake.analysis.robustness import robustness
 from exodrake.analysis.tuning import linearise_law, linearise_plant, predict_performance

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import exodrake as exo
-from exodrake.analysis.frame_map import FrameMap
 from exodrake.analysis.limit_cycles import (
     WINDOW,
     CommandedLoop,
@@ -13,7 +12,7 @@ from exodrake.analysis.limit_cycles import (
     find_dead_band,
     limit_cycles,
 )
-from exodrake.analysis.linear_model import operating_point
+from exodrake.analysis.linear_model import FrameMap, operating_point
 from exodrake.analysis.margins import open_loop, plant_response, single
 
 

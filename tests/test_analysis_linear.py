@@ -7,13 +7,15 @@ import pytest
 
 import exodrake as exo
 from exodrake.analysis.closed_loop import list_remarks
-from exodrake.analysis.frame_map import FrameMap, name_states, resolve_references
 from exodrake.analysis.linear_model import (
+    FrameMap,
     Pole,
     differentiate_best,
     find_observed,
     linearise,
+    name_states,
     operating_point,
+    resolve_references,
 )
 from exodrake.analysis.margins import latency_sweep, stability_limit, stability_map
 from exodrake.analysis.responses import returns
@@ -74,7 +76,7 @@ def test_differences_have_converged(model):
 
 def test_the_slowest_pole_is_the_decay_of_a_small_perturbation(loop, point, model):
     state = point.state.copy()
-    names = [n.name for n in name_states(loop.robot.machine)]
+    names = [n for _, n in name_states(loop.robot.machine)]
     state[names.index("motor.theta.AF")] += 1e-5
     rows = np.tile(point.references, (200, 1))
     away = (loop.run(state, rows)[1] - loop.run(point.state, rows)[1])[:, loop.signals["tension"]][:, 0]

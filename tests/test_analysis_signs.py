@@ -5,8 +5,7 @@ import pytest
 from scipy.linalg import expm
 
 import exodrake as exo
-from exodrake.analysis.frame_map import FrameMap
-from exodrake.analysis.linear_model import linearise, linearise_robot, operating_point, spectral_radius
+from exodrake.analysis.linear_model import FrameMap, linearise, linearise_robot, operating_point, spectral_radius
 from exodrake.analysis.responses import returns
 from exodrake.physics import controller
 

@@ -8,7 +8,7 @@ import pytest
 from click.testing import CliRunner
 
 import exodrake as exo
-from exodrake.analysis.uncertainty import assess_answer, fit_weight, read_diagnosis
+from exodrake.analysis.robustness import assess_answer, fit_weight, read_diagnosis
 from exodrake.cli.main import cli
 
 

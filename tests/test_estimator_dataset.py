@@ -5,7 +5,7 @@ import pytest
 from estimator_sweeps import as_log, reference, worn_sweeps
 
 from exodrake.core.errors import InputError
-from exodrake.estimator.dataset import cut, inputs_of, sweeps_from_logs
+from exodrake.estimator.dataset import cut, read_inputs, sweeps_from_logs
 
 
 def test_ramps_up_and_down_are_cut_where_they_were_joined():
@@ -49,4 +49,4 @@ def test_bad_logs_are_refused_by_name():
     with pytest.raises(InputError, match="no logs"):
         sweeps_from_logs([])
     with pytest.raises(InputError, match="wires AF, MF, AE, the estimator needs AF, XF"):
-        inputs_of(log, ("AF", "XF"))
+        read_inputs(log, ("AF", "XF"))

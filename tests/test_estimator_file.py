@@ -7,7 +7,7 @@ import pytest
 from estimator_sweeps import trained
 
 from exodrake.core.errors import InputError
-from exodrake.estimator.file import load, save
+from exodrake.estimator.gp import load, save
 
 
 def test_a_saved_estimator_predicts_the_same_bits(tmp_path):

@@ -11,8 +11,7 @@ from hypothesis import given, strategies as st
 import exodrake as exo
 from exodrake.core import processes as child
 from exodrake.data.formats import formats
-from exodrake.identification.kinematics.markers import c3d_bytes, csv_bytes, read_markers
-from exodrake.identification.kinematics.synthetic import Faults, Hand, synthesise
+from exodrake.identification.kinematics.markers import Faults, Hand, c3d_bytes, csv_bytes, read_markers, synthesise
 
 ROBOT = exo.load_robot()
 LOG = exo.simulate(ROBOT, exo.grasp("caging", ROBOT)).rows(slice(60, 165))

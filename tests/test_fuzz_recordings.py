@@ -269,8 +269,7 @@ def test_spoilt_recordings_of_machines(place, data, name):
 @given(data=st.data())
 def test_spoilt_answers_of_a_diagnosis(data, place):
     """`analyse --diagnosis` draws no robots from what is no answer."""
-    from exodrake.analysis.robustness import within_intervals
-    from exodrake.analysis.uncertainty import read_diagnosis
+    from exodrake.analysis.robustness import read_diagnosis, within_intervals
 
     interval = {"value": 1e-3, "low": 9e-4, "high": 1.2e-3, "unit": "m/s"}
     effect = {

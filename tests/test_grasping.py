@@ -12,9 +12,8 @@ import exodrake as exo
 from exodrake.cli.grasp import parse_size
 from exodrake.cli.main import cli
 from exodrake.core.errors import InputError
-from exodrake.grasping.hand import MODES, mode_of
-from exodrake.grasping.plan import at_hold, tensions_for
-from exodrake.grasping.run import run_plan
+from exodrake.grasping.hand import MODES, find_mode
+from exodrake.grasping.plan import at_hold, run_plan, tensions_for
 from exodrake.physics import finger_statics as statics
 from exodrake.physics.finger_statics import parameters_of
 
@@ -192,9 +191,9 @@ def test_sizes_that_are_none(size):
 
 
 def test_names_and_units():
-    assert mode_of("Wide pinch").name == "wide-pinch" and mode_of("narrow_pinch").name == "narrow-pinch"
+    assert find_mode("Wide pinch").name == "wide-pinch" and find_mode("narrow_pinch").name == "narrow-pinch"
     with pytest.raises(InputError, match="caging"):
-        mode_of("cagign")
+        find_mode("cagign")
     assert parse_size("60mm") == parse_size("6 cm") == parse_size(" 0.06 m") == 0.06
     for text in ("60", "mm", "", "60 furlongs", "60 N", "1e400mm", "nan mm"):
         if text == "1e400mm":

@@ -4,12 +4,19 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from exodrake.identification.kinematics import adjust as module
-from exodrake.identification.kinematics.adjust import FREE, Finger, adjust, fit_frames, shift_poses
-from exodrake.identification.kinematics.identify import identify, measure, measures
-from exodrake.identification.kinematics.markers import Layout, Recording
+from exodrake.identification.kinematics import identify as module
+from exodrake.identification.kinematics.identify import (
+    FREE,
+    Finger,
+    adjust,
+    fit_frames,
+    identify,
+    measure,
+    measures,
+    shift_poses,
+)
+from exodrake.identification.kinematics.markers import Faults, Hand, Layout, Recording, Truth, synthesise
 from exodrake.identification.kinematics.rigid import Axis, across, apply, fit_pose, inverse, triad_pose
-from exodrake.identification.kinematics.synthetic import Faults, Hand, Truth, synthesise
 from studies.identification import recordings
 
 TIP = 1

@@ -8,16 +8,20 @@ from exodrake.cli.main import cli
 from exodrake.core.errors import InputError
 from exodrake.identification.kinematics.identify import identify
 from exodrake.identification.kinematics.markers import (
+    Faults,
+    Hand,
     Layout,
     Recording,
+    Swap,
     c3d_bytes,
+    check_labels,
     csv_bytes,
+    exchange_labels,
     parse_csv,
     read_layout,
     read_markers,
+    synthesise,
 )
-from exodrake.identification.kinematics.rigid import Swap, check_labels, exchange_labels
-from exodrake.identification.kinematics.synthetic import Faults, Hand, synthesise
 
 
 def _recording(**faults) -> Recording:

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from exodrake.identification.kinematics.identify import Kinematics, identify
+from exodrake.identification.kinematics.markers import Faults, Hand, Truth, synthesise
 from exodrake.identification.kinematics.report import robot_yaml, table_csv, table_markdown
 from exodrake.identification.kinematics.rigid import across
-from exodrake.identification.kinematics.synthetic import Faults, Hand, Truth, synthesise
 
 NOISE = 3e-4
 

@@ -139,10 +139,10 @@ def test_robot_with_the_effect_closes_the_gap(blocks):
         assert np.median(np.abs(level[one.band])) < 0.7
 
 
-def test_figure_has_a_pair_of_axes_for_each_resolved_response(blocks):
+def test_figure_has_gain_phase_and_coherence_of_each_resolved_response(blocks):
     figure = plot_responses(blocks)
     drawn = [axes for axes in figure.axes if axes.lines]
-    assert len(drawn) == 2 * len(blocks)
+    assert len(drawn) == 3 * len(blocks)
     assert {text.get_text() for text in figure.legends[0].get_texts()} == {"measured", "nominal", "improved"}
 
 

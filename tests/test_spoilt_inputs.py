@@ -19,8 +19,7 @@ from exodrake.data import log as log_module
 from exodrake.data.case import read_case
 from exodrake.data.formats import csv
 from exodrake.data.tables import list_columns
-from exodrake.identification.kinematics.markers import c3d_bytes, read_markers
-from exodrake.identification.kinematics.synthetic import Faults, Hand, synthesise
+from exodrake.identification.kinematics.markers import Faults, Hand, c3d_bytes, read_markers, synthesise
 from exodrake.monitor.tail import Tail
 
 HERE = Path(__file__).parent / "spoilt"

@@ -20,7 +20,7 @@ from benchmarks.speed import Row
 from exodrake.compiled.inputs import NoiseInputs, Reference
 from exodrake.core.errors import InputError
 from exodrake.diagrams.diagram import build_diagram, logged, run_diagram
-from exodrake.estimator.file import quick_estimator
+from exodrake.estimator.gp import quick_estimator
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation.simulate import record
 from exodrake.systems.admittance_controller import AdmittanceController

@@ -10,15 +10,13 @@ from typing import Any
 import control
 import numpy as np
 
-from exodrake.analysis.frame_map import FrameMap
 from exodrake.analysis.limit_cycles import LimitCycles
-from exodrake.analysis.linear_model import KINK, FrameModel, OperatingPoint, System, linearise_robot
+from exodrake.analysis.linear_model import KINK, FrameMap, FrameModel, OperatingPoint, System, linearise_robot
 from exodrake.analysis.margins import (
     DelayBudget,
     LatencySweep,
     Margins,
     StabilityMap,
-    controller_states,
     delay_budget,
     disturb,
     latency_sweep,
@@ -28,12 +26,18 @@ from exodrake.analysis.margins import (
     stability_map,
 )
 from exodrake.analysis.responses import FrequencyResponse, StepResponse, frequency_response, returns, step_response
-from exodrake.analysis.robustness import Band, Robustness, robustness
-from exodrake.analysis.uncertainty import Uncertainty
+from exodrake.analysis.robustness import Band, Robustness, Uncertainty, robustness
 from exodrake.core.errors import InputError, argument, nearest
 from exodrake.core.plain import plain
 from exodrake.core.robot import Robot
 
+UNITS = {  # names of fields in JSON
+    "rise": "rise_time [s]", "settling": "settling_time [s]", "time_constant": "time_constant [s]",
+    "frequency": "frequency [Hz]", "bandwidth": "bandwidth [Hz]", "bandwidth_measured": "bandwidth_measured [Hz]",
+    "crossover": "crossover [Hz]", "delay_margin": "delay_margin [s]",
+    "step": "difference_step", "where": "kink_at",
+    "residual": "residual [excursion/frame]", "steady": "steady_by_own_gains",
+}  # fmt: skip
 ROUGH = 1e-3  # slopes of two step sizes that differ by more deserve a word
 STEADY_ERROR = 0.02  # share of a step
 
@@ -101,14 +105,10 @@ class ClosedLoop:
         return not self.model.decides
 
     def loop(self, source: str, target: str) -> control.StateSpace:
-        """The closed loop between two signals as python-control's `StateSpace`.
+        """The closed loop from an input of `system` to an output, as a `StateSpace`. InputError for an unknown one.
 
-        Args:
-            source: an input of `system`: a reference such as `tension_ref_AF`, a command that is disturbed, or noise.
-            target: an output of `system`, such as `tension_AF`.
-
-        Raises:
-            InputError: an unknown signal.
+        Inputs are references such as `tension_ref_AF`, commands that are disturbed, and noise; outputs such as
+        `tension_AF`.
         """
         for name, known in ((source, self.system.input_labels), (target, self.system.output_labels)):
             if name not in known:
@@ -119,10 +119,7 @@ class ClosedLoop:
         """The return ratio L of the loop opened at a command, the others closed, as python-control's `StateSpace`.
 
         Its margins need `control.stability_margins(L, method="frd")`: the default method goes through polynomials of
-        the order of L, which are wrong for some tens of states.
-
-        Raises:
-            InputError: an unknown command.
+        the order of L, which are wrong for some tens of states. InputError for an unknown command.
         """
         if command not in self.opened.input_labels:
             known = self.opened.input_labels
@@ -132,13 +129,9 @@ class ClosedLoop:
         return ratio
 
     def to_control(self, *kinds: str) -> control.StateSpace:
-        """The closed loop from the references as python-control's `StateSpace`, dt = one frame.
+        """The closed loop from the references, as python-control's `StateSpace` with dt = one frame.
 
-        Args:
-            kinds: of outputs, such as "tension", "stroke"; all by default.
-
-        Raises:
-            InputError: a kind is unknown.
+        Outputs are of kinds such as "tension" and "stroke", or all. InputError for an unknown kind.
         """
         machine, labels = self.robot.machine, self.model.system.output_labels
         known = {kind: machine.channels(signal) for signal, kind in FrameMap.of(self.robot).kinds.items()}
@@ -166,28 +159,22 @@ def analyse(robot: Robot, at: Mapping[str, float] | str | None = None, seed: int
         'AF'
     """
     loop, point, model = linearise_robot(argument("robot", robot, Robot), at)
-    whole = open_loop(loop, model)
+    whole, system = open_loop(loop, model), model.system
     channels = range(len(loop.channels))
     steps = tuple(step_response(loop, point, i) for i in channels)
     found = tuple(margins(whole, i, loop.channels[i]) for i in channels)
     responses = tuple(frequency_response(loop, point, model, i, seed=seed) for i in channels)
-    maps = stability_map(loop, point), latency_sweep(loop, point)
-    back = returns(loop, point)
-    return ClosedLoop(
-        loop.robot, point, model, whole, connect(loop, model), steps, responses, found, delay_budget(loop, found),
-        robustness(loop, point, model, "this robot"), *maps, back,
-        (*list_remarks(loop, point, model, steps), *list_margin_remarks(found)),
-    )  # fmt: skip
-
-
-def connect(loop: FrameMap, model: FrameModel) -> System:
-    """The closed loop with references, sensor noise and disturbed commands as inputs, and all signals as outputs."""
-    system, v = model.system, model.rows(loop.kinds[loop.loop.command], loop.channels)
-    b, d = disturb(system, controller_states(loop, model), v)
-    return System(
+    v = model.rows(loop.kinds[loop.loop.command], loop.channels)
+    b, d = disturb(system, loop.own[model.keep], v)
+    connected = System(
         system.A, np.hstack([system.B, model.N, b]), system.C, np.hstack([system.D, model.M, d]), system.dt,
         states=system.state_labels, outputs=system.output_labels,
         inputs=[*system.input_labels, *loop.noises, *(system.output_labels[i] for i in v)],
+    )  # fmt: skip
+    return ClosedLoop(
+        loop.robot, point, model, whole, connected, steps, responses, found, delay_budget(loop, found),
+        robustness(loop, point, model, "this robot"), stability_map(loop, point), latency_sweep(loop, point),
+        returns(loop, point), (*list_remarks(loop, point, model, steps), *list_margin_remarks(found)),
     )  # fmt: skip
 
 
@@ -239,15 +226,6 @@ def list_margin_remarks(found: tuple[Margins, ...]) -> tuple[str, ...]:
     return tuple(notes)
 
 
-UNITS = {  # names of fields in JSON
-    "rise": "rise_time [s]", "settling": "settling_time [s]", "time_constant": "time_constant [s]",
-    "frequency": "frequency [Hz]", "bandwidth": "bandwidth [Hz]", "bandwidth_measured": "bandwidth_measured [Hz]",
-    "crossover": "crossover [Hz]", "delay_margin": "delay_margin [s]",
-    "step": "difference_step", "where": "kink_at",
-    "residual": "residual [excursion/frame]", "steady": "steady_by_own_gains",
-}  # fmt: skip
-
-
 def name_fields(result: Any, *without: str) -> dict[str, Any]:
     """Fields of a result, units in their names, some left out."""
     fields: dict[str, Any] = vars(result)
@@ -257,12 +235,10 @@ def name_fields(result: Any, *without: str) -> dict[str, Any]:
 def to_plain(result: ClosedLoop, cycles: tuple[LimitCycles, ...] = ()) -> dict[str, Any]:
     """All results as plain data for JSON, units in the keys; values that are not finite become null."""
     robot, machine, gains, latency = result.robot, result.robot.machine, result.gains, result.latency
-    readings = {
-        f"{kind} [{machine.signal[machine.column(kind).signal].unit}]": dict(
-            zip(machine.channels(machine.column(kind).signal), values)
-        )
-        for kind, values in result.point.readings.items()
-    }
+    readings = {}
+    for kind, values in result.point.readings.items():
+        signal = machine.column(kind).signal
+        readings[f"{kind} [{machine.signal[signal].unit}]"] = dict(zip(machine.channels(signal), values))
     return plain(
         {
             "robot": robot.source or machine.name,
@@ -275,7 +251,7 @@ def to_plain(result: ClosedLoop, cycles: tuple[LimitCycles, ...] = ()) -> dict[s
             "operating_point": readings
             | name_fields(result.point, "references", "state", "output", "readings", "slack"),
             "poles": [{"z": p.z, "modulus": abs(p.z), **name_fields(p)} for p in result.model.poles()],
-            "linear_model": name_fields(result.model, "N", "M", "system") | model_arrays(result),
+            "linear_model": name_fields(result.model, "N", "M", "system", "keep") | model_arrays(result),
             "steps": {s.channel: name_fields(s, "channel", "time", "output") for s in result.steps},
             "frequency_response": {r.channel: name_fields(r, "channel") for r in result.responses},
             "margins": {m.channel: name_fields(m, "channel", "frequency", "loop") for m in result.margins},

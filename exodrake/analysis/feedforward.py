@@ -3,7 +3,8 @@
     u_{k+1}(n) = u_k(n) + gain (r(n + d) - y_k(n + d))      r wanted, y simulated, d delay of the channel [frames]
 
 (Arimoto, Kawamura, Miyazaki 1984). It needs the simulation alone, and compensates play, delay, sag and gain of an
-improved robot file as far as the file is right. Commands stay within the robot file's limits.
+improved robot file as far as the file is right. Commands stay within the robot file's limits, else within what is
+wanted and as much again.
 """
 
 from __future__ import annotations
@@ -25,13 +26,9 @@ LATEST = 25  # frames of delay at most
 @short_repr
 @dataclass(frozen=True, eq=False)
 class Feedforward:
-    """Commands and their tracking errors on the model.
+    """Commands to be sent, and RMS tracking errors (channels,) [SI] on the model without and with them.
 
-    Attributes:
-        commands: to be sent.
-        before: (channels,) RMS error if the wanted motion is sent as it is [SI].
-        after: (channels,) RMS error with the commands [SI].
-        kind: column kind of the motion.
+    `before` is the error if the wanted motion, columns of a `kind`, is sent as it is.
     """
 
     commands: Reference
@@ -41,11 +38,7 @@ class Feedforward:
 
 
 def feedforward(robot: Robot, reference: Reference) -> Feedforward:
-    """Commands that bring a robot's motion as near to a reference as its model allows.
-
-    Args:
-        robot: the model, best an improved one.
-        reference: what is wanted, as a reference of the machine.
+    """Commands that bring the motion of a robot, best an improved one, as near to a reference as its model allows.
 
     Raises:
         InputError: for a machine that does not measure what its first reference asks for.
@@ -54,9 +47,8 @@ def feedforward(robot: Robot, reference: Reference) -> Feedforward:
     kind = column.kind.removesuffix("_ref")
     channels = robot.machine.channels(column.signal)
     if kind == column.kind or all(c.kind != kind for c in robot.machine.columns):
-        raise InputError(
-            f"{robot.machine.name} logs nothing that {column.kind} asks for, so nothing can be made up for"
-        )
+        name = robot.machine.name
+        raise InputError(f"{name} logs nothing that {column.kind} asks for, so nothing can be made up for")
     width = len(channels)
     wanted = reference.values[:, :width]
 
@@ -66,7 +58,10 @@ def feedforward(robot: Robot, reference: Reference) -> Feedforward:
     def simulate_motion(commands: np.ndarray) -> np.ndarray:
         return simulate(robot, to_reference(commands), seed=None, quantisation=False).array(kind, channels)
 
-    low, high = find_limits(robot, wanted)
+    span = np.ptp(wanted, axis=0)
+    low, high = wanted.min(axis=0) - span, wanted.max(axis=0) + span
+    if robot.machine.reference_limits and robot.limits:
+        low, high = robot.reference_limits()
     commands = best = wanted
     moved = simulate_motion(commands)
     late = [find_delay(wanted[:, k], moved[:, k]) for k in range(width)]
@@ -81,14 +76,6 @@ def feedforward(robot: Robot, reference: Reference) -> Feedforward:
         if np.mean(found / np.maximum(before, TINY)) < least:  # of all channels together, since they may be coupled
             best, least = commands, float(np.mean(found / np.maximum(before, TINY)))
     return Feedforward(to_reference(best), before, rms(wanted - simulate_motion(best)), kind)
-
-
-def find_limits(robot: Robot, wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Lowest and highest commands (channels,) [SI]: the robot file's, else what is wanted and as much again."""
-    if robot.machine.reference_limits and robot.limits:
-        return robot.reference_limits()
-    span = np.ptp(wanted, axis=0)
-    return wanted.min(axis=0) - span, wanted.max(axis=0) + span
 
 
 def find_delay(wanted: np.ndarray, moved: np.ndarray) -> int:

@@ -10,18 +10,17 @@ import numpy as np
 from exodrake.analysis.closed_loop import ClosedLoop
 from exodrake.analysis.limit_cycles import LimitCycles
 from exodrake.analysis.linear_model import evaluate
-from exodrake.analysis.margins import LatencySweep, Margins, close, decibel
-from exodrake.analysis.responses import StepResponse
+from exodrake.analysis.margins import close, decibel
+from exodrake.analysis.robustness import Uncertainty
 from exodrake.analysis.tuning import Tuning
-from exodrake.analysis.uncertainty import Uncertainty
 from exodrake.core.display import colour_of, display_of, shown_unit
-from exodrake.core.robot import Robot
 from exodrake.data.plot import STYLE, new_figure, png_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FAINT, GREY, DARK = "#9aa2ad", "#5b6470", "#333333"
+DASHED: dict[str, Any] = {"color": "#555", "lw": 0.7, "ls": (0, (4, 2))}
 PLATE = {"boxstyle": "round,pad=0.1", "fc": "#f6f8fa", "ec": "none"}
 TAG: dict[str, Any] = {"fontsize": 6.5, "color": GREY, "ha": "center", "va": "center"}
 WHITE = {"fc": "white", "ec": "none", "pad": 1.0}
@@ -38,31 +37,6 @@ CLEAN = 0.999  # coherence above which there is nothing to show
 VISIBLE = 1e-4  # of a panel: below, the rest of a simulation
 
 
-def draw_damping_grid(axes: Any, period: float) -> None:
-    """Draws the unit circle, and z = exp(s T) for constant damping ratio and for constant natural frequency."""
-    turn = np.linspace(0.0, 2.0 * np.pi, 400)
-    axes.fill(np.cos(turn), np.sin(turn), color="#f6f8fa", zorder=0)
-    axes.plot(np.cos(turn), np.sin(turn), color="#333", lw=1.0)
-    for damping in (0.1, 0.2, 0.4, 0.6, 0.8):
-        end = np.pi / np.sqrt(1.0 - damping**2)
-        z = np.exp(np.linspace(0.0, end, 200) * (-damping + 1j * np.sqrt(1.0 - damping**2)))
-        for side in (z, z.conj()):
-            axes.plot(np.real(side), np.imag(side), color=FAINT, lw=0.5)
-        tag = z[np.argmin(np.abs(np.angle(z) - 0.82 * np.pi))]
-        if damping < 0.7:  # further in, poles crowd the tag
-            axes.text(tag.real, tag.imag, f"ζ {damping:g}", bbox=PLATE, **TAG)
-    for share in (0.1, 0.2, 0.3, 0.4, 0.6, 0.8):  # of the Nyquist frequency
-        hertz = share * 0.5 / period
-        radius = 2.0 * np.pi * hertz * period
-        angle = np.linspace(np.pi / 2.0, np.pi, 100)
-        s = radius * np.exp(1j * angle)
-        z = np.exp(s[np.abs(s.imag) <= np.pi])
-        for side in (z, z.conj()):
-            axes.plot(np.real(side), np.imag(side), color=FAINT, lw=0.5, ls=(0, (1, 1.5)))
-        axes.text(1.08 * z[0].real, 1.06 * z[0].imag, f"{hertz:g} Hz", **TAG)
-
-
-@matplotlib.rc_context(STYLE)
 def plot_steps(result: ClosedLoop) -> Figure:
     """Output of all channels when each reference steps, one panel per channel that is stepped."""
     figure = new_figure(max(4.0, min(7.0, 1.0 + 2.0 * len(result.steps))), 2.7)
@@ -77,18 +51,14 @@ def plot_steps(result: ClosedLoop) -> Figure:
             axes.plot(step.time, change[:, j], color=colour_of(name, j, result.robot.machine), label=name, **look)
         axes.plot([step.time[0], 0, 0, step.time[-1]], [0, 0, 1, 1], color="#444", lw=0.8, ls=(0, (4, 2)))
         axes.set(xlim=(-0.04 * shown, shown), xlabel="Time [s]", title=f"Step on {step.channel}")
-        axes.text(0.97, 0.55, step_words(step), transform=axes.transAxes, ha="right", **NOTE)
+        words = f"rise {step.rise:.3g} s\novershoot {100 * step.overshoot:.1f} %\nsettles in {step.settling:.3g} s"
+        words = "\n".join(line for line in words.splitlines() if "nan" not in line)
+        axes.text(0.97, 0.55, words, transform=axes.transAxes, ha="right", **NOTE)
     low, high = np.min(changes), np.max(changes)  # an unstable step must not hide the rest
     panels[0].set_ylim(max(low - 0.05, -1.0), min(max(high, 1.0) + 0.12, 2.5))
     panels[0].set_ylabel(f"{display_of(output_kind(result), result.robot.machine).label} / step [-]")
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper right", ncols=len(channels))
     return figure
-
-
-def step_words(step: StepResponse) -> str:
-    """Figures of a step in three lines."""
-    lines = [f"rise {step.rise:.3g} s", f"overshoot {100 * step.overshoot:.1f} %", f"settles in {step.settling:.3g} s"]
-    return "\n".join(line for line in lines if "nan" not in line)
 
 
 def output_kind(result: ClosedLoop) -> str:
@@ -98,7 +68,6 @@ def output_kind(result: ClosedLoop) -> str:
     return next(c.kind for c in machine.columns if c.signal == machine.loop.measured)
 
 
-@matplotlib.rc_context(STYLE)
 def plot_bode(result: ClosedLoop) -> Figure:
     """Closed loop from reference to reading per channel: a line from the frame map, dots from the multisine.
 
@@ -125,7 +94,7 @@ def plot_bode(result: ClosedLoop) -> Figure:
             axes.plot(f, response.coherence, ".", ms=3, color=colour)
             axes.set(ylim=(-0.05, 1.08))
         if np.isfinite(response.bandwidth):
-            gain.axvline(response.bandwidth, color="#555", lw=0.7, ls=(0, (4, 2)))
+            gain.axvline(response.bandwidth, **DASHED)
             words = f"-3 dB at {response.bandwidth:.2f} Hz"
             gain.text(0.97, 0.95, words, transform=gain.transAxes, ha="right", va="top", fontsize=8, color=DARK)
         gain.set(title=f"{response.channel}: closed loop", xscale="log", ylim=(-42, 12))
@@ -138,52 +107,43 @@ def plot_bode(result: ClosedLoop) -> Figure:
     return figure
 
 
-@matplotlib.rc_context(STYLE)
 def plot_margins(result: ClosedLoop) -> Figure:
     """Open loop of each channel, opened at its command, with gain and phase margins."""
     figure = new_figure(min(7.0, 1.6 + 2.4 * len(result.margins)), 4.2)
     rows = figure.subplots(2, len(result.margins), sharex=True, sharey="row", squeeze=False)
     for j, m in enumerate(result.margins):
-        draw_open_loop(rows[0, j], rows[1, j], m, colour_of(m.channel, j, result.robot.machine))
+        gain, phase = rows[:, j]
+        colour = colour_of(m.channel, j, result.robot.machine)
+        shown = (m.frequency >= 8e-4 * m.frequency[-1]) & (np.abs(m.loop) > 0.0)
+        f, angle = m.frequency[shown], np.degrees(np.unwrap(np.angle(m.loop[shown])))
+        gain.plot(f, decibel(np.abs(m.loop[shown])), color=colour)
+        phase.plot(f, angle, color=colour)
+        for axes, limit in ((gain, 0.0), (phase, -180.0)):
+            axes.axhline(limit, color="black", lw=0.8)
+            axes.set_xscale("log")
+            if np.isfinite(m.crossover):
+                axes.axvline(m.crossover, **DASHED)
+        gain.set(title=f"{m.channel}: open loop", ylim=(-25, 45))
+        lines = [f"gain {m.gain_margin_db:.1f} dB"] if np.isfinite(m.gain_margin_db) else []
+        lines += [f"and down to {m.gain_low_db:.1f} dB"] if np.isfinite(m.gain_low_db) else []
+        if np.isfinite(m.delay_margin):
+            lines += [f"phase {m.phase_margin_deg:.0f} deg at {m.crossover:.2f} Hz"]
+            lines += [f"delay {1e3 * m.delay_margin:.3g} ms"]
+        words = "unstable: no margins" if m.closed_unstable else "\n".join(lines)
+        phase.text(0.04, 0.05, words, transform=phase.transAxes, fontsize=8, color=DARK, bbox=WHITE)
+        phase.set(xlabel="Frequency [Hz]", yticks=[-360, -270, -180, -90], ylim=(-390, -45))
     for axes, name in zip(rows[:, 0], ("|L| [dB]", "arg L [deg]")):
         axes.set_ylabel(name)
     figure.align_ylabels(rows[:, 0])
     return figure
 
 
-def draw_open_loop(gain: Any, phase: Any, m: Margins, colour: str) -> None:
-    """Bode lines of one open loop."""
-    shown = (m.frequency >= 8e-4 * m.frequency[-1]) & (np.abs(m.loop) > 0.0)
-    f, angle = m.frequency[shown], np.degrees(np.unwrap(np.angle(m.loop[shown])))
-    gain.plot(f, decibel(np.abs(m.loop[shown])), color=colour)
-    phase.plot(f, angle, color=colour)
-    gain.axhline(0.0, color="black", lw=0.8)
-    phase.axhline(-180.0, color="black", lw=0.8)
-    for axes in (gain, phase):
-        axes.set_xscale("log")
-        if np.isfinite(m.crossover):
-            axes.axvline(m.crossover, color="#555", lw=0.7, ls=(0, (4, 2)))
-    gain.set(title=f"{m.channel}: open loop", ylim=(-25, 45))
-    phase.text(0.04, 0.05, margin_words(m), transform=phase.transAxes, fontsize=8, color=DARK, bbox=WHITE)
-    phase.set(xlabel="Frequency [Hz]", yticks=[-360, -270, -180, -90], ylim=(-390, -45))
-
-
-def margin_words(m: Margins) -> str:
-    """Margins in a few lines; those that are infinite left out."""
-    if m.closed_unstable:
-        return "unstable: no margins"
-    lines = [f"gain {m.gain_margin_db:.1f} dB"] if np.isfinite(m.gain_margin_db) else []
-    lines += [f"and down to {m.gain_low_db:.1f} dB"] if np.isfinite(m.gain_low_db) else []
-    if np.isfinite(m.delay_margin):
-        lines += [f"phase {m.phase_margin_deg:.0f} deg at {m.crossover:.2f} Hz"]
-        lines += [f"delay {1e3 * m.delay_margin:.3g} ms"]
-    return "\n".join(lines)
-
-
-@matplotlib.rc_context(STYLE)
 def plot_nyquist(result: ClosedLoop) -> Figure:
-    """Nyquist curve of each channel, the disk that it must not enter, and the same of each drawn robot."""
-    count = len(result.margins)
+    """Nyquist curve of each channel for positive frequencies (full) and negative (dashed), of each drawn robot, too.
+
+    The curve must not enter the disk about -1.
+    """
+    count, turn = len(result.margins), np.linspace(0.0, 2.0 * np.pi, 200)
     figure = new_figure(max(3.4, min(7.0, 2.4 * count)), 3.0)
     for j, m in enumerate(result.margins):
         axes = figure.add_subplot(1, count, j + 1)
@@ -191,7 +151,21 @@ def plot_nyquist(result: ClosedLoop) -> Figure:
             for member in band.members:
                 loop = member.loops[:, j]
                 axes.plot(np.real(loop), np.imag(loop), color=BAND_COLOURS[k], lw=0.4, alpha=0.5)
-        draw_nyquist(axes, m, colour_of(m.channel, j, result.robot.machine))
+        colour = colour_of(m.channel, j, result.robot.machine)
+        axes.plot(np.cos(turn), np.sin(turn), color=FAINT, lw=0.7)
+        words = f"encirclements {m.encirclements}\n"
+        words += f"{m.closed_unstable} unstable poles" if m.closed_unstable else "stable"
+        if np.isfinite(m.disk_margin):
+            low = -(2.0 + m.disk_margin) / (2.0 - m.disk_margin) if m.disk_margin < 2.0 else -10.0
+            high = -(2.0 - m.disk_margin) / (2.0 + m.disk_margin)
+            middle, radius = 0.5 * (low + high), 0.5 * (high - low)
+            axes.fill(middle + radius * np.cos(turn), radius * np.sin(turn), color="#f7b98d", alpha=0.6, lw=0)
+            words += f"\ndisk margin {m.disk_margin:.2f}"
+        axes.plot(np.real(m.loop), np.imag(m.loop), color=colour, lw=1.4)
+        axes.plot(np.real(m.loop), -np.imag(m.loop), color=colour, lw=0.8, ls=(0, (3, 2)))
+        axes.plot(-1.0, 0.0, "+", color="black", ms=7, mew=1.4)
+        axes.text(0.03, 0.97, words, transform=axes.transAxes, va="top", fontsize=7.5, color=DARK, bbox=BOX)
+        axes.set(xlim=(-2.6, 1.4), ylim=(-2.0, 2.0), aspect="equal", title=m.channel, xlabel="Re L")
         if j == 0:
             axes.set_ylabel("Im L")
     for k, band in enumerate(result.bands):
@@ -201,27 +175,6 @@ def plot_nyquist(result: ClosedLoop) -> Figure:
     return figure
 
 
-def draw_nyquist(axes: Any, m: Margins, colour: str) -> None:
-    """One Nyquist curve for positive frequencies (full) and negative (dashed)."""
-    turn = np.linspace(0.0, 2.0 * np.pi, 200)
-    axes.plot(np.cos(turn), np.sin(turn), color=FAINT, lw=0.7)
-    if np.isfinite(m.disk_margin):
-        low = -(2.0 + m.disk_margin) / (2.0 - m.disk_margin) if m.disk_margin < 2.0 else -10.0
-        high = -(2.0 - m.disk_margin) / (2.0 + m.disk_margin)
-        middle, radius = 0.5 * (low + high), 0.5 * (high - low)
-        axes.fill(middle + radius * np.cos(turn), radius * np.sin(turn), color="#f7b98d", alpha=0.6, lw=0)
-    axes.plot(np.real(m.loop), np.imag(m.loop), color=colour, lw=1.4)
-    axes.plot(np.real(m.loop), -np.imag(m.loop), color=colour, lw=0.8, ls=(0, (3, 2)))
-    axes.plot(-1.0, 0.0, "+", color="black", ms=7, mew=1.4)
-    unstable = f"{m.closed_unstable} unstable poles" if m.closed_unstable else "stable"
-    words = f"encirclements {m.encirclements}\n{unstable}"
-    if np.isfinite(m.disk_margin):
-        words += f"\ndisk margin {m.disk_margin:.2f}"
-    axes.text(0.03, 0.97, words, transform=axes.transAxes, va="top", fontsize=7.5, color=DARK, bbox=BOX)
-    axes.set(xlim=(-2.6, 1.4), ylim=(-2.0, 2.0), aspect="equal", title=m.channel, xlabel="Re L")
-
-
-@matplotlib.rc_context(STYLE)
 def plot_robust(result: ClosedLoop) -> Figure:
     """Singular values of S and T, disk margin for all commands at once, and coupling, with bands."""
     figure = new_figure(7.0, 5.0)
@@ -236,10 +189,20 @@ def plot_robust(result: ClosedLoop) -> Figure:
                 axes.fill_between(result.robust.frequency, *ends, **look)
         axes.plot(result.robust.frequency, getattr(result.robust, name), color="black", lw=1.1, label="this robot")
         axes.set(ylabel=label, yscale="log", xscale="log")
-    if len(result.steps) > 1:
-        draw_coupling(panels[1, 1], result)
-    else:
-        panels[1, 1].set_axis_off()
+    coupling, gains = panels[1, 1], result.robust.gain_array  # its diagonal over frequency
+    if len(result.steps) == 1:
+        coupling.set_visible(False)
+    for j, m in enumerate(result.margins if len(result.steps) > 1 else ()):
+        colour = colour_of(m.channel, j, result.robot.machine)
+        values = [member.gain_array[:, j] for band in result.bands[:1] for member in band.members]
+        if values:
+            ends = np.min(values, axis=0), np.max(values, axis=0)
+            coupling.fill_between(result.robust.frequency, *ends, color=colour, alpha=0.2, lw=0)
+        coupling.plot(result.robust.frequency, gains[:, j], color=colour, label=m.channel)
+        coupling.legend(fontsize=7.5)
+    coupling.axhline(1.0, **DASHED)
+    coupling.set(ylabel="|Relative gain|; 1: no coupling", xscale="log", yscale="log")
+    coupling.set_ylim(min(0.5, 0.8 * float(gains.min())), max(2.0, 1.3 * float(gains.max())))
     panels[0, 0].set_ylim(bottom=0.02)
     panels[0, 1].set_ylim(0.09, 1.5 * max(1.0, float(result.robust.sigma_t.max())))
     panels[1, 0].set_ylim(0.3, 3.0)
@@ -256,29 +219,29 @@ def plot_robust(result: ClosedLoop) -> Figure:
     return figure
 
 
-def draw_coupling(axes: Any, result: ClosedLoop) -> None:
-    """Diagonal of the relative gain array over frequency."""
-    for j, name in enumerate([m.channel for m in result.margins]):
-        colour = colour_of(name, j, result.robot.machine)
-        for band in result.bands[:1]:
-            values = [m.gain_array[:, j] for m in band.members]
-            if values:
-                low, high = np.min(values, axis=0), np.max(values, axis=0)
-                axes.fill_between(result.robust.frequency, low, high, color=colour, alpha=0.2, lw=0)
-        axes.plot(result.robust.frequency, result.robust.gain_array[:, j], color=colour, label=name)
-    axes.axhline(1.0, color=GREY, lw=0.7, ls=(0, (4, 2)))
-    low, high = float(result.robust.gain_array.min()), float(result.robust.gain_array.max())
-    axes.set(ylabel="|Relative gain|; 1: no coupling", xscale="log", yscale="log")
-    axes.set_ylim(min(0.5, 0.8 * low), max(2.0, 1.3 * high))
-    axes.legend(fontsize=7.5)
-
-
-@matplotlib.rc_context(STYLE)
 def plot_root_locus(result: ClosedLoop) -> Figure:
-    """Poles while the gain of all commands grows together, in the unit circle."""
+    """Poles in the z plane while the gain of all commands grows together.
+
+    Thin lines are z = exp(s T) for constant damping ratio (full) and for constant natural frequency (dotted).
+    """
     figure = new_figure(5.4, 4.4)
-    axes = figure.subplots()
-    draw_damping_grid(axes, result.model.system.dt)
+    axes, turn = figure.subplots(), np.linspace(0.0, 2.0 * np.pi, 400)
+    axes.fill(np.cos(turn), np.sin(turn), color="#f6f8fa", zorder=0)
+    axes.plot(np.cos(turn), np.sin(turn), color="#333", lw=1.0)
+    for damping in (0.1, 0.2, 0.4, 0.6, 0.8):
+        end = np.pi / np.sqrt(1.0 - damping**2)
+        z = np.exp(np.linspace(0.0, end, 200) * (-damping + 1j * np.sqrt(1.0 - damping**2)))
+        for side in (z, z.conj()):
+            axes.plot(np.real(side), np.imag(side), color=FAINT, lw=0.5)
+        tag = z[np.argmin(np.abs(np.angle(z) - 0.82 * np.pi))]
+        if damping < 0.7:  # further in, poles crowd the tag
+            axes.text(tag.real, tag.imag, f"ζ {damping:g}", bbox=PLATE, **TAG)
+    for share in (0.1, 0.2, 0.3, 0.4, 0.6, 0.8):  # of the Nyquist frequency
+        s = share * np.pi * np.exp(1j * np.linspace(np.pi / 2.0, np.pi, 100))
+        z = np.exp(s[np.abs(s.imag) <= np.pi])
+        for side in (z, z.conj()):
+            axes.plot(np.real(side), np.imag(side), color=FAINT, lw=0.5, ls=(0, (1, 1.5)))
+        axes.text(1.08 * z[0].real, 1.06 * z[0].imag, f"{share * 0.5 / result.model.system.dt:g} Hz", **TAG)
     factors = np.geomspace(*FACTORS, 240)
     roots = [np.linalg.eigvals(close(result.opened, g)) for g in factors]
     z, tint = np.concatenate(roots), np.repeat(np.log10(factors), [len(r) for r in roots])
@@ -305,7 +268,6 @@ def plot_root_locus(result: ClosedLoop) -> Figure:
     return figure
 
 
-@matplotlib.rc_context(STYLE)
 def plot_delays(result: ClosedLoop) -> Figure:
     """Delay of each channel, from its reading through its slots to the middle of the held command, and what is left."""
     figure = new_figure(7.0, 1.1 + 0.5 * len(result.delays))
@@ -334,7 +296,6 @@ def plot_delays(result: ClosedLoop) -> Figure:
     return figure
 
 
-@matplotlib.rc_context(STYLE)
 def plot_limit_cycles(cycles: tuple[LimitCycles, ...]) -> Figure:
     """Amplitude of each limit cycle over the loop gain: describing function as lines, simulation as dots."""
     figure = new_figure(max(4.0, 2.5 * len(cycles)), 3.0)
@@ -349,7 +310,7 @@ def plot_limit_cycles(cycles: tuple[LimitCycles, ...]) -> Figure:
         axes.plot(c.factors[moving], factor * c.swing[moving], "o", label="simulated", **dots)
         axes.plot(c.factors[still], np.full(still.sum(), lowest), "o", mfc="none", label="simulated, at rest", **dots)
         axes.plot(c.factors[lost], np.full(lost.sum(), top), "^", label="simulated, grows", **dots)
-        axes.axvline(c.limit, color=GREY, lw=0.8, ls=(0, (4, 2)), label="linear limit")
+        axes.axvline(c.limit, **DASHED, label="linear limit")
         axes.axvline(1.0, color=FAINT, lw=0.8, label="this robot's gain")
         axes.set(xlabel="Factor on the loop gain", yscale="log", xlim=(0.0, 1.4 * c.limit))
         axes.set_ylim(0.45 * factor * c.amplitude[0], 1.5 * top)
@@ -360,24 +321,21 @@ def plot_limit_cycles(cycles: tuple[LimitCycles, ...]) -> Figure:
     return figure
 
 
-@matplotlib.rc_context(STYLE)
 def plot_stability(result: ClosedLoop) -> Figure:
-    """Spectral radius over two gains with its boundary, and over added command latency."""
-    latency = result.latency
-    figure = new_figure(7.0 if latency else 4.4, 3.3)
-    panels = figure.subplots(1, 2, width_ratios=[1.45, 1.0]) if latency else [figure.subplots()]
-    draw_gains(figure, panels[0], result)
-    if latency:
-        draw_latency(panels[1], latency, result.model.system.dt)
-    return figure
-
-
-def draw_gains(figure: Figure, axes: Any, result: ClosedLoop) -> None:
-    """Spectral radius over the gains; blue stable, orange not, the boundary black."""
+    """Spectral radius over two gains, blue stable, orange not, the boundary black, and over added command latency."""
     from matplotlib.colors import BoundaryNorm, ListedColormap
 
-    gains, robot = result.gains, result.robot
-    labels, scales = zip(*(gain_label(robot, name) for name in gains.names))
+    latency, gains, robot = result.latency, result.gains, result.robot
+    figure = new_figure(7.0 if latency else 4.4, 3.3)
+    panels = figure.subplots(1, 2, width_ratios=[1.45, 1.0]) if latency else [figure.subplots()]
+    axes, labels, scales = panels[0], [], []
+    for name in gains.names:
+        unit = robot.machine.parameters[robot.indices(name)[0]].unit
+        shown, factor = shown_unit(unit)
+        if shown == unit and unit.startswith("m/"):  # a gain in metres per something is shown in millimetres
+            shown, factor = "m" + unit, 1e3
+        labels.append(f"{name.rsplit('.', 1)[-1]} [{shown}]")
+        scales.append(factor)
     x, y = scales[0] * gains.first, scales[1] * gains.second
     nominal = scales[0] * gains.nominal[0], scales[1] * gains.nominal[1]
     colours = ListedColormap(INSIDE + OUTSIDE).with_extremes(under="#0b5570", over="#a83a12")
@@ -386,39 +344,32 @@ def draw_gains(figure: Figure, axes: Any, result: ClosedLoop) -> None:
     if gains.radius.min() < 1.0 < gains.radius.max():
         axes.contour(x, y, gains.radius, [1.0], colors="black", linewidths=1.4)
     if y[0] < 0.0:
-        axes.axhline(0.0, color="#555", lw=0.6, ls=(0, (4, 2)))
+        axes.axhline(0.0, **DASHED)
     if x[0] <= nominal[0] <= x[-1] and y[0] <= nominal[1] <= y[-1]:
         axes.plot(*nominal, "o", ms=6, mfc="white", mec="black", label="this robot")
         axes.legend(loc="upper right", frameon=True, framealpha=0.9, edgecolor="none")
     axes.set(xlabel=labels[0], ylabel=labels[1], title="Spectral radius; black line: 1", xlim=(x[0], x[-1]))
     axes.grid(False)
     figure.colorbar(filled, ax=axes, ticks=LEVELS, format="%g")
-
-
-def gain_label(robot: Robot, name: str) -> tuple[str, float]:
-    """Label of a gain's axis with the unit shown, and its factor from SI."""
-    unit = robot.machine.parameters[robot.indices(name)[0]].unit
-    shown, factor = shown_unit(unit)
-    if shown == unit and unit.startswith("m/"):  # a gain in metres per something is shown in millimetres
-        shown, factor = "m" + unit, 1e3
-    return f"{name.rsplit('.', 1)[-1]} [{shown}]", factor
-
-
-def draw_latency(axes: Any, latency: LatencySweep, period: float) -> None:
-    """Spectral radius over added latency, its limit marked."""
-    axes.plot(latency.frames, latency.radius, color="#0072b2")
-    axes.axhline(1.0, color="black", lw=0.9)
-    axes.set_ylabel("Spectral radius")
-    if latency.limit > 0.0:  # neither nan nor unstable from the start
-        axes.plot(latency.limit, 1.0, "o", ms=6, mfc="white", mec="black")
-        words = f"{latency.limit:.1f} frames\n({1e3 * period * latency.limit:.0f} ms)"
-        axes.annotate(words, (latency.limit, 1.0), xytext=(-8, 8), textcoords="offset points", ha="right", fontsize=8)
-    axes.set(xlabel="Added latency [frames]", title="Latency of all commands", xlim=(0.0, latency.frames[-1]))
+    if latency:
+        axes, limit = panels[1], latency.limit
+        axes.plot(latency.frames, latency.radius, color="#0072b2")
+        axes.axhline(1.0, color="black", lw=0.9)
+        axes.set_ylabel("Spectral radius")
+        if limit > 0.0:  # neither nan nor unstable from the start
+            axes.plot(limit, 1.0, "o", ms=6, mfc="white", mec="black")
+            words = f"{limit:.1f} frames\n({1e3 * result.model.system.dt * limit:.0f} ms)"
+            axes.annotate(words, (limit, 1.0), xytext=(-8, 8), textcoords="offset points", ha="right", fontsize=8)
+        axes.set(xlabel="Added latency [frames]", title="Latency of all commands", xlim=(0.0, latency.frames[-1]))
+    return figure
 
 
 @matplotlib.rc_context(STYLE)
 def plot_tuning(tuning: Tuning) -> Figure:
-    """Steps of the channels above; settling, overshoot, disk margin and noise below, with their requirements."""
+    """Steps of the channels above; settling, overshoot, disk margin and noise of each controller below.
+
+    Numbers are grey where they miss the requirement.
+    """
     channels = [s.channel for s in tuning.compared[0].steps]
     figure = new_figure(7.4, 2.6 + 1.1 + 0.24 * len(tuning.compared))
     heights = [2.6, 1.1 + 0.24 * len(tuning.compared)]
@@ -430,30 +381,23 @@ def plot_tuning(tuning: Tuning) -> Figure:
         for k, tuned in enumerate(tuning.compared):
             step, look = tuned.steps[j], {"color": CONTROLLERS[k % len(CONTROLLERS)], "lw": 1.1 if tuned.gains else 1.6}
             axes.plot(step.time, (step.output[:, j] - step.output[0, j]) / step.size, **look)
-        axes.axhline(1.0, color="#444", lw=0.7, ls=(0, (4, 2)))
+        axes.axhline(1.0, **DASHED)
         axes.set(title=f"Step on {channel}", xlabel="Time [s]", xlim=(0.0, end))
     panels[0].set(ylabel="Response / step [-]", ylim=(-0.05, 1.35))
-    draw_requirements(bottom, tuning)
     title = "No controller holds all requirements"
     if best := tuning.best:
         title = f"Fastest within the requirements: {best.name}, settles in {best.settling:.3g} s"
     top.suptitle(title, fontsize=10)
-    return figure
-
-
-def draw_requirements(figure: Any, tuning: Tuning) -> None:
-    """A row for each controller, a panel for each number; grey where the requirement is missed."""
-    wanted, unit = tuning.requirements, tuning.noise_unit
-    shown, factor = shown_unit(unit)
+    wanted, (shown, factor) = tuning.requirements, shown_unit(tuning.noise_unit)
     noise = None if wanted.noise is None else factor * wanted.noise
-    panels = (
+    numbers = (
         ("settling", 1.0, "Settling [s]", wanted.settling, False),
         ("overshoot", 100.0, "Overshoot [%]", 100.0 * wanted.overshoot, False),
         ("disk_margin", 1.0, "Disk margin [-]", wanted.disk_margin, True),
         ("noise", factor, f"Command noise [{shown}]", noise, False),
     )
     rows = np.arange(len(tuning.compared))
-    for axes, (name, scale, label, limit, above) in zip(figure.subplots(1, 4, sharey=True), panels):
+    for axes, (name, scale, label, limit, above) in zip(bottom.subplots(1, 4, sharey=True), numbers):
         values = np.array([scale * getattr(t, name) for t in tuning.compared])
         axes.barh(rows, np.nan_to_num(values), color=[CONTROLLERS[k % len(CONTROLLERS)] for k in rows], height=0.62)
         top = max([*values[np.isfinite(values)], limit or 0.0]) or 1.0
@@ -468,10 +412,10 @@ def draw_requirements(figure: Any, tuning: Tuning) -> None:
         axes.set(xlabel=label, xlim=(0.0, 1.35 * top), yticks=rows, yticklabels=[t.name for t in tuning.compared])
         axes.grid(axis="y", visible=False)
         axes.tick_params(axis="y", length=0)
-    figure.axes[0].invert_yaxis()
+    bottom.axes[0].invert_yaxis()
+    return figure
 
 
-@matplotlib.rc_context(STYLE)
 def plot_uncertainty(found: Uncertainty) -> Figure:
     """Deviation of the robots of an answer with the weight that covers it; margins over amplitude with friction."""
     figure = new_figure(7.0 if found.cycles else 4.0, 3.0)
@@ -501,6 +445,8 @@ def draw_figures(result: ClosedLoop, cycles: tuple[LimitCycles, ...] = ()) -> di
         "margins": plot_margins, "nyquist": plot_nyquist, "robust": plot_robust, "root_locus": plot_root_locus,
         "delays": plot_delays,
     }  # fmt: skip
-    found = {f"{name}.png": png_of(plot(result)) for name, plot in figures.items()}
-    found |= {"limit_cycles.png": png_of(plot_limit_cycles(cycles))} if cycles else {}
-    return found | ({"uncertainty.png": png_of(plot_uncertainty(result.uncertainty))} if result.uncertainty else {})
+    with matplotlib.rc_context(STYLE):
+        drawn = {name: plot(result) for name, plot in figures.items()}
+        drawn |= {"limit_cycles": plot_limit_cycles(cycles)} if cycles else {}
+        drawn |= {"uncertainty": plot_uncertainty(result.uncertainty)} if result.uncertainty else {}
+    return {f"{name}.png": png_of(figure) for name, figure in drawn.items()}

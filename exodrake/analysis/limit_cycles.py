@@ -15,8 +15,7 @@ from dataclasses import dataclass, replace
 import control
 import numpy as np
 
-from exodrake.analysis.frame_map import FrameMap
-from exodrake.analysis.linear_model import OperatingPoint, System, linearise_robot
+from exodrake.analysis.linear_model import FrameMap, OperatingPoint, System, linearise_robot
 from exodrake.analysis.margins import (
     decibel,
     frequency_grid,
@@ -42,22 +41,17 @@ FAINT = 1e-3  # amplitude below which nothing oscillates, in units of the smalle
 
 @dataclass(frozen=True, eq=False)
 class LimitCycles:
-    """Limit cycles of one nonlinearity.
+    """Limit cycles of one nonlinearity, its `label`, in the loop of one channel; `unit` is that of the command.
 
     Attributes:
-        label: name of the nonlinearity.
-        channel: channel whose loop it is.
-        unit: unit of the command.
         limit: linear gain margin of that loop without the nonlinearity.
         amplitude: (k,) amplitudes of the command [SI] for which a limit cycle is predicted.
-        factor: (k,) factor on the loop gain at each amplitude [-]; nan where L never turns by 180 degrees.
-        frequency: (k,) frequency at each amplitude [Hz]; nan like the factor.
+        factor, frequency: (k,) factor on the loop gain [-] and frequency [Hz]; nan where L never turns by 180 degrees.
         phase_margin_deg: (k,) of the loop with the describing function of each amplitude; inf without crossover.
-        measured: (k, lines) describing functions from command to reading at each amplitude, and line_frequency
-            (lines,) [Hz].
+        measured: (k, lines) describing functions from command to reading at line_frequency (lines,) [Hz].
         factors: (m,) factors on the loop gain that are simulated [-].
-        swing: (m,) simulated amplitude of the command [SI]; 0 at rest, inf where it grows without bound.
-        swing_frequency: (m,) its frequency [Hz]; 0 at rest, nan where it grows without bound.
+        swing, swing_frequency: (m,) simulated amplitude of the command [SI] and its frequency [Hz]; 0 at rest, inf and
+            nan where it grows without bound.
     """
 
     label: str
@@ -107,11 +101,7 @@ class LimitCycles:
 class CommandedLoop:
     """The frame map with the command of one channel set from outside; the controller goes on as if it were its own.
 
-    Attributes:
-        loop: frame map, with rounding or without.
-        references: (channels,) [SI] at rest.
-        direct: (channels, channels) dv/dr of the controller.
-        channel: index of the channel that is commanded.
+    The loop rests under references (channels,) [SI]; `direct` (channels, channels) is dv/dr of its controller.
     """
 
     loop: FrameMap
@@ -144,13 +134,7 @@ class CommandedLoop:
 def describing_function(plant: CommandedLoop, state: np.ndarray, amplitude: float, cycles: int) -> complex:
     """First harmonic of the reading over that of the command, a cosine of so many cycles in the window.
 
-    A cosine moves the actuator about where it rests, a sine to one side.
-
-    Args:
-        plant: whose command is set.
-        state: (states,) at rest [SI].
-        amplitude: of the command [SI].
-        cycles: in the window.
+    A cosine of an amplitude [SI] moves the actuator about its state of rest (states,) [SI], a sine to one side.
     """
     phase = 2.0 * np.pi * cycles / WINDOW * np.arange(2 * WINDOW)
     command, reading = plant.run(state, 2 * WINDOW, lambda n, _: amplitude * np.cos(phase[n]))
@@ -167,12 +151,8 @@ def limit_cycles(
 
     Effects of the robot that are smooth where it rests belong to its linear loop; where they are not, that loop is
     without them, and they are the first nonlinearity. The reading is rounded at the edge between two values, its worst
-    place. None for a loop that is unstable without nonlinearities, or has no gain margin.
-
-    Args:
-        robot: whose loop it is.
-        at: operating point.
-        own_only: leaves out all nonlinearities but the robot's own effects.
+    place. None for a loop that is unstable without nonlinearities, has no gain margin, or whose reading does not answer
+    to its command. With `own_only`, none of the nonlinearities but the robot's own effects.
     """
     for plain in (robot, robot.without_effects()):
         loop, point, model = linearise_robot(plain, at)
@@ -185,9 +165,10 @@ def limit_cycles(
     ratios = [return_ratio(single(whole, j), grid)[:, 0, 0] for j in range(len(loop.channels))]
     margins = [loop_margins(grid, ratio)[1] if np.abs(ratio).max() > 0.0 else np.inf for ratio in ratios]
     channel = int(np.argmin(margins))
-    if not np.isfinite(margins[channel]):
+    answer = plant_response(single(whole, channel), np.array(CYCLES) / (WINDOW * whole.dt))
+    if not np.isfinite(margins[channel]) or not np.abs(answer).min() > 0.0:
         return ()
-    given = (point, whole, direct, channel, margins[channel])
+    given = (point, whole, direct, channel, margins[channel])  # of the linear loop
     found, own = [], robot.effects()
     if own and plain is not robot:
         found.append(compare_cycles(" + ".join(own), robot, *given))
@@ -211,17 +192,10 @@ def compare_cycles(
     limit: float,
     rounded: bool = False,
 ) -> LimitCycles:
-    """Predicted and simulated limit cycles of one robot.
+    """Predicted and simulated limit cycles of a robot with a nonlinearity, whose readings may be rounded.
 
-    Args:
-        label: of its nonlinearity.
-        robot: with it.
-        point: where the same robot rests without it.
-        whole: linear loop without it, opened.
-        direct: (channels, channels) dv/dr of the controller [command / reference].
-        channel: index of the channel.
-        limit: gain margin of that linear loop.
-        rounded: whether readings are rounded.
+    The linear loop is without it: where it rests, `whole` opened, dv/dr (channels, channels) [command / reference] of
+    its controller, and the gain margin of the channel.
     """
     loop = FrameMap.of(robot)
     loop = replace(loop, parameters=prepared(robot, quantisation=rounded))
@@ -239,8 +213,17 @@ def compare_cycles(
     law = return_ratio(one, frequency)[:, 0, 0] / plant_response(one, frequency)[:, 0, 0]
     measured = np.array([[describing_function(plant, state, a, n) for n in CYCLES] for a in unit * AMPLITUDES])
     curve = [(*find_crossing(frequency, law * n), loop_margins(frequency, law * n)[2]) for n in measured]
-    factors = np.sort(np.append(limit * np.array(FACTORS), 1.0))
-    swings = [simulate_oscillation(plant, state, g, whole.dt, unit) for g in factors]
+    factors, swings = np.sort(np.append(limit * np.array(FACTORS), 1.0)), []
+    for g in factors:
+        with np.errstate(all="ignore"):  # without saturation an unstable loop leaves the range of numbers
+            command, _ = plant.run(state, RUN, lambda n, v, g=g: g * v + (unit if n == 0 else 0.0))
+        if not np.ptp(command) < UNBOUNDED * unit:  # of the whole run: readings stop at the largest integer
+            swings.append((np.inf, np.nan))
+            continue
+        tail = command[-SEEN:] - command[-SEEN:].mean()
+        swing = float(np.sqrt(2.0) * tail.std())
+        k = int(np.abs(np.fft.rfft(tail * np.hanning(SEEN)))[1:].argmax()) + 1
+        swings.append((0.0, 0.0) if swing < FAINT * unit * AMPLITUDES[0] else (swing, k / (SEEN * whole.dt)))
     return LimitCycles(
         label, loop.channels[channel], loop.robot.machine.signal[loop.loop.command].unit, limit, unit * AMPLITUDES,
         *np.array(curve).T, measured, frequency, factors, *np.array(swings).T,  # pyright: ignore
@@ -269,23 +252,3 @@ def find_dead_band(loop: FrameMap, point: OperatingPoint) -> dict[str, float]:
             ends.append(loop.run(point.state, rows)[1][-1, list(loop.outputs.values())])
         band = np.maximum(band, 0.5 * np.abs(ends[1] - ends[0]))
     return dict(zip(loop.outputs, band.tolist(), strict=True))
-
-
-def simulate_oscillation(
-    plant: CommandedLoop, state: np.ndarray, factor: float, period: float, unit: float
-) -> tuple[float, float]:
-    """Amplitude [SI] and frequency [Hz] of the command at the end of a run from a state (states,) after a kick.
-
-    0 and 0 if it rests, inf and nan if it grows without bound.
-    """
-    with np.errstate(all="ignore"):  # without saturation an unstable loop leaves the range of numbers
-        command, _ = plant.run(state, RUN, lambda n, v: factor * v + (unit if n == 0 else 0.0))
-    if not np.ptp(command) < UNBOUNDED * unit:  # of the whole run: readings stop at the largest integer
-        return np.inf, np.nan
-    tail = command[-SEEN:] - command[-SEEN:].mean()
-    swing = float(np.sqrt(2.0) * tail.std())
-    if swing < FAINT * unit * AMPLITUDES[0]:
-        return 0.0, 0.0
-    spectrum = np.abs(np.fft.rfft(tail * np.hanning(SEEN)))
-    k = int(spectrum[1:].argmax()) + 1
-    return swing, k / (SEEN * period)

@@ -1,6 +1,11 @@
-"""The frame map at an operating point: the loop at rest by simulation, its linear model with one step per frame, poles.
+"""The sampled-data loop as one map over a frame, its state of rest by simulation, and its linear model and poles there.
 
-    x_{n+1} = A x_n + B r_n + N e_n        y_n = C x_n + D r_n + M e_n      (deviations from the operating point)
+    x_{n+1} = f(x_n, r_n, e_n)               w_n = g(x_n, r_n, e_n)
+    x_{n+1} = A x_n + B r_n + N e_n          y_n = C x_n + D r_n + M e_n      (deviations from the operating point)
+
+x holds the states of all parts at the frame's start, r the loop's references, e the sensors' standard normal noise, w
+all signals at the frame's end. Further references of the machine are 0. The map is the compiled simulator, run for one
+frame without noise and without rounding. Drake's `Linearize` refuses multi-rate diagrams; this map has one rate.
 
 The derivatives are central differences. Each state moves by a fraction of its own excursion under a small reference
 step. The fraction is chosen where two successive ones agree best. States on which no output depends, however late, are
@@ -10,16 +15,22 @@ With them, a shift register of m frames would make A defective, and its zero pol
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import pairwise
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 import control
 import numpy as np
 
-from exodrake.analysis.frame_map import FrameMap, name_states, resolve_references
-from exodrake.core.errors import InputError
+from exodrake.compiled.compose import compile_machine
+from exodrake.compiled.inputs import NOTHING, NoiseInputs, input_rows, prepared, reference_width
+from exodrake.core.errors import InputError, nearest
+from exodrake.core.machine import Loop, Machine, full_name, signal_count, state_size
+from exodrake.core.part import NORMAL
 from exodrake.core.robot import Robot
 
 NUDGE = 0.02  # reference step that measures excursions, as a share of the loop's step
@@ -34,6 +45,195 @@ CHUNK, CHUNKS = 100, 30  # frames between two checks for rest; checks
 REST = 1e-8  # change over a frame, in units of a state's excursion, below which the loop rests
 SLOW = 1e-4  # the same after 60 s, below which a drift is too slow to matter
 BATCH = 200  # frequencies solved at a time, for memory
+
+
+def name_states(machine: Machine) -> list[tuple[str, str]]:
+    """Owner and state, and full name with channel, of each state: those of each part, then of the effects on it."""
+    found = []
+    for block in machine.parts:
+        for owner, states in ((block.name, block.states), *((e.id, e.states) for e in machine.effects_on(block))):
+            for state in states:
+                for channel in machine.axes.of(state.axis):
+                    for k in range(state.width):
+                        parts = (owner, state.name, channel, str(k) if state.width > 1 else "")
+                        found.append((f"{owner}.{state.name}", full_name(*parts)))
+    return found
+
+
+def add_controller(robot: Robot) -> Robot:
+    """The robot with the outer controller of a machine that has none of its own. InputError if it can have no loop."""
+    loop = robot.machine.loop
+    if loop is None:
+        words = "its motion is measured, not commanded: no reference goes through a controller"
+        raise InputError(f"{robot.machine.name}: no closed loop to analyse ({words})")
+    return loop.outer(robot) if loop.outer else robot
+
+
+@dataclass(frozen=True, eq=False)
+class FrameMap:
+    """The frame map of a robot, unquantised and free of noise, with the flat parameter vector (n,) [SI] in use."""
+
+    robot: Robot
+    parameters: np.ndarray
+    module: ModuleType
+
+    @staticmethod
+    def of(robot: Robot) -> FrameMap:
+        """The frame map of a robot. InputError if a parameter is missing, or the machine has no loop."""
+        robot = add_controller(robot)
+        return FrameMap(robot, prepared(robot, quantisation=False), compile_machine(robot.machine))
+
+    @property
+    def loop(self) -> Loop:
+        """Closed loop that the machine declares: its signals and gains."""
+        assert self.robot.machine.loop is not None  # `of` sees to it
+        return self.robot.machine.loop
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Names of the loop's channels, in the order of its references."""
+        return self.robot.machine.channels(self.loop.reference)
+
+    @property
+    def noises(self) -> tuple[str, ...]:
+        """Names of the elements of e: sensor noise."""
+        machine = self.robot.machine
+        signals = [machine.signal[n] for n in machine.inputs if machine.signal[n].distribution == NORMAL]
+        return tuple(f"{s.name}_{channel}" for s in signals for channel in machine.axes.of(s.axis))
+
+    @cached_property
+    def kinds(self) -> dict[str, str]:
+        """Signal -> its name as an output: the kind of its log columns, else its own, with `_true` if taken."""
+        machine = self.robot.machine
+        shown = {c.signal: c.kind for c in machine.columns if c.signal not in machine.inputs}
+        others = (s.name for s in machine.signals if s.name not in machine.inputs and s.name not in shown)
+        return shown | {name: f"{name}_true" if name in shown.values() else name for name in others}
+
+    @cached_property
+    def outputs(self) -> dict[str, int]:
+        """Name of an output, such as `tension_AF`, -> its index in w; those of the log first."""
+        return {
+            "_".join(filter(None, (kind, channel))): self.signals[signal].start + i
+            for signal, kind in self.kinds.items()
+            for i, channel in enumerate(self.robot.machine.channels(signal))
+        }
+
+    @cached_property
+    def shown_rows(self) -> np.ndarray:
+        """Indices in w (n,) [-] of the signals of the log and of the loop."""
+        loop, w = self.loop, np.arange(signal_count(self.robot.machine))
+        wanted = {c.signal for c in self.robot.machine.columns} | {loop.command, loop.output, loop.measured}
+        return np.concatenate([w[self.signals[s]] for s in self.kinds if s in wanted])
+
+    @cached_property
+    def signals(self) -> dict[str, slice]:
+        """Position of each signal in w."""
+        return self.robot.machine.offsets
+
+    def start(self) -> np.ndarray:
+        """State (states,) [SI] at the start of a run."""
+        x = np.zeros(state_size(self.robot.machine))
+        self.module.begin(self.parameters, x)
+        return x
+
+    def run(
+        self, state: np.ndarray, references: np.ndarray, seed: int | None = None, ticks: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Runs some frames; `state` is left as it is.
+
+        Args:
+            state: (states,) array at the first frame's start.
+            references: (frames, channels) array of the loop's references [SI].
+            seed: of the sensors' noise; None runs without.
+            ticks: (slots, w) array that takes all signals at the end of each slot.
+
+        Returns the state (states,) after the frames, and all signals (frames, w) at the end of each.
+        """
+        machine, frames = self.robot.machine, len(references)
+        x, w, rows = state.copy(), np.zeros(signal_count(machine)), np.zeros((frames, signal_count(machine)))
+        inputs = input_rows(machine, self._all_references(references), NoiseInputs.draw(frames, seed, machine))
+        fine = NOTHING if ticks is None else ticks
+        self.module.run(self.parameters, x, w, *inputs.values(), machine.slot, 1, rows, fine, NOTHING)
+        return x, rows
+
+    def ticks(self, state: np.ndarray, references: np.ndarray) -> np.ndarray:
+        """All signals (slots, w) [SI] at the end of each slot; arguments as in `run`."""
+        machine = self.robot.machine
+        found = np.zeros((len(references) * machine.slots, signal_count(machine)))
+        self.run(state, references, ticks=found)
+        return found
+
+    def _all_references(self, references: np.ndarray) -> np.ndarray:
+        """References of the machine, (frames, all) [SI], from the loop's (frames, channels); the others are 0."""
+        machine, at = self.robot.machine, 0
+        for column in machine.references:
+            if column.signal == self.loop.reference:
+                break
+            at += len(machine.channels(column.signal))
+        whole = np.zeros((len(references), reference_width(machine)))
+        whole[:, at : at + len(self.channels)] = references
+        return whole
+
+    def stepper(self):
+        """A function (x, r, e = 0) -> (x', w) of one frame, with its buffers made once; arguments are left alone."""
+        machine = self.robot.machine
+        noise, row = NoiseInputs.draw(1, None, machine), np.zeros((1, signal_count(machine)))
+        normal = [n for n in noise if machine.signal[n].distribution == NORMAL]
+        run, parameters, slot = self.module.run, self.parameters, machine.slot
+        w = np.zeros(signal_count(machine))
+
+        def step(x: np.ndarray, r: np.ndarray, e: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+            x, at = x.copy(), 0
+            for name in normal:
+                width = noise[name].shape[1]
+                noise[name][0] = 0.0 if e is None else e[at : at + width]
+                at += width
+            rows = input_rows(machine, self._all_references(r[None, :]), noise).values()
+            run(parameters, x, w, *rows, slot, 1, row, NOTHING, NOTHING)
+            return x, row[0].copy()
+
+        return step
+
+    @cached_property
+    def own(self) -> np.ndarray:
+        """Whether a state (states,) is the controller's own: the plant does not see it; the held command it does."""
+        machine, part = self.robot.machine, next(p for p in self.robot.machine.parts if p.name == self.loop.part)
+        owners = tuple(f"{owner}." for owner in (part.name, *(e.id for e in machine.effects_on(part))))
+        held = f"{part.name}.{self.loop.held}"
+        return np.array([group.startswith(owners) and group != held for group, _ in name_states(machine)])
+
+    def with_values(self, values: Mapping[str, float]) -> FrameMap:
+        """The frame map with other parameters: name -> value [SI]; a name without its channel sets all channels."""
+        parameters = self.parameters.copy()
+        for name, value in values.items():
+            parameters[self.robot.indices(name)] = value
+        return replace(self, parameters=parameters)
+
+
+def resolve_references(loop: FrameMap, at: Mapping[str, float] | str | None) -> np.ndarray:
+    """References (channels,) [SI] of an operating point, by its name or channel by channel; the machine's own without.
+
+    Raises:
+        InputError: an unknown point or channel, a missing one, or a reference outside its limits.
+    """
+    robot, channels, points = loop.robot, loop.channels, loop.loop.points
+    at = next(iter(points)) if at is None else at
+    lowest, highest = robot.reference_limits()
+    if isinstance(at, str):
+        if at not in points:
+            raise InputError(f"no operating point {at!r}{nearest(at, list(points))}; there are {', '.join(points)}")
+        at = {c: float(np.clip(points[at][c], *ends)) for c, *ends in zip(channels, lowest, highest)}
+    for name in at:
+        if name not in channels:
+            raise InputError(f"operating point names {name!r}; the loop has {', '.join(channels)}")
+    unit, lowest = robot.machine.signal[loop.loop.reference].unit, np.minimum(lowest, 0.0)
+    for name, low, high in zip(channels, lowest if robot.machine.reference_limits else -highest, highest):
+        if name not in at:
+            raise InputError(f"operating point lacks {name}; wanted {', '.join(channels)}")
+        if not math.isfinite(at[name]) or not low <= at[name] <= high:
+            limits = f"{low:g} .. {high:g} {unit}"
+            raise InputError(f"operating point {name} = {at[name]:g} {unit} is outside {limits}")
+    return np.array([float(at[name]) for name in channels])
 
 
 @dataclass(frozen=True)
@@ -77,16 +277,15 @@ class System(control.StateSpace):
 
 @dataclass(frozen=True, eq=False)
 class FrameModel:
-    """Linear model of the closed loop with one step per frame.
+    """Linear model of the closed loop with one step per frame, from the references to all signals, SI.
+
+    Signals of the log have their columns' names; of two signals that share one, the one not in the log ends in `_true`.
 
     Attributes:
-        system: python-control's `StateSpace` from the references to all signals, dt = one frame, SI. Signals of the log
-            have their columns' names; of two signals that share one, the one not in the log ends in `_true`.
         N (n, noises), M (outputs, noises): answer to sensor noise of unit variance.
-        step: fraction of the excursions used.
-        convergence: change of A, in excursions, against the next fraction.
-        kink: largest difference of one-sided slopes, in excursions.
-        where: name of the state that shows the kink.
+        step: fraction of the excursions used; convergence: change of A, in excursions, against the next fraction.
+        kink: largest difference of one-sided slopes, in excursions; where: name of the state that shows it.
+        keep: indices of its states among those of the frame map.
     """
 
     system: System
@@ -96,6 +295,7 @@ class FrameModel:
     convergence: float = 0.0
     kink: float = 0.0
     where: str = ""
+    keep: list[int] = field(default_factory=list)
 
     def __repr__(self) -> str:
         """Size, then what the poles say."""
@@ -148,11 +348,7 @@ def spectral_radius(a: np.ndarray) -> float:
 def compute_noise(a: np.ndarray, n: np.ndarray, c: np.ndarray, m: np.ndarray) -> np.ndarray:
     """Standard deviation (outputs,) [SI] of y = C x + M e in the stationary state of a stable x' = A x + N e.
 
-    Args:
-        a: (n, n).
-        n: (n, noises); e is white with unit variance.
-        c: (outputs, n).
-        m: (outputs, noises).
+    a is (n, n), n (n, noises), c (outputs, n) and m (outputs, noises); e is white with unit variance.
     """
     covariance = n @ n.T  # P = A P A' + N N' by doubling; scipy's solver is ill-conditioned for states in SI
     while np.abs(a).max() > np.finfo(float).tiny:
@@ -175,8 +371,8 @@ def measure_excursions(loop: FrameMap, state: np.ndarray, references: np.ndarray
             still, _ = loop.run(still, references[None, :])
             size = np.maximum(size, np.abs(stepped - still))
     groups: dict[str, list[int]] = {}
-    for i, name in enumerate(name_states(loop.robot.machine)):
-        groups.setdefault(name.group, []).append(i)
+    for i, (group, _) in enumerate(name_states(loop.robot.machine)):
+        groups.setdefault(group, []).append(i)
     for indices in groups.values():
         size[indices] = size[indices].max()
     size[size < 1e-12] = UNMOVED
@@ -188,17 +384,9 @@ def differentiate(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Difference quotients of the frame map [SI]: rows x' then all signals w, columns x, r, e.
 
-    Args:
-        loop: the frame map.
-        state: (states,) and references: (channels,) [SI], where it is differentiated.
-        references: see above.
-        size: excursions (states,) [SI].
-        fraction: of the excursions by which each state moves.
-        columns: indices in x, r, e; the other columns stay zero.
-
-    Returns:
-        The central quotients (states + w, states + channels + noises), and (forward - backward) / 2 of the same shape,
-        which is zero where the map is smooth.
+    They are taken at state (states,) and references (channels,) [SI]. Each state moves by a fraction of its excursion
+    `size` (states,) [SI]; columns that are not in `columns` stay zero. Returns the central quotients (states + w,
+    states + channels + noises), and (forward - backward) / 2 of the same shape, which is zero where the map is smooth.
     """
     step, n, noises = loop.stepper(), len(state), len(loop.noises)
     after = n + len(references)
@@ -262,21 +450,21 @@ def linearise(loop: FrameMap, state: np.ndarray, references: np.ndarray) -> Fram
     rows = {name: n + i for name, i in loop.outputs.items() if not central[n + i, left_out].any()}
     c, d, m = np.split(central[list(rows.values())], [n, n + len(references)], axis=1)
     bends = np.abs(bend[np.ix_(keep, keep)] * size[keep] / size[keep, None]).max(axis=0, initial=0.0)
-    names = [name_states(machine)[i].name for i in keep]
+    names = [name_states(machine)[i][1] for i in keep]
     system = System(
         a[np.ix_(keep, keep)], b[keep], c[:, keep], d, machine.frame,
-        states=[name.replace(".", "_") for name in names], inputs=list(loop.references), outputs=list(rows),
+        states=[name.replace(".", "_") for name in names], outputs=list(rows),
+        inputs=[f"{loop.loop.reference}_{channel}" for channel in loop.channels],
     )  # fmt: skip
-    return FrameModel(system, e[keep], m, fraction, gap, float(bends.max()), names[int(bends.argmax())])
+    kink, where = float(bends.max()), names[int(bends.argmax())]
+    return FrameModel(system, e[keep], m, fraction, gap, kink, where, keep.tolist())
 
 
 @dataclass(frozen=True, eq=False)
 class OperatingPoint:
-    """Operating point: the state of rest of a loop under constant references.
+    """State of rest (states,) of a loop at a frame's start, under constant references (channels,) [SI].
 
     Attributes:
-        references: (channels,) [SI].
-        state: (states,) at a frame's start.
         output: (channels,) the controlled quantity [SI].
         readings: column kind -> reading of each of its channels [SI].
         frames: simulated until rest.
@@ -318,17 +506,16 @@ def operating_point(loop: FrameMap, at: Mapping[str, float] | str | None = None)
     Where the robot's own gains do not bring it to rest, gentle ones do; that state counts if its own keep it at rest.
     InputError where neither does, for such a loop has no operating point: drift, creep, tremor, a limit cycle.
     """
-    references = resolve_references(loop, at)
+    references, machine = resolve_references(loop, at), loop.robot.machine
     state, frames, residual = settle(loop, references)
     steady = residual < SLOW
-    machine = loop.robot.machine
     if not steady:
         state, more, _ = settle(loop.with_values(loop.loop.gentle), references)
         residual, frames = measure_drift(loop, state, references), frames + more
-        if not residual < SLOW:
-            unit = machine.signal[loop.loop.reference].unit
-            words = ", ".join(f"{name} = {r:g} {unit}" for name, r in zip(loop.channels, references))
-            raise InputError(f"the loop does not come to rest at {words}: it still moves {residual:.2g} a frame")
+    if not residual < SLOW:
+        unit = machine.signal[loop.loop.reference].unit
+        words = ", ".join(f"{name} = {r:g} {unit}" for name, r in zip(loop.channels, references))
+        raise InputError(f"the loop does not come to rest at {words}: it still moves {residual:.2g} a frame")
     _, signals = loop.run(state, references[None, :])
     output = signals[0, loop.signals[loop.loop.output]]
     readings = {c.kind: signals[0, loop.signals[c.signal]] for c in machine.columns}

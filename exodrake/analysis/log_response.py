@@ -15,7 +15,7 @@ noise and pass the same estimator, so their responses have the same bias.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -48,18 +48,10 @@ TICKS = [digit * 10.0**power for power in range(-4, 4) for digit in (1, 2, 5)]  
 class LogResponse:
     """Frequency response from one signal to another, measured and of robots on the same references.
 
-    Attributes:
-        input: column of the input.
-        output: column of the output.
-        unit: of the response, SI.
-        frequency: (f,) [Hz], the Fourier frequencies of a segment above 0.
-        response: (f,) complex, measured [unit].
-        coherence: (f,) measured.
-        low, high: (f,) ends of the 90 % band of its magnitude [unit].
-        models: name of a robot -> (f,) complex response of its log [unit].
-        power: (f,) power density of the output [its unit^2/Hz].
-        segments: number of independent segments.
-        logs: names of the logs.
+    At Fourier frequencies (f,) [Hz] of a segment above 0: response (f,) complex, measured [unit]; coherence (f,); ends
+    `low` and `high` (f,) of the 90 % band of its magnitude [unit]; of each robot in `models` the complex response (f,)
+    of its log [unit]; and power density (f,) of the output [its unit^2/Hz]. `segments` is the number of independent
+    ones.
     """
 
     input: str
@@ -127,14 +119,10 @@ class LogResponse:
         found = self.models[model] if model else self.response
         return frd(found, 2.0 * np.pi * self.frequency, inputs=[self.input], outputs=[self.output])  # pyright: ignore
 
-    def to_json(self) -> dict[str, Any]:
-        """All fields, and the gap to each robot in dB and degrees."""
-        gaps = {name: dict(zip(("dB", "deg"), self.gap(name), strict=True)) for name in self.models}
-        return {f.name: getattr(self, f.name) for f in fields(self)} | {"gap": gaps, "resolved": self.resolved}
-
     def to_dict(self) -> dict[str, Any]:
-        """The same as plain data."""
-        return plain(self.to_json())
+        """All fields, and the gap to each robot in dB and degrees, as plain data."""
+        gaps = {name: dict(zip(("dB", "deg"), self.gap(name), strict=True)) for name in self.models}
+        return plain(vars(self) | {"gap": gaps, "resolved": self.resolved})
 
 
 def frequency_response(
@@ -205,11 +193,16 @@ def simulate_references(robot: Robot, logs: Sequence[Log]) -> list[Log]:
     """Logs of a robot on the references of some logs, with noise."""
     machine, found = robot.machine, []
     for seed, log in enumerate(logs):
-        if abs(log.dt - machine.frame) > CLOCKS * machine.frame:
-            raise InputError(f"{log.label}: a row every {log.dt:g} s, {machine.name} has one every {machine.frame:g} s")
+        check_clock(log, machine.frame, machine.name)
         rows = np.column_stack([filled(column, log.label) for column in reference_rows(machine, log).T])
         found.append(simulate(robot, Reference(rows, log.label), seed))
     return found
+
+
+def check_clock(log: Log, period: float, other: str) -> None:
+    """InputError if the clock of a log differs from a period [s]."""
+    if abs(log.dt - period) > CLOCKS * period:
+        raise InputError(f"{log.label}: a row every {log.dt:g} s, {other} has one every {period:g} s")
 
 
 def filled(values: np.ndarray, where: str) -> np.ndarray:
@@ -231,8 +224,7 @@ def estimate_response(
     """The response of measured logs, and of the `runs` of robots on their references; else as `frequency_response`."""
     dt, shortest = logs[0].dt, min(map(len, logs))
     for log in logs:
-        if abs(log.dt - dt) > CLOCKS * dt:
-            raise InputError(f"{log.label}: a row every {log.dt:g} s, {logs[0].label} has one every {dt:g} s")
+        check_clock(log, dt, logs[0].label)
         for name in (input, output):
             if not moves(log[name]):
                 raise InputError(f"{log.label}: column {name!r} stands still, so it has no frequency response")
@@ -266,12 +258,7 @@ def cross_spectra(
 ) -> tuple[np.ndarray, ...]:
     """Frequencies (f,) [Hz] above 0, and spectra (f,) [SI] of input, from input to output, and of output.
 
-    Args:
-        logs: averaged.
-        counts: segments of each log.
-        input: column.
-        output: column.
-        length: rows of a segment, of which half overlap.
+    Segments have `length` rows, half of which overlap; `counts` are the numbers of segments of the logs.
     """
     from scipy.signal import csd
 
@@ -284,60 +271,56 @@ def cross_spectra(
 
 
 def plot_responses(responses: Sequence[LogResponse], style: Mapping[Any, Any] = STYLE) -> Figure:
-    """Magnitude and phase of each response over the lines that are resolved: measured, nominal, improved.
+    """Magnitude, phase and coherence of each response over the lines that are resolved: measured, nominal, improved.
 
     Args:
-        responses: a panel each.
+        responses: a column of three panels each.
         style: settings of matplotlib; a report has its own.
     """
     import matplotlib
 
+    shown = [one for one in responses if one.resolved.any()]
+    if not shown:
+        raise InputError("no response is resolved at any frequency: nothing to draw; longer logs would help")
+    columns, rows = min(COLUMNS, len(shown)), -(-len(shown) // COLUMNS)
     with matplotlib.rc_context(dict(style)):
-        shown = [one for one in responses if one.resolved.any()]
-        if not shown:
-            raise InputError("no response is resolved at any frequency: nothing to draw; longer logs would help")
-        columns = min(COLUMNS, len(shown))
-        rows = -(-len(shown) // columns)
-        figure = new_figure(1.0 + 2.9 * columns, 0.4 + 2.3 * rows)
-        grid = figure.subplots(2 * rows, columns, squeeze=False, height_ratios=[1.6, 1.0] * rows)
-        pairs = [(grid[2 * i, j], grid[2 * i + 1, j]) for i in range(rows) for j in range(columns)]
-        for k, (level, phase) in enumerate(pairs):
+        figure = new_figure(1.0 + 2.9 * columns, 0.4 + 3.0 * rows)
+        grid = figure.subplots(3 * rows, columns, squeeze=False, height_ratios=[1.5, 1.0, 0.75] * rows)
+        for k in range(rows * columns):
+            i, j = divmod(k, columns)
+            panels = grid[3 * i : 3 * i + 3, j]
             if k >= len(shown):
-                level.set_axis_off()
-                phase.set_axis_off()
+                for axes in panels:
+                    axes.set_axis_off()
                 continue
-            draw_response(level, phase, shown[k])
-            level.set_ylabel("Gain [dB]" if k % columns == 0 else "")
-            phase.set_ylabel("Phase [°]" if k % columns == 0 else "")
-            phase.set_xlabel("Frequency [Hz]" if k + columns >= len(shown) else "")
-        handles = {label: h for axes in grid[::2].flat for h, label in zip(*axes.get_legend_handles_labels())}
+            (level, phase, coherence), one = panels, shown[k]
+            f, known, h = one.frequency[one.band], one.resolved[one.band], one.response[one.band]
+            measured, look = np.where(known, 1.0, np.nan), {"color": MEASURED["color"], "alpha": 0.18, "lw": 0}
+            angle = np.interp(f, f[known], np.degrees(np.unwrap(np.angle(h[known]))))
+            low, high = (20.0 * np.log10(np.maximum(end[one.band], 1e-300)) for end in (one.low, one.high))
+            level.fill_between(f, low, high, where=known, **look)
+            spread = np.degrees(np.arcsin(np.minimum(one.radius[one.band] / np.abs(h), 1.0)))
+            phase.fill_between(f, angle - spread, angle + spread, where=known, **look)
+            for name, found in one.models.items():
+                # above what was measured, so that it is seen where it lies on that
+                line = STYLES.get(name, {"color": "#009e73"}) | {"label": name, "zorder": 3}
+                level.plot(f, 20.0 * np.log10(np.abs(found[one.band])), **line)
+                turn = np.degrees(np.angle(found[one.band] / np.exp(1j * np.radians(angle))))
+                phase.plot(f, angle + turn, **line)
+            level.plot(f, measured * 20.0 * np.log10(np.abs(h)), **MEASURED, label="measured")
+            phase.plot(f, measured * angle, **MEASURED)
+            coherence.plot(f, one.coherence[one.band], **MEASURED)
+            coherence.set_ylim(0.0, 1.05)
+            level.set_title(f"{one.input} → {one.output} [{one.unit}]".replace("_", " "), fontsize=8.5)
+            for axes, label in zip(panels, ("Gain [dB]", "Phase [°]", "Coherence")):
+                axes.set(xscale="log", xlim=(f[0], f[-1] if len(f) > 1 else 2.0 * f[0]))
+                axes.set_ylabel(label if j == 0 else "")
+                axes.set_xticks([tick for tick in TICKS if f[0] <= tick <= f[-1]])
+                axes.xaxis.set_major_formatter("{x:g}")
+                axes.xaxis.set_minor_formatter("")
+                axes.tick_params(labelbottom=axes is coherence)
+            coherence.set_xlabel("Frequency [Hz]" if k + columns >= len(shown) else "")
+        handles = {label: h for axes in grid[::3].flat for h, label in zip(*axes.get_legend_handles_labels())}
         figure.legend(handles.values(), handles.keys(), loc="outside upper right", ncols=4)
         figure.align_ylabels()
-        return figure
-
-
-def draw_response(level: Any, phase: Any, one: LogResponse) -> None:
-    """Draws one response into axes of magnitude and phase, over the band where it is resolved."""
-    f, known, h = one.frequency[one.band], one.resolved[one.band], one.response[one.band]
-    measured, look = np.where(known, 1.0, np.nan), {"color": MEASURED["color"], "alpha": 0.18, "lw": 0}
-    angle = np.interp(f, f[known], np.degrees(np.unwrap(np.angle(h[known]))))
-    low, high = (20.0 * np.log10(np.maximum(end[one.band], 1e-300)) for end in (one.low, one.high))
-    level.fill_between(f, low, high, where=known, **look)
-    spread = np.degrees(np.arcsin(np.minimum(one.radius[one.band] / np.abs(h), 1.0)))
-    phase.fill_between(f, angle - spread, angle + spread, where=known, **look)
-    for name, found in one.models.items():
-        # above what was measured, so that it is seen where it lies on that
-        style = STYLES.get(name, {"color": "#009e73"}) | {"label": name, "zorder": 3}
-        level.plot(f, 20.0 * np.log10(np.abs(found[one.band])), **style)
-        phase.plot(f, angle + np.degrees(np.angle(found[one.band] / np.exp(1j * np.radians(angle)))), **style)
-    style = MEASURED | {"label": "measured"}
-    level.plot(f, measured * 20.0 * np.log10(np.abs(h)), **style)
-    phase.plot(f, measured * angle, **style)
-    level.set_title(f"{one.input} → {one.output} [{one.unit}]".replace("_", " "), fontsize=8.5)
-    for axes in (level, phase):
-        axes.set_xscale("log")
-        axes.set_xlim(f[0], f[-1] if len(f) > 1 else 2.0 * f[0])
-        axes.set_xticks([tick for tick in TICKS if f[0] <= tick <= f[-1]])
-        axes.xaxis.set_major_formatter("{x:g}")
-        axes.xaxis.set_minor_formatter("")
-    level.tick_params(labelbottom=False)
+    return figure

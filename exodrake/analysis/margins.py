@@ -17,10 +17,10 @@ from typing import Any
 import control
 import numpy as np
 
-from exodrake.analysis.frame_map import FrameMap, name_states
 from exodrake.analysis.linear_model import (
     FRACTION,
     OUTSIDE,
+    FrameMap,
     FrameModel,
     OperatingPoint,
     System,
@@ -46,25 +46,13 @@ NAN = float("nan")
 def open_loop(loop: FrameMap, model: FrameModel) -> System:
     """A loop opened at its commands, see `cut`. InputError where a command ignores its reference (a gain of 0)."""
     v, y = (model.rows(loop.kinds[signal], loop.channels) for signal in (loop.loop.command, loop.loop.measured))
-    return cut(model.system, controller_states(loop, model), v, y)
-
-
-def controller_states(loop: FrameMap, model: FrameModel) -> np.ndarray:
-    """Whether each state (n,) [-] of a linear model is the controller's own."""
-    names = [name.name.replace(".", "_") for name in name_states(loop.robot.machine)]
-    return loop.own[[names.index(name) for name in model.system.state_labels]]
+    return cut(model.system, loop.own[model.keep], v, y)
 
 
 def disturb(system: System, own: np.ndarray, v: list[int]) -> tuple[np.ndarray, np.ndarray]:
-    """B (n, channels) and D (outputs, channels) of disturbances that are added to the commands on their way.
+    """B (n, channels) and D (outputs, channels) of disturbances that are added to the commands; arguments as of `cut`.
 
-    Args:
-        system: closed loop from its references to all signals.
-        own: (n,) mask of the controller's states [-].
-        v: indices of the commands among the outputs.
-
-    Raises:
-        InputError: where a command ignores its reference.
+    InputError where a command ignores its reference. The states of the controller, `own` (n,) [-], are not disturbed.
     """
     direct = system.D[v]
     if (np.abs(direct).max(axis=1) == 0.0).any() or np.linalg.cond(direct) > 1e12:
@@ -78,14 +66,8 @@ def disturb(system: System, own: np.ndarray, v: list[int]) -> tuple[np.ndarray, 
 def cut(system: System, own: np.ndarray, v: list[int], y: list[int]) -> System:
     """A closed loop opened at its commands; `close` closes it again.
 
-    Args:
-        system: the closed loop.
-        own: (states,) mask of the controller's own states [-].
-        v: indices of the commands among the outputs.
-        y: indices of the readings among the outputs.
-
-    Returns:
-        From the commands that the plant gets to those that the controller sends, then to the readings.
+    From the commands that the plant gets to those that the controller sends, then to the readings. `own` (states,) [-]
+    masks the controller's states; v and y are indices of commands and readings among the outputs.
     """
     b, d = disturb(system, own, v)
     rows, commands = v + y, [system.output_labels[i] for i in v]
@@ -131,11 +113,9 @@ def frequency_grid(whole: System) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Margins:
-    """Margins of one channel's loop; NaN where the closed loop is unstable.
+    """Margins of one channel's open loop L (n,) at frequency (n,) [Hz]; NaN where the closed loop is unstable.
 
     Attributes:
-        channel: its name.
-        frequency: (n,) [Hz] and loop: (n,) complex, the open loop L.
         gain_margin_db: gain above 0 dB at the limit of stability, from L.
         gain_low_db: gain below 0 dB at which a conditionally stable loop loses stability, from L; -inf without.
         phase_margin_deg: and crossover: [Hz], at the crossover with the least delay margin.
@@ -232,13 +212,26 @@ def disk_margin(sensitivity: np.ndarray) -> np.ndarray:
     Returns:
         The margins; their minimum is exact, others may be a little pessimistic.
     """
+    from scipy.optimize import minimize
+
     balanced = sensitivity - 0.5 * np.eye(sensitivity.shape[-1])  # (S - T) / 2 with T = I - S
-    bound, scale = structured_bound(balanced)
-    if sensitivity.shape[-1] > 1:
-        done: set[int] = set()
-        while (worst := int(bound.argmax())) not in done:
-            bound[worst] = min(refine_bound(balanced[worst], scale[worst]), bound[worst])
-            done.add(worst)
+    bound, scales = structured_bound(balanced)
+    done: set[int] = set() if sensitivity.shape[-1] > 1 else set(range(len(bound)))
+
+    def size(logs: np.ndarray, m: np.ndarray) -> float:
+        scale = np.exp(np.append(0.0, logs))
+        return float(np.linalg.norm(scale[:, None] * m / scale, 2))
+
+    while (worst := int(bound.argmax())) not in done:
+        logs, found = np.log(scales[worst, 1:] / scales[worst, 0]), np.inf
+        for _ in range(3):  # the largest singular value has kinks: start again where the simplex ended
+            options = {"xatol": TIGHT, "fatol": TIGHT}
+            result = minimize(size, logs, (balanced[worst],), method="Nelder-Mead", options=options)
+            logs, before, found = result.x, found, min(found, float(result.fun))
+            if found > before * (1.0 - 10.0 * TIGHT):
+                break
+        bound[worst] = min(found, bound[worst])
+        done.add(worst)
     return 1.0 / np.maximum(bound, np.finfo(float).tiny)
 
 
@@ -255,37 +248,12 @@ def structured_bound(m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.linalg.norm(scale[:, :, None] * m / scale[:, None, :], 2, axis=(-2, -1)), scale
 
 
-def refine_bound(m: np.ndarray, start: np.ndarray) -> float:
-    """Least sigma_max(Q M Q^-1) over diagonal Q > 0 of a matrix (k, k) [-], searched from scalings (k,) [-]."""
-    from scipy.optimize import minimize
-
-    def size(logs: np.ndarray) -> float:
-        scale = np.exp(np.append(0.0, logs))
-        return float(np.linalg.norm(scale[:, None] * m / scale, 2))
-
-    logs, found = np.log(start[1:] / start[0]), np.inf
-    for _ in range(3):  # the largest singular value has kinks: start again where the simplex ended
-        result = minimize(size, logs, method="Nelder-Mead", options={"xatol": TIGHT, "fatol": TIGHT})
-        logs, before, found = result.x, found, min(found, float(result.fun))
-        if found > before * (1.0 - 10.0 * TIGHT):
-            break
-    return found
-
-
 @dataclass(frozen=True)
 class DelayBudget:
     """Delays of one channel between a reading and its command [s], and the further delay that is allowed.
 
-    A task runs in the middle of its slot. One that comes before what it reads has the value of the frame before.
-
-    Attributes:
-        channel: its name.
-        slot: length of a slot.
-        read_slot, control_slot, write_slot: in which the reading, the law and the command are executed.
-        to_control: from reading to law.
-        to_write: from law to the plant.
-        hold: half a frame, since a command is held for a frame.
-        margin: further delay at the limit of stability; nan if the loop is unstable, inf if there is none.
+    A task runs in the middle of its slot. One that comes before what it reads has the value of the frame before. Half a
+    frame is for the hold of a command. The margin is nan if the loop is unstable, inf if there is none.
     """
 
     channel: str
@@ -328,24 +296,16 @@ def delay_budget(loop: FrameMap, margins: tuple[Margins, ...]) -> tuple[DelayBud
         writes = (find_slot(part, k, kinds.command) for part in machine.parts if part.name != kinds.part)
         write = next((slot for slot in writes if slot is not None), control)  # a plant that reads the command at once
         to_control, to_write = ((b - a) % machine.slots * machine.slot for a, b in ((read, control), (control, write)))
-        budgets.append(
-            DelayBudget(
-                m.channel, machine.slot, read, control, write, to_control, to_write, 0.5 * machine.frame, m.delay_margin
-            )
-        )
+        slots = machine.slot, read, control, write
+        budgets.append(DelayBudget(m.channel, *slots, to_control, to_write, 0.5 * machine.frame, m.delay_margin))
     return tuple(budgets)
 
 
 @dataclass(frozen=True, eq=False)
 class StabilityMap:
-    """Spectral radius over two gains.
+    """Spectral radius (n, m) [-] over two gains, first (m,) and second (n,) [SI], and the robot's own values.
 
-    Attributes:
-        names: of the gains.
-        first (m,), second (n,): their values [SI].
-        radius: (n, m) [-].
-        nominal: values of the robot.
-        limit: (n,) first gain up to which the loop is stable at that second; nan beyond the map, 0 where none is.
+    `limit` (n,) is the first gain up to which the loop is stable at that second; nan beyond the map, 0 where none is.
     """
 
     names: tuple[str, str]
@@ -380,13 +340,9 @@ def radius_at(loop: FrameMap, point: OperatingPoint, size: np.ndarray, keep: np.
 def stability_map(
     loop: FrameMap, point: OperatingPoint, first: np.ndarray | None = None, second: np.ndarray | None = None
 ) -> StabilityMap:
-    """The map over the loop's two gains, linearised afresh at each pair; the loop rests in the same state under all.
+    """The map over the loop's two gains, first (m,) and second (n,) [SI], or over grids of them.
 
-    Args:
-        loop: the frame map.
-        point: operating point.
-        first: (m,) rising [SI]; a grid by default.
-        second: (n,) rising [SI]; a grid by default.
+    It is linearised afresh at each pair; the loop rests in the same state under all.
     """
     across, up = loop.loop.gains
     names = (across.parameter, up.parameter)

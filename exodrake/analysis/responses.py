@@ -14,8 +14,7 @@ from typing import Any
 import control
 import numpy as np
 
-from exodrake.analysis.frame_map import FrameMap
-from exodrake.analysis.linear_model import FrameModel, OperatingPoint, evaluate
+from exodrake.analysis.linear_model import FrameMap, FrameModel, OperatingPoint, evaluate
 from exodrake.compiled.inputs import prepared
 
 BEFORE, AFTER = 10, 300  # frames shown before the step and simulated after it
@@ -36,29 +35,19 @@ def first_crossing(x: np.ndarray, y: np.ndarray, level: float) -> float:
     x[0] if y begins at the level or above, NaN if it never reaches it.
     """
     above = np.flatnonzero(y >= level)
-    if not len(above):
-        return float("nan")
-    k = int(above[0])
-    if k == 0:
-        return float(x[0])
+    if not len(above) or (k := int(above[0])) == 0:
+        return float(x[0]) if len(above) else float("nan")
     return float(x[k - 1] + (x[k] - x[k - 1]) * (level - y[k - 1]) / (y[k] - y[k - 1]))
 
 
 @dataclass(frozen=True, eq=False)
 class StepResponse:
-    """Response of the controlled quantity to a step of one channel's reference, without noise.
+    """Response (n, channels) [SI] of the controlled quantity to a step of one channel's reference, without noise.
 
-    Attributes:
-        channel: whose reference steps.
-        size: of the step [SI].
-        time: (n,) [s], a sample per slot; the frame with the new reference starts at 0.
-        output: (n, channels) [SI].
-        rise: 10 to 90 % [s].
-        overshoot: fraction of the step.
-        settling: last time outside +-2 % [s], nan if never inside.
-        steady_error: reference minus output at the end [SI].
-        crosstalk: largest change of another channel, fraction of the step.
-        command_peak: largest change of a command [SI].
+    There is a sample per slot; the frame with the new reference starts at time 0. Rise is from 10 to 90 % [s]; settling
+    the last time outside +-2 % [s], nan if never inside; overshoot and crosstalk, the largest change of another
+    channel, are fractions of the step; the steady error is reference minus output at the end [SI]; the peak the largest
+    change of a command [SI].
     """
 
     channel: str
@@ -124,15 +113,12 @@ def returns(loop: FrameMap, point: OperatingPoint) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class FrequencyResponse:
-    """Frequency response from reference to reading of one channel.
+    """Frequency response (lines,) from reference to reading of one channel, at frequency (lines,) [Hz].
 
     Attributes:
-        channel: its name.
-        frequency: (lines,) [Hz].
-        measured: (lines,) complex mean over the draws.
-        spread: (lines,) standard deviation over the draws.
-        coherence: (lines,) share of the reading's power that the reference explains, over the draws.
-        linear: (lines,) complex, from the frame map.
+        measured: complex mean over the draws; spread: standard deviation over them.
+        coherence: share of the reading's power that the reference explains, over the draws.
+        linear: complex, from the frame map.
         bandwidth: -3 dB against the frame map's static gain [Hz], from the frame map; nan if none.
         bandwidth_measured: from the multisine, against the same static gain [Hz]; nan if none.
     """
@@ -166,17 +152,11 @@ def multisine(rms: float, lines: np.ndarray, period: int, rng: np.random.Generat
 def frequency_response(
     loop: FrameMap, point: OperatingPoint, model: FrameModel, channel: int, seed: int | None = None
 ) -> FrequencyResponse:
-    """Frequency response of a channel from its reference to its reading.
+    """Frequency response of a channel, by its index, from its reference to its reading.
 
-    Args:
-        loop: the frame map.
-        point: operating point.
-        model: linear model there.
-        channel: its index.
-        seed: of the sensors' noise, then readings are rounded too; None measures without.
+    With the seed of the sensors' noise readings are rounded, too; without, neither.
     """
-    machine = loop.robot.machine
-    lines, rng = LINES, np.random.default_rng(PHASES)
+    machine, lines, rng = loop.robot.machine, LINES, np.random.default_rng(PHASES)
     if seed is not None:
         loop = replace(loop, parameters=prepared(loop.robot))
     sent, read = np.zeros((DRAWS, len(lines)), complex), np.zeros((DRAWS, len(lines)), complex)

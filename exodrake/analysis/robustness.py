@@ -1,43 +1,50 @@
-"""Robustness of a loop with all its commands at once, and its bands over a population of robots or operating points.
+"""Robustness of a loop with all its commands at once, its bands over populations, and the robots of a diagnosis.
 
-Populations are drawn within the tolerances of the robot file, or within the intervals of a diagnosis.
+Populations are drawn within the tolerances of the robot file, or within the intervals of a diagnosis. What a diagnosis
+leaves open, for control, is every robot of its answer in the loop:
+
+    |P_i - P| <= |w| |P|       robustly stable if |w| max sigma(T) < 1 at every frequency
+
+Robots are drawn within the intervals of the effects; the first two stand at their lower and at their upper ends. With
+friction or a dead zone, describing functions take the place of linear responses: over amplitudes, at those two ends.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import partial
+from pathlib import Path
 from typing import Any
 
+import control
 import numpy as np
+from scipy.optimize import least_squares, minimize
 from scipy.special import ndtri
 
-from exodrake.analysis.frame_map import FrameMap
-from exodrake.analysis.linear_model import FrameModel, OperatingPoint, compute_noise, linearise_robot
+from exodrake.analysis.limit_cycles import LimitCycles, find_dead_band, limit_cycles
+from exodrake.analysis.linear_model import FrameMap, FrameModel, OperatingPoint, compute_noise, linearise_robot
 from exodrake.analysis.margins import decibel, disk_margin, loop_margins, open_loop, plant_response, return_ratio
-from exodrake.analysis.responses import step_response
+from exodrake.analysis.responses import returns, step_response
 from exodrake.core.confidence import NORMAL_90
 from exodrake.core.errors import InputError
 from exodrake.core.robot import Robot, drawn_robot
+from exodrake.core.schema import read_json
 
 POINTS = 240  # frequencies; all margins are read between them by straight lines
 SLOWEST = 4e-5  # lowest frequency, as a share of the Nyquist frequency
+WEIGHT_POINTS, WEIGHT_SLOWEST = 120, 1e-3  # the same of the weight
+ENDS = 2  # robots at the ends of the intervals, of which limit cycles are predicted
+LESS = 0.9  # second order is taken where it covers the deviation with less than this share of the first order's excess
 
 
 @dataclass(frozen=True, eq=False)
 class Robustness:
-    """Robustness of one robot at one operating point.
+    """Robustness of one robot at one operating point, over frequency (f,) [Hz].
 
-    Attributes:
-        label: of the robot or the point.
-        stable: whether all poles lie inside the unit circle; None where the poles do not decide (`FrameModel.decides`).
-        frequency: (f,) [Hz].
-        loops: (f, channels) open loop of each channel, the others closed.
-        sigma_s, sigma_t: (f,) largest singular values of S and T = I - S at the commands.
-        disk: (f,) disk margin for all commands at once.
-        gain_array: (f, channels) diagonal of the relative gain array.
-        numbers: name -> value, SI; NaN where the loop is not stable.
+    It is stable if all poles lie inside the unit circle; None where they do not decide (`FrameModel.decides`). `loops`
+    (f, channels) are the open loops of each channel, the others closed; sigma (f,) the largest singular values of S and
+    T = I - S at the commands; `disk` (f,) the disk margin for all commands at once; `gain_array` (f, channels) the
+    diagonal of the relative gain array; `numbers` are by name [SI], NaN where the loop is not stable.
     """
 
     label: str
@@ -83,11 +90,6 @@ def relative_gains(plant: np.ndarray) -> np.ndarray:
     return np.abs(np.einsum("fii,fii->fi", plant, np.linalg.pinv(plant)))
 
 
-def output_noise(model: FrameModel, rows: list[int]) -> np.ndarray:
-    """Standard deviation (rows,) [SI] of some outputs, by index, under the sensors' noise, in a stable loop."""
-    return compute_noise(model.system.A, model.N, model.system.C[rows], model.M[rows])
-
-
 def robustness(loop: FrameMap, point: OperatingPoint, model: FrameModel, label: str = "") -> Robustness:
     """Robustness of a loop at an operating point."""
     whole, eye = open_loop(loop, model), np.eye(len(loop.channels))
@@ -107,7 +109,9 @@ def robustness(loop: FrameMap, point: OperatingPoint, model: FrameModel, label: 
         numbers[f"relative gain {name}"] = gains[0, j]
     if stable:
         kind, unit = loop.kinds[loop.loop.command], loop.robot.machine.signal[loop.loop.command].unit
-        for j, (name, noise) in enumerate(zip(loop.channels, output_noise(model, model.rows(kind, loop.channels)))):
+        rows = model.rows(kind, loop.channels)
+        noises = compute_noise(model.system.A, model.N, model.system.C[rows], model.M[rows])
+        for j, (name, noise) in enumerate(zip(loop.channels, noises)):
             step = step_response(loop, point, j)
             numbers[f"noise of {kind} {name} [{unit}]"] = noise
             numbers[f"settling {name} [s]"], numbers[f"overshoot {name}"] = step.settling, step.overshoot
@@ -117,23 +121,20 @@ def robustness(loop: FrameMap, point: OperatingPoint, model: FrameModel, label: 
     return Robustness(label, stable, frequency, loops, *sigma, disk, gains, {k: float(v) for k, v in numbers.items()})
 
 
-def band(name: str, robots: Iterable[tuple[str, Robot]], at: Mapping[str, float] | str | None = None) -> Band:
-    """Robustness of each labelled robot at an operating point; robots without one are failures."""
-    return gather(name, ((label, robot, at) for label, robot in robots))
-
-
 def points_band(robot: Robot) -> Band:
     """Robustness at each operating point that the machine names."""
     points = robot.machine.loop.points if robot.machine.loop else {}
-    return gather("operating points", ((label, robot, label) for label in points))
+    return band("operating points", ((label, robot) for label in points), at_label=True)
 
 
-def gather(name: str, members: Iterable[tuple[str, Robot, Mapping[str, float] | str | None]]) -> Band:
-    """The band of labelled robots, each at an operating point."""
+def band(
+    name: str, robots: Iterable[tuple[str, Robot]], at: Mapping[str, float] | str | None = None, at_label: bool = False
+) -> Band:
+    """Robustness of each labelled robot at an operating point, or at that of its label; those without fail."""
     found, failures = [], []
-    for label, robot, at in members:
+    for label, robot in robots:
         try:
-            found.append(robustness(*linearise_robot(robot, at), label))
+            found.append(robustness(*linearise_robot(robot, label if at_label else at), label))
         except InputError as problem:
             failures.append(f"{label}: {problem}")
     return Band(name, tuple(found), tuple(failures))
@@ -150,12 +151,9 @@ def within_intervals(
 ) -> Iterator[tuple[str, Robot]]:
     """Robots within the 90 % intervals of the effects that a diagnosis named, with labels.
 
-    Args:
-        robot: the improved robot of that diagnosis, or the nominal one.
-        answer: the diagnosis as `exodrake diagnose --json` writes it.
-        draws: number of robots.
-        seed: of the draws; each parameter is normal on either side of its value, and inside its interval.
-        ends: of the intervals, -1 lower, 0 the estimate, 1 upper, at which the first robots have all parameters.
+    The robot is the improved one of that diagnosis, or the nominal one; the answer as `exodrake diagnose --json` writes
+    it. Each parameter is normal on either side of its value, and inside its interval; the first robots have all
+    parameters at `ends` of the intervals: -1 lower, 0 the estimate, 1 upper.
 
     Raises:
         InputError: the answer has no effects, or names parameters that the robot lacks.
@@ -166,8 +164,14 @@ def within_intervals(
     if not effects:
         raise InputError("the diagnosis names no effect, so there are no intervals to draw from")
     for k in range(draws):
-        drawn, end = robot, ends[k] if k < len(ends) else None
-        draw = partial(draw_within, rng=np.random.default_rng([seed, k]), end=end)
+        drawn, end, rng = robot, ends[k] if k < len(ends) else None, np.random.default_rng([seed, k])
+
+        def draw(interval: Mapping[str, Any], end=end, rng=rng) -> float:
+            # inside its 90 % interval, since tails could leave what a robot can be; an unknown end is the estimate
+            x = float(ndtri(rng.uniform(0.05, 0.95))) / NORMAL_90 if end is None else end
+            value, other = interval["value"], interval["high" if x > 0.0 else "low"]
+            return value if other is None else value + abs(x) * (other - value)
+
         for effect in effects:
             try:
                 stated = {n: i for n, i in effect["parameters"].items() if i["value"] is not None}
@@ -180,11 +184,134 @@ def within_intervals(
         yield f"draw {k + 1}" if end is None else ("lower ends", "estimate", "upper ends")[int(end) + 1], drawn
 
 
-def draw_within(interval: Mapping[str, Any], rng: np.random.Generator, end: float | None) -> float:
-    """A value inside a 90 % interval, or at its end: tails could leave what a robot can be.
+@dataclass(frozen=True, eq=False)
+class Uncertainty:
+    """The robots of a diagnosis' answer in the loop.
 
-    Normal on either side of the estimate; an end that is not known stands at the estimate.
+    Attributes:
+        unstable: labels of those whose loop is not stable.
+        kicked: number of those that a simulated kick decides, because their poles mean little.
+        failures: why others have no operating point, a sentence each.
+        dead_band: log column -> half the range in which it may rest [SI], the worst of the robots.
+        cycles: of the improved robot and of the intervals' ends; empty for a robot that is smooth at rest.
+        deviation: (f,) largest relative deviation of a plant from the improved one's [-], at frequency (f,) [Hz].
+        weight: python-control's transfer function in s, of order 1 or 2, that covers the deviation.
+        peak: largest |weight| max sigma(T); below 1 every plant within the weight is stable. nan where T means little.
     """
-    x = float(ndtri(rng.uniform(0.05, 0.95))) / NORMAL_90 if end is None else end
-    value, other = interval["value"], interval["high" if x > 0.0 else "low"]
-    return value if other is None else value + abs(x) * (other - value)
+
+    robots: int
+    unstable: tuple[str, ...]
+    kicked: int
+    failures: tuple[str, ...]
+    dead_band: dict[str, float]
+    cycles: tuple[LimitCycles, ...]
+    frequency: np.ndarray
+    deviation: np.ndarray
+    weight: control.TransferFunction
+    peak: float
+
+    def __repr__(self) -> str:
+        """Stability, then margins and deviation."""
+        return (
+            f"Uncertainty: {self.robots - len(self.unstable)} of {self.robots} robots stable, {self.kicked} by a kick\n"
+            f"gain margin from {self.gain_margin_db:.3g} dB, phase margin from {self.phase_margin_deg:.3g} deg over "
+            f"amplitude; deviation up to {self.deviation.max():.3g}, |w T| up to {self.peak:.3g}"
+        )
+
+    @property
+    def gain_margin_db(self) -> float:
+        """Worst describing-function gain margin over amplitudes and intervals [dB]; nan without nonlinearities."""
+        return min((c.gain_margin_db for c in self.cycles), default=np.nan)
+
+    @property
+    def phase_margin_deg(self) -> float:
+        """Worst describing-function phase margin over amplitudes and intervals [deg]; nan without nonlinearities."""
+        return min((float(np.nanmin(c.phase_margin_deg)) for c in self.cycles), default=np.nan)
+
+    def to_dict(self) -> dict[str, Any]:
+        """All numbers as plain data; the weight by its coefficients in s, the highest power first."""
+        num, den = (np.asarray(c[0][0]).tolist() for c in (self.weight.num, self.weight.den))
+        worst = {"gain_margin_db": self.gain_margin_db, "phase_margin_deg": self.phase_margin_deg}
+        return vars(self) | worst | {"weight": {"numerator": num, "denominator": den}}
+
+
+def assess_answer(
+    robot: Robot, answer: Mapping[str, Any], at: Mapping[str, float] | str | None = None, draws: int = 12
+) -> Uncertainty:
+    """Stability, margins over amplitude, dead band and uncertainty weight over the robots of a diagnosis' answer.
+
+    Robot and answer are as for `within_intervals`; the `draws` include the ends of the intervals.
+
+    Raises:
+        InputError: the answer names no effect, or the improved robot has no loop or no state of rest.
+    """
+    ((_, improved),) = within_intervals(robot, answer, 1, ends=(0.0,))
+    loop, point, model = linearise_robot(improved, at)
+    smooth, frequency = model.decides, np.geomspace(WEIGHT_SLOWEST, 1.0, WEIGHT_POINTS) * 0.5 / model.system.dt
+    nominal = plant_response(open_loop(loop, model), frequency) if smooth else None
+    unstable, failures, kicked, deviations = [], [], 0, []
+    dead_band, cycles = find_dead_band(loop, point), list(limit_cycles(improved, at, own_only=True))
+    for k, (label, drawn) in enumerate(within_intervals(robot, answer, draws)):
+        try:
+            there, rest, linear = linearise_robot(drawn, at)
+        except InputError as problem:
+            failures.append(f"{label}: {problem}")
+            continue
+        kicked += not linear.decides
+        if not (linear.spectral_radius < 1.0 if linear.decides else returns(there, rest)):
+            unstable.append(label)
+        dead_band = {n: max(b, dead_band[n]) for n, b in find_dead_band(there, rest).items()}
+        if nominal is not None and linear.decides:
+            change = plant_response(open_loop(there, linear), frequency) - nominal
+            deviations.append(np.linalg.norm(change @ np.linalg.pinv(nominal), 2, axis=(1, 2)))
+        elif k < ENDS:
+            cycles += limit_cycles(drawn, at, own_only=True)
+    if nominal is None and cycles:
+        frequency, first = cycles[0].line_frequency, cycles[0].measured
+        deviations = [np.abs(c.measured / first - 1.0).max(axis=0) for c in cycles if c.channel == cycles[0].channel]
+    deviation = np.max(deviations, axis=0) if deviations else np.zeros(len(frequency))
+    weight, peak = fit_weight(frequency, deviation), np.nan
+    if nominal is not None:
+        ratio = return_ratio(open_loop(loop, model), frequency)
+        t = nominal @ np.linalg.solve(np.eye(ratio.shape[-1]) + ratio, ratio) @ np.linalg.pinv(nominal)
+        peak = float((np.abs(weight(2j * np.pi * frequency)) * np.linalg.norm(t, 2, axis=(1, 2))).max())
+    return Uncertainty(
+        draws - len(failures), tuple(unstable), kicked, tuple(failures), dead_band, tuple(cycles), frequency, deviation,
+        weight, peak,
+    )  # fmt: skip
+
+
+def fit_weight(frequency: np.ndarray, deviation: np.ndarray) -> control.TransferFunction:
+    """The weight g ((s / a + 1) / (s / b + 1))^n, n 1 or 2, that covers a deviation (f,) [-] at frequencies (f,) [Hz].
+
+    Of all that cover it, it exceeds the deviation least in the mean of the logarithms.
+    """
+    w = 2.0 * np.pi * frequency
+    log_size = np.log(np.maximum(deviation, 1e-6))
+
+    def excess(x: np.ndarray, order: int) -> np.ndarray:
+        lags = np.log1p((w / np.exp(x[1])) ** 2) - np.log1p((w / np.exp(x[2])) ** 2)
+        return x[0] + 0.5 * order * lags - log_size
+
+    def uncovered(x: np.ndarray, order: int) -> float:
+        return float(np.mean(excess(x, order) - excess(x, order).min()))
+
+    middle, ends = np.log(np.sqrt(w[0] * w[-1])), np.log([w[0] / 10.0, 10.0 * w[-1]])
+    starts = [(log_size[0], middle + a, middle + b) for a, b in ((-1.0, 1.0), (1.0, -1.0), (1.0, 3.0), (-3.0, 0.0))]
+    tried = []
+    for order in (1, 2):
+        bounds = ([-20.0, ends[0], ends[0]], [20.0, ends[1], ends[1]])
+        fits = [least_squares(excess, start, args=(order,), bounds=bounds) for start in starts]
+        x = min(fits, key=lambda fit: fit.cost).x
+        found = minimize(uncovered, x, args=(order,), method="Nelder-Mead", bounds=np.transpose(bounds))
+        tried.append((found.fun, found.x - np.array([excess(found.x, order).min(), 0.0, 0.0]), order))
+    _, (gain, zero, pole), order = tried[1] if tried[1][0] < LESS * tried[0][0] else tried[0]
+    s = control.tf("s")
+    return np.exp(gain) * ((s / np.exp(zero) + 1.0) / (s / np.exp(pole) + 1.0)) ** order
+
+
+def read_diagnosis(path: Path) -> tuple[dict[str, Any], Path | None]:
+    """The answer in a diagnosis file, or in a folder's `diagnosis.json`, and the improved robot beside it, if any."""
+    file = path / "diagnosis.json" if path.is_dir() else path
+    improved = file.parent / "improved.yaml"
+    return read_json(file), improved if improved.is_file() else None

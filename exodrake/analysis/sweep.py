@@ -116,11 +116,16 @@ def variations(robot: Robot, over: Any, draws: int, seed: int) -> tuple[list[dic
         if isinstance(item, Robot):
             robots.append(item)
             continue
-        point = argument("over", item, Mapping)
-        units = {name: robot.machine.parameters[robot.indices(name)[0]].unit for name in point}
-        values = {name: quantity(value, units[name], name) for name, value in point.items()}
+        values = {
+            name: quantity(value, robot.machine.parameters[robot.indices(name)[0]].unit, name)
+            for name, value in argument("over", item, Mapping).items()
+        }
+        changed = robot
+        for effect in robot.machine.effects:  # a parameter splices its effect in
+            if any(name.startswith(f"{effect.id}.") for name in values) and effect.id not in changed.effects():
+                changed = changed.splice(effect.id)
         points.append(values)
-        robots.append(with_values(robot, values))
+        robots.append(changed.with_parameters(values))
     if not points:
         differ = np.flatnonzero(np.any([one.values != robot.values for one in robots], axis=0))
         points = [{robot.machine.parameters[i].name: float(one.values[i]) for i in differ} for one in robots]
@@ -129,22 +134,13 @@ def variations(robot: Robot, over: Any, draws: int, seed: int) -> tuple[list[dic
     return points, robots
 
 
-def with_values(robot: Robot, values: Mapping[str, float]) -> Robot:
-    """The robot with parameters [SI] changed, and with the effects spliced in that they belong to."""
-    for effect in robot.machine.effects:
-        if any(name.startswith(f"{effect.id}.") for name in values) and effect.id not in robot.effects():
-            robot = robot.splice(effect.id)
-    return robot.with_parameters(values)
-
-
 def plot_sweep(table: Any) -> Any:
     """Figure of a sweep: each summary, of the default ones the RMS, over one parameter, coloured by the second."""
     import matplotlib
 
     units, varied = table.attrs["units"], table.attrs["varied"]
-    shown = [
-        n for n in table.select_dtypes("number").columns if n not in varied and not n.endswith((" peak", " final"))
-    ]
+    numbers = table.select_dtypes("number").columns
+    shown = [name for name in numbers if name not in varied and not name.endswith((" peak", " final"))]
     with matplotlib.rc_context(STYLE):
         columns = min(3, len(shown))
         rows = -(-len(shown) // columns)

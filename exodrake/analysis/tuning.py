@@ -1,4 +1,4 @@
-"""Tuning: the gains of each controller structure that settle fastest within stated requirements, over tolerances.
+"""Tuning: the gains of each controller structure that settle fastest within requirements, and how fast a loop could be.
 
     minimise  max settling      subject to  overshoot, disk margin of all commands, noise of the commands
 
@@ -11,21 +11,31 @@ nonlinear steps of other robots. The plant is linearised once, and no controller
 
 The controller's matrices are differences of the same compiled frame map, with its own states, the references and the
 readings moved. Any law of the machine's controller can therefore be tuned.
+
+A bound on settling is a linear programme. On the linear plant at rest, delays and sample rate included, it looks for
+commands
+
+    |v(k)| <= peak      y(k) <= 1 + overshoot      |y(k) - 1| <= 2 %  for k >= n
+
+with the least n, for a step of one reference; other channels may do what they like, and there is no noise. No
+controller, linear or not, that moves its commands as little and overshoots as little settles sooner on that plant.
+LQG is a design that can be built: states estimated from the noisy readings, integral action, the reference fed forward.
 """
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import chain
 from typing import Any
 
+import control
 import numpy as np
 
-from exodrake.analysis.bounds import bound_settling, design_lqg
 from exodrake.analysis.closed_loop import list_remarks
-from exodrake.analysis.frame_map import FrameMap, name_states
 from exodrake.analysis.linear_model import (
+    FrameMap,
     FrameModel,
     OperatingPoint,
     System,
@@ -37,7 +47,7 @@ from exodrake.analysis.linear_model import (
     operating_point,
     spectral_radius,
 )
-from exodrake.analysis.margins import controller_states, decibel, open_loop, plant_response, structured_bound
+from exodrake.analysis.margins import decibel, open_loop, plant_response, structured_bound
 from exodrake.analysis.responses import BAND, StepResponse, step_response
 from exodrake.analysis.robustness import Band, band, points_band, within_tolerances
 from exodrake.core.errors import InputError, argument, short_repr
@@ -51,6 +61,7 @@ PENALTY = 20.0  # cost of a requirement missed by 100 %, in the length of the si
 LEAST = 1e-12  # of a requirement that is 0, for a division
 SEARCH: dict[str, Any] = {"maxiter": 14, "popsize": 8, "seed": 0, "polish": False, "init": "sobol", "tol": 1e-3}
 UNSTABLE = 1e6  # cost of an unstable loop
+ROUNDING = 1e-6  # of a step, by which the linear programme may miss its limits
 LQG_RUNS = 60  # designs that are tried over all plants
 # logarithms of the weights of command and integral, and of the disturbance, in units of the tuned loop's commands
 LQG_BOUNDS = np.log([(1e-4, 1e4), (1e-9, 1.0), (1e-4, 10.0)])
@@ -86,16 +97,11 @@ class Requirements:
 @short_repr
 @dataclass(frozen=True, eq=False)
 class Tuned:
-    """A tuned controller with its assessment on the robot.
+    """A tuned controller with its assessment on the robot, of which `gains` [SI] were searched.
 
-    Attributes:
-        name: of its structure.
-        robot: with it.
-        gains: parameter -> value [SI] that was searched.
-        steps: nonlinear, of the robot itself at its own operating point.
-        bands: over tolerances and operating points.
-        settling [s], overshoot, disk_margin, noise [SI]: the worst of these; nan where one is unstable.
-        missed: requirements that it does not hold, a phrase each.
+    The steps are nonlinear, of the robot itself at its own operating point; bands are over tolerances and operating
+    points; settling [s], overshoot, disk margin and noise [SI] are the worst of these, nan where one is unstable.
+    `missed` are the requirements that it does not hold, a phrase each.
     """
 
     name: str
@@ -114,15 +120,11 @@ class Tuned:
 class Limit:
     """How fast a loop could be, beside the best tuned one.
 
-    Attributes:
-        settling: bound [s] for any controller on the linear plant at the machine's own point, without noise, with
-            commands, overshoot and crosstalk up to those below; the slowest channel's.
-        tuned: settling [s] of the best tuned controller there, else of the robot as it is.
-        command_peak: largest change of a command in its steps [command / reference].
-        crosstalk: its largest change of another channel, as a fraction of the step.
-        lqg: the worst of the LQG design over all plants that the search sees; None if it stabilises not all of them.
-        missed: requirements that LQG does not hold, a phrase each.
-        law: that design, from readings and references to commands.
+    `settling` bounds [s] any controller on the linear plant at the machine's own point, without noise, with commands,
+    overshoot and crosstalk up to those below; the slowest channel's. `tuned` is that of the best tuned controller
+    there, else of the robot as it is, with the largest change of a command in its steps [command / reference] and of
+    another channel, as a fraction of the step. `lqg` is the worst of the LQG design `law` over all plants that the
+    search sees, None if it stabilises not all of them; `missed` what it does not hold.
     """
 
     settling: float
@@ -176,25 +178,21 @@ class Tuning:
 
     def to_dict(self) -> dict[str, Any]:
         """All numbers, SI, with units in the keys where these are fixed."""
-        required = {f"{k} [{u}]" if u else k: getattr(self.requirements, k) for k, u in self.units.items()}
-        compared = {
-            t.name: {f"{k} [{u}]" if u else k: getattr(t, k) for k, u in self.units.items()}
-            | {"gains": t.gains, "misses": list(t.missed)}
-            for t in self.compared
-        }
+        keys = {"settling": "settling [s]", "overshoot": "overshoot", "disk_margin": "disk_margin"}
+        keys |= {"noise": f"noise [{self.noise_unit}]"}
+
+        def name_numbers(one: Requirements | Tuned) -> dict[str, Any]:
+            return {key: getattr(one, name) for name, key in keys.items()}
+
+        compared = {t.name: name_numbers(t) | {"gains": t.gains, "misses": list(t.missed)} for t in self.compared}
         return {
-            "required": required,
+            "required": name_numbers(self.requirements),
             "compared": compared,
             "best": self.best and self.best.name,
             "notes": list(self.notes),
             "limit": self.limit and {k: v for k, v in vars(self.limit).items() if k != "law"},
             "schedule": {p: {"gains": gains, "settling [s]": t} for p, (gains, t) in self.schedule.items()},
         }
-
-    @property
-    def units(self) -> dict[str, str]:
-        """Number -> unit."""
-        return {"settling": "s", "overshoot": "", "disk_margin": "", "noise": self.noise_unit}
 
 
 def tune(
@@ -228,12 +226,8 @@ def tune(
     plants += [linearise_plant(drawn) for _, drawn in within_tolerances(robot, draws, DESIGN_SEED)]
     wanted = requirements or Requirements()
     if wanted.noise is None:
-        noises = [
-            noise
-            for plant in plants
-            if np.isfinite(noise := predict_performance(plant, linearise_law(plant, {})).noise)
-        ]
-        wanted = replace(wanted, noise=NOISE_FACTOR * max(noises, default=np.inf))
+        noises = [predict_performance(plant, linearise_law(plant, {})).noise for plant in plants]
+        wanted = replace(wanted, noise=NOISE_FACTOR * max((n for n in noises if np.isfinite(n)), default=np.inf))
     compared = [assess(OWN, robot, {}, wanted, judges)]
     for structure in loop.controllers:
         if not only or structure.name in only:
@@ -242,7 +236,13 @@ def tune(
             fixed = {**structure.fixed, **compliance(plants[0], structure)}
             gains = search_gains(plants, structure, fixed, wanted)
             source = f"tuned by exodrake as {structure.name}"
-            changed = robot.with_parameters(expand_channels(robot, {**fixed, **gains}), source)
+            places = [(name, value, robot.indices(name)) for name, value in {**fixed, **gains}.items()]
+            named = {
+                robot.machine.parameters[i].name: float(one)
+                for _, value, at in places
+                for i, one in zip(at, np.broadcast_to(value, len(at)), strict=True)
+            }
+            changed = robot.with_parameters(named, source)
             compared.append(assess(structure.name, changed, gains, wanted, judges))
     plant = plants[0]
     tuning = Tuning(robot, wanted, tuple(compared), list_remarks(plant.loop, plant.point, plant.model, ()))
@@ -344,15 +344,11 @@ def list_missed(
 
 @dataclass(frozen=True, eq=False)
 class Plant:
-    """A robot's plant at an operating point, linear.
+    """A robot's plant from commands to readings at an operating point, linear, without the controller's states.
 
-    Attributes:
-        loop, point: frame map and state of rest.
-        model: closed loop with the robot's own controller.
-        plant: from commands to readings, without the controller's states.
-        N (n, noises), M (channels, noises): its answer to sensor noise of unit variance.
-        frequency (f,) [Hz], response (f, channels, channels): of the readings to the commands.
-        index (channels,): of a state that moves each reading, and size (channels,): by how far.
+    The model is that of the closed loop with the robot's own controller. N (n, noises) and M (channels, noises) are the
+    plant's answer to sensor noise of unit variance, `response` (f, channels, channels) that of the readings to the
+    commands at `frequency` (f,) [Hz]. `index` (channels,) names a state that moves each reading, `size` by how far.
     """
 
     loop: FrameMap
@@ -370,15 +366,13 @@ class Plant:
 def linearise_plant(robot: Robot, at: Mapping[str, float] | str | None = None) -> Plant:
     """The linear plant of a robot at an operating point. InputError without loop or state of rest."""
     loop, point, model = linearise_robot(robot, at)
-    whole, own, m = open_loop(loop, model), controller_states(loop, model), len(loop.channels)
+    whole, own, m = open_loop(loop, model), loop.own[model.keep], len(loop.channels)
     frequency = np.geomspace(4e-4, 1.0, FREQUENCIES) * 0.5 / whole.dt
     plant = System(whole.A[np.ix_(~own, ~own)], whole.B[~own], whole.C[m:, ~own], 0.0, whole.dt)
     command, reading = (model.rows(loop.kinds[s], loop.channels) for s in (loop.loop.command, loop.loop.measured))
     drive = (model.N - whole.B @ model.M[command])[~own]
-    names = [name.name.replace(".", "_") for name in name_states(loop.robot.machine)]
-    indices = np.array([names.index(name) for name in whole.state_labels])
     size = measure_excursions(loop, point.state, point.references)
-    chosen = indices[np.where(own, 0.0, np.abs(whole.C[m:]) * size[indices]).argmax(axis=1)]
+    chosen = np.array(model.keep)[np.where(own, 0.0, np.abs(whole.C[m:]) * size[model.keep]).argmax(axis=1)]
     response = plant_response(whole, frequency)
     return Plant(loop, point, model, plant, drive, model.M[reading], frequency, response, chosen, 0.05 * size[chosen])
 
@@ -422,12 +416,8 @@ def linearise_law(plant: Plant, values: Mapping[str, Any]) -> System:
 class Performance:
     """Performance of a controller on one linear plant; the worst over channels.
 
-    Attributes:
-        radius: spectral radius.
-        settling: to 2 % [s], beyond the horizon by what is missing.
-        overshoot: fraction.
-        disk_margin: of all commands at once, never overstated.
-        noise: largest standard deviation of a command [SI].
+    Settling [s] is to 2 %, beyond the horizon by what is missing; overshoot a fraction; the disk margin that of all
+    commands at once, never overstated; the noise the largest standard deviation of a command [SI].
     """
 
     radius: float
@@ -445,38 +435,20 @@ def predict_performance(plant: Plant, law: System) -> Performance:
     radius = spectral_radius(a)
     if radius >= 1.0:
         return Performance(radius, np.inf, np.inf, 0.0, np.inf)
-    settling, overshoot = predict_steps(plant, a, np.vstack([p.B @ direct, h]))
+    b, x, share = np.vstack([p.B @ direct, h]), np.zeros((len(a), m)), np.zeros((FRAMES, m))
+    for k in range(FRAMES):  # a step of each reference
+        x = a @ x + b
+        share[k] = np.diag(p.C @ x[: p.nstates])
+    outside = np.abs(share - 1.0) > BAND
+    last = np.where(outside.any(axis=0), FRAMES - 1 - outside[::-1].argmax(axis=0), -1)
+    missing = np.maximum(np.abs(share[-1] - 1.0) - BAND, 0.0)
+    settling = float((p.dt * (last + 2 + FRAMES * missing)).max())
     ratio = -evaluate(law, plant.frequency)[:, :, :m] @ plant.response
     balanced = np.linalg.inv(np.eye(m) + ratio) - 0.5 * np.eye(m)
     drive = np.vstack([plant.N + p.B @ read @ plant.M, g @ plant.M])
     noise = compute_noise(a, drive, np.hstack([read @ p.C, law.C]), read @ plant.M)
-    return Performance(
-        radius, settling, overshoot, float(1.0 / structured_bound(balanced)[0].max()), float(noise.max())
-    )
-
-
-def predict_steps(plant: Plant, a: np.ndarray, b: np.ndarray) -> tuple[float, float]:
-    """Settling [s] and overshoot [-] of x' = A x + B r, a (n, n), b (n, channels), the worst over the references."""
-    n, m = plant.plant.nstates, b.shape[1]
-    x, share = np.zeros((len(a), m)), np.zeros((FRAMES, m))
-    for k in range(FRAMES):
-        x = a @ x + b
-        share[k] = np.diag(plant.plant.C @ x[:n])
-    outside = np.abs(share - 1.0) > BAND
-    last = np.where(outside.any(axis=0), FRAMES - 1 - outside[::-1].argmax(axis=0), -1)
-    missing = np.maximum(np.abs(share[-1] - 1.0) - BAND, 0.0)
-    settling = plant.plant.dt * (last + 2 + FRAMES * missing)
-    return float(settling.max()), max(0.0, float(share.max()) - 1.0)
-
-
-def expand_channels(robot: Robot, values: Mapping[str, float | np.ndarray]) -> dict[str, float]:
-    """Values [SI] by full names: an array (channels,) gives one to each channel."""
-    found = {}
-    for name, value in values.items():
-        indices = robot.indices(name)
-        for i, one in zip(indices, np.broadcast_to(value, len(indices)), strict=True):
-            found[robot.machine.parameters[i].name] = float(one)
-    return found
+    disk_margin = float(1.0 / structured_bound(balanced)[0].max())
+    return Performance(radius, settling, max(0.0, float(share.max()) - 1.0), disk_margin, float(noise.max()))
 
 
 def compliance(plant: Plant, structure: Controller) -> dict[str, np.ndarray]:
@@ -506,14 +478,9 @@ def search_gains(
     wanted: Requirements,
     start: Mapping[str, float] | None = None,
 ) -> dict[str, float]:
-    """Gains [SI] of least cost, for the nominal plants first, then for all, from `start` if given.
+    """Gains [SI] of least cost over plants, with other parameters fixed, one value or (channels,) each.
 
-    Args:
-        plants: on which the gains are judged.
-        structure: whose gains they are.
-        fixed: values of other parameters, one or (channels,) each.
-        wanted: requirements.
-        start: gains from which a local search begins; without, a global one over the nominal plants comes first.
+    Without gains to start from, a global search over the nominal plants comes before the local one over all.
     """
     from scipy.optimize import differential_evolution, minimize
 
@@ -550,3 +517,66 @@ def compute_cost(p: Performance, wanted: Requirements, frame: float) -> float:
         max(0.0, p.noise / max(most * (1.0 - SLACK), LEAST) - 1.0),
     )
     return p.settling / frame + FRAMES * PENALTY * sum(missed)
+
+
+def bound_settling(plant: System, channel: int, peak: float, overshoot: float, crosstalk: float, frames: int) -> float:
+    """Least time [s] in which a channel can settle to 2 % of a unit step; nan if not within `frames`.
+
+    The largest command is `peak` [command / step]; overshoot and crosstalk are fractions of the step.
+    """
+    from scipy.optimize import linprog
+
+    m, pulse, x = plant.ninputs, np.zeros((frames, plant.ninputs, plant.ninputs)), np.array(plant.B)
+    for k in range(frames):
+        pulse[k], x = plant.C @ x, plant.A @ x
+    after, before = np.tril_indices(frames)
+    answer = np.zeros((m, frames, frames, m))  # readings at the end of a frame from the commands of another, of peak 1
+    answer[:, after, before] = peak * pulse[after - before].transpose(1, 0, 2)
+    answer = answer.reshape(m, frames, frames * m)
+    others = np.delete(answer, channel, axis=0).reshape(-1, frames * m)
+
+    def feasible(n: int) -> bool:
+        above = 1.0 + np.where(np.arange(frames) >= n, min(BAND, overshoot), overshoot)
+        rows = np.vstack([answer[channel], -answer[channel, n:], others, -others])
+        limits = np.concatenate([above, np.full(frames - n, BAND - 1.0), np.full(2 * len(others), crosstalk)])
+        rows = np.column_stack([rows, -np.ones(len(rows))])  # all limits may be missed by as much, the least possible
+        bounds = [(-1.0, 1.0)] * (frames * m) + [(0.0, None)]
+        for method in ("highs-ds", "highs-ipm"):  # either gives up now and then
+            found = linprog(np.eye(frames * m + 1)[-1], rows, limits, bounds=bounds, method=method)
+            if found.status == 0:
+                return found.fun < ROUNDING
+        return False
+
+    first = bisect_left(range(frames), True, key=feasible)
+    return plant.dt * (first + 1) if first < frames else float("nan")
+
+
+def design_lqg(
+    plant: System, noise: tuple[np.ndarray, np.ndarray], effort: float, integral: float, disturbance: float
+) -> System:
+    """LQG controller with integral action, from readings and references to commands.
+
+    It minimises the mean of |y - r|^2 + integral |E|^2 + effort |v|^2; states are estimated by a Kalman filter for
+    sensor noise of unit variance, N (n, noises) and M (channels, noises), and for white noise of a standard deviation
+    `disturbance` [command] on the commands. The reference enters by the state and the command that hold it. E sums the
+    readings' distance from the undisturbed answer, so that a step of the reference leaves it at 0.
+
+    Raises:
+        LinAlgError: where the Riccati equations have no solution.
+    """
+    a, b, c, n, m = plant.A, plant.B, plant.C, plant.nstates, plant.ninputs
+    weights = np.zeros((n + m, n + m))
+    weights[:n, :n], weights[n:, n:] = c.T @ c, integral * np.eye(m)
+    whole = np.block([[a, np.zeros((n, m))], [c, np.eye(m)]])
+    gain = control.dlqr(whole, np.vstack([b, np.zeros((m, m))]), weights, effort * np.eye(m))[0]
+    process = noise[0] @ noise[0].T + disturbance**2 * b @ b.T
+    kalman = control.dlqe(a, np.eye(n), c, 0.5 * (process + process.T), noise[1] @ noise[1].T)[0]
+    hold = np.linalg.lstsq(np.block([[a - np.eye(n), b], [c, np.zeros((m, m))]]),
+                           np.vstack([np.zeros((n, m)), np.eye(m)]), rcond=None)[0]  # fmt: skip
+    state, total = gain[:, :n], gain[:, n:]
+    feed, ideal = state @ hold[:n] + hold[n:], a - b @ state
+    dynamics = np.block([[ideal - kalman @ c, -b @ total, np.zeros((n, n))], [np.zeros((m, n)), np.eye(m), -c],
+                         [np.zeros((n, n + m)), ideal]])  # fmt: skip
+    inputs = np.block([[kalman, b @ feed], [np.eye(m), np.zeros((m, m))], [np.zeros((n, m)), b @ feed]])
+    rows = np.hstack([-gain, np.zeros((m, n))])
+    return System(dynamics, inputs, rows, np.hstack([np.zeros((m, m)), feed]), plant.dt)

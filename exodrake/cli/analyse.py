@@ -70,9 +70,9 @@ def command(file, parameters, effects, parts, at, draws, diagnosis, seed, out, j
     """
     from exodrake.analysis.closed_loop import analyse, model_bytes, to_plain
     from exodrake.analysis.figures import draw_figures
-    from exodrake.analysis.frame_map import add_controller
     from exodrake.analysis.limit_cycles import limit_cycles
-    from exodrake.analysis.uncertainty import assess_answer, read_diagnosis
+    from exodrake.analysis.linear_model import add_controller
+    from exodrake.analysis.robustness import assess_answer, read_diagnosis
     from exodrake.cli.simulate import warn
     from exodrake.machines.robot_file import load_robot
 

@@ -35,8 +35,7 @@ def train_estimator(
     from exodrake.core.files import make_folder, sha256_of
     from exodrake.data.formats import read_log
     from exodrake.estimator.dataset import sweeps_from_logs
-    from exodrake.estimator.file import save
-    from exodrake.estimator.gp import condition, learn, learn_strokes
+    from exodrake.estimator.gp import condition, learn, learn_strokes, save
     from exodrake.estimator.validate import validate
     from exodrake.machines.library import robot_yaml
 
@@ -93,7 +92,7 @@ def estimate_angles(
     from exodrake.core.files import make_folder, sha256_of
     from exodrake.data.formats import read_log, write_log
     from exodrake.data.plot import save_png
-    from exodrake.estimator.file import load
+    from exodrake.estimator.gp import load
     from exodrake.estimator.validate import estimate
     from exodrake.machines.library import robot_yaml
 

@@ -40,9 +40,8 @@ def command(mode: str, size: str, file: Path | None, robot: str, seed: int, out:
     """
     from exodrake.core.files import check_folder, write_folder
     from exodrake.data.formats import log_bytes
-    from exodrake.estimator.file import load, quick_estimator
-    from exodrake.grasping.plan import plan_grasp
-    from exodrake.grasping.run import run_plan
+    from exodrake.estimator.gp import load, quick_estimator
+    from exodrake.grasping.plan import plan_grasp, run_plan
     from exodrake.machines.robot_file import load_robot
 
     built, wanted = load_robot(robot), parse_size(size)
@@ -85,7 +84,7 @@ def files_of(plan: Plan, log: Log, robot: Robot, trained: Estimator | None) -> d
 
     from exodrake.data.plot import png_of
     from exodrake.diagrams.meshcat import Thing, recording_html
-    from exodrake.estimator.file import save
+    from exodrake.estimator.gp import save
     from exodrake.grasping.figure import grasp_figure
 
     thing = Thing((plan.centre[0], -plan.centre[1]), plan.size / 2.0, WIDTH if plan.mode == "caging" else None)

@@ -45,9 +45,14 @@ def kinematics(file: Path, out: Path, markers: Path | None, cutoff: float, repai
     and still for 1 s.
     """
     from exodrake.identification.kinematics.identify import identify
-    from exodrake.identification.kinematics.markers import Layout, read_layout, read_markers
+    from exodrake.identification.kinematics.markers import (
+        Layout,
+        check_labels,
+        exchange_labels,
+        read_layout,
+        read_markers,
+    )
     from exodrake.identification.kinematics.report import write_report
-    from exodrake.identification.kinematics.rigid import check_labels, exchange_labels
 
     recording = read_markers(file)
     layout = read_layout(markers) if markers else Layout()
@@ -95,9 +100,16 @@ def synthesise(
 ) -> None:  # fmt: skip
     """Write a synthetic 14-marker recording, CSV or C3D by its name, and its truth into FILE.truth.yaml."""
     from exodrake.core.errors import InputError
-    from exodrake.identification.kinematics.markers import c3d_bytes, csv_bytes
-    from exodrake.identification.kinematics.rigid import Swap, exchange_labels
-    from exodrake.identification.kinematics.synthetic import Faults, Hand, synthesise, truth_yaml
+    from exodrake.identification.kinematics.markers import (
+        Faults,
+        Hand,
+        Swap,
+        c3d_bytes,
+        csv_bytes,
+        exchange_labels,
+        synthesise,
+        truth_yaml,
+    )
 
     recording, truth = synthesise(Hand(), Faults(1e-3 * noise, 1e-3 * artefact, dropouts), duration, rate, seed)
     if swap:

@@ -20,16 +20,13 @@ MIN_STEP = 1e-4  # of a reference's range in one frame: less is a hold
 
 @dataclass(frozen=True, eq=False)
 class Sweeps:
-    """Rows of several sweeps.
+    """Rows of several sweeps, with names of their wires, joints and logs.
 
     Attributes:
         inputs: (n, 2 x wires) tensions [N], then strokes [m].
         angle: (n, joints) joint angles [rad].
         sweep: (n,) label of the sweep.
         time: (n,) time [s], compared within a sweep only.
-        wires: Names of the wires.
-        joints: Names of the joints.
-        logs: Names of the logs.
     """
 
     inputs: np.ndarray
@@ -60,22 +57,16 @@ class Sweeps:
 
     def rows(self, which: np.ndarray) -> "Sweeps":
         """Select rows by a mask (n,) [-] or indices."""
-        parts = {name: getattr(self, name)[which] for name in ("inputs", "angle", "sweep", "time")}
-        return replace(self, **parts)
+        return replace(self, **{name: getattr(self, name)[which] for name in ("inputs", "angle", "sweep", "time")})
 
     def equispaced(self, count: int) -> "Sweeps":
         """Select at most `count` rows, equally spaced."""
-        if len(self) <= count:
-            return self
-        return self.rows(np.linspace(0, len(self) - 1, count).round().astype(int))
+        few = len(self) <= count
+        return self if few else self.rows(np.linspace(0, len(self) - 1, count).round().astype(int))
 
 
 def sweeps_from_logs(logs: Sequence[Log], one_per_log: Sequence[str] = ()) -> Sweeps:
-    """Cut logs into sweeps and join them.
-
-    Args:
-        logs: Logs with tension, stroke and angle.
-        one_per_log: Labels of logs that are one sweep each.
+    """Cut logs into sweeps and join them; logs whose label is in `one_per_log` are one sweep each.
 
     Raises:
         InputError: For no logs, logs of other wires or joints than the first, logs without angles, missing samples
@@ -86,8 +77,14 @@ def sweeps_from_logs(logs: Sequence[Log], one_per_log: Sequence[str] = ()) -> Sw
     wires, joints = logs[0].names("tension"), logs[0].names("angle")
     inputs, angles, labels, times, first = [], [], [], [], 0
     for log in logs:
-        inputs.append(inputs_of(log, wires))
-        angles.append(angles_of(log, joints))
+        inputs.append(read_inputs(log, wires))
+        found = log.names("angle")
+        if not found:
+            raise InputError(f"{log.label}: no joint angles, which training needs (columns angle_...)")
+        if set(found) != set(joints):
+            have, wanted = ", ".join(found), ", ".join(joints) or "none"
+            raise InputError(f"{log.label}: angles of joints {have}, the estimator needs {wanted}")
+        angles.append(_complete_array(log, "angle", joints))
         label = np.zeros(len(log), int) if log.label in one_per_log else cut(log.array("tension_ref", wires), log.dt)
         labels.append(first + label)
         first += int(label[-1]) + 1
@@ -100,7 +97,7 @@ def sweeps_from_logs(logs: Sequence[Log], one_per_log: Sequence[str] = ()) -> Sw
     return Sweeps(*parts, wires=wires, joints=joints, logs=tuple(log.label for log in logs))
 
 
-def inputs_of(log: Log, wires: tuple[str, ...]) -> np.ndarray:
+def read_inputs(log: Log, wires: tuple[str, ...]) -> np.ndarray:
     """Tensions [N] and strokes [m] (n, 2 x wires) of a log. InputError for other wires or missing samples."""
     found = log.names("tension")
     if not wires or set(found) != set(wires):
@@ -109,38 +106,19 @@ def inputs_of(log: Log, wires: tuple[str, ...]) -> np.ndarray:
     return np.hstack([_complete_array(log, "tension", wires), _complete_array(log, "stroke", wires)])
 
 
-def session_of(log: Log, wires: tuple[str, ...], joints: tuple[str, ...]) -> Sweeps:
+def read_session(log: Log, wires: tuple[str, ...], joints: tuple[str, ...]) -> Sweeps:
     """Cut a log; its angles (rows, joints) are left NaN. InputError for other wires or missing samples."""
-    inputs, references = inputs_of(log, wires), set(log.names("tension_ref")) >= set(wires)
+    inputs, references = read_inputs(log, wires), set(log.names("tension_ref")) >= set(wires)
     label = cut(log.array("tension_ref", wires), log.dt) if references else np.zeros(len(log), int)
     return Sweeps(inputs, np.full((len(log), len(joints)), np.nan), label, log.time, wires, joints, (log.label,))
 
 
-def angles_of(log: Log, joints: tuple[str, ...]) -> np.ndarray:
-    """Measured joint angles (n, joints) [rad] of a log. InputError for none, other joints or missing samples."""
-    found = log.names("angle")
-    if not found:
-        raise InputError(f"{log.label}: no joint angles, which training needs (columns angle_...)")
-    if set(found) != set(joints):
-        raise InputError(
-            f"{log.label}: angles of joints {', '.join(found)}, the estimator needs {', '.join(joints) or 'none'}"
-        )
-    return _complete_array(log, "angle", joints)
-
-
 def cut(reference: np.ndarray, dt: float) -> np.ndarray:
-    """Label the rows of a log by sweep.
+    """Label the rows of a log by sweep, (n,) from 0, by its tension references (n, wires) [N] and sampling interval.
 
     A ramp lasts at least `MIN_RAMP` with a monotonic reference and no jump. A sweep ends with the last ramp before a
     new rise that follows a fall, belongs to another wire, or starts lower than the last rise ended; the dwell between
     them belongs to the new sweep. A log without ramps (holds, steps) is one sweep.
-
-    Args:
-        reference: (n, wires) tension references [N].
-        dt: Sampling interval [s].
-
-    Returns:
-        Labels (n,) from 0.
     """
     label = np.zeros(len(reference), int)
     span = np.ptp(reference, axis=0)
@@ -169,10 +147,7 @@ def _complete_array(log: Log, kind: str, names: Sequence[str]) -> np.ndarray:
     """Columns of a kind (rows, names). InputError naming column and row of the first missing sample."""
     array = log.array(kind, tuple(names))
     for name, values in zip(names, array.T):
-        missing = np.flatnonzero(~np.isfinite(values))
-        if len(missing):
-            column = f"{kind}_{name}"
-            raise InputError(
-                f"{log.label}: column {column!r}, row {missing[0] + 1}: sample missing ({len(missing)} in all)"
-            )
+        if len(missing := np.flatnonzero(~np.isfinite(values))):
+            where = f"column {f'{kind}_{name}'!r}, row {missing[0] + 1}"
+            raise InputError(f"{log.label}: {where}: sample missing ({len(missing)} in all)")
     return array

@@ -30,31 +30,53 @@ sweeps in turn estimates Sigma. z counts as moved if z' (Cov(z) + TOLERANCE^2 I)
 Hotelling's T^2. Corrected strokes are s - z: a shift of the estimator's center. A changed rest posture of the wearer
 looks like a shift and is corrected as one. A session whose residuals a constant does not explain (contact, another
 wearer) is reported as unlike the training and left alone.
+
+An estimator file holds arrays and one JSON record in an .npz, without pickle, written whole or not at all. The record
+names wires, joints, units, training logs and the robot. An estimator is refused for a log of other wires or joints, and
+for a robot file of another signature.
 """
 
+from __future__ import annotations
+
+import io
+import json
 import warnings
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from scipy.stats import f as fisher
-from sklearn.gaussian_process.kernels import (
-    RBF,
-    ConstantKernel,
-    DotProduct,
-    Kernel,
-    Matern,
-    Sum,
-    WhiteKernel,
-)
+from sklearn.gaussian_process.kernels import RBF, ConstantKernel, DotProduct, Kernel, Matern, Sum, WhiteKernel
 
 from exodrake.core.confidence import NORMAL_95
 from exodrake.core.errors import InputError, short_repr
+from exodrake.core.files import read_bytes, write_bytes
 from exodrake.core.parallel import thread_limit
-from exodrake.estimator.dataset import Sweeps
+from exodrake.core.provenance import robot_digest
+from exodrake.core.robot import Robot
+from exodrake.data.formats.npz import read_arrays
+from exodrake.estimator.dataset import Sweeps, sweeps_from_logs
 from exodrake.physics.gp_estimator import Weights, predict_rows
+
+POINTS = 500
+JITTER = 1e-10  # scikit-learn's default, added to the diagonal
+EVALUATIONS = 60  # of the marginal likelihood, which has converged by then
+STROKE_POINTS = 250  # training rows: strokes follow tensions smoothly
+ROWS = 200  # rows of a session, equispaced
+TOLERANCE = 7e-5  # m; a shift as small costs up to 0.01 rad (MF 0.14 rad/mm), a third of the paper's 0.03 rad
+FALSE = 0.01  # probability that zeros which have not moved count as moved
+UNLIKE = 4.0  # standard deviations by which the reduced chi-square of a session exceeds that of training sweeps
+# Quantile of the held-out variances that is the limit; new sweeps at trained levels exceed it about 1 % of the time
+OWN = 0.975
+# The hyperparameters were learnt with the held-out sweep included, so residuals are too small: measured on new sweeps
+ALLOWANCE = 1.1
+FORMAT = "exodrake estimator 1"
+STROKES = ("strokes_tension", "strokes_stroke", "strokes_sweep", "strokes_time", "strokes_theta")
+QUICK_POINTS = 250  # of a quick estimator: some s of training
+UNITS = {"tension": "N", "stroke": "m", "angle": "rad", "time": "s"}
 
 
 class OnColumns(Kernel):
@@ -119,11 +141,6 @@ def sweep_kernel(inputs: int) -> Sum:
     return linear + curved + shared + drift + WhiteKernel(1e-3, (1e-7, 1.0))
 
 
-POINTS = 500
-JITTER = 1e-10  # scikit-learn's default, added to the diagonal
-EVALUATIONS = 60  # of the marginal likelihood, which has converged by then
-
-
 @dataclass(frozen=True, eq=False)
 class Prior:
     """Covariance and scaling: kernel over (z, sweep, time) with z = rotation (x - center), angle = offset + gain y."""
@@ -172,21 +189,11 @@ def scaled_prior(sweeps: Sweeps) -> Prior:
     return Prior(sweep_kernel(len(center)), center, axes.T / width, sweeps.angle.mean(axis=0), gain)
 
 
-STROKE_POINTS = 250  # training rows: strokes follow tensions smoothly
-ROWS = 200  # rows of a session, equispaced
-TOLERANCE = 7e-5  # m; a shift as small costs up to 0.01 rad (MF 0.14 rad/mm), a third of the paper's 0.03 rad
-FALSE = 0.01  # probability that zeros which have not moved count as moved
-UNLIKE = 4.0  # standard deviations by which the reduced chi-square of a session exceeds that of training sweeps
-
-
 @dataclass(frozen=True)
 class Zeros:
-    """Shift of the stroke zeros of a session against training.
+    """Shift (wires,) [m] of the stroke zeros of a session against training, with its covariance (wires, wires) [m2].
 
     Attributes:
-        wires: Names of the wires.
-        shift: (wires,) [m].
-        covariance: (wires, wires) [m2].
         moved: Whether the shift is more than variation between sweeps, and a constant explains the residuals.
         unlike: Whether a constant does not explain the residuals: contact, another wearer or robot.
     """
@@ -205,11 +212,9 @@ class Zeros:
 
 @dataclass(frozen=True, eq=False)
 class StrokeModel:
-    """Strokes that training sweeps show at their tensions.
+    """Strokes that training rows show at their tensions: inputs [N], outputs (`angle`) strokes [m].
 
-    Attributes:
-        rows: Training rows: tensions [N] as inputs, strokes [m] as outputs (`angle`).
-        theta: Logarithms of the hyperparameters of the covariance.
+    `theta` are the logarithms of the hyperparameters of the covariance.
     """
 
     rows: Sweeps
@@ -224,8 +229,8 @@ class StrokeModel:
     @cached_property
     def inverse(self) -> np.ndarray:
         """K^-1 of the training rows (n, n) [-]."""
-        covariance = self.prior.kernel(self.prior.rows(self.rows)) + JITTER * np.eye(len(self.rows))
-        return cho_solve(cho_factor(covariance), np.eye(len(covariance)))
+        eye = np.eye(len(self.rows))
+        return cho_solve(cho_factor(self.prior.kernel(self.prior.rows(self.rows)) + JITTER * eye), eye)
 
     @cached_property
     def held_out(self) -> tuple[np.ndarray, np.ndarray]:
@@ -285,26 +290,16 @@ def _constant(precision: np.ndarray, residual: np.ndarray) -> tuple[np.ndarray, 
     return shift, kappa, float(np.sum(left * (precision @ left))) / left.size
 
 
-# Quantile of the held-out variances that is the limit; new sweeps at trained levels exceed it about 1 % of the time
-OWN = 0.975
-# The hyperparameters were learnt with the held-out sweep included, so residuals are too small: measured on new sweeps
-ALLOWANCE = 1.1
-
-
 @short_repr
 @dataclass(frozen=True, eq=False)
 class Estimator:
     """Trained estimator.
 
     Attributes:
-        wires: Names of the wires.
-        joints: Names of the joints.
         weights: Arrays of the prediction.
         limit: Variance ratio (see `predict_into`) beyond which a sample is unlike the training sweeps [-].
         robot: Signature of the robot file, or "".
-        logs: Names of the training logs.
-        sweeps: Number of training sweeps.
-        kernel: The covariance, as text.
+        sweeps: Number of training sweeps; logs: their names.
         strokes: Strokes that the training shows at its tensions, for the zeros of a session; None if not learnt.
     """
 
@@ -324,18 +319,11 @@ class Estimator:
         return len(self.weights.alpha)
 
     def predict(self, tension: np.ndarray, stroke: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Predict joint angles.
+        """Mean and standard deviation (rows, joints) [rad], and flag (rows,) of samples unlike the training sweeps.
 
-        The flag is that of a sample: `zeros` finds re-donning with a whole session. It does not detect contact with an
-        object, which changes tension and stroke along combinations seen in training.
-
-        Args:
-            tension: (rows, wires) [N].
-            stroke: (rows, wires) [m].
-
-        Returns:
-            Mean (rows, joints) [rad], standard deviation (rows, joints) [rad], and flag (rows,) of samples unlike the
-            training sweeps.
+        From tension (rows, wires) [N] and stroke (rows, wires) [m]. The flag is that of a sample: `zeros` finds
+        re-donning with a whole session. It does not detect contact with an object, which changes tension and stroke
+        along combinations seen in training.
         """
         mean, std, ratio = predict_rows(np.ascontiguousarray(tension), np.ascontiguousarray(stroke), self.weights)
         return mean, std, ratio > self.limit
@@ -350,7 +338,7 @@ class Estimator:
             raise InputError("estimator without a model of the strokes: train it again to find the zeros of a session")
         return self.strokes.zeros(session)
 
-    def corrected(self, zeros: Zeros, session: Sweeps) -> "Estimator":
+    def corrected(self, zeros: Zeros, session: Sweeps) -> Estimator:
         """Move the zeros of the estimator to those of a session.
 
         The standard deviations grow by the uncertainty of the zeros, in the mean over the session: the result is an
@@ -385,17 +373,14 @@ def condition(prior: Prior, sweeps: Sweeps, points: int = POINTS) -> Estimator:
     rest = shared.k1.constant_value + drift.k1.k1.constant_value + noise.noise_level
     scale = ALLOWANCE / NORMAL_95 * np.quantile(np.abs(residual) / np.sqrt(variance)[:, None], 0.95, axis=0)
     weights = Weights(
-        center=prior.center,
-        rotation=np.ascontiguousarray(prior.rotation),
+        center=prior.center, rotation=np.ascontiguousarray(prior.rotation),
         points=np.ascontiguousarray(rows[:, : prior.rotation.shape[0]].T),
         shrink=1.0 / np.atleast_1d(curved.k2.kernel.length_scale),
         variances=np.array([linear.k1.constant_value, curved.k1.constant_value, rest]),
         alpha=np.ascontiguousarray(lower.T @ (lower @ targets)),
         factor=np.concatenate([lower[column:, column] for column in range(len(rows))]),
-        offset=prior.offset,
-        gain=prior.gain,
-        spread=prior.gain * scale,
-    )
+        offset=prior.offset, gain=prior.gain, spread=prior.gain * scale,
+    )  # fmt: skip
     limit = float(np.quantile(variance / rest, OWN))
     return Estimator(
         chosen.wires, chosen.joints, weights, limit, logs=sweeps.logs, sweeps=sweeps.count, kernel=str(prior.kernel)
@@ -403,15 +388,9 @@ def condition(prior: Prior, sweeps: Sweeps, points: int = POINTS) -> Estimator:
 
 
 def leave_one_sweep_out(inverse: np.ndarray, targets: np.ndarray, sweep: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Predict each row from the other sweeps.
+    """Residual (n, joints) and variance (n,) [-] of each row, predicted from the other sweeps.
 
-    Args:
-        inverse: K^-1 (n, n) [-].
-        targets: (n, joints) scaled angles [-].
-        sweep: (n,) labels.
-
-    Returns:
-        Residual (n, joints) and variance (n,) [-].
+    From K^-1 (n, n), scaled angles (n, joints), and labels of sweeps (n,) [-].
     """
     weighted = inverse @ targets
     residual, variance = np.empty_like(targets), np.empty(len(targets))
@@ -421,3 +400,89 @@ def leave_one_sweep_out(inverse: np.ndarray, targets: np.ndarray, sweep: np.ndar
         residual[block] = covariance @ weighted[block]
         variance[block] = np.diag(covariance)
     return residual, variance
+
+
+def save(estimator: Estimator, path: str | Path, notes: dict[str, Any] | None = None) -> None:
+    """Write an estimator (.npz) with notes, such as validation errors, in its record. InputError if it cannot."""
+    from exodrake import __version__
+
+    kept = ("wires", "joints", "robot", "logs", "sweeps", "kernel", "limit")
+    record = {"format": FORMAT, "exodrake": __version__, "units": UNITS, "notes": notes or {}}
+    record |= {name: getattr(estimator, name) for name in kept}
+    arrays = estimator.weights._asdict()
+    if model := estimator.strokes:
+        rows = model.rows
+        arrays |= zip(STROKES, (rows.inputs, rows.angle, rows.sweep, rows.time, model.theta), strict=True)
+    stream = io.BytesIO()
+    np.savez(stream, record=np.array(json.dumps(record)), **arrays)
+    write_bytes(path, stream.getvalue())
+
+
+def load(path: str | Path, robot: str | None = None) -> Estimator:
+    """Read an estimator; with the signature of a robot, one that carries it.
+
+    Raises:
+        InputError: Naming a file that is no estimator, is damaged, has unknown units, or belongs to another robot.
+    """
+    arrays = read_arrays(read_bytes(path), str(path))
+    try:
+        record = json.loads(str(arrays.pop("record")))
+    except (ValueError, KeyError, RecursionError) as error:
+        raise InputError(f"{path}: not an estimator file ({error})") from None
+    if not isinstance(record, dict) or record.get("format") != FORMAT:
+        raise InputError(f"{path}: not an estimator file of this version ({FORMAT!r})")
+    if record.get("units") != UNITS:
+        raise InputError(f"{path}: estimator in units {record.get('units')}, wanted {UNITS}")
+    if robot is not None and record.get("robot") != robot:
+        known = str(record.get("robot"))[:12] or "unknown"
+        raise InputError(
+            f"{path}: estimator trained for another robot (signature {known}, this robot's is {robot[:12]})"
+        )
+    try:
+        wires, joints, logs = (tuple(record[name]) for name in ("wires", "joints", "logs"))
+        # compiled code does not check the shapes
+        inputs, points = 2 * len(wires), len(arrays["alpha"])
+        shapes = {
+            "center": (inputs,), "rotation": (inputs, inputs), "points": (inputs, points), "shrink": (inputs,),
+            "variances": (3,), "alpha": (points, len(joints)), "factor": (points * (points + 1) // 2,),
+            "offset": (len(joints),), "gain": (len(joints),), "spread": (len(joints),),
+        }  # fmt: skip
+        weights = Weights(**{name: _array(arrays, name, shape) for name, shape in shapes.items()})
+        strokes = None
+        if STROKES[0] in arrays:  # not in files of earlier versions
+            rows = len(arrays["strokes_sweep"])
+            wide, theta = (rows, len(wires)), sweep_kernel(len(wires)).theta.shape
+            shapes = dict(zip(STROKES, (wide, wide, (rows,), (rows,), theta), strict=True))
+            tension, stroke, sweep, time, theta = (_array(arrays, name, shape) for name, shape in shapes.items())
+            strokes = StrokeModel(Sweeps(tension, stroke, sweep.astype(int), time, wires, wires), theta)
+        return Estimator(
+            wires, joints, weights, float(record["limit"]), record["robot"], logs, int(record["sweeps"]),
+            record["kernel"], strokes,
+        )  # fmt: skip
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(f"{path}: damaged estimator file ({error})") from None
+
+
+def _array(arrays: dict[str, np.ndarray], name: str, shape: tuple[int, ...]) -> np.ndarray:
+    """Array of a file. ValueError for another shape, for none of anything, and for numbers that are not finite."""
+    array = np.ascontiguousarray(arrays[name], dtype=float)
+    if array.shape != shape or not array.size or not np.isfinite(array).all():
+        raise ValueError(f"{name} has shape {array.shape}, wanted {shape}, all finite")
+    return array
+
+
+def quick_estimator(robot: Robot, cache: Path | None = None) -> Estimator:
+    """An estimator trained on simulated sweeps of a robot, which should have no effects, or the one kept in a file.
+
+    The file is used if it belongs to the same robot; it is never written.
+    """
+    from exodrake.simulation.protocols import sweeps
+    from exodrake.simulation.simulate import simulate
+
+    if cache is not None and cache.is_file():
+        try:
+            return load(cache, robot_digest(robot))
+        except InputError:
+            pass
+    training = sweeps_from_logs([simulate(robot, sweeps(robot), seed=0)])
+    return replace(fit(training, QUICK_POINTS), robot=robot_digest(robot))

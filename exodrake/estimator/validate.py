@@ -17,7 +17,7 @@ from exodrake.core.confidence import NORMAL_95
 from exodrake.core.errors import InputError
 from exodrake.core.parallel import thread_limit
 from exodrake.data.log import Log
-from exodrake.estimator.dataset import Sweeps, session_of
+from exodrake.estimator.dataset import Sweeps, read_session
 from exodrake.estimator.gp import POINTS, Estimator, Prior, Zeros, condition
 
 PENALTIES = tuple(10.0**power for power in range(-3, 3))
@@ -60,14 +60,10 @@ RANDOM, HELD_OUT = "random rows", "held-out sweeps"
 
 @dataclass(frozen=True, eq=False)
 class Score:
-    """Errors of predictions.
+    """Errors of the predictions of a method under a split of the rows.
 
-    Attributes:
-        method: Name of the method.
-        split: Name of the split.
-        rmse: (joints,) root mean square error [rad].
-        coverage: (joints,) fraction of rows within the 95 % interval [-], NaN without intervals.
-        loss: Mean negative log-likelihood per row and joint [nat].
+    RMSE (joints,) [rad]; coverage (joints,), the fraction of rows within the 95 % interval [-], NaN without intervals;
+    and loss, the mean negative log-likelihood per row and joint [nat].
     """
 
     method: str
@@ -117,13 +113,10 @@ def validate(prior: Prior, sweeps: Sweeps, points: int = POINTS, seed: int = 0) 
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """Estimated joint angles of a log.
+    """A log with `angle_est` and `angle_std` columns, and the fraction of samples unlike the training sweeps [-].
 
-    Attributes:
-        log: The log with `angle_est` and `angle_std` columns.
-        flagged: Fraction of samples unlike the training sweeps [-].
-        score: Score over the rows with measured angles, or None without any.
-        zeros: Zeros of the strokes against the training; None of an estimator that cannot tell.
+    The score is over the rows with measured angles, None without any; zeros of the strokes against the training, None
+    of an estimator that cannot tell.
     """
 
     log: Log
@@ -133,17 +126,12 @@ class Estimate:
 
 
 def estimate(estimator: Estimator, log: Log, correct: bool = True) -> Estimate:
-    """Estimate the joint angles of a log, a session of its own.
-
-    Args:
-        estimator: The trained estimator.
-        log: Log with tension and stroke.
-        correct: Move the zeros of the strokes to those of the log if they have moved since the training.
+    """Estimate the joint angles of a log, a session of its own, whose strokes follow a change of their zeros.
 
     Raises:
         InputError: For other wires or joints than the estimator's, and for missing tensions or strokes.
     """
-    session, measured = session_of(log, estimator.wires, estimator.joints), log.names("angle")
+    session, measured = read_session(log, estimator.wires, estimator.joints), log.names("angle")
     if measured and set(measured) != set(estimator.joints):
         raise InputError(
             f"{log.label}: joints {', '.join(measured)}, the estimator's are {', '.join(estimator.joints)}"

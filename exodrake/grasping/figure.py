@@ -22,7 +22,7 @@ THUMB_BONE = complex(-0.030, 0.012)  # from the thumb's tip backwards, for the d
 
 
 def grasp_figure(plan: Plan, log: Log, robot: Robot) -> Figure:
-    """The figure of a plan and of its run (`run.run_plan`)."""
+    """The figure of a plan and of its run (`run_plan`)."""
     import matplotlib
     from matplotlib.lines import Line2D
 

@@ -27,6 +27,10 @@ from exodrake.core.errors import InputError, nearest
 from exodrake.physics.tendon_finger import Parameters
 
 FREE = 9.0  # rad, no limit
+GRID = 81  # points along each free direction
+OFF = 0.9  # rad, how far a cage may stay off the thumb
+DEPTH = 0.02  # m of penetration or of an open cage that count like 1 rad beyond a limit
+REACH = 1.2  # rad beyond rest that the PIP bends at most in a pinch
 
 
 @dataclass(frozen=True)
@@ -50,13 +54,9 @@ class Hand:
 
 @dataclass(frozen=True)
 class Mode:
-    """A way to grasp.
+    """A way to grasp, with limits of the joint angles less the rest posture [rad].
 
-    Attributes:
-        name: of the mode.
-        low, high: joint angles less the rest posture [rad].
-        weight: cost of each joint's departure from rest.
-        wraps: whether all phalanges touch the object, or the distal one alone.
+    `weight` is the cost of each joint's departure from rest; `wraps` whether all phalanges touch, or the distal alone.
     """
 
     name: str
@@ -75,7 +75,7 @@ CAGING = Mode("caging", (-FREE, -FREE, -FREE), (FREE, FREE, FREE), (0.0, 0.0, 0.
 MODES = {mode.name: mode for mode in (CAGING, NARROW, WIDE)}
 
 
-def mode_of(name: str) -> Mode:
+def find_mode(name: str) -> Mode:
     """The mode of that name, spaces or underscores allowed; InputError with the nearest one otherwise."""
     plain = "-".join(name.lower().replace("_", " ").replace("-", " ").split())
     if plain not in MODES:
@@ -88,29 +88,17 @@ def check_size(size: float, hand: Hand, n: Parameters) -> float:
     span = abs(complex(*hand.thumb)) + sum(n.length) - hand.thumb_radius - n.radius[2]
     number = isinstance(size, (int, float, np.number)) and not isinstance(size, bool)
     if not (number and 0.0 < size <= span):
-        shown = f"{size:g} m" if number else repr(size)
-        raise InputError(
-            f"object size is {shown}, wanted more than 0 and at most {span:.3f} m: finger and thumb span that"
-        )
+        wanted = f"wanted more than 0 and at most {span:.3f} m: finger and thumb span that"
+        raise InputError(f"object size is {f'{size:g} m' if number else repr(size)}, {wanted}")
     return float(size)
-
-
-GRID = 81  # points along each free direction
-OFF = 0.9  # rad, how far a cage may stay off the thumb
-DEPTH = 0.02  # m of penetration or of an open cage that count like 1 rad beyond a limit
-REACH = 1.2  # rad beyond rest that the PIP bends at most in a pinch
 
 
 @dataclass(frozen=True, eq=False)
 class Candidates:
-    """Postures that touch the object.
+    """Postures (k, 3) [rad] that touch the object, its complex centre (k,) [m], and its gap (k,) to the thumb [m].
 
-    Attributes:
-        angles: (k, 3) joint angles [rad].
-        centre: (k,) complex centre of the object [m].
-        gap: (k,) distance of the object to the thumb [m].
-        miss: (k,) by how much a posture violates limits of joints or mode, penetrates a phalanx or lets the object out
-            [rad, or m / DEPTH]; 0 for an admissible one.
+    `miss` (k,) is by how much a posture violates limits of joints or mode, penetrates a phalanx or lets the object out
+    [rad, or m / DEPTH]; 0 for an admissible one.
     """
 
     angles: np.ndarray
@@ -122,7 +110,15 @@ class Candidates:
 def candidates(mode: Mode, size: float, hand: Hand, n: Parameters) -> Candidates:
     """All postures of a mode about an object of a size [m], admissible (miss = 0) or not."""
     radius, thumb = size / 2.0, complex(*hand.thumb)
-    bend, held, off = wrapped(radius, n) if mode.wraps else pinched(mode, radius, hand, n)
+    low, high = bounds(mode, hand, n)
+    if mode.wraps:
+        bend, held, off = wrapped(radius, n)
+    else:  # the pad touches, whatever PIP and DIP
+        spans = [np.linspace(low[i], min(high[i], n.q0[i] + REACH), GRID) for i in (1, 2)]
+        pip, dip = (axis.ravel() for axis in np.meshgrid(*spans))
+        pad = hand.pad * n.length[2] + 1j * (radius + n.radius[2])
+        held = n.length[0] + n.length[1] * np.exp(1j * pip) + pad * np.exp(1j * (pip + dip))
+        bend, off = np.column_stack([pip, dip]), np.zeros(len(pip))
     touch = radius + hand.thumb_radius
     cosine = (np.abs(held) ** 2 + abs(thumb) ** 2 - touch**2) / (2.0 * np.abs(held) * abs(thumb))
     beyond = np.maximum(np.abs(cosine) - 1.0, 0.0)
@@ -130,7 +126,6 @@ def candidates(mode: Mode, size: float, hand: Hand, n: Parameters) -> Candidates
     angles = np.column_stack([mcp, bend])
     centre = held * np.exp(1j * mcp)
     gap = np.abs(centre - thumb) - touch
-    low, high = bounds(mode, hand, n)
     miss = np.maximum(np.maximum(low - angles, angles - high), 0.0).sum(axis=1)
     ends, pierced = joints(angles, n), np.zeros(len(angles))  # m, by which the object enters a phalanx
     for i in range(3):
@@ -152,16 +147,6 @@ def bounds(mode: Mode, hand: Hand, n: Parameters) -> tuple[np.ndarray, np.ndarra
     rest = np.array(n.q0)
     low, high = np.array(n.q_e) - hand.tissue, np.array(n.q_f) + hand.tissue
     return np.maximum(low, rest + mode.low), np.minimum(high, rest + mode.high)
-
-
-def pinched(mode: Mode, radius: float, hand: Hand, n: Parameters) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """PIP and DIP (k, 2) [rad], centre (k,) [m] before the MCP turns, and nothing off the thumb (k,)."""
-    low, high = bounds(mode, hand, n)
-    spans = [np.linspace(low[i], min(high[i], n.q0[i] + REACH), GRID) for i in (1, 2)]
-    pip, dip = (axis.ravel() for axis in np.meshgrid(*spans))
-    pad = hand.pad * n.length[2] + 1j * (radius + n.radius[2])
-    held = n.length[0] + n.length[1] * np.exp(1j * pip) + pad * np.exp(1j * (pip + dip))
-    return np.column_stack([pip, dip]), held, np.zeros(len(pip))
 
 
 def wrapped(radius: float, n: Parameters) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -12,7 +12,7 @@ ramp.
 
 A plan is confirmed by simulation: the nominal robot, without noise, must stand in the planned posture at the hold.
 Statics do not contain the tension loop, which is slow where the finger is soft, nor a joint that stays long near the
-first of two equilibria.
+first of two equilibria. `run_plan` runs a plan in the Drake Diagram, if wanted with a posture loop around it.
 """
 
 from __future__ import annotations
@@ -20,20 +20,25 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from exodrake.compiled.inputs import Reference
-from exodrake.core.errors import short_repr
+from exodrake.core.errors import InputError, argument, short_repr
 from exodrake.core.robot import Robot
 from exodrake.data.log import Log
-from exodrake.grasping.hand import Hand, Mode, bounds, candidates, check_size, joints, mode_of
+from exodrake.grasping.hand import Hand, bounds, candidates, check_size, find_mode, joints
 from exodrake.machines.robot_file import robot_or_default
 from exodrake.physics.finger import end_stop
 from exodrake.physics.finger_statics import arms, follow, parameters_of, posture
 from exodrake.physics.tendon_finger import Parameters
 from exodrake.simulation.protocols import grasp, smooth
-from exodrake.simulation.simulate import log_of, run
+from exodrake.simulation.simulate import log_of, record, run
+
+if TYPE_CHECKING:
+    from exodrake.estimator.gp import Estimator
+    from exodrake.systems.posture_controller import PostureController
 
 RAMP = 40  # postures along the approach
 Confirm = Callable[[np.ndarray, np.ndarray], bool]
@@ -47,6 +52,12 @@ NUDGE = 1e-5  # rad, of difference quotients
 SINGULAR = 1e-12  # m3, |det P| below which tensions do not exist (`physics.md` 1.21: q2 = q3 with equal routers)
 APART = 0.01  # rad between postures tried one after the other
 STEPS, STARTS = 13, 4  # tensions per tendon tried, and starts of the least squares
+REST, APPROACH, HOLD = 0.5, 1.0, 2.5  # s
+LAST = 0.5  # s at the end of the hold, over which a posture is read
+CLOSE = 0.03  # rad between plan and simulation
+TOLERANCE = 0.02  # rad, a shortfall below this still counts as the posture: the estimator's error is larger
+GAP = 0.01  # m off the thumb that count in a cage like 1 rad
+KI = 0.5  # 1/s: a quarter of the tension loop's bandwidth, which settles in 1.8 s; assumed
 
 
 def passive(angles: np.ndarray, n: Parameters) -> np.ndarray:
@@ -97,18 +108,10 @@ def arrives(angles: np.ndarray, tension: np.ndarray, low: np.ndarray, n: Paramet
 def holdable(
     angles: np.ndarray, cost: np.ndarray, low: np.ndarray, high: np.ndarray, n: Parameters, confirm: Confirm
 ) -> tuple[int, np.ndarray] | None:
-    """The cheapest posture that the tendons hold and the ramp reaches; neighbours of one that fails are not tried.
+    """Index and tensions (3,) [N] of the cheapest posture that the tendons hold and the ramp reaches, or None.
 
-    Args:
-        angles: (k, 3) postures [rad].
-        cost: (k,) of the postures.
-        low: (3,) lower tension limits [N].
-        high: (3,) upper tension limits [N].
-        n: parameters of the finger.
-        confirm: whether tensions do lead to a posture.
-
-    Returns:
-        Index of the posture and its tensions (3,) [N]; None if there is none.
+    Postures (k, 3) [rad] have costs (k,); neighbours of one that fails are not tried. Tensions lie between low and high
+    (3,) [N].
     """
     tension = tensions_for(angles, n)
     inside = np.flatnonzero(((tension >= low) & (tension <= high)).all(axis=1))
@@ -152,11 +155,6 @@ def project(
     return best[1:]
 
 
-REST, APPROACH, HOLD = 0.5, 1.0, 2.5  # s
-LAST = 0.5  # s at the end of the hold, over which a posture is read
-CLOSE = 0.03  # rad between plan and simulation
-
-
 def at_hold(log: Log, kind: str, names: tuple[str, ...]) -> np.ndarray:
     """Means (n,) [SI] of columns over the last half second of the hold of a grasp."""
     during = (log.time >= REST + APPROACH + HOLD - LAST) & (log.time < REST + APPROACH + HOLD)
@@ -171,18 +169,12 @@ def confirmed(robot: Robot, tension: np.ndarray, angles: np.ndarray) -> bool:
     return bool(np.abs(at_hold(log, "angle", axes.joints) - angles).max() <= CLOSE)
 
 
-TOLERANCE = 0.02  # rad, a shortfall below this still counts as the posture: the estimator's error is larger
-GAP = 0.01  # m off the thumb that count in a cage like 1 rad
-
-
 @short_repr
 @dataclass(frozen=True)
 class Plan:
-    """A planned grasp.
+    """A planned grasp of an object of a size [m].
 
     Attributes:
-        mode: its name.
-        size: diameter of the object [m].
         target, centre: fingertip, and centre of the object, as (x, y palmar) [m], MCP in the origin.
         wanted: joint angles by inverse kinematics [rad].
         tensions: [N] per tendon.
@@ -190,8 +182,6 @@ class Plan:
         shortfall: wanted less planned, the infeasible part [rad].
         feasible: whether no joint falls short by more than TOLERANCE.
         reason: why, in a sentence.
-        tendons, joints: names.
-        hand: thumb and skin.
     """
 
     mode: str
@@ -214,13 +204,7 @@ class Plan:
 
 
 def plan_grasp(mode: str, size: float, robot: Robot | None = None, hand: Hand | None = None) -> Plan:
-    """Plan a grasp of a round object.
-
-    Args:
-        mode: caging, narrow-pinch or wide-pinch.
-        size: diameter of the object [m].
-        robot: the built-in one by default.
-        hand: thumb and skin.
+    """Plan a grasp of a round object: caging, narrow-pinch or wide-pinch of a diameter [m].
 
     Raises:
         InputError: an unknown mode, a size that is not a length, or beyond the span of finger and thumb.
@@ -228,7 +212,7 @@ def plan_grasp(mode: str, size: float, robot: Robot | None = None, hand: Hand | 
     from scipy.spatial import KDTree
 
     robot, hand = robot_or_default(robot), hand or Hand()
-    way, n, (low, high) = mode_of(mode), parameters_of(robot), robot.reference_limits()
+    way, n, (low, high) = find_mode(mode), parameters_of(robot), robot.reference_limits()
     size = check_size(size, hand, n)
     found = candidates(way, size, hand, n)
     allowed = np.flatnonzero(found.miss <= 0.0)
@@ -254,28 +238,76 @@ def plan_grasp(mode: str, size: float, robot: Robot | None = None, hand: Hand | 
         tension, planned = project(wanted, tension, held, (low, high), n, confirm)
     shortfall = wanted - planned
     feasible = bool(len(allowed) and np.abs(shortfall).max() <= TOLERANCE)
-    reason = words(robot, way, size, len(allowed) > 0, feasible, shortfall, tension)
+    axes, what = robot.machine.axes, f"{way.name.replace('-', ' ')} of {1e3 * size:g} mm"
+    if feasible:
+        reason = "the tendons hold it within F_min .. F_max, and the ramp leads to it"
+    elif not len(allowed):
+        does = "closes round it" if way.wraps else "brings it against the thumb"
+        reason = f"{what} is out of reach: no posture within the limits of joints and mode {does}"
+    else:
+        short = ", ".join(f"{j} {v:+.3f} rad" for j, v in zip(axes.joints, shortfall) if abs(v) > TOLERANCE)
+        at = [f"{w} at F_min" for w, t, a in zip(axes.tendons, tension, low) if t < a + 0.01]
+        at += [f"{w} at F_max" for w, t, b in zip(axes.tendons, tension, high) if t > b - 0.01]
+        nearest = (
+            f"the nearest they hold has {' and '.join(at)}" if at else "nearer ones are not stable or not on the ramp"
+        )
+        reason = f"{what} is out of the tendons' reach: no tensions hold the posture, which falls short by {short}; "
+        reason += nearest
     target, centre = ((float(point.real), float(point.imag)) for point in (joints(wanted, n)[3], found.centre[place]))
-    axes = robot.machine.axes
     return Plan(
         way.name, size, target, centre, tuple(wanted.tolist()), tuple(tension.tolist()), tuple(planned.tolist()),
         tuple(shortfall.tolist()), feasible, reason, axes.tendons, axes.joints, hand,
     )  # fmt: skip
 
 
-def words(
-    robot: Robot, mode: Mode, size: float, touched: bool, feasible: bool, shortfall: np.ndarray, tension: np.ndarray
-) -> str:
-    """Say why a grasp is feasible or not; shortfall (3,) [N] and tension (3,) [N]."""
-    axes, (low, high) = robot.machine.axes, robot.reference_limits()
-    if feasible:
-        return "the tendons hold it within F_min .. F_max, and the ramp leads to it"
-    what = f"{mode.name.replace('-', ' ')} of {1e3 * size:g} mm"
-    if not touched:
-        does = "closes round it" if mode.wraps else "brings it against the thumb"
-        return f"{what} is out of reach: no posture within the limits of joints and mode {does}"
-    short = ", ".join(f"{j} {v:+.3f} rad" for j, v in zip(axes.joints, shortfall) if abs(v) > TOLERANCE)
-    at = [f"{w} at F_min" for w, t, a in zip(axes.tendons, tension, low) if t < a + 0.01]
-    at += [f"{w} at F_max" for w, t, b in zip(axes.tendons, tension, high) if t > b - 0.01]
-    cause = f"the nearest they hold has {' and '.join(at)}" if at else "nearer ones are not stable or not on the ramp"
-    return f"{what} is out of the tendons' reach: no tensions hold the posture, which falls short by {short}; {cause}"
+def posture_controller(plan: Plan, robot: Robot, ki: float = KI, **durations: float) -> PostureController:
+    """The posture controller of a planned grasp, for a robot as its robot file describes it; the wearer may differ.
+
+    Its integral gain ki [1/s] of 0 leaves the planned tensions as they are; durations as in `exo.grasp` [s].
+    """
+    from exodrake.systems.posture_controller import PostureController, PosturePlan, damped_inverse
+
+    reference = argument("plan", plan, Plan).reference(argument("robot", robot, Robot), **durations)
+    angle = record(robot.without_effects(), reference, seed=None, quantisation=False).signals["angle"]
+    low, high = robot.reference_limits()
+    n, planned, tension = parameters_of(robot), np.array([plan.planned]), np.array([plan.tensions])
+    compliance = arms(planned, n)[0].T / stiffness(planned, tension, n)[0][:, None]  # dq/dF [rad/N]
+    gain = damped_inverse(compliance)
+    return PostureController(PosturePlan(reference.values, angle, gain, low, high, ki), robot.machine)
+
+
+def run_plan(
+    plan: Plan,
+    robot: Robot,
+    estimator: Estimator,
+    seed: int | None = 0,
+    controller: PostureController | None = None,
+    **durations: float,
+) -> Log:
+    """Simulates a robot in the Drake Diagram that follows a plan, with the estimator in slot 8.
+
+    A controller of `posture_controller` gives the tension references, if there is one; durations as in `exo.grasp` [s].
+
+    Returns:
+        The log, with `angle_est` and `angle_std` of the estimator, and `angle_ref` of the controller.
+
+    Raises:
+        InputError: the estimator has other tendons or joints.
+    """
+    from exodrake.diagrams.diagram import Simulator, build_diagram, logged_signals
+    from exodrake.simulation.simulate import diagram_log
+    from exodrake.systems.gp_estimator import GPEstimator
+
+    axes = robot.machine.axes
+    if (estimator.wires, estimator.joints) != (axes.tendons, axes.joints):
+        raise InputError(f"estimator of tendons {', '.join(estimator.wires)}, joints {', '.join(estimator.joints)}")
+    reference = plan.reference(robot, **durations)
+    systems = [GPEstimator(estimator.weights, robot.machine), *([controller] if controller else [])]
+    diagram = build_diagram(robot, reference, seed, systems=systems)
+    simulator = Simulator(diagram)
+    simulator.AdvanceTo(robot.machine.frame * len(reference.values))
+    signals = logged_signals(diagram, simulator.get_context())
+    log = diagram_log(diagram, simulator.get_context(), signals)
+    for kind in ("angle_est", "angle_std", *(["angle_ref"] if controller else [])):
+        log = log.with_array(kind, estimator.joints, signals[kind])
+    return log

@@ -42,9 +42,7 @@ if TYPE_CHECKING:
 
 STEP = 1e-3  # of a parameter's scale, for central differences
 BLOCKS, FEWEST = 32, 8  # stretches of time of the jackknife, most and least: t of 31 is 3 % off the normal; assumed
-REPEATS = (
-    4.0  # times over which a model's error repeats, in a stretch at least: so that stretches are independent; assumed
-)
+REPEATS = 4.0  # times over which a model's error repeats, in a stretch at least, so that these are independent; assumed
 RUNS = 60  # evaluations of the residual, at most
 CONFIDENCE = 0.9
 LAGS = 25  # of the tests of residuals, as many as MATLAB's `resid`
@@ -56,17 +54,11 @@ ALIKE = 1e6  # condition of the scaled Jacobian from which parameters act alike;
 
 @dataclass(frozen=True)
 class FittedParameter:
-    """A fitted parameter.
+    """A fitted parameter: value before and after the fit, 90 % interval and standard deviation in its SI unit.
 
     Attributes:
         name: full name; several, separated by blanks, of those that move together: the first one's value is stated.
-        unit: SI unit.
-        start: value before the fit [unit].
-        value: fitted value [unit].
-        low: lower end of its 90 % interval [unit].
-        high: upper end [unit].
-        std: standard deviation [unit].
-        std_white: of white residuals alone, as most programs state it [unit].
+        std_white: standard deviation of white residuals alone, as most programs state it [unit].
         std_others: from the tolerances of all parameters that are not free [unit].
         at_bound: whether the fit ended at a bound; an interval then says little.
     """
@@ -87,13 +79,9 @@ class FittedParameter:
 class SignalFit:
     """Fit percent of one column, 100 (1 - |y - f| / |y - mean|) as of MATLAB's `compare`, and tests of its residual.
 
-    Attributes:
-        column: its name.
-        start, fitted, arx: of the robot before and after, and of a linear model simulated on the references [%].
-        held_start, held_fitted, held_arx: the same on held-out logs; NaN without [%].
-        left: of a linear model of the fitted robot's residual, on the fitted logs [%]; of noise alone 1 or 2.
-        whiteness: p-value of white residuals (Ljung & Box 1978).
-        independence: p-value of residuals that are uncorrelated with the references (Ljung 1999, sec. 16.6).
+    Of the robot before and after, and of a linear model simulated on the references, on fitted and on held-out logs
+    [%]. `left` is that of a linear model of the fitted robot's residual, of noise alone 1 or 2. The p-values are of
+    white residuals (Ljung & Box 1978), and of independence of the references (Ljung 1999, sec. 16.6).
     """
 
     column: str
@@ -137,12 +125,11 @@ class Fit:
     notes: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
-        said = [
-            f"{p.name} {p.value:.4g} ({p.low:.4g} to {p.high:.4g}) {p.unit}".removesuffix(" -") for p in self.parameters
-        ]
-        more = f"; {len(said) - 3} more" if len(said) > 3 else ""
+        words = [f"{p.name} {p.value:.4g} ({p.low:.4g} to {p.high:.4g}) {p.unit}" for p in self.parameters[:3]]
+        words = [one.removesuffix(" -") for one in words]
+        more = f"; {len(self.parameters) - 3} more" if len(self.parameters) > 3 else ""
         before, after = (np.median([getattr(s, name) for s in self.signals]) for name in ("start", "fitted"))
-        head = f"Fit({self.case}: {'; '.join(said[:3])}{more})"
+        head = f"Fit({self.case}: {'; '.join(words)}{more})"
         return f"{head}\n  median fit {before:.1f} -> {after:.1f} %, chi2 {self.chi2[0]:.4g} -> {self.chi2[1]:.4g}"
 
     @property
@@ -157,11 +144,10 @@ class Fit:
         rows = [(p.name, *(f"{x:.5g}" for x in (p.start, p.value, p.low, p.high)), p.unit) for p in self.parameters]
         first = markdown_table(("parameter", ">start", ">fitted", ">low", ">high", "unit"), rows)
         titles = ("fit [%] of", ">start", ">fitted", ">ARX", ">held out, start", ">held out, fitted", ">held out, ARX")
-        signals = [
-            (s.column, *("" if x != x else f"{max(x, -100.0):.1f}" for x in percents))
-            for s in self.signals
-            for percents in [(s.start, s.fitted, s.arx, s.held_start, s.held_fitted, s.held_arx)]
-        ]
+        signals = []
+        for s in self.signals:
+            percents = (s.start, s.fitted, s.arx, s.held_start, s.held_fitted, s.held_arx)
+            signals.append((s.column, *("" if x != x else f"{max(x, -100.0):.1f}" for x in percents)))
         return first + "\n\n" + markdown_table(titles, signals)
 
     def draw(self, count: int, seed: int = 0) -> list[Robot]:
@@ -181,10 +167,8 @@ class Fit:
             before, after = NOMINAL["color"], IMPROVED["color"]
             drawn = {"start": (before, "before"), "arx": ("#98a2b3", "ARX"), "fitted": (after, "fitted")}
             for name, (colour, label) in drawn.items():
-                for prefix, style in (
-                    ("", {"color": colour, "label": label}),
-                    ("held_", {"mfc": "none", "mec": colour}),
-                ):
+                styles = {"": {"color": colour, "label": label}, "held_": {"mfc": "none", "mec": colour}}
+                for prefix, style in styles.items():
                     values = [max(getattr(s, prefix + name), 0.0) for s in self.signals]
                     left.plot(values, rows, "o", ms=4.5, **style)
             left.set_yticks(rows, [s.column for s in self.signals])
@@ -245,9 +229,8 @@ def fit(
     views = [problem]
     if prediction:
         if (injected := problem.prediction_error()) is None:
-            raise InputError(
-                f"{machine.name}: no observer, or no logs of its signals, so there are no prediction errors"
-            )
+            words = "no observer, or no logs of its signals, so there are no prediction errors"
+            raise InputError(f"{machine.name}: {words}")
         views.append(injected)
     base = problem.silent()
 
@@ -278,7 +261,16 @@ def fit(
     )  # fmt: skip
     x, left, slopes = found.x, found.fun, found.jac
     refuse_alike(slopes)
-    fitted, block = base + x @ scales, number_blocks(views, len(x))
+    fitted, stretches = base + x @ scales, []
+    frames = sum(len(trial.measured) for trial in problem.fit)
+    length = max(frames // max(BLOCKS, 4 * len(x)), min(int(REPEATS * longest(problem)), frames // FEWEST), 1)
+    for view in views:  # number of the stretch of time that each sample lies in
+        first = 0
+        for trial in view.fit:
+            number = first + np.arange(len(trial.measured)) // length
+            first = number[-1] + 1
+            stretches.append(np.repeat(number, trial.measured.shape[1]))
+    block = np.concatenate(stretches)
     inverse, own, blocks = np.linalg.inv(slopes.T @ slopes), jackknife(left, slopes, block), int(block.max()) + 1
     spoken_for = {name for text in names for name in text.split()}
     others = [p for p in nominal_parameters(problem.robot) if spoken_for.isdisjoint(p.name.split())]
@@ -302,7 +294,7 @@ def fit(
     return Fit(
         case.name, problem.stated.with_parameters(values, f"fitted to {case.name}"), parameters,
         covariance * np.outer(size, size), compare_signals(problem, np.array([base, fitted])), scales / size[:, None],
-        (float(np.mean(before**2)), float(np.mean(left**2))), sum(len(t.measured) for t in problem.fit), blocks,
+        (float(np.mean(before**2)), float(np.mean(left**2))), frames, blocks,
         tuple(notes),
     )  # fmt: skip
 
@@ -335,9 +327,8 @@ def free_parameters(
                 raise InputError(f"{name} is free twice")
             if name not in stated:
                 effect = next(e.id for e in machine.effects if name.startswith(f"{e.id}."))
-                raise InputError(
-                    f"{name}: {effect} is not in the robot, so nothing of it can be fitted; splice it in first"
-                )
+                words = "is not in the robot, so nothing of it can be fitted; splice it in first"
+                raise InputError(f"{name}: {effect} {words}")
             least, most = given.get(name) or (min(stated[name].low, value), max(stated[name].high, value))
             if not least <= value <= most or least == most or not np.isfinite(value):
                 raise InputError(f"{name} = {value:g} does not lie between its bounds {least:g} and {most:g}")
@@ -352,27 +343,10 @@ def free_parameters(
     return [" ".join(group) for group in groups], scales, low, high
 
 
-def number_blocks(views: Sequence[Problem], parameters: int) -> np.ndarray:
-    """Number of the stretch of time that each sample (samples,) [-] of the views' residuals lies in."""
-    frames = sum(len(trial.measured) for trial in views[0].fit)
-    length = max(frames // max(BLOCKS, 4 * parameters), min(int(REPEATS * longest(views[0])), frames // FEWEST), 1)
-    blocks = []
-    for view in views:
-        first = 0
-        for trial in view.fit:
-            number = first + np.arange(len(trial.measured)) // length
-            first = number[-1] + 1
-            blocks.append(np.repeat(number, trial.measured.shape[1]))
-    return np.concatenate(blocks)
-
-
 def jackknife(left: np.ndarray, slopes: np.ndarray, block: np.ndarray) -> np.ndarray:
     """Covariance (parameters, parameters) [coordinates] of a least-squares fit by leaving out blocks.
 
-    Args:
-        left: (samples,) residual [noise_std].
-        slopes: (samples, parameters) its derivatives [noise_std per coordinate].
-        block: (samples,) number of the block of each sample [-], from 0.
+    From residual (samples,) [noise_std], its derivatives (samples, parameters), and the block of each sample.
     """
     count, whole, moved = int(block.max()) + 1, slopes.T @ slopes, []
     for b in range(count):
@@ -382,12 +356,7 @@ def jackknife(left: np.ndarray, slopes: np.ndarray, block: np.ndarray) -> np.nda
 
 
 def compare_signals(problem: Problem, rows: np.ndarray) -> tuple[SignalFit, ...]:
-    """Fit and tests of each column.
-
-    Args:
-        problem: logs.
-        rows: (2, n) flat parameter vectors of the robot before and after [SI].
-    """
+    """Fit and tests of each column, with flat parameter vectors (2, n) [SI] of the robot before and after."""
     sets = [[(trial, problem.predict(rows, trial)) for trial in trials] for trials in (problem.fit, problem.holdout)]
     inputs = [[filled_columns(trial.reference) for trial, _ in one] for one in sets]
     found = []
@@ -415,9 +384,7 @@ def arx_percents(inputs: Sequence[Sequence[np.ndarray]], outputs: Sequence[Seque
 
         y[t] = c + b0 u[t] + b1 u[t-1] + ... - a1 y[t-1] - ...
 
-    Args:
-        inputs: of fitted and of held-out logs, (n, inputs) each.
-        outputs: the same, (n,) each [SI].
+    Inputs are (n, inputs) for each log, of fitted and of held-out logs; outputs (n,) [SI].
     """
     from scipy.signal import lfilter, lfiltic
 
@@ -429,11 +396,9 @@ def arx_percents(inputs: Sequence[Sequence[np.ndarray]], outputs: Sequence[Seque
 
     def simulated(u: np.ndarray, y: np.ndarray, order: int, weights: np.ndarray) -> np.ndarray:
         """Output (n,) from the first samples on."""
-        fading = [1.0, *weights[-order:]]
-        driven = forced(u, order) @ weights[:-order]
-        return np.concatenate(
-            [y[:order], lfilter([1.0], fading, driven, zi=lfiltic([1.0], fading, y[:order][::-1]))[0]]
-        )
+        fading, driven = [1.0, *weights[-order:]], forced(u, order) @ weights[:-order]
+        later = lfilter([1.0], fading, driven, zi=lfiltic([1.0], fading, y[:order][::-1]))[0]
+        return np.concatenate([y[:order], later])
 
     found = []
     for order in ORDERS:
@@ -452,11 +417,8 @@ def check_residual(errors: Sequence[np.ndarray], inputs: Sequence[np.ndarray]) -
     """p-values [-] of residuals that are white, and that are uncorrelated with present and past inputs.
 
     Under the second one the sum of e[t] u[t-k] is normal, with the variance of the product of both spectra (Ljung 1999,
-    sec. 16.6); of all lags and inputs the largest counts, by Bonferroni's inequality.
-
-    Args:
-        errors: (n,) of each log.
-        inputs: (n, inputs) of each log.
+    sec. 16.6); of all lags and inputs the largest counts, by Bonferroni's inequality. Of each log, errors are (n,) and
+    inputs (n, inputs).
     """
     from scipy.stats import chi2, norm
 

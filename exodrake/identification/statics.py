@@ -41,22 +41,20 @@ from exodrake.physics.tendon_finger import Parameters
 
 ROWS = 400  # rows of a log in a fit, equispaced: neighbours 20 ms apart carry the same information
 MIN_SPAN = 0.05  # rad, less motion does not determine a stiffness
+ROUTER_SIGNS = np.array([1.0, 1.0, -1.0])  # of AF, MF, AE
+SHARE = 0.2  # of the largest gain of movement per newton, below which joints count as at their stops: assumed
+BINS = 25  # of tension, over which readings are averaged: 0.5 N each for a ramp of 12 N
+RAMP_ROWS = 4 * BINS  # fewest rows of a ramp
 
 Statics = Callable[[np.ndarray, Parameters], np.ndarray]
 
 
 @dataclass(frozen=True)
 class Stiffness:
-    """Fitted joint stiffness and rest posture of MCP, PIP and DIP.
+    """Stiffness kappa (3,) [N m/rad] and rest posture q0 (3,) [rad] of MCP, PIP, DIP, with their standard errors.
 
-    Standard errors assume independent residuals in neighbouring rows, so they are lower bounds for a wearer.
-
-    Attributes:
-        kappa: (3,) stiffness [N m/rad].
-        q0: (3,) rest posture [rad].
-        kappa_error: (3,) standard error [N m/rad].
-        q0_error: (3,) standard error [rad].
-        rmse: (3,) root mean square error on the rows of the fit [rad].
+    `rmse` (3,) is the root mean square error on the rows of the fit [rad]. Standard errors assume independent residuals
+    in neighbouring rows, so they are lower bounds for a wearer.
     """
 
     kappa: tuple[float, ...]
@@ -78,63 +76,48 @@ def linear(n: Parameters) -> Parameters:
 def fit_stiffness(tension: np.ndarray, angle: np.ndarray, n: Parameters, statics: Statics = follow) -> Stiffness:
     """Fit stiffness and rest posture of each joint by least squares in angle, from quasi-static rows.
 
-    Args:
-        tension: (rows, 3) tension of AF, MF, AE [N]; rows with missing samples are left out.
-        angle: (rows, 3) measured angle of MCP, PIP, DIP [rad].
-        n: Parameters of the finger; routers and end stops are taken as known.
-        statics: `follow` for rows of a log in order, `posture` for rows that each start from rest.
-
-    Returns:
-        The fitted stiffness.
+    Tension (rows, 3) [N] is of AF, MF, AE, measured angle (rows, 3) [rad] of MCP, PIP, DIP; rows with missing samples
+    are left out, routers and end stops taken as known. Statics are `follow` for rows of a log in order, `posture` for
+    rows that each start from rest.
 
     Raises:
         InputError: If fewer than ten rows are complete, or a joint hardly moves.
     """
-    whole = np.isfinite(tension).all(axis=1) & np.isfinite(angle).all(axis=1)
-    kept = np.flatnonzero(whole)
+    from scipy.optimize import least_squares
+
+    kept = np.flatnonzero(np.isfinite(tension).all(axis=1) & np.isfinite(angle).all(axis=1))
     if len(kept) < 10:
         raise InputError(f"stiffness: {len(kept)} rows with tension and angle, at least 10 are needed")
     kept = kept[np.linspace(0, len(kept) - 1, min(ROWS, len(kept))).round().astype(int)]
-    tension, angle = tension[kept], angle[kept]
-    fits = [_fit_joint(joint, tension, angle[:, joint], n, statics) for joint in range(3)]
-    return Stiffness(*(tuple(float(value) for value in column) for column in zip(*fits)))
+    tension, fits = tension[kept], []
 
-
-def _fit_joint(
-    joint: int, tension: np.ndarray, angle: np.ndarray, n: Parameters, statics: Statics
-) -> tuple[float, ...]:
-    """Fit (log kappa, q0) of one joint: kappa, q0, their standard errors and the RMSE."""
-    from scipy.optimize import least_squares
-
-    if np.ptp(angle) < MIN_SPAN:
-        raise InputError(
-            f"stiffness: joint {joint + 1} moved {np.ptp(angle):.3f} rad, at least {MIN_SPAN} rad are needed"
-        )
-
-    def residual(x: np.ndarray) -> np.ndarray:
+    def residual(x: np.ndarray, joint: int) -> np.ndarray:
         kappa, q0 = list(n.kappa), list(n.q0)
         kappa[joint], q0[joint] = float(np.exp(x[0])), float(x[1])
         found = statics(tension, n._replace(kappa=tuple(kappa), q0=tuple(q0)))[:, joint]
-        return np.where(np.isfinite(found), found - angle, 1.0)
+        return np.where(np.isfinite(found), found - angle[kept, joint], 1.0)
 
-    start = [np.log(n.kappa[joint]), n.q0[joint]]
-    inside = (angle > n.q_e[joint]) & (angle < n.q_f[joint])
-    if inside.sum() >= 10:  # the line through torque against angle between the end stops, if it rises
-        at = np.zeros((int(inside.sum()), 3))
-        at[:, joint] = angle[inside]
-        torque = np.sum(arms(at, n)[:, :, joint] * tension[inside], axis=1)
-        slope, level = np.polyfit(angle[inside], torque, 1)
-        start = [np.log(slope), -level / slope] if slope > 0 else start
-    # beyond the fold the posture jumps to the end stop; a robust loss limits the weight of such rows
-    best = least_squares(residual, start, loss="soft_l1", f_scale=0.1)
-    error = residual(best.x)
-    variance = float(error @ error) / max(len(error) - 2, 1)
-    spread = np.sqrt(np.diag(np.linalg.pinv(best.jac.T @ best.jac)) * variance)
-    kappa = float(np.exp(best.x[0]))
-    return kappa, best.x[1], kappa * spread[0], spread[1], np.sqrt(np.mean(error**2))
-
-
-ROUTER_SIGNS = np.array([1.0, 1.0, -1.0])  # of AF, MF, AE
+    for joint, q in enumerate(angle[kept].T):
+        if np.ptp(q) < MIN_SPAN:
+            raise InputError(
+                f"stiffness: joint {joint + 1} moved {np.ptp(q):.3f} rad, at least {MIN_SPAN} rad are needed"
+            )
+        start = [np.log(n.kappa[joint]), n.q0[joint]]
+        inside = (q > n.q_e[joint]) & (q < n.q_f[joint])
+        if inside.sum() >= 10:  # the line through torque against angle between the end stops, if it rises
+            at = np.zeros((int(inside.sum()), 3))
+            at[:, joint] = q[inside]
+            torque = np.sum(arms(at, n)[:, :, joint] * tension[inside], axis=1)
+            slope, level = np.polyfit(q[inside], torque, 1)
+            start = [np.log(slope), -level / slope] if slope > 0 else start
+        # beyond the fold the posture jumps to the end stop; a robust loss limits the weight of such rows
+        best = least_squares(residual, start, loss="soft_l1", f_scale=0.1, args=(joint,))
+        error = residual(best.x, joint)
+        variance = float(error @ error) / max(len(error) - 2, 1)
+        spread = np.sqrt(np.diag(np.linalg.pinv(best.jac.T @ best.jac)) * variance)
+        kappa = float(np.exp(best.x[0]))
+        fits.append((kappa, best.x[1], kappa * spread[0], spread[1], np.sqrt(np.mean(error**2))))
+    return Stiffness(*(tuple(float(value) for value in column) for column in zip(*fits)))
 
 
 def router_arms(angle: np.ndarray, n: Parameters) -> np.ndarray:
@@ -156,20 +139,12 @@ def tension_map(r: np.ndarray, kappa: np.ndarray) -> np.ndarray:
     return np.linalg.inv(compliance(r, kappa))
 
 
-SHARE = 0.2  # of the largest gain of movement per newton, below which joints count as at their stops: assumed
-BINS = 25  # of tension, over which readings are averaged: 0.5 N each for a ramp of 12 N
-RAMP_ROWS = 4 * BINS  # fewest rows of a ramp
-
-
 @dataclass(frozen=True)
 class MaximumTension:
     """The tension of a tendon that maximises the movement.
 
-    Attributes:
-        tendon: its name.
-        tension: at which the joints have all but stopped [N]; the largest one held where they have not.
-        saturated: whether they have.
-        travel: joint -> its angle at that tension less the one at the start of the ramp [rad].
+    The joints have all but stopped at the tension [N], the largest one held where they are not `saturated`. `travel` is
+    by joint its angle at that tension less the one at the start of the ramp [rad].
     """
 
     tendon: str
@@ -205,28 +180,15 @@ def find_maximum_tension(log: Log, robot: Robot | None = None) -> tuple[MaximumT
                 f"{log.label}: {tendon} ramps up alone in {len(rows)} complete rows, wanted {RAMP_ROWS}; "
                 "see the protocol maximum-tension"
             )
-        at, saturated, moved = saturation(tension[rows, i], angle[rows])
-        found.append(MaximumTension(tendon, at, saturated, dict(zip(axes.joints, moved.tolist(), strict=True))))
+        pull, edges = tension[rows, i], np.linspace(tension[rows, i].min(), tension[rows, i].max(), BINS + 1)
+        place = np.clip(np.searchsorted(edges, pull, side="right") - 1, 0, BINS - 1)
+        kept = np.unique(place)
+        level = np.array([pull[place == k].mean() for k in kept])
+        posture = np.array([angle[rows][place == k].mean(axis=0) for k in kept])
+        travel = posture - posture[0]
+        gain = np.gradient(np.abs(travel).sum(axis=1), level)
+        first = int(np.flatnonzero(gain >= SHARE * gain.max())[-1]) + 1
+        at = min(first, len(level) - 1)
+        moved = dict(zip(axes.joints, travel[at].tolist(), strict=True))
+        found.append(MaximumTension(tendon, float(level[at]), first < len(level), moved))
     return tuple(found)
-
-
-def saturation(tension: np.ndarray, angle: np.ndarray) -> tuple[float, bool, np.ndarray]:
-    """Where the movement along a ramp ends.
-
-    Args:
-        tension: (n,) of the ramping tendon [N].
-        angle: (n, joints) [rad].
-
-    Returns:
-        The tension [N], whether the movement ends within the ramp, and the travel (joints,) there [rad].
-    """
-    edges = np.linspace(tension.min(), tension.max(), BINS + 1)
-    place = np.clip(np.searchsorted(edges, tension, side="right") - 1, 0, BINS - 1)
-    kept = np.unique(place)
-    level = np.array([tension[place == k].mean() for k in kept])
-    posture = np.array([angle[place == k].mean(axis=0) for k in kept])
-    travel = posture - posture[0]
-    gain = np.gradient(np.abs(travel).sum(axis=1), level)
-    first = int(np.flatnonzero(gain >= SHARE * gain.max())[-1]) + 1
-    at = min(first, len(level) - 1)
-    return float(level[at]), first < len(level), travel[at]

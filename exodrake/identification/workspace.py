@@ -27,8 +27,9 @@ import shapely
 from exodrake.core.errors import InputError
 from exodrake.data.plot import new_figure, png_of
 
-FINGERTIP = "fingertip"
-DISTAL = "distal phalanx"
+FINGERTIP, DISTAL = "fingertip", "distal phalanx"
+ARC = 0.01  # rad; finest step along arcs and curves
+HEAD = ("motion", "workspace", "exact [mm2]", "Monte Carlo [mm2]", "standard error [mm2]", "points")
 
 
 class Ranges(NamedTuple):
@@ -44,17 +45,9 @@ SPONTANEOUS = Ranges((-0.35, 1.34), (0.08, 1.56), (0.07, 0.92))  # rad, spontane
 
 
 def tip(lengths, mcp, pip, dip, along=None) -> np.ndarray:
-    """Position of a point of the distal phalanx.
+    """Positions (..., 2) [m] of a point of the distal phalanx at angles (...) [rad].
 
-    Args:
-        lengths: (3,) phalanx lengths [m].
-        mcp: (...) angle [rad].
-        pip: (...) angle [rad].
-        dip: (...) angle [rad].
-        along: (...) distance from the DIP [m]; the whole phalanx if None.
-
-    Returns:
-        Points (..., 2) [m].
+    It lies at a distance `along` (...) [m] from the DIP, at the end if None, on phalanges of lengths (3,) [m].
     """
     first = np.asarray(mcp, dtype=float)
     angles = (first, first + pip, first + pip + dip)
@@ -64,20 +57,10 @@ def tip(lengths, mcp, pip, dip, along=None) -> np.ndarray:
 
 
 def reachable(points: np.ndarray, lengths, ranges: Ranges, dip: float, along: float) -> np.ndarray:
-    """Decide by inverse kinematics which points a point of the distal phalanx can reach at one DIP angle.
+    """Mask (n,) of the points (n, 2) [m] that a point of the distal phalanx can reach at one DIP angle [rad].
 
     The chain beyond the PIP acts as one link of length |e| and angle arg e; the law of cosines gives the PIP (two
-    solutions) and the MCP.
-
-    Args:
-        points: (n, 2) points to reach [m].
-        lengths: (3,) phalanx lengths [m].
-        ranges: Ranges of motion.
-        dip: DIP angle [rad].
-        along: Distance of the point from the DIP [m].
-
-    Returns:
-        Mask (n,).
+    solutions) and the MCP. The point lies at a distance `along` [m] from the DIP.
     """
     beyond = lengths[1] + along * np.exp(1j * dip)
     wanted = points[:, 0] + 1j * points[:, 1]
@@ -102,9 +85,6 @@ def check(lengths, ranges: Ranges) -> None:
             raise InputError(f"workspace: range of {joint}, {low} .. {high} rad, does not rise within -pi .. pi")
 
 
-ARC = 0.01  # rad; finest step along arcs and curves
-
-
 class Area(NamedTuple):
     """Area [m2], its standard error [m2], number of points, and area of the bounding box [m2]."""
 
@@ -117,14 +97,7 @@ class Area(NamedTuple):
 def reach(lengths, ranges: Ranges, what: str = FINGERTIP, steps: int = 60):
     """Region that the fingertip or the whole distal phalanx reaches, a shapely geometry in m.
 
-    Args:
-        lengths: (3,) phalanx lengths [m].
-        ranges: Ranges of motion.
-        what: FINGERTIP or DISTAL.
-        steps: Steps of each joint between its limits.
-
-    Raises:
-        InputError: For impossible lengths or ranges.
+    From lengths (3,) [m] and ranges of motion, with `steps` of each joint between its limits. InputError if impossible.
     """
     check(lengths, ranges)
     pip, dip = np.linspace(*ranges.PIP, steps), np.linspace(*ranges.DIP, steps)
@@ -137,19 +110,21 @@ def reach(lengths, ranges: Ranges, what: str = FINGERTIP, steps: int = 60):
         curves += [tip(lengths, 0.0, q2, q3, bone) for q2 in pip for q3 in ranges.DIP]
         curves += [tip(lengths, 0.0, q2, q3, bone) for q2 in ranges.PIP for q3 in dip]
         curves += [tip(lengths, 0.0, fine_pip, ranges.DIP[0], 0.0)]
-    patches = np.array([patch for curve in curves for patch in _swept(curve, ranges.MCP)])
-    return shapely.union_all(shapely.make_valid(patches))  # chords of thin patches may cross by less than a micrometre
+    turn, patches = np.exp(1j * _fine(ranges.MCP)), []
+    for curve in curves:  # polygons that it sweeps as the MCP rotates, one for each part of monotonic distance
+        place = curve[:, 0] + 1j * curve[:, 1]
+        way = np.sign(np.diff(np.abs(place)))
+        cuts = np.r_[0, np.flatnonzero(way[1:] * way[:-1] < 0) + 1, len(curve) - 1]
+        for start, stop in pairwise(cuts.tolist()):
+            part = place[start : stop + 1]
+            ring = np.concatenate([part * turn[0], part[-1] * turn, part[::-1] * turn[-1], part[0] * turn[::-1]])
+            patches.append(shapely.polygons(np.stack([np.real(ring), np.imag(ring)], axis=1)))
+    # chords of thin patches may cross by less than a micrometre
+    return shapely.union_all(shapely.make_valid(np.array(patches)))
 
 
 def monte_carlo(lengths, ranges: Ranges, what: str = FINGERTIP, samples: int = 40_000, seed: int = 0) -> Area:
-    """Estimate the area by random points in the bounding box.
-
-    Args:
-        lengths: (3,) phalanx lengths [m].
-        ranges: Ranges of motion.
-        what: FINGERTIP or DISTAL.
-        samples: Number of points.
-        seed: Of the random numbers.
+    """Estimate the area of `reach` by random points in the bounding box.
 
     Raises:
         InputError: For impossible lengths or ranges, or fewer than 100 samples.
@@ -175,21 +150,6 @@ def monte_carlo(lengths, ranges: Ranges, what: str = FINGERTIP, samples: int = 4
 
 def _fine(span: tuple[float, float]) -> np.ndarray:
     return np.linspace(*span, 2 + int((span[1] - span[0]) / ARC))
-
-
-def _swept(curve: np.ndarray, span: tuple[float, float]) -> list:
-    """Polygons that a curve (n, 2) sweeps as the MCP rotates through `span`, one per monotonic part."""
-    place = curve[:, 0] + 1j * curve[:, 1]
-    radius = np.abs(place)
-    way = np.sign(np.diff(radius))
-    cuts = np.r_[0, np.flatnonzero(way[1:] * way[:-1] < 0) + 1, len(curve) - 1]
-    turn = np.exp(1j * _fine(span))
-    patches = []
-    for start, stop in pairwise(cuts.tolist()):
-        part = place[start : stop + 1]
-        ring = np.concatenate([part * turn[0], part[-1] * turn, part[::-1] * turn[-1], part[0] * turn[::-1]])
-        patches.append(shapely.polygons(np.stack([np.real(ring), np.imag(ring)], axis=1)))
-    return patches
 
 
 class Assisted(NamedTuple):
@@ -226,44 +186,25 @@ def assisted(robot, steps: int = 25) -> Assisted:
 
     if steps < 3:
         raise InputError(f"workspace: {steps} tensions per tendon are too few; at least 3")
-    wires = [
-        np.linspace(robot.limits["F_min"][wire], robot.limits["F_max"][wire], steps) for wire in ("AF", "MF", "AE")
-    ]
-    grid = np.stack(np.meshgrid(*wires, indexing="ij"), axis=-1)
+    low, high = robot.limits["F_min"], robot.limits["F_max"]
+    tensions = [np.linspace(low[wire], high[wire], steps) for wire in ("AF", "MF", "AE")]
+    grid = np.stack(np.meshgrid(*tensions, indexing="ij"), axis=-1)
     angles = posture(grid.reshape(-1, 3), parameters_of(robot)).reshape(grid.shape)
-    if np.isnan(angles).any():
-        where = np.argwhere(np.isnan(angles).any(axis=-1))[0]
-        af, mf, ae = grid[tuple(where)]
-        raise InputError(
-            f"{robot.source}: no equilibrium with AF {af:g}, MF {mf:g}, AE {ae:g} N; lower the limits F_max"
-        )
+    if len(lost := np.argwhere(np.isnan(angles).any(axis=-1))):
+        at = "AF {:g}, MF {:g}, AE {:g} N".format(*grid[tuple(lost[0])])
+        raise InputError(f"{robot.source}: no equilibrium with {at}; lower the limits F_max")
     return Assisted(grid, angles)
 
 
-HEAD = ("motion", "workspace", "exact [mm2]", "Monte Carlo [mm2]", "standard error [mm2]", "points")
-
-
 def areas(lengths, ranges: Ranges, wired: Assisted | None, samples: int, seed: int) -> list[tuple[str, ...]]:
-    """Measure the areas of the full range of motion (K.M.) and, if given, of the assisted motion (A.M.).
-
-    Args:
-        lengths: (3,) phalanx lengths [m].
-        ranges: Ranges of motion.
-        wired: Postures of the assisted motion, or None.
-        samples: Points of the Monte Carlo areas.
-        seed: Of the random numbers.
-
-    Returns:
-        Rows under HEAD, as text.
-    """
+    """Rows under HEAD: areas of the full range of motion (K.M.) and, if given, of the assisted motion (A.M.)."""
     rows = []
     for what in (FINGERTIP, DISTAL):
         drawn, exact = monte_carlo(lengths, ranges, what, samples, seed), reach(lengths, ranges, what).area
         values = (f"{1e6 * exact:.1f}", f"{1e6 * drawn.value:.0f}", f"{1e6 * drawn.error:.0f}", str(samples))
         rows.append(("K.M.", what, *values))
-    if wired is not None:
-        wired_areas = {what: 1e6 * wired.region(lengths, what).area for what in (FINGERTIP, DISTAL)}
-        rows += [("A.M.", what, f"{area:.1f}", "", "", "") for what, area in wired_areas.items()]
+    for what in (FINGERTIP, DISTAL) if wired is not None else ():
+        rows.append(("A.M.", what, f"{1e6 * wired.region(lengths, what).area:.1f}", "", "", ""))
     return rows
 
 

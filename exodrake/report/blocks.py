@@ -23,7 +23,10 @@ if TYPE_CHECKING:
 INK, SOFT, RULE, LINE, BAND = "#1c2430", "#5d6778", "#e4e7ec", "#98a2b3", "#dfe5ec"
 MEASURED, BEFORE, AFTER = (style["color"] for style in (plot.MEASURED, plot.NOMINAL, plot.IMPROVED))
 # colours that are variables of the report's style sheet, so that figures follow a dark scheme
-VARIABLES = {INK: "ink", SOFT: "soft", RULE: "rule", LINE: "line", BAND: "band", BEFORE: "before", AFTER: "after"}
+VARIABLES = {
+    INK: "ink", SOFT: "soft", RULE: "rule", LINE: "line", BAND: "band", MEASURED: "ink", BEFORE: "before",
+    AFTER: "after",
+}  # fmt: skip
 STYLE: dict[Any, Any] = {
     "font.family": "sans-serif", "font.size": 9, "svg.fonttype": "none", "axes.linewidth": 0.6,
     "axes.spines.top": False, "axes.spines.right": False, "axes.edgecolor": LINE, "axes.labelcolor": INK,
@@ -44,12 +47,9 @@ def house_style() -> Any:
 
 
 def svg_of(figure: Figure, name: str, label: str) -> str:
-    """The figure as an SVG element.
+    """A figure that was drawn under `house_style` as an SVG element.
 
-    Args:
-        figure: drawn under `house_style`.
-        name: unique in the report; its ids are derived from it.
-        label: what the figure shows, for screen readers.
+    Its ids are derived from a name unique in the report; the label says what it shows, for screen readers.
     """
     import matplotlib
 
@@ -85,13 +85,8 @@ TEMPLATES = Path(__file__).parent / "templates"
 class Table:
     """A table of texts; backticks mark code.
 
-    Attributes:
-        header: a title per column.
-        rows: cells, a sequence per row.
-        words: columns on the left that hold words; the others hold numbers and are aligned right.
-        wide: whether the table fills the window.
-        totals: rows at the end that are set off.
-        folded: title behind which the table is hidden; shown at once if empty.
+    The left columns hold `words`, the others numbers, which are aligned right; it may fill the window. `totals` rows at
+    the end are set off. A title `folded` hides it.
     """
 
     block: ClassVar[str] = "table"
@@ -105,12 +100,9 @@ class Table:
 
 @dataclass(frozen=True)
 class Bars:
-    """Horizontal bars with a text at the end of each; backticks mark code.
+    """Horizontal bars: label, length as a fraction of the full width, text at the end, whether in the accent colour.
 
-    Attributes:
-        rows: label, length as a fraction of the full width, text, whether it is in the accent colour.
-        caption: text below.
-        folded: title behind which the bars are hidden; shown at once if empty.
+    Backticks mark code. A title `folded` hides the bars.
     """
 
     block: ClassVar[str] = "bars"
@@ -121,14 +113,9 @@ class Bars:
 
 @dataclass(frozen=True)
 class Drawing:
-    """An SVG with its caption.
+    """An SVG element (`svg_of`) with its caption, or a whole file, which keeps its own style sheet, with an `alt`.
 
-    Attributes:
-        svg: an element (`svg.svg_of`), or a whole file where `alt` is given, which keeps its own style sheet.
-        caption: text below; backticks mark code.
-        wide: whether it fills the window.
-        alt: what a whole file shows, for screen readers.
-        folded: title behind which the drawing is hidden; shown at once if empty.
+    Backticks mark code. A wide one fills the window; `alt` says what it shows; a title `folded` hides it.
     """
 
     block: ClassVar[str] = "drawing"

@@ -20,7 +20,9 @@ from typing import Any
 import numpy as np
 
 from exodrake import __version__
+from exodrake.analysis.log_response import COLUMNS, LogResponse, block_responses, plot_responses
 from exodrake.core.display import SYMBOLS, Display, display_of
+from exodrake.core.errors import InputError
 from exodrake.data import plot
 from exodrake.data.plot import envelope, new_figure, stretch_of
 from exodrake.diagnosis import localise
@@ -29,49 +31,41 @@ from exodrake.diagnosis.gap import SignalGap
 from exodrake.diagnosis.isolation import SAMPLING
 from exodrake.diagnosis.parameter import nominal_parameters
 from exodrake.diagnosis.problem import Problem, Trial
-from exodrake.diagnosis.result import (
-    AMBIGUOUS,
-    NAMED,
-    NO_GAP,
-    PARTLY,
-    RETUNE,
-    UNKNOWN,
-    Diagnosis,
-    NamedEffect,
-)
+from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, PARTLY, RETUNE, UNKNOWN, Diagnosis, NamedEffect
 from exodrake.diagnosis.search import GAIN, LAW, NATS, NEGLIGIBLE
 from exodrake.diagnosis.verdict import EXPLAINED, LARGE, MOST
-from exodrake.report import wording as w
-from exodrake.report.blocks import (
-    AFTER,
-    BAND,
-    LINE,
-    RULE,
-    SOFT,
-    Bars,
-    Drawing,
-    Table,
-    house_style,
-    render,
-    shares,
-    svg_of,
-)
+from exodrake.report import blocks, wording as w
+from exodrake.report.blocks import AFTER, BAND, LINE, RULE, SOFT, Bars, Drawing, Table, render, shares, svg_of
 from exodrake.report.missing_law import missing_law
 from exodrake.report.since import since
 from exodrake.report.wording import split_column
 
 NOMINAL, RETUNED, IMPROVED = "nominal", "retuned", "improved"
 ROBOTS: tuple[str, ...] = (NOMINAL, RETUNED, IMPROVED)
+COLOURS = {
+    NO_GAP: "#18794e", RETUNE: "#0b7285", NAMED: "#1d4ed8", AMBIGUOUS: "#a15c00", PARTLY: "#7a3e9d", UNKNOWN: "#b42318",
+}  # fmt: skip
+CURVE_LEVELS = 65534  # of a curve; the next one marks a missing sample
+SIZE = 900_000  # characters that all curves of a report may take
+CHARACTERS = 8 / 3  # that a sample takes
+FEWEST_SAMPLES, MOST_SAMPLES = 600, 8000  # samples of a curve: least, however many logs there are, and most
+NOISE_BAND = 2.0  # noise standard deviations to either side of no error
+BINS = 14  # of a condition
+DOTS = 2500  # of a scatter, at most
+JITTER = 0.12  # half the width of a cloud of samples over one of a few levels
+# conditions with two or three levels, and how these are called
+LEVELS = {(0.0, 1.0): ("no", "yes"), (-1.0, 0.0, 1.0): ("negative", "at rest", "positive")}
+SHOWN = 5  # retuned parameters that are shown at once
+LEAST = 0.005  # standard deviations of its tolerance: a smaller change is not listed
+AT_BOUND = 0.999  # of the bound, from which a change counts as limited by it
+DIGITS = 12  # of a file's hash that are shown; the JSON has them all
 
 
 @dataclass(frozen=True, eq=False)
 class SimulatedLog:
-    """A log and the same motion simulated.
+    """A log and the same motion simulated: robot -> (n, columns) array [SI], noise-free and unquantised.
 
-    Attributes:
-        trial: what was measured.
-        simulated: robot -> (n, columns) array [SI], noise-free and unquantised.
-        noise_std: (columns,) noise standard deviations [SI].
+    Noise standard deviations are (columns,) [SI].
     """
 
     trial: Trial
@@ -87,12 +81,7 @@ class SimulatedLog:
 
 @dataclass(frozen=True, eq=False)
 class SimulatedLogs:
-    """The logs of a case and the same motion simulated.
-
-    Attributes:
-        problem: trials, columns and their noise standard deviations.
-        logs: fitted ones, then held-out ones.
-    """
+    """The logs of a problem and the same motion simulated; fitted ones, then held-out ones."""
 
     problem: Problem
     logs: tuple[SimulatedLog, ...]
@@ -129,59 +118,47 @@ class SimulatedLogs:
         """Display of a kind of signal."""
         return display_of(kind, self.problem.robot.machine)
 
-    def of_kind(self, kind: str) -> list[int]:
-        """Indices of the columns of one kind."""
-        return [i for i, (own, _) in enumerate(self.parts) if own == kind]
-
     def rms(self, log: SimulatedLog, robot: str) -> float:
         """RMS error of a robot on a log [noise_std], in the band of a tremor its strength alone, as for the closure."""
         gaps = mismatch(log.trial.measured, log.simulated[robot], self.problem.notched, self.period) / log.noise_std
         return float(np.sqrt(np.nanmean(gaps**2))) if gaps.size else float("nan")
 
 
-def simulate_logs(diagnosis: Diagnosis, problem: Problem) -> SimulatedLogs:
-    """Simulates the logs of a case with the nominal, the retuned and the improved robot."""
-    plain = replace(problem, detected=())  # the robots hold what was detected
-    rows = np.array([plain.silent(diagnosis.robots[name]) for name in ROBOTS])
-    runs = ((t, dict(zip(ROBOTS, problem.predict(rows, t)))) for t in (*problem.fit, *problem.holdout))
-    return SimulatedLogs(problem, tuple(SimulatedLog(t, simulated, problem.noise_std) for t, simulated in runs))
-
-
-CURVE_LEVELS = 65534  # of a curve; the next one marks a missing sample
-SIZE = 900_000  # characters that all curves of a report may take
-CHARACTERS = 8 / 3  # that a sample takes
-FEWEST_SAMPLES, MOST_SAMPLES = 600, 8000  # samples of a curve: least, however many logs there are, and most
-NOISE_BAND = 2.0  # noise standard deviations to either side of no error
-
-
 def how_far(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
-    """Values of the section's template."""
-    drawn = dict([(NOMINAL, plot.NOMINAL), (IMPROVED, plot.IMPROVED)][: len(w.robots_of(diagnosis))])
-    return {
-        "errors": error_by_robot(diagnosis),
-        "curves": curves(runs, list(drawn)) if runs.judged else None,
-        "gaps": gap_tables(diagnosis),
-        "spectrum": Drawing(spectrum_svg(runs, drawn), wide=True) if runs.judged else None,
-    }
-
-
-def error_by_robot(diagnosis: Diagnosis) -> list[dict[str, Any]]:
-    """Rows from the nominal robot to noise: RMS error [noise_std] with its share of the largest, and closures."""
-    closure, robots = diagnosis.closure, w.robots_of(diagnosis)
+    """Values of the section's template; rows of `errors` from the nominal robot to noise: RMS [noise_std], closures."""
+    closure, robots = diagnosis.closure, w.list_robots(diagnosis)
+    drawn = dict([(NOMINAL, plot.NOMINAL), (IMPROVED, plot.IMPROVED)][: len(robots)])
     largest = max((closure.rms[key] for key in robots if np.isfinite(closure.rms[key])), default=1.0)
     closed = {"retuned": closure.retune, "after": closure.overall}
     step = {"after": closure.effect} if np.isfinite(closure.effect.value) else {}
     rows = [(key, name, closure.rms[key]) for key, name in robots.items()] + [("noise", "noise alone", 1.0)]
-    return [
+    errors = [
         {"key": key, "name": name, "rms": w.digits(rms), "length": min(rms / largest, 1.0)}
         | {"overall": closed.get(key), "effect": step.get(key)}
         for key, name, rms in rows
     ]
+    answer: dict[str, Any] = {"errors": errors, "curves": None, "gaps": gap_tables(diagnosis), "spectrum": None}
+    if not runs.judged:
+        return answer
+    with blocks.house_style():  # a panel of spectra for each kind of signal, each robot in its style
+        figure = new_figure(9.6, 2.35)
+        panels = figure.subplots(1, len(runs.kinds), sharey=True, squeeze=False)[0]
+        white = 2.0 * runs.period  # density of white noise of unit variance up to the Nyquist frequency
+        for axes, kind in zip(panels, runs.kinds):
+            for robot, style in drawn.items():
+                frequency, power = spectra(runs, robot, kind)
+                axes.loglog(frequency[1:], power[1:], **style)
+            axes.axhline(white, color=SOFT, lw=0.9, ls=":")
+            axes.set(title=runs.display(kind).label, xlabel="Frequency [Hz]")
+            axes.grid(color=RULE, lw=0.5)
+        panels[0].set_ylabel("Density [1/Hz]")
+        svg = svg_of(figure, "spectrum", "power density of normalised residuals")
+    return answer | {"curves": curves(runs, list(drawn)), "spectrum": Drawing(svg, wide=True)}
 
 
 def gap_tables(diagnosis: Diagnosis) -> list[Table]:
     """Gap of each kind of signal with each robot, noise, closure; each signal's behind a fold."""
-    machine, robots = w.machine_of(diagnosis), list(w.robots_of(diagnosis))
+    machine, robots = w.find_machine(diagnosis), list(w.list_robots(diagnosis))
     kinds = {found.kind: found for found in w.kind_gaps(diagnosis)}
     titles = w.robot_titles(diagnosis)
     header = ("Signal", *titles, "Noise std", f"{titles[-1]} / noise std", *(["Closure"] if len(robots) > 1 else []))
@@ -202,28 +179,11 @@ def gap_tables(diagnosis: Diagnosis) -> list[Table]:
 
 def spectra(runs: SimulatedLogs, robot: str, kind: str) -> tuple[np.ndarray, np.ndarray]:
     """Frequency [Hz] and mean power density [1/Hz] of the normalised residuals of one kind, over judged logs."""
-    columns = [log.residuals[robot][:, i] for log in runs.judged for i in runs.of_kind(kind)]
+    indices = [i for i, (own, _) in enumerate(runs.parts) if own == kind]
+    columns = [log.residuals[robot][:, i] for log in runs.judged for i in indices]
     found = [localise.spectrum(np.nan_to_num(column), runs.period) for column in columns]
     frequency = min((frequency for frequency, _ in found), key=len)
     return frequency, np.mean([power for _, power in found if len(power) == len(frequency)], axis=0)
-
-
-def spectrum_svg(runs: SimulatedLogs, drawn: dict[str, dict[str, Any]]) -> str:
-    """Spectra of the normalised residuals of robots, each in its style, a panel per kind of signal."""
-    with house_style():
-        figure = new_figure(9.6, 2.35)
-        panels = figure.subplots(1, len(runs.kinds), sharey=True, squeeze=False)[0]
-        white = 2.0 * runs.period  # density of white noise of unit variance up to the Nyquist frequency
-        for axes, kind in zip(panels, runs.kinds):
-            for robot, style in drawn.items():
-                frequency, power = spectra(runs, robot, kind)
-                axes.loglog(frequency[1:], power[1:], **style)
-            axes.axhline(white, color=SOFT, lw=0.9, ls=":")
-            axes.set_title(runs.display(kind).label)
-            axes.set_xlabel("Frequency [Hz]")
-            axes.grid(color=RULE, lw=0.5)
-        panels[0].set_ylabel("Density [1/Hz]")
-        return svg_of(figure, "spectrum", "power density of normalised residuals")
 
 
 def curves(runs: SimulatedLogs, robots: Sequence[str]) -> dict[str, Any]:
@@ -234,33 +194,27 @@ def curves(runs: SimulatedLogs, robots: Sequence[str]) -> dict[str, Any]:
     """
     count = (1 + 2 * len(robots)) * max(len(runs.problem.columns), 1) * max(len(runs.judged), 1)
     most = int(np.clip(SIZE / (CHARACTERS * count), FEWEST_SAMPLES, MOST_SAMPLES))
-    shown = {kind: runs.display(kind) for kind in runs.kinds}
+    displays, logs = {kind: runs.display(kind) for kind in runs.kinds}, []
+    for log in runs.judged:
+        stretch = stretch_of(len(log.trial.measured), most)
+        rows = {"measured": log.trial.measured}
+        for name in robots:
+            rows[name] = np.where(np.isfinite(log.simulated[name]), log.simulated[name], np.nan)
+            rows[f"error_{name}"] = log.residuals[name] * log.noise_std
+        short, columns = {name: envelope(values, stretch) for name, values in rows.items()}, []
+        for i, (kind, channel) in enumerate(runs.parts):
+            factor = displays[kind].factor
+            column = {"kind": kind, "channel": channel, "band": NOISE_BAND * factor * float(log.noise_std[i])}
+            columns.append(column | {name: packed(factor * values[:, i]) for name, values in short.items()})
+        logs.append({
+            "name": log.trial.name, "samples": len(short["measured"]), "stretch": stretch,
+            "step": runs.period * (stretch / 2 if stretch > 1 else 1), "columns": columns,
+        })  # fmt: skip
     return {
-        "kinds": [{"name": k, "label": d.label, "unit": SYMBOLS.get(d.unit, d.unit)} for k, d in shown.items()],
+        "kinds": [{"name": k, "label": d.label, "unit": SYMBOLS.get(d.unit, d.unit)} for k, d in displays.items()],
         "robots": list(robots),
-        "logs": [log_curves(runs, log, robots, most) for log in runs.judged],
+        "logs": logs,
     }
-
-
-def log_curves(runs: SimulatedLogs, log: SimulatedLog, robots: Sequence[str], most: int) -> dict[str, Any]:
-    """The curves of a log, of at most so many samples each."""
-    stretch = stretch_of(len(log.trial.measured), most)
-    rows = {"measured": log.trial.measured}
-    for name in robots:
-        rows[name] = np.where(np.isfinite(log.simulated[name]), log.simulated[name], np.nan)
-        rows[f"error_{name}"] = log.residuals[name] * log.noise_std
-    short = {name: envelope(values, stretch) for name, values in rows.items()}
-    columns = []
-    for i, (kind, channel) in enumerate(runs.parts):
-        factor = runs.display(kind).factor
-        found = {name: packed(factor * values[:, i]) for name, values in short.items()}
-        columns.append(
-            {"kind": kind, "channel": channel, "band": NOISE_BAND * factor * float(log.noise_std[i]), **found}
-        )
-    return {
-        "name": log.trial.name, "samples": len(short["measured"]), "stretch": stretch,
-        "step": runs.period * (stretch / 2 if stretch > 1 else 1), "columns": columns,
-    }  # fmt: skip
 
 
 def packed(values: np.ndarray) -> dict[str, Any]:
@@ -273,13 +227,6 @@ def packed(values: np.ndarray) -> dict[str, Any]:
     return {"least": least, "height": height, "levels": b64encode(levels.tobytes()).decode()}
 
 
-BINS = 14  # of a condition
-DOTS = 2500  # of a scatter, at most
-JITTER = 0.12  # half the width of a cloud of samples over one of a few levels
-# conditions with two or three levels, and how these are called
-LEVELS = {(0.0, 1.0): ("no", "yes"), (-1.0, 0.0, 1.0): ("negative", "at rest", "positive")}
-
-
 def where(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
     """Values of the section's template; nothing where there is no place."""
     from exodrake.diagrams.block_diagram import wiring_svg
@@ -290,12 +237,49 @@ def where(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
     by = "the effects of each part take up" if diagnosis.effects else "the best effect of each part takes up alone"
     drawn = wiring_svg(runs.problem.robot.machine, found.shares, schedule=False)
     caption = f"In each part the share of the gap that {by}."
-    figures = [condition_figure(diagnosis, runs)]  # a further figure of where the gap is stands beside it
+    figures = [response_figure(diagnosis, runs), condition_figure(diagnosis, runs)]
     return {
         "wiring": Drawing(drawn, caption, wide=True, alt="parts and signals of the robot"),
         "conditions": shares(found.regime) if found.regime else None,
         "figures": [figure for figure in figures if figure is not None],
     }
+
+
+def response_figure(diagnosis: Diagnosis, runs: SimulatedLogs) -> Drawing | None:
+    """Frequency response of each block: measured, nominal and improved, in the channel of the largest gap.
+
+    None where the estimate makes no sense: logs without the references of the machine, too short or with too many
+    missing samples, a robot that diverges on them, and no frequency at which a response is resolved.
+    """
+    robots = {name: diagnosis.robots[name] for name in (NOMINAL, IMPROVED)}
+    machine = robots[NOMINAL].machine
+    try:
+        found = block_responses(runs.problem.case, robots) if machine.references else []
+    except InputError:
+        return None
+    by_block: dict[str, list[LogResponse]] = {segment.name: [] for segment in machine.segments}
+    for one in found:
+        name = next(s.name for s in machine.segments if s.output == split_column(one.output, machine)[0])
+        if one.resolved.any() and all(np.isfinite(model).all() for model in one.models.values()):
+            by_block[name].append(one)
+
+    def size_gap(one: LogResponse) -> float:
+        """Mean square of the relative error of the nominal response, weighted by power; 0 at unresolved lines."""
+        error = np.where(one.resolved, np.abs(one.models[NOMINAL] / one.response - 1.0), 0.0)
+        return float(np.average(error**2, weights=one.power))
+
+    by_block = {name: sorted(each, key=size_gap)[::-1] for name, each in by_block.items() if each}
+    if not by_block:
+        return None
+    chosen = {name: each[: max(1, COLUMNS // len(by_block))] for name, each in by_block.items()}
+    figure = plot_responses([one for each in chosen.values() for one in each], style=blocks.STYLE)
+    label = "frequency responses of the blocks, measured, nominal and improved"
+    parts = w.listed([f"{name} ({w.listed([one.output for one in each])})" for name, each in chosen.items()])
+    caption = (
+        f"Frequency response from the signal before each block to its own, before any effect is named: {parts}, "
+        "each in the channels of its largest gap. Band: 90 %. Where coherence is low, noise or a nonlinearity acts."
+    )
+    return Drawing(svg_of(figure, "response", label), caption, wide=True)
 
 
 def condition_figure(diagnosis: Diagnosis, runs: SimulatedLogs) -> Drawing | None:
@@ -314,18 +298,27 @@ def condition_figure(diagnosis: Diagnosis, runs: SimulatedLogs) -> Drawing | Non
     known = np.isfinite(before) & np.isfinite(after)
     table = localise.conditions(runs.problem, log.trial, localise.channel_of(runs.problem, signal))
     best = max(table, key=lambda condition: localise.explained(before[known], table[condition][known]))
-    label, factor = condition_label(best, runs)
+    declared, label, factor = runs.problem.robot.machine.regime, best, 1.0
+    if best.startswith("time"):
+        label = f"{best} [s]"
+    elif declared is not None and best in ("load", "joint angle", "speed"):
+        shown = runs.display({"load": declared.load, "joint angle": declared.joint}.get(best, declared.position))
+        label, factor = f"{best} [{shown.symbol}{'/s' if best == 'speed' else ''}]", shown.factor
     at, before, after = factor * table[best][known], before[known], after[known]
     levels = tuple(np.unique(at).tolist())
     few, step = len(levels) <= max(map(len, LEVELS)), max(1, len(at) // DOTS)
+    # bins of equal count, or of equal condition, where it has few values
+    bins = np.array_split(np.argsort(at, kind="stable"), BINS)
+    bins = [np.flatnonzero(at == level) for level in levels] if len(levels) <= BINS else bins
     dots = at + np.random.default_rng(0).uniform(-JITTER, JITTER, len(at)) if few else at
-    with house_style():
+    with blocks.house_style():
         figure = new_figure(4.2, 2.6)
         axes = figure.subplots()
         axes.axhspan(-2.0, 2.0, color=BAND, lw=0)
         for values, colour, name in ((before, LINE, "retuned robot"), (after, AFTER, w.last_robot(diagnosis))):
             axes.plot(dots[::step], values[::step], ".", ms=1.6, mew=0, color=colour, alpha=0.35, rasterized=True)
-            axes.plot(*binned(at, values), "o-", ms=3, lw=1.2, color=colour, label=name, mew=0)
+            means = [[rows[one].mean() for one in bins] for rows in (at, values)]
+            axes.plot(*means, "o-", ms=3, lw=1.2, color=colour, label=name, mew=0)
         axes.axhline(0.0, color=SOFT, lw=0.4)
         limit = 1.1 * max(np.percentile(np.abs(np.concatenate([before, after])), 99.5), 3.0)
         axes.set_ylim(-limit, limit)
@@ -342,31 +335,6 @@ def condition_figure(diagnosis: Diagnosis, runs: SimulatedLogs) -> Drawing | Non
     return Drawing(svg, caption)
 
 
-def condition_label(name: str, runs: SimulatedLogs) -> tuple[str, float]:
-    """A condition with the unit in which it is shown, where the machine declares it, and its factor from SI."""
-    declared = runs.problem.robot.machine.regime
-    if name.startswith("time"):
-        return f"{name} [s]", 1.0
-    if declared is None or name not in ("load", "joint angle", "speed"):
-        return name, 1.0
-    shown = runs.display({"load": declared.load, "joint angle": declared.joint}.get(name, declared.position))
-    return f"{name} [{shown.symbol}/s]" if name == "speed" else f"{name} [{shown.symbol}]", shown.factor
-
-
-def binned(at: np.ndarray, values: np.ndarray, bins: int = BINS) -> tuple[np.ndarray, np.ndarray]:
-    """Mean condition and mean value in bins of equal count (or of equal condition, where it has few values)."""
-    levels = np.unique(at)
-    if len(levels) <= bins:
-        return levels, np.array([values[at == level].mean() for level in levels])
-    groups = np.array_split(np.argsort(at, kind="stable"), bins)
-    return np.array([at[g].mean() for g in groups]), np.array([values[g].mean() for g in groups])
-
-
-SHOWN = 5  # retuned parameters that are shown at once
-LEAST = 0.005  # standard deviations of its tolerance: a smaller change is not listed
-AT_BOUND = 0.999  # of the bound, from which a change counts as limited by it
-
-
 def which(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
     """Values of the section's template."""
 
@@ -381,9 +349,23 @@ def which(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
                     rows.append((f"`{name}`{' (common value)' if several else ''}", *w.interval(item)))
                 rows += [(f"`{name}` {channel}", *w.interval(one)) for channel, one in channels.items() if several]
             table = Table(("Parameter", "Value", "90 % interval"), rows, wide=False)
-            found.append((effect, w.effect_of(diagnosis, effect.id), table))
+            found.append((effect, w.find_effect(diagnosis, effect.id), table))
         return found
 
+    def bar(name: str, length: float, text: str, strong: bool = False) -> tuple[str, float, str, bool]:
+        return name, float(np.clip(np.nan_to_num(length), 0.0, 1.0)), text, strong
+
+    bars, left = [], diagnosis.remainder  # each cause with its rivals beneath, the refinements, and what remains
+    for effect in (*w.causes(diagnosis), *w.refinements(diagnosis)):
+        strong = effect in w.causes(diagnosis)
+        bars.append(bar(f"`{effect.id}`", effect.share.value, w.share_span(effect.share), strong))
+        bars += [bar(f"or `{r.id}`", r.share.value, w.share(r.share.value)) for r in effect.rivals]
+    noise = f", {w.digits(left.noise_std, 2)} noise std" if np.isfinite(left.noise_std) else ""
+    bars.append(bar("remains", left.value, w.share(left.value) + noise))
+    caption = (
+        "Share of the gap beyond retuning, fitted logs: what is left without the effect less what is left with it. "
+        "Causes in colour, rivals of a cause beneath it. Effects that partly replace each other do not add up to 100 %."
+    )
     sets = []
     for one in diagnosis.candidates:
         chi2 = [w.digits(x) if np.isfinite(x) else "–" for x in (one.chi2, one.prediction_chi2)]
@@ -391,36 +373,12 @@ def which(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
         sets.append((f"`{one.id or 'retune'}`", w.closure(one.share), *chi2, evidence))
     header = ("Effects", "Explains", "chi-square, closed loop", "chi-square, prediction error", "Evidence [nats]")
     return {
-        "shares": share_bars(diagnosis),
+        "shares": Bars(bars, caption) if len(bars) > 1 else None,
         "causes": described(w.causes(diagnosis)),
         "refinements": described(w.refinements(diagnosis)),
         "sets": Table(header, sets, folded=f"All {len(sets)} fitted sets in numbers") if sets else None,
         "retuned": retuned_tables(diagnosis, runs),
     }
-
-
-def share_bars(diagnosis: Diagnosis) -> Bars | None:
-    """Shares of the gap: each cause with its rivals beneath, the refinements, and what remains."""
-    rows = []
-    for effect in (*w.causes(diagnosis), *w.refinements(diagnosis)):
-        strong = effect in w.causes(diagnosis)
-        rows.append((f"`{effect.id}`", length(effect.share.value), w.share_span(effect.share), strong))
-        rows += [(f"or `{r.id}`", length(r.share.value), w.share(r.share.value), False) for r in effect.rivals]
-    if not rows:
-        return None
-    left = diagnosis.remainder
-    noise = f", {w.digits(left.noise_std, 2)} noise std" if np.isfinite(left.noise_std) else ""
-    rows.append(("remains", length(left.value), w.share(left.value) + noise, False))
-    caption = (
-        "Share of the gap beyond retuning, fitted logs: what is left without the effect less what is left with it. "
-        "Causes in colour, rivals of a cause beneath it. Effects that partly replace each other do not add up to 100 %."
-    )
-    return Bars(rows, caption)
-
-
-def length(fraction: float) -> float:
-    """A fraction as the length of a bar."""
-    return float(np.clip(np.nan_to_num(fraction), 0.0, 1.0))
 
 
 def retuned_tables(diagnosis: Diagnosis, runs: SimulatedLogs) -> list[Table]:
@@ -439,20 +397,8 @@ def retuned_tables(diagnosis: Diagnosis, runs: SimulatedLogs) -> list[Table]:
     return tables + ([Table(header, rest, wide=False, folded=f"{len(rest)} smaller changes")] if rest else [])
 
 
-DIGITS = 12  # of a file's hash that are shown; the JSON has them all
-
-
 def assumed(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
-    """Values of the section's template."""
-    return {
-        "logs": log_table(diagnosis, runs),
-        "numbers": Table(("Number", "Value"), decision_numbers(), words=1, folded="The numbers of the decisions"),
-        "provenance": provenance_table(diagnosis),
-    }
-
-
-def log_table(diagnosis: Diagnosis, runs: SimulatedLogs) -> Table:
-    """Every log of the case: role, length, missing samples, RMS error with each robot, hash of its file."""
+    """Values of the section's template: every log with role, length, missing samples, RMS errors, hash; provenance."""
     case, simulated = runs.problem.case, {log.trial.name: log for log in runs.logs}
     titles, rows = w.robot_titles(diagnosis), []
     for item in case.logs:
@@ -464,7 +410,20 @@ def log_table(diagnosis: Diagnosis, runs: SimulatedLogs) -> Table:
         missing = f"{100 * lost:.2g} %" if lost else "none"
         digest = f"`{case.hashes[item.file][:DIGITS]}`" if case.hashes.get(item.file) else "–"
         rows.append((f"`{item.file}`", role, f"{len(item.log) * runs.period:.0f} s", missing, *errors, digest))
-    return Table(("Log", "Role", "Length", "Missing", *titles, "SHA-256"), rows, words=2)
+    logs = Table(("Log", "Role", "Length", "Missing", *titles, "SHA-256"), rows, words=2)
+    numbers = Table(("Number", "Value"), decision_numbers(), words=1, folded="The numbers of the decisions")
+    made, provenance = diagnosis.provenance, None
+    if made is not None:
+        rows = [
+            ("Date", made.date.replace("T", " ").replace("+00:00", " UTC")),
+            ("Command", f"`{made.command}`" if made.command else "called from Python"),
+            ("exodrake", f"{made.version}, code `{made.code}`"),
+            ("Robot", f"`{made.robot}`, parameters `{made.parameters}`"),
+            ("Calibration", made.calibration),
+        ]
+        folded = "Date, version, command, robot and calibration"
+        provenance = Table((), rows, words=2, wide=False, folded=folded)
+    return {"logs": logs, "numbers": numbers, "provenance": provenance}
 
 
 def decision_numbers() -> list[tuple[str, str]]:
@@ -482,34 +441,13 @@ def decision_numbers() -> list[tuple[str, str]]:
     ]
 
 
-def provenance_table(diagnosis: Diagnosis) -> Table | None:
-    """With what, from what and when the answer was made."""
-    made = diagnosis.provenance
-    if made is None:
-        return None
-    rows = [
-        ("Date", made.date.replace("T", " ").replace("+00:00", " UTC")),
-        ("Command", f"`{made.command}`" if made.command else "called from Python"),
-        ("exodrake", f"{made.version}, code `{made.code}`"),
-        ("Robot", f"`{made.robot}`, parameters `{made.parameters}`"),
-        ("Calibration", made.calibration),
-    ]
-    return Table((), rows, words=2, wide=False, folded="Date, version, command, robot and calibration")
-
-
-COLOURS = {
-    NO_GAP: "#18794e", RETUNE: "#0b7285", NAMED: "#1d4ed8", AMBIGUOUS: "#a15c00", PARTLY: "#7a3e9d", UNKNOWN: "#b42318",
-}  # fmt: skip
-
-
 def report_html(diagnosis: Diagnosis, problem: Problem) -> str:
-    """The report of a diagnosis.
-
-    Args:
-        diagnosis: the answer.
-        problem: from `make_problem`; its logs are simulated once more.
-    """
-    return html_of(diagnosis, simulate_logs(diagnosis, problem))
+    """The report of a diagnosis; the logs of the problem are simulated with the nominal, retuned and improved robot."""
+    plain = replace(problem, detected=())  # the robots hold what was detected
+    rows = np.array([plain.silent(diagnosis.robots[name]) for name in ROBOTS])
+    runs = ((t, dict(zip(ROBOTS, problem.predict(rows, t)))) for t in (*problem.fit, *problem.holdout))
+    logs = tuple(SimulatedLog(t, simulated, problem.noise_std) for t, simulated in runs)
+    return html_of(diagnosis, SimulatedLogs(problem, logs))
 
 
 def html_of(diagnosis: Diagnosis, runs: SimulatedLogs) -> str:

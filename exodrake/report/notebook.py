@@ -37,7 +37,7 @@ def gap_picture(diagnosis: Diagnosis) -> str:
     """Bars of the RMS error of each kind of signal with each robot [noise_std]."""
     import matplotlib
 
-    kinds, robots = w.kind_gaps(diagnosis), w.robots_of(diagnosis)
+    kinds, robots = w.kind_gaps(diagnosis), w.list_robots(diagnosis)
     colours = {"before": plot.NOMINAL["color"], "retuned": RETUNED, "after": plot.IMPROVED["color"]}
     with matplotlib.rc_context({**plot.STYLE, "svg.fonttype": "none"}):
         figure = plot.new_figure(7.0, 0.8 + 0.22 * len(kinds) * len(robots))

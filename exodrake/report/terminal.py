@@ -13,7 +13,6 @@ from exodrake.report.since import words as since_words
 
 if TYPE_CHECKING:
     from rich.console import Console
-    from rich.panel import Panel
     from rich.table import Table
 
 COLOURS = {NO_GAP: "green", RETUNE: "cyan", NAMED: "blue", AMBIGUOUS: "yellow", PARTLY: "magenta", UNKNOWN: "red"}
@@ -24,12 +23,9 @@ REGIMES = 3  # conditions that are named
 
 
 def table(titles: Sequence[str], rows: Iterable[Sequence[str]] = (), wrapped: int = -1) -> Table:
-    """A table without lines.
+    """A table without lines. Titles that begin with `>` head numbers, aligned right; cells may hold rich markup.
 
-    Args:
-        titles: of the columns; one that begins with `>` heads numbers, which are aligned right.
-        rows: cells, which may hold rich markup.
-        wrapped: index of the one column that may be wrapped; -1 for none.
+    One column, by its index `wrapped`, may be wrapped.
     """
     from rich.table import Table
 
@@ -46,34 +42,12 @@ def print_summary(diagnosis: Diagnosis, console: Console | None = None) -> None:
     """Prints the verdict, where, which, how far and the best candidates; to standard output without a console."""
     from rich.console import Console
     from rich.markup import escape
-
-    console = console or Console(highlight=False)
-    console.print(verdict_panel(diagnosis))
-    if diagnosis.effects:
-        rows = [row for effect in diagnosis.effects for row in effect_rows(effect)]
-        console.print(table(("effect", ">of the gap", "parameter", ">value", ">90 % interval"), rows))
-    console.print(gap_table(diagnosis))
-    for line in closing_lines(diagnosis):
-        console.print(line)
-    for k, line in enumerate(since_words(diagnosis)):
-        console.print(f"{'since  ' if k == 0 else '       '} {escape(line)}")
-    for line in law_lines(diagnosis.missing_law):
-        console.print(escape(line))
-    if diagnosis.candidates:
-        console.print(ranking(diagnosis))
-    for note in diagnosis.notes:
-        console.print(f"[yellow]note[/yellow]    {escape(note)}")
-
-
-def verdict_panel(diagnosis: Diagnosis) -> Panel:
-    """The verdict in a coloured box, with place, refinements and reason."""
-    from rich.markup import escape
     from rich.panel import Panel
 
+    console, where = console or Console(highlight=False), diagnosis.where
     lines = [f"[bold]{escape(w.headline(diagnosis))}[/bold]"]
-    where = diagnosis.where
     if where.block != "none":
-        place = w.seat(where.wires, where.joints, w.machine_of(diagnosis))
+        place = w.seat(where.wires, where.joints, w.find_machine(diagnosis))
         lines.append(f"where   {where.block}{', ' + place if place else ''}")
     if diagnosis.verdict in (UNKNOWN, PARTLY, AMBIGUOUS) and where.regime:
         top = sorted(where.regime.items(), key=lambda item: -item[1])[:REGIMES]
@@ -83,7 +57,33 @@ def verdict_panel(diagnosis: Diagnosis) -> Panel:
     lines += [f"because {escape(reason)}" for reason in diagnosis.reasons]
     title = f"[bold]{diagnosis.verdict}[/bold]  {escape(diagnosis.case)}"
     style = COLOURS.get(diagnosis.verdict, "white")
-    return Panel("\n".join(lines), title=title, title_align="left", border_style=style, padding=(0, 2))
+    console.print(Panel("\n".join(lines), title=title, title_align="left", border_style=style, padding=(0, 2)))
+    if diagnosis.effects:
+        rows = [row for effect in diagnosis.effects for row in effect_rows(effect)]
+        console.print(table(("effect", ">of the gap", "parameter", ">value", ">90 % interval"), rows))
+    rows, closes = [], diagnosis.verdict != NO_GAP
+    for found in w.kind_gaps(diagnosis):
+        gap = found.gap
+        gaps = (gap.before, gap.after, gap.noise_std) if closes else (gap.before, gap.noise_std)
+        cells = [w.quantity(x, gap.unit, found.display.unit) for x in gaps]
+        closed = w.closure(gap.closure) if gap.before > w.SMALL * gap.noise_std else "-"
+        rows.append((found.display.label.lower(), *cells, *([closed] if closes else [])))
+    titles = (">before", ">after", ">noise std", ">closure") if closes else (">nominal", ">noise std")
+    console.print(table(("gap (RMS)", *titles), rows))
+    for line in closing_lines(diagnosis):
+        console.print(line)
+    for k, line in enumerate(since_words(diagnosis)):
+        console.print(f"{'since  ' if k == 0 else '       '} {escape(line)}")
+    for line in law_lines(diagnosis.missing_law):
+        console.print(escape(line))
+    if diagnosis.candidates:
+        rows = []
+        for one in diagnosis.candidates[:TOP]:
+            bar = "━" * round(BAR * min(max(one.share, 0.0), 1.0))
+            rows.append((one.id or "retune", w.share(one.share), w.digits(one.chi2), f"{one.evidence:,.0f} nats", bar))
+        console.print(table(("fitted set", ">explains", ">chi-square", ">evidence", ""), rows, wrapped=0))
+    for note in diagnosis.notes:
+        console.print(f"[yellow]note[/yellow]    {escape(note)}")
 
 
 def effect_rows(effect: NamedEffect) -> list[tuple[str, ...]]:
@@ -101,19 +101,6 @@ def effect_rows(effect: NamedEffect) -> list[tuple[str, ...]]:
     return [(*a, *b) for a, b in zip(left, values, strict=True)]
 
 
-def gap_table(diagnosis: Diagnosis) -> Table:
-    """Gap per kind of signal with the nominal and the last robot, noise standard deviation and closure."""
-    rows, closes = [], diagnosis.verdict != NO_GAP
-    for found in w.kind_gaps(diagnosis):
-        gap = found.gap
-        gaps = (gap.before, gap.after, gap.noise_std) if closes else (gap.before, gap.noise_std)
-        cells = [w.quantity(x, gap.unit, found.display.unit) for x in gaps]
-        closed = w.closure(gap.closure) if gap.before > w.SMALL * gap.noise_std else "-"
-        rows.append((found.display.label.lower(), *cells, *([closed] if closes else [])))
-    titles = (">before", ">after", ">noise std", ">closure") if closes else (">nominal", ">noise std")
-    return table(("gap (RMS)", *titles), rows)
-
-
 def closing_lines(diagnosis: Diagnosis) -> list[str]:
     """Closure with its interval; for an ambiguous verdict the class and the next experiment."""
     lines = []
@@ -125,22 +112,13 @@ def closing_lines(diagnosis: Diagnosis) -> list[str]:
         if diagnosis.effects and step.value == step.value:
             lines.append(f"        {w.closure_words(step, 'what retuning alone leaves')}")
         lines += [f"        {words}"] if (words := w.motion_words(diagnosis)) else []
-        robots = ", ".join(f"{name} {w.digits(rms[key])}" for key, name in w.robots_of(diagnosis).items())
+        robots = ", ".join(f"{name} {w.digits(rms[key])}" for key, name in w.list_robots(diagnosis).items())
         lines.append(f"error   {robots} noise standard deviations (RMS)")
     if alike := w.alike_words(diagnosis):
         lines.append(f"moved   {alike}")
     if diagnosis.rivals:
-        lines.append(f"next    {w.experiment_words(diagnosis)}")
+        lines.append(f"next    {w.EXPERIMENT}")
     return lines
-
-
-def ranking(diagnosis: Diagnosis) -> Table:
-    """The likeliest fitted sets: share of the gap, reduced chi-square in closed loop, evidence, and a bar."""
-    rows = []
-    for one in diagnosis.candidates[:TOP]:
-        bar = "━" * round(BAR * min(max(one.share, 0.0), 1.0))
-        rows.append((one.id or "retune", w.share(one.share), w.digits(one.chi2), f"{one.evidence:,.0f} nats", bar))
-    return table(("fitted set", ">explains", ">chi-square", ">evidence", ""), rows, wrapped=0)
 
 
 def print_profile(diagnosis: Diagnosis, spent: Mapping[Stage, float], console: Console | None = None) -> None:

@@ -27,6 +27,11 @@ from exodrake.diagnosis.result import (
 
 DIGITS = 3  # significant digits of a quantity
 NEARLY = 0.985  # a fraction above it is given to a tenth of a per cent, so that 0.996 is not printed as 100 %
+MOST_MOVED = 4  # parameters that a sentence lists
+MOST_SEATS = 4  # channels that a sentence lists where an effect sits on all of them
+SMALL = 1.1  # noise standard deviations: a gap below it leaves nothing to close
+REFINED = "a refinement may be the error of a cause's law, and is no cause"
+EXPERIMENT = "`exodrake experiment CASE --out reference.csv` designs the motion that tells them apart"
 
 
 def digits(value: float, count: int = DIGITS) -> str:
@@ -88,17 +93,9 @@ def closure_span(item: Interval) -> str:
 
 
 def closure_words(item: Interval, error: str, where: str = "") -> str:
-    """A closure with its interval in a sentence.
-
-    Args:
-        item: the closure.
-        error: what is gone or grew: "the excess error".
-        where: end of the sentence: "with the improved robot".
-    """
-    value, span, rest = closure(item.value), closure_span(item), f" {where}" if where else ""
-    return (
-        f"{error} {value} ({span}){rest}" if rounds_below(item.value) else f"{value} ({span}) of {error} is gone{rest}"
-    )
+    """A closure with its interval in a sentence: how much of "the excess error" is gone "with the improved robot"."""
+    value, rest = f"{closure(item.value)} ({closure_span(item)})", f" {where}" if where else ""
+    return f"{error} {value}{rest}" if rounds_below(item.value) else f"{value} of {error} is gone{rest}"
 
 
 def rounds_below(fraction: float) -> bool:
@@ -117,12 +114,6 @@ def listed(items: tuple[str, ...] | list[str], last: str = "and") -> str:
     return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} {last} {items[-1]}" if items else ""
 
 
-MOST_MOVED = 4  # parameters that a sentence lists
-MOST_SEATS = 4  # channels that a sentence lists where an effect sits on all of them
-SMALL = 1.1  # noise standard deviations: a gap below it leaves nothing to close
-REFINED = "a refinement may be the error of a cause's law, and is no cause"
-
-
 @dataclass(frozen=True)
 class KindGap:
     """RMS over the signals of one kind on held-out logs [SI]: gaps, noise; closure; how the kind is shown."""
@@ -132,7 +123,7 @@ class KindGap:
     gap: SignalGap
 
 
-def machine_of(diagnosis: Diagnosis) -> Machine | None:
+def find_machine(diagnosis: Diagnosis) -> Machine | None:
     """The machine of the diagnosed robots."""
     return next((robot.machine for robot in diagnosis.robots.values()), None)
 
@@ -156,41 +147,37 @@ def seat(tendons: Sequence[str], joints: Sequence[str], machine: Machine | None 
     return " and ".join(parts)
 
 
-def name_of(identity: str) -> str:
+def shorten_id(identity: str) -> str:
     """`tendon.capstan_friction` -> `capstan friction`."""
     return " + ".join(part.strip().split(".")[-1].replace("_", " ") for part in identity.split("+"))
 
 
-def effect_of(diagnosis: Diagnosis, identity: str) -> Effect | None:
+def find_effect(diagnosis: Diagnosis, identity: str) -> Effect | None:
     """An effect of the library of the machine; None if the library lacks it."""
-    machine = machine_of(diagnosis)
+    machine = find_machine(diagnosis)
     return next((e for e in machine.effects if e.id == identity), None) if machine else None
 
 
-def causes(diagnosis: Diagnosis) -> list[NamedEffect]:
-    """Effects that the verdict calls causes, the largest first."""
-    return [e for e in diagnosis.effects if e.role == CAUSE]
+def causes(diagnosis: Diagnosis, role: str = CAUSE) -> list[NamedEffect]:
+    """Effects that the verdict calls causes, the largest first; those of another role on demand."""
+    return [e for e in diagnosis.effects if e.role == role]
 
 
 def refinements(diagnosis: Diagnosis) -> list[NamedEffect]:
     """Further effects of the improved robot, the largest first."""
-    return [e for e in diagnosis.effects if e.role == REFINEMENT]
+    return causes(diagnosis, REFINEMENT)
 
 
-def kind_words(effect: NamedEffect) -> str:
-    """An effect's kind with its id: `load-dependent friction (tendon.capstan_friction)`."""
-    return f"{effect.kind or name_of(effect.id)} ({effect.id})"
-
-
-def place_of(diagnosis: Diagnosis, effect: NamedEffect) -> str:
-    """Where an effect sits: `at tendons AF and MF`, or `in the motor`."""
-    place = seat(effect.wires, effect.joints, machine_of(diagnosis))
-    return f"at {place}" if place else f"in the {effect.id.split('.')[0]}"
+def name_place(diagnosis: Diagnosis, effect: NamedEffect) -> tuple[str, str]:
+    """Kind and id of an effect, `load-dependent friction (tendon.capstan_friction)`, and its place, `in the motor`."""
+    place = seat(effect.wires, effect.joints, find_machine(diagnosis))
+    place = f"at {place}" if place else f"in the {effect.id.split('.')[0]}"
+    return f"{effect.kind or shorten_id(effect.id)} ({effect.id})", place
 
 
 def block_words(diagnosis: Diagnosis) -> str:
     """A sentence that says in which parts the effects of a block act which is no part itself, such as `timing`."""
-    block, machine = diagnosis.where.block, machine_of(diagnosis)
+    block, machine = diagnosis.where.block, find_machine(diagnosis)
     parts = machine.parts if machine else ()
     found = [p.name for p in parts if machine and any(e.block == block for e in machine.effects_on(p))]
     if not found or block in {p.name for p in parts}:
@@ -244,49 +231,50 @@ def headline(diagnosis: Diagnosis) -> str:
     """The verdict in one sentence: causes, places, shares, what remains, and what held-out motion says of them."""
     if diagnosis.verdict == NO_GAP:
         return "What the nominal robot leaves beyond noise is negligible on every signal."
+    unconfirmed = ""
+    if diagnosis.confirmed is False:
+        contradicted = diagnosis.closure.effect.high < 0.0
+        unconfirmed = f"; held-out motion {'contradicts' if contradicted else 'does not confirm'} it"
     if diagnosis.verdict == RETUNE:
-        moved = moved_words(diagnosis)
-        said = f": {moved}" if moved else ""
-        return f"Nominal parameters within their tolerances explain the gap{said}; no effect is needed."
+        changed = diagnosis.retune.moved  # the largest change first
+        shown = [f"{m.name} {digits(m.nominal, 3)} -> {digits(m.value, 3)} {m.unit}" for m in changed[:MOST_MOVED]]
+        shown += [f"{len(changed) - len(shown)} more"] if len(changed) > len(shown) else []
+        words = f": {listed(shown)}" if shown else ""
+        return f"Nominal parameters within their tolerances explain the gap{words}; no effect is needed."
     if diagnosis.verdict == UNKNOWN:
-        return f"{unknown_words(diagnosis)}{unconfirmed(diagnosis)}."
-    words = "; ".join(cause_words(diagnosis))
-    text = f"{words[:1].upper()}{words[1:]}{remainder_words(diagnosis)}{unconfirmed(diagnosis)}"
-    return f"{text}{'' if diagnosis.closure.overall.value > 0.0 else '; on the judged logs the gap is not closed'}."
-
-
-def cause_words(diagnosis: Diagnosis) -> list[str]:
-    """Each cause: what, where, and how much of the gap it explains; those with rivals first, with these."""
-    found = causes(diagnosis)
-    said, named = [], "explains {} of the gap"
-    for effect in sorted(found, key=lambda e: not e.rivals):
-        place, values = place_of(diagnosis, effect), by_channel(effect)
+        where, explained = diagnosis.where, 1.0 - diagnosis.remainder.value
+        place = seat(where.wires, where.joints, find_machine(diagnosis))
+        within = f" in the {where.block}" if where.block != "none" else ""
+        text = f"There is a gap{within}{f' at {place}' if place else ''}{regime_words(where.regime)}"
+        best = min(diagnosis.candidates, key=lambda c: abs(c.share - explained), default=None)
+        would = ""
+        if best and explained > 0.005:
+            would = f"; the best set, {best.id}, would explain {share(explained)} of it"
+        return f"{text}, that no effect of the library explains{would}{unconfirmed}."
+    said, named = [], "explains {} of the gap"  # by each cause; those with rivals first
+    for effect in sorted(causes(diagnosis), key=lambda e: not e.rivals):
+        (kind, place), values = name_place(diagnosis, effect), by_channel(effect)
         known = math.isfinite(effect.share.value)  # not of one among several that detectors found
         explained = named.format(share(effect.share.value)) if known else "was detected"
         explained += f" ({values})" if values and not effect.rivals else ""
         if effect.rivals:
-            others = listed([f"{name_of(r.id)} ({r.id})" for r in effect.rivals], "or")
+            others = listed([f"{shorten_id(r.id)} ({r.id})" for r in effect.rivals], "or")
             lead = "the logs cannot tell" if not said else "nor"
-            said.append(f"{lead} {name_of(effect.id)} ({effect.id}) from {others} {place}, which {explained}")
+            said.append(f"{lead} {shorten_id(effect.id)} ({effect.id}) from {others} {place}, which {explained}")
         else:
             besides = " besides" if said and diagnosis.verdict == AMBIGUOUS else ""
-            said.append(f"{kind_words(effect)} {place}{besides} {explained}")
+            said.append(f"{kind} {place}{besides} {explained}")
         named = "explains {} of it"
-    return said
-
-
-def remainder_words(diagnosis: Diagnosis) -> str:
-    """What the causes and refinements leave; where causes explain a part only, its place, regime and worst signal."""
-    left = diagnosis.remainder
-    if not math.isfinite(left.value):
-        return ""
-    text = f"; {share(left.value)} remains" if left.value >= 0.005 else "; nothing remains"
-    worst = max(diagnosis.closure.signals.items(), key=lambda item: item[1].after / item[1].noise_std, default=None)
-    if diagnosis.verdict != PARTLY or worst is None:
-        return text
-    name, ratio = worst[0], digits(worst[1].after / worst[1].noise_std, 2)
-    within = f" in the {left.block}" if left.block else ""
-    return f"{text}{within}{regime_words(left.regime)}, most on {name} ({ratio} noise standard deviations)"
+    words, left = "; ".join(said), diagnosis.remainder
+    if math.isfinite(left.value):
+        words += f"; {share(left.value)} remains" if left.value >= 0.005 else "; nothing remains"
+        worst = max(diagnosis.closure.signals.items(), key=lambda item: item[1].after / item[1].noise_std, default=None)
+        if diagnosis.verdict == PARTLY and worst is not None:
+            name, ratio = worst[0], digits(worst[1].after / worst[1].noise_std, 2)
+            words += f" in the {left.block}" if left.block else ""
+            words += f"{regime_words(left.regime)}, most on {name} ({ratio} noise standard deviations)"
+    closed = "" if diagnosis.closure.overall.value > 0.0 else "; on the judged logs the gap is not closed"
+    return f"{words[:1].upper()}{words[1:]}{unconfirmed}{closed}."
 
 
 def regime_words(regime: Mapping[str, float]) -> str:
@@ -294,35 +282,14 @@ def regime_words(regime: Mapping[str, float]) -> str:
     return f", mostly with {max(regime, key=lambda name: regime[name])}" if regime else ""
 
 
-def unknown_words(diagnosis: Diagnosis) -> str:
-    """Where the gap lies that no effect explains, in what regime, and what the best set would explain."""
-    where = diagnosis.where
-    place = seat(where.wires, where.joints, machine_of(diagnosis))
-    within = f" in the {where.block}" if where.block != "none" else ""
-    text = f"There is a gap{within}{f' at {place}' if place else ''}{regime_words(where.regime)}"
-    explained = 1.0 - diagnosis.remainder.value
-    best = min(diagnosis.candidates, key=lambda c: abs(c.share - explained), default=None)
-    would = f"; the best set, {best.id}, would explain {share(explained)} of it" if best and explained > 0.005 else ""
-    return f"{text}, that no effect of the library explains{would}"
-
-
 def refinement_words(diagnosis: Diagnosis) -> str:
     """Refinements with place and share in a sentence, and what they are; empty without any."""
     found = refinements(diagnosis)
-    if not found:
-        return ""
-    each = [f"{kind_words(e)} {place_of(diagnosis, e)}, {share(e.share.value)} of the gap" for e in found]
-    return f"{'; '.join(each)} ({REFINED})"
+    each = [f"{' '.join(name_place(diagnosis, e))}, {share(e.share.value)} of the gap" for e in found]
+    return f"{'; '.join(each)} ({REFINED})" if each else ""
 
 
-def unconfirmed(diagnosis: Diagnosis) -> str:
-    """Says that held-out motion contradicts the effects, or does not confirm them; empty where it does."""
-    if diagnosis.confirmed is not False:
-        return ""
-    return f"; held-out motion {'contradicts' if diagnosis.closure.effect.high < 0.0 else 'does not confirm'} it"
-
-
-def robots_of(diagnosis: Diagnosis) -> dict[str, str]:
+def list_robots(diagnosis: Diagnosis) -> dict[str, str]:
     """The robots that the answer compares: their key among the gaps of a signal -> what they are."""
     robots = {"before": "nominal robot", "retuned": "retuned robot", "after": "improved robot"}
     if diagnosis.verdict == UNKNOWN:
@@ -332,17 +299,17 @@ def robots_of(diagnosis: Diagnosis) -> dict[str, str]:
 
 def last_robot(diagnosis: Diagnosis) -> str:
     """Description of the last of these robots."""
-    return list(robots_of(diagnosis).values())[-1]
+    return list(list_robots(diagnosis).values())[-1]
 
 
 def robot_titles(diagnosis: Diagnosis) -> list[str]:
     """Titles of columns of these robots: `Nominal`, `Retuned`, `Improved`."""
-    return [name.removesuffix(" robot").partition(" (")[0].capitalize() for name in robots_of(diagnosis).values()]
+    return [name.removesuffix(" robot").partition(" (")[0].capitalize() for name in list_robots(diagnosis).values()]
 
 
 def kind_gaps(diagnosis: Diagnosis) -> list[KindGap]:
     """Gap per kind of signal, from the gaps of its signals."""
-    machine = machine_of(diagnosis)
+    machine = find_machine(diagnosis)
     by_kind: dict[str, list[SignalGap]] = {}
     for name, gap in diagnosis.closure.signals.items():
         by_kind.setdefault(split_column(name, machine)[0], []).append(gap)
@@ -364,21 +331,6 @@ def motion_words(diagnosis: Diagnosis) -> str:
         return ""
     each = ", ".join(f"{kind} {closure(c.value)}" for kind, c in found.motions.items())
     return f"measured on {', '.join(found.measured_on)}; kinds of motion left out of the fit, one at a time: {each}"
-
-
-def experiment_words(diagnosis: Diagnosis) -> str:
-    """The command that designs the motion by which the explanations still in play differ; empty without any."""
-    if not diagnosis.rivals:
-        return ""
-    return "`exodrake experiment CASE --out reference.csv` designs the motion that tells them apart"
-
-
-def moved_words(diagnosis: Diagnosis) -> str:
-    """Parameters that retuning moved, the largest change first; empty where it moved nothing."""
-    moved = diagnosis.retune.moved
-    shown = [f"{m.name} {digits(m.nominal, 3)} -> {digits(m.value, 3)} {m.unit}" for m in moved[:MOST_MOVED]]
-    rest = [f"{len(moved) - len(shown)} more"] if len(moved) > len(shown) else []
-    return listed(shown + rest)
 
 
 def alike_words(diagnosis: Diagnosis) -> str:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from exodrake.identification.kinematics.identify import SMALLEST_ANGLE, Kinematics, identify
-from exodrake.identification.kinematics.synthetic import Faults, Hand, Truth, synthesise
+from exodrake.identification.kinematics.markers import Faults, Hand, Truth, synthesise
 from exodrake.report.blocks import Drawing, Heading, Table
 from studies.paper.claim import AGREES, DOES_NOT, UNKNOWN, Chapter, Claim
 

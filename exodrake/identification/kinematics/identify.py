@@ -14,8 +14,38 @@ finger motion is unchanged. A missing sample has no weight and takes the value o
 
 First guess: every joint a hinge. The poses of the triads at rest place all markers and axes in the frame of the base
 triad. There the motion of a joint, the relative motion of its two segments from that posture, gives axis, angle and
-centre in closed form (`axis`). The abduction axis starts through the MCP centre, normal to flexion and to the finger.
+centre in closed form. The abduction axis starts through the MCP centre, normal to flexion and to the finger.
+
+Bundle adjustment:
+
+    minimise  sum over frames and seen markers |y - (R_f x(finger, theta_f) + p_f)|^2      mean theta over the rest = 0
+
+Each frame has ten unknowns of its own (pose of the hand, four angles), the finger 51. With H_f the normal matrix of a
+frame, E_f its coupling to the finger and C_f to the constraint, the frames are eliminated by the Schur complement
+
+    [N - sum E' H^-1 E,  - sum E' H^-1 C]
+    [     symmetric   ,  - sum C' H^-1 C]
+
+so a step costs one 55 x 55 system (Triggs et al., Bundle Adjustment, 1999, section 6.1). The inverse of that matrix
+times the variance of the noise is the covariance of the finger. Errors of neighbouring frames may be correlated (skin,
+filters of the camera software), so it is multiplied by the variance inflation of sums over blocks of frames, if that
+exceeds 1. A weak prior holds what the motion does not show, such as the abduction axis of a hand without abduction.
+
+In the frame of the base triad, a marker X of segment k is carried by the joints before it (paper Eq. 14):
+
+    x = T_abduction(theta_1) T_MCP(theta_2) T_PIP(theta_3) T_DIP(theta_4) X       (as many factors as joints before it)
+    T(theta) X = R (X - Q) + Q,  R = e^{[w] theta},  Q = Y + G theta
+
+and X is its place at rest, where all angles are 0. Derivatives of one factor, with d = X - Q:
+
+    dx/dtheta = w x R d + (I - R) G      dx/dY = I - R      dx/dG = theta (I - R)      dx/dw: R [d] - [R d]
+
+The last is for a small rotation of w. `Finger.free` lists the changes that markers can show: the base triad keeps its
+frame, centres and slopes stay normal to their axes, and the two axes of the MCP perpendicular. (A component of the
+abduction axis along the flexion axis is, to first order, a change of the flexion angle.)
 """
+
+from __future__ import annotations
 
 from dataclasses import dataclass
 
@@ -24,38 +54,258 @@ from scipy.spatial.transform import Rotation
 
 from exodrake.core.confidence import NORMAL_95
 from exodrake.core.errors import InputError
-from exodrake.identification.kinematics.adjust import Adjusted, Finger, adjust, fit_frames
-from exodrake.identification.kinematics.markers import JOINTS, Layout, Recording
+from exodrake.identification.kinematics.markers import JOINTS, SEGMENTS, Layout, Recording, check_labels
 from exodrake.identification.kinematics.rigid import (
     Axis,
     across,
     apply,
     centres,
-    check_labels,
+    corners,
     fit_pose,
+    hat,
     inverse,
     motion,
+    rotation,
     triad_pose,
 )
 
+TRIAD = 3
+COUNT = 3 * TRIAD * len(SEGMENTS)  # coordinates of markers
+PER_AXIS = 9  # small rotation of w, Y, G
+ALL = COUNT + PER_AXIS * 4
+LOCAL = 10  # of a frame: rotation and shift of the hand, four angles
+FREE = 51  # changes of a finger that markers can show
+STEPS = 60  # a finger needs 5 to 15
+CONVERGED = 1e-10  # relative decrease of the cost
+ROUNDING = 1e-14  # m; errors as small are rounding
+DAMPING = 1e9  # beyond it no step lowers the cost
+FRAME_STEPS, STILL = 20, 1e-12  # of a frame with the finger known; last step [rad, m]
+CHUNK = 400  # frames at a time, for memory
+HELD = 1e-9  # m2; holds what missing markers leave open in a frame
+PRIOR = np.r_[np.full(COUNT, 0.03), np.tile(np.repeat([0.5, 0.03, 0.03], 3), 4)] ** -2  # m, rad, m/rad; assumed, wide
 FEWEST = 50  # frames in which a joint must be seen
 UNSTEADY = 0.12  # rad RMS about the mean posture of the rest
+ORDER = 3  # of the differences that the smoothing spline penalises
+NUDGE = 1e-6  # m, rad, m/rad; of the difference quotient
+FRAMES = 4000  # of the adjustment, equispaced beside the rest: they cover minutes of recording
+CUTOFF = 4.0  # Hz, of the smoothing
+LONGEST_GAP = 0.2  # s, longest gap that is filled
+REST = 1.0  # s, duration of the rest at the start
+SMALLEST_ANGLE = 0.3  # rad, whose centres are shown and measured against their line
+BLOCK = 1.0  # s, time within which errors may be correlated
+
+
+@dataclass(frozen=True)
+class Finger:
+    """Finger at rest in the frame of the base triad: markers (4, 3, 3) [m] by segment; abduction and flexion axes."""
+
+    markers: np.ndarray
+    axes: tuple[Axis, Axis, Axis, Axis]
+
+    def free(self) -> np.ndarray:
+        """Changes that markers can show, as columns (72, 51) [m, rad, m/rad] of markers, then w, Y, G of each axis."""
+        blocks = np.zeros((ALL, 3 + COUNT - 9))
+        blocks[:9, :3] = corners().reshape(9, 3)
+        blocks[9:COUNT, 3:] = np.eye(COUNT - 9)
+        pair = np.zeros((ALL, 3))
+        pair[COUNT : COUNT + 3] = pair[COUNT + PER_AXIS : COUNT + PER_AXIS + 3] = np.eye(3)
+        columns = [blocks, pair]
+        for number, axis in enumerate(self.axes):
+            plane = np.linalg.svd(axis.direction[None])[2][1:].T
+            for part in range(3):
+                if (number, part) in ((0, 0), (1, 0), (0, 2)):
+                    continue  # the two MCP axes turn together, and the abduction axis stays in place
+                column = np.zeros((ALL, 2))
+                start = COUNT + PER_AXIS * number + 3 * part
+                column[start : start + 3] = plane
+                columns.append(column)
+        return np.hstack(columns)
+
+    def shift(self, change: np.ndarray) -> Finger:
+        """Finger after a change (72,) of markers [m], directions [rad], centres [m] and slopes [m/rad]."""
+        axes = []
+        for axis, (turn, shift, slope) in zip(self.axes, change[COUNT:].reshape(4, 3, 3), strict=True):
+            w = rotation(turn) @ axis.direction
+            axes.append(Axis(w, across(axis.point + shift, w), across(axis.slope + slope, w)))
+        return Finger(self.markers + change[:COUNT].reshape(self.markers.shape), tuple(axes))  # type: ignore[arg-type]
+
+    def places(self, angles: np.ndarray) -> np.ndarray:
+        """Markers (frames, 12, 3) [m] in the frame of the base triad at angles (frames, 4) [rad]."""
+        return self.linearised(angles, derivatives=False)[0]
+
+    def linearised(self, angles: np.ndarray, derivatives: bool = True) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Places of the markers (frames, 12, 3) [m] at angles (frames, 4) [rad], and their derivatives.
+
+        Derivatives with respect to the angles are (frames, 12, 3, 4) [m/rad], to a change of the finger (frames, 12, 3,
+        72), of no columns without `derivatives`. Angles are abduction, MCP, PIP, DIP.
+        """
+        frames, size = len(angles), ALL if derivatives else 0
+        turns = [axis.turn(angles[:, k]) for k, axis in enumerate(self.axes)]
+        place = np.empty((frames, *self.markers.shape))
+        by_angle = np.zeros((*place.shape, 4))
+        by_change = np.zeros((*place.shape, size))
+        for k in range(len(SEGMENTS)):
+            x = np.broadcast_to(self.markers[k], (frames, TRIAD, 3))
+            angle, change, whole = by_angle[:, k], by_change[:, k], np.broadcast_to(np.eye(3), (frames, 3, 3))
+            for number in reversed(range(k + 1 if k else 0)):  # carry markers and derivatives by one joint
+                axis, turn, theta = self.axes[number], turns[number], angles[:, number]
+                centre, rotate = axis.centre(theta)[:, None], turn[:, None]
+                lever = x - centre
+                turned = lever @ np.swapaxes(turn, 1, 2)
+                still = (np.eye(3) - turn)[:, None]
+                angle[:] = rotate @ angle
+                angle[..., number] = np.cross(axis.direction, turned) + still @ axis.slope
+                if derivatives:
+                    start = COUNT + PER_AXIS * number
+                    beyond = slice(start + PER_AXIS, ALL)  # of the joints between this one and the markers
+                    change[..., beyond] = rotate @ change[..., beyond]
+                    change[..., start : start + 3] = rotate @ hat(lever) - hat(turned)
+                    change[..., start + 3 : start + 6] = still
+                    change[..., start + 6 : start + 9] = theta[:, None, None, None] * still
+                x, whole = turned + centre, turn @ whole
+            place[:, k] = x
+            for marker in range(TRIAD if derivatives else 0):
+                start = 9 * k + 3 * marker
+                change[:, marker, :, start : start + 3] = whole
+        flat = (frames, COUNT // 3, 3)
+        return place.reshape(flat), by_angle.reshape(*flat, 4), by_change.reshape(*flat, size)
+
+
+@dataclass(frozen=True)
+class Adjusted:
+    """Adjusted finger, covariance (51, 51) of the coefficients of its `free` changes, RMS noise of a marker [m].
+
+    `inflation` is the factor by which correlated errors enlarge the covariance; 1 for white noise.
+    """
+
+    finger: Finger
+    covariance: np.ndarray
+    noise: float
+    inflation: float
+
+
+def adjust(
+    points: np.ndarray, rest: np.ndarray, start: Finger, poses: np.ndarray, angles: np.ndarray, block: int
+) -> Adjusted:
+    """Adjust finger, poses and angles to measured markers (frames, 12, 3) [m], NaN where missing.
+
+    The mean angles over the frames of the mask `rest` (frames,) [-] are 0. It starts from a finger, poses of the base
+    triad (frames, 4, 4) [m] and angles (frames, 4) [rad]; errors may be correlated within `block` frames.
+    """
+    finger, offset, damping = start, np.zeros(ALL), 1e-6
+    angles = angles - angles[rest].mean(axis=0)
+    error = _errors(points, finger.places(angles), poses)
+    for _ in range(STEPS):
+        system = _Normal(points, finger, poses, angles, rest)
+        prior = _variance(error, points) * PRIOR
+        cost = np.sum(error**2) + prior @ offset**2
+        while damping < DAMPING:
+            change, moves = system.step(prior, offset, damping)
+            trial = finger.shift(change), shift_poses(poses, moves), angles + moves[:, 6:]
+            left = _errors(points, trial[0].places(trial[2]), trial[1])
+            lower = np.sum(left**2) + prior @ (offset + change) ** 2
+            if lower <= cost:
+                break
+            damping *= 10
+        else:
+            break
+        (finger, poses, angles), error, offset, damping = trial, left, offset + change, damping / 10
+        if cost - lower <= CONVERGED * cost or lower < error.size * ROUNDING**2:
+            break
+    system, variance = _Normal(points, finger, poses, angles, rest), _variance(error, points)
+    covariance = np.linalg.inv(system.reduced(variance * PRIOR)[0])[:FREE, :FREE]
+    # variance of sums over blocks of frames, relative to that of independent errors
+    whole = error[: len(error) // block * block].reshape(-1, block, COUNT)
+    sums = np.sum(whole.sum(axis=1) ** 2)
+    inflation = max(1.0, float(sums / max(np.sum(whole**2), np.finfo(float).tiny)))
+    return Adjusted(finger, variance * inflation * covariance, float(np.sqrt(variance)), inflation)
+
+
+def fit_frames(points: np.ndarray, finger: Finger, poses: np.ndarray, angles: np.ndarray) -> np.ndarray:
+    """Angles (frames, 4) [rad] of each frame, with its pose, by Gauss-Newton; arguments as of `adjust`."""
+    for _ in range(FRAME_STEPS):
+        place, by_angle, _ = finger.linearised(angles, derivatives=False)
+        own = _own(place, by_angle, points)
+        pull = np.einsum("fmil,fmi->fl", own, _errors(points, place, poses))
+        normal = np.einsum("fmik,fmil->fkl", own, own) + HELD * np.eye(LOCAL)
+        moves = np.linalg.solve(normal, pull[..., None])[..., 0]
+        poses, angles = shift_poses(poses, moves), angles + moves[:, 6:]
+        if np.max(np.abs(moves), initial=0.0) < STILL:
+            break
+    return angles
+
+
+class _Normal:
+    """Normal equations of all frames at one estimate."""
+
+    def __init__(self, points, finger: Finger, poses, angles, rest) -> None:
+        self.free = finger.free()
+        normal, gradient, frames = np.zeros((ALL, ALL)), np.zeros(ALL), []
+        for part in (slice(at, at + CHUNK) for at in range(0, len(points), CHUNK)):
+            place, by_angle, by_change = finger.linearised(angles[part])
+            by_change *= np.isfinite(points[part])[..., None]
+            error = _errors(points[part], place, poses[part]).reshape(-1, COUNT)
+            own = _own(place, by_angle, points[part]).reshape(-1, COUNT, LOCAL)
+            wide = by_change.reshape(-1, COUNT, ALL)
+            tall, turned = wide.reshape(-1, ALL), np.swapaxes(own, 1, 2)
+            normal += tall.T @ tall
+            gradient += tall.T @ error.ravel()
+            fixed = np.zeros((len(own), LOCAL, 4))
+            fixed[rest[part], 6:] = np.eye(4)
+            coupling = np.concatenate([turned @ wide @ self.free, fixed], axis=2)
+            frames.append((turned @ own, np.einsum("fil,fi->fl", own, error), coupling))
+        self.normal = normal
+        self.own, self.pull, self.to = (np.concatenate(part) for part in zip(*frames))
+        self.start = np.r_[self.free.T @ gradient, np.zeros(4)]
+
+    def reduced(self, prior: np.ndarray, damping: float = 0.0):
+        """Schur complement (55, 55), and H^-1 [coupling, pull] (frames, 10, 56) of each frame; prior: (72,) weights."""
+        own = self.own + (damping * self.own + HELD) * np.eye(LOCAL)
+        solved = np.linalg.solve(own, np.concatenate([self.to, self.pull[..., None]], axis=2))
+        matrix = np.zeros((FREE + 4,) * 2)
+        inner = self.free.T @ ((self.normal + np.diag(prior)) @ self.free)
+        matrix[:FREE, :FREE] = inner + damping * inner * np.eye(FREE)
+        size = len(matrix)
+        matrix -= self.to.reshape(-1, size).T @ solved[..., :size].reshape(-1, size)
+        return matrix, solved
+
+    def step(self, prior: np.ndarray, offset: np.ndarray, damping: float) -> tuple[np.ndarray, np.ndarray]:
+        """Change of the finger (72,) and moves of the frames (frames, 10) [rad, m]."""
+        matrix, solved = self.reduced(prior, damping)
+        right = self.start - np.einsum("flg,fl->g", self.to, solved[..., -1])
+        right[:FREE] -= self.free.T @ (prior * offset)
+        answer = np.linalg.solve(matrix, right)
+        return self.free @ answer[:FREE], solved[..., -1] - solved[..., :-1] @ answer
+
+
+def _own(place: np.ndarray, by_angle: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Derivatives (frames, 12, 3, 10) of places with respect to rotation, shift and angles of their frame; 0 unseen."""
+    shift = np.broadcast_to(np.eye(3), (*place.shape, 3))
+    return np.concatenate([-hat(place), shift, by_angle], axis=3) * np.isfinite(points)[..., None]
+
+
+def _errors(points: np.ndarray, place: np.ndarray, poses: np.ndarray) -> np.ndarray:
+    """Measured less predicted markers (frames, 12, 3) [m], seen from the base triad; 0 where missing."""
+    return np.nan_to_num(apply(inverse(poses), points) - place)
+
+
+def shift_poses(poses: np.ndarray, moves: np.ndarray) -> np.ndarray:
+    """Poses (frames, 4, 4) [m] after small rotations and shifts, moves (frames, 10) [rad, m]."""
+    return poses @ motion(rotation(moves[:, :3]), moves[:, 3:6])
+
+
+def _variance(error: np.ndarray, points: np.ndarray) -> float:
+    """Variance of the noise [m2]; a frame seen completely spends ten of its 36 coordinates on its own unknowns."""
+    left = np.count_nonzero(np.isfinite(points)) * (1 - LOCAL / COUNT) - FREE
+    return float(np.sum(error**2) / max(left, 1))
 
 
 def first_guess(
     shapes: np.ndarray, poses: list[np.ndarray], rest: np.ndarray, recording: Recording, layout: Layout
 ) -> tuple[Finger, np.ndarray, np.ndarray]:
-    """Guess the finger from the motion of its segments.
+    """Guess the finger, poses of the base triad (frames, 4, 4) [m], and angles (frames, 4) [rad].
 
-    Args:
-        shapes: (4, 3, 3) triads of base, proximal, middle and distal segment [m].
-        poses: of each of them (frames, 4, 4) [m].
-        rest: (frames,) mask of the rest at the start.
-        recording: The recording, for errors.
-        layout: Names of the markers, for errors.
-
-    Returns:
-        The finger, poses of the base triad (frames, 4, 4) [m], and angles (frames, 4) [rad].
+    From the triads (4, 3, 3) [m] of the segments, poses of each (frames, 4, 4) [m], and the mask of the rest (frames,).
 
     Raises:
         InputError: For a joint that is hardly seen, is not at rest at the start, or hardly moves.
@@ -73,12 +323,27 @@ def first_guess(
             raise InputError(
                 f"{source}: {name} is seen in {len(seen)} of {len(rest)} frames{why}; at least {FEWEST} are needed"
             )
-        reference = _rest_pose(name, relative[seen[rest[seen]]], source)
-        before, rested = rested, rested @ reference
+        still = relative[seen[rest[seen]]]
+        if not len(still):
+            raise InputError(f"{source}: {name} is not seen in the rest at the start, the posture all angles refer to")
+        mean = Rotation.from_matrix(still[:, :3, :3]).mean().as_matrix()
+        stir = float(np.sqrt(np.mean(np.sum((mean.T @ still[:, :3, :3] - np.eye(3)) ** 2, axis=(1, 2))) / 2))
+        if stir > UNSTEADY:
+            raise InputError(
+                f"{source}: {name} moves by {np.rad2deg(stir):.1f} deg RMS in the rest at the start,"
+                " which must show the finger straight and still"
+            )
+        before, rested = rested, rested @ motion(mean, still[:, :3, 3].mean(axis=0))
         markers.append(apply(rested, shapes[k + 1]))
         turns, about = before @ relative[seen] @ inverse(rested), markers[-1].mean(axis=0)
         turned = Rotation.from_matrix(turns[:, :3, :3])
-        axis, angle = _hinge(turns, turned, about)
+        # the principal direction of w sin theta, where small angles weigh little; flexion is the larger excursion
+        quaternion = turned.as_quat(canonical=True)
+        sines = 2 * quaternion[:, 3:] * quaternion[:, :3]
+        direction = np.linalg.eigh(sines.T @ sines)[1][:, -1]
+        along = sines @ direction
+        direction = direction if np.sum(along * np.abs(along)) >= 0 else -direction
+        angle = 2 * np.arctan2(quaternion[:, :3] @ direction, quaternion[:, 3])  # of the nearest rotation about it
         beyond = np.count_nonzero(np.abs(angle) >= SMALLEST_ANGLE)
         if beyond < FEWEST:
             most = np.rad2deg(np.nanmax(np.abs(angle)))
@@ -86,83 +351,36 @@ def first_guess(
                 f"{source}: {name} turns {most:.1f} deg at most and is beyond"
                 f" {np.rad2deg(SMALLEST_ANGLE):.0f} deg in {beyond} frames; its centre needs {FEWEST} such frames"
             )
+        share = (2 * np.sin(angle / 2)) ** 2  # inverse relative variance of a centre
+        centre = share @ np.nan_to_num(centres(turns, direction, angle, about)) / share.sum()
         if k == 0:  # abduction about distal x flexion, which points dorsally
-            dorsal = np.cross(about - axis.point, axis.direction)
+            dorsal = np.cross(about - centre, direction)
             dorsal /= np.linalg.norm(dorsal)
-            point = axis.point + axis.direction * (about @ axis.direction)
-            axes.append(Axis(dorsal, across(point, dorsal), np.zeros(3)))
+            axes.append(Axis(dorsal, across(centre + direction * (about @ direction), dorsal), np.zeros(3)))
             angles.append(np.interp(count, seen, turned.as_rotvec() @ dorsal))
-        axes.append(axis)
+        axes.append(Axis(direction, centre, np.zeros(3)))
         angles.append(np.interp(count, seen, angle))
     whole = np.flatnonzero(np.isfinite(poses[0]).all(axis=(1, 2)))
     nearest = whole[np.searchsorted(whole, count).clip(max=len(whole) - 1)]
     return Finger(np.stack(markers), tuple(axes)), poses[0][nearest], np.stack(angles, axis=1)
 
 
-def _hinge(turns: np.ndarray, turned: Rotation, about: np.ndarray) -> tuple[Axis, np.ndarray]:
-    """Axis with a centre that stays in place, and angle (frames,) [rad], of motions (frames, 4, 4) from the rest.
-
-    The direction is the principal one of w sin theta, so small angles have little weight; it is positive towards the
-    larger excursion (flexion). The angle about it is that of the nearest rotation, by the quaternion.
-    """
-    quaternion = turned.as_quat(canonical=True)
-    sines = 2 * quaternion[:, 3:] * quaternion[:, :3]
-    direction = np.linalg.eigh(sines.T @ sines)[1][:, -1]
-    along = sines @ direction
-    direction = direction if np.sum(along * np.abs(along)) >= 0 else -direction
-    angle = 2 * np.arctan2(quaternion[:, :3] @ direction, quaternion[:, 3])
-    share = (2 * np.sin(angle / 2)) ** 2  # inverse relative variance of a centre
-    centre = share @ np.nan_to_num(centres(turns, direction, angle, about)) / share.sum()
-    return Axis(direction, centre, np.zeros(3)), angle
-
-
-def _rest_pose(name: str, still: np.ndarray, source: str) -> np.ndarray:
-    """Mean (4, 4) of the relative poses at rest (frames, 4, 4) [m]. InputError if there are none, or they move."""
-    if not len(still):
-        raise InputError(f"{source}: {name} is not seen in the rest at the start, the posture all angles refer to")
-    mean = Rotation.from_matrix(still[:, :3, :3]).mean().as_matrix()
-    stir = float(np.sqrt(np.mean(np.sum((mean.T @ still[:, :3, :3] - np.eye(3)) ** 2, axis=(1, 2))) / 2))
-    if stir > UNSTEADY:
-        raise InputError(
-            f"{source}: {name} moves by {np.rad2deg(stir):.1f} deg RMS in the rest at the start,"
-            " which must show the finger straight and still"
-        )
-    return motion(mean, still[:, :3, 3].mean(axis=0))
-
-
-ORDER = 3
-
-
 def smooth(time: np.ndarray, positions: np.ndarray, cutoff: float, source: str = "recording") -> np.ndarray:
-    """Smooth marker paths.
-
-    Args:
-        time: (frames,) evenly spaced [s].
-        positions: (frames, markers, 3) [m], NaN where missing.
-        cutoff: Cut-off frequency [Hz].
-        source: Name of the recording, for errors.
-
-    Returns:
-        Smoothed positions (frames, markers, 3) [m].
+    """Smooth positions (frames, markers, 3) [m], NaN where missing, at evenly spaced time (frames,) [s].
 
     Raises:
-        InputError: For uneven frames or a cut-off beyond half the frame rate.
+        InputError: For uneven frames or a cut-off [Hz] beyond half the frame rate; it names the source.
     """
     from scipy.signal import whittaker_henderson
 
     steps = np.diff(time)
     step = float(np.median(steps))
-    uneven = np.abs(steps - step) > step / 2
-    if uneven.any():
-        where = int(np.argmax(uneven))
-        at, wide = time[where], 1e3 * steps[where]
-        raise InputError(
-            f"{source}: frame {where} at {at:g} s is followed after {wide:g} ms, the others after {1e3 * step:g} ms"
-        )
-    if not 0 < cutoff < 0.5 / step:
-        raise InputError(
-            f"{source}: cut-off {cutoff:g} Hz must lie between 0 and half the frame rate, {0.5 / step:g} Hz"
-        )
+    uneven = np.flatnonzero(np.abs(steps - step) > step / 2)
+    if len(uneven):
+        at, wide = f"frame {uneven[0]} at {time[uneven[0]]:g} s", 1e3 * steps[uneven[0]]
+        raise InputError(f"{source}: {at} is followed after {wide:g} ms, the others after {1e3 * step:g} ms")
+    if not 0 < cutoff < (top := 0.5 / step):
+        raise InputError(f"{source}: cut-off {cutoff:g} Hz must lie between 0 and half the frame rate, {top:g} Hz")
     stiffness = (2 * np.sin(np.pi * cutoff * step)) ** (-2 * ORDER)
     result = np.full_like(positions, np.nan)
     for number, path in enumerate(np.moveaxis(positions, 1, 0)):
@@ -182,14 +400,10 @@ def smooth(time: np.ndarray, positions: np.ndarray, cutoff: float, source: str =
 
 @dataclass(frozen=True)
 class CentreLine:
-    """Centre = gradient theta + intercept, per axis of the frame proximal to the joint.
+    """Centre = gradient (3,) [m/rad] theta + intercept (3,) [m], per axis of the frame proximal to the joint.
 
-    Attributes:
-        gradient: (3,) [m/rad].
-        intercept: (3,) [m].
-        covariance: (6, 6) of gradient, then intercept [m2].
-        rmse: (3,) scatter about the line of the centres of single frames [m].
-        frames: Number of frames with a large enough angle for that scatter.
+    The covariance (6, 6) is of gradient, then intercept; `rmse` (3,) [m] is the scatter about the line of the centres
+    of those single frames, `frames` in number, whose angle is large enough.
     """
 
     gradient: np.ndarray
@@ -224,22 +438,12 @@ class CentreLine:
         return NORMAL_95 * np.sqrt(np.maximum(theta**2 * slope + 2 * theta * shared + level, 0.0))
 
 
-STEP = 1e-6  # m, rad, m/rad; of the difference quotient
-
-
 def measures(finger: Finger, tip: int) -> np.ndarray:
-    """Lengths of the three phalanges, then gradient and intercept of MCP, PIP, DIP in the frame of the triad before it.
+    """Lengths of the three phalanges, then gradient and intercept of MCP, PIP, DIP, (21,) [m, m/rad].
 
-    Lengths are those between joint axes, the last one from the DIP axis to the tip marker. The position of a centre
-    along its axis cannot be observed, so the plane through the middle of the segment's triad, normal to the mean
-    direction of its two axes, serves as the middle of the finger.
-
-    Args:
-        finger: The finger.
-        tip: Number of the distal marker at the fingertip.
-
-    Returns:
-        Values (21,) [m, m/rad].
+    Lengths are those between joint axes, the last one from the DIP axis to the distal marker `tip`. The position of a
+    centre along its axis cannot be observed, so the plane through the middle of the segment's triad, normal to the mean
+    direction of its two axes, serves as the middle of the finger. A gradient is in the frame of the triad before it.
     """
     _, proximal, middle, distal = finger.markers
     _, mcp, pip, dip = finger.axes
@@ -268,19 +472,11 @@ def measure(adjusted: Adjusted, tip: int) -> tuple[np.ndarray, np.ndarray]:
     """Values (21,) of `measures` and their covariance (21, 21) [SI]."""
     finger, free = adjusted.finger, adjusted.finger.free()
     columns = [
-        (measures(finger.shift(STEP * way), tip) - measures(finger.shift(-STEP * way), tip)) / (2 * STEP)
+        (measures(finger.shift(NUDGE * way), tip) - measures(finger.shift(-NUDGE * way), tip)) / (2 * NUDGE)
         for way in free.T
     ]
     slope = np.stack(columns, axis=1)
     return measures(finger, tip), slope @ adjusted.covariance @ slope.T
-
-
-FRAMES = 4000  # of the adjustment, equispaced beside the rest: they cover minutes of recording
-CUTOFF = 4.0  # Hz, of the smoothing
-LONGEST_GAP = 0.2  # s, longest gap that is filled
-REST = 1.0  # s, duration of the rest at the start
-SMALLEST_ANGLE = 0.3  # rad, whose centres are shown and measured against their line
-BLOCK = 1.0  # s, time within which errors may be correlated
 
 
 @dataclass(frozen=True)
@@ -289,12 +485,10 @@ class Joint:
 
     Attributes:
         name: MCP, PIP or DIP.
-        axis: Flexion axis.
-        angle: (frames,) flexion [rad].
+        axis: of flexion; abduction_axis: of the MCP.
+        angle: (frames,) flexion [rad]; abduction: (frames,) of the MCP [rad].
         centre: (frames, 3) centre normal to the axis, from each frame alone [m].
         line: Line of the centre over the angle.
-        abduction_axis: Abduction axis (MCP only).
-        abduction: (frames,) abduction [rad] (MCP only).
     """
 
     name: str
@@ -313,18 +507,13 @@ class Joint:
 
 @dataclass(frozen=True)
 class Kinematics:
-    """Identified finger.
+    """Identified finger in a recording: joints, phalanx lengths (3,) [m] and their 95 % half widths.
 
     Attributes:
-        joints: MCP, PIP, DIP.
-        lengths: (3,) phalanx lengths [m].
-        intervals: (3,) 95 % half widths of the lengths [m].
         residuals: (4,) median residual of each triad after smoothing [m].
         noise: RMS noise per axis of a marker [m].
         inflation: Factor by which errors that last for several frames enlarge the variances.
-        time: (frames,) [s].
         remarks: Warnings of the label check.
-        source: Name of the recording.
     """
 
     joints: tuple[Joint, Joint, Joint]
@@ -339,12 +528,7 @@ class Kinematics:
 
 
 def identify(recording: Recording, layout: Layout | None = None, cutoff: float | None = CUTOFF) -> Kinematics:
-    """Identify the kinematics of the finger in a marker recording.
-
-    Args:
-        recording: Marker positions.
-        layout: Marker names of each segment.
-        cutoff: Cut-off frequency of the smoothing [Hz]; None for none.
+    """Identify the kinematics of the finger in a marker recording, smoothed below a cut-off frequency [Hz].
 
     Raises:
         InputError: Naming file, marker and frame, for missing or swapped markers, collinear triads, too few frames,
@@ -362,9 +546,7 @@ def identify(recording: Recording, layout: Layout | None = None, cutoff: float |
     points, time = recording.of(layout.finger).copy(), recording.time
     for k, spoilt in enumerate(check.spoilt):
         points[spoilt, 3 * k : 3 * k + 3] = np.nan
-    smoothed = points
-    if cutoff is not None:
-        smoothed = smooth(time, points, cutoff, recording.source)
+    smoothed = points if cutoff is None else smooth(time, points, cutoff, recording.source)
     fits = [fit_pose(shape, smoothed[:, 3 * k : 3 * k + 3]) for k, shape in enumerate(check.shapes)]
     rest = time <= time[0] + REST
     start, poses, angles = first_guess(check.shapes, [pose for pose, _ in fits], rest, recording, layout)
@@ -374,34 +556,27 @@ def identify(recording: Recording, layout: Layout | None = None, cutoff: float |
     angles = fit_frames(smoothed, found.finger, poses, angles)
     values, covariance = measure(found, layout.distal.index(layout.tip))
     half = NORMAL_95 * np.sqrt(np.diag(covariance)[:3])
-    parts = [slice(3 + 6 * k, 9 + 6 * k) for k in range(3)]
-    joints = tuple(
-        _joint(k, found.finger, smoothed, angles, values[part], covariance[part, part]) for k, part in enumerate(parts)
-    )
+    finger, joints = found.finger, []
+    for k, name in enumerate(JOINTS):
+        axis, angle, side = finger.axes[k + 1], angles[:, k + 1].copy(), angles[:, 0].copy()
+        near, far = (fit_pose(finger.markers[i], smoothed[:, 3 * i : 3 * i + 3])[0] for i in (k, k + 1))
+        turns = inverse(near) @ far
+        seen = np.isfinite(turns).all(axis=(1, 2))
+        angle[~seen] = side[~seen] = np.nan
+        if k == 0:
+            turns = inverse(finger.axes[0].pose(side)) @ turns
+        pose = triad_pose(finger.markers[k])
+        own = axis.seen_from(pose)
+        centre = centres(turns, axis.direction, angle, finger.markers[k + 1].mean(axis=0))
+        centre = across(apply(inverse(pose), centre), own.direction)
+        part = slice(3 + 6 * k, 9 + 6 * k)
+        (gradient, intercept), used = np.split(values[part], 2), np.abs(np.nan_to_num(angle)) >= SMALLEST_ANGLE
+        rmse = np.sqrt(np.mean((centre[used] - intercept - gradient * angle[used, None]) ** 2, axis=0))
+        line = CentreLine(gradient, intercept, covariance[part, part], rmse, int(used.sum()))
+        abduction_axis, abduction = (None, None) if k else (finger.axes[0].seen_from(pose), side)
+        joints.append(Joint(name, own, angle, centre, line, abduction_axis, abduction))
     residuals = tuple(float(np.nanmedian(residual)) for _, residual in fits)
     return Kinematics(
         (joints[0], joints[1], joints[2]), tuple(values[:3].tolist()), tuple(half.tolist()),
         residuals, found.noise, found.inflation, time, check.remarks, recording.source,
     )  # fmt: skip
-
-
-def _joint(
-    k: int, finger: Finger, points: np.ndarray, angles: np.ndarray, values: np.ndarray, covariance: np.ndarray
-) -> Joint:
-    """Describe joint k; values (6,) [m/rad, m] are its gradient and intercept, with their covariance (6, 6)."""
-    axis, angle, side = finger.axes[k + 1], angles[:, k + 1].copy(), angles[:, 0].copy()
-    near, far = (fit_pose(finger.markers[i], points[:, 3 * i : 3 * i + 3])[0] for i in (k, k + 1))
-    turns = inverse(near) @ far
-    seen = np.isfinite(turns).all(axis=(1, 2))
-    angle[~seen] = side[~seen] = np.nan
-    if k == 0:
-        turns = inverse(finger.axes[0].pose(side)) @ turns
-    pose = triad_pose(finger.markers[k])
-    own = axis.seen_from(pose)
-    centre = centres(turns, axis.direction, angle, finger.markers[k + 1].mean(axis=0))
-    centre = across(apply(inverse(pose), centre), own.direction)
-    used = np.abs(np.nan_to_num(angle)) >= SMALLEST_ANGLE
-    error = centre[used] - values[3:] - values[:3] * angle[used, None]
-    line = CentreLine(values[:3], values[3:], covariance, np.sqrt(np.mean(error**2, axis=0)), len(error))
-    abduction_axis, abduction = (None, None) if k else (finger.axes[0].seen_from(pose), side)
-    return Joint(JOINTS[k], own, angle, centre, line, abduction_axis, abduction)

@@ -1,4 +1,4 @@
-"""Marker recordings, their CSV and C3D files, and which marker is on which segment (paper Fig. 8-9).
+"""Marker recordings: files, clock, the check of their labels, and synthetic ones with known truth (paper Fig. 5, 8-9).
 
 Lines of CSV that begin with # are comments, followed by one heading and one row per frame:
 
@@ -14,6 +14,16 @@ The controller's clock on the clock of the motion capture follows from the recor
 
     start, skew = clock_from_pulses(time, level, robot.machine.frame)
     controller_time = (capture_time - start) / (1.0 + skew)
+
+A triad is three markers on one segment. Its sides are the medians of the marker distances over all frames, which
+neither the motion of the hand nor a few swapped frames disturb. A triad is rigid, so a wrong label shows as a jump of
+the residual, in both triads if the swap is between segments. A frame counts as swapped if the exchange of one pair
+restores the shape of every triad. Triads should have three different sides: a swap within an isosceles triad cannot be
+detected.
+
+A synthetic finger rests along x (distal) with y dorsal and the MCP centre at the origin, so flexion is about -z and
+abduction about y. The lengths and the PIP and DIP gradients are the paper's; that of the MCP is smaller than the
+printed one, which is anatomically implausible (`physics.md`, Table 1). Nothing in such a recording was measured.
 """
 
 from __future__ import annotations
@@ -23,6 +33,7 @@ import re
 import struct
 import tempfile
 from dataclasses import dataclass, replace
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -33,9 +44,37 @@ from exodrake.core.files import read_bytes
 from exodrake.core.processes import in_child
 from exodrake.core.schema import listing, mapping, optional, read_yaml, text
 from exodrake.core.units import si_unit, to_si
+from exodrake.identification.kinematics.rigid import (
+    Axis,
+    apply,
+    chain_pose,
+    corners,
+    fit_pose,
+    motion,
+    rotation,
+    triad_pose,
+)
+from exodrake.identification.workspace import LENGTHS, SPONTANEOUS
+from exodrake.simulation.protocols import smooth
 
 SEGMENTS = ("base", "proximal", "middle", "distal")
 JOINTS = ("MCP", "PIP", "DIP")
+BIG_ENDIAN = 86  # number of the processor that wrote a C3D file: MIPS
+BLOCK = 512  # bytes
+FLATTEST = 2e-3  # m; a lower triangle does not determine the rotation about its long side
+PAIRS = tuple(combinations(range(12), 2))  # of markers that may carry each other's name
+OUTLIER = 4.0  # times the median residual
+EXACT = 3e-4  # m; residual below which no frame is suspected, however small the median
+SUSPECT = 1.2e-3  # m; a triad that changes its shape by this much in a tenth of the frames may hold a wrong marker
+LOOSE = 4e-3  # m; one that changes it by this much is no rigid body
+MM = 1e-3
+PLACES = {  # of synthetic markers, mm from the joint before the segment, at rest
+    "base": ((-20, 14, 12), (-58, 16, -2), (-26, 18, -18)),
+    "proximal": ((10, 11, 5), (32, 10, 0), (14, 16, -6)),
+    "middle": ((4, 9, 5), (17, 8, -1), (3, 17, -2)),
+    "distal": ((4, 7, 5), (18.72, 6, 0), (3, 15, -2)),
+    "thumb": ((5, -40, 30), (22, -48, 20)),
+}
 
 
 def marker(value: Any, where: str) -> str:
@@ -93,14 +132,7 @@ TIME = re.compile(r"^time\s*\[(?P<unit>[^\]]*)\]$")
 
 @dataclass(frozen=True)
 class Recording:
-    """Marker recording.
-
-    Attributes:
-        names: Names of the markers.
-        time: (frames,) [s].
-        positions: (frames, markers, 3) [m], NaN where missing.
-        source: Name of the file.
-    """
+    """Positions of markers (frames, markers, 3) [m] over time (frames,) [s], NaN where missing, of a file `source`."""
 
     names: tuple[str, ...]
     time: np.ndarray
@@ -179,21 +211,8 @@ def csv_bytes(recording: Recording, remarks: tuple[str, ...] = ()) -> bytes:
     return ("\n".join([*comments, ",".join(["time [s]", *columns]), *rows]) + "\n").encode()
 
 
-BIG_ENDIAN = 86  # number of the processor that wrote the file: MIPS
-BLOCK = 512  # bytes
-
-
-def count_frames(data: bytes) -> int:
-    """Number of frames that the header promises; the format counts to 65535. 0 of a file too short for a header."""
-    mark = BLOCK * (data[0] - 1) + 3 if data else 0
-    if mark < 0 or len(data) <= max(mark, BLOCK):
-        return 0
-    first, last = struct.unpack_from(">HH" if data[mark] == BIG_ENDIAN else "<HH", data, 6)
-    return last - first + 1
-
-
 def parse_c3d(path: str, frames: int) -> Recording:
-    """`read_c3d` in this process; frames: how many there have to be at least."""
+    """A C3D file in this process, of a number of frames at least."""
     import ezc3d
 
     try:
@@ -243,23 +262,23 @@ def c3d_bytes(recording: Recording) -> bytes:
 
 def read_markers(path: str | Path) -> Recording:
     """Read a `.c3d` file, or CSV under any other name. InputError names the file, and column and row if known."""
-    if Path(path).suffix.lower() == ".c3d":
-        data = read_bytes(path)
-        return in_child(parse_c3d, os.fspath(path), count_frames(data), source=str(path), size=len(data))
-    return parse_csv(read_bytes(path), str(path))
+    data = read_bytes(path)
+    if Path(path).suffix.lower() != ".c3d":
+        return parse_csv(data, str(path))
+    mark, promised = BLOCK * (data[0] - 1) + 3 if data else -1, 0
+    if mark >= 0 and len(data) > max(mark, BLOCK):  # the header promises a number of frames, 65535 at most
+        first, last = struct.unpack_from(">HH" if data[mark] == BIG_ENDIAN else "<HH", data, 6)
+        promised = last - first + 1
+    return in_child(parse_c3d, os.fspath(path), promised, source=str(path), size=len(data))
 
 
 def clock_from_pulses(time: np.ndarray, level: np.ndarray, frame: float) -> tuple[float, float]:
-    """Start and skew of the controller's clock, by least squares over the rising edges.
+    """Start and skew of the controller's clock, by least squares over the rising edges; missed pulses are bridged.
 
-    Args:
-        time: (n,) instants on the clock of the motion capture [s].
-        level: (n,) analogue record of the sync pulse, any unit.
-        frame: time between pulses on the controller's clock [s].
-
-    Returns:
-        The instant of the first pulse recorded [s], and the relative excess of a frame's duration [-]: 1e-4 where the
-        capture counts 100 us more in a second than the controller. Missed pulses are bridged.
+    From the analogue record of the sync pulse (n,), any unit, at instants (n,) on the clock of the motion capture [s],
+    and the time between pulses on the controller's clock [s]. Start is the instant of the first pulse recorded [s],
+    skew the relative excess of a frame's duration [-]: 1e-4 where the capture counts 100 us more in a second than the
+    controller.
 
     Raises:
         InputError: fewer than two pulses rise in the record, or time does not increase.
@@ -275,3 +294,227 @@ def clock_from_pulses(time: np.ndarray, level: np.ndarray, frame: float) -> tupl
     count = np.concatenate([[0], np.cumsum(np.round(np.diff(edges) / frame))])
     slope, start = np.polyfit(count, edges, 1)
     return float(start), float(slope / frame - 1.0)
+
+
+@dataclass(frozen=True)
+class Swap:
+    """Two markers that carry each other's name from `first` through `last` (frames)."""
+
+    names: tuple[str, str]
+    first: int
+    last: int
+
+
+@dataclass(frozen=True)
+class LabelCheck:
+    """Result of `check_labels`: shapes (4, 3, 3) [m], swaps, unusable frames `spoilt` (4, frames), and remarks."""
+
+    shapes: np.ndarray
+    swaps: tuple[Swap, ...]
+    spoilt: np.ndarray
+    remarks: tuple[str, ...]
+
+
+def check_labels(recording: Recording, layout: Layout) -> LabelCheck:
+    """Compare every frame with the shapes of the triads. InputError for missing markers, collinear or loose triads."""
+    points = recording.of(layout.finger)
+    shapes = _shapes(points, layout, recording.source)
+    residual = _residuals(shapes, points)
+    median = np.nanmedian(residual, axis=1)
+    change = np.nanquantile(residual, 0.9, axis=1)
+    k = int(np.argmax(change))
+    loose = (
+        f"{recording.source}: markers {', '.join(layout.segments[k])} ({SEGMENTS[k]}) change their shape, "
+        f"by {1e3 * change[k]:.1f} mm or more in a tenth of the frames"
+    )
+    some = points[:: max(1, len(points) // 200)]
+    for a, b in PAIRS if change[k] >= SUSPECT else ():  # one marker may carry another's name throughout
+        if a // 3 == b // 3 or k not in (a // 3, b // 3):
+            continue
+        swapped = _exchanged(some, (a, b))
+        try:
+            residuals = _residuals(_shapes(swapped, layout, "recording"), swapped)
+        except InputError:  # collinear
+            continue
+        if np.nanquantile(residuals, 0.9, axis=1).max() < change[k] / 2:
+            a, b = layout.finger[a], layout.finger[b]
+            raise InputError(f"{loose}; with {a} and {b} exchanged they do not: look at these labels")
+    if change[k] > LOOSE:
+        raise InputError(loose)
+    limit = np.maximum(OUTLIER * median, EXACT)[:, None]
+    bad = residual > limit
+    # in each suspect frame the pair whose exchange gives the smallest residual, or -1
+    suspects, pairs = np.flatnonzero(bad.any(axis=0)), np.full(len(points), -1)
+    best, answer = np.full(len(suspects), np.inf), np.full(len(suspects), -1)
+    for number, (a, b) in enumerate(PAIRS if len(suspects) else ()):
+        touched = bad[a // 3, suspects] | bad[b // 3, suspects]
+        if touched.any():
+            swapped = np.nan_to_num(_residuals(shapes, _exchanged(points[suspects], (a, b))) / limit)
+            worst = np.where(touched, swapped.max(axis=0), np.inf)
+            better = (worst < 1 / 2) & (worst < best)
+            best[better], answer[better] = worst[better], number
+    pairs[suspects] = answer
+    # neighbouring frames whose residual is smaller with the exchange: noise hides single frames
+    for pair in np.unique(pairs[pairs >= 0]).tolist():
+        swapped = _residuals(shapes, _exchanged(points, PAIRS[pair]))
+        better = (np.nansum(swapped, axis=0) < np.nansum(residual, axis=0)) | (pairs == pair)
+        for first, stop in np.flatnonzero(np.diff(np.r_[False, better, False])).reshape(-1, 2):
+            if np.mean(pairs[first:stop] == pair) > 1 / 4:
+                pairs[first:stop] = pair
+    runs = np.split(np.arange(len(pairs)), np.flatnonzero(np.diff(pairs)) + 1)
+    swaps = []
+    for run in runs:
+        if len(run) and (pair := pairs[run[0]]) >= 0:
+            names = layout.finger[PAIRS[pair][0]], layout.finger[PAIRS[pair][1]]
+            swaps.append(Swap(names, int(run[0]), int(run[-1])))
+    spoilt = bad & (pairs < 0)
+    remarks = []
+    for name, shape, level, lost in zip(SEGMENTS, shapes, median, spoilt):
+        sides = np.sort(np.linalg.norm(shape - np.roll(shape, -1, axis=0), axis=1))
+        if (near := np.diff(sides).min()) < 2 * max(OUTLIER * level, EXACT):
+            remarks.append(f"{name} triad: two sides differ by {1e3 * near:.1f} mm only, some swaps would not be seen")
+        if lost.any():
+            count = np.count_nonzero(lost)
+            remarks.append(f"{name} triad: {count} frames left out: wrong shape that no exchange corrects")
+    return LabelCheck(shapes, tuple(swaps), spoilt, tuple(remarks))
+
+
+def exchange_labels(recording: Recording, swaps: tuple[Swap, ...]) -> Recording:
+    """Exchange the swapped markers of a recording."""
+    positions = recording.positions.copy()
+    for swap in swaps:
+        pair, span = [recording.names.index(name) for name in swap.names], slice(swap.first, swap.last + 1)
+        positions[span] = _exchanged(positions[span], (pair[0], pair[1]))
+    return replace(recording, positions=positions)
+
+
+def _residuals(shapes: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """RMS residual (4, frames) [m] of points (frames, 12, 3) [m], NaN where a marker is missing."""
+    return np.stack([fit_pose(shape, points[:, 3 * k : 3 * k + 3])[1] for k, shape in enumerate(shapes)])
+
+
+def _shapes(points: np.ndarray, layout: Layout, source: str) -> np.ndarray:
+    """Triads (4, 3, 3) [m] in their own frames from points (frames, 12, 3) [m]. InputError for a collinear one."""
+    shapes = []
+    for k, names in enumerate(layout.segments):
+        triad, words = points[:, 3 * k : 3 * k + 3], f"{source}: markers {', '.join(names)}"
+        whole = triad[np.isfinite(triad).all(axis=(1, 2))]
+        if not len(whole):
+            raise InputError(f"{words} are never seen together")
+        side = np.median(np.linalg.norm(whole - np.roll(whole, -1, axis=1), axis=2), axis=0)
+        base, right, left = side
+        along = (base**2 + left**2 - right**2) / (2 * base) if base > 0 else 0.0
+        height = np.sqrt(max(left**2 - along**2, 0.0))
+        if (low := base * height / max(side)) < FLATTEST:
+            raise InputError(f"{words} lie on a line (height {1e3 * low:.2f} mm), which determines no frame")
+        shapes.append(corners() @ np.array([base, along, height]))
+    return np.stack(shapes)
+
+
+def _exchanged(points: np.ndarray, pair: tuple[int, int]) -> np.ndarray:
+    """Points (frames, markers, 3) [m] with a pair of markers exchanged."""
+    swapped = points.copy()
+    swapped[:, pair] = points[:, pair[::-1]]
+    return swapped
+
+
+@dataclass(frozen=True)
+class Hand:
+    """True parameters of a synthetic hand: phalanx lengths (3,) [m], ranges of motion [rad], and centres.
+
+    `slopes` (3, 3) are those of the MCP, PIP, DIP centres along x, y, z at rest [m/rad].
+    """
+
+    lengths: tuple[float, float, float] = LENGTHS
+    slopes: tuple[tuple[float, ...], ...] = ((-1.0e-3, -1.5e-3, 0), (-2.72e-3, 1.91e-3, 0), (-0.71e-3, 0.26e-3, 0))
+    flexion: tuple[tuple[float, float], ...] = SPONTANEOUS
+    abduction: tuple[float, float] = (-0.26, 0.26)
+
+
+@dataclass(frozen=True)
+class Faults:
+    """Faults of a synthetic recording: RMS noise per axis [m], gaps per marker and minute, and their duration [s].
+
+    `artefact` is the skin motion of each marker, in a random direction [m/rad].
+    """
+
+    noise: float = 0.0
+    artefact: float = 0.0
+    dropouts: float = 0.0
+    gap: float = 0.05
+
+
+@dataclass(frozen=True)
+class Truth:
+    """Truth of a synthetic recording: angles (frames, 4) of abduction, MCP, PIP, DIP [rad], their axes and lengths [m].
+
+    Each axis is in the frame of the triad proximal to it, with a centre normal to it.
+    """
+
+    angles: np.ndarray
+    axes: tuple[Axis, Axis, Axis, Axis]
+    lengths: tuple[float, float, float]
+
+
+def synthesise(hand: Hand, faults: Faults, duration: float, rate: float, seed: int) -> tuple[Recording, Truth]:
+    """Synthesise a recording and its truth; the finger rests for the first second, then moves over its ranges.
+
+    Raises:
+        InputError: For a duration outside 3 s to an hour, a rate outside 5 to 1000 Hz, or faults below 0.
+    """
+    if not (3 <= duration <= 3600 and 5 <= rate <= 1000):
+        raise InputError(f"synthesise: {duration:g} s at {rate:g} Hz, wanted 3 to 3600 s at 5 to 1000 Hz")
+    for name, value in vars(faults).items():
+        if not 0 <= value < np.inf:
+            raise InputError(f"synthesise: {name} is {value:g}, wanted a number from 0")
+    rng = np.random.default_rng(seed)
+    time = np.arange(round(duration * rate)) / rate
+    # angles: rest, then sines
+    rise, columns = smooth((time - 1.0) / 1.5), []
+    for number, (low, high) in enumerate((hand.abduction, *hand.flexion)):
+        phase = 2 * np.pi * (0.19 + 0.06 * number) * time + 0.7 * number
+        columns.append(rise * ((low + high) / 2 + (high - low) / 2 * np.sin(phase)))
+    angles = np.stack(columns, axis=1)
+    # finger at rest, the tip marker at its end
+    joints = np.cumsum([0.0, hand.lengths[0], hand.lengths[1]])
+    palmar, still = np.array([0.0, 0, -1]), np.zeros(3)
+    bends = [Axis(palmar, np.array([x, 0, 0]), np.array(g, dtype=float)) for x, g in zip(joints, hand.slopes)]
+    axes = (Axis(np.array([0.0, 1, 0]), still, still), *bends)
+    rest = {name: MM * np.array(places, dtype=float) for name, places in PLACES.items()}
+    rest["distal"][1, 0] = hand.lengths[2]
+    for name, x in zip(SEGMENTS[1:], joints):
+        rest[name] = rest[name] + np.array([x, 0, 0])
+    # skin drags each marker along with the angle of the proximal joint
+    places = []
+    for number, name in enumerate((*SEGMENTS, "thumb")):
+        before = number + 1 if 0 < number < 4 else 0
+        carried = chain_pose(axes[:before], angles) if before else np.broadcast_to(np.eye(4), (len(time), 4, 4))
+        nearest = angles[:, before - 1] if before else np.zeros(len(time))
+        ways = rng.standard_normal((len(rest[name]), 3))
+        ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+        places.append(apply(carried, rest[name] + faults.artefact * nearest[:, None, None] * ways))
+    # the hand drifts and turns slowly
+    turn = np.array([0.48, 0.6, 0.64]) * (0.7 + 0.25 * np.sin(0.7 * time))[:, None]
+    waves = (0.03 * np.sin(0.6 * time), 0.02 * np.sin(0.9 * time), 0.02 * np.cos(0.5 * time))
+    shift = np.array([0.4, 0.1, 0.9]) + np.stack(waves, axis=1)
+    positions = apply(motion(rotation(turn), shift), np.concatenate(places, axis=1))
+    positions = positions + faults.noise * rng.standard_normal(positions.shape)
+    gap = max(1, round(faults.gap / (time[1] - time[0])))
+    for marker in range(positions.shape[1]):
+        count = rng.poisson(faults.dropouts * time[-1] / 60) if faults.dropouts else 0
+        for first in rng.integers(0, len(time), size=count):
+            positions[first : first + gap, marker] = np.nan
+    layout = Layout()
+    recording = Recording((*layout.finger, *layout.thumb), time, positions, f"synthetic, seed {seed}")
+    seen = [a.seen_from(triad_pose(rest[n])) for a, n in zip(axes, ("base", *SEGMENTS[:3]), strict=True)]
+    return recording, Truth(angles, tuple(seen), hand.lengths)  # type: ignore[arg-type]
+
+
+def truth_yaml(truth: Truth) -> str:
+    """Encode the truth as YAML: lengths [m], gradient [mm/rad] and intercept [mm] of each centre."""
+    lines = ["# truth of a synthetic recording"]
+    lines += [f"finger.length.{joint}: {length:.5f}" for joint, length in zip(JOINTS, truth.lengths, strict=True)]
+    for joint, axis in zip(JOINTS, truth.axes[1:], strict=True):
+        parts = {"gradient_mm_rad": 1e3 * axis.slope, "intercept_mm": 1e3 * axis.point, "axis": axis.direction}
+        lines += [f"{joint}.{name}: [{', '.join(f'{v:.4f}' for v in vector)}]" for name, vector in parts.items()]
+    return "\n".join(lines) + "\n"

@@ -7,7 +7,7 @@ import numpy as np
 from exodrake.core.errors import markdown_table
 from exodrake.core.files import write_folder
 from exodrake.data.plot import new_figure, png_of
-from exodrake.identification.kinematics.identify import SMALLEST_ANGLE, Joint, Kinematics
+from exodrake.identification.kinematics.identify import SMALLEST_ANGLE, Kinematics
 from exodrake.identification.kinematics.markers import SEGMENTS
 
 HEAD = (
@@ -17,6 +17,8 @@ JOINT_HEAD = (
     "joint", "flexion range [rad]", "frames used", "3-D RMSE [mm]", "phalanx", "length [mm]", "half width [mm]",
 )  # fmt: skip
 LENGTHS = ("proximal", "middle", "distal")
+PROXIMAL = ("back of the hand", "proximal phalanx", "middle phalanx")
+COLOURS = {"X": "#1f6fb4", "Y": "#d1592b", "Z": "#3a8f4f"}
 
 
 def table_rows(found: Kinematics) -> list[tuple[str, ...]]:
@@ -92,10 +94,6 @@ def write_report(found: Kinematics, folder: str | Path) -> list[Path]:
     return write_folder(folder, contents)
 
 
-PROXIMAL = ("back of the hand", "proximal phalanx", "middle phalanx")
-COLOURS = {"X": "#1f6fb4", "Y": "#d1592b", "Z": "#3a8f4f"}
-
-
 def centre_figure(found: Kinematics) -> bytes:
     """Draw the figure as PNG: a column per joint, a row per axis of the proximal frame, equal heights in mm."""
     figure = new_figure(11.0, 8.0)
@@ -104,9 +102,24 @@ def centre_figure(found: Kinematics) -> bytes:
     heights = [np.abs(b - a) + 8e3 * joint.line.rmse for (a, b), joint in zip(ends, found.joints)]
     height = float(np.max(heights))  # mm, of line and scatter
     for column, (joint, frame) in enumerate(zip(found.joints, PROXIMAL, strict=True)):
+        used, span = np.abs(np.nan_to_num(joint.angle)) >= SMALLEST_ANGLE, np.linspace(*joint.range, 60)
         for row, (axis, colour) in enumerate(COLOURS.items()):
-            panel = panels[row, column]
-            _panel(panel, joint, row, colour, height)
+            panel, line = panels[row, column], joint.line
+            middle, half = 1e3 * line.at(span)[:, row], 1e3 * line.band(span)[:, row]
+            dots = {"ms": 3, "color": colour, "alpha": 0.3, "mec": "none", "label": "a frame"}
+            panel.plot(joint.angle[used], 1e3 * joint.centre[used, row], ".", **dots)
+            band = {"color": "0.15", "alpha": 0.25, "lw": 0, "label": "95 % band of the line"}
+            panel.fill_between(span, middle - half, middle + half, **band)
+            panel.plot(span, middle, color="0.15", lw=1.4, label="line, of all frames together")
+            left_out = {"color": "0.93", "lw": 0, "zorder": 0, "label": "angle too small, left out"}
+            panel.axvspan(max(joint.range[0], -SMALLEST_ANGLE), SMALLEST_ANGLE, **left_out)
+            panel.set_ylim(np.mean(middle) - height / 2, np.mean(middle) + height / 2)
+            gradient, intercept, rmse = (1e3 * v[row] for v in (line.gradient, line.intercept, line.rmse))
+            equation = f"{gradient:+.2f} θ {intercept:+.2f},  RMSE {rmse:.2f} mm"
+            box = {"fc": "white", "ec": "none", "pad": 1.5}
+            panel.text(0.03, 0.97, equation, transform=panel.transAxes, va="top", fontsize=8, bbox=box)
+            panel.grid(color="0.88", lw=0.6)
+            panel.set_axisbelow(True)
             if column == 0:
                 panel.set_ylabel(f"{axis} [mm]")
         panels[0, column].set_title(f"{joint.name} centre, seen from the\n{frame}", fontsize=10)
@@ -114,24 +127,3 @@ def centre_figure(found: Kinematics) -> bytes:
     handles, labels = panels[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False, markerscale=5)
     return png_of(figure, dpi=130)
-
-
-def _panel(panel, joint: Joint, number: int, colour: str, height: float) -> None:
-    used = np.abs(np.nan_to_num(joint.angle)) >= SMALLEST_ANGLE
-    span = np.linspace(*joint.range, 60)
-    middle, half = 1e3 * joint.line.at(span)[:, number], 1e3 * joint.line.band(span)[:, number]
-    dots = {"ms": 3, "color": colour, "alpha": 0.3, "mec": "none", "label": "a frame"}
-    panel.plot(joint.angle[used], 1e3 * joint.centre[used, number], ".", **dots)
-    band = {"color": "0.15", "alpha": 0.25, "lw": 0, "label": "95 % band of the line"}
-    panel.fill_between(span, middle - half, middle + half, **band)
-    panel.plot(span, middle, color="0.15", lw=1.4, label="line, of all frames together")
-    edge = SMALLEST_ANGLE
-    panel.axvspan(max(joint.range[0], -edge), edge, color="0.93", lw=0, zorder=0, label="angle too small, left out")
-    panel.set_ylim(np.mean(middle) - height / 2, np.mean(middle) + height / 2)
-    line = joint.line
-    gradient, intercept, rmse = (1e3 * values[number] for values in (line.gradient, line.intercept, line.rmse))
-    equation = f"{gradient:+.2f} θ {intercept:+.2f},  RMSE {rmse:.2f} mm"
-    box = {"fc": "white", "ec": "none", "pad": 1.5}
-    panel.text(0.03, 0.97, equation, transform=panel.transAxes, va="top", fontsize=8, bbox=box)
-    panel.grid(color="0.88", lw=0.6)
-    panel.set_axisbelow(True)

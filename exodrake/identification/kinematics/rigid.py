@@ -1,4 +1,4 @@
-"""Rigid motions: moving joint axes, the paper's screws (Eq. 4-18), triads of markers, and the check of their labels.
+"""Rigid motions: moving joint axes, the paper's screws (Eq. 4-18), and poses of marker triads.
 
 Rotations R (3, 3) and motions T = [R p; 0 1] (4, 4) act on the leading axes (`...`), which are frames of a recording.
 
@@ -14,24 +14,21 @@ axis known, Q = w x v with v = G^{-1} p of Eq. 8-12 has the closed form
 
 with an error that grows as 1/theta. Frames therefore have the weight (2 sin(theta/2))^2, about theta^2, in all sums.
 
-A triad is three markers on one segment. Its sides are the medians of the marker distances over all frames, which
-neither the motion of the hand nor a few swapped frames disturb. Its frame has the origin in the centroid, x from the
-first marker to the second, and z normal to the triangle. Poses are least-squares fits of that shape (Kabsch).
-
-A triad is rigid, so a wrong label shows as a jump of the residual, in both triads if the swap is between segments. A
-frame counts as swapped if the exchange of one pair restores the shape of every triad. Triads should have three
-different sides: a swap within an isosceles triad cannot be detected.
+The frame of a triad has the origin in the centroid, x from the first marker to the second, and z normal to the
+triangle. Poses are least-squares fits of its shape (Kabsch).
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from itertools import combinations
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from exodrake.core.errors import InputError
-from exodrake.identification.kinematics.markers import SEGMENTS, Layout, Recording
+
+NEWTON_STEPS, CONVERGED = 50, 1e-10  # steps at most, and rad: a step below this is the last
 
 
 def hat(w: np.ndarray) -> np.ndarray:
@@ -71,13 +68,7 @@ def across(vector: np.ndarray, direction: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Axis:
-    """Joint axis in the frame of the segment proximal to the joint.
-
-    Attributes:
-        direction: Unit direction w (3,).
-        point: Centre Y (3,) [m] at angle 0.
-        slope: Slope G (3,) [m/rad] of the centre.
-    """
+    """Joint axis in the frame of the proximal segment: direction w (3,), centre Y (3,) [m] and slope G (3,) [m/rad]."""
 
     direction: np.ndarray
     point: np.ndarray
@@ -101,7 +92,7 @@ class Axis:
         v = np.cross(self.centre(angle), self.direction) + self.slope - self.turn(angle) @ self.slope
         return np.concatenate([np.broadcast_to(self.direction, v.shape), v], axis=-1)
 
-    def seen_from(self, pose: np.ndarray) -> "Axis":
+    def seen_from(self, pose: np.ndarray) -> Axis:
         """The axis in the frame of a pose (4, 4) [m], centre and slope normal to it."""
         into = inverse(pose)
         w = into[:3, :3] @ self.direction
@@ -117,17 +108,11 @@ def chain_pose(axes: Sequence[Axis], angles: np.ndarray) -> np.ndarray:
 
 
 def centres(turns: np.ndarray, axis: np.ndarray, angle: np.ndarray, about: np.ndarray) -> np.ndarray:
-    """Joint centre normal to the axis in every frame.
+    """Joint centres (frames, 3) [m] normal to the axis in every frame, NaN at angle 0.
 
-    Args:
-        turns: (frames, 4, 4) motions from the reference posture [m].
-        axis: (3,) unit direction.
-        angle: (frames,) angle about the axis [rad].
-        about: (3,) point near the joint and the markers [m]; residual rotations about other axes act on the lever from
-            this point instead of from a distant origin.
-
-    Returns:
-        Centres (frames, 3) [m], NaN at angle 0.
+    From motions (frames, 4, 4) from the reference posture [m], the unit direction of the axis (3,), and the angle about
+    it (frames,) [rad]. Residual rotations about other axes act on the lever from a point `about` (3,) [m] near the
+    joint and the markers, instead of from a distant origin.
     """
     shift = across(turns[:, :3, :3] @ about + turns[:, :3, 3] - about, axis)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -147,27 +132,15 @@ def joint_centre(pose: np.ndarray) -> np.ndarray:
         return np.cross(screw[..., :3], screw[..., 3:]) / np.sum(screw[..., :3] ** 2, axis=-1, keepdims=True)
 
 
-NEWTON_STEPS, CONVERGED = 50, 1e-10  # steps at most, and rad: a step below this is the last
-
-
 def joint_angles(axes: Sequence[Axis], turns: np.ndarray, start: np.ndarray | None = None) -> np.ndarray:
     """The paper's angles of a joint with one or more axes by Newton's iteration on the space Jacobian (Eq. 14-18).
 
         T(theta) = e^{[S1] theta1} e^{[S2] theta2} M        A = vee log(T(theta) T^{-1})
         -A = J_s dtheta,   theta <- theta + dtheta          J_s = [S1, Ad(e^{[S1] theta1}) S2]
 
-    It takes axes as known and poses as exact; `adjust` weighs all markers by their noise instead.
-
-    Args:
-        axes: from the proximal one to the distal one; for the MCP abduction and flexion.
-        turns: (frames, 4, 4) measured T M^{-1}, motions from the reference posture [m]; NaN where there is none.
-        start: (frames, axes) initial guess [rad]; 0 if None.
-
-    Returns:
-        Angles (frames, axes) [rad], NaN where the motion is.
-
-    Raises:
-        InputError: if the iteration does not converge in a frame.
+    It takes axes, the proximal one first, as known and poses as exact; `adjust` weighs all markers by their noise
+    instead. `turns` (frames, 4, 4) are measured T M^{-1} [m], NaN where there is none. Returns angles (frames, axes)
+    [rad], from a start of that shape, or from 0. InputError if the iteration does not converge in a frame.
     """
     seen = np.isfinite(turns).all(axis=(1, 2))
     angles = np.zeros((len(turns), len(axes))) if start is None else np.array(start, dtype=float)
@@ -189,26 +162,6 @@ def joint_angles(axes: Sequence[Axis], turns: np.ndarray, start: np.ndarray | No
     raise InputError(f"joint angles: Newton's iteration does not converge in {len(left)} of {len(turns)} frames")
 
 
-FLATTEST = 2e-3  # m; a lower triangle does not determine the rotation about its long side
-
-
-def triad_shape(points: np.ndarray, names: tuple[str, ...], source: str = "recording") -> np.ndarray:
-    """Triad (3, 3) [m] in its own frame from markers (frames, 3, 3) [m] with NaN. InputError if collinear."""
-    whole = points[np.isfinite(points).all(axis=(1, 2))]
-    if not len(whole):
-        raise InputError(f"{source}: markers {', '.join(names)} are never seen together")
-    side = np.median(np.linalg.norm(whole - np.roll(whole, -1, axis=1), axis=2), axis=0)
-    base, right, left = side
-    along = (base**2 + left**2 - right**2) / (2 * base) if base > 0 else 0.0
-    height = np.sqrt(max(left**2 - along**2, 0.0))
-    if (altitude := base * height / max(side)) < FLATTEST:
-        low = 1e3 * altitude
-        raise InputError(
-            f"{source}: markers {', '.join(names)} lie on a line (height {low:.2f} mm), which determines no frame"
-        )
-    return corners() @ np.array([base, along, height])
-
-
 def corners() -> np.ndarray:
     """Derivatives (3, 3, 3) [-] of the markers of a triad in its own frame for the sides (base, along, height) [m]."""
     place = np.zeros((3, 3, 3))
@@ -217,14 +170,9 @@ def corners() -> np.ndarray:
 
 
 def fit_pose(shape: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Fit rigid motions of a shape to points by least squares (Kabsch).
+    """Poses (frames, 4, 4) [m] that carry a shape (k, 3) [m] to points (frames, k, 3) [m] by least squares (Kabsch).
 
-    Args:
-        shape: (k, 3) points of the body [m].
-        points: (frames, k, 3) measured points [m].
-
-    Returns:
-        Poses (frames, 4, 4) [m] and RMS residuals (frames,) [m], NaN in frames where a point is missing.
+    With RMS residuals (frames,) [m]; both are NaN in frames where a point is missing.
     """
     whole = np.isfinite(points).all(axis=(1, 2))
     pose, residual = np.full((len(points), 4, 4), np.nan), np.full(len(points), np.nan)
@@ -247,126 +195,3 @@ def triad_pose(points: np.ndarray) -> np.ndarray:
     z = np.cross(x, points[2] - points[0])
     x, z = x / np.linalg.norm(x), z / np.linalg.norm(z)
     return motion(np.stack([x, np.cross(z, x), z], axis=1), points.mean(axis=0))
-
-
-PAIRS = tuple(combinations(range(12), 2))  # of markers that may carry each other's name
-OUTLIER = 4.0  # times the median residual
-EXACT = 3e-4  # m; residual below which no frame is suspected, however small the median
-SUSPECT = 1.2e-3  # m; a triad that changes its shape by this much in a tenth of the frames may hold a wrong marker
-LOOSE = 4e-3  # m; one that changes it by this much is no rigid body
-
-
-@dataclass(frozen=True)
-class Swap:
-    """Two markers that carry each other's name from `first` through `last` (frames)."""
-
-    names: tuple[str, str]
-    first: int
-    last: int
-
-
-@dataclass(frozen=True)
-class LabelCheck:
-    """Result of `check_labels`: shapes (4, 3, 3) [m], swaps, unusable frames `spoilt` (4, frames), and remarks."""
-
-    shapes: np.ndarray
-    swaps: tuple[Swap, ...]
-    spoilt: np.ndarray
-    remarks: tuple[str, ...]
-
-
-def check_labels(recording: Recording, layout: Layout) -> LabelCheck:
-    """Compare every frame with the shapes of the triads. InputError for missing markers, collinear or loose triads."""
-    points = recording.of(layout.finger)
-    shapes = _shapes(points, layout, recording.source)
-    residual = _residuals(shapes, points)
-    median = np.nanmedian(residual, axis=1)
-    _refuse_loose(recording, layout, points, np.nanquantile(residual, 0.9, axis=1))
-    limit = np.maximum(OUTLIER * median, EXACT)[:, None]
-    bad = residual > limit
-    # in each suspect frame the pair whose exchange gives the smallest residual, or -1
-    suspects, pairs = np.flatnonzero(bad.any(axis=0)), np.full(len(points), -1)
-    best, answer = np.full(len(suspects), np.inf), np.full(len(suspects), -1)
-    for number, (a, b) in enumerate(PAIRS if len(suspects) else ()):
-        touched = bad[a // 3, suspects] | bad[b // 3, suspects]
-        if touched.any():
-            swapped = np.nan_to_num(_residuals(shapes, _exchanged(points[suspects], (a, b))) / limit)
-            worst = np.where(touched, swapped.max(axis=0), np.inf)
-            better = (worst < 1 / 2) & (worst < best)
-            best[better], answer[better] = worst[better], number
-    pairs[suspects] = answer
-    # neighbouring frames whose residual is smaller with the exchange: noise hides single frames
-    for pair in np.unique(pairs[pairs >= 0]).tolist():
-        swapped = _residuals(shapes, _exchanged(points, PAIRS[pair]))
-        better = (np.nansum(swapped, axis=0) < np.nansum(residual, axis=0)) | (pairs == pair)
-        for first, stop in np.flatnonzero(np.diff(np.r_[False, better, False])).reshape(-1, 2):
-            if np.mean(pairs[first:stop] == pair) > 1 / 4:
-                pairs[first:stop] = pair
-    runs = np.split(np.arange(len(pairs)), np.flatnonzero(np.diff(pairs)) + 1)
-    swaps = []
-    for run in runs:
-        if len(run) and (pair := pairs[run[0]]) >= 0:
-            a, b = (layout.finger[marker] for marker in PAIRS[pair])
-            swaps.append(Swap((a, b), int(run[0]), int(run[-1])))
-    spoilt = bad & (pairs < 0)
-    remarks = []
-    for name, shape, level, lost in zip(SEGMENTS, shapes, median, spoilt):
-        sides = np.sort(np.linalg.norm(shape - np.roll(shape, -1, axis=0), axis=1))
-        if (near := np.diff(sides).min()) < 2 * max(OUTLIER * level, EXACT):
-            remarks.append(f"{name} triad: two sides differ by {1e3 * near:.1f} mm only, some swaps would not be seen")
-        if lost.any():
-            count = np.count_nonzero(lost)
-            remarks.append(f"{name} triad: {count} frames left out: wrong shape that no exchange corrects")
-    return LabelCheck(shapes, tuple(swaps), spoilt, tuple(remarks))
-
-
-def exchange_labels(recording: Recording, swaps: tuple[Swap, ...]) -> Recording:
-    """Exchange the swapped markers of a recording."""
-    positions = recording.positions.copy()
-    for swap in swaps:
-        pair, span = [recording.names.index(name) for name in swap.names], slice(swap.first, swap.last + 1)
-        positions[span] = _exchanged(positions[span], (pair[0], pair[1]))
-    return replace(recording, positions=positions)
-
-
-def _residuals(shapes: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """RMS residual (4, frames) [m] of points (frames, 12, 3) [m], NaN where a marker is missing."""
-    return np.stack([fit_pose(shape, points[:, 3 * k : 3 * k + 3])[1] for k, shape in enumerate(shapes)])
-
-
-def _shapes(points: np.ndarray, layout: Layout, source: str) -> np.ndarray:
-    """Shapes (4, 3, 3) [m] of the triads from points (frames, 12, 3) [m]. InputError for a collinear one."""
-    triads = enumerate(layout.segments)
-    return np.stack([triad_shape(points[:, 3 * k : 3 * k + 3], names, source) for k, names in triads])
-
-
-def _exchanged(points: np.ndarray, pair: tuple[int, int]) -> np.ndarray:
-    """Points (frames, markers, 3) [m] with a pair of markers exchanged."""
-    swapped = points.copy()
-    swapped[:, pair] = points[:, pair[::-1]]
-    return swapped
-
-
-def _refuse_loose(recording: Recording, layout: Layout, points: np.ndarray, residual: np.ndarray) -> None:
-    """InputError if a triad is not rigid; `residual` (4,) [m] is exceeded in a tenth of the frames."""
-    k = int(np.argmax(residual))
-    if residual[k] < SUSPECT:
-        return
-    names = f"markers {', '.join(layout.segments[k])} ({SEGMENTS[k]})"
-    change = f"by {1e3 * residual[k]:.1f} mm or more in a tenth of the frames"
-    loose = f"{recording.source}: {names} change their shape, {change}"
-    some = points[:: max(1, len(points) // 200)]
-    for a, b in PAIRS:
-        if a // 3 == b // 3 or k not in (a // 3, b // 3):
-            continue
-        swapped = _exchanged(some, (a, b))
-        try:
-            residuals = _residuals(_shapes(swapped, layout, "recording"), swapped)
-        except InputError:  # collinear
-            continue
-        if np.nanquantile(residuals, 0.9, axis=1).max() < residual[k] / 2:
-            raise InputError(
-                f"{loose}; with {layout.finger[a]} and {layout.finger[b]} exchanged they do not: look at these labels"
-            )
-    if residual[k] > LOOSE:
-        raise InputError(loose)
