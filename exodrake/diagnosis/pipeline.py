@@ -18,7 +18,8 @@ from exodrake.core.robot import Robot
 from exodrake.data.case import Case, gather_logs, read_case
 from exodrake.data.log import Log
 from exodrake.diagnosis.calibration import calibration_notes
-from exodrake.diagnosis.checks import suspicions
+from exodrake.diagnosis.checks.compare import compare
+from exodrake.diagnosis.checks.suspicions import suspicions
 from exodrake.diagnosis.closure import closure_of, robot_of, with_values
 from exodrake.diagnosis.discovery.discover import discover
 from exodrake.diagnosis.discovery.missing_law import MissingLaw
@@ -248,7 +249,7 @@ def notes_of(problem: Problem, found: Isolation, best: Fitted) -> tuple[str, ...
     used, machine = problem.robot, problem.robot.machine
     units = {name: machine.parameters[machine.index[name]].unit for name in problem.noisier}
     noise = [f"the noise of the logs counts: {n} of {in_words(used[n], unit)}" for n, unit in units.items()]
-    checked = (*problem.case.notes, *suspicions(problem.case, problem.stated))
+    checked = (*problem.case.notes, *suspicions(compare(problem.case, problem.stated)))
     return (*checked, *noise, *notes_on_length(found, best), *calibration_notes(machine))
 
 
