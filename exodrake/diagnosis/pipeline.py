@@ -46,7 +46,7 @@ from exodrake.diagnosis.result import (
 )
 from exodrake.diagnosis.rivals import alike, moved, rivals_of
 from exodrake.diagnosis.search import Fitted
-from exodrake.diagnosis.since import since_of
+from exodrake.diagnosis.since import follow_sessions
 from exodrake.diagnosis.verdict import Decision, Part, decide, share_of
 from exodrake.machines.robot_file import robot_or_default
 
@@ -191,7 +191,7 @@ def answer(problem: Problem, found: Isolation, first: Decision, started: float, 
         started: moment at which the diagnosis began [s].
         progress: called with the stage.
     """
-    since, decision = since_of(problem, found, first)
+    since, decision = follow_sessions(problem, found, first)
     case, best, word = problem.case, decision.best, decision.verdict
     progress(Stage.CLOSURE, "")
     effects = effects_of(problem, found, decision)
