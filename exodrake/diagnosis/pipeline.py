@@ -23,12 +23,10 @@ from exodrake.diagnosis.checks.suspicions import suspicions
 from exodrake.diagnosis.closure import closure_of, robot_of, with_values
 from exodrake.diagnosis.discovery.discover import discover
 from exodrake.diagnosis.discovery.missing_law import MissingLaw
-from exodrake.diagnosis.gap import Interval, Where
 from exodrake.diagnosis.intervals import describe, fitted_effects, traces
 from exodrake.diagnosis.isolation import Isolation, affordable, isolate, negligible
 from exodrake.diagnosis.localise import localise, remaining
 from exodrake.diagnosis.problem import Problem, make_problem, required_of
-from exodrake.diagnosis.provenance import provenance_of
 from exodrake.diagnosis.recorded import with_recorded_ranges
 from exodrake.diagnosis.result import (
     AMBIGUOUS,
@@ -40,14 +38,16 @@ from exodrake.diagnosis.result import (
     Candidate,
     Diagnosis,
     EffectRival,
+    Interval,
     NamedEffect,
     Remainder,
     Retune,
+    Where,
+    provenance_of,
 )
-from exodrake.diagnosis.rivals import alike, moved, rivals_of
 from exodrake.diagnosis.search import Fitted
 from exodrake.diagnosis.since import follow_sessions
-from exodrake.diagnosis.verdict import Decision, Part, decide, share_of
+from exodrake.diagnosis.verdict import Decision, Part, decide, find_rivals, list_moved, screen_alike, share_of
 from exodrake.machines.robot_file import robot_or_default
 
 NONE = float("nan")
@@ -201,7 +201,7 @@ def answer(problem: Problem, found: Isolation, first: Decision, started: float, 
     rows = {"nominal": nominal, "retuned": found.retuned.explanation.robot, "improved": improved}
     closure = closure_of(problem, found.retuned, best, np.array(list(rows.values())), gone)
     effects = () if word in (NO_GAP, RETUNE, UNKNOWN) else effects
-    others = alike(found) if word == RETUNE else {}
+    others = screen_alike(found) if word == RETUNE else {}
     progress(Stage.LOCALISE, "")
     rest = decision.remainder if decision.parts or word == UNKNOWN else Interval(NONE, NONE, NONE)
     place = remaining(found, best) if word in (PARTLY, UNKNOWN) else Where("")
@@ -216,7 +216,7 @@ def answer(problem: Problem, found: Isolation, first: Decision, started: float, 
             *(rest.value, rest.low, rest.high, float(np.sqrt(max(best.chi2[0] - 1.0, 0.0)))), place.block, place.regime
         ),
         closure=closure,
-        rivals=rivals_of(problem, found, decision, [p for _, p in others.values()]),
+        rivals=find_rivals(problem, found, decision, [p for _, p in others.values()]),
         candidates=candidates_of(found),
         baselines=baselines_of(found),
         reasons=decision.reasons,
@@ -226,7 +226,7 @@ def answer(problem: Problem, found: Isolation, first: Decision, started: float, 
         evidence=evidence_of(found, best),
         # to a millisecond: fits side by side add their times in any order
         simulated={stage: round(spent, 3) for stage, spent in found.likelihood.simulated.items()},
-        retune=Retune(moved(found), {i: share for i, (share, _) in others.items()}),
+        retune=Retune(list_moved(found), {i: share for i, (share, _) in others.items()}),
         since=since,
         provenance=provenance_of(problem),
         problem=problem,

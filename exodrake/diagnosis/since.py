@@ -25,13 +25,12 @@ from exodrake.core.confidence import ALPHA, NORMAL_90
 from exodrake.data.case import Case, written_date
 from exodrake.diagnosis.change_point import DAY, LEAST, Change, ChangePoint
 from exodrake.diagnosis.fit import Explanation, fit_beside, whole_jacobian
-from exodrake.diagnosis.gap import Interval
 from exodrake.diagnosis.isolation import Isolation, affordable
 from exodrake.diagnosis.likelihood import Likelihood, with_prediction
 from exodrake.diagnosis.linear import LinearModel
 from exodrake.diagnosis.linearise import nominal_jacobian
 from exodrake.diagnosis.problem import Problem
-from exodrake.diagnosis.result import AMBIGUOUS, CAUSE, NAMED, NO_GAP, PARTLY, RETUNE, UNKNOWN
+from exodrake.diagnosis.result import AMBIGUOUS, CAUSE, NAMED, NO_GAP, PARTLY, RETUNE, UNKNOWN, Interval
 from exodrake.diagnosis.search import NATS, Predicted
 from exodrake.diagnosis.verdict import EXPLAINED, MOST, Decision, Part
 

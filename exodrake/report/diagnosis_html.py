@@ -25,7 +25,6 @@ from exodrake.data import plot
 from exodrake.data.plot import envelope, new_figure, stretch_of
 from exodrake.diagnosis import localise
 from exodrake.diagnosis.filters import mismatch
-from exodrake.diagnosis.gap import SignalGap
 from exodrake.diagnosis.isolation import SAMPLING
 from exodrake.diagnosis.parameter import nominal_parameters
 from exodrake.diagnosis.problem import Problem, Trial
@@ -38,6 +37,7 @@ from exodrake.diagnosis.result import (
     UNKNOWN,
     Diagnosis,
     NamedEffect,
+    SignalGap,
 )
 from exodrake.diagnosis.search import GAIN, LAW, NATS, NEGLIGIBLE
 from exodrake.diagnosis.verdict import EXPLAINED, LARGE, MOST

@@ -21,9 +21,8 @@ from exodrake import __version__
 from exodrake.core.errors import plural, printable
 from exodrake.diagnosis.change_point import DAY, RAMP, STEP
 from exodrake.diagnosis.fleet import FAILURE, Row, Trend, find_trends
-from exodrake.diagnosis.gap import Interval
 from exodrake.diagnosis.many import ANSWER
-from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, PARTLY, RETUNE, UNKNOWN
+from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, PARTLY, RETUNE, UNKNOWN, Interval
 from exodrake.report import wording as w
 from exodrake.report.blocks import Bars, Table, render
 from exodrake.report.diagnosis_html import COLOURS

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 from exodrake.core.display import SYMBOLS, shown_unit
 from exodrake.data.case import date_of
 from exodrake.diagnosis.change_point import STEP, Change
-from exodrake.diagnosis.gap import Interval
-from exodrake.diagnosis.result import UNKNOWN, Diagnosis
+from exodrake.diagnosis.result import UNKNOWN, Diagnosis, Interval
 from exodrake.report import wording as w
 from exodrake.report.blocks import Table
 

@@ -24,10 +24,9 @@ from exodrake.core.confidence import CONFIDENCE
 from exodrake.core.effect import Effect
 from exodrake.core.machine import CommandLink, Machine
 from exodrake.diagnosis.filters import filled_columns
-from exodrake.diagnosis.gap import Interval
 from exodrake.diagnosis.noise import sensor_noise_std
 from exodrake.diagnosis.problem import Detection
-from exodrake.diagnosis.result import NamedEffect
+from exodrake.diagnosis.result import Interval, NamedEffect
 from exodrake.diagnosis.search import kind_of
 
 if TYPE_CHECKING:

@@ -20,11 +20,10 @@ import numpy as np
 from exodrake.core.confidence import NORMAL_90
 from exodrake.core.effect import Effect
 from exodrake.diagnosis.filters import Bands, outside
-from exodrake.diagnosis.gap import Interval
 from exodrake.diagnosis.intervals import affected_channels
 from exodrake.diagnosis.parameter import apply, effect_parameters
 from exodrake.diagnosis.problem import Detection
-from exodrake.diagnosis.result import NamedEffect
+from exodrake.diagnosis.result import Interval, NamedEffect
 from exodrake.diagnosis.search import kind_of
 
 if TYPE_CHECKING:
