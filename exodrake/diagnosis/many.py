@@ -147,44 +147,6 @@ def diagnose_one(case: Case, robot: str, wanted: dict[str, str], tried: frozense
     return found.to_json() | {"configuration": wanted, "robots": texts}
 
 
-class ResultStore:
-    """Files of a run: an answer with its robots or the reason of a failure per case, written at once; it counts both.
-
-    Args:
-        places: Folder for the answer of each case.
-        answered: Number of cases that have an answer.
-        progress: Called with the numbers of answered, failed and all cases.
-    """
-
-    def __init__(self, places: Mapping[Path, Path], answered: int, progress: Count) -> None:
-        self.places, self.answered, self.progress = places, answered, progress
-        self.failed: dict[str, str] = {}
-        self.progress(self.answered, 0, len(places))
-
-    def add(self, case: Path, outcome: Outcome) -> None:
-        """Write the answer of a case, or why there is none; the file of an earlier run with the other result goes."""
-        place = self.places[case]
-        place.mkdir(parents=True, exist_ok=True)
-        if outcome.reason is None:
-            texts = outcome.value.pop("robots")
-            texts |= {ANSWER: json.dumps(outcome.value, indent=1, allow_nan=False) + "\n"}
-            write_folder(place, {name: text.encode() for name, text in texts.items()})
-            (place / FAILED).unlink(missing_ok=True)
-            self.answered += 1
-        else:
-            failure = {"reason": outcome.reason, "traceback": outcome.trace.splitlines()}
-            write_text(place / FAILED, json.dumps(failure, indent=1) + "\n")
-            for name in (ANSWER, RETUNED, IMPROVED):
-                (place / name).unlink(missing_ok=True)
-            self.failed[place.name] = outcome.reason
-        self.progress(self.answered, len(self.failed), len(self.places))
-
-    def recount(self) -> None:
-        """Count the files themselves, since an interruption may come between writing an answer and counting it."""
-        self.answered = sum(stored(place) is not None for place in self.places.values())
-        self.progress(self.answered, len(self.failed), len(self.places))
-
-
 def diagnose_all(
     places: Mapping[Path, Path],
     jobs: int = 1,
@@ -226,7 +188,28 @@ def diagnose_all(
             f" another configuration than this one ({described(wanted)}); --redo answers them anew"
         )
     waiting = [case for case in places if answers[case] is None or case in foreign]
-    store, sent = ResultStore(places, len(places) - len(waiting), progress), []
+    sent: list[Path] = []
+    answered, failed = len(places) - len(waiting), dict[str, str]()
+    progress(answered, 0, len(places))
+
+    def write(case: Path, outcome: Outcome) -> None:
+        """Write the answer of a case, or why there is none; the file of an earlier run with the other result goes."""
+        nonlocal answered
+        place = places[case]
+        place.mkdir(parents=True, exist_ok=True)
+        if outcome.reason is None:
+            texts = outcome.value.pop("robots")
+            texts |= {ANSWER: json.dumps(outcome.value, indent=1, allow_nan=False) + "\n"}
+            write_folder(place, {name: text.encode() for name, text in texts.items()})
+            (place / FAILED).unlink(missing_ok=True)
+            answered += 1
+        else:
+            failure = {"reason": outcome.reason, "traceback": outcome.trace.splitlines()}
+            write_text(place / FAILED, json.dumps(failure, indent=1) + "\n")
+            for name in (ANSWER, RETUNED, IMPROVED):
+                (place / name).unlink(missing_ok=True)
+            failed[place.name] = outcome.reason
+        progress(answered, len(failed), len(places))
 
     def read_tasks() -> Iterator[tuple[Case, str, dict[str, str], frozenset[str] | None]]:
         machine = (load_robot(robot) if robot else load_robot()).machine
@@ -234,7 +217,7 @@ def diagnose_all(
             try:
                 case = read_case(path, required_of(machine), machine.frame, allow_outside)
             except Exception as error:  # as a diagnosis that fails
-                store.add(path, Outcome(-1, reason=f"{type(error).__name__}: {error}"))
+                write(path, Outcome(-1, reason=f"{type(error).__name__}: {error}"))
                 continue
             sent.append(path)
             yield case, robot, wanted, tried
@@ -242,8 +225,8 @@ def diagnose_all(
     with closing(each(diagnose_one, read_tasks(), jobs, cluster)) as outcomes:
         try:
             for outcome in outcomes:
-                store.add(sent[outcome.number], outcome)
-        except KeyboardInterrupt:
-            store.recount()
+                write(sent[outcome.number], outcome)
+        except KeyboardInterrupt:  # it may come between writing an answer and counting it
+            progress(sum(stored(place) is not None for place in places.values()), len(failed), len(places))
             raise
-    return store.failed
+    return failed
