@@ -29,7 +29,7 @@ PART, LEAST = 2.0, 8  # block [s], longer than the loop's memory; blocks at leas
 DRAWS = 400
 
 
-def robot_of(problem: Problem, values: np.ndarray, found_in: str) -> Robot:
+def change_robot(problem: Problem, values: np.ndarray, found_in: str) -> Robot:
     """The nominal robot with what a fit changed, noise and resolutions as they were.
 
     Args:
@@ -64,7 +64,7 @@ def kinds_of_motion(problem: Problem) -> dict[str, str]:
     return {n: re.sub(r"[-_ ]*\d+$", "", protocols.get(n, n)) or protocols.get(n, n) for n in names}
 
 
-def closure_of(
+def measure_closure(
     problem: Problem, retuned: Fitted, best: Fitted, rows: np.ndarray, traces: Mapping[int, float]
 ) -> Closure:
     """Closure on the judged logs, and on each kind of fitted motion by the robot that is fitted to the other kinds.

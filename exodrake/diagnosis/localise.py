@@ -33,13 +33,7 @@ CRAWL = 0.02  # of the fastest motion: slower channels count as at rest; assumed
 
 
 def localise(found: Isolation, verdict: str, effects: tuple[NamedEffect, ...]) -> Where:
-    """Block, channels and regime of a gap, from the fitted logs; the regime follows the retuned robot.
-
-    Args:
-        found: what the isolation tried.
-        verdict: its word.
-        effects: effects that are named.
-    """
+    """Block, channels and regime of a gap with named effects; the regime is that of what the retuned robot leaves."""
     if verdict in (NO_GAP, RETUNE):
         return Where(block="none")
     rest = remaining(found, found.retuned)
@@ -107,7 +101,7 @@ def affected(residual: np.ndarray, columns: tuple[str, ...], channels: tuple[str
 def conditions(problem: Problem, trial: Trial, channel: int) -> dict[str, np.ndarray]:
     """Measured conditions of each frame: name -> (n,), for the channel of that index on each axis."""
     declared, period = problem.robot.machine.regime, problem.robot.machine.frame
-    own = {c.rsplit("_", 1)[0]: i for i, c in enumerate(problem.columns) if channel_of(problem, c) == channel}
+    own = {c.rsplit("_", 1)[0]: i for i, c in enumerate(problem.columns) if channel_index(problem, c) == channel}
     table = {kind: filled(trial.measured[:, i]) for kind, i in own.items()}
     if declared is None or declared.position not in table:
         first, last = next(iter(table)), next(reversed(table))
@@ -167,7 +161,7 @@ def regime(problem: Problem, robot: np.ndarray) -> dict[str, float]:
     for trial, columns in zip(problem.fit, residuals, strict=True):
         for column, residual in zip(problem.columns, columns.T, strict=True):
             power = float(residual @ residual)
-            each = conditions(problem, trial, channel_of(problem, column))
+            each = conditions(problem, trial, channel_index(problem, column))
             found = {name: explained(residual, condition) for name, condition in each.items()}
             spectral = np.abs(np.fft.rfft(residual - residual.mean())) ** 2
             slow = np.fft.rfftfreq(len(residual), problem.robot.machine.frame) < SLOW
@@ -178,7 +172,7 @@ def regime(problem: Problem, robot: np.ndarray) -> dict[str, float]:
     return {name: value / max(weight, 1e-12) for name, value in sorted(shares.items(), key=lambda item: -item[1])}
 
 
-def channel_of(problem: Problem, column: str) -> int:
+def channel_index(problem: Problem, column: str) -> int:
     """Index of a column's channel on its axis."""
     channel, axes = column.rsplit("_", 1)[1], problem.robot.machine.axes
     return next(axes.of(axis).index(channel) for axis in (TENDONS, JOINTS) if channel in axes.of(axis))

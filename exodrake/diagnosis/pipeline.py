@@ -20,7 +20,7 @@ from exodrake.data.log import Log
 from exodrake.diagnosis.calibration import calibration_notes
 from exodrake.diagnosis.checks.compare import compare
 from exodrake.diagnosis.checks.suspicions import suspicions
-from exodrake.diagnosis.closure import closure_of, robot_of, with_values
+from exodrake.diagnosis.closure import change_robot, measure_closure, with_values
 from exodrake.diagnosis.discovery.discover import discover
 from exodrake.diagnosis.discovery.missing_law import MissingLaw
 from exodrake.diagnosis.intervals import describe, fitted_effects, traces
@@ -47,7 +47,7 @@ from exodrake.diagnosis.result import (
 )
 from exodrake.diagnosis.search import Fitted
 from exodrake.diagnosis.since import follow_sessions
-from exodrake.diagnosis.verdict import Decision, Part, decide, find_rivals, list_moved, screen_alike, share_of
+from exodrake.diagnosis.verdict import Decision, Part, decide, find_rivals, jackknife_share, list_moved, screen_alike
 from exodrake.machines.robot_file import robot_or_default
 
 NONE = float("nan")
@@ -150,7 +150,7 @@ def rival_of(found: Isolation, best: Fitted, part: Part, other: str) -> EffectRi
     rest, sets = best.effects - {part.effect}, found.search.sets
     if rest in sets and rest | {other} in sets:
         left, mine = (found.search.left_by_log(sets[key]) for key in (rest, rest | {other}))
-        return EffectRival(other, share_of(left - mine))
+        return EffectRival(other, jackknife_share(left - mine))
     return EffectRival(other, Interval(part.rivals[other], NONE, NONE))
 
 
@@ -199,7 +199,7 @@ def answer(problem: Problem, found: Isolation, first: Decision, started: float, 
     improved = with_values(best.explanation.robot, gone)
     nominal = replace(problem, detected=()).silent()
     rows = {"nominal": nominal, "retuned": found.retuned.explanation.robot, "improved": improved}
-    closure = closure_of(problem, found.retuned, best, np.array(list(rows.values())), gone)
+    closure = measure_closure(problem, found.retuned, best, np.array(list(rows.values())), gone)
     effects = () if word in (NO_GAP, RETUNE, UNKNOWN) else effects
     others = screen_alike(found) if word == RETUNE else {}
     progress(Stage.LOCALISE, "")
@@ -222,7 +222,7 @@ def answer(problem: Problem, found: Isolation, first: Decision, started: float, 
         reasons=decision.reasons,
         notes=notes_of(problem, found, best),
         run_time=time.perf_counter() - started,
-        robots={name: robot_of(problem, values, case.name) for name, values in rows.items()},
+        robots={name: change_robot(problem, values, case.name) for name, values in rows.items()},
         evidence=evidence_of(found, best),
         # to a millisecond: fits side by side add their times in any order
         simulated={stage: round(spent, 3) for stage, spent in found.likelihood.simulated.items()},

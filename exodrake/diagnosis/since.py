@@ -385,12 +385,7 @@ def follow_effects(
 ) -> tuple[Since, Decision]:
     """Changes and decision where effects may have amplitudes of their own in each session.
 
-    Args:
-        since: what the explanation behind the verdict says.
-        logs: of the case.
-        found: its isolation.
-        decided: by constant parameters.
-        known: that explanation with amplitudes of its own in each session.
+    `since` and `known` are of the explanation behind the verdict that constant parameters `decided`.
     """
     if logs.sessions[0].frames is None and found.lin.probes:  # of windows of one log, only some frames are linearised
         fit_screened(found, logs.sessions)

@@ -91,7 +91,7 @@ class Decision:
         return tuple(p for p in self.parts if p.role == CAUSE)
 
 
-def share_of(values: np.ndarray) -> Interval:
+def jackknife_share(values: np.ndarray) -> Interval:
     """A value over all logs with its jackknife interval; values (1 + logs,): by all, and with each log left out."""
     value, n = float(values[0]), len(values) - 1
     half = NORMAL_90 * float(np.sqrt((n - 1) / n * np.sum((values[1:] - values[1:].mean()) ** 2))) if n > 1 else 0.0
@@ -102,7 +102,7 @@ def decide(found: Isolation) -> Decision:
     """The verdict of an isolation."""
     search, best, none = found.search, found.best, found.search.none
     if found.negligible(found.nominal.robot):
-        return Decision(NO_GAP, none, (), share_of(search.left_by_log(none)), (REASONS[NO_GAP],))
+        return Decision(NO_GAP, none, (), jackknife_share(search.left_by_log(none)), (REASONS[NO_GAP],))
     if found.negligible(none.explanation.robot):
         return decide_retuned(search)
     best, parts = drop_refinements(found)
@@ -116,7 +116,7 @@ def decide(found: Isolation) -> Decision:
         word = PARTLY
     else:
         word = AMBIGUOUS if any(p.rivals for p in causes) else NAMED
-    return Decision(word, best, parts, share_of(left), (REASONS[word],))
+    return Decision(word, best, parts, jackknife_share(left), (REASONS[word],))
 
 
 def decide_retuned(search: Search) -> Decision:
@@ -135,12 +135,12 @@ def decide_retuned(search: Search) -> Decision:
     one = max(likely, key=likely.__getitem__, default="")
     none = search.left_by_log(search.none)
     if not one or likely[one] - search.evidence(search.none) < NATS:
-        return Decision(RETUNE, search.none, (), share_of(none), (REASONS[RETUNE],))
+        return Decision(RETUNE, search.none, (), jackknife_share(none), (REASONS[RETUNE],))
     left = search.left_by_log(singles[one])
     rivals = {i: 1.0 - search.left(singles[i]) for i in likely if i != one and likely[one] - likely[i] < NATS}
-    part = Part(one, CAUSE, share_of(none - left), rivals)
+    part = Part(one, CAUSE, jackknife_share(none - left), rivals)
     word = AMBIGUOUS if rivals else NAMED
-    return Decision(word, singles[one], (part,), share_of(left), (REASONS[word],))
+    return Decision(word, singles[one], (part,), jackknife_share(left), (REASONS[word],))
 
 
 def drop_refinements(found: Isolation) -> tuple[Fitted, tuple[Part, ...]]:
@@ -185,7 +185,7 @@ def divide_gap(found: Isolation, best: Fitted) -> tuple[Part, ...]:
         mine = float(gain[0])
         rivals = search.rivals_of(best, effect, mine)
         lost = {i: float(share[0]) + float(left[0]) - search.left(f) for i, f in rivals.items()}
-        parts.append(Part(effect, roles[effect], share_of(share), lost))
+        parts.append(Part(effect, roles[effect], jackknife_share(share), lost))
     return tuple(sorted(parts, key=lambda p: (p.role != CAUSE, -p.share.value)))
 
 
@@ -217,11 +217,7 @@ def find_rivals(
 ) -> tuple[Rival, ...]:
     """The explanations still in play after a decision, the best set first; none where one is left.
 
-    Args:
-        problem: the case.
-        found: its isolation.
-        decision: its verdict.
-        others: single effects that explain as much as retuning does.
+    others: single effects that explain as much as retuning does.
     """
     best, explanations = decision.best, [decision.best.explanation]
     if decision.verdict == AMBIGUOUS:

@@ -312,7 +312,7 @@ def condition_figure(diagnosis: Diagnosis, runs: SimulatedLogs) -> Drawing | Non
     signal = runs.problem.columns[column]
     before, after = (log.residuals[robot][:, column] for robot in (RETUNED, IMPROVED))
     known = np.isfinite(before) & np.isfinite(after)
-    table = localise.conditions(runs.problem, log.trial, localise.channel_of(runs.problem, signal))
+    table = localise.conditions(runs.problem, log.trial, localise.channel_index(runs.problem, signal))
     best = max(table, key=lambda condition: localise.explained(before[known], table[condition][known]))
     label, factor = condition_label(best, runs)
     at, before, after = factor * table[best][known], before[known], after[known]

@@ -201,14 +201,9 @@ def plan_experiment(problem: Problem) -> Problem:
 def find_directions(
     lin: Linearisation, machine: Machine, model: LinearModel, blocks: np.ndarray, every: bool
 ) -> tuple[Direction, ...]:
-    """All effects of typical size on each channel.
+    """All effects of typical size on each channel, by some blocks (mask) of the linear model of `lin`.
 
-    Args:
-        lin: derivatives and directions.
-        machine: with its effects.
-        model: their linear model.
-        blocks: mask of the blocks that count.
-        every: whether all effects that could be taken for one are sought; else the first.
+    every: whether all effects that could be taken for one are sought; else the first.
     """
     some = replace(model, products=model.products * blocks[:, None, None])
     gram = some.eliminated(len(lin.nominal)).normal

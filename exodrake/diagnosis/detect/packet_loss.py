@@ -189,14 +189,10 @@ def loss_probability(losses: list[PacketLoss]) -> tuple[float, float, float]:
 
 
 class Drive:
-    """The drives of a machine without its other parts, on measured commands and loads, from frame to frame.
+    """The drives of a machine without its other parts, from frame to frame.
 
-    Args:
-        machine: with the link.
-        values: (parameters,) flat parameters [SI].
-        link: from commands to positions.
-        command: (n, channels) [its unit].
-        loads: (n, channels) of each signal that the drive reads besides [SI].
+    They run on measured commands (n, channels) [their unit] and on loads (n, channels) [SI] of each signal that the
+    drives read besides.
     """
 
     def __init__(
@@ -234,12 +230,9 @@ class Drive:
     def best_path(self, moved: np.ndarray, spread: np.ndarray, still: float) -> np.ndarray:
         """Mask (n, channels) of the commands that are lost on the path of least cost of each channel.
 
-        Paths of all channels are advanced side by side; a path of one channel knows nothing of the others.
-
-        Args:
-            moved: (frames, channels) changes of position.
-            spread: (frames, channels) their standard deviation.
-            still: change of command that counts as none [its unit].
+        Paths of all channels are advanced side by side; a path of one channel knows nothing of the others. Positions
+        move by `moved` (frames, channels) with a standard deviation of `spread` (frames, channels); commands that
+        change by less than `still` [their unit] do not count.
         """
         channel, history, states = np.arange(moved.shape[1]), [], self.rest.copy()
         # command that arrived last, whether the last one was lost, and cost so far: (paths, channels)
