@@ -44,8 +44,8 @@ def without(case: Case, hidden: tuple[str, ...]) -> Case:
 def computed(case: Case) -> dict[str, dict[str, str]]:
     """Effect -> sensors -> what the logs of a case would do of it, on the channel where they do best."""
     from exodrake.core.parallel import one_blas_thread
+    from exodrake.diagnosis.checks.identifiability import identifiability
     from exodrake.machines.robot_file import load_robot
-    from exodrake.preflight.identifiability import identifiability
 
     with one_blas_thread():
         whole = identifiability(case, load_robot())

@@ -7,9 +7,7 @@ import numpy as np
 
 from exodrake.data.case import Case, CaseLog
 from exodrake.data.log import Log
-from exodrake.diagnosis.gap import Closure, Interval, SignalGap, Where
 from exodrake.diagnosis.problem import Problem, Trial
-from exodrake.diagnosis.provenance import Provenance
 from exodrake.diagnosis.result import (
     AMBIGUOUS,
     NAMED,
@@ -19,13 +17,18 @@ from exodrake.diagnosis.result import (
     RETUNE,
     UNKNOWN,
     Candidate,
+    Closure,
     Diagnosis,
     EffectRival,
+    Interval,
     Moved,
     NamedEffect,
+    Provenance,
     Remainder,
     Retune,
     Rival,
+    SignalGap,
+    Where,
 )
 from exodrake.machines.robot_file import load_robot
 from exodrake.report.diagnosis_html import SimulatedLog, SimulatedLogs

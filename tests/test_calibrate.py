@@ -28,9 +28,8 @@ from exodrake.diagnosis.calibration import (
     calibration_text,
     rate_of,
 )
-from exodrake.diagnosis.gap import Interval
 from exodrake.diagnosis.healthy import drawn_value, followed, with_effect
-from exodrake.diagnosis.result import REFINEMENT, EffectRival, NamedEffect
+from exodrake.diagnosis.result import REFINEMENT, EffectRival, Interval, NamedEffect
 from exodrake.machines.library import machine_names
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation.simulate import simulate

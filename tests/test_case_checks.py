@@ -9,12 +9,14 @@ from arm_folders import made
 
 import exodrake as exo
 from exodrake.compiled.inputs import reference_width
-from exodrake.diagnosis.checks import check_case, suspicions
-from exodrake.diagnosis.checks.compare import compare
-from exodrake.diagnosis.checks.noise import fast_noise, noise_parameters
-from exodrake.diagnosis.checks.robots import gain_and_offset
-from exodrake.diagnosis.checks.scale import best_assignment
-from exodrake.diagnosis.checks.suspicions import CHECKS
+from exodrake.diagnosis.checks.compare import check_case, compare, fast_noise
+from exodrake.diagnosis.checks.suspicions import (
+    CHECKS,
+    best_assignment,
+    gain_and_offset,
+    noise_parameters,
+    suspicions as suspicions_in,
+)
 from exodrake.machines.library import machine_names
 
 ROBOT = exo.load_robot()
@@ -46,6 +48,10 @@ def changed(case, change, columns, logs=range(4)):
         new = {c: change(log[c].copy()) for c in columns}
         items[k] = replace(items[k], log=log.with_signals(new, {c: log.units[c] for c in columns}))
     return replace(case, logs=tuple(items))
+
+
+def suspicions(case, robot):
+    return suspicions_in(compare(case, robot))
 
 
 def fired(case, robot=ROBOT):

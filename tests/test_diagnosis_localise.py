@@ -11,7 +11,7 @@ from exodrake.compiled.inputs import Reference
 from exodrake.core.parallel import one_blas_thread
 from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis.isolation import isolate
-from exodrake.diagnosis.localise import affected, conditions, explained, motion, remaining, since_reversal, sum_by_block
+from exodrake.diagnosis.localise import affected, conditions, explained, motion, remaining, sum_by_block
 from exodrake.diagnosis.problem import make_problem
 from exodrake.simulation import protocols
 
@@ -81,10 +81,6 @@ def test_condition_that_makes_the_residual_explains_it_and_another_does_not():
     assert explained(rng.standard_normal(4000), condition) < 0.02
 
 
-def test_time_since_reversal():
-    assert since_reversal(np.array([1.0, 1.0, -1.0, -1.0, -1.0]), 0.5) == pytest.approx([0.0, 0.5, 0.0, 0.5, 1.0])
-
-
 def test_conditions_are_those_that_the_machine_declares(robot):
     problem = problem_of(robot, robot)
     trial = problem.fit[0]
@@ -108,4 +104,5 @@ def test_direction_of_motion_does_not_depend_on_where_a_joint_is(position):
     angle, speed = position + 0.1 * np.sin(0.2 * np.pi * time), 0.02 * np.pi * np.cos(0.2 * np.pi * time)
     found = motion(angle, 15, None, 0.02)
     assert np.max(found["speed"]) == pytest.approx(0.02 * np.pi, rel=0.02)
+    assert np.max(found["time since reversal"]) == pytest.approx(5.0, abs=0.1)  # half a period
     assert explained(np.sign(speed), found["direction of motion"]) > 0.9

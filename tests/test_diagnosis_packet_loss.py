@@ -44,7 +44,7 @@ def test_share_of_a_markov_chain_is_covered(enter, stay):
         for frame in range(1, 1500):
             lost[frame] = chance[frame] < (stay if lost[frame - 1, 0] else enter)
         steps = np.where(rng.random((1500, 1)) < 0.1, rng.standard_normal((1500, 1)), 0.0)
-        events, gone = packet_loss.seen(np.cumsum(steps, axis=0), lost, np.full((1500, 1), 0.3))
+        events, gone = packet_loss.count_visible(np.cumsum(steps, axis=0), lost, np.full((1500, 1), 0.3))
         found = packet_loss.PacketLoss(np.ones((1, 1)), events, gone, np.zeros(2))
         _, low, high = packet_loss.loss_probability([found])
         covered += low < true < high

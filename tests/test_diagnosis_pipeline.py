@@ -14,8 +14,8 @@ from exodrake.compiled.inputs import Reference
 from exodrake.core.progress import Stage
 from exodrake.data.case import Case, CaseLog, gather_logs
 from exodrake.diagnosis import isolation, pipeline
-from exodrake.diagnosis.answer import check_answer
 from exodrake.diagnosis.likelihood import NOISE_RUNS, duration
+from exodrake.diagnosis.many import check_answer
 from exodrake.diagnosis.pipeline import notes_on_length
 from exodrake.diagnosis.problem import make_problem
 from exodrake.diagnosis.result import CAUSE, NAMED, NO_GAP, RETUNE

@@ -17,7 +17,7 @@ from exodrake.diagnosis.isolation import isolate
 from exodrake.diagnosis.linear import LinearModel
 from exodrake.diagnosis.problem import make_problem
 from exodrake.diagnosis.result import NAMED
-from exodrake.diagnosis.since import Series, Since, by_session, dated_sessions, since_of, windows
+from exodrake.diagnosis.since import Series, Since, date_sessions, follow_sessions, split_by_session, split_windows
 from exodrake.diagnosis.verdict import Decision, decide
 from exodrake.report.diagnosis_html import html_of
 from exodrake.report.since import since as since_section, words
@@ -68,7 +68,7 @@ def test_a_clear_step_is_dated_to_its_gap_and_a_clear_ramp_to_its_slope():
 def answered(case, nominal) -> tuple[Since | None, Decision]:
     """Changes and decision of a case."""
     found = isolate(make_problem(case, nominal))
-    return since_of(found.whole, found, decide(found))
+    return follow_sessions(found.whole, found, decide(found))
 
 
 def sessions(effect, values, seed, machine="so101"):
@@ -136,7 +136,7 @@ def test_columns_of_each_session_give_the_least_squares_estimates():
     blocks = [(0, s, slice(s * n, (s + 1) * n)) for s in range(sessions)]
     free = np.full((sessions, 3), np.inf)
     prior = [np.zeros((sessions, 3)), np.full((sessions, 3), 1e-9), -free, free]
-    model = by_session(LinearModel.of_rows(rows, blocks, [one[0] for one in prior], 1.0), [0, 2], prior)
+    model = split_by_session(LinearModel.of_rows(rows, blocks, [one[0] for one in prior], 1.0), [0, 2], prior)
     design = np.zeros((sessions * n, 1 + 2 * sessions))
     design[:, 0] = rows[1]
     for s, (*_, place) in enumerate(blocks):
@@ -148,16 +148,16 @@ def test_few_sessions_are_not_dated_and_undated_cases_have_no_sessions():
     case, nominal = sessions("servo.latency", [2.0] * 3, seed=2)
     assert "3 sessions" in answered(case, nominal)[0].note
     names = [item.file for item in case.logs]
-    assert [s.time for s in dated_sessions(case, names)] == [0.0, 1.0, 2.0]
+    assert [s.time for s in date_sessions(case, names)] == [0.0, 1.0, 2.0]
     bare = Case("bare", {}, tuple(CaseLog(i.log, "random", "fit", None, i.file) for i in case.logs), case.period)
-    assert dated_sessions(bare, names) == ()
+    assert date_sessions(bare, names) == ()
 
 
 def test_a_long_log_is_cut_into_windows_of_ten_seconds_or_more():
-    found = windows(6000, 0.02)
+    found = split_windows(6000, 0.02)
     assert len(found) == 12 and found[0].frames == (0, 500) and found[-1].frames[1] == 6000
-    assert found[1].time == pytest.approx(15.0) and not windows(2000, 0.02)
-    assert len(windows(90_000, 0.02)) == 24
+    assert found[1].time == pytest.approx(15.0) and not split_windows(2000, 0.02)
+    assert len(split_windows(90_000, 0.02)) == 24
 
 
 def test_logs_of_two_sessions_do_not_show_the_noise_and_both_are_fitted():

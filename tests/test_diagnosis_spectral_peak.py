@@ -6,7 +6,7 @@ from diagnosis_cases import case_of
 
 from exodrake.diagnosis import filters
 from exodrake.diagnosis.detect import spectral_peak
-from exodrake.diagnosis.detect.spectral_peak import PROMINENT, Peak, WanderingPhase, find, phase_rate
+from exodrake.diagnosis.detect.spectral_peak import PROMINENT, Peak, WanderingPhase, find_peak, phase_rate
 from exodrake.diagnosis.problem import make_problem
 from exodrake.machines.robot_file import load_robot
 
@@ -44,12 +44,12 @@ def test_line_in_every_log_is_distinguished_from_noise(robot):
     rng = np.random.default_rng(2)
     columns, time = len(problem.columns), np.arange(2000) * robot.machine.frame
     consistent = [rng.standard_normal((2000, columns)) for _ in range(3)]
-    assert not find(problem, consistent).certain
+    assert not find_peak(problem, consistent).certain
     with_peak = [log + 2.0 * np.sin(2 * np.pi * 6.3 * time + k)[:, None] for k, log in enumerate(consistent)]
-    found = find(problem, with_peak)
+    found = find_peak(problem, with_peak)
     assert found.certain and found.frequency == pytest.approx(6.3, abs=0.05)
     assert found.power == pytest.approx(np.full(columns, 2.0), rel=0.2)  # a^2 / 2 of a sine
-    assert not find(problem, [consistent[0], consistent[1], with_peak[2]]).certain  # in one log only: no tremor
+    assert not find_peak(problem, [consistent[0], consistent[1], with_peak[2]]).certain  # in one log only: no tremor
 
 
 def test_band_of_a_slow_line_can_be_filtered(robot):
@@ -95,7 +95,7 @@ def test_slow_bursts_are_no_tremor(robot):
     problem = make_problem(case_of(robot, 3, frames=200), robot)
     rng, time = np.random.default_rng(2), np.arange(2000) * robot.machine.frame
     wave = 3.0 * np.sin(2 * np.pi * 0.9 * time + 0.2 * np.cumsum(rng.standard_normal(2000)))[:, None]
-    found = find(problem, [rng.standard_normal((2000, len(problem.columns))) + wave for _ in range(3)])
+    found = find_peak(problem, [rng.standard_normal((2000, len(problem.columns))) + wave for _ in range(3)])
     assert found.prominence > PROMINENT and not found.certain
 
 
@@ -104,5 +104,5 @@ def test_short_log_beside_long_ones_hides_no_tremor(robot):
     logs = [rng.standard_normal((frames, 2)) for frames in (1000, 1500, 120)]
     for log in logs:
         log[:, 0] += 2.0 * np.sin(2.0 * np.pi * FREQUENCY * 0.02 * np.arange(len(log)))
-    assert find(problem, logs).frequency == pytest.approx(FREQUENCY, abs=0.1)
-    assert find(problem, logs[2:]).frequency == pytest.approx(FREQUENCY, abs=0.5)  # windows of 2.4 s
+    assert find_peak(problem, logs).frequency == pytest.approx(FREQUENCY, abs=0.1)
+    assert find_peak(problem, logs[2:]).frequency == pytest.approx(FREQUENCY, abs=0.5)  # windows of 2.4 s

@@ -10,7 +10,7 @@ import pytest
 
 import exodrake as exo
 from exodrake import analysis, estimator, grasping, identification
-from exodrake.diagnosis import gap, result
+from exodrake.diagnosis import result
 
 SHAPE = re.compile(r"\((\.\.\.|\w[\w .*+-]*),[\w .*+,()-]*\)")  # (n,) or (rows, 3)
 UNIT = re.compile(r"\[[^\[\]]+\]")  # [N], [rad/s], [SI] of any signal, [-] of none
@@ -84,7 +84,7 @@ def attributes(docstring):
 
 
 DATACLASSES = {name: value for name in exo.PUBLIC if is_dataclass(value := getattr(exo, name))}
-DATACLASSES |= {name: value for m in (gap, result) for name, value in vars(m).items() if is_dataclass(value)}
+DATACLASSES |= {name: value for name, value in vars(result).items() if is_dataclass(value)}
 
 
 def test_there_are_public_dataclasses():

@@ -16,8 +16,7 @@ from exodrake.core.errors import InputError
 from exodrake.core.plain import plain
 from exodrake.data.case import Case, CaseLog, read_case, write_case
 from exodrake.diagnosis.problem import make_problem, required_of
-from exodrake.diagnosis.provenance import provenance_of
-from exodrake.diagnosis.result import Rival
+from exodrake.diagnosis.result import Rival, provenance_of
 from exodrake.diagnosis.search import LAW, NATS
 from exodrake.experiment import contest as inside, design as search
 from exodrake.experiment.contest import UNSURE, Information, contest_of, information, pair_model, refitted, together

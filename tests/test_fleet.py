@@ -22,12 +22,12 @@ from exodrake.diagnosis.fleet import (
     FAILURE,
     Amount,
     Row,
-    ordered,
+    find_trends,
     read_answers,
+    read_row,
     read_table,
-    row_of,
+    sort_rows,
     table_bytes,
-    trends,
 )
 from exodrake.diagnosis.many import diagnose_all, stored
 from exodrake.diagnosis.result import NAMED, NO_GAP, RETUNE, UNKNOWN
@@ -49,7 +49,7 @@ def robot(serial, size, days=60, seed=0):
     return rows
 
 
-FLEET = ordered([
+FLEET = sort_rows([
     *robot("steady", lambda day: 0.3, seed=1),
     *robot("healthy", lambda day: 0.0, seed=2),
     *robot("loosened", lambda day: 0.25 * (day >= 33), seed=3, days=150),
@@ -71,7 +71,7 @@ def test_injected_onsets_are_dated_and_steady_robots_are_not():
 def test_unknown_and_ambiguous_cases_say_nothing_of_an_amplitude():
     rows = robot("worn", lambda day: 0.2 + 0.01 * max(day - 20, 0), seed=4)
     hidden = [replace(r, verdict=UNKNOWN, effects=(), amounts=()) if k % 3 == 0 else r for k, r in enumerate(rows)]
-    (trend,) = trends(hidden)
+    (trend,) = find_trends(hidden)
     assert trend.values.min() > 0.15 and trend.change.began[1] <= 20.0 <= trend.change.began[2]
 
 
@@ -91,19 +91,19 @@ def test_effects_that_are_named_now_and_then_are_no_change(count):
     rng, changed, robots = np.random.default_rng(count), 0, 150
     for _ in range(robots):
         named = rng.random(count) < 0.15
-        found = trends(cases_of([float(rng.normal(0.3, 0.03)) if one else None for one in named]))
+        found = find_trends(cases_of([float(rng.normal(0.3, 0.03)) if one else None for one in named]))
         changed += any(trend.change is not None for trend in found)
     assert changed <= binom.ppf(0.999, robots, ALPHA)
 
 
 def test_a_factor_that_is_not_named_counts_as_one():
     """The stiffness of a healthy finger has the factor 1, the null value in `effects.finger_stiffness`."""
-    (trend,) = trends(cases_of([None] * 8 + [1.6] * 8, "finger.stiffness", "factor"))
+    (trend,) = find_trends(cases_of([None] * 8 + [1.6] * 8, "finger.stiffness", "factor"))
     assert trend.change.before[0] == pytest.approx(1.0) and trend.change.after[0] == pytest.approx(1.6)
 
 
 def test_a_compliance_that_is_not_named_counts_as_rigid():
-    (trend,) = trends(cases_of([None] * 8 + [2000.0] * 8, "tendon.compliance", "stiffness", "N/m"))
+    (trend,) = find_trends(cases_of([None] * 8 + [2000.0] * 8, "tendon.compliance", "stiffness", "N/m"))
     assert (trend.parameter, trend.unit) == ("1 / stiffness", "1/(N/m)")
     assert trend.change.before[0] == 0.0 and trend.change.after[0] == pytest.approx(1.0 / 2000.0)
 
@@ -113,7 +113,7 @@ def test_the_table_gives_the_rows_back(tmp_path):
     rows = [*FLEET, Row("x", "x", reason="lost")]
     (tmp_path / "t.parquet").write_bytes(table_bytes(rows))
     back = read_table(tmp_path / "t.parquet")
-    assert [repr(row) for row in back] == [repr(row) for row in ordered(rows)]
+    assert [repr(row) for row in back] == [repr(row) for row in sort_rows(rows)]
 
 
 @pytest.mark.parametrize("spoilt", [b"", b"PAR1", b"PAR1" + bytes(200) + b"PAR1"])
@@ -155,11 +155,11 @@ def test_a_strip_shows_the_most_frequent_verdict_of_consecutive_cases():
 
 def test_answers_of_a_diagnosis_make_a_row():
     found = diagnosis(NAMED)
-    row = row_of(json.loads(json.dumps(found.to_json())), "mine")
+    row = read_row(json.loads(json.dumps(found.to_json())), "mine")
     assert row.verdict == NAMED and row.effects == tuple(e.id for e in found.effects)
     assert row.amounts[0].value == next(iter(next(iter(found.effects[0].channels.values())).values())).value
     with pytest.raises(InputError, match="mine"):
-        row_of({"verdict": NAMED}, "mine")
+        read_row({"verdict": NAMED}, "mine")
 
 
 def test_command_reads_a_folder_writes_table_and_page_and_refuses_what_is_none(tmp_path):
@@ -272,15 +272,15 @@ def test_no_mutated_answer_hides_the_good_ones():
     pytest.importorskip("pyarrow")
     good, rng, damaged = json.loads(json.dumps(diagnosis(NAMED).to_json())), np.random.default_rng(5), 0
     for _ in range(150):
-        rows = [row_of(good, "good")]
+        rows = [read_row(good, "good")]
         try:
-            rows.append(row_of(mutated(good, rng), "mutated"))
+            rows.append(read_row(mutated(good, rng), "mutated"))
         except InputError as error:
             assert str(error).startswith("mutated") and "\n" not in str(error)
             rows.append(Row("mutated", "mutated", reason=str(error)))
             damaged += 1
-        assert "mutated" in fleet_html(ordered(rows), "f") and table_bytes(rows).startswith(b"PAR1")
-        fleet_html(ordered(rows), "f").encode()
+        assert "mutated" in fleet_html(sort_rows(rows), "f") and table_bytes(rows).startswith(b"PAR1")
+        fleet_html(sort_rows(rows), "f").encode()
     assert 10 < damaged < 140
 
 

@@ -189,7 +189,7 @@ def test_a_log_too_short_to_diagnose_is_refused_by_name(tmp_path, rows):
 
 
 def test_an_hour_is_refused_before_the_work(tmp_path):
-    from exodrake.diagnosis.checks import check_case
+    from exodrake.diagnosis.checks.compare import check_case
 
     hour = exo.Log(0.02 * np.arange(180_000), {name: np.zeros(180_000) for name in LOG.columns})
     case = exo.Case("hour", {}, (exo.CaseLog(hour, "x", "fit", None, "hour.csv"),))

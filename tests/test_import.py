@@ -19,7 +19,7 @@ from exodrake.data.formats import read_log, write_log
 from exodrake.data.import_log import Track, find_lag, import_all, import_log, import_recording, low_pass, read_mapping
 from exodrake.data.log import Log
 from exodrake.data.tables import list_columns
-from exodrake.diagnosis.checks import check_case
+from exodrake.diagnosis.checks.compare import check_case
 from exodrake.machines.robot_file import load_robot
 
 MAP = {

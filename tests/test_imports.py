@@ -31,8 +31,8 @@ BELOW = {
     "simulation": ENGINES | {"diagrams"},  # simulate(engine="drake")
     **dict.fromkeys(("analysis", "estimator", "grasping", "diagnosis"), METHODS),
     "identification": METHODS | {"diagnosis"},  # a fit is a regression of the same kind
-    **dict.fromkeys(("monitor", "preflight", "experiment", "report", "reference"), RESULTS),
-    "cli": RESULTS | {"monitor", "preflight", "experiment", "report", "reference"},
+    **dict.fromkeys(("monitor", "experiment", "report", "reference"), RESULTS),
+    "cli": RESULTS | {"monitor", "experiment", "report", "reference"},
     "__main__": {"cli"},
 }
 

@@ -55,7 +55,7 @@ from dataclasses import replace
 import numpy as np
 
 from exodrake.diagnosis.problem import Detection
-from exodrake.diagnosis.gap import Interval
+from exodrake.diagnosis.result import Interval
 from exodrake.diagnosis.result import NamedEffect
 
 

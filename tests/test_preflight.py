@@ -11,14 +11,12 @@ from exodrake.cli.main import cli
 from exodrake.compiled.inputs import Reference
 from exodrake.data.case import Case, CaseLog, write_case
 from exodrake.data.log import Log
+from exodrake.diagnosis.checks.identifiability import SEEN, identifiability, least_left
+from exodrake.diagnosis.checks.preflight import find_band, find_held, judge_clock, preflight
 from exodrake.diagnosis.fit import bounded
 from exodrake.diagnosis.likelihood import CORRELATION
 from exodrake.diagnosis.linearise import PROBE
 from exodrake.machines.robot_file import load_robot
-from exodrake.preflight.check import preflight
-from exodrake.preflight.directions import SEEN, least_left
-from exodrake.preflight.identifiability import identifiability
-from exodrake.preflight.signals import at_ends, band_of, clock_of
 from exodrake.simulation.references import protocol
 from exodrake.simulation.simulate import simulate
 
@@ -86,13 +84,13 @@ def test_a_clock_with_jitter_drift_and_holes():
     rng = np.random.default_rng(0)
     n = np.delete(np.arange(2000), [500, 501, 900])
     log = Log(0.02 * 1.0005 * n + 2e-3 * rng.standard_normal(len(n)), {"angle_a": np.zeros(len(n))})
-    clock = clock_of(log, "x.csv", 0.02)
+    clock = judge_clock(log, "x.csv", 0.02)
     assert clock.missing == 3 and clock.rows == 1997
     assert clock.jitter == pytest.approx(0.1 * np.sqrt(2.0), rel=0.1)
     assert clock.drift == pytest.approx(5e-4, abs=0.1 / 1997)
     said = " ".join(clock.problems())
     assert all(word in said for word in ("scatter", "ppm too slowly", "3 of 2000"))
-    clean = clock_of(Log(0.02 * np.arange(100.0), {}), "y.csv", 0.02)
+    clean = judge_clock(Log(0.02 * np.arange(100.0), {}), "y.csv", 0.02)
     assert not clean.problems() and clean.jitter < 1e-9
 
 
@@ -100,13 +98,13 @@ def test_clipped_samples_are_counted_and_a_smooth_top_is_not():
     wave = np.sin(np.linspace(0, 20 * np.pi, 5000))
     clipped = np.clip(wave, -0.8, 0.8)
     share = 1.0 - 2.0 * np.arcsin(0.8) / np.pi  # of a sine beyond 0.8 of its size
-    assert at_ends(clipped).mean() == pytest.approx(share, abs=0.01)
-    assert at_ends(wave).mean() < 0.002
+    assert find_held(clipped).mean() == pytest.approx(share, abs=0.01)
+    assert find_held(wave).mean() < 0.002
 
 
 def test_the_band_of_a_sine_is_its_frequency():
-    assert band_of(np.sin(2 * np.pi * 1.5 * 0.02 * np.arange(1000)), 0.02) == pytest.approx(1.5, abs=0.05)
-    assert band_of(np.ones(100), 0.02) == 0.0
+    assert find_band(np.sin(2 * np.pi * 1.5 * 0.02 * np.arange(1000)), 0.02) == pytest.approx(1.5, abs=0.05)
+    assert find_band(np.ones(100), 0.02) == 0.0
 
 
 def test_the_command_prints_tables_and_draws_the_figure(tmp_path):
@@ -166,7 +164,7 @@ def test_what_a_sensor_less_would_tell_is_what_a_log_without_it_tells():
     assert len(found) == 6 and ("stroke", "speed_cmd") in found
     wanted = identifiability(poorer, robot, tried).directions
     got = found["stroke", "speed_cmd", "angle"].left.directions
-    assert [d.name for d in got] == [d.name for d in wanted]
+    assert [(d.effect, d.channel) for d in got] == [(d.effect, d.channel) for d in wanted]
     assert [d.seen for d in got] == pytest.approx([d.seen for d in wanted], rel=1e-3)
 
 

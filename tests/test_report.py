@@ -17,8 +17,7 @@ from rich.console import Console
 
 from exodrake.core.progress import Stage
 from exodrake.data.log import Log
-from exodrake.diagnosis.gap import Interval
-from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, PARTLY, RETUNE, UNKNOWN
+from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, PARTLY, RETUNE, UNKNOWN, Interval
 from exodrake.report import wording
 from exodrake.report.diagnosis_html import (
     CURVE_LEVELS,

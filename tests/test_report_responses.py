@@ -10,8 +10,8 @@ from report_synthetic import diagnosis, simulated_logs
 
 import exodrake as exo
 from exodrake.data.case import Case, CaseLog
-from exodrake.diagnosis.gap import Where
 from exodrake.diagnosis.problem import make_problem
+from exodrake.diagnosis.result import Where
 from exodrake.report.diagnosis_html import SimulatedLogs, html_of, response_figure
 
 

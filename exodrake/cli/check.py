@@ -20,8 +20,8 @@ from exodrake.cli.options import (
 
 if TYPE_CHECKING:
     from exodrake.core.robot import Robot
-    from exodrake.preflight.check import Preflight
-    from exodrake.preflight.directions import Direction
+    from exodrake.diagnosis.checks.identifiability import Direction
+    from exodrake.diagnosis.checks.preflight import Preflight
 
 TOP, FEW = 3, 4  # effects that are listed for each; for fewer sensors
 
@@ -40,8 +40,8 @@ def command(case: Path, robot: str, only: str, without: str, figure: Path | None
     typical size on the nominal robot; the measured values are not fitted.
     """
     from exodrake.core.parallel import one_blas_thread
+    from exodrake.diagnosis.checks.preflight import draw_figure, preflight
     from exodrake.machines.robot_file import load_robot
-    from exodrake.preflight.check import figure_of, preflight
 
     nominal = load_robot(robot)
     refuse_cases(case)
@@ -55,7 +55,7 @@ def command(case: Path, robot: str, only: str, without: str, figure: Path | None
     click.echo()
     print_effects(found)
     if figure:
-        write_files({figure: figure_of(found)})
+        write_files({figure: draw_figure(found)})
 
 
 def print_recordings(found: Preflight, robot: Robot) -> None:
@@ -97,7 +97,7 @@ def print_recordings(found: Preflight, robot: Robot) -> None:
 
 def print_effects(found: Preflight) -> None:
     """Prints the smallest size of each effect that is seen, what it could be taken for, and what sensors would help."""
-    from exodrake.preflight.directions import SEEN
+    from exodrake.diagnosis.checks.identifiability import SEEN
 
     result, rows = found.identifiability, []
     for effect in dict.fromkeys(d.effect for d in result.directions):

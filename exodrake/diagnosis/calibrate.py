@@ -19,9 +19,8 @@ from exodrake.core.progress import Count, no_progress
 from exodrake.core.robot import Robot
 from exodrake.data.case import Case
 from exodrake.diagnosis import calibration as rates
-from exodrake.diagnosis.gap import Interval
 from exodrake.diagnosis.healthy import SEEDS, followed, healthy_case, healthy_robot, with_effect
-from exodrake.diagnosis.result import CAUSE, NO_GAP, RETUNE, UNKNOWN, Diagnosis
+from exodrake.diagnosis.result import CAUSE, NO_GAP, RETUNE, UNKNOWN, Diagnosis, Interval
 from exodrake.machines.robot_file import load_robot
 
 EACH_HEALTHY = 3  # one robot in so many is healthy

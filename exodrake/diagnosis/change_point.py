@@ -85,7 +85,13 @@ class ChangePoint:
         self.shape, self.low, self.high, self.columns = candidates(self.times, grid)
         rows = np.einsum("ij,cjk->cik", self.white, self.columns)
         self.rows = rows - np.einsum("i,j,cjk->cik", self.constant, self.constant, rows)
-        self.added = np.array([orthonormal(r) for r in self.rows])
+        added = []  # orthonormal columns of the same span, of zeros for one that adds nothing
+        for first, second in self.rows.transpose(0, 2, 1):
+            first = first / np.linalg.norm(first)
+            second = second - (first @ second) * first
+            size = np.linalg.norm(second)
+            added.append(np.column_stack([first, second / size if size > 1e-9 else np.zeros(len(second))]))
+        self.added = np.array(added)
         count = 1 + (self.shape == BOTH)
         k = len(self.times) * np.array(SIZES)
         self.kept = k / (1.0 + k)  # (k,) share of a change that the prior lets through
@@ -131,40 +137,17 @@ class ChangePoint:
         return (1.0 + DRAWS - np.searchsorted(self.null, self.log_odds(series))) / (DRAWS + 1.0)
 
     def __call__(self, values: np.ndarray, rng: np.random.Generator) -> Change:
-        """The change of a series (points,), estimated as if there were one."""
-        row = self.centred(values[:, None])
-        none, each = self.evidences(row)
-        weight = np.exp(each[:, :, 0] - each.max())
+        """The change of a series (points,), estimated as if there were one; its sizes are those of the likeliest."""
+        rows = self.centred(values[:, None])
+        none, each = self.evidences(rows)
+        row, weight = rows[:, 0], np.exp(each[:, :, 0] - each.max())
         weight /= weight.sum()
         dates = weight.sum(axis=0)
         order = np.argsort(-dates / (self.high - self.low))
         inside = order[: 1 + int(np.searchsorted(np.cumsum(dates[order]), CONFIDENCE))]
         best = int(order[0])
-        middle = 0.5 * (self.low[best] + self.high[best])
-        ends = (middle, self.low[inside].min(), self.high[inside].max())
-        value, low, high, scatter = self.sizes(values, row[:, 0], weight, best, rng)
-        before, after, rate = zip(value, low, high, strict=True)
-        odds = float(np.logaddexp.reduce(each, axis=None) - none[0])
-        return Change(
-            p=float(self.p_values(values[:, None])[0]), shape=str(self.shape[best]),
-            shapes=tuple(dict.fromkeys(map(str, self.shape[inside]))),
-            began=tuple(float(max(t, self.times[0])) for t in ends),  # pyright: ignore[reportArgumentType]
-            before=before, after=after, rate=rate, scatter=scatter, size=odds,
-        )  # fmt: skip
-
-    def sizes(
-        self, values: np.ndarray, row: np.ndarray, weight: np.ndarray, best: int, rng: np.random.Generator
-    ) -> tuple[list[float], list[float], list[float], float]:
-        """Values (3,) before, at the last point and of the rate, the ends of their intervals, and the mean scatter.
-
-        Args:
-            values: (points,) series.
-            row: (points,) the same, whitened and centred.
-            weight: (k, candidates) posterior.
-            best: the likeliest candidate, whose means are the values.
-            rng: of the draws.
-        """
-        cloud, scatter, stated = [], [], np.zeros(3)
+        began = 0.5 * (self.low[best] + self.high[best]), self.low[inside].min(), self.high[inside].max()
+        cloud, scatter, stated = [], [], np.zeros(3)  # of draws: value before, at the last point, rate; s
         draws = rng.multinomial(DRAWS, weight.ravel() / weight.sum()).reshape(weight.shape)
         for c in map(int, np.flatnonzero(draws.sum(axis=0) + (np.arange(weight.shape[1]) == best))):
             own, back = self.added[c].T @ row, np.linalg.pinv(self.rows[c]) @ self.added[c]
@@ -180,14 +163,21 @@ class ChangePoint:
                 mean = float(weight[:, c] @ self.kept / weight[:, c].sum()) * own @ back.T
                 stated = self.stated(c, values, mean[None], np.zeros(1))[0]
         stated = np.where(np.abs(stated) < ROUNDING * np.ptp(values), 0.0, stated)
-        found = np.concatenate(cloud)
-        ends = np.full((2, 3), np.nan)
-        for i in range(3):
-            known = found[np.isfinite(found[:, i]), i]
-            if np.isfinite(stated[i]) and len(known):
+        sizes = []
+        for value, column in zip(stated, np.concatenate(cloud).T, strict=True):
+            low, high, known = np.nan, np.nan, column[np.isfinite(column)]
+            if np.isfinite(value) and len(known):
                 low, high = np.quantile(known, [0.5 - CONFIDENCE / 2, 0.5 + CONFIDENCE / 2])
-                ends[:, i] = min(low, stated[i]), max(high, stated[i])
-        return stated.tolist(), ends[0].tolist(), ends[1].tolist(), float(np.concatenate(scatter).mean())
+                low, high = min(low, value), max(high, value)
+            sizes.append((float(value), float(low), float(high)))
+        before, after, rate = sizes
+        return Change(
+            p=float(self.p_values(values[:, None])[0]), shape=str(self.shape[best]),
+            shapes=tuple(dict.fromkeys(map(str, self.shape[inside]))),
+            began=tuple(float(max(t, self.times[0])) for t in began),  # pyright: ignore[reportArgumentType]
+            before=before, after=after, rate=rate, scatter=float(np.concatenate(scatter).mean()),
+            size=float(np.logaddexp.reduce(each, axis=None) - none[0]),
+        )  # fmt: skip
 
     def stated(self, c: int, values: np.ndarray, b: np.ndarray, noise: np.ndarray) -> np.ndarray:
         """Value before, at the last point, and rate (n, 3), of coefficients b (n, 2) of a candidate and noise (n,)."""
@@ -213,11 +203,3 @@ def candidates(times: np.ndarray, grid: int) -> tuple[np.ndarray, np.ndarray, np
         found += [(BOTH, a, b, times > a, np.maximum(times - t, 0.0)) for a, b, t in middles]
     shape, low, high, *columns = zip(*found, strict=True)
     return np.array(shape), np.array(low), np.array(high), np.array(columns, dtype=float).transpose(1, 2, 0)
-
-
-def orthonormal(rows: np.ndarray) -> np.ndarray:
-    """Orthonormal columns (points, 2) of the same span; a column of zeros for one that adds nothing."""
-    first = rows[:, 0] / np.linalg.norm(rows[:, 0])
-    second = rows[:, 1] - (first @ rows[:, 1]) * first
-    size = np.linalg.norm(second)
-    return np.column_stack([first, second / size if size > 1e-9 else np.zeros(len(second))])

@@ -20,16 +20,16 @@ import numpy as np
 from exodrake.core.confidence import CONFIDENCE
 from exodrake.core.robot import Robot
 from exodrake.diagnosis.filters import mismatch
-from exodrake.diagnosis.gap import Closure, Interval, SignalGap
 from exodrake.diagnosis.parameter import apply
 from exodrake.diagnosis.problem import WILD, Problem
+from exodrake.diagnosis.result import Closure, Interval, SignalGap
 from exodrake.diagnosis.search import Fitted
 
 PART, LEAST = 2.0, 8  # block [s], longer than the loop's memory; blocks at least, shorter ones of short logs: assumed
 DRAWS = 400
 
 
-def robot_of(problem: Problem, values: np.ndarray, found_in: str) -> Robot:
+def change_robot(problem: Problem, values: np.ndarray, found_in: str) -> Robot:
     """The nominal robot with what a fit changed, noise and resolutions as they were.
 
     Args:
@@ -64,7 +64,7 @@ def kinds_of_motion(problem: Problem) -> dict[str, str]:
     return {n: re.sub(r"[-_ ]*\d+$", "", protocols.get(n, n)) or protocols.get(n, n) for n in names}
 
 
-def closure_of(
+def measure_closure(
     problem: Problem, retuned: Fitted, best: Fitted, rows: np.ndarray, traces: Mapping[int, float]
 ) -> Closure:
     """Closure on the judged logs, and on each kind of fitted motion by the robot that is fitted to the other kinds.
@@ -93,27 +93,8 @@ def closure_of(
     return replace(found, measured_on=measured_on, motions=motions)
 
 
-def residuals(problem: Problem, rows: Sequence[np.ndarray]) -> list[list[np.ndarray]]:
-    """Residuals of robots on the logs that they are judged by, in closed loop.
-
-    Args:
-        problem: the case.
-        rows: for each of these logs (robots, parameters) flat parameter vectors [SI].
-
-    Returns:
-        For each robot the (n, columns) residuals of the logs [noise_std], NaN where nothing was measured.
-    """
-    period, found = problem.robot.machine.frame, []
-    for trial, robots in zip(problem.judged, rows, strict=True):
-        simulated = problem.predict(robots, trial)
-        gaps = [mismatch(trial.measured, one, problem.notched, period) / problem.noise_std for one in simulated]
-        bounded = [np.nan_to_num(gap, nan=WILD, posinf=WILD, neginf=-WILD).clip(-WILD, WILD) for gap in gaps]
-        found.append([np.where(np.isfinite(trial.measured), gap, np.nan) for gap in bounded])
-    return [list(logs) for logs in zip(*found, strict=True)]
-
-
 def measure(problem: Problem, rows: Sequence[np.ndarray], seed: int = 0) -> Closure:
-    """Gap and closure, overall and per signal.
+    """Gap and closure, overall and per signal, in closed loop.
 
     Args:
         problem: the case.
@@ -121,16 +102,31 @@ def measure(problem: Problem, rows: Sequence[np.ndarray], seed: int = 0) -> Clos
             and the improved robot.
         seed: of the bootstrap.
     """
-    logs = residuals(problem, rows)
+    machine, found = problem.robot.machine, []
+    for trial, robots in zip(problem.judged, rows, strict=True):
+        simulated = problem.predict(robots, trial)
+        gaps = [mismatch(trial.measured, one, problem.notched, machine.frame) / problem.noise_std for one in simulated]
+        bounded = [np.nan_to_num(gap, nan=WILD, posinf=WILD, neginf=-WILD).clip(-WILD, WILD) for gap in gaps]
+        found.append([np.where(np.isfinite(trial.measured), gap, np.nan) for gap in bounded])
+    logs = [list(one) for one in zip(*found, strict=True)]  # of each robot (n, columns) [noise_std]
     frames = sum(map(len, logs[0]))
-    length = max(1, min(round(PART / problem.robot.machine.frame), frames // LEAST))
+    length = max(1, min(round(PART / machine.frame), frames // LEAST))
     (nominal, samples), (retuned, _), (improved, _) = (blocks(one, length) for one in logs)
     picks = np.random.default_rng(seed).integers(0, len(samples), (DRAWS, len(samples)))
+    signals = {}
+    for i, (column, kind, noise_std) in enumerate(zip(problem.columns, problem.kinds, problem.noise_std, strict=True)):
+        squares = [np.concatenate([r[:, i] for r in one]) ** 2 for one in logs]
+        squares = [s[np.isfinite(squares[0])] for s in squares]
+        before, retuned_rms, after = (float(noise_std) * float(np.sqrt(s.mean())) for s in squares)
+        unit = machine.signal[machine.column(kind).signal].unit
+        signals[column] = SignalGap(
+            before, retuned_rms, after, float(noise_std), closure(squares[0], squares[-1]), unit
+        )
     return Closure(
         overall=bootstrapped(nominal, improved, samples, picks),
         retune=bootstrapped(nominal, retuned, samples, picks),
         effect=bootstrapped(retuned, improved, samples, picks),
-        signals={c: signal(problem, i, logs) for i, c in enumerate(problem.columns)},
+        signals=signals,
     )
 
 
@@ -161,13 +157,3 @@ def blocks(residuals: list[np.ndarray], length: int) -> tuple[np.ndarray, np.nda
     parts = [part for part in parts if np.isfinite(part).any()]
     samples = np.array([np.isfinite(part).sum() for part in parts])
     return np.array([np.nanmean(part**2) for part in parts]), samples
-
-
-def signal(problem: Problem, i: int, logs: list[list[np.ndarray]]) -> SignalGap:
-    """Gap of one signal in its unit, of the nominal, the retuned and the improved robot's residuals."""
-    noise_std, machine, kind = float(problem.noise_std[i]), problem.robot.machine, problem.kinds[i]
-    squares = [np.concatenate([r[:, i] for r in one]) ** 2 for one in logs]
-    squares = [s[np.isfinite(squares[0])] for s in squares]
-    before, retuned, after = (noise_std * float(np.sqrt(s.mean())) for s in squares)
-    unit = machine.signal[machine.column(kind).signal].unit
-    return SignalGap(before, retuned, after, noise_std, closure(squares[0], squares[-1]), unit)

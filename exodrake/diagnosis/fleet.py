@@ -34,9 +34,8 @@ from exodrake.core.files import is_file, is_folder, read_bytes
 from exodrake.core.processes import in_child
 from exodrake.core.schema import read_json
 from exodrake.data.formats.parquet import parse_rows, pyarrow_of
-from exodrake.diagnosis.answer import check_answer
 from exodrake.diagnosis.change_point import DAY, DRAWS, LEAST, Change, ChangePoint
-from exodrake.diagnosis.many import ANSWER, FAILED
+from exodrake.diagnosis.many import ANSWER, FAILED, check_answer
 from exodrake.diagnosis.result import NAMED, NO_GAP, RETUNE
 from exodrake.machines.library import machine_named, machine_names
 
@@ -103,11 +102,18 @@ class Row:
     code: str = ""
 
 
-def row_of(answer: Mapping[str, Any], name: str) -> Row:
+def read_row(answer: Mapping[str, Any], name: str) -> Row:
     """The row of a diagnosis.json. InputError naming the case, and the key of what is damaged."""
     found = check_answer(answer, name)
     made, rms = found.get("provenance") or {}, found["closure"].get("rms") or {}
-    began = (found.get("since") or {}).get("began") or {}
+    began, amounts = (found.get("since") or {}).get("began") or {}, []
+    for effect in found["effects"]:  # its first parameter, channel by channel where it has several
+        for parameter, item in list(effect["parameters"].items())[:1]:
+            for channel, one in (effect["channels"].get(parameter) or {"": item}).items():
+                value, low, high = (to_float(one.get(end)) for end in ("value", "low", "high"))
+                amounts.append(
+                    Amount(effect["id"], printable(parameter), printable(channel), value, low, high, one["unit"])
+                )
     return Row(
         case=name,
         serial=found.get("serial") or found.get("case") or name,
@@ -116,34 +122,20 @@ def row_of(answer: Mapping[str, Any], name: str) -> Row:
         verdict=found["verdict"],
         block=found["where"]["block"],
         effects=tuple(found["equivalents"] or [e["id"] for e in found["effects"]]),
-        amounts=tuple(amount for effect in found["effects"] for amount in amounts_of(effect)),
-        closure=real(found["closure"]["overall"].get("value")),
+        amounts=tuple(amounts),
+        closure=to_float(found["closure"]["overall"].get("value")),
         confirmed=found.get("confirmed"),
-        before=real(rms.get("before")),
-        after=real(rms.get("after")),
+        before=to_float(rms.get("before")),
+        after=to_float(rms.get("after")),
         began=began.get("value") or "",
-        run_time=real(found.get("seconds")),
+        run_time=to_float(found.get("seconds")),
         reason="; ".join(found.get("reasons") or []),
         version=made.get("version") or "",
         code=str(made.get("code") or ""),
     )
 
 
-def amounts_of(effect: Mapping[str, Any]) -> list[Amount]:
-    """The first parameter of an effect, channel by channel where it has several."""
-    for name, item in effect["parameters"].items():
-        each = effect["channels"].get(name) or {"": item}
-        head = effect["id"], printable(name)
-        return [Amount(*head, printable(c), *ends(one), one["unit"]) for c, one in each.items()]
-    return []
-
-
-def ends(item: Mapping[str, Any]) -> tuple[float, float, float]:
-    """Value, low and high of an interval."""
-    return real(item.get("value")), real(item.get("low")), real(item.get("high"))
-
-
-def real(value: float | None) -> float:
+def to_float(value: float | None) -> float:
     """A number of a file, whose null is NaN."""
     return float("nan") if value is None else value
 
@@ -161,40 +153,33 @@ def read_answers(*sources: str | Path) -> list[Row]:
     rows = []
     for source in map(Path, sources):
         if is_folder(source):
-            rows += [row for place in (source, *sorted(source.iterdir())) if (row := answer_in(place)) is not None]
+            rows += [row for place in (source, *sorted(source.iterdir())) if (row := read_place(place)) is not None]
         else:
-            rows.append(row_of(read_json(source), printable(source.stem)))
+            rows.append(read_row(read_json(source), printable(source.stem)))
     if not rows:
         names = ", ".join(map(str, sources))
         raise InputError(f"{names}: no answers in it (folders with {ANSWER}, or files of `exodrake diagnose --json`)")
-    return ordered(rows)
+    return sort_rows(rows)
 
 
-def answer_in(place: Path) -> Row | None:
+def read_place(place: Path) -> Row | None:
     """The row of a folder with an answer or a failure, or of a file of `diagnose --json`; None of anything else."""
     folder, name = is_folder(place), printable(place.resolve().name.removesuffix(".json"))
-    if folder and is_file(place / FAILED) and not is_file(place / ANSWER):
-        return Row(name, name, reason=failure_of(place / FAILED))
-    answer = place / ANSWER if folder else place
-    named = folder or (place.suffix.lower() == ".json" and place.name not in (ANSWER, FAILED))
-    if not named or not is_file(answer):
-        return None
+    answer, failed = place / ANSWER if folder else place, place / FAILED
     try:
-        return row_of(read_json(answer), name)
+        if folder and is_file(failed) and not is_file(answer):
+            failure = read_json(failed)
+            known = isinstance(failure, Mapping)
+            return Row(
+                name, name, reason=printable(str(failure.get("reason", ""))) if known else f"{failed}: {UNREADABLE}"
+            )
+        named = folder or (place.suffix.lower() == ".json" and place.name not in (ANSWER, FAILED))
+        return read_row(read_json(answer), name) if named and is_file(answer) else None
     except InputError as error:
         return Row(name, name, reason=str(error)) if folder else None
 
 
-def failure_of(path: Path) -> str:
-    """Reason of a failure, by its file, or why that cannot be read."""
-    try:
-        failure = read_json(path)
-    except InputError as error:
-        return str(error)
-    return printable(str(failure.get("reason", ""))) if isinstance(failure, Mapping) else f"{path}: {UNREADABLE}"
-
-
-def ordered(rows: Iterable[Row]) -> list[Row]:
+def sort_rows(rows: Iterable[Row]) -> list[Row]:
     """Rows by robot and date."""
     first = datetime.min.replace(tzinfo=UTC)
     return sorted(rows, key=lambda row: (row.serial, row.date or first, row.case))
@@ -229,33 +214,27 @@ def read_table(path: str | Path) -> list[Row]:
         raise InputError(f"{path}: neither a folder of answers nor a Parquet table")
     wanted = schema(pyarrow_of(str(path))[0])
     found = in_child(parse_rows, data, str(path), wanted, LATER, source=str(path), size=len(data))
-    return ordered(row_from(values, str(path)) for values in found)
 
+    def read_cells(kind: type[Row] | type[Amount], values: Mapping[str, Any]) -> dict[str, Any]:
+        cells = {}
+        for name, what in ((f.name, f.type) for f in fields(kind) if f.type in ("str", "float")):
+            if values[name] is None and what == "str":
+                raise InputError(f"{path}: column {name!r}: a cell is empty, wanted text")
+            cells[name] = printable(values[name]) if what == "str" else to_float(values[name])
+        return cells
 
-def row_from(values: dict[str, Any], source: str) -> Row:
-    """A row of the table. InputError, saying where it comes from, for a cell or an item that is empty."""
-    date = values["date"] and values["date"].astimezone(UTC)
-    effects, items = values["effects"] or (), values["amounts"] or ()
-    if None in effects or None in items:
-        raise InputError(f"{source}: column {'effects' if None in effects else 'amounts'!r}: an item is empty")
-    amounts = tuple(Amount(**cells_of(Amount, item, source)) for item in items)
-    found = {
-        "effects": tuple(map(printable, effects)),
-        "amounts": amounts,
-        "date": date,
-        "confirmed": values["confirmed"],
-    }
-    return Row(**cells_of(Row, values, source) | found)
-
-
-def cells_of(kind: type[Row] | type[Amount], values: Mapping[str, Any], source: str) -> dict[str, Any]:
-    """Texts and numbers of a row or an amount by name."""
-    found = {}
-    for name, what in ((f.name, f.type) for f in fields(kind) if f.type in ("str", "float")):
-        if values[name] is None and what == "str":
-            raise InputError(f"{source}: column {name!r}: a cell is empty, wanted text")
-        found[name] = printable(values[name]) if what == "str" else real(values[name])
-    return found
+    rows = []
+    for values in found:
+        for name in ("effects", "amounts"):
+            if None in (values[name] or ()):
+                raise InputError(f"{path}: column {name!r}: an item is empty")
+        amounts = tuple(Amount(**read_cells(Amount, item)) for item in values["amounts"] or ())
+        effects, date = tuple(map(printable, values["effects"] or ())), values["date"]
+        rows.append(Row(
+            **read_cells(Row, values), effects=effects, amounts=amounts, confirmed=values["confirmed"],
+            date=date and date.astimezone(UTC),
+        ))  # fmt: skip
+    return sort_rows(rows)
 
 
 @dataclass(frozen=True, eq=False)
@@ -287,14 +266,25 @@ class Trend:
         return (self.first + timedelta(days=float(time))).date().isoformat()
 
 
-def trends(rows: Sequence[Row]) -> list[Trend]:
+def find_trends(rows: Sequence[Row]) -> list[Trend]:
     """Trends of one robot's rows, the clearest change first; none with too few dated cases."""
     dated = [row for row in rows if row.date is not None]
     keys = dict.fromkeys((a.effect, a.parameter, a.channel, a.unit) for row in dated for a in row.amounts)
-    series = {key: points(dated, key) for key in keys}
-    series = {key: found for key, found in series.items() if len(found[0]) >= LEAST}
-    made = [trend(rows[0].serial, key, dated[0].date, *found, len(series)) for key, found in series.items()]  # pyright: ignore
-    return sorted(made, key=lambda t: (t.p, -(t.change.size if t.change else 0.0)))
+    series = [(key, *found) for key in keys if len((found := follow_amount(dated, key))[0]) >= LEAST]
+    trends = []
+    for (effect, parameter, channel, unit), times, values, absent in series:
+        if np.isinf(null_value(effect, parameter)):
+            parameter, unit = f"1 / {parameter}", f"1/({unit})"
+        spread, p, change = float(np.ptp(values)), 1.0, None
+        if spread > 0.0:
+            scan = ChangePoint(times, (TINY * spread) ** 2 * np.eye(len(times)), grid=1)
+            found = permutation_p(scan, values) if absent else float(scan.p_values(values[:, None])[0])
+            p = min(1.0, found * len(series))
+            change = scan(values, np.random.default_rng(len(times))) if p < ALPHA else None
+        first = dated[0].date
+        assert first is not None
+        trends.append(Trend(rows[0].serial, effect, parameter, channel, unit, first, times, values, p, change))
+    return sorted(trends, key=lambda t: (t.p, -(t.change.size if t.change else 0.0)))
 
 
 @cache
@@ -304,7 +294,7 @@ def null_value(effect: str, parameter: str) -> float:
     return next((p.null for known in effects for p in known.parameters if p.name == parameter), 0.0)
 
 
-def points(rows: Sequence[Row], key: tuple[str, str, str, str]) -> tuple[np.ndarray, np.ndarray, bool]:
+def follow_amount(rows: Sequence[Row], key: tuple[str, str, str, str]) -> tuple[np.ndarray, np.ndarray, bool]:
     """Days since the first row, amplitudes (points,) of a cause, medians where there are too many, and any absence.
 
     Amplitudes are in their unit, or reciprocal where the null value is infinite.
@@ -326,25 +316,7 @@ def points(rows: Sequence[Row], key: tuple[str, str, str, str]) -> tuple[np.ndar
     return np.array([g[:, 0].mean() for g in groups]), np.array([np.median(g[:, 1]) for g in groups]), missed
 
 
-def trend(
-    serial: str, key: tuple[str, str, str, str], first: datetime, times: np.ndarray, values: np.ndarray, missed: bool,
-    count: int,
-) -> Trend:  # fmt: skip
-    """A trend with its change; missed: whether null values are among them; count: trends that are tested beside it."""
-    effect, parameter, channel, unit = key
-    if np.isinf(null_value(effect, parameter)):
-        parameter, unit = f"1 / {parameter}", f"1/({unit})"
-    spread = float(np.ptp(values))
-    if spread <= 0.0:
-        return Trend(serial, effect, parameter, channel, unit, first, times, values, 1.0, None)
-    scan = ChangePoint(times, (TINY * spread) ** 2 * np.eye(len(times)), grid=1)
-    found = permuted(scan, values) if missed else float(scan.p_values(values[:, None])[0])
-    p = min(1.0, found * count)
-    change = scan(values, np.random.default_rng(len(times))) if p < ALPHA else None
-    return Trend(serial, effect, parameter, channel, unit, first, times, values, p, change)
-
-
-def permuted(scan: ChangePoint, values: np.ndarray) -> float:
+def permutation_p(scan: ChangePoint, values: np.ndarray) -> float:
     """p-value of no change in values (points,) of any law: share of their orders that show a change as clear."""
     rng = np.random.default_rng(len(values))
     orders = np.column_stack([values, *(rng.permutation(values) for _ in range(DRAWS))])

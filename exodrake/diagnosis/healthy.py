@@ -15,8 +15,8 @@ from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.robot import Robot, drawn_robot
 from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis.filters import filled_columns
-from exodrake.diagnosis.noise import reference_rows
 from exodrake.simulation import protocols
+from exodrake.simulation.references import reference_rows
 from exodrake.simulation.simulate import log_of, run
 
 SEEDS = 2**31  # of noise and motion

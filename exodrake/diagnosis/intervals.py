@@ -23,9 +23,8 @@ import numpy as np
 from exodrake.core.confidence import NORMAL_90
 from exodrake.core.effect import SHAPE_STD, Effect
 from exodrake.core.part import SCALAR, TENDONS
-from exodrake.diagnosis.gap import Interval
 from exodrake.diagnosis.parameter import Parameter
-from exodrake.diagnosis.result import NamedEffect
+from exodrake.diagnosis.result import Interval, NamedEffect
 from exodrake.diagnosis.search import Fitted, kind_of
 
 ROUNDING = 0.01  # relative standard deviation between two simulators of one law: integration and rounding; assumed
@@ -168,28 +167,20 @@ def affected_channels(x: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     """
     if not np.any(x):
         return np.array([0])
-    order = np.argsort(-np.abs(x) / np.sqrt(np.diag(covariance) + (LEAK * np.max(np.abs(x))) ** 2), kind="stable")
-    sets = [order[:count] for count in range(1, np.count_nonzero(x) + 1)]
-    return np.sort(sets[int(np.argmax([evidence(x, covariance, chosen) for chosen in sets]))])
+    size, count = np.max(np.abs(x)), len(x)
+    order = np.argsort(-np.abs(x) / np.sqrt(np.diag(covariance) + (LEAK * size) ** 2), kind="stable")
+    sets = [order[:number] for number in range(1, np.count_nonzero(x) + 1)]
 
+    def evidence(chosen: np.ndarray) -> float:
+        """Logarithm of the probability density of x with the effect on the chosen channels, but for a constant."""
+        there, densities = np.isin(np.arange(count), chosen).astype(float), []
+        others = (1.0 - 2.0 * ONE_OR_ALL) / (count - 2) if count > 2 else ONE_OR_ALL
+        prior = ONE_OR_ALL if len(chosen) in (1, count) else others
+        outside = covariance + (LEAK * size) ** 2 * np.eye(count)
+        one_cause = size**2 * (np.outer(there, there) + SPREAD**2 * np.diag(there))
+        for inside in (one_cause, size**2 * np.diag(there)):
+            whole = outside + inside
+            densities.append(float(-0.5 * (x @ np.linalg.solve(whole, x) + np.linalg.slogdet(whole)[1])))
+        return float(np.log(prior)) + float(np.logaddexp.reduce(densities))
 
-def evidence(x: np.ndarray, covariance: np.ndarray, chosen: np.ndarray) -> float:
-    """Logarithm of the probability density of fitted amplitudes with the effect on the chosen channels."""
-    size, there = np.max(np.abs(x)), np.isin(np.arange(len(x)), chosen).astype(float)
-    outside = covariance + (LEAK * size) ** 2 * np.eye(len(x))
-    one_cause = size**2 * (np.outer(there, there) + SPREAD**2 * np.diag(there))
-    of_their_own = size**2 * np.diag(there)
-    densities = [log_density(x, outside + inside) for inside in (one_cause, of_their_own)]
-    return log_prior(len(chosen), len(x)) + float(np.logaddexp.reduce(densities))
-
-
-def log_prior(count: int, channels: int) -> float:
-    """Logarithm of the prior probability of so many affected channels."""
-    if count in (1, channels):
-        return float(np.log(ONE_OR_ALL))
-    return float(np.log((1.0 - 2.0 * ONE_OR_ALL) / (channels - 2)))
-
-
-def log_density(x: np.ndarray, covariance: np.ndarray) -> float:
-    """Logarithm of a normal density about 0, but for a constant."""
-    return float(-0.5 * (x @ np.linalg.solve(covariance, x) + np.linalg.slogdet(covariance)[1]))
+    return np.sort(sets[int(np.argmax([evidence(chosen) for chosen in sets]))])

@@ -18,11 +18,10 @@ import numpy as np
 
 from exodrake.core.part import JOINTS, SCALAR, TENDONS
 from exodrake.diagnosis.filters import filled
-from exodrake.diagnosis.gap import Where
 from exodrake.diagnosis.intervals import describe, fitted_effects
 from exodrake.diagnosis.isolation import Isolation
 from exodrake.diagnosis.problem import Problem, Trial, by_trial
-from exodrake.diagnosis.result import NO_GAP, RETUNE, NamedEffect
+from exodrake.diagnosis.result import NO_GAP, RETUNE, NamedEffect, Where
 from exodrake.diagnosis.search import Fitted, is_memory
 from exodrake.diagnosis.verdict import LARGE
 
@@ -34,13 +33,7 @@ CRAWL = 0.02  # of the fastest motion: slower channels count as at rest; assumed
 
 
 def localise(found: Isolation, verdict: str, effects: tuple[NamedEffect, ...]) -> Where:
-    """Block, channels and regime of a gap, from the fitted logs; the regime follows the retuned robot.
-
-    Args:
-        found: what the isolation tried.
-        verdict: its word.
-        effects: effects that are named.
-    """
+    """Block, channels and regime of a gap with named effects; the regime is that of what the retuned robot leaves."""
     if verdict in (NO_GAP, RETUNE):
         return Where(block="none")
     rest = remaining(found, found.retuned)
@@ -55,7 +48,8 @@ def remaining(found: Isolation, fitted: Fitted) -> Where:
     """Place and regime of what a fitted set leaves; `shares`: of it, by the best further effect of each block."""
     e, search, machine = fitted.explanation, found.search, found.problem.robot.machine
     likelihood, left = found.likelihood.scaled_to(e.residual), max(search.left(fitted), 1e-12)
-    beside = {next(iter(key - fitted.effects)): f for key, f in search.sets.items() if one_more(key, fitted.effects)}
+    more = {key: f for key, f in search.sets.items() if fitted.effects < key and len(key) == len(fitted.effects) + 1}
+    beside = {next(iter(key - fitted.effects)): f for key, f in more.items()}
     gains = {i: 1.0 - search.left(f) / left for i, f in beside.items()}
     if not gains:
         cost = max(e.cost(likelihood), 1e-12)
@@ -84,11 +78,6 @@ def remaining(found: Isolation, fitted: Fitted) -> Where:
     return Where(block, tendons, joints, shares, where)
 
 
-def one_more(key: frozenset[str], effects: frozenset[str]) -> bool:
-    """Whether a set has one effect more than another."""
-    return len(key) == len(effects) + 1 and effects < key
-
-
 def sum_by_block(shares: Iterable[tuple[str, float]]) -> dict[str, float]:
     """Share of each block, largest first: the sum of its effects' ones, of those that have one."""
     found: dict[str, float] = {}
@@ -112,7 +101,7 @@ def affected(residual: np.ndarray, columns: tuple[str, ...], channels: tuple[str
 def conditions(problem: Problem, trial: Trial, channel: int) -> dict[str, np.ndarray]:
     """Measured conditions of each frame: name -> (n,), for the channel of that index on each axis."""
     declared, period = problem.robot.machine.regime, problem.robot.machine.frame
-    own = {c.rsplit("_", 1)[0]: i for i, c in enumerate(problem.columns) if channel_of(problem, c) == channel}
+    own = {c.rsplit("_", 1)[0]: i for i, c in enumerate(problem.columns) if channel_index(problem, c) == channel}
     table = {kind: filled(trial.measured[:, i]) for kind, i in own.items()}
     if declared is None or declared.position not in table:
         first, last = next(iter(table)), next(reversed(table))
@@ -134,20 +123,14 @@ def motion(position: np.ndarray, width: int, still: float | None, period: float)
 
     speed = np.gradient(uniform_filter1d(position, width, mode="nearest"), period)
     still = CRAWL * np.abs(speed).max() if still is None else still
-    direction = np.where(np.abs(speed) < still, 0.0, np.sign(speed))
+    direction, frames = np.where(np.abs(speed) < still, 0.0, np.sign(speed)), np.arange(len(position))
+    turned = np.concatenate([[True], direction[1:] != direction[:-1]])
     return {
         "direction of motion": direction,
         "speed": np.abs(speed),
-        "time since reversal": since_reversal(direction, period),
-        "time in trial": period * np.arange(len(position)),
+        "time since reversal": period * (frames - np.maximum.accumulate(np.where(turned, frames, 0))),
+        "time in trial": period * frames,
     }
-
-
-def since_reversal(direction: np.ndarray, period: float) -> np.ndarray:
-    """Time since the direction (n,) last changed, (n,) [s]."""
-    changed = np.concatenate([[True], direction[1:] != direction[:-1]])
-    last = np.maximum.accumulate(np.where(changed, np.arange(len(direction)), 0))
-    return period * (np.arange(len(direction)) - last)
 
 
 def explained(residual: np.ndarray, condition: np.ndarray) -> float:
@@ -157,11 +140,9 @@ def explained(residual: np.ndarray, condition: np.ndarray) -> float:
     if total == 0.0 or len(edges) < 2:
         return 0.0
     values = np.unique(condition)
-    bins = (
-        np.searchsorted(values, condition)
-        if len(values) <= BINS
-        else np.clip(np.searchsorted(edges, condition, "right") - 1, 0, len(edges) - 2)
-    )
+    bins = np.clip(np.searchsorted(edges, condition, "right") - 1, 0, len(edges) - 2)
+    if len(values) <= BINS:
+        bins = np.searchsorted(values, condition)
     count = np.bincount(bins)
     means = np.bincount(bins, residual) / np.maximum(count, 1)
     between = float(np.sum(count * (means - residual.mean()) ** 2) / len(residual))
@@ -177,34 +158,28 @@ def regime(problem: Problem, robot: np.ndarray) -> dict[str, float]:
     residuals = by_trial(problem.residual(robot[None], problem.fit)[0], problem.fit)
     shares: dict[str, float] = {}
     weight = 0.0
-    for trial, residual in zip(problem.fit, residuals, strict=True):
-        for c, column in enumerate(problem.columns):
-            power = float(residual[:, c] @ residual[:, c])
-            for name, condition in conditions(problem, trial, channel_of(problem, column)).items():
-                shares[name] = shares.get(name, 0.0) + power * explained(residual[:, c], condition)
-            shares["frequency below 1 Hz"] = shares.get("frequency below 1 Hz", 0.0) + power * slow_share(
-                residual[:, c], problem
-            )
+    for trial, columns in zip(problem.fit, residuals, strict=True):
+        for column, residual in zip(problem.columns, columns.T, strict=True):
+            power = float(residual @ residual)
+            each = conditions(problem, trial, channel_index(problem, column))
+            found = {name: explained(residual, condition) for name, condition in each.items()}
+            spectral = np.abs(np.fft.rfft(residual - residual.mean())) ** 2
+            slow = np.fft.rfftfreq(len(residual), problem.robot.machine.frame) < SLOW
+            found["frequency below 1 Hz"] = float(spectral[slow].sum() / max(spectral.sum(), 1e-12))
+            for name, share in found.items():
+                shares[name] = shares.get(name, 0.0) + power * share
             weight += power
     return {name: value / max(weight, 1e-12) for name, value in sorted(shares.items(), key=lambda item: -item[1])}
 
 
-def channel_of(problem: Problem, column: str) -> int:
+def channel_index(problem: Problem, column: str) -> int:
     """Index of a column's channel on its axis."""
     channel, axes = column.rsplit("_", 1)[1], problem.robot.machine.axes
     return next(axes.of(axis).index(channel) for axis in (TENDONS, JOINTS) if channel in axes.of(axis))
-
-
-def slow_share(residual: np.ndarray, problem: Problem) -> float:
-    """Share of a residual's power below `SLOW`."""
-    power = np.abs(np.fft.rfft(residual - residual.mean())) ** 2
-    frequency = np.fft.rfftfreq(len(residual), problem.robot.machine.frame)
-    return float(power[frequency < SLOW].sum() / max(power.sum(), 1e-12))
 
 
 def spectrum(residual: np.ndarray, period: float, sections: int = 8) -> tuple[np.ndarray, np.ndarray]:
     """Frequency [Hz] and power density [1/Hz] of a residual (n,), averaged over sections (Welch, Hann)."""
     from scipy.signal import welch
 
-    frequency, power = welch(residual, 1.0 / period, nperseg=max(64, len(residual) // sections))
-    return frequency, power
+    return welch(residual, 1.0 / period, nperseg=max(64, len(residual) // sections))

@@ -3,28 +3,114 @@
 Each answer is written as soon as it is known. A folder with a whole diagnosis.json is done. A case that fails leaves
 failed.json with the reason, does not end the run, and is tried again by the next run. Every answer carries the
 configuration it was made with: a set answered by two configurations would test neither.
+
+`check_answer` checks what readers of diagnosis.json rely on. Further keys pass as they are, and so does a verdict word
+that is unknown here: an answer of a newer version has both.
 """
 
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator, Mapping
 from contextlib import closing
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from exodrake.core.errors import InputError
+from exodrake.core.errors import InputError, printable
 from exodrake.core.files import write_folder, write_text
 from exodrake.core.parallel import Outcome, each
 from exodrake.core.progress import Count, no_progress
 from exodrake.core.provenance import configuration, described, robot_digest
-from exodrake.core.schema import read_json
-from exodrake.data.case import Case, read_case
-from exodrake.diagnosis.answer import check_answer
+from exodrake.core.schema import (
+    Schema,
+    anything,
+    flag,
+    having,
+    listing,
+    names,
+    number,
+    optional,
+    read_json,
+    refusal,
+    shown,
+    text,
+)
+from exodrake.data.case import Case, date_of, read_case
 from exodrake.machines.robot_file import load_robot
 
 ANSWER, FAILED = "diagnosis.json", "failed.json"
 RETUNED, IMPROVED = "retuned.yaml", "improved.yaml"  # robot files beside an answer
+
+
+WORD = re.compile(r"[A-Z][A-Z_]{0,30}")
+
+
+def line() -> Schema:
+    """Text, with whatever no terminal or file would take shown escaped."""
+    return lambda value, where: printable(text()(value, where))
+
+
+def check_word(value: Any, where: str) -> str:
+    """A word in capitals."""
+    if not WORD.fullmatch(text()(value, where)):
+        raise refusal(where, f"wanted a word in capitals, found {shown(value)}")
+    return value
+
+
+def check_moment(value: Any, where: str) -> datetime:
+    """A date by ISO 8601, in UTC."""
+    found = date_of(text()(value, where))
+    try:
+        return found.astimezone(UTC)  # pyright: ignore[reportOptionalMemberAccess]
+    except (AttributeError, OverflowError):
+        raise refusal(where, f"wanted a date as 2026-03-05, found {shown(value)}") from None
+
+
+REAL = optional(number())  # null: not a number
+INTERVAL = having({"value": REAL, "low": REAL, "high": REAL, "unit": line()}, ("unit",))
+SHARE = having({"value": REAL})
+EFFECT = having(
+    {
+        "id": line(),
+        "kind": optional(line()),
+        "role": optional(line()),
+        "share": optional(SHARE),
+        "rivals": optional(listing(having({"id": line(), "share": SHARE}, ("id",)))),
+        "parameters": names(INTERVAL),
+        "channels": names(names(INTERVAL)),
+    },
+    ("id", "parameters", "channels"),
+)
+SCHEMA = having(
+    {
+        "case": optional(line()),
+        "serial": optional(line()),
+        "date": optional(check_moment),
+        "verdict": check_word,
+        "where": having({"block": line()}, ("block",)),
+        "effects": listing(EFFECT),
+        "equivalents": listing(line()),
+        "remainder": optional(having({"value": REAL, "noise_std": REAL, "block": optional(line())})),
+        "confirmed": optional(flag),
+        "closure": having({"overall": having({"value": REAL}), "rms": optional(names(REAL))}, ("overall",)),
+        "reasons": optional(listing(line())),
+        "seconds": REAL,
+        "since": optional(having({"began": optional(having({"value": optional(line())}))})),
+        "provenance": optional(
+            having({"robot": optional(line()), "version": optional(line()), "code": optional(anything)})
+        ),
+    },
+    required=("verdict", "where", "effects", "equivalents", "closure"),
+)
+
+
+def check_answer(answer: Any, where: str) -> dict[str, Any]:
+    """An answer as plain data, its `date` as a moment. InputError naming the key of what is missing or mistyped."""
+    if not isinstance(answer, dict):
+        raise InputError(f"{where}: no answer of a diagnosis, found {shown(answer)}")
+    return SCHEMA(answer, where)
 
 
 def stored(folder: Path) -> dict[str, Any] | None:
@@ -61,57 +147,6 @@ def diagnose_one(case: Case, robot: str, wanted: dict[str, str], tried: frozense
     return found.to_json() | {"configuration": wanted, "robots": texts}
 
 
-def unanswered(places: Mapping[Path, Path], wanted: dict[str, str], redo: bool) -> list[Path]:
-    """List the cases still to be diagnosed; with `redo`, those of another configuration as well, else InputError."""
-    answers = {case: stored(place) for case, place in places.items()}
-    foreign = [case for case, answer in answers.items() if answer and answer.get("configuration") != wanted]
-    if foreign and not redo:
-        theirs = described((answers[foreign[0]] or {}).get("configuration"))
-        raise InputError(
-            f"{places[foreign[0]]}: answered with {theirs}, and so are {len(foreign)} of {len(places)} cases with"
-            f" another configuration than this one ({described(wanted)}); --redo answers them anew"
-        )
-    return [case for case in places if answers[case] is None or case in foreign]
-
-
-class ResultStore:
-    """Files of a run: an answer with its robots or the reason of a failure per case, written at once; it counts both.
-
-    Args:
-        places: Folder for the answer of each case.
-        waiting: Cases still to be diagnosed.
-        progress: Called with the numbers of answered, failed and all cases.
-    """
-
-    def __init__(self, places: Mapping[Path, Path], waiting: list[Path], progress: Count) -> None:
-        self.places, self.answered, self.progress = places, len(places) - len(waiting), progress
-        self.failed: dict[str, str] = {}
-        self.progress(self.answered, 0, len(places))
-
-    def add(self, case: Path, outcome: Outcome) -> None:
-        """Write the answer of a case, or why there is none; the file of an earlier run with the other result goes."""
-        place = self.places[case]
-        place.mkdir(parents=True, exist_ok=True)
-        if outcome.reason is None:
-            texts = outcome.value.pop("robots")
-            texts |= {ANSWER: json.dumps(outcome.value, indent=1, allow_nan=False) + "\n"}
-            write_folder(place, {name: text.encode() for name, text in texts.items()})
-            (place / FAILED).unlink(missing_ok=True)
-            self.answered += 1
-        else:
-            failure = {"reason": outcome.reason, "traceback": outcome.trace.splitlines()}
-            write_text(place / FAILED, json.dumps(failure, indent=1) + "\n")
-            for name in (ANSWER, RETUNED, IMPROVED):
-                (place / name).unlink(missing_ok=True)
-            self.failed[place.name] = outcome.reason
-        self.progress(self.answered, len(self.failed), len(self.places))
-
-    def recount(self) -> None:
-        """Count the files themselves, since an interruption may come between writing an answer and counting it."""
-        self.answered = sum(stored(place) is not None for place in self.places.values())
-        self.progress(self.answered, len(self.failed), len(self.places))
-
-
 def diagnose_all(
     places: Mapping[Path, Path],
     jobs: int = 1,
@@ -138,34 +173,60 @@ def diagnose_all(
         {name of the answer's folder: reason} of the cases that failed; they stay unfinished.
 
     Raises:
-        InputError: As `unanswered` and `parallel.each`, and where nothing can be written.
+        InputError: For answers of another configuration without `redo`, as `parallel.each`, and where nothing can be
+            written.
     """
-    wanted = configured(robot, tried)
-    waiting = unanswered(places, wanted, redo)
-    store, sent = ResultStore(places, waiting, progress), []
-    tasks = ((case, robot, wanted, tried) for case in readable(waiting, robot, store, sent, allow_outside))
-    with closing(each(diagnose_one, tasks, jobs, cluster)) as outcomes:
-        try:
-            for outcome in outcomes:
-                store.add(sent[outcome.number], outcome)
-        except KeyboardInterrupt:
-            store.recount()
-            raise
-    return store.failed
-
-
-def readable(
-    waiting: list[Path], robot: str, store: ResultStore, sent: list[Path], allow_outside: bool = False
-) -> Iterator[Case]:
-    """Read cases one by one; a case that cannot be read goes into the store as failed, the others into `sent`."""
     from exodrake.diagnosis.problem import required_of
 
-    machine = (load_robot(robot) if robot else load_robot()).machine
-    for path in waiting:
+    wanted = configured(robot, tried)
+    answers = {case: stored(place) for case, place in places.items()}
+    foreign = [case for case, answer in answers.items() if answer and answer.get("configuration") != wanted]
+    if foreign and not redo:
+        theirs = described((answers[foreign[0]] or {}).get("configuration"))
+        raise InputError(
+            f"{places[foreign[0]]}: answered with {theirs}, and so are {len(foreign)} of {len(places)} cases with"
+            f" another configuration than this one ({described(wanted)}); --redo answers them anew"
+        )
+    waiting = [case for case in places if answers[case] is None or case in foreign]
+    sent: list[Path] = []
+    answered, failed = len(places) - len(waiting), dict[str, str]()
+    progress(answered, 0, len(places))
+
+    def write(case: Path, outcome: Outcome) -> None:
+        """Write the answer of a case, or why there is none; the file of an earlier run with the other result goes."""
+        nonlocal answered
+        place = places[case]
+        place.mkdir(parents=True, exist_ok=True)
+        if outcome.reason is None:
+            texts = outcome.value.pop("robots")
+            texts |= {ANSWER: json.dumps(outcome.value, indent=1, allow_nan=False) + "\n"}
+            write_folder(place, {name: text.encode() for name, text in texts.items()})
+            (place / FAILED).unlink(missing_ok=True)
+            answered += 1
+        else:
+            failure = {"reason": outcome.reason, "traceback": outcome.trace.splitlines()}
+            write_text(place / FAILED, json.dumps(failure, indent=1) + "\n")
+            for name in (ANSWER, RETUNED, IMPROVED):
+                (place / name).unlink(missing_ok=True)
+            failed[place.name] = outcome.reason
+        progress(answered, len(failed), len(places))
+
+    def read_tasks() -> Iterator[tuple[Case, str, dict[str, str], frozenset[str] | None]]:
+        machine = (load_robot(robot) if robot else load_robot()).machine
+        for path in waiting:
+            try:
+                case = read_case(path, required_of(machine), machine.frame, allow_outside)
+            except Exception as error:  # as a diagnosis that fails
+                write(path, Outcome(-1, reason=f"{type(error).__name__}: {error}"))
+                continue
+            sent.append(path)
+            yield case, robot, wanted, tried
+
+    with closing(each(diagnose_one, read_tasks(), jobs, cluster)) as outcomes:
         try:
-            case = read_case(path, required_of(machine), machine.frame, allow_outside)
-        except Exception as error:  # as a diagnosis that fails
-            store.add(path, Outcome(-1, reason=f"{type(error).__name__}: {error}"))
-            continue
-        sent.append(path)
-        yield case
+            for outcome in outcomes:
+                write(sent[outcome.number], outcome)
+        except KeyboardInterrupt:  # it may come between writing an answer and counting it
+            progress(sum(stored(place) is not None for place in places.values()), len(failed), len(places))
+            raise
+    return failed

@@ -18,16 +18,15 @@ from exodrake.core.robot import Robot
 from exodrake.data.case import Case, gather_logs, read_case
 from exodrake.data.log import Log
 from exodrake.diagnosis.calibration import calibration_notes
-from exodrake.diagnosis.checks import suspicions
-from exodrake.diagnosis.closure import closure_of, robot_of, with_values
+from exodrake.diagnosis.checks.compare import compare
+from exodrake.diagnosis.checks.suspicions import suspicions
+from exodrake.diagnosis.closure import change_robot, measure_closure, with_values
 from exodrake.diagnosis.discovery.discover import discover
 from exodrake.diagnosis.discovery.missing_law import MissingLaw
-from exodrake.diagnosis.gap import Interval, Where
 from exodrake.diagnosis.intervals import describe, fitted_effects, traces
 from exodrake.diagnosis.isolation import Isolation, affordable, isolate, negligible
 from exodrake.diagnosis.localise import localise, remaining
 from exodrake.diagnosis.problem import Problem, make_problem, required_of
-from exodrake.diagnosis.provenance import provenance_of
 from exodrake.diagnosis.recorded import with_recorded_ranges
 from exodrake.diagnosis.result import (
     AMBIGUOUS,
@@ -39,14 +38,16 @@ from exodrake.diagnosis.result import (
     Candidate,
     Diagnosis,
     EffectRival,
+    Interval,
     NamedEffect,
     Remainder,
     Retune,
+    Where,
+    provenance_of,
 )
-from exodrake.diagnosis.rivals import alike, moved, rivals_of
 from exodrake.diagnosis.search import Fitted
-from exodrake.diagnosis.since import since_of
-from exodrake.diagnosis.verdict import Decision, Part, decide, share_of
+from exodrake.diagnosis.since import follow_sessions
+from exodrake.diagnosis.verdict import Decision, Part, decide, find_rivals, jackknife_share, list_moved, screen_alike
 from exodrake.machines.robot_file import robot_or_default
 
 NONE = float("nan")
@@ -149,7 +150,7 @@ def rival_of(found: Isolation, best: Fitted, part: Part, other: str) -> EffectRi
     rest, sets = best.effects - {part.effect}, found.search.sets
     if rest in sets and rest | {other} in sets:
         left, mine = (found.search.left_by_log(sets[key]) for key in (rest, rest | {other}))
-        return EffectRival(other, share_of(left - mine))
+        return EffectRival(other, jackknife_share(left - mine))
     return EffectRival(other, Interval(part.rivals[other], NONE, NONE))
 
 
@@ -190,7 +191,7 @@ def answer(problem: Problem, found: Isolation, first: Decision, started: float, 
         started: moment at which the diagnosis began [s].
         progress: called with the stage.
     """
-    since, decision = since_of(problem, found, first)
+    since, decision = follow_sessions(problem, found, first)
     case, best, word = problem.case, decision.best, decision.verdict
     progress(Stage.CLOSURE, "")
     effects = effects_of(problem, found, decision)
@@ -198,9 +199,9 @@ def answer(problem: Problem, found: Isolation, first: Decision, started: float, 
     improved = with_values(best.explanation.robot, gone)
     nominal = replace(problem, detected=()).silent()
     rows = {"nominal": nominal, "retuned": found.retuned.explanation.robot, "improved": improved}
-    closure = closure_of(problem, found.retuned, best, np.array(list(rows.values())), gone)
+    closure = measure_closure(problem, found.retuned, best, np.array(list(rows.values())), gone)
     effects = () if word in (NO_GAP, RETUNE, UNKNOWN) else effects
-    others = alike(found) if word == RETUNE else {}
+    others = screen_alike(found) if word == RETUNE else {}
     progress(Stage.LOCALISE, "")
     rest = decision.remainder if decision.parts or word == UNKNOWN else Interval(NONE, NONE, NONE)
     place = remaining(found, best) if word in (PARTLY, UNKNOWN) else Where("")
@@ -215,17 +216,17 @@ def answer(problem: Problem, found: Isolation, first: Decision, started: float, 
             *(rest.value, rest.low, rest.high, float(np.sqrt(max(best.chi2[0] - 1.0, 0.0)))), place.block, place.regime
         ),
         closure=closure,
-        rivals=rivals_of(problem, found, decision, [p for _, p in others.values()]),
+        rivals=find_rivals(problem, found, decision, [p for _, p in others.values()]),
         candidates=candidates_of(found),
         baselines=baselines_of(found),
         reasons=decision.reasons,
         notes=notes_of(problem, found, best),
         run_time=time.perf_counter() - started,
-        robots={name: robot_of(problem, values, case.name) for name, values in rows.items()},
+        robots={name: change_robot(problem, values, case.name) for name, values in rows.items()},
         evidence=evidence_of(found, best),
         # to a millisecond: fits side by side add their times in any order
         simulated={stage: round(spent, 3) for stage, spent in found.likelihood.simulated.items()},
-        retune=Retune(moved(found), {i: share for i, (share, _) in others.items()}),
+        retune=Retune(list_moved(found), {i: share for i, (share, _) in others.items()}),
         since=since,
         provenance=provenance_of(problem),
         problem=problem,
@@ -248,7 +249,7 @@ def notes_of(problem: Problem, found: Isolation, best: Fitted) -> tuple[str, ...
     used, machine = problem.robot, problem.robot.machine
     units = {name: machine.parameters[machine.index[name]].unit for name in problem.noisier}
     noise = [f"the noise of the logs counts: {n} of {in_words(used[n], unit)}" for n, unit in units.items()]
-    checked = (*problem.case.notes, *suspicions(problem.case, problem.stated))
+    checked = (*problem.case.notes, *suspicions(compare(problem.case, problem.stated)))
     return (*checked, *noise, *notes_on_length(found, best), *calibration_notes(machine))
 
 

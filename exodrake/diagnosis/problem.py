@@ -20,9 +20,8 @@ from exodrake.core.machine import Machine, signal_count, state_size
 from exodrake.core.parallel import side_by_side
 from exodrake.core.robot import Robot
 from exodrake.data.case import EXPERIMENT, Case, CaseLog
-from exodrake.diagnosis.checks import check_case, without_short_logs
-from exodrake.diagnosis.checks.compare import compare
-from exodrake.diagnosis.checks.noise import logged_noise
+from exodrake.diagnosis.checks.compare import check_case, compare, without_short_logs
+from exodrake.diagnosis.checks.suspicions import logged_noise
 from exodrake.diagnosis.filters import Bands, filled_columns, without
 from exodrake.diagnosis.noise import noise_std, reference_rows
 from exodrake.diagnosis.result import NamedEffect

@@ -19,65 +19,55 @@ from exodrake.effects import LIBRARY
 GENERIC = ("signal", "sliding", "joint")  # blocks of the library whose laws serve any machine
 
 
-def sizes(machine: Machine, case: Case) -> dict[str, float]:
+def measure_sizes(machine: Machine, case: Case) -> dict[str, float]:
     """Largest value of the recorded signals by unit [SI]: travel of lengths and angles, size of efforts and rates."""
     found: dict[str, float] = {}
+    names: dict[str, list[str]] = {}
     for column in machine.columns:
-        signal = machine.signal[column.signal]
-        unit, names = column.unit or signal.unit, machine.log_names([column])
-        for values in (item.log[name] for item in case.fit_logs for name in names if item.log.has(name)):
+        unit, own = column.unit or machine.signal[column.signal].unit, machine.log_names([column])
+        names.setdefault(unit, []).extend(name for name in own if "start" not in name)
+        for values in (item.log[name] for item in case.fit_logs for name in own if item.log.has(name)):
             travel = unit in ("rad", "m") and np.isfinite(values).any()
-            size = (
-                float(np.nanmax(values) - np.nanmin(values)) if travel else float(np.nanmax(np.abs(values), initial=0))
-            )
-            found[unit] = max(found.get(unit, 0.0), size)
+            size = np.nanmax(values) - np.nanmin(values) if travel else np.nanmax(np.abs(values), initial=0)
+            found[unit] = max(found.get(unit, 0.0), float(size))
             if travel:
-                rate = np.nanmax(np.abs(np.diff(values)), initial=0.0) / machine.frame
-                found[f"{unit}/s"] = max(found.get(f"{unit}/s", 0.0), float(rate))
+                rate = float(np.nanmax(np.abs(np.diff(values)), initial=0.0) / machine.frame)
+                found[f"{unit}/s"] = max(found.get(f"{unit}/s", 0.0), rate)
     for force in ("N m", "N"):
         for per in ("rad", "m"):
             if found.get(force) and found.get(per):
+                logs = [i.log[n] for i in case.fit_logs for n in names[per] if i.log.has(n)]
+                rates = [np.diff(values) / machine.frame for values in logs]
+                speed = np.concatenate([rate[np.isfinite(rate)] for rate in rates] or [np.zeros(1)]) + 1e-12
                 found[f"{force}/{per}"] = found[force] / found[per]
-                found[f"{force} s/{per}"] = found[force] / np.sqrt(np.mean(rates(machine, case, per) ** 2))
+                found[f"{force} s/{per}"] = found[force] / np.sqrt(np.mean(speed**2))
     return found
 
 
-def rates(machine: Machine, case: Case, unit: str) -> np.ndarray:
-    """Rates of change (n,) of the recorded signals of a unit [unit/s]."""
-    columns = [c for c in machine.columns if (c.unit or machine.signal[c.signal].unit) == unit]
-    names = [name for name in machine.log_names(columns) if "start" not in name]
-    found = [np.diff(i.log[n]) / machine.frame for i in case.fit_logs for n in names if i.log.has(n)]
-    return np.concatenate([r[np.isfinite(r)] for r in found] or [np.zeros(1)]) + 1e-12
-
-
-def is_generic(effect: Effect) -> bool:
-    """Whether an effect is a law of any signal, slide or servo, so that its range is only assumed."""
-    laws = {id(f) for e in LIBRARY.values() if e.block in GENERIC for f in e.at.values()}
-    return all(id(function) in laws for function in effect.at.values())
-
-
-def widened(parameter: EffectParameter, size: float) -> EffectParameter:
+def widen(parameter: EffectParameter, size: float) -> EffectParameter:
     """A parameter whose range reaches as far as a recorded size [unit]."""
     if parameter.transform != "linear" or parameter.null != 0.0 or not 0.0 < parameter.high < size:
         return parameter
     factor = size / parameter.high
     low = parameter.low if parameter.low > 0.0 else parameter.low * factor
-    return replace(
-        parameter, high=size, low=low, default=None if parameter.default is None else parameter.default * factor
-    )
+    default = None if parameter.default is None else parameter.default * factor
+    return replace(parameter, high=size, low=low, default=default)
 
 
 def with_recorded_ranges(robot: Robot, case: Case) -> Robot:
-    """The robot whose generic effects may be as large as the recording shows, and its numbers of rest as small."""
-    machine, size = robot.machine, sizes(robot.machine, case)
-    values = robot.values.copy()
+    """The robot whose generic effects may be as large as the recording shows, and its numbers of rest as small.
+
+    An effect is generic if it is a law of any signal, slide or servo, so that its range is only assumed.
+    """
+    machine, size, values = robot.machine, measure_sizes(robot.machine, case), robot.values.copy()
     for name, largest in machine.recorded.items():
         values[machine.index[name]] = min(values[machine.index[name]], largest(size))
+    laws = {id(f) for e in LIBRARY.values() if e.block in GENERIC for f in e.at.values()}
 
-    def adapted(effect: Effect) -> Effect:
-        if not is_generic(effect):
+    def widen_generic(effect: Effect) -> Effect:
+        if not all(id(function) in laws for function in effect.at.values()):
             return effect
         lead, *rest = effect.parameters
-        return replace(effect, parameters=(widened(lead, size.get(lead.unit, 0.0)), *rest))
+        return replace(effect, parameters=(widen(lead, size.get(lead.unit, 0.0)), *rest))
 
-    return replace(robot, values=values, machine=replace(machine, effects=tuple(map(adapted, machine.effects))))
+    return replace(robot, values=values, machine=replace(machine, effects=tuple(map(widen_generic, machine.effects))))

@@ -3,26 +3,120 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
+from datetime import UTC, datetime
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from exodrake.core.errors import short_repr
 from exodrake.core.plain import plain
+from exodrake.core.provenance import configuration, robot_digest
 from exodrake.core.robot import Robot
-from exodrake.diagnosis.gap import Closure, Interval, Where
+from exodrake.diagnosis.calibration import calibration_of
 from exodrake.machines.robot_file import robot_text
 
 if TYPE_CHECKING:
     from exodrake.diagnosis.discovery.missing_law import MissingLaw
     from exodrake.diagnosis.problem import Problem
-    from exodrake.diagnosis.provenance import Provenance
     from exodrake.diagnosis.since import Since
 
 NO_GAP, RETUNE, NAMED, AMBIGUOUS = "NO_GAP", "RETUNE", "NAMED", "AMBIGUOUS"
 PARTLY, UNKNOWN = "PARTLY", "UNKNOWN"
 CAUSE, REFINEMENT = "cause", "refinement"
-WHOLE = Interval(1.0, 1.0, 1.0)
 NOT_IN_JSON = ("robots", "problem", "run_time")  # the latter is `seconds` there
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A value with the ends of its 90 % interval.
+
+    Attributes:
+        value: estimate [unit].
+        low: lower end of the interval [unit].
+        high: upper end of the interval [unit].
+        unit: SI unit.
+    """
+
+    value: float
+    low: float
+    high: float
+    unit: str = "-"
+
+
+WHOLE = Interval(1.0, 1.0, 1.0)
+
+
+@dataclass(frozen=True)
+class Where:
+    """Location of a gap.
+
+    Attributes:
+        block: block of the robot; `none` without a gap or where retuning suffices.
+        wires: tendons that the gap affects.
+        joints: joints that the gap affects.
+        shares: block -> share of the gap that its effects take up; without named effects, the best one alone.
+        regime: condition -> share of the residual's variance that it explains.
+    """
+
+    block: str
+    wires: tuple[str, ...] = ()
+    joints: tuple[str, ...] = ()
+    shares: dict[str, float] = field(default_factory=dict)
+    regime: dict[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class SignalGap:
+    """Gap of a signal on the judged logs.
+
+    Attributes:
+        before: RMS error of the nominal robot [unit].
+        retuned: RMS error of the retuned robot [unit].
+        after: RMS error of the improved robot [unit].
+        noise_std: noise standard deviation [unit].
+        closure: closure from the nominal to the improved robot.
+        unit: unit of the signal.
+    """
+
+    before: float
+    retuned: float
+    after: float
+    noise_std: float
+    closure: float
+    unit: str
+
+    def to_json(self) -> dict[str, Any]:
+        """The gap as plain data, the noise standard deviation as `floor`."""
+        return plain({"floor" if name == "noise_std" else name: value for name, value in vars(self).items()})
+
+
+@dataclass(frozen=True)
+class Closure:
+    """Closure over all signals with 90 % intervals, and signal by signal.
+
+    Attributes:
+        overall: from the nominal to the improved robot.
+        retune: from the nominal to the retuned robot.
+        effect: from the retuned to the improved robot; NaN where retuning leaves nothing.
+        signals: column -> gap.
+        measured_on: kinds of motion that it was measured on.
+        motions: kind of fitted motion -> overall closure on it by the robot that was fitted to the other kinds.
+    """
+
+    overall: Interval
+    retune: Interval
+    effect: Interval
+    signals: dict[str, SignalGap]
+    measured_on: tuple[str, ...] = ()
+    motions: dict[str, Interval] = field(default_factory=dict)
+
+    @property
+    def rms(self) -> dict[str, float]:
+        """RMS error over all signals of the nominal, the retuned and the improved robot [noise_std]; 1 is noise."""
+        names = ("before", "retuned", "after")
+        squares = [[(getattr(gap, name) / gap.noise_std) ** 2 for gap in self.signals.values()] for name in names]
+        return {name: float(np.sqrt(np.mean(s))) if s else float("nan") for name, s in zip(names, squares, strict=True)}
 
 
 @dataclass(frozen=True)
@@ -155,6 +249,32 @@ class Candidate:
     evidence: float
 
 
+@dataclass(frozen=True)
+class Provenance:
+    """Provenance of an answer: code, command, robot, calibration and files.
+
+    Attributes:
+        date: Coordinated Universal Time in the form of ISO 8601.
+        version: of the package.
+        code: first digits of the SHA-256 of the code that finds answers.
+        command: as it was typed, absolute paths by their last part; empty for a call from Python.
+        robot: file of the nominal robot.
+        parameters: first digits of the SHA-256 of its parameters, the overrides of the case included, with variants,
+            tolerances and limits.
+        calibration: source of the numbers of the tests.
+        files: file of the case -> SHA-256; none for a case that was not read from files.
+    """
+
+    date: str
+    version: str
+    code: str
+    command: str
+    robot: str
+    parameters: str
+    calibration: str
+    files: dict[str, str]
+
+
 @short_repr
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
@@ -253,3 +373,18 @@ class Diagnosis:
             return None
         command = f"exodrake experiment {self.case} --out reference.csv"
         return {"command": command, "between": [rival.name for rival in self.rivals]}
+
+
+def provenance_of(problem: Problem) -> Provenance:
+    """The provenance of an answer that is made now."""
+    robot, code = problem.robot, configuration()
+    return Provenance(
+        date=datetime.now(UTC).replace(microsecond=0).isoformat(),
+        version=code["version"],
+        code=code["code"],
+        command="",
+        robot=robot.source or robot.machine.name,
+        parameters=robot_digest(robot),
+        calibration=calibration_of(robot.machine).source or "none",
+        files=dict(problem.case.hashes),
+    )

@@ -5,24 +5,48 @@
 An effect of the best set S takes up left(S without it) - left(S). It is a cause where that is a tenth of the gap, or
 most of what is left without it and more than the errors of the other causes' laws may leave. Other effects of S are
 refinements. Causes divide into shares what they take up together. A rival of a cause stands in its place in a set that
-leaves no more than S and the error of a law, or is as likely.
+leaves no more than S and the error of a law, or is as likely. Beside a verdict stand the parameters that retuning
+moved, and the explanations that the logs do not tell apart.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from exodrake.core.confidence import NORMAL_90
-from exodrake.diagnosis.fit import Explanation
-from exodrake.diagnosis.gap import Interval
+from exodrake.diagnosis.fit import Explanation, Predicted, fit_beside
 from exodrake.diagnosis.isolation import Isolation
-from exodrake.diagnosis.result import AMBIGUOUS, CAUSE, NAMED, NO_GAP, PARTLY, REFINEMENT, RETUNE, UNKNOWN
-from exodrake.diagnosis.search import LAW, NATS, NEGLIGIBLE, Fitted, Search
+from exodrake.diagnosis.problem import Problem
+from exodrake.diagnosis.result import (
+    AMBIGUOUS,
+    CAUSE,
+    NAMED,
+    NO_GAP,
+    PARTLY,
+    REFINEMENT,
+    RETUNE,
+    UNKNOWN,
+    Interval,
+    Moved,
+    Rival,
+)
+from exodrake.diagnosis.search import LAW, NATS, NEGLIGIBLE, Fitted, Search, screen
 
 SURE = 8.0  # nats of the tolerances' priors that an effect in their place has to spare: on healthy robots at most 6
 LARGE = 0.1  # share of the gap from which an effect is a cause, not a refinement
+VISIBLE = 1.0  # standard deviations of the tolerance from which a change is listed
+ALIKE = 0.9  # share of what retuning explains from which a single effect is listed
+REASONS = {
+    NO_GAP: "what is left is negligible",
+    RETUNE: "nominal parameters within their tolerances explain the gap",
+    NAMED: "the causes explain the gap, and nothing else does",
+    AMBIGUOUS: "the causes explain the gap, and some have rivals",
+    PARTLY: "the causes explain part of the gap",
+    UNKNOWN: "no effect explains half of the gap",
+}
 EXPLAINED, MOST = 0.9, 0.5  # shares of the gap from which causes are named, and from which they explain part of it
 
 
@@ -67,7 +91,7 @@ class Decision:
         return tuple(p for p in self.parts if p.role == CAUSE)
 
 
-def share_of(values: np.ndarray) -> Interval:
+def jackknife_share(values: np.ndarray) -> Interval:
     """A value over all logs with its jackknife interval; values (1 + logs,): by all, and with each log left out."""
     value, n = float(values[0]), len(values) - 1
     half = NORMAL_90 * float(np.sqrt((n - 1) / n * np.sum((values[1:] - values[1:].mean()) ** 2))) if n > 1 else 0.0
@@ -78,10 +102,10 @@ def decide(found: Isolation) -> Decision:
     """The verdict of an isolation."""
     search, best, none = found.search, found.best, found.search.none
     if found.negligible(found.nominal.robot):
-        return Decision(NO_GAP, none, (), share_of(search.left_by_log(none)), (sentence(NO_GAP),))
+        return Decision(NO_GAP, none, (), jackknife_share(search.left_by_log(none)), (REASONS[NO_GAP],))
     if found.negligible(none.explanation.robot):
-        return retuned_or_one(search)
-    best, parts = predicting(found)
+        return decide_retuned(search)
+    best, parts = drop_refinements(found)
     causes, left = [p for p in parts if p.role == CAUSE], search.left_by_log(best)
     explained = 1.0 - float(left[0])
     if found.negligible(best.explanation.robot):
@@ -92,10 +116,10 @@ def decide(found: Isolation) -> Decision:
         word = PARTLY
     else:
         word = AMBIGUOUS if any(p.rivals for p in causes) else NAMED
-    return Decision(word, best, parts, share_of(left), (sentence(word),))
+    return Decision(word, best, parts, jackknife_share(left), (REASONS[word],))
 
 
-def retuned_or_one(search: Search) -> Decision:
+def decide_retuned(search: Search) -> Decision:
     """The verdict where retuning leaves a negligible gap: `RETUNE`, unless tolerances had to move too far for it.
 
     They cost what their priors say. An effect in their place counts if it spares `SURE` of that; the most likely does.
@@ -111,18 +135,18 @@ def retuned_or_one(search: Search) -> Decision:
     one = max(likely, key=likely.__getitem__, default="")
     none = search.left_by_log(search.none)
     if not one or likely[one] - search.evidence(search.none) < NATS:
-        return Decision(RETUNE, search.none, (), share_of(none), (sentence(RETUNE),))
+        return Decision(RETUNE, search.none, (), jackknife_share(none), (REASONS[RETUNE],))
     left = search.left_by_log(singles[one])
     rivals = {i: 1.0 - search.left(singles[i]) for i in likely if i != one and likely[one] - likely[i] < NATS}
-    part = Part(one, CAUSE, share_of(none - left), rivals)
+    part = Part(one, CAUSE, jackknife_share(none - left), rivals)
     word = AMBIGUOUS if rivals else NAMED
-    return Decision(word, singles[one], (part,), share_of(left), (sentence(word),))
+    return Decision(word, singles[one], (part,), jackknife_share(left), (REASONS[word],))
 
 
-def predicting(found: Isolation) -> tuple[Fitted, tuple[Part, ...]]:
+def drop_refinements(found: Isolation) -> tuple[Fitted, tuple[Part, ...]]:
     """The best set without refinements by which the logs predict each other no better, and its effects."""
     search, best = found.search, found.best
-    parts = parts_of(found, best)
+    parts = divide_gap(found, best)
     while best.model.log.max() > 0:
         small = [search.sets[best.effects - {p.effect}] for p in parts if p.role == REFINEMENT]
         better = min(small, key=search.predicted, default=best)
@@ -130,11 +154,11 @@ def predicting(found: Isolation) -> tuple[Fitted, tuple[Part, ...]]:
             break
         best = better
         search.reduce(best.effects)
-        parts = parts_of(found, best)
+        parts = divide_gap(found, best)
     return best, parts
 
 
-def parts_of(found: Isolation, best: Fitted) -> tuple[Part, ...]:
+def divide_gap(found: Isolation, best: Fitted) -> tuple[Part, ...]:
     """Effects of a set, causes first, the largest first.
 
     A small effect is a cause where what is left without it is visible and no error of another one's law: it takes up
@@ -161,17 +185,51 @@ def parts_of(found: Isolation, best: Fitted) -> tuple[Part, ...]:
         mine = float(gain[0])
         rivals = search.rivals_of(best, effect, mine)
         lost = {i: float(share[0]) + float(left[0]) - search.left(f) for i, f in rivals.items()}
-        parts.append(Part(effect, roles[effect], share_of(share), lost))
+        parts.append(Part(effect, roles[effect], jackknife_share(share), lost))
     return tuple(sorted(parts, key=lambda p: (p.role != CAUSE, -p.share.value)))
 
 
-def sentence(word: str) -> str:
-    """Reason for a verdict."""
-    return {
-        NO_GAP: "what is left is negligible",
-        RETUNE: "nominal parameters within their tolerances explain the gap",
-        NAMED: "the causes explain the gap, and nothing else does",
-        AMBIGUOUS: "the causes explain the gap, and some have rivals",
-        PARTLY: "the causes explain part of the gap",
-        UNKNOWN: "no effect explains half of the gap",
-    }[word]
+def list_moved(found: Isolation) -> tuple[Moved, ...]:
+    """Nominal parameters that retuning moved visibly, largest change first."""
+    e, infos = found.retuned.explanation, found.likelihood.robot.machine.parameters
+    changes = []
+    for parameter, x in zip(e.parameters, e.x, strict=True):
+        deviations, i = float(x / parameter.prior_std), parameter.index[0]
+        if abs(deviations) > VISIBLE:
+            changes.append(Moved(parameter.name, float(e.values[i]), float(e.robot[i]), infos[i].unit, deviations))
+    return tuple(sorted(changes, key=lambda m: -abs(m.deviations)))
+
+
+def screen_alike(found: Isolation) -> dict[str, tuple[float, Predicted]]:
+    """Single effects that explain what retuning explains, the nominal parameters as they were, largest share first."""
+    nominal, retuned, none = found.nominal, found.retuned.explanation, np.zeros(0)
+    if not found.lin.probes:
+        return {}
+    fixed = replace(nominal, parameters=(), x=none, jacobian=nominal.jacobian[:0])
+    likelihood = found.likelihood.scaled_to(nominal.residual)
+    gain = likelihood.cost(nominal.residual, none, none) - likelihood.cost(retuned.residual, none, none)
+    shares = {p.probe.effect: (min(p.gain / gain, 1.0), p) for p in screen(likelihood, fixed, found.lin) if gain > 0.0}
+    return {effect: one for effect, one in shares.items() if one[0] > ALIKE}
+
+
+def find_rivals(
+    problem: Problem, found: Isolation, decision: Decision, others: Iterable[Predicted]
+) -> tuple[Rival, ...]:
+    """The explanations still in play after a decision, the best set first; none where one is left.
+
+    others: single effects that explain as much as retuning does.
+    """
+    best, explanations = decision.best, [decision.best.explanation]
+    if decision.verdict == AMBIGUOUS:
+        for cause in decision.causes:
+            places = found.search.in_place_of(best, cause.effect)
+            explanations += [places[i].explanation for i in cause.rivals if i in places]
+    if decision.verdict == RETUNE:
+        nominal = found.nominal
+        likelihood = found.likelihood.scaled_to(nominal.residual).for_stage("refine")
+        explanations += fit_beside(likelihood, nominal, [replace(p, x=nominal.x) for p in others])
+    if len(explanations) < 2:
+        return ()
+    nominal, names = replace(problem, detected=()).silent(), [p.name for p in problem.robot.machine.parameters]
+    changes = [(e, e.robot, np.flatnonzero(e.robot != nominal)) for e in explanations]
+    return tuple(Rival(e.effects, {names[i]: float(values[i]) for i in at}) for e, values, at in changes)

@@ -13,8 +13,7 @@ from exodrake.core.schema import having, listing, names, number, read_json, text
 from exodrake.data.case import read_case
 from exodrake.diagnosis.many import ANSWER
 from exodrake.diagnosis.problem import Problem, make_problem, required_of
-from exodrake.diagnosis.provenance import provenance_of
-from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, Rival
+from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, Rival, provenance_of
 
 RIVALS = listing(having({"effects": listing(text()), "parameters": names(number())}, ("effects", "parameters")))
 MADE_FROM = having({"files": names(text()), "parameters": text()}, ("files", "parameters"))

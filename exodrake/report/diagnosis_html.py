@@ -27,11 +27,20 @@ from exodrake.data import plot
 from exodrake.data.plot import envelope, new_figure, stretch_of
 from exodrake.diagnosis import localise
 from exodrake.diagnosis.filters import mismatch
-from exodrake.diagnosis.gap import SignalGap
 from exodrake.diagnosis.isolation import SAMPLING
 from exodrake.diagnosis.parameter import nominal_parameters
 from exodrake.diagnosis.problem import Problem, Trial
-from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, PARTLY, RETUNE, UNKNOWN, Diagnosis, NamedEffect
+from exodrake.diagnosis.result import (
+    AMBIGUOUS,
+    NAMED,
+    NO_GAP,
+    PARTLY,
+    RETUNE,
+    UNKNOWN,
+    Diagnosis,
+    NamedEffect,
+    SignalGap,
+)
 from exodrake.diagnosis.search import GAIN, LAW, NATS, NEGLIGIBLE
 from exodrake.diagnosis.verdict import EXPLAINED, LARGE, MOST
 from exodrake.report import blocks, wording as w
@@ -296,7 +305,7 @@ def condition_figure(diagnosis: Diagnosis, runs: SimulatedLogs) -> Drawing | Non
     signal = runs.problem.columns[column]
     before, after = (log.residuals[robot][:, column] for robot in (RETUNED, IMPROVED))
     known = np.isfinite(before) & np.isfinite(after)
-    table = localise.conditions(runs.problem, log.trial, localise.channel_of(runs.problem, signal))
+    table = localise.conditions(runs.problem, log.trial, localise.channel_index(runs.problem, signal))
     best = max(table, key=lambda condition: localise.explained(before[known], table[condition][known]))
     declared, label, factor = runs.problem.robot.machine.regime, best, 1.0
     if best.startswith("time"):

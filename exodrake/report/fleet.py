@@ -10,9 +10,9 @@ import os
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import groupby
 from pathlib import Path
-from typing import Any
 from urllib.parse import quote
 
 import numpy as np
@@ -20,10 +20,9 @@ import numpy as np
 from exodrake import __version__
 from exodrake.core.errors import plural, printable
 from exodrake.diagnosis.change_point import DAY, RAMP, STEP
-from exodrake.diagnosis.fleet import FAILURE, Row, Trend, trends
-from exodrake.diagnosis.gap import Interval
+from exodrake.diagnosis.fleet import FAILURE, Row, Trend, find_trends
 from exodrake.diagnosis.many import ANSWER
-from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, PARTLY, RETUNE, UNKNOWN
+from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, PARTLY, RETUNE, UNKNOWN, Interval
 from exodrake.report import wording as w
 from exodrake.report.blocks import Bars, Table, render
 from exodrake.report.diagnosis_html import COLOURS
@@ -67,7 +66,7 @@ def members(rows: Sequence[Row]) -> list[Member]:
     """Robots with their cases, those whose last verdict is worst first; one of a newer version, unknown here, leads."""
     place = {verdict: k for k, verdict in enumerate(WORST_FIRST)}
     grouped = ((serial, tuple(own)) for serial, own in groupby(rows, key=lambda row: row.serial))
-    found = [Member(serial, own, tuple(trends(own))) for serial, own in grouped]
+    found = [Member(serial, own, tuple(find_trends(own))) for serial, own in grouped]
     return sorted(found, key=lambda m: (place.get(m.last.verdict, -1), m.serial))
 
 
@@ -80,36 +79,37 @@ def fleet_html(rows: Sequence[Row], source: str, links: Mapping[str, str] | None
         links: case -> address of its report or answer, as seen from the page.
     """
     robots = members(rows)
-    shown = [t for m in robots for t in m.changed][:DRAWN]
-    words = tuple(dict.fromkeys((*VERDICTS, *sorted({row.verdict for row in rows}))))
-    return render(
-        "fleet.html", title=f"Fleet: {source}", version=__version__, colour=COLOURS[NAMED], source=source,
-        tiles=tiles(rows, robots), colours=dict.fromkeys(words, GREY) | COLOURS, verdicts=words,
-        strips=[(m.serial, strip(m.rows)) for m in robots], robots=robot_table(robots, links), causes=causes(robots),
-        timelines=[drawn(t) for t in shown], rest=sum(len(m.changed) for m in robots) - len(shown),
-        failed=failures(rows), dates=span(rows),
-    )  # fmt: skip
-
-
-def tiles(rows: Sequence[Row], robots: Sequence[Member]) -> list[tuple[str, str]]:
-    """Counts for the head of the report."""
+    failed = [(row.case, row.reason) for row in rows if row.verdict == FAILURE]
     ill = [m for m in robots if m.last.verdict not in (NO_GAP, RETUNE, FAILURE)]
-    times = [row.run_time for row in rows if np.isfinite(row.run_time)]
-    changed, failed = sum(bool(m.changed) for m in robots), sum(row.verdict == FAILURE for row in rows)
-    return [
+    times, changed = [row.run_time for row in rows if np.isfinite(row.run_time)], sum(bool(m.changed) for m in robots)
+    tiles = [
         (str(len(robots)), plural(len(robots), "robot")),
         (f"{len(rows):,}", plural(len(rows), "case")),
         (str(len(ill)), plural(len(ill), "robot") + " with a gap in the last case"),
         (str(changed), plural(changed, "robot") + " with a dated change"),
-        (str(failed), plural(failed, "case") + " without an answer"),
+        (str(len(failed)), plural(len(failed), "case") + " without an answer"),
         *([(f"{np.median(times):.1f} s", "a case, median")] if times else []),
     ]
-
-
-def span(rows: Sequence[Row]) -> tuple[str, str] | None:
-    """First and last day of the fleet; None without dates."""
-    dates = [row.date for row in rows if row.date is not None]
-    return (min(dates).date().isoformat(), max(dates).date().isoformat()) if dates else None
+    timelines = []
+    for trend in [t for m in robots for t in m.changed][:DRAWN]:
+        start, place = trend.first.timestamp(), f" on {trend.channel}" if trend.channel else ""
+        head = {"title": f"{trend.serial}: {trend.effect} {trend.parameter}{place}", "dates": True}
+        clock = partial(lambda times, start: [start + DAY * t for t in times], start=start)
+        values = trend.values.tolist()
+        lines = {"values": values, "low": values, "high": values}
+        timelines.append(timeline(head, trend.unit, trend.times.tolist(), lines, trend.change, clock))
+    if len(failed) > LISTED:
+        failed[LISTED:] = [("…", f"and {len(failed) - LISTED} more")]
+    dates = [row.date.date().isoformat() for row in rows if row.date is not None]
+    words = tuple(dict.fromkeys((*VERDICTS, *sorted({row.verdict for row in rows}))))
+    return render(
+        "fleet.html", title=f"Fleet: {source}", version=__version__, colour=COLOURS[NAMED], source=source,
+        tiles=tiles, colours=dict.fromkeys(words, GREY) | COLOURS, verdicts=words,
+        strips=[(m.serial, strip(m.rows)) for m in robots], robots=robot_table(robots, links), causes=causes(robots),
+        timelines=timelines, rest=sum(len(m.changed) for m in robots) - len(timelines),
+        failed=Table(("Case", "Reason"), failed, words=2) if failed else None,
+        dates=(min(dates), max(dates)) if dates else None,
+    )  # fmt: skip
 
 
 def strip(rows: Sequence[Row]) -> list[tuple[str, str]]:
@@ -140,54 +140,39 @@ def robot_table(robots: Sequence[Member], links: Mapping[str, str] | None = None
 
     rows = []
     for m in robots:
-        counts = Counter(effect for row in m.rows for effect in row.effects)
-        causes = m.last.effects or tuple(effect for effect, _ in counts.most_common(1) if m.changed)
-        cause = w.listed([f"`{effect}`" for effect in causes], "or" if m.last.verdict == AMBIGUOUS else "and")
+        row, counts = m.last, Counter(effect for row in m.rows for effect in row.effects)
+        causes = row.effects or tuple(effect for effect, _ in counts.most_common(1) if m.changed)
+        cause = w.listed([f"`{effect}`" for effect in causes], "or" if row.verdict == AMBIGUOUS else "and")
         trend = next((t for t in m.changed if t.effect in causes), next(iter(m.changed), None))
-        since = (words(trend), amount(trend)) if trend else ("–", "–")
-        last, address = m.last.date.date().isoformat() if m.last.date else "no date", (links or {}).get(m.last.case)
+        since = describe_change(trend) if trend else ("–", "–")
+        sizes = []
+        for a in (a for a in row.amounts if a.effect in row.effects):
+            interval = Interval(a.value, a.low, a.high, a.unit)
+            if w.says_something(interval):
+                sizes.append(f"{a.parameter}{f' {a.channel}' if a.channel else ''} {' ('.join(w.interval(interval))})")
+        verdict = row.verdict + (" (not confirmed)" if row.confirmed is False else "")
+        verdict += f": the error {w.closure(row.closure)}" if w.rounds_below(row.closure) else ""
+        closed = w.closure(row.closure) if np.isfinite(row.closure) else "–"
+        last, address = row.date.date().isoformat() if row.date else "no date", (links or {}).get(row.case)
         last = Markup('<a href="{}">{}</a>').format(address, last) if address else last
-        closed = w.closure(m.last.closure) if np.isfinite(m.last.closure) else "–"
-        cells = (m.serial, last_verdict(m.last), cause or "–", *since, sizes(m.last), closed, last, f"{len(m.rows):,}")
-        rows.append(cells)
+        rows.append((
+            m.serial, verdict, cause or "–", *since, "; ".join(sizes) or "–", closed, last, f"{len(m.rows):,}",
+        ))  # fmt: skip
     header = ("Robot", "Last verdict", "Cause", "Since when (90 %)", "Change", "Size (90 %)", "Closure")
     return Table((*header, "Last case", "Cases"), rows, words=8)
 
 
-def sizes(row: Row) -> str:
-    """Sizes of a case's causes with their intervals, channel by channel, of those that say something."""
-    items = [(a, Interval(a.value, a.low, a.high, a.unit)) for a in row.amounts if a.effect in row.effects]
-    each = [
-        f"{a.parameter}{f' {a.channel}' if a.channel else ''} {' ('.join(w.interval(item))})"
-        for a, item in items
-        if w.says_something(item)
-    ]
-    return "; ".join(each) or "–"
-
-
-def last_verdict(row: Row) -> str:
-    """Verdict of a case; what held-out logs hold against it, and whether the error grew."""
-    refuted = " (not confirmed)" if row.confirmed is False else ""
-    grew = f": the error {w.closure(row.closure)}" if w.rounds_below(row.closure) else ""
-    return row.verdict + refuted + grew
-
-
-def words(trend: Trend) -> str:
-    """Date of an amplitude's change, in words."""
-    assert trend.change is not None
-    _, low, high = map(trend.moment, trend.change.began)
-    if trend.change.began[1] <= trend.times[0] and trend.change.shape != STEP:
-        return f"before {high}"
-    return low if low == high else f"{low} to {high}"
-
-
-def amount(trend: Trend) -> str:
-    """Size of an amplitude's change, in words."""
-    assert trend.change is not None
-    before, after = (w.quantity(item[0], trend.unit) for item in (trend.change.before, trend.change.after))
-    if trend.change.shape != RAMP:
-        return f"{before} to {after}"
-    return f"{before} to {after}, {w.quantity(trend.change.rate[0], trend.unit)} a day"
+def describe_change(trend: Trend) -> tuple[str, str]:
+    """Date and size of an amplitude's change, in words."""
+    change = trend.change
+    assert change is not None
+    _, low, high = map(trend.moment, change.began)
+    date = low if low == high else f"{low} to {high}"
+    if change.began[1] <= trend.times[0] and change.shape != STEP:
+        date = f"before {high}"
+    before, after = (w.quantity(item[0], trend.unit) for item in (change.before, change.after))
+    rate = f", {w.quantity(change.rate[0], trend.unit)} a day" if change.shape == RAMP else ""
+    return date, f"{before} to {after}{rate}"
 
 
 def causes(robots: Sequence[Member]) -> Bars | None:
@@ -203,21 +188,3 @@ def causes(robots: Sequence[Member]) -> Bars | None:
     return Bars(
         rows, "Robots in whose last case the cause is named, or left by an ambiguous verdict; and all such cases."
     )
-
-
-def drawn(trend: Trend) -> dict[str, Any]:
-    """A trend as plain data for `timeline.js`."""
-    start, place = trend.first.timestamp(), f" on {trend.channel}" if trend.channel else ""
-    head = {"title": f"{trend.serial}: {trend.effect} {trend.parameter}{place}", "dates": True}
-    times, values = trend.times.tolist(), trend.values.tolist()
-    rows = {"values": values, "low": values, "high": values}
-    return timeline(head, trend.unit, times, rows, trend.change, lambda times: [start + DAY * t for t in times])
-
-
-def failures(rows: Sequence[Row]) -> Table | None:
-    """Cases without an answer and why."""
-    failed = [(row.case, row.reason) for row in rows if row.verdict == FAILURE]
-    if not failed:
-        return None
-    more = [("…", f"and {len(failed) - LISTED} more")] if len(failed) > LISTED else []
-    return Table(("Case", "Reason"), [*failed[:LISTED], *more], words=2)

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 from exodrake.core.display import SYMBOLS, shown_unit
 from exodrake.data.case import date_of
 from exodrake.diagnosis.change_point import STEP, Change
-from exodrake.diagnosis.gap import Interval
-from exodrake.diagnosis.result import UNKNOWN, Diagnosis
+from exodrake.diagnosis.result import UNKNOWN, Diagnosis, Interval
 from exodrake.report import wording as w
 from exodrake.report.blocks import Table
 
@@ -26,39 +25,55 @@ def since(diagnosis: Diagnosis) -> dict[str, Any]:
     found = diagnosis.since
     if found is None:
         return {"since": None, "timelines": []}
-    timelines = [drawn(found, one) for one in found.series[:SHOWN]]
-    return {"since": words(diagnosis), "timelines": timelines, "changes": changes(found)}
+    first = date_of(found.sessions[0]) if found.unit == "d" else None
+
+    def clock(times: Sequence[float]) -> list[float]:
+        """POSIX times [s], or times of the log [s]."""
+        if found.unit != "d":
+            return list(times)
+        return [] if first is None else [(first + timedelta(days=t)).timestamp() for t in times]
+
+    timelines, rows = [], []
+    for one in found.series[:SHOWN]:
+        lines = {"values": one.values, "low": one.low, "high": one.high}
+        head = {"title": title(one), "dates": found.unit == "d"}
+        timelines.append(timeline(head, one.unit, found.times, lines, one.change, clock))
+    for one in found.series:
+        change, cells = one.change, ("–",) * 4
+        if change is not None:
+            before, after = (w.interval(Interval(*item, one.unit))[0] for item in (change.before, change.after))
+            cells = (when(found, change), before, after, "–" if change.shape == STEP else speed(found, one, change))
+        rows.append((title(one), *cells[:1], w.percent(one.p), *cells[1:]))
+    header = ("Quantity", "Change began", "Constant by evidence", "Before", "Last", "Rate")
+    table = Table(header, rows, words=2, folded=f"All {len(rows)} quantities in numbers") if rows else None
+    return {"since": words(diagnosis), "timelines": timelines, "changes": table}
 
 
 def words(diagnosis: Diagnosis) -> list[str]:
-    """Changes over the sessions in sentences; none for a case without sessions."""
+    """Changes over the sessions in sentences: what, when, and how much; none for a case without sessions."""
     found = diagnosis.since
     if found is None:
         return []
     if found.note:
         return [found.note]
-    spans = f"{len(found.sessions)} {'sessions' if found.unit == 'd' else 'windows of the log'}"
     if found.clearest is None or found.clearest.change is None:
+        spans = f"{len(found.sessions)} {'sessions' if found.unit == 'd' else 'windows of the log'}"
         return [STEADY.format(spans)]
-    alike = [one for one in found.series if one.change is not None and one.name == found.clearest.name]
-    lines = [sentence(found, found.clearest, found.clearest.change)]
+    one, change = found.clearest, found.clearest.change
+    before, after = (w.interval(Interval(*item, one.unit)) for item in (change.before, change.after))
+    sizes = f"{before[0]} until then, {after[0]} ({after[1]}) in the last session"
+    rate = "" if change.shape == STEP else f"; it changes by {speed(found, one, change)}"
+    shapes = " or ".join(change.shapes)
+    lines = [f"the change of {title(one)} began {when(found, change)}: {sizes}{rate} ({shapes})"]
+    alike = [other for other in found.series if other.change is not None and other.name == one.name]
     if len(alike) > 1:
-        lines.append(f"it changes, too, on {w.listed([one.channel for one in alike[1:]])}")
+        lines.append(f"it changes, too, on {w.listed([other.channel for other in alike[1:]])}")
     if diagnosis.verdict == UNKNOWN and found.effect:
         lines.append(
             f"no constant explanation is left, but {found.effect} alone, with a size of its own in each session, "
             f"leaves a reduced chi-square of {w.digits(found.chi2)}"
         )
     return lines
-
-
-def sentence(found: Since, one: Series, change: Change) -> str:
-    """A change: what, when, and how much."""
-    began = f"began {when(found, change)}"
-    before, after = (w.interval(Interval(*item, one.unit)) for item in (change.before, change.after))
-    sizes = f"{before[0]} until then, {after[0]} ({after[1]}) in the last session"
-    rate = "" if change.shape == STEP else f"; it changes by {speed(found, one, change)}"
-    return f"the change of {title(one)} {began}: {sizes}{rate} ({' or '.join(change.shapes)})"
 
 
 def when(found: Since, change: Change) -> str:
@@ -82,33 +97,6 @@ def title(one: Series) -> str:
     """A series in words."""
     name = "the residual’s power" if one.name == "residual" else one.name
     return f"{name} on {one.channel}" if one.channel else name
-
-
-def drawn(found: Since, one: Series) -> dict[str, Any]:
-    """A series as plain data for `timeline.js`, over POSIX times [s], or over times of the log [s]."""
-    dated, first = found.unit == "d", date_of(found.sessions[0]) if found.unit == "d" else None
-
-    def clock(times: Sequence[float]) -> list[float]:
-        if not dated:
-            return list(times)
-        return [] if first is None else [(first + timedelta(days=t)).timestamp() for t in times]
-
-    rows = {"values": one.values, "low": one.low, "high": one.high}
-    return timeline({"title": title(one), "dates": dated}, one.unit, found.times, rows, one.change, clock)
-
-
-def changes(found: Since) -> Table | None:
-    """All series with their changes."""
-    rows = []
-    for one in found.series:
-        change = one.change
-        cells = ("–",) * 4
-        if change is not None:
-            before, after = (w.interval(Interval(*item, one.unit))[0] for item in (change.before, change.after))
-            cells = (when(found, change), before, after, "–" if change.shape == STEP else speed(found, one, change))
-        rows.append((title(one), *cells[:1], w.percent(one.p), *cells[1:]))
-    header = ("Quantity", "Change began", "Constant by evidence", "Before", "Last", "Rate")
-    return Table(header, rows, words=2, folded=f"All {len(rows)} quantities in numbers") if rows else None
 
 
 def timeline(

@@ -12,7 +12,6 @@ from exodrake.core.display import SYMBOLS, Display, display_of, shown_unit
 from exodrake.core.effect import Effect
 from exodrake.core.errors import plural
 from exodrake.core.machine import Machine
-from exodrake.diagnosis.gap import Interval, SignalGap
 from exodrake.diagnosis.result import (
     AMBIGUOUS,
     CAUSE,
@@ -22,7 +21,9 @@ from exodrake.diagnosis.result import (
     RETUNE,
     UNKNOWN,
     Diagnosis,
+    Interval,
     NamedEffect,
+    SignalGap,
 )
 
 DIGITS = 3  # significant digits of a quantity

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from exodrake.core.robot import Robot
-from exodrake.diagnosis.closure import robot_of
+from exodrake.diagnosis.closure import change_robot
 from exodrake.diagnosis.fit import Explanation, minimise
 from exodrake.diagnosis.likelihood import Likelihood, output_error
 from exodrake.diagnosis.linearise import linearise, nominal_jacobian, with_effects
@@ -89,7 +89,7 @@ def converged(likelihood: Likelihood, point: Explanation) -> Explanation:
 
 def model(problem: Problem, point: Explanation, name: str) -> FittedModel:
     """A fitted point with its robot and held-out residuals."""
-    robot = replace(robot_of(problem, point.robot, f"fit of {name}"), source=f"fitted: {name}")
+    robot = replace(change_robot(problem, point.robot, f"fit of {name}"), source=f"fitted: {name}")
     held = tuple(t.measured - problem.predict(point.robot[None], t)[0] for t in problem.judged)
     return FittedModel(name, robot, held)
 

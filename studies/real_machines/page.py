@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from exodrake.core.errors import markdown_table
-from exodrake.diagnosis.gap import Interval
-from exodrake.diagnosis.result import Diagnosis
+from exodrake.diagnosis.result import Diagnosis, Interval
 from studies.real_machines.exam import Mark, table
 from studies.real_machines.study import Result
 

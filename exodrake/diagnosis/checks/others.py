@@ -14,9 +14,11 @@ from itertools import combinations
 
 import numpy as np
 
-from exodrake.diagnosis.checks.compare import LONG, Comparison, few
-from exodrake.diagnosis.checks.scale import beyond_limits
+from exodrake.core.errors import InputError
+from exodrake.diagnosis.checks.compare import Comparison, list_few
 
+LONG = 25  # frames: what lasts shorter is neither a gap nor frozen (assumed: longer than packets are lost in a row)
+ANOTHER_UNIT = 10.0**0.5  # times a limit; geometrically half-way to the smallest factor of another decimal unit
 # Times the largest error of the other logs: with few logs an error three times the largest is rare in any law without
 # heavy tails, and healthy robots, simulated and real, stay below 2.7
 UNLIKE = 3.0
@@ -67,45 +69,6 @@ class OtherLogs:
         return np.array([rows.T @ rows / len(rows) for rows in self.rows])
 
     @cached_property
-    def kinds(self) -> np.ndarray:
-        """Kind of each compared column."""
-        return np.array([column.rsplit("_", 1)[0] for column in self.comparison.columns])
-
-    def place(self, column: int) -> int:
-        """Where a compared column stands in `rows`."""
-        return self.moments.shape[1] - len(self.kinds) + column
-
-    def weights(self, column: int, logs: Sequence[int], without: Sequence[str] = ()) -> np.ndarray:
-        """Weights (1 + c,) that predict a column, fitted on some logs; kinds that take no part, its own among them."""
-        first = self.place(0)
-        others = first + np.flatnonzero(~np.isin(self.kinds, [self.kinds[column], *without]))
-        used = np.concatenate([np.arange(first), others])
-        moments = self.moments[list(logs)].mean(axis=0)
-        ridge = np.full(len(used), RIDGE)
-        ridge[0] = 0.0
-        found = np.zeros(len(moments))
-        found[used] = np.linalg.solve(moments[np.ix_(used, used)] + np.diag(ridge), moments[used, self.place(column)])
-        return found
-
-    def error(self, column: int, log: int, logs: Sequence[int], without: Sequence[str] = ()) -> float:
-        """RMS error of a column of a log by a fit on some logs [motions]."""
-        off = -self.weights(column, logs, without)
-        off[self.place(column)] += 1.0
-        return float(np.sqrt(max(off @ self.moments[log] @ off, 0.0)))
-
-    def usual(self, column: int, log: int, without: Sequence[str] = ()) -> float:
-        """Largest error of a column in any other log, by fits that know neither of both; at least `SMALL`."""
-        return max([SMALL, *self.errors(column, log, without)])
-
-    def errors(self, column: int, log: int, without: Sequence[str] = ()) -> list[float]:
-        """Errors of a column in each other log, by fits that know neither of both; none with fewer than three logs."""
-        found = []
-        for k in range(len(self.rows)):
-            known = [m for m in range(len(self.rows)) if m != log and not self.repeats[k, m]]
-            found += [self.error(column, k, known, without)] if k != log and known else []
-        return found
-
-    @cached_property
     def repeats(self) -> np.ndarray:
         """Which logs (logs, logs) follow one reference, so that either predicts the other too well."""
         found = np.eye(len(self.rows), dtype=bool)
@@ -116,64 +79,131 @@ class OtherLogs:
             found[i, k] = found[k, i] = same
         return found
 
-    def predicted(self, column: int, log: int, without: Sequence[str] = ()) -> np.ndarray:
+    def place(self, column: int) -> int:
+        """Index of a compared column in `rows`."""
+        return self.moments.shape[1] - len(self.comparison.columns) + column
+
+    def fit_weights(self, column: int, logs: Sequence[int], without: Sequence[str] = ()) -> np.ndarray:
+        """Weights (1 + c,) that predict a column, fitted on some logs; kinds that take no part, its own among them."""
+        first, kinds = self.place(0), self.comparison.kinds
+        others = first + np.flatnonzero(~np.isin(kinds, [kinds[column], *without]))
+        used = np.concatenate([np.arange(first), others])
+        moments = self.moments[list(logs)].mean(axis=0)
+        ridge = np.full(len(used), RIDGE)
+        ridge[0] = 0.0
+        found = np.zeros(len(moments))
+        found[used] = np.linalg.solve(moments[np.ix_(used, used)] + np.diag(ridge), moments[used, self.place(column)])
+        return found
+
+    def error(self, column: int, log: int, logs: Sequence[int], without: Sequence[str] = ()) -> float:
+        """RMS error of a column of a log by a fit on some logs [motions]."""
+        off = -self.fit_weights(column, logs, without)
+        off[self.place(column)] += 1.0
+        return float(np.sqrt(max(off @ self.moments[log] @ off, 0.0)))
+
+    def errors(self, column: int, log: int, without: Sequence[str] = ()) -> list[float]:
+        """Errors of a column in each other log, by fits that know neither of both; none with fewer than three logs."""
+        found = []
+        for k in range(len(self.rows)):
+            known = [m for m in range(len(self.rows)) if m != log and not self.repeats[k, m]]
+            found += [self.error(column, k, known, without)] if k != log and known else []
+        return found
+
+    def predict(self, column: int, log: int, without: Sequence[str] = ()) -> np.ndarray:
         """A column of a log (n,) by a fit on the others; the nominal robot's where there is no other."""
         others = [k for k in range(len(self.rows)) if k != log]
-        if not others:
-            nominal = self.comparison.pairs[log].nominal[:, column]
-            return (nominal - self.middle[self.place(column) - 1]) / self.scale[self.place(column) - 1]
-        return self.rows[log] @ self.weights(column, others, without)
+        if others:
+            return self.rows[log] @ self.fit_weights(column, others, without)
+        place = self.place(column) - 1
+        return (self.comparison.pairs[log].nominal[:, column] - self.middle[place]) / self.scale[place]
 
-    def measured(self, column: int, log: int) -> np.ndarray:
-        """A column of a log (n,)."""
-        return self.rows[log][:, self.place(column)]
-
-    def unlike(self, column: int, log: int, without: Sequence[str] = ()) -> tuple[float, str]:
-        """How many times the usual error is the part of a column's error that a gain, offset or delay explains; which.
+    def compare(self, column: int, log: int, without: Sequence[str] = ()) -> tuple[float, str]:
+        """How many times the usual error is the part of a column's error that a gain, offset or delay explains.
 
         What none of them explains is left to the robot: an effect may show in one motion alone.
-        """
-        if not self.errors(column, log, without):
-            return 0.0, ""
-        usual = self.usual(column, log, without)
-        others = [k for k in range(len(self.rows)) if k != log]
-        if self.error(column, log, others, without) <= UNLIKE * usual:
-            return 0.0, ""
-        share, words = self.explained(column, log, without)
-        return self.error(column, log, others, without) * float(np.sqrt(share)) / usual, words
 
-    def explained(self, column: int, log: int, without: Sequence[str] = ()) -> tuple[float, str]:
-        """Share of a column's error in a log that a gain, an offset and a delay explain, and the one that suffices."""
+        Returns:
+            The ratio, 0 for an error that is usual, and the one of the three that suffices, in words.
+        """
+        others = [k for k in range(len(self.rows)) if k != log]
+        if not (errors := self.errors(column, log, without)):
+            return 0.0, ""
+        usual, rms = max([SMALL, *errors]), self.error(column, log, others, without)
+        if rms <= UNLIKE * usual:
+            return 0.0, ""
         place = self.place(column) - 1
+        scale, level = self.scale[place], self.middle[place] / self.scale[place]
         unit = self.comparison.pairs[log].item.log.units[self.comparison.columns[column]]
-        h, y = self.predicted(column, log, without), self.measured(column, log)
-        error = y - h
-        total = float(error @ error)
-        late = shift_of(y, h)
+        h, y = self.predict(column, log, without), self.rows[log][:, place + 1]
+        error, n = y - h, len(y)
+        a, b = (np.fft.rfft(x - x.mean(), 2 * n) for x in (y, h))
+        lags = np.arange(-(n // 4), n // 4 + 1)
+        late = int(lags[np.argmax(np.fft.irfft(a * b.conj(), 2 * n)[lags])])
         shifted = np.roll(h, late)
-        shifted[: max(late, 0)], shifted[len(h) + min(late, 0) :] = h[0], h[-1]
-        true = h + self.middle[place] / self.scale[place]
-        gain = float(true @ (y + self.middle[place] / self.scale[place]) / (true @ true))
-        both = np.column_stack([h, np.ones(len(h))])
+        shifted[: max(late, 0)], shifted[n + min(late, 0) :] = h[0], h[-1]
+        true = h + level
+        gain = float(true @ (y + level) / (true @ true))
+        both = np.column_stack([h, np.ones(n)])
         linear = error - both @ np.linalg.lstsq(both, error, rcond=None)[0]
         left = {
             f"about {gain:.3g} times what they say": error - (gain - 1.0) * true,
-            f"{error.mean() * self.scale[place]:+.3g} {unit} apart": error - error.mean(),
+            f"{error.mean() * scale:+.3g} {unit} apart": error - error.mean(),
             f"{late * self.comparison.machine.frame:+.3g} s late": y - shifted,
         }
+        total = float(error @ error)
         shares = {words: 1.0 - float(rest @ rest) / total for words, rest in left.items()}
         best = max(shares, key=lambda words: shares[words])
         share = max(shares[best], 1.0 - float(linear @ linear) / total)
-        return share, best if shares[best] > ALONE else ""
+        return rms * float(np.sqrt(share)) / usual, best if shares[best] > ALONE else ""
+
+    def delay_slope(self, kind: str, log: int) -> tuple[float, float]:
+        """By how much the delay of a kind of channel grows in a log [frames/frame], and that over its standard error.
+
+        In each block of the log the error is fitted by offset, gain and delay; a line goes through the delays.
+        """
+        found = []
+        for column in np.flatnonzero(self.comparison.kinds == kind):
+            predicted = self.predict(int(column), log)
+            error = self.rows[log][:, self.place(int(column))] - predicted
+            speed = np.gradient(np.convolve(np.pad(predicted, 2, mode="edge"), np.ones(5) / 5.0, "valid"))
+            for block in np.array_split(np.arange(len(predicted)), BLOCKS):
+                if len(block) < LONG or not np.ptp(speed[block]) > 0.0:
+                    continue
+                level = predicted[block] - predicted[block].mean()
+                shape = np.column_stack([np.ones(len(block)), level, speed[block]])
+                inverse = np.linalg.pinv(shape.T @ shape)
+                fitted = inverse @ (shape.T @ error[block])
+                left = np.mean((error[block] - shape @ fitted) ** 2)
+                if inverse[2, 2] > 0.0 and left > 0.0:
+                    found.append((block.mean(), -fitted[2], 1.0 / (inverse[2, 2] * left)))
+        if len(found) < BLOCKS // 2:
+            return 0.0, 0.0
+        time, delay, weight = np.array(found).T
+        time, delay = (x - np.average(x, weights=weight) for x in (time, delay))
+        spread = weight @ time**2
+        if not spread > 0.0:
+            return 0.0, 0.0
+        slope = float(weight @ (time * delay) / spread)
+        error = float(np.sqrt(weight @ (delay - slope * time) ** 2 / (len(time) - 2) / spread))
+        return slope, abs(slope) / error if error > 0.0 else 0.0
 
 
-def shift_of(measured: np.ndarray, predicted: np.ndarray) -> int:
-    """Frames by which a signal (n,) comes later than its prediction: the largest correlation, up to a quarter of it."""
-    n, most = len(measured), len(measured) // 4
-    a, b = (np.fft.rfft(x - x.mean(), 2 * n) for x in (measured, predicted))
-    correlation = np.fft.irfft(a * b.conj(), 2 * n)
-    lags = np.arange(-most, most + 1)
-    return int(lags[np.argmax(correlation[lags])])
+def beyond_limits(comparison: Comparison) -> dict[str, dict[str, tuple[float, float]]]:
+    """File -> command that is far beyond its limit -> largest size and limit [SI]; a measured motion has no limit."""
+    machine, found = comparison.machine, {}
+    if not (machine.references[0].kind.endswith("_ref") and machine.reference_limits and comparison.robot.limits):
+        return {}
+    try:
+        limits = np.maximum(*map(np.abs, comparison.robot.reference_limits()))
+    except InputError:  # not stated for each channel
+        return {}
+    columns = machine.log_names(machine.references[:1])
+    for pair in comparison.pairs:
+        largest = np.abs(pair.reference[:, : len(columns)]).max(axis=0)
+        sizes = {c: (float(x), float(most)) for c, x, most in zip(columns, largest, limits) if most > 0.0}
+        beyond = {c: one for c, one in sizes.items() if one[0] > ANOTHER_UNIT * one[1]}
+        found |= {pair.item.file: beyond} if beyond else {}
+    return found
 
 
 def unlike_other_logs(comparison: Comparison) -> list[str]:
@@ -184,38 +214,35 @@ def unlike_other_logs(comparison: Comparison) -> list[str]:
     """
     if len(comparison.pairs) < 3:
         return []
-    other, strength = OtherLogs(comparison), {}
+    other, kinds, unlike = OtherLogs(comparison), comparison.kinds, {}
     beyond = beyond_limits(comparison)
     for log in (k for k, pair in enumerate(comparison.pairs) if pair.item.file not in beyond):
-        found = [c for c in range(len(comparison.columns)) if other.unlike(c, log)[0] > UNLIKE]
-        kinds = list(dict.fromkeys(other.kinds[found]))
-        alone = {c: other.unlike(c, log, [kind for kind in kinds if kind != other.kinds[c]]) for c in found}
-        strength[log] = {c: one for c, one in alone.items() if one[0] > UNLIKE} or strongest_kind(other, log, found)
-    sums = {log: sum(np.log(one[0]) for one in found.values()) for log, found in strength.items() if found}
-    return [sentence_of(other, log, strength[log]) for log in sorted(sums, key=lambda log: -sums[log])[:1]]
-
-
-def strongest_kind(other: OtherLogs, log: int, columns: list[int]) -> dict[int, tuple[float, str]]:
-    """Those of some columns that are of one kind with the one that is most unlike: strength and words of each."""
-    found = {c: other.unlike(c, log) for c in columns}
-    kind = other.kinds[max(found, key=lambda c: found[c][0])] if found else ""
-    return {c: one for c, one in found.items() if other.kinds[c] == kind}
-
-
-def sentence_of(other: OtherLogs, log: int, found: dict[int, tuple[float, str]]) -> str:
-    """What is unlike in a log: columns with their strengths and words."""
-    strongest = sorted(found, key=lambda c: -found[c][0])
-    words = next((found[c][1] for c in strongest if found[c][1]), "")
-    kinds = dict.fromkeys(other.kinds[sorted(found)])
-    ask = (
-        "another robot?" if len(kinds) > 1 else "another unit, zero or clock, a clipped or dead channel, another robot?"
-    )
-    names = few(other.comparison.columns[c] for c in sorted(found))
-    return (
-        f"{names} of {other.comparison.pairs[log].item.file} do not follow from the other logs"
-        + (f" ({other.comparison.columns[next(c for c in strongest if found[c][1])]}: {words})" if words else "")
-        + f": {ask}"
-    )
+        each = ((c, other.compare(c, log)) for c in range(len(comparison.columns)))
+        found = {c: one for c, one in each if one[0] > UNLIKE}
+        moving = dict.fromkeys(kinds[list(found)])
+        alone = {c: other.compare(c, log, [kind for kind in moving if kind != kinds[c]]) for c in found}
+        kept = {c: one for c, one in alone.items() if one[0] > UNLIKE}
+        if found and not kept:  # those of one kind with the one that is most unlike
+            kind = kinds[max(found, key=lambda c: found[c][0])]
+            kept = {c: one for c, one in found.items() if kinds[c] == kind}
+        if kept:
+            unlike[log] = kept
+    if not unlike:
+        return []
+    log = max(unlike, key=lambda log: sum(np.log(ratio) for ratio, _ in unlike[log].values()))
+    found = unlike[log]
+    named = next((c for c in sorted(found, key=lambda c: -found[c][0]) if found[c][1]), None)
+    several = len(set(kinds[list(found)])) > 1
+    return [
+        f"{list_few(comparison.columns[c] for c in sorted(found))} of {comparison.pairs[log].item.file} do not follow "
+        + "from the other logs"
+        + (f" ({comparison.columns[named]}: {found[named][1]})" if named is not None else "")
+        + (
+            ": another robot?"
+            if several
+            else ": another unit, zero or clock, a clipped or dead channel, another robot?"
+        )
+    ]
 
 
 def drifting_clocks(comparison: Comparison) -> list[str]:
@@ -223,49 +250,17 @@ def drifting_clocks(comparison: Comparison) -> list[str]:
     if len(comparison.pairs) < 3:
         return []
     other, found = OtherLogs(comparison), []
-    for kind in dict.fromkeys(other.kinds):
-        slopes = [slope_of_delay(other, str(kind), log) for log in range(len(comparison.pairs))]
+    for kind in dict.fromkeys(comparison.kinds):
+        slopes = [other.delay_slope(str(kind), log) for log in range(len(comparison.pairs))]
         for log, (slope, sure) in enumerate(slopes):
             rest = np.array([s for k, (s, _) in enumerate(slopes) if k != log])
             own = slope - np.median(rest)
             grows = abs(own) * len(other.rows[log])
             if sure > DRIFTING and grows > 1.0 and abs(own) > UNLIKE * np.abs(rest - np.median(rest)).max():
                 file, word = comparison.pairs[log].item.file, "later" if own > 0.0 else "earlier"
-                names = few(c for c, k in zip(comparison.columns, other.kinds, strict=True) if k == kind)
+                names = list_few(c for c, k in zip(comparison.columns, comparison.kinds, strict=True) if k == kind)
                 found.append(
                     f"{names} of {file} come ever {word}, by {grows:.2g} frames at its end ({1e6 * abs(own):.0f} ppm), "
                     "unlike in the other logs: a clock of its own?"
                 )
     return found
-
-
-def slope_of_delay(other: OtherLogs, kind: str, log: int) -> tuple[float, float]:
-    """By how much the delay of a kind of channel grows in a log [frames/frame], and that over its standard error.
-
-    In each block of the log the error is fitted by offset, gain and delay; a line goes through the delays.
-    """
-    times, delays, weights = [], [], []
-    for column in np.flatnonzero(other.kinds == kind):
-        predicted = other.predicted(int(column), log)
-        error = other.measured(int(column), log) - predicted
-        speed = np.gradient(np.convolve(np.pad(predicted, 2, mode="edge"), np.ones(5) / 5.0, "valid"))
-        for block in np.array_split(np.arange(len(predicted)), BLOCKS):
-            if len(block) < LONG or not np.ptp(speed[block]) > 0.0:
-                continue
-            level = predicted[block] - predicted[block].mean()
-            shape = np.column_stack([np.ones(len(block)), level, speed[block]])
-            inverse = np.linalg.pinv(shape.T @ shape)
-            fitted = inverse @ (shape.T @ error[block])
-            left = np.mean((error[block] - shape @ fitted) ** 2)
-            if inverse[2, 2] > 0.0 and left > 0.0:
-                times.append(block.mean())
-                delays.append(-fitted[2])
-                weights.append(1.0 / (inverse[2, 2] * left))
-    if len(times) < BLOCKS // 2:
-        return 0.0, 0.0
-    time, delay, weight = map(np.array, (times, delays, weights))
-    time, delay = (x - np.average(x, weights=weight) for x in (time, delay))
-    spread = weight @ time**2
-    slope = float(weight @ (time * delay) / spread) if spread > 0.0 else 0.0
-    error = np.sqrt(weight @ (delay - slope * time) ** 2 / (len(time) - 2) / spread) if spread > 0.0 else np.inf
-    return slope, abs(slope) / float(error) if error > 0.0 else 0.0

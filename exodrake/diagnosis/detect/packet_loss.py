@@ -24,10 +24,9 @@ from exodrake.core.confidence import CONFIDENCE
 from exodrake.core.effect import Effect
 from exodrake.core.machine import CommandLink, Machine
 from exodrake.diagnosis.filters import filled_columns
-from exodrake.diagnosis.gap import Interval
 from exodrake.diagnosis.noise import sensor_noise_std
 from exodrake.diagnosis.problem import Detection
-from exodrake.diagnosis.result import NamedEffect
+from exodrake.diagnosis.result import Interval, NamedEffect
 from exodrake.diagnosis.search import kind_of
 
 if TYPE_CHECKING:
@@ -70,37 +69,30 @@ def detect(problem: Problem, effect: Effect, values: np.ndarray) -> Problem:
     commands, but leaves errors; the effect remains a candidate, with the share that was counted as its parameter, where
     the losses leave few, and is none elsewhere.
     """
-    machine, kinds, found = problem.robot.machine, problem.kinds, []
-    nominal, noise = problem.silent(), reading_noise(problem)
+    machine, kinds, found = problem.robot.machine, np.array(problem.kinds), []
+    nominal, link, noise = problem.silent(), problem.robot.machine.command_link, 0.0
+    if link is not None and link.output in kinds:
+        noise = float(np.median(problem.noise_std[kinds == link.output]))
+        noise = sensor_noise_std(problem.robot).get(link.output, noise)
 
-    def decoded(trial: Trial) -> Trial:
-        measured = {kind: trial.measured[:, [k == kind for k in kinds]] for kind in kinds}
+    def with_losses(trial: Trial) -> Trial:
+        measured = {kind: trial.measured[:, kinds == kind] for kind in problem.kinds}
         losses = decode(machine, nominal, measured, noise)
         if losses is None:
             return trial
         found.append(losses)
         return replace(trial, latent={**trial.latent, INPUT: losses.packet_arrival})
 
-    original, problem = problem, replace(problem, fit=tuple(map(decoded, problem.fit)))
+    decoded = replace(problem, fit=tuple(map(with_losses, problem.fit)))
     lost = int(sum(np.sum(d.packet_arrival == 0.0) for d in found))
     arrived, left = sum((d.errors for d in found), start=np.zeros(2))
     if not lost or left > CLEAR * arrived:
-        return replace(original, tried=original.tried - {effect.id})
-    counted = loss_probability(found)
-    problem = replace(problem, holdout=tuple(map(decoded, problem.holdout)))
-    lead = effect.parameters[0]
-    named = NamedEffect(effect.id, (), (), {lead.name: Interval(*counted, lead.unit)}, {}, kind_of(effect))
+        return replace(problem, tried=problem.tried - {effect.id})
+    lead, share = effect.parameters[0], loss_probability(found)
+    named = NamedEffect(effect.id, (), (), {lead.name: Interval(*share, lead.unit)}, {}, kind_of(effect))
     detection = Detection(named, {}, f"{lost} commands look lost, one by one")
-    return replace(problem, detected=(*problem.detected, detection))
-
-
-def reading_noise(problem: Problem) -> float:
-    """Standard deviation of a reading of the drives' position [its unit]; 0 for a machine without a command link."""
-    link = problem.robot.machine.command_link
-    if link is None or link.output not in problem.kinds:
-        return 0.0
-    seen = [std for kind, std in zip(problem.kinds, problem.noise_std, strict=True) if kind == link.output]
-    return sensor_noise_std(problem.robot).get(link.output, float(np.median(seen)))
+    holdout = tuple(map(with_losses, problem.holdout))
+    return replace(decoded, holdout=holdout, detected=(*problem.detected, detection))
 
 
 def decode(machine: Machine, values: np.ndarray, measured: Mapping[str, np.ndarray], noise: float) -> PacketLoss | None:
@@ -112,33 +104,37 @@ def decode(machine: Machine, values: np.ndarray, measured: Mapping[str, np.ndarr
         measured: column kind -> (n, channels) as logged [SI].
         noise: standard deviation of a reading of the position [its unit].
     """
-    link = machine.command_link
+    link, frame = machine.command_link, machine.frame
     if link is None:
         return None
-    loads = load_kinds(machine, link)
-    needed = (link.command, link.output, *loads.values())
+    part = next(b for b in machine.parts if b.name == link.part)
+    (task,) = (t for t in part.tasks if not t.slots)
+    imposed = {i.signal: s.output for s in machine.segments for i in s.imposed if not i.part}
+    loads = [imposed[name] for name in outer_reads(part, task.reads) if name != link.received]
+    needed = (link.command, link.output, *loads)
     if any(kind not in measured or measured[kind].shape[1] < machine.column_width(kind) for kind in needed):
         return None
-    whole = {kind: filled_columns(rows) for kind, rows in measured.items()}
-    log = Record(whole[link.command], whole[link.output], {name: whole[kind] for name, kind in loads.items()})
-    return decoded(Drive(machine, values, link), log, noise, machine.frame)
-
-
-def decoded(drive: Drive, log: Record, noise: float, frame: float) -> PacketLoss:
-    """Lost commands of one log; noise: of a reading [unit of the position], frame [s]."""
-    moved, whole = np.diff(log.position, axis=0), np.zeros(log.command.shape, dtype=bool)
-    errors = path_errors(drive, log, moved, whole)
-    spread = error_std(log, errors, noise, frame)
-    lost = best_path(drive, log, moved, spread, STILL * noise / frame)
+    command, position, *loads = (filled_columns(measured[kind]) for kind in needed)
+    drive, moved = Drive(machine, values, link, command, loads), np.diff(position, axis=0)
+    whole = np.zeros(command.shape, dtype=bool)
+    errors = drive.errors(moved, whole)
+    # two readings, and the drive's model: a share of what the commands of the last frames change, by the lower quartile
+    # of the errors where nothing is lost, which commands that are lost in less than half of the time do not enlarge
+    change = np.abs(np.diff(command[: len(errors)], axis=0, prepend=0.0)) * frame
+    recent = sum((np.roll(change, k, axis=0) for k in range(1, LAGS)), start=change)
+    large = recent > SHOWN * noise
+    share = np.quantile(np.abs(errors[large]) / recent[large], 0.25) / QUARTILE if large.any() else 0.0
+    spread = np.sqrt(2.0 * noise**2 + (share * recent) ** 2)
+    lost = drive.best_path(moved, spread, STILL * noise / frame)
     around = sum((np.roll(lost, k, axis=0) for k in range(LAGS)), start=whole)[: len(moved)]
     sure = np.maximum(SHOWN * noise, SURE * np.vstack([spread, spread[-1:]])) / frame
-    events, gone = seen(log.command, lost, sure)
-    explained = path_errors(drive, log, moved, lost) if lost.any() else errors
+    events, gone = count_visible(command, lost, sure)
+    explained = drive.errors(moved, lost) if lost.any() else errors
     squared = [float(np.sum((e / spread)[around] ** 2 - 1.0)) for e in (errors, explained)]
     return PacketLoss(1.0 - lost, events, gone, np.array(squared))
 
 
-def seen(command: np.ndarray, lost: np.ndarray, sure: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def count_visible(command: np.ndarray, lost: np.ndarray, sure: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Commands whose loss could be seen and those that were lost, by the last one seen and the frames since.
 
     A command is seen if it differs from every one that may be held by then. Whether it is does not depend on which of
@@ -192,162 +188,80 @@ def loss_probability(losses: list[PacketLoss]) -> tuple[float, float, float]:
     return float(middle), float(low), float(high)
 
 
-def best_path(drive: Drive, log: Record, moved: np.ndarray, spread: np.ndarray, still: float) -> np.ndarray:
-    """Mask (n, channels) of the commands that are lost on the path of least cost of each channel.
-
-    Args:
-        drive: the drives.
-        log: what was measured.
-        moved: (frames, channels) changes of position.
-        spread: (frames, channels) their standard deviation.
-        still: change of command that counts as none [its unit].
-    """
-    paths, history = Paths.start(drive.state, log.command.shape[1]), []
-    for n in range(len(moved)):
-        chosen = paths.branches(log.command[n], still)
-        history.append(chosen)
-        paths = paths.advanced(drive, chosen, log, n, moved[n], spread[n])
-    lost, path = np.zeros(log.command.shape, dtype=bool), paths.cost.argmin(axis=0)
-    channel = np.arange(len(path))
-    for n, (parent, gone, _) in reversed(list(enumerate(history))):
-        lost[n], path = gone[path, channel], parent[path, channel]
-    return lost
-
-
-def path_errors(drive: Drive, log: Record, moved: np.ndarray, lost: np.ndarray) -> np.ndarray:
-    """Errors (frames, channels) of the changes of position with the commands (n, channels) that are lost."""
-    states, before, errors = drive.state[None].copy(), np.zeros((1, moved.shape[1])), np.zeros(moved.shape)
-    for n in range(len(moved)):
-        held = np.where(lost[n], before, log.command[n])
-        errors[n] = drive.moves(states, before, held, log.loads_at(n))[0] - moved[n]
-        before = held
-    return errors
-
-
-def error_std(log: Record, errors: np.ndarray, noise: float, frame: float) -> np.ndarray:
-    """Standard deviation of the changes of position (frames, channels): two readings, and the drive's model.
-
-    The model's error is a share of what the commands of the last frames change; the lower quartile of the errors where
-    nothing is lost tells the share, which commands that are lost in less than half of the time do not enlarge.
-    """
-    change = np.abs(np.diff(log.command[: len(errors)], axis=0, prepend=0.0)) * frame
-    recent = sum((np.roll(change, k, axis=0) for k in range(1, LAGS)), start=change)
-    large = recent > SHOWN * noise
-    share = np.quantile(np.abs(errors[large]) / recent[large], 0.25) / QUARTILE if large.any() else 0.0
-    return np.sqrt(2.0 * noise**2 + (share * recent) ** 2)
-
-
-@dataclass(frozen=True, eq=False)
-class Paths:
-    """Paths of all channels side by side, (paths, channels) each; a path of one channel knows nothing of the others.
-
-    Attributes:
-        states: (paths, states) of the drives.
-        held: command that arrived last.
-        lost: whether the last command was lost.
-        cost: so far.
-    """
-
-    states: np.ndarray
-    held: np.ndarray
-    lost: np.ndarray
-    cost: np.ndarray
-
-    @classmethod
-    def start(cls, state: np.ndarray, channels: int) -> Paths:
-        """One path at rest."""
-        return cls(state[None].copy(), np.zeros((1, channels)), np.zeros((1, channels), bool), np.zeros((1, channels)))
-
-    def branches(self, command: np.ndarray, still: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Paths through a further command: parent, whether it is lost, and cost, (paths, channels) each."""
-        found = [self.branches_of(channel, value, still) for channel, value in enumerate(command)]
-        count = max(len(branches) for branches in found)
-        filled = [branches + branches[:1] * (count - len(branches)) for branches in found]
-        cost, parent, lost = np.array(filled, dtype=float).transpose(2, 1, 0)
-        return parent.astype(int), lost.astype(bool), cost
-
-    def branches_of(self, channel: int, command: float, still: float) -> list[tuple[float, int, bool]]:
-        """Branches of one channel, cheapest first: the command arrives on the best path, or is lost on some."""
-        cost, best = self.cost[:, channel], int(self.cost[:, channel].argmin())
-        found = [(float(cost[best]), best, False)]
-        for k in np.flatnonzero(np.abs(self.held[:, channel] - command) > still):
-            found.append((float(cost[k]) + (STAY if self.lost[k, channel] else ENTER), int(k), True))
-        found = sorted(set(found))
-        return [branch for branch in found if branch[0] < found[0][0] + FAR][:PATHS]
-
-    def advanced(
-        self,
-        drive: Drive,
-        chosen: tuple[np.ndarray, np.ndarray, np.ndarray],
-        log: Record,
-        n: int,
-        moved: np.ndarray,
-        spread: np.ndarray,
-    ) -> Paths:
-        """The paths after frame n of a log, in which its positions moved (channels,); `spread`: their error."""
-        parent, lost, cost = chosen
-        channel = np.arange(parent.shape[1])
-        states = self.states[parent[:, drive.channel], np.arange(len(drive.state))]
-        before = self.held[parent, channel]
-        held = np.where(lost, before, log.command[n])
-        errors = drive.moves(states, before, held, log.loads_at(n)) - moved
-        return Paths(states, held, lost, cost + 0.5 * (errors / spread) ** 2)
-
-
 class Drive:
-    """The drives of a machine without its other parts, advanced frame by frame between readings of their positions.
+    """The drives of a machine without its other parts, from frame to frame.
 
-    Attributes:
-        state: (states,) at rest.
-        channel: (states,) the channel that each state belongs to.
+    They run on measured commands (n, channels) [their unit] and on loads (n, channels) [SI] of each signal that the
+    drives read besides.
     """
 
-    def __init__(self, machine: Machine, values: np.ndarray, link: CommandLink) -> None:
+    def __init__(
+        self, machine: Machine, values: np.ndarray, link: CommandLink, command: np.ndarray, loads: list[np.ndarray]
+    ) -> None:
         part = next(b for b in machine.parts if b.name == link.part)
         self.compiled, self.slots, self.dt = compile_machine(machine).moves, machine.slots, machine.slot
         self.p = values[[i for i, info in enumerate(machine.parameters) if info.part == part.name]]
-        self.state = np.zeros(sum(machine.part_size(part)))
+        self.rest = np.zeros((1, sum(machine.part_size(part))))
         states = (*part.states, *(s for e in machine.effects_on(part) for s in e.states))
+        # of each state
         self.channel = np.concatenate([np.repeat(np.arange(machine.width(s.axis)), s.width) for s in states])
-        (task,) = (t for t in part.tasks if not t.slots)
-        self.loads = [name for name in outer_reads(part, task.reads) if name != link.received]
-        self.switch = write_slot(machine, link.received) - write_slot(machine, machine.column(link.output).signal)
+        received, written = (write_slot(machine, s) for s in (link.received, machine.column(link.output).signal))
+        self.command, self.loads, self.switch = command, loads, received - written
 
-    def moves(
-        self, states: np.ndarray, before: np.ndarray, after: np.ndarray, loads: Mapping[str, np.ndarray]
-    ) -> np.ndarray:
-        """Advances states (n, states) in place by one frame, in which the commands (n, channels) change.
+    def advance(self, states: np.ndarray, before: np.ndarray, after: np.ndarray, frame: int) -> np.ndarray:
+        """Advances states (k, states) in place by one frame, in which the commands (k, channels) change.
 
         Returns:
-            (n, channels) by how much the positions moved.
+            (k, channels) by how much the positions moved.
         """
-        moved, given = np.empty(before.shape), (loads[name] for name in self.loads)
-        self.compiled(states, self.p, self.dt, self.slots, self.switch, before, after, *given, moved)
+        moved, loads = np.empty(before.shape), (rows[frame] for rows in self.loads)
+        self.compiled(states, self.p, self.dt, self.slots, self.switch, before, after, *loads, moved)
         return moved
+
+    def errors(self, moved: np.ndarray, lost: np.ndarray) -> np.ndarray:
+        """Errors of the changes of position (frames, channels) with the commands (n, channels) that are lost."""
+        states, before, errors = self.rest.copy(), np.zeros((1, moved.shape[1])), np.zeros(moved.shape)
+        for n in range(len(moved)):
+            held = np.where(lost[n], before, self.command[n])
+            errors[n] = self.advance(states, before, held, n)[0] - moved[n]
+            before = held
+        return errors
+
+    def best_path(self, moved: np.ndarray, spread: np.ndarray, still: float) -> np.ndarray:
+        """Mask (n, channels) of the commands that are lost on the path of least cost of each channel.
+
+        Paths of all channels are advanced side by side; a path of one channel knows nothing of the others. Positions
+        move by `moved` (frames, channels) with a standard deviation of `spread` (frames, channels); commands that
+        change by less than `still` [their unit] do not count.
+        """
+        channel, history, states = np.arange(moved.shape[1]), [], self.rest.copy()
+        # command that arrived last, whether the last one was lost, and cost so far: (paths, channels)
+        held, gone, cost = (np.zeros((1, len(channel)), dtype=kind) for kind in (float, bool, float))
+        for n, command in enumerate(self.command[: len(moved)]):
+            each = []
+            for c, value in enumerate(command):  # it arrives on the best path, or is lost on some
+                best = int(cost[:, c].argmin())
+                found = {(float(cost[best, c]), best, False)}
+                for k in np.flatnonzero(np.abs(held[:, c] - value) > still):
+                    found.add((float(cost[k, c]) + (STAY if gone[k, c] else ENTER), int(k), True))
+                branches = sorted(found)
+                each.append([branch for branch in branches if branch[0] < branches[0][0] + FAR][:PATHS])
+            count = max(map(len, each))
+            filled = [branches + branches[:1] * (count - len(branches)) for branches in each]
+            cost, parent, gone = np.array(filled, dtype=float).transpose(2, 1, 0)
+            parent, gone = parent.astype(int), gone.astype(bool)
+            history.append((parent, gone))
+            states = states[parent[:, self.channel], np.arange(len(self.channel))]
+            before = held[parent, channel]
+            held = np.where(gone, before, command)
+            cost = cost + 0.5 * ((self.advance(states, before, held, n) - moved[n]) / spread[n]) ** 2
+        lost, path = np.zeros(self.command.shape, dtype=bool), cost.argmin(axis=0)
+        for n, (parent, gone) in reversed(list(enumerate(history))):
+            lost[n], path = gone[path, channel], parent[path, channel]
+        return lost
 
 
 def write_slot(machine: Machine, signal: str) -> int:
     """First slot in which the part that writes a signal runs."""
     part = next(b for b in machine.parts if any(signal in o.writes for o in b.outputs))
     return min(slot for task in part.tasks for slot in task.slots)
-
-
-def load_kinds(machine: Machine, link: CommandLink) -> dict[str, str]:
-    """Signals that the drive reads besides its command, and the column kinds that measure them."""
-    part = next(b for b in machine.parts if b.name == link.part)
-    read = {name for t in part.tasks if not t.slots for name in outer_reads(part, t.reads)} - {link.received}
-    imposed = {i.signal: s.output for s in machine.segments for i in s.imposed if not i.part}
-    return {name: imposed[name] for name in sorted(read)}
-
-
-@dataclass(frozen=True, eq=False)
-class Record:
-    """Measured command, position and loads by signal, each (n, channels) [SI] without gaps."""
-
-    command: np.ndarray
-    position: np.ndarray
-    loads: Mapping[str, np.ndarray]
-
-    def loads_at(self, frame: int) -> dict[str, np.ndarray]:
-        """Loads (channels,) by signal in a frame."""
-        return {name: rows[frame] for name, rows in self.loads.items()}

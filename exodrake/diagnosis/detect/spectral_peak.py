@@ -20,11 +20,10 @@ import numpy as np
 from exodrake.core.confidence import NORMAL_90
 from exodrake.core.effect import Effect
 from exodrake.diagnosis.filters import Bands, outside
-from exodrake.diagnosis.gap import Interval
 from exodrake.diagnosis.intervals import affected_channels
 from exodrake.diagnosis.parameter import apply, effect_parameters
 from exodrake.diagnosis.problem import Detection
-from exodrake.diagnosis.result import NamedEffect
+from exodrake.diagnosis.result import Interval, NamedEffect
 from exodrake.diagnosis.search import kind_of
 
 if TYPE_CHECKING:
@@ -83,15 +82,15 @@ def detect(problem: Problem, effect: Effect, values: np.ndarray) -> Problem:
     from exodrake.diagnosis.problem import by_trial
 
     left = by_trial(problem.residual(values[None], problem.fit)[0], problem.fit)
-    peak = find(problem, left)
+    peak = find_peak(problem, left)
     problem = replace(problem, tried=problem.tried - {effect.id})
     if not peak.certain:
         return problem
     bands = peak.bands(0.5 / problem.robot.machine.frame)
-    found = detection_of(problem, effect, values, peak)
     torques = problem.robot.machine.effect_indices(effect.id, effect.parameters[0].name).values()
-    found = replace(found, noise=WanderingPhase(tuple(torques), bands, phase_rate(problem, left, peak)))
-    return replace(problem.without(bands), detected=(*problem.detected, found))
+    noise = WanderingPhase(tuple(torques), bands, phase_rate(problem, left, peak))
+    detection = replace(fit_torques(problem, effect, values, peak), noise=noise)
+    return replace(problem.without(bands), detected=(*problem.detected, detection))
 
 
 @dataclass(frozen=True)
@@ -137,7 +136,7 @@ def phase_rate(problem: Problem, logs: list[np.ndarray], peak: Peak) -> float:
     return -2.0 * float(np.log(max(kept, LEAST))) / LAG
 
 
-def find(problem: Problem, logs: list[np.ndarray]) -> Peak:
+def find_peak(problem: Problem, logs: list[np.ndarray]) -> Peak:
     """The most prominent peak in residuals (n, columns) [noise_std] of several logs.
 
     Logs shorter than a window have no fine spectrum: they are left out where others are longer.
@@ -148,20 +147,17 @@ def find(problem: Problem, logs: list[np.ndarray]) -> Peak:
     sought = frequency[(frequency >= LOWEST) & (frequency <= min(HIGHEST, frequency[-1] - ASIDE))]
     if not len(sought):
         return Peak(LOWEST, np.zeros(sums.shape[1]), 0.0, 0.0)
-    prominences = [np.min(prominence(frequency, sums, centre)) for centre in sought]
+    prominences = []  # in the log where it is least
+    for centre in sought:
+        band, beside = around(frequency, centre)
+        ground = np.maximum(np.median(sums[:, beside], axis=1), 1e-12)
+        prominences.append(np.min(sums[:, band].mean(axis=1) / ground))
     near = np.abs(frequency - sought[int(np.argmax(prominences))]) <= HALF
     peak = float(frequency[near][np.argmax(sums.sum(axis=0)[near])])
     weights = np.array([len(log) for log in logs], float) / sum(len(log) for log in logs)
     powers = np.array([in_band(frequency, density, peak) for density in densities])
     each = powers.sum(axis=1)
-    steady = float(each.min() / max(each.mean(), 1e-12))
-    return Peak(peak, weights @ powers, float(np.max(prominences)), steady)
-
-
-def prominence(frequency: np.ndarray, sums: np.ndarray, centre: float) -> np.ndarray:
-    """Density in a band over that beside it (logs,), from densities (logs, f)."""
-    band, beside = around(frequency, centre)
-    return sums[:, band].mean(axis=1) / np.maximum(np.median(sums[:, beside], axis=1), 1e-12)
+    return Peak(peak, weights @ powers, float(np.max(prominences)), float(each.min() / max(each.mean(), 1e-12)))
 
 
 def around(frequency: np.ndarray, centre: float) -> tuple[np.ndarray, np.ndarray]:
@@ -195,11 +191,12 @@ def in_band(frequency: np.ndarray, density: np.ndarray, peak: float) -> np.ndarr
     return np.maximum((density[band] - ground).sum(axis=0) * (frequency[1] - frequency[0]), 0.0)
 
 
-def detection_of(problem: Problem, effect: Effect, values: np.ndarray, peak: Peak) -> Detection:
+def fit_torques(problem: Problem, effect: Effect, values: np.ndarray, peak: Peak) -> Detection:
     """A tremor as the cause of a peak: torques by non-negative least squares on the powers of the columns."""
     from scipy.optimize import nnls
 
-    parameters = effect_parameters(problem.robot.machine, effect)
+    machine = problem.robot.machine
+    parameters = effect_parameters(machine, effect)
     joints = [i for i, p in enumerate(parameters) if p.amplitude]
     x = np.array([p.start if p.amplitude else p.coordinate(peak.frequency) for p in parameters])
     alone = [np.where(np.isin(np.arange(len(x)), [k for k in joints if k != i]), 0.0, x) for i in joints]
@@ -211,18 +208,16 @@ def detection_of(problem: Problem, effect: Effect, values: np.ndarray, peak: Pea
     shares, _ = nnls(np.array(unit).T / scale[:, None], peak.power / scale)
     x[joints] *= np.sqrt(shares)
     robot = apply(values, parameters, x)
-    found = {problem.robot.machine.parameters[i].name: float(robot[i]) for p in parameters for i in p.index}
+    found = {machine.parameters[i].name: float(robot[i]) for p in parameters for i in p.index}
+
+    def torque(value: float) -> Interval:
+        return Interval(value, value * (1.0 - NORMAL_90 * LAW), value * (1.0 + NORMAL_90 * LAW), "N m")
+
     affected = affected_channels(x[joints], np.diag((LAW * x[joints]) ** 2))
     torques = {parameters[joints[k]].channels[0]: torque(float(x[joints[k]])) for k in affected}
-    half = 0.5 / WINDOW
+    half, (size, line) = 0.5 / WINDOW, (p.name for p in effect.parameters[:2])
     frequency = Interval(peak.frequency, peak.frequency - half, peak.frequency + half, "Hz")
-    mean = torque(float(np.mean([item.value for item in torques.values()])))
-    stated = {effect.parameters[0].name: mean, effect.parameters[1].name: frequency}
-    named = NamedEffect(effect.id, (), tuple(torques), stated, {effect.parameters[0].name: torques}, kind_of(effect))
+    stated = {size: torque(float(np.mean([item.value for item in torques.values()]))), line: frequency}
+    named = NamedEffect(effect.id, (), tuple(torques), stated, {size: torques}, kind_of(effect))
     where = f"a spectral peak at {peak.frequency:.1f} Hz is {peak.prominence:.0f} times its surroundings in every log"
     return Detection(named, found, f"{where}; its phase wanders, so that there only strength is compared")
-
-
-def torque(value: float) -> Interval:
-    """A torque [N m] with its 90 % interval: the waveform is not known."""
-    return Interval(value, value * (1.0 - NORMAL_90 * LAW), value * (1.0 + NORMAL_90 * LAW), "N m")

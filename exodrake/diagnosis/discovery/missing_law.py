@@ -9,7 +9,7 @@ import numpy as np
 
 from exodrake.core.plain import plain
 from exodrake.core.robot import Robot
-from exodrake.diagnosis.gap import Interval
+from exodrake.diagnosis.result import Interval
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,1 +1,0 @@
-"""What a case is good for, before it is diagnosed: `exodrake check`."""
