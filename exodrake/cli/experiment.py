@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
@@ -17,10 +16,6 @@ from exodrake.cli.options import (
     waiting,
     write_files,
 )
-
-if TYPE_CHECKING:
-    from exodrake.experiment.contest import Contest
-    from exodrake.experiment.design import Design
 
 REFERENCE = "reference.csv"
 ADVICE = (
@@ -48,13 +43,13 @@ def command(
     motion is the one on which they differ most after each is fitted to it, safe on every one of them. Its log, saved as
     experiment.csv in the folder of the case, decides the next diagnosis.
     """
+    from exodrake.core.display import in_words
     from exodrake.core.parallel import one_blas_thread
     from exodrake.core.progress import stages
     from exodrake.data.formats import log_bytes
-    from exodrake.experiment.answer import in_play
-    from exodrake.experiment.contest import contest_of
+    from exodrake.experiment.contest import prepare_contest, read_rivals
     from exodrake.experiment.design import design
-    from exodrake.experiment.figure import figure_of
+    from exodrake.experiment.figure import draw_experiment
     from exodrake.experiment.motion import check_length
     from exodrake.machines.robot_file import load_robot
 
@@ -64,40 +59,33 @@ def command(
     refuse_cases(case)
     check_length(nominal, duration)
     with stages() as progress:
-        found = in_play(case, nominal, folder, progress)
+        found = read_rivals(case, nominal, folder, progress)
     if found.why_none:
         click.echo(found.why_none)
         return
     with waiting("searching for the motion that tells them apart"), one_blas_thread():
-        contest = contest_of(found.problem, found.rivals)
+        contest = prepare_contest(found.problem, found.rivals)
         best = design(contest, duration, seed)
-    print_design(contest, best)
-    write_files({out: log_bytes(best.log(nominal.machine), out), picture: figure_of(contest, best)})
-    click.echo(
-        "save its log as experiment.csv in the folder of the case (in its case.yaml: role fit), and diagnose again"
-    )
-
-
-def print_design(contest: Contest, best: Design) -> None:
-    """Prints the expected information of an experiment and the ranges that its signals reach."""
-    from exodrake.core.display import in_words
-    from exodrake.experiment.safety import spans
-
+    told = best.information
     rows = [
-        (contest.names[true], contest.names[rival], f"{left:.3g}", f"{best.information.power(true, rival):.0%}")
-        for (true, rival), left in sorted(best.information.left.items())
+        (contest.names[true], contest.names[rival], f"{left:.3g}", f"{told.power(true, rival):.0%}")
+        for (true, rival), left in sorted(told.left.items())
     ]
     print_table(("if the cause is", "rejected", ">what it leaves (T)", ">probability"), rows, wrapped=0)
-    click.echo(f"\n{best.information.probability:.0%} expected: all but the true cause are rejected")
+    click.echo(f"\n{told.probability:.0%} expected: all but the true cause are rejected")
     click.echo(f"{best.random:.0%} promised by a random motion as long, the median of those that were tried")
     if not best.enough:
         click.echo(f"{click.style('note', fg='yellow')}    {ADVICE}")
     rows = [
-        (span.signal, *(" to ".join(in_words(x, span.unit) for x in pair) for pair in (span.reached, span.allowed)))
-        for span in spans(best.safety, contest.records(best.reference))
+        (name, *(" to ".join(in_words(x, unit) for x in pair) for pair in pairs))
+        for name, unit, *pairs in best.safety.spans(contest.records(best.reference))
     ]
     click.echo()
     print_table(("signal", ">on any explanation", ">allowed"), rows)
     if best.size < 1.0:
         click.echo(f"made smaller, to {best.size:.0%}, so that no signal leaves its range")
     click.echo()
+    write_files({out: log_bytes(best.log(nominal.machine), out), picture: draw_experiment(contest, best)})
+    click.echo(
+        "save its log as experiment.csv in the folder of the case (in its case.yaml: role fit), and diagnose again"
+    )
