@@ -20,8 +20,7 @@ from exodrake.data.log import Log
 from exodrake.diagnosis.calibration import calibration_notes
 from exodrake.diagnosis.checks import suspicions
 from exodrake.diagnosis.closure import closure_of, robot_of, with_values
-from exodrake.diagnosis.discovery.discover import discover
-from exodrake.diagnosis.discovery.missing_law import MissingLaw
+from exodrake.diagnosis.discovery.discover import MissingLaw, discover
 from exodrake.diagnosis.gap import Interval, Where
 from exodrake.diagnosis.intervals import describe, fitted_effects, traces
 from exodrake.diagnosis.isolation import Isolation, affordable, isolate, negligible
