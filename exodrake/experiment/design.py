@@ -138,7 +138,6 @@ class Design:
         information: what it tells.
         size: factor by which the whole was made smaller to be safe [-].
         safety: ranges that it keeps.
-        tried: motions that were simulated.
         random: probability that the median of random motions of this length promises.
     """
 
@@ -146,7 +145,6 @@ class Design:
     information: Information
     size: float
     safety: Safety
-    tried: int
     random: float = 0.0
 
     def log(self, machine: Machine) -> Log:
@@ -165,7 +163,7 @@ class Designer:
 
     def __init__(self, contest: Contest, duration: float | None, seed: int) -> None:
         problem, machine = contest.problem, contest.problem.robot.machine
-        self.contest, self.rng, self.tried = contest, np.random.default_rng(seed), 0
+        self.contest, self.rng = contest, np.random.default_rng(seed)
         self.stage, self.whole = prepare_stage(problem.robot, problem.fit), check_length(problem.robot, duration)
         self.fewer = 2.0 / len(contest.explanations)
         # the machine's own experiments, or those of the case for a machine that declares none
@@ -179,7 +177,6 @@ class Designer:
 
     def make_safe(self, shares: np.ndarray, shrinks: int = SHRINKS) -> tuple[np.ndarray, float, float] | None:
         """Shares (frames, channels) made smaller until safe, by which factor, and how rivals differ there; or None."""
-        self.tried += 1
         rest = self.stage.rest
         for size in SMALLER ** np.arange(shrinks):
             course = rest + size * (shares - rest)
@@ -236,7 +233,7 @@ class Designer:
             return []
         reference = self.stage.reference(kept[0])
         found = information(self.contest, reference.values)
-        return [Design(reference, found, kept[1], self.safety, self.tried)] if found else []
+        return [Design(reference, found, kept[1], self.safety)] if found else []
 
     def design(self) -> Design:
         """The experiment: the best of sequences of short and of long pieces, and of random motions."""
@@ -257,7 +254,7 @@ class Designer:
         ]
         best = max(last or found[:1], key=lambda d: d.information.criterion)
         promised = [min(d.information.probability, best.information.probability) for d in random]
-        return replace(best, tried=self.tried, random=promised[0] if promised else 0.0)
+        return replace(best, random=promised[0] if promised else 0.0)
 
 
 def design(contest: Contest, duration: float | None = None, seed: int = 0) -> Design:

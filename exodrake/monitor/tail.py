@@ -167,7 +167,6 @@ class Grid:
         self.source, self.frame, self.bridged = source, frame, max(BRIDGED, 2.0 * frame)
         self.last: np.ndarray | None = None
         self.stretch: list[tuple[float, int]] = []  # time [s] and frame of the last rows
-        self.missing = self.repeated = 0
 
     def push(self, rows: Rows) -> Iterator[Rows]:
         """Frames of some rows. InputError naming the row for a backward clock or rows faster than the frame."""
@@ -177,7 +176,6 @@ class Grid:
         for number, row in zip(rows.numbers, rows.values, strict=True):
             steps = self.count_steps(row, number)
             if steps == 0:
-                self.repeated += 1
                 continue
             self.check_rate(row[0], steps)
             if self.last is not None and (steps - 1) * self.frame > self.bridged:
@@ -186,7 +184,6 @@ class Grid:
                 restart, found = True, []
                 note = f"no rows for {row[0] - self.last[0]:.1f} s at {self.last[0]:.2f} s: the model begins anew"
             else:
-                self.missing += steps - 1
                 found += [np.full(len(row), np.nan)] * (steps - 1)
             found.append(row)
             self.last = row
