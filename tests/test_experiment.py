@@ -20,7 +20,7 @@ from exodrake.diagnosis.provenance import provenance_of
 from exodrake.diagnosis.result import Rival
 from exodrake.diagnosis.search import LAW, NATS
 from exodrake.experiment import contest as inside, design as search
-from exodrake.experiment.contest import UNSURE, Information, information, pair_model, prepare_contest, refit, together
+from exodrake.experiment.contest import UNSURE, Information, information, pair_model, prepare_contest, refit
 from exodrake.experiment.design import design, measure_safety
 from exodrake.experiment.figure import predict_difference
 from exodrake.experiment.motion import check_length, limit_rate, prepare_stage, random_motif
@@ -83,7 +83,8 @@ def test_information_adds_over_motions():
     rng = np.random.default_rng(3)
     d, columns, weights = rng.normal(size=20), rng.normal(size=(4, 20)), rng.uniform(0.2, 1.0, 20)
     parts = [pair_model(d[k], columns[:, k], weights[k]) for k in (slice(0, 8), slice(8, 20))]
-    assert together(*parts).posterior().cost == pytest.approx(left(d, columns, weights))
+    both = replace(parts[0], products=parts[0].products + parts[1].products)
+    assert both.posterior().cost == pytest.approx(left(d, columns, weights))
     stacked = np.vstack([np.sqrt(weights)[:, None] * columns.T, np.eye(4)])
     target = np.concatenate([np.sqrt(weights) * d, np.zeros(4)])
     _, (wanted,), *_ = np.linalg.lstsq(stacked, target, rcond=None)
@@ -196,12 +197,12 @@ def test_motion_beyond_a_limit_is_not_safe(contest):
     """The same motion with the range of the position set just below its peak, and with its rate."""
     safety = measure_safety(contest.problem, contest.robots, [])
     records = contest.records(Reference(contest.problem.fit[0].reference))
-    k = safety.machine.offsets["position"].start
+    k = safety.machine.offsets["position_read"].start
     here, peak = np.arange(len(safety.high)) == k, records[:, :, k].max()
     assert safety.allows(records)
     assert not replace(safety, high=np.where(here, peak - 1e-6, safety.high)).allows(records)
     assert not replace(safety, rate=np.where(here, 1e-9, safety.rate)).allows(records)
-    (_, unit, reached, allowed), *_ = [s for s in safety.spans(records) if s[0] == "position_carriage"]
+    (_, unit, reached, allowed), *_ = [s for s in safety.spans(records) if s[0] == "position_read_carriage"]
     assert unit == "m" and reached[1] == peak and allowed == pytest.approx([safety.low[k], safety.high[k]])
 
 

@@ -18,6 +18,7 @@ from exodrake.cli.options import (
 )
 
 REFERENCE = "reference.csv"
+ENOUGH = 0.5  # probability below which an experiment is not recommended: assumed
 ADVICE = (
     "no motion of the free robot within its limits tells them apart for certain; measure at a known state instead: at "
     "a mechanical stop for the zero of an encoder, under known weights for a force, a clamped joint for a stiffness"
@@ -43,10 +44,13 @@ def command(
     motion is the one on which they differ most after each is fitted to it, safe on every one of them. Its log, saved as
     experiment.csv in the folder of the case, decides the next diagnosis.
     """
+    import numpy as np
+
     from exodrake.core.display import in_words
     from exodrake.core.parallel import one_blas_thread
     from exodrake.core.progress import stages
     from exodrake.data.formats import log_bytes
+    from exodrake.data.log import Log
     from exodrake.experiment.contest import prepare_contest, read_rivals
     from exodrake.experiment.design import design
     from exodrake.experiment.figure import draw_experiment
@@ -59,12 +63,12 @@ def command(
     refuse_cases(case)
     check_length(nominal, duration)
     with stages() as progress:
-        found = read_rivals(case, nominal, folder, progress)
-    if found.why_none:
-        click.echo(found.why_none)
+        problem, rivals, why_none = read_rivals(case, nominal, folder, progress)
+    if why_none:
+        click.echo(why_none)
         return
     with waiting("searching for the motion that tells them apart"), one_blas_thread():
-        contest = prepare_contest(found.problem, found.rivals)
+        contest = prepare_contest(problem, rivals)
         best = design(contest, duration, seed)
     told = best.information
     rows = [
@@ -74,7 +78,7 @@ def command(
     print_table(("if the cause is", "rejected", ">what it leaves (T)", ">probability"), rows, wrapped=0)
     click.echo(f"\n{told.probability:.0%} expected: all but the true cause are rejected")
     click.echo(f"{best.random:.0%} promised by a random motion as long, the median of those that were tried")
-    if not best.enough:
+    if told.probability < ENOUGH:
         click.echo(f"{click.style('note', fg='yellow')}    {ADVICE}")
     rows = [
         (name, *(" to ".join(in_words(x, unit) for x in pair) for pair in pairs))
@@ -85,7 +89,10 @@ def command(
     if best.size < 1.0:
         click.echo(f"made smaller, to {best.size:.0%}, so that no signal leaves its range")
     click.echo()
-    write_files({out: log_bytes(best.log(nominal.machine), out), picture: draw_experiment(contest, best)})
+    machine, values = nominal.machine, best.reference.values
+    columns = dict(zip(machine.log_names(machine.references), values.T, strict=True))
+    log = Log(machine.frame * np.arange(len(values)), columns)
+    write_files({out: log_bytes(log, out), picture: draw_experiment(contest, best)})
     click.echo(
         "save its log as experiment.csv in the folder of the case (in its case.yaml: role fit), and diagnose again"
     )

@@ -71,25 +71,10 @@ NONE_LEFT = (
 )
 
 
-@dataclass(frozen=True, eq=False)
-class InPlay:
-    """A case with its verdict and its rivals: explanations that the logs do not tell apart, if there are several."""
-
-    problem: Problem
-    verdict: str
-    rivals: tuple[Rival, ...]
-
-    @property
-    def why_none(self) -> str:
-        """Reason why there are no rivals to tell apart, in words; empty where there are some."""
-        if len(self.rivals) > 1:
-            return ""
-        reason = NOTHING.get(self.verdict, NONE_LEFT)
-        return f"{self.problem.case.name}: {self.verdict}, {reason}: there is nothing for an experiment to distinguish"
-
-
-def read_rivals(place: Path, robot: Robot, folder: Path | None = None, progress: StageProgress = no_progress) -> InPlay:
-    """The explanations still in play of a case.
+def read_rivals(
+    place: Path, robot: Robot, folder: Path | None = None, progress: StageProgress = no_progress
+) -> tuple[Problem, tuple[Rival, ...], str]:
+    """A case, its rivals, which the logs do not tell apart, and why there are none, in words, empty where there are.
 
     Args:
         place: folder of logs or one log, whose `diagnosis.json` is used if it was made from these logs and this robot;
@@ -117,15 +102,19 @@ def read_rivals(place: Path, robot: Robot, folder: Path | None = None, progress:
         ours, theirs = provenance_of(problem), answer["provenance"]
         differs = f"other logs than those of {case.name}" if theirs["files"] != ours.files else ""
         differs = differs or ("another nominal robot" if theirs["parameters"] != ours.parameters else "")
-        if not differs:
-            rivals = tuple(Rival(tuple(item["effects"]), item["parameters"]) for item in answer["rivals"])
-            return InPlay(problem, answer["verdict"], rivals)
-        if is_answer:
+        if differs and is_answer:
             raise InputError(f"{place}: it was made from {differs}; diagnose again")
-    from exodrake.diagnosis.pipeline import diagnose
+        answer = None if differs else answer
+    if answer is not None:
+        verdict = answer["verdict"]
+        rivals = tuple(Rival(tuple(item["effects"]), item["parameters"]) for item in answer["rivals"])
+    else:
+        from exodrake.diagnosis.pipeline import diagnose
 
-    found = diagnose(case, robot, progress)
-    return InPlay(problem, found.verdict, found.rivals)
+        found = diagnose(case, robot, progress)
+        verdict, rivals = found.verdict, found.rivals
+    reason = f"{verdict}, {NOTHING.get(verdict, NONE_LEFT)}: there is nothing for an experiment to distinguish"
+    return problem, rivals, "" if len(rivals) > 1 else f"{case.name}: {reason}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -251,13 +240,6 @@ def pair_model(difference: np.ndarray, columns: np.ndarray, weights: np.ndarray)
     return replace(model, variance=np.ones(1))
 
 
-def together(a: LinearModel, b: LinearModel) -> LinearModel:
-    """The linear model of two motions."""
-    products, samples = np.concatenate([a.products, b.products]), np.concatenate([a.samples, b.samples])
-    view, log = np.concatenate([a.view, b.view]), np.concatenate([a.log, b.log])
-    return replace(a, products=products, samples=samples, view=view, log=log)
-
-
 @dataclass(frozen=True, eq=False)
 class Information:
     """Expected information of a motion about the rival explanations.
@@ -275,7 +257,7 @@ class Information:
     ended: dict[tuple[int, int], tuple[float, np.ndarray]] = field(default_factory=dict)
 
     def __add__(self, other: Information) -> Information:
-        models = {key: together(model, other.models[key]) for key, model in self.models.items()}
+        models = {k: replace(m, products=m.products + other.models[k].products) for k, m in self.models.items()}
         return Information(models, self.taken + other.taken - self.contest.taken, self.contest)
 
     @property
@@ -314,10 +296,8 @@ class Information:
     @property
     def probability(self) -> float:
         """Probability that the true explanation alone is left, each as likely to be true."""
-        resolved: dict[int, float] = {}
-        for true, rival in self.models:
-            resolved[true] = min(resolved.get(true, 1.0), self.power(true, rival))
-        return float(np.mean(list(resolved.values())))
+        each = [[self.power(*key) for key in self.models if key[0] == true] for true, _ in self.models]
+        return float(np.mean([min(powers) for powers in each]))
 
 
 def information(contest: Contest, reference: np.ndarray) -> Information | None:

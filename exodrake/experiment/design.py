@@ -29,7 +29,6 @@ import numpy as np
 from exodrake.compiled.inputs import Reference
 from exodrake.core.errors import InputError
 from exodrake.core.machine import Machine, signal_count
-from exodrake.data.log import Log
 from exodrake.diagnosis.problem import Problem, Trial
 from exodrake.experiment.contest import Contest, Information, information, refit
 from exodrake.experiment.motion import POSITIONS, Motif, Window, check_length, prepare_stage, random_motif
@@ -43,7 +42,6 @@ WHOLE = 6  # random motions for two rivals that the sequences are held against: 
 FINAL = 2  # motions on which refits are carried to their end: assumed
 LIBRARY = 6  # one in so many of the motifs is kept, those on which the rivals as they are differ most
 SMALLER, SHRINKS = 0.8, 5  # factor by which an unsafe motion shrinks towards rest, and how often
-ENOUGH = 0.5  # probability below which an experiment is not recommended: assumed
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,16 +145,6 @@ class Design:
     safety: Safety
     random: float = 0.0
 
-    def log(self, machine: Machine) -> Log:
-        """The reference as a log of its columns alone, for `simulate --reference` and for the robot."""
-        time = machine.frame * np.arange(len(self.reference.values))
-        return Log(time, dict(zip(machine.log_names(machine.references), self.reference.values.T, strict=True)))
-
-    @property
-    def enough(self) -> bool:
-        """Whether the experiment is recommended."""
-        return self.information.probability >= ENOUGH
-
 
 class Designer:
     """Search for the most informative experiment of one contest; arguments as of `design`."""
@@ -171,7 +159,7 @@ class Designer:
         self.known = own or [Reference(trial.reference, trial.name) for trial in problem.fit]
         self.safety = measure_safety(problem, contest.robots, own)
 
-    def shares_of(self, reference: Reference) -> np.ndarray:
+    def to_shares(self, reference: Reference) -> np.ndarray:
         """A known motion in shares (frames, channels) of the span."""
         return (reference.values[:, : len(self.stage.low)] - self.stage.low) / (self.stage.high - self.stage.low)
 
@@ -194,7 +182,7 @@ class Designer:
         """Random motifs and windows of known motions on which the rivals differ most, at a size that is safe."""
         frames, rest, windows = self.whole // pieces, self.stage.rest, []
         motifs = [random_motif(len(rest), self.rng) for _ in range(max(round(RANDOM * self.fewer), pieces))]
-        for shares in map(self.shares_of, self.known):
+        for shares in map(self.to_shares, self.known):
             starts = range(0, max(len(shares) - frames + 1, 1), frames) if len(shares) >= 2 else ()
             windows += [Window(shares[k : k + frames]) for k in starts]
         order = self.rng.permutation(len(windows))[: max(round(WINDOWS * self.fewer), 3)]
@@ -240,7 +228,7 @@ class Designer:
         length, found = self.whole * self.stage.frame, []
         for k in self.rng.integers(2**31, size=max(round(WHOLE * self.fewer), 3)):
             motion = protocol(f"random-motion:seed={k},duration={length:g}", self.contest.problem.robot)
-            found += self.check(Window(self.shares_of(motion)).shares(self.whole, self.stage.rest))
+            found += self.check(Window(self.to_shares(motion)).shares(self.whole, self.stage.rest))
         random = sorted(found, key=lambda d: d.information.criterion)[len(found) // 2 :][:1]
         for pieces in PIECES:
             found += self.check(self.search_sequence(pieces))
