@@ -22,7 +22,7 @@ import numpy as np
 from exodrake.core.parallel import one_blas_thread
 from exodrake.data.case import Case
 from exodrake.diagnosis.discovery.discover import LEAD, MissingLaw, discover, lead
-from exodrake.diagnosis.discovery.law_code import laws_of
+from exodrake.diagnosis.discovery.law_code import get_laws
 from exodrake.diagnosis.isolation import isolate
 from exodrake.diagnosis.problem import make_problem
 from exodrake.machines.robot_file import load_robot
@@ -120,7 +120,7 @@ def measure(name: str, seed: int, real: Path | None) -> Row:
         problem = found.whole
         law = discover(problem, found)
         seconds = time.process_time() - started
-        every = {point.block for point in laws_of(problem.robot.machine)}
+        every = {point.block for point in get_laws(problem.robot.machine)}
         # where the search has not come upon the right part, or another one, that is fitted for this study alone
         parts = (every.intersection(blocks), every.difference(blocks))
         shares = [most(law, part) or most(discover(problem, found, blocks=part), part) for part in parts if blocks]

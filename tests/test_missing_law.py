@@ -25,7 +25,7 @@ from exodrake.data.log import Log
 from exodrake.diagnosis.discovery import law_code
 from exodrake.diagnosis.discovery.candidates import state_places
 from exodrake.diagnosis.discovery.discover import discover, rank, weigh_scales
-from exodrake.diagnosis.discovery.law_code import law_points, laws_of, module_text, robot_on, with_laws, write_law
+from exodrake.diagnosis.discovery.law_code import add_laws, get_laws, law_points, module_text, robot_on, write_law
 from exodrake.diagnosis.isolation import isolate
 from exodrake.diagnosis.problem import make_problem
 from exodrake.effects import law_table
@@ -253,8 +253,8 @@ def test_laws_of_every_machine_read_the_arguments_of_their_points_alone(arm_fold
     source = module_text(machine)
     assert "law = " in source and not unknown_names(source)
     if name in BUILT_IN:
-        laws = laws_of(machine)
-        assert len(laws) >= 3 and {law.key for law in laws} <= {p for e in with_laws(machine).effects for p in e.at}
+        laws = get_laws(machine)
+        assert len(laws) >= 3 and {law.key for law in laws} <= {p for e in add_laws(machine).effects for p in e.at}
 
 
 def test_discovery_finds_the_friction_that_an_inverse_arm_is_not_told_of(arm_folder, monkeypatch):
@@ -286,13 +286,13 @@ def test_absent_laws_leave_the_bits():
     robot = exo.load_robot("emps")
     reference = exo.Reference(np.column_stack([motion(0), np.zeros(4000), np.zeros(4000)]))
     plain = simulate(robot, reference, seed=1)
-    other = simulate(robot_on(robot, with_laws(robot.machine)), reference, seed=1)
+    other = simulate(robot_on(robot, add_laws(robot.machine)), reference, seed=1)
     assert all(np.array_equal(plain[c], other[c]) for c in plain.columns)
 
 
 @pytest.mark.parametrize("name", ["emps", "exo_index"])
 def test_states_of_an_effect_are_where_the_generated_code_has_them(name):
-    machine = with_laws(exo.load_robot(name).machine)
+    machine = add_laws(exo.load_robot(name).machine)
     for part in machine.parts:
         start = sum(sum(machine.part_size(p)) for p in machine.parts[: machine.parts.index(part)])
         for effect in machine.effects_on(part):

@@ -25,7 +25,7 @@ from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.core.robot import Robot
 from exodrake.diagnosis.closure import measure
 from exodrake.diagnosis.discovery.candidates import Candidate, count_values, find_formulas, list_candidates
-from exodrake.diagnosis.discovery.law_code import SIZE, effect_text, laws_of, robot_on, robot_with, values_on, with_laws
+from exodrake.diagnosis.discovery.law_code import SIZE, add_laws, effect_text, get_laws, robot_on, robot_with, values_on
 from exodrake.diagnosis.fit import Explanation, linear_model, minimise, settled, whole_jacobian, without
 from exodrake.diagnosis.gap import Interval
 from exodrake.diagnosis.isolation import Isolation
@@ -208,9 +208,9 @@ def discover(
         return MissingLaw(False, f"what {leaver(accepted.explanation)} leaves is negligible: no law is missing")
     progress(Stage.LINEARISE, "free laws")
     bare = problem.robot.machine
-    machine = with_laws(bare)
+    machine = add_laws(bare)
     whole = replace(found.whole, robot=robot_on(found.whole.robot, machine))
-    laws = [law for law in laws_of(bare) if not blocks or law.block in blocks]
+    laws = [law for law in get_laws(bare) if not blocks or law.block in blocks]
     groups: list[tuple[Likelihood, Explanation, list[Candidate], list[LawFit]]] = []
     for known in {id(f): f for f in (accepted, found.retuned)}.values():
         likelihood, base = put_on(machine, found.likelihood, known.explanation)
