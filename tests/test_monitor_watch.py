@@ -1,5 +1,4 @@
-"""Watching a log: files that grow, break off and begin anew; the alarm on injected effects and on healthy robots; when
-a gap rose."""
+"""Watching a log: files that grow, break off and begin anew; the alarm, when it comes, and when its gap rose."""
 
 import os
 import threading
@@ -254,37 +253,26 @@ def test_other_machines_are_watched_without_an_alarm(tmp_path):
     assert result.exit_code == 2 and "position_ref_carriage" in result.stderr
 
 
-def test_a_rise_is_dated_and_steady_power_is_not():
-    """Power of 50 samples a second, nine degrees of freedom each: a rise by 3 at a known second, and none."""
-    rng, steady, dated = np.random.default_rng(0), 0, 0
-    for _ in range(60):
-        powers = rng.chisquare(9, 60) / 9
-        steady += date_rise(powers, 100) is None
-        powers[46:] *= 3.0  # from 86 s on
-        found = date_rise(powers, 100)
-        dated += found is not None and found[0] <= 86.0 <= found[1]
-    assert binomtest(steady, 60, 0.98, alternative="less").pvalue > 0.01
-    assert binomtest(dated, 60, 0.9, alternative="less").pvalue > 0.01
+def draw_powers(rng, correlation):
+    """Power of 60 s: of nine degrees of freedom a second, or that of a motion, a first-order autoregression of logs."""
+    if not correlation:
+        return rng.chisquare(9, 60) / 9
+    return np.exp(lfilter([1.0], [1.0, -correlation], rng.standard_normal(160))[100:])
 
 
-@pytest.mark.parametrize("correlation", [0.5, 0.8])
-def test_power_that_follows_the_motion_is_no_rise(correlation):
-    """Log powers of a first-order autoregression: a rise is dated at the level of a steady power, 2 %."""
-    rng, dated = np.random.default_rng(1), 0
-    for _ in range(60):
-        logs = lfilter([1.0], [1.0, -correlation], rng.standard_normal(160))[100:]
-        dated += date_rise(np.exp(logs), 100) is not None
+@pytest.mark.parametrize("correlation", [0.0, 0.5, 0.8])
+def test_steady_power_is_no_rise(correlation):
+    rng = np.random.default_rng(1)
+    dated = sum(date_rise(draw_powers(rng, correlation), 100) is not None for _ in range(60))
     assert binomtest(dated, 60, 0.02, alternative="greater").pvalue > 0.01
 
 
-def test_a_rise_of_power_that_follows_the_motion_is_dated():
-    """A rise by five standard deviations of the steps from second to second."""
+@pytest.mark.parametrize("correlation, factor", [(0.0, 3.0), (0.5, np.exp(5.0))])
+def test_a_rise_at_86_s_is_dated(correlation, factor):
     rng, dated = np.random.default_rng(2), 0
     for _ in range(40):
-        logs = lfilter([1.0], [1.0, -0.5], rng.standard_normal(160))[100:]
-        logs[40:] += 5.0  # from 80 s on
-        found = date_rise(np.exp(logs), 100)
-        dated += found is not None and found[0] <= 80.0 <= found[1]
+        found = date_rise(draw_powers(rng, correlation) * np.where(np.arange(60) < 46, 1.0, factor), 100)
+        dated += found is not None and found[0] <= 86.0 <= found[1]
     assert binomtest(dated, 40, 0.9, alternative="less").pvalue > 0.01
 
 
@@ -297,24 +285,15 @@ def test_a_rise_of_longer_frames_is_dated_in_seconds():
 
 
 def test_missing_and_few_seconds_have_no_date():
-    assert (
-        date_rise(np.full(60, np.nan), 60) is None
-        and date_rise(np.ones(3), 3) is None
-        and date_rise(np.ones(60), 60) is None
-    )
+    assert not any(date_rise(powers, 60) for powers in (np.full(60, np.nan), np.ones(3), np.ones(60)))
 
 
-@pytest.fixture(scope="module")
-def loosening():
+def test_a_tendon_that_loosens_on_the_way_raises_a_dated_alarm(tmp_path):
     """One motion, from 30 s on of a robot with a slack tendon."""
     motion = draw_work(NOMINAL, 5, 60.0)
     before, after = exo.simulate(NOMINAL, motion, seed=5), exo.simulate(NOMINAL.splice("tendon.slack"), motion, seed=5)
-    later = before.time >= LOOSENED
-    return Log(before.time, {n: np.where(later, after[n], before[n]) for n in before.columns}, before.units)
-
-
-def test_a_tendon_that_loosens_on_the_way_raises_a_dated_alarm(tmp_path, loosening):
-    write_log(loosening, tmp_path / "log.csv")
+    columns = {n: np.where(before.time >= LOOSENED, after[n], before[n]) for n in before.columns}
+    write_log(Log(before.time, columns, before.units), tmp_path / "log.csv")
     monitor = Monitor(NOMINAL)
     assert [r for r in follow(monitor, tmp_path / "log.csv", 0.0) if r]
     alarm = monitor.alarms[0]
