@@ -1,8 +1,8 @@
-"""What a designed experiment gains: `docs/experiment.md`.
+"""What a designed experiment gains.
 
     exodrake blind make --seed 7 --cases 200 --out cases && exodrake blind run cases
     python -m studies.experiment cases --labels cases-labels.json --keep kept --motion designed --motion random
-    python -m studies.experiment cases --labels cases-labels.json --keep kept --out docs/experiment.md
+    python -m studies.experiment cases --labels cases-labels.json --keep kept --out experiment.md
 
 Cases of the reference simulator that a diagnosis leaves ambiguous: the experiment that `exodrake experiment` designs
 runs on the withheld robot, and the case is diagnosed again with that log; then the same with a random motion as long.
@@ -12,9 +12,10 @@ Labels serve to run the robot, and to count. What is measured is kept case by ca
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from time import process_time
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -22,7 +23,7 @@ import numpy as np
 
 from exodrake.cli.main import OneLineErrors
 from exodrake.reference.measures import found_ids
-from studies.experiment_page import DESIGNED, MOTIONS, page, said
+from studies.page_text import share
 
 if TYPE_CHECKING:
     from exodrake.data.case import Case
@@ -30,11 +31,18 @@ if TYPE_CHECKING:
     from exodrake.experiment.contest import Contest
     from exodrake.reference.robot import RobotSpec
 
+MOTIONS = DESIGNED, RANDOM = "designed", "random"
 LOG_SEED = 9  # of the noise of further logs
 SAME = 1.0  # T of two laws that write the same log: less than noise
+TEXT = """Cases of the reference simulator whose stored answer is ambiguous, diagnosed with the effects of its causes
+and their rivals. Those that still are ambiguous get one further log of a minute, of the motion that
+`exodrake experiment` designs or of a random one as long, and are diagnosed again with it. Resolved: one explanation is
+left, and it is the true one. T is what the rival that is distinguished worst would leave of the new log once it is
+refitted, in variances of noise. The same log: T of a random motion is below 1, less than noise, and no experiment is
+run."""
 
 
-def measured(
+def measure(
     row: dict[str, Any], case: Case, spec: RobotSpec, truth: list[str], effects: frozenset[str],
     duration: float | None, motions: tuple[str, ...],
 ) -> Iterator[dict[str, Any]]:  # fmt: skip
@@ -51,55 +59,50 @@ def measured(
     """
     from exodrake.diagnosis.problem import make_problem
     from exodrake.diagnosis.result import Rival
-    from exodrake.experiment.contest import contest_of
-    from exodrake.experiment.motion import default_duration
+    from exodrake.experiment.contest import prepare_contest
     from exodrake.machines.robot_file import load_robot
 
-    robot = load_robot()
     if "before" not in row:
-        before, found = explained(case, effects)
+        before, found = explain(case, effects)
         rivals = [{"effects": r.effects, "parameters": r.parameters} for r in found]
         row |= {"truth": truth, "before": before, "rivals": rivals}
         yield row
     if len(row["rivals"]) < 2 or set(motions) <= set(row.get("after", {})):
         return
-    contest = contest_of(
-        make_problem(case, robot), [Rival(tuple(r["effects"]), r["parameters"]) for r in row["rivals"]]
-    )
-    length = duration or default_duration(robot.machine.frame)
+    rivals = [Rival(tuple(r["effects"]), r["parameters"]) for r in row["rivals"]]
+    contest = prepare_contest(make_problem(case, load_robot()), rivals)
     for motion in sorted(set(motions) - set(row.get("after", {})), key=lambda m: m == DESIGNED):
         known = [after for after in row.get("after", {}).values() if after.get("same")]
-        reference, promised = (None, {"left": 0.0}) if known else motion_of(motion, contest, length)
+        reference, promised = (None, {"left": 0.0}) if known else choose_motion(motion, contest, duration)
         again = row["before"] | {"same": True}
         if reference is not None and promised["left"] >= SAME:
-            again, _ = explained(with_log(case, spec, reference), effects)
+            again, _ = explain(add_log(case, spec, reference), effects)
         row.setdefault("promised", {})[motion] = promised
         row.setdefault("after", {})[motion] = again
         yield row
 
 
-def motion_of(motion: str, contest: Contest, duration: float) -> tuple[np.ndarray, dict[str, Any]]:
+def choose_motion(motion: str, contest: Contest, duration: float | None) -> tuple[np.ndarray, dict[str, Any]]:
     """A motion (frames, references) [SI], designed or random, and what it promises."""
-    from time import process_time
-
     from exodrake.experiment.contest import information
     from exodrake.experiment.design import design
+    from exodrake.experiment.motion import check_length
     from exodrake.simulation.references import protocol
 
-    started = process_time()
+    started, robot = process_time(), contest.problem.robot
     if motion == DESIGNED:
         made = design(contest, duration)
         reference, found = made.reference.values, made.information
     else:
-        text = f"random-motion:seed=0,duration={duration:g}"
-        reference = protocol(text, contest.problem.robot).values
+        length = check_length(robot, duration) * robot.machine.frame
+        reference = protocol(f"random-motion:seed=0,duration={length:g}", robot).values
         found = information(contest, reference)
     left = found.left[found.closest] if found else 0.0
     probability = found.probability if found else 0.0
     return reference, {"probability": probability, "left": left, "time": process_time() - started}
 
 
-def explained(case: Case, effects: frozenset[str]) -> tuple[dict[str, Any], tuple[Rival, ...]]:
+def explain(case: Case, effects: frozenset[str]) -> tuple[dict[str, Any], tuple[Rival, ...]]:
     """Verdict of a case by some effects, with causes and their rivals, and the explanations still in play."""
     from exodrake.diagnosis.pipeline import diagnose
 
@@ -109,7 +112,7 @@ def explained(case: Case, effects: frozenset[str]) -> tuple[dict[str, Any], tupl
     return {"verdict": made.verdict, "causes": [c.id for c in causes], "class": left}, made.rivals
 
 
-def with_log(case: Case, spec: RobotSpec, reference: np.ndarray) -> Case:
+def add_log(case: Case, spec: RobotSpec, reference: np.ndarray) -> Case:
     """The case with the log that its robot leaves on a reference (frames, tendons) [N]."""
     from exodrake.data.case import EXPERIMENT, CaseLog
     from exodrake.data.log import Log
@@ -124,18 +127,72 @@ def with_log(case: Case, spec: RobotSpec, reference: np.ndarray) -> Case:
     return replace(case, logs=(*case.logs, CaseLog(log, EXPERIMENT, "fit", None, "experiment.csv")))
 
 
-def ambiguous(folder: Path) -> list[Path]:
-    """Cases of a set whose stored answer is ambiguous."""
-    from exodrake.core.schema import read_json
-    from exodrake.reference.answers import ANSWER, cases_of
+def make_page(rows: dict[str, dict[str, Any]], command: str) -> str:
+    """The page, from what was measured by case."""
+    used = {name: row for name, row in rows.items() if row.get("after")}
+    lines = ["# The next experiment, measured", "", TEXT, "", f"    {command}", ""]
+    lines += ["| motion | resolved | one left, but not the true one |", "|---|---|---|"]
+    for motion in MOTIONS:
+        run = [row for row in used.values() if motion in row["after"]]
+        right = count_resolved(run, motion)
+        wrong = sum(row["after"][motion]["verdict"] == "NAMED" for row in run) - right
+        lines.append(f"| {motion} | {share(right, len(run))} | {wrong} |")
+    lines += ["", compare_motions(list(used.values())), ""]
+    lines += [
+        "| effects that are to be told apart | cases | by the designed | by the random motion |",
+        4 * "|---" + "|",
+    ]
+    for kind in sorted({", ".join(sorted(row["before"]["class"])) for row in used.values()}):
+        some = [row for row in used.values() if ", ".join(sorted(row["before"]["class"])) == kind]
+        run = [[row for row in some if motion in row["after"]] for motion in MOTIONS]
+        counts = [f"{count_resolved(part, m)} of {len(part)}" for part, m in zip(run, MOTIONS, strict=True)]
+        lines.append(f"| {kind} | {len(some)} | {' | '.join(counts)} |")
+    lines += ["", "| case | true | class before | T designed, random | after the designed | after a random one |"]
+    lines.append(6 * "|---" + "|")
+    for name, row in used.items():
+        left = ", ".join(f"{row['promised'][m]['left']:.0f}" if m in row["promised"] else "-" for m in MOTIONS)
+        after = []
+        for motion in MOTIONS:
+            found = row["after"].get(motion)
+            after.append("not measured" if found is None else "the same log" if found.get("same") else describe(found))
+        start = f"{name} | {', '.join(row['truth']) or 'healthy'} | {', '.join(row['before']['class'])}"
+        lines.append(f"| {start} | {left} | {' | '.join(after)} |")
+    if decided := {name: row for name, row in rows.items() if len(row["before"]["class"]) < 2}:
+        lines += ["", "No longer ambiguous, without a further log:", ""]
+        for name, row in decided.items():
+            lines.append(f"- {name}, {', '.join(row['truth']) or 'healthy'}: {describe(row['before'])}")
+    return "\n".join(lines) + "\n"
 
-    answered = [case for case in cases_of(folder) if (case / ANSWER).is_file()]
-    return [case for case in answered if read_json(case / ANSWER).get("verdict") == "AMBIGUOUS"]
+
+def compare_motions(rows: list[dict[str, Any]]) -> str:
+    """Cases that either motion alone resolves, of those that have both, with McNemar's exact test."""
+    from scipy.stats import binomtest
+
+    both = [tuple(is_resolved(row, motion) for motion in MOTIONS) for row in rows if set(MOTIONS) <= set(row["after"])]
+    if not both:
+        return "No case has both motions yet."
+    designed, random = both.count((True, False)), both.count((False, True))
+    p = binomtest(designed, designed + random).pvalue if designed + random else 1.0
+    return (
+        f"Of {len(both)} cases with both motions {both.count((True, True))} are resolved by either one, {designed} by "
+        f"the designed one alone, {random} by the random one alone (McNemar's exact test: p = {p:.2g})."
+    )
 
 
-def left_in(answer: dict[str, Any]) -> frozenset[str]:
-    """Effects of a stored answer and their rivals."""
-    return frozenset(effect["id"] for effect in answer["effects"]) | found_ids(answer)
+def is_resolved(row: dict[str, Any], motion: str) -> bool:
+    """Whether one explanation is left after a motion, and it is the true one."""
+    after = row["after"][motion]
+    return after["verdict"] == "NAMED" and sorted(after["causes"]) == sorted(row["truth"])
+
+
+def count_resolved(rows: list[dict[str, Any]], motion: str) -> int:
+    """Number of cases that a motion resolved."""
+    return sum(is_resolved(row, motion) for row in rows)
+
+
+def describe(after: dict[str, Any]) -> str:
+    """A verdict with what is left."""
+    return f"{after['verdict']} {', '.join(after['class'])}".strip()
 
 
 @click.command(cls=OneLineErrors)
@@ -152,55 +209,41 @@ def command(
 ) -> None:  # fmt: skip
     """Measure what the designed experiment resolves on ambiguous cases of the sets in FOLDERS."""
     from exodrake.core.files import write_text
-
-    if len(labels) != len(folders):
-        raise click.UsageError("one --labels for each set")
-    rows, wanted = {}, list(filter(None, cases.split(",")))
-    for folder, file in zip(folders, labels, strict=True):
-        for case in places(folder, wanted):
-            name = f"{folder.name}/{case.name}"
-            place = keep / f"{folder.name}-{case.name}.json"
-            rows[name] = json.loads(place.read_text()) if place.is_file() else {}
-            if motions or not place.is_file():
-                for row in of_case(rows[name], case, json.loads(file.read_text()), duration, motions):
-                    keep.mkdir(parents=True, exist_ok=True)
-                    write_text(place, json.dumps(row, indent=1) + "\n")
-            click.echo(f"{name}: {summary(rows[name])}")
-    if out:
-        sets = " ".join(folder.name for folder in folders)
-        write_text(out, page(rows, f"python -m studies.experiment {sets} --labels LABELS --keep kept --out {out}"))
-
-
-def places(folder: Path, wanted: list[str]) -> Iterable[Path]:
-    """Cases of a set that are measured."""
-    return [folder / name.split("/")[1] for name in wanted if name.split("/")[0] == folder.name] or (
-        [] if wanted else ambiguous(folder)
-    )
-
-
-def of_case(
-    row: dict[str, Any], case: Path, labels: dict[str, Any], duration: float | None, motions: tuple[str, ...]
-) -> Iterator[dict[str, Any]]:
-    """Results of a case folder (`measured`)."""
     from exodrake.core.parallel import one_blas_thread
     from exodrake.core.schema import read_json
     from exodrake.data.case import read_case
     from exodrake.diagnosis.problem import required_of
     from exodrake.machines.robot_file import load_robot
-    from exodrake.reference.answers import ANSWER
+    from exodrake.reference.answers import ANSWER, cases_of
     from studies.transfer.study import withheld
 
-    label, machine = labels.get("cases", labels)[case.name], load_robot().machine
-    truth = [effect["id"] for effect in label["effects"]]
-    read, effects = read_case(case, required_of(machine), machine.frame), left_in(read_json(case / ANSWER))
-    with one_blas_thread():
-        yield from measured(row, read, withheld(case.name, label), truth, effects, duration, motions)
-
-
-def summary(row: dict[str, Any]) -> str:
-    """Results of a case in a line."""
-    after = "; ".join(f"{motion}: {said(found)}" for motion, found in row.get("after", {}).items())
-    return f"{', '.join(row['truth'])}: {said(row['before'])}; {after}"
+    if len(labels) != len(folders):
+        raise click.UsageError("one --labels for each set")
+    rows, wanted, machine = {}, list(filter(None, cases.split(","))), load_robot().machine
+    for folder, file in zip(folders, labels, strict=True):
+        known = json.loads(file.read_text())
+        listed = [folder / n.split("/")[1] for n in wanted if n.split("/")[0] == folder.name]
+        answers = {case: read_json(case / ANSWER) for case in listed or cases_of(folder) if (case / ANSWER).is_file()}
+        for case, answer in answers.items():
+            if not listed and (wanted or answer.get("verdict") != "AMBIGUOUS"):
+                continue
+            name, place = f"{folder.name}/{case.name}", keep / f"{folder.name}-{case.name}.json"
+            row = rows[name] = json.loads(place.read_text()) if place.is_file() else {}
+            if motions or not place.is_file():
+                label = known.get("cases", known)[case.name]
+                truth = [effect["id"] for effect in label["effects"]]
+                effects = frozenset(effect["id"] for effect in answer["effects"]) | found_ids(answer)
+                read, spec = read_case(case, required_of(machine), machine.frame), withheld(case.name, label)
+                keep.mkdir(parents=True, exist_ok=True)
+                with one_blas_thread():
+                    for kept in measure(row, read, spec, truth, effects, duration, motions):
+                        write_text(place, json.dumps(kept, indent=1) + "\n")
+            after = "; ".join(f"{motion}: {describe(found)}" for motion, found in row.get("after", {}).items())
+            click.echo(f"{name}: {', '.join(row['truth'])}: {describe(row['before'])}; {after}")
+    if out:
+        sets = " ".join(folder.name for folder in folders)
+        command = f"python -m studies.experiment {sets} --labels LABELS --keep kept --out experiment.md"
+        write_text(out, make_page(rows, command))
 
 
 if __name__ == "__main__":

@@ -19,11 +19,10 @@ from exodrake.diagnosis.problem import make_problem, required_of
 from exodrake.diagnosis.result import Rival, provenance_of
 from exodrake.diagnosis.search import LAW, NATS
 from exodrake.experiment import contest as inside, design as search
-from exodrake.experiment.contest import UNSURE, Information, contest_of, information, pair_model, refitted, together
-from exodrake.experiment.design import design
-from exodrake.experiment.figure import difference_of
-from exodrake.experiment.motion import frames_of, limited, random_motif, stage_of
-from exodrake.experiment.safety import labels, safety_of
+from exodrake.experiment.contest import UNSURE, Information, information, pair_model, prepare_contest, refit
+from exodrake.experiment.design import design, measure_safety
+from exodrake.experiment.figure import predict_difference
+from exodrake.experiment.motion import check_length, limit_rate, prepare_stage, random_motif
 from exodrake.simulation.references import from_log
 
 VISCOUS = Rival(("carriage.viscous_friction",), {"carriage.viscous_friction.coefficient": 150.0})
@@ -45,7 +44,7 @@ def problem():
 
 @pytest.fixture(scope="module")
 def contest(problem):
-    return contest_of(problem, [VISCOUS, COULOMB])
+    return prepare_contest(problem, [VISCOUS, COULOMB])
 
 
 @pytest.fixture(scope="module")
@@ -83,7 +82,8 @@ def test_information_adds_over_motions():
     rng = np.random.default_rng(3)
     d, columns, weights = rng.normal(size=20), rng.normal(size=(4, 20)), rng.uniform(0.2, 1.0, 20)
     parts = [pair_model(d[k], columns[:, k], weights[k]) for k in (slice(0, 8), slice(8, 20))]
-    assert together(*parts).posterior().cost == pytest.approx(left(d, columns, weights))
+    both = replace(parts[0], products=parts[0].products + parts[1].products)
+    assert both.posterior().cost == pytest.approx(left(d, columns, weights))
     stacked = np.vstack([np.sqrt(weights)[:, None] * columns.T, np.eye(4)])
     target = np.concatenate([np.sqrt(weights) * d, np.zeros(4)])
     _, (wanted,), *_ = np.linalg.lstsq(stacked, target, rcond=None)
@@ -120,8 +120,8 @@ def test_frames_that_no_linearisation_describes_count_little(contest, problem, m
 def test_a_law_with_another_value_is_no_rival_once_it_is_refitted(problem):
     """The same law with a coefficient of 300 instead of 150: refitted it leaves no evidence against it."""
     twice = Rival(VISCOUS.effects, {"carriage.viscous_friction.coefficient": 300.0})
-    contest = contest_of(problem, [VISCOUS, twice])
-    found = refitted(contest, problem.fit[0].reference)
+    contest = prepare_contest(problem, [VISCOUS, twice])
+    found = refit(contest, problem.fit[0].reference)
     assert found.left[0, 1] < 2.0 * NATS
     e = contest.explanations[1]
     k = next(k for k, p in enumerate(e.parameters) if p.effect)
@@ -143,7 +143,8 @@ def test_band_of_the_figure_holds_the_error_that_each_law_shows(contest):
     reference, problem = Reference(contest.problem.fit[0].reference[:100]), contest.problem
     told = SimpleNamespace(closest=(0, 1), refit=lambda true, rival: contest.explanations[rival].x)
     error = np.array([0.05, 0.2])
-    found = difference_of(replace(contest, error=error), SimpleNamespace(reference=reference, information=told))
+    design = SimpleNamespace(reference=reference, information=told)
+    _, band = predict_difference(replace(contest, error=error), design)
     variance = np.tile(problem.noise_std**2, (100, 1))
     for a, e in zip(error, contest.explanations, strict=True):
         without = e.robot.copy()
@@ -151,11 +152,11 @@ def test_band_of_the_figure_holds_the_error_that_each_law_shows(contest):
         without[problem.robot.machine.index[name]] = 0.0
         logs = problem.predict(np.array([e.robot, without]), contest.trial(0, reference.values))
         variance += (a * (logs[1] - logs[0])) ** 2
-    assert found.band**2 == pytest.approx(variance, rel=1e-6)
+    assert band**2 == pytest.approx(variance, rel=1e-6)
 
 
 def test_equal_explanations_leave_nothing(problem):
-    found = information(contest_of(problem, [VISCOUS, VISCOUS]), problem.fit[0].reference)
+    found = information(prepare_contest(problem, [VISCOUS, VISCOUS]), problem.fit[0].reference)
     assert found is not None and max(found.left.values()) == 0.0
 
 
@@ -166,7 +167,7 @@ def test_the_error_of_a_wrong_law_is_larger_than_that_of_the_true_one(contest):
 
 def test_another_speed_tells_viscous_from_coulomb_friction_the_same_speed_does_not(contest):
     """At one constant speed v a viscous force c v is a Coulomb force; at other speeds it is not."""
-    stage = stage_of(contest.problem.robot, contest.problem.fit)
+    stage = prepare_stage(contest.problem.robot, contest.problem.fit)
     s = np.linspace(0.0, 1.0, 8001)[:, None]
     one, two = 0.2 + 0.6 * s, np.where(s < 0.5, 0.2 + 0.2 * s, 0.3 + (s - 0.5))
     both = [information(contest, stage.reference(shares).values) for shares in (one, two)]
@@ -178,46 +179,42 @@ def test_random_motifs_stay_within_the_span_and_return_to_rest():
     rng, rest = np.random.default_rng(0), np.array([0.0, 0.3, 1.0])
     for _ in range(50):
         motif = random_motif(3, rng)
-        shares = motif.mutated(rng).shares(300, rest)
+        shares = motif.mutate(rng).shares(300, rest)
         assert shares.min() >= 0.0 and shares.max() <= 1.0
         assert shares[0] == pytest.approx(rest) and shares[-1] == pytest.approx(rest)
 
 
 def test_limited_courses_keep_the_rate_and_both_ends():
     rows = np.concatenate([np.zeros(50), np.ones(100), np.zeros(60)])[:, None]
-    out = limited(rows, np.array([0.02]), 5)
+    out = limit_rate(rows, np.array([0.02]), 5)
     assert np.abs(np.diff(out, axis=0)).max() <= 0.02 + 1e-12
     assert out[0] == 0.0 and out[-1] == pytest.approx(0.0, abs=0.05) and out.max() == pytest.approx(1.0)
-    assert np.array_equal(limited(rows, np.array([np.inf]), 5), rows)
+    assert np.array_equal(limit_rate(rows, np.array([np.inf]), 5), rows)
 
 
-def test_what_goes_beyond_a_limit_is_named(contest):
-    """The same motion with the range of the position set just below and just above its peak."""
-    safety = safety_of(contest.problem, contest.robots, [])
-    reference = Reference(contest.problem.fit[0].reference)
-    records = contest.records(reference)
-    assert safety.violations(contest.names, records) == []
-    k = next(k for k, label, _ in labels(safety.machine) if label == "position_carriage")
-    peak = records[:, :, k].max(axis=1)
-    low = replace(safety, high=np.where(np.arange(len(safety.high)) == k, peak.min() - 1e-6, safety.high))
-    said = low.violations(contest.names, records)
-    assert said and all("position_carriage" in sentence for sentence in said)
-    over = [name for name, top in zip(contest.names, peak, strict=True) if top > peak.min() - 1e-6]
-    assert len(said) == len(over)
-    slow = replace(safety, rate=np.where(np.arange(len(safety.rate)) == k, 1e-9, safety.rate))
-    assert any("m/s" in sentence or "mm/s" in sentence for sentence in slow.violations(contest.names, records))
+def test_motion_beyond_a_limit_is_not_safe(contest):
+    """The same motion with the range of the position set just below its peak, and with its rate."""
+    safety = measure_safety(contest.problem, contest.robots, [])
+    records = contest.records(Reference(contest.problem.fit[0].reference))
+    k = safety.machine.offsets["position_read"].start
+    here, peak = np.arange(len(safety.high)) == k, records[:, :, k].max()
+    assert safety.allows(records)
+    assert not replace(safety, high=np.where(here, peak - 1e-6, safety.high)).allows(records)
+    assert not replace(safety, rate=np.where(here, 1e-9, safety.rate)).allows(records)
+    (_, unit, reached, allowed), *_ = [s for s in safety.spans(records) if s[0] == "position_read_carriage"]
+    assert unit == "m" and reached[1] == peak and allowed == pytest.approx([safety.low[k], safety.high[k]])
 
 
 def test_search_is_seeded_and_safe(contest, made, few):
     assert np.array_equal(made.reference.values, design(contest, 20.0, 1).reference.values)
-    assert made.safety.violations(contest.names, contest.records(made.reference)) == []
+    assert made.safety.allows(contest.records(made.reference))
     low, high = contest.problem.robot.reference_limits()
     course = made.reference.values[:, :1]
     assert (course >= low).all() and (course <= high).all()
 
 
 def test_designed_motion_tells_rivals_apart_better_than_a_sine_of_its_size(contest, made):
-    course, stage = made.reference.values[:, :1], stage_of(contest.problem.robot, contest.problem.fit)
+    course, stage = made.reference.values[:, :1], prepare_stage(contest.problem.robot, contest.problem.fit)
     wave = 0.5 * (1.0 - np.cos(np.linspace(0.0, 40.0 * np.pi, len(course))))[:, None]
     shares = (course.min() + np.ptp(course) * wave - stage.low) / (stage.high - stage.low)
     sine, found = (information(contest, rows) for rows in (stage.reference(shares).values, made.reference.values))
@@ -225,18 +222,20 @@ def test_designed_motion_tells_rivals_apart_better_than_a_sine_of_its_size(conte
 
 
 def test_search_refuses_what_no_limit_allows(contest, few, monkeypatch):
-    closed = safety_of(contest.problem, contest.robots, [])
+    closed = measure_safety(contest.problem, contest.robots, [])
     shut = replace(closed, high=np.full_like(closed.high, -1e3))
-    monkeypatch.setattr(search, "safety_of", lambda *_: shut)
+    monkeypatch.setattr(search, "measure_safety", lambda *_: shut)
     with pytest.raises(InputError, match="no motion is safe"):
         design(contest, 20.0)
 
 
 @pytest.mark.parametrize("duration", [5.0, 61.0])
 def test_length_out_of_range_is_refused(duration):
+    robot = exo.load_robot("emps")
     with pytest.raises(InputError, match="wanted 20 to 60 s"):
-        frames_of(duration, 0.02)
-    assert frames_of(120.0, 1.0) == 120
+        check_length(robot, duration)
+    slow = replace(robot, machine=replace(robot.machine, frame=1.0))
+    assert check_length(slow, None) == check_length(slow, 120.0) == 120
 
 
 def test_log_of_an_experiment_is_used_in_full_length(problem):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import exodrake as exo
-from exodrake.monitor.gap import SKIP, WINDOW, Gap, measured_columns, noise_std, work
+from exodrake.monitor.alarm import SKIP, WINDOW, Gap, draw_work, measure_noise, replay_log
 from exodrake.monitor.online_replay import LOOP, OnlineReplay, SegmentReplay, channels
 
 NOMINAL = exo.load_robot()
@@ -12,15 +12,19 @@ LATE = NOMINAL.splice("timing.mocap_delay", {"delay": 0.033}).splice("tendon.cre
 LISTED = channels(NOMINAL.machine)
 
 
+def measured_in(log, robot=NOMINAL):
+    return np.column_stack([log[c.column] for c in channels(robot.machine) if c.segment == LOOP])
+
+
 @pytest.fixture(scope="module")
 def log():
-    return exo.simulate(NOMINAL, work(NOMINAL, 4, 20.0), seed=4)
+    return exo.simulate(NOMINAL, draw_work(NOMINAL, 4, 20.0), seed=4)
 
 
 @pytest.mark.parametrize("robot", [NOMINAL, LATE], ids=["nominal", "delayed samples"])
 def test_closed_loop_stepped_by_frames_is_the_simulator(robot, log):
-    reference, rows = log.array("tension_ref"), measured_columns(robot, log)
-    batch = measured_columns(robot, exo.simulate(robot, exo.Reference(reference), seed=None, quantisation=False))
+    reference, rows = log.array("tension_ref"), measured_in(log)
+    batch = measured_in(exo.simulate(robot, exo.Reference(reference), seed=None, quantisation=False))
     online, n = OnlineReplay(robot), len(rows)
     residuals = np.concatenate([online.push(reference[i : i + 1], rows[i : i + 1], i == n - 1) for i in range(n)])
     loop = np.array([c.segment == LOOP for c in LISTED])
@@ -28,7 +32,7 @@ def test_closed_loop_stepped_by_frames_is_the_simulator(robot, log):
 
 
 def test_pieces_give_the_bits_of_the_whole(log):
-    reference, rows = log.array("tension_ref"), measured_columns(NOMINAL, log)
+    reference, rows = log.array("tension_ref"), measured_in(log)
     rows[200:230, 2], rows[400], reference[400] = np.nan, np.nan, np.nan
     whole = OnlineReplay(LATE).push(reference, rows, last=True)
     online, cuts = OnlineReplay(LATE), np.sort(np.random.default_rng(1).integers(0, len(rows), 40))
@@ -46,8 +50,7 @@ def test_any_machine_is_replayed_and_its_own_log_has_the_gap_of_its_noise():
     own = exo.simulate(robot, exo.Reference(reference), seed=1)
     listed = channels(robot.machine)
     assert [c.segment for c in listed] == [LOOP, LOOP, "carriage", "drive"]
-    residuals = OnlineReplay(robot).push(reference, measured_columns(robot, own), last=True)
-    gap = np.sqrt(np.nanmean(residuals**2, axis=0)) / noise_std(robot)
+    gap = np.sqrt(np.nanmean(replay_log(robot, exo.Reference(reference), own) ** 2, axis=0)) / measure_noise(robot)
     assert (gap[[0, 1, 3]] < 1.0).all()
 
 
@@ -75,8 +78,8 @@ def test_replayed_motor_turns_commands_into_strokes():
 
 
 def test_healthy_gap_is_one_noise_standard_deviation_and_counts_by_the_second(log):
-    residuals = OnlineReplay(NOMINAL).push(log.array("tension_ref"), measured_columns(NOMINAL, log), last=True)
-    noise = noise_std(NOMINAL)
+    residuals = replay_log(NOMINAL, exo.Reference(log.array("tension_ref")), log)
+    noise = measure_noise(NOMINAL)
     readings = Gap(noise, 0.02).push(residuals)
     last = readings[-1]
     assert last.second == 20 and len(readings) == 20 - SKIP and last.full
@@ -87,16 +90,18 @@ def test_healthy_gap_is_one_noise_standard_deviation_and_counts_by_the_second(lo
 
 
 def test_missing_columns_are_not_judged(log):
-    rows = measured_columns(NOMINAL, log)
+    rows = measured_in(log)
     rows[:, 9:] = np.nan
-    last = Gap(noise_std(NOMINAL), 0.02).push(OnlineReplay(NOMINAL).push(log.array("tension_ref"), rows, last=True))[-1]
+    last = Gap(measure_noise(NOMINAL), 0.02).push(
+        OnlineReplay(NOMINAL).push(log.array("tension_ref"), rows, last=True)
+    )[-1]
     for channel, gap in zip(LISTED, last.recent):
         assert np.isnan(gap) == (channel.kind == "angle" or channel.segment == "tendon")
 
 
 def test_missing_commands_are_those_of_the_control_law(log):
     """Without speed commands the motor is replayed with the commands that the controller must have given."""
-    rows = measured_columns(NOMINAL, log)
+    rows = measured_in(log)
     whole = OnlineReplay(NOMINAL).push(log.array("tension_ref"), rows, last=True)
     rows[:, 6:9] = np.nan
     without = OnlineReplay(NOMINAL).push(log.array("tension_ref"), rows, last=True)

@@ -1,4 +1,4 @@
-"""Watching a log: files that grow, break off and begin anew; the alarm on injected effects and on healthy robots."""
+"""Watching a log: files that grow, break off and begin anew; the alarm, when it comes, and when its gap rose."""
 
 import os
 import threading
@@ -10,25 +10,28 @@ import pytest
 from click.testing import CliRunner
 from fuzzing import spoilt_table
 from hypothesis import HealthCheck, given, settings
+from scipy.signal import lfilter
+from scipy.stats import binomtest
 
 import exodrake as exo
 from exodrake.cli.main import cli
 from exodrake.data.formats import write_log
 from exodrake.data.formats.csv import write
+from exodrake.data.log import Log
 from exodrake.diagnosis.healthy import healthy_robot
-from exodrake.monitor.alarm import limits_of, share_at_most
-from exodrake.monitor.gap import noise_std, work
+from exodrake.monitor.alarm import choose_limits, date_rise, draw_work, measure_noise, share_at_most
 from exodrake.monitor.tail import Grid, Tail
 from exodrake.monitor.watcher import Monitor, follow
 from studies.alarm_rates import first_alarm
 
 NOMINAL = exo.load_robot()
+LOOSENED = 30.0  # s
 CALM = write(exo.simulate(NOMINAL, exo.Reference(np.ones((6, 3))))).decode()
 
 
 @pytest.fixture(scope="module")
 def log():
-    return exo.simulate(NOMINAL, work(NOMINAL, 5, 30.0), seed=5)
+    return exo.simulate(NOMINAL, draw_work(NOMINAL, 5, 30.0), seed=5)
 
 
 @pytest.fixture
@@ -81,7 +84,7 @@ def test_truncated_rotated_and_repeated_headings_begin_anew(file):
     assert [(p.restart, len(p.values)) for p in tail.poll()] == [(False, 1), (True, 50)]
     with open(file, "a") as stream:
         stream.write(lines[50] + heading + lines[0])
-    assert [(p.restart, len(p.values), p.first) for p in tail.poll()] == [(False, 1, 51), (True, 1, 52)]
+    assert [(p.restart, len(p.values), p.numbers[0]) for p in tail.poll()] == [(False, 1, 51), (True, 1, 52)]
 
 
 @pytest.mark.parametrize(
@@ -134,7 +137,6 @@ def test_short_gaps_are_bridged_and_long_ones_restart_the_model(file):
     grid, found = Grid("log", 0.02), []
     for rows in tail_of(file).poll():
         found += list(grid.push(rows))
-    assert grid.repeated == 1 and grid.missing == 3
     assert [len(s.values) for s in found] == [200, 900] and found[1].restart and "8.0 s" in found[1].note
     assert np.isnan(found[0].values[100:103]).all() and np.isfinite(found[0].values[103]).all()
 
@@ -167,7 +169,7 @@ def test_a_log_cut_out_of_a_motion_raises_nothing(tmp_path, log):
 
 def test_injected_effects_raise_an_alarm_in_their_segment_and_healthy_robots_none():
     """Injected effects, and none: in 20 minutes some 2 % of healthy robots raise an alarm, in a minute fewer."""
-    noise = noise_std(NOMINAL)
+    noise = measure_noise(NOMINAL)
     without_alarm = [
         first_alarm(NOMINAL, healthy_robot(NOMINAL, np.random.default_rng(k)), noise, k, 60.0) is None for k in range(8)
     ]
@@ -188,7 +190,7 @@ def test_limits_have_the_stated_rate_of_false_alarms():
     shape, left_out = np.linspace(0.1, 0.8, 24), []
     for _ in range(200):
         draws = np.exp(rng.standard_normal((118, 24)) * shape + rng.standard_normal((118, 1)))
-        limit = limits_of(draws)
+        limit = choose_limits(draws)
         others = np.exp(rng.standard_normal((400, 24)) * shape + rng.standard_normal((400, 1)))
         left_out.append((others > limit).any(axis=1).mean())
     assert share_at_most(118) == pytest.approx(0.05, abs=5e-4)
@@ -200,7 +202,7 @@ def test_command_summarises_and_its_status_tells_an_alarm(tmp_path, file, log):
     result = run(file, "--until-idle", 0)
     assert result.exit_code == 0 and "30 s" in result.stdout and "no alarm" in result.stdout
     loose = NOMINAL.splice("tendon.slack", channels=["MF"])
-    write_log(exo.simulate(loose, work(NOMINAL, 5, 30.0)), tmp_path / "slack.mcap")
+    write_log(exo.simulate(loose, draw_work(NOMINAL, 5, 30.0)), tmp_path / "slack.mcap")
     result = run(tmp_path / "slack.mcap", "--until-idle", 0)
     assert result.exit_code == 1 and "ALARM at" in result.stdout and "exodrake diagnose" in result.stdout
     assert "tendon" in result.stdout and "tension_MF" in result.stdout
@@ -209,7 +211,7 @@ def test_command_summarises_and_its_status_tells_an_alarm(tmp_path, file, log):
 @pytest.mark.parametrize(("duration", "said"), [(2.0, "are too few"), (6.0, "the log is too short")])
 def test_a_log_too_short_for_an_alarm_is_no_clean_bill(tmp_path, duration, said):
     loose = NOMINAL.splice("tendon.slack", channels=["MF"])
-    write_log(exo.simulate(loose, work(NOMINAL, 5, duration)), tmp_path / "short.csv")
+    write_log(exo.simulate(loose, draw_work(NOMINAL, 5, duration)), tmp_path / "short.csv")
     result = run(tmp_path / "short.csv", "--until-idle", 0)
     assert result.exit_code == 0 and said in result.stdout and "an alarm 13 s" in result.stdout
     assert "at most" not in result.stdout
@@ -228,13 +230,13 @@ def test_interrupt_ends_with_a_summary(file, monkeypatch):
 def test_screen_in_a_terminal(file):
     from rich.console import Console
 
-    from exodrake.monitor.display import screen
+    from exodrake.monitor.display import draw_screen
 
     monitor = Monitor(NOMINAL)
     console = Console(record=True, width=110, file=open(os.devnull, "w"))  # noqa: SIM115
-    console.print(screen(monitor, Path("not_yet.csv")))
+    console.print(draw_screen(monitor, Path("not_yet.csv")))
     list(follow(monitor, file, 0.0))
-    console.print(screen(monitor, file))
+    console.print(draw_screen(monitor, file))
     text = console.export_text()
     assert "waiting for the file" in text and "tendon" in text and "no alarm" in text
 
@@ -249,3 +251,52 @@ def test_other_machines_are_watched_without_an_alarm(tmp_path):
     assert "no limits are calibrated for so101" in result.stdout
     result = run(tmp_path / "arm.csv", "--until-idle", 0, "--robot", "emps")
     assert result.exit_code == 2 and "position_ref_carriage" in result.stderr
+
+
+def draw_powers(rng, correlation):
+    """Power of 60 s: of nine degrees of freedom a second, or that of a motion, a first-order autoregression of logs."""
+    if not correlation:
+        return rng.chisquare(9, 60) / 9
+    return np.exp(lfilter([1.0], [1.0, -correlation], rng.standard_normal(160))[100:])
+
+
+@pytest.mark.parametrize("correlation", [0.0, 0.5, 0.8])
+def test_steady_power_is_no_rise(correlation):
+    rng = np.random.default_rng(1)
+    dated = sum(date_rise(draw_powers(rng, correlation), 100) is not None for _ in range(60))
+    assert binomtest(dated, 60, 0.02, alternative="greater").pvalue > 0.01
+
+
+@pytest.mark.parametrize("correlation, factor", [(0.0, 3.0), (0.5, np.exp(5.0))])
+def test_a_rise_at_86_s_is_dated(correlation, factor):
+    rng, dated = np.random.default_rng(2), 0
+    for _ in range(40):
+        found = date_rise(draw_powers(rng, correlation) * np.where(np.arange(60) < 46, 1.0, factor), 100)
+        dated += found is not None and found[0] <= 86.0 <= found[1]
+    assert binomtest(dated, 40, 0.9, alternative="less").pvalue > 0.01
+
+
+def test_a_rise_of_longer_frames_is_dated_in_seconds():
+    """Readings of 2 s each, up to 200 s; the power rises 14 readings before."""
+    powers = np.random.default_rng(0).chisquare(9, 60) / 9
+    powers[46:] *= 20.0
+    low, high = date_rise(powers, 200, 2.0)
+    assert low <= 172.0 <= high and high - low <= 4.0
+
+
+def test_missing_and_few_seconds_have_no_date():
+    assert not any(date_rise(powers, 60) for powers in (np.full(60, np.nan), np.ones(3), np.ones(60)))
+
+
+def test_a_tendon_that_loosens_on_the_way_raises_a_dated_alarm(tmp_path):
+    """One motion, from 30 s on of a robot with a slack tendon."""
+    motion = draw_work(NOMINAL, 5, 60.0)
+    before, after = exo.simulate(NOMINAL, motion, seed=5), exo.simulate(NOMINAL.splice("tendon.slack"), motion, seed=5)
+    columns = {n: np.where(before.time >= LOOSENED, after[n], before[n]) for n in before.columns}
+    write_log(Log(before.time, columns, before.units), tmp_path / "log.csv")
+    monitor = Monitor(NOMINAL)
+    assert [r for r in follow(monitor, tmp_path / "log.csv", 0.0) if r]
+    alarm = monitor.alarms[0]
+    assert alarm.second > LOOSENED and alarm.rose is not None
+    assert alarm.rose[1] >= LOOSENED - 2.0 and alarm.rose[0] <= alarm.second  # slack shows where the tendon lets go
+    assert alarm.rose[0] >= LOOSENED - 5.0

@@ -201,9 +201,9 @@ def test_a_case_of_another_rate_takes_the_frame_of_its_clock():
 
 def test_a_log_that_grows_at_another_rate_is_refused():
     grid, rows = Grid("a.csv", 0.02), np.column_stack([LONG * 0.99, np.arange(len(LONG))])
-    assert "19.8 ms by its clock, not 20 ms" in refusal(lambda: list(grid.push(Rows(rows, 1, True))))
+    assert "19.8 ms by its clock, not 20 ms" in refusal(lambda: list(grid.push(Rows(rows, True, range(len(rows))))))
     even = np.column_stack([LONG, np.arange(len(LONG))])
-    assert sum(len(f.values) for f in Grid("a.csv", 0.02).push(Rows(even, 1, True))) == len(LONG)
+    assert sum(len(f.values) for f in Grid("a.csv", 0.02).push(Rows(even, True, range(len(even))))) == len(LONG)
 
 
 def own_mcap(path, change):

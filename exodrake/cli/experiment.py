@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
@@ -18,11 +17,8 @@ from exodrake.cli.options import (
     write_files,
 )
 
-if TYPE_CHECKING:
-    from exodrake.experiment.contest import Contest
-    from exodrake.experiment.design import Design
-
 REFERENCE = "reference.csv"
+ENOUGH = 0.5  # probability below which an experiment is not recommended: assumed
 ADVICE = (
     "no motion of the free robot within its limits tells them apart for certain; measure at a known state instead: at "
     "a mechanical stop for the zero of an encoder, under known weights for a force, a clamped joint for a stiffness"
@@ -48,13 +44,16 @@ def command(
     motion is the one on which they differ most after each is fitted to it, safe on every one of them. Its log, saved as
     experiment.csv in the folder of the case, decides the next diagnosis.
     """
+    import numpy as np
+
+    from exodrake.core.display import in_words
     from exodrake.core.parallel import one_blas_thread
     from exodrake.core.progress import stages
     from exodrake.data.formats import log_bytes
-    from exodrake.experiment.answer import in_play
-    from exodrake.experiment.contest import contest_of
+    from exodrake.data.log import Log
+    from exodrake.experiment.contest import prepare_contest, read_rivals
     from exodrake.experiment.design import design
-    from exodrake.experiment.figure import figure_of
+    from exodrake.experiment.figure import draw_experiment
     from exodrake.experiment.motion import check_length
     from exodrake.machines.robot_file import load_robot
 
@@ -64,40 +63,36 @@ def command(
     refuse_cases(case)
     check_length(nominal, duration)
     with stages() as progress:
-        found = in_play(case, nominal, folder, progress)
-    if found.why_none:
-        click.echo(found.why_none)
+        problem, rivals, why_none = read_rivals(case, nominal, folder, progress)
+    if why_none:
+        click.echo(why_none)
         return
     with waiting("searching for the motion that tells them apart"), one_blas_thread():
-        contest = contest_of(found.problem, found.rivals)
+        contest = prepare_contest(problem, rivals)
         best = design(contest, duration, seed)
-    print_design(contest, best)
-    write_files({out: log_bytes(best.log(nominal.machine), out), picture: figure_of(contest, best)})
-    click.echo(
-        "save its log as experiment.csv in the folder of the case (in its case.yaml: role fit), and diagnose again"
-    )
-
-
-def print_design(contest: Contest, best: Design) -> None:
-    """Prints the expected information of an experiment and the ranges that its signals reach."""
-    from exodrake.core.display import in_words
-    from exodrake.experiment.safety import spans
-
+    told = best.information
     rows = [
-        (contest.names[true], contest.names[rival], f"{left:.3g}", f"{best.information.power(true, rival):.0%}")
-        for (true, rival), left in sorted(best.information.left.items())
+        (contest.names[true], contest.names[rival], f"{left:.3g}", f"{told.power(true, rival):.0%}")
+        for (true, rival), left in sorted(told.left.items())
     ]
     print_table(("if the cause is", "rejected", ">what it leaves (T)", ">probability"), rows, wrapped=0)
-    click.echo(f"\n{best.information.probability:.0%} expected: all but the true cause are rejected")
+    click.echo(f"\n{told.probability:.0%} expected: all but the true cause are rejected")
     click.echo(f"{best.random:.0%} promised by a random motion as long, the median of those that were tried")
-    if not best.enough:
+    if told.probability < ENOUGH:
         click.echo(f"{click.style('note', fg='yellow')}    {ADVICE}")
     rows = [
-        (span.signal, *(" to ".join(in_words(x, span.unit) for x in pair) for pair in (span.reached, span.allowed)))
-        for span in spans(best.safety, contest.records(best.reference))
+        (name, *(" to ".join(in_words(x, unit) for x in pair) for pair in pairs))
+        for name, unit, *pairs in best.safety.spans(contest.records(best.reference))
     ]
     click.echo()
     print_table(("signal", ">on any explanation", ">allowed"), rows)
     if best.size < 1.0:
         click.echo(f"made smaller, to {best.size:.0%}, so that no signal leaves its range")
     click.echo()
+    machine, values = nominal.machine, best.reference.values
+    columns = dict(zip(machine.log_names(machine.references), values.T, strict=True))
+    log = Log(machine.frame * np.arange(len(values)), columns)
+    write_files({out: log_bytes(log, out), picture: draw_experiment(contest, best)})
+    click.echo(
+        "save its log as experiment.csv in the folder of the case (in its case.yaml: role fit), and diagnose again"
+    )

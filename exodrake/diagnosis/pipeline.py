@@ -21,8 +21,7 @@ from exodrake.diagnosis.calibration import calibration_notes
 from exodrake.diagnosis.checks.compare import compare
 from exodrake.diagnosis.checks.suspicions import suspicions
 from exodrake.diagnosis.closure import change_robot, measure_closure, with_values
-from exodrake.diagnosis.discovery.discover import discover
-from exodrake.diagnosis.discovery.missing_law import MissingLaw
+from exodrake.diagnosis.discovery.discover import MissingLaw, discover
 from exodrake.diagnosis.intervals import describe, fitted_effects, traces
 from exodrake.diagnosis.isolation import Isolation, affordable, isolate, negligible
 from exodrake.diagnosis.localise import localise, remaining

@@ -17,7 +17,7 @@ from exodrake.diagnosis.calibration import calibration_of
 from exodrake.machines.robot_file import robot_text
 
 if TYPE_CHECKING:
-    from exodrake.diagnosis.discovery.missing_law import MissingLaw
+    from exodrake.diagnosis.discovery.discover import MissingLaw
     from exodrake.diagnosis.problem import Problem
     from exodrake.diagnosis.since import Since
 

@@ -28,25 +28,92 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations, permutations
+from pathlib import Path
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
+from scipy.stats import norm
 
 from exodrake.compiled.inputs import Reference
 from exodrake.core.errors import InputError
+from exodrake.core.progress import StageProgress, no_progress
+from exodrake.core.robot import Robot
+from exodrake.core.schema import having, listing, names, number, read_json, text
+from exodrake.data.case import read_case
 from exodrake.diagnosis.detect import detect
 from exodrake.diagnosis.fit import Explanation, linear_model, minimise
 from exodrake.diagnosis.isolation import USED, affordable
 from exodrake.diagnosis.likelihood import Likelihood, View, likelihood_of
 from exodrake.diagnosis.linear import LinearModel
 from exodrake.diagnosis.linearise import nominal_jacobian, with_effects
-from exodrake.diagnosis.parameter import STEP, Parameter, apply, effect_parameters, nominal_parameters
-from exodrake.diagnosis.problem import Problem, Trial
-from exodrake.diagnosis.result import Rival
+from exodrake.diagnosis.many import ANSWER
+from exodrake.diagnosis.parameter import STEP, apply, effect_parameters, nominal_parameters
+from exodrake.diagnosis.problem import Problem, Trial, make_problem, required_of
+from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, Rival, provenance_of
 from exodrake.diagnosis.search import LAW, NATS
 
 DRAWS = 8  # plausible robots of an explanation: assumed
 UNSURE = 0.25  # relative standard deviation of the error of a law in a new motion: assumed
 STEPS = 3  # of a refit that is carried on
+RIVALS = listing(having({"effects": listing(text()), "parameters": names(number())}, ("effects", "parameters")))
+MADE_FROM = having({"files": names(text()), "parameters": text()}, ("files", "parameters"))
+SCHEMA = having({"verdict": text(), "rivals": RIVALS, "provenance": MADE_FROM}, ("verdict", "rivals", "provenance"))
+ONE_LEFT = "one explanation is left"
+NOTHING = {
+    NO_GAP: "its logs show no gap",
+    RETUNE: "retuning closes its gap, and no single effect does so as well",
+    NAMED: ONE_LEFT,
+    AMBIGUOUS: ONE_LEFT,
+}
+NONE_LEFT = (
+    "no explanation is left to tell apart; repeat the motion slowly, then quickly, and see what the error follows"
+)
+
+
+def read_rivals(
+    place: Path, robot: Robot, folder: Path | None = None, progress: StageProgress = no_progress
+) -> tuple[Problem, tuple[Rival, ...], str]:
+    """A case, its rivals, which the logs do not tell apart, and why there are none, in words, empty where there are.
+
+    Args:
+        place: folder of logs or one log, whose `diagnosis.json` is used if it was made from these logs and this robot;
+            or an answer, a JSON file.
+        robot: nominal robot.
+        folder: case of an answer that does not lie in the folder of its case.
+        progress: called with the stages of a diagnosis.
+
+    Raises:
+        InputError: for a case or an answer that cannot be read, and an answer to other logs or of another robot.
+    """
+    machine, is_answer = robot.machine, place.suffix.lower() == ".json" and not place.is_dir()
+    if folder is not None and not is_answer:
+        raise InputError(f"--case {folder}: for an answer (a JSON file); {place} is a case itself")
+    stored = place if is_answer else place / ANSWER
+    try:
+        answer = SCHEMA(read_json(stored), str(stored)) if is_answer or stored.is_file() else None
+    except InputError:
+        if is_answer:
+            raise
+        answer = None
+    case = read_case((folder or place.parent) if is_answer else place, required_of(machine), machine.frame)
+    problem = make_problem(case, robot)
+    if answer is not None:
+        ours, theirs = provenance_of(problem), answer["provenance"]
+        differs = f"other logs than those of {case.name}" if theirs["files"] != ours.files else ""
+        differs = differs or ("another nominal robot" if theirs["parameters"] != ours.parameters else "")
+        if differs and is_answer:
+            raise InputError(f"{place}: it was made from {differs}; diagnose again")
+        answer = None if differs else answer
+    if answer is not None:
+        verdict = answer["verdict"]
+        rivals = tuple(Rival(tuple(item["effects"]), item["parameters"]) for item in answer["rivals"])
+    else:
+        from exodrake.diagnosis.pipeline import diagnose
+
+        found = diagnose(case, robot, progress)
+        verdict, rivals = found.verdict, found.rivals
+    reason = f"{verdict}, {NOTHING.get(verdict, NONE_LEFT)}: there is nothing for an experiment to distinguish"
+    return problem, rivals, "" if len(rivals) > 1 else f"{case.name}: {reason}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,13 +177,13 @@ class Contest:
         empty = Trial("experiment", "fit", reference, np.zeros((len(reference), len(self.problem.columns))))
         return replace(empty, measured=self.problem.predict(self.robots[true][None], empty)[0])
 
-    def seen(self, *trials: Trial) -> Likelihood:
+    def view(self, *trials: Trial, scale: float = 1.0) -> Likelihood:
         """The likelihood of some logs, whitened as those of the case."""
-        view: View = replace(self.likelihood.views[0], problem=replace(self.problem, fit=trials), noise=(), scale=1.0)
+        view: View = replace(self.likelihood.views[0], problem=replace(self.problem, fit=trials), noise=(), scale=scale)
         return replace(self.likelihood, views=(view,))
 
 
-def contest_of(problem: Problem, rivals: Sequence[Rival]) -> Contest:
+def prepare_contest(problem: Problem, rivals: Sequence[Rival]) -> Contest:
     """The contest of a case.
 
     Args:
@@ -126,18 +193,21 @@ def contest_of(problem: Problem, rivals: Sequence[Rival]) -> Contest:
     Raises:
         InputError: for a rival with an effect or a parameter that the machine does not have.
     """
-    machine, nominal = problem.robot.machine, problem.silent()
-    rows = np.array([fitted_values(problem, nominal, rival) for rival in rivals])
+    machine, nominal, rows = problem.robot.machine, problem.silent(), []
+    for rival in rivals:
+        if unknown := next((name for name in rival.parameters if name not in machine.index), None):
+            raise InputError(f"{rival.name}: {machine.name} has no parameter {unknown!r}; answered with another robot?")
+        rows.append(nominal.copy())
+        rows[-1][[machine.index[name] for name in rival.parameters]] = [*rival.parameters.values()]
+    effects = [[machine.effect(identity) for identity in rival.effects] for rival in rivals]
     problem = detect(problem, rows[0])
     likelihood = likelihood_of(problem.shortened(affordable(problem, USED)), rows[0])
-    likelihood = replace(likelihood, views=likelihood.views[:1])
-    found = []
-    for rival, row in zip(rivals, rows, strict=True):
-        effects = [machine.effect(identity) for identity in rival.effects]
-        own = nominal_parameters(problem.robot)
-        parameters = (*own, *(p for effect in effects for p in effect_parameters(machine, effect)))
-        x = np.array([coordinate(p, row, nominal) for p in parameters])
-        values = with_effects(problem.silent(), [(machine, effect) for effect in effects])
+    likelihood, own, found = replace(likelihood, views=likelihood.views[:1]), nominal_parameters(problem.robot), []
+    for rival, row, laws in zip(rivals, rows, effects, strict=True):
+        parameters = (*own, *(p for effect in laws for p in effect_parameters(machine, effect)))
+        based = [p if p.effect else replace(p, base=float(nominal[p.index[0]])) for p in parameters]
+        x = np.array([p.coordinate(float(row[p.index[0]])) for p in based])
+        values = with_effects(problem.silent(), [(machine, effect) for effect in laws])
         residual = likelihood.residual(row[None])[0]
         e = Explanation(rival.effects, parameters, x, values, residual, np.zeros((len(own), len(residual))))
         found.append(e.changed(jacobian=nominal_jacobian(likelihood, e.at_nominal, own, x[: len(own)], residual)))
@@ -149,39 +219,17 @@ def contest_of(problem: Problem, rivals: Sequence[Rival]) -> Contest:
     nothing = np.zeros(len(found))
     contest = Contest(problem, likelihood, tuple(found), spreads, chi2, nothing, nothing, nothing)
     changes = likelihood.residual(contest.bare) - np.array([e.residual for e in found])
-    rest = np.array([unimitated(likelihood, e, c) for e, c in zip(found, changes, strict=True)])
-    taken = rest / (memory * chi2)
+    rest = []  # sums of squares of the changes that retuning does not take up
+    for e, change in zip(found, changes, strict=True):
+        free = np.full(e.nominal, np.inf)
+        prior = np.zeros(e.nominal), 1.0 / e.prior_std[: e.nominal] ** 2, -free, free
+        model = LinearModel.of_rows(np.vstack([e.jacobian, change]), likelihood.blocks, prior, memory)
+        both = np.r_[replace(model, variance=np.ones(len(model.variance))).posterior().step, 1.0]
+        rest.append(float(both @ model.products.sum(axis=0) @ both))
     left = np.maximum(chi2 - 1.0, 0.0) * likelihood.samples / np.maximum(rest, 1e-9)
+    own_share = np.array(rest) / np.maximum(np.sum(changes**2, axis=1), 1e-9)
     error = np.minimum(np.sqrt(left), LAW)
-    return replace(contest, taken=taken, own=rest / np.maximum(np.sum(changes**2, axis=1), 1e-9), error=error)
-
-
-def unimitated(likelihood: Likelihood, e: Explanation, change: np.ndarray) -> float:
-    """Sum of squares of a change (samples,) of a residual that retuning does not take up."""
-    low = np.full(e.nominal, -np.inf)
-    prior = np.zeros(e.nominal), 1.0 / e.prior_std[: e.nominal] ** 2, low, -low
-    model = LinearModel.of_rows(np.vstack([e.jacobian, change]), likelihood.blocks, prior, likelihood.memory)
-    model = replace(model, variance=np.ones(len(model.variance)))
-    both = np.r_[model.posterior().step, 1.0]
-    return float(both @ model.products.sum(axis=0) @ both)
-
-
-def fitted_values(problem: Problem, nominal: np.ndarray, rival: Rival) -> np.ndarray:
-    """Flat parameter vector (parameters,) [SI] of a rival."""
-    machine, values = problem.robot.machine, nominal.copy()
-    for identity in rival.effects:
-        machine.effect(identity)
-    for name, value in rival.parameters.items():
-        if name not in machine.index:
-            raise InputError(f"{rival.name}: {machine.name} has no parameter {name!r}; answered with another robot?")
-        values[machine.index[name]] = value
-    return values
-
-
-def coordinate(parameter: Parameter, values: np.ndarray, nominal: np.ndarray) -> float:
-    """Coordinate of a parameter in flat vectors (parameters,) of a fitted and of the nominal robot."""
-    base = parameter.base if parameter.effect else float(nominal[parameter.index[0]])
-    return replace(parameter, base=base).coordinate(float(values[parameter.index[0]]))
+    return replace(contest, taken=np.array(rest) / (memory * chi2), own=own_share, error=error)
 
 
 def pair_model(difference: np.ndarray, columns: np.ndarray, weights: np.ndarray) -> LinearModel:
@@ -189,13 +237,6 @@ def pair_model(difference: np.ndarray, columns: np.ndarray, weights: np.ndarray)
     rows, flat = np.vstack([columns, difference]) * np.sqrt(weights), np.zeros(len(columns))
     model = LinearModel.of_rows(rows, [(0, 0, slice(None))], (flat, flat + 1.0, flat - np.inf, flat + np.inf), 1.0)
     return replace(model, variance=np.ones(1))
-
-
-def together(a: LinearModel, b: LinearModel) -> LinearModel:
-    """The linear model of two motions."""
-    products, samples = np.concatenate([a.products, b.products]), np.concatenate([a.samples, b.samples])
-    view, log = np.concatenate([a.view, b.view]), np.concatenate([a.log, b.log])
-    return replace(a, products=products, samples=samples, view=view, log=log)
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,7 +247,7 @@ class Information:
         models: (true, rival) -> linear model of the refit.
         taken: (explanations,) G of each, of the present logs and these.
         contest: the explanations.
-        ended: (true, rival) -> T and coordinates (parameters,) of a refit that was carried to its end (`refitted`).
+        ended: (true, rival) -> T and coordinates (parameters,) of a refit that was carried to its end (`refit`).
     """
 
     models: dict[tuple[int, int], LinearModel]
@@ -215,7 +256,7 @@ class Information:
     ended: dict[tuple[int, int], tuple[float, np.ndarray]] = field(default_factory=dict)
 
     def __add__(self, other: Information) -> Information:
-        models = {key: together(model, other.models[key]) for key, model in self.models.items()}
+        models = {k: replace(m, products=m.products + other.models[k].products) for k, m in self.models.items()}
         return Information(models, self.taken + other.taken - self.contest.taken, self.contest)
 
     @property
@@ -239,8 +280,6 @@ class Information:
     @property
     def criterion(self) -> tuple[float, float]:
         """Objective of the search: logarithm of the product of all probabilities, then the least `beyond`."""
-        from scipy.stats import norm
-
         beyond = [self.beyond(*key) for key in self.models]
         return float(np.sum(norm.logcdf(beyond))), min(beyond)
 
@@ -251,34 +290,29 @@ class Information:
 
     def power(self, true: int, rival: int) -> float:
         """Probability that a rival is told from a true explanation."""
-        from scipy.stats import norm
-
         return float(norm.cdf(self.beyond(true, rival)))
 
     @property
     def probability(self) -> float:
         """Probability that the true explanation alone is left, each as likely to be true."""
-        resolved: dict[int, float] = {}
-        for true, rival in self.models:
-            resolved[true] = min(resolved.get(true, 1.0), self.power(true, rival))
-        return float(np.mean(list(resolved.values())))
+        each = [[self.power(*key) for key in self.models if key[0] == true] for true, _ in self.models]
+        return float(np.mean([min(powers) for powers in each]))
 
 
 def information(contest: Contest, reference: np.ndarray) -> Information | None:
     """Expected information of a reference (frames, references) [SI]; None if a run does not reach its end."""
-    likelihood = contest.seen(contest.trial(0, reference))
+    likelihood = contest.view(contest.trial(0, reference))
     rows, bare = likelihood.residual(contest.robots), likelihood.residual(contest.bare)
-    each = list(zip(contest.explanations, contest.spreads, rows, strict=True))
-    columns = [derivatives(likelihood, *one) for one in each]
-    missed = [nonlinearity(likelihood, *one, part) for one, part in zip(each, columns, strict=True)]
+    columns, missed = [], []
+    for e, spread, residual in zip(contest.explanations, contest.spreads, rows, strict=True):
+        columns.append(derivatives(likelihood, e, spread, residual))
+        missed.append(nonlinearity(likelihood, e, spread, residual, columns[-1]))
     if not all(np.isfinite(part).all() for part in (rows, bare, *missed, *columns)):
         return None
-    models = {
-        (i, j): pair_model(
-            rows[j] - rows[i], columns[j], 1.0 / (likelihood.memory * (contest.chi2[i] + missed[i] + missed[j]))
-        )
-        for i, j in permutations(range(len(rows)), 2)
-    }
+    models = {}
+    for i, j in permutations(range(len(rows)), 2):
+        variance = likelihood.memory * (contest.chi2[i] + missed[i] + missed[j])
+        models[i, j] = pair_model(rows[j] - rows[i], columns[j], 1.0 / variance)
     power = contest.own * np.sum((bare - rows) ** 2, axis=1) / (likelihood.memory * contest.chi2)
     return Information(models, contest.taken + power, contest)
 
@@ -288,49 +322,41 @@ def derivatives(likelihood: Likelihood, e: Explanation, spread: np.ndarray, resi
     scale = np.array([p.scale for p in e.parameters])[:, None]
     steps = STEP / np.maximum(np.abs(spread / scale).max(axis=0), 1e-12)
     low, high = e.bounds
-    moved = e.x + (spread * steps).T
-    steps = np.where(((moved < low) | (moved > high)).any(axis=1), -steps, steps)
-    rows = [apply(e.values, e.parameters, np.clip(e.x + step * v, low, high)) for step, v in zip(steps, spread.T)]
-    return (likelihood.residual(np.array(rows)) - residual) / steps[:, None]
+    ahead = e.x + (spread * steps).T
+    steps = np.where(((ahead < low) | (ahead > high)).any(axis=1), -steps, steps)
+    points = np.clip(e.x + (spread * steps).T, low, high)
+    return (likelihood.residual(robots_at(e, points)) - residual) / steps[:, None]
 
 
 def nonlinearity(
     likelihood: Likelihood, e: Explanation, spread: np.ndarray, residual: np.ndarray, columns: np.ndarray
 ) -> np.ndarray:
     """Mean squares (samples,) of what drawn robots miss the linearisation by, over all columns and the time about."""
-    from scipy.ndimage import uniform_filter1d
-
     draws = np.random.default_rng(0).standard_normal((DRAWS, spread.shape[1]))
-    moved = np.clip(e.x + draws @ spread.T, *e.bounds)
-    along = np.linalg.lstsq(spread, (moved - e.x).T, rcond=None)[0].T
-    rows = np.array([apply(e.values, e.parameters, x) for x in moved])
-    missed = np.mean((likelihood.residual(rows) - residual - along @ columns) ** 2, axis=0)
-    width = len(likelihood.views[0].problem.columns)
-    frames = max(round(likelihood.memory), 1)
+    points = np.clip(e.x + draws @ spread.T, *e.bounds)
+    along = np.linalg.lstsq(spread, (points - e.x).T, rcond=None)[0].T
+    missed = np.mean((likelihood.residual(robots_at(e, points)) - residual - along @ columns) ** 2, axis=0)
+    width, frames = len(likelihood.views[0].problem.columns), max(round(likelihood.memory), 1)
     return np.repeat(uniform_filter1d(missed.reshape(-1, width).mean(axis=1), frames, mode="nearest"), width)
 
 
-def refitted(contest: Contest, reference: np.ndarray) -> Information | None:
+def robots_at(e: Explanation, points: np.ndarray) -> np.ndarray:
+    """Flat parameter vectors (n, parameters) [SI] of an explanation at coordinates (n, coordinates)."""
+    return np.array([apply(e.values, e.parameters, x) for x in points])
+
+
+def refit(contest: Contest, reference: np.ndarray) -> Information | None:
     """Expected information of a reference (frames, references) [SI], rivals refitted to it and the present logs."""
     found = information(contest, reference)
     if found is None:
         return None
-    ended = {(i, j): refit(contest, found, reference, i, j) for i, j in found.models}
+    present, ended = contest.likelihood.views[0], {}
+    for true, rival in found.models:
+        e, scale = contest.explanations[rival], float(np.sqrt(contest.likelihood.memory * contest.chi2[true]))
+        both = contest.view(*present.problem.fit, contest.trial(true, reference), scale=scale)
+        (start,) = e.at_each(both, [found.refit(true, rival)])
+        jacobian = nominal_jacobian(both, e.at_nominal, e.parameters[: e.nominal], e.x[: e.nominal], start.residual)
+        fit = minimise(both, start.changed(jacobian=jacobian), STEPS)
+        before = replace(contest.likelihood, views=(replace(present, scale=scale),))
+        ended[true, rival] = max(2.0 * (fit.cost(both) - e.cost(before)), 0.0), fit.x
     return replace(found, ended=ended)
-
-
-def refit(
-    contest: Contest, found: Information, reference: np.ndarray, true: int, rival: int
-) -> tuple[float, np.ndarray]:
-    """T and coordinates (parameters,) of a rival fitted to the present logs and that of a true explanation."""
-    e, new = contest.explanations[rival], contest.trial(true, reference)
-    present = contest.likelihood.views[0].problem.fit
-    both = contest.seen(*present, new)
-    (view,) = both.views
-    scale = float(np.sqrt(contest.likelihood.memory * contest.chi2[true]))
-    both = replace(both, views=(replace(view, scale=scale),))
-    (start,) = e.at_each(both, [found.refit(true, rival)])
-    jacobian = nominal_jacobian(both, e.at_nominal, e.parameters[: e.nominal], e.x[: e.nominal], start.residual)
-    fit = minimise(both, start.changed(jacobian=jacobian), STEPS)
-    before = replace(contest.likelihood, views=(replace(contest.likelihood.views[0], scale=scale),))
-    return max(2.0 * (fit.cost(both) - e.cost(before)), 0.0), fit.x

@@ -7,31 +7,115 @@
     check: the whole motion on every explanation; made smaller until it is safe
     refit: of all parameters, to convergence, on the best few motions; the best one after it is kept
 
-All random draws are seeded.
+A motion is safe where on every explanation all signals stay within ranges that are known to be safe. That of a signal
+spans
+
+    the limits of the robot file, for signals in the unit of the reference
+    the values in runs of each explanation on the logs of the case, which the robot has survived
+    the values in runs of the nominal robot on the machine's own experiments, which stay within the stated limits
+
+and is widened by a share. Positions have a range of rates, too, from the last two. All random draws are seeded.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
+from operator import add
 
 import numpy as np
 
 from exodrake.compiled.inputs import Reference
 from exodrake.core.errors import InputError
-from exodrake.core.machine import Machine
-from exodrake.data.log import Log
-from exodrake.experiment.contest import Contest, Information, information, refitted
-from exodrake.experiment.motion import Motif, Window, default_duration, frames_of, random_motif, stage_of
-from exodrake.experiment.safety import Safety, safety_of
+from exodrake.core.machine import Machine, signal_count
+from exodrake.diagnosis.problem import Problem, Trial
+from exodrake.experiment.contest import Contest, Information, information, refit
+from exodrake.experiment.motion import POSITIONS, Motif, Window, check_length, prepare_stage, random_motif
 from exodrake.simulation.references import protocol
 
+MARGIN = 0.05  # of a range, by which it is widened at either end, for overshoot: assumed
+FASTER = 1.1  # times the fastest rate known: assumed
 PIECES = 4, 2  # motifs in a sequence: short ones, then slow ones, since friction shows where reversals are slow
 RANDOM, WINDOWS, MUTATIONS = 80, 24, 12  # motifs in a search of two rivals; fewer for more
 WHOLE = 6  # random motions for two rivals that the sequences are held against: assumed
 FINAL = 2  # motions on which refits are carried to their end: assumed
 LIBRARY = 6  # one in so many of the motifs is kept, those on which the rivals as they are differ most
 SMALLER, SHRINKS = 0.8, 5  # factor by which an unsafe motion shrinks towards rest, and how often
-ENOUGH = 0.5  # probability below which an experiment is not recommended: assumed
+
+
+@dataclass(frozen=True, eq=False)
+class Safety:
+    """Ranges of all signals.
+
+    Attributes:
+        machine: whose signals they are.
+        low, high: (signals,) ends of the ranges [SI]; infinite for what is not limited.
+        rate: (signals,) largest rates of positions [SI / s]; infinite for the others.
+    """
+
+    machine: Machine
+    low: np.ndarray
+    high: np.ndarray
+    rate: np.ndarray
+
+    def allows(self, records: np.ndarray) -> bool:
+        """Whether runs (explanations, frames, signals) [SI] stay within the ranges."""
+        records = np.nan_to_num(records, nan=np.inf)
+        rates = np.abs(np.diff(records, axis=1)) / self.machine.frame
+        return not ((records < self.low) | (records > self.high)).any() and not (rates > self.rate).any()
+
+    def spans(self, records: np.ndarray) -> list[tuple[str, str, np.ndarray, np.ndarray]]:
+        """Logged signals, each on the channel that comes nearest to an end of its range.
+
+        Args:
+            records: (explanations, frames, signals) of runs [SI].
+
+        Returns:
+            Name with channel, unit, ends of what is reached and of the range (2,) [SI] of each.
+        """
+        machine, found = self.machine, []
+        low, high = records.min(axis=(0, 1)), records.max(axis=(0, 1))
+        logged = {column.signal for column in machine.columns}
+        for signal in machine.signals:
+            if signal.name in logged and signal.name not in machine.inputs:
+                at = machine.offsets[signal.name]
+                room = np.minimum(self.high - high, low - self.low)[at] / np.maximum(self.high - self.low, 1e-12)[at]
+                k = at.start + int(room.argmin())
+                name = f"{signal.name}_{machine.axes.of(signal.axis)[k - at.start]}".rstrip("_")
+                ends = np.array([low[k], high[k]]), np.array([self.low[k], self.high[k]])
+                found.append((name, signal.unit, *ends))
+        return found
+
+
+def measure_safety(problem: Problem, robots: np.ndarray, known: Sequence[Reference]) -> Safety:
+    """The ranges for a case.
+
+    Args:
+        problem: the case.
+        robots: (explanations, parameters) flat parameter vectors [SI].
+        known: the machine's own experiments.
+    """
+    machine, nominal = problem.robot.machine, problem.silent()[None]
+    own = [Trial(reference.name, "fit", reference.values, np.zeros((0, 0))) for reference in known]
+    runs = [run for trial in problem.fit for run in problem.records(robots, trial)]
+    runs += [run for trial in own for run in problem.records(nominal, trial)]
+    low, high, rate = np.full((3, signal_count(machine)), np.array([[-np.inf], [np.inf], [np.inf]]))
+    stated, first = problem.robot.reference_limits(), machine.signal[machine.references[0].signal]
+    for signal in machine.signals:
+        at = machine.offsets[signal.name]
+        if signal.name in machine.inputs:
+            continue
+        ends = np.array([end for run in runs for end in (run[:, at].min(axis=0), run[:, at].max(axis=0))])
+        if (signal.unit, signal.axis) == (first.unit, first.axis):
+            ends = np.concatenate([ends, stated])
+        low[at], high[at] = ends.min(axis=0), ends.max(axis=0)
+        wider = MARGIN * (high[at] - low[at])
+        low[at], high[at] = low[at] - wider, high[at] + wider
+        if signal.unit in POSITIONS:
+            fastest = [np.abs(np.diff(run[:, at], axis=0)).max(axis=0, initial=0.0) for run in runs]
+            rate[at] = FASTER * np.max(fastest, axis=0) / machine.frame
+    return Safety(machine, low, high, rate)
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +136,6 @@ class Design:
         information: what it tells.
         size: factor by which the whole was made smaller to be safe [-].
         safety: ranges that it keeps.
-        tried: motions that were simulated.
         random: probability that the median of random motions of this length promises.
     """
 
@@ -60,153 +143,106 @@ class Design:
     information: Information
     size: float
     safety: Safety
-    tried: int
     random: float = 0.0
-
-    def log(self, machine: Machine) -> Log:
-        """The reference as a log of its columns alone, for `simulate --reference` and for the robot."""
-        time = machine.frame * np.arange(len(self.reference.values))
-        return Log(time, dict(zip(machine.log_names(machine.references), self.reference.values.T, strict=True)))
-
-    @property
-    def enough(self) -> bool:
-        """Whether the experiment is recommended."""
-        return self.information.probability >= ENOUGH
 
 
 class Designer:
-    """Search for the most informative experiment of one contest.
+    """Search for the most informative experiment of one contest; arguments as of `design`."""
 
-    Args:
-        contest: explanations still in play.
-        duration: length of the experiment [s].
-        seed: of all chance.
-
-    Raises:
-        InputError: for a length out of range, and for a machine whose references have no limits.
-    """
-
-    def __init__(self, contest: Contest, duration: float, seed: int) -> None:
-        self.contest, self.tried, self.pieces = contest, 0, PIECES[0]
-        problem = contest.problem
-        self.rng = np.random.default_rng(seed)
-        self.stage = stage_of(problem.robot, problem.fit)
-        self.whole = frames_of(duration, self.stage.frame)
-        self.known = known_motions(contest)
-        self.safety = safety_of(problem, contest.robots, self.known if problem.robot.machine.experiments else [])
+    def __init__(self, contest: Contest, duration: float | None, seed: int) -> None:
+        problem, machine = contest.problem, contest.problem.robot.machine
+        self.contest, self.rng = contest, np.random.default_rng(seed)
+        self.stage, self.whole = prepare_stage(problem.robot, problem.fit), check_length(problem.robot, duration)
         self.fewer = 2.0 / len(contest.explanations)
+        # the machine's own experiments, or those of the case for a machine that declares none
+        own = [replace(protocol(text, problem.robot), name=name) for name, text in machine.experiments.items()]
+        self.known = own or [Reference(trial.reference, trial.name) for trial in problem.fit]
+        self.safety = measure_safety(problem, contest.robots, own)
 
-    @property
-    def frames(self) -> int:
-        """Frames of a piece."""
-        return self.whole // self.pieces
-
-    def shares_of(self, reference: Reference) -> np.ndarray:
+    def to_shares(self, reference: Reference) -> np.ndarray:
         """A known motion in shares (frames, channels) of the span."""
         return (reference.values[:, : len(self.stage.low)] - self.stage.low) / (self.stage.high - self.stage.low)
 
-    def cut(self, reference: Reference) -> list[Window]:
-        """A known motion in windows of a piece's length."""
-        shares = self.shares_of(reference)
-        starts = range(0, max(len(shares) - self.frames + 1, 1), self.frames)
-        return [Window(shares[k : k + self.frames]) for k in starts if len(shares) >= 2]
-
-    def safe(self, shares: np.ndarray, shrinks: int) -> tuple[np.ndarray, float, float] | None:
+    def make_safe(self, shares: np.ndarray, shrinks: int = SHRINKS) -> tuple[np.ndarray, float, float] | None:
         """Shares (frames, channels) made smaller until safe, by which factor, and how rivals differ there; or None."""
-        self.tried += 1
         rest = self.stage.rest
         for size in SMALLER ** np.arange(shrinks):
             course = rest + size * (shares - rest)
             records = self.contest.records(self.stage.reference(course))
-            if not self.safety.violations(self.contest.names, records):
+            if self.safety.allows(records):
                 return course, float(size), self.contest.difference(records)
         return None
 
-    def piece(self, motif: Motif | Window) -> Piece | None:
-        """A motif at a safe size with its information, unless a robot does not come to its end."""
-        kept = self.safe(motif.shares(self.frames, self.stage.rest), SHRINKS)
-        found = information(self.contest, self.stage.reference(kept[0]).values) if kept else None
-        return Piece(motif, kept[0], found) if kept and found else None
+    def make_piece(self, motif: Motif | Window, course: np.ndarray) -> Piece | None:
+        """A motif with its information on a safe course, unless a robot does not come to its end."""
+        found = information(self.contest, self.stage.reference(course).values)
+        return Piece(motif, course, found) if found else None
 
-    def library(self) -> list[Piece]:
+    def make_library(self, pieces: int) -> list[Piece]:
         """Random motifs and windows of known motions on which the rivals differ most, at a size that is safe."""
-        channels, rest = len(self.stage.low), self.stage.rest
-        motifs = [random_motif(channels, self.rng) for _ in range(max(round(RANDOM * self.fewer), self.pieces))]
-        windows = [window for reference in self.known for window in self.cut(reference)]
+        frames, rest, windows = self.whole // pieces, self.stage.rest, []
+        motifs = [random_motif(len(rest), self.rng) for _ in range(max(round(RANDOM * self.fewer), pieces))]
+        for shares in map(self.to_shares, self.known):
+            starts = range(0, max(len(shares) - frames + 1, 1), frames) if len(shares) >= 2 else ()
+            windows += [Window(shares[k : k + frames]) for k in starts]
         order = self.rng.permutation(len(windows))[: max(round(WINDOWS * self.fewer), 3)]
         tried = [*motifs, *(windows[i] for i in order)]
-        safe = [(motif, kept) for motif in tried if (kept := self.safe(motif.shares(self.frames, rest), SHRINKS))]
+        safe = [(motif, kept) for motif in tried if (kept := self.make_safe(motif.shares(frames, rest)))]
         safe.sort(key=lambda item: -item[1][2])
-        found = []
-        for motif, (course, _, _) in safe[: max(len(safe) // LIBRARY, self.pieces)]:
-            if told := information(self.contest, self.stage.reference(course).values):
-                found.append(Piece(motif, course, told))
+        best = safe[: max(len(safe) // LIBRARY, pieces)]
+        found = [piece for motif, (course, _, _) in best if (piece := self.make_piece(motif, course))]
         if not found:
             raise InputError(f"{self.contest.problem.case.name}: no motion is safe on every explanation still in play")
         return found
 
-    def sequence(self) -> list[Piece]:
-        """Pieces of largest joint information, chosen one after the other, then mutated one at a time."""
-        library, chosen = self.library(), []
-        for _ in range(self.pieces):
-            chosen.append(max(library, key=lambda piece: total([*chosen, piece]).criterion))
-        best = total(chosen).criterion
-        for _ in range(round(MUTATIONS * self.fewer)):
-            at = int(self.rng.integers(self.pieces))
-            if piece := self.piece(chosen[at].motif.mutated(self.rng)):
-                trial = [*chosen[:at], piece, *chosen[at + 1 :]]
-                if (reached := total(trial).criterion) > best:
-                    chosen, best = trial, reached
-        return chosen
+    def search_sequence(self, pieces: int) -> np.ndarray:
+        """Course (frames, channels) of the pieces of largest joint information, then mutated one at a time."""
 
-    def designed(self) -> Design:
+        def judge(chosen: list[Piece]) -> tuple[float, float]:
+            return reduce(add, (piece.information for piece in chosen)).criterion
+
+        library, chosen = self.make_library(pieces), []
+        for _ in range(pieces):
+            chosen.append(max(library, key=lambda piece: judge([*chosen, piece])))
+        best = judge(chosen)
+        for _ in range(round(MUTATIONS * self.fewer)):
+            at = int(self.rng.integers(pieces))
+            motif = chosen[at].motif.mutate(self.rng)
+            kept = self.make_safe(motif.shares(self.whole // pieces, self.stage.rest))
+            if kept and (piece := self.make_piece(motif, kept[0])):
+                trial = [*chosen[:at], piece, *chosen[at + 1 :]]
+                if (reached := judge(trial)) > best:
+                    chosen, best = trial, reached
+        return np.concatenate([piece.course for piece in chosen])
+
+    def check(self, shares: np.ndarray) -> list[Design]:
+        """The experiment of shares (frames, channels), made smaller until it is safe as a whole; or none."""
+        if (kept := self.make_safe(shares, 2 * SHRINKS)) is None:
+            return []
+        reference = self.stage.reference(kept[0])
+        found = information(self.contest, reference.values)
+        return [Design(reference, found, kept[1], self.safety)] if found else []
+
+    def design(self) -> Design:
         """The experiment: the best of sequences of short and of long pieces, and of random motions."""
-        found = [design for shares in self.random() if (design := self.checked(shares))]
+        length, found = self.whole * self.stage.frame, []
+        for k in self.rng.integers(2**31, size=max(round(WHOLE * self.fewer), 3)):
+            motion = protocol(f"random-motion:seed={k},duration={length:g}", self.contest.problem.robot)
+            found += self.check(Window(self.to_shares(motion)).shares(self.whole, self.stage.rest))
         random = sorted(found, key=lambda d: d.information.criterion)[len(found) // 2 :][:1]
-        for self.pieces in PIECES:
-            if design := self.checked(np.concatenate([piece.course for piece in self.sequence()])):
-                found.append(design)
+        for pieces in PIECES:
+            found += self.check(self.search_sequence(pieces))
         if not found:
             raise InputError(f"{self.contest.problem.case.name}: no experiment is safe on every explanation in play")
         found.sort(key=lambda d: d.information.criterion, reverse=True)
-        last = []
-        for made in found[:FINAL]:
-            if told := refitted(self.contest, made.reference.values):
-                last.append(replace(made, information=told))
+        last = [
+            replace(made, information=told)
+            for made in found[:FINAL]
+            if (told := refit(self.contest, made.reference.values))
+        ]
         best = max(last or found[:1], key=lambda d: d.information.criterion)
         promised = [min(d.information.probability, best.information.probability) for d in random]
-        return replace(best, tried=self.tried, random=promised[0] if promised else 0.0)
-
-    def random(self) -> list[np.ndarray]:
-        """Random motions of the whole length, led from and to rest, in shares (frames, channels) of the span."""
-        length, robot = self.whole * self.stage.frame, self.contest.problem.robot
-        count = max(round(WHOLE * self.fewer), 3)
-        texts = [f"random-motion:seed={k},duration={length:g}" for k in self.rng.integers(2**31, size=count)]
-        return [Window(self.shares_of(protocol(t, robot))).shares(self.whole, self.stage.rest) for t in texts]
-
-    def checked(self, shares: np.ndarray) -> Design | None:
-        """The experiment of shares (frames, channels), made smaller until it is safe as a whole; or None."""
-        if (kept := self.safe(shares, 2 * SHRINKS)) is None:
-            return None
-        reference = self.stage.reference(kept[0])
-        found = information(self.contest, reference.values)
-        return Design(reference, found, kept[1], self.safety, self.tried) if found else None
-
-
-def known_motions(contest: Contest) -> list[Reference]:
-    """The machine's own experiments; those of the case for a machine that declares none."""
-    robot = contest.problem.robot
-    if robot.machine.experiments:
-        return [replace(protocol(text, robot), name=name) for name, text in robot.machine.experiments.items()]
-    return [Reference(trial.reference, trial.name) for trial in contest.problem.fit]
-
-
-def total(pieces: list[Piece]) -> Information:
-    """Information of several pieces together."""
-    found = pieces[0].information
-    for piece in pieces[1:]:
-        found = found + piece.information
-    return found
+        return replace(best, random=promised[0] if promised else 0.0)
 
 
 def design(contest: Contest, duration: float | None = None, seed: int = 0) -> Design:
@@ -220,5 +256,4 @@ def design(contest: Contest, duration: float | None = None, seed: int = 0) -> De
     Raises:
         InputError: for a length out of range, a machine whose references have no limits, and where nothing is safe.
     """
-    length = default_duration(contest.problem.robot.machine.frame) if duration is None else duration
-    return Designer(contest, length, seed).designed()
+    return Designer(contest, duration, seed).design()

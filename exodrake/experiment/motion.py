@@ -12,7 +12,7 @@ and the highest reference; the stage maps it to a reference that is no faster th
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
@@ -57,20 +57,17 @@ class Motif:
         first, last = CYCLES[0] * (most / CYCLES[0]) ** self.common[:2]
         s = np.linspace(0.0, 1.0, frames)
         turns = first * s + 0.5 * (last - first) * s**2
-        rise = 0.5 * max(float(self.common[2]) ** 2, 2.0 / frames)
-        envelope = smooth(s / rise) * smooth((1.0 - s) / rise)
         wave = np.sin(2.0 * np.pi * (turns[:, None] + phase))
         wave = np.arcsin(wave) / (0.5 * np.pi) if self.common[3] > 0.5 else wave
-        return rest + envelope[:, None] * (u + room * wave - rest)
+        return lead_from_rest(u + room * wave, rest, 0.5 * max(float(self.common[2]) ** 2, 2.0 / frames))
 
-    def mutated(self, rng: np.random.Generator) -> Motif:
-        """The motif with some parameters moved."""
-
-        def moved(values: np.ndarray) -> np.ndarray:
+    def mutate(self, rng: np.random.Generator) -> Motif:
+        """The motif with some parameters changed."""
+        changed = []
+        for values in (self.channels, self.common):
             change = STEP * rng.standard_normal(values.shape) * (rng.random(values.shape) < CHANGED)
-            return np.clip(values + change, 0.0, 1.0)
-
-        return replace(self, channels=moved(self.channels), common=moved(self.common))
+            changed.append(np.clip(values + change, 0.0, 1.0))
+        return Motif(*changed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,13 +79,17 @@ class Window:
     def shares(self, frames: int, rest: np.ndarray) -> np.ndarray:
         """Shares (frames, channels) of the span; rest: (channels,) where it begins and ends."""
         at = np.linspace(0.0, len(self.course) - 1.0, frames).round().astype(int)
-        s = np.linspace(0.0, 1.0, frames)
-        envelope = smooth(s / BLEND) * smooth((1.0 - s) / BLEND)
-        return rest + envelope[:, None] * (self.course[at] - rest)
+        return lead_from_rest(self.course[at], rest, BLEND)
 
-    def mutated(self, rng: np.random.Generator) -> Motif:
+    def mutate(self, rng: np.random.Generator) -> Motif:
         """A random motif that replaces the window."""
         return random_motif(self.course.shape[1], rng)
+
+
+def lead_from_rest(course: np.ndarray, rest: np.ndarray, rise: float) -> np.ndarray:
+    """A course (frames, channels) that begins and ends at rest (channels,); rise: share of it that each takes."""
+    s = np.linspace(0.0, 1.0, len(course))
+    return rest + (smooth(s / rise) * smooth((1.0 - s) / rise))[:, None] * (course - rest)
 
 
 def random_motif(channels: int, rng: np.random.Generator) -> Motif:
@@ -119,59 +120,45 @@ class Stage:
     others: np.ndarray
     starts: np.ndarray
 
-    def reference(self, shares: np.ndarray, name: str = "experiment") -> Reference:
+    def reference(self, shares: np.ndarray) -> Reference:
         """The reference of shares (frames, channels): no faster than allowed, further inputs beside it."""
         rows = self.low + np.clip(shares, 0.0, 1.0) * (self.high - self.low)
-        rows = limited(rows, self.fastest * self.frame, max(round(CORNER / self.frame), 3))
+        rows = limit_rate(rows, self.fastest * self.frame, max(round(CORNER / self.frame), 3))
         others = np.where(self.starts >= 0, rows[0][np.maximum(self.starts, 0)], self.others)
-        return Reference(np.hstack([rows, np.tile(others, (len(rows), 1))]), name)
+        return Reference(np.hstack([rows, np.tile(others, (len(rows), 1))]), "experiment")
 
 
-def limited(rows: np.ndarray, most: np.ndarray, corner: int) -> np.ndarray:
+def limit_rate(rows: np.ndarray, most: np.ndarray, corner: int) -> np.ndarray:
     """Courses (frames, channels) that change by no more than `most` (channels,) a frame and end where they ended.
 
     corner: frames over which a course is averaged, which bounds its acceleration.
     """
     if (np.abs(np.diff(rows, axis=0)) <= most).all():
         return rows
-    out = rows
-    out = reaching(reaching(rows, most)[::-1], most, rows[-1])[::-1]  # forwards, then from the end backwards
-    return np.where(np.isfinite(most), uniform_filter1d(out, corner, axis=0, mode="nearest"), rows)
+    out, end = rows.copy(), rows[-1].copy()
+    for backwards in (False, True):  # forwards, then from the end backwards
+        if backwards:
+            out = out[::-1].copy()
+            out[0] = end
+        for k in range(1, len(out)):
+            out[k] = out[k - 1] + np.clip(out[k] - out[k - 1], -most, most)
+    return np.where(np.isfinite(most), uniform_filter1d(out[::-1], corner, axis=0, mode="nearest"), rows)
 
 
-def reaching(rows: np.ndarray, most: np.ndarray, start: np.ndarray | None = None) -> np.ndarray:
-    """Courses (frames, channels) that follow others from `start` (channels,), by `most` (channels,) a frame at most."""
-    out = rows.copy()
-    out[0] = rows[0] if start is None else start
-    for k in range(1, len(out)):
-        out[k] = out[k - 1] + np.clip(rows[k] - out[k - 1], -most, most)
-    return out
-
-
-def check_limits(robot: Robot) -> None:
-    """InputError for a machine whose references have no limits."""
-    machine = robot.machine
-    if not machine.reference_limits or not np.isfinite(robot.reference_limits()[1]).all():
-        raise InputError(
-            f"{machine.name} states no limits of {machine.references[0].kind} (`reference_limits` of machine.py, "
-            "`limits` of robot.yaml), so no experiment can be designed within them"
-        )
-
-
-def stage_of(robot: Robot, trials: tuple[Trial, ...]) -> Stage:
+def prepare_stage(robot: Robot, trials: tuple[Trial, ...]) -> Stage:
     """The stage of a robot beside the logs of its case.
 
     Rest is where the first log begins; positions go no faster than in the logs, further inputs stay as they were there.
 
     Raises:
-        InputError: as `check_limits`.
+        InputError: For a machine whose references have no limits.
     """
-    check_limits(robot)
+    check_length(robot, None)
     machine, (low, high) = robot.machine, robot.reference_limits()
     first, *others = machine.references
     width, unit = len(low), machine.signal[first.signal].unit
     rates = [np.abs(np.diff(t.reference[:, :width], axis=0)).max(axis=0) for t in trials if len(t.reference) > 1]
-    moves = np.max(rates, axis=0) / machine.frame if unit in POSITIONS else np.full(width, np.inf)
+    fastest = np.max(rates, axis=0) / machine.frame if unit in POSITIONS else np.full(width, np.inf)
     starts = []
     for column in others:
         count = len(machine.channels(column.signal))
@@ -179,24 +166,23 @@ def stage_of(robot: Robot, trials: tuple[Trial, ...]) -> Stage:
         starts += range(count) if follows else [-1] * count
     begin = trials[0].reference[0]
     rest = np.clip((begin[:width] - low) / np.maximum(high - low, 1e-12), 0.0, 1.0)
-    return Stage(low, high, rest, moves, machine.frame, begin[width:], np.array(starts, dtype=int))
+    return Stage(low, high, rest, fastest, machine.frame, begin[width:], np.array(starts, dtype=int))
 
 
-def check_length(robot: Robot, duration: float | None) -> None:
-    """InputError for a length [s] out of range, and for a machine whose references have no limits."""
-    check_limits(robot)
-    if duration is not None:
-        frames_of(duration, robot.machine.frame)
+def check_length(robot: Robot, duration: float | None) -> int:
+    """Frames of an experiment of a length [s]; of a minute, or as many as a slow machine needs, if None.
 
-
-def frames_of(duration: float, frame: float) -> int:
-    """Frames of an experiment; InputError for a length out of range."""
+    Raises:
+        InputError: For a length out of range, and for a machine whose references have no limits.
+    """
+    machine, frame = robot.machine, robot.machine.frame
+    if not machine.reference_limits or not np.isfinite(robot.reference_limits()[1]).all():
+        raise InputError(
+            f"{machine.name} states no limits of {machine.references[0].kind} (`reference_limits` of machine.py, "
+            "`limits` of robot.yaml), so no experiment can be designed within them"
+        )
+    length = max(DEFAULT, 2.0 * FEWEST * frame) if duration is None else duration
     low, high = max(SHORTEST, FEWEST * frame), max(LONGEST, MOST * frame)
-    if not low <= duration <= high:
-        raise InputError(f"--duration {duration:g}: wanted {low:g} to {high:g} s for this machine")
-    return round(duration / frame)
-
-
-def default_duration(frame: float) -> float:
-    """Default length [s] of an experiment."""
-    return max(DEFAULT, 2.0 * FEWEST * frame)
+    if not low <= length <= high:
+        raise InputError(f"--duration {length:g}: wanted {low:g} to {high:g} s for this machine")
+    return round(length / frame)

@@ -1,8 +1,12 @@
-"""Alarm: the gap over a moving window exceeds its limit, below which healthy robots stay; and when it rose.
+"""The growing gap of a watched robot, and the alarm where it exceeds what healthy robots show.
+
+The gap is the RMS of each channel's residuals in noise standard deviations, over a moving window and since the start.
+Squares are summed second by second from the log's start, so the gap does not depend on the pieces in which the log
+arrives. The noise is that of the robot's own work: grasps, random motion, holds and rests, drawn by a seed.
 
 Limits come from simulated healthy robots at work, parameters drawn within their tolerances, no effect:
 
-    exodrake alarm-limits --seed 21 --robots 100 --minutes 20 --write alarm_limits.yaml
+    exodrake alarm-limits --seed 21 --robots 100 --minutes 20 --out alarm_limits.yaml
 
 The first half of the robots gives the limits' proportions: the largest gap that each channel shows in a session. The
 other half gives their size: the smallest factor, one for all channels, at which none of them raises an alarm. With n
@@ -10,8 +14,8 @@ robots in that half, at most 1 - 0.05^(1/n) of healthy robots raise an alarm in 
 for any distribution (Wilks' tolerance limit, Ann. Math. Stat. 12, 1941). That is 6 % for n = 50; the expected share is
 1 / (n + 1). `studies.alarm_rates` tests the limits on other robots.
 
-`rise` tells a gap that was there from the start from one that rose later, and dates it; since the alarm uses its own
-limits, this does not change its rate of false alarms. It scans a channel's power before the alarm for one change:
+`date_rise` tells a gap that was there from the start from one that rose later, and dates it; since the alarm uses its
+own limits, this does not change its rate of false alarms. It scans a channel's power before the alarm for one change:
 
     y_i = a + b g(t_i) + e_i        cov(e_i, e_j) = s^2 rho^|t_i - t_j| / (1 - rho^2), s and rho unknown
 
@@ -21,27 +25,160 @@ has the `ODDS` against none.
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
 import numpy as np
 
+from exodrake.compiled.inputs import Reference
 from exodrake.core.errors import InputError
 from exodrake.core.machine import Machine
 from exodrake.core.parallel import each
 from exodrake.core.progress import counted
 from exodrake.core.robot import Robot
 from exodrake.core.schema import read_yaml
+from exodrake.data.log import Log
 from exodrake.diagnosis.change_point import LEAST, ChangePoint
 from exodrake.diagnosis.healthy import healthy_robot
+from exodrake.diagnosis.noise import sensor_noise_std
 from exodrake.machines.library import machine_folders
 from exodrake.machines.robot_file import load_robot
-from exodrake.monitor.gap import Gap, Reading, measured_columns, work
 from exodrake.monitor.online_replay import LOOP, Channel, OnlineReplay, channels
+from exodrake.simulation import protocols
+from exodrake.simulation.references import on_machine
 from exodrake.simulation.simulate import simulate
 
 LIMITS = "alarm_limits.yaml"  # in the folder of the machine
+WINDOW = 10  # s
+SKIP = 3  # s at the start that are not counted: the model starts at rest, the robot may not
+PRESENT = 0.5  # share of a window's samples that must be there
+OWN = 120.0  # s of the robot's own work from which the noise is measured
+CLIP = 1e4  # noise standard deviations at which residuals are clipped, as in `diagnosis.problem`
+BEFORE = 60  # s before an alarm that are searched for a rise
+CORRELATIONS = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95)  # of neighbours, equally likely
+# of a change: of 400 drawn steady series each with rho from 0 to 0.9, 2 % or fewer had more; of 400 that rose threefold
+ODDS = 2.0  # 98 % had
+TINY = 1e-6  # standard deviation below any scatter, which is then estimated alone
+SMALLEST = 1e-6  # noise variances: no logarithm of less
+MINUTE = 60.0  # s
+SPAN = 100_000  # seeds of robots that one seed stands for
+CONFIDENCE = 0.95
+LOWEST = 1.0  # noise standard deviations: no limit below, where a replay is exact
+
+
+def draw_work(robot: Robot, seed: int, duration: float) -> Reference:
+    """References of `duration` [s] of grasps, random motion, holds and rests; paces and pauses [s] are assumed."""
+    rng = np.random.default_rng(seed)
+    # grasps are drawn as often as two others, where the robot file has any
+    tasks = (*(("grasp", "grasp") if robot.grasps else ()), "random", "holds", "rest")
+    frames, parts = round(duration / robot.machine.frame), []
+    while sum(map(len, parts)) < frames:
+        task = str(rng.choice(tasks))
+        if task == "grasp":
+            mode, share = str(rng.choice(list(robot.grasps))), rng.uniform(0.5, 1.0)
+            targets = {channel: share * value for channel, value in robot.grasps[mode].items()}
+            pace = {"rest": rng.uniform(0.2, 2.0), "approach": rng.uniform(0.5, 2.0), "hold": rng.uniform(1.0, 6.0)}
+            made = protocols.grasp(mode, robot, targets, release=rng.uniform(0.5, 2.0), **pace)
+            parts.append(made.values)
+            continue
+        own = int(rng.integers(1 << 31))
+        if task == "random":
+            options = {"duration": rng.uniform(15.0, 40.0), "fastest": rng.uniform(0.2, 1.2)}
+            made = on_machine(protocols.random_motion, robot, seed=own, **options)
+        elif task == "holds":
+            made = on_machine(protocols.holds, robot, seed=own, count=3, dwell=rng.uniform(2.0, 5.0))
+        else:
+            made = on_machine(rest, robot, duration=rng.uniform(5.0, 15.0))
+        parts.append(made.values)
+    return Reference(np.concatenate(parts)[:frames], "work")
+
+
+def rest(robot: Robot, *, duration: float) -> Reference:
+    """The lowest references for `duration` [s]."""
+    return Reference(np.tile(robot.reference_limits()[0], (round(duration / robot.machine.frame), 1)), "rest")
+
+
+def replay_log(nominal: Robot, reference: Reference, log: Log) -> np.ndarray:
+    """Residuals (n, channels) [SI] that the nominal model leaves of a log that has all compared columns."""
+    columns = [c.column for c in channels(nominal.machine) if c.segment == LOOP]
+    return OnlineReplay(nominal).push(reference.values, np.column_stack([log[c] for c in columns]), last=True)
+
+
+def measure_noise(robot: Robot) -> np.ndarray:
+    """Noise standard deviation of each channel (channels,) [SI].
+
+    It is what a log of this very robot shows, its sensors' noise and rounding gone through the replays; at least what
+    the sensors' parameters say. A machine whose work cannot be drawn has those of the sensors only.
+    """
+    machine, sensors = robot.machine, sensor_noise_std(robot)
+    kinds = [c.kind for c in channels(machine)]
+    if missing := set(kinds) - set(sensors):
+        raise InputError(f"{robot.source}: {machine.name} states no noise of {', '.join(sorted(missing))}")
+    least = np.array([sensors[kind] for kind in kinds])
+    if not machine.reference_limits or not all(robot.limits.get(name) for name in machine.reference_limits):
+        return least  # work needs limits of the reference
+    reference = draw_work(robot, 0, OWN)
+    own = replay_log(robot, reference, simulate(robot, reference, seed=0))
+    return np.maximum(np.sqrt(np.nanmean(own[round(SKIP / machine.frame) :] ** 2, axis=0)), least)
+
+
+@dataclass(frozen=True)
+class Reading:
+    """The gap at the end of a second.
+
+    Attributes:
+        second: time since the start, skipped parts included [s].
+        recent: (channels,) RMS of the last window [noise standard deviations], NaN if too few samples.
+        overall: (channels,) RMS since the start [noise standard deviations].
+        full: whether a whole window has passed.
+        power: (channels,) mean square of the second alone [noise variances], NaN if nothing was measured.
+    """
+
+    second: int
+    recent: np.ndarray
+    overall: np.ndarray
+    full: bool
+    power: np.ndarray
+
+
+class Gap:
+    """Residuals -> a `Reading` for every second that is complete, or the whole number of frames next to a second."""
+
+    def __init__(self, noise: np.ndarray, frame: float) -> None:
+        self.noise, self.second = noise, max(round(1.0 / frame), 1)
+        self.length = self.second * frame  # s
+        self.skip, blocks = round(SKIP / self.length), max(round(WINDOW / self.length), 1)
+        self.rest = np.zeros((0, len(noise)))
+        self.window: deque[np.ndarray] = deque(maxlen=blocks)  # sums of squares, and numbers of samples
+        self.total, self.done = np.zeros((2, len(noise))), 0
+
+    def push(self, residuals: np.ndarray) -> list[Reading]:
+        """Takes residuals (n, channels) [SI]; returns the readings that they complete."""
+        self.rest = np.concatenate([self.rest, residuals])
+        found = []
+        while len(self.rest) >= self.second:
+            rows = np.clip(self.rest[: self.second] / self.noise, -CLIP, CLIP)
+            self.rest = self.rest[self.second :]
+            self.done += 1
+            if self.done <= self.skip:
+                continue
+            known = np.isfinite(rows)
+            own = np.array([np.sum(np.where(known, rows, 0.0) ** 2, axis=0), known.sum(axis=0)])
+            self.window.append(own)
+            self.total = self.total + own
+            power, count = np.sum(self.window, axis=0)
+            enough = count >= PRESENT * self.second * len(self.window)
+            with np.errstate(invalid="ignore", divide="ignore"):  # NaN where nothing was measured
+                recent, overall = (
+                    np.sqrt(power / np.where(enough, count, np.nan)),
+                    np.sqrt(self.total[0] / self.total[1]),
+                )
+                now = own[0] / own[1]
+            full = len(self.window) == self.window.maxlen
+            found.append(Reading(round(self.done * self.length), recent, overall, full, now))
+        return found
 
 
 @dataclass(frozen=True)
@@ -66,15 +203,15 @@ class Alarm:
 
 
 @cache
-def calibration(name: str) -> dict[str, Any] | None:
+def read_calibration(name: str) -> dict[str, Any] | None:
     """The file of limits in the machine's folder; None of a machine that has none."""
     folder = machine_folders().get(name)
     return read_yaml(folder / LIMITS) if folder is not None and (folder / LIMITS).is_file() else None
 
 
-def limits(machine: Machine) -> np.ndarray | None:
+def read_limits(machine: Machine) -> np.ndarray | None:
     """Limit of each channel (channels,) [noise standard deviations]; None of a machine without calibrated limits."""
-    found = calibration(machine.name)
+    found = read_calibration(machine.name)
     return None if found is None else np.array([found["limits"][c.segment][c.column] for c in channels(machine)])
 
 
@@ -90,21 +227,11 @@ def judge(reading: Reading, listed: tuple[Channel, ...], limit: np.ndarray) -> A
     if not reading.full or ratio.max() <= 1.0:
         return None
     replayed = ratio * np.array([c.segment != LOOP for c in listed])
-    worst = int(replayed.argmax() if replayed.max() > 1.0 else ratio.argmax())
-    return Alarm(
-        reading.second, listed[worst], float(reading.recent[worst]), float(limit[worst]), int((ratio > 1.0).sum())
-    )
+    k = int(replayed.argmax() if replayed.max() > 1.0 else ratio.argmax())
+    return Alarm(reading.second, listed[k], float(reading.recent[k]), float(limit[k]), int((ratio > 1.0).sum()))
 
 
-CORRELATIONS = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95)  # of neighbours, equally likely
-# of a change: of 400 drawn steady series each with rho from 0 to 0.9, 2 % or fewer had more; of 400 that rose threefold
-ODDS = 2.0  # 98 % had
-TINY = 1e-6  # standard deviation below any scatter, which is then estimated alone
-BEFORE = 60  # s before an alarm that are searched
-SMALLEST = 1e-6  # noise variances: no logarithm of less
-
-
-def rise(powers: np.ndarray, second: int, length: float = 1.0) -> tuple[float, float] | None:
+def date_rise(powers: np.ndarray, second: int, length: float = 1.0) -> tuple[float, float] | None:
     """Times [s] of the log between which a gap rose (90 % set); None without a rise.
 
     Args:
@@ -122,23 +249,17 @@ def rise(powers: np.ndarray, second: int, length: float = 1.0) -> tuple[float, f
     lags, scans, without, changed = np.abs(np.subtract.outer(times, times)) / length, [], [], []
     for rho in CORRELATIONS:
         scan = ChangePoint(times, TINY**2 * rho**lags / (1.0 - rho**2), grid=1)
-        none, each = scan.evidences(scan.centred(logs[:, None]))
+        none, one = scan.evidences(scan.centred(logs[:, None]))
         scans.append(scan)
         without.append(scan.volume + float(none[0]))
-        changed.append(scan.volume + float(np.logaddexp.reduce(each, axis=None)))
+        changed.append(scan.volume + float(np.logaddexp.reduce(one, axis=None)))
     if np.logaddexp.reduce(changed) - np.logaddexp.reduce(without) < np.log(ODDS):
         return None
     change = scans[int(np.argmax(changed))](logs, np.random.default_rng(second))
     return (change.began[1], change.began[2]) if change.after[0] > change.before[0] else None
 
 
-MINUTE = 60.0  # s
-SPAN = 100_000  # seeds of robots that one seed stands for
-CONFIDENCE = 0.95
-LOWEST = 1.0  # noise standard deviations: no limit below, where a replay is exact
-
-
-def readings(nominal: Robot, robot: Robot, noise: np.ndarray, seed: int, duration: float) -> list[Reading]:
+def read_work(nominal: Robot, robot: Robot, noise: np.ndarray, seed: int, duration: float) -> list[Reading]:
     """Readings of whole windows that the nominal model gives of `robot` at work.
 
     Args:
@@ -148,25 +269,34 @@ def readings(nominal: Robot, robot: Robot, noise: np.ndarray, seed: int, duratio
         seed: of work and noise.
         duration: of the work [s].
     """
-    reference = work(nominal, seed, duration)
-    log = simulate(robot, reference, seed=seed)
-    residuals = OnlineReplay(nominal).push(reference.values, measured_columns(nominal, log), last=True)
+    reference = draw_work(nominal, seed, duration)
+    residuals = replay_log(nominal, reference, simulate(robot, reference, seed=seed))
     return [r for r in Gap(noise, nominal.machine.frame).push(residuals) if r.full]
 
 
-def largest(robot: str, noise: np.ndarray, seed: int, duration: float) -> np.ndarray:
+def measure_peaks(robot: str, noise: np.ndarray, seed: int, duration: float) -> np.ndarray:
     """Largest gap of each channel (channels,) [noise standard deviations] of one healthy robot, drawn by the seed."""
     nominal = load_robot(robot)
-    found = readings(nominal, healthy_robot(nominal, np.random.default_rng(seed)), noise, seed, duration)
+    found = read_work(nominal, healthy_robot(nominal, np.random.default_rng(seed)), noise, seed, duration)
     return np.nanmax([r.recent for r in found], axis=0)
 
 
-def seeds(seed: int, robots: int) -> list[int]:
-    """A seed for each robot."""
-    return [SPAN * seed + k for k in range(robots)]
+def measure_all_peaks(
+    robot: str, noise: np.ndarray, seed: int, robots: int, duration: float, **where: object
+) -> np.ndarray:
+    """Largest gaps (robots, channels) [noise standard deviations] of healthy robots, in the order of their seeds."""
+    found: dict[int, np.ndarray] = {}
+    tasks = ((robot, noise, SPAN * seed + k, duration) for k in range(robots))
+    with counted("robots at work", "none of it is kept") as count:
+        for item in each(measure_peaks, tasks, **where):  # pyright: ignore[reportArgumentType]
+            if item.value is None:
+                raise InputError(f"robot {item.number}: {item.reason}")
+            found[item.number] = item.value
+            count(len(found), 0, robots)
+    return np.array([found[k] for k in range(robots)])
 
 
-def limits_of(peaks: np.ndarray) -> np.ndarray:
+def choose_limits(peaks: np.ndarray) -> np.ndarray:
     """Limits (channels,) from the largest gaps (robots, channels) of healthy robots [noise standard deviations].
 
     Proportions come from the first half of the robots, the size from the others, none of which exceeds them.
@@ -179,31 +309,3 @@ def limits_of(peaks: np.ndarray) -> np.ndarray:
 def share_at_most(robots: int) -> float:
     """Share of healthy robots that raise an alarm, with 95 % confidence at most, where limits come from so many."""
     return 1.0 - (1.0 - CONFIDENCE) ** (1.0 / (robots - robots // 2))
-
-
-def limits_text(robot: Robot, limits: np.ndarray, seed: int, robots: int, duration: float) -> str:
-    """The file of limits (channels,) [noise standard deviations]; duration [s]."""
-    import yaml
-
-    listed: dict[str, dict[str, float]] = {}
-    for channel, limit in zip(channels(robot.machine), limits):
-        listed.setdefault(channel.segment, {})[channel.column] = float(f"{limit:.4g}")
-    options = f"--robot {robot.machine.name} --seed {seed} --robots {robots} --minutes {duration / MINUTE:g}"
-    head = (
-        f"# gaps over 10 s [noise standard deviations] above which the alarm is raised; made by\n"
-        f"#   exodrake alarm-limits {options}\n"
-    )
-    return head + yaml.safe_dump({"robots": robots, "minutes": duration / MINUTE, "limits": listed}, sort_keys=False)
-
-
-def peaks_of(robot: str, noise: np.ndarray, seed: int, robots: int, duration: float, **where: object) -> np.ndarray:
-    """Largest gaps (robots, channels) [noise standard deviations] of healthy robots, in the order of their seeds."""
-    found: dict[int, np.ndarray] = {}
-    tasks = ((robot, noise, own, duration) for own in seeds(seed, robots))
-    with counted("robots at work", "none of it is kept") as count:
-        for item in each(largest, tasks, **where):  # pyright: ignore[reportArgumentType]
-            if item.value is None:
-                raise InputError(f"robot {item.number}: {item.reason}")
-            found[item.number] = item.value
-            count(len(found), 0, robots)
-    return np.array([found[k] for k in range(robots)])

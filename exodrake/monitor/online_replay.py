@@ -7,17 +7,24 @@ does not depend on how the stream of rows is cut.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
+from scipy.signal import savgol_filter
 
-from exodrake.compiled.inputs import NOTHING, NoiseInputs, input_rows, prepared, reading_places, reference_width
+from exodrake.compiled.inputs import NoiseInputs, input_rows, prepared, reading_places, reference_width
 from exodrake.compiled.run import Replay
 from exodrake.core.machine import Machine, Segment, signal_count
 from exodrake.core.robot import Robot
-from exodrake.simulation.simulate import cubic
+from exodrake.simulation.simulate import delayed
 
 LOOP = "loop"
 WINDOW, ORDER = 7, 2  # frames and order of the Savitzky-Golay filter that smooths what is fed in
+LAG = WINDOW // 2  # frames by which smoothing lags
+AHEAD = 2  # frames that interpolation between delayed samples looks ahead
+MEMORY = 1000  # frames that a delayed sample may lie back
+ANCHOR = 10.0  # s, time constant with which an integrating segment is drawn to its measured output
+EASE = 0.9  # a log may begin in motion: the first gain is 1, each further one this share of the last, down to ANCHOR's
 
 
 @dataclass(frozen=True)
@@ -40,134 +47,30 @@ def replayed_segments(machine: Machine) -> dict[str, Segment]:
     return found if len(found) > 1 else {}
 
 
-def compared_columns(machine: Machine) -> tuple[tuple[str, str], ...]:
-    """Kind and channel of each compared column."""
-    return tuple((k, c) for k in machine.compared for c in machine.channels(machine.column(k).signal))
-
-
 def channels(machine: Machine) -> tuple[Channel, ...]:
     """All channels: against the closed loop, then against the replays."""
-    columns, segments = compared_columns(machine), replayed_segments(machine)
-    loop = tuple(Channel(LOOP, kind, channel) for kind, channel in columns)
-    return loop + tuple(Channel(segments[kind].name, kind, channel) for kind, channel in columns if kind in segments)
+    columns = [(k, c) for k in machine.compared for c in machine.channels(machine.column(k).signal)]
+    segments = replayed_segments(machine)
+    return (
+        *(Channel(LOOP, kind, channel) for kind, channel in columns),
+        *(Channel(segments[kind].name, kind, channel) for kind, channel in columns if kind in segments),
+    )
 
 
-LAG = WINDOW // 2  # frames by which smoothing lags
-AHEAD = 2  # frames that interpolation between samples looks ahead
-MEMORY = 1000  # frames that a delayed sample may lie back
+class Buffer:
+    """Rows of a stream, each of which comes out with some before it once `ahead` more are there."""
 
+    def __init__(self, back: int, ahead: int) -> None:
+        self.back, self.ahead, self.done = back, ahead, 0
+        self.rows: np.ndarray | None = None
 
-class Hold:
-    """A missing sample (NaN) keeps the last value known, 0 before any is."""
-
-    def __init__(self, channels: int) -> None:
-        self.held = np.zeros(channels)
-
-    def push(self, rows: np.ndarray) -> np.ndarray:
-        """Rows (n, channels) without gaps."""
-        out = rows.copy()
-        if not np.isfinite(out).all():
-            for row in out:
-                row[:] = np.where(np.isfinite(row), row, self.held)
-                self.held = row.copy()
-        elif len(out):
-            self.held = out[-1].copy()
-        return out
-
-
-class Delay:
-    """Rows that come out some frames later."""
-
-    def __init__(self, channels: int, frames: int) -> None:
-        self.waiting, self.frames = np.zeros((0, channels)), frames
-
-    def push(self, rows: np.ndarray, last: bool) -> np.ndarray:
-        """Takes rows (n, channels); returns those whose time has come, all of them at the end of the log."""
-        whole = np.concatenate([self.waiting, rows])
-        count = len(whole) if last else max(len(whole) - self.frames, 0)
-        self.waiting = whole[count:]
-        return whole[:count]
-
-
-class Smoother:
-    """Savitzky-Golay filter of rows without gaps, and its derivative; the ends are held.
-
-    Sums run in one order however the stream is cut.
-    """
-
-    def __init__(self, frame: float) -> None:
-        from scipy.signal import savgol_coeffs
-
-        self.value = savgol_coeffs(WINDOW, ORDER, use="dot")
-        self.rate = savgol_coeffs(WINDOW, ORDER, deriv=1, delta=frame, use="dot")
-        self.tail: np.ndarray | None = None
-
-    def push(self, rows: np.ndarray, last: bool) -> tuple[np.ndarray, np.ndarray]:
-        """Takes rows (n, channels); returns values and rates [1/s] of those `LAG` back, of all at the log's end."""
-        if self.tail is None:
-            if not len(rows):
-                return rows, rows
-            self.tail = np.repeat(rows[:1], LAG, axis=0)
-        whole = np.concatenate([self.tail, rows])
-        if last:
-            whole = np.concatenate([whole, np.repeat(whole[-1:], LAG, axis=0)])
-        count = max(len(whole) - 2 * LAG, 0)
-        self.tail = whole[count:]
-        return weighted(self.value, whole, count), weighted(self.rate, whole, count)
-
-
-def weighted(weights: np.ndarray, rows: np.ndarray, count: int) -> np.ndarray:
-    """Weighted sums (count, channels) of `count` windows of rows."""
-    total = np.zeros((count, rows.shape[1]))
-    for k, weight in enumerate(weights):
-        total += weight * rows[k : k + count]
-    return total
-
-
-class DelayedSamples:
-    """Compared columns of a simulated log; where a column has a delay, its samples show the past.
-
-    Rows come out `ahead` frames later, since interpolation looks ahead; at once on a machine without delays.
-    """
-
-    def __init__(self, machine: Machine) -> None:
-        at, self.frame, self.places, self.late = machine.offsets, machine.frame, [], []
-        for kind in machine.compared:
-            column, width = machine.column(kind), machine.column_width(kind)
-            if column.delay:
-                self.late.append((slice(len(self.places), len(self.places) + width), at[column.delay.signal].start))
-            self.places += range(at[column.signal].start, at[column.signal].stop)
-        self.ahead = AHEAD if self.late else 0
-        self.rows, self.first, self.done = np.zeros((0, signal_count(machine))), 0, 0
-
-    def push(self, record: np.ndarray, last: bool) -> np.ndarray:
-        """Takes signals (n, signals) of the next frames; returns (m, compared columns) [SI]."""
-        if not self.late:
-            return record[:, self.places]
-        self.rows = np.concatenate([self.rows, record])
-        end = self.first + len(self.rows) - (0 if last else self.ahead)
-        here = np.arange(self.done, max(end, self.done)) - self.first
-        seen = self.rows[here][:, self.places]
-        for columns, delay in self.late:
-            back = self.rows[here, delay] / self.frame
-            if back.any():
-                seen[:, columns] = cubic(self.rows[:, self.places[columns]], here - back)
-        self.done += len(here)
-        drop = max(len(self.rows) - MEMORY, 0)
-        self.rows, self.first = self.rows[drop:], self.first + drop
-        return seen
-
-
-ANCHOR = 10.0  # s, time constant with which an integrating segment is drawn to its measured output
-EASE = 0.9  # a log may begin in motion: the first gain is 1, each further one this share of the last, down to ANCHOR's
-
-
-def silent(robot: Robot) -> np.ndarray:
-    """Flat parameters without noise and rounding."""
-    values = prepared(robot, quantisation=False)
-    for name in robot.machine.noise:
-        values[robot.machine.index[name]] = 0.0
-    return values
+    def push(self, rows: np.ndarray, last: bool) -> tuple[np.ndarray, slice]:
+        """Takes rows; returns rows with their neighbours, and which of them come out: all at the log's end."""
+        rows = rows if self.rows is None else np.concatenate([self.rows, rows])
+        ready = slice(self.done, max(len(rows) - (0 if last else self.ahead), self.done))
+        drop = max(ready.stop - self.back, 0)
+        self.rows, self.done = rows[drop:], ready.stop - drop
+        return rows, ready
 
 
 class SegmentReplay:
@@ -176,9 +79,8 @@ class SegmentReplay:
     def __init__(self, robot: Robot, segment: Segment) -> None:
         machine = self.machine = robot.machine
         others = [s.name for s in machine.segments if s is not segment and not s.exact]
-        self.segment, self.replay = segment, Replay(machine, silent(robot), others)
-        self.places = reading_places(machine)
-        observer = machine.observer
+        self.segment, self.replay = segment, Replay(machine, without_noise(robot), others)
+        self.places, observer = reading_places(machine), machine.observer
         self.drawn = observer is not None and observer.output == segment.output
         self.known = np.zeros(machine.column_width(segment.output))
 
@@ -194,28 +96,29 @@ class SegmentReplay:
             held: (n, compared columns) measured, the last known value where a sample is missing [SI].
             measured: (n, compared columns), NaN where a sample is missing [SI].
         """
-        targets, gains = NOTHING, NOTHING
-        if self.drawn:
-            targets = measured[:, self.places[self.segment.output]]
-            gains = self.gains(np.isfinite(targets))
-        return self.replay.step(inputs, feed, rate, self.readings(held, measured), targets, gains)
-
-    def readings(self, held: np.ndarray, measured: np.ndarray) -> np.ndarray:
-        """Inputs and outputs of exact segments (n, compared columns); NaN where the simulated value stays."""
-        found = np.full_like(measured, np.nan)
+        readings = np.full_like(measured, np.nan)  # of exact segments; NaN where the simulated value stays
         for software in (s for s in self.machine.segments if s.exact):
             for kind in software.inputs:
-                found[:, self.places[kind]] = held[:, self.places[kind]]
+                readings[:, self.places[kind]] = held[:, self.places[kind]]
             if software is not self.segment:
-                found[:, self.places[software.output]] = measured[:, self.places[software.output]]
-        found[:, self.places[self.segment.output]] = np.nan
-        return found
-
-    def gains(self, known: np.ndarray) -> np.ndarray:
-        """Share of the difference by which each frame moves the observer's state, for frames (n, channels) known."""
+                readings[:, self.places[software.output]] = measured[:, self.places[software.output]]
+        own = self.places[self.segment.output]
+        readings[:, own] = np.nan
+        if not self.drawn:
+            return self.replay.step(inputs, feed, rate, readings)
+        known = np.isfinite(measured[:, own])
         before = self.known + np.cumsum(known, axis=0) - known
         self.known = self.known + known.sum(axis=0)
-        return np.maximum(EASE**before, self.machine.frame / ANCHOR)
+        gains = np.maximum(EASE**before, self.machine.frame / ANCHOR)
+        return self.replay.step(inputs, feed, rate, readings, measured[:, own], gains)
+
+
+def without_noise(robot: Robot) -> np.ndarray:
+    """Flat parameters without noise and rounding."""
+    values = prepared(robot, quantisation=False)
+    for name in robot.machine.noise:
+        values[robot.machine.index[name]] = 0.0
+    return values
 
 
 class OnlineReplay:
@@ -223,17 +126,17 @@ class OnlineReplay:
 
     def __init__(self, robot: Robot) -> None:
         machine = self.machine = robot.machine
-        self.channels, self.references = channels(machine), reference_width(machine)
-        self.columns = len(compared_columns(machine))
-        places = reading_places(machine)
-        self.fed = [i for s in machine.segments for i in range(places[s.output].start, places[s.output].stop)]
-        self.loop = Replay(machine, silent(robot))
-        self.segments = {k: SegmentReplay(robot, s) for k, s in replayed_segments(machine).items()}
-        self.hold_reference, self.hold, self.smooth = Hold(self.references), Hold(self.columns), Smoother(machine.frame)
-        self.rows = Delay(self.references + 2 * self.columns, LAG)
-        self.seen = {k: DelayedSamples(machine) for k in ("", *self.segments)}
-        self.measured = Delay(2 * self.columns, self.seen[""].ahead)
-        self.known = np.zeros(self.columns, dtype=bool)
+        self.references, self.places = reference_width(machine), reading_places(machine)
+        self.columns = sum(machine.column_width(kind) for kind in machine.compared)
+        self.fed = [i for s in machine.segments for i in range(self.columns)[self.places[s.output]]]
+        self.loop, segments = Replay(machine, without_noise(robot)), replayed_segments(machine)
+        self.segments = {k: SegmentReplay(robot, segments[k]) for k in machine.compared if k in segments}
+        self.held = np.zeros((1, self.references + self.columns))
+        every, at = range(signal_count(machine)), machine.offsets
+        self.indices = [i for kind in machine.compared for i in every[at[machine.column(kind).signal]]]
+        late = any(machine.column(kind).delay for kind in machine.compared)
+        self.frames, self.measured = Buffer(LAG, LAG), Buffer(0, AHEAD * late)
+        self.simulated = Buffer(MEMORY * late, AHEAD * late)
 
     def push(self, reference: np.ndarray, measured: np.ndarray, last: bool = False) -> np.ndarray:
         """Residuals of the frames whose time has come: they lag by a few frames of smoothing and interpolation.
@@ -246,28 +149,29 @@ class OnlineReplay:
         Returns:
             (m, channels) measured - simulated [SI], NaN where the sample, or an input of its replay, is missing.
         """
-        held = self.hold.push(measured)
-        feed, rate = self.smooth.push(held[:, self.fed], last)
-        rows = self.rows.push(np.concatenate([self.hold_reference.push(reference), held, measured], axis=1), last)
-        references, held, was = np.split(rows, [self.references, self.references + self.columns], axis=1)
-        inputs = list(input_rows(self.machine, references, NoiseInputs.draw(len(rows), None, self.machine)).values())
-        usable = self.usable(was)
-        both = self.measured.push(np.concatenate([was, np.where(usable, was, np.nan)], axis=1), last)
-        was, judged = np.split(both, 2, axis=1)
-        found = [was - self.seen[""].push(self.loop.step(inputs), last)]
-        for kind, at in reading_places(self.machine).items():
-            if kind in self.segments:
-                record = self.segments[kind].push(inputs, feed, rate, held, rows[:, -self.columns :])
-                found.append((judged - self.seen[kind].push(record, last))[:, at])
-        return np.concatenate(found, axis=1)
-
-    def usable(self, measured: np.ndarray) -> np.ndarray:
-        """Mask of the compared columns whose replay had its inputs, in this frame and in the one before."""
-        here, places = np.isfinite(measured), reading_places(self.machine)
-        both = here & np.concatenate([self.known[None], here[:-1]])[: len(here)]
-        self.known = here[-1] if len(here) else self.known
-        found = np.ones_like(both)
+        machine, n = self.machine, self.references
+        rows = np.concatenate([self.held, np.hstack([reference, measured])])
+        # a missing sample keeps the last value known, 0 before any is
+        known = np.maximum.accumulate(np.where(np.isfinite(rows), np.arange(len(rows))[:, None], 0), axis=0)
+        filled = np.take_along_axis(rows, known, axis=0)
+        self.held = filled[-1:]
+        both, ready = self.frames.push(np.hstack([filled, rows])[1:], last)
+        references, held, _, was = np.split(both, np.cumsum([n, self.columns, n]), axis=1)
+        smooth = partial(savgol_filter, held[:, self.fed], WINDOW, ORDER, axis=0, mode="nearest")
+        feed, rate = np.asarray(smooth())[ready], np.asarray(smooth(deriv=1, delta=machine.frame))[ready]
+        references, held, raw = references[ready], held[ready], was[ready]
+        known = np.isfinite(was)
+        known &= np.concatenate([np.zeros_like(known[:1]), known[:-1]])  # a replay needs its inputs a frame before, too
+        judged = was.copy()
         for kind, replay in self.segments.items():
-            for needed in replay.segment.inputs:
-                found[:, places[kind]] &= both[:, places[needed]].all(axis=1)[:, None]
-        return found
+            inputs_known = [known[:, self.places[name]].all(axis=1) for name in replay.segment.inputs]
+            judged[~np.all(inputs_known, axis=0), self.places[kind]] = np.nan
+        inputs = list(input_rows(machine, references, NoiseInputs.draw(len(raw), None, machine)).values())
+        records = [self.loop.step(inputs)]
+        records += [replay.push(inputs, feed, rate, held, raw) for replay in self.segments.values()]
+        runs, now = self.simulated.push(np.stack(records, axis=1), last)
+        seen = delayed(machine, runs.swapaxes(0, 1), self.indices)[:, now]
+        both, now = self.measured.push(np.hstack([raw, judged[ready]]), last)
+        raw, judged = np.split(both[now], 2, axis=1)
+        replayed = [(judged - run)[:, self.places[kind]] for kind, run in zip(self.segments, seen[1:], strict=True)]
+        return np.hstack([raw - seen[0], *replayed])

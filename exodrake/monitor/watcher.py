@@ -4,21 +4,19 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from exodrake.core.errors import InputError
-from exodrake.core.machine import Machine
 from exodrake.core.robot import Robot
 from exodrake.data.formats import ending, read_table
-from exodrake.data.log import heading
-from exodrake.monitor.alarm import BEFORE, Alarm, judge, limits, rise
-from exodrake.monitor.gap import Gap, Reading, noise_std
+from exodrake.data.log import check_columns
+from exodrake.monitor.alarm import BEFORE, Alarm, Gap, Reading, date_rise, judge, measure_noise, read_limits
 from exodrake.monitor.online_replay import LOOP, OnlineReplay, channels, replayed_segments
-from exodrake.monitor.tail import Frames, Grid, Rows, Tail, read_heading
+from exodrake.monitor.tail import Grid, Rows, Tail, log_columns
 
 BATCH = 500  # frames that the model takes at once, so that a long log shows how far it is
 POLL = 0.2  # s between looks at the file
@@ -48,30 +46,26 @@ class Monitor:
 
     def __post_init__(self) -> None:
         machine = self.machine = self.robot.machine
-        self.noise, self.limit, self.channels = noise_std(self.robot), limits(machine), channels(machine)
+        self.noise, self.limit, self.channels = measure_noise(self.robot), read_limits(machine), channels(machine)
         segments = {s.name for s in replayed_segments(machine).values()}
         self.segments = (*(s.name for s in machine.segments if s.name in segments), LOOP)
         self.replay: OnlineReplay | None = None
 
-    def begin(self, note: str) -> None:
-        """The model begins anew, at rest."""
-        if note:
-            self.notes.append(note)
-        self.replay, self.gap = OnlineReplay(self.robot), Gap(self.noise, self.machine.frame)
-        self.reading = self.alarm = None
-        self.powers: deque[np.ndarray] = deque(maxlen=BEFORE)
-
-    def push(self, frames: Frames) -> Iterator[Reading]:
-        """Takes more frames."""
+    def push(self, frames: Rows) -> Iterator[Reading]:
+        """Takes more frames; at a restart the model begins anew, at rest."""
         if frames.restart or self.replay is None:
-            self.begin(frames.note)
+            if frames.note:
+                self.notes.append(frames.note)
+            self.replay, self.gap = OnlineReplay(self.robot), Gap(self.noise, self.machine.frame)
+            self.reading = self.alarm = None
+            self.powers: deque[np.ndarray] = deque(maxlen=BEFORE)
         for at in range(0, len(frames.values), BATCH):
             yield from self.advance(frames.values[at : at + BATCH], last=False)
 
     def end(self) -> Iterator[Reading]:
         """The log ends: the last frames, which waited for smoothing, come out."""
         if self.replay is not None:
-            yield from self.advance(np.zeros((0, 1 + self.replay.references + self.replay.columns)), last=True)
+            yield from self.advance(np.zeros((0, len(log_columns(self.machine)))), last=True)
             self.replay = None
 
     def advance(self, rows: np.ndarray, last: bool) -> Iterator[Reading]:
@@ -81,20 +75,15 @@ class Monitor:
         found = self.gap.push(self.replay.push(rows[:, 1:measured], rows[:, measured:], last))
         self.busy, self.frames = self.busy + time.perf_counter() - began, self.frames + len(rows)
         for reading in found:
-            self.reading, before = reading, self.alarm
+            self.reading, before, alarm = reading, self.alarm, None
             self.powers.append(reading.power)
-            self.alarm = None if self.limit is None else judge(reading, self.channels, self.limit)
-            if self.alarm is not None and before is None:
-                self.alarm = self.dated(self.alarm)
-                self.alarms.append(self.alarm)
-            elif self.alarm is not None and before is not None:
-                self.alarm = replace(self.alarm, rose=before.rose)
+            if self.limit is not None and (alarm := judge(reading, self.channels, self.limit)) is not None:
+                powers = np.array(self.powers)[:, self.channels.index(alarm.channel)]
+                rose = before.rose if before else date_rise(powers, alarm.second, self.gap.length)
+                alarm = replace(alarm, rose=rose)
+                self.alarms += [] if before else [alarm]
+            self.alarm = alarm
             yield reading
-
-    def dated(self, alarm: Alarm) -> Alarm:
-        """A new alarm with the time at which the gap of its channel rose."""
-        powers = np.array(self.powers)[:, self.channels.index(alarm.channel)]
-        return replace(alarm, rose=rise(powers, alarm.second, self.gap.length))
 
     def rms(self, values: np.ndarray, segment: str) -> float:
         """RMS over a segment's channels of `values` (channels,); NaN if none is measured."""
@@ -113,16 +102,24 @@ def follow(monitor: Monitor, path: Path, idle: float | None) -> Iterator[Reading
     Raises:
         InputError: for a file that cannot be a log, and for one that did not appear in time.
     """
-    machine = monitor.robot.machine
-    grid = Grid(str(path), machine.frame)
+    grid, wanted = Grid(str(path), monitor.machine.frame), log_columns(monitor.machine)
+
+    def take(pieces: Iterable[Rows]) -> Iterator[Reading]:
+        for rows in pieces:
+            for frames in grid.push(rows):
+                yield from monitor.push(frames)
+
     if ending(path) not in (".csv", None) and path.exists():
-        yield from take(monitor, grid, whole(path, machine))
+        log = read_table(path)
+        check_columns(log, [name for name, required in wanted.items() if required])
+        columns = [log.time, *(log[n] if log.has(n) else np.full(len(log), np.nan) for n in [*wanted][1:])]
+        yield from take([Rows(np.column_stack(columns), True, range(1, len(log) + 1))])
         yield from monitor.end()
         return
-    tail, changed = Tail(path, machine), time.monotonic()
+    tail, changed = Tail(path, monitor.machine), time.monotonic()
     while True:
         for rows in tail.poll():
-            yield from take(monitor, grid, rows)
+            yield from take([rows])
             changed = time.monotonic()
         yield None
         if idle is not None and time.monotonic() - changed >= idle:
@@ -131,20 +128,3 @@ def follow(monitor: Monitor, path: Path, idle: float | None) -> Iterator[Reading
     if monitor.replay is None:
         raise InputError(f"{path}: no rows" if path.exists() else f"{path}: no such file")
     yield from monitor.end()
-
-
-def take(monitor: Monitor, grid: Grid, rows: Rows) -> Iterator[Reading]:
-    """Readings that some rows of the log complete."""
-    for frames in grid.push(rows):
-        yield from monitor.push(frames)
-
-
-def whole(path: Path, machine: Machine) -> Rows:
-    """A log of any known format as one set of rows."""
-    log = read_table(path)
-    cells = [heading("time", "s"), *(heading(name, log.units[name]) for name in log.columns)]
-    columns = read_heading(cells, str(path), machine)
-    rows = [
-        np.full(len(log), np.nan) if place is None else log[name] for name, place in zip(columns.names, columns.places)
-    ]
-    return Rows(np.column_stack(rows), 1, True)

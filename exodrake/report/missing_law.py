@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from exodrake.core.display import PALETTE, SYMBOLS, shown_unit
 from exodrake.data.plot import new_figure
-from exodrake.diagnosis.discovery.missing_law import Curve, MissingLaw
-from exodrake.diagnosis.result import Diagnosis
 from exodrake.report import wording as w
 from exodrake.report.blocks import RULE, SOFT, Drawing, Table, house_style, svg_of
+
+if TYPE_CHECKING:
+    from exodrake.diagnosis.discovery.discover import MissingLaw
+    from exodrake.diagnosis.result import Diagnosis
 
 RELAXES = "relaxation"  # a law over time since a change
 
@@ -25,15 +27,14 @@ def missing_law(diagnosis: Diagnosis) -> dict[str, Any]:
         "The fitted law with its 90 % band; below it, where its variable was in the fitted logs. Where there are no "
         "data the curve is what smoothness makes of its neighbours."
     )
-    figure = Drawing(figure_svg(law), caption, wide=len(law.curves) > 1)
     rows = [(f"`{r.id}`", r.words, w.closure(r.share)) for r in law.others]
     header = ("Law at", "what over what", "share of the excess removed, fitted logs")
-    table = Table(header, rows, words=2, wide=False)
+    lines = [line.strip() for line in law_lines(law)[1:]]
     return {
         "law": law,
-        "law_lines": [sentence(line) for line in law_lines(law)[1:]],
-        "law_figure": figure,
-        "law_table": table,
+        "law_lines": [line[:1].upper() + line[1:] + "." for line in lines],
+        "law_figure": Drawing(figure_svg(law), caption, wide=len(law.curves) > 1),
+        "law_table": Table(header, rows, words=2, wide=False),
         "law_module": law.text,
     }
 
@@ -61,44 +62,32 @@ def law_lines(law: MissingLaw | None) -> list[str]:
     return lines
 
 
-def sentence(line: str) -> str:
-    """A line of the terminal as a sentence of the report."""
-    text = line.strip()
-    return text[:1].upper() + text[1:] + "."
-
-
 def figure_svg(law: MissingLaw) -> str:
     """The law of each channel over the density of its variable, a panel each."""
-    unit, factor = shown_unit(law.unit) if not law.words.startswith(RELAXES) else ("s", 1.0)
+    fades = law.words.startswith(RELAXES)
+    unit, factor = ("s", 1.0) if fades else shown_unit(law.unit)
+    symbol = SYMBOLS.get(unit, unit)
     with house_style():
         figure = new_figure(3.4 * max(len(law.curves), 1.35), 3.0)
         panels = figure.subplots(2, len(law.curves), sharex="col", squeeze=False, height_ratios=(4, 1))
         for k, (name, curve) in enumerate(law.curves.items()):
-            panel(panels[0, k], panels[1, k], curve, factor, PALETTE[k % len(PALETTE)], law.words.startswith(RELAXES))
-            panels[0, k].set_title(name)
-            symbol = SYMBOLS.get(unit, unit)
-            label = f"u [{symbol}]" if symbol else "u"
-            if law.words.startswith(RELAXES):
-                panels[0, k].set_xlabel("time constant [s]")
-            else:
-                panels[1, k].set_xlabel(label)
+            axes, below, colour = panels[0, k], panels[1, k], PALETTE[k % len(PALETTE)]
+            u = np.arange(len(curve.u)) if fades else factor * curve.u
+            axes.fill_between(u, curve.low, curve.high, color=colour, alpha=0.2, lw=0)
+            axes.plot(u, curve.value, "o-", ms=3, lw=1.4, color=colour, mew=0)
+            axes.axhline(0.0, color=SOFT, lw=0.4)
+            axes.grid(color=RULE, lw=0.5)
+            axes.set_title(name)
+            if fades:
+                below.set_visible(False)
+                axes.set_xticks(u, [f"{value:.2g}" for value in curve.u])
+                axes.tick_params(labelbottom=True)
+                axes.set_xlabel("time constant [s]")
+                continue
+            edges = factor * curve.edges
+            below.bar(edges[:-1], curve.counts, np.diff(edges), align="edge", color=SOFT, alpha=0.5, lw=0)
+            below.set_yticks([])
+            below.set_ylabel("data")
+            below.set_xlabel(f"u [{symbol}]" if symbol else "u")
         panels[0, 0].set_ylabel("f(u), SI")
         return svg_of(figure, "missing_law", law.words)
-
-
-def panel(axes: Any, below: Any, curve: Curve, factor: float, colour: str, fades: bool) -> None:
-    """One channel."""
-    u = np.arange(len(curve.u)) if fades else factor * curve.u
-    axes.fill_between(u, curve.low, curve.high, color=colour, alpha=0.2, lw=0)
-    axes.plot(u, curve.value, "o-", ms=3, lw=1.4, color=colour, mew=0)
-    axes.axhline(0.0, color=SOFT, lw=0.4)
-    axes.grid(color=RULE, lw=0.5)
-    if fades:
-        below.set_visible(False)
-        axes.set_xticks(u, [f"{value:.2g}" for value in curve.u])
-        axes.tick_params(labelbottom=True)
-        return
-    edges = factor * curve.edges
-    below.bar(edges[:-1], curve.counts, np.diff(edges), align="edge", color=SOFT, alpha=0.5, lw=0)
-    below.set_yticks([])
-    below.set_ylabel("data")

@@ -1,11 +1,17 @@
-"""Candidates for the missing law: a form at a point with its knots, its basis and its plausible size.
+"""Candidates for the missing law: a form at a point with its knots, its basis, its plausible size, and its formula.
 
-Where the variable of a law goes is measured by watches, effects that count in the simulated robot.
+Where the variable of a law goes is measured by watches, effects that count in the simulated robot. A formula is made of
+few named terms, selected greedily on the law's linear model:
+
+    f(u) = b_1 t_1(u) + b_2 t_2(u) + ...        cost = S + p log(n)        (Bayesian information criterion)
+
+S: weighted sum of squares left by the terms; p: number of coefficients; n: number of independent samples. It is stated
+only where it is at least as likely as the free curve.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -17,6 +23,7 @@ from exodrake.core.machine import Machine, signal_count, state_size
 from exodrake.core.parallel import side_by_side
 from exodrake.core.part import HYSTERESIS, RELAXATION, FreeLaw
 from exodrake.diagnosis.discovery.law_code import COUNTS, KNOTS, SIZE, WATCHED, WEIGHTS, LawPoint
+from exodrake.diagnosis.linear import RIDGE, Reduced
 from exodrake.diagnosis.parameter import Parameter
 from exodrake.diagnosis.problem import Problem, Trial
 
@@ -26,6 +33,10 @@ REACHES = (0.01, 0.6)  # of hysteresis, smallest and largest in ranges of the va
 MODEST = 0.05  # size of a law in the range of its point's value: small against curvature, large against rounding
 FRAMES = 2.0  # shortest memory
 WIDE = 1e6  # bound of a coordinate: none
+MOST = 3  # terms of a formula
+GRID = 200  # points on which a term is approximated by a curve
+WIDTHS = (0.02, 0.05, 0.1, 0.14, 0.2, 0.28, 0.4)  # of terms with a width, in the largest |u|
+BENDS = (0.2, 0.35, 0.5, 0.65, 0.8)  # of terms with a bend, in the range of u
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +75,7 @@ class Candidate:
     def put(self, machine: Machine, values: np.ndarray, channels: Sequence[int]) -> np.ndarray:
         """Flat parameter vector with the law switched on in some channels, its weights as they were."""
         out = values.copy()
-        out[np.array(indices(machine, self.law.identity, "form"))[list(channels)]] = float(self.number)
+        out[indices(machine, self.law.identity, "form")[list(channels)]] = float(self.number)
         for i, name in enumerate(KNOTS):
             out[indices(machine, self.law.identity, name)] = self.knots[:, i]
         return out
@@ -93,7 +104,7 @@ class Candidate:
         return at, np.minimum(ratio, 1.0) if self.form.kind == HYSTERESIS else np.exp(-ratio)
 
 
-def candidates(problem: Problem, values: np.ndarray, laws: Sequence[LawPoint]) -> list[Candidate]:
+def list_candidates(problem: Problem, values: np.ndarray, laws: Sequence[LawPoint]) -> list[Candidate]:
     """All laws that may be missing at some points of a machine.
 
     Args:
@@ -101,43 +112,39 @@ def candidates(problem: Problem, values: np.ndarray, laws: Sequence[LawPoint]) -
         values: (parameters,) flat vector of the robot that runs.
         laws: points.
     """
-    machine, seen = problem.robot.machine, watched(problem, values, laws)
+    machine, ranges = problem.robot.machine, measure_ranges(problem, values, laws)
     longest, found = max(len(trial.reference) for trial in problem.fit) * machine.frame, []
     for law in laws:
         for k, form in enumerate(law.forms, 1):
-            here, value = seen.get((law.identity, k)), seen.get((law.identity, len(law.forms) + 1))
-            if here is not None and value is not None:
-                knots, size = knots_of(form, *here, machine.frame, longest), sizes(form, here, value)
-                channels = machine.axes.of(law.point.axis)
-                found.append(Candidate(law, k, channels, knots, MODEST * size, basis_of(form), *here))
+            here, value = ranges.get((law.identity, k)), ranges.get((law.identity, len(law.forms) + 1))
+            if here is None or value is None:
+                continue
+            (low, high), (least, most) = here, value
+            # plausible weights: the range of the value that passes, over that of the factor
+            size = np.maximum(most - least, 0.5 * np.maximum(abs(least), abs(most)))
+            size = np.maximum(size, 0.1 * max(float(size.max()), 1e-6))
+            span = np.maximum(high - low, 1e-6 * np.maximum(1.0, abs(low)))
+            if form.kind == RELAXATION:
+                knots = np.tile(np.geomspace(FRAMES * machine.frame, 0.5 * longest, SIZE), (len(low), 1))
+                size = size / np.maximum(high - low, 1e-9)
+            else:
+                if form.kind == HYSTERESIS:
+                    knots = span[:, None] * np.geomspace(*REACHES, SIZE)
+                elif form.fine:
+                    near = span / FINE
+                    knots = (
+                        near * np.sinh(np.linspace(np.arcsinh(low / near), np.arcsinh((low + span) / near), SIZE))
+                    ).T
+                else:
+                    knots = np.linspace(low, low + span, SIZE).T
+                if form.factor not in ("", "-1.0") and form.factor.isidentifier():
+                    size = np.ones(len(size))
+            channels = machine.axes.of(law.point.axis)
+            found.append(Candidate(law, k, channels, knots, MODEST * size, prior_basis(form), low, high))
     return found
 
 
-def knots_of(form: FreeLaw, low: np.ndarray, high: np.ndarray, frame: float, longest: float) -> np.ndarray:
-    """Knots (channels, 8) of a law."""
-    if form.kind == RELAXATION:
-        return np.tile(np.geomspace(FRAMES * frame, 0.5 * longest, SIZE), (len(low), 1))
-    span = np.maximum(high - low, 1e-6 * np.maximum(1.0, abs(low)))
-    if form.kind == HYSTERESIS:
-        return span[:, None] * np.geomspace(*REACHES, SIZE)
-    if not form.fine:
-        return np.linspace(low, low + span, SIZE).T
-    near = span / FINE
-    ends = np.arcsinh(low / near), np.arcsinh((low + span) / near)
-    return (near * np.sinh(np.linspace(*ends, SIZE))).T
-
-
-def sizes(form: FreeLaw, seen: tuple[np.ndarray, np.ndarray], value: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
-    """Scale of a law's weights (channels,): range of the value that passes, over that of the factor."""
-    scale = np.maximum(value[1] - value[0], 0.5 * np.maximum(abs(value[0]), abs(value[1])))
-    scale = np.maximum(scale, 0.1 * max(float(scale.max()), 1e-6))
-    if form.kind == RELAXATION:
-        return scale / np.maximum(seen[1] - seen[0], 1e-9)
-    relative = form.factor not in ("", "-1.0") and form.factor.isidentifier()
-    return np.ones(len(scale)) if relative else scale
-
-
-def basis_of(form: FreeLaw) -> np.ndarray:
+def prior_basis(form: FreeLaw) -> np.ndarray:
     """Modes (8, 8) of the prior of the weights: smooth curves (a Gaussian process), or independent elements."""
     if not form.is_curve:
         return np.eye(SIZE)[:, [1, 3, 5, 7, 0, 2, 4, 6]]
@@ -148,9 +155,9 @@ def basis_of(form: FreeLaw) -> np.ndarray:
     return vectors[:, order] * np.sqrt(values[order])
 
 
-def indices(machine: Machine, identity: str, name: str) -> list[int]:
+def indices(machine: Machine, identity: str, name: str) -> np.ndarray:
     """Indices (channels,) of a parameter of an effect in the flat parameter vector."""
-    return list(machine.effect_indices(identity, name).values())
+    return np.array([*machine.effect_indices(identity, name).values()])
 
 
 def state_places(machine: Machine, identity: str) -> dict[str, np.ndarray]:
@@ -186,12 +193,12 @@ def end_states(problem: Problem, values: np.ndarray) -> np.ndarray:
     return np.array(side_by_side([partial(end_state, trial) for trial in problem.fit]))
 
 
-def watched(
+def measure_ranges(
     problem: Problem, values: np.ndarray, laws: Sequence[LawPoint]
 ) -> dict[tuple[str, int], tuple[np.ndarray, np.ndarray]]:
     """Range (channels,), (channels,) of the variable of each form of each law that is ever computed.
 
-    One number above all forms stands for what is as large as the law. Arguments are those of `candidates`.
+    One number above all forms stands for what is as large as the law. Arguments are those of `list_candidates`.
     """
     found, machine = {}, problem.robot.machine
     for k in range(1, max((len(law.forms) for law in laws), default=-1) + 2):
@@ -207,11 +214,99 @@ def watched(
     return found
 
 
-def counted(problem: Problem, values: np.ndarray, candidate: Candidate) -> np.ndarray:
-    """Histogram (channels, bins) of the variable of a law over its range; other arguments are those of `candidates`."""
+def count_values(problem: Problem, values: np.ndarray, candidate: Candidate) -> np.ndarray:
+    """Histogram (channels, bins) of a law's variable over its range; other arguments as of `list_candidates`."""
     machine, row, watch = problem.robot.machine, values.copy(), f"{candidate.law.identity}_watch"
-    each = zip(("form", *WATCHED), (candidate.number, candidate.low, candidate.high), strict=True)
-    for name, value in each:
+    for name, value in zip(("form", *WATCHED), (candidate.number, candidate.low, candidate.high), strict=True):
         row[indices(machine, watch, name)] = value
     at, states = state_places(machine, watch), end_states(problem, row)
     return np.array([states[:, at[c]].sum(axis=0) for c in COUNTS]).T
+
+
+def find_terms(candidate: Candidate) -> Iterator[tuple[str, np.ndarray]]:
+    """Named terms that a law may be made of: text with u, and values (channels, 8) at the knots, or of the elements."""
+    form, u = candidate.form, candidate.knots
+    if not form.is_curve:
+        word, unit = ("stop", form.unit) if form.kind == HYSTERESIS else ("fading", "s")
+        for i in range(SIZE):
+            yield f"{word}(u; {float(np.median(u[:, i])):.2g} {unit})", np.tile(np.eye(SIZE)[i], (len(u), 1))
+        return
+    for text, function in curve_terms(float(u.min()), float(u.max())):
+        curves = []
+        for knots in u:  # the curve that is nearest to the function over the range of the knots
+            at = np.linspace(knots[0], knots[-1], GRID)
+            hats = np.array([np.interp(at, knots, one) for one in np.eye(SIZE)]).T
+            curves.append(np.linalg.lstsq(hats, np.broadcast_to(function(at), at.shape), rcond=None)[0])
+        yield text, np.array(curves)
+
+
+def curve_terms(low: float, high: float) -> Iterator[tuple[str, Callable[[np.ndarray], np.ndarray]]]:
+    """Terms of a curve over a range, by their text."""
+    largest = max(abs(low), abs(high))
+    yield from (("1", np.ones_like), ("u", lambda u: u), ("u^2", lambda u: u**2), ("u^3", lambda u: u**3))
+    signed = low < -0.05 * largest
+    if signed:
+        yield from (("sign(u)", np.sign), ("|u|", abs), ("u |u|", lambda u: u * abs(u)))
+    for c in (w * largest for w in WIDTHS):
+        if signed:
+            yield f"exp(-|u| / {c:.2g}) sign(u)", lambda u, c=c: np.exp(-abs(u) / c) * np.sign(u)
+        else:
+            yield f"exp(-u / {c:.2g})", lambda u, c=c: np.exp(-u / c)
+        yield f"tanh(u / {c:.2g})", lambda u, c=c: np.tanh(u / c)
+        yield f"sin(u / {c:.2g})", lambda u, c=c: np.sin(u / c)
+    for c in (low + b * (high - low) for b in BENDS):
+        yield f"max(0, u - {c:.2g})", lambda u, c=c: np.maximum(0.0, u - c)
+        yield f"max(0, {c:.2g} - u)", lambda u, c=c: np.maximum(0.0, c - u)
+
+
+def find_formulas(
+    candidate: Candidate, active: list[int], reduced: Reduced, modes: np.ndarray, scales: np.ndarray, samples: float
+) -> dict[str, str]:
+    """The shortest formula that is as likely as the free law, channel by channel; none without one.
+
+    Args:
+        candidate: the law.
+        active: positions of the channels that have it.
+        reduced: linear model of its modes alone, in steps from the fit.
+        modes: (active * 8,) fitted coordinates.
+        scales: (active,) their prior standard deviations.
+        samples: number of independent samples.
+    """
+    penalty, back = float(np.log(samples)), np.linalg.inv(candidate.basis)
+    prior = np.repeat(scales, SIZE)
+    volume = np.linalg.slogdet(np.eye(len(prior)) + reduced.normal * np.outer(prior, prior))[1]
+    free, texts, known = float(np.sum((modes / prior) ** 2) + volume), [], []
+    for text, values in find_terms(candidate):  # coordinates of each term in one active channel each (channels, n)
+        one = np.zeros((len(active), len(active), SIZE))
+        for i, channel in enumerate(active):
+            one[i, i] = back @ values[channel] / candidate.size[channel]
+        texts.append(text)
+        known.append(one.reshape(len(active), -1))
+
+    def solve(terms: list[int]) -> tuple[float, np.ndarray]:
+        """Cost beyond that of the fit, and coefficients (terms of each active channel,)."""
+        t = np.concatenate([known[term] for term in terms]).T if terms else np.zeros((len(modes), 0))
+        normal, slope = t.T @ reduced.normal @ t, t.T @ (reduced.slope - reduced.normal @ modes)
+        b = -np.linalg.solve(normal + np.diag(RIDGE * np.diag(normal) + 1e-12), slope)
+        step = t @ b - modes
+        return float(2.0 * reduced.slope @ step + step @ reduced.normal @ step) + penalty * len(b), b
+
+    chosen: list[int] = []
+    while len(chosen) < MOST and solve(chosen)[0] > free:
+        trial = min(set(range(len(known))) - set(chosen), key=lambda term: solve([*chosen, term])[0])
+        if solve([*chosen, trial])[0] >= solve(chosen)[0]:
+            break
+        chosen.append(trial)
+    if not chosen or solve(chosen)[0] > free:
+        return {}
+    for term in chosen[:-1]:  # that a later one made needless
+        less = [one for one in chosen if one != term]
+        chosen = less if solve(less)[0] < solve(chosen)[0] else chosen
+    found, table = {}, solve(chosen)[1].reshape(len(chosen), len(active))
+    for i, channel in enumerate(active):
+        formula = ""
+        for term, b in zip(chosen, table[:, i], strict=True):
+            named = "" if texts[term] == "1" else f" {texts[term]}"
+            formula += f" {'-' if b < 0.0 else '+'} {abs(b):.3g}{named}"
+        found[candidate.channels[channel]] = f"f(u) ={formula.removeprefix(' +')}"
+    return found

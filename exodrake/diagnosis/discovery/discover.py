@@ -10,8 +10,9 @@ are fitted through the simulation and compared by their evidence.
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,19 +20,19 @@ from exodrake.core.confidence import ALPHA, NORMAL_90
 from exodrake.core.machine import Machine
 from exodrake.core.parallel import side_by_side
 from exodrake.core.part import HYSTERESIS, RELAXATION
+from exodrake.core.plain import plain
 from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.core.robot import Robot
 from exodrake.diagnosis.closure import measure
-from exodrake.diagnosis.discovery.candidates import Candidate, candidates, counted
-from exodrake.diagnosis.discovery.formula import formulas
-from exodrake.diagnosis.discovery.law_code import SIZE, effect_text, laws_of, robot_on, robot_with, values_on, with_laws
-from exodrake.diagnosis.discovery.missing_law import Curve, MissingLaw, Runner
+from exodrake.diagnosis.discovery.candidates import Candidate, count_values, find_formulas, list_candidates
+from exodrake.diagnosis.discovery.law_code import SIZE, add_laws, effect_text, get_laws, robot_on, robot_with, values_on
 from exodrake.diagnosis.fit import Explanation, linear_model, minimise, settled, whole_jacobian, without
 from exodrake.diagnosis.isolation import Isolation
 from exodrake.diagnosis.likelihood import SAMPLE, Likelihood, with_prediction
 from exodrake.diagnosis.linear import LinearModel
 from exodrake.diagnosis.parameter import apply
 from exodrake.diagnosis.problem import Problem
+from exodrake.diagnosis.result import Interval
 from exodrake.diagnosis.search import LAW, NATS, NEGLIGIBLE
 from exodrake.diagnosis.verdict import LARGE, MOST
 
@@ -45,6 +46,89 @@ ROUNDS = 4  # new Jacobians of the best law's other parameters, on whole logs
 # quantile of 24 of the reference simulator, rounded up (docs/missing_law.md); the largest are 0.65, 0.49 and 0.05
 LEAD = 0.5
 READINGS = ("shown", "delivered")  # points of readings, as in `search.is_memory`
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """A fitted law in one channel.
+
+    Attributes:
+        u: (points,) abscissas [unit of u].
+        value, low, high: (points,) of the law with its 90 % band.
+        edges, counts: (bins + 1,), (bins,) of the histogram of u in the fitted logs, in shares.
+        formula: a plain formula; empty if none is as likely as the curve.
+    """
+
+    u: np.ndarray
+    value: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    edges: np.ndarray
+    counts: np.ndarray
+    formula: str = ""
+
+
+@dataclass(frozen=True)
+class Runner:
+    """A law that was fitted: its id, words, and share of the excess that it removes."""
+
+    id: str
+    words: str
+    share: float
+
+
+@dataclass(frozen=True, eq=False)
+class MissingLaw:
+    """The missing law: a free law, fitted through the simulation, with its evidence.
+
+    Attributes:
+        found: whether the logs show one.
+        reason: why, in one sentence.
+        id: id of the effect that it is; its first part is the block.
+        words: what it is over what.
+        unit: of the variable.
+        channels: that have it; () for the whole robot.
+        share: of the excess over noise that retuning leaves on the fitted logs, removed by it; what nominal parameters
+            use of their tolerances counts as left.
+        p_noise: p-value of that were there noise alone.
+        runner_up: the best law in another block.
+        lead: share of what the runner-up leaves above noise that the law takes up.
+        distinguished: whether it is more than a law in a wrong part takes up of a right one's (`LEAD`).
+        others: laws that were fitted to the end, the named one first.
+        curves: channel -> curve.
+        closure: of the held-out logs, from the retuned robot to that with the law.
+        held_out: whether these logs were held out.
+        robot: with the law, on its own machine.
+        text: source of the effect's module.
+    """
+
+    found: bool
+    reason: str
+    id: str = ""
+    words: str = ""
+    unit: str = ""
+    channels: tuple[str, ...] = ()
+    share: float = float("nan")
+    p_noise: float = float("nan")
+    runner_up: Runner | None = None
+    lead: float = float("nan")
+    distinguished: bool = False
+    others: tuple[Runner, ...] = ()
+    curves: dict[str, Curve] = field(default_factory=dict)
+    closure: Interval | None = None
+    held_out: bool = False
+    robot: Robot | None = None
+    text: str = ""
+
+    @property
+    def block(self) -> str:
+        """Block of the robot that it acts in."""
+        return self.id.split(".")[0]
+
+    def to_json(self) -> dict[str, Any]:
+        """The answer as plain data, in SI."""
+        names = [name for name in self.__dataclass_fields__ if name not in ("robot", "text")]
+        return plain({name: getattr(self, name) for name in names})
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,16 +205,16 @@ def discover(
     """
     accepted = found.best if 1.0 - found.search.left(found.best) >= MOST else found.retuned
     if found.negligible(accepted.explanation.robot):
-        return MissingLaw(False, f"what {left_by(accepted.explanation)} leaves is negligible: no law is missing")
+        return MissingLaw(False, f"what {leaver(accepted.explanation)} leaves is negligible: no law is missing")
     progress(Stage.LINEARISE, "free laws")
-    plain = problem.robot.machine
-    machine = with_laws(plain)
+    bare = problem.robot.machine
+    machine = add_laws(bare)
     whole = replace(found.whole, robot=robot_on(found.whole.robot, machine))
-    laws = [law for law in laws_of(plain) if not blocks or law.block in blocks]
+    laws = [law for law in get_laws(bare) if not blocks or law.block in blocks]
     groups: list[tuple[Likelihood, Explanation, list[Candidate], list[LawFit]]] = []
     for known in {id(f): f for f in (accepted, found.retuned)}.values():
-        likelihood, base = on_machine(found.likelihood, known.explanation, plain, machine)
-        tried = candidates(whole, base.robot, laws)
+        likelihood, base = put_on(machine, found.likelihood, known.explanation)
+        tried = list_candidates(whole, base.robot, laws)
         screened = sorted(side_by_side([partial(screen, likelihood, base, c) for c in tried]), key=lambda s: -s.gain)
         groups.append((likelihood, base, tried, fit_best(likelihood, base, screened, progress)))
     memory = min((fit.model.memory for *_, fits in groups for fit in fits), default=1.0)
@@ -139,38 +223,43 @@ def discover(
     if not fits:
         return MissingLaw(False, "the logs are as likely without any law as with one", p_noise=1.0)
     fits.sort(key=lambda fit: -fit.evidence(memory))
-    rest = left_by(base)
-    shares = [removed(likelihood, base, fit.explanation) for fit in fits]
-    order = ranked(fits, shares)
+    shares = [share_removed(likelihood, base, fit.explanation) for fit in fits]
+    order = rank(fits, shares)
     fits, shares = [fits[k] for k in order], [shares[k] for k in order]
-    best, ids = fits[0], [(fit.candidate.law.learned, fit.candidate.form.words) for fit in fits]
-    others = tuple(Runner(*names, share) for names, share in zip(ids, shares, strict=True))
-    memory = best.model.memory
+    others = tuple(
+        Runner(fit.candidate.law.learned, fit.candidate.form.words, share)
+        for fit, share in zip(fits, shares, strict=True)
+    )
+    best, memory, rest = fits[0], fits[0].model.memory, leaver(base)
     gain = best.evidence(memory) - replace(linear_model(likelihood, base), memory=memory).evidence()
     # evidence exceeds exp(g) times that of no law with probability exp(-g) at most (Markov); any of those tried may
     p = float(min(1.0, len(tried) * len(SCALES) * np.exp(-gain)))
-    no = partial(MissingLaw, False, p_noise=p, others=others)
     if p > ALPHA:
-        return no(f"no law takes up more than noise lets one (p = {p:.2g})")
+        reason = f"no law takes up more than noise lets one (p = {p:.2g})"
+        return MissingLaw(False, reason, p_noise=p, others=others)
     if shares[0] < LARGE:
-        return no(f"the best law, {best.candidate.name}, removes only {shares[0]:.0%} of what {rest} leaves")
+        reason = f"the best law, {best.candidate.name}, removes only {shares[0]:.0%} of what {rest} leaves"
+        return MissingLaw(False, reason, p_noise=p, others=others)
     progress(Stage.CLOSURE, best.candidate.name)
-    best = on_whole_logs(without_needless(best), whole)
-    rival = next((k for k, f in enumerate(fits) if f.block != best.block), None)
-    ahead = 1.0 if rival is None else lead(shares[0], shares[rival])
-    rows = np.array([values_on(found.whole.silent(), plain, machine), base.robot, best.explanation.robot])
+    best = fit_whole_logs(drop_needless(best), whole)
     candidate, weights = best.candidate, best.weights
-    curves = curves_of(best, counted(whole, base.robot, candidate))
+    rival = next((k for k, fit in enumerate(fits) if fit.block != best.block), None)
+    ahead = 1.0 if rival is None else lead(shares[0], shares[rival])
+    rows = np.array([values_on(found.whole.silent(), bare, machine), base.robot, best.explanation.robot])
+    curves = draw_curves(best, count_values(whole, base.robot, candidate))
     short = {name: curve.formula for name, curve in curves.items() if curve.formula}
     strongest = int(abs(weights).max(axis=1).argmax())
     at = candidate.knots[strongest], weights[strongest]
     text = effect_text(candidate.law, candidate.form, *at, problem.case.name, short)
-    place = f"{candidate.form.words} at {candidate.law.key}"
+    # the robot with the law as an effect, noise and resolutions as they were
+    values = best.explanation.robot[[machine.index[p.name] for p in bare.parameters]]
+    values = np.where(values != replace(found.whole, detected=()).silent(), values, found.whole.robot.values)
+    robot = replace(found.whole.robot, values=values)
     return MissingLaw(
         found=True,
-        reason=f"a free law of {place} removes {shares[0]:.0%} of what {rest} leaves",
-        id=candidate.law.learned,
-        words=candidate.form.words,
+        reason=f"a free law of {others[0].words} at {candidate.law.key} removes {shares[0]:.0%} of what {rest} leaves",
+        id=others[0].id,
+        words=others[0].words,
         unit=candidate.form.unit,
         channels=tuple(name for name in (candidate.channels[i] for i in best.active) if name),
         share=shares[0],
@@ -182,55 +271,41 @@ def discover(
         curves=curves,
         closure=measure(whole, [rows] * len(whole.judged)).effect,
         held_out=bool(whole.holdout),
-        robot=improved(found.whole, best, text),
+        robot=robot_with(robot, text, candidate.channels, candidate.knots, weights),
         text=text,
     )
 
 
-def left_by(e: Explanation) -> str:
+def leaver(e: Explanation) -> str:
     """What explains the logs beside a law, in words."""
     return e.name if e.effects else "retuning"
 
 
-def on_machine(
-    likelihood: Likelihood, e: Explanation, before: Machine, after: Machine
-) -> tuple[Likelihood, Explanation]:
+def put_on(machine: Machine, likelihood: Likelihood, e: Explanation) -> tuple[Likelihood, Explanation]:
     """A likelihood and an explanation on their machine with further effects."""
-    robots = [robot_on(view.problem.robot, after) for view in likelihood.views]
-    views = tuple(
-        replace(view, problem=replace(view.problem, robot=robot))
-        for view, robot in zip(likelihood.views, robots, strict=True)
-    )
-    index = [after.index[p.name] for p in before.parameters]
+    before = likelihood.robot.machine
+    problems = [replace(view.problem, robot=robot_on(view.problem.robot, machine)) for view in likelihood.views]
+    views = tuple(replace(view, problem=p) for view, p in zip(likelihood.views, problems, strict=True))
+    index = [machine.index[p.name] for p in before.parameters]
     parameters = tuple(replace(p, index=tuple(index[i] for i in p.index)) for p in e.parameters)
-    memory = min(likelihood.memory, max(SAMPLE / after.frame, 1.0))
+    memory = min(likelihood.memory, max(SAMPLE / machine.frame, 1.0))
     likelihood = replace(likelihood, views=views, memory=memory).for_stage("discover").scaled_to(e.residual)
-    return likelihood, e.changed(parameters=parameters, values=values_on(e.values, before, after))
+    return likelihood, e.changed(parameters=parameters, values=values_on(e.values, before, machine))
 
 
-@dataclass(frozen=True, eq=False)
-class Screened:
-    """A candidate law as the linear model predicts it.
+class Screened(NamedTuple):
+    """A law as the linear model predicts it: log evidence gained [nats], prior scales (channels,), coordinates."""
 
-    Attributes:
-        candidate: the law.
-        scales: (channels,) prior standard deviations of its modes; 0 where it is absent.
-        modes: (channels, 8) coordinates.
-        x: (beside,) coordinates of the other parameters.
-        gain: log evidence beyond that without it [nats].
-    """
-
+    gain: float
     candidate: Candidate
     scales: np.ndarray
-    modes: np.ndarray
     x: np.ndarray
-    gain: float
 
 
 def screen(likelihood: Likelihood, base: Explanation, candidate: Candidate) -> Screened:
     """A candidate by the linear model about a robot without it."""
     count, channels = len(base.x), len(candidate.channels)
-    with_it = joined(likelihood.robot.machine, base, candidate, np.ones(channels), MODES)
+    with_it = join_law(likelihood.robot.machine, base, candidate, np.ones(channels), MODES)
     units = np.hstack([np.tile(base.x, (MODES * channels, 1)), np.eye(MODES * channels)])
     robots = np.array([apply(with_it.values, with_it.parameters, x) for x in units])
     directions = likelihood.residual(robots) - base.residual
@@ -239,14 +314,14 @@ def screen(likelihood: Likelihood, base: Explanation, candidate: Candidate) -> S
     ends = np.r_[low, flat - np.inf], np.r_[high, flat + np.inf]
     prior = (np.r_[-base.x, flat], np.r_[1.0 / base.prior_std**2, flat], *ends)
     reduced = LinearModel.of_rows(rows, likelihood.blocks, prior, likelihood.memory).eliminated(count)
-    channel = np.repeat(np.arange(channels), MODES)
-    scales, found, gain = likeliest(reduced.normal, reduced.slope, channel)
+    scales, found, gain = weigh_scales(reduced.normal, reduced.slope, np.repeat(np.arange(channels), MODES))
     modes = np.zeros((channels, SIZE))
     modes[:, :MODES] = found.reshape(channels, MODES)
-    return Screened(candidate, scales, modes, base.x + reduced.others(np.arange(len(found)), found), gain)
+    x = np.r_[base.x + reduced.others(np.arange(len(found)), found), modes[scales > 0.0].ravel()]
+    return Screened(gain, candidate, scales, x)
 
 
-def likeliest(normal: np.ndarray, slope: np.ndarray, channel: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+def weigh_scales(normal: np.ndarray, slope: np.ndarray, channel: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     """Prior scales (channels,) of largest evidence, coordinates (n,) with them, and the log evidence beyond none.
 
     Args:
@@ -269,7 +344,7 @@ def likeliest(normal: np.ndarray, slope: np.ndarray, channel: np.ndarray) -> tup
     return scales, modes, gain
 
 
-def joined(
+def join_law(
     machine: Machine, base: Explanation, candidate: Candidate, scales: np.ndarray, modes: int = SIZE
 ) -> Explanation:
     """An explanation with a law in some channels, at weights of 0."""
@@ -279,50 +354,47 @@ def joined(
     return Explanation(base.effects, parameters, x, values, base.residual, base.jacobian)
 
 
-def started(likelihood: Likelihood, base: Explanation, s: Screened) -> LawFit:
-    """A screened law simulated with as much of its predicted weights as fits best."""
-    e = joined(likelihood.robot.machine, base, s.candidate, s.scales)
-    predicted = np.r_[s.x, s.modes[s.scales > 0.0].ravel()]
-    tried = e.at_each(likelihood, [e.x + share * (predicted - e.x) for share in SHARES])
-    return LawFit(s.candidate, s.scales, min((e, *tried), key=lambda one: one.cost(likelihood)), likelihood)
-
-
-def fitted(base: Explanation, start: LawFit) -> LawFit:
-    """A law fitted, its scales those of the largest evidence about a first fit."""
-    likelihood, candidate = start.likelihood, start.candidate
-    first = minimise(likelihood.scaled_to(start.explanation.residual), start.explanation, 2)
-    fit = replace(start, explanation=settled(likelihood, first, 1))
-    own = fit.explanation.x[fit.beside :]
-    reduced = replace(fit.model, memory=likelihood.memory).eliminated(fit.beside)
-    channel = np.repeat(np.arange(len(fit.active)), SIZE)
-    scales = np.zeros(len(fit.scales))
-    scales[fit.active] = likeliest(reduced.normal, reduced.slope - reduced.normal @ own, channel)[0]
-    if not scales.any():
-        return fit
-    e = joined(likelihood.robot.machine, base, candidate, scales)
-    x = np.r_[fit.explanation.x[: fit.beside], fit.modes[scales > 0.0].ravel()]
-    (e,) = replace(e, jacobian=fit.explanation.jacobian).at_each(likelihood, [x])
-    e = minimise(likelihood.scaled_to(e.residual), e)
-    return LawFit(candidate, scales, e, likelihood)
-
-
 def fit_best(
     likelihood: Likelihood, base: Explanation, screened: Sequence[Screened], progress: StageProgress
 ) -> list[LawFit]:
     """The most promising laws fitted, in the block of the best one and outside it."""
+    machine = likelihood.robot.machine
+
+    def start(s: Screened) -> LawFit:
+        """A screened law simulated with as much of its predicted weights as fits best."""
+        e = join_law(machine, base, s.candidate, s.scales)
+        tried = e.at_each(likelihood, [e.x + share * (s.x - e.x) for share in SHARES])
+        return LawFit(s.candidate, s.scales, min((e, *tried), key=lambda one: one.cost(likelihood)), likelihood)
+
+    def fit_law(begun: LawFit) -> LawFit:
+        """A law fitted, its scales those of the largest evidence about a first fit."""
+        first = minimise(likelihood.scaled_to(begun.explanation.residual), begun.explanation, 2)
+        fit = replace(begun, explanation=settled(likelihood, first, 1))
+        reduced = replace(fit.model, memory=likelihood.memory).eliminated(fit.beside)
+        slope = reduced.slope - reduced.normal @ fit.explanation.x[fit.beside :]
+        scales = np.zeros(len(fit.scales))
+        scales[fit.active] = weigh_scales(reduced.normal, slope, np.repeat(np.arange(len(fit.active)), SIZE))[0]
+        if not scales.any():
+            return fit
+        e = join_law(machine, base, fit.candidate, scales)
+        x = np.r_[fit.explanation.x[: fit.beside], fit.modes[scales > 0.0].ravel()]
+        e = replace(e, jacobian=fit.explanation.jacobian).at(likelihood, x)
+        e = minimise(likelihood.scaled_to(e.residual), e)
+        return LawFit(fit.candidate, scales, e, likelihood)
+
     chosen: list[Screened] = []
     for s in (s for s in screened if s.scales.any()):
         if sum(c.candidate.law is s.candidate.law for c in chosen) < PER_POINT and len(chosen) < STARTED:
             chosen.append(s)
-    starts = side_by_side([partial(started, likelihood, base, s) for s in chosen])
+    starts = side_by_side([partial(start, s) for s in chosen])
     starts.sort(key=lambda fit: fit.explanation.cost(likelihood))
     inside, outside = ([f for f in starts if (f.block == starts[0].block) is here] for here in (True, False))
     wanted = [*inside[:FITTED], *outside[:OTHERS]]
     progress(Stage.FIT, ", ".join(dict.fromkeys(f.candidate.law.learned for f in wanted)))
-    return side_by_side([partial(fitted, base, f) for f in wanted])
+    return side_by_side([partial(fit_law, f) for f in wanted])
 
 
-def removed(likelihood: Likelihood, base: Explanation, e: Explanation) -> float:
+def share_removed(likelihood: Likelihood, base: Explanation, e: Explanation) -> float:
     """Share of what an explanation leaves above noise that another removes, the mean of the views that have any."""
     before, after = (np.maximum(likelihood.chi2(one.residual) - 1.0, 0.0) for one in (base, e))
     wide = before > NEGLIGIBLE**2
@@ -337,17 +409,17 @@ def lead(share: float, other: float) -> float:
     return 1.0 - (1.0 - share) / max(1.0 - max(other, 0.0), 1e-9)
 
 
-def ranked(fits: Sequence[LawFit], shares: Sequence[float]) -> list[int]:
+def rank(fits: Sequence[LawFit], shares: Sequence[float]) -> list[int]:
     """Order of fits of falling evidence; the memory of a reading, which imitates any cause, behind another law.
 
     That law removes as much but for errors of laws.
     """
     order = list(range(len(fits)))
-    plain = [k for k in order if not fits[k].is_memory and shares[k] >= (1.0 - LAW) * shares[0]]
-    return [plain[0], *(k for k in order if k != plain[0])] if plain and fits[0].is_memory else order
+    causes = [k for k in order if not fits[k].is_memory and shares[k] >= (1.0 - LAW) * shares[0]]
+    return [causes[0], *(k for k in order if k != causes[0])] if causes and fits[0].is_memory else order
 
 
-def without_needless(fit: LawFit) -> LawFit:
+def drop_needless(fit: LawFit) -> LawFit:
     """A law without the effects beside it that no longer earn their place."""
     for effect in fit.explanation.effects:
         start = without(fit.likelihood, fit.explanation, effect)
@@ -358,37 +430,28 @@ def without_needless(fit: LawFit) -> LawFit:
     return fit
 
 
-def on_whole_logs(fit: LawFit, whole: Problem) -> LawFit:
+def fit_whole_logs(fit: LawFit, whole: Problem) -> LawFit:
     """A law fitted to whole logs until no step with a new Jacobian of the other parameters leads further."""
     views = zip(fit.likelihood.views, with_prediction(whole), strict=True)
     likelihood = replace(fit.likelihood, views=tuple(replace(view, problem=p) for view, p in views))
-    (e,) = fit.explanation.at_each(likelihood, [fit.explanation.x])
+    e = fit.explanation.at(likelihood, fit.explanation.x)
     e = replace(e, jacobian=np.zeros((e.nominal, len(e.residual)), dtype=np.float32))
     return replace(fit, explanation=settled(likelihood, e, ROUNDS), likelihood=likelihood)
 
 
-def improved(problem: Problem, fit: LawFit, text: str) -> Robot:
-    """The robot with the law as an effect, noise and resolutions as they were."""
-    machine, after = problem.robot.machine, fit.likelihood.robot.machine
-    values = fit.explanation.robot[[after.index[p.name] for p in machine.parameters]]
-    values = np.where(values != replace(problem, detected=()).silent(), values, problem.robot.values)
-    candidate = fit.candidate
-    return robot_with(replace(problem.robot, values=values), text, candidate.channels, candidate.knots, fit.weights)
-
-
-def curves_of(fit: LawFit, counts: np.ndarray) -> dict[str, Curve]:
+def draw_curves(fit: LawFit, counts: np.ndarray) -> dict[str, Curve]:
     """The law in each channel, with its 90 % band and the histogram of its variable, counts (channels, bins)."""
     candidate, model, found = fit.candidate, fit.model, {}
     samples, own = float(model.effective.sum()), fit.modes[fit.active].ravel()
-    short = formulas(candidate, fit.active, model.eliminated(fit.beside), own, fit.scales[fit.active], samples)
+    short = find_formulas(candidate, fit.active, model.eliminated(fit.beside), own, fit.scales[fit.active], samples)
     at, shape = candidate.shape()
     covariance = model.posterior().covariance[fit.beside :, fit.beside :]
     for i, channel in enumerate(fit.active):
         place = slice(i * SIZE, (i + 1) * SIZE)
         to_values = shape[channel] @ (candidate.size[channel] * candidate.basis)
-        std = np.sqrt(np.einsum("ij,jk,ik->i", to_values, covariance[place, place], to_values))
+        half = NORMAL_90 * np.sqrt(np.einsum("ij,jk,ik->i", to_values, covariance[place, place], to_values))
         value, name = shape[channel] @ fit.weights[channel], candidate.channels[channel]
         edges = np.linspace(candidate.low[channel], candidate.high[channel], counts.shape[1] + 1)
-        share, half = counts[channel] / max(float(counts[channel].sum()), 1.0), NORMAL_90 * std
+        share = counts[channel] / max(float(counts[channel].sum()), 1.0)
         found[name] = Curve(at[channel], value, value - half, value + half, edges, share, short.get(name, ""))
     return found

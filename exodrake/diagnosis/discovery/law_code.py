@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import inspect
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from textwrap import wrap
@@ -24,7 +24,6 @@ from exodrake.core.part import (
     PLACE,
     RELAXATION,
     FreeLaw,
-    Part,
     Point,
     free_curve,
     free_memory,
@@ -41,6 +40,7 @@ WEIGHTS = tuple(f"w{i + 1}" for i in range(SIZE))
 ELEMENTS = (*(f"s{i + 1}" for i in range(SIZE)), "last", "started")
 COUNTS = tuple(f"c{i + 1}" for i in range(BINS))
 SEEN = ("low_seen", "high_seen", *COUNTS, "place", "started")
+ENDS = (("min", "low_seen"), ("max", "high_seen"))
 WATCHED = ("low", "high")  # range in which a watch counts
 PLAIN = ("dt", "held", "arrival", "period", "mobility", "bones", "history")  # arguments that no law depends on
 FUNCTIONS = ("curve", "dragged", "faded", "inside", "slope", "stop_operator")  # of `effects.law_table`
@@ -85,19 +85,17 @@ class LawPoint:
         key: "module.point".
         identity: id of the free law while it is searched.
         point: the point.
-        arguments: names of the value and of what is known beside it.
+        arguments: of it and of the points that advance states or take a rate, by name: the value, and what is known.
         forms: the laws.
         scale: source of what is as large as the law may be.
-        advanced: arguments of the points that advance states or take a rate, by name.
     """
 
     key: str
     identity: str
     point: Point
-    arguments: tuple[str, ...]
+    arguments: dict[str, tuple[str, ...]]
     forms: tuple[FreeLaw, ...]
     scale: str
-    advanced: dict[str, tuple[str, ...]]
 
     @property
     def learned(self) -> str:
@@ -110,6 +108,11 @@ class LawPoint:
         return self.identity.split(".")[0]
 
     @property
+    def value(self) -> str:
+        """Name of the value that passes its point."""
+        return self.arguments[self.point.name][0]
+
+    @property
     def elsewhere(self) -> list[str]:
         """Points beside the law's own at which its states advance."""
         return list(dict.fromkeys(f.advances for f in self.forms if f.advances not in ("", self.point.name)))
@@ -119,20 +122,21 @@ class LawPoint:
         """Whether states of a form advance at the law's own point."""
         return any(f.advances == self.point.name for f in self.forms)
 
-    def function(self, *more: str) -> str:
-        """Name of a function of the law."""
-        return "__".join((self.key.replace(".", "__"), *more))
-
-    def at(self, name: str) -> tuple[str, ...]:
-        """Arguments of the law's own or of another point."""
-        return self.arguments if name == self.point.name else self.advanced[name]
+    def function(self, name: str, *more: str) -> str:
+        """Name of the law's function at a point."""
+        other = () if name == self.point.name else (name,)
+        return "__".join((self.key.replace(".", "__"), *other, *more))
 
 
 def law_points(machine: Machine) -> Iterator[LawPoint]:
     """Points of a machine where a law may be missing."""
     for part in machine.parts:
+        arguments: dict[str, tuple[str, ...]] = {}  # after the effects' parameters, their states and the channel
         for point in part.points:
-            own = arguments(part, point)
+            names = inspect.signature(getattr(point.module or part.module, point.name)).parameters
+            arguments[point.name] = tuple(names)[3 if point.axis else 2 :]
+        for point in part.points:
+            own = arguments[point.name]
             laws = STANDARD.get(point.standard) if point.laws is None else point.laws
             if laws is None:
                 laws = tuple(free_curve(f"{own[0]} over {name}", name, "") for name in own if name not in PLAIN)
@@ -141,120 +145,110 @@ def law_points(machine: Machine) -> Iterator[LawPoint]:
                 blocks = [effect.block for effect in machine.effects if key in effect.at] or [part.name]
                 identity = f"{max(blocks, key=blocks.count)}.law_{point.name}"
                 forms = tuple(replace(f, factor=f.factor.replace(VALUE, own[0])) for f in laws)
-                others = {a for f in forms for a in (f.advances, f.rate[0]) if a}
-                known = {p.name: arguments(part, p) for p in part.points if p.name in others}
-                yield LawPoint(key, identity, point, own, forms, AS_LARGE.get(point.standard, own[0]), known)
+                yield LawPoint(key, identity, point, arguments, forms, AS_LARGE.get(point.standard, own[0]))
 
 
-def arguments(part: Part, point: Point) -> tuple[str, ...]:
-    """Names of a point's arguments after the effects' parameters, their states and the channel."""
-    function = getattr(point.module or part.module, point.name)
-    return tuple(inspect.signature(function).parameters)[3 if point.axis else 2 :]
-
-
-def laws_of(machine: Machine) -> list[LawPoint]:
+def get_laws(machine: Machine) -> list[LawPoint]:
     """Points of a machine where a law may be missing, one for each id."""
     return list({law.identity: law for law in law_points(machine)}.values())
 
 
-def listed(names: Sequence[str]) -> str:
+def join(names: Iterable[str]) -> str:
     """Names with commas."""
     return ", ".join(names)
 
 
-def function(name: str, inputs: Sequence[str], switch: str, cases: dict[int, list[str]], default: str) -> str:
+def write_functions(law: LawPoint, switch: str = "form", watch: bool = False) -> str:
+    """Source of the functions of a law, or of its watch, at all its points.
+
+    Args:
+        law: its point.
+        switch: name of the first parameter, the number of the form.
+        watch: write those that keep range and counts of the variable of a form, of the law's scale for one number more.
+    """
+    forms, own, value = dict(enumerate(law.forms, 1)), law.point.name, law.value
+    bodies: dict[str, dict[int, list[str]]] = {own: {}, **{name: {} for name in law.elsewhere}}
+    if watch:
+        last, kept, known = ("watch",), SEEN, WATCHED
+        count = [f"{c} + inside(u, low, high, {i}.0, {BINS}.0)" for i, c in enumerate(COUNTS)]
+        seen = join([*(f"u if started == 0.0 else {f}({f_seen}, u)" for f, f_seen in ENDS), *count])
+        for k, f in forms.items():
+            if f.advances in ("", own):
+                bodies[own][k] = [f"u = {f.variable}", f"return {value}, {seen}, place, 1.0"]
+            else:
+                u = f"place + {f.variable}" if f.moves else f.variable
+                bodies[f.advances][k] = [f"u = {u}", f"return {seen}, u, 1.0"]
+        bodies[own][len(forms) + 1] = [f"u = {law.scale}", f"return {value}, {seen}, place, 1.0"]
+    else:
+        last, kept, known = (), ELEMENTS if any(f.advances for f in law.forms) else (), (*KNOTS, *WEIGHTS)
+        states = f", {join(ELEMENTS)}" if law.here else ""
+        for k, f in forms.items():
+            total = sum_elements(f)
+            change = advance_elements(f, "period") if f.advances == own else []
+            result = f.result or f"{value} + law"
+            bodies[own][k] = [
+                *change,
+                f"law = {f'{f.factor} * ' if f.factor else ''}{total}",
+                f"return {result}{states}",
+            ]
+            if f.advances not in ("", own):
+                bodies[f.advances][k] = [*advance_elements(f), f"return {join(ELEMENTS)}"]
+    found = []
+    for name, cases in bodies.items():
+        states = kept if name != own or watch or law.here else ()
+        default = join([*([value] if name == own else []), *states])
+        inputs = (*law.arguments[name], switch, *known, *kept)
+        found.append(write_function(law.function(name, *last), inputs, switch, cases, default))
+    for k, (name, variable, result) in ((k, f.rate) for k, f in forms.items() if f.rate[0] and not watch):
+        called = result.replace("slope", f"slope({variable}, {join(KNOTS)}, {join(WEIGHTS)})")
+        inputs = (*law.arguments[name], switch, *known, *kept)
+        found.append(write_function(law.function(name), inputs, switch, {k: [f"return {called}"]}, inputs[0]))
+    return "\n\n\n".join(found)
+
+
+def write_function(name: str, inputs: Sequence[str], switch: str, cases: dict[int, list[str]], default: str) -> str:
     """Source of a function with lines for each form, and what it returns without one."""
-    lines = [f"def {name}({listed(inputs)}):", '    """Effect of the law, by its form."""']
+    lines = [f"def {name}({join(inputs)}):", '    """Effect of the law, by its form."""']
     for number, body in cases.items():
         lines += [f"    if {switch} == {number}.0:", *(f"        {line}" for line in body)]
     return "\n".join([*lines, f"    return {default}"])
 
 
-def law_source(law: LawPoint, switch: str = "form") -> str:
-    """Functions of the law at all its points; `switch`: name of its first parameter, the number of the form."""
-    forms, own, value = dict(enumerate(law.forms, 1)), law.point.name, law.arguments[0]
-    memory = ELEMENTS if any(f.advances for f in law.forms) else ()
-    extra, states = (switch, *KNOTS, *WEIGHTS, *memory), f", {listed(ELEMENTS)}" if law.here else ""
-
-    def acting(form: FreeLaw) -> list[str]:
-        summed = f"{form.factor} * {law_sum(form)}" if form.factor else law_sum(form)
-        advanced = moved(form, "period") if form.advances == own else []
-        return [*advanced, f"law = {summed}", f"return {form.result or f'{value} + law'}{states}"]
-
-    cases = {k: acting(form) for k, form in forms.items()}
-    found = [function(law.function(), (*law.arguments, *extra), switch, cases, value + states)]
-    for name in law.elsewhere:
-        cases = {k: [*moved(f), f"return {listed(ELEMENTS)}"] for k, f in forms.items() if f.advances == name}
-        found.append(function(law.function(name), (*law.at(name), *extra), switch, cases, listed(ELEMENTS)))
-    for k, (name, variable, result) in ((k, f.rate) for k, f in forms.items() if f.rate[0]):
-        called = result.replace("slope", f"slope({variable}, {listed(KNOTS)}, {listed(WEIGHTS)})")
-        inputs = (*law.at(name), *extra)
-        found.append(function(law.function(name), inputs, switch, {k: [f"return {called}"]}, inputs[0]))
-    return "\n\n\n".join(found)
-
-
-def law_sum(form: FreeLaw) -> str:
+def sum_elements(form: FreeLaw) -> str:
     """f(u), or the sum of the elements."""
     if form.is_curve:
-        return f"curve({'s1' if form.kind == PLACE else form.variable}, {listed(KNOTS)}, {listed(WEIGHTS)})"
+        return f"curve({'s1' if form.kind == PLACE else form.variable}, {join(KNOTS)}, {join(WEIGHTS)})"
     divided = form.kind == HYSTERESIS
     terms = zip(WEIGHTS, ELEMENTS[:SIZE], KNOTS, strict=True)
     return "(" + " + ".join(f"{w} * {s}" + (f" / {k}" if divided else "") for w, s, k in terms) + ")"
 
 
-def moved(form: FreeLaw, dt: str = "dt") -> list[str]:
+def advance_elements(form: FreeLaw, dt: str = "dt") -> list[str]:
     """Lines that advance the elements of a law by the move of its variable."""
     step = {
         PLACE: "{s} + change",
         HYSTERESIS: "stop_operator({s}, change, {k})",
         RELAXATION: "faded({s}, change, {dt}, {k})",
-    }
+    }[form.kind]
     change = form.variable if form.moves else f"{form.variable} - last if started > 0.0 else 0.0"
-    each = zip(ELEMENTS[:SIZE], KNOTS, strict=True)
-    lines = [f"{s} = {step[form.kind].format(s=s, k=k, dt=dt)}" for s, k in each]
+    lines = [f"{s} = {step.format(s=s, k=k, dt=dt)}" for s, k in zip(ELEMENTS[:SIZE], KNOTS, strict=True)]
     return [f"change = {change}", *lines, f"last, started = {'0.0' if form.moves else form.variable}, 1.0"]
 
 
-def watch_source(law: LawPoint) -> str:
-    """Functions of a watch: range and counts of the variable of form `form`; of the law's scale for one number more."""
-    count = [f"{c} + inside(u, low, high, {i}.0, {BINS}.0)" for i, c in enumerate(COUNTS)]
-    ends = ("u if started == 0.0 else min(low_seen, u)", "u if started == 0.0 else max(high_seen, u)")
-    seen, extra, value = listed((*ends, *count)), ("form", *WATCHED, *SEEN), law.arguments[0]
-    forms = dict(enumerate(law.forms, 1))
-    own = {k: f.variable for k, f in forms.items() if f.advances in ("", law.point.name)}
-    own[len(forms) + 1] = law.scale
-    cases = {k: [f"u = {u}", f"return {value}, {seen}, place, 1.0"] for k, u in own.items()}
-    default = f"{value}, {listed(SEEN)}"
-    found = [function(law.function("watch"), (*law.arguments, *extra), "form", cases, default)]
-    for name in law.elsewhere:
-        variables = {
-            k: (f"place + {f.variable}" if f.moves else f.variable) for k, f in forms.items() if f.advances == name
-        }
-        cases = {k: [f"u = {u}", f"return {seen}, u, 1.0"] for k, u in variables.items()}
-        found.append(function(law.function(name, "watch"), (*law.at(name), *extra), "form", cases, listed(SEEN)))
-    return "\n\n\n".join(found)
-
-
-def parameter_source(name: str, point: Point, null: float, unit: str = "-", rest: str = "") -> str:
-    """A parameter of a law, for each channel of its point."""
-    ends = f"low={-1e9!r}, high={1e9!r}"
-    return f'EffectParameter("{name}", "{unit}", null={null!r}, {ends}, axis="{point.axis}", fitted=False{rest})'
-
-
-def effect_source(law: LawPoint, name: str, summary: str, parameters: Sequence[str], source: str, watch: bool) -> str:
-    """The definition of the effect of a law, or of its watch; `parameters`: source of each."""
-    module, last = law.key.split(".")[0], ("watch",) if watch else ()
-    points = {law.key: law.function(*last)}
-    points |= {f"{module}.{p}": law.function(p, *last) for p in law.elsewhere}
+def write_effect(
+    law: LawPoint, name: str, summary: str, parameters: Iterable[str], source: str, watch: bool = False
+) -> str:
+    """Source of the definition of the effect of a law, or of its watch; `parameters`: source of each."""
+    module, own, last = law.key.split(".")[0], law.point.name, ("watch",) if watch else ()
     rates = [] if watch else [f.rate[0] for f in law.forms if f.rate[0]]
-    points |= {f"{module}.{p}": law.function(p) for p in rates}
+    points = dict.fromkeys([own, *law.elsewhere, *rates])
+    at = join(f'"{module}.{point}": {law.function(point, *last)}' for point in points)
     states = SEEN if watch else ELEMENTS if any(f.advances for f in law.forms) else ()
-    at = listed([f'"{point}": {function}' for point, function in points.items()])
     lines = [f"{name} = Effect(", f'    id="{law.identity}{"_watch" if watch else ""}",', f"    summary={summary!r},"]
     lines += ['    signature="none of its own",', f"    source={source!r},", f"    at={{{at}}},", "    parameters=("]
     lines += [*(f"        {p}," for p in parameters), "    ),"]
     if states:
-        lines.append(f"    states=({listed([f'State("{s}", "{law.point.axis}")' for s in states])},),")
+        lines.append(f"    states=({join(f'State("{s}", "{law.point.axis}")' for s in states)},),")
     if law.elsewhere:
         lines.append(f"    advances={tuple(f'{module}.{a}' for a in law.elsewhere)!r},")
     if watch or law.here:
@@ -265,31 +259,35 @@ def effect_source(law: LawPoint, name: str, summary: str, parameters: Sequence[s
 def module_text(machine: Machine) -> str:
     """Source of all laws and watches of a machine."""
     summary = f"Free laws at the points of {machine.name}, made by exodrake."
-    pieces = [HEADER.format(summary=summary, functions=listed(FUNCTIONS))]
+    pieces = [HEADER.format(summary=summary, functions=join(FUNCTIONS))]
     for k, law in enumerate(law_points(machine)):
-        form = parameter_source("form", law.point, 0.0, rest=", default=1.0")
-        own = [form, *(parameter_source(n, law.point, float(i)) for i, n in enumerate(KNOTS))]
-        own += [parameter_source(n, law.point, 0.0) for n in WEIGHTS]
-        seen = [form, *(parameter_source(n, law.point, null) for n, null in zip(WATCHED, (0.0, 1.0), strict=True))]
-        pieces += [law_source(law), effect_source(law, f"LAW_{k}", "a free law", own, "any", False)]
-        pieces += [watch_source(law), effect_source(law, f"WATCH_{k}", "counts", seen, "a tool of discovery", True)]
+        ends = f'low=-1000000000.0, high=1000000000.0, axis="{law.point.axis}", fitted=False'
+        form = f'EffectParameter("form", "-", null=0.0, {ends}, default=1.0)'
+        nulls = {n: float(i) for i, n in enumerate(KNOTS)} | dict.fromkeys(WEIGHTS, 0.0)
+        own, seen = (
+            [form, *(f'EffectParameter("{name}", "-", null={null!r}, {ends})' for name, null in each.items())]
+            for each in (nulls, dict(zip(WATCHED, (0.0, 1.0), strict=True)))
+        )
+        pieces += [write_functions(law), write_effect(law, f"LAW_{k}", "a free law", own, "any")]
+        pieces += [write_functions(law, watch=True)]
+        pieces += [write_effect(law, f"WATCH_{k}", "counts", seen, "a tool of discovery", watch=True)]
     return "\n\n\n".join(pieces) + "\n"
 
 
-def effects_of(text: str, name: str) -> tuple[Effect, ...]:
+def load_effects(text: str, name: str) -> tuple[Effect, ...]:
     """Effects of a module's source, kept in a file of the cache for the code generator to read."""
     full = f"exodrake.effects.free_laws_{name}_{hashlib.sha256(text.encode()).hexdigest()[:12]}"
     file = write_if_different(cache_folder() / "laws" / f"{full.rsplit('.', 1)[1]}.py", text)
     return tuple(value for value in vars(module_of_file(full, file)).values() if isinstance(value, Effect))
 
 
-def with_laws(machine: Machine) -> Machine:
+def add_laws(machine: Machine) -> Machine:
     """The machine with its free laws and watches, after its own effects."""
 
     def made() -> Machine:
-        return replace(machine, effects=(*machine.effects, *effects_of(module_text(machine), machine.name)))
+        return replace(machine, effects=(*machine.effects, *load_effects(module_text(machine), machine.name)))
 
-    return once(machine, "with_laws", made)
+    return once(machine, "add_laws", made)
 
 
 def robot_on(robot: Robot, machine: Machine) -> Robot:
@@ -330,7 +328,7 @@ def effect_text(
         case: name of the case it was fitted to.
         formulas: channel -> plain formula, if there is one.
     """
-    single, axis, value = replace(law, identity=law.learned, forms=(form,)), law.point.axis, law.arguments[0]
+    single, axis = replace(law, identity=law.learned, forms=(form,)), law.point.axis
     each = 'null=k, low=-1e9, high=1e9, axis="{}", default=k, fitted=False) for i, k in enumerate({}, 1))'
     parameters = [
         f'EffectParameter("{SWITCH}", "-", null=0.0, low=0.0, high=1.0, axis="{axis}", default=1.0, fitted=False)',
@@ -341,21 +339,21 @@ def effect_text(
     constants = "\n".join(f"{name} = ({', '.join(f'{v:.6g}' for v in row)})" for name, row in rows.items())
     title = f"{form.words[0].upper()}{form.words[1:]}, found in the logs of {case}."
     equation = f"law = {form.factor + ' ' if form.factor else ''}f(u)      u = {form.variable}"
-    lines = [title, "", f"{value} -> {form.result or f'{value} + law'}      {equation}"]
+    lines = [title, "", f"{law.value} -> {form.result or f'{law.value} + law'}      {equation}"]
     lines += [f"{channel or 'here'}: {text}" for channel, text in formulas.items()]
     lines += ["", *wrap(f"{NOTE} {SHAPES.get(form.kind, CURVES).format(unit=form.unit)}", 110)]
-    body = law_source(single, SWITCH)
-    used = listed([n for n in FUNCTIONS if f"{n}(" in body])
+    body = write_functions(single, SWITCH)
+    used = join(n for n in FUNCTIONS if f"{n}(" in body)
     header = HEADER.format(summary="\n".join(lines) + "\n", functions=used)
     if not form.advances:
         header = header.replace("from exodrake.core.part import State\n", "")
-    effect = effect_source(single, "EFFECT", f"{form.words}, found in logs", parameters, f"fitted to {case}", False)
+    effect = write_effect(single, "EFFECT", f"{form.words}, found in logs", parameters, f"fitted to {case}")
     return "\n\n\n".join([f"{header.rstrip()}\n\n{constants}", body, effect]) + "\n"
 
 
 def robot_with(robot: Robot, text: str, channels: Sequence[str], knots: np.ndarray, weights: np.ndarray) -> Robot:
     """A robot with the effect of a module's text in it; knots, weights: (channels, 8), without it where all are 0."""
-    (effect,) = effects_of(text, f"found_{robot.machine.name}")
+    (effect,) = load_effects(text, f"found_{robot.machine.name}")
     out = robot_on(robot, replace(robot.machine, effects=(*robot.machine.effects, effect)))
     on = [c for c, w in zip(channels, weights, strict=True) if w.any()]
     columns = [*zip(KNOTS, knots.T, strict=True), *zip(WEIGHTS, weights.T, strict=True)]
