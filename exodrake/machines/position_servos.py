@@ -151,10 +151,11 @@ TICK = 5e-4  # s, of the motors' equation of motion at most
 FRICTION = 0.05  # N m, of a small servo's gear; ranges of its friction scale with it: Rhoban/bam, 0.02-0.2
 TURNING = 1.0  # rad/s at which viscous friction of that size counts; assumed
 FASTEST = replace(LIBRARY["joint.speed_limit"].parameters[0], high=10.0, default=2.0)
+AT_REFERENCE = {"joint.followed": "servo.firmware_reference"}
 # laws of commands, and errors of the reading that are not tried: a latency is one of them, joints are read one by one
 OF_COMMANDS = (
     for_machine("timing.command_latency", "servo.latency", {"bus.sent": "joint_command.sent"}, frames=FRAMES),
-    for_machine("joint.speed_limit", "servo.speed_limit", {"joint.followed": "servo.followed"}, speed=FASTEST),
+    for_machine("joint.speed_limit", "servo.speed_limit", AT_REFERENCE, speed=FASTEST),
 )
 LEFT_OUT = ("reading.delay", "reading.crosstalk")
 
@@ -188,26 +189,28 @@ def motor_mechanism(robot: Robot) -> Mechanism:
     """
     joints = robot.machine.axes.joints
 
-    def shared(parameter: str, effect: str) -> np.ndarray:
+    def with_share(parameter: str, effect: str) -> np.ndarray:
         return robot.channels(f"servo.{parameter}") * (1.0 + robot.channels(f"servo.{effect}.share"))
 
-    def added(parameter: str, effect: str) -> np.ndarray:
+    def with_amount(parameter: str, effect: str) -> np.ndarray:
         return robot.channels(f"servo.{parameter}") + robot.channels(f"servo.{effect}")
 
-    kt, volts, load = shared("kt", "torque_constant"), shared("supply", "supply"), shared("inertia", "load_inertia")
-    resistance, moment = robot.channels("servo.R"), added("moment", "gravity_moment.moment")
+    kt, volts = with_share("kt", "torque_constant"), with_share("supply", "supply")
+    load, moment = with_share("inertia", "load_inertia"), with_amount("moment", "gravity_moment.moment")
+    resistance = robot.channels("servo.R")
     stall, hangs = kt * volts / resistance, moment != 0.0
     lever = np.divide(0.5 * GRAVITY * load, moment, out=np.zeros(len(joints)), where=hangs)
     mass = np.where(hangs, 2.0 * moment**2 / (GRAVITY**2 * load), load)
     own, low = np.where(hangs, 0.5, 1.0) * load, robot.channels("servo.hanging")
     centres = lever[:, None] * np.column_stack([np.sin(low), np.zeros(len(joints)), -np.cos(low)])
-    damping = added("damping", "viscous_friction.coefficient") + kt**2 / resistance
-    friction = added("dry_friction", "coulomb_friction.force")
+    damping = with_amount("damping", "viscous_friction.coefficient") + kt**2 / resistance
+    friction = with_amount("dry_friction", "coulomb_friction.force")
     drives = {
-        "kp": stall * shared("kp", "loop_gain"), "kv": stall * robot.channels("servo.kd"),
+        "kp": stall * with_share("kp", "loop_gain"), "kv": stall * robot.channels("servo.kd"),
         "delay": robot.machine.frame * robot.channels("servo.latency.frames"),
         "speed": np.minimum(volts / kt, robot.channels("servo.speed_limit.speed")),
-        "armature": robot.channels("servo.armature"), "compliance": added("compliance", "gear_compliance.compliance"),
+        "armature": robot.channels("servo.armature"),
+        "compliance": with_amount("compliance", "gear_compliance.compliance"),
     }  # fmt: skip
     place = axes_side_by_side(joints, "angle", "angle")
     turning = [Joint(j, "continuous", "", f"link_{j}", place.origins[i], np.zeros(3), np.array([0.0, 1.0, 0.0]),

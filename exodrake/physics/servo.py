@@ -42,47 +42,47 @@ class Parameters(NamedTuple):
     hanging: Annotated[tuple, Unit("rad", JOINTS)]
 
 
-def followed(e, z, j, aim, before, dt):
+def firmware_reference(e, z, j, aim, before, dt):
     """Point: reference that the firmware follows [rad], from the command; before: reference so far [rad]."""
     return aim
 
 
-def acted(e, z, j, error):
+def firmware_error(e, z, j, error):
     """Point: error that the firmware acts on [rad]."""
     return error
 
 
-def amplified(e, z, j, gain):
+def firmware_gain(e, z, j, gain):
     """Point: gain of the firmware, duty cycle per error [1/rad]."""
     return gain
 
 
-def supplied(e, z, j, voltage, duty, back_emf, resistance):
+def supply_voltage(e, z, j, voltage, duty, back_emf, resistance):
     """Point: voltage of the supply [V] under a duty cycle, a back-EMF [V] and the resistance of the winding [V/A]."""
     return voltage
 
 
-def magnetised(e, z, j, constant):
+def torque_constant(e, z, j, constant):
     """Point: torque constant of the motor [N m/A], which is that of its back-EMF [V s/rad]."""
     return constant
 
 
-def carried(e, z, j, inertia):
+def load_inertia(e, z, j, inertia):
     """Point: inertia of the load [kg m2]."""
     return inertia
 
 
-def weighed(e, z, j, moment):
+def load_moment(e, z, j, moment):
     """Point: largest moment of the load's weight [N m]."""
     return moment
 
 
-def sprung(e, z, j, compliance):
+def gear_compliance(e, z, j, compliance):
     """Point: compliance of the gear [rad/(N m)]."""
     return compliance
 
 
-def slack(e, z, j, half_width):
+def gear_play(e, z, j, half_width):
     """Point: half the play of the gear [rad]."""
     return half_width
 
@@ -112,7 +112,7 @@ def update(x, z, n, e, dt, command, origin, ready):
         for j in range(count):
             if x[5 * count] == 0.0:
                 x[j], x[2 * count + j], x[4 * count + j] = origin[j], origin[j], command[j]
-            x[4 * count + j] = followed(e, z, j, command[j], x[4 * count + j], dt)
+            x[4 * count + j] = firmware_reference(e, z, j, command[j], x[4 * count + j], dt)
             turn(x, z, n, e, j, count, dt)
         x[5 * count] = 1.0
 
@@ -120,16 +120,16 @@ def update(x, z, n, e, dt, command, origin, ready):
 def turn(x, z, n, e, j, count, dt):
     """Joint j moves on by a tick."""
     angle, speed, rotor, rotor_speed = x[j], x[count + j], x[2 * count + j], x[3 * count + j]
-    error = acted(e, z, j, x[4 * count + j] - angle)
-    duty = min(max(amplified(e, z, j, n.kp[j]) * error - n.kd[j] * speed, -1.0), 1.0)
-    constant = magnetised(e, z, j, n.kt[j])
-    voltage = supplied(e, z, j, n.supply[j], duty, constant * rotor_speed, n.R[j])
+    error = firmware_error(e, z, j, x[4 * count + j] - angle)
+    duty = min(max(firmware_gain(e, z, j, n.kp[j]) * error - n.kd[j] * speed, -1.0), 1.0)
+    constant = torque_constant(e, z, j, n.kt[j])
+    voltage = supply_voltage(e, z, j, n.supply[j], duty, constant * rotor_speed, n.R[j])
     given = constant / n.R[j] * duty * voltage
     drag = constant * constant / n.R[j] + n.damping[j]
     torque = given - constant * constant / n.R[j] * rotor_speed
-    weight = weighed(e, z, j, n.moment[j]) * sin(angle - n.hanging[j])
-    load = carried(e, z, j, n.inertia[j])
-    play, compliance = slack(e, z, j, 0.0), sprung(e, z, j, n.compliance[j])
+    weight = load_moment(e, z, j, n.moment[j]) * sin(angle - n.hanging[j])
+    load = load_inertia(e, z, j, n.inertia[j])
+    play, compliance = gear_play(e, z, j, 0.0), gear_compliance(e, z, j, n.compliance[j])
     rigid = play <= 0.0 and compliance <= 0.0
     moved, external = n.armature[j] + load, weight
     if not rigid:
@@ -168,7 +168,8 @@ def start(x, z, n, e, start_stroke):
 
 FRICTION = ("pushed", "braked", "settle")
 POINTS = (
-    "followed", "acted", "amplified", "supplied", "magnetised", "carried", "weighed", "sprung", "slack", *FRICTION,
+    "firmware_reference", "firmware_error", "firmware_gain", "supply_voltage", "torque_constant", "load_inertia",
+    "load_moment", "gear_compliance", "gear_play", *FRICTION,
 )  # fmt: skip
 
 
