@@ -12,6 +12,7 @@ from exodrake.core.effect import Effect
 from exodrake.core.machine import Machine
 from exodrake.core.robot import Robot
 from exodrake.machines.library import machine_names
+from exodrake.machines.position_servos import motor_machine
 from exodrake.machines.robot_file import load_robot
 from exodrake.machines.serial_arm import FORMS, arm_machine
 
@@ -27,11 +28,11 @@ with the RMS difference in noise standard deviations.
 
 ARMS_PATH = "reference/effects/arms/index.md"
 ARMS = """\
-# Effects of serial arms
+# Effects of serial arms and of servos with motors
 
 What an arm of `exodrake new-machine DIR --urdf FILE` may have beyond its model, in the forms `inverse`, `closed-loop`
-and `cable`; channels and ranges are those of the `cable_arm`. The sensors of its efforts and positions have the errors
-of any signal as well. `exodrake effects --machine DIR` lists those of one arm.
+and `cable`; channels and ranges are those of the `cable_arm`. Then (`servo.*`) what servos of `--servo motor` may have.
+Their sensors have the errors of any signal as well. `exodrake effects --machine DIR` lists those of one arm.
 """
 
 
@@ -60,17 +61,18 @@ def effect_pages() -> Iterator[tuple[str, str | bytes]]:
             index += f"| {link} | {effect.summary} | {words_of(robot, column)}, {size} |\n"
             yield path_of(name, effect), effect_page(robot, effect, shown)
             yield path_of(name, effect).removesuffix("md") + "svg", svg
-    index += "\n## Serial arms\n\n[Effects of arms](effects/arms/index.md) that `exodrake new-machine --urdf` makes.\n"
+    index += "\n## Arms and servos\n\n[Effects](effects/arms/index.md) of what `exodrake new-machine` makes.\n"
     yield ARMS_PATH, arms_page()
     yield "reference/effects.md", index
 
 
 def arms_page() -> str:
-    """Effects of arms in all forms on a page, but for those of their sensors, which any signal has."""
+    """Effects of arms in all forms and of servos on a page, but for those of their sensors, which any signal has."""
     found: dict[str, tuple[Machine, Effect]] = {}
-    for form in FORMS:
-        machine = arm_machine("cable_arm", {"urdf": "cable_arm.urdf", "form": form}, ARM_SCAFFOLD, "cable_arm")
-        own = (effect for effect in machine.effects if effect.block in ("arm", "cable", "gear_motor"))
+    sections = ({"urdf": "cable_arm.urdf", "form": form} for form in FORMS)
+    arms = [arm_machine("cable_arm", section, ARM_SCAFFOLD, "cable_arm") for section in sections]
+    for machine in (*arms, motor_machine("servos", ("joint",), frame=0.02, max_effects=1)):
+        own = (effect for effect in machine.effects if effect.block in ("arm", "cable", "gear_motor", "servo"))
         found = {effect.id: (machine, effect) for effect in own} | found
     page = ARMS
     for machine, effect in (found[name] for name in sorted(found)):

@@ -47,10 +47,14 @@ SOME = {
 NONE = ("demo", "identify", "blind", "import", "new-machine", "feedforward", "warm-up", "fleet")
 REFUSED = {"calibrate", "fit", "grasp", "train", "estimate"}  # what this test asks of these is wrong for any machine
 LONG = {"analyse", "tune", "workspace"}  # for the machine that they are made for, tested elsewhere
-MADE_FOR, LOOPS = "exo_index", {"dvrk_wrist", "emps", "mixed_loop", "so101", "tendon_sheath"}  # others with a loop
+MADE_FOR, LOOPS = (
+    "exo_index",
+    {"dvrk_wrist", "emps", "mixed_loop", "motor_servos", "so101", "tendon_sheath"},
+)  # with a loop
 ARMS = {
     "cable_arm": ["--urdf", "cable_arm"],
     "mixed_loop": ["--urdf", "{}", "--form", "closed-loop"],
+    "motor_servos": ["--servo", "motor"],
 }  # from `new-machine`
 EVERY = (*machine_names(), *ARMS)
 

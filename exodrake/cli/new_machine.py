@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from exodrake.core.mechanism import Chain
 
 
-SCAFFOLD = Path(__file__).parent / "scaffold"
+SCAFFOLD, MOTOR_SCAFFOLD = Path(__file__).parent / "scaffold", Path(__file__).parent / "scaffold_motor"
 NAME = re.compile(r"[a-z][a-z0-9_]*")
 CHANNEL = re.compile(r"[A-Za-z][A-Za-z0-9]*")
 FRAME = 0.02  # s, of servos on a bus: assumed
@@ -25,12 +25,20 @@ SLOWEST = 10.0  # s, as the longest frame of a case
 @click.command()
 @click.argument("folder", type=AnyPath())
 @click.option("--joints", default="shoulder,elbow", show_default=True, metavar="A,B", help="Names of the joints.")
+@click.option(
+    "--servo", default=None, type=click.Choice(("ideal", "motor")), help="Of --joints: kind of servo. [ideal]"
+)
 @click.option("--frame", default=None, type=float, help="From one row to the next [s]. [0.02, of an arm 0.005]")
 @click.option("--urdf", default="", metavar="FILE", help="An arm: its URDF, or cable_arm, linear_axis, rotary_axis.")
 @click.option("--form", default=None, help="Of an arm: inverse, closed-loop or cable. [inverse]")
 @click.option("--tip", default="", metavar="LINK", help="Of an arm whose joints branch: its last link.")
-def command(folder: Path, joints: str, frame: float | None, urdf: str, form: str | None, tip: str) -> None:
+def command(
+    folder: Path, joints: str, servo: str | None, frame: float | None, urdf: str, form: str | None, tip: str
+) -> None:
     """Write FOLDER with a machine of position servos: machine.py, robot.yaml, mapping.yaml, a test and a README.
+
+    With --servo ideal a joint stands where it is told at once. With --servo motor it moves by the equation of motion of
+    firmware, supply, DC motor, gear and load.
 
     With --urdf it is a serial arm without code. Its form is `inverse`, efforts predicted from measured motion,
     `closed-loop`, references through PD controller, motors and forward dynamics, or `cable`, with cables between motors
@@ -45,10 +53,14 @@ def command(folder: Path, joints: str, frame: float | None, urdf: str, form: str
     names = checked(folder, joints, FRAME if frame is None else frame, code=not urdf)
     if (form or tip) and not urdf:
         raise InputError("--form and --tip are of an arm, which --urdf describes")
+    if servo and urdf:
+        raise InputError("--servo is of a machine of position servos, --urdf of an arm; name one of them")
     if urdf:
         texts = arm_files(folder, urdf, form or "inverse", tip, frame)
     else:
-        texts = {name: text.encode() for name, text in contents(folder, names, frame or FRAME).items()}
+        texts = {
+            name: text.encode() for name, text in contents(folder, names, frame or FRAME, servo == "motor").items()
+        }
     files = write_folder(folder, texts)
     click.echo(f"{folder}: {', '.join(file.name for file in files)}")
     click.echo(f"try it: exodrake simulate chirp --machine {folder}")
@@ -78,8 +90,8 @@ def checked(folder: Path, joints: str, frame: float, code: bool) -> tuple[str, .
     return found
 
 
-def contents(folder: Path, joints: tuple[str, ...], frame: float) -> dict[str, str]:
-    """Texts of the folder's files by name."""
+def contents(folder: Path, joints: tuple[str, ...], frame: float, motor: bool) -> dict[str, str]:
+    """Texts of the folder's files by name; motor: whether files of servos with motors replace those of ideal ones."""
     from string import Template
 
     several = len(joints) > 1
@@ -97,7 +109,8 @@ def contents(folder: Path, joints: tuple[str, ...], frame: float) -> dict[str, s
         ),
         "derived": "\n".join(f"  angle_start_{joint}: {{of: angle_{joint}, take: first}}" for joint in joints),
     }  # fmt: skip
-    found = {file.name.removesuffix(".txt"): file.read_text() for file in sorted(SCAFFOLD.glob("*.txt"))}
+    files = [file for folder in (SCAFFOLD, *[MOTOR_SCAFFOLD] * motor) for file in sorted(folder.glob("*.txt"))]
+    found = {file.name.removesuffix(".txt"): file.read_text() for file in files}
     return {name: Template(text).substitute(values) for name, text in found.items()}
 
 

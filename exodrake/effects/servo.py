@@ -1,11 +1,12 @@
-"""Joints behind position servos and their cables: ratio, zero, sag, lag, play, and what neighbours do."""
+"""Servos: ideal ones and their cables (`joint.*`), then those with motor, gear and supply (`servo.*`)."""
 
 from math import cos, exp, inf
 
 from exodrake.core.effect import Effect, per_joint
 from exodrake.core.part import JOINTS, State
 from exodrake.effects.friction import bent, turned
-from exodrake.effects.signal import clipped, mixed, rests, scaled, shifted
+from exodrake.effects.signal import beyond, clipped, mixed, rests, scaled, shifted
+from exodrake.physics.scalar_laws import slowed
 
 STRANDS = 3.0
 
@@ -124,6 +125,31 @@ def settle_strands(dt, moved, setting, width, mu, spread, first, second, third):
     )
 
 
+def drop_voltage(voltage, duty, back_emf, resistance, source):
+    """Voltage of a supply [V] behind the resistance of its source and leads.
+
+    V = V_0 - source u i,  i = (u V - back_emf) / resistance          u: duty cycle
+    """
+    return (voltage + source * duty * back_emf / resistance) / (1.0 + source * duty * duty / resistance)
+
+
+def brake_by_load(speed, mobility, opposed, coefficient):
+    """Speed [rad/s] after dry friction proportional to the load's torque acted for a tick.
+
+    q' after the tick = q' - sgn(q') min(|q'|, coefficient |tau_load| dt / J)
+    """
+    return slowed(speed, coefficient * abs(opposed) * mobility)
+
+
+def brake_by_shared_load(speed, mobility, load, opposed, coefficient):
+    """Speed [rad/s] after dry friction acted for a tick, quadratic in what motor and load put on the gear together.
+
+    q' after the tick = q' - sgn(q') min(|q'|, coefficient T^2 dt / J)          T = min(|tau|, tau_load against tau)
+    """
+    both = min(load, max(opposed, 0.0))
+    return slowed(speed, coefficient * both * both * mobility)
+
+
 COUPLED = "cables run past another joint's axis, whose motion moves this one"
 COUPLED_SIGNATURE = "a joint that is commanded to rest moves in proportion to its neighbour's command, without a loop"
 COUPLED_SOURCE = "Hwang et al., RA-L 2020: coupled wrist cables; range assumed"
@@ -219,4 +245,78 @@ SHEATH_PLAY = Effect(
                 per_joint("mu", "1/rad", null=0.0, low=0.0, high=0.5, default=0.1),
                 per_joint("spread", "-", null=0.0, low=0.0, high=0.8, default=0.2)),
     states=(State("stops", JOINTS, 3),), advances=("joint.settle",),
+)  # fmt: skip
+DEAD_BAND = Effect(
+    id="servo.dead_band", summary="the firmware leaves small errors alone", family="dead zone",
+    signature="the joint rests up to a width from where it is told, on the side that it came from",
+    source="dead band registers of bus servos, 1-3 counts, more of hobby servos; range assumed",
+    at={"servo.firmware_error": beyond}, formula="e = sgn(e) max(0, |e| - width)          e = q_ref - q",
+    parameters=(per_joint("width", "rad", null=0.0, low=0.002, high=0.1, default=0.02),),
+)  # fmt: skip
+GEAR_COMPLIANCE = Effect(
+    id="servo.gear_compliance", summary="elastic gear between motor and joint", family="elasticity",
+    signature="a resonance of rotor against load, within the position loop",
+    source="plastic and metal gears of small servos, 3-300 N m/rad; range assumed",
+    at={"servo.gear_compliance": shifted},
+    formula="q_rotor - q = (c + compliance) torque of the gear",
+    parameters=(per_joint("compliance", "rad/(N m)", null=0.0, low=0.003, high=0.3, default=0.03),),
+)  # fmt: skip
+GEAR_PLAY = Effect(
+    id="servo.gear_play", summary="play of the gear between motor and joint", family="backlash",
+    signature="the load rattles where its torque changes sign; at rest under weight nothing",
+    source="physics.md 4.A gear backlash 0.2-4 deg; range assumed", at={"servo.gear_play": shifted},
+    formula="no torque where |q_rotor - q| < half_width",
+    parameters=(per_joint("half_width", "rad", null=0.0, low=0.002, high=0.1, default=0.02),),
+)  # fmt: skip
+GRAVITY_MOMENT = Effect(
+    id="servo.gravity_moment", summary="the weight of the load other than stated", family="load",
+    signature="an error of posture: largest with the load level, none with it upright or hanging",
+    source="weight times lever; range assumed", at={"servo.load_moment": shifted},
+    formula="gravity = (m g l + moment) sin(q - hanging)",
+    parameters=(per_joint("moment", "N m", null=0.0, low=-1.0, high=1.0, default=0.1),),
+)  # fmt: skip
+LOAD_INERTIA = Effect(
+    id="servo.load_inertia", summary="inertia of the load other than stated", family="inertia",
+    signature="slower and with more overshoot, or the other way round; nothing at rest",
+    source="payloads and CAD without cables; range assumed", at={"servo.load_inertia": scaled},
+    formula="J_j = (1 + share) J",
+    parameters=(per_joint("share", "-", null=0.0, low=-0.8, high=4.0, default=0.5),),
+)  # fmt: skip
+LOOP_GAIN = Effect(
+    id="servo.loop_gain", summary="gain of the firmware other than stated", family="gain",
+    signature="stiffness off: sag, dead band of friction and speed of approach change, the fastest motion does not",
+    source="registers and their units; range assumed", at={"servo.firmware_gain": scaled},
+    formula="kp_j = (1 + share) kp",
+    parameters=(per_joint("share", "-", null=0.0, low=-0.7, high=2.0, default=-0.3),), same_meaning=True,
+)  # fmt: skip
+SUPPLY = Effect(
+    id="servo.supply", summary="voltage of the supply other than stated", family="supply",
+    signature="fastest motion and stiffness off by the same share", source="batteries, 6-8.4 V; range assumed",
+    at={"servo.supply_voltage": scaled}, formula="V = (1 + share) V_0",
+    parameters=(per_joint("share", "-", null=0.0, low=-0.6, high=0.6, default=-0.2),), same_meaning=True,
+)  # fmt: skip
+SUPPLY_SAG = Effect(
+    id="servo.supply_sag", summary="the supply gives way under current", family="supply",
+    signature="slower start and less torque at stall, the fastest motion is nearly as stated",
+    source="leads, connectors and batteries 0.05-2 V/A; range assumed", at={"servo.supply_voltage": drop_voltage},
+    parameters=(per_joint("source", "V/A", null=0.0, low=0.05, high=3.0, default=0.5),),
+)  # fmt: skip
+TORQUE_CONSTANT = Effect(
+    id="servo.torque_constant", summary="torque constant of the motor other than stated", family="gain",
+    signature="torque and fastest motion off, one up and the other down", source="hot magnets, data sheets; assumed",
+    at={"servo.torque_constant": scaled}, formula="kt_j = (1 + share) kt",
+    parameters=(per_joint("share", "-", null=0.0, low=-0.5, high=0.5, default=-0.15),), same_meaning=True,
+)  # fmt: skip
+BACKDRIVING_FRICTION = Effect(
+    id="servo.backdriving_friction", summary="dry friction proportional to the torque of the load", family="friction",
+    signature="a load holds itself: as dry friction, in proportion to the weight at this posture",
+    source="Duclusaud et al., ICRA 2025 (Rhoban/bam M5: load_friction_external 0.0-0.5)",
+    at={"servo.braked": brake_by_load},
+    parameters=(per_joint("coefficient", "-", null=0.0, low=0.02, high=0.8, default=0.25),),
+)  # fmt: skip
+QUADRATIC_FRICTION = Effect(
+    id="servo.quadratic_friction", summary="dry friction quadratic in the load that motor and weight share",
+    family="friction", signature="as dry friction, but only under load against the motor, and far more under twice it",
+    source="Duclusaud et al., ICRA 2025 (Rhoban/bam M6); range assumed", at={"servo.braked": brake_by_shared_load},
+    parameters=(per_joint("coefficient", "1/(N m)", null=0.0, low=0.05, high=5.0, default=0.5),),
 )  # fmt: skip

@@ -1,23 +1,24 @@
-"""Machines of ideal position servos (command -> joint -> reading); they differ in effects and parameters."""
+"""Machines of position servos (command -> joint -> reading): ideal ones, or with motor, gear and supply."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from math import ceil
 
 import numpy as np
 
 from exodrake.core.effect import Effect
 from exodrake.core.machine import Column, Controller, Gain, Loop, Machine, Segment
-from exodrake.core.mechanism import Body, Chain, Drive, Joint, Mechanism
+from exodrake.core.mechanism import GRAVITY, Body, Chain, Drive, Joint, Mechanism
 from exodrake.core.part import JOINTS, NORMAL, SCALAR, UNIFORM, Axes, Part, Signal
 from exodrake.core.robot import Robot
 from exodrake.core.skeleton import axes_side_by_side
-from exodrake.effects import LIBRARY, for_machine, generic_effects, in_order, plugin_effects
+from exodrake.effects import LIBRARY, effects_of, for_machine, generic_effects, in_order, plugin_effects
 from exodrake.effects.servo import lagging, limited
 from exodrake.effects.signal import rests, scaled, shifted
 from exodrake.effects.timing import late
-from exodrake.physics import joint, joint_command, joint_loop
+from exodrake.physics import joint, joint_command, joint_loop, servo
 from exodrake.physics.reading import sensor
 
 FRAMES = replace(LIBRARY["timing.command_latency"].parameters[0], axis=JOINTS)  # each joint late by its own
@@ -144,6 +145,87 @@ def joint_machine(
         skeleton=lambda robot: axes_side_by_side(robot.machine.axes.joints, "angle", "angle"),
         mechanism=mechanism,
     )
+
+
+TICK = 5e-4  # s, of the motors' equation of motion at most
+FRICTION = 0.05  # N m, of a small servo's gear; ranges of its friction scale with it: Rhoban/bam, 0.02-0.2
+TURNING = 1.0  # rad/s at which viscous friction of that size counts; assumed
+FASTEST = replace(LIBRARY["joint.speed_limit"].parameters[0], high=10.0, default=2.0)
+AT_REFERENCE = {"joint.followed": "servo.firmware_reference"}
+# laws of commands, and errors of the reading that are not tried: a latency is one of them, joints are read one by one
+OF_COMMANDS = (
+    for_machine("timing.command_latency", "servo.latency", {"bus.sent": "joint_command.sent"}, frames=FRAMES),
+    for_machine("joint.speed_limit", "servo.speed_limit", AT_REFERENCE, speed=FASTEST),
+)
+LEFT_OUT = ("reading.delay", "reading.crosstalk")
+
+
+def motor_machine(
+    name: str, joints: tuple[str, ...], frame: float, max_effects: int, friction: float = FRICTION
+) -> Machine:
+    """A machine of servos with motor, gear and supply (`physics/servo.py`).
+
+    Args:
+        name: of the machine.
+        joints: their names.
+        frame: its period [s].
+        max_effects: that a diagnosis may name together.
+        friction: of the gears [N m], about; ranges of the friction family scale with it.
+    """
+    scales = {
+        "force": (friction, "N m"), "speed": (TURNING, "rad/s"), "length": (SWING, "rad"),
+        "force/speed": (friction / TURNING, "N m s/rad"),
+    }  # fmt: skip
+    ideal = joint_machine(name, "servo", joints, OF_COMMANDS[:1], frame, max_effects)
+    parts = (servo.part(scales), *ideal.parts[1:])
+    found = (*OF_COMMANDS, *(effect for effect in effects_of(parts) if effect.id not in LEFT_OUT))
+    return replace(ideal, parts=parts, effects=found, slots=max(4, ceil(frame / TICK)), mechanism=motor_mechanism)
+
+
+def motor_mechanism(robot: Robot) -> Mechanism:
+    """Loads side by side, each under a position loop within the stall torque; the back-EMF is damping of the joint.
+
+    A load is half a point on a lever, so that its weight has the stated moment, and half a body about the axis.
+    """
+    joints = robot.machine.axes.joints
+
+    def with_share(parameter: str, effect: str) -> np.ndarray:
+        return robot.channels(f"servo.{parameter}") * (1.0 + robot.channels(f"servo.{effect}.share"))
+
+    def with_amount(parameter: str, effect: str) -> np.ndarray:
+        return robot.channels(f"servo.{parameter}") + robot.channels(f"servo.{effect}")
+
+    kt, volts = with_share("kt", "torque_constant"), with_share("supply", "supply")
+    load, moment = with_share("inertia", "load_inertia"), with_amount("moment", "gravity_moment.moment")
+    resistance = robot.channels("servo.R")
+    stall, hangs = kt * volts / resistance, moment != 0.0
+    lever = np.divide(0.5 * GRAVITY * load, moment, out=np.zeros(len(joints)), where=hangs)
+    mass = np.where(hangs, 2.0 * moment**2 / (GRAVITY**2 * load), load)
+    own, low = np.where(hangs, 0.5, 1.0) * load, robot.channels("servo.hanging")
+    centres = lever[:, None] * np.column_stack([np.sin(low), np.zeros(len(joints)), -np.cos(low)])
+    damping = with_amount("damping", "viscous_friction.coefficient") + kt**2 / resistance
+    friction = with_amount("dry_friction", "coulomb_friction.force")
+    drives = {
+        "kp": stall * with_share("kp", "loop_gain"), "kv": stall * robot.channels("servo.kd"),
+        "delay": robot.machine.frame * robot.channels("servo.latency.frames"),
+        "speed": np.minimum(volts / kt, robot.channels("servo.speed_limit.speed")),
+        "armature": robot.channels("servo.armature"),
+        "compliance": with_amount("compliance", "gear_compliance.compliance"),
+    }  # fmt: skip
+    place = axes_side_by_side(joints, "angle", "angle")
+    turning = [Joint(j, "continuous", "", f"link_{j}", place.origins[i], np.zeros(3), np.array([0.0, 1.0, 0.0]),
+                     effort=stall[i], damping=damping[i], friction=friction[i])
+               for i, j in enumerate(joints)]  # fmt: skip
+    bodies = tuple(Body(mass[i], centres[i], own[i] * np.eye(3)) for i in range(len(joints)))
+    effects = ("torque_constant", "supply", "load_inertia", "gravity_moment", "loop_gain", "viscous_friction",
+               "coulomb_friction", "latency", "speed_limit", "gear_compliance")  # fmt: skip
+    return Mechanism(
+        Chain(joints, tuple(turning), bodies, place.ends[-1]),
+        tuple(Drive(**{name: values[i] for name, values in drives.items()}) for i in range(len(joints))),
+        step=robot.machine.slot, stated=frozenset(f"servo.{name}" for name in effects), beside=True,
+        notes=("mass and lever of each load are assumed; its inertia and the moment of its weight are the robot's",
+               "damping holds the back-EMF kt^2 / R, so that V / kt is the fastest motion"),
+    )  # fmt: skip
 
 
 def loop_of(joints: tuple[str, ...], frame: float, library: tuple[Effect, ...]) -> Loop:

@@ -1,0 +1,191 @@
+"""Geared servos with their motors: firmware, supply, DC motor, gear, and the load that each turns.
+
+    u = min(max(kp (q_ref - q) - kd q', -1), 1)           duty cycle of the firmware
+    tau = kt / R (u V - kt w)                             DC motor at the gear's output; w: speed of the rotor
+    rigid gear, w = q':
+    (J + A) q'' = tau - d q' - dry friction - m(q)        m = moment sin(q - hanging), of the load's weight
+    elastic gear or one with play, twist = rotor - q:
+    J q'' = s - m(q)        A w' = tau - d w - dry friction - s        s = k (twist beyond the play) + damping
+
+kt, d, A and R are those of the motor as the output feels it, the ratio of the gear included (Rhoban/bam; Duclusaud et
+al., ICRA 2025). Speeds are exact for a torque held over a tick, positions follow with the new speeds. Dry friction
+takes speed away after the push, at most all of it. Without friction the fastest motion is V / kt.
+"""
+
+import sys
+from math import exp, sin, sqrt
+from typing import Annotated, NamedTuple
+
+from exodrake.core.part import JOINTS, SCALAR, Output, Part, Point, State, Task, Unit
+from exodrake.physics.scalar_laws import slowed
+
+RIGID = (
+    1.0  # rad, of a gear's fastest oscillation in a tick; stiffer gears count as this stiff, so that they are stable
+)
+LOSS = 0.1  # damping of a gear's oscillation over the critical one: assumed
+
+
+class Parameters(NamedTuple):
+    """Motor, supply, firmware, friction and load of each joint, at the output of its gear; gear's compliance or 0."""
+
+    kt: Annotated[tuple, Unit("N m/A", JOINTS)]
+    R: Annotated[tuple, Unit("V/A", JOINTS)]
+    supply: Annotated[tuple, Unit("V", JOINTS)]
+    kp: Annotated[tuple, Unit("1/rad", JOINTS)]
+    kd: Annotated[tuple, Unit("s/rad", JOINTS)]
+    armature: Annotated[tuple, Unit("kg m2", JOINTS)]
+    damping: Annotated[tuple, Unit("N m s/rad", JOINTS)]
+    dry_friction: Annotated[tuple, Unit("N m", JOINTS)]
+    compliance: Annotated[tuple, Unit("rad/(N m)", JOINTS)]
+    inertia: Annotated[tuple, Unit("kg m2", JOINTS)]
+    moment: Annotated[tuple, Unit("N m", JOINTS)]
+    hanging: Annotated[tuple, Unit("rad", JOINTS)]
+
+
+def firmware_reference(e, z, j, aim, before, dt):
+    """Point: reference that the firmware follows [rad], from the command; before: reference so far [rad]."""
+    return aim
+
+
+def firmware_error(e, z, j, error):
+    """Point: error that the firmware acts on [rad]."""
+    return error
+
+
+def firmware_gain(e, z, j, gain):
+    """Point: gain of the firmware, duty cycle per error [1/rad]."""
+    return gain
+
+
+def supply_voltage(e, z, j, voltage, duty, back_emf, resistance):
+    """Point: voltage of the supply [V] under a duty cycle, a back-EMF [V] and the resistance of the winding [V/A]."""
+    return voltage
+
+
+def torque_constant(e, z, j, constant):
+    """Point: torque constant of the motor [N m/A], which is that of its back-EMF [V s/rad]."""
+    return constant
+
+
+def load_inertia(e, z, j, inertia):
+    """Point: inertia of the load [kg m2]."""
+    return inertia
+
+
+def load_moment(e, z, j, moment):
+    """Point: largest moment of the load's weight [N m]."""
+    return moment
+
+
+def gear_compliance(e, z, j, compliance):
+    """Point: compliance of the gear [rad/(N m)]."""
+    return compliance
+
+
+def gear_play(e, z, j, half_width):
+    """Point: half the play of the gear [rad]."""
+    return half_width
+
+
+def pushed(e, z, j, torque, speed):
+    """Point: torque on the rotor [N m], from that of the motor; speed [rad/s]."""
+    return torque
+
+
+def braked(e, z, j, speed, mobility, load, opposed):
+    """Point: speed of the rotor [rad/s] after dry friction.
+
+    mobility: speed per torque in this tick; load: |torque of the motor| [N m]; opposed: torque of the load against that
+    of the motor [N m], negative where it helps.
+    """
+    return speed
+
+
+def settle(e, z, j, dt, travel):
+    """Point: after a tick, states of the effects on joint j advance by dt [s]; travel of the rotor [rad]."""
+
+
+def update(x, z, n, e, dt, command, origin, ready):
+    """One tick; signals [rad]. x: angles, speeds, rotors' angles and speeds, references, started."""
+    count = command.shape[0]
+    if ready[0] > 0.0:
+        for j in range(count):
+            if x[5 * count] == 0.0:
+                x[j], x[2 * count + j], x[4 * count + j] = origin[j], origin[j], command[j]
+            x[4 * count + j] = firmware_reference(e, z, j, command[j], x[4 * count + j], dt)
+            turn(x, z, n, e, j, count, dt)
+        x[5 * count] = 1.0
+
+
+def turn(x, z, n, e, j, count, dt):
+    """Joint j moves on by a tick."""
+    angle, speed, rotor, rotor_speed = x[j], x[count + j], x[2 * count + j], x[3 * count + j]
+    error = firmware_error(e, z, j, x[4 * count + j] - angle)
+    duty = min(max(firmware_gain(e, z, j, n.kp[j]) * error - n.kd[j] * speed, -1.0), 1.0)
+    constant = torque_constant(e, z, j, n.kt[j])
+    voltage = supply_voltage(e, z, j, n.supply[j], duty, constant * rotor_speed, n.R[j])
+    given = constant / n.R[j] * duty * voltage
+    drag = constant * constant / n.R[j] + n.damping[j]
+    torque = given - constant * constant / n.R[j] * rotor_speed
+    weight = load_moment(e, z, j, n.moment[j]) * sin(angle - n.hanging[j])
+    load = load_inertia(e, z, j, n.inertia[j])
+    play, compliance = gear_play(e, z, j, 0.0), gear_compliance(e, z, j, n.compliance[j])
+    rigid = play <= 0.0 and compliance <= 0.0
+    moved, external = n.armature[j] + load, weight
+    if not rigid:
+        moved, reduced = n.armature[j], n.armature[j] * load / (n.armature[j] + load)
+        stiffness = reduced * RIGID * RIGID / (dt * dt)
+        if compliance > 0.0:
+            stiffness = min(1.0 / compliance, stiffness)
+        twist, external = rotor - angle, 0.0
+        beyond = twist - min(max(twist, -play), play)
+        if beyond != 0.0:
+            external = stiffness * beyond + 2.0 * LOSS * sqrt(stiffness * reduced) * (rotor_speed - speed)
+        x[count + j] = speed + dt * (external - weight) / load
+        x[j] = angle + dt * x[count + j]
+    decay = exp(-drag * dt / moved)
+    mobility = (1.0 - decay) / drag
+    free = rotor_speed * decay + mobility * (pushed(e, z, j, given, rotor_speed) - external)
+    free = slowed(free, n.dry_friction[j] * mobility)
+    opposed = external if torque > 0.0 else -external
+    after = braked(e, z, j, free, mobility, abs(torque), opposed)
+    x[3 * count + j], x[2 * count + j] = after, rotor + dt * after
+    if rigid:
+        x[count + j], x[j] = after, rotor + dt * after
+    settle(e, z, j, dt, dt * after)
+
+
+def output(x, z, n, e, angle):
+    """Angles of the joints [rad]."""
+    for j in range(angle.shape[0]):
+        angle[j] = x[j]
+
+
+def start(x, z, n, e, start_stroke):
+    """At rest, not placed yet."""
+    x[:] = 0.0
+
+
+FRICTION = ("pushed", "braked", "settle")
+POINTS = (
+    "firmware_reference", "firmware_error", "firmware_gain", "supply_voltage", "torque_constant", "load_inertia",
+    "load_moment", "gear_compliance", "gear_play", *FRICTION,
+)  # fmt: skip
+
+
+def part(scales: dict[str, tuple[float, str]]) -> Part:
+    """The servos as a part named `servo`; scales: of their friction."""
+    return Part(
+        name="servo",
+        module=sys.modules[__name__],
+        parameters=Parameters,
+        states=(
+            State("angle", JOINTS, unit="rad"), State("speed", JOINTS, unit="rad/s"),
+            State("rotor", JOINTS, unit="rad"), State("rotor_speed", JOINTS, unit="rad/s"),
+            State("reference", JOINTS, unit="rad"), State("started", SCALAR),
+        ),
+        tasks=(Task("update", ("command", "origin", "ready")),),
+        outputs=(Output("output", ("angle",)),),
+        points=tuple(Point(p, JOINTS, standard=f"sliding.{p}" if p in FRICTION else "") for p in POINTS),
+        scales=scales,
+    )  # fmt: skip

@@ -1,0 +1,158 @@
+"""Servos with motor, gear and supply: closed forms, an integrator of scipy's, energy, and friction that is found."""
+
+from math import cos, pi, sin, sqrt
+
+import numpy as np
+import pytest
+from arm_folders import made
+from command_line import run
+from scipy.integrate import solve_ivp
+
+import exodrake as exo
+from exodrake.data.case import Case, CaseLog
+from exodrake.effects import servo as effects
+from exodrake.physics import servo
+
+KT, R, VOLTS = 1.3, 2.75, 7.4  # N m/A, V/A, V
+PLAIN = {"kt": KT, "R": R, "supply": VOLTS, "kp": 5.3, "kd": 0.0, "armature": 0.02, "damping": 0.0, "dry_friction": 0.0,
+         "compliance": 0.0, "inertia": 0.03, "moment": 0.0, "hanging": 0.0}  # fmt: skip
+STIFFNESS = PLAIN["kp"] * KT * VOLTS / R  # N m/rad
+DRAG = KT**2 / R  # N m s/rad
+
+
+def simulate_joint(command, time, tick=5e-4, start=0.0, **changes):
+    """States (ticks, 4) of a servo after each tick: angle, speed, rotor's angle and speed; command: of the time."""
+    n = servo.Parameters(**{name: (value,) for name, value in (PLAIN | changes).items()})
+    x, rows = np.zeros(6), []
+    for k in range(round(time / tick)):
+        servo.update(x, (), n, (), tick, np.array([command(k * tick)]), np.array([start]), np.ones(1))
+        rows.append(x[:4].copy())
+    return np.array(rows)
+
+
+@pytest.mark.parametrize("kd", [0.0, 0.05])
+def test_a_small_step_is_that_of_a_second_order_loop(kd):
+    """J q'' + (kt^2/R + kd kt V/R + d) q' + kp kt V/R q = kp kt V/R q_ref, up to Euler's error of first order."""
+    inertia, drag = 0.05, DRAG + kd * KT * VOLTS / R + 0.01
+    own, decay = sqrt(STIFFNESS / inertia), 0.5 * drag / inertia
+    ringing = sqrt(own**2 - decay**2)
+    errors = []
+    for tick in (5e-4, 2.5e-4):
+        t = tick * np.arange(1, round(0.5 / tick) + 1)
+        wanted = 0.1 * (1.0 - np.exp(-decay * t) * (np.cos(ringing * t) + decay / ringing * np.sin(ringing * t)))
+        errors.append(np.abs(simulate_joint(lambda t: 0.1, 0.5, tick, kd=kd, damping=0.01)[:, 0] - wanted).max())
+    assert errors[0] < 1e-3 and errors[1] == pytest.approx(0.5 * errors[0], rel=0.1)
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.2])
+def test_the_supply_limits_speed(damping):
+    """kt (V - kt w) / R = d w; a full duty cycle is held as long as the error is large."""
+    speed = simulate_joint(lambda t: 100.0, 1.0, damping=damping)[-1, 1]
+    assert speed == pytest.approx(KT * VOLTS / R / (DRAG + damping), rel=1e-4)
+    assert damping > 0.0 or speed == pytest.approx(VOLTS / KT, rel=1e-4)
+
+
+def test_a_weight_at_rest_sags_by_its_moment_over_the_stiffness():
+    angle = simulate_joint(lambda t: 0.5 * pi, 2.5, moment=0.5)[-1, 0]
+    assert STIFFNESS * (0.5 * pi - angle) == pytest.approx(0.5 * sin(angle), rel=1e-3)
+    hanging = simulate_joint(lambda t: 0.5 * pi, 1.5, moment=0.5, hanging=0.5 * pi)[-1, 0]
+    assert hanging == pytest.approx(0.5 * pi, abs=1e-3)
+
+
+@pytest.mark.parametrize("compliance", [0.0, 0.02])
+def test_a_large_motion_is_that_of_an_integrator_of_scipys(compliance):
+    """Steps that saturate the duty cycle, weight, viscous friction, and an elastic gear with its damping."""
+    values = PLAIN | {"moment": 0.8, "damping": 0.05, "kp": 2.0, "compliance": compliance}
+
+    def command(t):
+        return 1.5 if t < 0.7 else -1.0
+
+    def slope(t, y):
+        q, v, rotor, w = y
+        duty = np.clip(2.0 * (command(t) - q), -1.0, 1.0)
+        torque, weight = KT / R * (duty * VOLTS - KT * w) - 0.05 * w, 0.8 * sin(q)
+        if not compliance:
+            return [v, (torque - weight) / 0.05, v, (torque - weight) / 0.05]
+        reduced = 0.02 * 0.03 / 0.05
+        spring = (rotor - q) / compliance + 2.0 * servo.LOSS * sqrt(reduced / compliance) * (w - v)
+        return [v, (spring - weight) / 0.03, w, (torque - spring) / 0.02]
+
+    wanted = solve_ivp(slope, (0.0, 1.4), np.zeros(4), rtol=1e-8, atol=1e-10, max_step=1e-3, dense_output=True)
+    for tick, most in ((5e-4, 4e-3), (1.25e-4, 1e-3)):
+        found = simulate_joint(command, 1.4, tick, **values)
+        t = tick * np.arange(1, len(found) + 1)
+        assert np.abs(found[:, 0] - wanted.sol(t)[0]).max() < most
+
+
+@pytest.mark.parametrize("compliance", [0.0, 0.05])
+def test_energy_of_a_falling_load_is_what_the_back_emf_takes(compliance):
+    """No duty cycle: energy of motion, gear and weight falls by the work of kt^2 / R w, up to Euler's error."""
+    q, v, rotor, w = simulate_joint(lambda t: 0.0, 2.0, start=2.0, kp=0.0, moment=0.5, compliance=compliance).T
+    energy = 0.5 * (0.03 * v**2 + 0.02 * w**2) + 0.5 * (1.0 - np.cos(q))
+    energy += 0.5 * (rotor - q) ** 2 / compliance if compliance else 0.0
+    taken = DRAG * 5e-4 * np.cumsum(w**2)
+    assert energy + taken == pytest.approx(np.full(len(q), 0.5 * (1.0 - cos(2.0))), rel=0.02)
+    assert energy[-1] < 0.2 * energy[0]
+
+
+def test_dry_friction_holds_what_is_smaller():
+    """At rest under weight and error as long as their sum stays below the friction, then on at the surplus."""
+    held = simulate_joint(lambda t: 0.0, 0.2, start=0.01, dry_friction=0.3)
+    assert np.all(held[:, 0] == 0.01) and STIFFNESS * 0.01 < 0.3
+    speed = simulate_joint(lambda t: 100.0, 1.0, dry_friction=0.3)[-1, 1]
+    assert speed == pytest.approx((VOLTS - 0.3 * R / KT) / KT, rel=1e-4)
+
+
+def test_play_of_the_gear_lets_the_load_hang_at_its_edge(monkeypatch):
+    """The rotor bears the weight at the edge of the play, and passes the play when the weight changes sides."""
+    monkeypatch.setattr(servo, "gear_play", lambda e, z, j, half_width: 0.05)
+    for side in (1.0, -1.0):
+        q, _, rotor, _ = simulate_joint(lambda t, aim=0.5 * side: aim, 1.5, moment=0.5)[-1]
+        assert rotor - q == pytest.approx(side * 0.05, rel=0.01)
+
+
+def test_laws_of_supply_and_load():
+    volts = effects.drop_voltage(7.4, 0.8, 2.0, R, 0.5)
+    assert volts == pytest.approx(7.4 - 0.5 * 0.8 * (0.8 * volts - 2.0) / R)  # at the current that it drives
+    assert effects.brake_by_load(1.0, 0.1, -2.0, 0.25) == pytest.approx(1.0 - 0.05)
+    assert effects.brake_by_shared_load(1.0, 0.1, 0.5, 2.0, 0.4) == pytest.approx(1.0 - 0.4 * 0.25 * 0.1)
+    assert effects.brake_by_shared_load(1.0, 0.1, 0.5, -2.0, 0.4) == 1.0
+
+
+@pytest.fixture(scope="module")
+def nominal(arm_folder):
+    """Two servos with motors, as the command makes them."""
+    return made(arm_folder, "geared", "--servo", "motor")
+
+
+def test_every_effect_is_absent_at_its_null_value_and_bounded_over_its_range(nominal):
+    light = nominal.with_parameters({"servo.armature": 1e-3, "servo.inertia": 1e-4, "servo.moment": 0.05})
+    plain = exo.simulate(light, "steps:dwell=0.5", seed=1)
+    for effect in nominal.machine.effects:
+        first, *rest = effect.parameters
+        for values in [
+            [first.null, *(p.high for p in rest)],
+            [p.low for p in (first, *rest)],
+            [p.high for p in (first, *rest)],
+        ]:
+            robot = light.splice(effect.id, dict(zip([p.name for p in effect.parameters], values, strict=True)))
+            log = exo.simulate(robot, "steps:dwell=0.5", seed=1)
+            angles = np.column_stack([log[f"angle_{j}"] for j in nominal.machine.axes.joints])
+            assert np.abs(angles).max() < 4.0, (effect.id, values)
+            if values[0] == first.null:
+                assert all(np.array_equal(log[c], plain[c]) for c in plain.columns), effect.id
+
+
+def test_planted_friction_is_named_with_its_size(nominal):
+    worn = nominal.splice("servo.coulomb_friction", {"force": 0.1}, ["elbow"])
+    logs = [exo.simulate(worn, exo.protocol(f"random-motion:duration=12,seed={k}", worn), seed=k) for k in range(2)]
+    items = [CaseLog(log, "motion", role, None, f"{role}.csv") for log, role in zip(logs, ("fit", "holdout"))]
+    found = exo.diagnose(Case("planted", {}, tuple(items), nominal.machine.frame), nominal)
+    assert found.verdict == "NAMED", found.reasons
+    assert [effect.id for effect in found.effects] == ["servo.coulomb_friction"]
+    assert found.robots["improved"]["servo.coulomb_friction.force.elbow"] == pytest.approx(0.1, rel=0.1)
+
+
+def test_a_kind_of_servo_is_refused_for_an_arm(tmp_path):
+    said = run("new-machine", tmp_path / "a", "--urdf", "linear_axis", "--servo", "motor")
+    assert said.exit_code == 2 and "--servo is of a machine of position servos" in said.stderr
