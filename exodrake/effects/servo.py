@@ -6,7 +6,7 @@ from exodrake.core.effect import Effect, per_joint
 from exodrake.core.part import JOINTS, State
 from exodrake.effects.friction import bent, turned
 from exodrake.effects.signal import beyond, clipped, mixed, rests, scaled, shifted
-from exodrake.physics.scalar_laws import slowed
+from exodrake.physics.arithmetic import slowed
 
 STRANDS = 3.0
 

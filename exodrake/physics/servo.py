@@ -17,7 +17,7 @@ from math import exp, sin, sqrt
 from typing import Annotated, NamedTuple
 
 from exodrake.core.part import JOINTS, SCALAR, Output, Part, Point, State, Task, Unit
-from exodrake.physics.scalar_laws import slowed
+from exodrake.physics.arithmetic import slowed
 
 RIGID = (
     1.0  # rad, of a gear's fastest oscillation in a tick; stiffer gears count as this stiff, so that they are stable
