@@ -31,10 +31,13 @@ def make(
 
     The same seed makes the same set, whatever --jobs is. If it is interrupted, the same command goes on from there.
     """
-    from exodrake.reference.cases import named_mixes
+    from exodrake.core.errors import InputError
+    from exodrake.reference.cases import MIXES
     from exodrake.reference.make import make as make_set
 
-    chosen = named_mixes(mixes)
+    if unknown := [name for name in mixes if name not in MIXES]:
+        raise InputError(f"no case mix {unknown[0]!r}; there are {', '.join(MIXES)}")
+    chosen = tuple(MIXES[name] for name in dict.fromkeys(mixes))
     with counted("making") as count:
         path = make_set(out, seed, cases, labels, jobs, chosen, cluster, count)
     click.echo(f"cases in {out}: {cases * len(chosen)}; labels in {path}, committed in {out / 'seal.txt'}")
@@ -75,11 +78,11 @@ def score(
     """
     from rich.console import Console
 
-    from exodrake.reference.score import as_json, as_markdown, as_tables, score as score_set
+    from exodrake.reference.score import as_json, as_tables, markdown as as_markdown, score as score_set, tables
 
     result = score_set(folder, labels, against)
     if not write_json(as_json(result), json_file):
         for table in as_tables(result):
             Console().print(table)
     if markdown:
-        write_files({markdown: as_markdown(result)})
+        write_files({markdown: as_markdown(tables(result))})
