@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -10,7 +9,19 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from exodrake.cli.options import AnyPath, OutputFile, OutputFolder, change_robot, robot_changes, robot_option, waiting
+from exodrake.cli.options import (
+    AnyPath,
+    OutputFile,
+    OutputFolder,
+    change_robot,
+    json_option,
+    print_table,
+    robot_changes,
+    robot_option,
+    waiting,
+    write_answer,
+    write_files,
+)
 
 if TYPE_CHECKING:
     from exodrake.analysis.closed_loop import ClosedLoop
@@ -43,7 +54,7 @@ SHOWN = 0.3  # poles of smaller modulus are gone within a few frames
     help="Measure the frequency response with sensor noise of this seed.",
 )
 @click.option("--out", type=OutputFolder(), default=None, help="Folder for figures and analysis.json.")
-@click.option("--json", "target", type=OutputFile(), default=None, help="File for all numbers.")
+@json_option
 @click.option(
     "--to-control",
     "model",
@@ -51,7 +62,7 @@ SHOWN = 0.3  # poles of smaller modulus are gone within a few frames
     default=None,
     help="NPZ with A, B, C, D, dt and names for python-control.",
 )
-def command(file, parameters, effects, parts, at, draws, diagnosis, seed, out, target, model) -> None:
+def command(file, parameters, effects, parts, at, draws, diagnosis, seed, out, json_file, model) -> None:
     """How stable, how fast and how robust the closed loop of a robot is, seen once a frame.
 
     Linearises the whole sampled loop at an operating point, and measures the full nonlinear one by steps and multisine.
@@ -63,7 +74,6 @@ def command(file, parameters, effects, parts, at, draws, diagnosis, seed, out, t
     from exodrake.analysis.limit_cycles import limit_cycles
     from exodrake.analysis.uncertainty import assess_answer, read_diagnosis
     from exodrake.cli.simulate import warn
-    from exodrake.core.files import make_folder, write_bytes
     from exodrake.machines.robot_file import load_robot
 
     answer, improved = read_diagnosis(diagnosis) if diagnosis else (None, None)
@@ -74,20 +84,14 @@ def command(file, parameters, effects, parts, at, draws, diagnosis, seed, out, t
         result = analyse(robot, point, seed)
         uncertainty = None if answer is None else assess_answer(robot, answer, point, draws or 12)
         result = replace(result, bands=bands_of(robot, point, draws, answer), uncertainty=uncertainty)
-        cycles = limit_cycles(robot, point) if out or target else ()
-        text = (json.dumps(to_plain(result, cycles), indent=1, allow_nan=False) + "\n").encode()
-        contents = {out / name: png for name, png in draw_figures(result, cycles).items()} if out else {}
-        contents |= {out / "analysis.json": text} if out else {}
-        contents |= {target: text} if target else {}
-        contents |= {model: model_bytes(result)} if model else {}
-    if out:
-        make_folder(out)
-    for path, data in contents.items():
-        write_bytes(path, data)
-    show(result)
+        cycles = limit_cycles(robot, point) if out or json_file else ()
+        figures, numbers = draw_figures(result, cycles) if out else {}, to_plain(result, cycles)
+    if json_file != "-":
+        show(result)
     warn(robot)
-    if contents:
-        click.echo("wrote " + ", ".join(str(path) for path in contents))
+    write_answer(numbers, "analysis", json_file, out, figures)
+    if model:
+        write_files({model: model_bytes(result)}, json_file != "-")
 
 
 def bands_of(robot: Robot, at: dict[str, float] | str | None, draws: int, answer: Any) -> tuple[Band, ...]:
@@ -126,11 +130,7 @@ def point_of(text: str) -> dict[str, float] | str | None:
 
 def show(result: ClosedLoop) -> None:
     """The main numbers as tables."""
-    from rich.console import Console
-
-    from exodrake.report.terminal import table
-
-    console, rows, poles = Console(), [], []
+    rows, poles = [], []
     for step, response, m in zip(result.steps, result.responses, result.margins):
         row = (step.rise, 100.0 * step.overshoot, step.settling, response.bandwidth)
         row = row if result.stable else (math.nan,) * len(row)  # of a growing oscillation
@@ -142,10 +142,9 @@ def show(result: ClosedLoop) -> None:
             place = f"{pole.z.real:+.3f}" + (f" ±{pole.z.imag:.3f}i" if pole.z.imag else "")
             rest = (f"{v:.3g}" for v in (pole.frequency, pole.damping))
             poles.append((f"{abs(pole.z):.4f}", place, *rest, course(pole.time_constant), pole.state))
-    console.print(table(("channel", *(f">{name}\n\\[{unit}]" for name, unit in FIGURES.items())), rows))
-    titles = (">|z|", ">z", ">frequency\n\\[Hz]", ">damping\n\\[-]", "e-fold\n", "mostly in")
-    console.print()
-    console.print(table(titles, poles))
+    print_table(("channel", *(f">{name}\n\\[{unit}]" for name, unit in FIGURES.items())), rows)
+    click.echo()
+    print_table((">|z|", ">z", ">frequency\n\\[Hz]", ">damping\n\\[-]", "e-fold\n", "mostly in"), poles)
     for line in (
         *robust_lines(result),
         *uncertainty_lines(result),

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from exodrake.cli.options import AnyPath, log_in, robot_option
+from exodrake.cli.options import AnyPath, log_in, robot_option, write_files
 
 if TYPE_CHECKING:
     from exodrake.data.import_log import Mapped
@@ -39,8 +39,7 @@ def command(
     along; a comment in the file names what the format cannot state.
     """  # noqa: D205 - click shows the first paragraph whole
     from exodrake.core.errors import InputError
-    from exodrake.core.files import write_bytes
-    from exodrake.data.formats import read_log, write_log
+    from exodrake.data.formats import log_bytes, read_log
     from exodrake.data.import_log import read_mapping
     from exodrake.machines.export import export_robot
     from exodrake.machines.library import robot_yaml
@@ -62,10 +61,8 @@ def command(
         table = table.between(first if start is None else start, float("inf") if end is None else end)
     if not len(table):
         raise InputError(f"{subject}: no rows between --start and --end (the log runs from {first:g} to {last:g} s)")
-    if map_file:
-        write_bytes(out, owner_table(table, read_mapping(map_file), str(map_file)))
-    else:
-        write_log(table, out)
+    data = owner_table(table, read_mapping(map_file), str(map_file)) if map_file else log_bytes(table, out)
+    write_files({out: data}, announce=False)
     click.echo(f"{out}: {len(table)} rows, {len(table.columns)} columns")
 
 

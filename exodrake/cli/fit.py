@@ -4,8 +4,16 @@ from __future__ import annotations
 
 import click
 
-from exodrake.cli.options import OutputFolder, change_robot, json_option, robot_changes, robot_option, waiting
-from exodrake.cli.response import CASE, write_answer
+from exodrake.cli.options import (
+    CASE,
+    OutputFolder,
+    change_robot,
+    json_option,
+    robot_changes,
+    robot_option,
+    waiting,
+    write_answer,
+)
 
 
 @click.command()

@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
-from exodrake.cli.options import AnyPath, log_in, robot_option
-
-if TYPE_CHECKING:
-    from exodrake.core.machine import Machine
-    from exodrake.data.log import Comparison
+from exodrake.cli.options import (
+    AnyPath,
+    OutputFile,
+    json_option,
+    log_in,
+    print_table,
+    robot_option,
+    write_files,
+    write_json,
+)
 
 
 @click.command()
 @click.argument("log", type=AnyPath())
 @robot_option()
-@click.option("--out", type=AnyPath(), default=None, help="File to write [LOG with .html].")
+@click.option("--out", type=OutputFile("recording.html"), help="File to write, or a folder for it [LOG with .html].")
 @click.option("--estimated", is_flag=True, help="Show the estimated joint angles, not the measured ones.")
 @click.option("--open", "show", is_flag=True, help="Open the file in the browser.")
 def show_log(log: Path, robot: str, out: Path | None, estimated: bool, show: bool) -> None:
@@ -26,7 +30,6 @@ def show_log(log: Path, robot: str, out: Path | None, estimated: bool, show: boo
     LOG is a log file, or a folder that `exodrake simulate` wrote.
     `#t=1.5` at the end of the address stops it at that time.
     """
-    from exodrake.core.files import write_text
     from exodrake.data.formats import read_log
     from exodrake.diagrams.meshcat import recording_html
     from exodrake.machines.robot_file import load_robot
@@ -35,8 +38,7 @@ def show_log(log: Path, robot: str, out: Path | None, estimated: bool, show: boo
     file = log_in(log)
     html = recording_html(read_log(file), load_robot(robot), log.name or log.resolve().name, angles=kind)
     target = out or file.with_name(file.name.split(".")[0] + ".html")
-    write_text(target, html)
-    click.echo(f"{target}: {len(html) / 1e6:.1f} MB")
+    write_files({target: html})
     if show:
         click.launch(str(target))
 
@@ -45,46 +47,29 @@ def show_log(log: Path, robot: str, out: Path | None, estimated: bool, show: boo
 @click.argument("first", type=AnyPath(), metavar="A")
 @click.argument("second", type=AnyPath(), metavar="B")
 @robot_option()
-@click.option("--out", type=AnyPath(), default=Path("compare.png"), show_default=True,
-              help="Figure to write.")  # fmt: skip
-@click.option("--json", "json_file", type=AnyPath(), default=None, help="File for all numbers, in SI.")
-def compare_logs(first: Path, second: Path, robot: str, out: Path, json_file: Path | None) -> None:
+@click.option("--out", type=OutputFile("compare.png"), default=Path("compare.png"), show_default=True,
+              help="Figure to write, or a folder for it.")  # fmt: skip
+@json_option
+def compare_logs(first: Path, second: Path, robot: str, out: Path, json_file: Path | str | None) -> None:
     """Overlay logs A and B, draw B less A below, and print RMS, mean and largest difference of each common signal.
 
     A and B are log files, or folders that `exodrake simulate` wrote. Where the clocks differ, B is read between its
     samples. The robot gives labels, units and colours.
     """
-    from exodrake.core.errors import InputError
-    from exodrake.core.files import write_bytes
-    from exodrake.core.plain import save
+    from exodrake.core.display import display_of
+    from exodrake.core.plain import plain
+    from exodrake.core.units import kind_of
     from exodrake.data.formats import read_log
     from exodrake.data.log import compare
     from exodrake.data.plot import png_of, remarks
     from exodrake.machines.robot_file import load_robot
 
-    if out.suffix.lower() != ".png":
-        raise InputError(f"{out}: the figure is a PNG; its name ends in .png")
     machine = load_robot(robot).machine
     one, other = (read_log(log_in(path)) for path in (first, second))
     found = compare(one, other)
     names = (first.name, second.name) if first.name != second.name else found.names
     said = remarks(found, one, machine)
     figure = one.plot(" and ".join(names), other, names, machine=machine, remarks=said, difference=True)
-    write_bytes(out, png_of(figure))
-    if json_file:
-        save(found, json_file)
-    show_differences(found, machine)
-    click.echo(" ".join(["written", str(out), *([str(json_file)] if json_file else [])]))
-
-
-def show_differences(found: Comparison, machine: Machine) -> None:
-    """Prints the differences in the units that people read."""
-    from rich.console import Console
-
-    from exodrake.core.display import display_of
-    from exodrake.core.units import kind_of
-    from exodrake.report.terminal import table
-
     rows = []
     for name, one in found.signals.items():
         kind = kind_of(name) or name
@@ -92,10 +77,10 @@ def show_differences(found: Comparison, machine: Machine) -> None:
         cells = (f"{display.factor * x:.3g}" for x in (one.rms, one.mean, one.largest))
         channel = name.removeprefix(kind).strip("_")
         rows.append((f"{kind} {channel}".rstrip(), display.unit, *cells, f"{one.at:.2f} s"))
-    console = Console()
-    console.print(
-        f"B less A, {found.start:g} to {found.end:g} s; A is {found.names[0]}, B {found.names[1]}", markup=False
-    )
-    console.print(table(("signal", "unit", ">RMS", ">mean", ">largest", ">at"), rows))
+    if json_file != "-":
+        click.echo(f"B less A, {found.start:g} to {found.end:g} s; A is {found.names[0]}, B {found.names[1]}")
+        print_table(("signal", "unit", ">RMS", ">mean", ">largest", ">at"), rows)
     for note in found.notes:
         click.secho(f"note: {note}", fg="yellow", err=True)
+    printed = write_json(plain(found), json_file)
+    write_files({out: png_of(figure)}, not printed)

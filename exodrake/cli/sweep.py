@@ -4,8 +4,16 @@ from __future__ import annotations
 
 import click
 
-from exodrake.cli.options import AnyPath, OutputFolder, change_robot, json_option, robot_changes, robot_option
-from exodrake.cli.response import write_answer
+from exodrake.cli.options import (
+    AnyPath,
+    OutputFolder,
+    change_robot,
+    json_option,
+    print_table,
+    robot_changes,
+    robot_option,
+    write_answer,
+)
 
 
 @click.command()
@@ -30,7 +38,6 @@ def command(
 ) -> None:  # fmt: skip
     """Run a robot on PROTOCOL once for each variation, and tabulate RMS from the robot's own run, peak and end."""
     import numpy as np
-    from rich.console import Console
 
     from exodrake.analysis.sweep import plot_sweep, sweep
     from exodrake.core.errors import InputError
@@ -38,7 +45,6 @@ def command(
     from exodrake.core.schema import read_json
     from exodrake.data.plot import png_of
     from exodrake.machines.robot_file import load_robot
-    from exodrake.report.terminal import table
     from exodrake.simulation.references import from_log
 
     if bool(protocol) == bool(reference) or bool(over) + bool(robots) + bool(diagnosis) != 1:
@@ -61,7 +67,7 @@ def command(
         )  # fmt: skip
     numbers = found.describe().T[["mean", "std", "min", "max"]]
     rows = [(name, *(f"{x:.4g}" for x in row), found.attrs["units"].get(name, "")) for name, row in numbers.iterrows()]
-    Console(stderr=json_file == "-").print(table(("", ">mean", ">std", ">least", ">largest", "unit"), rows))
+    print_table(("", ">mean", ">std", ">least", ">largest", "unit"), rows, aside=json_file == "-")
     files = {"sweep.csv": found.to_csv(index=False), "sweep.png": png_of(plot_sweep(found))} if out else {}
     answer = {"units": found.attrs["units"], "rows": found.to_dict("records")}
     write_answer(answer, "sweep", json_file, out, files)

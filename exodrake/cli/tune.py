@@ -5,20 +5,28 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from exodrake.cli.options import AnyPath, OutputFile, robot_option
+from exodrake.cli.options import (
+    AnyPath,
+    OutputFile,
+    OutputFolder,
+    json_option,
+    print_table,
+    robot_option,
+    waiting,
+    write_answer,
+    write_files,
+)
 
 if TYPE_CHECKING:
     from exodrake.analysis.tuning import Tuned, Tuning
 
 
 ABOVE = click.FloatRange(min=0.0, min_open=True)
-FILE = {"type": OutputFile(), "default": None, "metavar": "FILE"}
 
 
 @click.command()
@@ -38,67 +46,50 @@ FILE = {"type": OutputFile(), "default": None, "metavar": "FILE"}
 @click.option(
     "--draws", type=click.IntRange(0, 100), default=4, help="Robots within tolerances that the search sees. [4]"
 )
-@click.option("--out-robot", **FILE, help="Write the robot with the best controller.")
-@click.option("--figure", **FILE, help="PNG that compares the controllers.")
-@click.option("--json", "target", **FILE, help="File for all numbers.")
-def command(file, settling, overshoot, disk_margin, noise, only, draws, out_robot, figure, target) -> None:
+@click.option("--out", type=OutputFolder(), help="Folder for tuned.yaml, tune.png and tune.json.")
+@click.option("--out-robot", type=OutputFile("tuned.yaml"), help="Write the robot with the best controller alone.")
+@json_option
+def command(file, settling, overshoot, disk_margin, noise, only, draws, out, out_robot, json_file) -> None:
     """Choose the gains of a robot's closed loop that settle fastest within requirements.
 
     They hold at every operating point of the machine and for robots within the tolerances. Every controller that the
     machine knows is tuned and compared; the fastest that holds all requirements is written as a robot file.
     """
-    from rich.console import Console
-
+    from exodrake.analysis.figures import plot_tuning
     from exodrake.analysis.tuning import Requirements, tune
     from exodrake.core.errors import InputError
-    from exodrake.core.files import write_bytes
-    from exodrake.core.plain import plain
-    from exodrake.machines.robot_file import load_robot, write_robot
+    from exodrake.data.plot import png_of
+    from exodrake.machines.robot_file import load_robot, robot_text
 
     robot = load_robot(file)
     if out_robot and robot.machine.loop and robot.machine.loop.outer:
         raise InputError("--out-robot: the gains are those of an outer loop, which no robot file holds")
     wanted = Requirements(settling, overshoot / 100.0, disk_margin, noise)
-    with Console(stderr=True).status("tuning") as status:
-        tuning = tune(robot, wanted, only, draws, progress=lambda name: status.update(f"tuning: {name}"))
-    show(tuning)
-    if target:
-        write_bytes(target, (json.dumps(plain(tuning.to_dict()), indent=1, allow_nan=False) + "\n").encode())
-    if figure:
-        from exodrake.analysis.figures import plot_tuning
-        from exodrake.data.plot import png_of
-
-        write_bytes(figure, png_of(plot_tuning(tuning)))
+    with waiting("tuning") as say:
+        tuning = tune(robot, wanted, only, draws, progress=lambda name: say(f"tuning: {name}"))
+    if json_file != "-":
+        show(tuning)
+    files: dict[str, str | bytes] = {"tune.png": png_of(plot_tuning(tuning))} if out else {}
+    if tuning.best and (out or out_robot) and not (robot.machine.loop and robot.machine.loop.outer):
+        files["tuned.yaml"] = robot_text(tuning.best.robot, notes_of(tuning, tuning.best))
+    write_answer(tuning.to_dict(), "tune", json_file, out, files)
     if out_robot and tuning.best:
-        write_robot(tuning.best.robot, out_robot, notes_of(tuning, tuning.best))
-    written = [str(p) for p in (target, figure, out_robot if tuning.best else None) if p]
-    if written:
-        click.echo("wrote " + ", ".join(written))
+        write_files({out_robot: files["tuned.yaml"]}, json_file != "-")
     if out_robot and not tuning.best:
         raise InputError("no controller holds all requirements: no robot file written")
 
 
 def show(tuning: Tuning) -> None:
     """The controllers as a table, and the best one's gains."""
-    from rich.console import Console
-
     from exodrake.core.display import shown_unit
-    from exodrake.report.terminal import table
 
     unit, factor = shown_unit(tuning.noise_unit)
-    titles = (
-        "controller",
-        ">settling\n\\[s]",
-        ">overshoot\n\\[%]",
-        ">disk margin\n\\[-]",
-        f">noise\n\\[{unit}]",
-        "misses",
-    )
+    titles = (">settling\n\\[s]", ">overshoot\n\\[%]", ">disk margin\n\\[-]", f">noise\n\\[{unit}]")
     rows = []
     for t in tuning.compared:
         numbers = (f"{t.settling:.3g}", f"{round(100.0 * t.overshoot, 2):.2g}", f"{t.disk_margin:.3g}")
         rows.append((t.name, *numbers, f"{factor * t.noise:.3g}", ", ".join(t.missed)))
-    Console().print(table(titles, rows))
+    print_table(("controller", *titles, "misses"), rows)
     w = tuning.requirements
     click.echo(
         f"required: overshoot up to {100.0 * w.overshoot:g} %, disk margin from {w.disk_margin:g}"
@@ -153,39 +144,32 @@ def find_commands(wanted: str, robot: str, out: Path, map_file: Path | None) -> 
     a diagnosis, the commands make up for what was found: delay, play, sag, gain.
     """
     import numpy as np
-    from rich.console import Console
 
     from exodrake.analysis.feedforward import feedforward
     from exodrake.cli.export import owner_table
-    from exodrake.cli.options import check_target
     from exodrake.core.display import display_of
-    from exodrake.core.files import is_file, write_bytes
-    from exodrake.data.formats import format_of, write_log
+    from exodrake.core.files import is_file
+    from exodrake.data.formats import format_of, log_bytes
     from exodrake.data.import_log import read_mapping
     from exodrake.data.log import Log
     from exodrake.machines.robot_file import load_robot
-    from exodrake.report.terminal import table
     from exodrake.simulation.references import from_log, protocol
 
-    check_target(out)
     mapped = read_mapping(map_file) if map_file else None
     if mapped is None:
         format_of(out)
     built = load_robot(robot)
     machine = built.machine
     reference = from_log(wanted, built) if is_file(wanted) else protocol(wanted, built)
-    with Console(stderr=True).status("simulating (the first run after a change compiles for half a minute)"):
+    with waiting("simulating (the first run after a change compiles for half a minute)"):
         found = feedforward(built, reference)
     names = machine.log_names(machine.references)
     signals = dict(zip(names, found.commands.values.T, strict=True))
     units = {name: machine.signal[c.signal].unit for c in machine.references for name in machine.log_names([c])}
     log = Log(machine.frame * np.arange(len(reference.values)), signals, units, "commands")
-    if mapped is None:
-        write_log(log, out)
-    else:
-        write_bytes(out, owner_table(log, mapped, str(map_file)))
+    write_files({out: log_bytes(log, out) if mapped is None else owner_table(log, mapped, str(map_file))})
     shown = display_of(found.kind, machine)
     ends = [[f"{shown.factor * value:.3g} {shown.unit}" for value in one] for one in (found.before, found.after)]
     rows = list(zip(machine.channels(machine.references[0].signal), *ends, strict=True))
-    Console(highlight=False).print(table(("channel", ">RMS error if sent as wanted", ">with these commands"), rows))
-    click.echo(f"written {out}; the errors are those of the model")
+    print_table(("channel", ">RMS error if sent as wanted", ">with these commands"), rows)
+    click.echo("the errors are those of the model")
