@@ -59,11 +59,6 @@ def timed(progress: StageProgress) -> Iterator[tuple[StageProgress, dict[Stage, 
     close()
 
 
-def fraction(done: float, stage: Stage) -> float:
-    """Part of a diagnosis that is done [%] when a step of a stage begins; never less than before."""
-    return stage.begins if stage.begins > done else max(done, min(done + STEP, 97.0))
-
-
 @contextmanager
 def stages() -> Iterator[StageProgress]:
     """Show a bar on standard error; yields the function that is called at each step of a diagnosis."""
@@ -76,7 +71,7 @@ def stages() -> Iterator[StageProgress]:
 
         def report(stage: Stage, detail: str = "") -> None:
             nonlocal done
-            done = fraction(done, stage)
+            done = stage.begins if stage.begins > done else max(done, min(done + STEP, 97.0))
             bar.update(task, completed=done, description=f"{stage.text} {detail}".strip())
 
         yield report
@@ -111,32 +106,19 @@ def counted(title: str, resume: str = "the same command resumes the run") -> Ite
         TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("[red]{task.fields[failed]}"),
         TimeElapsedColumn(), TimeRemainingColumn(),
     )  # fmt: skip
-    reached = ""
-    with sigterm_as_interrupt():
-        try:
-            with Progress(*columns, console=Console(stderr=True), disable=not sys.stderr.isatty()) as bar:
-                task = bar.add_task(title, total=None, failed="")
-
-                def count(done: int, failed: int, total: int) -> None:
-                    nonlocal reached
-                    reached = f"{done} of {total} done"
-                    bar.update(task, completed=done, total=total, failed=f"{failed} failed" if failed else "")
-
-                yield count
-        except KeyboardInterrupt:
-            click.echo("; ".join(["interrupted", *([reached] if reached else []), resume]), err=True)
-            raise SystemExit(INTERRUPTED) from None
-
-
-@contextmanager
-def sigterm_as_interrupt() -> Iterator[None]:
-    """Raise KeyboardInterrupt on SIGTERM, as Ctrl-C does."""
-
-    def interrupt(*_: Any) -> None:
-        raise KeyboardInterrupt
-
-    before = signal.signal(signal.SIGTERM, interrupt)
+    reached, before = "", signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        yield
+        with Progress(*columns, console=Console(stderr=True), disable=not sys.stderr.isatty()) as bar:
+            task = bar.add_task(title, total=None, failed="")
+
+            def count(done: int, failed: int, total: int) -> None:
+                nonlocal reached
+                reached = f"{done} of {total} done"
+                bar.update(task, completed=done, total=total, failed=f"{failed} failed" if failed else "")
+
+            yield count
+    except KeyboardInterrupt:
+        click.echo("; ".join(["interrupted", *([reached] if reached else []), resume]), err=True)
+        raise SystemExit(INTERRUPTED) from None
     finally:
         signal.signal(signal.SIGTERM, before)
