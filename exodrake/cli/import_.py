@@ -86,7 +86,7 @@ def command(
 def write_logs(logs: dict[str, Imported], out: Path, mapped: Mapped | None, machine: str) -> None:
     """Writes one log, or a case for a machine whose last log is held out, with their notes."""
     from exodrake.core.files import write_folder
-    from exodrake.data.case import FILE as CASE, Case, CaseLog, case_text, notes_name, notes_text
+    from exodrake.data.case import FILE as CASE, Case, CaseLog, case_text, notes_name
     from exodrake.data.formats import ending, format_of, log_bytes
     from exodrake.data.import_log import frame_period
 
@@ -95,7 +95,7 @@ def write_logs(logs: dict[str, Imported], out: Path, mapped: Mapped | None, mach
         if len(logs) > 1:
             raise InputError(f"{out}: {len(logs)} logs, wanted the folder of a case, or --episodes with one number")
         item = next(iter(logs.values()))
-        notes = {out.with_name(notes_name(out)): notes_text(item.notes)} if item.notes else {}
+        notes = {out.with_name(notes_name(out)): "\n".join((*item.notes, ""))} if item.notes else {}
         write_files({out: log_bytes(item.log, out), **notes}, announce=False)
     else:
         names = list(logs)
@@ -104,7 +104,7 @@ def write_logs(logs: dict[str, Imported], out: Path, mapped: Mapped | None, mach
         items = [CaseLog(logs[n].log, n, role, None, files[n]) for n, role in zip(names, roles, strict=True)]
         period = frame_period([item.log for item in items], mapped, machine_named(machine).frame)
         contents = {files[name]: log_bytes(logs[name].log, out / files[name]) for name in names}
-        contents |= {notes_name(files[name]): notes_text(logs[name].notes) for name in names if logs[name].notes}
+        contents |= {notes_name(files[n]): "\n".join((*logs[n].notes, "")).encode() for n in names if logs[n].notes}
         contents[CASE] = case_text(Case(out.resolve().name, {}, tuple(items), period)).encode()
         write_folder(out, contents)
     first = next(iter(logs.values())).log
