@@ -100,15 +100,6 @@ def diagnose_case(
     """Diagnose one case, print the summary and write the files.
 
     The answer is written before a missing law is sought, and before the report: an error in either loses nothing.
-
-    Args:
-        case: Folder or log.
-        robot: Nominal robot, a name or a file; empty for the built-in one.
-        targets: Files to write.
-        tried: Ids of the effects to try; None for the default ones.
-        allow_outside: Read logs that lie outside the folder of their case, too.
-        profile: Print the processor time of each stage.
-        discover: Whether to look for a missing law; None for an UNKNOWN verdict alone.
     """
     from dataclasses import replace
 
@@ -187,14 +178,9 @@ def diagnose_many(
 
 
 def places_of(cases: tuple[str, ...], out: Path) -> dict[Path, Path]:
-    """Map each case to the folder for its answer, named by its parent, too, where two have one name.
+    """Map each case, or case in a folder, to the folder for its answer in `out`; a doubled name has the parent's, too.
 
-    Args:
-        cases: Folders and logs; a folder of cases stands for these.
-        out: Folder of the answers.
-
-    Raises:
-        InputError: For a missing case, and for two whose answers would have the same name.
+    InputError for a missing case, and for two whose answers would have the same name.
     """
     from exodrake.data.formats import stem
 

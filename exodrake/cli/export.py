@@ -69,13 +69,8 @@ def command(
 def owner_table(log: Log, mapped: Mapped, source: str) -> bytes:
     """Columns of a log as text with the owner's names, units, separator and decimal point: a mapping read backwards.
 
-    Args:
-        log: in SI.
-        mapped: of its columns, those that the log has are written; readings that `wrap` stay continuous.
-        source: name of the mapping file.
-
-    Raises:
-        InputError: the mapping names no column of the log, or one whose scale or sign is 0.
+    Readings that `wrap` stay continuous. InputError where the mapping names no column of the log, or one whose scale or
+    sign is 0.
     """
     import csv
     import io

@@ -221,12 +221,7 @@ def command_line() -> str:
 
 
 def robot_option(name: str = "robot", default: str = DEFAULT) -> Callable[[Callable], Callable]:
-    """Adds --robot, and --machine for the folder of a machine of the user's own, to a command.
-
-    Args:
-        name: the command's parameter for the robot file or machine name.
-        default: its value if neither option is given.
-    """
+    """Adds --robot, as parameter `name`, and --machine for the folder of a machine of the user's own, to a command."""
 
     def add(command: Callable) -> Callable:
         machine = click.option(

@@ -532,11 +532,7 @@ def signal_count(machine: Machine) -> int:
 
 
 def feedthrough_order(machine: Machine) -> list[tuple[Part, int]]:
-    """Outputs as (part, index of the output), each after the signals it reads.
-
-    Raises:
-        InputError: for an algebraic loop, naming the parts in it.
-    """
+    """Outputs as (part, index of the output), each after the signals it reads. InputError for an algebraic loop."""
     waiting = [(part, k) for part in machine.parts for k in range(len(part.outputs))]
     ready, order = set(machine.inputs), []
     while waiting:

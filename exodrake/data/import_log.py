@@ -272,16 +272,10 @@ def import_recording(file: str | Path, mapped: Mapped) -> Imported:
 def import_all(
     path: Path, mapped: Mapped | None, unit: str = "", chosen: frozenset[int] = frozenset()
 ) -> dict[str, Imported]:
-    """Every log of a recording by name: one of a file or bag, one for each episode of a LeRobot data set.
+    """Every log of a recording by name: one of a file or bag, one for each (or chosen) episode of a LeRobot data set.
 
-    Args:
-        path: recording.
-        mapped: mapping; None: that of joint states, or of actions and states.
-        unit: of the joints of a LeRobot data set without a mapping.
-        chosen: episodes; all if empty.
-
-    Raises:
-        InputError: as `import_log`, and for a recording that needs a mapping.
+    Without a mapping that of joint states, or of actions and states with the unit of their joints. InputError as
+    `import_log`, and for a recording that needs a mapping.
     """
     if is_dataset(path):
         mapped = mapped or default_dataset_mapping(path, unit)
@@ -305,15 +299,10 @@ def import_all(
 
 
 def frame_period(logs: Sequence[Log], mapped: Mapped | None, frame: float) -> float:
-    """Frame period [s] of a case of imported logs.
+    """Frame period [s] of a case of imported logs: that of the mapping, of the machine or of the first log's clock.
 
-    Args:
-        logs: the logs of the case.
-        mapped: mapping; the period that it states holds.
-        frame: frame of the machine [s], taken if every log has one row in each; else that of the first one's clock.
-
-    Raises:
-        InputError: for a first log of a single row, unless the mapping states a period.
+    The machine's `frame` [s] holds if every log has one row in each. InputError for a first log of a single row, unless
+    the mapping states a period.
     """
     if mapped is not None and mapped.period is not None:
         return mapped.period
@@ -560,18 +549,10 @@ def derive_column(
 
 
 def find_lag(moved: Track, fixed: Track, within: float, where: str) -> tuple[float, float]:
-    """Lag of one signal behind another [s] and their correlation at that lag, by the largest cross-correlation.
+    """Lag of `moved` behind `fixed` [s], `within` [s] either way, and their correlation at that lag, the largest.
 
-    Each lag is judged on the same stretch of the fixed signal, by the correlation coefficient.
-
-    Args:
-        moved: signal that may be late.
-        fixed: signal whose clock counts.
-        within: largest lag either way [s].
-        where: names both, for messages.
-
-    Raises:
-        InputError: if they do not overlap, do not move, or are not alike at any lag.
+    Each lag is judged on the same stretch of the fixed signal, by the correlation coefficient. InputError if they do
+    not overlap, do not move, or are not alike at any lag.
     """
     from scipy.signal import correlate
 
@@ -628,8 +609,7 @@ def describe_conversion(column: Column | Derived) -> str | None:
 def default_bag_mapping(path: str | Path) -> Mapped:
     """Joint states by their names: positions as angles, or as commands where the topic's name says so.
 
-    Raises:
-        InputError: for a bag without joint states.
+    InputError for a bag without joint states.
     """
     columns: dict[str, Column] = {}
     for topic, (kind, _, fields) in read_topics(path).items():

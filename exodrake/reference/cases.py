@@ -156,15 +156,9 @@ MIXES = {
 
 @dataclass(frozen=True)
 class CasePlan:
-    """One case to be made; the magnitudes of its effects are drawn when it is made.
+    """One case to be made from seed material; the magnitudes of the effects `ids` are drawn when it is made.
 
-    Attributes:
-        name: Name of its folder.
-        seed: Seed material.
-        kind: Kind of case.
-        ids: Ids of its effects.
-        unseen: Whether its held-out motion resembles no fit motion.
-        mix: Mix that it belongs to.
+    `name` is that of its folder; `unseen`: whether its held-out motion resembles no fit motion.
     """
 
     name: str

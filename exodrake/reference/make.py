@@ -164,8 +164,7 @@ class SetFolder:
     def begin(self, stamp: str) -> None:
         """Open the set for making; `stamp` is a digest of what it follows from.
 
-        Raises:
-            InputError: If a set is finished there, another one was started, or the labels would lie inside.
+        InputError if a set is finished there, another one was started, or the labels would lie inside.
         """
         folder, labels, mark = self.folder, self.labels, self.folder / MARK
         if folder.resolve() in labels.resolve().parents:
@@ -227,14 +226,11 @@ def make(
         folder: Folder of the set.
         seed: Seed of everything in it.
         cases: Number of cases of each mix.
-        labels: Labels file; `folder`-labels.json if None.
+        labels: Labels file, the path that is returned; `folder`-labels.json if None.
         jobs: As in `parallel.each`.
         mixes: Case mixes.
         cluster: As in `parallel.each`.
         progress: Called with how many are made, have failed, and are wanted.
-
-    Returns:
-        Path of the labels file.
 
     Raises:
         InputError: For a bad number of cases, as `SetFolder.begin`, and naming cases that could not be made.

@@ -64,14 +64,10 @@ CLIP = 2.5  # standard deviations
 
 
 def draw_parameters(rng: np.random.Generator | None = None) -> dict[str, np.ndarray]:
-    """Draw one robot's parameters.
+    """Draw one robot's parameters; the nominal ones without a generator.
 
-    Args:
-        rng: Random generator; the nominal parameters without it.
-
-    Returns:
-        Name -> value [SI], each times its own clipped normal factor: scalar, (3,) by wire or joint, or (2, 3) by side
-        and joint.
+    Name -> value [SI], each times its own clipped normal factor: scalar, (3,) by wire or joint, or (2, 3) by side and
+    joint.
     """
     parameters = {}
     for name, (value, tolerance) in NOMINAL.items():
@@ -106,14 +102,7 @@ def settle_routing(record):
 
 @dataclass(frozen=True)
 class InjectedFault:
-    """One effect in a robot.
-
-    Attributes:
-        id: Id of the effect.
-        wires: Wires it sits on; empty for all or none.
-        joints: Joints it sits on; empty for all or none.
-        parameters: Parameters by effects.md's names [SI].
-    """
+    """One effect in a robot: wires or joints that it sits on (none for all), parameters by effects.md's names [SI]."""
 
     id: str
     wires: tuple[str, ...] = ()

@@ -66,18 +66,9 @@ class Score:
 
 
 def score(folder: str | Path, labels: str | Path, against: str | Path | None = None) -> Score:
-    """Score the answers to a set.
+    """Score the answers in the folder of a set by its labels file, and compare them with those of another folder.
 
-    Args:
-        folder: Folder of the set, with the answers.
-        labels: Labels file.
-        against: Folder with other answers to the same cases, for a paired comparison.
-
-    Returns:
-        The measures, by case mix.
-
-    Raises:
-        InputError: For labels that changed, a foreign case, a malformed diagnosis, or none at all.
+    InputError for labels that changed, a foreign case, a malformed diagnosis, or none at all.
     """
     truths = read_labels(Path(folder), Path(labels))
     cases = read_answers(Path(folder), truths)

@@ -211,19 +211,12 @@ def run(p, y, reference, inputs, dropped, noise, tolerance):
 
 @dataclass
 class Build:
-    """A robot being assembled for one log of n frames.
+    """A robot being assembled for one log of n frames."""
 
-    Attributes:
-        record: Parameter record [SI].
-        inputs: (n + 2, INPUT_SIZE) time-varying inputs [SI].
-        dropped: (n, 3) commands that are lost.
-        time: (n + 2,) instants of the frames [s].
-    """
-
-    record: Any
-    inputs: np.ndarray
-    dropped: np.ndarray
-    time: np.ndarray
+    record: Any  # parameters [SI]
+    inputs: np.ndarray  # (n + 2, INPUT_SIZE) over time [SI]
+    dropped: np.ndarray  # (n, 3) whether a command is lost
+    time: np.ndarray  # (n + 2,) instants of the frames [s]
 
 
 def assemble(spec: RobotSpec, frames: int, rng: np.random.Generator) -> Build:
@@ -258,18 +251,9 @@ def initial_state(record):
 
 
 def simulate(spec: RobotSpec, protocol: Protocol, seed: int | list[int]) -> dict[str, np.ndarray]:
-    """Simulate the log of one motion; equal arguments give equal bits.
+    """Log of a robot on a motion of n frames: column name -> values (n,) [SI]; equal arguments give equal bits.
 
-    Args:
-        spec: Robot.
-        protocol: Motion of n frames.
-        seed: Seed of noise and random courses.
-
-    Returns:
-        Column name -> values (n,) [SI].
-
-    Raises:
-        InputError: For an unknown effect, or a robot that cannot be integrated.
+    The seed is that of noise and random courses. InputError for an unknown effect, and where integration fails.
     """
     reference = np.ascontiguousarray(protocol.reference, float)
     frames = len(reference)
