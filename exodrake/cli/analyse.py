@@ -43,25 +43,13 @@ SHOWN = 0.3  # poles of smaller modulus are gone within a few frames
 @click.option(
     "--diagnosis",
     type=AnyPath(),
-    default=None,
     metavar="FILE|FOLDER",
     help="Answer of `exodrake diagnose --json`, or the folder of one: every robot that it leaves possible.",
 )
-@click.option(
-    "--seed",
-    type=click.IntRange(0),
-    default=None,
-    help="Measure the frequency response with sensor noise of this seed.",
-)
-@click.option("--out", type=OutputFolder(), default=None, help="Folder for figures and analysis.json.")
+@click.option("--seed", type=click.IntRange(0), help="Measure the frequency response with sensor noise of this seed.")
+@click.option("--out", type=OutputFolder(), help="Folder for figures and analysis.json.")
 @json_option
-@click.option(
-    "--to-control",
-    "model",
-    type=OutputFile(),
-    default=None,
-    help="NPZ with A, B, C, D, dt and names for python-control.",
-)
+@click.option("--to-control", "model", type=OutputFile(), help="NPZ with A, B, C, D, dt and names for python-control.")
 def command(file, parameters, effects, parts, at, draws, diagnosis, seed, out, json_file, model) -> None:
     """How stable, how fast and how robust the closed loop of a robot is, seen once a frame.
 

@@ -17,7 +17,7 @@ def command() -> None:
 @click.option("--seed", required=True, type=click.IntRange(min=0), help="Of everything in the set.")
 @click.option("--cases", required=True, type=click.IntRange(min=1), help="How many of each mix.")
 @click.option("--out", required=True, type=AnyPath(), help="Folder of the cases.")
-@click.option("--labels", type=AnyPath(), default=None, help="Labels file [default: OUT-labels.json].")
+@click.option("--labels", type=AnyPath(), help="Labels file [default: OUT-labels.json].")
 @click.option(
     "--mix", "mixes", multiple=True, default=("standard",), show_default=True, metavar="NAME",
     help="standard, healthy, small (effects near the detection limit), half (logs half as long), no-mocap,"
@@ -66,9 +66,9 @@ def run(folder: Path, jobs: int, cluster: str | None, redo: bool) -> None:
 @command.command(short_help="Score the diagnoses of FOLDER against the labels.")
 @click.argument("folder", type=AnyPath())
 @click.option("--labels", required=True, type=AnyPath(), help="Labels file of the set.")
-@click.option("--against", type=AnyPath(), default=None, help="Folder of other answers to the same cases.")
+@click.option("--against", type=AnyPath(), help="Folder of other answers to the same cases.")
 @json_option
-@click.option("--markdown", type=OutputFile("score.md"), default=None, help="Write the score as Markdown.")
+@click.option("--markdown", type=OutputFile("score.md"), help="Write the score as Markdown.")
 def score(
     folder: Path, labels: Path, against: Path | None, json_file: Path | str | None, markdown: Path | None
 ) -> None:

@@ -21,10 +21,10 @@ if TYPE_CHECKING:
 @click.option("--isaac", "form", flag_value="isaac", help="Write a robot's actuators for Isaac Lab, as Python.")
 @robot_option()
 @click.option("--out", required=True, type=AnyPath(), help="File to write; a log's ending is its format.")
-@click.option("--map", "map_file", type=AnyPath(), default=None, metavar="FILE",
+@click.option("--map", "map_file", type=AnyPath(), metavar="FILE",
               help="Write a log as text with the names and units of this mapping file.")  # fmt: skip
-@click.option("--start", type=float, default=None, help="Of a log: leave out rows before this time [s].")
-@click.option("--end", type=float, default=None, help="Of a log: leave out rows from this time on [s].")
+@click.option("--start", type=float, help="Of a log: leave out rows before this time [s].")
+@click.option("--end", type=float, help="Of a log: leave out rows from this time on [s].")
 def command(
     subject: str, form: str | None, robot: str, out: Path, map_file: Path | None,
     start: float | None, end: float | None,

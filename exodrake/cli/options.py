@@ -120,7 +120,7 @@ def check_target(path: Path | None) -> None:
 def json_option(command: Callable) -> Callable:
     """Adds --json to a command: numbers in SI, printed alone or written into a file."""
     return click.option(
-        "--json", "json_file", type=JsonTarget(), is_flag=False, flag_value="-", default=None, metavar="[FILE]",
+        "--json", "json_file", type=JsonTarget(), is_flag=False, flag_value="-", metavar="[FILE]",
         help="Print the numbers as JSON, in SI, and nothing else; or write them into FILE.",
     )(command)  # fmt: skip
 

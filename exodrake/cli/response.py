@@ -23,11 +23,9 @@ from exodrake.cli.options import (
 @click.option("--to", "output", default="", metavar="COLUMN", help="Output, such as angle_PIP.")
 @robot_option("file")
 @robot_changes
-@click.option("--improved", type=AnyPath(), default=None, metavar="FILE", help="Robot file of an improved robot.")
-@click.option(
-    "--segment", type=click.FloatRange(0.0, min_open=True), default=None, help="Length of Welch's segments [s]."
-)
-@click.option("--out", type=OutputFolder(), default=None, help="Folder for response.png and response.json.")
+@click.option("--improved", type=AnyPath(), metavar="FILE", help="Robot file of an improved robot.")
+@click.option("--segment", type=click.FloatRange(0.0, min_open=True), help="Length of Welch's segments [s].")
+@click.option("--out", type=OutputFolder(), help="Folder for response.png and response.json.")
 @json_option
 def command(cases, input, output, file, parameters, effects, parts, improved, segment, out, json_file) -> None:
     """Estimate frequency responses from logs, with coherence, and set them beside the robot's on the same references.

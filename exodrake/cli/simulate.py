@@ -25,13 +25,13 @@ if TYPE_CHECKING:
 @click.option("--scenario", "file", default="", metavar="FILE", help="Repeat this scenario; other options change it.")
 @robot_option(default="")
 @robot_changes
-@click.option("--seed", type=int, default=None, help="Seed of the noise [0].")
+@click.option("--seed", type=int, help="Seed of the noise [0].")
 @click.option("--no-noise", is_flag=True, help="Sensors without noise, a bus that loses nothing.")
 @click.option("--no-quantisation", is_flag=True, help="Readings unrounded.")
 @click.option(
     "--engine", default="", metavar="NAME", help="compiled (the default) or drake: the same log to the last bit."
 )
-@click.option("--out", type=OutputFolder(), default=None, help="Folder for the files [simulated/PROTOCOL].")
+@click.option("--out", type=OutputFolder(), help="Folder for the files [simulated/PROTOCOL].")
 def command(protocol: str, reference: str, file: str, robot: str, out: Path | None, **options) -> None:
     """Run a robot on PROTOCOL and write log.csv, scenario.yaml, figure.png and recording.html.
 

@@ -25,13 +25,13 @@ from exodrake.cli.options import (
     metavar="NAME=VALUES",
     help="0.1,0.2,0.4 or 0.1:0.4:7 (low, high, count). Repeatable: a grid.",
 )
-@click.option("--robots", type=click.IntRange(1), default=None, help="So many robots within the tolerances.")
-@click.option("--diagnosis", type=AnyPath(), default=None, metavar="FILE", help="Robots within its intervals.")
+@click.option("--robots", type=click.IntRange(1), help="So many robots within the tolerances.")
+@click.option("--diagnosis", type=AnyPath(), metavar="FILE", help="Robots within its intervals.")
 @robot_option("file")
 @robot_changes
 @click.option("--seed", type=click.IntRange(0), default=0, help="Seed of the draws. [0]")
-@click.option("--noise", type=click.IntRange(0), default=None, help="Seed of the sensors' noise; none without it.")
-@click.option("--out", type=OutputFolder(), default=None, help="Folder for sweep.csv, sweep.png and sweep.json.")
+@click.option("--noise", type=click.IntRange(0), help="Seed of the sensors' noise; none without it.")
+@click.option("--out", type=OutputFolder(), help="Folder for sweep.csv, sweep.png and sweep.json.")
 @json_option
 def command(
     protocol, reference, over, robots, diagnosis, file, parameters, effects, parts, seed, noise, out, json_file

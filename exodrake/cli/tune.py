@@ -31,7 +31,7 @@ ABOVE = click.FloatRange(min=0.0, min_open=True)
 
 @click.command()
 @robot_option("file")
-@click.option("--settling", type=ABOVE, default=None, help="Wanted settling time to 2 % [s]; else as short as can be.")
+@click.option("--settling", type=ABOVE, help="Wanted settling time to 2 % [s]; else as short as can be.")
 @click.option("--overshoot", type=click.FloatRange(0.0, 100.0), default=5.0, help="Largest overshoot [%]. [5]")
 @click.option(
     "--disk-margin",
@@ -39,9 +39,7 @@ ABOVE = click.FloatRange(min=0.0, min_open=True)
     default=0.6,
     help="Least disk margin, all commands at once. [0.6]",
 )
-@click.option(
-    "--noise", type=ABOVE, default=None, help="Largest standard deviation of a command [SI]; else twice today's."
-)
+@click.option("--noise", type=ABOVE, help="Largest standard deviation of a command [SI]; else twice today's.")
 @click.option("--controller", "only", multiple=True, metavar="NAME", help="Tune this structure only. Repeatable.")
 @click.option(
     "--draws", type=click.IntRange(0, 100), default=4, help="Robots within tolerances that the search sees. [4]"
@@ -135,7 +133,7 @@ def notes_of(tuning: Tuning, best: Tuned) -> str:
 @click.argument("wanted")
 @robot_option()
 @click.option("--out", required=True, type=OutputFile(), metavar="FILE", help="Log of the commands.")
-@click.option("--map", "map_file", type=AnyPath(), default=None, metavar="FILE",
+@click.option("--map", "map_file", type=AnyPath(), metavar="FILE",
               help="Write them with the names and units of this mapping file, not as a log.")  # fmt: skip
 def find_commands(wanted: str, robot: str, out: Path, map_file: Path | None) -> None:
     """Find the commands with which the robot does what WANTED asks, and write them as a log of references.

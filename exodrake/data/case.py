@@ -245,10 +245,7 @@ def written_date(date: datetime) -> str:
 
 
 def read_case(
-    folder: str | Path,
-    required: Sequence[str] = (),
-    period: float | None = None,
-    allow_outside: bool = False,
+    folder: str | Path, required: Sequence[str] = (), period: float | None = None, allow_outside: bool = False
 ) -> Case:
     """Read a case folder, or one log file as a case of itself. InputError names file and key, or file, column and row.
 

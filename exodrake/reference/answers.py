@@ -69,11 +69,7 @@ def cases_of(folder: str | Path) -> list[Path]:
 
 
 def run(
-    folder: str | Path,
-    jobs: int = 1,
-    cluster: str | None = None,
-    progress: Count = no_progress,
-    redo: bool = False,
+    folder: str | Path, jobs: int = 1, cluster: str | None = None, progress: Count = no_progress, redo: bool = False
 ) -> dict[str, str]:
     """Diagnose the unfinished cases of a set, as `diagnose_all`; case -> reason, for those that failed."""
     return diagnose_all({case: case for case in cases_of(folder)}, jobs, cluster, progress, redo)
