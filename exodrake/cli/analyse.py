@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 from click.core import ParameterSource
@@ -25,8 +25,6 @@ from exodrake.cli.options import (
 
 if TYPE_CHECKING:
     from exodrake.analysis.closed_loop import ClosedLoop
-    from exodrake.analysis.robustness import Band
-    from exodrake.core.robot import Robot
 
 FIGURES = {
     "rise": "s", "overshoot": "%", "settling": "s", "-3 dB": "Hz", "gain\nmargin": "dB", "phase": "deg", "delay": "ms",
@@ -60,6 +58,7 @@ def command(file, parameters, effects, parts, at, draws, diagnosis, seed, out, j
     from exodrake.analysis.figures import draw_figures
     from exodrake.analysis.frame_map import add_controller
     from exodrake.analysis.limit_cycles import limit_cycles
+    from exodrake.analysis.robustness import band, points_band, within_intervals, within_tolerances
     from exodrake.analysis.uncertainty import assess_answer, read_diagnosis
     from exodrake.cli.simulate import warn
     from exodrake.machines.robot_file import load_robot
@@ -71,7 +70,14 @@ def command(file, parameters, effects, parts, at, draws, diagnosis, seed, out, j
     with waiting("analysing (the first run after a change compiles for half a minute)"):
         result = analyse(robot, point, seed)
         uncertainty = None if answer is None else assess_answer(robot, answer, point, draws or 12)
-        result = replace(result, bands=bands_of(robot, point, draws, answer), uncertainty=uncertainty)
+        bands = []
+        if draws and robot.machine.tolerances:
+            bands.append(band("tolerances", within_tolerances(robot, draws), point))
+        if answer is not None:
+            bands.append(band("diagnosis", within_intervals(robot, answer, draws or 12), point))
+        if robot.machine.loop and len(robot.machine.loop.points) > 1:
+            bands.append(points_band(robot))
+        result = replace(result, bands=tuple(bands), uncertainty=uncertainty)
         cycles = limit_cycles(robot, point) if out or json_file else ()
         figures, numbers = draw_figures(result, cycles) if out else {}, to_plain(result, cycles)
     if json_file != "-":
@@ -80,20 +86,6 @@ def command(file, parameters, effects, parts, at, draws, diagnosis, seed, out, j
     write_answer(numbers, "analysis", json_file, out, figures)
     if model:
         write_files({model: model_bytes(result)}, json_file != "-")
-
-
-def bands_of(robot: Robot, at: dict[str, float] | str | None, draws: int, answer: Any) -> tuple[Band, ...]:
-    """Bands over the tolerances, the intervals of a diagnosis, and the operating points."""
-    from exodrake.analysis.robustness import band, points_band, within_intervals, within_tolerances
-
-    found = []
-    if draws and robot.machine.tolerances:
-        found.append(band("tolerances", within_tolerances(robot, draws), at))
-    if answer is not None:
-        found.append(band("diagnosis", within_intervals(robot, answer, draws or 12), at))
-    if robot.machine.loop and len(robot.machine.loop.points) > 1:
-        found.append(points_band(robot))
-    return tuple(found)
 
 
 def point_of(text: str) -> dict[str, float] | str | None:

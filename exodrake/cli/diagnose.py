@@ -161,14 +161,30 @@ def diagnose_many(
     tried: frozenset[str] | None, allow_outside: bool = False,
 ) -> None:  # fmt: skip
     """Diagnose cases in parallel. Exit status 1 if some fail; InputError before the work starts."""
+    from rich.markup import escape
+
     from exodrake.diagnosis.fleet import read_answers
     from exodrake.diagnosis.many import diagnose_all, stored
+    from exodrake.diagnosis.result import CAUSE
     from exodrake.report.fleet import fleet_html
+    from exodrake.report.wording import closure, share
 
     places = places_of(cases, out)
     with counted("diagnosing") as count:
         failed = diagnose_all(places, jobs, cluster, count, redo, robot, tried, allow_outside)
-    rows = [verdict_row(place.name, stored(place)) for place in places.values()]
+    rows = []
+    for name, answer in ((escape(place.name), stored(place)) for place in places.values()):
+        if answer is None:
+            rows.append((name, "[red]failed[/red]", "", ""))
+            continue
+        causes = []
+        for effect in (e for e in answer["effects"] if e.get("role", CAUSE) == CAUSE):
+            names = " or ".join([effect["id"], *(rival["id"] for rival in effect.get("rivals") or ())])
+            value = (effect.get("share") or {}).get("value")  # answers of older versions lack it
+            causes.append(names if value is None else f"{names} {share(value)}")
+        value = answer["closure"]["overall"].get("value") if causes else None
+        refuted = " (not confirmed)" if answer.get("confirmed") is False else ""
+        rows.append((name, answer["verdict"] + refuted, ", ".join(causes), "" if value is None else closure(value)))
     print_table(("case", "verdict", "causes", ">closure"), rows, wrapped=2)
     write_files({out / FLEET: fleet_html(read_answers(out), out.resolve().name)})
     for name, reason in failed.items():
@@ -197,25 +213,6 @@ def places_of(cases: tuple[str, ...], out: Path) -> dict[Path, Path]:
             raise InputError(f"{path}: has the same name as {namesake}, and so would its answer")
         places[path] = place
     return places
-
-
-def verdict_row(name: str, answer: dict[str, Any] | None) -> tuple[str, str, str, str]:
-    """Cells of case, verdict, causes with their rivals and share of the gap, and closure."""
-    from rich.markup import escape
-
-    from exodrake.diagnosis.result import CAUSE
-    from exodrake.report.wording import closure, share
-
-    if answer is None:
-        return escape(name), "[red]failed[/red]", "", ""
-    causes = []
-    for effect in (e for e in answer["effects"] if e.get("role", CAUSE) == CAUSE):
-        names = " or ".join([effect["id"], *(rival["id"] for rival in effect.get("rivals") or ())])
-        value = (effect.get("share") or {}).get("value")  # answers of older versions lack it
-        causes.append(names if value is None else f"{names} {share(value)}")
-    value = answer["closure"]["overall"].get("value") if causes else None
-    refuted = " (not confirmed)" if answer.get("confirmed") is False else ""
-    return escape(name), answer["verdict"] + refuted, ", ".join(causes), "" if value is None else closure(value)
 
 
 LISTED, CAUSES = 4, 2  # columns of the report's table that the terminal shows, and the one that is wrapped
