@@ -103,7 +103,7 @@ def diagnose_case(
     """
     from dataclasses import replace
 
-    from exodrake.core.progress import Stage, stages, timed
+    from exodrake.core.progress import Stage, stages
     from exodrake.data.case import read_case
     from exodrake.diagnosis.problem import make_problem, required_of
     from exodrake.machines.robot_file import load_robot
@@ -134,7 +134,7 @@ def diagnose_case(
             write({targets.report: report_html(known[0], found.problem or make_problem(read, nominal))})
 
     try:
-        with stages() as shown, timed(shown) as (progress, spent):
+        with stages(spent) as progress:
             from exodrake.diagnosis.pipeline import diagnose
             from exodrake.diagnosis.result import UNKNOWN
 

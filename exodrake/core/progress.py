@@ -39,42 +39,33 @@ def no_progress(*_: Any) -> None:
 
 
 @contextmanager
-def timed(progress: StageProgress) -> Iterator[tuple[StageProgress, dict[Stage, float]]]:
-    """Measure the processor time [s] of each stage beside its progress; whole at the end of the context."""
-    spent: dict[Stage, float] = {}
-    stage, began = Stage.CHECK, time.process_time()
+def stages(spent: dict[Stage, float] | None = None) -> Iterator[StageProgress]:
+    """Show a bar on standard error; yields the function that is called at each step of a diagnosis.
 
-    def close() -> None:
-        nonlocal began
-        now = time.process_time()
-        spent[stage], began = spent.get(stage, 0.0) + now - began, now
-
-    def report(entered: Stage, detail: str = "") -> None:
-        nonlocal stage
-        close()
-        stage = entered
-        progress(entered, detail)
-
-    yield report, spent
-    close()
-
-
-@contextmanager
-def stages() -> Iterator[StageProgress]:
-    """Show a bar on standard error; yields the function that is called at each step of a diagnosis."""
+    `spent` takes the processor time [s] of each stage, whole at the end of the context.
+    """
     from rich.console import Console
     from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
     columns = (SpinnerColumn(), BarColumn(bar_width=28), TimeElapsedColumn(), TextColumn("{task.description}"))
     with Progress(*columns, console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty()) as bar:
-        task, done = bar.add_task("reading", total=100), 0.0
+        task, done, times = bar.add_task("reading", total=100), 0.0, {} if spent is None else spent
+        current, began = Stage.CHECK, time.process_time()
+
+        def close() -> None:
+            nonlocal began
+            now = time.process_time()
+            times[current], began = times.get(current, 0.0) + now - began, now
 
         def report(stage: Stage, detail: str = "") -> None:
-            nonlocal done
+            nonlocal done, current
+            close()
+            current = stage
             done = stage.begins if stage.begins > done else max(done, min(done + STEP, 97.0))
             bar.update(task, completed=done, description=f"{stage.text} {detail}".strip())
 
         yield report
+        close()
 
 
 def where_to_run(command: Callable[..., Any]) -> Callable[..., Any]:
