@@ -63,9 +63,11 @@ class CaseLog:
     """One log of a case.
 
     Attributes:
+        log: columns of the log.
         protocol: name of the motion.
         role: use of the log: "fit" or "holdout".
         repeats: file of the log whose reference this one runs again, or None.
+        file: name of the log's file.
         date: date of its session, or None; logs of one date are one session.
     """
 
@@ -83,7 +85,9 @@ class Case:
     """Logs of one robot in one state.
 
     Attributes:
+        name: name of the case.
         robot: overrides of nominal parameters as in the robot file.
+        logs: logs of the case, fitted or held out.
         period: frame period [s].
         notes: what was assumed or mended while reading, a sentence each.
         hashes: file -> SHA-256 of each file that the case was read from.

@@ -535,9 +535,14 @@ class Difference:
 @short_repr
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Differences of two logs, by column, over the time from `start` to `end` [s] that both cover.
+    """Differences of two logs.
 
-    `notes` says what was left out, a sentence each.
+    Attributes:
+        names: names of both logs.
+        start: start of the time that both cover [s].
+        end: end of the time that both cover [s].
+        signals: column -> difference.
+        notes: what was left out, a sentence each.
     """
 
     names: tuple[str, str]
