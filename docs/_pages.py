@@ -14,7 +14,7 @@ from _effects import ARMS_PATH, effect_pages, effect_paths
 from _notebook import page as notebook_page
 
 from exodrake import PUBLIC
-from exodrake.cli.main import COMMANDS, cli, grouped_commands
+from exodrake.cli.main import COMMANDS, GROUPS as COMMAND_GROUPS, cli
 from exodrake.report.diagnosis_html import decision_numbers
 
 if TYPE_CHECKING:
@@ -111,7 +111,7 @@ def command_pages() -> Iterator[tuple[str, str]]:
     context = click.Context(cli, info_name="exodrake")
     names = cli.list_commands(context)
     text = "# Commands\n\n`--out FOLDER` takes the files of a command, `--json` prints its numbers.\n"
-    for heading, group in grouped_commands().items():
+    for heading, group in COMMAND_GROUPS.items():
         lines = [f"| [`exodrake {name}`]({name}.md) | {COMMANDS[name][1]} |" for name in group]
         text += f"\n## {heading}\n\n| | |\n|---|---|\n" + "\n".join(lines) + "\n"
     yield "reference/commands/index.md", text

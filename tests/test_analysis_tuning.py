@@ -31,9 +31,7 @@ def run(*arguments):
 @pytest.fixture(scope="module")
 def tuned(tmp_path_factory):
     folder = tmp_path_factory.mktemp("tune")
-    names = ("--figure", "tune.png", "--json", "tune.json", "--out-robot", "tuned.yaml")
-    options = [folder / v if i % 2 else v for i, v in enumerate(names)]
-    found = run("--robot", "emps", "--disk-margin", 0.7, "--overshoot", 20, "--draws", 2, *options)
+    found = run("--robot", "emps", "--disk-margin", 0.7, "--overshoot", 20, "--draws", 2, "--out", folder)
     return folder, found
 
 

@@ -295,15 +295,15 @@ def test_a_wrong_section_is_refused(section, reason, tmp_path):
 
 
 def test_arm_that_is_called_like_a_module_of_the_machines_loads_in_a_process_of_its_own(tmp_path):
-    """Its folder holds no code, and hides none: `exodrake.machines.cable_arm` is what makes cable arms."""
+    """Its folder holds no code, and hides none: `exodrake.machines.serial_arm` is what makes arms."""
 
     def exodrake(*words):
         plain = {name: value for name, value in os.environ.items() if name != plugins.VARIABLE}
         command = [sys.executable, "-m", "exodrake", *words]
         return subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, env=plain, check=False)
 
-    new = exodrake("new-machine", "cable_arm", "--urdf", "cable_arm")
-    found = exodrake("robot", "--machine", "cable_arm")
+    new = exodrake("new-machine", "serial_arm", "--urdf", "cable_arm")
+    found = exodrake("robot", "--machine", "serial_arm")
     assert new.returncode == 0 and found.returncode == 0 and "arm." in found.stdout, new.stderr + found.stderr
 
 

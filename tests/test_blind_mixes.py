@@ -12,7 +12,7 @@ from exodrake.data.case import read_case
 from exodrake.reference import cases
 from exodrake.reference.answers import read_committed
 from exodrake.reference.cases import MASKED, MIXES, CasePlan, draw_case, plan
-from exodrake.reference.faults import ENTRIES, LIBRARY, WITHOUT_STRENGTH, block_of, weakened
+from exodrake.reference.faults import ENTRIES, LIBRARY, WITHOUT_STRENGTH, block_of, weaken
 from exodrake.reference.make import WEAKEST, case_and_label, gap_in_noise
 from exodrake.reference.robot import InjectedFault
 from exodrake.reference.score import score
@@ -88,16 +88,16 @@ def test_weaker_effects_lie_on_the_way_to_the_null_value():
     garment = InjectedFault("tendon.compliance", parameters={"stiffness": 1000.0})
     loop = InjectedFault("motor.slow_velocity_loop", parameters={"factor": 0.2})
     sheath = InjectedFault("tendon.viscous_friction", ("AF",), parameters={"coefficient": 8.0})
-    assert [weakened(fault, 0.25).parameters for fault in (garment, loop, sheath)] == [
+    assert [weaken(fault, 0.25).parameters for fault in (garment, loop, sheath)] == [
         {"stiffness": 4000.0}, {"factor": pytest.approx(0.8)}, {"coefficient": 2.0},
     ]  # fmt: skip
-    assert weakened(sheath, 0.25).wires == ("AF",) and weakened(sheath, 1.0) == sheath
+    assert weaken(sheath, 0.25).wires == ("AF",) and weaken(sheath, 1.0) == sheath
 
 
 @pytest.mark.parametrize("effect", [name for name in LIBRARY if name not in WITHOUT_STRENGTH])
 def test_an_effect_of_no_strength_leaves_no_visible_gap(short, effect):
     drawn = draw_case(CasePlan("case", (3, 3), "single", (effect,), False))
-    absent = replace(drawn.healthy, effects=(weakened(drawn.spec.effects[0], WEAKEST),))
+    absent = replace(drawn.healthy, effects=(weaken(drawn.spec.effects[0], WEAKEST),))
     robots = (replace(robot, noisy=False) for robot in (drawn.spec, absent, drawn.healthy))
     present, without, healthy = (simulate(robot, drawn.protocols["grasps"], 0) for robot in robots)
     gap = max(gap_in_noise(without, healthy).values())

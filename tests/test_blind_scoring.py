@@ -22,7 +22,7 @@ from exodrake.reference.measures import (
     names_too_much,
     shares_of,
 )
-from exodrake.reference.score import as_json, as_markdown, as_tables, score
+from exodrake.reference.score import as_json, as_tables, markdown, score, tables
 
 
 def truth(effect_id, gap=10.0, exact=True, blocks=(), wires=(), joints=(), **parameters):
@@ -284,7 +284,7 @@ def test_score_prints_each_mix_and_leaves_out_rows_without_cases(tiny):
     assert [(group.name, group.cases) for group in result.groups] == [("standard", 14), ("small", 1)]
     titles = ["standard, 14 cases", "standard, paired", "small, 1 case", "truth and answer, 15 cases"]
     assert [table.title for table in as_tables(result)] == titles
-    page = as_markdown(result)
+    page = markdown(tables(result))
     assert "| exactly named, single | >= 90 % | 60.0 % |" in page and "| wrongly UNKNOWN | <= 3 % | 100.0 % |" in page
     assert page.count("| truth first |") == 2 and page.count("| false alarm on healthy |") == 1
     small = json.loads(json.dumps(as_json(result)))["mixes"]["small"]
@@ -333,7 +333,7 @@ def test_damaged_answers_and_labels_are_scored_or_refused_by_name(tiny, what):
         else:
             write_committed(spoilt(cases, rng), labels, folder / "seal.txt")
         try:
-            as_markdown(score(folder, labels))
+            markdown(tables(score(folder, labels)))
         except InputError as error:
             refused += 1
             assert (page.name if what == "answer" else labels.name) in str(error) or "configurations" in str(error)

@@ -11,7 +11,7 @@ from command_line import run
 from hypothesis import HealthCheck, given, settings, strategies as st
 
 from exodrake import __version__
-from exodrake.cli.main import COMMANDS, GROUPS, cli
+from exodrake.cli.main import COMMANDS, cli
 from exodrake.data.formats import read_log, write_log
 from exodrake.data.log import Log
 
@@ -29,7 +29,6 @@ def test_help_lists_only_what_is_there():
     lists = result.output[result.output.index("Simulate:") :].splitlines()
     listed = [line.split()[0] for line in lists if line.startswith("  ")]
     assert sorted(listed) == sorted(cli.list_commands(click.Context(cli)))
-    assert set(COMMANDS) <= {name for names in GROUPS.values() for name in names}
 
 
 def test_a_part_of_a_name_finds_it():

@@ -10,7 +10,7 @@ from report_synthetic import UNKNOWN, VERDICTS, diagnosis
 
 import exodrake.diagnosis.pipeline as pipeline
 from exodrake.cli.diagnose import places_of
-from exodrake.core.progress import Stage, fraction
+from exodrake.core.progress import Stage, stages
 from exodrake.data.case import Case, CaseLog, read_case
 from exodrake.data.formats import write_log
 from exodrake.data.log import Log
@@ -179,11 +179,12 @@ def test_a_search_for_a_law_that_fails_becomes_a_note(monkeypatch):
     assert "the search for a missing law failed (NameError: name 'force' is not defined)" in found.notes
 
 
-def test_bar_only_goes_forward():
-    done, seen = 0.0, []
-    for stage in [*Stage, *(Stage.FIT,) * 30]:
-        done = fraction(done, stage)
-        seen.append(done)
+def test_bar_only_goes_forward(monkeypatch):
+    seen = []
+    monkeypatch.setattr("rich.progress.Progress.update", lambda *_, completed, **__: seen.append(completed))
+    with stages() as report:
+        for stage in [*Stage, *(Stage.FIT,) * 30]:
+            report(stage, "")
     assert seen == sorted(seen) and seen[-1] < 100
 
 

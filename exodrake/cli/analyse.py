@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 from click.core import ParameterSource
@@ -16,17 +15,16 @@ from exodrake.cli.options import (
     OutputFolder,
     change_robot,
     json_option,
+    print_table,
     robot_changes,
     robot_option,
     waiting,
+    write_answer,
     write_files,
-    write_json,
 )
 
 if TYPE_CHECKING:
     from exodrake.analysis.closed_loop import ClosedLoop
-    from exodrake.analysis.robustness import Band
-    from exodrake.core.robot import Robot
 
 FIGURES = {
     "rise": "s", "overshoot": "%", "settling": "s", "-3 dB": "Hz", "gain\nmargin": "dB", "phase": "deg", "delay": "ms",
@@ -43,25 +41,13 @@ SHOWN = 0.3  # poles of smaller modulus are gone within a few frames
 @click.option(
     "--diagnosis",
     type=AnyPath(),
-    default=None,
     metavar="FILE|FOLDER",
     help="Answer of `exodrake diagnose --json`, or the folder of one: every robot that it leaves possible.",
 )
-@click.option(
-    "--seed",
-    type=click.IntRange(0),
-    default=None,
-    help="Measure the frequency response with sensor noise of this seed.",
-)
-@click.option("--out", type=OutputFolder(), default=None, help="Folder for figures and analysis.json.")
+@click.option("--seed", type=click.IntRange(0), help="Measure the frequency response with sensor noise of this seed.")
+@click.option("--out", type=OutputFolder(), help="Folder for figures and analysis.json.")
 @json_option
-@click.option(
-    "--to-control",
-    "model",
-    type=OutputFile(),
-    default=None,
-    help="NPZ with A, B, C, D, dt and names for python-control.",
-)
+@click.option("--to-control", "model", type=OutputFile(), help="NPZ with A, B, C, D, dt and names for python-control.")
 def command(file, parameters, effects, parts, at, draws, diagnosis, seed, out, json_file, model) -> None:
     """How stable, how fast and how robust the closed loop of a robot is, seen once a frame.
 
@@ -72,7 +58,14 @@ def command(file, parameters, effects, parts, at, draws, diagnosis, seed, out, j
     from exodrake.analysis.figures import draw_figures
     from exodrake.analysis.limit_cycles import limit_cycles
     from exodrake.analysis.linear_model import add_controller
-    from exodrake.analysis.robustness import assess_answer, read_diagnosis
+    from exodrake.analysis.robustness import (
+        assess_answer,
+        band,
+        points_band,
+        read_diagnosis,
+        within_intervals,
+        within_tolerances,
+    )
     from exodrake.cli.simulate import warn
     from exodrake.machines.robot_file import load_robot
 
@@ -83,32 +76,22 @@ def command(file, parameters, effects, parts, at, draws, diagnosis, seed, out, j
     with waiting("analysing (the first run after a change compiles for half a minute)"):
         result = analyse(robot, point, seed)
         uncertainty = None if answer is None else assess_answer(robot, answer, point, draws or 12)
-        result = replace(result, bands=bands_of(robot, point, draws, answer), uncertainty=uncertainty)
+        bands = []
+        if draws and robot.machine.tolerances:
+            bands.append(band("tolerances", within_tolerances(robot, draws), point))
+        if answer is not None:
+            bands.append(band("diagnosis", within_intervals(robot, answer, draws or 12), point))
+        if robot.machine.loop and len(robot.machine.loop.points) > 1:
+            bands.append(points_band(robot))
+        result = replace(result, bands=tuple(bands), uncertainty=uncertainty)
         cycles = limit_cycles(robot, point) if out or json_file else ()
-        numbers = to_plain(result, cycles)
-        contents = {out / name: png for name, png in draw_figures(result, cycles).items()} if out else {}
-        contents |= {out / "analysis.json": json.dumps(numbers, indent=1, allow_nan=False) + "\n"} if out else {}
-        contents |= {model: model_bytes(result)} if model else {}
-    quiet = json_file == "-"
-    if not quiet:
+        figures, numbers = draw_figures(result, cycles) if out else {}, to_plain(result, cycles)
+    if json_file != "-":
         show(result)
-        warn(robot)
-    write_files(contents, announce=not quiet)
-    write_json(numbers, json_file)
-
-
-def bands_of(robot: Robot, at: dict[str, float] | str | None, draws: int, answer: Any) -> tuple[Band, ...]:
-    """Bands over the tolerances, the intervals of a diagnosis, and the operating points."""
-    from exodrake.analysis.robustness import band, points_band, within_intervals, within_tolerances
-
-    found = []
-    if draws and robot.machine.tolerances:
-        found.append(band("tolerances", within_tolerances(robot, draws), at))
-    if answer is not None:
-        found.append(band("diagnosis", within_intervals(robot, answer, draws or 12), at))
-    if robot.machine.loop and len(robot.machine.loop.points) > 1:
-        found.append(points_band(robot))
-    return tuple(found)
+    warn(robot)
+    write_answer(numbers, "analysis", json_file, out, figures)
+    if model:
+        write_files({model: model_bytes(result)}, json_file != "-")
 
 
 def point_of(text: str) -> dict[str, float] | str | None:
@@ -133,11 +116,7 @@ def point_of(text: str) -> dict[str, float] | str | None:
 
 def show(result: ClosedLoop) -> None:
     """The main numbers as tables."""
-    from rich.console import Console
-
-    from exodrake.report.terminal import table
-
-    console, rows, poles = Console(), [], []
+    rows, poles = [], []
     for step, response, m in zip(result.steps, result.responses, result.margins):
         row = (step.rise, 100.0 * step.overshoot, step.settling, response.bandwidth)
         row = row if result.stable else (math.nan,) * len(row)  # of a growing oscillation
@@ -149,10 +128,9 @@ def show(result: ClosedLoop) -> None:
             place = f"{pole.z.real:+.3f}" + (f" ±{pole.z.imag:.3f}i" if pole.z.imag else "")
             rest = (f"{v:.3g}" for v in (pole.frequency, pole.damping))
             poles.append((f"{abs(pole.z):.4f}", place, *rest, course(pole.time_constant), pole.state))
-    console.print(table(("channel", *(f">{name}\n\\[{unit}]" for name, unit in FIGURES.items())), rows))
-    titles = (">|z|", ">z", ">frequency\n\\[Hz]", ">damping\n\\[-]", "e-fold\n", "mostly in")
-    console.print()
-    console.print(table(titles, poles))
+    print_table(("channel", *(f">{name}\n\\[{unit}]" for name, unit in FIGURES.items())), rows)
+    click.echo()
+    print_table((">|z|", ">z", ">frequency\n\\[Hz]", ">damping\n\\[-]", "e-fold\n", "mostly in"), poles)
     for line in (
         *robust_lines(result),
         *uncertainty_lines(result),

@@ -17,7 +17,7 @@ def command() -> None:
 @click.option("--seed", required=True, type=click.IntRange(min=0), help="Of everything in the set.")
 @click.option("--cases", required=True, type=click.IntRange(min=1), help="How many of each mix.")
 @click.option("--out", required=True, type=AnyPath(), help="Folder of the cases.")
-@click.option("--labels", type=AnyPath(), default=None, help="Labels file [default: OUT-labels.json].")
+@click.option("--labels", type=AnyPath(), help="Labels file [default: OUT-labels.json].")
 @click.option(
     "--mix", "mixes", multiple=True, default=("standard",), show_default=True, metavar="NAME",
     help="standard, healthy, small (effects near the detection limit), half (logs half as long), no-mocap,"
@@ -31,10 +31,13 @@ def make(
 
     The same seed makes the same set, whatever --jobs is. If it is interrupted, the same command goes on from there.
     """
-    from exodrake.reference.cases import named_mixes
+    from exodrake.core.errors import InputError
+    from exodrake.reference.cases import MIXES
     from exodrake.reference.make import make as make_set
 
-    chosen = named_mixes(mixes)
+    if unknown := [name for name in mixes if name not in MIXES]:
+        raise InputError(f"no case mix {unknown[0]!r}; there are {', '.join(MIXES)}")
+    chosen = tuple(MIXES[name] for name in dict.fromkeys(mixes))
     with counted("making") as count:
         path = make_set(out, seed, cases, labels, jobs, chosen, cluster, count)
     click.echo(f"cases in {out}: {cases * len(chosen)}; labels in {path}, committed in {out / 'seal.txt'}")
@@ -63,9 +66,9 @@ def run(folder: Path, jobs: int, cluster: str | None, redo: bool) -> None:
 @command.command(short_help="Score the diagnoses of FOLDER against the labels.")
 @click.argument("folder", type=AnyPath())
 @click.option("--labels", required=True, type=AnyPath(), help="Labels file of the set.")
-@click.option("--against", type=AnyPath(), default=None, help="Folder of other answers to the same cases.")
+@click.option("--against", type=AnyPath(), help="Folder of other answers to the same cases.")
 @json_option
-@click.option("--markdown", type=OutputFile("score.md"), default=None, help="Write the score as Markdown.")
+@click.option("--markdown", type=OutputFile("score.md"), help="Write the score as Markdown.")
 def score(
     folder: Path, labels: Path, against: Path | None, json_file: Path | str | None, markdown: Path | None
 ) -> None:
@@ -75,11 +78,11 @@ def score(
     """
     from rich.console import Console
 
-    from exodrake.reference.score import as_json, as_markdown, as_tables, score as score_set
+    from exodrake.reference.score import as_json, as_tables, markdown as as_markdown, score as score_set, tables
 
     result = score_set(folder, labels, against)
     if not write_json(as_json(result), json_file):
         for table in as_tables(result):
             Console().print(table)
     if markdown:
-        write_files({markdown: as_markdown(result)})
+        write_files({markdown: as_markdown(tables(result))})

@@ -26,13 +26,32 @@ HIDDEN = """Another simulator, with other equations, other numbers within 3 % an
 def command(seed: int, out: Path) -> None:
     """Simulate a grasp, inject a fault into an independent reference simulator, and find it from logs alone."""
     from exodrake.cli.diagnose import Targets, diagnose_case
+    from exodrake.cli.simulate import files_of
+    from exodrake.core.files import write_folder
+    from exodrake.data.formats import log_bytes
+    from exodrake.reference.answers import write_committed
+    from exodrake.reference.make import make_case
+    from exodrake.reference.simulator import warm_up
+    from exodrake.simulation.scenario import Scenario
 
     if (out / CASE).exists() or (out / LABELS).exists():
         raise InputError(f"{out}: holds an earlier demo; name another folder with --out, or remove it")
     chapter(1, "A grasp of the nominal robot", "The model closes an index finger by three tendons.")
-    simulate_grasp(out / "grasp")
+    with waiting("simulating (the first run compiles for half a minute)") as say:
+        scenario = Scenario(GRASP)
+        robot, log = scenario.run()
+        contents = files_of(scenario, robot, log, GRASP, say)
+        write_folder(out / "grasp", {"log.csv": log_bytes(log, out / "grasp" / "log.csv"), **contents})
+    angles = log.array("angle")
+    reached = ", ".join(f"{j} {57.3 * a:.0f}°" for j, a in zip(robot.machine.axes.joints, angles.max(axis=0)))
+    click.echo(f"   {GRASP} for {log.duration:.0f} s: {reached}")
     chapter(2, "A robot with a hidden fault", HIDDEN)
-    hide_fault(out, seed)
+    with waiting("the reference simulator runs"):
+        warm_up()
+        label = make_case(case_plan(seed), out)
+        write_committed({CASE: label}, out / LABELS, out / COMMITMENT)
+    digest = (out / COMMITMENT).read_text()[:16]
+    click.echo(f"   five logs in {out / CASE}, SHA-256 of the label {digest}…")
     chapter(3, "The diagnosis", "Only the logs and the nominal robot are known. This takes a minute or two.")
     files = Targets(out / "diagnosis.json", out / "report.html", out / "improved.yaml")
     found = diagnose_case(str(out / CASE), "", files)
@@ -47,37 +66,6 @@ def chapter(number: int, title: str, words: str) -> None:
     """Print the heading of a chapter, and what happens in it."""
     click.secho(f"\n{number}  {title}", bold=True)
     click.secho(f"   {words}", dim=True)
-
-
-def simulate_grasp(folder: Path) -> None:
-    """Simulate a grasp; write log, figure and Meshcat recording."""
-    from exodrake.cli.simulate import files_of
-    from exodrake.core.files import write_folder
-    from exodrake.data.formats import log_bytes
-    from exodrake.simulation.scenario import Scenario
-
-    with waiting("simulating (the first run compiles for half a minute)") as say:
-        scenario = Scenario(GRASP)
-        robot, log = scenario.run()
-        contents = files_of(scenario, robot, log, GRASP, say)
-        write_folder(folder, {"log.csv": log_bytes(log, folder / "log.csv"), **contents})
-    angles = log.array("angle")
-    reached = ", ".join(f"{j} {57.3 * a:.0f}°" for j, a in zip(robot.machine.axes.joints, angles.max(axis=0)))
-    click.echo(f"   {GRASP} for {log.duration:.0f} s: {reached}")
-
-
-def hide_fault(out: Path, seed: int) -> None:
-    """Make one case with one injected effect by the reference simulator, and commit to its label."""
-    from exodrake.reference.answers import write_committed
-    from exodrake.reference.make import make_case
-    from exodrake.reference.simulator import warm_up
-
-    with waiting("the reference simulator runs"):
-        warm_up()
-        label = make_case(case_plan(seed), out)
-        write_committed({CASE: label}, out / LABELS, out / COMMITMENT)
-    digest = (out / COMMITMENT).read_text()[:16]
-    click.echo(f"   five logs in {out / CASE}, SHA-256 of the label {digest}…")
 
 
 def case_plan(seed: int) -> Any:

@@ -49,10 +49,10 @@ class Targets(NamedTuple):
 @robot_option(default="")
 @click.option("--effects", "only", default="", metavar="ID,...", help="Try these effects only.")
 @click.option("--without", default="", metavar="ID,...", help="Do not try these effects.")
-@click.option("--discover/--no-discover", default=None, help="Look for a law that the library lacks [for UNKNOWN].")
+@click.option("--discover/--no-discover", help="Look for a law that the library lacks [for UNKNOWN].")
 @click.option("--out-law", metavar="FOLDER", type=AnyPath(), help="Write that law, as a plugin with its robot.")
 @click.option("--profile", is_flag=True, help="Say how much processor time and simulated time each stage took.")
-@click.option("--jobs", type=click.IntRange(min=1), default=None, help="Processor cores to use [all].")
+@click.option("--jobs", type=click.IntRange(min=1), help="Processor cores to use [all].")
 @click.option("--cluster", metavar="ADDRESS", help="Of several cases: Dask scheduler to run on.")
 @click.option("--allow-outside", is_flag=True, help="Read logs that lie outside the folder of their case, too.")
 @click.option("--redo", is_flag=True, help="Of several cases: answer anew what another configuration answered.")
@@ -100,19 +100,10 @@ def diagnose_case(
     """Diagnose one case, print the summary and write the files.
 
     The answer is written before a missing law is sought, and before the report: an error in either loses nothing.
-
-    Args:
-        case: Folder or log.
-        robot: Nominal robot, a name or a file; empty for the built-in one.
-        targets: Files to write.
-        tried: Ids of the effects to try; None for the default ones.
-        allow_outside: Read logs that lie outside the folder of their case, too.
-        profile: Print the processor time of each stage.
-        discover: Whether to look for a missing law; None for an UNKNOWN verdict alone.
     """
     from dataclasses import replace
 
-    from exodrake.core.progress import Stage, stages, timed
+    from exodrake.core.progress import Stage, stages
     from exodrake.data.case import read_case
     from exodrake.diagnosis.problem import make_problem, required_of
     from exodrake.machines.robot_file import load_robot
@@ -143,7 +134,7 @@ def diagnose_case(
             write({targets.report: report_html(known[0], found.problem or make_problem(read, nominal))})
 
     try:
-        with stages() as shown, timed(shown) as (progress, spent):
+        with stages(spent) as progress:
             from exodrake.diagnosis.pipeline import diagnose
             from exodrake.diagnosis.result import UNKNOWN
 
@@ -170,14 +161,30 @@ def diagnose_many(
     tried: frozenset[str] | None, allow_outside: bool = False,
 ) -> None:  # fmt: skip
     """Diagnose cases in parallel. Exit status 1 if some fail; InputError before the work starts."""
+    from rich.markup import escape
+
     from exodrake.diagnosis.fleet import read_answers
     from exodrake.diagnosis.many import diagnose_all, stored
+    from exodrake.diagnosis.result import CAUSE
     from exodrake.report.fleet import fleet_html
+    from exodrake.report.wording import closure, share
 
     places = places_of(cases, out)
     with counted("diagnosing") as count:
         failed = diagnose_all(places, jobs, cluster, count, redo, robot, tried, allow_outside)
-    rows = [verdict_row(place.name, stored(place)) for place in places.values()]
+    rows = []
+    for name, answer in ((escape(place.name), stored(place)) for place in places.values()):
+        if answer is None:
+            rows.append((name, "[red]failed[/red]", "", ""))
+            continue
+        causes = []
+        for effect in (e for e in answer["effects"] if e.get("role", CAUSE) == CAUSE):
+            names = " or ".join([effect["id"], *(rival["id"] for rival in effect.get("rivals") or ())])
+            value = (effect.get("share") or {}).get("value")  # answers of older versions lack it
+            causes.append(names if value is None else f"{names} {share(value)}")
+        value = answer["closure"]["overall"].get("value") if causes else None
+        refuted = " (not confirmed)" if answer.get("confirmed") is False else ""
+        rows.append((name, answer["verdict"] + refuted, ", ".join(causes), "" if value is None else closure(value)))
     print_table(("case", "verdict", "causes", ">closure"), rows, wrapped=2)
     write_files({out / FLEET: fleet_html(read_answers(out), out.resolve().name)})
     for name, reason in failed.items():
@@ -187,14 +194,9 @@ def diagnose_many(
 
 
 def places_of(cases: tuple[str, ...], out: Path) -> dict[Path, Path]:
-    """Map each case to the folder for its answer, named by its parent, too, where two have one name.
+    """Map each case, or case in a folder, to the folder for its answer in `out`; a doubled name has the parent's, too.
 
-    Args:
-        cases: Folders and logs; a folder of cases stands for these.
-        out: Folder of the answers.
-
-    Raises:
-        InputError: For a missing case, and for two whose answers would have the same name.
+    InputError for a missing case, and for two whose answers would have the same name.
     """
     from exodrake.data.formats import stem
 
@@ -211,25 +213,6 @@ def places_of(cases: tuple[str, ...], out: Path) -> dict[Path, Path]:
             raise InputError(f"{path}: has the same name as {namesake}, and so would its answer")
         places[path] = place
     return places
-
-
-def verdict_row(name: str, answer: dict[str, Any] | None) -> tuple[str, str, str, str]:
-    """Cells of case, verdict, causes with their rivals and share of the gap, and closure."""
-    from rich.markup import escape
-
-    from exodrake.diagnosis.result import CAUSE
-    from exodrake.report.wording import closure, share
-
-    if answer is None:
-        return escape(name), "[red]failed[/red]", "", ""
-    causes = []
-    for effect in (e for e in answer["effects"] if e.get("role", CAUSE) == CAUSE):
-        names = " or ".join([effect["id"], *(rival["id"] for rival in effect.get("rivals") or ())])
-        value = (effect.get("share") or {}).get("value")  # answers of older versions lack it
-        causes.append(names if value is None else f"{names} {share(value)}")
-    value = answer["closure"]["overall"].get("value") if causes else None
-    refuted = " (not confirmed)" if answer.get("confirmed") is False else ""
-    return escape(name), answer["verdict"] + refuted, ", ".join(causes), "" if value is None else closure(value)
 
 
 LISTED, CAUSES = 4, 2  # columns of the report's table that the terminal shows, and the one that is wrapped
@@ -265,7 +248,7 @@ def summarise_fleet(sources: tuple[Path, ...], out: Path | None, table: Path | N
 
 @click.command()
 @robot_option()
-@click.option("--case", "folder", default=None, metavar="CASE", help="Folder or log whose motion the robots follow.")
+@click.option("--case", "folder", metavar="CASE", help="Folder or log whose motion the robots follow.")
 @click.option("--cases", default=60, show_default=True, type=click.IntRange(min=1), help="How many robots at most.")
 @click.option("--minutes", default=9.0, show_default=True, type=click.FloatRange(min=0.0), help="Time for them.")
 @click.option("--seed", default=0, show_default=True, type=click.IntRange(min=0), help="Of everything that is drawn.")

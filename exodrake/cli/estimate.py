@@ -10,7 +10,6 @@ from exodrake.cli.options import AnyPath, OutputFile, print_table, waiting
 if TYPE_CHECKING:
     import numpy as np
 
-    from exodrake.estimator.gp import Zeros
     from exodrake.estimator.validate import Score
 
 
@@ -107,7 +106,17 @@ def estimate_angles(
         save_png(found.log.plot(f"{log.name}, estimated", details=[BAND]), figure)
         click.echo(f"{figure}: the log with its estimate")
     if found.zeros is not None:
-        click.echo(zeros_text(found.zeros, corrected=not as_trained))
+        zeros = found.zeros
+        parts = zip(zeros.wires, 1e3 * zeros.shift, 1e3 * zeros.half_widths, strict=True)
+        shifts = ", ".join(f"{wire} {shift:+.2f} ± {half:.2f}" for wire, shift, half in parts)
+        text = f"zeros of the strokes since the training: {shifts} mm"
+        done = "not corrected, by --as-trained" if as_trained else "corrected"
+        if zeros.unlike:
+            text += "\nand more than a shift: contact, other tensions, another wearer or robot? Nothing corrected."
+        else:
+            moved = f": moved, {done}. Re-donned? A changed rest posture looks the same."
+            text += moved if zeros.moved else ": not moved"
+        click.echo(text)
     click.echo(f"unlike the training sweeps: {100 * found.flagged:.1f} % of samples")
     if found.flagged > 0.5:
         click.echo("most samples are: other tensions, another wearer or robot? Train again before trusting the angles.")
@@ -116,16 +125,3 @@ def estimate_angles(
         return
     for joint, rmse, coverage in zip(trained.joints, found.score.rmse, found.score.coverage, strict=True):
         click.echo(f"{joint}: RMSE {rmse:.4f} rad, {100 * coverage:.1f} % inside the 95 % interval")
-
-
-def zeros_text(zeros: "Zeros", corrected: bool) -> str:
-    """The zeros of a session with 95 % half widths, and what follows from them."""
-    parts = zip(zeros.wires, 1e3 * zeros.shift, 1e3 * zeros.half_widths, strict=True)
-    shifts = ", ".join(f"{wire} {shift:+.2f} ± {half:.2f}" for wire, shift, half in parts)
-    text = f"zeros of the strokes since the training: {shifts} mm"
-    if zeros.unlike:
-        return f"{text}\nand more than a shift: contact, other tensions, another wearer or robot? Nothing corrected."
-    if not zeros.moved:
-        return f"{text}: not moved"
-    done = "corrected" if corrected else "not corrected, by --as-trained"
-    return f"{text}: moved, {done}. Re-donned? A changed rest posture looks the same."

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from exodrake.cli.options import AnyPath, log_in, robot_option
+from exodrake.cli.options import AnyPath, log_in, robot_option, write_files
 
 if TYPE_CHECKING:
     from exodrake.data.import_log import Mapped
@@ -21,10 +21,10 @@ if TYPE_CHECKING:
 @click.option("--isaac", "form", flag_value="isaac", help="Write a robot's actuators for Isaac Lab, as Python.")
 @robot_option()
 @click.option("--out", required=True, type=AnyPath(), help="File to write; a log's ending is its format.")
-@click.option("--map", "map_file", type=AnyPath(), default=None, metavar="FILE",
+@click.option("--map", "map_file", type=AnyPath(), metavar="FILE",
               help="Write a log as text with the names and units of this mapping file.")  # fmt: skip
-@click.option("--start", type=float, default=None, help="Of a log: leave out rows before this time [s].")
-@click.option("--end", type=float, default=None, help="Of a log: leave out rows from this time on [s].")
+@click.option("--start", type=float, help="Of a log: leave out rows before this time [s].")
+@click.option("--end", type=float, help="Of a log: leave out rows from this time on [s].")
 def command(
     subject: str, form: str | None, robot: str, out: Path, map_file: Path | None,
     start: float | None, end: float | None,
@@ -39,8 +39,7 @@ def command(
     along; a comment in the file names what the format cannot state.
     """  # noqa: D205 - click shows the first paragraph whole
     from exodrake.core.errors import InputError
-    from exodrake.core.files import write_bytes
-    from exodrake.data.formats import read_log, write_log
+    from exodrake.data.formats import log_bytes, read_log
     from exodrake.data.import_log import read_mapping
     from exodrake.machines.export import export_robot
     from exodrake.machines.library import robot_yaml
@@ -62,23 +61,16 @@ def command(
         table = table.between(first if start is None else start, float("inf") if end is None else end)
     if not len(table):
         raise InputError(f"{subject}: no rows between --start and --end (the log runs from {first:g} to {last:g} s)")
-    if map_file:
-        write_bytes(out, owner_table(table, read_mapping(map_file), str(map_file)))
-    else:
-        write_log(table, out)
+    data = owner_table(table, read_mapping(map_file), str(map_file)) if map_file else log_bytes(table, out)
+    write_files({out: data}, announce=False)
     click.echo(f"{out}: {len(table)} rows, {len(table.columns)} columns")
 
 
 def owner_table(log: Log, mapped: Mapped, source: str) -> bytes:
     """Columns of a log as text with the owner's names, units, separator and decimal point: a mapping read backwards.
 
-    Args:
-        log: in SI.
-        mapped: of its columns, those that the log has are written; readings that `wrap` stay continuous.
-        source: name of the mapping file.
-
-    Raises:
-        InputError: the mapping names no column of the log, or one whose scale or sign is 0.
+    Readings that `wrap` stay continuous. InputError where the mapping names no column of the log, or one whose scale or
+    sign is 0.
     """
     import csv
     import io

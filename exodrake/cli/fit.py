@@ -4,8 +4,16 @@ from __future__ import annotations
 
 import click
 
-from exodrake.cli.options import OutputFolder, change_robot, json_option, robot_changes, robot_option, waiting
-from exodrake.cli.response import CASE, write_answer
+from exodrake.cli.options import (
+    CASE,
+    OutputFolder,
+    change_robot,
+    json_option,
+    robot_changes,
+    robot_option,
+    waiting,
+    write_answer,
+)
 
 
 @click.command()
@@ -20,7 +28,7 @@ from exodrake.cli.response import CASE, write_answer
 @click.option("--prediction", is_flag=True, help="Fit prediction errors beside output errors.")
 @robot_option("file")
 @robot_changes
-@click.option("--out", type=OutputFolder(), default=None, help="Folder for robot.yaml, fit.png and fit.json.")
+@click.option("--out", type=OutputFolder(), help="Folder for robot.yaml, fit.png and fit.json.")
 @json_option
 def command(cases, free, bounds, held_out, prediction, file, parameters, effects, parts, out, json_file) -> None:
     """Fit parameters of a robot to logs by least squares, with 90 % intervals that allow for coloured residuals.

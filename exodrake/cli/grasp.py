@@ -27,10 +27,10 @@ WIDTH = 0.04  # m, of a caged cylinder across the finger in the recording
 @click.command()
 @click.argument("mode")
 @click.option("--size", required=True, metavar="SIZE", help="Diameter of the object with its unit: 60mm, '6 cm'.")
-@click.option("--estimator", "file", type=AnyPath(), default=None, help="File of `exodrake train`.")
+@click.option("--estimator", "file", type=AnyPath(), help="File of `exodrake train`.")
 @robot_option()
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Seed of the noise.")
-@click.option("--out", type=OutputFolder(), default=None, help="Folder for the files [grasps/MODE-SIZE].")
+@click.option("--out", type=OutputFolder(), help="Folder for the files [grasps/MODE-SIZE].")
 def command(mode: str, size: str, file: Path | None, robot: str, seed: int, out: Path | None) -> None:
     """Plan a grasp (caging, narrow-pinch, wide-pinch), simulate it, and show planned, reached and estimated posture.
 

@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
@@ -20,9 +19,6 @@ from exodrake.cli.options import (
     waiting,
     write_files,
 )
-
-if TYPE_CHECKING:
-    from exodrake.identification.kinematics.identify import Kinematics
 
 
 @click.group()
@@ -52,7 +48,7 @@ def kinematics(file: Path, out: Path, markers: Path | None, cutoff: float, repai
         read_layout,
         read_markers,
     )
-    from exodrake.identification.kinematics.report import write_report
+    from exodrake.identification.kinematics.report import length_rows, table_rows, write_report
 
     recording = read_markers(file)
     layout = read_layout(markers) if markers else Layout()
@@ -64,16 +60,6 @@ def kinematics(file: Path, out: Path, markers: Path | None, cutoff: float, repai
     with waiting("adjusting axes to the markers"):
         found = identify(recording, layout, cutoff or None)
         files = write_report(found, out)
-    print_kinematics(found)
-    for remark in found.remarks:
-        click.echo(f"note: {remark}")
-    click.echo("wrote " + ", ".join(str(name) for name in files))
-
-
-def print_kinematics(found: Kinematics) -> None:
-    """Prints the lines of the joint centres, and lengths and ranges."""
-    from exodrake.identification.kinematics.report import length_rows, table_rows
-
     rows = [
         (joint, axis, f"{gradient} ± {half}", f"{intercept} ± {other}", rmse)
         for joint, axis, gradient, half, intercept, other, rmse in table_rows(found)
@@ -83,6 +69,9 @@ def print_kinematics(found: Kinematics) -> None:
     ranges = ["{:.2f} to {:.2f}".format(*joint.range) for joint in found.joints]
     lengths = [(j, span, bone, f"{mm} ± {half}") for span, (j, bone, mm, half) in zip(ranges, length_rows(found))]
     print_table(("joint", ">flexion \\[rad]", "phalanx", ">length \\[mm]"), lengths)
+    for remark in found.remarks:
+        click.echo(f"note: {remark}")
+    click.echo("wrote " + ", ".join(str(name) for name in files))
 
 
 @command.command(short_help="Write a marker recording with known truth.")

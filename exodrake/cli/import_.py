@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from exodrake.cli.options import DEFAULT, MACHINE, AnyPath, machine_added
+from exodrake.cli.options import DEFAULT, MACHINE, AnyPath, machine_added, print_table, write_files
 from exodrake.core.errors import InputError
 from exodrake.machines.library import machine_folders, machine_named, recorded_machines
 
@@ -85,8 +85,8 @@ def command(
 
 def write_logs(logs: dict[str, Imported], out: Path, mapped: Mapped | None, machine: str) -> None:
     """Writes one log, or a case for a machine whose last log is held out, with their notes."""
-    from exodrake.core.files import make_folder, write_bytes, write_folder
-    from exodrake.data.case import FILE as CASE, Case, CaseLog, case_text, notes_name, notes_text
+    from exodrake.core.files import write_folder
+    from exodrake.data.case import FILE as CASE, Case, CaseLog, case_text, notes_name
     from exodrake.data.formats import ending, format_of, log_bytes
     from exodrake.data.import_log import frame_period
 
@@ -95,11 +95,8 @@ def write_logs(logs: dict[str, Imported], out: Path, mapped: Mapped | None, mach
         if len(logs) > 1:
             raise InputError(f"{out}: {len(logs)} logs, wanted the folder of a case, or --episodes with one number")
         item = next(iter(logs.values()))
-        content = log_bytes(item.log, out)
-        make_folder(out.parent)
-        write_bytes(out, content)
-        if item.notes:
-            write_bytes(out.with_name(notes_name(out)), notes_text(item.notes))
+        notes = {out.with_name(notes_name(out)): "\n".join((*item.notes, ""))} if item.notes else {}
+        write_files({out: log_bytes(item.log, out), **notes}, announce=False)
     else:
         names = list(logs)
         roles = ["holdout" if name == names[-1] and len(names) > 1 else "fit" for name in names]
@@ -107,7 +104,7 @@ def write_logs(logs: dict[str, Imported], out: Path, mapped: Mapped | None, mach
         items = [CaseLog(logs[n].log, n, role, None, files[n]) for n, role in zip(names, roles, strict=True)]
         period = frame_period([item.log for item in items], mapped, machine_named(machine).frame)
         contents = {files[name]: log_bytes(logs[name].log, out / files[name]) for name in names}
-        contents |= {notes_name(files[name]): notes_text(logs[name].notes) for name in names if logs[name].notes}
+        contents |= {notes_name(files[n]): "\n".join((*logs[n].notes, "")).encode() for n in names if logs[n].notes}
         contents[CASE] = case_text(Case(out.resolve().name, {}, tuple(items), period)).encode()
         write_folder(out, contents)
     first = next(iter(logs.values())).log
@@ -121,36 +118,29 @@ def write_logs(logs: dict[str, Imported], out: Path, mapped: Mapped | None, mach
 
 def list_contents(recording: Path) -> None:
     """Prints the columns of a recording, or the topics of a bag, as a mapping file names them."""
-    from rich.console import Console
     from rich.markup import escape
 
     from exodrake.core.files import read_bytes
     from exodrake.data.import_log import refuse_folder
     from exodrake.data.ros2 import is_bag, read_topics
     from exodrake.data.tables import episodes, is_dataset, list_columns
-    from exodrake.report.terminal import table
 
-    console = Console(highlight=False)
+    rows = []
     if is_bag(recording):
-        rows = []
+        unknown = ["cannot be decoded: neither JSON nor a ROS 2 message with its definition"]
         for topic, (kind, count, fields) in read_topics(recording).items():
-            named = (
-                "cannot be decoded: neither JSON nor a ROS 2 message with its definition"
-                if fields is None
-                else ", ".join(fields)
-            )
+            named = ", ".join(unknown if fields is None else fields)
             rows.append((escape(topic), kind, str(count), escape(named)))
-        console.print(table(("topic", "type", ">messages", "fields: column is TOPIC:FIELD"), rows, wrapped=3))
+        print_table(("topic", "type", ">messages", "fields: column is TOPIC:FIELD"), rows, wrapped=3)
         return
     if is_dataset(recording):
         name, columns = next(episodes(recording))
-        console.print(f"LeRobot data set, {name}")
+        click.echo(f"LeRobot data set, {name}")
     else:
         refuse_folder(recording)
         columns = list_columns(read_bytes(recording), str(recording))
-    rows = []
     for name, values in columns.items():
         known = values[values == values]
         ends = [f"{value:.6g}" for value in (known.min(), known.max())] if len(known) else ["", ""]
         rows.append((escape(name), str(len(values)), str(len(values) - len(known)), *ends))
-    console.print(table(("column", ">samples", ">missing", ">lowest", ">highest"), rows))
+    print_table(("column", ">samples", ">missing", ">lowest", ">highest"), rows)

@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
-from exodrake.cli.options import AnyPath, OutputFile, json_option, log_in, robot_option, write_files, write_json
-
-if TYPE_CHECKING:
-    from exodrake.core.machine import Machine
-    from exodrake.data.log import Comparison
+from exodrake.cli.options import (
+    AnyPath,
+    OutputFile,
+    json_option,
+    log_in,
+    print_table,
+    robot_option,
+    write_files,
+    write_json,
+)
 
 
 @click.command()
 @click.argument("log", type=AnyPath())
 @robot_option()
-@click.option("--out", type=OutputFile("log.html"), default=None, help="File to write, or a folder [LOG with .html].")
+@click.option("--out", type=OutputFile("recording.html"), help="File to write, or a folder for it [LOG with .html].")
 @click.option("--estimated", is_flag=True, help="Show the estimated joint angles, not the measured ones.")
 @click.option("--open", "show", is_flag=True, help="Open the file in the browser.")
 def show_log(log: Path, robot: str, out: Path | None, estimated: bool, show: bool) -> None:
@@ -44,15 +48,17 @@ def show_log(log: Path, robot: str, out: Path | None, estimated: bool, show: boo
 @click.argument("second", type=AnyPath(), metavar="B")
 @robot_option()
 @click.option("--out", type=OutputFile("compare.png"), default=Path("compare.png"), show_default=True,
-              help="Figure to write, or a folder.")  # fmt: skip
+              help="Figure to write, or a folder for it.")  # fmt: skip
 @json_option
-def compare_logs(first: Path, second: Path, robot: str, out: Path, json_file: Path | None) -> None:
+def compare_logs(first: Path, second: Path, robot: str, out: Path, json_file: Path | str | None) -> None:
     """Overlay logs A and B, draw B less A below, and print RMS, mean and largest difference of each common signal.
 
     A and B are log files, or folders that `exodrake simulate` wrote. Where the clocks differ, B is read between its
     samples. The robot gives labels, units and colours.
     """
-    from exodrake.core.plain import to_dict
+    from exodrake.core.display import display_of
+    from exodrake.core.plain import plain
+    from exodrake.core.units import kind_of
     from exodrake.data.formats import read_log
     from exodrake.data.log import compare
     from exodrake.data.plot import png_of, remarks
@@ -64,21 +70,6 @@ def compare_logs(first: Path, second: Path, robot: str, out: Path, json_file: Pa
     names = (first.name, second.name) if first.name != second.name else found.names
     said = remarks(found, one, machine)
     figure = one.plot(" and ".join(names), other, names, machine=machine, remarks=said, difference=True)
-    quiet = json_file == "-"
-    if not quiet:
-        show_differences(found, machine)
-    write_files({out: png_of(figure)}, announce=not quiet)
-    write_json(to_dict(found), json_file)
-
-
-def show_differences(found: Comparison, machine: Machine) -> None:
-    """Prints the differences in the units that people read."""
-    from rich.console import Console
-
-    from exodrake.core.display import display_of
-    from exodrake.core.units import kind_of
-    from exodrake.report.terminal import table
-
     rows = []
     for name, one in found.signals.items():
         kind = kind_of(name) or name
@@ -86,10 +77,10 @@ def show_differences(found: Comparison, machine: Machine) -> None:
         cells = (f"{display.factor * x:.3g}" for x in (one.rms, one.mean, one.largest))
         channel = name.removeprefix(kind).strip("_")
         rows.append((f"{kind} {channel}".rstrip(), display.unit, *cells, f"{one.at:.2f} s"))
-    console = Console()
-    console.print(
-        f"B less A, {found.start:g} to {found.end:g} s; A is {found.names[0]}, B {found.names[1]}", markup=False
-    )
-    console.print(table(("signal", "unit", ">RMS", ">mean", ">largest", ">at"), rows))
+    if json_file != "-":
+        click.echo(f"B less A, {found.start:g} to {found.end:g} s; A is {found.names[0]}, B {found.names[1]}")
+        print_table(("signal", "unit", ">RMS", ">mean", ">largest", ">at"), rows)
     for note in found.notes:
         click.secho(f"note: {note}", fg="yellow", err=True)
+    printed = write_json(plain(found), json_file)
+    write_files({out: png_of(figure)}, not printed)

@@ -6,7 +6,6 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib import import_module
-from pathlib import Path
 from typing import IO, Any
 
 import click
@@ -16,48 +15,50 @@ from exodrake.cli.options import ARGUMENTS, plugin_added, without_machine
 from exodrake.core.errors import InputError, nearest, printable, shortened
 from exodrake.core.progress import INTERRUPTED
 
-# command -> (module, with the name of the click command if it is not `command`; its line in --help); those without a
-# module are not listed
-COMMANDS = {
-    "demo": ("demo", "From a robot with a hidden fault to its name."),
-    "simulate": ("simulate", "Run a robot, with or without effects, and write its log."),
-    "compare": ("logs:compare_logs", "Two logs over each other, with the RMS of each difference."),
-    "robot": ("robot:list_parameters", "A robot's parameters: value, range, tolerance, source."),
-    "check": ("check", "Before a diagnosis: what a case can tell, and what is wrong."),
-    "diagnose": ("diagnose", "Where, which and how far: a robot's logs against its model."),
-    "experiment": ("experiment", "The motion that tells apart what a diagnosis could not."),
-    "fleet": ("diagnose:summarise_fleet", "Many diagnosed cases: which robots, which causes, since when."),
-    "calibrate": ("diagnose:count_errors", "Error rates of a machine's diagnosis."),
-    "new-machine": ("new_machine", "A folder with a machine of your own, which runs at once."),
-    "effects": ("robot:list_effects", "The effect library: what the nominal robot leaves out."),
-    "draw": ("robot:draw", "Draw the robot's block diagram with its signals and slots."),
-    "analyse": ("analyse", "Closed loop: steps, poles, margins, robustness."),
-    "response": ("response", "Frequency response from a log, beside the robot's model."),
-    "fit": ("fit", "Fit chosen parameters of a robot to its logs."),
-    "sweep": ("sweep", "Many runs of a robot over its parameters, as a table."),
-    "tune": ("tune", "Choose the controller's gains within requirements."),
-    "feedforward": ("tune:find_commands", "Commands that make a robot do what is wanted, by its model."),
-    "identify": ("identify", "Find the finger's kinematics in a marker recording."),
-    "workspace": ("identify:find_workspace", "Areas that the fingertip reaches, alone and pulled by tendons."),
-    "train": ("estimate:train_estimator", "Train the joint-angle estimator on logs."),
-    "estimate": ("estimate:estimate_angles", "Joint angles from stroke and tension, with their uncertainty."),
-    "grasp": ("grasp", "From grasp mode and object size to joint targets and tensions."),
-    "blind": ("blind", "Make, commit to and score cases from the reference simulator."),
-    "import": ("import_", "Turn a foreign recording into a log, by a mapping file."),
-    "export": ("export", "A log in another format; a robot as MJCF, URDF, Isaac Lab."),
-    "watch": ("watch", "Follow a growing log: the gap per block, and an alarm."),
-    "alarm-limits": ("watch:find_alarm_limits", "Gaps that healthy robots stay below, for the alarm of watch."),
-    "show": ("logs:show_log", "Write a log as HTML with the moving robot."),
-    "warm-up": ("simulate:compile_kernels", "Compile the kernels now, not at first use."),
-}
-# heading -> commands, in the order of --help
+# heading -> command -> (module, with the name of the click command if it is not `command`; its line in --help)
 GROUPS = {
-    "Simulate": ("demo", "simulate", "sweep", "compare", "show", "robot", "effects", "draw", "warm-up"),
-    "Diagnose": ("check", "diagnose", "experiment", "fleet", "watch", "blind"),
-    "Logs and machines of your own": ("import", "export", "new-machine", "fit", "calibrate", "alarm-limits"),
-    "Control": ("analyse", "response", "tune", "feedforward"),
-    "The finger of the paper": ("identify", "workspace", "train", "estimate", "grasp"),
+    "Simulate": {
+        "demo": ("demo", "From a robot with a hidden fault to its name."),
+        "simulate": ("simulate", "Run a robot, with or without effects, and write its log."),
+        "sweep": ("sweep", "Many runs of a robot over its parameters, as a table."),
+        "compare": ("logs:compare_logs", "Two logs over each other, with the RMS of each difference."),
+        "show": ("logs:show_log", "Write a log as HTML with the moving robot."),
+        "robot": ("robot:list_parameters", "A robot's parameters: value, range, tolerance, source."),
+        "effects": ("robot:list_effects", "The effect library: what the nominal robot leaves out."),
+        "draw": ("robot:draw", "Draw the robot's block diagram with its signals and slots."),
+        "warm-up": ("simulate:compile_kernels", "Compile the kernels now, not at first use."),
+    },
+    "Diagnose": {
+        "check": ("check", "Before a diagnosis: what a case can tell, and what is wrong."),
+        "diagnose": ("diagnose", "Where, which and how far: a robot's logs against its model."),
+        "experiment": ("experiment", "The motion that tells apart what a diagnosis could not."),
+        "fleet": ("diagnose:summarise_fleet", "Many diagnosed cases: which robots, which causes, since when."),
+        "watch": ("watch", "Follow a growing log: the gap per block, and an alarm."),
+        "blind": ("blind", "Make, commit to and score cases from the reference simulator."),
+    },
+    "Logs and machines of your own": {
+        "import": ("import_", "Turn a foreign recording into a log, by a mapping file."),
+        "export": ("export", "A log in another format; a robot as MJCF, URDF, Isaac Lab."),
+        "new-machine": ("new_machine", "A folder with a machine of your own, which runs at once."),
+        "fit": ("fit", "Fit chosen parameters of a robot to its logs."),
+        "calibrate": ("diagnose:count_errors", "Error rates of a machine's diagnosis."),
+        "alarm-limits": ("watch:find_alarm_limits", "Gaps that healthy robots stay below, for the alarm of watch."),
+    },
+    "Control": {
+        "analyse": ("analyse", "Closed loop: steps, poles, margins, robustness."),
+        "response": ("response", "Frequency response from a log, beside the robot's model."),
+        "tune": ("tune", "Choose the controller's gains within requirements."),
+        "feedforward": ("tune:find_commands", "Commands that make a robot do what is wanted, by its model."),
+    },
+    "The finger of the paper": {
+        "identify": ("identify", "Find the finger's kinematics in a marker recording."),
+        "workspace": ("identify:find_workspace", "Areas that the fingertip reaches, alone and pulled by tendons."),
+        "train": ("estimate:train_estimator", "Train the joint-angle estimator on logs."),
+        "estimate": ("estimate:estimate_angles", "Joint angles from stroke and tension, with their uncertainty."),
+        "grasp": ("grasp", "From grasp mode and object size to joint targets and tensions."),
+    },
 }
+COMMANDS = {name: command for group in GROUPS.values() for name, command in group.items()}
 
 
 class InputProblem(click.ClickException):
@@ -110,12 +111,12 @@ class LazyGroup(OneLineErrors, click.Group):
     """A group that imports a command's module when the command is called, so that --help imports none."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """Commands whose module exists, by group."""
-        return [name for names in grouped_commands().values() for name in names]
+        """All commands, by group."""
+        return list(COMMANDS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """The command, its module imported; None if there is none such."""
-        if cmd_name not in COMMANDS or not _exists(cmd_name):
+        if cmd_name not in COMMANDS:
             return None
         module, _, function = COMMANDS[cmd_name][0].partition(":")
         return without_machine(cmd_name, getattr(import_module(f"exodrake.cli.{module}"), function or "command"))
@@ -128,31 +129,16 @@ class LazyGroup(OneLineErrors, click.Group):
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
         """Resolve as click does; the error for an unknown command names the nearest ones."""
         name = args[0]
-        if not name.startswith("-") and name not in self.list_commands(ctx):
-            hint = nearest(name, self.list_commands(ctx)) or "; exodrake --help lists them"
+        if not name.startswith("-") and name not in COMMANDS:
+            hint = nearest(name, list(COMMANDS)) or "; exodrake --help lists them"
             raise InputProblem(f"no command {name!r}{hint}")
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """The lists in --help, from the tables alone."""
-        for heading, names in grouped_commands().items():
+        for heading, group in GROUPS.items():
             with formatter.section(heading):
-                formatter.write_dl([(f"{name:12}", COMMANDS[name][1]) for name in names])
-
-
-def grouped_commands() -> dict[str, list[str]]:
-    """Commands whose module exists, by heading; those in no group are `Others`."""
-    there = [name for name in COMMANDS if _exists(name)]
-    rest = [name for name in there if not any(name in names for names in GROUPS.values())]
-    found = {heading: [name for name in names if name in there] for heading, names in GROUPS.items()}
-    return found | ({"Others": rest} if rest else {})
-
-
-def _exists(name: str) -> bool:
-    """A look at the file, since importlib would import the parent packages."""
-    module = COMMANDS[name][0].partition(":")[0]
-    folder = Path(__file__).parent
-    return (folder / f"{module}.py").is_file() or (folder / module / "__init__.py").is_file()
+                formatter.write_dl([(f"{name:12}", line) for name, (_, line) in group.items()])
 
 
 @click.group(

@@ -160,7 +160,7 @@ def arm_files(folder: Path, urdf: str, form: str, tip: str, frame: float | None)
 def texts_of(chain: Chain, form: str) -> dict[str, str]:
     """Texts of the joints for the generated files."""
     from exodrake.machines.arm_defaults import middle, typical_efforts, units
-    from exodrake.machines.cable_arm import RATIO
+    from exodrake.machines.serial_arm import RATIO
 
     unit, efforts, names = units(chain), typical_efforts(chain), chain.names
     cable, inverse = form == "cable", form == "inverse"
@@ -191,9 +191,9 @@ def texts_of(chain: Chain, form: str) -> dict[str, str]:
 def cable_texts(chain: Chain, unit: dict[str, str]) -> dict[str, str]:
     """Texts of motors and cables for the robot file."""
     from exodrake.machines.arm_defaults import typical_efforts
-    from exodrake.machines.cable_arm import RATIO, defaults_of
+    from exodrake.machines.serial_arm import RATIO, cable_defaults
 
-    values = defaults_of(chain, typical_efforts(chain), 0.0)
+    values = cable_defaults(chain, typical_efforts(chain), 0.0)
     rows = {"stiffness": "stiffness", "pretension": "pretension", "motors": "inertia"}
     found = {key: joined(chain.names, [values[f"cable.{name}.{j}"] for j in chain.names]) for key, name in rows.items()}
     return found | {

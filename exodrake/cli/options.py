@@ -21,6 +21,7 @@ from exodrake.core.errors import InputError
 if TYPE_CHECKING:
     from exodrake.core.robot import Robot
 
+CASE = click.argument("cases", nargs=-1, required=True, metavar="CASE_OR_LOG...")
 DEFAULT = "exo_index"  # the machine of a command that is given none
 MACHINE = "exodrake.machine"  # key of the machine that --machine registered, in the context's `meta`
 ARGUMENTS = "exodrake.arguments"  # key of the arguments as they were typed
@@ -119,7 +120,7 @@ def check_target(path: Path | None) -> None:
 def json_option(command: Callable) -> Callable:
     """Adds --json to a command: numbers in SI, printed alone or written into a file."""
     return click.option(
-        "--json", "json_file", type=JsonTarget(), is_flag=False, flag_value="-", default=None, metavar="[FILE]",
+        "--json", "json_file", type=JsonTarget(), is_flag=False, flag_value="-", metavar="[FILE]",
         help="Print the numbers as JSON, in SI, and nothing else; or write them into FILE.",
     )(command)  # fmt: skip
 
@@ -150,6 +151,18 @@ def write_files(contents: Mapping[Path, str | bytes], announce: bool = True) -> 
             click.echo(f"wrote {path}")
 
 
+def write_answer(
+    answer: Any, name: str, json_file: Path | str | None, out: Path | None, files: Mapping[str, str | bytes]
+) -> None:
+    """Write an answer as JSON, and with further files into the folder `out`; print nothing beside printed numbers."""
+    from exodrake.core.plain import plain
+
+    printed = write_json(plain(answer), json_file)
+    if out:
+        write_files({out / file: data for file, data in files.items()}, not printed)
+        write_json(plain(answer), out / f"{name}.json", not printed)
+
+
 @contextmanager
 def waiting(text: str) -> Iterator[Callable[[str], None]]:
     """Show on a terminal what a command works on, and for how long; yields the function that changes the text."""
@@ -162,13 +175,13 @@ def waiting(text: str) -> Iterator[Callable[[str], None]]:
         yield lambda text: bar.update(task, description=text)
 
 
-def print_table(titles: Sequence[str], rows: Sequence[Any], wrapped: int = -1) -> None:
-    """Print a table; into a pipe 120 columns wide."""
+def print_table(titles: Sequence[str], rows: Sequence[Any], wrapped: int = -1, aside: bool = False) -> None:
+    """Print a table, `aside` on standard error; into a pipe 120 columns wide."""
     from rich.console import Console
 
     from exodrake.report.terminal import table
 
-    console = Console(highlight=False)
+    console = Console(highlight=False, stderr=aside)
     console.width = console.width if console.is_terminal else max(console.width, 120)
     console.print(table(titles, rows, wrapped))
 
@@ -208,12 +221,7 @@ def command_line() -> str:
 
 
 def robot_option(name: str = "robot", default: str = DEFAULT) -> Callable[[Callable], Callable]:
-    """Adds --robot, and --machine for the folder of a machine of the user's own, to a command.
-
-    Args:
-        name: the command's parameter for the robot file or machine name.
-        default: its value if neither option is given.
-    """
+    """Adds --robot, as parameter `name`, and --machine for the folder of a machine of the user's own, to a command."""
 
     def add(command: Callable) -> Callable:
         machine = click.option(

@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from pathlib import Path
-from typing import Any
-
 import click
 
 from exodrake.cli.options import (
+    CASE,
     AnyPath,
     OutputFolder,
     change_robot,
     json_option,
+    print_table,
     robot_changes,
     robot_option,
-    write_files,
-    write_json,
+    write_answer,
 )
-
-CASE = click.argument("cases", nargs=-1, required=True, metavar="CASE_OR_LOG...")
 
 
 @click.command()
@@ -28,11 +23,9 @@ CASE = click.argument("cases", nargs=-1, required=True, metavar="CASE_OR_LOG..."
 @click.option("--to", "output", default="", metavar="COLUMN", help="Output, such as angle_PIP.")
 @robot_option("file")
 @robot_changes
-@click.option("--improved", type=AnyPath(), default=None, metavar="FILE", help="Robot file of an improved robot.")
-@click.option(
-    "--segment", type=click.FloatRange(0.0, min_open=True), default=None, help="Length of Welch's segments [s]."
-)
-@click.option("--out", type=OutputFolder(), default=None, help="Folder for response.png and response.json.")
+@click.option("--improved", type=AnyPath(), metavar="FILE", help="Robot file of an improved robot.")
+@click.option("--segment", type=click.FloatRange(0.0, min_open=True), help="Length of Welch's segments [s].")
+@click.option("--out", type=OutputFolder(), help="Folder for response.png and response.json.")
 @json_option
 def command(cases, input, output, file, parameters, effects, parts, improved, segment, out, json_file) -> None:
     """Estimate frequency responses from logs, with coherence, and set them beside the robot's on the same references.
@@ -67,19 +60,16 @@ def command(cases, input, output, file, parameters, effects, parts, improved, se
 
 def show(responses: list, aside: bool) -> None:
     """Band, explained share and gap of each response, and of a single one its lines; aside: on standard error."""
-    from rich.console import Console
-
     from exodrake.analysis.log_response import TICKS
-    from exodrake.report.terminal import table
 
-    rows, console, models = [], Console(stderr=aside), list(responses[0].models) if responses else []
+    rows, models = [], list(responses[0].models) if responses else []
     for one in responses:
         f = one.frequency[one.band]
         band = f"{f[0]:.3g} to {f[-1]:.3g}" if len(f) else "unresolved"
         gaps = (one.in_words(name) for name in models)
         rows.append((f"{one.input} → {one.output}", band, f"{one.explained:.0%}", *gaps))
     titles = ("response", ">resolved\n\\[Hz]", ">explained", *(f">measured /\n{name}" for name in models))
-    console.print(table(titles, rows))
+    print_table(titles, rows, aside=aside)
     if len(responses) == 1:
         one, gaps = responses[0], [responses[0].gap(name) for name in models]
         known, f = one.resolved.nonzero()[0], one.frequency[one.band]
@@ -92,16 +82,4 @@ def show(responses: list, aside: bool) -> None:
             )
             for k in sorted({int(known[abs(one.frequency[known] - tick).argmin()]) for tick in ticks})
         ]
-        console.print(table((">Hz", ">coherence", *titles[3:]), rows))
-
-
-def write_answer(
-    answer: Any, name: str, json_file: Path | str | None, out: Path | None, files: Mapping[str, str | bytes]
-) -> None:
-    """Write an answer as JSON, and with further files into the folder `out`; print nothing beside printed numbers."""
-    from exodrake.core.plain import plain
-
-    printed = write_json(plain(answer), json_file)
-    if out:
-        write_files({out / file: data for file, data in files.items()}, not printed)
-        write_json(plain(answer), out / f"{name}.json", not printed)
+        print_table((">Hz", ">coherence", *titles[3:]), rows, aside=aside)

@@ -28,6 +28,7 @@ def list_parameters(name: str, robot: str, only: str, json_file: Path | None) ->
     NAME is a machine or a robot file, as for --robot, or part of a parameter's name, as for --only.
     """
     from exodrake.core.plain import to_dict
+    from exodrake.core.robot import effect_in_words
     from exodrake.machines.library import robot_yaml
     from exodrake.machines.robot_file import load_robot
 
@@ -43,8 +44,16 @@ def list_parameters(name: str, robot: str, only: str, json_file: Path | None) ->
     content |= {"parameters": {one: content["parameters"][one] for one in names}} if json_file else {}
     if not write_json(content, json_file):
         print_parameters(found, names)
-        if not only:
-            print_rest(found, names[0])
+    if not only and json_file != "-":
+        machine, unit = found.machine, found.machine.signal[found.machine.references[0].signal].unit
+        for identity in found.effects():
+            click.echo(f"with {effect_in_words(found, identity)}")
+        for title, values in (("limit", found.limits), ("grasp", found.grasps)):
+            for key, item in values.items():
+                listed = ", ".join(f"{channel} {value:g}" for channel, value in item.items())
+                click.echo(f"{title} {key}  {listed} {unit}")
+        click.echo(f"variants of parts: {', '.join(machine.variants_available) or 'none'}")
+        click.echo(f"set one: exodrake simulate ... --set '{names[0]}=VALUE UNIT'")
 
 
 def print_parameters(robot: Robot, names: list[str]) -> None:
@@ -66,21 +75,6 @@ def print_parameters(robot: Robot, names: list[str]) -> None:
         click.echo(f"note  {sentence}")
 
 
-def print_rest(robot: Robot, name: str) -> None:
-    """Prints effects, limits, grasps and variants of a robot, and how to set a parameter."""
-    from exodrake.core.robot import effect_in_words
-
-    machine = robot.machine
-    unit = machine.signal[machine.references[0].signal].unit
-    for identity in robot.effects():
-        click.echo(f"with {effect_in_words(robot, identity)}")
-    for title, values in (("limit", robot.limits), ("grasp", robot.grasps)):
-        for key, item in values.items():
-            click.echo(f"{title} {key}  {', '.join(f'{channel} {value:g}' for channel, value in item.items())} {unit}")
-    click.echo(f"variants of parts: {', '.join(machine.variants_available) or 'none'}")
-    click.echo(f"set one: exodrake simulate ... --set '{name}=VALUE UNIT'")
-
-
 @click.command()
 @click.argument("identity", required=False, default="", metavar="[ID]")
 @json_option
@@ -100,10 +94,20 @@ def list_effects(identity: str, json_file: Path | None, robot: str) -> None:
     described = [describe(machine, effect) for effect in chosen]
     if write_json(described[0] if single else described, json_file):
         return
-    if single:
-        print_description(machine, chosen[0])
-        return
     rows, block = [], ""
+    if single:
+        effect = chosen[0]
+        click.echo(f"{click.style(effect.id, bold=True)}  {effect.summary}\n\n{effect.equation}\n")
+        for n in effect.parameters:
+            channels = ", ".join(filter(None, machine.axes.of(n.axis))) or "robot"
+            null = f"{n.null:g}" if n is effect.parameters[0] else ""
+            ends = f"{n.low:g} to {n.high:g}"
+            rows.append((n.name, n.unit, ends, f"{n.initial:.4g}", null, channels, "yes" if n.fitted else "no"))
+        print_table(("parameter", "unit", "plausible", ">initial", ">null value", "one per", "fitted"), rows)
+        texts = {"shows as": effect.signature, "acts at": ", ".join(effect.at), "source": effect.source}
+        for title, text in (*texts.items(), ("try", example(machine, effect))):
+            click.echo(f"\n{click.style(title, bold=True)}\n{text}")
+        return
     for effect in chosen:
         rows += [()] if block and effect.block != block else []
         block = effect.block
@@ -145,21 +149,6 @@ def example(machine: Machine, effect: Effect) -> str:
 def plausible(parameter: EffectParameter) -> str:
     """Plausible range with unit."""
     return f"{parameter.low:g} to {parameter.high:g} {parameter.unit}".removesuffix(" -")
-
-
-def print_description(machine: Machine, effect: Effect) -> None:
-    """Prints all about one effect."""
-    click.echo(f"{click.style(effect.id, bold=True)}  {effect.summary}\n\n{effect.equation}\n")
-    rows = []
-    for n in effect.parameters:
-        channels = ", ".join(filter(None, machine.axes.of(n.axis))) or "robot"
-        null = f"{n.null:g}" if n is effect.parameters[0] else ""
-        ends = f"{n.low:g} to {n.high:g}"
-        rows.append((n.name, n.unit, ends, f"{n.initial:.4g}", null, channels, "yes" if n.fitted else "no"))
-    print_table(("parameter", "unit", "plausible", ">initial", ">null value", "one per", "fitted"), rows)
-    texts = {"shows as": effect.signature, "acts at": ", ".join(effect.at), "source": effect.source}
-    for title, text in (*texts.items(), ("try", example(machine, effect))):
-        click.echo(f"\n{click.style(title, bold=True)}\n{text}")
 
 
 @click.command()

@@ -13,7 +13,6 @@ from exodrake.cli.options import OutputFolder, print_table, robot_changes, robot
 from exodrake.core.errors import InputError
 
 if TYPE_CHECKING:
-    from exodrake.compiled.inputs import Reference
     from exodrake.core.robot import Robot
     from exodrake.data.log import Log
     from exodrake.simulation.scenario import Scenario
@@ -25,13 +24,13 @@ if TYPE_CHECKING:
 @click.option("--scenario", "file", default="", metavar="FILE", help="Repeat this scenario; other options change it.")
 @robot_option(default="")
 @robot_changes
-@click.option("--seed", type=int, default=None, help="Seed of the noise [0].")
+@click.option("--seed", type=int, help="Seed of the noise [0].")
 @click.option("--no-noise", is_flag=True, help="Sensors without noise, a bus that loses nothing.")
 @click.option("--no-quantisation", is_flag=True, help="Readings unrounded.")
 @click.option(
     "--engine", default="", metavar="NAME", help="compiled (the default) or drake: the same log to the last bit."
 )
-@click.option("--out", type=OutputFolder(), default=None, help="Folder for the files [simulated/PROTOCOL].")
+@click.option("--out", type=OutputFolder(), help="Folder for the files [simulated/PROTOCOL].")
 def command(protocol: str, reference: str, file: str, robot: str, out: Path | None, **options) -> None:
     """Run a robot on PROTOCOL and write log.csv, scenario.yaml, figure.png and recording.html.
 
@@ -51,7 +50,12 @@ def command(protocol: str, reference: str, file: str, robot: str, out: Path | No
     folder = out or Path("simulated") / what.name
     check_folder(folder)
     with waiting("simulating") as say:
-        log, nominal = scenario.simulate(built, what), nominal_of(scenario, built, what)
+        log, nominal = scenario.simulate(built, what), None
+        own = not isinstance(scenario.robot, str)
+        if scenario.effects or scenario.parameters or scenario.parts or own:  # beside the robot without them
+            name = built.machine.name if own else scenario.robot
+            plain = replace(scenario, robot=name, effects={}, parameters={}, parts=())
+            nominal = plain.simulate(plain.build_robot(), what)
         logs = {"log.csv": log} if nominal is None else {"log.csv": log, "nominal.csv": nominal}
         contents = {name: log_bytes(one, folder / name) for name, one in logs.items()}
         contents |= files_of(scenario, built, log, what.name, say, nominal)
@@ -90,16 +94,6 @@ def scenario_from(
         identity, values = parse_effect(text, scenario.build_robot())
         scenario = replace(scenario, effects={**scenario.effects, identity: values})
     return scenario
-
-
-def nominal_of(scenario: Scenario, robot: Robot, what: Reference) -> Log | None:
-    """Log of the same run of the nominal robot: without the options, and in place of a robot file; None if it is it."""
-    own = not isinstance(scenario.robot, str)
-    if not (scenario.effects or scenario.parameters or scenario.parts or own):
-        return None
-    name = robot.machine.name if own else scenario.robot
-    plain = replace(scenario, robot=name, effects={}, parameters={}, parts=())
-    return plain.simulate(plain.build_robot(), what)
 
 
 def files_of(

@@ -4,8 +4,16 @@ from __future__ import annotations
 
 import click
 
-from exodrake.cli.options import AnyPath, OutputFolder, change_robot, json_option, robot_changes, robot_option
-from exodrake.cli.response import write_answer
+from exodrake.cli.options import (
+    AnyPath,
+    OutputFolder,
+    change_robot,
+    json_option,
+    print_table,
+    robot_changes,
+    robot_option,
+    write_answer,
+)
 
 
 @click.command()
@@ -17,20 +25,19 @@ from exodrake.cli.response import write_answer
     metavar="NAME=VALUES",
     help="0.1,0.2,0.4 or 0.1:0.4:7 (low, high, count). Repeatable: a grid.",
 )
-@click.option("--robots", type=click.IntRange(1), default=None, help="So many robots within the tolerances.")
-@click.option("--diagnosis", type=AnyPath(), default=None, metavar="FILE", help="Robots within its intervals.")
+@click.option("--robots", type=click.IntRange(1), help="So many robots within the tolerances.")
+@click.option("--diagnosis", type=AnyPath(), metavar="FILE", help="Robots within its intervals.")
 @robot_option("file")
 @robot_changes
 @click.option("--seed", type=click.IntRange(0), default=0, help="Seed of the draws. [0]")
-@click.option("--noise", type=click.IntRange(0), default=None, help="Seed of the sensors' noise; none without it.")
-@click.option("--out", type=OutputFolder(), default=None, help="Folder for sweep.csv, sweep.png and sweep.json.")
+@click.option("--noise", type=click.IntRange(0), help="Seed of the sensors' noise; none without it.")
+@click.option("--out", type=OutputFolder(), help="Folder for sweep.csv, sweep.png and sweep.json.")
 @json_option
 def command(
     protocol, reference, over, robots, diagnosis, file, parameters, effects, parts, seed, noise, out, json_file
 ) -> None:  # fmt: skip
     """Run a robot on PROTOCOL once for each variation, and tabulate RMS from the robot's own run, peak and end."""
     import numpy as np
-    from rich.console import Console
 
     from exodrake.analysis.sweep import plot_sweep, sweep
     from exodrake.core.errors import InputError
@@ -38,7 +45,6 @@ def command(
     from exodrake.core.schema import read_json
     from exodrake.data.plot import png_of
     from exodrake.machines.robot_file import load_robot
-    from exodrake.report.terminal import table
     from exodrake.simulation.references import from_log
 
     if bool(protocol) == bool(reference) or bool(over) + bool(robots) + bool(diagnosis) != 1:
@@ -61,7 +67,7 @@ def command(
         )  # fmt: skip
     numbers = found.describe().T[["mean", "std", "min", "max"]]
     rows = [(name, *(f"{x:.4g}" for x in row), found.attrs["units"].get(name, "")) for name, row in numbers.iterrows()]
-    Console(stderr=json_file == "-").print(table(("", ">mean", ">std", ">least", ">largest", "unit"), rows))
+    print_table(("", ">mean", ">std", ">least", ">largest", "unit"), rows, aside=json_file == "-")
     files = {"sweep.csv": found.to_csv(index=False), "sweep.png": png_of(plot_sweep(found))} if out else {}
     answer = {"units": found.attrs["units"], "rows": found.to_dict("records")}
     write_answer(answer, "sweep", json_file, out, files)

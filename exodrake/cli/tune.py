@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,9 +15,11 @@ from exodrake.cli.options import (
     OutputFile,
     OutputFolder,
     json_option,
+    print_table,
     robot_option,
+    waiting,
+    write_answer,
     write_files,
-    write_json,
 )
 
 if TYPE_CHECKING:
@@ -30,7 +31,7 @@ ABOVE = click.FloatRange(min=0.0, min_open=True)
 
 @click.command()
 @robot_option("file")
-@click.option("--settling", type=ABOVE, default=None, help="Wanted settling time to 2 % [s]; else as short as can be.")
+@click.option("--settling", type=ABOVE, help="Wanted settling time to 2 % [s]; else as short as can be.")
 @click.option("--overshoot", type=click.FloatRange(0.0, 100.0), default=5.0, help="Largest overshoot [%]. [5]")
 @click.option(
     "--disk-margin",
@@ -38,81 +39,55 @@ ABOVE = click.FloatRange(min=0.0, min_open=True)
     default=0.6,
     help="Least disk margin, all commands at once. [0.6]",
 )
-@click.option(
-    "--noise", type=ABOVE, default=None, help="Largest standard deviation of a command [SI]; else twice today's."
-)
+@click.option("--noise", type=ABOVE, help="Largest standard deviation of a command [SI]; else twice today's.")
 @click.option("--controller", "only", multiple=True, metavar="NAME", help="Tune this structure only. Repeatable.")
 @click.option(
     "--draws", type=click.IntRange(0, 100), default=4, help="Robots within tolerances that the search sees. [4]"
 )
-@click.option("--out", type=OutputFolder(), default=None, help="Folder for tuned.yaml, tune.png and tune.json.")
+@click.option("--out", type=OutputFolder(), help="Folder for tuned.yaml, tune.png and tune.json.")
 @click.option("--out-robot", type=OutputFile("tuned.yaml"), help="Write the robot with the best controller alone.")
-@click.option("--figure", type=OutputFile("tune.png"), help="Write the figure that compares the controllers alone.")
 @json_option
-def command(file, settling, overshoot, disk_margin, noise, only, draws, out, out_robot, figure, json_file) -> None:
+def command(file, settling, overshoot, disk_margin, noise, only, draws, out, out_robot, json_file) -> None:
     """Choose the gains of a robot's closed loop that settle fastest within requirements.
 
     They hold at every operating point of the machine and for robots within the tolerances. Every controller that the
     machine knows is tuned and compared; the fastest that holds all requirements is written as a robot file.
     """
-    from rich.console import Console
-
+    from exodrake.analysis.figures import plot_tuning
     from exodrake.analysis.tuning import Requirements, tune
     from exodrake.core.errors import InputError
-    from exodrake.core.plain import plain
-    from exodrake.machines.robot_file import load_robot, write_robot
+    from exodrake.data.plot import png_of
+    from exodrake.machines.robot_file import load_robot, robot_text
 
     robot = load_robot(file)
     if out_robot and robot.machine.loop and robot.machine.loop.outer:
         raise InputError("--out-robot: the gains are those of an outer loop, which no robot file holds")
     wanted = Requirements(settling, overshoot / 100.0, disk_margin, noise)
-    with Console(stderr=True).status("tuning") as status:
-        tuning = tune(robot, wanted, only, draws, progress=lambda name: status.update(f"tuning: {name}"))
-    numbers, contents = plain(tuning.to_dict()), {}
-    if out:
-        contents[out / "tune.json"] = json.dumps(numbers, indent=1, allow_nan=False) + "\n"
-        figure = figure or out / "tune.png"
-        if not (robot.machine.loop and robot.machine.loop.outer):
-            out_robot = out_robot or out / "tuned.yaml"
-    if figure:
-        from exodrake.analysis.figures import plot_tuning
-        from exodrake.data.plot import png_of
-
-        contents[figure] = png_of(plot_tuning(tuning))
-    quiet = json_file == "-"
-    if not quiet:
+    with waiting("tuning") as say:
+        tuning = tune(robot, wanted, only, draws, progress=lambda name: say(f"tuning: {name}"))
+    if json_file != "-":
         show(tuning)
-    write_files(contents, announce=not quiet)
+    files: dict[str, str | bytes] = {"tune.png": png_of(plot_tuning(tuning))} if out else {}
+    if tuning.best and (out or out_robot) and not (robot.machine.loop and robot.machine.loop.outer):
+        files["tuned.yaml"] = robot_text(tuning.best.robot, notes_of(tuning, tuning.best))
+    write_answer(tuning.to_dict(), "tune", json_file, out, files)
     if out_robot and tuning.best:
-        write_robot(tuning.best.robot, out_robot, notes_of(tuning, tuning.best))
-        if not quiet:
-            click.echo(f"wrote {out_robot}")
-    write_json(numbers, json_file)
+        write_files({out_robot: files["tuned.yaml"]}, json_file != "-")
     if out_robot and not tuning.best:
         raise InputError("no controller holds all requirements: no robot file written")
 
 
 def show(tuning: Tuning) -> None:
     """The controllers as a table, and the best one's gains."""
-    from rich.console import Console
-
     from exodrake.core.display import shown_unit
-    from exodrake.report.terminal import table
 
     unit, factor = shown_unit(tuning.noise_unit)
-    titles = (
-        "controller",
-        ">settling\n\\[s]",
-        ">overshoot\n\\[%]",
-        ">disk margin\n\\[-]",
-        f">noise\n\\[{unit}]",
-        "misses",
-    )
+    titles = (">settling\n\\[s]", ">overshoot\n\\[%]", ">disk margin\n\\[-]", f">noise\n\\[{unit}]")
     rows = []
     for t in tuning.compared:
         numbers = (f"{t.settling:.3g}", f"{round(100.0 * t.overshoot, 2):.2g}", f"{t.disk_margin:.3g}")
         rows.append((t.name, *numbers, f"{factor * t.noise:.3g}", ", ".join(t.missed)))
-    Console().print(table(titles, rows))
+    print_table(("controller", *titles, "misses"), rows)
     w = tuning.requirements
     click.echo(
         f"required: overshoot up to {100.0 * w.overshoot:g} %, disk margin from {w.disk_margin:g}"
@@ -158,7 +133,7 @@ def notes_of(tuning: Tuning, best: Tuned) -> str:
 @click.argument("wanted")
 @robot_option()
 @click.option("--out", required=True, type=OutputFile(), metavar="FILE", help="Log of the commands.")
-@click.option("--map", "map_file", type=AnyPath(), default=None, metavar="FILE",
+@click.option("--map", "map_file", type=AnyPath(), metavar="FILE",
               help="Write them with the names and units of this mapping file, not as a log.")  # fmt: skip
 def find_commands(wanted: str, robot: str, out: Path, map_file: Path | None) -> None:
     """Find the commands with which the robot does what WANTED asks, and write them as a log of references.
@@ -167,39 +142,32 @@ def find_commands(wanted: str, robot: str, out: Path, map_file: Path | None) -> 
     a diagnosis, the commands make up for what was found: delay, play, sag, gain.
     """
     import numpy as np
-    from rich.console import Console
 
     from exodrake.analysis.feedforward import feedforward
     from exodrake.cli.export import owner_table
-    from exodrake.cli.options import check_target
     from exodrake.core.display import display_of
-    from exodrake.core.files import is_file, write_bytes
-    from exodrake.data.formats import format_of, write_log
+    from exodrake.core.files import is_file
+    from exodrake.data.formats import format_of, log_bytes
     from exodrake.data.import_log import read_mapping
     from exodrake.data.log import Log
     from exodrake.machines.robot_file import load_robot
-    from exodrake.report.terminal import table
     from exodrake.simulation.references import from_log, protocol
 
-    check_target(out)
     mapped = read_mapping(map_file) if map_file else None
     if mapped is None:
         format_of(out)
     built = load_robot(robot)
     machine = built.machine
     reference = from_log(wanted, built) if is_file(wanted) else protocol(wanted, built)
-    with Console(stderr=True).status("simulating (the first run after a change compiles for half a minute)"):
+    with waiting("simulating (the first run after a change compiles for half a minute)"):
         found = feedforward(built, reference)
     names = machine.log_names(machine.references)
     signals = dict(zip(names, found.commands.values.T, strict=True))
     units = {name: machine.signal[c.signal].unit for c in machine.references for name in machine.log_names([c])}
     log = Log(machine.frame * np.arange(len(reference.values)), signals, units, "commands")
-    if mapped is None:
-        write_log(log, out)
-    else:
-        write_bytes(out, owner_table(log, mapped, str(map_file)))
+    write_files({out: log_bytes(log, out) if mapped is None else owner_table(log, mapped, str(map_file))})
     shown = display_of(found.kind, machine)
     ends = [[f"{shown.factor * value:.3g} {shown.unit}" for value in one] for one in (found.before, found.after)]
     rows = list(zip(machine.channels(machine.references[0].signal), *ends, strict=True))
-    Console(highlight=False).print(table(("channel", ">RMS error if sent as wanted", ">with these commands"), rows))
-    click.echo(f"wrote {out}; the errors are those of the model")
+    print_table(("channel", ">RMS error if sent as wanted", ">with these commands"), rows)
+    click.echo("the errors are those of the model")

@@ -46,12 +46,9 @@ def in_words(value: float, si: str) -> str:
 
 
 def display_of(kind: str, machine: Machine | None = None, si: str = "") -> Display:
-    """Display of a kind of column, as the machine's column states it where there is one.
+    """Display of a kind of column, `tension` or `angle`, as the machine's column states it where there is one.
 
-    Args:
-        kind: `tension`, `angle` ...
-        machine: whose columns may name label and unit.
-        si: unit of the column where the machine does not have it; else the first that the kind may have.
+    `si` is the unit of a column that the machine does not have; else it is the first that the kind may have.
     """
     column = next((c for c in machine.columns if c.kind == kind), None) if machine else None
     label = kind.replace("_", " ").capitalize()

@@ -40,17 +40,6 @@ def read_bytes(path: str | Path) -> bytes:
         raise InputError(f"{path}: cannot be read ({_reason(error)})") from None
 
 
-def first_bytes(path: str | Path, count: int) -> bytes:
-    """The first bytes of a regular file; none of one that is absent or cannot be read."""
-    if not is_file(path):
-        return b""
-    try:
-        with open(path, "rb") as stream:
-            return stream.read(count)
-    except OSError:
-        return b""
-
-
 def sha256_of(path: str | Path) -> str:
     """SHA-256 of a file's bytes, in hexadecimal digits. InputError as `read_bytes`."""
     return hashlib.sha256(read_bytes(path)).hexdigest()

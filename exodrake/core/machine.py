@@ -342,9 +342,45 @@ class Machine:
     nominal: Machine | None = None  # the machine without variants that this one was made from
 
     def __post_init__(self) -> None:
-        check_signals(self)
-        check_schedule(self)
-        check_effects(self)
+        """Checks signals, schedule and effects. InputError names the machine and what is wrong."""
+        written: dict[str, str] = dict.fromkeys(self.inputs, "outside")  # each signal that is read has one writer
+        for part in self.parts:
+            for name in (name for output in part.outputs for name in output.writes):
+                if name not in self.signal:
+                    raise InputError(f"{self.name}: {part.name} writes unknown signal {name!r}")
+                if name in written:
+                    raise InputError(f"{self.name}: signal {name!r} is written by {written[name]} and by {part.name}")
+                written[name] = part.name
+        for part in self.parts:
+            for name in (name for task in (*part.tasks, *part.outputs) for name in task.reads):
+                if name not in written:
+                    raise InputError(f"{self.name}: {part.name} reads signal {name!r}, which nothing writes")
+        feedthrough_order(self)
+        taken: dict[int, tuple[str, Task]] = {}  # each slot holds one task, or tasks of the same channels
+        for part, task in [(p, t) for p in self.parts for t in p.tasks]:
+            own = f"{part.name}.{task.function}"
+            for slot in task.slots:
+                if not 0 <= slot < self.slots:
+                    raise InputError(f"{self.name}: {own} runs in slot {slot}, but a frame has {self.slots}")
+                name, other = taken.setdefault(slot, (part.name, task))
+                shared = other.per_channel and task.per_channel and other.slots == task.slots
+                if other is not task and not shared:
+                    raise InputError(f"{self.name}: slot {slot} holds both {name}.{other.function} and {own}")
+        homes: dict[str, object] = {}  # names are unique, and each effect acts at known points of one part
+        for module in (m for part in self.parts for m in part_modules(part)):
+            if homes.setdefault(module_name(module), module) is not module:
+                raise InputError(f"{self.name}: two modules of parts are called {module_name(module)!r}")
+        points, ids = points_of(self.parts), [effect.id for effect in self.effects]
+        for effect in self.effects:
+            if ids.count(effect.id) > 1:
+                raise InputError(f"{self.name}: two effects have the id {effect.id!r}")
+            for point in effect.at:
+                if point not in points:
+                    hint = nearest(point, list(points))
+                    raise InputError(f"{effect.id} acts at {point!r}, which {self.name} lacks{hint}")
+            parts = sorted({points[point].name for point in effect.at})
+            if len(parts) > 1:
+                raise InputError(f"{effect.id} acts on {' and '.join(parts)}; an effect acts on one part only")
 
     def __repr__(self) -> str:
         parts = ", ".join(part.name for part in self.parts)
@@ -446,12 +482,6 @@ class Machine:
         return self.part_sizes[part.name]
 
     @cached_property
-    def offsets(self) -> dict[str, slice]:
-        """Slice of each signal in the flat vector of signals."""
-        ends = accumulate((self.width(signal.axis) for signal in self.signals), initial=0)
-        return {signal.name: slice(*pair) for signal, pair in zip(self.signals, pairwise(ends), strict=True)}
-
-    @cached_property
     def part_sizes(self) -> dict[str, tuple[int, int]]:
         """`part_size` of each part by its name."""
 
@@ -459,6 +489,12 @@ class Machine:
             return sum(self.width(s.axis) * s.width for s in states)
 
         return {p.name: (size(p.states), size(s for e in self.effects_on(p) for s in e.states)) for p in self.parts}
+
+    @cached_property
+    def offsets(self) -> dict[str, slice]:
+        """Slice of each signal in the flat vector of signals."""
+        ends = accumulate((self.width(signal.axis) for signal in self.signals), initial=0)
+        return {signal.name: slice(*pair) for signal, pair in zip(self.signals, pairwise(ends), strict=True)}
 
     @property
     def variant_names(self) -> tuple[str, ...]:
@@ -495,34 +531,8 @@ def signal_count(machine: Machine) -> int:
     return sum(machine.width(s.axis) for s in machine.signals)
 
 
-def check_signals(machine: Machine) -> None:
-    """Every signal that a part reads has one writer, and direct feedthrough has no loop.
-
-    Raises:
-        InputError: naming machine, part and signal.
-    """
-    known = {s.name for s in machine.signals}
-    written: dict[str, str] = dict.fromkeys(machine.inputs, "outside")
-    for part in machine.parts:
-        for name in (name for output in part.outputs for name in output.writes):
-            if name not in known:
-                raise InputError(f"{machine.name}: {part.name} writes unknown signal {name!r}")
-            if name in written:
-                raise InputError(f"{machine.name}: signal {name!r} is written by {written[name]} and by {part.name}")
-            written[name] = part.name
-    for part in machine.parts:
-        for name in (name for task in (*part.tasks, *part.outputs) for name in task.reads):
-            if name not in written:
-                raise InputError(f"{machine.name}: {part.name} reads signal {name!r}, which nothing writes")
-    feedthrough_order(machine)
-
-
 def feedthrough_order(machine: Machine) -> list[tuple[Part, int]]:
-    """Outputs as (part, index of the output), each after the signals it reads.
-
-    Raises:
-        InputError: for an algebraic loop, naming the parts in it.
-    """
+    """Outputs as (part, index of the output), each after the signals it reads. InputError for an algebraic loop."""
     waiting = [(part, k) for part in machine.parts for k in range(len(part.outputs))]
     ready, order = set(machine.inputs), []
     while waiting:
@@ -535,45 +545,3 @@ def feedthrough_order(machine: Machine) -> list[tuple[Part, int]]:
         order += computable
         waiting = [pair for pair in waiting if pair not in computable]
     return order
-
-
-def check_schedule(machine: Machine) -> None:
-    """Every slot exists and holds one task, except that tasks of the same channels may share their slots.
-
-    Raises:
-        InputError: naming machine, slot and tasks.
-    """
-    taken: dict[int, tuple[str, Task]] = {}
-    for part in machine.parts:
-        for task in part.tasks:
-            own = f"{part.name}.{task.function}"
-            for slot in task.slots:
-                if not 0 <= slot < machine.slots:
-                    raise InputError(f"{machine.name}: {own} runs in slot {slot}, but a frame has {machine.slots}")
-                name, other = taken.setdefault(slot, (part.name, task))
-                shared = other.per_channel and task.per_channel and other.slots == task.slots
-                if other is not task and not shared:
-                    raise InputError(f"{machine.name}: slot {slot} holds both {name}.{other.function} and {own}")
-
-
-def check_effects(machine: Machine) -> None:
-    """Names of part modules and ids of effects are unique, and each effect acts at known points of one part.
-
-    Raises:
-        InputError: naming machine or effect.
-    """
-    homes: dict[str, object] = {}
-    for module in (m for part in machine.parts for m in part_modules(part)):
-        if homes.setdefault(module_name(module), module) is not module:
-            raise InputError(f"{machine.name}: two modules of parts are called {module_name(module)!r}")
-    points = points_of(machine.parts)
-    for i, effect in enumerate(machine.effects):
-        if effect.id in {other.id for other in machine.effects[:i]}:
-            raise InputError(f"{machine.name}: two effects have the id {effect.id!r}")
-        for point in effect.at:
-            if point not in points:
-                hint = nearest(point, list(points))
-                raise InputError(f"{effect.id} acts at {point!r}, which {machine.name} lacks{hint}")
-        parts = sorted({points[point].name for point in effect.at})
-        if len(parts) > 1:
-            raise InputError(f"{effect.id} acts on {' and '.join(parts)}; an effect acts on one part only")

@@ -74,30 +74,21 @@ def side_by_side[T](tasks: Sequence[Callable[[], T]]) -> list[T]:
     waiting, results, limit = iter(range(len(tasks))), [cast(T, None)] * len(tasks), numba.get_num_threads()
 
     def work() -> None:
+        numba.set_num_threads(limit)  # numba keeps it for each thread
         try:
             for k in waiting:
                 results[k] = tasks[k]()
-        finally:  # after an error no task begins
-            list(waiting)
-
-    def help_out() -> None:
-        numba.set_num_threads(limit)  # numba keeps it for each thread
-        try:
-            work()
         finally:
-            HELPERS.leave()
+            list(waiting)  # after an error no task begins
+            HELPERS.leave()  # this thread waits from here on: tasks within the last ones may have its core
 
     count = HELPERS.enter(min(len(tasks), limit) - 1, limit - 1)
     if not count:
-        work()
-        return results
+        return [task() for task in tasks]
     try:
         with ThreadPoolExecutor(count) as pool:
-            helpers = [pool.submit(help_out) for _ in range(count)]
-            try:
-                work()
-            finally:
-                HELPERS.leave()  # this thread waits from here on: tasks within the last ones may have its core
+            helpers = [pool.submit(work) for _ in range(count)]
+            work()
     finally:
         HELPERS.enter(1)
     for helper in helpers:
@@ -164,21 +155,21 @@ def each(
     in_flight: dict[Future, tuple[int, tuple]] = {}
     retries: list[tuple[int, tuple]] = []
     try:
-        for number, task, future in finished(workers, function, enumerate(tasks), in_flight):
-            if crashed(future):
+        for number, task, future in finish(workers, function, enumerate(tasks), in_flight):
+            if not future.cancelled() and isinstance(future.exception(), BrokenExecutor):
                 retries.append((number, task))
             else:
-                yield outcome_of(number, future)
+                yield read_outcome(number, future)
         for retry in retries:
-            for number, _, future in finished(workers, function, iter([retry]), in_flight):
-                yield outcome_of(number, future)
+            for number, _, future in finish(workers, function, iter([retry]), in_flight):
+                yield read_outcome(number, future)
     except CancelledError:  # a cluster cancels what it can no longer run
         raise workers.lost() from None
     finally:
         workers.close()
 
 
-def finished(
+def finish(
     workers: LokyWorkers | DaskWorkers,
     function: Callable[..., Any],
     waiting: Iterator[tuple[int, tuple]],
@@ -194,18 +185,13 @@ def finished(
             yield *in_flight.pop(future), future
 
 
-def crashed(future: Future) -> bool:
-    """Tell whether a finished future's worker process on this machine crashed."""
-    return not future.cancelled() and isinstance(future.exception(), BrokenExecutor)
-
-
-def outcome_of(number: int, future: Future) -> Outcome:
+def read_outcome(number: int, future: Future) -> Outcome:
     """Read a finished future. CancelledError if the cluster cancelled it."""
-    if crashed(future):
+    if (error := future.exception()) is None:
+        return Outcome(number, *future.result())
+    if isinstance(error, BrokenExecutor):
         return Outcome(number, reason=CRASHED)
-    if (error := future.exception()) is not None:  # Dask's KilledWorker, or arguments that cannot be sent
-        return Outcome(number, reason=f"{type(error).__name__}: {error}")
-    return Outcome(number, *future.result())
+    return Outcome(number, reason=f"{type(error).__name__}: {error}")  # Dask's KilledWorker, or unsendable arguments
 
 
 def attempt(
@@ -216,23 +202,15 @@ def attempt(
         try:
             return function(*task), None, ""
         except Exception as error:  # one bad task must not end a long run
-            if interrupted(error):
-                raise KeyboardInterrupt from None
-            return None, f"{type(error).__name__}: {error}", relative(traceback.format_exc())
-
-
-def interrupted(error: BaseException | None) -> bool:
-    """Tell whether an exception was Ctrl-C at first; a compiled function makes a SystemError of it."""
-    while error is not None and not isinstance(error, KeyboardInterrupt):
-        error = error.__cause__
-    return error is not None
-
-
-def relative(trace: str) -> str:
-    """A traceback with file names as Python imports them, not where they lie on this machine."""
-    for place in sorted(filter(None, sys.path), key=len, reverse=True):
-        trace = trace.replace(place + os.sep, "")
-    return trace
+            cause: BaseException | None = error  # a compiled function makes a SystemError of Ctrl-C
+            while cause is not None:
+                if isinstance(cause, KeyboardInterrupt):
+                    raise KeyboardInterrupt from None
+                cause = cause.__cause__
+            trace = traceback.format_exc()
+            for place in sorted(filter(None, sys.path), key=len, reverse=True):  # files by their names in Python
+                trace = trace.replace(place + os.sep, "")
+            return None, f"{type(error).__name__}: {error}", trace
 
 
 def cores() -> int:
@@ -257,9 +235,9 @@ class LokyWorkers:
         """Start a call."""
         with safe_path():  # for the processes that clean up after loky; those of workers have it for good
             try:
-                return self._executor().submit(*call)
+                return self.find_executor().submit(*call)
             except BrokenExecutor:  # a worker crashed between the two calls
-                return self._executor().submit(*call)
+                return self.find_executor().submit(*call)
 
     def lost(self) -> InputError:
         """Error to raise when no more tasks are taken."""
@@ -268,9 +246,9 @@ class LokyWorkers:
     def close(self) -> None:
         """End the tasks in flight and release the workers."""
         with silent_manager():
-            self._executor().shutdown(wait=True, kill_workers=True)
+            self.find_executor().shutdown(wait=True, kill_workers=True)
 
-    def _executor(self) -> Any:
+    def find_executor(self) -> Any:
         """The executor of this process: a new one if there is none, or a crash has broken it."""
         from joblib.externals.loky import get_reusable_executor
 

@@ -69,30 +69,21 @@ def save(result: Any, path: str | PurePath) -> None:
 
 def _plain(value: Any, array: Any, name: str) -> Any:
     """Plain data of a value; array: makes plain data of a numeric array (n, ...) and its dotted name."""
-    parts = parts_of(value)
+    parts = value
+    if hasattr(value, "to_json"):
+        parts = value.to_json()
+    elif is_dataclass(value) and not isinstance(value, type):
+        parts = {f.name: getattr(value, f.name) for f in fields(value)}
+    elif hasattr(value, "_asdict"):
+        parts = value._asdict()
     if isinstance(parts, Mapping):
         kept = {str(k): v for k, v in parts.items() if not callable(v)}
         return {k: _plain(v, array, f"{name}.{k}" if name else k) for k, v in kept.items()}
     if isinstance(parts, np.ndarray) and parts.dtype.kind in "biuf" and parts.ndim:
         return array(parts, name or "value")
-    if isinstance(parts, str | bytes) or not isinstance(parts, Iterable) or not getattr(parts, "shape", True):
-        return _leaf(parts)
-    return [_plain(v, array, f"{name}.{i}" if name else str(i)) for i, v in enumerate(parts)]
-
-
-def parts_of(value: Any) -> Any:
-    """A result as a mapping of its fields; any other value as it is."""
-    if hasattr(value, "to_json"):
-        return value.to_json()
-    if is_dataclass(value) and not isinstance(value, type):
-        return {f.name: getattr(value, f.name) for f in fields(value)}
-    fields_of_tuple = getattr(value, "_asdict", None)
-    return fields_of_tuple() if fields_of_tuple else value
-
-
-def _leaf(value: Any) -> Any:
-    """A value without parts."""
-    value = value.item() if isinstance(value, np.generic | np.ndarray) else value
+    if isinstance(parts, Iterable) and not isinstance(parts, str | bytes) and getattr(parts, "shape", True):
+        return [_plain(v, array, f"{name}.{i}" if name else str(i)) for i, v in enumerate(parts)]
+    value = parts.item() if isinstance(parts, np.generic | np.ndarray) else parts
     if isinstance(value, complex):
         return [plain(value.real), plain(value.imag)]
     if isinstance(value, float):

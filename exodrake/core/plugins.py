@@ -105,22 +105,15 @@ def shown_errors() -> Iterator[None]:
     except InputError:
         raise
     except Exception as error:
-        place = place_of(error)
-        if place is None:
-            raise
-        raise InputError(f"{place}: {type(error).__name__}: {getattr(error, 'msg', None) or error}") from error
-
-
-def place_of(error: Exception) -> str | None:
-    """File and line of the last frame of an error that lies in a plugin folder; None if there is none."""
-    frames = [(frame.filename, frame.lineno) for frame in extract_tb(error.__traceback__)]
-    if isinstance(error, SyntaxError) and error.filename:
-        frames.append((error.filename, error.lineno))
-    for file, line in reversed(frames):
-        for folder in folders():
-            if Path(file).is_relative_to(folder):
-                return f"{folder.name}/{Path(file).relative_to(folder)}, line {line}"
-    return None
+        frames = [(frame.filename, frame.lineno) for frame in extract_tb(error.__traceback__)]
+        if isinstance(error, SyntaxError) and error.filename:
+            frames.append((error.filename, error.lineno))
+        for file, line in reversed(frames):  # of the last frame that lies in a plugin folder
+            for folder in (folder for folder in folders() if Path(file).is_relative_to(folder)):
+                place = f"{folder.name}/{Path(file).relative_to(folder)}, line {line}"
+                reason = getattr(error, "msg", None) or error
+                raise InputError(f"{place}: {type(error).__name__}: {reason}") from error
+        raise
 
 
 def module_names(search_path: MutableSequence[str]) -> list[str]:

@@ -39,47 +39,33 @@ def no_progress(*_: Any) -> None:
 
 
 @contextmanager
-def timed(progress: StageProgress) -> Iterator[tuple[StageProgress, dict[Stage, float]]]:
-    """Measure the processor time [s] of each stage beside its progress; whole at the end of the context."""
-    spent: dict[Stage, float] = {}
-    stage, began = Stage.CHECK, time.process_time()
+def stages(spent: dict[Stage, float] | None = None) -> Iterator[StageProgress]:
+    """Show a bar on standard error; yields the function that is called at each step of a diagnosis.
 
-    def close() -> None:
-        nonlocal began
-        now = time.process_time()
-        spent[stage], began = spent.get(stage, 0.0) + now - began, now
-
-    def report(entered: Stage, detail: str = "") -> None:
-        nonlocal stage
-        close()
-        stage = entered
-        progress(entered, detail)
-
-    yield report, spent
-    close()
-
-
-def fraction(done: float, stage: Stage) -> float:
-    """Part of a diagnosis that is done [%] when a step of a stage begins; never less than before."""
-    return stage.begins if stage.begins > done else max(done, min(done + STEP, 97.0))
-
-
-@contextmanager
-def stages() -> Iterator[StageProgress]:
-    """Show a bar on standard error; yields the function that is called at each step of a diagnosis."""
+    `spent` takes the processor time [s] of each stage, whole at the end of the context.
+    """
     from rich.console import Console
     from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
     columns = (SpinnerColumn(), BarColumn(bar_width=28), TimeElapsedColumn(), TextColumn("{task.description}"))
     with Progress(*columns, console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty()) as bar:
-        task, done = bar.add_task("reading", total=100), 0.0
+        task, done, times = bar.add_task("reading", total=100), 0.0, {} if spent is None else spent
+        current, began = Stage.CHECK, time.process_time()
+
+        def close() -> None:
+            nonlocal began
+            now = time.process_time()
+            times[current], began = times.get(current, 0.0) + now - began, now
 
         def report(stage: Stage, detail: str = "") -> None:
-            nonlocal done
-            done = fraction(done, stage)
+            nonlocal done, current
+            close()
+            current = stage
+            done = stage.begins if stage.begins > done else max(done, min(done + STEP, 97.0))
             bar.update(task, completed=done, description=f"{stage.text} {detail}".strip())
 
         yield report
+        close()
 
 
 def where_to_run(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -111,32 +97,19 @@ def counted(title: str, resume: str = "the same command resumes the run") -> Ite
         TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("[red]{task.fields[failed]}"),
         TimeElapsedColumn(), TimeRemainingColumn(),
     )  # fmt: skip
-    reached = ""
-    with sigterm_as_interrupt():
-        try:
-            with Progress(*columns, console=Console(stderr=True), disable=not sys.stderr.isatty()) as bar:
-                task = bar.add_task(title, total=None, failed="")
-
-                def count(done: int, failed: int, total: int) -> None:
-                    nonlocal reached
-                    reached = f"{done} of {total} done"
-                    bar.update(task, completed=done, total=total, failed=f"{failed} failed" if failed else "")
-
-                yield count
-        except KeyboardInterrupt:
-            click.echo("; ".join(["interrupted", *([reached] if reached else []), resume]), err=True)
-            raise SystemExit(INTERRUPTED) from None
-
-
-@contextmanager
-def sigterm_as_interrupt() -> Iterator[None]:
-    """Raise KeyboardInterrupt on SIGTERM, as Ctrl-C does."""
-
-    def interrupt(*_: Any) -> None:
-        raise KeyboardInterrupt
-
-    before = signal.signal(signal.SIGTERM, interrupt)
+    reached, before = "", signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        yield
+        with Progress(*columns, console=Console(stderr=True), disable=not sys.stderr.isatty()) as bar:
+            task = bar.add_task(title, total=None, failed="")
+
+            def count(done: int, failed: int, total: int) -> None:
+                nonlocal reached
+                reached = f"{done} of {total} done"
+                bar.update(task, completed=done, total=total, failed=f"{failed} failed" if failed else "")
+
+            yield count
+    except KeyboardInterrupt:
+        click.echo("; ".join(["interrupted", *([reached] if reached else []), resume]), err=True)
+        raise SystemExit(INTERRUPTED) from None
     finally:
         signal.signal(signal.SIGTERM, before)

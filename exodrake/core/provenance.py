@@ -22,14 +22,16 @@ ASIDE = ("diagnosis/healthy.py", "diagnosis/calibra", "data/plot.py", "core/disp
 
 def configuration() -> dict[str, str]:
     """Version of the package, and first digits of the SHA-256 of the code and numbers that find answers."""
-    return {"version": __version__, "code": code_of(tuple(plugins.folders()))}
+    return {
+        "version": __version__,
+        "code": digest_folders((*(PACKAGE / name for name in ANSWERING), *plugins.folders())),
+    }
 
 
 @cache
-def code_of(plugin_folders: tuple[Path, ...]) -> str:
-    """Digest of the code and numbers that find answers, those of plugins included."""
-    files = [file for name in ANSWERING for file in source_files(PACKAGE / name)]
-    return digest([*files, *(file for folder in plugin_folders for file in source_files(folder))])
+def digest_folders(folders: tuple[Path, ...]) -> str:
+    """Digest of the code and numbers in some folders."""
+    return digest([file for folder in folders for file in source_files(folder)])
 
 
 def source_files(place: Path) -> list[Path]:

@@ -66,39 +66,11 @@ class StatedParameter:
         }
 
 
-def stated_parameters(robot: Robot) -> dict[str, StatedParameter]:
-    """Parameters of the nominal robot, then those of the effects in it, by full name."""
-    machine = robot.machine
-    tolerances = {
-        name: tolerance
-        for tolerance in machine.tolerances
-        for pattern in tolerance.parameters
-        for names in expanded(pattern, machine.axes)
-        for name in names.split()
-    }
-    found = {
-        p.name: StatedParameter(
-            p.name, robot[p.name], p.unit, *robot.ranges.get(p.name, (-math.inf, math.inf)),
-            tolerances.get(p.name), robot.sources.get(p.name, ""),
-        )
-        for p in machine.parameters if p.null is None
-    }  # fmt: skip
-    for identity in robot.effects():
-        effect = machine.effect(identity)
-        for p in effect.parameters:
-            for i in robot.machine.effect_indices(identity, p.name).values():
-                name, value = machine.parameters[i].name, float(robot.values[i])
-                low, high = (p.low, p.high) if value != p.null else (-math.inf, math.inf)
-                source = robot.sources.get(name) or effect.source
-                found[name] = StatedParameter(name, value, p.unit, low, high, None, source, identity)
-    return found
-
-
 def alike(robot: Robot) -> Iterator[tuple[str, tuple[str, ...], StatedParameter]]:
     """Parameters in rows: name without channel, the channels of this value (() if it has none), and one of them."""
     known = (*robot.machine.axes.tendons, *robot.machine.axes.joints)
     rows: dict[tuple, tuple[list[str], StatedParameter]] = {}
-    for one in stated_parameters(robot).values():
+    for one in robot.parameters().values():
         name, _, channel = one.name.rpartition(".")
         own = channel in known
         key = (name if own else one.name, one.value, one.low, one.high, one.source)
@@ -132,23 +104,14 @@ def implausible(robot: Robot) -> list[str]:
     for name, channels, one in alike(robot):
         if not one.plausible:
             words, at = one.texts, f" ({', '.join(channels)})" if channels else ""
-            meant = meant_unit(one)
-            hint = f"; did you mean {one.value:g} {meant}?" if meant else ""
+            units = []  # with each occurrence of a symbol replaced, where that is a unit: N/m -> N/mm
+            for symbol in MEANT:
+                for place in re.finditer(rf"(?<![A-Za-z]){re.escape(UNITS[symbol][0])}(?![A-Za-z])", one.unit):
+                    units.append(one.unit[: place.start()] + symbol + one.unit[place.end() :])
+            meant = [u for u in units if conversion(u) and one.low <= to_si(one.value, u) <= one.high]
+            hint = f"; did you mean {one.value:g} {meant[0]}?" if meant else ""
             found.append(f"{name}{at} = {words['value']} lies outside {words['range']}{hint}")
     return found
-
-
-def meant_unit(parameter: StatedParameter) -> str:
-    """A unit in which the parameter's number would lie in its range; empty if there is none."""
-    units = (unit for symbol in MEANT for unit in replaced(parameter.unit, UNITS[symbol][0], symbol))
-    return next((u for u in units if parameter.low <= to_si(parameter.value, u) <= parameter.high), "")
-
-
-def replaced(unit: str, si: str, symbol: str) -> list[str]:
-    """The unit with each occurrence of a symbol replaced, where that is a unit: ("N/m", "m", "mm") -> ["N/mm"]."""
-    places = [found.span() for found in re.finditer(rf"(?<![A-Za-z]){re.escape(si)}(?![A-Za-z])", unit)]
-    units = [unit[:start] + symbol + unit[end:] for start, end in places]
-    return [one for one in units if conversion(one)]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -196,7 +159,30 @@ class Robot:
 
     def parameters(self) -> dict[str, StatedParameter]:
         """Value, unit, plausible range, tolerance and source of each parameter, and of the effects present, by name."""
-        return stated_parameters(self)
+        machine = self.machine
+        tolerances = {
+            name: tolerance
+            for tolerance in machine.tolerances
+            for pattern in tolerance.parameters
+            for names in expanded(pattern, machine.axes)
+            for name in names.split()
+        }
+        found = {
+            p.name: StatedParameter(
+                p.name, self[p.name], p.unit, *self.ranges.get(p.name, (-math.inf, math.inf)),
+                tolerances.get(p.name), self.sources.get(p.name, ""),
+            )
+            for p in machine.parameters if p.null is None
+        }  # fmt: skip
+        for identity in self.effects():
+            effect = machine.effect(identity)
+            for p in effect.parameters:
+                for i in machine.effect_indices(identity, p.name).values():
+                    name, value = machine.parameters[i].name, float(self.values[i])
+                    low, high = (p.low, p.high) if value != p.null else (-math.inf, math.inf)
+                    source = self.sources.get(name) or effect.source
+                    found[name] = StatedParameter(name, value, p.unit, low, high, None, source, identity)
+        return found
 
     def channels(self, name: str) -> np.ndarray:
         """A parameter of all channels by its name without channel: (channels,) array [SI]."""
@@ -340,12 +326,7 @@ def check_channels(machine: Machine, effect: Effect, channels: Iterable[str]) ->
 def drawn_robot(robot: Robot, rng: np.random.Generator) -> Robot:
     """The robot with each parameter that has a tolerance drawn anew, normal and clipped to its largest deviation."""
     machine, values = robot.machine, robot.values.copy()
-    groups = [
-        (group, n)
-        for group in machine.tolerances
-        for pattern in group.parameters
-        for n in expanded(pattern, machine.axes)
-    ]
+    groups = [(g, n) for g in machine.tolerances for pattern in g.parameters for n in expanded(pattern, machine.axes)]
     for (group, names), drawn in zip(groups, rng.standard_normal(len(groups)), strict=True):
         x = float(np.clip(drawn * group.prior_std, -group.max_deviation, group.max_deviation))
         for name in names.split():

@@ -44,8 +44,17 @@ def parse_json(data: bytes | str, source: str) -> Any:
     """The content of JSON text. InputError as `read_json`."""
     if len(data) > MAX_JSON:
         raise InputError(f"{source}: {len(data)} bytes, more than {MAX_JSON}")
+
+    def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        """An object by its keys and values; of a key that comes twice, Python would keep the last."""
+        found = dict(pairs)
+        if len(found) < len(pairs):
+            keys = [key for key, _ in pairs]
+            raise InputError(f"key {shown(next(key for key in keys if keys.count(key) > 1))} comes twice")
+        return found
+
     try:
-        return json.loads(data, object_pairs_hook=_object)
+        return json.loads(data, object_pairs_hook=unique)
     except InputError as error:
         raise InputError(f"{source}: {error}") from None
     except json.JSONDecodeError as error:
@@ -54,15 +63,6 @@ def parse_json(data: bytes | str, source: str) -> Any:
         raise InputError(f"{source}: nested too deep") from None
     except ValueError as error:
         raise InputError(f"{source}: not JSON ({str(error)[:80]})") from None
-
-
-def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """An object by its keys and values. InputError for a key that comes twice, of which Python would keep the last."""
-    found = dict(pairs)
-    if len(found) < len(pairs):
-        keys = [key for key, _ in pairs]
-        raise InputError(f"key {shown(next(key for key in keys if keys.count(key) > 1))} comes twice")
-    return found
 
 
 def read_yaml(path: str | Path) -> Any:
@@ -82,7 +82,14 @@ def parse_yaml(data: bytes, source: str | Path) -> Any:
         raise refusal(str(source), f"{len(data)} bytes, more than {MAX_BYTES}")
     try:
         events = yaml.parse(data, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))
-        return _document(events, str(source))
+        next(events)
+        if isinstance(next(events), yaml.StreamEndEvent):
+            return None
+        content = _node(next(events), events, str(source), 0)
+        next(events)
+        if not isinstance(extra := next(events), yaml.StreamEndEvent):
+            raise refusal(f"{source}, line {extra.start_mark.line + 1}", "not YAML (a second document)")
+        return content
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         line = f", line {min(mark.line, data.count(10)) + 1}" if mark else ""
@@ -104,20 +111,6 @@ def dump_yaml(content: Any) -> str:
     if any(c in written for c in BREAKS):
         return yaml.dump(content, Dumper=Dumper, sort_keys=False)
     return written
-
-
-def _document(events: Iterator[Any], source: str) -> Any:
-    """The single document of a stream of YAML events, or None if there is none."""
-    import yaml
-
-    next(events)
-    if isinstance(next(events), yaml.StreamEndEvent):
-        return None
-    content = _node(next(events), events, source, 0)
-    next(events)
-    if not isinstance(extra := next(events), yaml.StreamEndEvent):
-        raise refusal(f"{source}, line {extra.start_mark.line + 1}", "not YAML (a second document)")
-    return content
 
 
 def _node(event: Any, events: Iterator[Any], source: str, depth: int) -> Any:

@@ -25,13 +25,7 @@ def environment(*folders: Path) -> Environment:
 
 
 def render(template: str, *folders: Path, **values: Any) -> str:
-    """Fills a template.
-
-    Args:
-        template: file name in one of the folders.
-        folders: where it and what it includes lie.
-        values: variables of the template.
-    """
+    """Fills a template, a file in one of the folders, with the values of its variables."""
     return environment(*folders).get_template(template).render(values)
 
 

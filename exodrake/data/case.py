@@ -249,10 +249,7 @@ def written_date(date: datetime) -> str:
 
 
 def read_case(
-    folder: str | Path,
-    required: Sequence[str] = (),
-    period: float | None = None,
-    allow_outside: bool = False,
+    folder: str | Path, required: Sequence[str] = (), period: float | None = None, allow_outside: bool = False
 ) -> Case:
     """Read a case folder, or one log file as a case of itself. InputError names file and key, or file, column and row.
 
@@ -283,15 +280,17 @@ def read_case(
     logs, frame = [], float(content.get("period") or period or PERIOD)
     for entry in entries:
         path, repeats = place / entry["file"], entry.get("repeats")
-        file = _relative(entry["file"], place)
+        file = relative_name(entry["file"], place)
         table = entry["table"] if "table" in entry else read_table(path)
         check_columns(table, required)
         log, faults = regularise(table, frame)
         log = replace(log, simulated=table.simulated)
         hashes[file] = sha256_of(path)
-        notes += read_notes(path)
+        if is_file(beside := path.with_name(notes_name(path))):
+            lines = read_bytes(beside).decode(errors="replace").splitlines()[:MOST_NOTES]
+            notes += [f"{path.name}: {line.strip()}" for line in lines if line.strip()]
         notes += [fault.replace(str(path), file) for fault in faults]  # the answer holds them
-        protocol, repeats = entry.get("protocol") or stem(file), repeats and _relative(repeats, place)
+        protocol, repeats = entry.get("protocol") or stem(file), repeats and relative_name(repeats, place)
         logs.append(CaseLog(log, protocol, entry.get("role", "fit"), repeats, file, entry.get("date")))
     marked = [item.file for item in logs if item.log.simulated]
     if marked and len(marked) < len(logs):
@@ -362,25 +361,11 @@ def check_inside(folder: str | Path, file: str, where: str) -> None:
         raise refusal(f"{where}: log {shown(file)}", "lies outside the folder; --allow-outside reads it")
 
 
-def _relative(file: str, place: Path) -> str:
+def relative_name(file: str, place: Path) -> str:
     """A log's name seen from the folder of its case, since answers hold it: no absolute path."""
     return os.path.relpath(file, place) if os.path.isabs(file) else file
 
 
 def notes_name(file: str | Path) -> str:
-    """Name of the file of notes of a log."""
+    """Name of the file of notes of a log, a line each."""
     return stem(file) + NOTES
-
-
-def notes_text(notes: Sequence[str]) -> bytes:
-    """Content of the file."""
-    return ("\n".join(notes) + "\n").encode()
-
-
-def read_notes(log: Path) -> list[str]:
-    """Notes on a log, its name first; none if there is no such file."""
-    file = log.with_name(notes_name(log))
-    if not is_file(file):
-        return []
-    lines = read_bytes(file).decode(errors="replace").splitlines()[:MOST_NOTES]
-    return [f"{log.name}: {line.strip()}" for line in lines if line.strip()]

@@ -35,7 +35,6 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -86,11 +85,6 @@ UNITS = {"position": "rad", "velocity": "rad/s", "effort": "N m"}  # REP 103; a 
 LARGEST, SHORTEST = 1e300, 1e-9  # of a finite number; s, a tick of the finest recorder
 
 
-def column_name(value: Any, where: str) -> str:
-    """A foreign column's name, or its number in a table without heading."""
-    return str(value) if isinstance(value, int) and not isinstance(value, bool) else text()(value, where)
-
-
 FINITE = number(low=-LARGEST, high=LARGEST)
 POSITIVE = number(above=0.0, high=LARGEST)
 STEP = number(low=SHORTEST, high=LARGEST, unit="s")
@@ -98,7 +92,10 @@ CHANGES = {"scale": FINITE, "offset": FINITE, "filter": POSITIVE}
 COLUMN = {"name": text(), "unit": text(), "sign": FINITE, "wrap": POSITIVE} | CHANGES
 DERIVED = {"of": text(), "take": text(("first", "rate")), "minus": text(), "unit": text()} | CHANGES
 SYNC = {"columns": listing(text(), least=1), "by": text(), "with": text(), "within": STEP}
-TIME_KEYS = {"column": optional(column_name), "unit": text(), "start": optional(FINITE), "period": optional(STEP)}
+TIME_KEYS = {
+    "column": optional(lambda value, where: text()(str(value) if type(value) is int else value, where)),
+    "unit": text(), "start": optional(FINITE), "period": optional(STEP),
+}  # fmt: skip
 PLAIN = {
     "hold": whole(), "separator": text(length=1), "decimal": text(length=1), "skip": whole(), "heading": flag,
     "samples": text(("rows", "columns")), "stamp": text(("log", "header")),
@@ -120,15 +117,8 @@ SCHEMA = mapping(
 class Column:
     """A foreign column and the log column that it becomes: sign (value * scale + offset), converted from its unit.
 
-    Attributes:
-        foreign: name of the foreign column.
-        name: name of the log column.
-        unit: foreign unit.
-        scale: factor on the value.
-        offset: added after the factor [foreign unit].
-        sign: 1 or -1.
-        wrap: value at which readings start again [foreign unit]; None if they do not.
-        filter: cut-off of a zero-phase low-pass [Hz]; None for none.
+    Before that, readings that start again at `wrap` [unit] are made continuous; after it comes a zero-phase low-pass
+    with cut-off `filter` [Hz].
     """
 
     foreign: str
@@ -167,20 +157,14 @@ class Sync:
 
 @dataclass(frozen=True)
 class Mapped(TextLayout):
-    """Content of a mapping file.
+    """Content of a mapping file, with its keys.
 
     Attributes:
-        columns: foreign columns and the log columns that they become.
-        time: foreign column of the time; None where `time_period` counts rows.
-        time_unit: foreign unit of the time.
+        time, time_unit: foreign column of the time and its unit; None where `time_period` counts rows.
         time_period: time between two rows [s]; None where there is a column of the time.
         start: time at which the log starts [s]; None: as recorded.
         period: frame period of the log [s]; None leaves rows as recorded.
-        hold: frames for which a sample stays valid.
-        stamp: time of the messages of a bag: "log" (recorder) or "header" (message).
         samples: "rows" or "columns" of a matrix; None: by its shape.
-        derived: columns made from others.
-        sync: columns that are moved in time.
     """
 
     columns: tuple[Column, ...]
@@ -288,16 +272,10 @@ def import_recording(file: str | Path, mapped: Mapped) -> Imported:
 def import_all(
     path: Path, mapped: Mapped | None, unit: str = "", chosen: frozenset[int] = frozenset()
 ) -> dict[str, Imported]:
-    """Every log of a recording by name: one of a file or bag, one for each episode of a LeRobot data set.
+    """Every log of a recording by name: one of a file or bag, one for each (or chosen) episode of a LeRobot data set.
 
-    Args:
-        path: recording.
-        mapped: mapping; None: that of joint states, or of actions and states.
-        unit: of the joints of a LeRobot data set without a mapping.
-        chosen: episodes; all if empty.
-
-    Raises:
-        InputError: as `import_log`, and for a recording that needs a mapping.
+    Without a mapping that of joint states, or of actions and states with the unit of their joints. InputError as
+    `import_log`, and for a recording that needs a mapping.
     """
     if is_dataset(path):
         mapped = mapped or default_dataset_mapping(path, unit)
@@ -321,15 +299,10 @@ def import_all(
 
 
 def frame_period(logs: Sequence[Log], mapped: Mapped | None, frame: float) -> float:
-    """Frame period [s] of a case of imported logs.
+    """Frame period [s] of a case of imported logs: that of the mapping, of the machine or of the first log's clock.
 
-    Args:
-        logs: the logs of the case.
-        mapped: mapping; the period that it states holds.
-        frame: frame of the machine [s], taken if every log has one row in each; else that of the first one's clock.
-
-    Raises:
-        InputError: for a first log of a single row, unless the mapping states a period.
+    The machine's `frame` [s] holds if every log has one row in each. InputError for a first log of a single row, unless
+    the mapping states a period.
     """
     if mapped is not None and mapped.period is not None:
         return mapped.period
@@ -360,10 +333,17 @@ def make_log(tracks: dict[str, Track], mapped: Mapped, source: str, notes: Seque
     if mapped.start is not None:  # before frames are laid, since stamps since 1970 have few digits below a microsecond
         first = min((track.time.min() for track in ours.values() if len(track.time)), default=0.0)
         ours = {name: Track(track.time - first + mapped.start, track.values) for name, track in ours.items()}
-    ours, moved = synchronise(ours, mapped.sync, source)
-    notes = [*notes, *moved]
+    notes = [*notes]
+    for entry in mapped.sync:
+        where = f"{source}: sync of {entry.by} with {entry.to}"
+        lag, correlation = find_lag(ours[entry.by], ours[entry.to], entry.within, where)
+        ours |= {name: Track(ours[name].time - lag, ours[name].values) for name in entry.columns}
+        notes.append(
+            f"{', '.join(entry.columns)}: moved by {-1e3 * lag:+.3g} ms to fit {entry.to} (correlation "
+            f"{correlation:.3f}), so a delay between them, of a clock or real, is gone"
+        )
     if mapped.period is not None:
-        time, values, lost = _on_frames(ours, mapped.period, mapped.hold, source)
+        time, values, lost = lay_on_frames(ours, mapped.period, mapped.hold, source)
         notes += lost
     else:
         late = {name for entry in mapped.sync for name in entry.columns}  # interpolated on the clock of the others
@@ -459,7 +439,7 @@ def _one_clock(table: dict[str, np.ndarray], mapped: Mapped, source: str) -> tup
     return {name: Track(time[fresh], table[names[name]][fresh]) for name in lengths}, notes
 
 
-def _on_frames(
+def lay_on_frames(
     tracks: dict[str, Track], period: float, hold: int, source: str
 ) -> tuple[np.ndarray, dict[str, np.ndarray], list[str]]:
     """Frames from the first sample to the last, and notes; a frame carries the newest sample taken before its end.
@@ -569,18 +549,10 @@ def derive_column(
 
 
 def find_lag(moved: Track, fixed: Track, within: float, where: str) -> tuple[float, float]:
-    """Lag of one signal behind another [s] and their correlation at that lag, by the largest cross-correlation.
+    """Lag of `moved` behind `fixed` [s], `within` [s] either way, and their correlation at that lag, the largest.
 
-    Each lag is judged on the same stretch of the fixed signal, by the correlation coefficient.
-
-    Args:
-        moved: signal that may be late.
-        fixed: signal whose clock counts.
-        within: largest lag either way [s].
-        where: names both, for messages.
-
-    Raises:
-        InputError: if they do not overlap, do not move, or are not alike at any lag.
+    Each lag is judged on the same stretch of the fixed signal, by the correlation coefficient. InputError if they do
+    not overlap, do not move, or are not alike at any lag.
     """
     from scipy.signal import correlate
 
@@ -618,25 +590,6 @@ def find_lag(moved: Track, fixed: Track, within: float, where: str) -> tuple[flo
     return (at + offset - reach) * step, float(course[at])
 
 
-def synchronise(tracks: dict[str, Track], entries: tuple[Sync, ...], source: str) -> tuple[dict[str, Track], list[str]]:
-    """Tracks with the columns of each entry moved in time, and a note on each.
-
-    InputError as `find_lag`.
-    """
-    moved, notes = dict(tracks), []
-    for entry in entries:
-        where = f"{source}: sync of {entry.by} with {entry.to}"
-        lag, correlation = find_lag(moved[entry.by], moved[entry.to], entry.within, where)
-        for name in entry.columns:
-            moved[name] = Track(moved[name].time - lag, moved[name].values)
-        names, shift = ", ".join(entry.columns), f"{-1e3 * lag:+.3g} ms"
-        notes.append(
-            f"{names}: moved by {shift} to fit {entry.to} (correlation {correlation:.3f}), so a delay between them, "
-            "of a clock or real, is gone"
-        )
-    return moved, notes
-
-
 def describe_conversion(column: Column | Derived) -> str | None:
     """Note on the conversions of a column beyond its unit, in one sentence; None for none."""
     done = []
@@ -656,8 +609,7 @@ def describe_conversion(column: Column | Derived) -> str | None:
 def default_bag_mapping(path: str | Path) -> Mapped:
     """Joint states by their names: positions as angles, or as commands where the topic's name says so.
 
-    Raises:
-        InputError: for a bag without joint states.
+    InputError for a bag without joint states.
     """
     columns: dict[str, Column] = {}
     for topic, (kind, _, fields) in read_topics(path).items():

@@ -279,23 +279,6 @@ def refuse_doubled(names: Iterable[str], source: str) -> None:
         known.add(visible)
 
 
-def refuse_unclear(names: Iterable[str], source: str) -> None:
-    """InputError for a name with signs that cannot be seen, or one that is another name, or a kind, in other letters.
-
-    Letters are others in capitals and in other forms of Unicode.
-    """
-    known: dict[str, str] = {}
-    for name in names:
-        if not name.isprintable():
-            raise InputError(f"{source}: column {name!r}: its name holds a sign that cannot be seen")
-        plain = unicodedata.normalize("NFKC", name).casefold()
-        if (other := known.setdefault(plain, name)) != name:
-            raise InputError(f"{source}: column {name!r} is {other!r} in other letters, so one of them is too much")
-        kind = kind_of(plain)
-        if kind is not None and kind_of(name) is None:
-            raise InputError(f"{source}: column {name!r}: did you mean {kind + name[len(kind) :]!r}?")
-
-
 def split_heading(text: str, source: str) -> tuple[str, str]:
     """(name, unit) of a heading. InputError when the brackets or the name are absent."""
     name, bracket, rest = text.strip().partition("[")
@@ -348,7 +331,16 @@ def columns_in_si(
             value = signals[name][wrong[0]]
             reason = "infinite" if np.isinf(value) else f"{value:g} in SI is beyond any signal"
             raise InputError(f"{where}, row {int(wrong[0]) + 1}: {reason}")
-    refuse_unclear(signals, source)
+    plain: dict[str, str] = {}  # letters are others in capitals and in other forms of Unicode
+    for name in signals:
+        if not name.isprintable():
+            raise InputError(f"{source}: column {name!r}: its name holds a sign that cannot be seen")
+        folded = unicodedata.normalize("NFKC", name).casefold()
+        if (other := plain.setdefault(folded, name)) != name:
+            raise InputError(f"{source}: column {name!r} is {other!r} in other letters, so one of them is too much")
+        kind = kind_of(folded)
+        if kind is not None and kind_of(name) is None:
+            raise InputError(f"{source}: column {name!r}: did you mean {kind + name[len(kind) :]!r}?")
     return signals, known
 
 
@@ -426,9 +418,9 @@ def regularise(log: Log, period: float = 0.02) -> tuple[Log, list[str]]:
     the grid are set on it, since row n is frame n.
 
     Raises:
-        InputError: naming the row, for a clock that steps backwards, the same time with other values, and rows that
-            come faster than the frame; naming the unit that a clock seems to have, and the frame that it seems to count
-            where that is another one.
+        InputError: naming the row, for a clock that steps backwards or jumps, the same time with other values, and rows
+            that come faster than the frame; naming the unit that a clock seems to have, and the frame that it seems to
+            count where that is another one.
     """
     if not (np.isfinite(period) and period > 0):
         raise InputError(f"frame period {period!r} s: wanted a positive number")
@@ -446,7 +438,26 @@ def regularise(log: Log, period: float = 0.02) -> tuple[Log, list[str]]:
     if same.any():
         single, row = log.rows(np.concatenate([[True], ~same])), int(np.flatnonzero(same)[0]) + 1
         notes = [f"{log.label}: {same.sum()} repeated rows dropped, the first is row {row + 1} at {log.time[row]:g} s"]
-    frames = _frame_numbers(single, period)
+    gaps = np.diff(single.time)
+    middle = float(np.quantile(gaps, 0.5, method="lower")) if len(gaps) else 0.0
+    if middle > LONGEST * period:  # its unit is a smaller one, in which the median step is nearest to the period
+        unit = min(SMALLER, key=lambda unit: abs(np.log(to_si(middle, unit) / period)))
+        raise InputError(
+            f"{log.label}: column 'time' looks like {SMALLER[unit]}, not seconds: its rows are {middle:g} apart, a "
+            f"frame is {period:g} s; say 'time [{unit}]'"
+        )
+    steps = np.rint(gaps / period)  # one by one, so that a clock 0.1 % fast does not lose a frame in a minute
+    if (steps < 1).any():
+        at = int(np.argmax(steps < 1))
+        raise InputError(
+            f"{log.label}: two rows {gaps[at]:.3g} s apart at {single.time[at]:g} s, but a frame is {period:g} s"
+        )
+    if steps.sum() > LONGEST * (len(single) + LONGEST):
+        at = int(np.argmax(gaps))
+        raise InputError(
+            f"{log.label}: a gap of {gaps[at]:.6g} s at {single.time[at]:g} s is no missing frame; cut the log there"
+        )
+    frames = np.concatenate([[0], np.cumsum(steps.astype(int))]) if len(single) else np.zeros(0, dtype=int)
     found = other_rate(single.time, frames, period)
     if found is not None:
         apart = found[1] * float(np.median(np.diff(frames)))
@@ -467,45 +478,15 @@ def regularise(log: Log, period: float = 0.02) -> tuple[Log, list[str]]:
     absent = len(grid) - len(single)
     if not absent:
         return single if deviation <= EXACT else Log(grid, single.signals, single.units, single.source), notes
-    gaps = np.diff(frames)
-    first = grid[frames[np.flatnonzero(gaps > 1)[0]] + 1]
+    holes = np.diff(frames)
+    first, longest = grid[frames[np.flatnonzero(holes > 1)[0]] + 1], holes.max() - 1
     notes.append(
-        f"{log.label}: {absent} missing frames, the first at {first:g} s (longest gap {gaps.max() - 1} frames), left "
-        "empty"
+        f"{log.label}: {absent} missing frames, the first at {first:g} s (longest gap {longest} frames), left empty"
     )
     signals = {name: np.full(len(grid), np.nan) for name in single.signals}
     for name, values in single.signals.items():
         signals[name][frames] = values
     return Log(grid, signals, single.units, single.source), notes
-
-
-def _frame_numbers(log: Log, period: float) -> np.ndarray:
-    """Frame number (n,) of each row, 0 first.
-
-    Steps are rounded one by one and not from the start, so that a clock 0.1 % fast does not lose a frame in a minute.
-    InputError for a clock most steps of which are so long that its unit is a smaller one than the second (the one in
-    which the median step is nearest to `period` [s], by ratio), for rows faster than frames, and for a jump.
-    """
-    gaps = np.diff(log.time)
-    middle = float(np.quantile(gaps, 0.5, method="lower")) if len(gaps) else 0.0
-    if middle > LONGEST * period:
-        unit = min(SMALLER, key=lambda unit: abs(np.log(to_si(middle, unit) / period)))
-        raise InputError(
-            f"{log.label}: column 'time' looks like {SMALLER[unit]}, not seconds: its rows are {middle:g} apart, a "
-            f"frame is {period:g} s; say 'time [{unit}]'"
-        )
-    steps = np.rint(gaps / period)
-    if (steps < 1).any():
-        at = int(np.argmax(steps < 1))
-        raise InputError(
-            f"{log.label}: two rows {gaps[at]:.3g} s apart at {log.time[at]:g} s, but a frame is {period:g} s"
-        )
-    if steps.sum() > LONGEST * (len(log) + LONGEST):
-        at = int(np.argmax(gaps))
-        raise InputError(
-            f"{log.label}: a gap of {gaps[at]:.6g} s at {log.time[at]:g} s is no missing frame; cut the log there"
-        )
-    return np.concatenate([[0], np.cumsum(steps.astype(int))]) if len(log) else np.zeros(0, dtype=int)
 
 
 def other_rate(time: np.ndarray, frames: np.ndarray, period: float) -> tuple[float, float] | None:
@@ -541,15 +522,7 @@ def clock_frame(log: Log) -> float:
 
 @dataclass(frozen=True)
 class Difference:
-    """Second log less first in one signal.
-
-    Attributes:
-        unit: of the figures, SI.
-        rms, mean: over the samples that both have [unit].
-        largest: largest magnitude [unit].
-        at: when that was [s].
-        samples: how many both have.
-    """
+    """Second log less first in one signal [unit], over the samples that both have; `largest` is at `at` [s]."""
 
     unit: str
     rms: float

@@ -121,8 +121,16 @@ def plot_log(
         figure.axes[-1].set_xlim(log.time[0], log.time[-1] if len(log) > 1 else None)
         add_legends(panels, log, dict(zip(names, (first, second))) if other is not None else {})
         figure.align_ylabels(figure.axes)
-        if title or any(details):
-            add_title(figure, title, [line for detail in details for line in wrap(detail, LINE)])
+        if title or any(details):  # title and smaller lines at the top left; the panels keep below them
+            lines = [line for detail in details for line in wrap(detail, LINE)]
+            inch = 1.0 / figure.get_figheight()
+            above, rest = 1.5 * SIZES[0] / POINTS * bool(title), 1.35 * SIZES[1] / POINTS * len(lines)  # inches
+            layout: Any = figure.get_layout_engine()
+            layout.set(rect=(0.0, 0.0, 1.0, 1.0 - (above + rest + MARGIN) * inch))
+            style = {"ha": "left", "va": "top", "linespacing": 1.3}
+            figure.text(0.01, 1.0 - MARGIN * inch, title, fontsize=SIZES[0], fontweight="bold", **style)
+            top = 1.0 - (above + MARGIN) * inch
+            figure.text(0.01, top, "\n".join(lines), fontsize=SIZES[1], color="#445", **style)
     return figure
 
 
@@ -144,19 +152,6 @@ def log_html(log: Log) -> str:
     return f'{page}<img alt="" src="data:image/png;base64,{b64encode(png_of(plot_log(log), SMALL)).decode()}">'
 
 
-def add_title(figure: Figure, title: str, lines: list[str]) -> None:
-    """Writes a title, and smaller lines below it, at the top left; the panels keep below them."""
-    heights = [1.5 * SIZES[0] / POINTS * bool(title), 1.35 * SIZES[1] / POINTS * len(lines)]  # inches
-    below = 1.0 - heights[0] / figure.get_figheight()
-    layout: Any = figure.get_layout_engine()
-    layout.set(rect=(0.0, 0.0, 1.0, 1.0 - (sum(heights) + MARGIN) / figure.get_figheight()))
-    style: dict[str, Any] = {"ha": "left", "va": "top", "linespacing": 1.3}
-    figure.text(0.01, 1.0 - MARGIN / figure.get_figheight(), title, fontsize=SIZES[0], fontweight="bold", **style)
-    figure.text(
-        0.01, below - MARGIN / figure.get_figheight(), "\n".join(lines), fontsize=SIZES[1], color="#445", **style
-    )
-
-
 def display_in(log: Log, kind: str, machine: Machine | None) -> Display:
     """Label and unit of a kind of column, for the unit that the log has it in."""
     return display_of(kind, machine, log.units[f"{kind}_{log.names(kind)[0]}"] if log.names(kind) else "")
@@ -169,8 +164,15 @@ def draw_panel(
     display = display_in(log, kind, machine)
     for i, name in enumerate(log.names(kind)):
         colour = colour_of(name, i, machine)
-        draw_course(axes, log.time, display.factor * log[f"{kind}_{name}"], color=colour, label=name,
-                    ls=style["linestyle"])  # fmt: skip
+        values, look = display.factor * log[f"{kind}_{name}"], {"color": colour, "ls": style["linestyle"]}
+        if len(values) <= LONG:
+            axes.plot(log.time, values, label=name, **look)
+        else:  # the envelope and the mean of stretches of time
+            stretch = stretch_of(len(values), 2 * STRETCHES)
+            low, high = np.sort(envelope(values[:, None], stretch).reshape(-1, 2), axis=1).T
+            at, mean = means(np.column_stack([log.time, values]), stretch).T
+            axes.fill_between(at, low, high, color=colour, alpha=0.3, lw=0)
+            axes.plot(at, mean, label=name, **look)
         reference = f"{kind}{REFERENCE}_{name}"
         if log.has(reference) and len(log) <= LONG:
             wanted = display.factor * log[reference]
@@ -179,18 +181,6 @@ def draw_panel(
             draw_estimate(axes, log, kind, name, colour, display.factor)
     axes.set_ylabel(display.axis)
     axes.margins(y=0.08)
-
-
-def draw_course(axes: Any, time: np.ndarray, values: np.ndarray, **style: Any) -> None:
-    """Draws a signal (n,); that of a long log as the envelope and the mean of stretches of time."""
-    if len(values) <= LONG:
-        axes.plot(time, values, **style)
-        return
-    stretch = stretch_of(len(values), 2 * STRETCHES)
-    low, high = np.sort(envelope(values[:, None], stretch).reshape(-1, 2), axis=1).T
-    at, mean = means(np.column_stack([time, values]), stretch).T
-    axes.fill_between(at, low, high, color=style["color"], alpha=0.3, lw=0)
-    axes.plot(at, mean, **style)
 
 
 def draw_estimate(axes: Any, log: Log, kind: str, name: str, colour: str, factor: float) -> None:

@@ -197,14 +197,9 @@ def _array(value: Any) -> np.ndarray | None:
 def text_cells(
     data: bytes, source: str, layout: TextLayout, wanted: Collection[str] = (), ragged: bool = False
 ) -> dict[str, list[str]]:
-    """Cells of a text table by column; those of lists as `name[0]`, `name[1]` ... InputError for a ragged row.
+    """Cells of a text table by column, of the wanted columns or all; those of lists as `name[0]`, `name[1]` ...
 
-    Args:
-        data: the file.
-        source: its name.
-        layout: how cells are parted.
-        wanted: columns that must be there, the only ones that are kept; all if empty.
-        ragged: leave rows of another length out instead.
+    InputError for a wanted column that is absent, and for a ragged row, unless those are left out.
     """
     check_size(sum(data.count(end) for end in {b"\n", b"\r", layout.separator.encode()}), source)
     rows = _rows(data, source, layout)

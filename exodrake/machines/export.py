@@ -5,7 +5,6 @@ A file states what its format can; a comment at its head names the rest.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from math import ceil, floor, isfinite
 from pathlib import Path
 from typing import Any
@@ -155,7 +154,15 @@ def mjcf(mechanism: Mechanism) -> Element:
     root.extend(part for part in (tendons, actuators) if len(part))
     if mechanism.tendons:
         rest = np.array([drive.rest for drive in mechanism.drives])
-        taut = [-length_at(mechanism, tendon.points, rest) for tendon in mechanism.tendons]
+        frames = [(Rotation.identity(), np.zeros(3))]
+        for joint, value in zip(chain.joints, rest, strict=True):
+            turn, origin = frames[-1]
+            turned = turn * Rotation.from_euler("xyz", joint.angles) * Rotation.from_rotvec(value * joint.axis)
+            frames.append((turned, origin + turn.apply(joint.origin)))
+        taut = []  # lengths of the tendons, wound in
+        for tendon in mechanism.tendons:
+            placed = [frames[segment][1] + frames[segment][0].apply(point) for segment, point in tendon.points]
+            taut.append(-float(np.linalg.norm(np.diff(placed, axis=0), axis=1).sum()))
         SubElement(SubElement(root, "keyframe"), "key", name="rest", qpos=text(rest), act=text(taut))
     return root
 
@@ -194,19 +201,6 @@ def actuator(drive: Drive, name: str, joint: str, effort: float, step: float) ->
 def delayed(delay: float, step: float) -> dict[str, str]:
     """Dead time [s] of an actuator's command, with room for the commands on their way."""
     return {"delay": text(delay), "nsample": str(ceil(delay / step) + 1)} if delay else {}
-
-
-def length_at(mechanism: Mechanism, points: Iterable[tuple[int, np.ndarray]], q: np.ndarray) -> float:
-    """Length of a tendon [m] at positions q (joints,) [rad]."""
-    frames = [(Rotation.identity(), np.zeros(3))]
-    for joint, value in zip(mechanism.chain.joints, q, strict=True):
-        turn, origin = frames[-1]
-        frames.append((
-            turn * Rotation.from_euler("xyz", joint.angles) * Rotation.from_rotvec(value * joint.axis),
-            origin + turn.apply(joint.origin),
-        ))  # fmt: skip
-    placed = [frames[segment][1] + frames[segment][0].apply(point) for segment, point in points]
-    return float(np.linalg.norm(np.diff(placed, axis=0), axis=1).sum())
 
 
 def urdf(mechanism: Mechanism) -> Element:

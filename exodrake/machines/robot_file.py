@@ -18,9 +18,8 @@ and no machine.py is a machine, too (`machines.serial_arm`).
 
 from __future__ import annotations
 
-import contextlib
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -34,6 +33,7 @@ from exodrake.core.machine import Machine, Tolerance
 from exodrake.core.part import TENDONS
 from exodrake.core.robot import Robot, flatten, refuse_negative
 from exodrake.core.schema import (
+    Schema,
     anything,
     dump_yaml,
     either,
@@ -51,49 +51,30 @@ from exodrake.machines.library import machine_named, robot_files, robot_yaml
 TRANSFORMS = ("relative", "additive", "log")
 
 
-def stated_or_nested(value: Any, where: str) -> Any:
-    """A parameter with its value, unit, range and source, or parameters by name."""
-    return (STATED if isinstance(value, Mapping) and "value" in value else PARAMETERS)(value, where)
-
-
-def limit(value: Any, where: str) -> Any:
-    """A limit of each channel, with or without unit, range and source."""
-    return (STATED_LIMIT if isinstance(value, Mapping) and "value" in value else VALUES)(value, where)
-
-
-def effect_values(value: Any, where: str) -> Any:
-    """A parameter of an effect, one value or one per channel, with or without source."""
-    return (SOURCED if isinstance(value, Mapping) and "value" in value else either(VALUES, amount))(value, where)
-
-
 def amount(value: Any, where: str) -> Any:
     """A number, or text that `quantity` reads later, when the unit wanted is known."""
     return value if isinstance(value, str) else number()(value, where)
 
 
+def stated_or(stated: Mapping[str, Schema], other: Schema) -> Schema:
+    """A value with what is stated beside it, such as its source, or anything else without the key `value`."""
+    known = mapping(stated)
+    return lambda value, where: (known if isinstance(value, Mapping) and "value" in value else other)(value, where)
+
+
 VALUES = names(amount)
-PARAMETERS = names(either(stated_or_nested, amount))
-STATED = mapping(
-    {
-        "value": either(VALUES, amount),
-        "unit": text(),
-        "range": listing(amount, length=2, wanted="[low, high]"),
-        "source": anything,
-    }
+VALUE = either(VALUES, amount)  # one, or one per channel
+STATED = {"unit": text(), "range": listing(amount, length=2, wanted="[low, high]"), "source": anything}
+PARAMETERS: Schema = names(
+    either(stated_or({"value": VALUE} | STATED, lambda value, where: PARAMETERS(value, where)), amount)
 )
-STATED_LIMIT = mapping({"value": VALUES, "unit": text(), "range": anything, "source": anything})
-SOURCED = mapping({"value": either(VALUES, amount), "source": anything}, required=("value",))
-EFFECTS = names(names(effect_values))
+LIMIT = stated_or({"value": VALUES, "unit": text(), "range": anything, "source": anything}, VALUES)
+EFFECTS = names(names(stated_or({"value": VALUE, "source": anything}, VALUE)))
 VARIANTS = listing(text(), wanted="a list of names")
-TOLERANCE = mapping(
-    {
-        "parameters": VARIANTS,
-        "transform": text(TRANSFORMS),
-        "prior_std": number(above=0.0),
-        "max_deviation": number(above=0.0),
-    },
-    required=("parameters", "transform", "prior_std", "max_deviation"),
-)
+TOLERANCE = {
+    "parameters": VARIANTS, "transform": text(TRANSFORMS), "prior_std": number(above=0.0),
+    "max_deviation": number(above=0.0),
+}  # fmt: skip
 SCHEMA = mapping(
     {
         "machine": optional(text()),
@@ -102,9 +83,9 @@ SCHEMA = mapping(
         "parameters": optional(PARAMETERS),
         "effects": optional(EFFECTS),
         "parts": optional(VARIANTS),
-        "limits": optional(names(limit)),
+        "limits": optional(names(LIMIT)),
         "grasps": optional(names(VALUES)),
-        "tolerances": optional(listing(TOLERANCE)),
+        "tolerances": optional(listing(mapping(TOLERANCE, required=tuple(TOLERANCE)))),
         "notes": anything,
     }
 )
@@ -169,45 +150,36 @@ def build(content: Any, source: str, above: tuple[str, ...] = (), folder: Path |
     for key in ("machine", "tolerances"):
         if base and content.get(key):
             raise InputError(f"{source}, {key!r}: a robot with a base has the {key} of its base")
-    with named(source):
-        robot = load_robot(base, (*above, base)) if base else blank(content, source)
-        return changed_by(content, replace(robot, source=source))
-
-
-def changed_by(content: Mapping[str, Any], robot: Robot) -> Robot:
-    """The robot with what a file's content says of variants, parameters, effects, limits and grasps."""
-    for part in content.get("parts") or ():
-        robot = robot.with_part(part)
-    parameters = content.get("parameters") or {}
-    robot = robot.with_parameters(parameters, robot.source)
-    robot = refuse_negative(replace(robot, **stated(parameters, robot)))
-    for identity, items in (content.get("effects") or {}).items():
-        told = {name: v for name, v in items.items() if isinstance(v, Mapping) and "value" in v}
-        given = items | {name: v["value"] for name, v in told.items()}
-        channels = {channel for v in given.values() if isinstance(v, Mapping) for channel in v}
-        robot = robot.splice(identity, given, [channel for channel in channels if channel])
-        for name, v in told.items():
-            for i in robot.machine.effect_indices(identity, name).values():
-                robot.sources[robot.machine.parameters[i].name] = str(v.get("source", ""))
-    unit, there = reference_unit(robot.machine), f"{robot.source}: "
-    limits = merged(robot.limits, table(content.get("limits") or {}, unit, f"{there}limits."))
-    grasps = merged(robot.grasps, table(content.get("grasps") or {}, unit, f"{there}grasps."))
-    return replace(robot, limits=check_limits(robot.machine, limits, robot.source), grasps=grasps)
-
-
-@contextlib.contextmanager
-def named(source: str) -> Iterator[None]:
-    """Puts the file's name before a refusal that lacks it."""
     try:
-        yield
+        robot = load_robot(base, (*above, base)) if base else make_blank(content, source)
+        robot = replace(robot, source=source)
+        for part in content.get("parts") or ():
+            robot = robot.with_part(part)
+        parameters = content.get("parameters") or {}
+        robot = robot.with_parameters(parameters, source)
+        robot = refuse_negative(replace(robot, **read_stated(parameters, robot)))
+        for identity, items in (content.get("effects") or {}).items():
+            told = {name: v for name, v in items.items() if isinstance(v, Mapping) and "value" in v}
+            given = items | {name: v["value"] for name, v in told.items()}
+            channels = {channel for v in given.values() if isinstance(v, Mapping) for channel in v}
+            robot = robot.splice(identity, given, [channel for channel in channels if channel])
+            for name, v in told.items():
+                for i in robot.machine.effect_indices(identity, name).values():
+                    robot.sources[robot.machine.parameters[i].name] = str(v.get("source", ""))
+        limits, grasps = (merge_targets(robot, key, content.get(key) or {}) for key in ("limits", "grasps"))
+        check_limits(robot.machine, limits, source)
+        return replace(robot, limits=limits, grasps=grasps)
     except InputError as problem:
         raise problem if source in str(problem) else InputError(f"{source}: {problem}") from None
 
 
-def blank(content: Mapping[str, Any], source: str) -> Robot:
+def make_blank(content: Mapping[str, Any], source: str) -> Robot:
     """A machine with effects at their null values and its own parameters unset; InputError if some are not stated."""
-    with named(source):
-        machine = machine_named(str(content.get("machine")), tolerances_of(content.get("tolerances") or ()))
+    tolerances = tuple(
+        Tolerance(tuple(e["parameters"]), e["transform"], float(e["prior_std"]), float(e["max_deviation"]))
+        for e in content.get("tolerances") or ()
+    )
+    machine = machine_named(str(content.get("machine")), tolerances)
     given = {n for n, *_ in flatten(content.get("parameters") or {})}
     for parameter in machine.parameters:
         stated = {parameter.name, parameter.name.rsplit(".", 1)[0]} & {*given, *machine.defaults}
@@ -217,15 +189,7 @@ def blank(content: Mapping[str, Any], source: str) -> Robot:
     return Robot(machine, np.array(list(unset)), dict.fromkeys(machine.defaults, "default of the machine"))
 
 
-def tolerances_of(parameters: Iterable[Mapping[str, Any]]) -> tuple[Tolerance, ...]:
-    """The `tolerances` list of a robot file, whose form is checked."""
-    return tuple(
-        Tolerance(tuple(e["parameters"]), e["transform"], float(e["prior_std"]), float(e["max_deviation"]))
-        for e in parameters
-    )
-
-
-def stated(parameters: Mapping[str, Any], robot: Robot) -> dict[str, dict]:
+def read_stated(parameters: Mapping[str, Any], robot: Robot) -> dict[str, dict]:
     """Sources and ranges that a file states beside its values."""
     sources, ranges = dict(robot.sources), dict(robot.ranges)
     for indices, (_, item) in robot.general_first(statements(parameters)):
@@ -249,19 +213,14 @@ def statements(parameters: Mapping[str, Any], prefix: str = "") -> Iterator[tupl
             yield from [(name, item)] if "value" in item else statements(item, name)
 
 
-def table(values: Mapping[str, Any], unit: str, where: str) -> dict[str, dict[str, float]]:
-    """Limits or grasps as plain values [SI] per channel; unit: SI unit of the references."""
-    return {
-        name: {
-            c: quantity(v, unit, f"{where}{name}.{c}", item.get("unit", "")) for c, v in item.get("value", item).items()
-        }
-        for name, item in values.items()
-    }
-
-
-def merged(base: Mapping[str, dict[str, float]], new: Mapping[str, dict[str, float]]) -> dict[str, dict[str, float]]:
-    """Limits or grasps of a base with new ones, channel by channel."""
-    return {**base, **{name: {**base.get(name, {}), **item} for name, item in new.items()}}
+def merge_targets(robot: Robot, key: str, new: Mapping[str, Any]) -> dict[str, dict[str, float]]:
+    """Limits or grasps [SI] of a robot with those that a file states, channel by channel."""
+    found, unit = dict(getattr(robot, key)), reference_unit(robot.machine)
+    for name, item in new.items():
+        where, given = f"{robot.source}: {key}.{name}", item.get("unit", "")
+        values = {c: quantity(v, unit, f"{where}.{c}", given) for c, v in item.get("value", item).items()}
+        found[name] = found.get(name, {}) | values
+    return found
 
 
 def reference_unit(machine: Machine) -> str:
@@ -269,7 +228,7 @@ def reference_unit(machine: Machine) -> str:
     return machine.signal[machine.references[0].signal].unit if machine.references else "-"
 
 
-def check_limits(machine: Machine, limits: dict[str, dict[str, float]], source: str) -> dict[str, dict[str, float]]:
+def check_limits(machine: Machine, limits: dict[str, dict[str, float]], source: str) -> None:
     """Refuses negative limits of a tendon, and a lowest reference above the highest one."""
     first = machine.signal[machine.references[0].signal] if machine.references else None
     unit = reference_unit(machine)
@@ -281,7 +240,6 @@ def check_limits(machine: Machine, limits: dict[str, dict[str, float]], source: 
     for channel, low in limits.get(lowest, {}).items():
         if low > limits.get(highest, {}).get(channel, math.inf):
             raise InputError(f"{source}: {lowest}.{channel} = {low} {unit} exceeds {highest}.{channel}")
-    return limits
 
 
 def write_robot(robot: Robot, path: str | Path, notes: str = "") -> None:

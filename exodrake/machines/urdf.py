@@ -25,24 +25,6 @@ LARGEST = 1e9  # of a length, mass, inertia or loss [SI]: beyond any arm
 KINDS = ("revolute", "continuous", "prismatic", "fixed")
 
 
-def parsed(data: bytes, source: str) -> ElementTree.Element:
-    """The `robot` element. InputError for what is no XML, is too long, or declares entities."""
-    if len(data) > MAX_BYTES:
-        raise InputError(f"{source}: {len(data)} bytes, more than {MAX_BYTES}")
-    plain = data.replace(b"\0", b"").upper()  # UTF-16 would hide a declaration
-    if b"<!DOCTYPE" in plain or b"<!ENTITY" in plain:
-        raise InputError(f"{source}: declares a document type or entities, which a robot description does not need")
-    try:
-        root = ElementTree.fromstring(data)
-    except (ElementTree.ParseError, ValueError, LookupError) as error:
-        raise InputError(f"{source}: not XML ({error})") from None
-    if root.tag != "robot":
-        raise InputError(f"{source}: begins with <{shown(root.tag)[1:-1]}>, wanted <robot>, a URDF file")
-    if root.find("{*}macro") is not None or b"<XACRO:" in plain:
-        raise InputError(f"{source}: holds xacro macros; expand them first: xacro {source} > arm.urdf")
-    return root
-
-
 def text_of(element: ElementTree.Element, name: str, source: str) -> str:
     """An attribute that must be there."""
     found = element.get(name)
@@ -139,7 +121,20 @@ def read_urdf(path: str | Path, tip: str = "") -> Chain:
         InputError: naming file and what is wrong.
     """
     source = Path(path).name
-    root = parsed(read_bytes(path), source)
+    data = read_bytes(path)
+    if len(data) > MAX_BYTES:
+        raise InputError(f"{source}: {len(data)} bytes, more than {MAX_BYTES}")
+    plain = data.replace(b"\0", b"").upper()  # UTF-16 would hide a declaration
+    if b"<!DOCTYPE" in plain or b"<!ENTITY" in plain:
+        raise InputError(f"{source}: declares a document type or entities, which a robot description does not need")
+    try:
+        root = ElementTree.fromstring(data)
+    except (ElementTree.ParseError, ValueError, LookupError) as error:
+        raise InputError(f"{source}: not XML ({error})") from None
+    if root.tag != "robot":
+        raise InputError(f"{source}: begins with <{shown(root.tag)[1:-1]}>, wanted <robot>, a URDF file")
+    if root.find("{*}macro") is not None or b"<XACRO:" in plain:
+        raise InputError(f"{source}: holds xacro macros; expand them first: xacro {source} > arm.urdf")
     bodies = {text_of(link, "name", source): body_of(link, source) for link in root.findall("link")}
     joints = [joint_of(element, source) for element in root.findall("joint")]
     if len(joints) > MAX_ALL:
@@ -214,7 +209,12 @@ def chain_of(path: Sequence[Joint], joints: Sequence[Joint], bodies: Mapping[str
     carried = tuple(whole(joint.child) for joint in moving)
     if not carried[-1].mass > 0.0:
         raise InputError(f"{source}: link {moving[-1].child}, which the last joint moves, has no mass")
-    return Chain(channel_names([joint.name for joint in moving], source), tuple(placed), carried, point)
+    names = [re.sub(r"[^A-Za-z0-9]", "", joint.name) for joint in moving]  # as log columns have them
+    names = tuple(name if name[:1].isalpha() else f"J{name}" for name in names)
+    if len(set(names)) < len(names):
+        listed = ", ".join(joint.name for joint in moving)
+        raise InputError(f"{source}: names of joints differ only in signs: {listed}")
+    return Chain(names, tuple(placed), carried, point)
 
 
 def angles_of(turn: np.ndarray) -> np.ndarray:
@@ -224,12 +224,3 @@ def angles_of(turn: np.ndarray) -> np.ndarray:
     if flat > 1e-9:
         return np.array([math.atan2(turn[2, 1], turn[2, 2]), pitch, math.atan2(turn[1, 0], turn[0, 0])])
     return np.array([math.atan2(-turn[1, 2], turn[1, 1]), pitch, 0.0])
-
-
-def channel_names(names: Sequence[str], source: str) -> tuple[str, ...]:
-    """Names of joints as log columns have them: letters and digits. InputError where two become one."""
-    found = tuple(re.sub(r"[^A-Za-z0-9]", "", name) for name in names)
-    found = tuple(name if name[:1].isalpha() else f"J{name}" for name in found)
-    if len(set(found)) < len(found):
-        raise InputError(f"{source}: names of joints differ only in signs: {', '.join(names)}")
-    return found

@@ -35,8 +35,8 @@ LABEL = having({"kind": text(), "mix": text(), "effects": listing(TRUE_EFFECT)},
 LABELS = having({"salt": text(), "cases": anything}, required=("salt", "cases"))
 
 
-def digest(cases: dict[str, Any], salt: str) -> str:
-    """Commitment: SHA-256 over salt and canonical JSON."""
+def commitment_to(cases: dict[str, Any], salt: str) -> str:
+    """SHA-256 over salt and canonical JSON."""
     canonical = json.dumps(cases, sort_keys=True, separators=(",", ":"))
     return hashlib.sha256((salt + canonical).encode(errors="surrogatepass")).hexdigest()
 
@@ -45,18 +45,14 @@ def write_committed(cases: dict[str, Any], labels: Path, commitment: Path) -> No
     """Write labels with a fresh salt, and the commitment."""
     salt = secrets.token_hex(32)
     write_text(labels, json.dumps({"salt": salt, "cases": cases}, indent=1) + "\n")
-    write_text(commitment, digest(cases, salt) + "\n")
+    write_text(commitment, commitment_to(cases, salt) + "\n")
 
 
 def read_committed(labels: str | Path, commitment: str | Path) -> dict[str, Any]:
     """Labels by case. InputError if a file is missing or malformed, or if the labels have changed."""
-    labels, commitment = Path(labels), Path(commitment)
-    for path in (labels, commitment):
-        if not path.is_file():
-            raise InputError(f"{path}: no such file")
     stored = LABELS(read_json(labels), str(labels))
     cases, salt = stored["cases"], stored["salt"]
-    if digest(cases, salt).encode() != read_bytes(commitment).strip():
+    if commitment_to(cases, salt).encode() != read_bytes(commitment).strip():
         raise InputError(f"{labels}: the labels are not those committed in {commitment}")
     return names(LABEL)(cases, str(labels))
 
@@ -73,17 +69,9 @@ def cases_of(folder: str | Path) -> list[Path]:
 
 
 def run(
-    folder: str | Path,
-    jobs: int = 1,
-    cluster: str | None = None,
-    progress: Count = no_progress,
-    redo: bool = False,
+    folder: str | Path, jobs: int = 1, cluster: str | None = None, progress: Count = no_progress, redo: bool = False
 ) -> dict[str, str]:
-    """Diagnose the unfinished cases of a set; arguments and errors are those of `cases_of` and `diagnose_all`.
-
-    Returns:
-        Case -> reason, for those that failed.
-    """
+    """Diagnose the unfinished cases of a set, as `diagnose_all`; case -> reason, for those that failed."""
     return diagnose_all({case: case for case in cases_of(folder)}, jobs, cluster, progress, redo)
 
 
@@ -160,17 +148,9 @@ def read_labels(folder: Path, labels: Path) -> dict[str, dict[str, Any]]:
 
 
 def read_answers(folder: Path, truths: dict[str, dict[str, Any]]) -> tuple[Answered, ...]:
-    """Read the answers to a set.
+    """Read the answers to a set: the answered and the failed cases (verdict FAILED), in order of the labels.
 
-    Args:
-        folder: Folder with a folder per case that holds a diagnosis, or the reason why there is none.
-        truths: Labels by case.
-
-    Returns:
-        The answered and the failed cases (verdict FAILED), in order of the labels.
-
-    Raises:
-        InputError: For a malformed diagnosis, answers of several configurations, and no answer at all.
+    InputError for a malformed diagnosis, answers of several configurations, and no answer at all.
     """
     answered = []
     for name, label in truths.items():

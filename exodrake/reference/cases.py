@@ -6,12 +6,11 @@ out are grasps or, sometimes, a smooth random motion of all wires that resembles
 """
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from exodrake.core.errors import InputError
 from exodrake.reference.faults import LIBRARY, MARKER_FAULTS, OUTSIDE, WITHOUT_STRENGTH, block_of, draw_effect
 from exodrake.reference.robot import FRAME, TENSION_MAX, TENSION_MIN, Protocol, RobotSpec, draw_parameters
 
@@ -106,27 +105,6 @@ def wander(rng: np.random.Generator, share: float = 1.0) -> Protocol:
     return Protocol("grasps", reference)
 
 
-def protocols_of(rng: np.random.Generator, unseen: bool, share: float = 1.0) -> dict[str, Protocol]:
-    """Motions of one case by log name.
-
-    Args:
-        rng: Random generator.
-        unseen: Whether the held-out log is the random smooth motion.
-        share: Duration relative to the usual one.
-
-    Returns:
-        Log name -> motion.
-    """
-    sweep = sweeps(rng, share)
-    return {
-        "sweeps_1": sweep,
-        "sweeps_2": sweep,
-        "chirp": chirp(rng, share),
-        "holds": holds(rng, share),
-        "grasps": (wander if unseen else grasps)(rng, share),
-    }
-
-
 MASKED = (
     {"tendon.capstan_friction", "tendon.coulomb_friction"}, {"tendon.coulomb_friction", "tendon.stribeck_friction"},
     {"tendon.capstan_friction", "tendon.stribeck_friction"}, {"tendon.slack", "encoder.homing_offset"},
@@ -178,15 +156,9 @@ MIXES = {
 
 @dataclass(frozen=True)
 class CasePlan:
-    """One case to be made; the magnitudes of its effects are drawn when it is made.
+    """One case to be made from seed material; the magnitudes of the effects `ids` are drawn when it is made.
 
-    Attributes:
-        name: Name of its folder.
-        seed: Seed material.
-        kind: Kind of case.
-        ids: Ids of its effects.
-        unseen: Whether its held-out motion resembles no fit motion.
-        mix: Mix that it belongs to.
+    `name` is that of its folder; `unseen`: whether its held-out motion resembles no fit motion.
     """
 
     name: str
@@ -206,71 +178,47 @@ class DrawnCase:
     protocols: dict[str, Protocol] = field(default_factory=dict)
 
 
-def named_mixes(names: Iterable[str]) -> tuple[CaseMix, ...]:
-    """Case mixes by name; InputError for a name that there is not."""
-    for name in names:
-        if name not in MIXES:
-            raise InputError(f"no case mix {name!r}; there are {', '.join(MIXES)}")
-    return tuple(MIXES[name] for name in dict.fromkeys(names))
-
-
-def counts(mix: CaseMix, total: int) -> dict[str, int]:
-    """Number of cases per kind, by largest remainders of the weights."""
-    weights = np.array(list(mix.weights.values()))
+def draw_kinds(mix: CaseMix, total: int, rng: np.random.Generator) -> list[tuple[str, tuple[str, ...]]]:
+    """Kind and effects of each case of a mix, in order of kind."""
+    library, outside = ([name for name in names if name not in mix.left_out] for names in (LIBRARY, OUTSIDE))
+    weights = np.array(list(mix.weights.values()))  # cases per kind, by largest remainders
     exact = total * weights / weights.sum()
     whole = np.floor(exact).astype(int)
     for index in np.argsort(whole - exact)[: total - whole.sum()]:
         whole[index] += 1
-    return dict(zip(mix.weights, whole.tolist()))
+    count = dict.fromkeys((*STANDARD, "same-block", "three"), 0) | dict(zip(mix.weights, whole.tolist()))
 
+    def draw_singles(kind: str, names: list[str]) -> list[tuple[str, ...]]:
+        """One effect a case, every one used before any comes again, in random order."""
+        chosen: list[tuple[str, ...]] = []
+        while len(chosen) < count[kind]:
+            chosen += [(names[index],) for index in rng.permutation(len(names))]
+        return chosen[: count[kind]]
 
-def rounds(names: Iterable[str], count: int, rng: np.random.Generator) -> list[str]:
-    """List `count` names, every one used before any comes again, in random order."""
-    names, chosen = list(names), []
-    while len(chosen) < count:
-        chosen += [names[index] for index in rng.permutation(len(names))]
-    return chosen[:count]
-
-
-def draw_set(
-    names: Sequence[str], size: int, rng: np.random.Generator, accepted: Callable[[set[str]], bool]
-) -> tuple[str, ...]:
-    """Draw so many different effects that mask none of each other, until `accepted(blocks)` holds for their blocks."""
-    while True:
-        chosen = tuple(str(name) for name in rng.choice(names, size, replace=False))
-        if not any(masked <= set(chosen) for masked in MASKED) and accepted({block_of(name) for name in chosen}):
-            return chosen
-
-
-def draw_kinds(mix: CaseMix, total: int, rng: np.random.Generator) -> list[tuple[str, tuple[str, ...]]]:
-    """Kind and effects of each case of a mix, in order of kind."""
-    library, outside = ([name for name in names if name not in mix.left_out] for names in (LIBRARY, OUTSIDE))
-    count = dict.fromkeys((*STANDARD, "same-block", "three"), 0) | counts(mix, total)
-
-    def sets(kind, size, accepted):
-        return [draw_set(library, size, rng, accepted) for _ in range(count[kind])]
+    def draw_sets(kind: str, size: int, accepts: Callable[[set[str]], bool]) -> list[tuple[str, ...]]:
+        """Different effects for each case, none of which masks another, and whose blocks are accepted."""
+        found: list[tuple[str, ...]] = []
+        while len(found) < count[kind]:
+            chosen = tuple(str(name) for name in rng.choice(library, size, replace=False))
+            if not any(masked <= set(chosen) for masked in MASKED) and accepts({block_of(name) for name in chosen}):
+                found.append(chosen)
+        return found
 
     drawn = {
         "healthy": [()] * count["healthy"],
-        "single": [(name,) for name in rounds(library, count["single"], rng)],
-        "pair": sets("pair", 2, lambda blocks: len(blocks) == 2 or rng.random() < SAME_NATURE),
-        "unknown": [(name,) for name in rounds(outside, count["unknown"], rng)],
-        "same-block": sets("same-block", 2, lambda blocks: len(blocks) == 1),
-        "three": sets("three", 3, lambda blocks: True),
+        "single": draw_singles("single", library),
+        "pair": draw_sets("pair", 2, lambda blocks: len(blocks) == 2 or rng.random() < SAME_NATURE),
+        "unknown": draw_singles("unknown", outside),
+        "same-block": draw_sets("same-block", 2, lambda blocks: len(blocks) == 1),
+        "three": draw_sets("three", 3, lambda blocks: True),
     }
     return [(kind, ids) for kind, chosen in drawn.items() for ids in chosen]
 
 
 def plan(seed: int, total: int, *mixes: CaseMix) -> list[CasePlan]:
-    """Plan a set, shuffled within each mix so that a case's place says nothing about its kind.
+    """Plan a set of `total` cases of each mix; those of the first mix do not depend on the others.
 
-    Args:
-        seed: Seed of the set.
-        total: Number of cases of each mix.
-        mixes: Case mixes.
-
-    Returns:
-        Plans of the cases; those of the first mix do not depend on the others.
+    They are shuffled within each mix, so that a case's place says nothing about its kind.
     """
     rng = np.random.default_rng([seed, 0])
     width = max(2, len(str(total * len(mixes) - 1)))
@@ -290,7 +238,10 @@ def draw_case(plan: CasePlan, attempt: int = 0) -> DrawnCase:
     Parameters and motions do not depend on the attempt, magnitudes and channels of the effects do.
     """
     parameters = draw_parameters(np.random.default_rng([*plan.seed, 1]))
-    protocols = protocols_of(np.random.default_rng([*plan.seed, 2]), plan.unseen, plan.mix.duration)
+    rng, share = np.random.default_rng([*plan.seed, 2]), plan.mix.duration
+    sweep, protocols = sweeps(rng, share), {}
+    protocols = {"sweeps_1": sweep, "sweeps_2": sweep, "chirp": chirp(rng, share), "holds": holds(rng, share)}
+    protocols["grasps"] = (wander if plan.unseen else grasps)(rng, share)
     rng = np.random.default_rng([*plan.seed, 3, attempt])
     effects = tuple(draw_effect(name, rng) for name in plan.ids)
     return DrawnCase(RobotSpec(parameters, effects), RobotSpec(parameters), protocols)

@@ -13,7 +13,7 @@ from numba import njit
 
 FRAME = 0.02  # s
 # The state vector holds three values (AF, MF, AE or MCP, PIP, DIP) per quantity; one that no effect uses stays at rest.
-# quantity -> absolute tolerance of the integrator, well below what the comparison with the reference resolves
+# quantity -> absolute tolerance of the integrator [SI], well below what the comparison with the reference resolves
 TOLERANCES = {
     "rotor": 1.0,  # rad/s
     "theta": 1e-4,  # rad, of the gear's output
@@ -36,8 +36,7 @@ TOLERANCES = {
     "relax_slow": 1e-3,  # rad
     "joint_loss": 5e-3,
 }
-STATES = tuple(TOLERANCES)
-STATE_SIZE = 3 * len(STATES)
+STATE_SIZE = 3 * len(TOLERANCES)
 ROTOR, THETA, INTEGRATOR, CELL, CELL_SECOND, COMMAND_LAG, CAPSTAN, BRISTLE = range(0, 24, 3)
 CREEP_FAST, CREEP_SLOW, GARMENT, PULLEY, MOUNT, MOUNT_RATE, FELT_TENSION = range(24, 45, 3)
 ANGLE, RATE, RELAX_FAST, RELAX_SLOW, JOINT_LOSS = range(45, 60, 3)
@@ -53,6 +52,7 @@ _SCALARS = """
     bristle_stiffness bristle_damping contact_depth contact_stiffness tremor_torque tremor_frequency gravity_x
     gravity_y abduction notch_angle notch_width notch_torque snag_force snag_place snag_width rub latency
     supply_voltage winding_resistance slip_rate slip_load has_inputs hysteresis_power quantum_force sticky
+    mocap_delay mocap_skew
 """
 _TRIPLES = """
     torque_constant inertia damping spool loop_p loop_i current_max wire_stiffness stiffness_joint rest
@@ -69,11 +69,6 @@ ROBOT = np.dtype(
     + [(name, float, (3,)) for name in _TRIPLES.split()]
     + [(name, float, (2, 3)) for name in _GEOMETRY]
 )
-
-
-def tolerance_vector():
-    """Absolute tolerances, in the order of the state vector."""
-    return np.repeat([TOLERANCES[name] for name in STATES], 3)
 
 
 @njit(cache=True)
@@ -202,12 +197,6 @@ def pull(p, y, dy, u, wire, taken):
 
 
 @njit(cache=True)
-def rise_of_routers(p, y, u, wire):
-    """Router lift [m] of one wire: follows the felt tension and saturates; plus a re-donning shift."""
-    return u[ROUTER_SHIFT] + p.router_give[wire] * 12.0 * (1.0 - exp(-y[FELT_TENSION + wire] / 12.0))
-
-
-@njit(cache=True)
 def rub_rate(force, speed, tension, level, stiffness):
     """Rate [N/s] of the force that an elastic contact holds, whose level [N] follows the tension [N].
 
@@ -277,12 +266,6 @@ def at_cell(p, y, dy, wire, tension, spool_speed):
     stiffness = friction * TYPICAL_LOAD / p.pulley_travel[wire]
     dy[PULLEY + wire] = rub_rate(y[PULLEY + wire], spool_speed, tension, friction * tension, stiffness)
     return tension + 0.5 * at_pulley(p, y, wire, tension)
-
-
-@njit(cache=True)
-def splay(p, y):
-    """Cosine of the abduction angle that the all-flexor wire's tension causes; 1 in the plane."""
-    return cos(atan(p.abduction * y[FELT_TENSION])) if p.abduction != 0.0 else 1.0
 
 
 SINH_RATE = 1.6  # 1/rad, bends the exponential hardening away from a cubic [A]
@@ -382,17 +365,6 @@ def contact_force(p, y):
     return max(0.0, force), reach
 
 
-@njit(cache=True)
-def contact_torque(force, reach, joint):
-    """Torque of the dorsal fingertip force [N m]."""
-    arm = reach[2]
-    if joint <= 1:
-        arm += reach[1]
-    if joint == 0:
-        arm += reach[0]
-    return -force * arm
-
-
 MOUNT_DAMPING = 0.02  # share of critical [A]
 
 
@@ -472,14 +444,17 @@ def cell(p, y, dy, wire, load):
 
 @njit(cache=True)
 def route(p, y, u, wire, sine, cosine, arms):
-    """Wire taken in by the finger [m]; fills the wire's row of moment arms [m]."""
+    """Wire taken in by the finger [m]; fills the wire's row of moment arms [m].
+
+    The routers' lift follows the felt tension and saturates; a re-donning shift adds to it.
+    """
     side = 1 if wire == 2 else 0
-    rise = rise_of_routers(p, y, u, wire)
+    rise = u[ROUTER_SHIFT] + p.router_give[wire] * 12.0 * (1.0 - exp(-y[FELT_TENSION + wire] / 12.0))
     taken = 0.0
     for joint in range(1 if wire == 1 else 3):
         length, arm = router(p, side, joint, sine[joint], cosine[joint], rise)
-        if joint == 0:
-            flat = splay(p, y)
+        if joint == 0 and p.abduction != 0.0:  # by an angle that the all-flexor wire's tension causes
+            flat = cos(atan(p.abduction * y[FELT_TENSION]))
             length, arm = length * flat, arm * flat
         taken += length
         arms[wire, joint] = arm
@@ -537,8 +512,9 @@ def derivative(time, y, dy, p, command, inputs, u, torque, arms):
         torque[joint] += wearer(p, y, u, joint, time) + digital_tendon(p, y, joint)
         dy[ANGLE + joint] = y[RATE + joint]
     if p.contact_stiffness > 0.0:
-        force, reach = contact_force(p, y)
-        for joint in range(3):
-            torque[joint] += contact_torque(force, reach, joint)
+        (force, reach), arm = contact_force(p, y), 0.0
+        for joint in (2, 1, 0):
+            arm += reach[joint]
+            torque[joint] -= force * arm
     wires(p, y, dy, u, command, torque, arms)
     accelerate(p, y, dy, torque)

@@ -22,116 +22,76 @@ TOE = 1.5e-4  # m, over which a slack wire comes taut [A]
 BURST = 2.5  # frames lost in a row on average [A]
 
 
-def wires_of(effect):
-    """Indices of the effect's wires; all if it names none."""
-    return [WIRES.index(name) for name in effect.wires] or [0, 1, 2]
+# Injectors take the robot that is being assembled (`simulator.Build`), the indices of the fault's wires or joints, its
+# parameters p [SI] and a random generator.
 
 
-def joints_of(effect):
-    """Indices of the effect's joints; all if it names none."""
-    return [JOINTS.index(name) for name in effect.joints] or [0, 1, 2]
-
-
-def slow_loop(build, effect, rng):
+def slow_loop(build, where, p, rng):
     """Speed loop with an extra first-order lag whose delay adds to the loop's own 1/bandwidth."""
     record = build.record
     bandwidth = record["loop_p"] * record["torque_constant"] / record["inertia"]
-    where = wires_of(effect)
-    record["command_lag"][where] = (1.0 / effect.parameters["factor"] - 1.0) / bandwidth[where]
+    record["command_lag"][where] = (1.0 / p["factor"] - 1.0) / bandwidth[where]
 
 
-def stribeck(build, effect, rng):
+def stribeck(build, where, p, rng):
     """LuGre friction whose static level exceeds the Coulomb level by the ratio."""
-    where, force = wires_of(effect), effect.parameters["force"]
-    build.record["coulomb"][where], build.record["static"][where] = force, force * effect.parameters["ratio"]
-    build.record["stribeck_speed"] = effect.parameters["speed"]
+    build.record["coulomb"][where], build.record["static"][where] = p["force"], p["force"] * p["ratio"]
+    build.record["stribeck_speed"] = p["speed"]
 
 
-def compliance(build, effect, rng):
+def compliance(build, where, p, rng):
     """Kelvin-Voigt, mildly stiffening; the stated stiffness is the secant at MIDDLE_LOAD."""
-    stiffness, where = effect.parameters["stiffness"], wires_of(effect)
-    build.record["garment"][where] = stiffness / 1.25
-    build.record["garment_stiffening"][where] = 0.25 * stiffness / MIDDLE_LOAD
+    build.record["garment"][where] = p["stiffness"] / 1.25
+    build.record["garment_stiffening"][where] = 0.25 * p["stiffness"] / MIDDLE_LOAD
 
 
-def slack(build, effect, rng):
+def slack(build, where, p, rng):
     """Wire too long, that comes taut over a toe."""
-    build.record["slack"][wires_of(effect)] = effect.parameters["length"]
-    build.record["toe"][wires_of(effect)] = TOE
+    build.record["slack"][where], build.record["toe"][where] = p["length"], TOE
 
 
-def stiffening(build, effect, rng):
-    """Parabola k e (1 + stiffening e / 2): the start of an exponential k (exp(stiffening e) - 1) / stiffening."""
-    where = wires_of(effect)
-    build.record["wire_stiffness"][where] = effect.parameters["soft_stiffness"]
-    build.record["stiffening"][where] = effect.parameters["stiffening"]
-
-
-def drift(build, effect, rng):
+def drift(build, where, p, rng):
     """Trend plus a random walk that ends, typically, a seventh of the trend off."""
-    rate, time = effect.parameters["rate"], build.time
-    for wire in wires_of(effect):
+    rate, time = p["rate"], build.time
+    for wire in where:
         steps = rng.standard_normal(len(time)) / np.sqrt(len(time))
         build.inputs[:, dynamics.CELL_DRIFT + wire] += rate * time + 0.15 * abs(rate) * time[-1] * np.cumsum(steps)
 
 
-def router_height(build, effect, rng):
+def router_height(build, where, p, rng):
     """Distal routers carry more of the error than proximal ones."""
-    where, error = joints_of(effect), effect.parameters["height"]
-    build.record["height_distal"][:, where] += 1.25 * error
-    build.record["height_proximal"][:, where] += 0.75 * error
+    build.record["height_distal"][:, where] += 1.25 * p["height"]
+    build.record["height_proximal"][:, where] += 0.75 * p["height"]
     settle_routing(build.record)
 
 
-def gravity(build, effect, rng):
+def gravity(build, where, p, rng):
     """Pitch turns the base the way flexion turns a joint: x distal sinks, palm down at 0."""
-    pitch = effect.parameters["pitch"]
-    build.record["gravity_x"] = GRAVITY * np.sin(pitch)
-    build.record["gravity_y"] = -GRAVITY * np.cos(pitch)
+    build.record["gravity_x"] = GRAVITY * np.sin(p["pitch"])
+    build.record["gravity_y"] = -GRAVITY * np.cos(p["pitch"])
 
 
-def tremor(build, effect, rng):
+def tremor(build, where, p, rng):
     """A phase that wanders by about half a turn in 10 s [A]."""
-    build.record["tremor_torque"] = effect.parameters["torque"]
-    build.record["tremor_frequency"] = effect.parameters["frequency"]
-    build.record["tremor_share"][joints_of(effect)] = 1.0
+    build.record["tremor_torque"], build.record["tremor_frequency"] = p["torque"], p["frequency"]
+    build.record["tremor_share"][where] = 1.0
     step = np.sqrt(build.time[1] / 10.0) * np.pi
     build.inputs[:, dynamics.TREMOR_PHASE] += rng.uniform(0, 2 * np.pi) + np.cumsum(
         step * rng.standard_normal(len(build.time))
     )
 
 
-def dropped(build, effect, rng):
+def drop_frames(build, where, p, rng):
     """Bursty losses (two-state Markov chain) of whole frames, all wires together, with the stated share lost."""
-    share = effect.parameters["probability"]
+    share = p["probability"]
     leave, enter = 1.0 / BURST, share / (1.0 - share) / BURST
-    lost, chance = False, rng.random(len(build.dropped))
-    for frame, value in enumerate(chance):
+    lost = False
+    for frame, value in enumerate(rng.random(len(build.dropped))):
         lost = value >= leave if lost else value < enter
         build.dropped[frame] = lost
 
 
-def mocap_delay(build, effect, rng):
-    """Angles logged a constant time late."""
-    build.delay = effect.parameters["delay"]
-
-
-def mocap_skew(build, effect, rng):
-    """Motion-capture clock of another rate."""
-    build.skew = effect.parameters["skew"]
-
-
-def walk(rng, samples, size, memory):
-    """A wandering course (samples,) of standard deviation `size` with correlation time `memory` [s]; starts at 0."""
-    keep = np.exp(-FRAME / memory)
-    kicks = size * np.sqrt(1 - keep**2) * rng.standard_normal(samples)
-    course = np.zeros(samples)
-    for row in range(1, samples):
-        course[row] = keep * course[row - 1] + kicks[row]
-    return course
-
-
-def bursts(rng, time, gap, length):
+def draw_bursts(rng, time, gap, length):
     """Smooth bumps of height 1 at random times: mean gap and mean length [s]."""
     course, clock = np.zeros(len(time)), rng.exponential(gap)
     while clock < time[-1]:
@@ -142,61 +102,57 @@ def bursts(rng, time, gap, length):
     return course
 
 
-def wandering_rest(build, effect, rng):
-    """The wearer's resting posture wanders."""
+def wandering_rest(build, where, p, rng):
+    """The wearer's resting posture wanders, with standard deviation `size` and correlation time `memory` [s]."""
+    keep, course = np.exp(-FRAME / p["memory"]), np.zeros((len(build.time), 3))
     for joint in range(3):
-        build.inputs[:, dynamics.REST_SHIFT + joint] += walk(
-            rng, len(build.time), effect.parameters["size"], effect.parameters["memory"]
-        )
+        kicks = p["size"] * np.sqrt(1 - keep**2) * rng.standard_normal(len(course))
+        for row in range(1, len(course)):
+            course[row, joint] = keep * course[row - 1, joint] + kicks[row]
+    build.inputs[:, dynamics.REST_SHIFT : dynamics.REST_SHIFT + 3] += course
 
 
-def torque_bursts(build, effect, rng):
+def torque_bursts(build, where, p, rng):
     """Voluntary flexion now and then."""
-    course = effect.parameters["torque"] * bursts(rng, build.time, 4.0, effect.parameters["length"])
-    for joint, share in enumerate((1.0, 0.6, 0.25)):
-        build.inputs[:, dynamics.VOLUNTARY + joint] += share * course
+    course = p["torque"] * draw_bursts(rng, build.time, 4.0, p["length"])
+    build.inputs[:, dynamics.VOLUNTARY : dynamics.VOLUNTARY + 3] += np.outer(course, (1.0, 0.6, 0.25))
 
 
-def posture_friction(build, effect, rng):
+def posture_friction(build, where, p, rng):
     """Joint friction that grows with the square of flexion."""
-    build.record["loss_by_angle"] = effect.parameters["torque"]
-    build.record["loss_width"] = 0.04
+    build.record["loss_by_angle"], build.record["loss_width"] = p["torque"], 0.04
 
 
-def redonning(build, effect, rng):
+def redonning(build, where, p, rng):
     """The glove slips at one moment: routers and wires sit elsewhere from then on."""
     after = np.clip((build.time - rng.uniform(0.3, 0.7) * build.time[-1]) / 0.2, 0.0, 1.0)
-    build.inputs[:, dynamics.ROUTER_SHIFT] += effect.parameters["height"] * after
+    build.inputs[:, dynamics.ROUTER_SHIFT] += p["height"] * after
     for wire in range(3):
-        build.inputs[:, dynamics.WIRE_SHIFT + wire] += effect.parameters["length"] * rng.uniform(-1, 1) * after
+        build.inputs[:, dynamics.WIRE_SHIFT + wire] += p["length"] * rng.uniform(-1, 1) * after
 
 
-def tendon_jump(build, effect, rng):
+def tendon_jump(build, where, p, rng):
     """A wire jumps off a pulley and back again."""
-    off = np.clip(3.0 * bursts(rng, build.time, 5.0, effect.parameters["length"]), 0.0, 1.0)
-    build.inputs[:, dynamics.WIRE_SHIFT] += effect.parameters["shift"] * off
+    off = np.clip(3.0 * draw_bursts(rng, build.time, 5.0, p["length"]), 0.0, 1.0)
+    build.inputs[:, dynamics.WIRE_SHIFT] += p["shift"] * off
 
 
-def voltage_sag(build, effect, rng):
+def voltage_sag(build, where, p, rng):
     """The supply sags in spells; back EMF then limits the current."""
-    build.record["supply_voltage"] = 12.0
-    build.record["winding_resistance"] = 19.8
-    build.inputs[:, dynamics.SUPPLY] -= effect.parameters["depth"] * np.clip(
-        2 * bursts(rng, build.time, 2.0, 6.0), 0, 1
-    )
+    build.record["supply_voltage"], build.record["winding_resistance"] = 12.0, 19.8
+    build.inputs[:, dynamics.SUPPLY] -= p["depth"] * np.clip(2 * draw_bursts(rng, build.time, 2.0, 6.0), 0, 1)
 
 
-def warming(build, effect, rng):
+def warming(build, where, p, rng):
     """Tissue softens as it warms up over the log."""
-    softer = -effect.parameters["softening"] * (1 - np.exp(-build.time / effect.parameters["time_constant"]))
-    for joint in range(3):
-        build.inputs[:, dynamics.STIFFENED + joint] += softer
+    softer = -p["softening"] * (1 - np.exp(-build.time / p["time_constant"]))
+    build.inputs[:, dynamics.STIFFENED : dynamics.STIFFENED + 3] += softer[:, None]
 
 
-def marker_jump(build, effect, rng):
+def marker_jump(build, where, p, rng):
     """A marker cluster is mislabelled in spells."""
-    spells = np.clip(8 * bursts(rng, build.time, 4.0, 2.5), 0, 1)
-    build.inputs[:, dynamics.MARKER_SHIFT + 1] += effect.parameters["angle"] * spells
+    spells = np.clip(8 * draw_bursts(rng, build.time, 4.0, 2.5), 0, 1)
+    build.inputs[:, dynamics.MARKER_SHIFT + 1] += p["angle"] * spells
 
 
 ONE_ONLY = 0.4  # share of draws that sit on one wire or joint
@@ -226,6 +182,7 @@ class Entry:
     signed: tuple[str, ...] = ()
 
 
+# fmt: off
 LIBRARY = {
     "motor.slow_velocity_loop": Entry("wire", slow_loop, {"factor": (0.15, 0.5)}),
     "motor.dead_zone": Entry("wire", {"dead_zone": "width"}, {"width": (0.6e-3, 3e-3)}),
@@ -234,17 +191,15 @@ LIBRARY = {
     "tendon.capstan_friction": Entry("wire", {"capstan": "mu_phi"}, {"mu_phi": (0.1, 0.6)}),
     "tendon.coulomb_friction": Entry("wire", {"coulomb": "force"}, {"force": (0.15, 0.8)}),
     "tendon.stribeck_friction": Entry(
-        "wire", stribeck, {"force": (0.2, 0.7), "ratio": (1.25, 1.8), "speed": (1e-3, 5e-3)}
-    ),
+        "wire", stribeck, {"force": (0.2, 0.7), "ratio": (1.25, 1.8), "speed": (1e-3, 5e-3)}),
     "tendon.viscous_friction": Entry("wire", {"viscous": "coefficient"}, {"coefficient": (4.0, 25.0)}),
     "tendon.compliance": Entry("wire", compliance, {"stiffness": (700.0, 6000.0)}),
-    "tendon.creep": Entry(
-        "wire",
-        {"creep": "stiffness", "creep_time": "time_constant"},
-        {"stiffness": (4000.0, 15000.0), "time_constant": (2.0, 30.0)},
-    ),
+    "tendon.creep": Entry("wire", {"creep": "stiffness", "creep_time": "time_constant"},
+                          {"stiffness": (4000.0, 15000.0), "time_constant": (2.0, 30.0)}),
     "tendon.slack": Entry("wire", slack, {"length": (0.5e-3, 3e-3)}),
-    "tendon.stiffening": Entry("wire", stiffening, {"soft_stiffness": (700.0, 1600.0), "stiffening": (80.0, 400.0)}),
+    # the parabola k e (1 + stiffening e / 2) is the start of an exponential k (exp(stiffening e) - 1) / stiffening
+    "tendon.stiffening": Entry("wire", {"wire_stiffness": "soft_stiffness", "stiffening": "stiffening"},
+                               {"soft_stiffness": (700.0, 1600.0), "stiffening": (80.0, 400.0)}),
     "sensor.gain": Entry("wire", {"cell_gain": "gain"}, {"gain": (0.02, 0.12)}, exact=True, signed=("gain",)),
     "sensor.offset": Entry("wire", {"cell_offset": "offset"}, {"offset": (0.1, 0.8)}, exact=True, signed=("offset",)),
     "sensor.drift": Entry("wire", drift, {"rate": (3e-3, 2e-2)}, signed=("rate",)),
@@ -254,106 +209,61 @@ LIBRARY = {
     "sensor.crosstalk": Entry("wire", {"crosstalk": "coefficient"}, {"coefficient": (0.01, 0.05)}, exact=True),
     "finger.stiffness": Entry("joint", {"factor": "factor"}, {"factor": (0.55, 1.8)}, exact=True),
     "finger.hardening": Entry("joint", {"hardening": "coefficient"}, {"coefficient": (0.01, 0.08)}),
-    "finger.viscoelasticity": Entry(
-        "joint",
-        {"relaxing": "fraction", "relaxing_time": "time_constant"},
-        {"fraction": (0.12, 0.6), "time_constant": (0.7, 10.0)},
-    ),
-    "finger.hysteresis": Entry(
-        "joint", {"loss": "torque", "loss_width": "width"}, {"torque": (1.5e-3, 8e-3), "width": (0.02, 0.08)}
-    ),
-    "finger.coupling": Entry(
-        "", {"coupling": "stiffness", "coupling_ratio": "ratio"}, {"stiffness": (5e-3, 3e-2), "ratio": (0.5, 0.8)}
-    ),
+    "finger.viscoelasticity": Entry("joint", {"relaxing": "fraction", "relaxing_time": "time_constant"},
+                                    {"fraction": (0.12, 0.6), "time_constant": (0.7, 10.0)}),
+    "finger.hysteresis": Entry("joint", {"loss": "torque", "loss_width": "width"},
+                               {"torque": (1.5e-3, 8e-3), "width": (0.02, 0.08)}),
+    "finger.coupling": Entry("", {"coupling": "stiffness", "coupling_ratio": "ratio"},
+                             {"stiffness": (5e-3, 3e-2), "ratio": (0.5, 0.8)}),
     "finger.router_height": Entry("joint", router_height, {"height": (0.3e-3, 1.4e-3)}, signed=("height",)),
     "finger.router_migration": Entry("wire", {"router_give": "migration"}, {"migration": (3e-5, 1.5e-4)}),
     "finger.gravity": Entry("", gravity, {"pitch": (-0.3, 0.3)}, exact=True),
-    "finger.contact": Entry(
-        "",
-        {"contact_depth": "distance", "contact_stiffness": "stiffness"},
-        {"distance": (0.034, 0.055), "stiffness": (1000.0, 8000.0)},
-    ),
+    "finger.contact": Entry("", {"contact_depth": "distance", "contact_stiffness": "stiffness"},
+                            {"distance": (0.034, 0.055), "stiffness": (1000.0, 8000.0)}),
     "finger.tremor": Entry("one joint", tremor, {"torque": (2e-3, 1e-2), "frequency": (4.0, 10.0)}),
-    "finger.spasticity": Entry(
-        "joint",
-        {"spastic_gain": "gain", "spastic_threshold": "threshold"},
-        {"gain": (5e-3, 4e-2), "threshold": (0.15, 0.6)},
-    ),
+    "finger.spasticity": Entry("joint", {"spastic_gain": "gain", "spastic_threshold": "threshold"},
+                               {"gain": (5e-3, 4e-2), "threshold": (0.15, 0.6)}),
     "timing.command_latency": Entry("", {"latency": "frames"}, {"frames": (1, 3)}, exact=True),
-    "timing.dropped_commands": Entry("", dropped, {"probability": (0.05, 0.35)}, exact=True),
-    "timing.mocap_delay": Entry("", mocap_delay, {"delay": (0.012, 0.08)}, exact=True),
-    "timing.mocap_clock_skew": Entry("", mocap_skew, {"skew": (6e-4, 3e-3)}, exact=True, signed=("skew",)),
+    "timing.dropped_commands": Entry("", drop_frames, {"probability": (0.05, 0.35)}, exact=True),
+    "timing.mocap_delay": Entry("", {"mocap_delay": "delay"}, {"delay": (0.012, 0.08)}, exact=True),
+    "timing.mocap_clock_skew": Entry("", {"mocap_skew": "skew"}, {"skew": (6e-4, 3e-3)}, exact=True, signed=("skew",)),
     "encoder.homing_offset": Entry(
-        "wire", {"homing": "offset"}, {"offset": (0.3e-3, 2e-3)}, exact=True, signed=("offset",)
-    ),
+        "wire", {"homing": "offset"}, {"offset": (0.3e-3, 2e-3)}, exact=True, signed=("offset",)),
     "mocap.gain": Entry("joint", {"marker_gain": "gain"}, {"gain": (0.03, 0.15)}, exact=True, signed=("gain",)),
     "mocap.offset": Entry(
-        "joint", {"marker_offset": "offset"}, {"offset": (0.02, 0.15)}, exact=True, signed=("offset",)
-    ),
+        "joint", {"marker_offset": "offset"}, {"offset": (0.02, 0.15)}, exact=True, signed=("offset",)),
 }
-
-
 OUTSIDE = {
     # bored off centre
     "outside.spool_eccentricity": Entry(
-        "",
-        {"eccentricity": "eccentricity", "eccentric_phase": "phase"},
-        {"eccentricity": (0.06, 0.15), "phase": (0.1, 6.2)},
-        ("motor", "tendon"),
-        WIRES,
-    ),
+        "", {"eccentricity": "eccentricity", "eccentric_phase": "phase"},
+        {"eccentricity": (0.06, 0.15), "phase": (0.1, 6.2)}, ("motor", "tendon"), WIRES),
     # a rough spot, pulling only
-    "outside.wire_snag": Entry(
-        "",
-        {"snag_force": "force", "snag_place": "place", "snag_width": "width"},
-        {"force": (1.0, 3.0), "place": (5e-3, 9e-3), "width": (4e-4, 1e-3)},
-        ("tendon",),
-        ("AF",),
-    ),
+    "outside.wire_snag": Entry("", {"snag_force": "force", "snag_place": "place", "snag_width": "width"},
+                               {"force": (1.0, 3.0), "place": (5e-3, 9e-3), "width": (4e-4, 1e-3)},
+                               ("tendon",), ("AF",)),
     "outside.wandering_rest": Entry(
-        "", wandering_rest, {"size": (0.08, 0.2), "memory": (2.0, 10.0)}, ("finger",), JOINTS
-    ),
+        "", wandering_rest, {"size": (0.08, 0.2), "memory": (2.0, 10.0)}, ("finger",), JOINTS),
     "outside.torque_bursts": Entry(
-        "", torque_bursts, {"torque": (0.008, 0.03), "length": (0.8, 2.0)}, ("finger",), JOINTS, signed=("torque",)
-    ),
+        "", torque_bursts, {"torque": (0.008, 0.03), "length": (0.8, 2.0)}, ("finger",), JOINTS, signed=("torque",)),
     "outside.posture_friction": Entry("", posture_friction, {"torque": (5e-3, 2e-2)}, ("finger",), JOINTS),
-    "outside.redonning": Entry(
-        "",
-        redonning,
-        {"height": (0.6e-3, 1.5e-3), "length": (1e-3, 2e-3)},
-        ("finger", "tendon"),
-        WIRES,
-        signed=("height",),
-    ),
+    "outside.redonning": Entry("", redonning, {"height": (0.6e-3, 1.5e-3), "length": (1e-3, 2e-3)},
+                               ("finger", "tendon"), WIRES, signed=("height",)),
     "outside.tendon_jump": Entry("", tendon_jump, {"shift": (1e-3, 3e-3), "length": (1.0, 3.0)}, ("tendon",), ("AF",)),
     # negative stiffness around one angle
-    "outside.snap_through": Entry(
-        "",
-        {"notch_torque": "torque", "notch_angle": "angle", "notch_width": "width"},
-        {"torque": (0.012, 0.03), "angle": (0.6, 0.9), "width": (0.08, 0.16)},
-        ("finger",),
-        ("PIP",),
-    ),
+    "outside.snap_through": Entry("", {"notch_torque": "torque", "notch_angle": "angle", "notch_width": "width"},
+                                  {"torque": (0.012, 0.03), "angle": (0.6, 0.9), "width": (0.08, 0.16)},
+                                  ("finger",), ("PIP",)),
     # rings, kicked by what it accelerates
-    "outside.flexible_mount": Entry(
-        "",
-        {"mount_frequency": "frequency", "mount_ratio": "ratio"},
-        {"ratio": (0.8, 1.3), "frequency": (3.0, 6.0)},
-        ("motor",),
-        WIRES,
-    ),
+    "outside.flexible_mount": Entry("", {"mount_frequency": "frequency", "mount_ratio": "ratio"},
+                                    {"ratio": (0.8, 1.3), "frequency": (3.0, 6.0)}, ("motor",), WIRES),
     "outside.voltage_sag": Entry("", voltage_sag, {"depth": (0.75, 0.92)}, ("motor",), WIRES),
     # by the all-flexor wire, out of the MCP's plane
     "outside.abduction": Entry("", {"abduction": "splay"}, {"splay": (0.05, 0.12)}, ("finger",), ("MCP",)),
     "outside.warming": Entry("", warming, {"softening": (0.2, 0.4), "time_constant": (8.0, 25.0)}, ("finger",), JOINTS),
     # for good, above a load
-    "outside.spool_slip": Entry(
-        "",
-        {"slip_rate": "rate", "slip_load": "load"},
-        {"rate": (1e-5, 6e-5), "load": (2.0, 4.0)},
-        ("motor", "tendon"),
-        WIRES,
-    ),
+    "outside.spool_slip": Entry("", {"slip_rate": "rate", "slip_load": "load"},
+                                {"rate": (1e-5, 6e-5), "load": (2.0, 4.0)}, ("motor", "tendon"), WIRES),
     # the speed droops under load
     "outside.leaky_integrator": Entry("", {"leak": "leak"}, {"leak": (3.0, 15.0)}, ("motor",), WIRES),
     # where the flexor wires share a sheath
@@ -362,23 +272,8 @@ OUTSIDE = {
     # until the load has moved far enough
     "outside.sticking_cell": Entry("", {"sticky": "band"}, {"band": (0.15, 0.5)}, ("sensor",), WIRES),
 }
+# fmt: on
 ENTRIES = LIBRARY | OUTSIDE
-
-
-def inject(build, effect: InjectedFault, rng: np.random.Generator) -> None:
-    """Write an effect into a robot that is being assembled (`simulator.Build`)."""
-    entry = ENTRIES[effect.id]
-    if not isinstance(entry.inject, dict):
-        return entry.inject(build, effect, rng)
-    for name, parameter in entry.inject.items():
-        if entry.seat:
-            build.record[name][{"wire": wires_of, "joint": joints_of}[entry.seat](effect)] = effect.parameters[
-                parameter
-            ]
-        else:
-            build.record[name] = effect.parameters[parameter]
-
-
 MARKER_FAULTS = tuple(name for name in ENTRIES if "mocap" in name or "marker" in name)  # unseen without joint angles
 
 # effects without a strength: there or not there, a wire whose toe stays when its slack goes, a stiffness that is
@@ -395,9 +290,17 @@ NULLS = {
 """Effect -> null value of its first parameter, which sets its strength; 0 for the others."""
 
 
-def without_entry(effect_ids: Iterable[str]) -> list[str]:
-    """Ids of a library's effects that this catalogue lacks, and that no case can therefore hold."""
-    return [effect_id for effect_id in effect_ids if effect_id not in LIBRARY]
+def inject(build, effect: InjectedFault, rng: np.random.Generator) -> None:
+    """Write an effect into a robot that is being assembled (`simulator.Build`)."""
+    write, channels = ENTRIES[effect.id].inject, [WIRES.index(name) for name in effect.wires]
+    where = channels or [JOINTS.index(name) for name in effect.joints] or [0, 1, 2]
+    if not isinstance(write, dict):
+        return write(build, where, effect.parameters, rng)
+    for name, parameter in write.items():
+        if build.record[name].ndim:
+            build.record[name][where] = effect.parameters[parameter]
+        else:
+            build.record[name] = effect.parameters[parameter]
 
 
 def block_of(effect_id: str) -> str:
@@ -415,7 +318,7 @@ def channels_of(effect: InjectedFault, names: Iterable[str]) -> list[str]:
     return [name for name in (*effect.wires, *effect.joints, *ENTRIES[effect.id].channels) if name in names]
 
 
-def weakened(effect: InjectedFault, strength: float) -> InjectedFault:
+def weaken(effect: InjectedFault, strength: float) -> InjectedFault:
     """Injected effect between absent (strength 0) and as it is (1)."""
     name, value = next(iter(effect.parameters.items()))
     null = NULLS.get(effect.id, 0.0)
@@ -423,16 +326,12 @@ def weakened(effect: InjectedFault, strength: float) -> InjectedFault:
     return replace(effect, parameters=effect.parameters | {name: weaker})
 
 
-def draw_value(rng: np.random.Generator, low: float, high: float, signed: bool) -> float:
-    """One parameter, log-uniform over (low, high); uniform where low <= 0."""
-    value = np.exp(rng.uniform(np.log(low), np.log(high))) if low > 0 else rng.uniform(low, high)
-    return float(value * rng.choice((-1, 1)) if signed else value)
-
-
 def draw_effect(effect_id: str, rng: np.random.Generator) -> InjectedFault:
     """One effect with parameters and seat drawn from its catalogue line."""
-    entry = ENTRIES[effect_id]
-    parameters = {name: draw_value(rng, low, high, name in entry.signed) for name, (low, high) in entry.ranges.items()}
+    entry, parameters = ENTRIES[effect_id], {}
+    for name, (low, high) in entry.ranges.items():  # log-uniform; uniform where low <= 0
+        value = np.exp(rng.uniform(np.log(low), np.log(high))) if low > 0 else rng.uniform(low, high)
+        parameters[name] = float(value * rng.choice((-1, 1)) if name in entry.signed else value)
     if effect_id == "finger.gravity" and rng.random() < 0.5:
         parameters["pitch"] += float(np.pi)
     if effect_id == "timing.command_latency":

@@ -23,7 +23,7 @@ from exodrake.data.case import FILE, Case, CaseLog, write_case
 from exodrake.data.log import Log
 from exodrake.reference.answers import COMMITMENT, write_committed
 from exodrake.reference.cases import MIXES, CaseMix, CasePlan, DrawnCase, draw_case, plan
-from exodrake.reference.faults import ENTRIES, blocks_of, channels_of, weakened
+from exodrake.reference.faults import ENTRIES, blocks_of, channels_of, weaken
 from exodrake.reference.robot import JOINTS, WIRES, RobotSpec
 from exodrake.reference.simulator import simulate, warm_up
 
@@ -50,12 +50,7 @@ def gap_in_noise(with_effect: Columns, without: Columns) -> Gaps:
 
 
 def parts_gaps(case: DrawnCase, seed: list[int], hidden: tuple[str, ...] = ()) -> tuple[list[float], Gaps]:
-    """Gaps of a case on the held-out motion, with the same random courses in all robots.
-
-    Args:
-        case: Robot and motions.
-        seed: Seed of the random courses.
-        hidden: Kinds of columns that are not logged.
+    """Gaps of a case on the held-out motion, with the same random courses in all robots, but of hidden kinds.
 
     Returns:
         What each effect adds to the others, a list of the largest signal's gap; and the gap of all by signal.
@@ -63,7 +58,7 @@ def parts_gaps(case: DrawnCase, seed: list[int], hidden: tuple[str, ...] = ()) -
 
     def gaps(without: RobotSpec) -> Gaps:
         robots = (replace(robot, noisy=False) for robot in (case.spec, without))
-        found = gap_in_noise(*(simulate(robot, case.protocols["grasps"], seed) for robot in robots))
+        found = gap_in_noise(*(simulate(robot, case.protocols[HELD_OUT], seed) for robot in robots))
         return {name: gap for name, gap in found.items() if kind_of(name) not in hidden}
 
     effects, whole = case.spec.effects, gaps(case.healthy)
@@ -76,14 +71,13 @@ def parts_gaps(case: DrawnCase, seed: list[int], hidden: tuple[str, ...] = ()) -
 def small_enough(case: DrawnCase, seed: list[int], mix: CaseMix) -> tuple[DrawnCase, list[float], Gaps]:
     """Weaken the effects of a case until their smallest gap lies in the range of the mix, by bisection in the strength.
 
-    Returns:
-        Case, gap per effect and gap per signal; the last tried where no strength gives a gap in the range.
+    Case, gap per effect and gap per signal; the last tried where no strength gives a gap in the range.
     """
     found = (case, *parts_gaps(case, seed, mix.hidden))
     low, high = WEAKEST, 1.0
     for _ in range(BISECTIONS if min(found[1]) > mix.gap[1] else 0):
         strength = float(np.sqrt(low * high))
-        effects = tuple(weakened(effect, strength) for effect in case.spec.effects)
+        effects = tuple(weaken(effect, strength) for effect in case.spec.effects)
         weaker = replace(case, spec=replace(case.spec, effects=effects))
         found = (weaker, *parts_gaps(weaker, seed, mix.hidden))
         if distance(found[1], mix.gap) == 0.0:
@@ -98,13 +92,9 @@ def distance(gaps: list[float], wanted: tuple[float, float]) -> float:
 
 
 Label = dict[str, Any]
-DECIMALS = {
-    "time": 2, "tension_ref": 3, "tension": 3, "stroke": 6, "speed_cmd": 5, "angle": 4,
-}  # as in the practice data  # fmt: skip
-ROLES = {
-    "sweeps_1": ("fit", None), "sweeps_2": ("fit", "sweeps_1.csv.gz"), "chirp": ("fit", None), "holds": ("fit", None),
-    "grasps": ("holdout", None),
-}  # fmt: skip
+# as in the practice data
+DECIMALS = {"time": 2, "tension_ref": 3, "tension": 3, "stroke": 6, "speed_cmd": 5, "angle": 4}
+HELD_OUT, REPEATS = "grasps", {"sweeps_2": "sweeps_1.csv.gz"}  # the other logs are fitted
 MARK = ".incomplete"  # of a set that is not complete
 
 
@@ -142,11 +132,12 @@ def case_and_label(plan: CasePlan) -> tuple[Case, Label]:
             break
     case, gaps, whole = best
     logs = []
-    for index, (log, (role, repeats)) in enumerate(ROLES.items()):
-        columns = rounded(simulate(case.spec, case.protocols[log], [*plan.seed, 5, index]))
+    for index, (log, protocol) in enumerate(case.protocols.items()):
+        columns = rounded(simulate(case.spec, protocol, [*plan.seed, 5, index]))
         time = columns.pop("time")
         columns = {name: values for name, values in columns.items() if kind_of(name) not in plan.mix.hidden}
-        logs.append(CaseLog(Log(time, columns), log, role, repeats, f"{log}.csv.gz"))
+        role = "holdout" if log == HELD_OUT else "fit"
+        logs.append(CaseLog(Log(time, columns), log, role, REPEATS.get(log), f"{log}.csv.gz"))
     return Case(plan.name, {}, tuple(logs)), label_of(plan, case, gaps, whole)
 
 
@@ -160,12 +151,7 @@ def make_case(plan: CasePlan, folder: str | Path) -> Label:
 
 @dataclass(frozen=True)
 class SetFolder:
-    """The folder of a set and its labels file, which lies outside; labels by case until all are there.
-
-    Attributes:
-        folder: Folder of the set.
-        labels: Labels file.
-    """
+    """The folder of a set and its labels file, which lies outside; labels by case until all are there."""
 
     folder: Path
     labels: Path
@@ -178,8 +164,7 @@ class SetFolder:
     def begin(self, stamp: str) -> None:
         """Open the set for making; `stamp` is a digest of what it follows from.
 
-        Raises:
-            InputError: If a set is finished there, another one was started, or the labels would lie inside.
+        InputError if a set is finished there, another one was started, or the labels would lie inside.
         """
         folder, labels, mark = self.folder, self.labels, self.folder / MARK
         if folder.resolve() in labels.resolve().parents:
@@ -241,14 +226,11 @@ def make(
         folder: Folder of the set.
         seed: Seed of everything in it.
         cases: Number of cases of each mix.
-        labels: Labels file; `folder`-labels.json if None.
+        labels: Labels file, the path that is returned; `folder`-labels.json if None.
         jobs: As in `parallel.each`.
         mixes: Case mixes.
         cluster: As in `parallel.each`.
         progress: Called with how many are made, have failed, and are wanted.
-
-    Returns:
-        Path of the labels file.
 
     Raises:
         InputError: For a bad number of cases, as `SetFolder.begin`, and naming cases that could not be made.

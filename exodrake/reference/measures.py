@@ -14,7 +14,7 @@ from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Seq
 from dataclasses import dataclass
 from functools import cache
 from itertools import permutations, product
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -40,11 +40,6 @@ def accepted_ids(truth: Truth) -> set[str]:
     return {name}
 
 
-def accepted_blocks(truth: Truth) -> set[str]:
-    """Blocks that count as right for a true effect; none where old labels do not say where an outside fault acts."""
-    return {*truth.get("blocks", ()), *(name.split(".")[0] for name in accepted_ids(truth))} - {"outside"}
-
-
 def causes_of(diagnosis: Diagnosis) -> list[dict[str, Any]]:
     """Effects that an answer calls causes, best first."""
     return [e for e in diagnosis.get("effects") or () if (e.get("role") or CAUSE) == CAUSE]
@@ -58,12 +53,6 @@ def rivals_of(cause: dict[str, Any]) -> tuple[str, ...]:
 def named_ids(diagnosis: Diagnosis) -> tuple[str, ...]:
     """Ids of the causes, best first."""
     return tuple(cause["id"] for cause in causes_of(diagnosis))
-
-
-def first_ids(diagnosis: Diagnosis) -> tuple[str, ...]:
-    """Ids of the set that comes first, whatever the verdict: the causes, else the best fitted set with an effect."""
-    sets = (one["id"] for one in diagnosis.get("candidates") or () if one["id"] not in ("", "retune"))
-    return named_ids(diagnosis) or tuple(next(sets, "").split(" + "))
 
 
 def found_ids(diagnosis: Diagnosis) -> set[str]:
@@ -100,28 +89,24 @@ def is_kind_right(truths: Sequence[Truth], diagnosis: Diagnosis) -> bool:
     for cause in causes_of(diagnosis):
         found = {kind_and_block(i) for i in (cause["id"], *rivals_of(cause))}
         stated.append(found.pop() if len(found) == 1 else None)
-    right = [{kind_and_block(i) for i in accepted_ids(truth)} for truth in truths]
-    return len(stated) == len(right) and any(
-        all(one in accepted for one, accepted in zip(order, right)) for order in permutations(stated)
-    )
+    return has_matching(stated, [{kind_and_block(i) for i in accepted_ids(truth)} for truth in truths])
 
 
 def is_truth(truths: Sequence[Truth], ids: Sequence[str]) -> bool:
     """Tell whether a set of effects is the true one: an accepted id for each true effect, and nothing else."""
-    return len(ids) == len(truths) and any(
-        all(name in accepted_ids(truth) for truth, name in zip(truths, order)) for order in permutations(ids)
+    return has_matching(ids, [accepted_ids(truth) for truth in truths])
+
+
+def has_matching(stated: Sequence[Any], accepted: Sequence[set]) -> bool:
+    """Tell whether each thing stated can stand for one set that accepts it, and none is left over."""
+    return len(stated) == len(accepted) and any(
+        all(one in wanted for one, wanted in zip(order, accepted)) for order in permutations(stated)
     )
 
 
 @dataclass(frozen=True)
 class Share:
-    """Share of the cases in which something holds.
-
-    Attributes:
-        name: Name of the measure.
-        outcomes: Case (or a part of one) -> whether it holds.
-        wanted: Goal, in words.
-    """
+    """Share of the cases in which something holds, from case (or a part of one) -> whether it does; `wanted`: goal."""
 
     name: str
     outcomes: Mapping[Hashable, bool]
@@ -184,40 +169,21 @@ def interval_score(low: float, high: float, true: float, alpha: float = ALPHA) -
     return high - low + 2 / alpha * (max(low - true, 0.0) + max(true - high, 0.0))
 
 
-@dataclass(frozen=True)
-class ParameterInterval:
+class ParameterInterval(NamedTuple):
     """A stated 90 % interval beside the true value.
 
     Attributes:
         key: Case, effect, parameter, and channel or None.
         exact: Whether the parameter means the same in the law of the reference simulator.
-        low: Lower end.
-        high: Upper end.
-        true: True value.
-        scale: Magnitude of the parameter.
+        covers: Whether the interval holds the true value.
+        half_width, score: Half width and interval score, relative to the parameter.
     """
 
     key: tuple[str, str, str, str | None]
     exact: bool
-    low: float
-    high: float
-    true: float
-    scale: float
-
-    @property
-    def covers(self) -> bool:
-        """Whether the interval holds the true value."""
-        return self.low <= self.true <= self.high
-
-    @property
-    def half_width(self) -> float:
-        """Half width relative to the parameter."""
-        return (self.high - self.low) / 2 / self.scale
-
-    @property
-    def score(self) -> float:
-        """Interval score relative to the parameter."""
-        return interval_score(self.low, self.high, self.true) / self.scale
+    covers: bool
+    half_width: float
+    score: float
 
 
 def intervals_of(case: Answered) -> Iterator[ParameterInterval]:
@@ -235,15 +201,12 @@ def intervals_of(case: Answered) -> Iterator[ParameterInterval]:
             for channel, bounds in stated.items():
                 low, high = bounds.get("low"), bounds.get("high")
                 if (channel is None or not seat or channel in seat) and low is not None and high is not None:
-                    key, scale = (case.name, truth["id"], name, channel), scale_of(truth["id"], name, true)
-                    yield ParameterInterval(key, bool(truth["exact"]), low, high, true, scale)
-
-
-def scale_of(effect_id: str, name: str, true: float) -> float:
-    """Magnitude of a parameter: the true value, or the bound of the drawn range where this goes through zero."""
-    ranges = ENTRIES[effect_id].ranges if effect_id in ENTRIES else {}
-    low, high = ranges.get(name, (0.0, 0.0))
-    return max(abs(true), -low, high) if low < 0 else abs(true)
+                    drawn = ENTRIES[truth["id"]].ranges if truth["id"] in ENTRIES else {}
+                    least, most = drawn.get(name, (0.0, 0.0))
+                    scale = max(abs(true), -least, most) if least < 0 else abs(true)  # of a range through zero its end
+                    relative = (high - low) / 2 / scale, interval_score(low, high, true) / scale
+                    key = case.name, truth["id"], name, channel
+                    yield ParameterInterval(key, bool(truth["exact"]), low <= true <= high, *relative)
 
 
 NO_EFFECT = ("NO_GAP", "RETUNE")
@@ -285,14 +248,10 @@ def in_class(case: Answered) -> bool:
     return case.verdict in ("NAMED", "AMBIGUOUS") and is_in_class(case.truths, case.diagnosis)
 
 
-def kind_right(case: Answered) -> bool:
-    """The causes are of the true kinds and in the true blocks, whatever their laws."""
-    return case.verdict in ("NAMED", "AMBIGUOUS") and is_kind_right(case.truths, case.diagnosis)
-
-
-def first(case: Answered) -> bool:
-    """The true effects are the set that comes first, whatever the verdict."""
-    return is_truth(case.truths, first_ids(case.diagnosis))
+def is_first(case: Answered) -> bool:
+    """The true effects are the set that comes first, whatever the verdict: the causes, else the best fitted set."""
+    sets = (one["id"] for one in case.diagnosis.get("candidates") or () if one["id"] not in ("", "retune"))
+    return is_truth(case.truths, named_ids(case.diagnosis) or tuple(next(sets, "").split(" + ")))
 
 
 def names_too_much(case: Answered) -> bool:
@@ -313,8 +272,10 @@ def where(case: Answered, key: str) -> Any:
 
 
 def blocks(case: Answered) -> set[str]:
-    """Blocks in which the true effects act."""
-    return set().union(*map(accepted_blocks, case.truths))
+    """Blocks in which the true effects act; none where old labels do not say where an outside fault acts."""
+    ids = set().union(*map(accepted_ids, case.truths))
+    stated = {block for truth in case.truths for block in truth.get("blocks", ())}
+    return stated.union(name.split(".")[0] for name in ids) - {"outside"}
 
 
 def channels(case: Answered, key: str) -> set[str]:
@@ -346,13 +307,20 @@ def shares_of(cases: Sequence[Answered]) -> tuple[Share, ...]:
     closed = [case for case in named if (case.diagnosis.get("closure") or {}).get("effect") is not None]
     rows = [share(f"exactly named, {kind}", visible(cases, [kind]), exactly_named, NAMEABLE[kind]) for kind in NAMEABLE]
     rows += [share(f"truth named or in its class, {kind}", visible(cases, [kind]), in_class) for kind in NAMEABLE]
-    rows += [share(f"kind and block right, {kind}", visible(cases, [kind]), kind_right) for kind in NAMEABLE]
+    rows += [
+        share(
+            f"kind and block right, {kind}",
+            visible(cases, [kind]),
+            lambda case: case.verdict in ("NAMED", "AMBIGUOUS") and is_kind_right(case.truths, case.diagnosis),
+        )
+        for kind in NAMEABLE
+    ]
     located = [case for case in nameable + outside if "where" in case.diagnosis or case.verdict == FAILURE]
     partly = [case for case in nameable if case.verdict == "PARTLY"]
     return (
         *rows,
         share("PARTLY, and its causes hold the truth", partly, lambda case: is_in_class(case.truths, case.diagnosis)),
-        share("truth first", nameable, first, ">= 95 %"),
+        share("truth first", nameable, is_first, ">= 95 %"),
         share("UNKNOWN outside the library", outside, lambda case: case.verdict == "UNKNOWN", ">= 90 %"),
         share("not named outside the library", outside, lambda case: case.verdict in ("UNKNOWN", "PARTLY", *NO_EFFECT)),
         share("wrongly UNKNOWN", healthy + nameable, lambda case: case.verdict == "UNKNOWN", "<= 3 %"),
@@ -411,16 +379,13 @@ def quantities_of(cases: Sequence[Answered]) -> tuple[Quantity, ...]:
 def baselines_of(cases: Sequence[Answered]) -> tuple[Share, ...]:
     """Trivial answers to the visible cases with one effect, those that the diagnosis carries among them."""
     single = visible(cases, ["single"])
-    names = sorted({name for case in single for name in case.diagnosis.get("baselines") or ()})
-
-    def is_named_by(case: Answered, baseline: str) -> bool:
-        ids = (case.diagnosis.get("baselines") or {}).get(baseline) or ""
-        return is_truth(case.truths, ids.split(" + "))
-
-    carried = [share(f"{n} names the truth", single, lambda case, n=n: is_named_by(case, n)) for n in names]
     rows = []
     for label, key in (("effect", "id"), ("block", "block")):
         values = [case.truths[0][key] for case in single]
         commonest = max(values, key=values.count, default="")
         rows.append(share(f"always the commonest {label}", single, lambda c, k=key, v=commonest: c.truths[0][k] == v))
-    return (*rows, *carried)
+    for name in sorted({name for case in single for name in case.diagnosis.get("baselines") or ()}):
+        ids = {c.name: (c.diagnosis.get("baselines") or {}).get(name) or "" for c in single}
+        found = {c.name: is_truth(c.truths, ids[c.name].split(" + ")) for c in single}
+        rows.append(Share(f"{name} names the truth", found))
+    return tuple(rows)

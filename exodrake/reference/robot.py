@@ -46,9 +46,6 @@ NOMINAL = {
     "quantum_force": (0.004, EXACT),  # N
 }
 WHOLE = ("tau_cell", "gear", "kp", "kd", "speed_max", "quantum_force")
-NOISE_FORCE = 0.01  # N
-NOISE_ANGLE = 0.005  # rad
-QUANTUM_THETA = 2.0 * np.pi / (16 * 69)  # rad
 SPOOL_CONFIGURED = 7.5e-3  # m, what drive and log assume
 TENSION_MAX = np.array([12.0, 8.0, 8.0])  # N
 TENSION_MIN = 0.3  # N
@@ -67,19 +64,14 @@ CLIP = 2.5  # standard deviations
 
 
 def draw_parameters(rng: np.random.Generator | None = None) -> dict[str, np.ndarray]:
-    """Draw one robot's parameters.
+    """Draw one robot's parameters; the nominal ones without a generator.
 
-    Args:
-        rng: Random generator; the nominal parameters without it.
-
-    Returns:
-        Name -> value [SI], each times its own clipped normal factor: scalar, (3,) by wire or joint, or (2, 3) by side
-        and joint.
+    Name -> value [SI], each times its own clipped normal factor: scalar, (3,) by wire or joint, or (2, 3) by side and
+    joint.
     """
-    shapes = {"axial": (2, 3)}
     parameters = {}
     for name, (value, tolerance) in NOMINAL.items():
-        shape = () if name in WHOLE else shapes.get(name, (3,))
+        shape = () if name in WHOLE else (2, 3) if name == "axial" else (3,)
         factor = 1.0 if rng is None else 1.0 + tolerance * np.clip(rng.standard_normal(shape), -CLIP, CLIP)
         parameters[name] = np.broadcast_to(np.asarray(value, float), shape) * factor
     return parameters
@@ -87,25 +79,17 @@ def draw_parameters(rng: np.random.Generator | None = None) -> dict[str, np.ndar
 
 def robot_record(parameters, quantised=True):
     """Parameter record of a robot without any effect; phalanges are solid cylinders, centre of mass half way."""
-    record = np.zeros(1, ROBOT)[0]
-    axial = parameters["axial"]
+    record, length = np.zeros(1, ROBOT)[0], parameters["length"]
     heights = np.array([parameters["height_flexor"], parameters["height_extensor"]])
-    for name in ("axial_distal", "axial_proximal"):
-        record[name] = axial
-    for name in ("height_distal", "height_proximal"):
-        record[name] = heights
-    length = parameters["length"]
-    record["centre"] = length / 2
-    record["unit_inertia"] = length**2 / 3 + parameters["radius"] ** 2 / 4
-    for name in parameters:
+    derived = {
+        "axial_distal": parameters["axial"], "axial_proximal": parameters["axial"],
+        "height_distal": heights, "height_proximal": heights, "centre": length / 2,
+        "unit_inertia": length**2 / 3 + parameters["radius"] ** 2 / 4, "spool_config": SPOOL_CONFIGURED, "factor": 1.0,
+    }  # fmt: skip
+    for name, value in (parameters | derived | FORMS).items():
         if name in ROBOT.names:
-            record[name] = parameters[name]
-    record["spool_config"] = SPOOL_CONFIGURED
-    record["factor"] = 1.0
-    if not quantised:
-        record["quantum_force"] = 0.0
-    for name, value in FORMS.items():
-        record[name] = value
+            record[name] = value
+    record["quantum_force"] *= quantised
     return settle_routing(record)
 
 
@@ -118,14 +102,7 @@ def settle_routing(record):
 
 @dataclass(frozen=True)
 class InjectedFault:
-    """One effect in a robot.
-
-    Attributes:
-        id: Id of the effect.
-        wires: Wires it sits on; empty for all or none.
-        joints: Joints it sits on; empty for all or none.
-        parameters: Parameters by effects.md's names [SI].
-    """
+    """One effect in a robot: wires or joints that it sits on (none for all), parameters by effects.md's names [SI]."""
 
     id: str
     wires: tuple[str, ...] = ()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -32,10 +32,8 @@ class Group:
     """Measures of the cases of one mix.
 
     Attributes:
-        name: Name of the mix.
-        cases: Number of cases.
-        shares: Shares of cases.
-        quantities: Measures that are no shares.
+        name, cases: Of the mix, and how many there are.
+        shares, quantities: Measures that are shares of cases, and others.
         baselines: Trivial answers to the cases with one effect.
         paired: The diagnosis against the baselines that it carries, then against the other answers.
     """
@@ -56,9 +54,8 @@ class Score:
         groups: Measures of each mix.
         confusion: (truth, answer, whether it is right) -> number of cases; several effects are joined by +, an answer
             without a name is its verdict.
-        missing: Names of the cases without a diagnosis.
+        missing, failed: Names of the cases without a diagnosis, and of those that failed.
         cases: Number of cases that were answered, or failed.
-        failed: Names of the cases that failed.
     """
 
     groups: tuple[Group, ...]
@@ -69,18 +66,9 @@ class Score:
 
 
 def score(folder: str | Path, labels: str | Path, against: str | Path | None = None) -> Score:
-    """Score the answers to a set.
+    """Score the answers in the folder of a set by its labels file, and compare them with those of another folder.
 
-    Args:
-        folder: Folder of the set, with the answers.
-        labels: Labels file.
-        against: Folder with other answers to the same cases, for a paired comparison.
-
-    Returns:
-        The measures, by case mix.
-
-    Raises:
-        InputError: For labels that changed, a foreign case, a malformed diagnosis, or none at all.
+    InputError for labels that changed, a foreign case, a malformed diagnosis, or none at all.
     """
     truths = read_labels(Path(folder), Path(labels))
     cases = read_answers(Path(folder), truths)
@@ -164,18 +152,21 @@ def as_tables(score: Score) -> list[Table]:
     return found
 
 
-def as_markdown(score: Score) -> str:
-    """The score as Markdown."""
-    return markdown(tables(score))
-
-
 def markdown(tables: Iterable[tuple[str, Row, list[Row]]]) -> str:
     """Tables of title, headings and rows as Markdown; a heading that begins with `>` heads numbers on the right."""
     return "\n".join(f"{title}\n\n{markdown_table(headings, rows)}\n" for title, headings, rows in tables)
 
 
 def as_json(score: Score) -> dict[str, Any]:
-    """Plain data of the score."""
+    """Plain data of the score; a share of no case has the value null."""
+
+    def shares_json(shares: Iterable[Share]) -> dict[str, Any]:
+        return {
+            item.name: {"hits": item.hits, "total": item.total, "value": item.value if item.total else None}
+            | dict(zip(("low", "high"), item.interval))
+            for item in shares
+        }
+
     mixes = {
         group.name: {
             "cases": group.cases,
@@ -197,12 +188,3 @@ def as_json(score: Score) -> dict[str, Any]:
         "cases": score.cases, "missing": list(score.missing), "failed": list(score.failed), "mixes": mixes,
         "confusion": confusion,
     }  # fmt: skip
-
-
-def shares_json(shares: Sequence[Share]) -> dict[str, Any]:
-    """Plain data of shares; a share of no case has the value null."""
-    return {
-        item.name: {"hits": item.hits, "total": item.total, "value": item.value if item.total else None}
-        | dict(zip(("low", "high"), item.interval))
-        for item in shares
-    }

@@ -27,29 +27,17 @@ from exodrake.core.errors import InputError
 from exodrake.reference import dynamics
 from exodrake.reference.dynamics import ANGLE, FRAME, INPUT_SIZE, MARKER_SHIFT, RATE, STATE_SIZE, THETA, derivative
 from exodrake.reference.faults import ENTRIES, inject
-from exodrake.reference.robot import (
-    JOINTS,
-    NOISE_ANGLE,
-    NOISE_FORCE,
-    QUANTUM_THETA,
-    SPOOL_CONFIGURED,
-    WIRES,
-    Protocol,
-    RobotSpec,
-    robot_record,
-)
+from exodrake.reference.robot import JOINTS, SPOOL_CONFIGURED, WIRES, Protocol, RobotSpec, robot_record
 
+NOISE_FORCE = 0.01  # N
+NOISE_ANGLE = 0.005  # rad
+QUANTUM_THETA = 2.0 * np.pi / (16 * 69)  # rad
 RELATIVE = 1e-3
 RADIUS = 1.5e4  # 1/s, guess of the spectral radius, with a margin for drawn parameters
 DAMPING = 2.0 / 13.0  # of the Chebyshev polynomials, as in the paper
 SAFETY, SHRINK, GROW = 0.8, 0.1, 5.0
 SMALLEST = 1e-9  # s
-
-
-@njit(cache=True)
-def workspace(size):
-    """Scratch: slope at the start, slope of a stage, three stages, new state; inputs, torque, arms."""
-    return np.zeros((6, size)), np.zeros(INPUT_SIZE), np.zeros(3), np.zeros((3, 3))
+TOLERANCE = np.repeat(list(dynamics.TOLERANCES.values()), 3)  # (STATE_SIZE,) absolute tolerances [SI]
 
 
 @njit(cache=True)
@@ -58,15 +46,6 @@ def chebyshev(w0, before, last):
     value = 2.0 * w0 * last[0] - before[0]
     slope = 2.0 * w0 * last[1] - before[1] + 2.0 * last[0]
     return value, slope, 2.0 * w0 * last[2] - before[2] + 4.0 * last[1]
-
-
-@njit(cache=True)
-def end_of_chebyshev(w0, stages):
-    """T, T', T'' of the highest order at w0."""
-    before, last = (1.0, 0.0, 0.0), (w0, 1.0, 0.0)
-    for _ in range(2, stages + 1):
-        before, last = last, chebyshev(w0, before, last)
-    return last
 
 
 @njit(cache=True)
@@ -84,8 +63,10 @@ def trial(time, y, step, p, command, inputs, work):
     start, slope = rows[0], rows[1]
     stages = max(2, 1 + ceil(sqrt(1.0 + 1.54 * step * RADIUS)))
     w0 = 1.0 + DAMPING / stages**2
-    _, top_slope, top_curve = end_of_chebyshev(w0, stages)
-    w1 = top_slope / top_curve
+    before, last = (1.0, 0.0, 0.0), (w0, 1.0, 0.0)
+    for _ in range(2, stages + 1):
+        before, last = last, chebyshev(w0, before, last)
+    w1 = last[1] / last[2]
     before, last = (1.0, 0.0, 0.0), (w0, 1.0, 0.0)
     b_first = 1.0 / (4.0 * w0 * w0)  # b0 = b1 = b2
     b_older, b_old = b_first, b_first
@@ -201,7 +182,8 @@ def run(p, y, reference, inputs, dropped, noise, tolerance):
     tension, theta = np.full((frames, 3), np.nan), np.full((frames, 3), np.nan)
     commands, posture = np.full((frames, 3), np.nan), np.full((10 * frames, 6), np.nan)
     active, awake, last = np.zeros(3), np.zeros(3, np.bool_), np.zeros(3)
-    work = workspace(y.size)
+    # scratch: slope at the start, slope of a stage, three stages, new state; inputs, torque, arms
+    work = np.zeros((6, y.size)), np.zeros(INPUT_SIZE), np.zeros(3), np.zeros((3, 3))
     step, time = 1e-4, 0.0
     for frame in range(frames):
         for slot in range(10):
@@ -229,23 +211,12 @@ def run(p, y, reference, inputs, dropped, noise, tolerance):
 
 @dataclass
 class Build:
-    """A robot being assembled for one log of n frames.
+    """A robot being assembled for one log of n frames."""
 
-    Attributes:
-        record: Parameter record [SI].
-        inputs: (n + 2, INPUT_SIZE) time-varying inputs [SI].
-        dropped: (n, 3) commands that are lost.
-        time: (n + 2,) instants of the frames [s].
-        delay: Delay of motion capture [s].
-        skew: Relative error of its clock [-].
-    """
-
-    record: Any
-    inputs: np.ndarray
-    dropped: np.ndarray
-    time: np.ndarray
-    delay: float = 0.0
-    skew: float = 0.0
+    record: Any  # parameters [SI]
+    inputs: np.ndarray  # (n + 2, INPUT_SIZE) over time [SI]
+    dropped: np.ndarray  # (n, 3) whether a command is lost
+    time: np.ndarray  # (n + 2,) instants of the frames [s]
 
 
 def assemble(spec: RobotSpec, frames: int, rng: np.random.Generator) -> Build:
@@ -267,8 +238,7 @@ def initial_state(record):
     y = np.zeros(STATE_SIZE)
     y[ANGLE : ANGLE + 3] = record["rest"]
     for wire in range(3):
-        joints = range(1 if wire == 1 else 3)
-        rest = record["rest"]
+        joints, rest = range(1 if wire == 1 else 3), record["rest"]
         taken = sum(
             dynamics.router(record, int(wire == 2), j, np.sin(rest[j]), np.cos(rest[j]), 0.0)[0] for j in joints
         )
@@ -280,59 +250,42 @@ def initial_state(record):
     return y
 
 
-def measure(build, posture, theta, rng, noisy):
-    """Encoder strokes [m] and marker angles [rad] as logged."""
-    frames = len(theta)
+def simulate(spec: RobotSpec, protocol: Protocol, seed: int | list[int]) -> dict[str, np.ndarray]:
+    """Log of a robot on a motion of n frames: column name -> values (n,) [SI]; equal arguments give equal bits.
+
+    The seed is that of noise and random courses. InputError for an unknown effect, and where integration fails.
+    """
+    reference = np.ascontiguousarray(protocol.reference, float)
+    frames = len(reference)
+    course, noise_source = (np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(2))
+    build = assemble(spec, frames, course)
     record = build.record
+    noise = NOISE_FORCE * spec.noisy * noise_source.standard_normal((frames, 3))
+    tension, theta, commands, posture = run(
+        record, initial_state(record), reference, build.inputs, build.dropped, noise, TOLERANCE
+    )
+    if not np.all(np.isfinite(posture)):
+        raise InputError(
+            f"{protocol.name}: the robot with {[effect.id for effect in spec.effects]} cannot be integrated"
+        )
     counted = theta - record["homing"] / SPOOL_CONFIGURED
-    if noisy:
-        counted = np.round(counted / QUANTUM_THETA) * QUANTUM_THETA
     # mocap's own instants: cubic Hermite through angles and rates at every mid-slot
-    instant = (FRAME * np.arange(frames) + 0.001 - build.delay) / (1.0 + build.skew)
+    instant = (FRAME * np.arange(frames) + 0.001 - record["mocap_delay"]) / (1.0 + record["mocap_skew"])
     place = np.clip((instant - 0.001) / SLOT, 0.0, len(posture) - 1.000001)
     row = place.astype(int)
     x = (place - row)[:, None]
     start, end = posture[row], posture[np.minimum(row + 1, len(posture) - 1)]
     q0, v0, q1, v1 = start[:, :3], SLOT * start[:, 3:], end[:, :3], SLOT * end[:, 3:]
     cubic = (2 * (q0 - q1) + v0 + v1) * x + 3 * (q1 - q0) - 2 * v0 - v1
-    angles = ((cubic * x + v0) * x + q0) * (1.0 + record["marker_gain"]) + record["marker_offset"]
-    angles = angles + build.inputs[:frames, MARKER_SHIFT : MARKER_SHIFT + 3]
-    if noisy:
-        angles = angles + NOISE_ANGLE * rng.standard_normal(angles.shape)
-    return SPOOL_CONFIGURED * counted, angles
-
-
-def simulate(spec: RobotSpec, protocol: Protocol, seed: int | list[int]) -> dict[str, np.ndarray]:
-    """Simulate the log of one motion; equal arguments give equal bits.
-
-    Args:
-        spec: Robot.
-        protocol: Motion of n frames.
-        seed: Seed of noise and random courses.
-
-    Returns:
-        Column name -> values (n,) [SI].
-
-    Raises:
-        InputError: For an unknown effect, or a robot that cannot be integrated.
-    """
-    reference = np.ascontiguousarray(protocol.reference, float)
-    frames = len(reference)
-    course, noise_source = (np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(2))
-    build = assemble(spec, frames, course)
-    noise = NOISE_FORCE * spec.noisy * noise_source.standard_normal((frames, 3))
-    start, tolerance = initial_state(build.record), dynamics.tolerance_vector()
-    tension, theta, commands, posture = run(
-        build.record, start, reference, build.inputs, build.dropped, noise, tolerance
-    )
-    if not np.all(np.isfinite(posture)):
-        raise InputError(
-            f"{protocol.name}: the robot with {[effect.id for effect in spec.effects]} cannot be integrated"
-        )
-    stroke, angles = measure(build, posture, theta, noise_source, spec.noisy)
+    angle = ((cubic * x + v0) * x + q0) * (1.0 + record["marker_gain"]) + record["marker_offset"]
+    angle = angle + build.inputs[:frames, MARKER_SHIFT : MARKER_SHIFT + 3]
+    if spec.noisy:
+        counted = np.round(counted / QUANTUM_THETA) * QUANTUM_THETA
+        angle = angle + NOISE_ANGLE * noise_source.standard_normal(angle.shape)
+    groups = [("tension_ref", reference, WIRES), ("tension", tension, WIRES)]
+    groups += [("stroke", SPOOL_CONFIGURED * counted, WIRES), ("speed_cmd", commands, WIRES), ("angle", angle, JOINTS)]
     columns = {"time": FRAME * np.arange(frames)}
-    groups = [("tension_ref", reference, WIRES), ("tension", tension, WIRES), ("stroke", stroke, WIRES)]
-    for kind, values, names in [*groups, ("speed_cmd", commands, WIRES), ("angle", angles, JOINTS)]:
+    for kind, values, names in groups:
         columns |= {f"{kind}_{name}": values[:, index].copy() for index, name in enumerate(names)}
     return columns
 

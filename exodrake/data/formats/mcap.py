@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from exodrake.core.errors import InputError
-from exodrake.core.files import first_bytes
+from exodrake.core.files import is_file
 from exodrake.core.schema import parse_json
 from exodrake.core.units import kind_of
 from exodrake.data.formats import read_apart
@@ -31,7 +31,13 @@ BARE = "value"  # field of a column that has no channel in its name
 def is_log(path: str | Path) -> bool:
     """Whether an MCAP file is one that `write` made, by the library in its header."""
     written = struct.pack("<II", 0, len(LIBRARY)) + LIBRARY.encode()  # lengths of profile and library, each a text
-    return first_bytes(path, PROFILE_AT + len(written))[PROFILE_AT:] == written
+    if not is_file(path):
+        return False
+    try:
+        with open(path, "rb") as stream:
+            return stream.read(PROFILE_AT + len(written))[PROFILE_AT:] == written
+    except OSError:
+        return False
 
 
 def read(data: bytes, source: str) -> Log:

@@ -25,16 +25,7 @@ from exodrake.core.part import JOINTS, NORMAL, SCALAR, TENDONS, UNIFORM, Axes, D
 from exodrake.core.robot import Robot
 from exodrake.core.skeleton import Piece, Skeleton
 from exodrake.effects import effects_of
-from exodrake.physics import (
-    bus,
-    controller,
-    encoder,
-    mocap,
-    motor,
-    sensor,
-    tendon_finger,
-    wire_paths,
-)
+from exodrake.physics import bus, controller, encoder, mocap, motor, sensor, tendon_finger, wire_paths
 
 # A tendon is stiff: a micrometre turns into millinewtons. So a measured tension acts on the finger as a force, through
 # tendons so soft that a stroke is one, and a measured angle as a hold.
@@ -82,11 +73,7 @@ COMMAND_LINK = CommandLink("speed_cmd", "stroke", "speed_applied", "motor", "str
 
 PALMAR, DORSAL = -1.0, 1.0
 # tendon -> (suffix of its router parameters, side, lateral position [m], joints that it passes; None: all)
-ROUTES = {
-    "AF": ("f", PALMAR, 0.0016, None),
-    "MF": ("f", PALMAR, -0.0016, 1),
-    "AE": ("e", DORSAL, 0.0, None),
-}
+ROUTES = {"AF": ("f", PALMAR, 0.0016, None), "MF": ("f", PALMAR, -0.0016, 1), "AE": ("e", DORSAL, 0.0, None)}
 HAND_END = -0.055  # [m] where the tendons leave the hand
 
 
