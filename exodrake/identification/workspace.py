@@ -203,8 +203,9 @@ def areas(lengths, ranges: Ranges, wired: Assisted | None, samples: int, seed: i
         drawn, exact = monte_carlo(lengths, ranges, what, samples, seed), reach(lengths, ranges, what).area
         values = (f"{1e6 * exact:.1f}", f"{1e6 * drawn.value:.0f}", f"{1e6 * drawn.error:.0f}", str(samples))
         rows.append(("K.M.", what, *values))
-    for what in (FINGERTIP, DISTAL) if wired is not None else ():
-        rows.append(("A.M.", what, f"{1e6 * wired.region(lengths, what).area:.1f}", "", "", ""))
+    if wired is not None:
+        measured = ((what, 1e6 * wired.region(lengths, what).area) for what in (FINGERTIP, DISTAL))
+        rows += [("A.M.", what, f"{area:.1f}", "", "", "") for what, area in measured]
     return rows
 
 
