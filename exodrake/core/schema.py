@@ -88,7 +88,8 @@ def parse_yaml(data: bytes, source: str | Path) -> Any:
         content = _node(next(events), events, str(source), 0)
         next(events)
         if not isinstance(extra := next(events), yaml.StreamEndEvent):
-            raise refusal(f"{source}, line {extra.start_mark.line + 1}", "not YAML (a second document)")
+            line = extra.start_mark.line + 1  # pyright: ignore[reportAttributeAccessIssue]
+            raise refusal(f"{source}, line {line}", "not YAML (a second document)")
         return content
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
