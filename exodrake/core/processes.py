@@ -114,19 +114,16 @@ def serve(pipe: Connection) -> None:
             resource.setrlimit(limit, (most, most))
     with suppress(EOFError, OSError):
         while True:
-            pipe.send(answered(*pipe.recv()))
-
-
-def answered(function: Callable[..., Any], arguments: tuple, time_limit: float) -> Any:
-    """Result or exception of a call. The system ends the process after the time, even if the parent is gone."""
-    used = sum(resource.getrusage(resource.RUSAGE_SELF)[:2])
-    _, most = resource.getrlimit(resource.RLIMIT_CPU)
-    wanted = math.ceil(used + time_limit)
-    resource.setrlimit(resource.RLIMIT_CPU, (wanted if most < 0 else min(wanted, most), most))
-    try:
-        return function(*arguments)
-    except Exception as error:
-        return error
+            function, arguments, time_limit = pipe.recv()
+            used = sum(resource.getrusage(resource.RUSAGE_SELF)[:2])
+            _, most = resource.getrlimit(resource.RLIMIT_CPU)
+            wanted = math.ceil(used + time_limit)  # the system ends the process after that, even if the parent is gone
+            resource.setrlimit(resource.RLIMIT_CPU, (wanted if most < 0 else min(wanted, most), most))
+            try:
+                answer = function(*arguments)
+            except Exception as error:
+                answer = error
+            pipe.send(answer)
 
 
 def python_command(*arguments: str) -> list[str]:

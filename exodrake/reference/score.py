@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from exodrake.core.errors import markdown_table, plural
 from exodrake.reference.answers import FAILURE, read_answers, read_labels
@@ -22,9 +22,6 @@ from exodrake.reference.measures import (
     right,
     shares_of,
 )
-
-if TYPE_CHECKING:
-    from rich.table import Table
 
 
 @dataclass(frozen=True)
@@ -135,21 +132,6 @@ def tables(score: Score) -> Iterator[tuple[str, Row, list[Row]]]:
 def counted(cases: int) -> str:
     """Number of cases in words."""
     return f"{cases} {plural(cases, 'case')}"
-
-
-def as_tables(score: Score) -> list[Table]:
-    """Tables for the terminal; wrong answers in red."""
-    from rich.table import Table
-
-    found = []
-    for title, headings, rows in tables(score):
-        table = Table(title=title)
-        for index, heading in enumerate(headings):
-            table.add_column(heading, justify="right" if index and headings is not CONFUSION else "left")
-        for row in rows:
-            table.add_row(*row, style="red" if headings is CONFUSION and not row[2] else None)
-        found.append(table)
-    return found
 
 
 def markdown(tables: Iterable[tuple[str, Row, list[Row]]]) -> str:
