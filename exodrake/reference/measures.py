@@ -170,18 +170,12 @@ def interval_score(low: float, high: float, true: float, alpha: float = ALPHA) -
 
 
 class ParameterInterval(NamedTuple):
-    """A stated 90 % interval beside the true value.
+    """A stated 90 % interval beside the true value."""
 
-    Attributes:
-        key: Case, effect, parameter, and channel or None.
-        exact: Whether the parameter means the same in the law of the reference simulator.
-        covers: Whether the interval holds the true value.
-        half_width, score: Half width and interval score, relative to the parameter.
-    """
-
-    key: tuple[str, str, str, str | None]
-    exact: bool
-    covers: bool
+    key: tuple[str, str, str, str | None]  # Case, effect, parameter, and channel or None
+    exact: bool  # Whether the parameter means the same in the law of the reference simulator
+    covers: bool  # Whether the interval holds the true value
+    # half_width, score: Half width and interval score, relative to the parameter
     half_width: float
     score: float
 

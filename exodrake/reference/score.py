@@ -26,39 +26,29 @@ from exodrake.reference.measures import (
 
 @dataclass(frozen=True)
 class Group:
-    """Measures of the cases of one mix.
+    """Measures of the cases of one mix."""
 
-    Attributes:
-        name, cases: Of the mix, and how many there are.
-        shares, quantities: Measures that are shares of cases, and others.
-        baselines: Trivial answers to the cases with one effect.
-        paired: The diagnosis against the baselines that it carries, then against the other answers.
-    """
-
+    # name, cases: Of the mix, and how many there are
     name: str
     cases: int
+    # shares, quantities: Measures that are shares of cases, and others
     shares: tuple[Share, ...]
     quantities: tuple[Quantity, ...]
-    baselines: tuple[Share, ...]
-    paired: tuple[Paired, ...]
+    baselines: tuple[Share, ...]  # Trivial answers to the cases with one effect
+    paired: tuple[Paired, ...]  # The diagnosis against the baselines that it carries, then against the other answers
 
 
 @dataclass(frozen=True)
 class Score:
-    """Measures of a set.
+    """Measures of a set."""
 
-    Attributes:
-        groups: Measures of each mix.
-        confusion: (truth, answer, whether it is right) -> number of cases; several effects are joined by +, an answer
-            without a name is its verdict.
-        missing, failed: Names of the cases without a diagnosis, and of those that failed.
-        cases: Number of cases that were answered, or failed.
-    """
-
-    groups: tuple[Group, ...]
+    groups: tuple[Group, ...]  # Measures of each mix
+    # (truth, answer, whether it is right) -> number of cases; several effects are joined by +, an answer without a name
+    # is its verdict
     confusion: dict[tuple[str, str, bool], int]
+    # missing, failed: Names of the cases without a diagnosis, and of those that failed
     missing: tuple[str, ...]
-    cases: int
+    cases: int  # Number of cases that were answered, or failed
     failed: tuple[str, ...] = ()
 
 
