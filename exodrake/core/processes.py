@@ -40,16 +40,10 @@ LOOK = 0.5  # s between two looks at whether the parent is there: assumed
 
 
 def in_child[T](function: Callable[..., T], *arguments: Any, source: str, size: int) -> T:
-    """Calls a function in the child process.
+    """Calls a function that a module of this package defines in the child process; arguments are sent by value.
 
-    Args:
-        function: one that a module of this package defines.
-        arguments: of the call, sent by value, as its result is.
-        source: the file it reads, for messages.
-        size: of that file [bytes]; a larger one may take longer.
-
-    Raises:
-        InputError: as the function does, or naming the file if the call crashes, takes too long or too much memory.
+    It reads the file `source` of some size [bytes]; a larger one may take longer. InputError as the function raises, or
+    naming the file if the call crashes, takes too long or too much memory.
     """
     global _child
     with _lock:

@@ -302,16 +302,11 @@ def refuse_separator(cells: list[str], source: str) -> None:
 def columns_in_si(
     columns: Iterable[tuple[str, np.ndarray]], source: str, units: Mapping[str, str] | None = None
 ) -> tuple[dict[str, np.ndarray], dict[str, str]]:
-    """Values (n,) [SI] by name, time among them, and their SI units.
+    """Values (n,) [SI] by name, time among them, and their SI units, from pairs of heading and values (n,).
 
-    Args:
-        columns: (heading, values (n,)) pairs.
-        source: name for messages.
-        units: of columns whose heading is a bare name, else SI by their kind; None: each heading has its unit.
-
-    Raises:
-        InputError: naming a column that comes twice, or in other letters, whose unit is unknown or unsuitable, or a
-            value beyond any signal.
+    `units` are those of columns whose heading is a bare name, else SI by their kind; None: each heading has its unit.
+    InputError names a column that comes twice, or in other letters, or whose unit does not suit, and a value beyond any
+    signal.
     """
     signals: dict[str, np.ndarray] = {}
     known: dict[str, str] = {}
@@ -490,15 +485,10 @@ def regularise(log: Log, period: float = 0.02) -> tuple[Log, list[str]]:
 
 
 def other_rate(time: np.ndarray, frames: np.ndarray, period: float) -> tuple[float, float] | None:
-    """Time from which a clock runs at another rate, and its frame there; None if it does not.
+    """Time [s] from which a clock (n,) [s] runs at another rate than its frames (n,), and its period there [s]; or None.
 
     The rate is that of the straight line through some rows. It counts where it takes them half a frame away, beyond
     which they lie at another frame.
-
-    Args:
-        time: (n,) of the rows [s], increasing.
-        frames: (n,) their frame numbers.
-        period: of a frame [s].
     """
     for rows in np.array_split(np.arange(len(time)), max(1, len(time) // STRETCH)):
         span = float(frames[rows[-1]] - frames[rows[0]]) if len(rows) > 2 else 0.0

@@ -111,14 +111,9 @@ MAX_JOINTS, MAX_ALL = 30, 300  # that move on the way to the tip; in the file
 
 
 def read_urdf(path: str | Path, tip: str = "") -> Chain:
-    """The arm of a URDF file.
+    """The arm of a URDF file, up to the link `tip`, which is needed where the moving joints branch.
 
-    Args:
-        path: of the file.
-        tip: link at which the arm ends; needed where the moving joints branch. Joints elsewhere stand at 0.
-
-    Raises:
-        InputError: naming file and what is wrong.
+    Joints elsewhere stand at 0. InputError names the file and what is wrong.
     """
     source = Path(path).name
     data = read_bytes(path)
