@@ -485,7 +485,7 @@ def regularise(log: Log, period: float = 0.02) -> tuple[Log, list[str]]:
 
 
 def other_rate(time: np.ndarray, frames: np.ndarray, period: float) -> tuple[float, float] | None:
-    """Time [s] from which a clock (n,) [s] runs at another rate than its frames (n,), and its period there [s]; or None.
+    """Time [s] from which a clock (n,) [s] runs at another rate than its frames (n,), and its frame there [s]; or None.
 
     The rate is that of the straight line through some rows. It counts where it takes them half a frame away, beyond
     which they lie at another frame.
