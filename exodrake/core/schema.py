@@ -73,8 +73,7 @@ def read_yaml(path: str | Path) -> Any:
 def parse_yaml(data: bytes, source: str | Path) -> Any:
     """The content of a YAML file: mappings with text keys, lists and scalars.
 
-    Raises:
-        InputError: naming file and line, for text that is not YAML, or is too long, too deep or not plain data.
+    InputError names file and line of text that is not YAML, or is too long, too deep or not plain data.
     """
     import yaml
 
