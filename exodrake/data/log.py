@@ -207,9 +207,9 @@ class Log:
             source: name for messages; else that of `frame.attrs`.
         """
         source = source or str(frame.attrs.get("source", "")) or "frame"
-        columns = [(str(name), _floats(values, str(name), source)) for name, values in frame.items()]
+        columns = [(str(name), _vector(values, str(name), source)) for name, values in frame.items()]
         if not any(name.partition("[")[0].strip() == "time" for name, _ in columns):
-            columns.insert(0, ("time", _floats(frame.index, "time", source)))
+            columns.insert(0, ("time", _vector(frame.index, "time", source)))
         signals, known = columns_in_si(columns, source, {**frame.attrs.get("units", {}), **(units or {})})
         log = Log(signals.pop("time"), signals, {name: known[name] for name in signals}, source)
         check_clock(log)
@@ -246,14 +246,10 @@ def check_clock(log: Log) -> None:
         raise InputError(f"{log.label}: column 'time', row {row + 2}: {after:g} s does not come after {here:g} s")
 
 
-def _floats(values: Any, name: str, source: str) -> np.ndarray:
-    """A column (n,) [any unit] of a DataFrame as float64, time differences in s."""
-    array = np.asarray(values)
-    return _vector(array / np.timedelta64(1, "s") if array.dtype.kind == "m" else values, name, source)
-
-
 def _vector(values: ArrayLike, name: str, source: str) -> np.ndarray:
-    """A contiguous (n,) float64 array."""
+    """A contiguous (n,) float64 array; time differences in s."""
+    if getattr(getattr(values, "dtype", None), "kind", "") == "m":
+        values = np.asarray(values) / np.timedelta64(1, "s")
     try:
         vector = np.ascontiguousarray(values, dtype=np.float64)
     except (TypeError, ValueError):

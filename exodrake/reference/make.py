@@ -68,24 +68,6 @@ def parts_gaps(case: DrawnCase, seed: list[int], hidden: tuple[str, ...] = ()) -
     return [max(gaps(replace(case.spec, effects=rest)).values()) for rest in others], whole
 
 
-def small_enough(case: DrawnCase, seed: list[int], mix: CaseMix) -> tuple[DrawnCase, list[float], Gaps]:
-    """Weaken the effects of a case until their smallest gap lies in the range of the mix, by bisection in the strength.
-
-    Case, gap per effect and gap per signal; the last tried where no strength gives a gap in the range.
-    """
-    found = (case, *parts_gaps(case, seed, mix.hidden))
-    low, high = WEAKEST, 1.0
-    for _ in range(BISECTIONS if min(found[1]) > mix.gap[1] else 0):
-        strength = float(np.sqrt(low * high))
-        effects = tuple(weaken(effect, strength) for effect in case.spec.effects)
-        weaker = replace(case, spec=replace(case.spec, effects=effects))
-        found = (weaker, *parts_gaps(weaker, seed, mix.hidden))
-        if distance(found[1], mix.gap) == 0.0:
-            break
-        low, high = (low, strength) if min(found[1]) > mix.gap[1] else (strength, high)
-    return found
-
-
 def distance(gaps: list[float], wanted: tuple[float, float]) -> float:
     """Distance of the smallest gap from the wanted range [noise standard deviations]."""
     return max(wanted[0] - min(gaps), min(gaps) - wanted[1], 0.0)
@@ -125,7 +107,16 @@ def case_and_label(plan: CasePlan) -> tuple[Case, Label]:
     # drawn until the gap of the effects on the held-out motion is as wanted, or the attempts run out
     best = draw_case(plan), [], {}
     for attempt in range(ATTEMPTS if plan.ids else 0):
-        found = small_enough(draw_case(plan, attempt), [*plan.seed, 4], plan.mix)
+        drawn, seed = draw_case(plan, attempt), [*plan.seed, 4]
+        found, (low, high) = (drawn, *parts_gaps(drawn, seed, plan.mix.hidden)), (WEAKEST, 1.0)
+        for _ in range(BISECTIONS if min(found[1]) > plan.mix.gap[1] else 0):  # in the strength of the effects
+            strength = float(np.sqrt(low * high))
+            effects = tuple(weaken(effect, strength) for effect in drawn.spec.effects)
+            weaker = replace(drawn, spec=replace(drawn.spec, effects=effects))
+            found = (weaker, *parts_gaps(weaker, seed, plan.mix.hidden))
+            if distance(found[1], plan.mix.gap) == 0.0:
+                break
+            low, high = (low, strength) if min(found[1]) > plan.mix.gap[1] else (strength, high)
         if not best[1] or distance(found[1], plan.mix.gap) < distance(best[1], plan.mix.gap):
             best = found
         if distance(best[1], plan.mix.gap) == 0.0:
