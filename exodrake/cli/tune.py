@@ -72,8 +72,9 @@ def command(file, settling, overshoot, disk_margin, noise, only, draws, out, out
         best = tuning.best
         notes = (
             f"controller {best.name} by exodrake tune: overshoot up to {100.0 * wanted.overshoot:g} %, disk margin "
-            f"from {wanted.disk_margin:g}; worst over operating points and tolerances: settles in {best.settling:.3g} s, "
-            f"overshoot {round(100.0 * best.overshoot, 2):.2g} %, disk margin {best.disk_margin:.2g}"
+            f"from {wanted.disk_margin:g}; worst over operating points and tolerances: settles in "
+            f"{best.settling:.3g} s, overshoot {round(100.0 * best.overshoot, 2):.2g} %, disk margin "
+            f"{best.disk_margin:.2g}"
         )
         files["tuned.yaml"] = robot_text(best.robot, notes)
     write_answer(tuning.to_dict(), "tune", json_file, out, files)
