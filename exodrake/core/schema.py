@@ -80,7 +80,7 @@ def parse_yaml(data: bytes, source: str | Path) -> Any:
     if len(data) > MAX_BYTES:
         raise refusal(str(source), f"{len(data)} bytes, more than {MAX_BYTES}")
     try:
-        events = yaml.parse(data, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))
+        events: Any = yaml.parse(data, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))
         next(events)
         if isinstance(next(events), yaml.StreamEndEvent):
             return None

@@ -380,6 +380,6 @@ def baselines_of(cases: Sequence[Answered]) -> tuple[Share, ...]:
         rows.append(share(f"always the commonest {label}", single, lambda c, k=key, v=commonest: c.truths[0][k] == v))
     for name in sorted({name for case in single for name in case.diagnosis.get("baselines") or ()}):
         ids = {c.name: (c.diagnosis.get("baselines") or {}).get(name) or "" for c in single}
-        found = {c.name: is_truth(c.truths, ids[c.name].split(" + ")) for c in single}
-        rows.append(Share(f"{name} names the truth", found))
+        named = [c for c in single if is_truth(c.truths, ids[c.name].split(" + "))]
+        rows.append(share(f"{name} names the truth", single, lambda c, named=named: c in named))
     return tuple(rows)
