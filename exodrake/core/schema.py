@@ -80,13 +80,14 @@ def parse_yaml(data: bytes, source: str | Path) -> Any:
     if len(data) > MAX_BYTES:
         raise refusal(str(source), f"{len(data)} bytes, more than {MAX_BYTES}")
     try:
-        events: Any = yaml.parse(data, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))
+        events = yaml.parse(data, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))
         next(events)
         if isinstance(next(events), yaml.StreamEndEvent):
             return None
         content = _node(next(events), events, str(source), 0)
         next(events)
-        if not isinstance(extra := next(events), yaml.StreamEndEvent):
+        extra: Any = next(events)
+        if not isinstance(extra, yaml.StreamEndEvent):
             raise refusal(f"{source}, line {extra.start_mark.line + 1}", "not YAML (a second document)")
         return content
     except yaml.YAMLError as error:
