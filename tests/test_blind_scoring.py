@@ -22,7 +22,7 @@ from exodrake.reference.measures import (
     names_too_much,
     shares_of,
 )
-from exodrake.reference.score import as_json, as_tables, markdown, score, tables
+from exodrake.reference.score import as_json, markdown, score, tables
 
 
 def truth(effect_id, gap=10.0, exact=True, blocks=(), wires=(), joints=(), **parameters):
@@ -283,7 +283,7 @@ def test_score_prints_each_mix_and_leaves_out_rows_without_cases(tiny):
     result = score(folder, labels)
     assert [(group.name, group.cases) for group in result.groups] == [("standard", 14), ("small", 1)]
     titles = ["standard, 14 cases", "standard, paired", "small, 1 case", "truth and answer, 15 cases"]
-    assert [table.title for table in as_tables(result)] == titles
+    assert [title for title, _, _ in tables(result)] == titles
     page = markdown(tables(result))
     assert "| exactly named, single | >= 90 % | 60.0 % |" in page and "| wrongly UNKNOWN | <= 3 % | 100.0 % |" in page
     assert page.count("| truth first |") == 2 and page.count("| false alarm on healthy |") == 1

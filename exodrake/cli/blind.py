@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from exodrake.cli.options import AnyPath, OutputFile, json_option, write_files, write_json
+from exodrake.cli.options import AnyPath, OutputFile, json_option, print_table, write_files, write_json
 from exodrake.core.progress import counted, where_to_run
 
 
@@ -76,13 +76,14 @@ def score(
 
     --against compares them, case by case, with the answers that another method or configuration gave.
     """
-    from rich.console import Console
-
-    from exodrake.reference.score import as_json, as_tables, markdown as as_markdown, score as score_set, tables
+    from exodrake.reference.score import CONFUSION, as_json, markdown as as_markdown, score as score_set, tables
 
     result = score_set(folder, labels, against)
-    if not write_json(as_json(result), json_file):
-        for table in as_tables(result):
-            Console().print(table)
+    for title, headings, rows in tables(result) if not write_json(as_json(result), json_file) else ():
+        click.echo(f"\n{title}")
+        if headings is CONFUSION:  # wrong answers in red
+            print_table(headings, [row if row[2] else [f"[red]{cell}[/red]" for cell in row] for row in rows])
+        else:
+            print_table([heading if not k else f">{heading}" for k, heading in enumerate(headings)], rows)
     if markdown:
         write_files({markdown: as_markdown(tables(result))})

@@ -19,9 +19,7 @@ from exodrake.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from exodrake.core.robot import Robot
     from exodrake.diagnosis.checks.identifiability import Direction
-    from exodrake.diagnosis.checks.preflight import Preflight
 
 TOP, FEW = 3, 4  # effects that are listed for each; for fewer sensors
 
@@ -39,53 +37,35 @@ def command(case: Path, robot: str, only: str, without: str, figure: Path | None
     CASE is a folder of logs or one log. The effects are judged on its references alone, by simulating each of them at a
     typical size on the nominal robot; the measured values are not fitted.
     """
+    from rich.markup import escape
+
+    from exodrake.core.display import display_of
     from exodrake.core.parallel import one_blas_thread
-    from exodrake.diagnosis.checks.preflight import draw_figure, preflight
     from exodrake.machines.robot_file import load_robot
+    from exodrake.diagnosis.checks.identifiability import SEEN
+    from exodrake.diagnosis.checks.preflight import draw_figure, preflight
 
     nominal = load_robot(robot)
     refuse_cases(case)
     with waiting("reading") as say, one_blas_thread():
         found = preflight(case, nominal, tried_of(robot, only, without), allow_outside, say)
-    print_recordings(found, nominal)
-    for problem in found.problems:
-        click.echo(f"{click.style('note', fg='yellow')}    {problem}")
-    if not found.problems:
-        click.echo(f"{click.style('nothing wrong', fg='green')} with the recordings")
-    click.echo()
-    print_effects(found)
-    if figure:
-        write_files({figure: draw_figure(found)})
-
-
-def print_recordings(found: Preflight, robot: Robot) -> None:
-    """Prints tables of clocks, channels and references."""
-    from rich.markup import escape
-
-    from exodrake.core.display import display_of
 
     def shown(column: str, value: float) -> str:
-        display = display_of(column.rsplit("_", 1)[0], robot.machine)
+        display = display_of(column.rsplit("_", 1)[0], nominal.machine)
         return f"{display.factor * value:.3g} {display.unit}"
 
-    clocks = [
-        (
-            *(escape(c.file), str(c.rows), f"{c.duration:.4g} s"),
-            *(f"{1e3 * c.step:.4g} ms", f"{c.jitter:.1%}", str(c.missing)),
-        )
-        for c in found.clocks
-    ]
+    clocks = []
+    for c in found.clocks:
+        step = f"{1e3 * c.step:.4g} ms"
+        clocks.append((escape(c.file), str(c.rows), f"{c.duration:.4g} s", step, f"{c.jitter:.1%}", str(c.missing)))
     channels = [
         (c.column, shown(c.column, c.motion), shown(c.column, c.noise), f"{c.missing:.1%}", f"{c.saturated:.1%}")
         for c in found.channels
     ]
-    references = [
-        (
-            *(e.column, shown(e.column, e.span), "" if e.share != e.share else f"{e.share:.0%}"),
-            *(f"{e.band:.2g} Hz", str(e.reversals), f"{e.rest:.0%}"),
-        )
-        for e in found.excitations
-    ]
+    references = []
+    for e in found.excitations:
+        span, share = shown(e.column, e.span), "" if e.share != e.share else f"{e.share:.0%}"
+        references.append((e.column, span, share, f"{e.band:.2g} Hz", str(e.reversals), f"{e.rest:.0%}"))
     for titles, rows in (
         (("log", ">rows", ">duration", ">step", ">jitter", ">missing frames"), clocks),
         (("channel", ">motion (std)", ">fast noise (std)", ">missing", ">at its ends"), channels),
@@ -93,12 +73,11 @@ def print_recordings(found: Preflight, robot: Robot) -> None:
     ):
         print_table(titles, rows)
         click.echo()
-
-
-def print_effects(found: Preflight) -> None:
-    """Prints the smallest size of each effect that is seen, what it could be taken for, and what sensors would help."""
-    from exodrake.diagnosis.checks.identifiability import SEEN
-
+    for problem in found.problems:
+        click.echo(f"{click.style('note', fg='yellow')}    {problem}")
+    if not found.problems:
+        click.echo(f"{click.style('nothing wrong', fg='green')} with the recordings")
+    click.echo()
     result, rows = found.identifiability, []
     for effect in dict.fromkeys(d.effect for d in result.directions):
         own = [d for d in result.directions if d.effect == effect]
@@ -124,6 +103,8 @@ def print_effects(found: Preflight) -> None:
         click.echo()
         lost = "effects no longer distinguished"
         print_table(("with these columns alone", ">distinguished", ">mistaken", ">not seen", lost), rows, wrapped=4)
+    if figure:
+        write_files({figure: draw_figure(found)})
 
 
 def first_names(names: list[str], count: int) -> str:

@@ -49,7 +49,7 @@ class Targets(NamedTuple):
 @robot_option(default="")
 @click.option("--effects", "only", default="", metavar="ID,...", help="Try these effects only.")
 @click.option("--without", default="", metavar="ID,...", help="Do not try these effects.")
-@click.option("--discover/--no-discover", help="Look for a law that the library lacks [for UNKNOWN].")
+@click.option("--discover/--no-discover", default=None, help="Look for a law that the library lacks [for UNKNOWN].")
 @click.option("--out-law", metavar="FOLDER", type=AnyPath(), help="Write that law, as a plugin with its robot.")
 @click.option("--profile", is_flag=True, help="Say how much processor time and simulated time each stage took.")
 @click.option("--jobs", type=click.IntRange(min=1), help="Processor cores to use [all].")

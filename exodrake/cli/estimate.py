@@ -1,16 +1,10 @@
 """`exodrake train` and `estimate`: the joint-angle estimator, validated under both splits, and the angles of a log."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
 from exodrake.cli.options import AnyPath, OutputFile, print_table, waiting
-
-if TYPE_CHECKING:
-    import numpy as np
-
-    from exodrake.estimator.validate import Score
 
 
 @click.command()
@@ -48,24 +42,17 @@ def train_estimator(
         scores = validate(prior, sweeps, points, seed)
     make_folder(out.parent)
     save(estimator, out, notes={f"{s.method}, {s.split}": [float(value) for value in s.rmse] for s in scores})
-    print_scores(scores, estimator.joints)
-    click.echo(f"wrote {out}: {estimator.points} points of {estimator.sweeps} sweeps in {len(read)} log(s)")
-
-
-def print_scores(scores: "tuple[Score, ...]", joints: tuple[str, ...]) -> None:
-    """Print RMSE [rad] and 95 % coverage by method and split."""
-
-    def joined(values: "np.ndarray", digits: int) -> str:
-        return " / ".join("-" if value != value else f"{value:.{digits}f}" for value in values)
-
     splits, rows = list(dict.fromkeys(score.split for score in scores)), []
     for method in dict.fromkeys(score.method for score in scores):
-        found = {score.split: score for score in scores if score.method == method}
-        rows.append((method, "RMSE, mean, rad", *(f"{found[split].mean_rmse:.4f}" for split in splits)))
-        rows.append(("", "/".join(joints), *(joined(found[split].rmse, 4) for split in splits)))
-        rows.append(("", "inside 95 %", *(joined(found[split].coverage, 2) for split in splits)))
+        own = [next(s for s in scores if (s.method, s.split) == (method, split)) for split in splits]
+        rows.append((method, "RMSE, mean, rad", *(f"{score.mean_rmse:.4f}" for score in own)))
+        joints = "/".join(estimator.joints)
+        for name, digits, found in ((joints, 4, [s.rmse for s in own]), ("inside 95 %", 2, [s.coverage for s in own])):
+            cells = (" / ".join("-" if v != v else f"{v:.{digits}f}" for v in values) for values in found)
+            rows.append(("", name, *cells))
     click.echo("estimator and baselines by split: a new sweep is like the right column")
     print_table(("method", "figure", *(f">{split}" for split in splits)), rows)
+    click.echo(f"wrote {out}: {estimator.points} points of {estimator.sweeps} sweeps in {len(read)} log(s)")
 
 
 BAND = "black: estimate, with a band of two standard deviations; in colour: measured"

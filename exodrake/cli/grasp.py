@@ -41,7 +41,7 @@ def command(mode: str, size: str, file: Path | None, robot: str, seed: int, out:
     from exodrake.core.files import check_folder, write_folder
     from exodrake.data.formats import log_bytes
     from exodrake.estimator.gp import load, quick_estimator
-    from exodrake.grasping.plan import plan_grasp, run_plan
+    from exodrake.grasping.plan import at_hold, plan_grasp, run_plan
     from exodrake.machines.robot_file import load_robot
 
     built, wanted = load_robot(robot), parse_size(size)
@@ -59,19 +59,20 @@ def command(mode: str, size: str, file: Path | None, robot: str, seed: int, out:
         say("drawing")
         contents = files_of(plan, log, built, None if file else listening)
         write_folder(folder, {"log.csv": log_bytes(log, folder / "log.csv"), **contents})
-    print_plan(plan, log)
+    click.echo(f"{plan.mode}  {1e3 * plan.size:g} mm {'feasible' if plan.feasible else 'not feasible'}")
+    click.echo(f"fingertip at x {1e3 * plan.target[0]:.1f}, y {1e3 * plan.target[1]:.1f} mm (palmar) of the MCP")
+    rows = []
+    reached = at_hold(log, "angle", plan.joints)
+    guess, deviation = at_hold(log, "angle_est", plan.joints), at_hold(log, "angle_std", plan.joints)
+    for i, (tendon, joint) in enumerate(zip(plan.tendons, plan.joints)):
+        angles = (f"{v:.3f}" for v in (plan.wanted[i], plan.planned[i], plan.shortfall[i], reached[i]))
+        estimated = f"{guess[i]:.3f} ± {deviation[i]:.3f} rad"
+        rows.append((tendon, f"{plan.tensions[i]:.2f} N", joint, *angles, estimated))
+    titles = ("tendon", ">tension", "joint", ">wanted", ">planned", ">short by", ">reached", ">estimated")
+    print_table(titles, rows)
+    if not plan.feasible:
+        click.secho(f"not feasible: {plan.reason}", fg="yellow", err=True)
     click.echo(f"wrote {folder}/: log.csv, {', '.join(contents)}")
-
-
-def parse_size(text: str) -> float:
-    """`60mm` or `6 cm` as metres; InputError for no number, no unit or no length."""
-    from exodrake.core.errors import InputError
-    from exodrake.core.units import quantity
-
-    size = quantity(text, "m", "--size")
-    if text.strip()[-1].isdigit():
-        raise InputError(f"--size is {text!r}, wanted a number with a unit, such as 60mm or 6cm")
-    return size
 
 
 def files_of(plan: Plan, log: Log, robot: Robot, trained: Estimator | None) -> dict[str, bytes]:
@@ -84,7 +85,7 @@ def files_of(plan: Plan, log: Log, robot: Robot, trained: Estimator | None) -> d
 
     from exodrake.data.plot import png_of
     from exodrake.diagrams.meshcat import Thing, recording_html
-    from exodrake.estimator.gp import save
+    from exodrake.estimator.file import save
     from exodrake.grasping.figure import grasp_figure
 
     thing = Thing((plan.centre[0], -plan.centre[1]), plan.size / 2.0, WIDTH if plan.mode == "caging" else None)
@@ -103,20 +104,12 @@ def files_of(plan: Plan, log: Log, robot: Robot, trained: Estimator | None) -> d
     return contents
 
 
-def print_plan(plan: Plan, log: Log) -> None:
-    """Prints whether the grasp is feasible, tensions and postures."""
-    from exodrake.grasping.plan import at_hold
+def parse_size(text: str) -> float:
+    """`60mm` or `6 cm` as metres; InputError for no number, no unit or no length."""
+    from exodrake.core.errors import InputError
+    from exodrake.core.units import quantity
 
-    click.echo(f"{plan.mode}  {1e3 * plan.size:g} mm {'feasible' if plan.feasible else 'not feasible'}")
-    click.echo(f"fingertip at x {1e3 * plan.target[0]:.1f}, y {1e3 * plan.target[1]:.1f} mm (palmar) of the MCP")
-    rows = []
-    reached = at_hold(log, "angle", plan.joints)
-    guess, deviation = at_hold(log, "angle_est", plan.joints), at_hold(log, "angle_std", plan.joints)
-    for i, (tendon, joint) in enumerate(zip(plan.tendons, plan.joints)):
-        angles = (f"{v:.3f}" for v in (plan.wanted[i], plan.planned[i], plan.shortfall[i], reached[i]))
-        estimated = f"{guess[i]:.3f} ± {deviation[i]:.3f} rad"
-        rows.append((tendon, f"{plan.tensions[i]:.2f} N", joint, *angles, estimated))
-    titles = ("tendon", ">tension", "joint", ">wanted", ">planned", ">short by", ">reached", ">estimated")
-    print_table(titles, rows)
-    if not plan.feasible:
-        click.secho(f"not feasible: {plan.reason}", fg="yellow", err=True)
+    size = quantity(text, "m", "--size")
+    if text.strip()[-1].isdigit():
+        raise InputError(f"--size is {text!r}, wanted a number with a unit, such as 60mm or 6cm")
+    return size

@@ -12,7 +12,7 @@ from exodrake.core.errors import InputError
 from exodrake.machines.library import machine_folders, machine_named, recorded_machines
 
 if TYPE_CHECKING:
-    from exodrake.data.import_log import Imported, Mapped
+    from exodrake.data.import_log import Imported
 
 FILE = {"type": AnyPath(), "default": None, "metavar": "FILE"}
 MAPPING = "mapping.yaml"  # in the folder of a machine
@@ -50,7 +50,11 @@ def command(
       angle_speed_MCP: {of: angle_MCP, take: rate, filter: 8}
     period: 0.02       # optional: frames of this length [s]
     """  # noqa: D301 - click reads the character \b
-    from exodrake.data.import_log import import_all, read_mapping
+    from exodrake.core.files import write_folder
+    from exodrake.data.case import FILE as CASE, Case, CaseLog, case_text, notes_name, write_case
+    from exodrake.data.formats import ending, format_of, log_bytes
+    from exodrake.data.import_log import frame_period, import_all, read_mapping
+    from exodrake.machines.library import reader
 
     if out is None:
         for recording in recordings:
@@ -59,9 +63,6 @@ def command(
     if known is not None:
         if map_file or len(recordings) > 1:
             raise InputError("--from reads one set, without --map")
-        from exodrake.data.case import write_case
-        from exodrake.machines.library import reader
-
         case = reader(known)(next(iter(recordings)))
         write_case(case, out)
         click.echo(f"{out}: {len(case.logs)} logs; exodrake diagnose {out} --robot {known}")
@@ -80,16 +81,6 @@ def command(
             if name in logs:
                 raise InputError(f"{recording}: there is a log {name!r} already")
             logs[name] = item
-    write_logs(logs, out, mapped, machine or DEFAULT)
-
-
-def write_logs(logs: dict[str, Imported], out: Path, mapped: Mapped | None, machine: str) -> None:
-    """Writes one log, or a case for a machine whose last log is held out, with their notes."""
-    from exodrake.core.files import write_folder
-    from exodrake.data.case import FILE as CASE, Case, CaseLog, case_text, notes_name
-    from exodrake.data.formats import ending, format_of, log_bytes
-    from exodrake.data.import_log import frame_period
-
     if ending(out) or out.suffix:
         format_of(out)
         if len(logs) > 1:
@@ -102,7 +93,7 @@ def write_logs(logs: dict[str, Imported], out: Path, mapped: Mapped | None, mach
         roles = ["holdout" if name == names[-1] and len(names) > 1 else "fit" for name in names]
         files = {name: f"{name}.csv.gz" for name in names}
         items = [CaseLog(logs[n].log, n, role, None, files[n]) for n, role in zip(names, roles, strict=True)]
-        period = frame_period([item.log for item in items], mapped, machine_named(machine).frame)
+        period = frame_period([item.log for item in items], mapped, machine_named(machine or DEFAULT).frame)
         contents = {files[name]: log_bytes(logs[name].log, out / files[name]) for name in names}
         contents |= {notes_name(files[n]): "\n".join((*logs[n].notes, "")).encode() for n in names if logs[n].notes}
         contents[CASE] = case_text(Case(out.resolve().name, {}, tuple(items), period)).encode()

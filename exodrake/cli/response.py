@@ -33,7 +33,7 @@ def command(cases, input, output, file, parameters, effects, parts, improved, se
     CASE_OR_LOG is a case folder, or one or several logs, which are averaged. Logs without the robot's references are
     estimated alone.
     """
-    from exodrake.analysis.log_response import block_responses, frequency_response, plot_responses
+    from exodrake.analysis.log_response import TICKS, block_responses, frequency_response, plot_responses
     from exodrake.core.errors import InputError
     from exodrake.data.case import gather_logs
     from exodrake.data.plot import png_of
@@ -53,25 +53,16 @@ def command(cases, input, output, file, parameters, effects, parts, improved, se
         found = [frequency_response(case, input, output, *robots, segment)]
     else:
         found = block_responses(case, {"nominal": robot} | ({"improved": other} if other else {}), segment)
-    show(found, json_file == "-")
-    files = {"response.png": png_of(plot_responses(found))} if out else {}
-    write_answer([one.to_dict() for one in found], "response", json_file, out, files)
-
-
-def show(responses: list, aside: bool) -> None:
-    """Band, explained share and gap of each response, and of a single one its lines; aside: on standard error."""
-    from exodrake.analysis.log_response import TICKS
-
-    rows, models = [], list(responses[0].models) if responses else []
-    for one in responses:
+    rows, models = [], list(found[0].models) if found else []
+    for one in found:
         f = one.frequency[one.band]
         band = f"{f[0]:.3g} to {f[-1]:.3g}" if len(f) else "unresolved"
         gaps = (one.in_words(name) for name in models)
         rows.append((f"{one.input} → {one.output}", band, f"{one.explained:.0%}", *gaps))
     titles = ("response", ">resolved\n\\[Hz]", ">explained", *(f">measured /\n{name}" for name in models))
-    print_table(titles, rows, aside=aside)
-    if len(responses) == 1:
-        one, gaps = responses[0], [responses[0].gap(name) for name in models]
+    print_table(titles, rows, aside=json_file == "-")
+    if len(found) == 1:
+        one, gaps = found[0], [found[0].gap(name) for name in models]
         known, f = one.resolved.nonzero()[0], one.frequency[one.band]
         ticks = [tick for tick in TICKS if len(f) and f[0] <= tick <= f[-1]]
         rows = [
@@ -82,4 +73,6 @@ def show(responses: list, aside: bool) -> None:
             )
             for k in sorted({int(known[abs(one.frequency[known] - tick).argmin()]) for tick in ticks})
         ]
-        print_table((">Hz", ">coherence", *titles[3:]), rows, aside=aside)
+        print_table((">Hz", ">coherence", *titles[3:]), rows, aside=json_file == "-")
+    files = {"response.png": png_of(plot_responses(found))} if out else {}
+    write_answer([one.to_dict() for one in found], "response", json_file, out, files)

@@ -41,6 +41,10 @@ def command(protocol: str, reference: str, file: str, robot: str, out: Path | No
     multisine, random-motion, maximum-tension. Options of its own follow a colon: `caging:hold=4`,
     `chirp:low=0.1,high=1.5`. For a wide pinch that bends the PIP by 0.4 rad: `--robot exo_index/wide_pinch`.
     """
+    import numpy as np
+    from rich.markup import escape
+
+    from exodrake.core.display import display_of
     from exodrake.core.files import check_folder, write_folder
     from exodrake.data.formats import log_bytes
 
@@ -60,7 +64,29 @@ def command(protocol: str, reference: str, file: str, robot: str, out: Path | No
         contents = {name: log_bytes(one, folder / name) for name, one in logs.items()}
         contents |= files_of(scenario, built, log, what.name, say, nominal)
         write_folder(folder, contents)
-    print_run(scenario, built, log, nominal)
+    machine, rows, peak = built.machine, [], None
+    kind = machine.references[0].kind
+    if log.has(kind) and (away := np.linalg.norm(log[kind] - log[kind][0], axis=1)).max() > 0.0:
+        peak = int(np.flatnonzero(away >= away.max() * (1.0 - 1e-9))[-1])  # the last row farthest from the start
+    for column in (column for column in machine.columns if column not in machine.references):
+        display = display_of(column.kind, machine)
+        for channel in machine.channels(column.signal):
+            name, reference = f"{column.kind}_{channel}", f"{column.kind}_ref_{channel}"
+            values = display.factor * log[name]
+            cells = [values.min(), values.max(), *([] if peak is None else [values[peak]]), values[-1]]
+            for other, wanted in [(log, reference), *([] if nominal is None else [(nominal, name)])]:
+                known = other.has(wanted)
+                cells.append(np.sqrt(np.mean((values - display.factor * other[wanted]) ** 2)) if known else np.nan)
+            texts = ["" if np.isnan(cell) else f"{float(cell):.3g}" for cell in cells]
+            rows.append((f"{column.kind} {channel}".rstrip(), escape(display.unit), *texts))
+    titles = ["signal", "unit", ">lowest", ">highest", *([] if peak is None else [f">at\n{log.time[peak]:.2f} s"])]
+    titles += [">in the\nend", ">RMS from\nreference", *([">RMS from\nnominal"] if nominal is not None else [])]
+    click.echo(f"{log.label}  {log.duration:g} s, {len(log)} rows")
+    for change in changes(scenario, built):
+        click.echo(f"with {change}")
+    print_table(titles, rows)
+    if peak is not None:
+        click.echo(f"{log.time[peak]:.2f} s: the last moment at which the references are farthest from their start")
     click.echo(f"wrote {folder}/: {', '.join(contents)}")
     warn(built)
 
@@ -135,38 +161,6 @@ def changes(scenario: Scenario, robot: Robot) -> list[str]:
     said += ["no noise"] if scenario.seed is None else [f"seed {scenario.seed}"] * (scenario.seed != 0)
     said += ["readings unrounded"] * (not scenario.quantisation) + ["in Drake"] * (scenario.engine == "drake")
     return said
-
-
-def print_run(scenario: Scenario, robot: Robot, log: Log, nominal: Log | None) -> None:
-    """Prints what ran, and for each channel its range and its errors from reference and nominal run."""
-    import numpy as np
-    from rich.markup import escape
-
-    from exodrake.core.display import display_of
-
-    machine, rows, peak = robot.machine, [], None
-    kind = machine.references[0].kind
-    if log.has(kind) and (away := np.linalg.norm(log[kind] - log[kind][0], axis=1)).max() > 0.0:
-        peak = int(np.flatnonzero(away >= away.max() * (1.0 - 1e-9))[-1])  # the last row farthest from the start
-    for column in (column for column in machine.columns if column not in machine.references):
-        display = display_of(column.kind, machine)
-        for channel in machine.channels(column.signal):
-            name, reference = f"{column.kind}_{channel}", f"{column.kind}_ref_{channel}"
-            values = display.factor * log[name]
-            cells = [values.min(), values.max(), *([] if peak is None else [values[peak]]), values[-1]]
-            for other, wanted in [(log, reference), *([] if nominal is None else [(nominal, name)])]:
-                known = other.has(wanted)
-                cells.append(np.sqrt(np.mean((values - display.factor * other[wanted]) ** 2)) if known else np.nan)
-            texts = ["" if np.isnan(cell) else f"{float(cell):.3g}" for cell in cells]
-            rows.append((f"{column.kind} {channel}".rstrip(), escape(display.unit), *texts))
-    titles = ["signal", "unit", ">lowest", ">highest", *([] if peak is None else [f">at\n{log.time[peak]:.2f} s"])]
-    titles += [">in the\nend", ">RMS from\nreference", *([">RMS from\nnominal"] if nominal is not None else [])]
-    click.echo(f"{log.label}  {log.duration:g} s, {len(log)} rows")
-    for change in changes(scenario, robot):
-        click.echo(f"with {change}")
-    print_table(titles, rows)
-    if peak is not None:
-        click.echo(f"{log.time[peak]:.2f} s: the last moment at which the references are farthest from their start")
 
 
 def warn(robot: Robot) -> None:

@@ -23,7 +23,7 @@ from exodrake.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from exodrake.analysis.tuning import Tuned, Tuning
+    from exodrake.analysis.tuning import Tuning
 
 
 ABOVE = click.FloatRange(min=0.0, min_open=True)
@@ -69,7 +69,14 @@ def command(file, settling, overshoot, disk_margin, noise, only, draws, out, out
         show(tuning)
     files: dict[str, str | bytes] = {"tune.png": png_of(plot_tuning(tuning))} if out else {}
     if tuning.best and (out or out_robot) and not (robot.machine.loop and robot.machine.loop.outer):
-        files["tuned.yaml"] = robot_text(tuning.best.robot, notes_of(tuning, tuning.best))
+        best = tuning.best
+        notes = (
+            f"controller {best.name} by exodrake tune: overshoot up to {100.0 * wanted.overshoot:g} %, disk margin "
+            f"from {wanted.disk_margin:g}; worst over operating points and tolerances: settles in "
+            f"{best.settling:.3g} s, overshoot {round(100.0 * best.overshoot, 2):.2g} %, disk margin "
+            f"{best.disk_margin:.2g}"
+        )
+        files["tuned.yaml"] = robot_text(best.robot, notes)
     write_answer(tuning.to_dict(), "tune", json_file, out, files)
     if out_robot and tuning.best:
         write_files({out_robot: files["tuned.yaml"]}, json_file != "-")
@@ -117,16 +124,6 @@ def show(tuning: Tuning) -> None:
     for point, (gains, settling) in tuning.schedule.items():
         values = ", ".join(f"{name} = {value:.4g}" for name, value in gains.items())
         click.echo(f"  scheduled, {point}: {values}; settles in {settling:.3g} s")
-
-
-def notes_of(tuning: Tuning, best: Tuned) -> str:
-    """Source of the tuned gains as text for a robot file."""
-    w = tuning.requirements
-    return (
-        f"controller {best.name} by exodrake tune: overshoot up to {100.0 * w.overshoot:g} %, disk margin from "
-        f"{w.disk_margin:g}; worst over operating points and tolerances: settles in {best.settling:.3g} s, overshoot "
-        f"{round(100.0 * best.overshoot, 2):.2g} %, disk margin {best.disk_margin:.2g}"
-    )
 
 
 @click.command()

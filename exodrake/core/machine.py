@@ -34,20 +34,13 @@ class ParameterInfo:
 
 @dataclass(frozen=True)
 class Tolerance:
-    """Parameters that differ a little from one machine to the next of its kind.
+    """Parameters that differ a little from one machine to the next of its kind."""
 
-    Attributes:
-        parameters: patterns, each naming one parameter, or several that err together; {w} and {j} stand for every
-            tendon and joint.
-        transform: "relative" (times 1 + x), "additive" (plus x) or "log" (times exp x).
-        prior_std: standard deviation of x.
-        max_deviation: largest |x|; beyond it a parameter is not the nominal one any more.
-    """
-
+    # patterns, each naming one parameter, or several that err together; {w} and {j} stand for every tendon and joint
     parameters: tuple[str, ...]
-    transform: str
-    prior_std: float
-    max_deviation: float
+    transform: str  # "relative" (times 1 + x), "additive" (plus x) or "log" (times exp x)
+    prior_std: float  # standard deviation of x
+    max_deviation: float  # largest |x|; beyond it a parameter is not the nominal one any more
 
     def in_words(self, unit: str = "") -> str:
         """Standard deviation and largest deviation as text; unit: of the parameter, after a blank."""
@@ -79,86 +72,57 @@ def expanded(pattern: str, axes: Axes) -> list[str]:
 
 @dataclass(frozen=True)
 class Imposed:
-    """A signal that carries the measured output of a fixed segment.
+    """A signal that carries the measured output of a fixed segment."""
 
-    Attributes:
-        signal: name of the signal.
-        rate: whether it carries the rate of change of the output instead of its value.
-        gain: factor on value or rate.
-        low: lower bound of the value before the gain.
-        part: the only part whose plant update reads the signal so; empty: every part.
-    """
-
-    signal: str
-    rate: bool = False
-    gain: float = 1.0
-    low: float | None = None
-    part: str = ""
+    signal: str  # name of the signal
+    rate: bool = False  # whether it carries the rate of change of the output instead of its value
+    gain: float = 1.0  # factor on value or rate
+    low: float | None = None  # lower bound of the value before the gain
+    part: str = ""  # the only part whose plant update reads the signal so; empty: every part
 
 
 @dataclass(frozen=True)
 class Segment:
-    """What lies between measured signals. A segment is fixed by imposing its measured output on the other segments.
+    """What lies between measured signals. A segment is fixed by imposing its measured output on the other segments."""
 
-    Attributes:
-        name: name in reports.
-        output: column kind in which the segment ends.
-        inputs: column kinds from which the output follows.
-        imposed: signals that carry the measured output while the segment is fixed; the column's signal if empty.
-        parameters: values [SI] that parameters (names without channel) take while the segment is fixed.
-        hold: part and function `f(x, z, n, e, output)` that moves its state to the measured output after each tick.
-        sampled: time of the reading after the start of its frame [s]; the output runs straight through it at its rate.
-            None: the output is held over the frame.
-        exact: whether the segment is software of known law: never a suspect, and fed with unsmoothed readings.
-        contents: parts that it holds, for reports.
-    """
-
-    name: str
-    output: str
-    inputs: tuple[str, ...] = ()
+    name: str  # name in reports
+    output: str  # column kind in which the segment ends
+    inputs: tuple[str, ...] = ()  # column kinds from which the output follows
+    # signals that carry the measured output while the segment is fixed; the column's signal if empty
     imposed: tuple[Imposed, ...] = ()
+    # values [SI] that parameters (names without channel) take while the segment is fixed
     parameters: Mapping[str, float] = field(default_factory=dict)
+    # part and function `f(x, z, n, e, output)` that moves its state to the measured output after each tick
     hold: tuple[str, str] | None = None
+    # time of the reading after the start of its frame [s]; the output runs straight through it at its rate. None: the
+    # output is held over the frame
     sampled: float | None = None
+    # whether the segment is software of known law: never a suspect, and fed with unsmoothed readings
     exact: bool = False
-    contents: str = ""
+    contents: str = ""  # parts that it holds, for reports
 
 
 @dataclass(frozen=True)
 class Regime:
-    """Measured signals by which the frames of a gap are sorted: motion, load and slackness of a channel.
+    """Measured signals by which the frames of a gap are sorted: motion, load and slackness of a channel."""
 
-    Attributes:
-        position: column kind whose rate of change is the motion.
-        load: column kind of the load.
-        joint: column kind of the joint position, or "".
-        still: speed below which a channel counts as at rest [unit of the position / s].
-        slack: load below which a channel counts as slack [unit of the load].
-    """
-
-    position: str
-    load: str
-    joint: str
-    still: float
-    slack: float
+    position: str  # column kind whose rate of change is the motion
+    load: str  # column kind of the load
+    joint: str  # column kind of the joint position, or ""
+    still: float  # speed below which a channel counts as at rest [unit of the position / s]
+    slack: float  # load below which a channel counts as slack [unit of the load]
 
 
 @dataclass(frozen=True)
 class CommandLink:
-    """A link on which speed commands may be lost, and the drive whose output shows a loss.
+    """A link on which speed commands may be lost, and the drive whose output shows a loss."""
 
-    Attributes:
-        command, output: column kinds of the command and of the position that the drive moves.
-        received: signal that the drive reads: the last command that arrived.
-        part: the drive; its other inputs are measured, as the segments impose them.
-        moved: signal of the position.
-    """
-
+    # command, output: column kinds of the command and of the position that the drive moves
     command: str
     output: str
-    received: str
-    part: str
-    moved: str
+    received: str  # signal that the drive reads: the last command that arrived
+    part: str  # the drive; its other inputs are measured, as the segments impose them
+    moved: str  # signal of the position
 
 
 @dataclass(frozen=True)
@@ -172,100 +136,65 @@ class Gain:
 
 @dataclass(frozen=True)
 class Controller:
-    """A structure of the controller that can be tuned: which gains are searched, which parameters have other values.
+    """A structure of the controller that can be tuned: which gains are searched, which parameters have other values."""
 
-    Attributes:
-        name: as in reports.
-        gains: searched on logarithmic scales, between bounds above 0.
-        fixed: values [SI] of further parameters, by name without channel.
-        compliance: parameters that take the columns of the loop's static compliance d(actuated)/d(output), or ().
-    """
-
-    name: str
-    gains: tuple[Gain, ...]
+    name: str  # as in reports
+    gains: tuple[Gain, ...]  # searched on logarithmic scales, between bounds above 0
+    # values [SI] of further parameters, by name without channel
     fixed: Mapping[str, float] = field(default_factory=dict)
+    # parameters that take the columns of the loop's static compliance d(actuated)/d(output), or ()
     compliance: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
 class Loop:
-    """The closed loop of a machine: one controller, run once a frame, with a command and a reading for each channel.
+    """The closed loop of a machine: one controller, run once a frame, with a command and a reading for each channel."""
 
-    Attributes:
-        reference, command: signals into and out of the controller.
-        output, measured: signals of the controlled quantity itself and of its reading.
-        actuated: signal that the command's integral moves, for the static compliance; "" where there is none.
-        part: name of the controller among the parts.
-        held: its state that holds the command until the next.
-        gains: the two of the stability map.
-        gentle: gains that bring a loop to rest whose own do not.
-        step: of a reference, large against noise and small against the limits [unit of the reference].
-        points: operating points: name -> channel -> reference [SI]; the first is the machine's own.
-        controllers: structures that `tune` compares.
-        latency: parameter (without channel) of a latency of the command in frames; "" where there is none.
-        resolution: parameter by which the reading is rounded; "" where it is not.
-        nonlinear: effects of which limit cycles are predicted, beside the rounding: id -> values [SI] not at default.
-        outer: adds the controller to a machine whose own drives cannot be opened; None where it has one.
-    """
-
+    # reference, command: signals into and out of the controller
     reference: str
     command: str
+    # output, measured: signals of the controlled quantity itself and of its reading
     output: str
     measured: str
-    part: str
-    held: str
-    gains: tuple[Gain, Gain]
-    gentle: Mapping[str, float]
-    step: float
+    part: str  # name of the controller among the parts
+    held: str  # its state that holds the command until the next
+    gains: tuple[Gain, Gain]  # the two of the stability map
+    gentle: Mapping[str, float]  # gains that bring a loop to rest whose own do not
+    step: float  # of a reference, large against noise and small against the limits [unit of the reference]
+    # operating points: name -> channel -> reference [SI]; the first is the machine's own
     points: Mapping[str, Mapping[str, float]]
-    controllers: tuple[Controller, ...] = ()
-    actuated: str = ""
-    latency: str = ""
-    resolution: str = ""
+    controllers: tuple[Controller, ...] = ()  # structures that `tune` compares
+    actuated: str = ""  # signal that the command's integral moves, for the static compliance; "" where there is none
+    latency: str = ""  # parameter (without channel) of a latency of the command in frames; "" where there is none
+    resolution: str = ""  # parameter by which the reading is rounded; "" where it is not
+    # effects of which limit cycles are predicted, beside the rounding: id -> values [SI] not at default
     nonlinear: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    # adds the controller to a machine whose own drives cannot be opened; None where it has one
     outer: Callable[[Robot], Robot] | None = None
 
 
 @dataclass(frozen=True)
 class Column:
-    """A family of log columns `kind_channel`.
+    """A family of log columns `kind_channel`."""
 
-    Attributes:
-        kind: what the column names begin with.
-        signal: the signal that the columns show, in its unit.
-        required: whether a log without it is refused.
-        label: name in figures and reports; made from the kind by default.
-        unit: unit in figures and reports; by default that of `display.SHOWN`.
-        delay: what makes the samples late; None: they are on time.
-        rate_of: of an input: kind whose rate of change it is, so that a protocol can state it.
-    """
-
-    kind: str
-    signal: str
-    required: bool = True
-    label: str = ""
-    unit: str = ""
-    delay: Delay | None = None
-    rate_of: str = ""
+    kind: str  # what the column names begin with
+    signal: str  # the signal that the columns show, in its unit
+    required: bool = True  # whether a log without it is refused
+    label: str = ""  # name in figures and reports; made from the kind by default
+    unit: str = ""  # unit in figures and reports; by default that of `display.SHOWN`
+    delay: Delay | None = None  # what makes the samples late; None: they are on time
+    rate_of: str = ""  # of an input: kind whose rate of change it is, so that a protocol can state it
 
 
 @dataclass(frozen=True)
 class Observer:
-    """Output injection that keeps a simulation near a log, so that the error of one part does not go round the loop.
+    """Output injection that keeps a simulation near a log, so that the error of one part does not go round the loop."""
 
-    Attributes:
-        measured_input: column kind whose signal takes its measured values.
-        output: column kind that is held near its measured values.
-        state: (part, state) that is corrected once a frame.
-        divisor: parameter that converts a difference of the output into one of the state.
-        gain: share of the difference that is corrected in a frame.
-    """
-
-    measured_input: str
-    output: str
-    state: tuple[str, str]
-    divisor: str
-    gain: float
+    measured_input: str  # column kind whose signal takes its measured values
+    output: str  # column kind that is held near its measured values
+    state: tuple[str, str]  # (part, state) that is corrected once a frame
+    divisor: str  # parameter that converts a difference of the output into one of the state
+    gain: float  # share of the difference that is corrected in a frame
 
 
 @dataclass(frozen=True, repr=False)

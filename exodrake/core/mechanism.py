@@ -58,19 +58,13 @@ class Joint:
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """A serial arm: its moving joints from the base to the tip, and the body that each moves.
+    """A serial arm: its moving joints from the base to the tip, and the body that each moves."""
 
-    Attributes:
-        names: of the joints, letters and digits alone, as log columns have them.
-        joints: in the same order; `origin` and `angles` are those in the frame of the moving joint before.
-        bodies: of the links, with all that is fixed to them.
-        tip: (3,) [m] where the tool is, in the frame of the last joint.
-    """
-
-    names: tuple[str, ...]
+    names: tuple[str, ...]  # of the joints, letters and digits alone, as log columns have them
+    # in the same order; `origin` and `angles` are those in the frame of the moving joint before
     joints: tuple[Joint, ...]
-    bodies: tuple[Body, ...]
-    tip: np.ndarray
+    bodies: tuple[Body, ...]  # of the links, with all that is fixed to them
+    tip: np.ndarray  # (3,) [m] where the tool is, in the frame of the last joint
 
     @property
     def sliding(self) -> np.ndarray:
@@ -82,83 +76,57 @@ class Chain:
 class Drive:
     """The position loop of a joint, and what lies between motor and link; a joint that slides has m for rad.
 
-        effort = kp (gain command + offset - q) - kv q'          within the joint's limit of effort
-
-    Attributes:
-        kp, kv: gains [N m/rad], [N m s/rad]; no position loop if both are 0.
-        gain, offset: joint over command [-], angle at command 0 [rad].
-        delay, lag: dead time and time constant of a first-order lag of the command [s].
-        gravity: share of the link's weight that the controller bears [-].
-        speed: limit [rad/s].
-        armature: inertia of the rotor as the joint feels it [kg m2].
-        compliance: between rotor and link [rad/(N m)].
-        backlash: half its width, between rotor and link [rad].
-        spring, rest: stiffness of a passive joint [N m/rad], and where it rests [rad].
+    effort = kp (gain command + offset - q) - kv q'          within the joint's limit of effort
     """
 
+    # kp, kv: gains [N m/rad], [N m s/rad]; no position loop if both are 0
     kp: float = 0.0
     kv: float = 0.0
+    # gain, offset: joint over command [-], angle at command 0 [rad]
     gain: float = 1.0
     offset: float = 0.0
+    # delay, lag: dead time and time constant of a first-order lag of the command [s]
     delay: float = 0.0
     lag: float = 0.0
-    gravity: float = 0.0
-    speed: float = inf
-    armature: float = 0.0
-    compliance: float = 0.0
-    backlash: float = 0.0
+    gravity: float = 0.0  # share of the link's weight that the controller bears [-]
+    speed: float = inf  # limit [rad/s]
+    armature: float = 0.0  # inertia of the rotor as the joint feels it [kg m2]
+    compliance: float = 0.0  # between rotor and link [rad/(N m)]
+    backlash: float = 0.0  # half its width, between rotor and link [rad]
+    # spring, rest: stiffness of a passive joint [N m/rad], and where it rests [rad]
     spring: float = 0.0
     rest: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
 class Tendon:
-    """An elastic tendon that a motor winds in at a commanded speed, and that pulls only.
+    """An elastic tendon that a motor winds in at a commanded speed, and that pulls only."""
 
-    Attributes:
-        name: of the tendon.
-        points: what it runs through: (link, point (3,) [m]); link 0 is the base, link i the one that joint i moves.
-        stiffness, damping, friction: [N/m], [N s/m], [N].
-        limit: largest tension [N].
-        delay: of the command [s].
-    """
-
-    name: str
+    name: str  # of the tendon
+    # what it runs through: (link, point (3,) [m]); link 0 is the base, link i the one that joint i moves
     points: tuple[tuple[int, np.ndarray], ...]
+    # stiffness, damping, friction: [N/m], [N s/m], [N]
     stiffness: float
     damping: float = 0.0
     friction: float = 0.0
-    limit: float = inf
-    delay: float = 0.0
+    limit: float = inf  # largest tension [N]
+    delay: float = 0.0  # of the command [s]
 
 
 @dataclass(frozen=True, eq=False)
 class Mechanism:
-    """What another simulator needs of a robot.
+    """What another simulator needs of a robot."""
 
-    Attributes:
-        chain: joints and links.
-        drives: one a joint.
-        step: with which the robot is well simulated [s].
-        stated: ids of the effects that chain, drives and tendons state.
-        tendons: that move the joints, if any.
-        payload, borne: mass at the tip [kg], and the share of its weight that the controller bears.
-        radii: (joints,) of the links, to draw them [m].
-        tilt: (2,) roll and pitch of the base [rad].
-        gravity: [m/s2].
-        beside: whether each joint stands on the base, and not on the one before.
-        notes: sentences about what is assumed or left out.
-    """
-
-    chain: Chain
-    drives: tuple[Drive, ...]
-    step: float
-    stated: frozenset[str]
-    tendons: tuple[Tendon, ...] = ()
+    chain: Chain  # joints and links
+    drives: tuple[Drive, ...]  # one a joint
+    step: float  # with which the robot is well simulated [s]
+    stated: frozenset[str]  # ids of the effects that chain, drives and tendons state
+    tendons: tuple[Tendon, ...] = ()  # that move the joints, if any
+    # payload, borne: mass at the tip [kg], and the share of its weight that the controller bears
     payload: float = 0.0
     borne: float = 0.0
-    radii: np.ndarray | None = None
-    tilt: tuple[float, float] = (0.0, 0.0)
-    gravity: float = GRAVITY
-    beside: bool = False
-    notes: tuple[str, ...] = ()
+    radii: np.ndarray | None = None  # (joints,) of the links, to draw them [m]
+    tilt: tuple[float, float] = (0.0, 0.0)  # (2,) roll and pitch of the base [rad]
+    gravity: float = GRAVITY  # [m/s2]
+    beside: bool = False  # whether each joint stands on the base, and not on the one before
+    notes: tuple[str, ...] = ()  # sentences about what is assumed or left out

@@ -74,8 +74,8 @@ def _plain(value: Any, array: Any, name: str) -> Any:
         parts = value.to_json()
     elif is_dataclass(value) and not isinstance(value, type):
         parts = {f.name: getattr(value, f.name) for f in fields(value)}
-    elif named := getattr(value, "_asdict", None):
-        parts = named()
+    elif (mapped := getattr(value, "_asdict", None)) is not None:
+        parts = mapped()
     if isinstance(parts, Mapping):
         kept = {str(k): v for k, v in parts.items() if not callable(v)}
         return {k: _plain(v, array, f"{name}.{k}" if name else k) for k, v in kept.items()}

@@ -40,16 +40,10 @@ LOOK = 0.5  # s between two looks at whether the parent is there: assumed
 
 
 def in_child[T](function: Callable[..., T], *arguments: Any, source: str, size: int) -> T:
-    """Calls a function in the child process.
+    """Calls a function that a module of this package defines in the child process; arguments are sent by value.
 
-    Args:
-        function: one that a module of this package defines.
-        arguments: of the call, sent by value, as its result is.
-        source: the file it reads, for messages.
-        size: of that file [bytes]; a larger one may take longer.
-
-    Raises:
-        InputError: as the function does, or naming the file if the call crashes, takes too long or too much memory.
+    It reads the file `source` of some size [bytes]; a larger one may take longer. InputError as the function raises, or
+    naming the file if the call crashes, takes too long or too much memory.
     """
     global _child
     with _lock:
@@ -114,19 +108,16 @@ def serve(pipe: Connection) -> None:
             resource.setrlimit(limit, (most, most))
     with suppress(EOFError, OSError):
         while True:
-            pipe.send(answered(*pipe.recv()))
-
-
-def answered(function: Callable[..., Any], arguments: tuple, time_limit: float) -> Any:
-    """Result or exception of a call. The system ends the process after the time, even if the parent is gone."""
-    used = sum(resource.getrusage(resource.RUSAGE_SELF)[:2])
-    _, most = resource.getrlimit(resource.RLIMIT_CPU)
-    wanted = math.ceil(used + time_limit)
-    resource.setrlimit(resource.RLIMIT_CPU, (wanted if most < 0 else min(wanted, most), most))
-    try:
-        return function(*arguments)
-    except Exception as error:
-        return error
+            function, arguments, time_limit = pipe.recv()
+            used = sum(resource.getrusage(resource.RUSAGE_SELF)[:2])
+            _, most = resource.getrlimit(resource.RLIMIT_CPU)
+            wanted = math.ceil(used + time_limit)  # the system ends the process after that, even if the parent is gone
+            resource.setrlimit(resource.RLIMIT_CPU, (wanted if most < 0 else min(wanted, most), most))
+            try:
+                answer = function(*arguments)
+            except Exception as error:
+                answer = error
+            pipe.send(answer)
 
 
 def python_command(*arguments: str) -> list[str]:

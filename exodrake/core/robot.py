@@ -27,27 +27,16 @@ MEANT = ("mm", "deg", "ms", "mN", "mA", "g", "mW", "kHz", "%", "cm", "um", "us",
 @short_repr
 @dataclass(frozen=True)
 class StatedParameter:
-    """A parameter of a robot.
+    """A parameter of a robot."""
 
-    Attributes:
-        name: full name, with its channel if it has one.
-        value: [unit].
-        unit: SI unit.
-        low: lower end of the plausible range [unit]; -inf if none is stated.
-        high: upper end [unit]; inf if none is stated.
-        tolerance: how much it differs from one such robot to the next; None if it does not.
-        source: where the value comes from.
-        effect: id of the effect that it belongs to; empty for a parameter of the nominal robot.
-    """
-
-    name: str
-    value: float
-    unit: str
-    low: float = -math.inf
-    high: float = math.inf
-    tolerance: Tolerance | None = None
-    source: str = ""
-    effect: str = ""
+    name: str  # full name, with its channel if it has one
+    value: float  # [unit]
+    unit: str  # SI unit
+    low: float = -math.inf  # lower end of the plausible range [unit]; -inf if none is stated
+    high: float = math.inf  # upper end [unit]; inf if none is stated
+    tolerance: Tolerance | None = None  # how much it differs from one such robot to the next; None if it does not
+    source: str = ""  # where the value comes from
+    effect: str = ""  # id of the effect that it belongs to; empty for a parameter of the nominal robot
 
     @property
     def plausible(self) -> bool:

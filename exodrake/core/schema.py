@@ -73,8 +73,7 @@ def read_yaml(path: str | Path) -> Any:
 def parse_yaml(data: bytes, source: str | Path) -> Any:
     """The content of a YAML file: mappings with text keys, lists and scalars.
 
-    Raises:
-        InputError: naming file and line, for text that is not YAML, or is too long, too deep or not plain data.
+    InputError names file and line of text that is not YAML, or is too long, too deep or not plain data.
     """
     import yaml
 
@@ -87,9 +86,9 @@ def parse_yaml(data: bytes, source: str | Path) -> Any:
             return None
         content = _node(next(events), events, str(source), 0)
         next(events)
-        if not isinstance(extra := next(events), yaml.StreamEndEvent):
-            line = extra.start_mark.line + 1  # pyright: ignore[reportAttributeAccessIssue]
-            raise refusal(f"{source}, line {line}", "not YAML (a second document)")
+        extra: Any = next(events)
+        if not isinstance(extra, yaml.StreamEndEvent):
+            raise refusal(f"{source}, line {extra.start_mark.line + 1}", "not YAML (a second document)")
         return content
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)

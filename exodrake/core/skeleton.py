@@ -29,27 +29,16 @@ class Piece:
 
 @dataclass(frozen=True)
 class Skeleton:
-    """Geometry of a drawing, and the columns that move and colour it.
+    """Geometry of a drawing, and the columns that move and colour it."""
 
-    Attributes:
-        joints: their names, from the base to the tip.
-        lengths: (joints,) of the segments [m].
-        radii: (joints,) of the skin round them [m].
-        base: x at which the base ends [m], below 0.
-        pieces: of all tendons.
-        guides: what the tendons run through: (segment, point (3,) [m]) each.
-        angle: kind of the columns with joint angles.
-        load: kind of the columns that colour the tendons.
-    """
-
-    joints: tuple[str, ...]
-    lengths: np.ndarray
-    radii: np.ndarray
-    base: float
-    pieces: tuple[Piece, ...]
-    guides: tuple[tuple[int, np.ndarray], ...]
-    angle: str
-    load: str
+    joints: tuple[str, ...]  # their names, from the base to the tip
+    lengths: np.ndarray  # (joints,) of the segments [m]
+    radii: np.ndarray  # (joints,) of the skin round them [m]
+    base: float  # x at which the base ends [m], below 0
+    pieces: tuple[Piece, ...]  # of all tendons
+    guides: tuple[tuple[int, np.ndarray], ...]  # what the tendons run through: (segment, point (3,) [m]) each
+    angle: str  # kind of the columns with joint angles
+    load: str  # kind of the columns that colour the tendons
 
     def carriers(self, segment: int) -> tuple[str, ...]:
         """Joints that carry a segment, from the base on."""
@@ -71,27 +60,19 @@ class Shape:
     """Geometry of a serial arm in space, or of axes side by side, and the columns that move and colour it.
 
     World: axes of the base.
-
-    Attributes:
-        joints: their names, from the base to the tip.
-        origins, angles, axes: (joints, 3) of each joint in the frame of the one before: place [m], roll, pitch, yaw
-            [rad], unit vector.
-        sliding: (joints,) 1 for a prismatic joint, else 0.
-        ends: (joints, 3) where what each joint moves ends, in its frame [m].
-        tilt: (2,) roll and pitch of the base [rad].
-        angle: kind of the columns with joint positions.
-        load: kind of the columns that colour the joints.
     """
 
-    joints: tuple[str, ...]
+    joints: tuple[str, ...]  # their names, from the base to the tip
+    # origins, angles, axes: (joints, 3) of each joint in the frame of the one before: place [m], roll, pitch, yaw
+    # [rad], unit vector
     origins: np.ndarray
     angles: np.ndarray
     axes: np.ndarray
-    sliding: np.ndarray
-    ends: np.ndarray
-    tilt: np.ndarray
-    angle: str
-    load: str
+    sliding: np.ndarray  # (joints,) 1 for a prismatic joint, else 0
+    ends: np.ndarray  # (joints, 3) where what each joint moves ends, in its frame [m]
+    tilt: np.ndarray  # (2,) roll and pitch of the base [rad]
+    angle: str  # kind of the columns with joint positions
+    load: str  # kind of the columns that colour the joints
     beside: bool = False  # each joint stands on the base, and not on the one before
 
     def carriers(self, segment: int) -> tuple[str, ...]:

@@ -129,16 +129,10 @@ def to_si[T: (float, np.ndarray)](values: T, unit: str, where: str = "") -> T:
 
 
 def quantity(value: Any, unit: str, where: str, given: str = "") -> float:
-    """A quantity in SI: 2500 of the number 2500, and of the text "2.5 N/mm" or "2500".
+    """A quantity in the SI unit wanted: 2500 of the number 2500, and of the text "2.5 N/mm" or "2500".
 
-    Args:
-        value: number, or text that begins with one.
-        unit: SI unit wanted.
-        where: what the quantity is, for messages.
-        given: unit of a value that is a bare number; SI if empty.
-
-    Raises:
-        InputError: for no number, NaN, and a unit of something else.
+    `given` is the unit of a bare number; SI if empty. InputError, with what it is, for no number, NaN, and a unit of
+    something else.
     """
     number, written = value, given
     if isinstance(value, str):

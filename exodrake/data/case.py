@@ -315,14 +315,9 @@ def gather_logs(
 ) -> Case:
     """The case of what a user names: a case or its folder, a log, its file, a DataFrame, or several of these.
 
-    Args:
-        logs: those to fit; a case and a folder state the roles of their logs.
-        held_out: further logs, held out.
-        period: frame [s]; the step of each log's own clock if None.
-        required: kinds of columns that each log must have.
-
-    Raises:
-        InputError: where a file cannot be read, or no log is given to fit.
+    Logs are to fit, where a case and a folder do not state their roles, or held out; `required`: kinds of columns that
+    each must have. The frame is `period` [s], or the step of each log's own clock. InputError where a file cannot be
+    read, or no log is given to fit.
     """
     if isinstance(logs, str | Path) and is_folder(logs):
         logs = read_case(logs, required, period)

@@ -493,14 +493,8 @@ def median_step(time: np.ndarray) -> float:
 def low_pass(time: np.ndarray, values: np.ndarray, cutoff: float, where: str) -> np.ndarray:
     """Values (n,) through a zero-phase Butterworth low-pass; a missing sample stays missing.
 
-    Args:
-        time: (n,) [s], evenly spaced.
-        values: (n,) in any unit.
-        cutoff: where the amplitude falls to a half [Hz], since the filter runs both ways.
-        where: column, for messages.
-
-    Raises:
-        InputError: for a clock that is not even, a cut-off that it cannot hold, and too few samples.
+    At the cut-off [Hz] the amplitude falls to a half, since the filter runs both ways. InputError for a clock (n,) [s]
+    that is not even, a cut-off that it cannot hold, and too few samples.
     """
     from scipy.signal import butter, sosfiltfilt
 

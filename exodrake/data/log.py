@@ -207,9 +207,9 @@ class Log:
             source: name for messages; else that of `frame.attrs`.
         """
         source = source or str(frame.attrs.get("source", "")) or "frame"
-        columns = [(str(name), _floats(values, str(name), source)) for name, values in frame.items()]
+        columns = [(str(name), _vector(values, str(name), source)) for name, values in frame.items()]
         if not any(name.partition("[")[0].strip() == "time" for name, _ in columns):
-            columns.insert(0, ("time", _floats(frame.index, "time", source)))
+            columns.insert(0, ("time", _vector(frame.index, "time", source)))
         signals, known = columns_in_si(columns, source, {**frame.attrs.get("units", {}), **(units or {})})
         log = Log(signals.pop("time"), signals, {name: known[name] for name in signals}, source)
         check_clock(log)
@@ -246,14 +246,10 @@ def check_clock(log: Log) -> None:
         raise InputError(f"{log.label}: column 'time', row {row + 2}: {after:g} s does not come after {here:g} s")
 
 
-def _floats(values: Any, name: str, source: str) -> np.ndarray:
-    """A column (n,) [any unit] of a DataFrame as float64, time differences in s."""
-    array = np.asarray(values)
-    return _vector(array / np.timedelta64(1, "s") if array.dtype.kind == "m" else values, name, source)
-
-
 def _vector(values: ArrayLike, name: str, source: str) -> np.ndarray:
-    """A contiguous (n,) float64 array."""
+    """A contiguous (n,) float64 array; time differences in s."""
+    if getattr(getattr(values, "dtype", None), "kind", "") == "m":
+        values = np.asarray(values) / np.timedelta64(1, "s")
     try:
         vector = np.ascontiguousarray(values, dtype=np.float64)
     except (TypeError, ValueError):
@@ -302,16 +298,11 @@ def refuse_separator(cells: list[str], source: str) -> None:
 def columns_in_si(
     columns: Iterable[tuple[str, np.ndarray]], source: str, units: Mapping[str, str] | None = None
 ) -> tuple[dict[str, np.ndarray], dict[str, str]]:
-    """Values (n,) [SI] by name, time among them, and their SI units.
+    """Values (n,) [SI] by name, time among them, and their SI units, from pairs of heading and values (n,).
 
-    Args:
-        columns: (heading, values (n,)) pairs.
-        source: name for messages.
-        units: of columns whose heading is a bare name, else SI by their kind; None: each heading has its unit.
-
-    Raises:
-        InputError: naming a column that comes twice, or in other letters, whose unit is unknown or unsuitable, or a
-            value beyond any signal.
+    `units` are those of columns whose heading is a bare name, else SI by their kind; None: each heading has its unit.
+    InputError names a column that comes twice, or in other letters, or whose unit does not suit, and a value beyond any
+    signal.
     """
     signals: dict[str, np.ndarray] = {}
     known: dict[str, str] = {}
@@ -490,15 +481,10 @@ def regularise(log: Log, period: float = 0.02) -> tuple[Log, list[str]]:
 
 
 def other_rate(time: np.ndarray, frames: np.ndarray, period: float) -> tuple[float, float] | None:
-    """Time from which a clock runs at another rate, and its frame there; None if it does not.
+    """Time [s] from which a clock (n,) [s] runs at another rate than its frames (n,), and its frame there [s]; or None.
 
     The rate is that of the straight line through some rows. It counts where it takes them half a frame away, beyond
     which they lie at another frame.
-
-    Args:
-        time: (n,) of the rows [s], increasing.
-        frames: (n,) their frame numbers.
-        period: of a frame [s].
     """
     for rows in np.array_split(np.arange(len(time)), max(1, len(time) // STRETCH)):
         span = float(frames[rows[-1]] - frames[rows[0]]) if len(rows) > 2 else 0.0

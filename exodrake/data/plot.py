@@ -244,14 +244,10 @@ def stretch_of(samples: int, most: int) -> int:
 
 
 def envelope(values: np.ndarray, stretch: int) -> np.ndarray:
-    """The least and the largest sample of each stretch, in the order in which they come.
+    """The least and the largest of each stretch of values (n, columns), NaN where nothing was measured, in their order.
 
-    Args:
-        values: (n, columns), NaN where nothing was measured.
-        stretch: samples of a stretch; 1 leaves the values as they are.
-
-    Returns:
-        (2 ceil(n / stretch), columns), in equal steps of half a stretch; NaN where a stretch has no sample.
+    (2 ceil(n / stretch), columns) in equal steps of half a stretch, NaN where a stretch has no sample; a stretch of one
+    sample leaves the values as they are.
     """
     if stretch <= 1:
         return values

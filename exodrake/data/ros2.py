@@ -249,8 +249,15 @@ def _field(message: Any, path: str, where: str) -> float | None:
         if name and _get(value, name, _get) is _get:
             raise InputError(f"{where} has no field {path!r}")
         owner, value = value, _get(value, name) if name else value
-        for index in indices:
-            value = _element(owner, value, index, where, path)
+        for index in indices:  # a number or label; a message of another publisher on the topic may lack the element
+            names = _labels(owner, value)
+            if names.count(index) > 1:
+                raise InputError(f"{where}: field {path!r}: a message names {index!r} twice")
+            number = int(index) if index.isdecimal() and len(index) < 10 else None
+            position = names.index(index) if index in names else number
+            if position is None and not names:
+                raise InputError(f"{where}: field {path!r}: no element {index!r}")
+            value = None if position is None or value is None or position >= len(value) else value[position]
     try:
         return None if value is None else float(value)
     except (TypeError, ValueError, OverflowError):
@@ -262,17 +269,3 @@ def path_steps(path: str) -> list[list[str]]:
     """A field's steps, each a name and the indices behind it: `a.b[0][MCP]` is [[a], [b, 0, MCP]]."""
     steps = re.findall(r"[^.\[]+(?:\[[^\]]*\]?)*|\[[^\]]*\]?", path)
     return [step.replace("]", "").split("[") for step in steps]
-
-
-def _element(owner: Any, values: Any, index: str, where: str, path: str) -> Any:
-    """An element by its number or label; None if this message lacks it, as do those of another publisher on the topic.
-
-    InputError for a label that comes twice.
-    """
-    names = _labels(owner, values)
-    if names.count(index) > 1:
-        raise InputError(f"{where}: field {path!r}: a message names {index!r} twice")
-    position = names.index(index) if index in names else int(index) if index.isdecimal() and len(index) < 10 else None
-    if position is None and not names:
-        raise InputError(f"{where}: field {path!r}: no element {index!r}")
-    return None if position is None or values is None or position >= len(values) else values[position]

@@ -122,13 +122,9 @@ def parse_records(data: bytes, source: str) -> Any:
 
 
 def flatten(tree: Any, source: str, samples: int | None = None, side: str | None = None) -> dict[str, np.ndarray]:
-    """Columns by name, (n,) each. InputError for a name that comes twice.
+    """Columns of nested values by name, (n,) each. InputError for a name that comes twice.
 
-    Args:
-        tree: mappings, lists and arrays.
-        source: file, for messages.
-        samples: length of the time column; None if it is not known.
-        side: where the samples of a matrix lie, "rows" or "columns"; None: by their number.
+    The samples of a matrix lie along the `side` "rows" or "columns", else where there are as many as `samples`.
     """
     found: dict[str, np.ndarray] = {}
 

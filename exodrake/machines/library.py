@@ -14,7 +14,6 @@ from dataclasses import replace
 from functools import cache
 from importlib import import_module
 from pathlib import Path
-from types import ModuleType
 
 import exodrake.machines
 from exodrake.core import plugins
@@ -65,10 +64,18 @@ def machine_named(name: str, tolerances: tuple[Tolerance, ...] = ()) -> Machine:
     Raises:
         InputError: for an unknown name, with the names that exist, and for a folder whose `machine.py` is unusable.
     """
-    if name not in machine_folders():
-        raise InputError(f"unknown machine {name!r}{nearest(name, list(machine_names()))}; known: {joined()}")
-    folder = machine_folders()[name]
-    found = coded(name) if (folder / plugins.MACHINE).is_file() else described(name, folder / plugins.ROBOT)
+    folders = machine_folders()
+    if name not in folders:
+        raise InputError(f"unknown machine {name!r}{nearest(name, list(folders))}; known: {', '.join(folders)}")
+    folder = folders[name]
+    if (folder / plugins.MACHINE).is_file():
+        with plugins.shown_errors():
+            made = getattr(import_module(f"exodrake.machines.{name}.machine"), "machine", None)
+            found = made() if callable(made) else made
+        if not isinstance(found, Machine):
+            raise InputError(f"{folder}: machine.py defines no function machine() that returns a Machine")
+    else:
+        found = describe_machine(name, folder / plugins.ROBOT)
     if found.name != name:
         raise InputError(f"{folder}: the machine calls itself {found.name!r}, not {name!r}")
     for column in found.columns:
@@ -76,17 +83,7 @@ def machine_named(name: str, tolerances: tuple[Tolerance, ...] = ()) -> Machine:
     return replace(found, tolerances=tolerances)
 
 
-def coded(name: str) -> Machine:
-    """The machine of a folder with code. InputError naming file and line for code that fails."""
-    with plugins.shown_errors():
-        made = getattr(module_of(name, "machine"), "machine", None)
-        found = made() if callable(made) else made
-    if not isinstance(found, Machine):
-        raise InputError(f"{machine_folders()[name]}: machine.py defines no function machine() that returns a Machine")
-    return found
-
-
-def described(name: str, file: Path) -> Machine:
+def describe_machine(name: str, file: Path) -> Machine:
     """The machine of a folder without code, whose robot file describes an arm. InputError for another robot file."""
     from exodrake.machines.serial_arm import arm_machine
 
@@ -96,18 +93,8 @@ def described(name: str, file: Path) -> Machine:
     return arm_machine(name, content["arm"], file.parent, source)
 
 
-def module_of(name: str, module: str) -> ModuleType:
-    """A module of a machine's folder."""
-    return import_module(f"exodrake.machines.{name}.{module}")
-
-
-def joined() -> str:
-    """The machines' names for a message."""
-    return ", ".join(machine_names())
-
-
 def reader(name: str) -> Callable[[Path], Case]:
     """The `case` function of a machine's recordings; InputError with the machines that have one."""
     if name not in recorded_machines():
         raise InputError(f"no recordings of {name!r}; there are {', '.join(recorded_machines())}")
-    return module_of(name, "recordings").case
+    return import_module(f"exodrake.machines.{name}.recordings").case

@@ -125,17 +125,10 @@ def robot_or_default(robot: Robot | None) -> Robot:
 
 
 def build(content: Any, source: str, above: tuple[str, ...] = (), folder: Path | None = None) -> Robot:
-    """A robot from a file's content.
+    """A robot from the content of the file `source` in a folder, to which some bases above led.
 
-    Args:
-        content: of the file.
-        source: its name, for messages.
-        above: bases that led to it.
-        folder: that holds the file. A base that is a machine's folder beside the file, or this folder itself, is known
-            from then on, code and all, as `--machine` would make it; a base that is a file is looked for there first.
-
-    Raises:
-        InputError: naming file and key.
+    A base that is a machine's folder beside the file, or the folder itself, is known from then on, code and all, as
+    `--machine` would make it; a base that is a file is looked for there first. InputError names file and key.
     """
     content = SCHEMA(content, source)
     base = content.get("base")

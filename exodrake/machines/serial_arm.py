@@ -67,16 +67,9 @@ OF_CABLES = ("arm.joint_compliance", "arm.rotor_inertia")  # which the cables an
 
 
 def arm_machine(name: str, section: Any, folder: Path, source: str) -> Machine:
-    """The machine of an `arm` section.
+    """The machine of an `arm` section of a robot file in a folder, in which the URDF file must lie.
 
-    Args:
-        name: of the machine.
-        section: content of the key `arm`.
-        folder: that holds the robot file; the URDF file must lie in it.
-        source: of the section, for messages.
-
-    Raises:
-        InputError: for an unknown key, and a URDF file that is absent, elsewhere or no serial arm.
+    InputError for an unknown key, and a URDF file that is absent, elsewhere or no serial arm.
     """
     section = SECTION(section, f"{source}, 'arm'")
     path = (folder / section["urdf"]).resolve()

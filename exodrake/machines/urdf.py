@@ -111,14 +111,9 @@ MAX_JOINTS, MAX_ALL = 30, 300  # that move on the way to the tip; in the file
 
 
 def read_urdf(path: str | Path, tip: str = "") -> Chain:
-    """The arm of a URDF file.
+    """The arm of a URDF file, up to the link `tip`, which is needed where the moving joints branch.
 
-    Args:
-        path: of the file.
-        tip: link at which the arm ends; needed where the moving joints branch. Joints elsewhere stand at 0.
-
-    Raises:
-        InputError: naming file and what is wrong.
+    Joints elsewhere stand at 0. InputError names the file and what is wrong.
     """
     source = Path(path).name
     data = read_bytes(path)
@@ -146,29 +141,17 @@ def read_urdf(path: str | Path, tip: str = "") -> Chain:
     by_child = {joint.child: joint for joint in joints}
     if len(by_child) < len(joints):
         raise InputError(f"{source}: a link hangs on two joints, so this is no serial arm")
-    path_ = way_to(end_of(joints, bodies, tip, source), by_child, source)
-    return chain_of(path_, joints, bodies, source)
-
-
-def end_of(joints: Sequence[Joint], bodies: Mapping[str, Body], tip: str, source: str) -> str:
-    """The link at which the arm ends. InputError where there are several, naming them."""
-    if tip:
-        if tip not in bodies:
-            raise InputError(f"{source}: no link {tip!r}{nearest(tip, list(bodies))}")
-        return tip
-    moving, parents = [j for j in joints if j.kind != "fixed"], {j.child: j for j in joints}
-
-    def moved(link: str) -> tuple[str, ...]:
-        path = way_to(link, parents, source)
-        return tuple(joint.name for joint in path if joint.kind != "fixed")
-
+    if tip and tip not in bodies:
+        raise InputError(f"{source}: no link {tip!r}{nearest(tip, list(bodies))}")
+    count = sum(joint.kind != "fixed" for joint in joints)
     leaves = [link for link in bodies if all(joint.parent != link for joint in joints)]
-    whole = [link for link in leaves if len(moved(link)) == len(moving)]
-    if not moving or not leaves:
+    if not tip and not (count and leaves):
         raise InputError(f"{source}: no joint moves, so there is no arm")
+    ways = {link: way_to(link, by_child, source) for link in ([tip] if tip else leaves)}
+    whole = [way for way in ways.values() if tip or sum(joint.kind != "fixed" for joint in way) == count]
     if not whole:
         raise InputError(f"{source}: its moving joints branch; name the last link, `tip`: {', '.join(leaves[:8])}")
-    return max(whole, key=lambda link: len(way_to(link, parents, source)))
+    return chain_of(max(whole, key=len), joints, bodies, source)
 
 
 def way_to(link: str, by_child: Mapping[str, Joint], source: str) -> list[Joint]:

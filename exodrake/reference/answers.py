@@ -76,16 +76,15 @@ def run(
 
 
 KNOWN, NAMES = optional(number()), optional(listing(text()))  # a number that is not finite is null in an answer
-BOUNDS = names(optional(having({"value": KNOWN, "low": KNOWN, "high": KNOWN})))
-RIVALS = optional(listing(having({"id": text()}, required=("id",))))
+IDS = optional(listing(having({"id": text()}, required=("id",))))
+STEP = optional(having({"value": KNOWN, "low": KNOWN, "high": KNOWN}))
 EFFECT = having(
     {
-        "id": text(), "kind": optional(text()), "role": optional(text()), "rivals": RIVALS,
-        "parameters": optional(BOUNDS), "channels": optional(names(BOUNDS)),
+        "id": text(), "kind": optional(text()), "role": optional(text()), "rivals": IDS,
+        "parameters": optional(names(STEP)), "channels": optional(names(names(STEP))),
     },
     required=("id",),
 )  # fmt: skip
-STEP = optional(having({"value": KNOWN, "low": KNOWN, "high": KNOWN}))
 ANSWERED = having(
     {
         "verdict": text(),
@@ -93,14 +92,11 @@ ANSWERED = having(
         "effects": optional(listing(EFFECT)),
         "equivalents": NAMES,
         "closure": optional(having({"overall": STEP, "retune": STEP, "effect": STEP})),
-        "candidates": optional(listing(having({"id": text()}, required=("id",)))),
-        "baselines": optional(names(optional(text()))),
-        "configuration": optional(names(text())),
-        "simulated_seconds": KNOWN,
-        "seconds": KNOWN,
+        "candidates": IDS, "baselines": optional(names(optional(text()))), "configuration": optional(names(text())),
+        "simulated_seconds": KNOWN, "seconds": KNOWN,
     },
     required=("verdict",),
-)
+)  # fmt: skip
 FAILURE = "FAILED"  # in place of a verdict; wrong wherever it counts
 
 

@@ -117,25 +117,17 @@ STANDARD = {"healthy": 0.20, "single": 0.50, "pair": 0.15, "unknown": 0.15}
 
 @dataclass(frozen=True)
 class CaseMix:
-    """Distribution of the cases of a set.
+    """Distribution of the cases of a set."""
 
-    Attributes:
-        name: Name of the mix, which the labels and the score repeat.
-        weights: Kind of case -> weight; kinds: healthy, single, pair, unknown, same-block and three.
-        unseen: Share of held-out motions that resemble no fit motion.
-        gap: Range of the gap that each effect leaves [noise standard deviations]; larger ones are weakened.
-        duration: Duration of the logs relative to the usual one.
-        hidden: Kinds of columns that the logs do not hold.
-        left_out: Ids of effects that no case holds.
-    """
-
-    name: str = "standard"
+    name: str = "standard"  # Name of the mix, which the labels and the score repeat
+    # Kind of case -> weight; kinds: healthy, single, pair, unknown, same-block and three
     weights: Mapping[str, float] = field(default_factory=STANDARD.copy)
-    unseen: float = 0.35
+    unseen: float = 0.35  # Share of held-out motions that resemble no fit motion
+    # Range of the gap that each effect leaves [noise standard deviations]; larger ones are weakened
     gap: tuple[float, float] = (VISIBLE, math.inf)
-    duration: float = 1.0
-    hidden: tuple[str, ...] = ()
-    left_out: tuple[str, ...] = ()
+    duration: float = 1.0  # Duration of the logs relative to the usual one
+    hidden: tuple[str, ...] = ()  # Kinds of columns that the logs do not hold
+    left_out: tuple[str, ...] = ()  # Ids of effects that no case holds
 
 
 MIXES = {

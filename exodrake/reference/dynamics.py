@@ -79,16 +79,9 @@ def swing(sine, cosine, turn, spin):
 
 @njit(cache=True)
 def inverse_dynamics(p, sine, cosine, turn, spin, base_x, base_y):
-    """Joint torques [N m] of a motion.
+    """Joint torques [N m] of a motion: sines and cosines of absolute angles, their rates and accelerations (3,) each.
 
-    Args:
-        p: Record of the robot.
-        sine: Sines of the absolute angles (3,).
-        cosine: Cosines of the absolute angles (3,).
-        turn: Absolute angular rates (3,) [rad/s].
-        spin: Absolute angular accelerations (3,) [rad/s2].
-        base_x: Distal acceleration of the first joint [m/s2]; minus gravity for a finger with weight.
-        base_y: Dorsal acceleration of the first joint [m/s2]; minus gravity for a finger with weight.
+    The base is the distal and dorsal acceleration of the first joint [m/s2]; minus gravity for a finger with weight.
     """
     mass, centre, length, unit = p.mass, p.centre, p.length, p.unit_inertia
     x0, y0 = swing(sine[0], cosine[0], turn[0], spin[0])

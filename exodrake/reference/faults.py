@@ -160,26 +160,19 @@ ONE_ONLY = 0.4  # share of draws that sit on one wire or joint
 
 @dataclass(frozen=True)
 class Entry:
-    """Distribution of one injected effect: ranges of its parameters and its seat.
+    """Distribution of one injected effect: ranges of its parameters and its seat."""
 
-    Attributes:
-        seat: "wire", "joint", "one joint", or "" (whole robot).
-        inject: Writes the fault into the robot that is being assembled; or record field -> parameter, of its channels.
-        ranges: Parameter -> (low, high), drawn log-uniformly if low > 0.
-        blocks: Blocks it acts in, of a fault outside the library (a spool is where motor and tendon meet); an effect of
-            the library says it in its id.
-        channels: Wires or joints it acts on, where these are not drawn.
-        exact: Whether the parameters mean what effects.md's mean, so that intervals can be checked against them.
-        signed: Parameters that get either sign.
-    """
-
-    seat: str
+    seat: str  # "wire", "joint", "one joint", or "" (whole robot)
+    # Writes the fault into the robot that is being assembled; or record field -> parameter, of its channels
     inject: Callable | dict[str, str]
-    ranges: dict[str, tuple[float, float]]
+    ranges: dict[str, tuple[float, float]]  # Parameter -> (low, high), drawn log-uniformly if low > 0
+    # Blocks it acts in, of a fault outside the library (a spool is where motor and tendon meet); an effect of the
+    # library says it in its id
     blocks: tuple[str, ...] = ()
-    channels: tuple[str, ...] = ()
+    channels: tuple[str, ...] = ()  # Wires or joints it acts on, where these are not drawn
+    # Whether the parameters mean what effects.md's mean, so that intervals can be checked against them
     exact: bool = False
-    signed: tuple[str, ...] = ()
+    signed: tuple[str, ...] = ()  # Parameters that get either sign
 
 
 # fmt: off

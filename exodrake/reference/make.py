@@ -8,8 +8,8 @@ import hashlib
 import json
 import shutil
 from collections.abc import Sequence
-from contextlib import closing
-from dataclasses import dataclass, replace
+from contextlib import closing, suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -68,24 +68,6 @@ def parts_gaps(case: DrawnCase, seed: list[int], hidden: tuple[str, ...] = ()) -
     return [max(gaps(replace(case.spec, effects=rest)).values()) for rest in others], whole
 
 
-def small_enough(case: DrawnCase, seed: list[int], mix: CaseMix) -> tuple[DrawnCase, list[float], Gaps]:
-    """Weaken the effects of a case until their smallest gap lies in the range of the mix, by bisection in the strength.
-
-    Case, gap per effect and gap per signal; the last tried where no strength gives a gap in the range.
-    """
-    found = (case, *parts_gaps(case, seed, mix.hidden))
-    low, high = WEAKEST, 1.0
-    for _ in range(BISECTIONS if min(found[1]) > mix.gap[1] else 0):
-        strength = float(np.sqrt(low * high))
-        effects = tuple(weaken(effect, strength) for effect in case.spec.effects)
-        weaker = replace(case, spec=replace(case.spec, effects=effects))
-        found = (weaker, *parts_gaps(weaker, seed, mix.hidden))
-        if distance(found[1], mix.gap) == 0.0:
-            break
-        low, high = (low, strength) if min(found[1]) > mix.gap[1] else (strength, high)
-    return found
-
-
 def distance(gaps: list[float], wanted: tuple[float, float]) -> float:
     """Distance of the smallest gap from the wanted range [noise standard deviations]."""
     return max(wanted[0] - min(gaps), min(gaps) - wanted[1], 0.0)
@@ -125,7 +107,16 @@ def case_and_label(plan: CasePlan) -> tuple[Case, Label]:
     # drawn until the gap of the effects on the held-out motion is as wanted, or the attempts run out
     best = draw_case(plan), [], {}
     for attempt in range(ATTEMPTS if plan.ids else 0):
-        found = small_enough(draw_case(plan, attempt), [*plan.seed, 4], plan.mix)
+        drawn, seed = draw_case(plan, attempt), [*plan.seed, 4]
+        found, (low, high) = (drawn, *parts_gaps(drawn, seed, plan.mix.hidden)), (WEAKEST, 1.0)
+        for _ in range(BISECTIONS if min(found[1]) > plan.mix.gap[1] else 0):  # in the strength of the effects
+            strength = float(np.sqrt(low * high))
+            effects = tuple(weaken(effect, strength) for effect in drawn.spec.effects)
+            weaker = replace(drawn, spec=replace(drawn.spec, effects=effects))
+            found = (weaker, *parts_gaps(weaker, seed, plan.mix.hidden))
+            if distance(found[1], plan.mix.gap) == 0.0:
+                break
+            low, high = (low, strength) if min(found[1]) > plan.mix.gap[1] else (strength, high)
         if not best[1] or distance(found[1], plan.mix.gap) < distance(best[1], plan.mix.gap):
             best = found
         if distance(best[1], plan.mix.gap) == 0.0:
@@ -147,64 +138,6 @@ def make_case(plan: CasePlan, folder: str | Path) -> Label:
     if not (Path(folder) / plan.name / FILE).is_file():
         write_case(case, Path(folder) / plan.name)
     return label
-
-
-@dataclass(frozen=True)
-class SetFolder:
-    """The folder of a set and its labels file, which lies outside; labels by case until all are there."""
-
-    folder: Path
-    labels: Path
-
-    @property
-    def parts(self) -> Path:
-        """Folder of labels by case."""
-        return self.labels.with_name(self.labels.name + ".part")
-
-    def begin(self, stamp: str) -> None:
-        """Open the set for making; `stamp` is a digest of what it follows from.
-
-        InputError if a set is finished there, another one was started, or the labels would lie inside.
-        """
-        folder, labels, mark = self.folder, self.labels, self.folder / MARK
-        if folder.resolve() in labels.resolve().parents:
-            raise InputError(f"{labels}: the labels would lie inside the cases' folder {folder}")
-        if labels.exists():
-            raise InputError(f"{labels}: already there; a committed set is not made over")
-        if (folder / COMMITMENT).exists():
-            raise InputError(f"{folder}: already committed; a committed set is not made over")
-        folder.mkdir(parents=True, exist_ok=True)
-        if mark.is_file():
-            if mark.read_text().strip() != stamp:
-                raise InputError(f"{folder}: started with another seed, number of cases, mix or code")
-        elif any(folder.iterdir()):
-            raise InputError(f"{folder}: not empty")
-        write_text(mark, stamp + "\n")
-        for half in folder.glob(".*.part"):  # of a run that was killed
-            shutil.rmtree(half)
-        self.parts.mkdir(parents=True, exist_ok=True)
-
-    def made(self, name: str) -> Label | None:
-        """Label of a case that is there already, whole; else None."""
-        try:
-            whole = (self.folder / name / FILE).is_file()
-            return json.loads((self.parts / f"{name}.json").read_text()) if whole else None
-        except (OSError, ValueError):
-            return None
-
-    def keep(self, name: str, case: Case, label: Label) -> Label:
-        """Write a case, then its label; return the label as it is read back."""
-        if not (self.folder / name / FILE).is_file():
-            write_case(case, self.folder / name)
-        text = json.dumps(label, indent=1) + "\n"
-        write_text(self.parts / f"{name}.json", text)
-        return json.loads(text)
-
-    def commit(self, found: dict[str, Label]) -> None:
-        """Write labels and commitment of a complete set."""
-        write_committed(found, self.labels, self.folder / COMMITMENT)
-        shutil.rmtree(self.parts)
-        (self.folder / MARK).unlink()
 
 
 def make(
@@ -233,31 +166,59 @@ def make(
         progress: Called with how many are made, have failed, and are wanted.
 
     Raises:
-        InputError: For a bad number of cases, as `SetFolder.begin`, and naming cases that could not be made.
+        InputError: For a bad number of cases, a set that is finished there, another one that was started, labels inside
+            the folder, and naming cases that could not be made.
     """
     from exodrake.core.provenance import digest, source_files
 
     folder = Path(folder)
-    home = SetFolder(folder, Path(labels) if labels else folder.with_name(folder.name + "-labels.json"))
+    labels = Path(labels) if labels else folder.with_name(folder.name + "-labels.json")
     if cases < 1:
         raise InputError(f"--cases {cases}: at least one case is wanted")
-    code = digest(source_files(Path(__file__).parent))
-    home.begin(hashlib.sha256(f"{seed} {cases} {mixes} {code}".encode()).hexdigest())
-    plans = plan(seed, cases, *mixes)
-    found = {item.name: label for item in plans if (label := home.made(item.name)) is not None}
+    if folder.resolve() in labels.resolve().parents:
+        raise InputError(f"{labels}: the labels would lie inside the cases' folder {folder}")
+    if labels.exists():
+        raise InputError(f"{labels}: already there; a committed set is not made over")
+    if (folder / COMMITMENT).exists():
+        raise InputError(f"{folder}: already committed; a committed set is not made over")
+    folder.mkdir(parents=True, exist_ok=True)
+    code, mark = digest(source_files(Path(__file__).parent)), folder / MARK
+    stamp = hashlib.sha256(f"{seed} {cases} {mixes} {code}".encode()).hexdigest()  # of what the set follows from
+    if mark.is_file():
+        if mark.read_text().strip() != stamp:
+            raise InputError(f"{folder}: started with another seed, number of cases, mix or code")
+    elif any(folder.iterdir()):
+        raise InputError(f"{folder}: not empty")
+    write_text(mark, stamp + "\n")
+    for half in folder.glob(".*.part"):  # of a run that was killed
+        shutil.rmtree(half)
+    parts = labels.with_name(labels.name + ".part")  # labels by case until all are there
+    parts.mkdir(parents=True, exist_ok=True)
+    plans, found, failed = plan(seed, cases, *mixes), {}, {}
+    for item in plans:
+        if (folder / item.name / FILE).is_file():
+            with suppress(OSError, ValueError):
+                found[item.name] = json.loads((parts / f"{item.name}.json").read_text())
     warm_up()
-    waiting, failed = [item for item in plans if item.name not in found], {}
+    waiting = [item for item in plans if item.name not in found]
     progress(len(found), 0, len(plans))
     with closing(each(case_and_label, ((item,) for item in waiting), jobs, cluster)) as outcomes:
         for outcome in outcomes:
             name = waiting[outcome.number].name
             if outcome.reason is None:
-                found[name] = home.keep(name, *outcome.value)
+                case, label = outcome.value
+                if not (folder / name / FILE).is_file():
+                    write_case(case, folder / name)
+                text = json.dumps(label, indent=1) + "\n"
+                write_text(parts / f"{name}.json", text)
+                found[name] = json.loads(text)
             else:
                 failed[name] = outcome.reason
             progress(len(found), len(failed), len(plans))
     if failed:
         why = "; ".join(f"{name} ({reason})" for name, reason in sorted(failed.items()))
         raise InputError(f"{folder}: not made: {why}")
-    home.commit({item.name: found[item.name] for item in plans})
-    return home.labels
+    write_committed({item.name: found[item.name] for item in plans}, labels, folder / COMMITMENT)
+    shutil.rmtree(parts)
+    mark.unlink()
+    return labels

@@ -170,18 +170,12 @@ def interval_score(low: float, high: float, true: float, alpha: float = ALPHA) -
 
 
 class ParameterInterval(NamedTuple):
-    """A stated 90 % interval beside the true value.
+    """A stated 90 % interval beside the true value."""
 
-    Attributes:
-        key: Case, effect, parameter, and channel or None.
-        exact: Whether the parameter means the same in the law of the reference simulator.
-        covers: Whether the interval holds the true value.
-        half_width, score: Half width and interval score, relative to the parameter.
-    """
-
-    key: tuple[str, str, str, str | None]
-    exact: bool
-    covers: bool
+    key: tuple[str, str, str, str | None]  # Case, effect, parameter, and channel or None
+    exact: bool  # Whether the parameter means the same in the law of the reference simulator
+    covers: bool  # Whether the interval holds the true value
+    # half_width, score: Half width and interval score, relative to the parameter
     half_width: float
     score: float
 
@@ -386,6 +380,6 @@ def baselines_of(cases: Sequence[Answered]) -> tuple[Share, ...]:
         rows.append(share(f"always the commonest {label}", single, lambda c, k=key, v=commonest: c.truths[0][k] == v))
     for name in sorted({name for case in single for name in case.diagnosis.get("baselines") or ()}):
         ids = {c.name: (c.diagnosis.get("baselines") or {}).get(name) or "" for c in single}
-        found: dict[Hashable, bool] = {c.name: is_truth(c.truths, ids[c.name].split(" + ")) for c in single}
-        rows.append(Share(f"{name} names the truth", found))
+        named = [c for c in single if is_truth(c.truths, ids[c.name].split(" + "))]
+        rows.append(share(f"{name} names the truth", single, lambda c, named=named: c in named))
     return tuple(rows)

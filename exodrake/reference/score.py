@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from exodrake.core.errors import markdown_table, plural
 from exodrake.reference.answers import FAILURE, read_answers, read_labels
@@ -23,45 +23,32 @@ from exodrake.reference.measures import (
     shares_of,
 )
 
-if TYPE_CHECKING:
-    from rich.table import Table
-
 
 @dataclass(frozen=True)
 class Group:
-    """Measures of the cases of one mix.
+    """Measures of the cases of one mix."""
 
-    Attributes:
-        name, cases: Of the mix, and how many there are.
-        shares, quantities: Measures that are shares of cases, and others.
-        baselines: Trivial answers to the cases with one effect.
-        paired: The diagnosis against the baselines that it carries, then against the other answers.
-    """
-
+    # name, cases: Of the mix, and how many there are
     name: str
     cases: int
+    # shares, quantities: Measures that are shares of cases, and others
     shares: tuple[Share, ...]
     quantities: tuple[Quantity, ...]
-    baselines: tuple[Share, ...]
-    paired: tuple[Paired, ...]
+    baselines: tuple[Share, ...]  # Trivial answers to the cases with one effect
+    paired: tuple[Paired, ...]  # The diagnosis against the baselines that it carries, then against the other answers
 
 
 @dataclass(frozen=True)
 class Score:
-    """Measures of a set.
+    """Measures of a set."""
 
-    Attributes:
-        groups: Measures of each mix.
-        confusion: (truth, answer, whether it is right) -> number of cases; several effects are joined by +, an answer
-            without a name is its verdict.
-        missing, failed: Names of the cases without a diagnosis, and of those that failed.
-        cases: Number of cases that were answered, or failed.
-    """
-
-    groups: tuple[Group, ...]
+    groups: tuple[Group, ...]  # Measures of each mix
+    # (truth, answer, whether it is right) -> number of cases; several effects are joined by +, an answer without a name
+    # is its verdict
     confusion: dict[tuple[str, str, bool], int]
+    # missing, failed: Names of the cases without a diagnosis, and of those that failed
     missing: tuple[str, ...]
-    cases: int
+    cases: int  # Number of cases that were answered, or failed
     failed: tuple[str, ...] = ()
 
 
@@ -135,21 +122,6 @@ def tables(score: Score) -> Iterator[tuple[str, Row, list[Row]]]:
 def counted(cases: int) -> str:
     """Number of cases in words."""
     return f"{cases} {plural(cases, 'case')}"
-
-
-def as_tables(score: Score) -> list[Table]:
-    """Tables for the terminal; wrong answers in red."""
-    from rich.table import Table
-
-    found = []
-    for title, headings, rows in tables(score):
-        table = Table(title=title)
-        for index, heading in enumerate(headings):
-            table.add_column(heading, justify="right" if index and headings is not CONFUSION else "left")
-        for row in rows:
-            table.add_row(*row, style="red" if headings is CONFUSION and not row[2] else None)
-        found.append(table)
-    return found
 
 
 def markdown(tables: Iterable[tuple[str, Row, list[Row]]]) -> str:

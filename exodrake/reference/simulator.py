@@ -163,20 +163,10 @@ def heard(p, wire, command, awake):
 
 @njit(cache=True)
 def run(p, y, reference, inputs, dropped, noise, tolerance):
-    """Simulate n frames.
+    """Simulate n frames of a robot from its state y, on references (n, 3) [N] with the noise (n, 3) [N] of its cells.
 
-    Args:
-        p: Record of the robot.
-        y: State (STATE_SIZE,) [SI], changed in place.
-        reference: (n, 3) tension references [N].
-        inputs: (n + 2, INPUT_SIZE) time-varying inputs [SI].
-        dropped: (n, 3) commands that are lost.
-        noise: (n, 3) noise of the cells [N].
-        tolerance: (STATE_SIZE,) absolute tolerances [SI].
-
-    Returns:
-        Tension (n, 3) [N], gear angle (n, 3) [rad], commands (n, 3) [m/s], and angles and rates (10 n, 6) [rad, rad/s]
-        at every mid-slot; NaN from where a state cannot be integrated.
+    Tension (n, 3) [N], gear angle (n, 3) [rad], commands (n, 3) [m/s], and angles and rates (10 n, 6) [rad, rad/s] at
+    every mid-slot; NaN from where a state cannot be integrated.
     """
     frames = reference.shape[0]
     tension, theta = np.full((frames, 3), np.nan), np.full((frames, 3), np.nan)

@@ -83,11 +83,6 @@ def write(log: Log) -> bytes:
     return stream.getvalue().encode()
 
 
-def read_gzipped(data: bytes, source: str) -> Log:
-    """`read` of gzipped text."""
-    return read(unpack(data, source), source)
-
-
 def unpack(data: bytes, source: str) -> bytes:
     """Gunzipped bytes. InputError for no whole gzip file, and for more bytes than a file may have."""
     try:
@@ -95,8 +90,3 @@ def unpack(data: bytes, source: str) -> bytes:
             return limited(stream.read(MAX_BYTES + 1), source)
     except (OSError, EOFError, zlib.error) as error:
         raise InputError(f"{source}: not a whole gzip file ({error})") from None
-
-
-def write_gzipped(log: Log) -> bytes:
-    """The text of `write`, gzipped without a time stamp, so that the same log gives the same bytes."""
-    return gzip.compress(write(log), compresslevel=6, mtime=0)

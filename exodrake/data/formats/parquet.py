@@ -40,16 +40,9 @@ def parse(data: bytes, source: str) -> list[tuple[str, Any]]:
 
 
 def parse_rows(data: bytes, source: str, wanted: Any, optional: Collection[str] = ()) -> list[dict[str, Any]]:
-    """Rows of a table of any types as plain data.
+    """Rows of a table of any types as plain data, by the wanted `pyarrow.Schema`; cells of an absent column are None.
 
-    Args:
-        data: the file.
-        source: its name.
-        wanted: `pyarrow.Schema` of the columns.
-        optional: names of columns that may be missing; their cells are None then.
-
-    Raises:
-        InputError: for a damaged file, and naming a column that is missing; for values of another type.
+    InputError for a damaged file, a missing column that is not optional, and values of another type.
     """
     arrow, parquet = pyarrow_of(source)
     try:
