@@ -6,8 +6,8 @@ does not depend on how the stream of rows is cut.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from scipy.signal import savgol_filter
@@ -27,18 +27,12 @@ ANCHOR = 10.0  # s, time constant with which an integrating segment is drawn to 
 EASE = 0.9  # a log may begin in motion: the first gain is 1, each further one this share of the last, down to ANCHOR's
 
 
-@dataclass(frozen=True)
-class Channel:
-    """A column of residuals: `segment` (or `LOOP`), kind of log column, and channel of that kind."""
+class Channel(NamedTuple):
+    """A column of residuals: `segment` (or `LOOP`), kind of log column, and the column."""
 
     segment: str
     kind: str
-    channel: str
-
-    @property
-    def column(self) -> str:
-        """Column of the log."""
-        return f"{self.kind}_{self.channel}"
+    column: str
 
 
 def replayed_segments(machine: Machine) -> dict[str, Segment]:
@@ -49,12 +43,10 @@ def replayed_segments(machine: Machine) -> dict[str, Segment]:
 
 def channels(machine: Machine) -> tuple[Channel, ...]:
     """All channels: against the closed loop, then against the replays."""
-    columns = [(k, c) for k in machine.compared for c in machine.channels(machine.column(k).signal)]
+    kinds = [(kind, name) for kind in machine.compared for name in machine.log_names([machine.column(kind)])]
     segments = replayed_segments(machine)
-    return (
-        *(Channel(LOOP, kind, channel) for kind, channel in columns),
-        *(Channel(segments[kind].name, kind, channel) for kind, channel in columns if kind in segments),
-    )
+    replayed = (Channel(segments[kind].name, kind, name) for kind, name in kinds if kind in segments)
+    return *(Channel(LOOP, kind, name) for kind, name in kinds), *replayed
 
 
 class Buffer:
