@@ -163,7 +163,7 @@ LEFT_OUT = ("reading.delay", "reading.crosstalk")
 def motor_machine(
     name: str, joints: tuple[str, ...], frame: float, max_effects: int, friction: float = FRICTION
 ) -> Machine:
-    """A machine of servos with motor, gear and supply (`physics/servo.py`).
+    """A machine of servos with motor, gear and supply (`physics/servo.py`); the sensor reads as a command arrives.
 
     Args:
         name: of the machine.
