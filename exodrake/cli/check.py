@@ -41,9 +41,9 @@ def command(case: Path, robot: str, only: str, without: str, figure: Path | None
 
     from exodrake.core.display import display_of
     from exodrake.core.parallel import one_blas_thread
-    from exodrake.machines.robot_file import load_robot
     from exodrake.diagnosis.checks.identifiability import SEEN
     from exodrake.diagnosis.checks.preflight import draw_figure, preflight
+    from exodrake.machines.robot_file import load_robot
 
     nominal = load_robot(robot)
     refuse_cases(case)

@@ -85,7 +85,7 @@ def files_of(plan: Plan, log: Log, robot: Robot, trained: Estimator | None) -> d
 
     from exodrake.data.plot import png_of
     from exodrake.diagrams.meshcat import Thing, recording_html
-    from exodrake.estimator.file import save
+    from exodrake.estimator.gp import save
     from exodrake.grasping.figure import grasp_figure
 
     thing = Thing((plan.centre[0], -plan.centre[1]), plan.size / 2.0, WIDTH if plan.mode == "caging" else None)
