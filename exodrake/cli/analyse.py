@@ -125,12 +125,18 @@ def show(result: ClosedLoop) -> None:
     print_table(("channel", *(f">{name}\n\\[{unit}]" for name, unit in FIGURES.items())), rows)
     click.echo()
     print_table((">|z|", ">z", ">frequency\n\\[Hz]", ">damping\n\\[-]", "e-fold\n", "mostly in"), poles)
-    for line in (
-        *robust_lines(result),
-        *uncertainty_lines(result),
-        verdict(result),
-        *(f"note: {note}" for note in result.notes),
-    ):
+    names, numbers = ("max sigma(S)", "max sigma(T)", "disk margin"), result.robust.numbers
+    if result.robust.stable:
+        click.echo("all commands at once: " + ", ".join(f"{n} {numbers[n]:.3g}" for n in names))
+    for band in result.bands:  # the least and largest values over each population
+        ranges = [(n, band.range(n)) for n in names]
+        text = ", ".join(f"{n} {low:.3g} to {high:.3g}" for n, (low, high) in ranges if math.isfinite(low))
+        counts = [f"{len(band.members)} {'points' if band.name == 'operating points' else 'robots'}"]
+        counts += [f"{band.unstable} unstable"] if band.unstable else []
+        counts += [f"{band.undecided} where poles mean little"] if band.undecided else []
+        counts += [f"{len(band.failures)} without rest"] if band.failures else []
+        click.echo(f"over {band.name} ({', '.join(counts)}): {text or 'no margins'}")
+    for line in (*uncertainty_lines(result), verdict(result), *(f"note: {note}" for note in result.notes)):
         click.echo(line)
 
 
@@ -139,23 +145,6 @@ def course(time_constant: float) -> str:
     if math.isinf(time_constant):
         return "stays"
     return f"grows in {-time_constant:.3g} s" if time_constant < 0.0 else f"decays in {time_constant:.3g} s"
-
-
-def robust_lines(result: ClosedLoop) -> list[str]:
-    """All commands at once, with the least and largest values over each population."""
-    names, found = ("max sigma(S)", "max sigma(T)", "disk margin"), []
-    numbers = result.robust.numbers
-    if result.robust.stable:
-        found.append("all commands at once: " + ", ".join(f"{n} {numbers[n]:.3g}" for n in names))
-    for band in result.bands:
-        ranges = [(n, band.range(n)) for n in names]
-        text = ", ".join(f"{n} {low:.3g} to {high:.3g}" for n, (low, high) in ranges if math.isfinite(low))
-        counts = [f"{len(band.members)} robots" if band.name != "operating points" else f"{len(band.members)} points"]
-        counts += [f"{band.unstable} unstable"] if band.unstable else []
-        counts += [f"{band.undecided} where poles mean little"] if band.undecided else []
-        counts += [f"{len(band.failures)} without rest"] if band.failures else []
-        found.append(f"over {band.name} ({', '.join(counts)}): {text or 'no margins'}")
-    return found
 
 
 def uncertainty_lines(result: ClosedLoop) -> list[str]:
