@@ -169,25 +169,19 @@ def moment(value: Any, where: str) -> datetime:
 
 LOG = mapping(
     {
-        "file": text(),
-        "role": optional(text(ROLES)),
-        "protocol": optional(text()),
-        "repeats": optional(text()),
+        "file": text(), "role": optional(text(ROLES)), "protocol": optional(text()), "repeats": optional(text()),
         "date": optional(moment),
     },
     required=("file",),
-)
+)  # fmt: skip
 SCHEMA = mapping(
     {
-        "name": anything,
-        "serial": anything,
-        "date": optional(moment),
-        "robot": optional(names(anything)),
+        "name": anything, "serial": anything, "date": optional(moment), "robot": optional(names(anything)),
         "period": optional(number(above=0.0, high=LONGEST_FRAME, unit="s")),
         "logs": listing(LOG, least=1, wanted="a list of logs"),
     },
     required=("logs",),
-)
+)  # fmt: skip
 
 
 def read_case_file(path: Path) -> dict[str, Any]:
