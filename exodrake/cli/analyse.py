@@ -9,19 +9,7 @@ from typing import TYPE_CHECKING
 import click
 from click.core import ParameterSource
 
-from exodrake.cli.options import (
-    AnyPath,
-    OutputFile,
-    OutputFolder,
-    change_robot,
-    json_option,
-    print_table,
-    robot_changes,
-    robot_option,
-    waiting,
-    write_answer,
-    write_files,
-)
+from exodrake.cli import options
 
 if TYPE_CHECKING:
     from exodrake.analysis.closed_loop import ClosedLoop
@@ -34,20 +22,22 @@ SHOWN = 0.3  # poles of smaller modulus are gone within a few frames
 
 
 @click.command()
-@robot_option("file")
-@robot_changes
+@options.robot_option("file")
+@options.robot_changes
 @click.option("--at", default="", metavar="AF=4,MF=3,AE=1", help="Operating point: references, or its name: small.")
 @click.option("--draws", type=click.IntRange(0, 1000), default=12, help="Robots within the tolerances, for bands. [12]")
 @click.option(
     "--diagnosis",
-    type=AnyPath(),
+    type=options.AnyPath(),
     metavar="FILE|FOLDER",
     help="Answer of `exodrake diagnose --json`, or the folder of one: every robot that it leaves possible.",
 )
 @click.option("--seed", type=click.IntRange(0), help="Measure the frequency response with sensor noise of this seed.")
-@click.option("--out", type=OutputFolder(), help="Folder for figures and analysis.json.")
-@json_option
-@click.option("--to-control", "model", type=OutputFile(), help="NPZ with A, B, C, D, dt and names for python-control.")
+@click.option("--out", type=options.OutputFolder(), help="Folder for figures and analysis.json.")
+@options.json_option
+@click.option(
+    "--to-control", "model", type=options.OutputFile(), help="NPZ with A, B, C, D, dt and names for python-control."
+)
 def command(file, parameters, effects, parts, at, draws, diagnosis, seed, out, json_file, model) -> None:
     """How stable, how fast and how robust the closed loop of a robot is, seen once a frame.
 
@@ -66,8 +56,8 @@ def command(file, parameters, effects, parts, at, draws, diagnosis, seed, out, j
     answer, improved = read_diagnosis(diagnosis) if diagnosis else (None, None)
     if improved and click.get_current_context().get_parameter_source("file") == ParameterSource.DEFAULT:
         file = str(improved)
-    robot, point = change_robot(add_controller(load_robot(file)), parameters, effects, parts), point_of(at)
-    with waiting("analysing (the first run after a change compiles for half a minute)"):
+    robot, point = options.change_robot(add_controller(load_robot(file)), parameters, effects, parts), point_of(at)
+    with options.waiting("analysing (the first run after a change compiles for half a minute)"):
         result = analyse(robot, point, seed)
         uncertainty = None if answer is None else assess_answer(robot, answer, point, draws or 12)
         bands = []
@@ -83,9 +73,9 @@ def command(file, parameters, effects, parts, at, draws, diagnosis, seed, out, j
     if json_file != "-":
         show(result)
     warn(robot)
-    write_answer(numbers, "analysis", json_file, out, figures)
+    options.write_answer(numbers, "analysis", json_file, out, figures)
     if model:
-        write_files({model: model_bytes(result)}, json_file != "-")
+        options.write_files({model: model_bytes(result)}, json_file != "-")
 
 
 def point_of(text: str) -> dict[str, float] | str | None:
@@ -122,9 +112,9 @@ def show(result: ClosedLoop) -> None:
             place = f"{pole.z.real:+.3f}" + (f" ±{pole.z.imag:.3f}i" if pole.z.imag else "")
             rest = (f"{v:.3g}" for v in (pole.frequency, pole.damping))
             poles.append((f"{abs(pole.z):.4f}", place, *rest, course(pole.time_constant), pole.state))
-    print_table(("channel", *(f">{name}\n\\[{unit}]" for name, unit in FIGURES.items())), rows)
+    options.print_table(("channel", *(f">{name}\n\\[{unit}]" for name, unit in FIGURES.items())), rows)
     click.echo()
-    print_table((">|z|", ">z", ">frequency\n\\[Hz]", ">damping\n\\[-]", "e-fold\n", "mostly in"), poles)
+    options.print_table((">|z|", ">z", ">frequency\n\\[Hz]", ">damping\n\\[-]", "e-fold\n", "mostly in"), poles)
     names, numbers = ("max sigma(S)", "max sigma(T)", "disk margin"), result.robust.numbers
     if result.robust.stable:
         click.echo("all commands at once: " + ", ".join(f"{n} {numbers[n]:.3g}" for n in names))
