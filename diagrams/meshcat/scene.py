@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from exodrake.core.errors import InputError
+from exodrake.core.mechanism import SPACING, Piece, Shape, Skeleton
 from exodrake.core.robot import Robot
-from exodrake.core.skeleton import SPACING, Piece, Shape, Skeleton
 
 
 def skeleton(robot: Robot) -> Skeleton | Shape:
