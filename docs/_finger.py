@@ -11,7 +11,7 @@ import numpy as np
 from PIL import Image
 
 import exodrake as exo
-from exodrake.core.skeleton import Skeleton
+from exodrake.core.mechanism import Skeleton
 from exodrake.data.plot import IMPROVED, MEASURED, NOMINAL, STYLE, new_figure
 from exodrake.diagrams.meshcat.scene import span, turn
 

@@ -21,8 +21,8 @@ from pydrake.systems.framework import Context, LeafSystem
 
 from exodrake.core.display import display_of
 from exodrake.core.errors import InputError
+from exodrake.core.mechanism import Shape, Skeleton
 from exodrake.core.robot import Robot
-from exodrake.core.skeleton import Shape, Skeleton
 from exodrake.core.templates import render
 from exodrake.data.log import Log
 from exodrake.diagrams.meshcat.scene import GHOST, GHOSTLY, Arm, Finger, Thing, segment_path, skeleton

@@ -9,19 +9,7 @@ from typing import TYPE_CHECKING
 import click
 from click.core import ParameterSource
 
-from exodrake.cli.options import (
-    AnyPath,
-    OutputFile,
-    OutputFolder,
-    change_robot,
-    json_option,
-    print_table,
-    robot_changes,
-    robot_option,
-    waiting,
-    write_answer,
-    write_files,
-)
+from exodrake.cli import options
 
 if TYPE_CHECKING:
     from exodrake.analysis.closed_loop import ClosedLoop
@@ -34,20 +22,22 @@ SHOWN = 0.3  # poles of smaller modulus are gone within a few frames
 
 
 @click.command()
-@robot_option("file")
-@robot_changes
+@options.robot_option("file")
+@options.robot_changes
 @click.option("--at", default="", metavar="AF=4,MF=3,AE=1", help="Operating point: references, or its name: small.")
 @click.option("--draws", type=click.IntRange(0, 1000), default=12, help="Robots within the tolerances, for bands. [12]")
 @click.option(
     "--diagnosis",
-    type=AnyPath(),
+    type=options.AnyPath(),
     metavar="FILE|FOLDER",
     help="Answer of `exodrake diagnose --json`, or the folder of one: every robot that it leaves possible.",
 )
 @click.option("--seed", type=click.IntRange(0), help="Measure the frequency response with sensor noise of this seed.")
-@click.option("--out", type=OutputFolder(), help="Folder for figures and analysis.json.")
-@json_option
-@click.option("--to-control", "model", type=OutputFile(), help="NPZ with A, B, C, D, dt and names for python-control.")
+@click.option("--out", type=options.OutputFolder(), help="Folder for figures and analysis.json.")
+@options.json_option
+@click.option(
+    "--to-control", "model", type=options.OutputFile(), help="NPZ with A, B, C, D, dt and names for python-control."
+)
 def command(file, parameters, effects, parts, at, draws, diagnosis, seed, out, json_file, model) -> None:
     """How stable, how fast and how robust the closed loop of a robot is, seen once a frame.
 
@@ -72,8 +62,8 @@ def command(file, parameters, effects, parts, at, draws, diagnosis, seed, out, j
     answer, improved = read_diagnosis(diagnosis) if diagnosis else (None, None)
     if improved and click.get_current_context().get_parameter_source("file") == ParameterSource.DEFAULT:
         file = str(improved)
-    robot, point = change_robot(add_controller(load_robot(file)), parameters, effects, parts), point_of(at)
-    with waiting("analysing (the first run after a change compiles for half a minute)"):
+    robot, point = options.change_robot(add_controller(load_robot(file)), parameters, effects, parts), point_of(at)
+    with options.waiting("analysing (the first run after a change compiles for half a minute)"):
         result = analyse(robot, point, seed)
         uncertainty = None if answer is None else assess_answer(robot, answer, point, draws or 12)
         bands = []
@@ -89,9 +79,9 @@ def command(file, parameters, effects, parts, at, draws, diagnosis, seed, out, j
     if json_file != "-":
         show(result)
     warn(robot)
-    write_answer(numbers, "analysis", json_file, out, figures)
+    options.write_answer(numbers, "analysis", json_file, out, figures)
     if model:
-        write_files({model: model_bytes(result)}, json_file != "-")
+        options.write_files({model: model_bytes(result)}, json_file != "-")
 
 
 def point_of(text: str) -> dict[str, float] | str | None:
@@ -128,15 +118,21 @@ def show(result: ClosedLoop) -> None:
             place = f"{pole.z.real:+.3f}" + (f" ±{pole.z.imag:.3f}i" if pole.z.imag else "")
             rest = (f"{v:.3g}" for v in (pole.frequency, pole.damping))
             poles.append((f"{abs(pole.z):.4f}", place, *rest, course(pole.time_constant), pole.state))
-    print_table(("channel", *(f">{name}\n\\[{unit}]" for name, unit in FIGURES.items())), rows)
+    options.print_table(("channel", *(f">{name}\n\\[{unit}]" for name, unit in FIGURES.items())), rows)
     click.echo()
-    print_table((">|z|", ">z", ">frequency\n\\[Hz]", ">damping\n\\[-]", "e-fold\n", "mostly in"), poles)
-    for line in (
-        *robust_lines(result),
-        *uncertainty_lines(result),
-        verdict(result),
-        *(f"note: {note}" for note in result.notes),
-    ):
+    options.print_table((">|z|", ">z", ">frequency\n\\[Hz]", ">damping\n\\[-]", "e-fold\n", "mostly in"), poles)
+    names, numbers = ("max sigma(S)", "max sigma(T)", "disk margin"), result.robust.numbers
+    if result.robust.stable:
+        click.echo("all commands at once: " + ", ".join(f"{n} {numbers[n]:.3g}" for n in names))
+    for band in result.bands:  # the least and largest values over each population
+        ranges = [(n, band.range(n)) for n in names]
+        text = ", ".join(f"{n} {low:.3g} to {high:.3g}" for n, (low, high) in ranges if math.isfinite(low))
+        counts = [f"{len(band.members)} {'points' if band.name == 'operating points' else 'robots'}"]
+        counts += [f"{band.unstable} unstable"] if band.unstable else []
+        counts += [f"{band.undecided} where poles mean little"] if band.undecided else []
+        counts += [f"{len(band.failures)} without rest"] if band.failures else []
+        click.echo(f"over {band.name} ({', '.join(counts)}): {text or 'no margins'}")
+    for line in (*uncertainty_lines(result), verdict(result), *(f"note: {note}" for note in result.notes)):
         click.echo(line)
 
 
@@ -145,23 +141,6 @@ def course(time_constant: float) -> str:
     if math.isinf(time_constant):
         return "stays"
     return f"grows in {-time_constant:.3g} s" if time_constant < 0.0 else f"decays in {time_constant:.3g} s"
-
-
-def robust_lines(result: ClosedLoop) -> list[str]:
-    """All commands at once, with the least and largest values over each population."""
-    names, found = ("max sigma(S)", "max sigma(T)", "disk margin"), []
-    numbers = result.robust.numbers
-    if result.robust.stable:
-        found.append("all commands at once: " + ", ".join(f"{n} {numbers[n]:.3g}" for n in names))
-    for band in result.bands:
-        ranges = [(n, band.range(n)) for n in names]
-        text = ", ".join(f"{n} {low:.3g} to {high:.3g}" for n, (low, high) in ranges if math.isfinite(low))
-        counts = [f"{len(band.members)} robots" if band.name != "operating points" else f"{len(band.members)} points"]
-        counts += [f"{band.unstable} unstable"] if band.unstable else []
-        counts += [f"{band.undecided} where poles mean little"] if band.undecided else []
-        counts += [f"{len(band.failures)} without rest"] if band.failures else []
-        found.append(f"over {band.name} ({', '.join(counts)}): {text or 'no margins'}")
-    return found
 
 
 def uncertainty_lines(result: ClosedLoop) -> list[str]:

@@ -7,16 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from exodrake.cli.options import (
-    AnyPath,
-    OutputFile,
-    print_table,
-    refuse_cases,
-    robot_option,
-    tried_of,
-    waiting,
-    write_files,
-)
+from exodrake.cli import options
 
 if TYPE_CHECKING:
     from exodrake.diagnosis.checks.identifiability import Direction
@@ -25,11 +16,13 @@ TOP, FEW = 3, 4  # effects that are listed for each; for fewer sensors
 
 
 @click.command()
-@click.argument("case", type=AnyPath())
-@robot_option()
+@click.argument("case", type=options.AnyPath())
+@options.robot_option()
 @click.option("--effects", "only", default="", metavar="ID,...", help="These effects only.")
 @click.option("--without", default="", metavar="ID,...", help="Not these effects.")
-@click.option("--out", "--figure", "figure", type=OutputFile("check.png"), help="Write the figure, or a folder for it.")
+@click.option(
+    "--out", "--figure", "figure", type=options.OutputFile("check.png"), help="Write the figure, or a folder for it."
+)
 @click.option("--allow-outside", is_flag=True, help="Read logs that lie outside the folder of their case, too.")
 def command(case: Path, robot: str, only: str, without: str, figure: Path | None, allow_outside: bool) -> None:
     """Say what CASE is good for: clocks, gaps, saturation, excitation, and which effects it could not tell apart.
@@ -46,9 +39,9 @@ def command(case: Path, robot: str, only: str, without: str, figure: Path | None
     from exodrake.machines.robot_file import load_robot
 
     nominal = load_robot(robot)
-    refuse_cases(case)
-    with waiting("reading") as say, one_blas_thread():
-        found = preflight(case, nominal, tried_of(robot, only, without), allow_outside, say)
+    options.refuse_cases(case)
+    with options.waiting("reading") as say, one_blas_thread():
+        found = preflight(case, nominal, options.tried_of(robot, only, without), allow_outside, say)
 
     def shown(column: str, value: float) -> str:
         display = display_of(column.rsplit("_", 1)[0], nominal.machine)
@@ -71,7 +64,7 @@ def command(case: Path, robot: str, only: str, without: str, figure: Path | None
         (("channel", ">motion (std)", ">fast noise (std)", ">missing", ">at its ends"), channels),
         (("reference", ">span", ">of its limits", ">95 % below", ">turns", ">at rest"), references),
     ):
-        print_table(titles, rows)
+        options.print_table(titles, rows)
         click.echo()
     for problem in found.problems:
         click.echo(f"{click.style('note', fg='yellow')}    {problem}")
@@ -85,7 +78,7 @@ def command(case: Path, robot: str, only: str, without: str, figure: Path | None
         hidden = ", ".join(d.channel or "everywhere" for d in own if d.seen < SEEN)
         taken = list(dict.fromkeys(name for d in seen for name in d.taken_for))
         rows.append((f"[bold]{effect}[/bold]", smallest(seen), hidden, first_names(taken, TOP)))
-    print_table(("effect", ">seen from", "not seen at typical size", "could be taken for"), rows, wrapped=3)
+    options.print_table(("effect", ">seen from", "not seen at typical size", "could be taken for"), rows, wrapped=3)
     click.echo(
         f"\n{len(result.clear)} of {len(result.directions)} effects and channels are seen and distinguished, "
         f"{len(result.mistaken)} could be mistaken, {len(result.hidden)} are not seen"
@@ -102,9 +95,11 @@ def command(case: Path, robot: str, only: str, without: str, figure: Path | None
     if rows:
         click.echo()
         lost = "effects no longer distinguished"
-        print_table(("with these columns alone", ">distinguished", ">mistaken", ">not seen", lost), rows, wrapped=4)
+        options.print_table(
+            ("with these columns alone", ">distinguished", ">mistaken", ">not seen", lost), rows, wrapped=4
+        )
     if figure:
-        write_files({figure: draw_figure(found)})
+        options.write_files({figure: draw_figure(found)})
 
 
 def first_names(names: list[str], count: int) -> str:

@@ -9,19 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
-from exodrake.cli.options import (
-    AnyPath,
-    OutputFile,
-    OutputFolder,
-    cases_in,
-    command_line,
-    json_option,
-    print_table,
-    robot_option,
-    tried_of,
-    write_files,
-    write_json,
-)
+from exodrake.cli import options
 from exodrake.core.errors import InputError
 from exodrake.core.progress import counted, where_to_run
 
@@ -42,15 +30,15 @@ class Targets(NamedTuple):
 
 @click.command()
 @click.argument("cases", nargs=-1, required=True, metavar="CASE...")
-@click.option("--out", type=OutputFolder(), help="Folder for all files [of several cases: diagnosed].")
-@json_option
-@click.option("--report", type=OutputFile(REPORT), help="Write the report alone, as one HTML file.")
-@click.option("--out-robot", type=OutputFile("improved.yaml"), help="Write the improved robot alone.")
-@robot_option(default="")
+@click.option("--out", type=options.OutputFolder(), help="Folder for all files [of several cases: diagnosed].")
+@options.json_option
+@click.option("--report", type=options.OutputFile(REPORT), help="Write the report alone, as one HTML file.")
+@click.option("--out-robot", type=options.OutputFile("improved.yaml"), help="Write the improved robot alone.")
+@options.robot_option(default="")
 @click.option("--effects", "only", default="", metavar="ID,...", help="Try these effects only.")
 @click.option("--without", default="", metavar="ID,...", help="Do not try these effects.")
 @click.option("--discover/--no-discover", default=None, help="Look for a law that the library lacks [for UNKNOWN].")
-@click.option("--out-law", metavar="FOLDER", type=AnyPath(), help="Write that law, as a plugin with its robot.")
+@click.option("--out-law", metavar="FOLDER", type=options.AnyPath(), help="Write that law, as a plugin with its robot.")
 @click.option("--profile", is_flag=True, help="Say how much processor time and simulated time each stage took.")
 @click.option("--jobs", type=click.IntRange(min=1), help="Processor cores to use [all].")
 @click.option("--cluster", metavar="ADDRESS", help="Of several cases: Dask scheduler to run on.")
@@ -71,11 +59,11 @@ def command(
     """
     targets = Targets(json_file, report, out_robot, out_law)
     first, *others = cases
-    if others or cases_in(Path(first)):
+    if others or options.cases_in(Path(first)):
         given = dict(zip(("--json", "--report", "--out-robot", "--out-law"), targets)) | {"--discover": discover}
         for name in (name for name, value in given.items() if value):
             raise click.UsageError(f"{name} is for one case; the answers to several are written to --out")
-        tried = tried_of(robot, only, without)
+        tried = options.tried_of(robot, only, without)
         return diagnose_many(cases, out or DIAGNOSED, robot, jobs or -1, cluster, redo, tried, allow_outside)
     if cluster or redo:
         raise click.UsageError("--cluster and --redo are for several cases")
@@ -90,7 +78,7 @@ def command(
         numba.set_num_threads(min(jobs, numba.config.NUMBA_NUM_THREADS))  # pyright: ignore
         thread_limit(count=jobs)
     discover = True if out_law is not None and discover is None else discover
-    diagnose_case(first, robot, targets, tried_of(robot, only, without), allow_outside, profile, discover)
+    diagnose_case(first, robot, targets, options.tried_of(robot, only, without), allow_outside, profile, discover)
 
 
 def diagnose_case(
@@ -116,15 +104,15 @@ def diagnose_case(
     spent: dict[Stage, float] = {}
 
     def write(contents: dict[Path, str]) -> None:
-        write_files(contents, announce=False)
+        options.write_files(contents, announce=False)
         written.update(dict.fromkeys(contents))
 
     def keep(found: Diagnosis) -> None:
         """Writes the answer with its command, and the report last."""
         made = found.provenance
-        known[:] = [found if made is None else replace(found, provenance=replace(made, command=command_line()))]
+        known[:] = [found if made is None else replace(found, provenance=replace(made, command=options.command_line()))]
         if isinstance(targets.json, Path):
-            write_json(known[0].to_json(), targets.json, announce=False)
+            options.write_json(known[0].to_json(), targets.json, announce=False)
             written[targets.json] = None
         if targets.robot is not None:
             write({targets.robot: found.robot_file(found.robot)})
@@ -147,7 +135,7 @@ def diagnose_case(
 
             written.update(dict.fromkeys(write_law(targets.law, law.id, law.text, law.robot, found.case)))
     finally:  # also of a search for a law, or a report, that is interrupted or fails
-        if known and not write_json(known[0].to_json(), "-" if targets.json == "-" else None):
+        if known and not options.write_json(known[0].to_json(), "-" if targets.json == "-" else None):
             print_summary(known[0])
             if profile:
                 print_profile(known[0], spent)
@@ -185,8 +173,8 @@ def diagnose_many(
         value = answer["closure"]["overall"].get("value") if causes else None
         refuted = " (not confirmed)" if answer.get("confirmed") is False else ""
         rows.append((name, answer["verdict"] + refuted, ", ".join(causes), "" if value is None else closure(value)))
-    print_table(("case", "verdict", "causes", ">closure"), rows, wrapped=2)
-    write_files({out / FLEET: fleet_html(read_answers(out), out.resolve().name)})
+    options.print_table(("case", "verdict", "causes", ">closure"), rows, wrapped=2)
+    options.write_files({out / FLEET: fleet_html(read_answers(out), out.resolve().name)})
     for name, reason in failed.items():
         click.echo(f"{name}: {reason}", err=True)
     if failed:
@@ -200,7 +188,7 @@ def places_of(cases: tuple[str, ...], out: Path) -> dict[Path, Path]:
     """
     from exodrake.data.formats import stem
 
-    paths = [path for name in cases for path in cases_in(Path(name)) or [Path(name)]]
+    paths = [path for name in cases for path in options.cases_in(Path(name)) or [Path(name)]]
     for path in paths:
         if not path.exists():
             raise InputError(f"{path}: no such folder")
@@ -219,9 +207,9 @@ LISTED, CAUSES = 4, 2  # columns of the report's table that the terminal shows, 
 
 
 @click.command()
-@click.argument("sources", nargs=-1, required=True, type=AnyPath(), metavar="ANSWERS...")
-@click.option("--out", type=OutputFile(FLEET), help="Write the page: which robots, which causes, since when.")
-@click.option("--table", type=OutputFile("fleet.parquet"), help="Write the table, a row each case, as Parquet.")
+@click.argument("sources", nargs=-1, required=True, type=options.AnyPath(), metavar="ANSWERS...")
+@click.option("--out", type=options.OutputFile(FLEET), help="Write the page: which robots, which causes, since when.")
+@click.option("--table", type=options.OutputFile("fleet.parquet"), help="Write the table, a row each case, as Parquet.")
 def summarise_fleet(sources: tuple[Path, ...], out: Path | None, table: Path | None) -> None:
     """Say of many diagnosed cases which robots have which causes, and since when.
 
@@ -242,19 +230,23 @@ def summarise_fleet(sources: tuple[Path, ...], out: Path | None, table: Path | N
         files[out] = fleet_html(rows, sources[0].resolve().name, links)
     shown = robot_table(members(rows))
     cells: list[Any] = [[escape(cell.replace("`", "")) for cell in row[:LISTED]] for row in shown.rows]
-    print_table(shown.header[:LISTED], cells, wrapped=CAUSES)
-    write_files(files)
+    options.print_table(shown.header[:LISTED], cells, wrapped=CAUSES)
+    options.write_files(files)
 
 
 @click.command()
-@robot_option()
+@options.robot_option()
 @click.option("--case", "folder", metavar="CASE", help="Folder or log whose motion the robots follow.")
 @click.option("--cases", default=60, show_default=True, type=click.IntRange(min=1), help="How many robots at most.")
 @click.option("--minutes", default=9.0, show_default=True, type=click.FloatRange(min=0.0), help="Time for them.")
 @click.option("--seed", default=0, show_default=True, type=click.IntRange(min=0), help="Of everything that is drawn.")
 @where_to_run
 @click.option(
-    "--out", "--write", "out", type=OutputFile("calibration.yaml"), help="The machine's folder, for calibration.yaml."
+    "--out",
+    "--write",
+    "out",
+    type=options.OutputFile("calibration.yaml"),
+    help="The machine's folder, for calibration.yaml.",
 )
 def count_errors(
     robot: str, folder: str | None, cases: int, minutes: float, seed: int, jobs: int, cluster: str | None,
@@ -295,6 +287,6 @@ def count_errors(
         if total:
             ends = "{low:.0%} to {high:.0%}".format(**rate_of(k, total))
             rows.append((name, RATES[name], f"{k} of {total}", percent(k / total), ends))
-    print_table(("rate", "meaning", ">count", ">share", ">95 % interval"), rows, wrapped=1)
+    options.print_table(("rate", "meaning", ">count", ">share", ">95 % interval"), rows, wrapped=1)
     if out:
-        write_files({out: calibration_text(found)})
+        options.write_files({out: calibration_text(found)})

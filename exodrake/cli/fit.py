@@ -4,20 +4,11 @@ from __future__ import annotations
 
 import click
 
-from exodrake.cli.options import (
-    CASE,
-    OutputFolder,
-    change_robot,
-    json_option,
-    robot_changes,
-    robot_option,
-    waiting,
-    write_answer,
-)
+from exodrake.cli import options
 
 
 @click.command()
-@CASE
+@options.CASE
 @click.option(
     "--free", multiple=True, required=True, metavar="NAME", help="Parameter to fit, such as finger.kappa. Repeatable."
 )
@@ -26,10 +17,10 @@ from exodrake.cli.options import (
 )
 @click.option("--held-out", multiple=True, metavar="LOG", help="Log that is not fitted. Repeatable.")
 @click.option("--prediction", is_flag=True, help="Fit prediction errors beside output errors.")
-@robot_option("file")
-@robot_changes
-@click.option("--out", type=OutputFolder(), help="Folder for robot.yaml, fit.png and fit.json.")
-@json_option
+@options.robot_option("file")
+@options.robot_changes
+@click.option("--out", type=options.OutputFolder(), help="Folder for robot.yaml, fit.png and fit.json.")
+@options.json_option
 def command(cases, free, bounds, held_out, prediction, file, parameters, effects, parts, out, json_file) -> None:
     """Fit parameters of a robot to logs by least squares, with 90 % intervals that allow for coloured residuals.
 
@@ -52,8 +43,8 @@ def command(cases, free, bounds, held_out, prediction, file, parameters, effects
         if not equals or not dots:
             raise InputError(f"--bounds: {text!r} is not of the form NAME=LOW..HIGH")
         limits[name.strip()] = (low, high)
-    with waiting("fitting (the first run after a change compiles for half a minute)"):
-        robot = change_robot(load_robot(file), parameters, effects, parts)
+    with options.waiting("fitting (the first run after a change compiles for half a minute)"):
+        robot = options.change_robot(load_robot(file), parameters, effects, parts)
         found = fit(robot, cases[0] if len(cases) == 1 else cases, free, limits, held_out, prediction)
     console = Console(stderr=json_file == "-")
     console.print(Markdown(found.table))
@@ -61,4 +52,4 @@ def command(cases, free, bounds, held_out, prediction, file, parameters, effects
         console.print(line, highlight=False, soft_wrap=True)
     robot_file = robot_text(found.robot, f"{', '.join(free)} fitted to {found.case} by exodrake fit")
     files = {"robot.yaml": robot_file, "fit.png": png_of(found.plot())} if out else {}
-    write_answer(found.to_dict(), "fit", json_file, out, files)
+    options.write_answer(found.to_dict(), "fit", json_file, out, files)

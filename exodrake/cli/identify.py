@@ -9,16 +9,7 @@ from pathlib import Path
 
 import click
 
-from exodrake.cli.options import (
-    AnyPath,
-    OutputFile,
-    OutputFolder,
-    print_table,
-    refuse_others,
-    robot_option,
-    waiting,
-    write_files,
-)
+from exodrake.cli import options
 
 
 @click.group()
@@ -27,9 +18,11 @@ def command() -> None:
 
 
 @command.command(short_help="Joint axes, centres, angles and phalanx lengths.")
-@click.argument("file", type=AnyPath())
-@click.option("--out", type=OutputFolder(), default=Path("kinematics"), show_default=True, help="Folder for the files.")
-@click.option("--markers", type=AnyPath(), help="YAML with the marker names of each segment.")
+@click.argument("file", type=options.AnyPath())
+@click.option(
+    "--out", type=options.OutputFolder(), default=Path("kinematics"), show_default=True, help="Folder for the files."
+)
+@click.option("--markers", type=options.AnyPath(), help="YAML with the marker names of each segment.")
 @click.option(
     "--cutoff", type=float, default=4.0, show_default=True, help="Smoothing of marker paths [Hz]; 0 for none."
 )
@@ -57,7 +50,7 @@ def kinematics(file: Path, out: Path, markers: Path | None, cutoff: float, repai
         recording = exchange_labels(recording, swaps)
         for swap in swaps:
             click.echo(f"exchanged {swap.names[0]} and {swap.names[1]} in frames {swap.first} to {swap.last}")
-    with waiting("adjusting axes to the markers"):
+    with options.waiting("adjusting axes to the markers"):
         found = identify(recording, layout, cutoff or None)
         files = write_report(found, out)
     rows = [
@@ -65,17 +58,17 @@ def kinematics(file: Path, out: Path, markers: Path | None, cutoff: float, repai
         for joint, axis, gradient, half, intercept, other, rmse in table_rows(found)
     ]
     click.echo(f"joint centres of {Path(found.source).name}: centre = gradient x angle + intercept")
-    print_table(("joint", "axis", ">gradient \\[mm/rad]", ">intercept \\[mm]", ">RMSE \\[mm]"), rows)
+    options.print_table(("joint", "axis", ">gradient \\[mm/rad]", ">intercept \\[mm]", ">RMSE \\[mm]"), rows)
     ranges = ["{:.2f} to {:.2f}".format(*joint.range) for joint in found.joints]
     lengths = [(j, span, bone, f"{mm} ± {half}") for span, (j, bone, mm, half) in zip(ranges, length_rows(found))]
-    print_table(("joint", ">flexion \\[rad]", "phalanx", ">length \\[mm]"), lengths)
+    options.print_table(("joint", ">flexion \\[rad]", "phalanx", ">length \\[mm]"), lengths)
     for remark in found.remarks:
         click.echo(f"note: {remark}")
     click.echo("wrote " + ", ".join(str(name) for name in files))
 
 
 @command.command(short_help="Write a marker recording with known truth.")
-@click.argument("file", type=OutputFile())
+@click.argument("file", type=options.OutputFile())
 @click.option("--duration", type=float, default=40.0, show_default=True, help="Length of the recording.")
 @click.option("--rate", type=float, default=100.0, show_default=True, help="Frames per second.")
 @click.option("--noise", type=float, default=0.3, show_default=True, help="Noise per axis [mm RMS].")
@@ -108,13 +101,13 @@ def synthesise(
         recording = exchange_labels(recording, (Swap(swap, middle, middle + round(rate / 2)),))
     source = f"Synthetic, nobody was measured: exodrake identify synthesise, seed {seed}."
     data = c3d_bytes(recording) if file.suffix.lower() == ".c3d" else csv_bytes(recording, (source,))
-    write_files({file: data, file.with_name(file.name + ".truth.yaml"): truth_yaml(truth)})
+    options.write_files({file: data, file.with_name(file.name + ".truth.yaml"): truth_yaml(truth)})
     click.echo(f"{len(recording.time)} frames, {len(recording.names)} markers")
 
 
 @command.command("maximum-tension", short_help="Tension of each tendon beyond which the joints hardly move.")
-@click.argument("log", type=AnyPath())
-@robot_option()
+@click.argument("log", type=options.AnyPath())
+@options.robot_option()
 def maximum_tension(log: Path, robot: str) -> None:
     r"""The tension of each tendon that maximises the movement, from LOG of the protocol `maximum-tension`.
 
@@ -136,8 +129,10 @@ def maximum_tension(log: Path, robot: str) -> None:
 
 
 @click.command()
-@robot_option()
-@click.option("--out", type=OutputFolder(), default=Path("workspace"), show_default=True, help="Folder for the files.")
+@options.robot_option()
+@click.option(
+    "--out", type=options.OutputFolder(), default=Path("workspace"), show_default=True, help="Folder for the files."
+)
 @click.option("--samples", type=int, default=40_000, show_default=True, help="Points of the Monte Carlo areas.")
 @click.option("--steps", type=int, default=25, show_default=True, help="Tensions per tendon in the assisted workspace.")
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True)
@@ -153,13 +148,13 @@ def find_workspace(robot: str, out: Path, samples: int, steps: int, seed: int) -
     from exodrake.machines.robot_file import load_robot
 
     loaded = load_robot(robot)
-    refuse_others("workspace", loaded, "finger.length")
+    options.refuse_others("workspace", loaded, "finger.length")
     lengths = tuple(loaded.channels("finger.length").tolist())
-    with waiting("sampling postures"):
+    with options.waiting("sampling postures"):
         wired = assisted(loaded, steps)
         rows = areas(lengths, SPONTANEOUS, wired, samples, seed)
         figure = workspace_figure(lengths, SPONTANEOUS, wired)
     files = write_folder(out, {"workspace.csv": areas_csv(rows).encode(), "workspace.png": figure})
     marks = [f">{heading}" if "[" in heading else heading for heading in HEAD]
-    print_table([escape(heading).replace(" \\[", "\n\\[") for heading in marks], rows)
+    options.print_table([escape(heading).replace(" \\[", "\n\\[") for heading in marks], rows)
     click.echo("wrote " + ", ".join(str(name) for name in files))

@@ -6,22 +6,13 @@ from pathlib import Path
 
 import click
 
-from exodrake.cli.options import (
-    AnyPath,
-    OutputFile,
-    json_option,
-    log_in,
-    print_table,
-    robot_option,
-    write_files,
-    write_json,
-)
+from exodrake.cli import options
 
 
 @click.command()
-@click.argument("log", type=AnyPath())
-@robot_option()
-@click.option("--out", type=OutputFile("recording.html"), help="File to write, or a folder for it [LOG with .html].")
+@click.argument("log", type=options.AnyPath())
+@options.robot_option()
+@click.option("--out", type=options.AnyPath(), help="File to write [LOG with .html].")
 @click.option("--estimated", is_flag=True, help="Show the estimated joint angles, not the measured ones.")
 @click.option("--open", "show", is_flag=True, help="Open the file in the browser.")
 def show_log(log: Path, robot: str, out: Path | None, estimated: bool, show: bool) -> None:
@@ -35,21 +26,21 @@ def show_log(log: Path, robot: str, out: Path | None, estimated: bool, show: boo
     from exodrake.machines.robot_file import load_robot
 
     kind = "angle_est" if estimated else ""
-    file = log_in(log)
+    file = options.log_in(log)
     html = recording_html(read_log(file), load_robot(robot), log.name or log.resolve().name, angles=kind)
     target = out or file.with_name(file.name.split(".")[0] + ".html")
-    write_files({target: html})
+    options.write_files({target: html})
     if show:
         click.launch(str(target))
 
 
 @click.command()
-@click.argument("first", type=AnyPath(), metavar="A")
-@click.argument("second", type=AnyPath(), metavar="B")
-@robot_option()
-@click.option("--out", type=OutputFile("compare.png"), default=Path("compare.png"), show_default=True,
+@click.argument("first", type=options.AnyPath(), metavar="A")
+@click.argument("second", type=options.AnyPath(), metavar="B")
+@options.robot_option()
+@click.option("--out", type=options.OutputFile("compare.png"), default=Path("compare.png"), show_default=True,
               help="Figure to write, or a folder for it.")  # fmt: skip
-@json_option
+@options.json_option
 def compare_logs(first: Path, second: Path, robot: str, out: Path, json_file: Path | str | None) -> None:
     """Overlay logs A and B, draw B less A below, and print RMS, mean and largest difference of each common signal.
 
@@ -65,7 +56,7 @@ def compare_logs(first: Path, second: Path, robot: str, out: Path, json_file: Pa
     from exodrake.machines.robot_file import load_robot
 
     machine = load_robot(robot).machine
-    one, other = (read_log(log_in(path)) for path in (first, second))
+    one, other = (read_log(options.log_in(path)) for path in (first, second))
     found = compare(one, other)
     names = (first.name, second.name) if first.name != second.name else found.names
     said = remarks(found, one, machine)
@@ -79,8 +70,8 @@ def compare_logs(first: Path, second: Path, robot: str, out: Path, json_file: Pa
         rows.append((f"{kind} {channel}".rstrip(), display.unit, *cells, f"{one.at:.2f} s"))
     if json_file != "-":
         click.echo(f"B less A, {found.start:g} to {found.end:g} s; A is {found.names[0]}, B {found.names[1]}")
-        print_table(("signal", "unit", ">RMS", ">mean", ">largest", ">at"), rows)
+        options.print_table(("signal", "unit", ">RMS", ">mean", ">largest", ">at"), rows)
     for note in found.notes:
         click.secho(f"note: {note}", fg="yellow", err=True)
-    printed = write_json(plain(found), json_file)
-    write_files({out: png_of(figure)}, not printed)
+    printed = options.write_json(plain(found), json_file)
+    options.write_files({out: png_of(figure)}, not printed)

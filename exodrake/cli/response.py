@@ -4,29 +4,19 @@ from __future__ import annotations
 
 import click
 
-from exodrake.cli.options import (
-    CASE,
-    AnyPath,
-    OutputFolder,
-    change_robot,
-    json_option,
-    print_table,
-    robot_changes,
-    robot_option,
-    write_answer,
-)
+from exodrake.cli import options
 
 
 @click.command()
-@CASE
+@options.CASE
 @click.option("--from", "input", default="", metavar="COLUMN", help="Input, such as tension_AF; else every block.")
 @click.option("--to", "output", default="", metavar="COLUMN", help="Output, such as angle_PIP.")
-@robot_option("file")
-@robot_changes
-@click.option("--improved", type=AnyPath(), metavar="FILE", help="Robot file of an improved robot.")
+@options.robot_option("file")
+@options.robot_changes
+@click.option("--improved", type=options.AnyPath(), metavar="FILE", help="Robot file of an improved robot.")
 @click.option("--segment", type=click.FloatRange(0.0, min_open=True), help="Length of Welch's segments [s].")
-@click.option("--out", type=OutputFolder(), help="Folder for response.png and response.json.")
-@json_option
+@click.option("--out", type=options.OutputFolder(), help="Folder for response.png and response.json.")
+@options.json_option
 def command(cases, input, output, file, parameters, effects, parts, improved, segment, out, json_file) -> None:
     """Estimate frequency responses from logs, with coherence, and set them beside the robot's on the same references.
 
@@ -41,7 +31,7 @@ def command(cases, input, output, file, parameters, effects, parts, improved, se
 
     if bool(input) != bool(output):
         raise InputError("--from and --to belong together; without both, every block is estimated")
-    robot = change_robot(load_robot(file), parameters, effects, parts)
+    robot = options.change_robot(load_robot(file), parameters, effects, parts)
     case = gather_logs(cases[0] if len(cases) == 1 else cases)
     other = load_robot(improved) if improved else None
     if input:
@@ -60,7 +50,7 @@ def command(cases, input, output, file, parameters, effects, parts, improved, se
         gaps = (one.in_words(name) for name in models)
         rows.append((f"{one.input} → {one.output}", band, f"{one.explained:.0%}", *gaps))
     titles = ("response", ">resolved\n\\[Hz]", ">explained", *(f">measured /\n{name}" for name in models))
-    print_table(titles, rows, aside=json_file == "-")
+    options.print_table(titles, rows, aside=json_file == "-")
     if len(found) == 1:
         one, gaps = found[0], [found[0].gap(name) for name in models]
         known, f = one.resolved.nonzero()[0], one.frequency[one.band]
@@ -73,6 +63,6 @@ def command(cases, input, output, file, parameters, effects, parts, improved, se
             )
             for k in sorted({int(known[abs(one.frequency[known] - tick).argmin()]) for tick in ticks})
         ]
-        print_table((">Hz", ">coherence", *titles[3:]), rows, aside=json_file == "-")
+        options.print_table((">Hz", ">coherence", *titles[3:]), rows, aside=json_file == "-")
     files = {"response.png": png_of(plot_responses(found))} if out else {}
-    write_answer([one.to_dict() for one in found], "response", json_file, out, files)
+    options.write_answer([one.to_dict() for one in found], "response", json_file, out, files)

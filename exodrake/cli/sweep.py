@@ -4,16 +4,7 @@ from __future__ import annotations
 
 import click
 
-from exodrake.cli.options import (
-    AnyPath,
-    OutputFolder,
-    change_robot,
-    json_option,
-    print_table,
-    robot_changes,
-    robot_option,
-    write_answer,
-)
+from exodrake.cli import options
 
 
 @click.command()
@@ -26,13 +17,13 @@ from exodrake.cli.options import (
     help="0.1,0.2,0.4 or 0.1:0.4:7 (low, high, count). Repeatable: a grid.",
 )
 @click.option("--robots", type=click.IntRange(1), help="So many robots within the tolerances.")
-@click.option("--diagnosis", type=AnyPath(), metavar="FILE", help="Robots within its intervals.")
-@robot_option("file")
-@robot_changes
+@click.option("--diagnosis", type=options.AnyPath(), metavar="FILE", help="Robots within its intervals.")
+@options.robot_option("file")
+@options.robot_changes
 @click.option("--seed", type=click.IntRange(0), default=0, help="Seed of the draws. [0]")
 @click.option("--noise", type=click.IntRange(0), help="Seed of the sensors' noise; none without it.")
-@click.option("--out", type=OutputFolder(), help="Folder for sweep.csv, sweep.png and sweep.json.")
-@json_option
+@click.option("--out", type=options.OutputFolder(), help="Folder for sweep.csv, sweep.png and sweep.json.")
+@options.json_option
 def command(
     protocol, reference, over, robots, diagnosis, file, parameters, effects, parts, seed, noise, out, json_file
 ) -> None:  # fmt: skip
@@ -49,7 +40,7 @@ def command(
 
     if bool(protocol) == bool(reference) or bool(over) + bool(robots) + bool(diagnosis) != 1:
         raise InputError("wanted a protocol or --reference, and one of --over, --robots and --diagnosis")
-    robot, grid = change_robot(load_robot(file), parameters, effects, parts), {}
+    robot, grid = options.change_robot(load_robot(file), parameters, effects, parts), {}
     for text in over:
         name, _, values = text.partition("=")
         ends = values.split(":")
@@ -67,7 +58,7 @@ def command(
         )  # fmt: skip
     numbers = found.describe().T[["mean", "std", "min", "max"]]
     rows = [(name, *(f"{x:.4g}" for x in row), found.attrs["units"].get(name, "")) for name, row in numbers.iterrows()]
-    print_table(("", ">mean", ">std", ">least", ">largest", "unit"), rows, aside=json_file == "-")
+    options.print_table(("", ">mean", ">std", ">least", ">largest", "unit"), rows, aside=json_file == "-")
     files = {"sweep.csv": found.to_csv(index=False), "sweep.png": png_of(plot_sweep(found))} if out else {}
     answer = {"units": found.attrs["units"], "rows": found.to_dict("records")}
-    write_answer(answer, "sweep", json_file, out, files)
+    options.write_answer(answer, "sweep", json_file, out, files)

@@ -10,17 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from exodrake.cli.options import (
-    AnyPath,
-    OutputFile,
-    OutputFolder,
-    json_option,
-    print_table,
-    robot_option,
-    waiting,
-    write_answer,
-    write_files,
-)
+from exodrake.cli import options
 
 if TYPE_CHECKING:
     from exodrake.analysis.tuning import Tuning
@@ -30,7 +20,7 @@ ABOVE = click.FloatRange(min=0.0, min_open=True)
 
 
 @click.command()
-@robot_option("file")
+@options.robot_option("file")
 @click.option("--settling", type=ABOVE, help="Wanted settling time to 2 % [s]; else as short as can be.")
 @click.option("--overshoot", type=click.FloatRange(0.0, 100.0), default=5.0, help="Largest overshoot [%]. [5]")
 @click.option(
@@ -44,9 +34,11 @@ ABOVE = click.FloatRange(min=0.0, min_open=True)
 @click.option(
     "--draws", type=click.IntRange(0, 100), default=4, help="Robots within tolerances that the search sees. [4]"
 )
-@click.option("--out", type=OutputFolder(), help="Folder for tuned.yaml, tune.png and tune.json.")
-@click.option("--out-robot", type=OutputFile("tuned.yaml"), help="Write the robot with the best controller alone.")
-@json_option
+@click.option("--out", type=options.OutputFolder(), help="Folder for tuned.yaml, tune.png and tune.json.")
+@click.option(
+    "--out-robot", type=options.OutputFile("tuned.yaml"), help="Write the robot with the best controller alone."
+)
+@options.json_option
 def command(file, settling, overshoot, disk_margin, noise, only, draws, out, out_robot, json_file) -> None:
     """Choose the gains of a robot's closed loop that settle fastest within requirements.
 
@@ -63,7 +55,7 @@ def command(file, settling, overshoot, disk_margin, noise, only, draws, out, out
     if out_robot and robot.machine.loop and robot.machine.loop.outer:
         raise InputError("--out-robot: the gains are those of an outer loop, which no robot file holds")
     wanted = Requirements(settling, overshoot / 100.0, disk_margin, noise)
-    with waiting("tuning") as say:
+    with options.waiting("tuning") as say:
         tuning = tune(robot, wanted, only, draws, progress=lambda name: say(f"tuning: {name}"))
     if json_file != "-":
         show(tuning)
@@ -77,9 +69,9 @@ def command(file, settling, overshoot, disk_margin, noise, only, draws, out, out
             f"{best.disk_margin:.2g}"
         )
         files["tuned.yaml"] = robot_text(best.robot, notes)
-    write_answer(tuning.to_dict(), "tune", json_file, out, files)
+    options.write_answer(tuning.to_dict(), "tune", json_file, out, files)
     if out_robot and tuning.best:
-        write_files({out_robot: files["tuned.yaml"]}, json_file != "-")
+        options.write_files({out_robot: files["tuned.yaml"]}, json_file != "-")
     if out_robot and not tuning.best:
         raise InputError("no controller holds all requirements: no robot file written")
 
@@ -94,7 +86,7 @@ def show(tuning: Tuning) -> None:
     for t in tuning.compared:
         numbers = (f"{t.settling:.3g}", f"{round(100.0 * t.overshoot, 2):.2g}", f"{t.disk_margin:.3g}")
         rows.append((t.name, *numbers, f"{factor * t.noise:.3g}", ", ".join(t.missed)))
-    print_table(("controller", *titles, "misses"), rows)
+    options.print_table(("controller", *titles, "misses"), rows)
     w = tuning.requirements
     click.echo(
         f"required: overshoot up to {100.0 * w.overshoot:g} %, disk margin from {w.disk_margin:g}"
@@ -128,9 +120,9 @@ def show(tuning: Tuning) -> None:
 
 @click.command()
 @click.argument("wanted")
-@robot_option()
-@click.option("--out", required=True, type=OutputFile(), metavar="FILE", help="Log of the commands.")
-@click.option("--map", "map_file", type=AnyPath(), metavar="FILE",
+@options.robot_option()
+@click.option("--out", required=True, type=options.OutputFile(), metavar="FILE", help="Log of the commands.")
+@click.option("--map", "map_file", type=options.AnyPath(), metavar="FILE",
               help="Write them with the names and units of this mapping file, not as a log.")  # fmt: skip
 def find_commands(wanted: str, robot: str, out: Path, map_file: Path | None) -> None:
     """Find the commands with which the robot does what WANTED asks, and write them as a log of references.
@@ -156,15 +148,15 @@ def find_commands(wanted: str, robot: str, out: Path, map_file: Path | None) -> 
     built = load_robot(robot)
     machine = built.machine
     reference = from_log(wanted, built) if is_file(wanted) else protocol(wanted, built)
-    with waiting("simulating (the first run after a change compiles for half a minute)"):
+    with options.waiting("simulating (the first run after a change compiles for half a minute)"):
         found = feedforward(built, reference)
     names = machine.log_names(machine.references)
     signals = dict(zip(names, found.commands.values.T, strict=True))
     units = {name: machine.signal[c.signal].unit for c in machine.references for name in machine.log_names([c])}
     log = Log(machine.frame * np.arange(len(reference.values)), signals, units, "commands")
-    write_files({out: log_bytes(log, out) if mapped is None else owner_table(log, mapped, str(map_file))})
+    options.write_files({out: log_bytes(log, out) if mapped is None else owner_table(log, mapped, str(map_file))})
     shown = display_of(found.kind, machine)
     ends = [[f"{shown.factor * value:.3g} {shown.unit}" for value in one] for one in (found.before, found.after)]
     rows = list(zip(machine.channels(machine.references[0].signal), *ends, strict=True))
-    print_table(("channel", ">RMS error if sent as wanted", ">with these commands"), rows)
+    options.print_table(("channel", ">RMS error if sent as wanted", ">with these commands"), rows)
     click.echo("the errors are those of the model")

@@ -9,23 +9,8 @@ from pathlib import Path
 
 from exodrake.core.errors import InputError
 
+is_file, is_folder = os.path.isfile, os.path.isdir  # False for what the system refuses: a name too long, a null byte
 MAX_BYTES = 500_000_000  # assumed; an hour of 30 columns at 50 Hz takes 100 MB as text, the largest kind of file
-
-
-def is_file(path: str | Path) -> bool:
-    """True for a file that can be seen; False for a name too long, or a folder without permission."""
-    try:
-        return Path(path).is_file()
-    except (OSError, ValueError):
-        return False
-
-
-def is_folder(path: str | Path) -> bool:
-    """Whether a path is a folder; False for one that the system refuses."""
-    try:
-        return Path(path).is_dir()
-    except (OSError, ValueError):
-        return False
 
 
 def read_bytes(path: str | Path) -> bytes:

@@ -17,9 +17,8 @@ from exodrake.core.errors import InputError, nearest
 from exodrake.core.part import Axes, Delay, Field, Part, Signal, State, Task, module_name, part_modules, points_of
 
 if TYPE_CHECKING:
-    from exodrake.core.mechanism import Mechanism
+    from exodrake.core.mechanism import Mechanism, Shape, Skeleton
     from exodrake.core.robot import Robot
-    from exodrake.core.skeleton import Shape, Skeleton
 
 
 @dataclass(frozen=True)

@@ -3,15 +3,13 @@
 `case.yaml` in the folder:
 
     name: wearer 3, Tuesday              # default: the folder's name
-    serial: exo-07                       # which robot of a fleet, if it matters
-    date: 2026-03-03                     # of all logs that have none; ISO 8601, with a time if need be
     robot: {tendon: {stiffness: 2500}}   # overrides of the nominal parameters, if any
     period: 0.02                         # s, the frame; default 0.02
+    serial: exo-07                       # which robot of a fleet; a `date` holds for all logs that have none
     logs:
       - {file: sweeps_1.csv.gz, role: fit}
       - {file: sweeps_2.csv.gz, role: fit, repeats: sweeps_1.csv.gz}     # same reference again: gives the noise
       - {file: grasps.csv.gz, role: holdout, protocol: grasps}           # default protocol: the file's name
-      - {file: experiment.csv, role: fit}    # protocol `experiment`, of `exodrake experiment`: used in full length
       - {file: later.csv.gz, date: 2026-03-05}                           # a later session of the same robot
 
 Without it, every log in the folder counts: all to fit but the last by name, which is held out. No other file is read.
@@ -171,25 +169,19 @@ def moment(value: Any, where: str) -> datetime:
 
 LOG = mapping(
     {
-        "file": text(),
-        "role": optional(text(ROLES)),
-        "protocol": optional(text()),
-        "repeats": optional(text()),
+        "file": text(), "role": optional(text(ROLES)), "protocol": optional(text()), "repeats": optional(text()),
         "date": optional(moment),
     },
     required=("file",),
-)
+)  # fmt: skip
 SCHEMA = mapping(
     {
-        "name": anything,
-        "serial": anything,
-        "date": optional(moment),
-        "robot": optional(names(anything)),
+        "name": anything, "serial": anything, "date": optional(moment), "robot": optional(names(anything)),
         "period": optional(number(above=0.0, high=LONGEST_FRAME, unit="s")),
         "logs": listing(LOG, least=1, wanted="a list of logs"),
     },
     required=("logs",),
-)
+)  # fmt: skip
 
 
 def read_case_file(path: Path) -> dict[str, Any]:

@@ -1,32 +1,19 @@
 """A foreign recording as a log, by a mapping file or, of joint states, by their names.
 
 Text, MAT, HDF5, JSON, NPY, NPZ, Parquet, ROS 2 bags (MCAP or SQLite), MCAP with JSON messages and LeRobot data sets.
-The mapping file says what the columns are called, and in which units, by us:
+The mapping file says what the columns are called, and in which units, by us (`docs/howto/import.md` has all its keys):
 
     time: {column: timestamp, unit: us, start: 0}     # start [s]: shift the clock so that the first row has this time
     columns:                                          # foreign column: ours; SI value is value * scale + offset
       load_cell_1: {name: tension_AF, unit: mN, scale: 0.5, offset: -12}
-      "positions[0]": {name: position_shoulder, unit: deg}             # first number of a cell that holds a list
       "/joint_states:position[MCP]": {name: angle_MCP, unit: rad}      # bag: topic, field, element by joint name
     derived:              # of our columns; names and units are ours, in SI
-      angle_start_MCP: {of: angle_MCP, take: first}                     # its first sample, held
       angle_speed_MCP: {of: angle_MCP, take: rate, filter: 8}           # derivative
-      twist: {of: angle_motor, minus: angle_MCP, scale: 0.5}            # difference of two
     sync:                 # clocks that differ: move `columns` in time until `by` fits `with` best
       - {columns: [angle_MCP], by: angle_MCP, with: angle_ref_MCP, within: 0.5}
     period: 0.02          # s: put the rows on frames of this length; left out, they stay as recorded
-    hold: 1               # frames a sample stays valid for when none newer has come
-    separator: ";"        # of text, default ","; a blank stands for any white space
-    decimal: ","          # default "."
-    skip: 3               # lines before the heading, default 0
-    heading: false        # no heading: columns are called 0, 1, 2 ...
-    samples: columns      # of a matrix: a column for each sample; by default where there are as many as times
-    stamp: header         # bag: the message's own stamp, not the recorder's
 
-A column may further have `sign: -1`, `wrap: 360` (a reading that starts again after so much, in the foreign unit, is
-made continuous) and `filter: 10` (zero-phase low-pass, cut-off in Hz). What it changes is noted beside the log.
-
-With `time: {period: 0.02}` instead of a column, row n starts at n times the period.
+What it changes beyond names and units is noted beside the log.
 """
 
 from __future__ import annotations
@@ -164,6 +151,7 @@ class Mapped(TextLayout):
         time_period: time between two rows [s]; None where there is a column of the time.
         start: time at which the log starts [s]; None: as recorded.
         period: frame period of the log [s]; None leaves rows as recorded.
+        hold: frames a sample stays valid for when none newer has come.
         samples: "rows" or "columns" of a matrix; None: by its shape.
     """
 

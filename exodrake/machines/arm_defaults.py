@@ -9,10 +9,9 @@ import numpy as np
 
 from exodrake.core.effect import Effect
 from exodrake.core.machine import Column, Controller, Gain, Loop
-from exodrake.core.mechanism import GRAVITY, Body, Chain, Drive, Joint, Mechanism
+from exodrake.core.mechanism import GRAVITY, Body, Chain, Drive, Joint, Mechanism, Shape
 from exodrake.core.part import JOINTS, NORMAL, UNIFORM, Part, Signal
 from exodrake.core.robot import Robot
-from exodrake.core.skeleton import Shape
 from exodrake.effects import effects_of
 from exodrake.physics import arm
 from exodrake.physics.reading import sensor

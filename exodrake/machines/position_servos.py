@@ -10,10 +10,9 @@ import numpy as np
 
 from exodrake.core.effect import Effect
 from exodrake.core.machine import Column, Controller, Gain, Loop, Machine, Segment
-from exodrake.core.mechanism import GRAVITY, Body, Chain, Drive, Joint, Mechanism
+from exodrake.core.mechanism import GRAVITY, Body, Chain, Drive, Joint, Mechanism, axes_side_by_side
 from exodrake.core.part import JOINTS, NORMAL, SCALAR, UNIFORM, Axes, Part, Signal
 from exodrake.core.robot import Robot
-from exodrake.core.skeleton import axes_side_by_side
 from exodrake.effects import LIBRARY, effects_of, for_machine, generic_effects, in_order, plugin_effects
 from exodrake.effects.servo import lagging, limited
 from exodrake.effects.signal import rests, scaled, shifted

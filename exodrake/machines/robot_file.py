@@ -77,18 +77,12 @@ TOLERANCE = {
 }  # fmt: skip
 SCHEMA = mapping(
     {
-        "machine": optional(text()),
-        "arm": anything,
-        "base": optional(text()),
-        "parameters": optional(PARAMETERS),
-        "effects": optional(EFFECTS),
-        "parts": optional(VARIANTS),
-        "limits": optional(names(LIMIT)),
-        "grasps": optional(names(VALUES)),
+        "machine": optional(text()), "arm": anything, "base": optional(text()), "notes": anything,
+        "parameters": optional(PARAMETERS), "effects": optional(EFFECTS), "parts": optional(VARIANTS),
+        "limits": optional(names(LIMIT)), "grasps": optional(names(VALUES)),
         "tolerances": optional(listing(mapping(TOLERANCE, required=tuple(TOLERANCE)))),
-        "notes": anything,
     }
-)
+)  # fmt: skip
 
 
 def load_robot(path: str | Path = "exo_index", above: tuple[str, ...] = ()) -> Robot:

@@ -272,15 +272,9 @@ MARKER_FAULTS = tuple(name for name in ENTRIES if "mocap" in name or "marker" in
 # effects without a strength: there or not there, a wire whose toe stays when its slack goes, a stiffness that is
 # replaced whole
 WITHOUT_STRENGTH = ("finger.gravity", "tendon.slack", "tendon.stiffening", "timing.command_latency")
-NULLS = {
-    "motor.slow_velocity_loop": 1.0,
-    "motor.current_limit": math.inf,
-    "tendon.compliance": math.inf,
-    "tendon.creep": math.inf,
-    "finger.stiffness": 1.0,
-    "finger.contact": math.inf,
-}
-"""Effect -> null value of its first parameter, which sets its strength; 0 for the others."""
+# effect -> null value of its first parameter, which sets its strength; 0 for the others
+NULLS = {"motor.slow_velocity_loop": 1.0, "finger.stiffness": 1.0}
+NULLS |= dict.fromkeys(("motor.current_limit", "tendon.compliance", "tendon.creep", "finger.contact"), math.inf)
 
 
 def inject(build, effect: InjectedFault, rng: np.random.Generator) -> None:

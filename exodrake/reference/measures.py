@@ -260,11 +260,6 @@ def right(case: Answered) -> bool:
     return case.verdict == "UNKNOWN" if case.kind == "unknown" else in_class(case)
 
 
-def where(case: Answered, key: str) -> Any:
-    """Entry of the localisation, or None."""
-    return (case.diagnosis.get("where") or {}).get(key)
-
-
 def blocks(case: Answered) -> set[str]:
     """Blocks in which the true effects act; none where old labels do not say where an outside fault acts."""
     ids = set().union(*map(accepted_ids, case.truths))
@@ -311,6 +306,10 @@ def shares_of(cases: Sequence[Answered]) -> tuple[Share, ...]:
     ]
     located = [case for case in nameable + outside if "where" in case.diagnosis or case.verdict == FAILURE]
     partly = [case for case in nameable if case.verdict == "PARTLY"]
+
+    def where(case: Answered) -> dict[str, Any]:
+        return case.diagnosis.get("where") or {}
+
     return (
         *rows,
         share("PARTLY, and its causes hold the truth", partly, lambda case: is_in_class(case.truths, case.diagnosis)),
@@ -321,12 +320,12 @@ def shares_of(cases: Sequence[Answered]) -> tuple[Share, ...]:
         share("false alarm on healthy", healthy, lambda case: case.verdict not in NO_EFFECT, "0-1 cases"),
         share("missed (NO_GAP or RETUNE) though visible", nameable, lambda case: case.verdict in NO_EFFECT),
         share("another effect named, or one too many", named, names_too_much),
-        share("block right", filter(blocks, located), lambda case: where(case, "block") in blocks(case), ">= 95 %"),
+        share("block right", filter(blocks, located), lambda case: where(case).get("block") in blocks(case), ">= 95 %"),
         *(
             share(
                 f"{name} right",
                 (case for case in located if channels(case, key)),
-                lambda case, key=key: set(where(case, key) or ()) == channels(case, key),
+                lambda case, key=key: set(where(case).get(key) or ()) == channels(case, key),
                 ">= 95 %",
             )
             for name, key in (("tendons", "wires"), ("joints", "joints"))

@@ -8,10 +8,9 @@ from functools import cache
 import numpy as np
 
 from exodrake.core.machine import Column, Controller, Gain, Loop, Machine, Segment
-from exodrake.core.mechanism import Body, Chain, Drive, Joint, Mechanism
+from exodrake.core.mechanism import Body, Chain, Drive, Joint, Mechanism, axes_side_by_side
 from exodrake.core.part import JOINTS, NORMAL, UNIFORM, Axes, Signal
 from exodrake.core.robot import Robot
-from exodrake.core.skeleton import axes_side_by_side
 from exodrake.effects import effects_of
 from exodrake.physics import carriage, position_drive
 from exodrake.physics.reading import sensor

@@ -20,10 +20,9 @@ from exodrake.core.machine import (
     Regime,
     Segment,
 )
-from exodrake.core.mechanism import Body, Chain, Drive, Joint, Mechanism, Tendon
+from exodrake.core.mechanism import Body, Chain, Drive, Joint, Mechanism, Piece, Skeleton, Tendon
 from exodrake.core.part import JOINTS, NORMAL, SCALAR, TENDONS, UNIFORM, Axes, Delay, Signal
 from exodrake.core.robot import Robot
-from exodrake.core.skeleton import Piece, Skeleton
 from exodrake.effects import effects_of
 from exodrake.physics import bus, controller, encoder, mocap, motor, sensor, tendon_finger, wire_paths
 
