@@ -178,7 +178,7 @@ class PartSystem(LeafSystem):
         return found
 
     def x(self, context: Context) -> np.ndarray:
-        """State of a Context of the leaf; not to be written to."""
+        """State (n,) of a Context of the leaf, in the units of the part's states; not to be written to."""
         return context.get_discrete_state(0).value()
 
     def parameter(self, name: str) -> NamedParameter:
@@ -200,7 +200,10 @@ class PartSystem(LeafSystem):
             self.equations.start(x, self.p(context), *self.start_vectors(context))
 
     def start_vectors(self, context: Context | None) -> list[np.ndarray]:
-        """What the part's `start` reads or fills: from the input port of that name, else as the robot starts."""
+        """What the part's `start` reads or fills, (channels,) each [SI].
+
+        From the input port of that name, else as the robot starts.
+        """
         return [
             np.array(self.GetInputPort(name).Eval(context))
             if context and self.HasInputPort(name) and self.GetInputPort(name).HasValue(context)

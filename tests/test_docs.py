@@ -78,7 +78,8 @@ MENTIONED = [(page, line) for page in PAGES for line in mentioned(page)]
 def place_with_a_machine(tmp_path_factory):
     """A folder with the machines that the pages speak of."""
     folder = tmp_path_factory.mktemp("place")
-    for options in (["my_arm"], ["cable_arm", "--urdf", "cable_arm"]):
+    servos = ["my_servos", "--joints", "shoulder,elbow", "--servo", "motor"]
+    for options in (["my_arm"], ["cable_arm", "--urdf", "cable_arm"], servos):
         made = CliRunner().invoke(cli, ["new-machine", str(folder / options[0]), *options[1:]])
         assert made.exit_code == 0, made.output
     return folder
