@@ -250,8 +250,6 @@ def robot_text(robot: Robot, notes: str = "") -> str:
             value = values.get("", values)
             effects[identity][name] = {"value": value, "source": sources.pop()} if len(sources) == 1 else value
     parameters: dict[str, dict[str, Any]] = {}  # nominal ones that differ from the machine's; all, if it has its own
-        str, dict[str, Any]
-    ] = {}  # nominal ones, those that differ from the machine's unless all are stated
     for p, v in zip(robot.machine.parameters, robot.values, strict=True):
         span = robot.ranges.get(p.name)
         ranged = span is not None and (own or span != base.ranges.get(p.name))
