@@ -19,7 +19,7 @@ What it changes beyond names and units is noted beside the log.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -346,7 +346,28 @@ def make_log(tracks: dict[str, Track], mapped: Mapped, source: str, notes: Seque
         if column.filter is not None:
             values[column.name] = low_pass(time, values[column.name], column.filter, f"{source}: {column.name}")
     for column in mapped.derived:
-        values[column.name], units[column.name] = derive_column(column, time, values, units, source)
+        found, unit = values[column.of], units[column.of]
+        if column.minus:
+            if units[column.minus] != unit:
+                raise InputError(
+                    f"{source}: {column.name}: {column.of} is in {unit}, {column.minus} in {units[column.minus]}"
+                )
+            found = found - values[column.minus]
+        if column.take == "first":
+            known = found[np.isfinite(found)]
+            if not len(known):
+                raise InputError(f"{source}: {column.name}: {column.of} is empty")
+            found = np.full(len(found), known[0])
+        if column.filter is not None:
+            found = low_pass(time, found, column.filter, f"{source}: {column.name}")
+        if column.take == "rate":
+            if len(time) < 3:
+                raise InputError(f"{source}: {column.name}: {len(time)} rows, too few for a derivative")
+            found, unit = np.gradient(found, time), RATES.get(unit, "")
+        unit = si_unit(column.unit) if column.unit else unit
+        if not unit:
+            raise InputError(f"{source}: {column.name}: state its SI unit, `unit: ...`")
+        values[column.name], units[column.name] = found * column.scale + column.offset, unit
     log = log_from_columns(
         [("time [s]", time), *((heading(name, units[name]), values[name]) for name in units)], source
     )
@@ -500,34 +521,6 @@ def low_pass(time: np.ndarray, values: np.ndarray, cutoff: float, where: str) ->
     filled = np.interp(time, time[known], values[known])
     sections = butter(ORDER, 2.0 * step * cutoff, output="sos")
     return np.where(known, sosfiltfilt(sections, filled), np.nan)
-
-
-def derive_column(
-    column: Derived, time: np.ndarray, values: Mapping[str, np.ndarray], units: Mapping[str, str], source: str
-):
-    """Values (n,) [SI] of a derived column, and its unit."""
-    found, unit = values[column.of], units[column.of]
-    if column.minus:
-        if units[column.minus] != unit:
-            raise InputError(
-                f"{source}: {column.name}: {column.of} is in {unit}, {column.minus} in {units[column.minus]}"
-            )
-        found = found - values[column.minus]
-    if column.take == "first":
-        known = found[np.isfinite(found)]
-        if not len(known):
-            raise InputError(f"{source}: {column.name}: {column.of} is empty")
-        found = np.full(len(found), known[0])
-    if column.filter is not None:
-        found = low_pass(time, found, column.filter, f"{source}: {column.name}")
-    if column.take == "rate":
-        if len(time) < 3:
-            raise InputError(f"{source}: {column.name}: {len(time)} rows, too few for a derivative")
-        found, unit = np.gradient(found, time), RATES.get(unit, "")
-    unit = si_unit(column.unit) if column.unit else unit
-    if not unit:
-        raise InputError(f"{source}: {column.name}: state its SI unit, `unit: ...`")
-    return found * column.scale + column.offset, unit
 
 
 def find_lag(moved: Track, fixed: Track, within: float, where: str) -> tuple[float, float]:

@@ -110,7 +110,7 @@ def mjcf(mechanism: Mechanism) -> Element:
         rotor = attributes(armature=drive.armature)
         if drive.gravity:  # the motor bears it, within the limit of its effort
             rotor["actuatorgravcomp"] = "true"
-            rotor |= {"actuatorfrcrange": both(joint.effort)} if isfinite(joint.effort) else {}
+            rotor |= {"actuatorfrcrange": text([-joint.effort, joint.effort])} if isfinite(joint.effort) else {}
         link = SubElement(parent, "body", frame | attributes(gravcomp=drive.gravity), name=joint.child)
         inertial(link, body)
         driven = joint.name
@@ -167,11 +167,6 @@ def mjcf(mechanism: Mechanism) -> Element:
     return root
 
 
-def both(limit: float) -> str:
-    """A limit either way."""
-    return text([-limit, limit])
-
-
 def inertial(element: Element, body: Body) -> None:
     """Mass and inertia of a link as MJCF."""
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = body.inertia
@@ -184,7 +179,7 @@ def actuator(drive: Drive, name: str, joint: str, effort: float, step: float) ->
     """The position loop of a joint; a torque motor where it has none."""
     common = {"name": name, "joint": joint, **delayed(drive.delay, step)}
     if isfinite(effort) and not drive.gravity:
-        common["forcerange"] = both(effort)
+        common["forcerange"] = text([-effort, effort])
     if not drive.kp:
         return Element("motor", common)
     if drive.gain == 1.0 and drive.offset == 0.0:

@@ -75,22 +75,17 @@ def machine_named(name: str, tolerances: tuple[Tolerance, ...] = ()) -> Machine:
         if not isinstance(found, Machine):
             raise InputError(f"{folder}: machine.py defines no function machine() that returns a Machine")
     else:
-        found = describe_machine(name, folder / plugins.ROBOT)
+        from exodrake.machines.serial_arm import arm_machine
+
+        content = read_yaml(folder / plugins.ROBOT)
+        if not isinstance(content, dict) or "arm" not in content:
+            raise InputError(f"{folder}: neither {plugins.MACHINE}, nor an `arm` in its {plugins.ROBOT}")
+        found = arm_machine(name, content["arm"], folder, f"{name}/{plugins.ROBOT}")
     if found.name != name:
         raise InputError(f"{folder}: the machine calls itself {found.name!r}, not {name!r}")
     for column in found.columns:
         add_kind(column.kind, found.signal[column.signal].unit, f"machine {name}")
     return replace(found, tolerances=tolerances)
-
-
-def describe_machine(name: str, file: Path) -> Machine:
-    """The machine of a folder without code, whose robot file describes an arm. InputError for another robot file."""
-    from exodrake.machines.serial_arm import arm_machine
-
-    content, source = read_yaml(file), f"{name}/{file.name}"
-    if not isinstance(content, dict) or "arm" not in content:
-        raise InputError(f"{file.parent}: neither {plugins.MACHINE}, nor an `arm` in its {plugins.ROBOT}")
-    return arm_machine(name, content["arm"], file.parent, source)
 
 
 def reader(name: str) -> Callable[[Path], Case]:

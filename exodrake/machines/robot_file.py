@@ -249,11 +249,18 @@ def robot_text(robot: Robot, notes: str = "") -> str:
             sources = {robot.sources.get(robot.machine.parameters[i].name, "") for i in places} - {""}
             value = values.get("", values)
             effects[identity][name] = {"value": value, "source": sources.pop()} if len(sources) == 1 else value
+    parameters: dict[str, dict[str, Any]] = {}  # nominal ones that differ from the machine's; all, if it has its own
+    for p, v in zip(robot.machine.parameters, robot.values, strict=True):
+        span = robot.ranges.get(p.name)
+        ranged = span is not None and (own or span != base.ranges.get(p.name))
+        if p.null is None and (own or v != base[p.name] or ranged):
+            parameters[p.name] = {"value": float(v), "unit": p.unit, "source": robot.sources.get(p.name, "")}
+            parameters[p.name] |= {"range": [float(end) for end in span]} if ranged and span else {}
     unit = {} if (name := reference_unit(robot.machine)) == "-" else {"unit": name}
     content = {
         "machine" if own else "base": robot.machine.name,
         "tolerances": [{**vars(t), "parameters": list(t.parameters)} for t in robot.machine.tolerances] if own else [],
-        "parameters": parameters_of(robot, None if own else base),
+        "parameters": parameters,
         "effects": effects,
         "parts": list(robot.machine.variant_names),
         "limits": {k: {"value": v, **unit} for k, v in robot.limits.items() if own or v != base.limits.get(k)},
@@ -261,15 +268,3 @@ def robot_text(robot: Robot, notes: str = "") -> str:
         "notes": notes,
     }
     return dump_yaml({k: v for k, v in content.items() if v})
-
-
-def parameters_of(robot: Robot, base: Robot | None) -> dict[str, dict[str, Any]]:
-    """Nominal parameters with value, unit, source and range, those that differ from a base's, if there is one."""
-    found = {}
-    for p, v in zip(robot.machine.parameters, robot.values, strict=True):
-        span = robot.ranges.get(p.name)
-        ranged = span is not None and (base is None or span != base.ranges.get(p.name))
-        if p.null is None and (base is None or v != base[p.name] or ranged):
-            found[p.name] = {"value": float(v), "unit": p.unit, "source": robot.sources.get(p.name, "")}
-            found[p.name] |= {"range": [float(end) for end in span]} if ranged and span else {}
-    return found
