@@ -178,7 +178,7 @@ class PartSystem(LeafSystem):
         return found
 
     def x(self, context: Context) -> np.ndarray:
-        """State (n,) of a Context of the leaf, in the units of the part's states; not to be written to."""
+        """State (n,) of a Context of the leaf [units of its states]; not to be written to."""
         return context.get_discrete_state(0).value()
 
     def parameter(self, name: str) -> NamedParameter:

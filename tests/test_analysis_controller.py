@@ -23,7 +23,7 @@ def law(references, readings, **values):
     x, sent, command = np.zeros(SIZE), [], np.zeros(3)
     for r, y in zip(references, readings):
         controller.control(x, None, n, None, r, y)
-        controller.output(x, None, n, None, command)
+        command[:] = x[controller.COMMAND : controller.COMMAND + 3]
         sent.append(command.copy())
     return np.array(sent)
 

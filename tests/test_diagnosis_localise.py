@@ -13,6 +13,7 @@ from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis.isolation import isolate
 from exodrake.diagnosis.localise import affected, conditions, explained, motion, remaining, sum_by_block
 from exodrake.diagnosis.problem import make_problem
+from exodrake.diagnosis.search import LAW
 from exodrake.simulation import protocols
 
 
@@ -54,7 +55,9 @@ def place_without(robot, injected, reference):
 )
 def test_effect_that_is_not_tried_is_found_in_its_block(robot, injected, block):
     place = place_without(robot, injected, Reference(protocols.steps(robot, dwell=1.0).values[:500], "steps"))
-    assert place.block == block and (place.wires, place.joints) == (robot.machine.axes.tendons, ())
+    lead = place.shares.get(place.block, 1.0)  # laws err: creep of a tendon imitates hysteresis of its reading
+    assert place.block == block or place.shares[block] >= (1.0 - LAW) * lead
+    assert (place.wires, place.joints) == (robot.machine.axes.tendons, ())
 
 
 @pytest.mark.parametrize(
