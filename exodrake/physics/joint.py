@@ -74,11 +74,6 @@ def output(x, z, n, e, angle):
         angle[j] = shown(e, z, j, x[j])
 
 
-def start(x, z, n, e, start_stroke):
-    """Not placed yet."""
-    x[:] = 0.0
-
-
 FREE_LAWS = {
     "aimed": (
         free_curve("angle over command", "aim", "rad"),

@@ -47,21 +47,6 @@ def take_set(x, z, n, e, angle_ref, angle_start, bend):
         x[(DEPTH + 2) * joints + j] = bend[j]
 
 
-def output(x, z, n, e, command, origin, setting, ready):
-    """Commands held by the drives, where the log starts, settings [rad]; ready: 1 from the first command on."""
-    joints = command.shape[0]
-    for j in range(joints):
-        command[j] = x[DEPTH * joints + j]
-        origin[j] = x[(DEPTH + 1) * joints + j]
-        setting[j] = x[(DEPTH + 2) * joints + j]
-    ready[0] = x[(DEPTH + 3) * joints]
-
-
-def start(x, z, n, e, start_stroke):
-    """Nothing sent yet."""
-    x[:] = 0.0
-
-
 PART = Part(
     name="command",
     module=sys.modules[__name__],
@@ -74,7 +59,7 @@ PART = Part(
         State("started", SCALAR),
     ),
     tasks=(Task("take", ("angle_ref", "angle_start"), slots=(0,)),),
-    outputs=(Output("output", ("command", "origin", "setting", "ready")),),
+    outputs=(Output.of_states(held="command", origin="origin", setting="setting", started="ready"),),
     points=(Point("sent", JOINTS, laws=()),),
     group="timing",
 )

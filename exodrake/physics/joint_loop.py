@@ -30,17 +30,6 @@ def control(x, z, n, e, angle_ref, angle_read):
     x[3 * count] = 1.0
 
 
-def output(x, z, n, e, angle_sent):
-    """Angles sent to the drives [rad]."""
-    for j in range(angle_sent.shape[0]):
-        angle_sent[j] = x[j]
-
-
-def start(x, z, n, e, start_stroke):
-    """Nothing read."""
-    x[:] = 0.0
-
-
 PART = Part(
     name="joint_loop",
     module=sys.modules[__name__],
@@ -50,5 +39,5 @@ PART = Part(
         State("started", SCALAR),
     ),
     tasks=(Task("control", ("angle_ref", "angle_read"), slots=(0,)),),
-    outputs=(Output("output", ("angle_sent",)),),
+    outputs=(Output.of_states(sent="angle_sent"),),
 )  # fmt: skip

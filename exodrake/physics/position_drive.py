@@ -37,21 +37,11 @@ def control(x, z, n, e, position_ref, position_read, speed_start):
     x[STARTED] = 1.0
 
 
-def output(x, z, n, e, force):
-    """Force of the drive [N]."""
-    force[0] = x[FORCE]
-
-
-def start(x, z, n, e, start_stroke):
-    """At rest, nothing read."""
-    x[:] = 0.0
-
-
 PART = Part(
     name="drive",
     module=sys.modules[__name__],
     parameters=Parameters,
     states=(State("force", SCALAR, unit="N"), State("before", SCALAR, 2, "m"), State("started", SCALAR)),
     tasks=(Task("control", ("position_ref", "position_read", "speed_start"), slots=(2,)),),
-    outputs=(Output("output", ("force",)),),
+    outputs=(Output.of_states(force="force"),),
 )

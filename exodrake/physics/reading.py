@@ -42,17 +42,6 @@ def read(x, z, n, e, value, noise, arrival):
     x[-2], x[-1] = x[-3], 1.0
 
 
-def output(x, z, n, e, reading):
-    """Last readings [SI]."""
-    for j in range(reading.shape[0]):
-        reading[j] = x[j]
-
-
-def start(x, z, n, e, start_stroke):
-    """Nothing read yet."""
-    x[:] = 0.0
-
-
 def own_module(name: str) -> ModuleType:
     """This module once more under a name of its own, since the points of two parts cannot share one."""
     return module_of_file(f"{__name__}_{name}", __file__)
@@ -82,7 +71,7 @@ def sensor(
         parameters=NamedTuple("Parameters", fields),
         states=(State("reading", JOINTS, unit=unit), State("clock", unit="s", width=2), State("started")),
         tasks=(Task("age", ()), Task("read", signals[:3], slots=(slot,))),
-        outputs=(Output("output", signals[3:]),),
+        outputs=(Output.of_states(reading=signals[3]),),
         points=points,
         scales={"value": (size, unit), "value/s": (size, f"{unit}/s"), "period": (frame, "s")},
     )

@@ -155,17 +155,6 @@ def turn(x, z, n, e, j, count, dt):
     settle(e, z, j, dt, dt * after)
 
 
-def output(x, z, n, e, angle):
-    """Angles of the joints [rad]."""
-    for j in range(angle.shape[0]):
-        angle[j] = x[j]
-
-
-def start(x, z, n, e, start_stroke):
-    """At rest, not placed yet."""
-    x[:] = 0.0
-
-
 FRICTION = ("pushed", "braked", "settle")
 POINTS = (
     "firmware_reference", "firmware_error", "firmware_gain", "supply_voltage", "torque_constant", "load_inertia",
@@ -185,7 +174,7 @@ def part(scales: dict[str, tuple[float, str]]) -> Part:
             State("reference", JOINTS, unit="rad"), State("started", SCALAR),
         ),
         tasks=(Task("update", ("command", "origin", "ready")),),
-        outputs=(Output("output", ("angle",)),),
+        outputs=(Output.of_states(angle="angle"),),
         points=tuple(Point(p, JOINTS, standard=f"sliding.{p}" if p in FRICTION else "") for p in POINTS),
         scales=scales,
     )  # fmt: skip
