@@ -17,9 +17,9 @@ from exodrake.diagnosis.problem import Problem, by_trial
 from exodrake.diagnosis.search import NEGLIGIBLE, Fitted, Search
 
 USED, MOST = 20_000, 135_000  # samples that are fitted, and at most where the rest shows a gap that this part does not
-# First parts of the logs are compared by the gap that they show. More is fitted where the fitted one
-# shows less than SEEN of the largest: the shortest that shows HALF of it. Assumed
-PARTS, SEEN, HALF = 20, 0.02, 0.5
+# Where the fitted part shows less than HIDDEN of the largest gap over a first part of the logs, the shortest of so many
+# PARTS is fitted that shows at least SHOWN of that gap. Assumed
+PARTS, HIDDEN, SHOWN = 20, 0.02, 0.5
 SAMPLING = 3.0  # standard deviations of a mean square over runs with noise that a gap must exceed, too
 ROUNDS, LEAST_GAIN = 3, 0.1  # nominal Jacobians of retuning; mean log chi-square that one gains for a next one
 
@@ -77,7 +77,8 @@ def excess(problem: Problem, robot: np.ndarray, likelihood: Likelihood, shares: 
     runs = likelihood.views[0].squares
     assert runs is not None, "a likelihood of noise"
     noise = np.maximum(runs.mean(axis=0), 1.0) + SAMPLING * runs.std(axis=0, ddof=1)
-    means = [np.concatenate([log[: max(2, round(s * len(log)))] for log in logs]).mean(axis=0) for s in shares]
+    counts = [[trial.count_frames(share) for trial in problem.fit] for share in shares]
+    means = [np.concatenate([log[:n] for log, n in zip(logs, each)]).mean(axis=0) for each in counts]
     return np.max(means - noise - NEGLIGIBLE**2, axis=1)
 
 
@@ -127,13 +128,15 @@ def isolate(
     likelihood = likelihood.with_memory_of(residual)
     effects = tuple(e for e in machine.effects if e.id in short.tried)
 
-    def hidden(robot: np.ndarray) -> float:
+    def count_needed(robot: np.ndarray) -> float:
         """Samples to fit instead, where the rest of the logs shows what the fitted part does not; 0 where not."""
-        shares = np.linspace(part, affordable(problem), PARTS)
-        found = excess(whole, robot, likelihood, shares)
-        if part == shares[-1] or found[-1] < 0.0 or found[0] >= SEEN * found.max():
+        if part == affordable(problem):
             return 0.0
-        return float(shares[np.argmax(found >= HALF * found.max())]) * samples_of(problem)
+        shares = np.linspace(part, affordable(problem), PARTS)
+        gaps = excess(whole, robot, likelihood, shares)
+        if gaps[-1] < 0.0 or gaps[0] >= HIDDEN * gaps.max():
+            return 0.0
+        return float(shares[np.argmax(gaps >= SHOWN * gaps.max())]) * count_samples(problem)
 
     zero = replace(start, x=np.zeros(len(start.x)))
     if negligible(whole, zero.robot, likelihood):
@@ -142,7 +145,7 @@ def isolate(
         effects = ()
     else:
         retuned = fitted(likelihood, start.at_each(likelihood, [start.x])[0])
-        if more := hidden(retuned.robot):
+        if more := count_needed(retuned.robot):
             wide = likelihood_of(whole.shortened(affordable(problem, more)), retuned.robot, simulated)
             by_more = fitted(wide, retuned.at_each(wide, [retuned.x])[0])
             if not negligible(whole, by_more.robot, likelihood):
@@ -158,7 +161,7 @@ def isolate(
     if before is not None:
         search.take_over(before)
     best = search.run(max(machine.max_effects - certain, 0)) if effects else search.none
-    if best.effects and (more := hidden(best.explanation.robot)):
+    if best.effects and (more := count_needed(best.explanation.robot)):
         return isolate(problem, progress, more, search)
     return Isolation(short, whole, likelihood, lin, nominal, search, best)
 
@@ -172,9 +175,9 @@ def fitted(likelihood: Likelihood, e: Explanation) -> Explanation:
 
 def affordable(problem: Problem, most: float = MOST) -> float:
     """Part of the fitted logs that can be used in reasonable time and memory; most: samples."""
-    return min(1.0, most / samples_of(problem))
+    return min(1.0, most / count_samples(problem))
 
 
-def samples_of(problem: Problem) -> int:
+def count_samples(problem: Problem) -> int:
     """Number of samples of the fitted logs."""
     return sum(trial.measured.size for trial in problem.fit)

@@ -55,7 +55,11 @@ class Trial:
 
     def shortened(self, share: float) -> Trial:
         """The first part of the log, two frames at least; all of one that is used whole."""
-        return self if self.whole else self.first(max(2, int(share * len(self.reference))))
+        return self.first(self.count_frames(share))
+
+    def count_frames(self, share: float) -> int:
+        """Number of frames of that part."""
+        return len(self.reference) if self.whole else max(2, int(share * len(self.reference)))
 
     def first(self, n: int) -> Trial:
         """The first n frames."""

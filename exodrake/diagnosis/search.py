@@ -254,9 +254,8 @@ class Search:
     def expand(self, key: frozenset[str], fitted: int = FITTED, exchange: bool = False) -> None:
         """Fit the most promising effects beside a set, which had new directions there.
 
-        Where much is left and none of them takes up half of it, the next ones are fitted.
-
-        Beside the best set all effects have where it leaves much: one may act only where this set has brought it.
+        Beside the best set all effects have where it leaves much: one may act only where this set has brought it. Where
+        none of those that are fitted takes up half of that, the next ones are fitted, too.
         """
         if key in self.expanded:
             return
@@ -275,10 +274,11 @@ class Search:
         predicted = [p for p in self.screened(e, lin) if p.probe.effect not in barred]
         new = [p for p in predicted if key | {p.probe.effect} not in self.sets]
         self.progress(Stage.FIT, e.name)
-        for some in (new[:fitted], new[fitted : 2 * fitted])[: 2 if far else 1]:
-            found = fit_beside(likelihood.for_stage("refine"), e, some)
+        left = HALF * self.sets[key].excess
+        for batch in (new[:fitted], new[fitted : 2 * fitted])[: 2 if far else 1]:
+            found = fit_beside(likelihood.for_stage("refine"), e, batch)
             self.add(found)
-            if min((self.sets[frozenset(x.effects)].excess for x in found), default=0.0) < HALF * self.sets[key].excess:
+            if any(self.sets[frozenset(x.effects)].excess < left for x in found):
                 break
 
     def take_over(self, before: Search) -> None:
