@@ -11,9 +11,11 @@ from effects_motion import motion_of
 
 import exodrake as exo
 from exodrake.compiled.inputs import Reference
+from exodrake.core.parallel import one_blas_thread
 from exodrake.core.progress import Stage
 from exodrake.data.case import Case, CaseLog, gather_logs
 from exodrake.diagnosis import isolation, pipeline
+from exodrake.diagnosis.intervals import ROUNDING, fitted_effects
 from exodrake.diagnosis.likelihood import NOISE_RUNS, duration
 from exodrake.diagnosis.many import check_answer
 from exodrake.diagnosis.pipeline import notes_on_length
@@ -52,6 +54,19 @@ def test_improved_robot_is_the_injected_one():
     nominal = exo.load_robot()
     for name in (*nominal.machine.noise, *nominal.machine.resolution):
         assert robot[name] == nominal[name]
+
+
+def test_values_are_fitted_to_more_of_the_logs_than_the_search():
+    """The planted coefficient lies in its interval, which is narrower than that of the search."""
+    problem = make_problem(friction_case(), exo.load_robot())
+    with one_blas_thread():
+        found = isolation.isolate(problem, most=0.4 * isolation.count_samples(problem))
+        retuned, best = isolation.fit_on(found, found.best)
+    part, whole = (fitted_effects(one).of("tendon.capstan_friction") for one in (found.best, best))
+    assert np.all(whole.std < part.std)
+    assert np.all(np.abs(whole.x - 0.3) < 3.0 * np.hypot(whole.std, ROUNDING * 0.3))
+    assert best.model.samples.sum() > found.best.model.samples.sum()
+    assert retuned.model.samples.sum() == best.model.samples.sum() and retuned.chi2[0] > best.chi2[0]
 
 
 @cache

@@ -17,6 +17,7 @@ from exodrake.diagnosis.problem import Problem, by_trial
 from exodrake.diagnosis.search import NEGLIGIBLE, Fitted, Search
 
 USED, MOST = 20_000, 135_000  # samples that are fitted, and at most where the rest shows a gap that this part does not
+PRECISE = 40_000  # samples to which the answer is fitted on: four times as many halve an interval
 # Where the fitted part shows less than HIDDEN of the largest gap over a first part of the logs, the shortest of so many
 # PARTS is fitted that shows at least SHOWN of that gap. Assumed
 PARTS, HIDDEN, SHOWN = 20, 0.02, 0.5
@@ -164,6 +165,24 @@ def isolate(
     if best.effects and (more := count_needed(best.explanation.robot)):
         return isolate(problem, progress, more, search)
     return Isolation(short, whole, likelihood, lin, nominal, search, best)
+
+
+def fit_on(found: Isolation, best: Fitted) -> tuple[Fitted, Fitted]:
+    """The retuned robot and a set of effects, fitted on to more of the logs: `PRECISE` samples.
+
+    A part of the logs tells which set is best, and values are as exact as the number of samples makes them.
+    """
+    part = affordable(found.whole, PRECISE)
+    if count_samples(found.whole) * part <= found.likelihood.views[0].samples:
+        return found.retuned, best
+    likelihood, fits = found.likelihood.on(found.whole.shortened(part)).for_stage("fit on"), list[Fitted]()
+    jacobian = np.zeros((best.explanation.nominal, likelihood.samples), dtype=np.float32)
+    for fitted in (best, found.retuned):
+        e = fitted.explanation
+        (e,) = replace(e, jacobian=jacobian).at_each(likelihood, [e.x])
+        e = minimise(likelihood.scaled_to(e.residual), e) if fits else settled(likelihood, e, 1)
+        jacobian, fits = e.jacobian, [*fits, Fitted.at(likelihood, e)]
+    return fits[1], fits[0]
 
 
 def fitted(likelihood: Likelihood, e: Explanation) -> Explanation:

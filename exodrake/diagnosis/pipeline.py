@@ -23,7 +23,7 @@ from exodrake.diagnosis.checks.suspicions import suspicions
 from exodrake.diagnosis.closure import change_robot, measure_closure, with_values
 from exodrake.diagnosis.discovery.discover import MissingLaw, discover
 from exodrake.diagnosis.intervals import describe, fitted_effects, traces
-from exodrake.diagnosis.isolation import Isolation, affordable, isolate, negligible
+from exodrake.diagnosis.isolation import Isolation, affordable, fit_on, isolate, negligible
 from exodrake.diagnosis.localise import localise, remaining
 from exodrake.diagnosis.problem import Problem, make_problem, required_of
 from exodrake.diagnosis.recorded import with_recorded_ranges
@@ -129,9 +129,12 @@ def decided(found: Isolation) -> Decision:
     return replace(decision, verdict=word, reasons=(*reasons, *decision.reasons))
 
 
-def effects_of(problem: Problem, found: Isolation, decision: Decision) -> tuple[NamedEffect, ...]:
-    """The effects of the best set with channels, intervals, shares and rivals; certain detections last."""
-    machine, fitted = problem.robot.machine, fitted_effects(decision.best)
+def effects_of(problem: Problem, found: Isolation, decision: Decision, best: Fitted) -> tuple[NamedEffect, ...]:
+    """The effects of the best set with channels, intervals, shares and rivals; certain detections last.
+
+    best: the fit that says their values.
+    """
+    machine, fitted = problem.robot.machine, fitted_effects(best)
     counted = {d.effect.id: d.effect for d in problem.detected if not d.certain}
     stated = []
     for part in decision.parts:
@@ -193,12 +196,13 @@ def answer(problem: Problem, found: Isolation, first: Decision, started: float, 
     since, decision = follow_sessions(problem, found, first)
     case, best, word = problem.case, decision.best, decision.verdict
     progress(Stage.CLOSURE, "")
-    effects = effects_of(problem, found, decision)
-    gone = traces(effects[: len(decision.parts)], fitted_effects(best))
-    improved = with_values(best.explanation.robot, gone)
+    retuned, precise = fit_on(found, best)
+    effects = effects_of(problem, found, decision, precise)
+    gone = traces(effects[: len(decision.parts)], fitted_effects(precise))
+    improved = with_values(precise.explanation.robot, gone)
     nominal = replace(problem, detected=()).silent()
-    rows = {"nominal": nominal, "retuned": found.retuned.explanation.robot, "improved": improved}
-    closure = measure_closure(problem, found.retuned, best, np.array(list(rows.values())), gone)
+    rows = {"nominal": nominal, "retuned": retuned.explanation.robot, "improved": improved}
+    closure = measure_closure(problem, retuned, precise, np.array(list(rows.values())), gone)
     effects = () if word in (NO_GAP, RETUNE, UNKNOWN) else effects
     others = screen_alike(found) if word == RETUNE else {}
     progress(Stage.LOCALISE, "")

@@ -83,6 +83,12 @@ class Fitted:
     chi2: np.ndarray
     memory: float
 
+    @classmethod
+    def at(cls, likelihood: Likelihood, e: Explanation) -> Fitted:
+        """A fit with its linear model on the logs that it was fitted to."""
+        memory = likelihood.with_memory_of(e.residual).memory
+        return cls(e, linear_model(likelihood.scaled_to(e.residual), e), likelihood.chi2(e.residual), memory)
+
     @property
     def effects(self) -> frozenset[str]:
         """Ids of its effects."""
@@ -240,9 +246,7 @@ class Search:
     def add(self, found: Iterable[Explanation]) -> None:
         """Keep fits; of two fits of one set the one with more evidence."""
         for e in found:
-            model = linear_model(self.likelihood.scaled_to(e.residual), e)
-            memory = self.likelihood.with_memory_of(e.residual).memory
-            fitted = Fitted(e, model, self.likelihood.chi2(e.residual), memory)
+            fitted = Fitted.at(self.likelihood, e)
             known = self.sets.get(fitted.effects)
             if known is None or self.evidence(fitted) > self.evidence(known):
                 self.sets[fitted.effects] = fitted
@@ -315,7 +319,7 @@ class Search:
             self.likelihood = self.likelihood.with_memory_of(best.explanation.residual)
             best = self.best
             if best.effects:
-                self.add([settled(self.likelihood.for_stage("refine again"), best.explanation)])
+                self.add([settled(self.likelihood.for_stage("refine again"), best.explanation, 1)])
                 self.reduce(best.effects)
             if self.best.effects != best.effects:
                 continue
