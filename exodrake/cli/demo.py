@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
+import exodrake as exo
 from exodrake.cli.options import OutputFolder, waiting
 from exodrake.core.errors import InputError
-
-if TYPE_CHECKING:
-    from exodrake.diagnosis.result import Diagnosis
 
 GRASP = "caging"
 CASE, LABELS, COMMITMENT = "case", "label.json", "commitment.txt"  # folder and files of the demo
@@ -79,7 +77,7 @@ def case_plan(seed: int) -> Any:
     return CasePlan(CASE, (seed, 1), "single", (identity,), False)
 
 
-def reveal(out: Path, found: Diagnosis) -> None:
+def reveal(out: Path, found: exo.Diagnosis) -> None:
     """Read the label, and print whether the verdict was right."""
     from exodrake.reference.answers import read_committed
     from exodrake.reference.measures import accepted_ids, found_ids

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 import click
 
+import exodrake as exo
 from exodrake.cli.options import AnyPath, OutputFolder, print_table, refuse_others, robot_option, waiting
+from exodrake.core.errors import InputError
 
 if TYPE_CHECKING:
-    from exodrake.core.robot import Robot
-    from exodrake.data.log import Log
     from exodrake.estimator.gp import Estimator
     from exodrake.grasping.plan import Plan
 
@@ -41,14 +41,13 @@ def command(mode: str, size: str, file: Path | None, robot: str, seed: int, out:
     from exodrake.core.files import check_folder, write_folder
     from exodrake.data.formats import log_bytes
     from exodrake.estimator.gp import load, quick_estimator
-    from exodrake.grasping.plan import at_hold, plan_grasp, run_plan
-    from exodrake.machines.robot_file import load_robot
+    from exodrake.grasping.plan import at_hold, run_plan
 
-    built, wanted = load_robot(robot), parse_size(size)
+    built, wanted = exo.load_robot(robot), parse_size(size)
     refuse_others("grasp", built, "finger.length")
     listening = load(file) if file else None
     with waiting("planning (the statics compile first)") as say:
-        plan = plan_grasp(mode, wanted, built)
+        plan = exo.plan_grasp(mode, wanted, built)
         folder = out or Path("grasps") / f"{plan.mode}-{1e3 * plan.size:g}mm"
         check_folder(folder)
         if listening is None:
@@ -75,7 +74,7 @@ def command(mode: str, size: str, file: Path | None, robot: str, seed: int, out:
     click.echo(f"wrote {folder}/: log.csv, {', '.join(contents)}")
 
 
-def files_of(plan: Plan, log: Log, robot: Robot, trained: Estimator | None) -> dict[str, bytes]:
+def files_of(plan: Plan, log: exo.Log, robot: exo.Robot, trained: Estimator | None) -> dict[str, bytes]:
     """Contents of all files but the log; trained: an estimator to keep."""
     import json
     import tempfile
@@ -106,7 +105,6 @@ def files_of(plan: Plan, log: Log, robot: Robot, trained: Estimator | None) -> d
 
 def parse_size(text: str) -> float:
     """`60mm` or `6 cm` as metres; InputError for no number, no unit or no length."""
-    from exodrake.core.errors import InputError
     from exodrake.core.units import quantity
 
     size = quantity(text, "m", "--size")

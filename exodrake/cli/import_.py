@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+import exodrake as exo
 from exodrake.cli.options import DEFAULT, MACHINE, AnyPath, machine_added, print_table, write_files
 from exodrake.core.errors import InputError
 from exodrake.machines.library import machine_folders, machine_named, recorded_machines
@@ -51,7 +52,7 @@ def command(
     period: 0.02       # optional: frames of this length [s]
     """  # noqa: D301 - click reads the character \b
     from exodrake.core.files import write_folder
-    from exodrake.data.case import FILE as CASE, Case, CaseLog, case_text, notes_name, write_case
+    from exodrake.data.case import FILE as CASE, case_text, notes_name
     from exodrake.data.formats import ending, format_of, log_bytes
     from exodrake.data.import_log import frame_period, import_all, read_mapping
     from exodrake.machines.library import reader
@@ -64,7 +65,7 @@ def command(
         if map_file or len(recordings) > 1:
             raise InputError("--from reads one set, without --map")
         case = reader(known)(next(iter(recordings)))
-        write_case(case, out)
+        exo.write_case(case, out)
         click.echo(f"{out}: {len(case.logs)} logs; exodrake diagnose {out} --robot {known}")
         return
     machine = context.meta.get(MACHINE)
@@ -92,11 +93,11 @@ def command(
         names = list(logs)
         roles = ["holdout" if name == names[-1] and len(names) > 1 else "fit" for name in names]
         files = {name: f"{name}.csv.gz" for name in names}
-        items = [CaseLog(logs[n].log, n, role, None, files[n]) for n, role in zip(names, roles, strict=True)]
+        items = [exo.CaseLog(logs[n].log, n, role, None, files[n]) for n, role in zip(names, roles, strict=True)]
         period = frame_period([item.log for item in items], mapped, machine_named(machine or DEFAULT).frame)
         contents = {files[name]: log_bytes(logs[name].log, out / files[name]) for name in names}
         contents |= {notes_name(files[n]): "\n".join((*logs[n].notes, "")).encode() for n in names if logs[n].notes}
-        contents[CASE] = case_text(Case(out.resolve().name, {}, tuple(items), period)).encode()
+        contents[CASE] = case_text(exo.Case(out.resolve().name, {}, tuple(items), period)).encode()
         write_folder(out, contents)
     first = next(iter(logs.values())).log
     size = f"{sum(len(item.log) for item in logs.values())} rows, {len(first.columns)} columns"

@@ -9,6 +9,7 @@ from typing import Any
 import click
 
 from exodrake.cli.options import AnyPath
+from exodrake.core.errors import InputError
 
 SCAFFOLD, MOTOR_SCAFFOLD = Path(__file__).parent / "scaffold", Path(__file__).parent / "scaffold_motor"
 NAME = re.compile(r"[a-z][a-z0-9_]*")
@@ -43,7 +44,6 @@ def command(
     The folder's name is the machine's. It runs as it is, for instance `exodrake simulate chirp --machine FOLDER`; then
     make it yours. Nothing that exists is overwritten.
     """
-    from exodrake.core.errors import InputError
     from exodrake.core.files import write_folder
 
     names = check_names(folder, joints, FRAME if frame is None else frame, code=not urdf)
@@ -66,7 +66,6 @@ def command(
 def check_names(folder: Path, joints: str, frame: float, code: bool) -> tuple[str, ...]:
     """Names of the joints; code: whether the folder gets some. InputError for a name that is none or taken."""
     from exodrake import machines
-    from exodrake.core.errors import InputError
     from exodrake.machines.library import machine_names
 
     name = folder.resolve().name
@@ -121,7 +120,7 @@ def arm_files(values: dict[str, Any], urdf: str, form: str, tip: str, frame: flo
     Raises:
         InputError: for an unknown form, and a URDF file that is absent or no serial arm.
     """
-    from exodrake.core.errors import InputError, nearest
+    from exodrake.core.errors import nearest
     from exodrake.core.files import is_file, read_bytes
     from exodrake.machines.arm_defaults import middle, typical_efforts, units
     from exodrake.machines.serial_arm import FRAME, RATIO, cable_defaults

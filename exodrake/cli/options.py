@@ -12,14 +12,12 @@ import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
+import exodrake as exo
 from exodrake.core.errors import InputError
-
-if TYPE_CHECKING:
-    from exodrake.core.robot import Robot
 
 CASE = click.argument("cases", nargs=-1, required=True, metavar="CASE_OR_LOG...")
 DEFAULT = "exo_index"  # the machine of a command that is given none
@@ -249,7 +247,9 @@ def robot_changes(command: Callable) -> Callable:
     return command
 
 
-def change_robot(robot: Robot, parameters: tuple[str, ...], effects: tuple[str, ...], parts: tuple[str, ...]) -> Robot:
+def change_robot(
+    robot: exo.Robot, parameters: tuple[str, ...], effects: tuple[str, ...], parts: tuple[str, ...]
+) -> exo.Robot:
     """A robot with what the options change: parts first, then parameters, then effects."""
     from exodrake.simulation.scenario import channels_of, parse_effect, parse_number
 
@@ -290,7 +290,7 @@ def without_machine(name: str, command: click.Command) -> click.Command:
     return command
 
 
-def refuse_others(name: str, robot: Robot, parameter: str) -> None:
+def refuse_others(name: str, robot: exo.Robot, parameter: str) -> None:
     """InputError with the reason why a command does not take a machine that lacks a parameter."""
     if not any(one.name.startswith(f"{parameter}.") for one in robot.machine.parameters):
         raise InputError(f"{robot.machine.name}: not for `exodrake {name}`, since {OTHERS[name]}")
@@ -316,7 +316,6 @@ def tried_of(robot: str, only: str, without: str) -> frozenset[str] | None:
     if not only and not without:
         return None
     from exodrake.diagnosis.problem import chosen
-    from exodrake.machines.robot_file import load_robot
 
-    machine = (load_robot(robot) if robot else load_robot()).machine
+    machine = (exo.load_robot(robot) if robot else exo.load_robot()).machine
     return chosen(machine, *([word.strip() for word in text.split(",") if word.strip()] for text in (only, without)))

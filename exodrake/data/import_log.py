@@ -144,26 +144,18 @@ class Sync:
 
 @dataclass(frozen=True)
 class Mapped(TextLayout):
-    """Content of a mapping file, with its keys.
-
-    Attributes:
-        time, time_unit: foreign column of the time and its unit; None where `time_period` counts rows.
-        time_period: time between two rows [s]; None where there is a column of the time.
-        start: time at which the log starts [s]; None: as recorded.
-        period: frame period of the log [s]; None leaves rows as recorded.
-        hold: frames a sample stays valid for when none newer has come.
-        samples: "rows" or "columns" of a matrix; None: by its shape.
-    """
+    """Content of a mapping file, with its keys."""
 
     columns: tuple[Column, ...]
+    # time, time_unit: foreign column of the time and its unit; None where `time_period` counts rows
     time: str | None = None
     time_unit: str = "s"
-    time_period: float | None = None
-    start: float | None = None
-    period: float | None = None
-    hold: int = 1
+    time_period: float | None = None  # time between two rows [s]; None where there is a column of the time
+    start: float | None = None  # time at which the log starts [s]; None: as recorded
+    period: float | None = None  # frame period of the log [s]; None leaves rows as recorded
+    hold: int = 1  # frames a sample stays valid for when none newer has come
     stamp: str = "log"
-    samples: str | None = None
+    samples: str | None = None  # "rows" or "columns" of a matrix; None: by its shape
     derived: tuple[Derived, ...] = ()
     sync: tuple[Sync, ...] = ()
 

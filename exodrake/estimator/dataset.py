@@ -20,19 +20,12 @@ MIN_STEP = 1e-4  # of a reference's range in one frame: less is a hold
 
 @dataclass(frozen=True, eq=False)
 class Sweeps:
-    """Rows of several sweeps, with names of their wires, joints and logs.
+    """Rows of several sweeps, with names of their wires, joints and logs."""
 
-    Attributes:
-        inputs: (n, 2 x wires) tensions [N], then strokes [m].
-        angle: (n, joints) joint angles [rad].
-        sweep: (n,) label of the sweep.
-        time: (n,) time [s], compared within a sweep only.
-    """
-
-    inputs: np.ndarray
-    angle: np.ndarray
-    sweep: np.ndarray
-    time: np.ndarray
+    inputs: np.ndarray  # (n, 2 x wires) tensions [N], then strokes [m]
+    angle: np.ndarray  # (n, joints) joint angles [rad]
+    sweep: np.ndarray  # (n,) label of the sweep
+    time: np.ndarray  # (n,) time [s], compared within a sweep only
     wires: tuple[str, ...]
     joints: tuple[str, ...]
     logs: tuple[str, ...] = ()

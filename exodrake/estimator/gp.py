@@ -191,18 +191,13 @@ def scaled_prior(sweeps: Sweeps) -> Prior:
 
 @dataclass(frozen=True)
 class Zeros:
-    """Shift (wires,) [m] of the stroke zeros of a session against training, with its covariance (wires, wires) [m2].
-
-    Attributes:
-        moved: Whether the shift is more than variation between sweeps, and a constant explains the residuals.
-        unlike: Whether a constant does not explain the residuals: contact, another wearer or robot.
-    """
+    """Shift (wires,) [m] of the stroke zeros of a session against training, with its covariance (wires, wires) [m2]."""
 
     wires: tuple[str, ...]
     shift: np.ndarray
     covariance: np.ndarray
-    moved: bool
-    unlike: bool
+    moved: bool  # whether the shift is more than variation between sweeps, and a constant explains the residuals
+    unlike: bool  # whether a constant does not explain the residuals: contact, another wearer or robot
 
     @property
     def half_widths(self) -> np.ndarray:
@@ -293,24 +288,17 @@ def _constant(precision: np.ndarray, residual: np.ndarray) -> tuple[np.ndarray, 
 @short_repr
 @dataclass(frozen=True, eq=False)
 class Estimator:
-    """Trained estimator.
-
-    Attributes:
-        weights: Arrays of the prediction.
-        limit: Variance ratio (see `predict_into`) beyond which a sample is unlike the training sweeps [-].
-        robot: Signature of the robot file, or "".
-        sweeps: Number of training sweeps; logs: their names.
-        strokes: Strokes that the training shows at its tensions, for the zeros of a session; None if not learnt.
-    """
+    """Trained estimator."""
 
     wires: tuple[str, ...]
     joints: tuple[str, ...]
-    weights: Weights
-    limit: float
-    robot: str = ""
+    weights: Weights  # arrays of the prediction
+    limit: float  # variance ratio (see `predict_into`) beyond which a sample is unlike the training sweeps [-]
+    robot: str = ""  # signature of the robot file, or ""
     logs: tuple[str, ...] = ()
-    sweeps: int = 0
+    sweeps: int = 0  # number of training sweeps
     kernel: str = ""
+    # strokes that the training shows at its tensions, for the zeros of a session; None if not learnt
     strokes: StrokeModel | None = None
 
     @cached_property

@@ -35,21 +35,13 @@ REACH = 1.2  # rad beyond rest that the PIP bends at most in a pinch
 
 @dataclass(frozen=True)
 class Hand:
-    """The thumb in the finger's plane, and how soft skin is.
+    """The thumb in the finger's plane, and how soft skin is; all values are assumed."""
 
-    Attributes (all assumed):
-        thumb: centre of its round tip (x, y palmar) [m].
-        thumb_radius: of the tip [m].
-        pad: where the distal phalanx touches in a pinch, as a fraction of its length.
-        soft: how deep an object sinks into a pad [m].
-        tissue: how far joints go beyond the onset of their end stops [rad].
-    """
-
-    thumb: tuple[float, float] = (0.030, 0.090)
-    thumb_radius: float = 0.009
-    pad: float = 0.75
-    soft: float = 0.0025
-    tissue: float = 0.15
+    thumb: tuple[float, float] = (0.030, 0.090)  # centre of its round tip (x, y palmar) [m]
+    thumb_radius: float = 0.009  # of the tip [m]
+    pad: float = 0.75  # where the distal phalanx touches in a pinch, as a fraction of its length
+    soft: float = 0.0025  # how deep an object sinks into a pad [m]
+    tissue: float = 0.15  # how far joints go beyond the onset of their end stops [rad]
 
 
 @dataclass(frozen=True)
