@@ -230,8 +230,7 @@ class Robot:
         for name in given:
             if name not in known:
                 raise InputError(f"{identity} has no parameter {name!r}{nearest(name, sorted(known))}")
-        values = self.values.copy()
-        wanted = check_channels(self.machine, effect, channels)
+        values, wanted = self.values.copy(), check_channels(self.machine, effect, channels)
         for parameter in effect.parameters:
             value = given.get(parameter.name, parameter.initial)
             if isinstance(value, Mapping):
@@ -251,13 +250,12 @@ class Robot:
 
     def effects(self) -> dict[str, dict[str, dict[str, float]]]:
         """Effects present: id -> parameter -> channel -> value [SI] ("" for a parameter without channels)."""
-        found = {effect.id: self.effect_values(effect) for effect in self.machine.effects}
-        first = {effect.id: effect.parameters[0] for effect in self.machine.effects}
-        return {
-            identity: values
-            for identity, values in found.items()
-            if any(value != first[identity].null for value in values[first[identity].name].values())
-        }
+        found = {}
+        for effect in self.machine.effects:
+            values, first = self.effect_values(effect), effect.parameters[0]
+            if any(value != first.null for value in values[first.name].values()):
+                found[effect.id] = values
+        return found
 
     def effect_values(self, effect: Effect) -> dict[str, dict[str, float]]:
         """Parameters of an effect, present or not: parameter -> channel -> value [SI]."""
@@ -319,7 +317,9 @@ def drawn_robot(robot: Robot, rng: np.random.Generator) -> Robot:
     for (group, names), drawn in zip(groups, rng.standard_normal(len(groups)), strict=True):
         x = float(np.clip(drawn * group.prior_std, -group.max_deviation, group.max_deviation))
         for name in names.split():
-            i = position(machine, name)
+            if name not in machine.index:
+                raise InputError(f"{machine.name}: tolerance of {name!r}{nearest(name, list(machine.index))}")
+            i = machine.index[name]
             values[i] = {
                 "log": robot.values[i] * math.exp(x),
                 "additive": robot.values[i] + x,
@@ -332,10 +332,3 @@ def drawn_deviation(robot: Robot, rng: np.random.Generator) -> np.ndarray:
     """Deviations (parameters,) [SI] of a robot drawn by `drawn_robot` from the given one; 0 without a tolerance."""
     drawn = drawn_robot(robot, rng).values
     return np.subtract(drawn, robot.values, out=np.zeros(len(drawn)), where=drawn != robot.values)
-
-
-def position(machine: Machine, name: str) -> int:
-    """Position of a parameter in the flat vector. Raises InputError for an unknown name."""
-    if name not in machine.index:
-        raise InputError(f"{machine.name}: tolerance of {name!r}{nearest(name, list(machine.index))}")
-    return machine.index[name]

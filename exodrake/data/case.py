@@ -28,22 +28,10 @@ from datetime import UTC, datetime, time
 from pathlib import Path
 from typing import Any
 
+from exodrake.core import schema
 from exodrake.core.errors import InputError, argument, printable, short_repr
 from exodrake.core.files import is_file, is_folder, read_bytes, sha256_of, write_folder
 from exodrake.core.plain import plain
-from exodrake.core.schema import (
-    anything,
-    dump_yaml,
-    listing,
-    mapping,
-    names,
-    number,
-    optional,
-    read_yaml,
-    refusal,
-    shown,
-    text,
-)
 from exodrake.data.formats import ending, log_bytes, read_log, read_table, stem
 from exodrake.data.log import MODEL, Log, check_columns, regularise
 
@@ -163,22 +151,27 @@ def moment(value: Any, where: str) -> datetime:
     """A date, or a date with a time, by ISO 8601."""
     found = date_of(value) if isinstance(value, str) else None
     if found is None:
-        raise refusal(where, f"wanted a date as 2026-03-05 or 2026-03-05T14:30, found {shown(value)}")
+        raise schema.refusal(where, f"wanted a date as 2026-03-05 or 2026-03-05T14:30, found {schema.shown(value)}")
     return found
 
 
-LOG = mapping(
+DATE, TEXT = schema.optional(moment), schema.optional(schema.text())
+LOG = schema.mapping(
     {
-        "file": text(), "role": optional(text(ROLES)), "protocol": optional(text()), "repeats": optional(text()),
-        "date": optional(moment),
+        "file": schema.text(),
+        "role": schema.optional(schema.text(ROLES)),
+        "protocol": TEXT,
+        "repeats": TEXT,
+        "date": DATE,
     },
     required=("file",),
-)  # fmt: skip
-SCHEMA = mapping(
+)
+SCHEMA = schema.mapping(
     {
-        "name": anything, "serial": anything, "date": optional(moment), "robot": optional(names(anything)),
-        "period": optional(number(above=0.0, high=LONGEST_FRAME, unit="s")),
-        "logs": listing(LOG, least=1, wanted="a list of logs"),
+        "name": schema.anything, "serial": schema.anything, "date": DATE,
+        "robot": schema.optional(schema.names(schema.anything)),
+        "period": schema.optional(schema.number(above=0.0, high=LONGEST_FRAME, unit="s")),
+        "logs": schema.listing(LOG, least=1, wanted="a list of logs"),
     },
     required=("logs",),
 )  # fmt: skip
@@ -186,7 +179,7 @@ SCHEMA = mapping(
 
 def read_case_file(path: Path) -> dict[str, Any]:
     """Content of a case.yaml by its keys, each log with its role and date; InputError names file and key."""
-    content = {"name": None, "serial": None, "robot": None, "period": None} | SCHEMA(read_yaml(path), str(path))
+    content = {"name": None, "serial": None, "robot": None, "period": None} | SCHEMA(schema.read_yaml(path), str(path))
     for key in ("name", "serial"):
         content[key] = "" if content[key] is None else str(content[key])
     for log in content["logs"]:
@@ -231,7 +224,7 @@ def case_text(case: Case) -> str:
         log["date"] = None if item.date is None else written_date(item.date)
         logs.append({key: value for key, value in log.items() if value is not None})
     head = {"name": case.name} | ({"serial": case.serial} if case.serial else {})
-    return dump_yaml(head | {"robot": plain(case.robot), "period": float(case.period), "logs": logs})
+    return schema.dump_yaml(head | {"robot": plain(case.robot), "period": float(case.period), "logs": logs})
 
 
 def written_date(date: datetime) -> str:
@@ -345,7 +338,7 @@ def check_inside(folder: str | Path, file: str, where: str) -> None:
     except (OSError, ValueError, RuntimeError):  # a name too long, a null byte, a ring of links
         inside = False
     if not inside:
-        raise refusal(f"{where}: log {shown(file)}", "lies outside the folder; --allow-outside reads it")
+        raise schema.refusal(f"{where}: log {schema.shown(file)}", "lies outside the folder; --allow-outside reads it")
 
 
 def relative_name(file: str, place: Path) -> str:

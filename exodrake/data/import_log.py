@@ -25,21 +25,9 @@ from pathlib import Path
 
 import numpy as np
 
+from exodrake.core import schema
 from exodrake.core.errors import InputError, nearest, plural
 from exodrake.core.files import is_folder, read_bytes
-from exodrake.core.schema import (
-    flag,
-    inside,
-    listing,
-    mapping,
-    names,
-    number,
-    optional,
-    read_yaml,
-    refusal,
-    text,
-    whole,
-)
 from exodrake.core.units import check_unit, si_unit, to_si
 from exodrake.data.formats import ending, read_log, stem
 from exodrake.data.log import (
@@ -72,28 +60,30 @@ UNITS = {"position": "rad", "velocity": "rad/s", "effort": "N m"}  # REP 103; a 
 LARGEST, SHORTEST = 1e300, 1e-9  # of a finite number; s, a tick of the finest recorder
 
 
-FINITE = number(low=-LARGEST, high=LARGEST)
-POSITIVE = number(above=0.0, high=LARGEST)
-STEP = number(low=SHORTEST, high=LARGEST, unit="s")
+TEXT, WHOLE = schema.text(), schema.whole()
+FINITE = schema.number(low=-LARGEST, high=LARGEST)
+POSITIVE = schema.number(above=0.0, high=LARGEST)
+STEP = schema.number(low=SHORTEST, high=LARGEST, unit="s")
 CHANGES = {"scale": FINITE, "offset": FINITE, "filter": POSITIVE}
-COLUMN = {"name": text(), "unit": text(), "sign": FINITE, "wrap": POSITIVE} | CHANGES
-DERIVED = {"of": text(), "take": text(("first", "rate")), "minus": text(), "unit": text()} | CHANGES
-SYNC = {"columns": listing(text(), least=1), "by": text(), "with": text(), "within": STEP}
+COLUMN = {"name": TEXT, "unit": TEXT, "sign": FINITE, "wrap": POSITIVE} | CHANGES
+DERIVED = {"of": TEXT, "take": schema.text(("first", "rate")), "minus": TEXT, "unit": TEXT} | CHANGES
+SYNC = {"columns": schema.listing(TEXT, least=1), "by": TEXT, "with": TEXT, "within": STEP}
 TIME_KEYS = {
-    "column": optional(lambda value, where: text()(str(value) if type(value) is int else value, where)),
-    "unit": text(), "start": optional(FINITE), "period": optional(STEP),
+    "column": schema.optional(lambda value, where: TEXT(str(value) if type(value) is int else value, where)),
+    "unit": TEXT, "start": schema.optional(FINITE), "period": schema.optional(STEP),
 }  # fmt: skip
 PLAIN = {
-    "hold": whole(), "separator": text(length=1), "decimal": text(length=1), "skip": whole(), "heading": flag,
-    "samples": text(("rows", "columns")), "stamp": text(("log", "header")),
+    "hold": WHOLE, "separator": schema.text(length=1), "decimal": schema.text(length=1), "skip": WHOLE,
+    "samples": schema.text(("rows", "columns")), "stamp": schema.text(("log", "header")),
+    "heading": schema.flag,
 }  # fmt: skip
-SCHEMA = mapping(
+SCHEMA = schema.mapping(
     {
-        "time": optional(mapping(TIME_KEYS)),
-        "columns": names(mapping(COLUMN, required=("name", "unit")), least=1),
-        "derived": optional(names(mapping(DERIVED, required=("of",)))),
-        "sync": optional(listing(mapping(SYNC, required=tuple(SYNC)))),
-        "period": optional(STEP),
+        "time": schema.optional(schema.mapping(TIME_KEYS)),
+        "columns": schema.names(schema.mapping(COLUMN, required=("name", "unit")), least=1),
+        "derived": schema.optional(schema.names(schema.mapping(DERIVED, required=("of",)))),
+        "sync": schema.optional(schema.listing(schema.mapping(SYNC, required=tuple(SYNC)))),
+        "period": schema.optional(STEP),
         **PLAIN,
     },
     required=("columns",),
@@ -172,28 +162,28 @@ def read_mapping(path: str | Path) -> Mapped:
         InputError: naming file and key, also for a unit that does not suit its column, a name that comes twice, a
             derived column of one that is not above it, and columns of `sync` that are not there.
     """
-    content = SCHEMA(read_yaml(path), str(path))
+    content = SCHEMA(schema.read_yaml(path), str(path))
     time = content.get("time") or {}
     check_unit("time", time.get("unit", "s"), f"{path}, 'time'")
     columns, derived, syncs, known = [], [], [], ["time"]
     for foreign, item in content["columns"].items():
-        where, name = inside(f"{path}, 'columns'", foreign), item["name"].strip()
+        where, name = schema.inside(f"{path}, 'columns'", foreign), item["name"].strip()
         if not name or not item["unit"].strip():
-            raise refusal(where, f"key {'unit' if name else 'name'!r} is missing")
+            raise schema.refusal(where, f"key {'unit' if name else 'name'!r} is missing")
         check_unit(name, item["unit"], where)
         if abs(item.get("sign", 1.0)) != 1.0:
-            raise refusal(inside(where, "sign"), f"wanted 1 or -1, found {item['sign']:g}")
+            raise schema.refusal(schema.inside(where, "sign"), f"wanted 1 or -1, found {item['sign']:g}")
         if name in known:
-            raise refusal(where, f"{name!r} is the name of more than one column")
+            raise schema.refusal(where, f"{name!r} is the name of more than one column")
         known.append(name)
         columns.append(Column(foreign, **{**item, "name": name}))
     for name, item in (content.get("derived") or {}).items():
-        where = inside(f"{path}, 'derived'", name)
+        where = schema.inside(f"{path}, 'derived'", name)
         for key in ("of", "minus"):
             if key in item and item[key] not in known[1:]:
-                raise refusal(where, f"{item[key]!r} is no column above it{nearest(item[key], known[1:])}")
+                raise schema.refusal(where, f"{item[key]!r} is no column above it{nearest(item[key], known[1:])}")
         if name in known:
-            raise refusal(where, "is the name of another column")
+            raise schema.refusal(where, "is the name of another column")
         if item.get("unit"):
             check_unit(name, item["unit"], where)
         known.append(name)
@@ -203,9 +193,9 @@ def read_mapping(path: str | Path) -> Mapped:
         where = f"{path}, 'sync'"
         for name in (*item["columns"], item["by"], item["with"]):
             if name not in ours:
-                raise refusal(where, f"{name!r} is no column{nearest(name, ours)}")
+                raise schema.refusal(where, f"{name!r} is no column{nearest(name, ours)}")
         if item["by"] not in item["columns"] or item["with"] in item["columns"]:
-            raise refusal(where, "`by` is one of the columns that are moved, and `with` is none of them")
+            raise schema.refusal(where, "`by` is one of the columns that are moved, and `with` is none of them")
         syncs.append(Sync(tuple(item["columns"]), item["by"], item["with"], item["within"]))
     return Mapped(
         columns=tuple(columns),

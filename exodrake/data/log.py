@@ -67,13 +67,8 @@ class Log:
         for name, values in signals.items():
             if values.shape != time.shape:
                 raise InputError(f"{self.label}: column {name!r} has {len(values)} samples, time has {len(time)}")
-        given = self.units
-        units = {
-            name: check_unit(name, given[name], f"{self.label}, column {name!r}")
-            if name in given
-            else default_unit(name)
-            for name in signals
-        }
+        units = {name: self.units[name] if name in self.units else default_unit(name) for name in signals}
+        units = {name: check_unit(name, unit, f"{self.label}, column {name!r}") for name, unit in units.items()}
         object.__setattr__(self, "time", time)
         object.__setattr__(self, "signals", signals)
         object.__setattr__(self, "units", units)
@@ -275,17 +270,6 @@ def refuse_doubled(names: Iterable[str], source: str) -> None:
         known.add(visible)
 
 
-def split_heading(text: str, source: str) -> tuple[str, str]:
-    """(name, unit) of a heading. InputError when the brackets or the name are absent."""
-    name, bracket, rest = text.strip().partition("[")
-    unit, closing, tail = rest.partition("]")
-    if not bracket or not closing or tail.strip() or not name.strip():
-        raise InputError(
-            f"{source}: column heading {text.strip()!r}: wanted a name and a unit in brackets, like 'tension_AF [N]'"
-        )
-    return name.strip(), unit
-
-
 def refuse_separator(cells: list[str], source: str) -> None:
     """InputError for a heading that other separators than commas leave in one cell."""
     found = next((said for sign, said in SEPARATORS.items() if len(cells) == 1 and sign in cells[0].strip()), None)
@@ -307,11 +291,15 @@ def columns_in_si(
     signals: dict[str, np.ndarray] = {}
     known: dict[str, str] = {}
     for text, values in columns:
-        if units is not None and "[" not in text:
-            name = text.strip()
+        name, bracket, rest = text.strip().partition("[")
+        name, (unit, closing, tail) = name.strip(), rest.partition("]")
+        if units is not None and not bracket:
             unit = units.get(name) or default_unit(name)
-        else:
-            name, unit = split_heading(text, source)
+        elif not closing or tail.strip() or not name:
+            raise InputError(
+                f"{source}: column heading {text.strip()!r}: wanted a name and a unit in brackets, like "
+                "'tension_AF [N]'"
+            )
         if name in signals:
             raise InputError(f"{source}: column {name!r} comes twice")
         where = f"{source}, column {name!r}"

@@ -13,7 +13,7 @@ import re
 import sqlite3
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -91,9 +91,8 @@ def read_topics(path: str | Path) -> dict[str, Topic]:
     """
     found: dict[str, Topic] = {}
     for file in bag_files(path):
-        for topic, (kind, count, fields) in read_apart(
-            list_topics, read_bytes(file), str(file), "MCAP or SQLite"
-        ).items():
+        topics = read_apart(list_topics, read_bytes(file), str(file), "MCAP or SQLite")
+        for topic, (kind, count, fields) in topics.items():
             before = found.get(topic, (kind, 0, fields))
             found[topic] = kind, before[1] + count, before[2] or fields
     return found
@@ -146,11 +145,8 @@ def _get(message: Any, name: str, default: Any = None) -> Any:
 
 def _labels(owner: Any, values: Any) -> list[str]:
     """What a message calls the elements of one of its lists: by their own `name`, or by a list of names beside it."""
-    own = (
-        [_get(one, "name") for one in values]
-        if isinstance(values, list) and _get(next(iter(values), 0), "name")
-        else []
-    )
+    named = isinstance(values, list) and _get(next(iter(values), 0), "name")
+    own = [_get(one, "name") for one in values] if named else []
     if own and all(isinstance(name, str) for name in own):
         return own
     beside = (_get(owner, key) for key in ("name", "joint_names", "names"))
@@ -245,7 +241,10 @@ def _field(message: Any, path: str, where: str) -> float | None:
     """`wrench.force.z`, `position[0]` or `position[MCP]` of a message, as a number; None if it lacks the element."""
     whole = isinstance(message, dict) and path in message  # keys of JSON may hold dots
     value: Any = message[path] if whole else message
-    for name, *indices in () if whole else path_steps(path):
+    steps = re.findall(
+        r"[^.\[]+(?:\[[^\]]*\]?)*|\[[^\]]*\]?", path
+    )  # `a.b[0][MCP]`: names with the indices behind them
+    for name, *indices in () if whole else (step.replace("]", "").split("[") for step in steps):
         if name and _get(value, name, _get) is _get:
             raise InputError(f"{where} has no field {path!r}")
         owner, value = value, _get(value, name) if name else value
@@ -262,10 +261,3 @@ def _field(message: Any, path: str, where: str) -> float | None:
         return None if value is None else float(value)
     except (TypeError, ValueError, OverflowError):
         raise InputError(f"{where}: field {path!r} is not a number") from None
-
-
-@cache
-def path_steps(path: str) -> list[list[str]]:
-    """A field's steps, each a name and the indices behind it: `a.b[0][MCP]` is [[a], [b, 0, MCP]]."""
-    steps = re.findall(r"[^.\[]+(?:\[[^\]]*\]?)*|\[[^\]]*\]?", path)
-    return [step.replace("]", "").split("[") for step in steps]

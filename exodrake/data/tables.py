@@ -13,7 +13,6 @@ import json
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
 from itertools import chain, islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -136,11 +135,8 @@ def flatten(tree: Any, source: str, samples: int | None = None, side: str | None
                 add(item, f"{name}.{key}" if name else str(key), side, depth + 1)
             return
         records = isinstance(value, list | tuple) and bool(value) and isinstance(value[0], Mapping)
-        if (
-            records
-            and len(value) > 1
-            and all(isinstance(one, Mapping) and one.keys() == value[0].keys() for one in value)
-        ):
+        alike = records and all(isinstance(one, Mapping) and one.keys() == value[0].keys() for one in value)
+        if alike and len(value) > 1:
             table = {key: [one[key] for one in value] for key in value[0]}
             if all(_is_simple(item[0], nested=True) for item in table.values()):
                 add(table, name, "rows", depth + 1)
@@ -251,14 +247,9 @@ def _numbers(cells: Sequence[str], name: str, source: str, decimal: str) -> np.n
 
 def _is_number(cell: str, decimal: str) -> bool:
     """Whether a cell holds a number, or says that one is missing; no mark parts thousands, as Python's `1_000` does."""
-    return cell.lower() in MISSING or bool(number_pattern(decimal).fullmatch(cell))
-
-
-@cache
-def number_pattern(decimal: str) -> re.Pattern[str]:
-    """Numbers with this decimal mark."""
-    digits = rf"(?:[0-9]+(?:{re.escape(decimal)}[0-9]*)?|{re.escape(decimal)}[0-9]+)"
-    return re.compile(rf"[-+]?(?:{digits}(?:e[-+]?[0-9]+)?|inf|infinity|nan)", re.IGNORECASE)
+    mark = re.escape(decimal)
+    number = rf"[-+]?(?:(?:[0-9]+(?:{mark}[0-9]*)?|{mark}[0-9]+)(?:e[-+]?[0-9]+)?|inf|infinity|nan)"
+    return cell.lower() in MISSING or bool(re.fullmatch(number, cell, re.IGNORECASE))  # `re` keeps compiled patterns
 
 
 def _hint(data: bytes, layout: TextLayout) -> str:
