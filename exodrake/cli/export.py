@@ -65,11 +65,7 @@ def command(
 
 
 def owner_table(log: exo.Log, mapped: Mapped, source: str) -> bytes:
-    """Columns of a log as text with the owner's names, units, separator and decimal point: a mapping read backwards.
-
-    Readings that `wrap` stay continuous. InputError where the mapping names no column of the log, or one whose scale or
-    sign is 0.
-    """
+    """A log as text with its owner's names, units and layout: a mapping read backwards; `wrap` stays continuous."""
     import csv
     import io
 

@@ -77,14 +77,13 @@ def command(mode: str, size: str, file: Path | None, robot: str, seed: int, out:
 def files_of(plan: Plan, log: exo.Log, robot: exo.Robot, trained: Estimator | None) -> dict[str, bytes]:
     """Contents of all files but the log; trained: an estimator to keep."""
     import json
-    import tempfile
     from dataclasses import asdict
 
     import numpy as np
 
     from exodrake.data.plot import png_of
     from exodrake.diagrams.meshcat import Thing, recording_html
-    from exodrake.estimator.gp import save
+    from exodrake.estimator.gp import estimator_bytes
     from exodrake.grasping.figure import grasp_figure
 
     thing = Thing((plan.centre[0], -plan.centre[1]), plan.size / 2.0, WIDTH if plan.mode == "caging" else None)
@@ -96,11 +95,7 @@ def files_of(plan: Plan, log: exo.Log, robot: exo.Robot, trained: Estimator | No
     }
     for name, (what, kind) in RECORDINGS.items():
         contents[name] = recording_html(shown, robot, f"{title}, {what}", thing, kind).encode()
-    if trained is not None:
-        with tempfile.TemporaryDirectory() as folder:
-            save(trained, Path(folder) / ESTIMATOR)
-            contents[ESTIMATOR] = (Path(folder) / ESTIMATOR).read_bytes()
-    return contents
+    return contents | ({} if trained is None else {ESTIMATOR: estimator_bytes(trained)})
 
 
 def parse_size(text: str) -> float:

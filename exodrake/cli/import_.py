@@ -51,8 +51,7 @@ def command(
       angle_speed_MCP: {of: angle_MCP, take: rate, filter: 8}
     period: 0.02       # optional: frames of this length [s]
     """  # noqa: D301 - click reads the character \b
-    from exodrake.core.files import write_folder
-    from exodrake.data.case import FILE as CASE, case_text, notes_name
+    from exodrake.data.case import notes_name
     from exodrake.data.formats import ending, format_of, log_bytes
     from exodrake.data.import_log import frame_period, import_all, read_mapping
     from exodrake.machines.library import reader
@@ -90,15 +89,11 @@ def command(
         notes = {out.with_name(notes_name(out)): "\n".join((*item.notes, ""))} if item.notes else {}
         write_files({out: log_bytes(item.log, out), **notes}, announce=False)
     else:
-        names = list(logs)
-        roles = ["holdout" if name == names[-1] and len(names) > 1 else "fit" for name in names]
-        files = {name: f"{name}.csv.gz" for name in names}
-        items = [exo.CaseLog(logs[n].log, n, role, None, files[n]) for n, role in zip(names, roles, strict=True)]
+        roles = dict.fromkeys(logs, "fit") | ({list(logs)[-1]: "holdout"} if len(logs) > 1 else {})
+        items = tuple(exo.CaseLog(logs[n].log, n, role, None, f"{n}.csv.gz") for n, role in roles.items())
         period = frame_period([item.log for item in items], mapped, machine_named(machine or DEFAULT).frame)
-        contents = {files[name]: log_bytes(logs[name].log, out / files[name]) for name in names}
-        contents |= {notes_name(files[n]): "\n".join((*logs[n].notes, "")).encode() for n in names if logs[n].notes}
-        contents[CASE] = case_text(exo.Case(out.resolve().name, {}, tuple(items), period)).encode()
-        write_folder(out, contents)
+        notes = {item.file: logs[item.protocol].notes for item in items}
+        exo.write_case(exo.Case(out.resolve().name, {}, items, period), out, notes)
     first = next(iter(logs.values())).log
     size = f"{sum(len(item.log) for item in logs.values())} rows, {len(first.columns)} columns"
     several = f"{len(logs)} logs, " if len(logs) > 1 else ""

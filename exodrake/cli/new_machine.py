@@ -115,11 +115,7 @@ WHAT = {
 
 
 def arm_files(values: dict[str, Any], urdf: str, form: str, tip: str, frame: float | None) -> dict[str, bytes]:
-    """Contents of the folder's files by name.
-
-    Raises:
-        InputError: for an unknown form, and a URDF file that is absent or no serial arm.
-    """
+    """Contents of an arm's folder by file name. InputError for an unknown form, and for a URDF of no serial arm."""
     from exodrake.core.errors import nearest
     from exodrake.core.files import is_file, read_bytes
     from exodrake.machines.arm_defaults import middle, typical_efforts, units

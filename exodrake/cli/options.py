@@ -8,9 +8,7 @@ from __future__ import annotations
 
 import os
 import shlex
-import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +16,7 @@ import click
 
 import exodrake as exo
 from exodrake.core.errors import InputError
+from exodrake.core.progress import waiting as waiting
 
 CASE = click.argument("cases", nargs=-1, required=True, metavar="CASE_OR_LOG...")
 DEFAULT = "exo_index"  # the machine of a command that is given none
@@ -159,18 +158,6 @@ def write_answer(
     if out:
         write_files({out / file: data for file, data in files.items()}, not printed)
         write_json(plain(answer), out / f"{name}.json", not printed)
-
-
-@contextmanager
-def waiting(text: str) -> Iterator[Callable[[str], None]]:
-    """Show on a terminal what a command works on, and for how long; yields the function that changes the text."""
-    from rich.console import Console
-    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
-
-    columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty()) as bar:
-        task = bar.add_task(text)
-        yield lambda text: bar.update(task, description=text)
 
 
 def print_table(titles: Sequence[str], rows: Sequence[Any], wrapped: int = -1, aside: bool = False) -> None:

@@ -317,9 +317,7 @@ def drawn_robot(robot: Robot, rng: np.random.Generator) -> Robot:
     for (group, names), drawn in zip(groups, rng.standard_normal(len(groups)), strict=True):
         x = float(np.clip(drawn * group.prior_std, -group.max_deviation, group.max_deviation))
         for name in names.split():
-            if name not in machine.index:
-                raise InputError(f"{machine.name}: tolerance of {name!r}{nearest(name, list(machine.index))}")
-            i = machine.index[name]
+            i = position(machine, name)
             values[i] = {
                 "log": robot.values[i] * math.exp(x),
                 "additive": robot.values[i] + x,
@@ -332,3 +330,10 @@ def drawn_deviation(robot: Robot, rng: np.random.Generator) -> np.ndarray:
     """Deviations (parameters,) [SI] of a robot drawn by `drawn_robot` from the given one; 0 without a tolerance."""
     drawn = drawn_robot(robot, rng).values
     return np.subtract(drawn, robot.values, out=np.zeros(len(drawn)), where=drawn != robot.values)
+
+
+def position(machine: Machine, name: str) -> int:
+    """Position of a parameter in the flat vector. Raises InputError for an unknown name."""
+    if name not in machine.index:
+        raise InputError(f"{machine.name}: tolerance of {name!r}{nearest(name, list(machine.index))}")
+    return machine.index[name]

@@ -22,7 +22,7 @@ case.yaml are refused. What was done to a log's signals before stands in `NAME.n
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime, time
 from pathlib import Path
@@ -117,11 +117,7 @@ class Case:
 
     @property
     def repeat_groups(self) -> tuple[tuple[CaseLog, ...], ...]:
-        """Groups of two or more fitted logs that run the same reference in one session, in order.
-
-        Between sessions the robot may change, so these do not show the noise. Neither do held-out logs, which decide
-        nothing but the closure.
-        """
+        """Groups of two or more fitted logs that run the same reference in one session, and so show the noise."""
         before = {item.file: item.repeats for item in self.logs}
         groups: dict[tuple[str, datetime | None], list[CaseLog]] = {}
         for item in self.fit_logs:
@@ -193,10 +189,7 @@ def log_names(folder: Path) -> list[str]:
 
 
 def find_logs(folder: Path) -> tuple[list[dict[str, Any]], list[str]]:
-    """Logs of a folder without case.yaml, each with its `table`, and notes on what was assumed and left out.
-
-    InputError for a folder without logs of a robot.
-    """
+    """Logs of a folder without case.yaml, each with its `table`, and notes on what was assumed and left out."""
     files = log_names(folder)
     if not files:
         raise InputError(f"{folder}: no case.yaml and no logs")
@@ -323,11 +316,15 @@ def gather_logs(
     return Case(name, {}, tuple(items), period or (items[0].log.dt if items else PERIOD), tuple(notes))
 
 
-def write_case(case: Case, folder: str | Path) -> None:
-    """Write logs and case.yaml; `read_case` gives the same case back. A new folder appears whole or not at all."""
+def write_case(case: Case, folder: str | Path, notes: Mapping[str, Sequence[str]] | None = None) -> None:
+    """Write logs and case.yaml; `read_case` gives the same case back. A new folder appears whole or not at all.
+
+    notes: what was done to the signals of a log before, by its file.
+    """
     for item in argument("case", case, Case).logs:
         check_inside(folder, item.file, case.name)
     contents = {item.file: log_bytes(item.log, Path(folder) / item.file) for item in case.logs}
+    contents |= {notes_name(file): "\n".join((*lines, "")).encode() for file, lines in (notes or {}).items() if lines}
     write_folder(folder, contents | {FILE: case_text(case).encode()})
 
 

@@ -92,11 +92,7 @@ SCHEMA = schema.mapping(
 
 @dataclass(frozen=True)
 class Column:
-    """A foreign column and the log column that it becomes: sign (value * scale + offset), converted from its unit.
-
-    Before that, readings that start again at `wrap` [unit] are made continuous; after it comes a zero-phase low-pass
-    with cut-off `filter` [Hz].
-    """
+    """A foreign column and its log column: sign (value * scale + offset), in SI; `wrap` [unit] and `filter` [Hz]."""
 
     foreign: str
     name: str
@@ -156,12 +152,7 @@ class Mapped(TextLayout):
 
 
 def read_mapping(path: str | Path) -> Mapped:
-    """Reads and checks a mapping file.
-
-    Raises:
-        InputError: naming file and key, also for a unit that does not suit its column, a name that comes twice, a
-            derived column of one that is not above it, and columns of `sync` that are not there.
-    """
+    """Reads and checks a mapping file: names once, units that suit, derived columns below those they are made of."""
     content = SCHEMA(schema.read_yaml(path), str(path))
     time = content.get("time") or {}
     check_unit("time", time.get("unit", "s"), f"{path}, 'time'")
@@ -219,12 +210,7 @@ class Imported:
 
 
 def import_log(file: str | Path, map_file: str | Path) -> Log:
-    """A foreign recording in our names and SI.
-
-    InputError names the file and the column or key for what is not there, not a number, or on a clock that steps
-    backwards or stands still. Rows that repeat the time of the row before are dropped (recorders often sample faster
-    than the clock ticks); `import_recording` says how many.
-    """
+    """A foreign recording in our names and SI. InputError names file, column or key, and what is wrong with a clock."""
     return import_recording(file, read_mapping(map_file)).log
 
 
@@ -244,8 +230,7 @@ def import_all(
 ) -> dict[str, Imported]:
     """Every log of a recording by name: one of a file or bag, one for each (or chosen) episode of a LeRobot data set.
 
-    Without a mapping that of joint states, or of actions and states with the unit of their joints. InputError as
-    `import_log`, and for a recording that needs a mapping.
+    Without a mapping by that of joint states, or of actions and states with the unit of their joints.
     """
     if is_dataset(path):
         mapped = mapped or default_dataset_mapping(path, unit)
@@ -269,11 +254,7 @@ def import_all(
 
 
 def frame_period(logs: Sequence[Log], mapped: Mapped | None, frame: float) -> float:
-    """Frame period [s] of a case of imported logs: that of the mapping, of the machine or of the first log's clock.
-
-    The machine's `frame` [s] holds if every log has one row in each. InputError for a first log of a single row, unless
-    the mapping states a period.
-    """
+    """Frame [s] of a case of imported logs: of the mapping, of the machine if all logs fit it, else of the first."""
     if mapped is not None and mapped.period is not None:
         return mapped.period
     measured = round(clock_frame(logs[0]), 9)
@@ -360,11 +341,7 @@ def make_log(tracks: dict[str, Track], mapped: Mapped, source: str, notes: Seque
 
 
 def sort_tracks(tracks: dict[str, Track], period: float, source: str) -> tuple[dict[str, Track], list[str]]:
-    """Tracks of a bag, each in order of its stamps, and notes on those that were not.
-
-    Messages overtake each other on their way by less than a frame of `period` [s]. InputError for a clock that steps
-    further back, and for one that stands still.
-    """
+    """Tracks of a bag by their stamps, and notes on messages that overtook others by less than a frame `period` [s]."""
     ordered, notes = {}, dict[str, None]()
     for name, track in tracks.items():
         topic, times = f"topic {name.partition(':')[0]!r}", track.time
@@ -433,10 +410,10 @@ def _one_clock(table: dict[str, np.ndarray], mapped: Mapped, source: str) -> tup
 def lay_on_frames(
     tracks: dict[str, Track], period: float, hold: int, source: str
 ) -> tuple[np.ndarray, dict[str, np.ndarray], list[str]]:
-    """Frames from the first sample to the last, and notes; a frame carries the newest sample taken before its end.
+    """Frames from the first sample to the last, each with the newest sample taken before its end, and notes.
 
-    A sample older than `hold` frames before the frame's start is stale, and the frame is left empty. Where a clock has
-    about one sample a frame, frames lie about their samples, so that jitter of the clock neither loses nor repeats one.
+    A sample older than `hold` frames is stale. Where a clock has about one sample a frame, frames lie about their
+    samples, so that jitter neither loses nor repeats one.
     """
     start = min(track.time.min() for track in tracks.values())
     end = max(track.time.max() for track in tracks.values())
@@ -482,11 +459,7 @@ def median_step(time: np.ndarray) -> float:
 
 
 def low_pass(time: np.ndarray, values: np.ndarray, cutoff: float, where: str) -> np.ndarray:
-    """Values (n,) through a zero-phase Butterworth low-pass; a missing sample stays missing.
-
-    At the cut-off [Hz] the amplitude falls to a half, since the filter runs both ways. InputError for a clock (n,) [s]
-    that is not even, a cut-off that it cannot hold, and too few samples.
-    """
+    """Values (n,) through a zero-phase Butterworth filter: half the amplitude at `cutoff` [Hz]; NaN stays NaN."""
     from scipy.signal import butter, sosfiltfilt
 
     steps, known = np.diff(time), np.isfinite(values)
@@ -506,11 +479,7 @@ def low_pass(time: np.ndarray, values: np.ndarray, cutoff: float, where: str) ->
 
 
 def find_lag(moved: Track, fixed: Track, within: float, where: str) -> tuple[float, float]:
-    """Lag of `moved` behind `fixed` [s], `within` [s] either way, and their correlation at that lag, the largest.
-
-    Each lag is judged on the same stretch of the fixed signal, by the correlation coefficient. InputError if they do
-    not overlap, do not move, or are not alike at any lag.
-    """
+    """Lag of `moved` behind `fixed` [s] with the largest correlation, `within` [s] either way, and that correlation."""
     from scipy.signal import correlate
 
     def known(track: Track) -> Track:
@@ -564,10 +533,7 @@ def describe_conversion(column: Column | Derived) -> str | None:
 
 
 def default_bag_mapping(path: str | Path) -> Mapped:
-    """Joint states by their names: positions as angles, or as commands where the topic's name says so.
-
-    InputError for a bag without joint states.
-    """
+    """Joint states by their names: positions as angles, or as commands where the topic's name says so."""
     columns: dict[str, Column] = {}
     for topic, (kind, _, fields) in read_topics(path).items():
         if kind.replace("/msg/", "/") != STATE.replace("/msg/", "/"):
@@ -600,11 +566,7 @@ def default_bag_mapping(path: str | Path) -> Mapped:
 
 
 def default_dataset_mapping(path: Path, unit: str) -> Mapped:
-    """Actions as commands and states as angles of a LeRobot data set, in a unit that it does not state.
-
-    Raises:
-        InputError: without a unit, or for a data set whose actions and states are not the same joints.
-    """
+    """Actions as commands and states as angles of a LeRobot data set, in a unit that it does not state."""
     info = read_info(path)
     if not unit:
         raise InputError(f"{path}: a LeRobot data set states no unit of its joints; --unit deg, for instance")

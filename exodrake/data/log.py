@@ -284,9 +284,7 @@ def columns_in_si(
 ) -> tuple[dict[str, np.ndarray], dict[str, str]]:
     """Values (n,) [SI] by name, time among them, and their SI units, from pairs of heading and values (n,).
 
-    `units` are those of columns whose heading is a bare name, else SI by their kind; None: each heading has its unit.
-    InputError names a column that comes twice, or in other letters, or whose unit does not suit, and a value beyond any
-    signal.
+    A bare name takes its unit from `units`, else SI by its kind; units of None: each heading has its unit.
     """
     signals: dict[str, np.ndarray] = {}
     known: dict[str, str] = {}
@@ -471,8 +469,7 @@ def regularise(log: Log, period: float = 0.02) -> tuple[Log, list[str]]:
 def other_rate(time: np.ndarray, frames: np.ndarray, period: float) -> tuple[float, float] | None:
     """Time [s] from which a clock (n,) [s] runs at another rate than its frames (n,), and its frame there [s]; or None.
 
-    The rate is that of the straight line through some rows. It counts where it takes them half a frame away, beyond
-    which they lie at another frame.
+    The rate is the slope over some rows, and counts where it takes them half a frame away.
     """
     for rows in np.array_split(np.arange(len(time)), max(1, len(time) // STRETCH)):
         span = float(frames[rows[-1]] - frames[rows[0]]) if len(rows) > 2 else 0.0
@@ -485,10 +482,7 @@ def other_rate(time: np.ndarray, frames: np.ndarray, period: float) -> tuple[flo
 
 
 def clock_frame(log: Log) -> float:
-    """Frame that a log's clock counts [s]: its median step, or the mean one where stamps are rounded.
-
-    InputError for a log of fewer than two rows.
-    """
+    """Frame that a log's clock counts [s]: its median step, or the mean one where stamps are rounded."""
     step = log.dt
     found = other_rate(log.time, np.concatenate([[0], np.cumsum(np.rint(np.diff(log.time) / step))]), step)
     return step if found is None else found[1]

@@ -51,10 +51,7 @@ STYLE: dict[Any, Any] = {
 
 
 def kinds_of(log: Log, machine: Machine | None = None) -> list[str]:
-    """Kinds of columns that get a panel each, those of the machine first.
-
-    References, estimates and standard deviations are drawn with the kind that they belong to.
-    """
+    """Kinds of columns with a panel each, those of the machine first; a reference is drawn with its kind."""
     named = [c.kind for c in machine.columns] if machine else []
     named += [kind_of(c) or c.rsplit("_", 1)[0] for c in log.columns]
     return [kind for kind in dict.fromkeys(named) if log.names(kind) and not kind.endswith(ASIDE)]
@@ -244,11 +241,7 @@ def stretch_of(samples: int, most: int) -> int:
 
 
 def envelope(values: np.ndarray, stretch: int) -> np.ndarray:
-    """The least and the largest of each stretch of values (n, columns), NaN where nothing was measured, in their order.
-
-    (2 ceil(n / stretch), columns) in equal steps of half a stretch, NaN where a stretch has no sample; a stretch of one
-    sample leaves the values as they are.
-    """
+    """Least and largest of each stretch of values (n, columns), in their order: (2 ceil(n / stretch), columns)."""
     if stretch <= 1:
         return values
     blocks = blocks_of(values, stretch)

@@ -85,10 +85,7 @@ def read_bag(path: str | Path, columns: Sequence[str], stamp: str) -> dict[str, 
 
 
 def read_topics(path: str | Path) -> dict[str, Topic]:
-    """Topic -> type, number of messages, and numeric fields of its first message, as columns name them.
-
-    The fields are None where the messages cannot be decoded.
-    """
+    """Topic -> type, number of messages, and numeric fields of its first message, None if it cannot be decoded."""
     found: dict[str, Topic] = {}
     for file in bag_files(path):
         topics = read_apart(list_topics, read_bytes(file), str(file), "MCAP or SQLite")
@@ -99,10 +96,7 @@ def read_topics(path: str | Path) -> dict[str, Topic]:
 
 
 def read_tracks(data: bytes, source: str, columns: Sequence[str], stamp: str) -> dict[str, Track]:
-    """Column -> samples with their times [s]; stamp `log` is the recorder's time, `header` the message's own.
-
-    InputError names the topic or field that is not there; a damaged bag; a message that cannot be decoded.
-    """
+    """Column -> samples with their times [s]; stamp `log` is the recorder's time, `header` the message's own."""
     wanted: dict[str, list[str]] = {}
     for column in columns:
         topic, _, field = column.partition(":")
@@ -173,10 +167,7 @@ def numeric_fields(message: Any, path: str = "") -> list[str]:
 
 
 def messages(data: bytes, source: str, topics: set[str] | None) -> Iterator[tuple[str, str, Any, int]]:
-    """(topic, type, message, log time [ns]) of every message on some topics; on all for None.
-
-    Of all topics the message is None where it cannot be decoded; InputError for one of those that are named.
-    """
+    """(topic, type, message, log time [ns]) on some topics, on all for None, then with None for what none decodes."""
     try:
         yield from (sqlite_messages if source.lower().endswith(SQLITE) else mcap_messages)(data, source, topics)
     except ImportError:
@@ -184,10 +175,7 @@ def messages(data: bytes, source: str, topics: set[str] | None) -> Iterator[tupl
 
 
 def mcap_messages(data: bytes, source: str, topics: set[str] | None) -> Iterator[tuple[str, str, Any, int]]:
-    """`messages` of MCAP storage, those of a topic by the numbers that they carry, else as they are stored.
-
-    Not by their time: a recorder's clock may have stepped back.
-    """
+    """`messages` of MCAP storage by their numbers, else as stored: a recorder's clock may have stepped back."""
     from mcap.reader import make_reader
     from mcap_ros2.decoder import DecoderFactory
 

@@ -51,10 +51,7 @@ class TextLayout:
 
 
 def read_columns(data: bytes, source: str, mapped: Mapped) -> dict[str, np.ndarray]:
-    """Mapped columns of a foreign table, and others of a table of numbers; name -> (n,) as recorded.
-
-    InputError names file, and column and row where there is text in a mapped column.
-    """
+    """Mapped columns (n,) of a foreign table by name, as recorded, and others of a table of numbers."""
     data, tree = _opened(data, source)
     if tree is None:
         cells = text_cells(data, source, mapped, mapped.foreign)
@@ -121,10 +118,7 @@ def parse_records(data: bytes, source: str) -> Any:
 
 
 def flatten(tree: Any, source: str, samples: int | None = None, side: str | None = None) -> dict[str, np.ndarray]:
-    """Columns of nested values by name, (n,) each. InputError for a name that comes twice.
-
-    The samples of a matrix lie along the `side` "rows" or "columns", else where there are as many as `samples`.
-    """
+    """Columns (n,) of nested values by name; a matrix lies along `side`, else as it has as many rows as `samples`."""
     found: dict[str, np.ndarray] = {}
 
     def add(value: Any, name: str, side: str | None, depth: int) -> None:
@@ -189,10 +183,7 @@ def _array(value: Any) -> np.ndarray | None:
 def text_cells(
     data: bytes, source: str, layout: TextLayout, wanted: Collection[str] = (), ragged: bool = False
 ) -> dict[str, list[str]]:
-    """Cells of a text table by column, of the wanted columns or all; those of lists as `name[0]`, `name[1]` ...
-
-    InputError for a wanted column that is absent, and for a ragged row, unless those are left out.
-    """
+    """Cells of a text table by column, of the wanted columns or all; of lists as `name[0]`, `name[1]` ..."""
     check_size(sum(data.count(end) for end in {b"\n", b"\r", layout.separator.encode()}), source)
     rows = _rows(data, source, layout)
     first = next(rows, [])
@@ -261,11 +252,7 @@ def _hint(data: bytes, layout: TextLayout) -> str:
 
 
 def guess_layout(data: bytes) -> TextLayout:
-    """The layout of a text table, by its first lines.
-
-    Separator and decimal mark are those by which most cells are numbers, in rows as long as the first; a first line of
-    numbers alone is no heading.
-    """
+    """The layout of a text table: separator and decimal mark by which most cells of its first lines are numbers."""
     text = data[:LOOK].decode("utf-8-sig", "replace")
     lines = [line for line in text.splitlines() if line.strip()][:LINES]
 

@@ -84,10 +84,7 @@ def stiffness(angles: np.ndarray, tension: np.ndarray, n: Parameters) -> np.ndar
 
 
 def ramped(tension: np.ndarray, low: np.ndarray, n: Parameters, lead: float = 0.0) -> np.ndarray:
-    """Posture (3,) [rad] at the end of a minimum-jerk ramp from rest to tension (3,) [N].
-
-    low: (3,) F_min [N]. lead: fraction of the ramp by which the extensor runs ahead of the flexors.
-    """
+    """Posture (3,) [rad] after a minimum-jerk ramp from `low` (3,) to tension (3,) [N]; lead: of the extensor."""
     ahead = np.array([-0.5, -0.5, 0.5]) * lead
     share = smooth(np.linspace(0.0, 1.0 + abs(lead), RAMP)[:, None] + ahead - 0.5 * abs(lead))
     return follow(low + share * (tension - low), n)[-1]
@@ -108,10 +105,9 @@ def arrives(angles: np.ndarray, tension: np.ndarray, low: np.ndarray, n: Paramet
 def holdable(
     angles: np.ndarray, cost: np.ndarray, low: np.ndarray, high: np.ndarray, n: Parameters, confirm: Confirm
 ) -> tuple[int, np.ndarray] | None:
-    """Index and tensions (3,) [N] of the cheapest posture that the tendons hold and the ramp reaches, or None.
+    """Index and tensions (3,) [N] of the cheapest posture (k, 3) [rad] that is held and reached, or None.
 
-    Postures (k, 3) [rad] have costs (k,); neighbours of one that fails are not tried. Tensions lie between low and high
-    (3,) [N].
+    Tensions lie within low and high (3,) [N]; neighbours of a posture that fails are not tried.
     """
     tension = tensions_for(angles, n)
     inside = np.flatnonzero(((tension >= low) & (tension <= high)).all(axis=1))
@@ -130,11 +126,7 @@ def project(
     wanted: np.ndarray, tension: np.ndarray, angles: np.ndarray, limits: tuple[np.ndarray, np.ndarray], n: Parameters,
     confirm: Confirm,
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-    """Tensions (3,) [N] within limits whose posture (3,) [rad], from rest along the ramp, is nearest `wanted`.
-
-    Starts are the nearest of steady postures (k, 3) [rad] and their tensions (k, 3) [N]; a solution too close to
-    snapping is not taken.
-    """
+    """Tensions (3,) [N] within limits whose posture (3,) [rad], from rest along the ramp, is nearest `wanted`."""
     from scipy.optimize import least_squares
 
     low, high = limits
@@ -284,15 +276,9 @@ def run_plan(
     controller: PostureController | None = None,
     **durations: float,
 ) -> Log:
-    """Simulates a robot in the Drake Diagram that follows a plan, with the estimator in slot 8.
+    """Log of a robot in the Drake Diagram that follows a plan, with the estimator's angles.
 
-    A controller of `posture_controller` gives the tension references, if there is one; durations as in `exo.grasp` [s].
-
-    Returns:
-        The log, with `angle_est` and `angle_std` of the estimator, and `angle_ref` of the controller.
-
-    Raises:
-        InputError: the estimator has other tendons or joints.
+    A `posture_controller` gives the tension references, if there is one; durations as in `exo.grasp` [s].
     """
     from exodrake.diagrams.diagram import Simulator, build_diagram, logged_signals
     from exodrake.simulation.simulate import diagram_log

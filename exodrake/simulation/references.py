@@ -71,14 +71,10 @@ def protocol(text: str, robot: Robot | None = None) -> Reference:
 
 
 def on_machine(function: Callable[..., Reference], robot: Robot, **options: float) -> Reference:
-    """A protocol on any machine.
+    """A protocol on any machine. InputError if the machine or its robot file states no limits of the reference.
 
-    Tensions are shares of the highest one, never below the lowest. Other references, such as angles, are shares of the
-    span between both; `kind_start` stands where `kind_ref` begins, rates of a motion are those of the smoothed one, and
-    further inputs stand at 0.
-
-    Raises:
-        InputError: if the machine or its robot file states no limits of the reference.
+    Tensions are shares of the highest one, other references, such as angles, of the span between both limits.
+    `kind_start` stands where `kind_ref` begins, rates are those of the smoothed motion, further inputs stand at 0.
     """
     machine = robot.machine
     first, *others = machine.references

@@ -144,10 +144,7 @@ def parse_number(text: str, robot: Robot) -> tuple[str, float]:
 
 
 def parse_effect(text: str, robot: Robot) -> tuple[str, dict[str, dict[str, float] | float]]:
-    """`id:parameter=value,...@AF,MF` as the id and all its numbers, typical where left out, beside what the robot has.
-
-    InputError naming the effect, parameter, value or channel that is wrong.
-    """
+    """`id:parameter=value,...@AF,MF` as the id and all its numbers: those given, else the robot's, else typical."""
     head, at, channels = text.partition("@")
     identity, given = split_options(head)
     chosen = [channel.strip() for channel in channels.split(",") if channel.strip()]

@@ -50,10 +50,7 @@ def write(log: Log) -> bytes:
 
 
 def read_variables(data: bytes, source: str) -> dict[str, Any]:
-    """Variables of a MAT file: structs as mappings, arrays of structs and cells as lists. Version 7.3 is HDF5.
-
-    InputError for a damaged file, even one that crashes SciPy's reader.
-    """
+    """Variables of a MAT file, HDF5 too: structs as mappings, cells as lists. InputError for a damaged file."""
     return read_apart(parse, data, source, "MAT")
 
 
@@ -99,10 +96,7 @@ def column(values: object, name: str, source: str) -> np.ndarray:
 
 
 def read_hdf5(data: bytes, source: str) -> dict[str, Any]:
-    """Groups of an HDF5 file as mappings, data sets of numbers as arrays. InputError for a damaged file.
-
-    Only what lies in the file itself is read: external links, external storage and virtual data sets are left out.
-    """
+    """Groups of an HDF5 file as mappings, data sets of numbers as arrays; nothing that lies in another file."""
     return read_apart(parse_hdf5, data, source, "HDF5")
 
 
