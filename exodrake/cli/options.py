@@ -102,10 +102,8 @@ class OutputFolder(AnyPath):
         return path
 
 
-def check_target(path: Path | None) -> None:
+def check_target(path: Path) -> None:
     """InputError before the work if a file could not be written in the end."""
-    if path is None:
-        return
     if path.is_dir():
         raise InputError(f"{path}: a folder, wanted a file")
     if not path.parent.is_dir():
@@ -179,9 +177,8 @@ def cases_in(folder: Path) -> list[Path]:
     def is_case(path: Path) -> bool:
         return is_folder(path) and ((path / FILE).exists() or bool(log_names(path)))
 
-    if not is_folder(folder) or is_case(folder):
-        return []
-    return [path for path in sorted(folder.iterdir()) if is_case(path)]
+    single = not is_folder(folder) or is_case(folder)
+    return [] if single else [path for path in sorted(folder.iterdir()) if is_case(path)]
 
 
 def refuse_cases(folder: Path) -> None:
@@ -261,22 +258,6 @@ def machine_added(context: click.Context, _: click.Parameter, folder: str | None
     context.meta[MACHINE] = path.name
 
 
-def without_machine(name: str, command: click.Command) -> click.Command:
-    """The command, and its subcommands, with a --machine that says why there is none, unless they take one."""
-    if isinstance(command, click.Group):
-        for one in command.commands.values():
-            without_machine(name, one)
-    if name in OTHERS and all("--machine" not in parameter.opts for parameter in command.params):
-
-        def refuse(context: click.Context, parameter: click.Parameter, folder: str | None) -> None:
-            if folder is not None:
-                raise InputError(f"{name} takes no --machine: {OTHERS[name]}")
-
-        option = click.Option(["--machine"], hidden=True, expose_value=False, is_eager=True, callback=refuse)
-        command.params.append(option)
-    return command
-
-
 def refuse_others(name: str, robot: exo.Robot, parameter: str) -> None:
     """InputError with the reason why a command does not take a machine that lacks a parameter."""
     if not any(one.name.startswith(f"{parameter}.") for one in robot.machine.parameters):
@@ -304,5 +285,5 @@ def tried_of(robot: str, only: str, without: str) -> frozenset[str] | None:
         return None
     from exodrake.diagnosis.problem import chosen
 
-    machine = (exo.load_robot(robot) if robot else exo.load_robot()).machine
-    return chosen(machine, *([word.strip() for word in text.split(",") if word.strip()] for text in (only, without)))
+    lists = ([word.strip() for word in text.split(",") if word.strip()] for text in (only, without))
+    return chosen(exo.load_robot(robot or DEFAULT).machine, *lists)

@@ -80,9 +80,7 @@ class FreeLaw:
         return self.kind in (CURVE, PLACE)
 
 
-def free_curve(words: str, variable: str, unit: str, factor: str = "", fine: bool = False, result: str = "") -> FreeLaw:
-    """A free curve of a variable."""
-    return FreeLaw(words, variable, unit, factor, fine=fine, result=result)
+free_curve = FreeLaw  # of a variable
 
 
 def free_memory(

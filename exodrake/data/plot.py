@@ -167,7 +167,9 @@ def draw_panel(
         else:  # the envelope and the mean of stretches of time
             stretch = stretch_of(len(values), 2 * STRETCHES)
             low, high = np.sort(envelope(values[:, None], stretch).reshape(-1, 2), axis=1).T
-            at, mean = means(np.column_stack([log.time, values]), stretch).T
+            blocks = blocks_of(np.column_stack([log.time, values]), stretch)
+            count = np.isfinite(blocks).sum(axis=1)  # the mean is NaN in a stretch without a sample
+            at, mean = np.where(count > 0, np.nansum(blocks, axis=1) / np.maximum(count, 1), np.nan).T
             axes.fill_between(at, low, high, color=colour, alpha=0.3, lw=0)
             axes.plot(at, mean, label=name, **look)
         reference = f"{kind}{REFERENCE}_{name}"
@@ -196,16 +198,14 @@ def add_legends(panels: Mapping[str, Any], log: Log, logs: Mapping[str, Mapping[
 
     explained: set[tuple[str, ...]] = set()
     for kind, axes in panels.items():
+        if log.names(kind) in explained:
+            continue
         handles, _ = axes.get_legend_handles_labels()
         if len(handles) > MOST_NAMES:
             more = Line2D([], [], ls="", label=f"and {len(handles) - MOST_NAMES} more")
             handles = [*handles[:MOST_NAMES], more]
-        if log.names(kind) in explained:
-            continue
-        if logs and not explained:
-            handles += [
-                Line2D([], [], **{**style, "color": "#555"}, label=name) for name, style in logs.items() if name
-            ]
+        for name, style in logs.items() if not explained else ():
+            handles += [Line2D([], [], **{**style, "color": "#555"}, label=name)] * bool(name)
         explained.add(log.names(kind))
         if len(log) > LONG:
             handles.append(Patch(color="#555", alpha=0.3, lw=0, label="range"))
@@ -250,13 +250,6 @@ def envelope(values: np.ndarray, stretch: int) -> np.ndarray:
     largest = np.where(missing, -np.inf, blocks).argmax(axis=1)
     at = np.stack([np.minimum(least, largest), np.maximum(least, largest)], axis=1)
     return np.take_along_axis(blocks, at, axis=1).reshape(-1, values.shape[1])
-
-
-def means(values: np.ndarray, stretch: int) -> np.ndarray:
-    """The mean of each stretch of values (n, columns), (ceil(n / stretch), columns); NaN where it has no sample."""
-    blocks = blocks_of(values, stretch)
-    count = np.isfinite(blocks).sum(axis=1)
-    return np.where(count > 0, np.nansum(blocks, axis=1) / np.maximum(count, 1), np.nan)
 
 
 def blocks_of(values: np.ndarray, stretch: int) -> np.ndarray:

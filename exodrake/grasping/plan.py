@@ -240,11 +240,9 @@ def plan_grasp(mode: str, size: float, robot: Robot | None = None, hand: Hand | 
         short = ", ".join(f"{j} {v:+.3f} rad" for j, v in zip(axes.joints, shortfall) if abs(v) > TOLERANCE)
         at = [f"{w} at F_min" for w, t, a in zip(axes.tendons, tension, low) if t < a + 0.01]
         at += [f"{w} at F_max" for w, t, b in zip(axes.tendons, tension, high) if t > b - 0.01]
-        nearest = (
-            f"the nearest they hold has {' and '.join(at)}" if at else "nearer ones are not stable or not on the ramp"
-        )
         reason = f"{what} is out of the tendons' reach: no tensions hold the posture, which falls short by {short}; "
-        reason += nearest
+        edge = f"the nearest they hold has {' and '.join(at)}"
+        reason += edge if at else "nearer ones are not stable or not on the ramp"
     target, centre = ((float(point.real), float(point.imag)) for point in (joints(wanted, n)[3], found.centre[place]))
     return Plan(
         way.name, size, target, centre, tuple(wanted.tolist()), tuple(tension.tolist()), tuple(planned.tolist()),

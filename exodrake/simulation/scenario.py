@@ -62,18 +62,15 @@ class Scenario:
 
     def __post_init__(self) -> None:
         if self.engine not in ENGINES:
-            raise InputError(
-                f"unknown engine {self.engine!r}{nearest(self.engine, list(ENGINES))}; there are compiled, drake"
-            )
+            hint = nearest(self.engine, list(ENGINES))
+            raise InputError(f"unknown engine {self.engine!r}{hint}; there are compiled, drake")
         if self.seed is not None and (isinstance(self.seed, bool) or not isinstance(self.seed, int) or self.seed < 0):
             raise InputError(f"seed is {self.seed!r}, wanted a whole number from 0, or null for no noise")
         if not isinstance(self.quantisation, bool):
             raise InputError(f"quantisation is {self.quantisation!r}, wanted true or false")
         if bool(self.protocol) == bool(self.reference):
             both = "both a protocol and a reference" if self.protocol else "neither a protocol nor a reference"
-            raise InputError(
-                f"{both}: wanted the name of a protocol or grasp mode, or a log whose references to follow"
-            )
+            raise InputError(f"{both}: wanted the name of a protocol or grasp mode, or a log with references to follow")
 
     def build_robot(self) -> Robot:
         """The robot with parts, numbers and effects in it. InputError naming what is unknown."""

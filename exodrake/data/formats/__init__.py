@@ -42,9 +42,7 @@ def formats() -> dict[str, Format]:
             if name == "csv":  # without a time stamp, so that the same log gives the same bytes
                 found[".csv.gz"] = Format(
                     lambda data, source, csv=module: csv.read(csv.unpack(data, source), source),
-                    lambda log, csv=module: gzip.compress(
-                        csv.write(log), compresslevel=6, mtime=0
-                    ),  # same log, same bytes
+                    lambda log, csv=module: gzip.compress(csv.write(log), compresslevel=6, mtime=0),
                 )
         for ending in module.ENDINGS:
             found.setdefault(ending, Format(module.read, module.write))
@@ -130,6 +128,5 @@ def log_bytes(log: Log, path: str | Path) -> bytes:
     """
     write = format_of(path).write
     check_writable(log, str(path))
-    return write(
-        log.with_signals({MARK: np.full(len(log), float(log.simulated))}, {MARK: "-"}) if log.simulated else log
-    )
+    marked = log.with_signals({MARK: np.full(len(log), float(log.simulated))}, {MARK: "-"}) if log.simulated else log
+    return write(marked)
