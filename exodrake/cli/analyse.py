@@ -59,7 +59,10 @@ def command(file, parameters, effects, parts, at, draws, diagnosis, seed, out, j
     answer, improved = read_diagnosis(diagnosis) if diagnosis else (None, None)
     if improved and click.get_current_context().get_parameter_source("file") == ParameterSource.DEFAULT:
         file = str(improved)
-    robot, point = options.change_robot(add_controller(exo.load_robot(file)), parameters, effects, parts), point_of(at)
+    robot, point = (
+        options.change_robot(add_controller(exo.load_robot(file)), parameters, effects, parts),
+        parse_point(at),
+    )
     with options.waiting("analysing (the first run after a change compiles for half a minute)"):
         result = exo.analyse(robot, point, seed)
         uncertainty = None if answer is None else assess_answer(robot, answer, point, draws or 12)
@@ -81,7 +84,7 @@ def command(file, parameters, effects, parts, at, draws, diagnosis, seed, out, j
         options.write_files({model: model_bytes(result)}, json_file != "-")
 
 
-def point_of(text: str) -> dict[str, float] | str | None:
+def parse_point(text: str) -> dict[str, float] | str | None:
     """`AF=4,MF=3,AE=1` as references [SI], or a name; None if empty. InputError naming what is not of that form."""
     if text.strip() and "=" not in text and "," not in text and ":" not in text:
         return text.strip()

@@ -24,7 +24,7 @@ HIDDEN = """Another simulator, with other equations, other numbers within 3 % an
 def command(seed: int, out: Path) -> None:
     """Simulate a grasp, inject a fault into an independent reference simulator, and find it from logs alone."""
     from exodrake.cli.diagnose import Targets, diagnose_case
-    from exodrake.cli.simulate import files_of
+    from exodrake.cli.simulate import make_files
     from exodrake.core.files import write_folder
     from exodrake.data.formats import log_bytes
     from exodrake.reference.answers import write_committed
@@ -38,7 +38,7 @@ def command(seed: int, out: Path) -> None:
     with waiting("simulating (the first run compiles for half a minute)") as say:
         scenario = Scenario(GRASP)
         robot, log = scenario.run()
-        contents = files_of(scenario, robot, log, GRASP, say)
+        contents = make_files(scenario, robot, log, GRASP, say)
         write_folder(out / "grasp", {"log.csv": log_bytes(log, out / "grasp" / "log.csv"), **contents})
     angles = log.array("angle")
     reached = ", ".join(f"{j} {57.3 * a:.0f}°" for j, a in zip(robot.machine.axes.joints, angles.max(axis=0)))

@@ -56,7 +56,7 @@ def command(mode: str, size: str, file: Path | None, robot: str, seed: int, out:
         say("simulating the Diagram")
         log = run_plan(plan, built, listening, seed)
         say("drawing")
-        contents = files_of(plan, log, built, None if file else listening)
+        contents = make_files(plan, log, built, None if file else listening)
         write_folder(folder, {"log.csv": log_bytes(log, folder / "log.csv"), **contents})
     click.echo(f"{plan.mode}  {1e3 * plan.size:g} mm {'feasible' if plan.feasible else 'not feasible'}")
     click.echo(f"fingertip at x {1e3 * plan.target[0]:.1f}, y {1e3 * plan.target[1]:.1f} mm (palmar) of the MCP")
@@ -74,7 +74,7 @@ def command(mode: str, size: str, file: Path | None, robot: str, seed: int, out:
     click.echo(f"wrote {folder}/: log.csv, {', '.join(contents)}")
 
 
-def files_of(plan: Plan, log: exo.Log, robot: exo.Robot, trained: Estimator | None) -> dict[str, bytes]:
+def make_files(plan: Plan, log: exo.Log, robot: exo.Robot, trained: Estimator | None) -> dict[str, bytes]:
     """Contents of all files but the log; trained: an estimator to keep."""
     import json
     from dataclasses import asdict

@@ -52,7 +52,7 @@ def command(
     period: 0.02       # optional: frames of this length [s]
     """  # noqa: D301 - click reads the character \b
     from exodrake.data.case import notes_name
-    from exodrake.data.formats import ending, format_of, log_bytes
+    from exodrake.data.formats import ending, find_format, log_bytes
     from exodrake.data.import_log import frame_period, import_all, read_mapping
     from exodrake.machines.library import reader
 
@@ -82,7 +82,7 @@ def command(
                 raise InputError(f"{recording}: there is a log {name!r} already")
             logs[name] = item
     if ending(out) or out.suffix:
-        format_of(out)
+        find_format(out)
         if len(logs) > 1:
             raise InputError(f"{out}: {len(logs)} logs, wanted the folder of a case, or --episodes with one number")
         item = next(iter(logs.values()))

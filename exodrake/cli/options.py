@@ -235,14 +235,14 @@ def change_robot(
     robot: exo.Robot, parameters: tuple[str, ...], effects: tuple[str, ...], parts: tuple[str, ...]
 ) -> exo.Robot:
     """A robot with what the options change: parts first, then parameters, then effects."""
-    from exodrake.simulation.scenario import channels_of, parse_effect, parse_number
+    from exodrake.simulation.scenario import name_channels, parse_effect, parse_number
 
     for part in parts:
         robot = robot.with_part(part)
     robot = robot.with_parameters(dict(parse_number(text, robot) for text in parameters))
     for text in effects:
         identity, given = parse_effect(text, robot)
-        robot = robot.splice(identity, given, channels_of(given))
+        robot = robot.splice(identity, given, name_channels(given))
     return robot
 
 

@@ -61,7 +61,7 @@ def command(protocol: str, reference: str, file: str, robot: str, out: Path | No
             nominal = plain.simulate(plain.build_robot(), what)
         logs = {"log.csv": log} if nominal is None else {"log.csv": log, "nominal.csv": nominal}
         contents = {name: log_bytes(one, folder / name) for name, one in logs.items()}
-        contents |= files_of(scenario, built, log, what.name, say, nominal)
+        contents |= make_files(scenario, built, log, what.name, say, nominal)
         write_folder(folder, contents)
     machine, rows, peak = built.machine, [], None
     kind = machine.references[0].kind
@@ -95,7 +95,7 @@ def scenario_from(
     parts: tuple[str, ...], seed: int | None, no_noise: bool, no_quantisation: bool, engine: str,
 ) -> Scenario:  # fmt: skip
     """The scenario of the options; those given replace the file's, in the order variants, parameters, effects."""
-    from exodrake.simulation.scenario import Scenario, embedded, parse_effect, parse_number, read_scenario
+    from exodrake.simulation.scenario import Scenario, embed_robot, parse_effect, parse_number, read_scenario
 
     if protocol and reference:
         raise InputError("both a protocol and --reference: wanted one of them")
@@ -104,7 +104,7 @@ def scenario_from(
     scenario = read_scenario(file) if file else Scenario(protocol, reference)
     given: dict[str, Any] = {"protocol": protocol, "reference": reference} if protocol or reference else {}
     if robot:
-        given["robot"] = embedded(robot)
+        given["robot"] = embed_robot(robot)
     if seed is not None or no_noise:
         given["seed"] = None if no_noise else seed
     if no_quantisation:
@@ -121,7 +121,7 @@ def scenario_from(
     return scenario
 
 
-def files_of(
+def make_files(
     scenario: Scenario,
     robot: exo.Robot,
     log: exo.Log,

@@ -131,12 +131,12 @@ def find_commands(wanted: str, robot: str, out: Path, map_file: Path | None) -> 
     from exodrake.cli.export import owner_table
     from exodrake.core.display import display_of
     from exodrake.core.files import is_file
-    from exodrake.data.formats import format_of, log_bytes
+    from exodrake.data.formats import find_format, log_bytes
     from exodrake.data.import_log import read_mapping
 
     mapped = read_mapping(map_file) if map_file else None
     if mapped is None:
-        format_of(out)
+        find_format(out)
     built = exo.load_robot(robot)
     machine = built.machine
     reference = exo.from_log(wanted, built) if is_file(wanted) else exo.protocol(wanted, built)

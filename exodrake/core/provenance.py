@@ -29,10 +29,10 @@ def configuration() -> dict[str, str]:
 def source_files(place: Path) -> tuple[Path, ...]:
     """Python and YAML files that bear on an answer, sorted: the file itself, or all below a folder."""
     found = [place] if place.is_file() else sorted([*place.rglob("*.py"), *place.rglob("*.yaml")])
-    return tuple(file for file in found if not name_of(file).startswith(ASIDE) and file.name != "calibration.yaml")
+    return tuple(file for file in found if not shorten_path(file).startswith(ASIDE) and file.name != "calibration.yaml")
 
 
-def name_of(file: Path) -> str:
+def shorten_path(file: Path) -> str:
     """A file's path in the package, or its last two parts outside."""
     return (file.relative_to(PACKAGE) if file.is_relative_to(PACKAGE) else Path(*file.parts[-2:])).as_posix()
 
@@ -42,7 +42,7 @@ def digest(files: tuple[Path, ...]) -> str:
     """First 12 hexadecimal digits of the SHA-256 of names and contents."""
     whole = hashlib.sha256()
     for file in files:
-        whole.update(name_of(file).encode() + b"\0" + file.read_bytes() + b"\0")
+        whole.update(shorten_path(file).encode() + b"\0" + file.read_bytes() + b"\0")
     return whole.hexdigest()[:DIGITS]
 
 

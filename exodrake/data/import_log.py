@@ -42,7 +42,7 @@ from exodrake.data.log import (
     refuse_doubled,
 )  # fmt: skip
 from exodrake.data.ros2 import STATE, Track, is_bag, read_bag, read_topics
-from exodrake.data.tables import TIME, TextLayout, element_names, episodes, is_dataset, read_columns, read_info, slashed
+from exodrake.data.tables import TIME, TextLayout, element_names, episodes, is_dataset, read_columns, read_info, resolve
 
 BAG_PERIOD = 0.02  # s, frames of a bag whose mapping states none
 ALIKE = 0.1  # relative difference of a frame and a recording's step up to which it has one sample a frame: assumed
@@ -370,7 +370,7 @@ def sort_tracks(tracks: dict[str, Track], period: float, source: str) -> tuple[d
 def _one_clock(table: dict[str, np.ndarray], mapped: Mapped, source: str) -> tuple[dict[str, Track], list[str]]:
     """Mapped columns of a table, on its time column or, without one, on its row number; notes on rows left out."""
     wanted = [column.foreign for column in mapped.columns] + ([mapped.time] if mapped.time else [])
-    names = {name: slashed(name, table) for name in wanted}
+    names = {name: resolve(name, table) for name in wanted}
     for name, found in names.items():
         if found not in table:
             raise InputError(f"{source}: no column {name!r} (it has {', '.join(table)[:400]})")

@@ -50,7 +50,7 @@ STYLE: dict[Any, Any] = {
 }  # fmt: skip
 
 
-def kinds_of(log: Log, machine: Machine | None = None) -> list[str]:
+def list_kinds(log: Log, machine: Machine | None = None) -> list[str]:
     """Kinds of columns with a panel each, those of the machine first; a reference is drawn with its kind."""
     named = [c.kind for c in machine.columns] if machine else []
     named += [kind_of(c) or c.rsplit("_", 1)[0] for c in log.columns]
@@ -85,7 +85,7 @@ def plot_log(
     """
     import matplotlib
 
-    kinds = kinds_of(log, machine)
+    kinds = list_kinds(log, machine)
     if not kinds:
         raise InputError(f"{log.label}: nothing to draw: no column but the time and references")
     width = min(WIDEST, max(NARROWEST, log.duration / PER_INCH)) if len(log) > 1 else NARROWEST
@@ -144,7 +144,7 @@ def log_html(log: Log) -> str:
     span = f", {log.time[0]:g} to {log.time[-1]:g} s" if len(log) else ""
     page = f"<b>{escape(log.label)}</b>: {len(log)} rows{span}<table><tr>{heads}</tr>{''.join(rows)}</table>"
     page += f"<p>and {more} more</p>" if more else ""
-    if not len(log) or not kinds_of(log):
+    if not len(log) or not list_kinds(log):
         return page
     return f'{page}<img alt="" src="data:image/png;base64,{b64encode(png_of(plot_log(log), SMALL)).decode()}">'
 
@@ -167,7 +167,7 @@ def draw_panel(
         else:  # the envelope and the mean of stretches of time
             stretch = stretch_of(len(values), 2 * STRETCHES)
             low, high = np.sort(envelope(values[:, None], stretch).reshape(-1, 2), axis=1).T
-            blocks = blocks_of(np.column_stack([log.time, values]), stretch)
+            blocks = split_stretches(np.column_stack([log.time, values]), stretch)
             count = np.isfinite(blocks).sum(axis=1)  # the mean is NaN in a stretch without a sample
             at, mean = np.where(count > 0, np.nansum(blocks, axis=1) / np.maximum(count, 1), np.nan).T
             axes.fill_between(at, low, high, color=colour, alpha=0.3, lw=0)
@@ -244,7 +244,7 @@ def envelope(values: np.ndarray, stretch: int) -> np.ndarray:
     """Least and largest of each stretch of values (n, columns), in their order: (2 ceil(n / stretch), columns)."""
     if stretch <= 1:
         return values
-    blocks = blocks_of(values, stretch)
+    blocks = split_stretches(values, stretch)
     missing = np.isnan(blocks)
     least = np.where(missing, np.inf, blocks).argmin(axis=1)
     largest = np.where(missing, -np.inf, blocks).argmax(axis=1)
@@ -252,7 +252,7 @@ def envelope(values: np.ndarray, stretch: int) -> np.ndarray:
     return np.take_along_axis(blocks, at, axis=1).reshape(-1, values.shape[1])
 
 
-def blocks_of(values: np.ndarray, stretch: int) -> np.ndarray:
+def split_stretches(values: np.ndarray, stretch: int) -> np.ndarray:
     """Values (n, columns) in stretches, (ceil(n / stretch), stretch, columns), the last one filled with NaN."""
     padded = np.full((-(-len(values) // stretch) * stretch, values.shape[1]), np.nan)
     padded[: len(values)] = values
@@ -262,7 +262,7 @@ def blocks_of(values: np.ndarray, stretch: int) -> np.ndarray:
 def remarks(found: Comparison, log: Log, machine: Machine | None = None) -> dict[str, str]:
     """RMS differences of each kind of column in words, for the panels of `plot_log`."""
     said = {}
-    for kind in kinds_of(log, machine):
+    for kind in list_kinds(log, machine):
         display = display_in(log, kind, machine)
         values = {n: found.signals[f"{kind}_{n}"] for n in log.names(kind) if f"{kind}_{n}" in found.signals}
         if values and kind_of(f"{kind}_x") == kind:

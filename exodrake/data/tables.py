@@ -60,7 +60,7 @@ def read_columns(data: bytes, source: str, mapped: Mapped) -> dict[str, np.ndarr
     refuse_doubled(columns, source)
     if mapped.time is None or mapped.samples is not None:
         return columns
-    time = columns.get(slashed(mapped.time, columns))
+    time = columns.get(resolve(mapped.time, columns))
     return columns if time is None else flatten(tree, source, len(time))
 
 
@@ -95,7 +95,7 @@ def _opened(data: bytes, source: str) -> tuple[bytes, Any]:
     return data, None if reader is None else reader(data, source)
 
 
-def slashed(name: str, columns: Mapping[str, Any]) -> str:
+def resolve(name: str, columns: Mapping[str, Any]) -> str:
     """A name as the columns have it: HDF5's `group/data` is `group.data`."""
     return name if name in columns else name.strip("/").replace("/", ".")
 

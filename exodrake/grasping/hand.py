@@ -104,7 +104,7 @@ def candidates(mode: Mode, size: float, hand: Hand, n: Parameters) -> Candidates
     radius, thumb = size / 2.0, complex(*hand.thumb)
     low, high = bounds(mode, hand, n)
     if mode.wraps:
-        bend, held, off = wrapped(radius, n)
+        bend, held, off = wrap_postures(radius, n)
     else:  # the pad touches, whatever PIP and DIP
         spans = [np.linspace(low[i], min(high[i], n.q0[i] + REACH), GRID) for i in (1, 2)]
         pip, dip = (axis.ravel() for axis in np.meshgrid(*spans))
@@ -141,7 +141,7 @@ def bounds(mode: Mode, hand: Hand, n: Parameters) -> tuple[np.ndarray, np.ndarra
     return np.maximum(low, rest + mode.low), np.minimum(high, rest + mode.high)
 
 
-def wrapped(radius: float, n: Parameters) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def wrap_postures(radius: float, n: Parameters) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """PIP and DIP (k, 2) [rad], centre (k,) [m] and how far off the thumb (k,) [rad], all phalanges tangent."""
     first, second, third = radius + np.array(n.radius)
     shortest = np.sqrt(max(first**2 - second**2, 0.0))

@@ -83,7 +83,7 @@ def stiffness(angles: np.ndarray, tension: np.ndarray, n: Parameters) -> np.ndar
     return (passive(up, n) - passive(down, n) - pull) / (2.0 * NUDGE)
 
 
-def ramped(tension: np.ndarray, low: np.ndarray, n: Parameters, lead: float = 0.0) -> np.ndarray:
+def ramp_posture(tension: np.ndarray, low: np.ndarray, n: Parameters, lead: float = 0.0) -> np.ndarray:
     """Posture (3,) [rad] after a minimum-jerk ramp from `low` (3,) to tension (3,) [N]; lead: of the extensor."""
     ahead = np.array([-0.5, -0.5, 0.5]) * lead
     share = smooth(np.linspace(0.0, 1.0 + abs(lead), RAMP)[:, None] + ahead - 0.5 * abs(lead))
@@ -99,7 +99,7 @@ def steady(angles: np.ndarray, tension: np.ndarray, n: Parameters) -> np.ndarray
 
 def arrives(angles: np.ndarray, tension: np.ndarray, low: np.ndarray, n: Parameters) -> bool:
     """Whether the ramp leads to this posture (3,) [rad], also when flexors or extensor run ahead."""
-    return all(np.abs(ramped(tension, low, n, lead) - angles).max() < SAME for lead in (0.0, LEAD, -LEAD))
+    return all(np.abs(ramp_posture(tension, low, n, lead) - angles).max() < SAME for lead in (0.0, LEAD, -LEAD))
 
 
 def holdable(
@@ -132,14 +132,14 @@ def project(
     low, high = limits
 
     def miss(x: np.ndarray) -> np.ndarray:
-        return np.nan_to_num(ramped(x, low, n) - wanted, nan=1.0)
+        return np.nan_to_num(ramp_posture(x, low, n) - wanted, nan=1.0)
 
-    best = np.inf, low, ramped(low, low, n)
+    best = np.inf, low, ramp_posture(low, low, n)
     for place in np.argsort(np.linalg.norm(angles - wanted, axis=1))[:STARTS]:
         start = np.clip(tension[place], low + 1e-3, high - 1e-3)
         found = least_squares(miss, start, bounds=(low, high), x_scale=high - low, diff_step=1e-4).x
         for x in (found, tension[place]):
-            here = ramped(x, low, n)
+            here = ramp_posture(x, low, n)
             error = float(np.linalg.norm(here - wanted))
             safe = error < best[0] and steady(here[None], x[None], n)[0] and arrives(here, x, low, n)
             if safe and confirm(x, here):
@@ -153,7 +153,7 @@ def at_hold(log: Log, kind: str, names: tuple[str, ...]) -> np.ndarray:
     return log.array(kind, names)[during].mean(axis=0)
 
 
-def confirmed(robot: Robot, tension: np.ndarray, angles: np.ndarray) -> bool:
+def confirm_posture(robot: Robot, tension: np.ndarray, angles: np.ndarray) -> bool:
     """Whether references of these tensions (tendons,) [N] bring a robot to these angles (joints,) [rad]."""
     axes = robot.machine.axes
     targets = dict(zip(axes.tendons, np.asarray(tension, dtype=float).tolist()))
@@ -210,11 +210,11 @@ def plan_grasp(mode: str, size: float, robot: Robot | None = None, hand: Hand | 
     allowed = np.flatnonzero(found.miss <= 0.0)
     # weighted departure from rest, and distance of a caged object from the thumb
     cost = (found.angles - np.array(n.q0)) ** 2 @ np.array(way.weight) + (np.maximum(found.gap, 0.0) / GAP) ** 2
-    confirm = partial(confirmed, robot.without_effects())
+    confirm = partial(confirm_posture, robot.without_effects())
     best = holdable(found.angles[allowed], cost[allowed], low, high, n, confirm) if len(allowed) else None
     if best is not None:
         place, tension = int(allowed[best[0]]), np.clip(best[1], low, high)
-        wanted, planned = found.angles[place], ramped(tension, low, n)
+        wanted, planned = found.angles[place], ramp_posture(tension, low, n)
     else:
         axes = [np.linspace(a, b, STEPS) for a, b in zip(low, high)]
         tension = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)

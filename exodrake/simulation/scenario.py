@@ -79,7 +79,7 @@ class Scenario:
             robot = robot.with_part(part)
         robot = robot.with_parameters(self.parameters)
         for identity, given in self.effects.items():
-            robot = robot.splice(identity, given, channels_of(given))
+            robot = robot.splice(identity, given, name_channels(given))
         return robot
 
     def build_reference(self, robot: Robot) -> Reference:
@@ -98,7 +98,7 @@ class Scenario:
         return replace(log, simulated=CHANGED if changed else MODEL)
 
 
-def channels_of(given: Mapping[str, Any]) -> list[str]:
+def name_channels(given: Mapping[str, Any]) -> list[str]:
     """Channels named by an effect's per-channel numbers, in order."""
     return list(dict.fromkeys(channel for value in given.values() if isinstance(value, Mapping) for channel in value))
 
@@ -124,7 +124,7 @@ def scenario_text(scenario: Scenario) -> str:
     return dump_yaml({"exodrake": __version__, **kept})
 
 
-def embedded(robot: str) -> str | Mapping[str, Any]:
+def embed_robot(robot: str) -> str | Mapping[str, Any]:
     """A built-in robot's name as it is; a robot file's content, so that the scenario stands alone."""
     if not is_file(robot):
         return robot
