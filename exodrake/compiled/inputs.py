@@ -45,7 +45,7 @@ class NoiseInputs(dict[str, np.ndarray]):
 
     @staticmethod
     def draw(frames: int, seed: int | None, machine: Machine) -> NoiseInputs:
-        """Draws every noise input of a machine; without a seed normal noise is 0 and uniform noise 1 (all arrives).
+        """Draws every noise input of a machine; without a seed all normal noise is 0, and every packet arrives.
 
         Each signal has a stream of its own, by seed and name: a further sensor leaves the noise of the others as it is,
         and a longer run begins like a shorter one.

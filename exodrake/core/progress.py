@@ -63,7 +63,10 @@ def waiting(text: str) -> Iterator[Callable[[str], None]]:
 
 @contextmanager
 def stages(spent: dict[Stage, float] | None = None) -> Iterator[StageProgress]:
-    """Show a bar of a diagnosis; `spent` takes the processor time [s] of each stage, whole at the end."""
+    """Show a bar of a diagnosis and yield the function that is called at each of its steps.
+
+    `spent` takes the processor time [s] of each stage, whole at the end of the context.
+    """
     with show_bar("spinner", "short bar", "elapsed", "{task.description}", transient=True) as bar:
         task, done, times = bar.add_task("reading", total=100), 0.0, {} if spent is None else spent
         current, began = Stage.CHECK, time.process_time()
@@ -95,7 +98,10 @@ def where_to_run(command: Callable[..., Any]) -> Callable[..., Any]:
 
 @contextmanager
 def counted(title: str, resume: str = "the same command resumes the run") -> Iterator[Count]:
-    """Show a bar of a loop; Ctrl-C and SIGTERM end with status 130 and a line on what is done and how to `resume`."""
+    """Show a bar of a loop and yield the function that is called with (done, failed, total).
+
+    Ctrl-C and SIGTERM end with status 130 and a line that says how much is done and how to `resume`.
+    """
     columns = ("{task.description}", "bar", "count", "[red]{task.fields[failed]}", "elapsed", "remaining")
     reached, before = "", signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:

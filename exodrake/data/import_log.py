@@ -152,7 +152,7 @@ class Mapped(TextLayout):
 
 
 def read_mapping(path: str | Path) -> Mapped:
-    """Reads and checks a mapping file: names once, units that suit, derived columns below those they are made of."""
+    """Reads and checks a mapping file. InputError names file and key."""
     content = SCHEMA(schema.read_yaml(path), str(path))
     time = content.get("time") or {}
     check_unit("time", time.get("unit", "s"), f"{path}, 'time'")

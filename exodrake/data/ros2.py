@@ -167,7 +167,7 @@ def numeric_fields(message: Any, path: str = "") -> list[str]:
 
 
 def messages(data: bytes, source: str, topics: set[str] | None) -> Iterator[tuple[str, str, Any, int]]:
-    """(topic, type, message, log time [ns]) on some topics, on all for None, then with None for what none decodes."""
+    """(topic, type, message, log time [ns]) on some topics; on all for None, where undecodable messages are None."""
     try:
         yield from (sqlite_messages if source.lower().endswith(SQLITE) else mcap_messages)(data, source, topics)
     except ImportError:

@@ -84,7 +84,10 @@ def stiffness(angles: np.ndarray, tension: np.ndarray, n: Parameters) -> np.ndar
 
 
 def ramp_posture(tension: np.ndarray, low: np.ndarray, n: Parameters, lead: float = 0.0) -> np.ndarray:
-    """Posture (3,) [rad] after a minimum-jerk ramp from `low` (3,) to tension (3,) [N]; lead: of the extensor."""
+    """Posture (3,) [rad] at the end of a minimum-jerk ramp from `low` (3,), F_min, to tension (3,) [N].
+
+    lead: share of the ramp by which the extensor runs ahead of the flexors.
+    """
     ahead = np.array([-0.5, -0.5, 0.5]) * lead
     share = smooth(np.linspace(0.0, 1.0 + abs(lead), RAMP)[:, None] + ahead - 0.5 * abs(lead))
     return follow(low + share * (tension - low), n)[-1]
