@@ -96,7 +96,7 @@ def test_interrupt_is_status_130(monkeypatch, log_file):
     def interrupt(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("exodrake.data.formats.read_log", interrupt)
+    monkeypatch.setattr("exodrake.read_log", interrupt)
     result = run("export", log_file, "--out", "x.npz")
     assert result.exit_code == 130 and result.stderr == "interrupted\n"
 

@@ -22,7 +22,7 @@ def folder(tmp_path, monkeypatch):
     """An empty cache, and nothing known of an earlier one."""
     monkeypatch.setattr(cache, "_loaded", {})
     monkeypatch.setenv("EXODRAKE_CACHE", str(tmp_path / "cache"))
-    cache.say_once.cache_clear()
+    cache.print_once.cache_clear()
     return tmp_path / "cache"
 
 

@@ -9,8 +9,8 @@ from effects_motion import motion_of
 from scipy.signal import lfilter
 
 import exodrake as exo
+from exodrake.compiled.compose import choose_context
 from exodrake.compiled.inputs import Reference
-from exodrake.compiled.splice import named_by
 from exodrake.core.effect import Effect
 from exodrake.core.errors import InputError
 from exodrake.core.part import Part
@@ -182,6 +182,6 @@ def mistaken(aim, neighbour, share):
 def test_a_law_takes_of_its_point_what_it_names_and_is_refused_for_what_the_point_lacks() -> None:
     fits, lacks = (replace(LIBRARY["joint.gain"], at={"joint.aimed": f}) for f in (neighbour_twice, mistaken))
     given = ["ahead", "behind", "setting"]
-    assert named_by(fits, "joint.aimed", given, 1) == ["behind"]
+    assert choose_context(fits, "joint.aimed", given, 1) == ["behind"]
     with pytest.raises(InputError, match=r"mistaken\(aim, neighbour, share\) does not fit joint.aimed"):
-        named_by(lacks, "joint.aimed", given, 1)
+        choose_context(lacks, "joint.aimed", given, 1)

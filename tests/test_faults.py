@@ -200,7 +200,7 @@ def test_memory_that_runs_out_is_one_line_that_names_the_work(place, monkeypatch
     def little(*_, **__):
         raise MemoryError
 
-    monkeypatch.setattr("exodrake.data.formats.read_log", little)
+    monkeypatch.setattr("exodrake.read_log", little)
     monkeypatch.setattr(sys, "argv", ["exodrake", "export", "a.csv"])
     result = CliRunner().invoke(cli, ["export", "a.csv", "--out", "b.npz"])
     assert result.exit_code == 2 and result.stderr == "error: out of memory: exodrake export a.csv\n"

@@ -32,7 +32,7 @@ BELOW = {
     **dict.fromkeys(("analysis", "estimator", "grasping", "diagnosis"), METHODS),
     "identification": METHODS | {"diagnosis"},  # a fit is a regression of the same kind
     **dict.fromkeys(("monitor", "experiment", "report", "reference"), RESULTS),
-    "cli": RESULTS | {"monitor", "experiment", "report", "reference"},
+    "cli": RESULTS | {"monitor", "experiment", "report", "reference", ""},  # and the public names
     "__main__": {"cli"},
 }
 

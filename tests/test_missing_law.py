@@ -17,7 +17,7 @@ from arm_folders import made
 from scipy.stats import binomtest, multivariate_normal
 
 import exodrake as exo
-from exodrake.compiled.splice import state_indices
+from exodrake.compiled.compose import state_indices
 from exodrake.core.parallel import one_blas_thread
 from exodrake.data.case import Case, CaseLog, write_case
 from exodrake.data.formats import read_log

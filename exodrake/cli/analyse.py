@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import click
 from click.core import ParameterSource
 
+import exodrake as exo
 from exodrake.cli import options
-
-if TYPE_CHECKING:
-    from exodrake.analysis.closed_loop import ClosedLoop
+from exodrake.core.errors import InputError
 
 FIGURES = {
     "rise": "s", "overshoot": "%", "settling": "s", "-3 dB": "Hz", "gain\nmargin": "dB", "phase": "deg", "delay": "ms",
@@ -44,7 +42,7 @@ def command(file, parameters, effects, parts, at, draws, diagnosis, seed, out, j
     Linearises the whole sampled loop at an operating point, and measures the full nonlinear one by steps and multisine.
     Bands are over robots within the tolerances and over the machine's operating points.
     """
-    from exodrake.analysis.closed_loop import analyse, model_bytes, to_plain
+    from exodrake.analysis.closed_loop import model_bytes, to_plain
     from exodrake.analysis.figures import draw_figures
     from exodrake.analysis.limit_cycles import limit_cycles
     from exodrake.analysis.linear_model import add_controller
@@ -57,14 +55,16 @@ def command(file, parameters, effects, parts, at, draws, diagnosis, seed, out, j
         within_tolerances,
     )
     from exodrake.cli.simulate import warn
-    from exodrake.machines.robot_file import load_robot
 
     answer, improved = read_diagnosis(diagnosis) if diagnosis else (None, None)
     if improved and click.get_current_context().get_parameter_source("file") == ParameterSource.DEFAULT:
         file = str(improved)
-    robot, point = options.change_robot(add_controller(load_robot(file)), parameters, effects, parts), point_of(at)
+    robot, point = (
+        options.change_robot(add_controller(exo.load_robot(file)), parameters, effects, parts),
+        parse_point(at),
+    )
     with options.waiting("analysing (the first run after a change compiles for half a minute)"):
-        result = analyse(robot, point, seed)
+        result = exo.analyse(robot, point, seed)
         uncertainty = None if answer is None else assess_answer(robot, answer, point, draws or 12)
         bands = []
         if draws and robot.machine.tolerances:
@@ -84,10 +84,8 @@ def command(file, parameters, effects, parts, at, draws, diagnosis, seed, out, j
         options.write_files({model: model_bytes(result)}, json_file != "-")
 
 
-def point_of(text: str) -> dict[str, float] | str | None:
+def parse_point(text: str) -> dict[str, float] | str | None:
     """`AF=4,MF=3,AE=1` as references [SI], or a name; None if empty. InputError naming what is not of that form."""
-    from exodrake.core.errors import InputError
-
     if text.strip() and "=" not in text and "," not in text and ":" not in text:
         return text.strip()
     found: dict[str, float] = {}
@@ -104,7 +102,7 @@ def point_of(text: str) -> dict[str, float] | str | None:
     return found or None
 
 
-def show(result: ClosedLoop) -> None:
+def show(result: exo.ClosedLoop) -> None:
     """The main numbers as tables."""
     rows, poles = [], []
     for step, response, m in zip(result.steps, result.responses, result.margins):
@@ -143,7 +141,7 @@ def course(time_constant: float) -> str:
     return f"grows in {-time_constant:.3g} s" if time_constant < 0.0 else f"decays in {time_constant:.3g} s"
 
 
-def uncertainty_lines(result: ClosedLoop) -> list[str]:
+def uncertainty_lines(result: exo.ClosedLoop) -> list[str]:
     """Stability, margins over amplitude, limit cycles, dead band and weight over the robots of a diagnosis."""
     from exodrake.core.display import display_of, shown_unit
 
@@ -178,7 +176,7 @@ def uncertainty_lines(result: ClosedLoop) -> list[str]:
     return [*found, text]
 
 
-def verdict(result: ClosedLoop) -> str:
+def verdict(result: exo.ClosedLoop) -> str:
     """Stable or not, by the poles, by the simulation where these mean little, and up to which latency."""
     radius, word = result.model.spectral_radius, "stable" if result.stable else "UNSTABLE"
     if result.kick_decides:

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
+import exodrake as exo
 from exodrake.cli.options import OutputFolder, waiting
 from exodrake.core.errors import InputError
-
-if TYPE_CHECKING:
-    from exodrake.diagnosis.result import Diagnosis
 
 GRASP = "caging"
 CASE, LABELS, COMMITMENT = "case", "label.json", "commitment.txt"  # folder and files of the demo
@@ -26,7 +24,7 @@ HIDDEN = """Another simulator, with other equations, other numbers within 3 % an
 def command(seed: int, out: Path) -> None:
     """Simulate a grasp, inject a fault into an independent reference simulator, and find it from logs alone."""
     from exodrake.cli.diagnose import Targets, diagnose_case
-    from exodrake.cli.simulate import files_of
+    from exodrake.cli.simulate import make_files
     from exodrake.core.files import write_folder
     from exodrake.data.formats import log_bytes
     from exodrake.reference.answers import write_committed
@@ -40,7 +38,7 @@ def command(seed: int, out: Path) -> None:
     with waiting("simulating (the first run compiles for half a minute)") as say:
         scenario = Scenario(GRASP)
         robot, log = scenario.run()
-        contents = files_of(scenario, robot, log, GRASP, say)
+        contents = make_files(scenario, robot, log, GRASP, say)
         write_folder(out / "grasp", {"log.csv": log_bytes(log, out / "grasp" / "log.csv"), **contents})
     angles = log.array("angle")
     reached = ", ".join(f"{j} {57.3 * a:.0f}°" for j, a in zip(robot.machine.axes.joints, angles.max(axis=0)))
@@ -79,7 +77,7 @@ def case_plan(seed: int) -> Any:
     return CasePlan(CASE, (seed, 1), "single", (identity,), False)
 
 
-def reveal(out: Path, found: Diagnosis) -> None:
+def reveal(out: Path, found: exo.Diagnosis) -> None:
     """Read the label, and print whether the verdict was right."""
     from exodrake.reference.answers import read_committed
     from exodrake.reference.measures import accepted_ids, found_ids

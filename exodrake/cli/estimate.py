@@ -4,6 +4,7 @@ from pathlib import Path
 
 import click
 
+import exodrake as exo
 from exodrake.cli.options import AnyPath, OutputFile, print_table, waiting
 
 
@@ -26,14 +27,13 @@ def train_estimator(
     from dataclasses import replace
 
     from exodrake.core.files import make_folder, sha256_of
-    from exodrake.data.formats import read_log
     from exodrake.estimator.dataset import sweeps_from_logs
     from exodrake.estimator.gp import condition, learn, learn_strokes, save
     from exodrake.estimator.validate import validate
     from exodrake.machines.library import robot_yaml
 
     mark = sha256_of(robot_yaml(robot) or robot) if robot else ""
-    read = [read_log(path, ("tension_ref", "tension", "stroke")) for path in logs]
+    read = [exo.read_log(path, ("tension_ref", "tension", "stroke")) for path in logs]
     sweeps = sweeps_from_logs(read, one_per_log=[log.label for log in read] if one_sweep_per_log else ())
     with waiting("learning") as say:
         prior = learn(sweeps, points)
@@ -76,17 +76,16 @@ def estimate_angles(
     LOG has measured angles, prints the error and the share inside the 95 % interval.
     """
     from exodrake.core.files import make_folder, sha256_of
-    from exodrake.data.formats import read_log, write_log
     from exodrake.data.plot import save_png
     from exodrake.estimator.gp import load
     from exodrake.estimator.validate import estimate
     from exodrake.machines.library import robot_yaml
 
     trained = load(estimator, sha256_of(robot_yaml(robot) or robot) if robot else None)
-    found = estimate(trained, read_log(log, ("tension", "stroke")), correct=not as_trained)
+    found = estimate(trained, exo.read_log(log, ("tension", "stroke")), correct=not as_trained)
     if out:
         make_folder(out.parent)
-        write_log(found.log, out)
+        exo.write_log(found.log, out)
         click.echo(f"{out}: {len(found.log)} rows with angle_est and angle_std")
         figure = figure or out.with_name(out.name.split(".")[0] + ".png")
     if figure:

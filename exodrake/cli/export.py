@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING
 
 import click
 
+import exodrake as exo
 from exodrake.cli.options import AnyPath, log_in, robot_option, write_files
+from exodrake.core.errors import InputError
 
 if TYPE_CHECKING:
     from exodrake.data.import_log import Mapped
-    from exodrake.data.log import Log
 
 
 @click.command()
@@ -38,24 +39,21 @@ def command(
     ROBOT is a robot file or the name of a machine, as for --robot, and needs --mjcf, --urdf or --isaac. Its effects go
     along; a comment in the file names what the format cannot state.
     """  # noqa: D205 - click shows the first paragraph whole
-    from exodrake.core.errors import InputError
-    from exodrake.data.formats import log_bytes, read_log
+    from exodrake.data.formats import log_bytes
     from exodrake.data.import_log import read_mapping
-    from exodrake.machines.export import export_robot
     from exodrake.machines.library import robot_yaml
-    from exodrake.machines.robot_file import load_robot
 
     if form:
         if map_file or start is not None or end is not None:
             raise InputError("--map, --start and --end are of a log, and --mjcf, --urdf, --isaac of a robot")
-        found = load_robot(subject or robot)
-        export_robot(found, out, form)
+        found = exo.load_robot(subject or robot)
+        exo.export_robot(found, out, form)
         effects = len(found.effects())
         click.echo(f"{out}: {found.machine.name} with {effects} effect{'s' * (effects != 1)}")
         return
     if not subject or robot_yaml(subject) or Path(subject).suffix == ".yaml":
         raise InputError("a robot is exported with --mjcf, --urdf or --isaac; else name a log")
-    table = read_log(log_in(Path(subject)))
+    table = exo.read_log(log_in(Path(subject)))
     first, last = float(table.time[0]), float(table.time[-1])
     if start is not None or end is not None:
         table = table.between(first if start is None else start, float("inf") if end is None else end)
@@ -66,18 +64,13 @@ def command(
     click.echo(f"{out}: {len(table)} rows, {len(table.columns)} columns")
 
 
-def owner_table(log: Log, mapped: Mapped, source: str) -> bytes:
-    """Columns of a log as text with the owner's names, units, separator and decimal point: a mapping read backwards.
-
-    Readings that `wrap` stay continuous. InputError where the mapping names no column of the log, or one whose scale or
-    sign is 0.
-    """
+def owner_table(log: exo.Log, mapped: Mapped, source: str) -> bytes:
+    """A log as text with its owner's names, units and layout: a mapping read backwards; `wrap` stays continuous."""
     import csv
     import io
 
     import numpy as np
 
-    from exodrake.core.errors import InputError
     from exodrake.core.units import to_si
 
     def foreign(values: np.ndarray, unit: str) -> np.ndarray:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import click
 
+import exodrake as exo
 from exodrake.cli import options
+from exodrake.core.errors import InputError
 
 
 @click.command()
@@ -31,10 +33,8 @@ def command(cases, free, bounds, held_out, prediction, file, parameters, effects
     from rich.console import Console
     from rich.markdown import Markdown
 
-    from exodrake.core.errors import InputError
     from exodrake.data.plot import png_of
-    from exodrake.identification.fit import fit
-    from exodrake.machines.robot_file import load_robot, robot_text
+    from exodrake.machines.robot_file import robot_text
 
     limits = {}
     for text in bounds:
@@ -44,8 +44,8 @@ def command(cases, free, bounds, held_out, prediction, file, parameters, effects
             raise InputError(f"--bounds: {text!r} is not of the form NAME=LOW..HIGH")
         limits[name.strip()] = (low, high)
     with options.waiting("fitting (the first run after a change compiles for half a minute)"):
-        robot = options.change_robot(load_robot(file), parameters, effects, parts)
-        found = fit(robot, cases[0] if len(cases) == 1 else cases, free, limits, held_out, prediction)
+        robot = options.change_robot(exo.load_robot(file), parameters, effects, parts)
+        found = exo.fit(robot, cases[0] if len(cases) == 1 else cases, free, limits, held_out, prediction)
     console = Console(stderr=json_file == "-")
     console.print(Markdown(found.table))
     for line in (repr(found).splitlines()[-1].strip(), *(f"note: {note}" for note in found.notes)):

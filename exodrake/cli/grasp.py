@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 import click
 
+import exodrake as exo
 from exodrake.cli.options import AnyPath, OutputFolder, print_table, refuse_others, robot_option, waiting
+from exodrake.core.errors import InputError
 
 if TYPE_CHECKING:
-    from exodrake.core.robot import Robot
-    from exodrake.data.log import Log
     from exodrake.estimator.gp import Estimator
     from exodrake.grasping.plan import Plan
 
@@ -41,14 +41,13 @@ def command(mode: str, size: str, file: Path | None, robot: str, seed: int, out:
     from exodrake.core.files import check_folder, write_folder
     from exodrake.data.formats import log_bytes
     from exodrake.estimator.gp import load, quick_estimator
-    from exodrake.grasping.plan import at_hold, plan_grasp, run_plan
-    from exodrake.machines.robot_file import load_robot
+    from exodrake.grasping.plan import at_hold, run_plan
 
-    built, wanted = load_robot(robot), parse_size(size)
+    built, wanted = exo.load_robot(robot), parse_size(size)
     refuse_others("grasp", built, "finger.length")
     listening = load(file) if file else None
     with waiting("planning (the statics compile first)") as say:
-        plan = plan_grasp(mode, wanted, built)
+        plan = exo.plan_grasp(mode, wanted, built)
         folder = out or Path("grasps") / f"{plan.mode}-{1e3 * plan.size:g}mm"
         check_folder(folder)
         if listening is None:
@@ -57,7 +56,7 @@ def command(mode: str, size: str, file: Path | None, robot: str, seed: int, out:
         say("simulating the Diagram")
         log = run_plan(plan, built, listening, seed)
         say("drawing")
-        contents = files_of(plan, log, built, None if file else listening)
+        contents = make_files(plan, log, built, None if file else listening)
         write_folder(folder, {"log.csv": log_bytes(log, folder / "log.csv"), **contents})
     click.echo(f"{plan.mode}  {1e3 * plan.size:g} mm {'feasible' if plan.feasible else 'not feasible'}")
     click.echo(f"fingertip at x {1e3 * plan.target[0]:.1f}, y {1e3 * plan.target[1]:.1f} mm (palmar) of the MCP")
@@ -75,17 +74,16 @@ def command(mode: str, size: str, file: Path | None, robot: str, seed: int, out:
     click.echo(f"wrote {folder}/: log.csv, {', '.join(contents)}")
 
 
-def files_of(plan: Plan, log: Log, robot: Robot, trained: Estimator | None) -> dict[str, bytes]:
+def make_files(plan: Plan, log: exo.Log, robot: exo.Robot, trained: Estimator | None) -> dict[str, bytes]:
     """Contents of all files but the log; trained: an estimator to keep."""
     import json
-    import tempfile
     from dataclasses import asdict
 
     import numpy as np
 
     from exodrake.data.plot import png_of
     from exodrake.diagrams.meshcat import Thing, recording_html
-    from exodrake.estimator.gp import save
+    from exodrake.estimator.gp import estimator_bytes
     from exodrake.grasping.figure import grasp_figure
 
     thing = Thing((plan.centre[0], -plan.centre[1]), plan.size / 2.0, WIDTH if plan.mode == "caging" else None)
@@ -97,16 +95,11 @@ def files_of(plan: Plan, log: Log, robot: Robot, trained: Estimator | None) -> d
     }
     for name, (what, kind) in RECORDINGS.items():
         contents[name] = recording_html(shown, robot, f"{title}, {what}", thing, kind).encode()
-    if trained is not None:
-        with tempfile.TemporaryDirectory() as folder:
-            save(trained, Path(folder) / ESTIMATOR)
-            contents[ESTIMATOR] = (Path(folder) / ESTIMATOR).read_bytes()
-    return contents
+    return contents | ({} if trained is None else {ESTIMATOR: estimator_bytes(trained)})
 
 
 def parse_size(text: str) -> float:
     """`60mm` or `6 cm` as metres; InputError for no number, no unit or no length."""
-    from exodrake.core.errors import InputError
     from exodrake.core.units import quantity
 
     size = quantity(text, "m", "--size")

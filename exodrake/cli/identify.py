@@ -9,7 +9,9 @@ from pathlib import Path
 
 import click
 
+import exodrake as exo
 from exodrake.cli import options
+from exodrake.core.errors import InputError
 
 
 @click.group()
@@ -81,7 +83,6 @@ def synthesise(
     swap: tuple[str, str] | None, seed: int,
 ) -> None:  # fmt: skip
     """Write a synthetic 14-marker recording, CSV or C3D by its name, and its truth into FILE.truth.yaml."""
-    from exodrake.core.errors import InputError
     from exodrake.identification.kinematics.markers import (
         Faults,
         Hand,
@@ -115,11 +116,7 @@ def maximum_tension(log: Path, robot: str) -> None:
     exodrake simulate maximum-tension --out ramps
     exodrake identify maximum-tension ramps/log.csv
     """
-    from exodrake.data.formats import read_log
-    from exodrake.identification.statics import find_maximum_tension
-    from exodrake.machines.robot_file import load_robot
-
-    found = find_maximum_tension(read_log(log), load_robot(robot))
+    found = exo.find_maximum_tension(exo.read_log(log), exo.load_robot(robot))
     for one in found:
         moved = ", ".join(f"{joint} {angle:+.2f}" for joint, angle in one.travel.items())
         state = "" if one.saturated else "; the joints still move there"
@@ -145,9 +142,8 @@ def find_workspace(robot: str, out: Path, samples: int, steps: int, seed: int) -
 
     from exodrake.core.files import write_folder
     from exodrake.identification.workspace import HEAD, SPONTANEOUS, areas, areas_csv, assisted, workspace_figure
-    from exodrake.machines.robot_file import load_robot
 
-    loaded = load_robot(robot)
+    loaded = exo.load_robot(robot)
     options.refuse_others("workspace", loaded, "finger.length")
     lengths = tuple(loaded.channels("finger.length").tolist())
     with options.waiting("sampling postures"):

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+import exodrake as exo
 from exodrake.cli.options import DEFAULT, MACHINE, AnyPath, machine_added, print_table, write_files
 from exodrake.core.errors import InputError
 from exodrake.machines.library import machine_folders, machine_named, recorded_machines
@@ -50,9 +51,8 @@ def command(
       angle_speed_MCP: {of: angle_MCP, take: rate, filter: 8}
     period: 0.02       # optional: frames of this length [s]
     """  # noqa: D301 - click reads the character \b
-    from exodrake.core.files import write_folder
-    from exodrake.data.case import FILE as CASE, Case, CaseLog, case_text, notes_name, write_case
-    from exodrake.data.formats import ending, format_of, log_bytes
+    from exodrake.data.case import notes_name
+    from exodrake.data.formats import ending, find_format, log_bytes
     from exodrake.data.import_log import frame_period, import_all, read_mapping
     from exodrake.machines.library import reader
 
@@ -64,7 +64,7 @@ def command(
         if map_file or len(recordings) > 1:
             raise InputError("--from reads one set, without --map")
         case = reader(known)(next(iter(recordings)))
-        write_case(case, out)
+        exo.write_case(case, out)
         click.echo(f"{out}: {len(case.logs)} logs; exodrake diagnose {out} --robot {known}")
         return
     machine = context.meta.get(MACHINE)
@@ -82,22 +82,18 @@ def command(
                 raise InputError(f"{recording}: there is a log {name!r} already")
             logs[name] = item
     if ending(out) or out.suffix:
-        format_of(out)
+        find_format(out)
         if len(logs) > 1:
             raise InputError(f"{out}: {len(logs)} logs, wanted the folder of a case, or --episodes with one number")
         item = next(iter(logs.values()))
         notes = {out.with_name(notes_name(out)): "\n".join((*item.notes, ""))} if item.notes else {}
         write_files({out: log_bytes(item.log, out), **notes}, announce=False)
     else:
-        names = list(logs)
-        roles = ["holdout" if name == names[-1] and len(names) > 1 else "fit" for name in names]
-        files = {name: f"{name}.csv.gz" for name in names}
-        items = [CaseLog(logs[n].log, n, role, None, files[n]) for n, role in zip(names, roles, strict=True)]
+        roles = dict.fromkeys(logs, "fit") | ({list(logs)[-1]: "holdout"} if len(logs) > 1 else {})
+        items = tuple(exo.CaseLog(logs[n].log, n, role, None, f"{n}.csv.gz") for n, role in roles.items())
         period = frame_period([item.log for item in items], mapped, machine_named(machine or DEFAULT).frame)
-        contents = {files[name]: log_bytes(logs[name].log, out / files[name]) for name in names}
-        contents |= {notes_name(files[n]): "\n".join((*logs[n].notes, "")).encode() for n in names if logs[n].notes}
-        contents[CASE] = case_text(Case(out.resolve().name, {}, tuple(items), period)).encode()
-        write_folder(out, contents)
+        notes = {item.file: logs[item.protocol].notes for item in items}
+        exo.write_case(exo.Case(out.resolve().name, {}, items, period), out, notes)
     first = next(iter(logs.values())).log
     size = f"{sum(len(item.log) for item in logs.values())} rows, {len(first.columns)} columns"
     several = f"{len(logs)} logs, " if len(logs) > 1 else ""

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+import exodrake as exo
 from exodrake.cli import options
 
 
@@ -21,13 +22,11 @@ def show_log(log: Path, robot: str, out: Path | None, estimated: bool, show: boo
     LOG is a log file, or a folder that `exodrake simulate` wrote.
     `#t=1.5` at the end of the address stops it at that time.
     """
-    from exodrake.data.formats import read_log
     from exodrake.diagrams.meshcat import recording_html
-    from exodrake.machines.robot_file import load_robot
 
     kind = "angle_est" if estimated else ""
     file = options.log_in(log)
-    html = recording_html(read_log(file), load_robot(robot), log.name or log.resolve().name, angles=kind)
+    html = recording_html(exo.read_log(file), exo.load_robot(robot), log.name or log.resolve().name, angles=kind)
     target = out or file.with_name(file.name.split(".")[0] + ".html")
     options.write_files({target: html})
     if show:
@@ -50,14 +49,11 @@ def compare_logs(first: Path, second: Path, robot: str, out: Path, json_file: Pa
     from exodrake.core.display import display_of
     from exodrake.core.plain import plain
     from exodrake.core.units import kind_of
-    from exodrake.data.formats import read_log
-    from exodrake.data.log import compare
     from exodrake.data.plot import png_of, remarks
-    from exodrake.machines.robot_file import load_robot
 
-    machine = load_robot(robot).machine
-    one, other = (read_log(options.log_in(path)) for path in (first, second))
-    found = compare(one, other)
+    machine = exo.load_robot(robot).machine
+    one, other = (exo.read_log(options.log_in(path)) for path in (first, second))
+    found = exo.compare(one, other)
     names = (first.name, second.name) if first.name != second.name else found.names
     said = remarks(found, one, machine)
     figure = one.plot(" and ".join(names), other, names, machine=machine, remarks=said, difference=True)

@@ -11,7 +11,7 @@ from typing import IO, Any
 import click
 
 from exodrake import __version__
-from exodrake.cli.options import ARGUMENTS, plugin_added, without_machine
+from exodrake.cli.options import ARGUMENTS, OTHERS, plugin_added
 from exodrake.core.errors import InputError, nearest, printable, shortened
 from exodrake.core.progress import INTERRUPTED
 
@@ -78,6 +78,11 @@ def in_one_line() -> Iterator[None]:
         yield
     except InputError as problem:
         raise InputProblem(str(problem)) from None
+    except click.NoSuchOption as problem:
+        name = [*(problem.ctx.command_path if problem.ctx else "").split(), ""][1]
+        if problem.option_name != "--machine" or name not in OTHERS:
+            raise
+        raise InputProblem(f"{name} takes no --machine: {OTHERS[name]}") from None
     except ValueError as problem:
         if "null byte" in str(problem):  # click asks the system about a path before any command sees it
             raise InputProblem("an argument holds a null byte") from None
@@ -119,7 +124,7 @@ class LazyGroup(OneLineErrors, click.Group):
         if cmd_name not in COMMANDS:
             return None
         module, _, function = COMMANDS[cmd_name][0].partition(":")
-        return without_machine(cmd_name, getattr(import_module(f"exodrake.cli.{module}"), function or "command"))
+        return getattr(import_module(f"exodrake.cli.{module}"), function or "command")
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Parse as click does; the arguments are kept as they were typed, for `command_line`."""

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 import click
 
 from exodrake.cli.options import AnyPath
-
-if TYPE_CHECKING:
-    from exodrake.core.mechanism import Chain
-
+from exodrake.core.errors import InputError
 
 SCAFFOLD, MOTOR_SCAFFOLD = Path(__file__).parent / "scaffold", Path(__file__).parent / "scaffold_motor"
 NAME = re.compile(r"[a-z][a-z0-9_]*")
@@ -47,29 +44,28 @@ def command(
     The folder's name is the machine's. It runs as it is, for instance `exodrake simulate chirp --machine FOLDER`; then
     make it yours. Nothing that exists is overwritten.
     """
-    from exodrake.core.errors import InputError
     from exodrake.core.files import write_folder
 
-    names = checked(folder, joints, FRAME if frame is None else frame, code=not urdf)
+    names = check_names(folder, joints, FRAME if frame is None else frame, code=not urdf)
     if (form or tip) and not urdf:
         raise InputError("--form and --tip are of an arm, which --urdf describes")
     if servo and urdf:
         raise InputError("--servo is of a machine of position servos, --urdf of an arm; name one of them")
+    values: dict[str, Any] = {"name": folder.resolve().name, "folder": str(folder)}
     if urdf:
-        texts = arm_files(folder, urdf, form or "inverse", tip, frame)
+        texts = arm_files(values, urdf, form or "inverse", tip, frame)
     else:
-        texts = {
-            name: text.encode() for name, text in contents(folder, names, frame or FRAME, servo == "motor").items()
-        }
+        values |= {"joints": names, "frame": f"{frame or FRAME:g}"}
+        values |= {"lowest": by_joint(names, [-TURN] * len(names)), "highest": by_joint(names, [TURN] * len(names))}
+        texts = fill_templates(values, *[MOTOR_SCAFFOLD] * (servo == "motor"), SCAFFOLD)
     files = write_folder(folder, texts)
     click.echo(f"{folder}: {', '.join(file.name for file in files)}")
     click.echo(f"try it: exodrake simulate chirp --machine {folder}")
 
 
-def checked(folder: Path, joints: str, frame: float, code: bool) -> tuple[str, ...]:
+def check_names(folder: Path, joints: str, frame: float, code: bool) -> tuple[str, ...]:
     """Names of the joints; code: whether the folder gets some. InputError for a name that is none or taken."""
     from exodrake import machines
-    from exodrake.core.errors import InputError
     from exodrake.machines.library import machine_names
 
     name = folder.resolve().name
@@ -90,28 +86,20 @@ def checked(folder: Path, joints: str, frame: float, code: bool) -> tuple[str, .
     return found
 
 
-def contents(folder: Path, joints: tuple[str, ...], frame: float, motor: bool) -> dict[str, str]:
-    """Texts of the folder's files by name; motor: whether files of servos with motors replace those of ideal ones."""
-    from string import Template
+def fill_templates(values: dict[str, Any], *folders: Path) -> dict[str, bytes]:
+    """Texts of the files by name, whose templates lie in some folders; the first that has a name wins."""
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-    several = len(joints) > 1
-    names = ", ".join(f'"{joint}"' for joint in joints) + ("" if several else ",")
-    coupling = ["next", "previous"] if several else []
-    values = {
-        "name": folder.resolve().name, "folder": str(folder), "joints": names, "frame": f"{frame:g}",
-        "coupling": "".join(f'    for_machine("joint.coupling_to_{n}", "servo.coupling_to_{n}"),\n' for n in coupling),
-        "most": str(8 if several else 4),
-        "lowest": ", ".join(f"{joint}: {-TURN}" for joint in joints),
-        "highest": ", ".join(f"{joint}: {TURN}" for joint in joints),
-        "columns": "\n".join(
-            f"  {joint}_{mine}: {{name: {kind}_{joint}, unit: deg}}"
-            for joint in joints for mine, kind in (("cmd", "angle_ref"), ("pos", "angle"))
-        ),
-        "derived": "\n".join(f"  angle_start_{joint}: {{of: angle_{joint}, take: first}}" for joint in joints),
-    }  # fmt: skip
-    files = [file for folder in (SCAFFOLD, *[MOTOR_SCAFFOLD] * motor) for file in sorted(folder.glob("*.txt"))]
-    found = {file.name.removesuffix(".txt"): file.read_text() for file in files}
-    return {name: Template(text).substitute(values) for name, text in found.items()}
+    marks = {"variable_start_string": "${", "variable_end_string": "}", "block_start_string": "<%"}
+    layout = {"block_end_string": "%>", "trim_blocks": True, "lstrip_blocks": True, "keep_trailing_newline": True}
+    templates = Environment(loader=FileSystemLoader(folders), undefined=StrictUndefined, **marks, **layout)
+    files = sorted({file.name for folder in folders for file in folder.glob("*.txt")})
+    return {name.removesuffix(".txt"): templates.get_template(name).render(values).encode() for name in files}
+
+
+def by_joint(names: tuple[str, ...], values: Any) -> str:
+    """Values by joint, as YAML."""
+    return ", ".join(f"{name}: {float(value):.3g}" for name, value in zip(names, values, strict=True))
 
 
 ARM_SCAFFOLD = Path(__file__).parent / "scaffold_arm"
@@ -119,7 +107,6 @@ WIDEST = 1.0  # rad, or half a range, either way of the middle that a protocol a
 NOISE = 0.01  # of a moderate motion's effort: assumed
 SMALLEST = 0.002  # of the largest effort of all joints, for joints that hardly need any: assumed
 ANGLE_NOISE = 2e-5  # rad at the joint, of encoders at rest: assumed
-FILTER = 10.0  # Hz, of a derivative: assumed
 WHAT = {
     "inverse": "its efforts predicted from measured motion (inverse dynamics)",
     "closed-loop": "moved by motors under a PD controller (forward dynamics)",
@@ -127,17 +114,12 @@ WHAT = {
 }
 
 
-def arm_files(folder: Path, urdf: str, form: str, tip: str, frame: float | None) -> dict[str, bytes]:
-    """Contents of the folder's files by name.
-
-    Raises:
-        InputError: for an unknown form, and a URDF file that is absent or no serial arm.
-    """
-    from string import Template
-
-    from exodrake.core.errors import InputError, nearest
+def arm_files(values: dict[str, Any], urdf: str, form: str, tip: str, frame: float | None) -> dict[str, bytes]:
+    """Contents of an arm's folder by file name. InputError for an unknown form, and for a URDF of no serial arm."""
+    from exodrake.core.errors import nearest
     from exodrake.core.files import is_file, read_bytes
-    from exodrake.machines.serial_arm import FRAME
+    from exodrake.machines.arm_defaults import middle, typical_efforts, units
+    from exodrake.machines.serial_arm import FRAME, RATIO, cable_defaults
     from exodrake.machines.urdf import read_urdf
 
     if form not in WHAT:
@@ -146,86 +128,23 @@ def arm_files(folder: Path, urdf: str, form: str, tip: str, frame: float | None)
     path = Path(urdf) if is_file(urdf) else built_in.get(urdf)
     if path is None:
         raise InputError(f"--urdf: no file {urdf!r}; of its own exodrake has {', '.join(sorted(built_in))}")
-    values = texts_of(read_urdf(path, tip), form)
-    values |= {
-        "name": folder.resolve().name, "folder": str(folder), "urdf": "arm.urdf", "form": form,
-        "what": WHAT[form], "frame": f"{frame or FRAME:g}", "tip": f", tip: {tip}" if tip else "",
-    }  # fmt: skip
-    values["own"] = Template((ARM_SCAFFOLD / "own" / f"{form}.txt").read_text()).substitute(values)
-    found = {file.name.removesuffix(".txt"): file.read_text() for file in sorted(ARM_SCAFFOLD.glob("*.txt"))}
-    texts = {name: Template(text).substitute(values).encode() for name, text in found.items()}
-    return {"arm.urdf": read_bytes(path), **texts}
-
-
-def texts_of(chain: Chain, form: str) -> dict[str, str]:
-    """Texts of the joints for the generated files."""
-    from exodrake.machines.arm_defaults import middle, typical_efforts, units
-    from exodrake.machines.serial_arm import RATIO
-
-    unit, efforts, names = units(chain), typical_efforts(chain), chain.names
-    cable, inverse = form == "cable", form == "inverse"
+    chain, cable = read_urdf(path, tip), form == "cable"
+    unit, efforts, names, places = units(chain), typical_efforts(chain), chain.names, middle(chain)
     noise = NOISE * efforts.clip(SMALLEST / NOISE * efforts.max()) * (RATIO if cable else 1.0)
     reach = [min(WIDEST, 0.45 * (j.upper - j.lower)) for j in chain.joints]
-    places = middle(chain)
-    before = "joint_" if unit["position"] == "-" and not cable else ""
-    columns = [
-        f'  {joint}_{column}: {{name: {kind}_{joint}, unit: "{u}"}}'
-        for joint in names for column, kind, u in given(form, before, unit["position"], unit["effort"])
-    ]  # fmt: skip
-    derived = [line for joint in names for line in derived_of(before, joint, unit, form)]
-    mobility = float(f"{0.01 / efforts.max():.1g}")  # 0.01 rad/s at the level of the largest effort: assumed
-    found = {
-        "rotors": joined(names, [0.0] * len(names)), "noise": joined(names, noise),
+    values |= {
+        "urdf": "arm.urdf", "form": form, "what": WHAT[form], "frame": f"{frame or FRAME:g}", "tip": tip,
+        "joints": names, "units": unit | {"measured_effort": "N m" if cable else unit["effort"]},
+        "prefix": "joint_" if unit["position"] == "-" and not cable else "", "part": "cable" if cable else "arm",
+        "rotors": by_joint(names, [0.0] * len(names)), "noise": by_joint(names, noise),
         "repeatability": f"{float(noise.min()) / 10:.2g}",
-        "force": '"N m"' if cable else f'"{unit["effort"]}"',
-        "angle": f'"{unit["position"]}"', "inertia": f'"{unit["inertia"]}"',
-        "lowest": joined(names, places - reach), "highest": joined(names, places + reach),
-        "limited": "assumed: a moderate motion about the middle of the URDF's limits",
-        "mobility": f"{mobility:g}", "columns": "\n".join(columns), "derived": "\n".join(derived),
-        "derived_note": "rates of the motion, through a filter whose cut-off you choose" if inverse
-        else "where each joint stands at first", "part": "cable" if cable else "arm",
+        "lowest": by_joint(names, places - reach), "highest": by_joint(names, places + reach),
+        # 0.01 rad/s at the level of the largest effort: assumed
+        "mobility": f"{float(f'{0.01 / efforts.max():.1g}'):g}",
     }  # fmt: skip
-    return found | cable_texts(chain, unit) if cable else found
-
-
-def cable_texts(chain: Chain, unit: dict[str, str]) -> dict[str, str]:
-    """Texts of motors and cables for the robot file."""
-    from exodrake.machines.arm_defaults import typical_efforts
-    from exodrake.machines.serial_arm import RATIO, cable_defaults
-
-    values = cable_defaults(chain, typical_efforts(chain), 0.0)
-    rows = {"stiffness": "stiffness", "pretension": "pretension", "motors": "inertia"}
-    found = {key: joined(chain.names, [values[f"cable.{name}.{j}"] for j in chain.names]) for key, name in rows.items()}
-    return found | {
-        "ratio": f"{RATIO:g}", "motor_noise": f"{ANGLE_NOISE / RATIO:.1g}", "effort": f'"{unit["effort"]}"',
-        "stiffness_unit": f'"{unit["effort/position"]}"',
-    }  # fmt: skip
-
-
-def given(form: str, before: str, angle: str, force: str) -> list[tuple[str, str, str]]:
-    """Columns of a recording: foreign name behind the joint's, kind, unit."""
-    reference, own = ("cmd", f"{before}position_ref", angle), [("pos", f"{before}position", angle)]
-    if form == "cable":
-        motors = [("motor_pos", "motor_position", "rad"), ("motor_effort", "motor_effort", "N m")]
-        return [("cmd", "position_ref", angle), *motors, ("pos", "position", angle)]
-    return [*([] if form == "inverse" else [reference]), *own, ("effort", f"{before}effort", force)]
-
-
-def derived_of(before: str, joint: str, unit: dict[str, str], form: str) -> list[str]:
-    """Lines of the columns that are made of others."""
-    place = f"{before}position_{joint}"
-    if form == "cable":
-        return [f"  position_start_{joint}: {{of: position_ref_{joint}, take: first}}"]
-    if form != "inverse":
-        return [f"  {before}position_start_{joint}: {{of: {place}, take: first}}"]
-    speed = f"{before}velocity_{joint}"
-    tail = [f', unit: "{unit[kind]}"' if before else "" for kind in ("velocity", "acceleration")]
-    return [
-        f"  {speed}: {{of: {place}, take: rate, filter: {FILTER:g}{tail[0]}}}",
-        f"  {before}acceleration_{joint}: {{of: {speed}, take: rate{tail[1]}}}",
-    ]
-
-
-def joined(names: tuple[str, ...], values) -> str:
-    """Values by joint, as YAML."""
-    return ", ".join(f"{name}: {float(value):.3g}" for name, value in zip(names, values, strict=True))
+    if cable:
+        defaults = cable_defaults(chain, efforts, 0.0)
+        rows = {"stiffness": "stiffness", "pretension": "pretension", "motors": "inertia"}
+        values |= {key: by_joint(names, [defaults[f"cable.{n}.{j}"] for j in names]) for key, n in rows.items()}
+        values |= {"ratio": f"{RATIO:g}", "motor_noise": f"{ANGLE_NOISE / RATIO:.1g}"}
+    return {"arm.urdf": read_bytes(path), **fill_templates(values, ARM_SCAFFOLD)}

@@ -8,18 +8,15 @@ from __future__ import annotations
 
 import os
 import shlex
-import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
+import exodrake as exo
 from exodrake.core.errors import InputError
-
-if TYPE_CHECKING:
-    from exodrake.core.robot import Robot
+from exodrake.core.progress import waiting as waiting
 
 CASE = click.argument("cases", nargs=-1, required=True, metavar="CASE_OR_LOG...")
 DEFAULT = "exo_index"  # the machine of a command that is given none
@@ -105,10 +102,8 @@ class OutputFolder(AnyPath):
         return path
 
 
-def check_target(path: Path | None) -> None:
+def check_target(path: Path) -> None:
     """InputError before the work if a file could not be written in the end."""
-    if path is None:
-        return
     if path.is_dir():
         raise InputError(f"{path}: a folder, wanted a file")
     if not path.parent.is_dir():
@@ -163,18 +158,6 @@ def write_answer(
         write_json(plain(answer), out / f"{name}.json", not printed)
 
 
-@contextmanager
-def waiting(text: str) -> Iterator[Callable[[str], None]]:
-    """Show on a terminal what a command works on, and for how long; yields the function that changes the text."""
-    from rich.console import Console
-    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
-
-    columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty()) as bar:
-        task = bar.add_task(text)
-        yield lambda text: bar.update(task, description=text)
-
-
 def print_table(titles: Sequence[str], rows: Sequence[Any], wrapped: int = -1, aside: bool = False) -> None:
     """Print a table, `aside` on standard error; into a pipe 120 columns wide."""
     from rich.console import Console
@@ -194,9 +177,8 @@ def cases_in(folder: Path) -> list[Path]:
     def is_case(path: Path) -> bool:
         return is_folder(path) and ((path / FILE).exists() or bool(log_names(path)))
 
-    if not is_folder(folder) or is_case(folder):
-        return []
-    return [path for path in sorted(folder.iterdir()) if is_case(path)]
+    single = not is_folder(folder) or is_case(folder)
+    return [] if single else [path for path in sorted(folder.iterdir()) if is_case(path)]
 
 
 def refuse_cases(folder: Path) -> None:
@@ -249,16 +231,18 @@ def robot_changes(command: Callable) -> Callable:
     return command
 
 
-def change_robot(robot: Robot, parameters: tuple[str, ...], effects: tuple[str, ...], parts: tuple[str, ...]) -> Robot:
+def change_robot(
+    robot: exo.Robot, parameters: tuple[str, ...], effects: tuple[str, ...], parts: tuple[str, ...]
+) -> exo.Robot:
     """A robot with what the options change: parts first, then parameters, then effects."""
-    from exodrake.simulation.scenario import channels_of, parse_effect, parse_number
+    from exodrake.simulation.scenario import name_channels, parse_effect, parse_number
 
     for part in parts:
         robot = robot.with_part(part)
     robot = robot.with_parameters(dict(parse_number(text, robot) for text in parameters))
     for text in effects:
         identity, given = parse_effect(text, robot)
-        robot = robot.splice(identity, given, channels_of(given))
+        robot = robot.splice(identity, given, name_channels(given))
     return robot
 
 
@@ -274,23 +258,7 @@ def machine_added(context: click.Context, _: click.Parameter, folder: str | None
     context.meta[MACHINE] = path.name
 
 
-def without_machine(name: str, command: click.Command) -> click.Command:
-    """The command, and its subcommands, with a --machine that says why there is none, unless they take one."""
-    if isinstance(command, click.Group):
-        for one in command.commands.values():
-            without_machine(name, one)
-    if name in OTHERS and all("--machine" not in parameter.opts for parameter in command.params):
-
-        def refuse(context: click.Context, parameter: click.Parameter, folder: str | None) -> None:
-            if folder is not None:
-                raise InputError(f"{name} takes no --machine: {OTHERS[name]}")
-
-        option = click.Option(["--machine"], hidden=True, expose_value=False, is_eager=True, callback=refuse)
-        command.params.append(option)
-    return command
-
-
-def refuse_others(name: str, robot: Robot, parameter: str) -> None:
+def refuse_others(name: str, robot: exo.Robot, parameter: str) -> None:
     """InputError with the reason why a command does not take a machine that lacks a parameter."""
     if not any(one.name.startswith(f"{parameter}.") for one in robot.machine.parameters):
         raise InputError(f"{robot.machine.name}: not for `exodrake {name}`, since {OTHERS[name]}")
@@ -316,7 +284,6 @@ def tried_of(robot: str, only: str, without: str) -> frozenset[str] | None:
     if not only and not without:
         return None
     from exodrake.diagnosis.problem import chosen
-    from exodrake.machines.robot_file import load_robot
 
-    machine = (load_robot(robot) if robot else load_robot()).machine
-    return chosen(machine, *([word.strip() for word in text.split(",") if word.strip()] for text in (only, without)))
+    lists = ([word.strip() for word in text.split(",") if word.strip()] for text in (only, without))
+    return chosen(exo.load_robot(robot or DEFAULT).machine, *lists)

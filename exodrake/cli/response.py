@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import click
 
+import exodrake as exo
 from exodrake.cli import options
+from exodrake.core.errors import InputError
 
 
 @click.command()
@@ -23,24 +25,22 @@ def command(cases, input, output, file, parameters, effects, parts, improved, se
     CASE_OR_LOG is a case folder, or one or several logs, which are averaged. Logs without the robot's references are
     estimated alone.
     """
-    from exodrake.analysis.log_response import TICKS, block_responses, frequency_response, plot_responses
-    from exodrake.core.errors import InputError
+    from exodrake.analysis.log_response import TICKS, block_responses, plot_responses
     from exodrake.data.case import gather_logs
     from exodrake.data.plot import png_of
-    from exodrake.machines.robot_file import load_robot
 
     if bool(input) != bool(output):
         raise InputError("--from and --to belong together; without both, every block is estimated")
-    robot = options.change_robot(load_robot(file), parameters, effects, parts)
+    robot = options.change_robot(exo.load_robot(file), parameters, effects, parts)
     case = gather_logs(cases[0] if len(cases) == 1 else cases)
-    other = load_robot(improved) if improved else None
+    other = exo.load_robot(improved) if improved else None
     if input:
         wanted = robot.machine.log_names(robot.machine.references)
         follows = all(item.log.has(name) for item in case.logs for name in wanted)
         if not follows:
             click.echo(f"note: no references of {robot.machine.name} in the logs, so no robot beside them", err=True)
         robots = (robot, other) if follows else (None, None)
-        found = [frequency_response(case, input, output, *robots, segment)]
+        found = [exo.frequency_response(case, input, output, *robots, segment)]
     else:
         found = block_responses(case, {"nominal": robot} | ({"improved": other} if other else {}), segment)
     rows, models = [], list(found[0].models) if found else []

@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+import exodrake as exo
 from exodrake.cli.options import DEFAULT, OutputFile, json_option, print_table, robot_option, write_files, write_json
 from exodrake.core.errors import InputError, nearest
 
 if TYPE_CHECKING:
     from exodrake.core.effect import Effect, EffectParameter
-    from exodrake.core.machine import Machine
-    from exodrake.core.robot import Robot
 
 
 @click.command()
@@ -27,20 +26,18 @@ def list_parameters(name: str, robot: str, only: str, json_file: Path | None) ->
 
     NAME is a machine or a robot file, as for --robot, or part of a parameter's name, as for --only.
     """
-    from exodrake.core.plain import to_dict
     from exodrake.core.robot import effect_in_words
     from exodrake.machines.library import robot_yaml
-    from exodrake.machines.robot_file import load_robot
 
     named = bool(name) and (Path(name).exists() or robot_yaml(name) is not None)
-    if name and not named and any(name in one for one in load_robot(robot).parameters()):
+    if name and not named and any(name in one for one in exo.load_robot(robot).parameters()):
         name, only = "", name
-    found = load_robot(name or robot)
+    found = exo.load_robot(name or robot)
     known = found.parameters()
     names = [one for one in known if only in one]
     if not names:
         raise InputError(f"{found.source}: no parameter with {only!r} in its name{nearest(only, list(known))}")
-    content = to_dict(found) if json_file else {}
+    content = exo.to_dict(found) if json_file else {}
     content |= {"parameters": {one: content["parameters"][one] for one in names}} if json_file else {}
     if not write_json(content, json_file):
         print_parameters(found, names)
@@ -56,7 +53,7 @@ def list_parameters(name: str, robot: str, only: str, json_file: Path | None) ->
         click.echo(f"set one: exodrake simulate ... --set '{names[0]}=VALUE UNIT'")
 
 
-def print_parameters(robot: Robot, names: list[str]) -> None:
+def print_parameters(robot: exo.Robot, names: list[str]) -> None:
     """Prints a table of parameters, a group apart from the next, and those outside of their range."""
     from rich.markup import escape
 
@@ -84,9 +81,7 @@ def list_effects(identity: str, json_file: Path | None, robot: str) -> None:
 
     With ID, all about one effect, or a list of those that have the text in their id.
     """
-    from exodrake.machines.robot_file import load_robot
-
-    machine = load_robot(robot).machine
+    machine = exo.load_robot(robot).machine
     within = [effect for effect in machine.effects if identity in effect.id]
     exact = [effect for effect in within if effect.id == identity]
     chosen = exact or within or [machine.effect(identity)]
@@ -117,7 +112,7 @@ def list_effects(identity: str, json_file: Path | None, robot: str) -> None:
     click.echo(f"\n{len(chosen)} effects. `exodrake effects ID` describes one.")
 
 
-def describe(machine: Machine, effect: Effect) -> dict[str, Any]:
+def describe(machine: exo.Machine, effect: Effect) -> dict[str, Any]:
     """Everything about an effect as plain data."""
 
     def finite(value: float) -> float | str:
@@ -138,7 +133,7 @@ def describe(machine: Machine, effect: Effect) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def example(machine: Machine, effect: Effect) -> str:
+def example(machine: exo.Machine, effect: Effect) -> str:
     """A command that shows the effect."""
     parameter, channel = effect.parameters[0], machine.axes.of(effect.axis)[0]
     what = "caging" if machine.name == DEFAULT else f"chirp --robot {machine.name}"
@@ -156,9 +151,6 @@ def plausible(parameter: EffectParameter) -> str:
 @click.option("--out", default="wiring.svg", show_default=True, type=OutputFile("wiring.svg"), help="SVG, or folder.")
 def draw(robot: str, out: Path) -> None:
     """Draw the robot's block diagram: parts, signals with their units, and the tasks in the slots of a frame."""
-    from exodrake.diagrams.block_diagram import wiring_svg
-    from exodrake.machines.robot_file import load_robot
-
-    machine = load_robot(robot).machine
-    write_files({out: wiring_svg(machine)})
+    machine = exo.load_robot(robot).machine
+    write_files({out: exo.wiring_svg(machine)})
     click.echo(f"{len(machine.parts)} parts joined by {len(machine.signals)} signals")

@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+import exodrake as exo
 from exodrake.cli.options import OutputFolder, print_table, robot_changes, robot_option, waiting
 from exodrake.core.errors import InputError
 
 if TYPE_CHECKING:
-    from exodrake.core.robot import Robot
-    from exodrake.data.log import Log
     from exodrake.simulation.scenario import Scenario
 
 
@@ -62,7 +61,7 @@ def command(protocol: str, reference: str, file: str, robot: str, out: Path | No
             nominal = plain.simulate(plain.build_robot(), what)
         logs = {"log.csv": log} if nominal is None else {"log.csv": log, "nominal.csv": nominal}
         contents = {name: log_bytes(one, folder / name) for name, one in logs.items()}
-        contents |= files_of(scenario, built, log, what.name, say, nominal)
+        contents |= make_files(scenario, built, log, what.name, say, nominal)
         write_folder(folder, contents)
     machine, rows, peak = built.machine, [], None
     kind = machine.references[0].kind
@@ -96,7 +95,7 @@ def scenario_from(
     parts: tuple[str, ...], seed: int | None, no_noise: bool, no_quantisation: bool, engine: str,
 ) -> Scenario:  # fmt: skip
     """The scenario of the options; those given replace the file's, in the order variants, parameters, effects."""
-    from exodrake.simulation.scenario import Scenario, embedded, parse_effect, parse_number, read_scenario
+    from exodrake.simulation.scenario import Scenario, embed_robot, parse_effect, parse_number, read_scenario
 
     if protocol and reference:
         raise InputError("both a protocol and --reference: wanted one of them")
@@ -105,7 +104,7 @@ def scenario_from(
     scenario = read_scenario(file) if file else Scenario(protocol, reference)
     given: dict[str, Any] = {"protocol": protocol, "reference": reference} if protocol or reference else {}
     if robot:
-        given["robot"] = embedded(robot)
+        given["robot"] = embed_robot(robot)
     if seed is not None or no_noise:
         given["seed"] = None if no_noise else seed
     if no_quantisation:
@@ -122,18 +121,22 @@ def scenario_from(
     return scenario
 
 
-def files_of(
-    scenario: Scenario, robot: Robot, log: Log, name: str, say: Callable[[str], None], nominal: Log | None = None
+def make_files(
+    scenario: Scenario,
+    robot: exo.Robot,
+    log: exo.Log,
+    name: str,
+    say: Callable[[str], None],
+    nominal: exo.Log | None = None,
 ) -> dict[str, bytes]:
     """Contents of all files but the logs. A scenario that followed a log refers to the log written beside it."""
-    from exodrake.data.log import compare
     from exodrake.data.plot import png_of, remarks
     from exodrake.diagrams.meshcat import recording_html
     from exodrake.simulation.scenario import scenario_text
 
     again = replace(scenario, reference="log.csv") if scenario.reference else scenario
     title, details, machine = name.replace("-", " "), changes(scenario, robot), robot.machine
-    said = remarks(compare(nominal, log), log, machine) if nominal is not None else {}
+    said = remarks(exo.compare(nominal, log), log, machine) if nominal is not None else {}
     say("drawing the figure")
     names = ("this run", "nominal")
     figure = log.plot(title, nominal, names, machine=machine, details=["; ".join(details)], remarks=said)
@@ -145,7 +148,7 @@ def files_of(
     return files
 
 
-def changes(scenario: Scenario, robot: Robot) -> list[str]:
+def changes(scenario: Scenario, robot: exo.Robot) -> list[str]:
     """Differences from a plain run of the nominal robot: effects with values, parameters, variants, options."""
     from exodrake.core.display import in_words
     from exodrake.core.robot import effect_in_words
@@ -163,7 +166,7 @@ def changes(scenario: Scenario, robot: Robot) -> list[str]:
     return said
 
 
-def warn(robot: Robot) -> None:
+def warn(robot: exo.Robot) -> None:
     """Says which parameters, and values of effects, lie outside their plausible range."""
     from exodrake.core.robot import implausible
 

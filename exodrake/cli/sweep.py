@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import click
 
+import exodrake as exo
 from exodrake.cli import options
+from exodrake.core.errors import InputError
 
 
 @click.command()
@@ -30,17 +32,14 @@ def command(
     """Run a robot on PROTOCOL once for each variation, and tabulate RMS from the robot's own run, peak and end."""
     import numpy as np
 
-    from exodrake.analysis.sweep import plot_sweep, sweep
-    from exodrake.core.errors import InputError
+    from exodrake.analysis.sweep import plot_sweep
     from exodrake.core.progress import counted
     from exodrake.core.schema import read_json
     from exodrake.data.plot import png_of
-    from exodrake.machines.robot_file import load_robot
-    from exodrake.simulation.references import from_log
 
     if bool(protocol) == bool(reference) or bool(over) + bool(robots) + bool(diagnosis) != 1:
         raise InputError("wanted a protocol or --reference, and one of --over, --robots and --diagnosis")
-    robot, grid = options.change_robot(load_robot(file), parameters, effects, parts), {}
+    robot, grid = options.change_robot(exo.load_robot(file), parameters, effects, parts), {}
     for text in over:
         name, _, values = text.partition("=")
         ends = values.split(":")
@@ -52,8 +51,8 @@ def command(
             raise InputError(f"--over: {text!r} is not NAME=VALUE,VALUE nor NAME=LOW:HIGH:COUNT") from None
     what = grid or robots or read_json(diagnosis)
     with counted("runs", "the table is written at the end") as count:
-        found = sweep(
-            robot, what, from_log(reference, robot) if reference else protocol, seed=seed, noise=noise,
+        found = exo.sweep(
+            robot, what, exo.from_log(reference, robot) if reference else protocol, seed=seed, noise=noise,
             draws=100, progress=count,
         )  # fmt: skip
     numbers = found.describe().T[["mean", "std", "min", "max"]]

@@ -6,15 +6,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
+import exodrake as exo
 from exodrake.cli import options
-
-if TYPE_CHECKING:
-    from exodrake.analysis.tuning import Tuning
-
+from exodrake.core.errors import InputError
 
 ABOVE = click.FloatRange(min=0.0, min_open=True)
 
@@ -46,17 +43,15 @@ def command(file, settling, overshoot, disk_margin, noise, only, draws, out, out
     machine knows is tuned and compared; the fastest that holds all requirements is written as a robot file.
     """
     from exodrake.analysis.figures import plot_tuning
-    from exodrake.analysis.tuning import Requirements, tune
-    from exodrake.core.errors import InputError
     from exodrake.data.plot import png_of
-    from exodrake.machines.robot_file import load_robot, robot_text
+    from exodrake.machines.robot_file import robot_text
 
-    robot = load_robot(file)
+    robot = exo.load_robot(file)
     if out_robot and robot.machine.loop and robot.machine.loop.outer:
         raise InputError("--out-robot: the gains are those of an outer loop, which no robot file holds")
-    wanted = Requirements(settling, overshoot / 100.0, disk_margin, noise)
+    wanted = exo.Requirements(settling, overshoot / 100.0, disk_margin, noise)
     with options.waiting("tuning") as say:
-        tuning = tune(robot, wanted, only, draws, progress=lambda name: say(f"tuning: {name}"))
+        tuning = exo.tune(robot, wanted, only, draws, progress=lambda name: say(f"tuning: {name}"))
     if json_file != "-":
         show(tuning)
     files: dict[str, str | bytes] = {"tune.png": png_of(plot_tuning(tuning))} if out else {}
@@ -76,7 +71,7 @@ def command(file, settling, overshoot, disk_margin, noise, only, draws, out, out
         raise InputError("no controller holds all requirements: no robot file written")
 
 
-def show(tuning: Tuning) -> None:
+def show(tuning: exo.Tuning) -> None:
     """The controllers as a table, and the best one's gains."""
     from exodrake.core.display import shown_unit
 
@@ -136,24 +131,21 @@ def find_commands(wanted: str, robot: str, out: Path, map_file: Path | None) -> 
     from exodrake.cli.export import owner_table
     from exodrake.core.display import display_of
     from exodrake.core.files import is_file
-    from exodrake.data.formats import format_of, log_bytes
+    from exodrake.data.formats import find_format, log_bytes
     from exodrake.data.import_log import read_mapping
-    from exodrake.data.log import Log
-    from exodrake.machines.robot_file import load_robot
-    from exodrake.simulation.references import from_log, protocol
 
     mapped = read_mapping(map_file) if map_file else None
     if mapped is None:
-        format_of(out)
-    built = load_robot(robot)
+        find_format(out)
+    built = exo.load_robot(robot)
     machine = built.machine
-    reference = from_log(wanted, built) if is_file(wanted) else protocol(wanted, built)
+    reference = exo.from_log(wanted, built) if is_file(wanted) else exo.protocol(wanted, built)
     with options.waiting("simulating (the first run after a change compiles for half a minute)"):
         found = feedforward(built, reference)
     names = machine.log_names(machine.references)
     signals = dict(zip(names, found.commands.values.T, strict=True))
     units = {name: machine.signal[c.signal].unit for c in machine.references for name in machine.log_names([c])}
-    log = Log(machine.frame * np.arange(len(reference.values)), signals, units, "commands")
+    log = exo.Log(machine.frame * np.arange(len(reference.values)), signals, units, "commands")
     options.write_files({out: log_bytes(log, out) if mapped is None else owner_table(log, mapped, str(map_file))})
     shown = display_of(found.kind, machine)
     ends = [[f"{shown.factor * value:.3g} {shown.unit}" for value in one] for one in (found.before, found.after)]

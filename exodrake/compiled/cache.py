@@ -26,12 +26,7 @@ def cache_folder() -> Path:
 
 
 def load_text(stem: str, text: str) -> ModuleType:
-    """Runs generated code as a module; machine code comes from numba's cache when this text was compiled before.
-
-    Args:
-        stem: first part of the file name; a hash of the text follows.
-        text: the source, which is run as it is given, whatever its file holds.
-    """
+    """Runs source as a module, whatever its file `stem_HASH.py` holds; numba's cache has what was compiled before."""
     name = f"{stem}_{hashlib.sha256(text.encode()).hexdigest()[:16]}"
     if name not in _loaded:
         os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # idle threads sleep, and leave their core to other work
@@ -41,7 +36,7 @@ def load_text(stem: str, text: str) -> ModuleType:
             path = write_if_different(cache_folder() / f"{name}.py", text)
             run(text, path, module)
         except (OSError, RuntimeError) as error:  # no room, no right, no home folder, or nowhere for numba
-            say_once(str(error))
+            print_once(str(error))
             run(text.replace(CACHED, "cache=False"), Path(f"{name}.py"), module)
         _loaded[name] = module
     return _loaded[name]
@@ -87,19 +82,13 @@ def write_if_different(path: Path, text: str) -> Path:
 
 
 @cache
-def say_once(reason: str) -> None:
+def print_once(reason: str) -> None:
     """One line on standard error."""
     print(f"exodrake: the cache of compiled code cannot be used, so each run compiles anew: {reason}", file=sys.stderr)
 
 
 def once[T](owner: Any, name: str, make: Callable[[], T]) -> T:
-    """A value kept beside the fields of an instance, also of a frozen one, as `functools.cached_property` keeps one.
-
-    Args:
-        owner: an instance with a `__dict__`; a copy with other fields (`dataclasses.replace`) makes its own value.
-        name: key of the value.
-        make: makes it at first use.
-    """
+    """A value kept beside the fields of an instance, frozen or not, as `cached_property` does; copies lack it."""
     if name not in owner.__dict__:
         owner.__dict__[name] = make()
     return owner.__dict__[name]

@@ -3,6 +3,10 @@
 The module holds the functions of parts and effects under prefixed names, effects spliced at their points, what the
 Drake leaves call, and the schedule of a frame. It is one file, because numba caches compiled code by file and cannot
 see changes in imported functions.
+
+A point's function asks one flag whether any effect is present there; only then does it call its spliced form, in which
+the value passes through each present effect in the effect library's order. Flags and parameters of a part's effects
+travel as one array: as arguments of their own, some hundred of them, they would cost more than the physics.
 """
 
 from __future__ import annotations
@@ -15,9 +19,10 @@ from types import ModuleType, SimpleNamespace
 
 from exodrake.compiled.cache import load_text, once
 from exodrake.compiled.schedule import generate_batch, generate_begin, generate_equations, generate_moves, generate_run
-from exodrake.compiled.splice import compose_point, generate_effects
-from exodrake.core.machine import Machine
-from exodrake.core.part import SCALAR, Part, module_name, part_modules, prefix
+from exodrake.core.effect import Effect, EffectParameter
+from exodrake.core.errors import InputError
+from exodrake.core.machine import Machine, stack
+from exodrake.core.part import SCALAR, Part, Point, module_name, part_modules, prefix
 
 # Functions of parts allocate nothing. Without reference counts an array costs a call nothing, with them some 10 ns.
 PLAIN, INLINED = "@njit(_nrt=False)\n", "@njit(_nrt=False, forceinline=True)\n"
@@ -85,17 +90,12 @@ class Rename(ast.NodeTransformer):
 class Flatten(ast.NodeTransformer):
     """Parameters by name in the modules of parts, by index in the generated module: `n.kappa[i]` is `n[37 + i]`.
 
-    A named tuple travels by value, some seventy parameters at each call that the compiler does not inline; a slice of
-    the flat vector is a pointer.
+    A named tuple of seventy parameters travels by value at each call; a slice of the flat vector is a pointer.
     """
 
     def __init__(self, machine: Machine, part: Part) -> None:
-        self.indices: dict[str, tuple[int, int]] = {}
-        at = 0
-        for field in part.fields:
-            width = machine.width(field.axis) if field.axis != SCALAR else 0
-            self.indices[field.name] = (at, width)
-            at += max(width, 1)
+        at = stack({field.name: machine.width(field.axis) for field in part.fields})
+        self.indices = {f.name: (at[f.name].start, machine.width(f.axis) * (f.axis != SCALAR)) for f in part.fields}
 
     def index(self, node: ast.AST) -> tuple[int, int] | None:
         """Start and width (0: a scalar) of the parameter that a node names."""
@@ -129,10 +129,7 @@ def item(index: ast.expr) -> ast.Subscript:
 def copy_function(
     function: ast.FunctionDef, table: dict[str, str], name: str, flatten: Flatten | None = None, plain: bool = False
 ) -> str:
-    """A module's function under its new name, decorated for numba.
-
-    `flatten`: for the modules of a part with parameters; `plain`: for its tasks, which numba need not inline.
-    """
+    """A module's function under its new name; `plain`: for tasks of parts, which numba need not inline."""
     node = ast.parse(ast.unparse(function)).body[0]
     assert isinstance(node, ast.FunctionDef)
     stored = {n.id for n in ast.walk(node) if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}
@@ -209,17 +206,105 @@ def generate_module(machine: Machine) -> str:
     return "\n\n".join(lines) + "\n"
 
 
+def generate_effects(machine: Machine, part: Part) -> str:
+    """`fill_part_e(p)`: a flag for each point of the part (is an effect present?), then the effects' parameters."""
+    start, flags = sum(machine.width(f.axis) for f in part.fields), len(part.points)
+    size = sum(machine.width(n.axis) for e in machine.effects_on(part) for n in e.parameters)
+    lines = ["@njit", f"def fill_{part.name}_e(p):", f"    e = np.zeros({flags + size})"]
+    lines.append(f"    e[{flags}:] = p[{start}:{start + size}]")
+    points = [point_key(part, p) for p in part.points]
+    for effect in machine.effects_on(part):
+        lines.append(f"    if {guard(machine, part, effect, None)}:")
+        lines += [f"        e[{points.index(key)}] = 1.0" for key in effect.at]
+    return "\n".join([*lines, "    return e"])
+
+
+def point_key(part: Part, point: Point) -> str:
+    """`module.function` of a point."""
+    return f"{module_name(point.module or part.module)}.{point.name}"
+
+
+def parameter_values(
+    machine: Machine, part: Part, effect: Effect, parameter: EffectParameter, channel: str | None
+) -> list[str]:
+    """A parameter of a channel as source, or those of all channels where the point has none."""
+    places = stack({(e.id, n.name): machine.width(n.axis) for e in machine.effects_on(part) for n in e.parameters})
+    at = len(part.points) + places[effect.id, parameter.name].start
+    if parameter.axis != SCALAR and channel:
+        return [f"e[{at} + {channel}]"]
+    return [f"e[{at + i}]" for i in range(machine.width(parameter.axis))]
+
+
+def compose_point(machine: Machine, part: Part, point: Point, function: ast.FunctionDef, effects: list[Effect]) -> str:
+    """The function of a point and its spliced form."""
+    key = point_key(part, point)
+    names = [a.arg for a in function.args.args]
+    name = f"{prefix((point.module or part.module).__name__)}__{point.name}"
+    flag = [point_key(part, p) for p in part.points].index(key)
+    channel = names[2] if point.axis != SCALAR else None
+    value, context = names[3 if channel else 2], names[4 if channel else 3 :]
+    body = []  # lines through which the value passes
+    for effect in effects:
+        act, own = effect.at[key], channel if effect.axis == point.axis or effect.axis == SCALAR else None
+        states = state_indices(machine, part, effect, own)
+        values = [parameter_values(machine, part, effect, n, own) for n in effect.parameters]
+        parameters = [v[0] if len(v) == 1 else f"({', '.join(v)})" for v in values]
+        given = choose_context(effect, key, context, len(parameters) + len(states))
+        call = f"{prefix(act.__module__)}__{act.__name__}({', '.join([value, *given, *parameters, *states])})"
+        filtered = [value, *states] if key in effect.filters else [value]
+        target = ", ".join(states if key in effect.advances else filtered)
+        body += [f"    if {guard(machine, part, effect, own)}:", f"        {target} = {call}"]
+    returns = [] if any(key in effect.advances for effect in effects) else [f"    return {value}"]
+    header, call = f"({', '.join(names)}):", f"{name}__spliced({', '.join(names)})"
+    spliced = ["@njit(_nrt=False)", f"def {name}__spliced{header}", *body, *returns]
+    plain = ["@njit(_nrt=False, forceinline=True)", f"def {name}{header}", f'    """{ast.get_docstring(function)}"""']
+    plain += [f"    if e[{flag}] != 0.0:", f"        {'return ' if returns else ''}{call}", *returns]
+    return "\n".join([*spliced, "\n", *plain])
+
+
+def choose_context(effect: Effect, key: str, context: list[str], own: int) -> list[str]:
+    """Those of a point's arguments after the value that a law names, else all. InputError if neither fits."""
+    code = effect.at[key].__code__
+    names = list(code.co_varnames[1 : max(1, code.co_argcount - own)])
+    if code.co_argcount > own and set(names) <= set(context):
+        return names
+    if code.co_argcount == own + 1 + len(context):
+        return context
+    given, taken = ", ".join(["a value", *context]), ", ".join(code.co_varnames[: code.co_argcount])
+    raise InputError(
+        f"{effect.id}: {code.co_name}({taken}) does not fit {key}, which gives {given}; "
+        f"{own} parameters and states of the effect follow"
+    )
+
+
+def guard(machine: Machine, part: Part, effect: Effect, channel: str | None) -> str:
+    """Condition under which the effect is present."""
+    first = effect.parameters[0]
+    return " or ".join(f"{v} != {float(first.null)!r}" for v in parameter_values(machine, part, effect, first, channel))
+
+
+def state_indices(machine: Machine, part: Part, effect: Effect, channel: str | None) -> list[str]:
+    """Where the effect's own states lie in the part's vector z, as source."""
+    states = [(other.id, state) for other in machine.effects_on(part) for state in other.states]
+    own, places = stack({(i, s.name): machine.width(s.axis) * s.width for i, s in states}), []
+    for state in effect.states:
+        width, span = machine.width(state.axis), own[effect.id, state.name]
+        for at in range(span.start, span.stop, width):
+            one = channel and state.axis != SCALAR
+            places += [f"z[{at} + {channel}]"] if one else [f"z[{at + i}]" for i in range(width)]
+    return places
+
+
 def compile_machine(machine: Machine) -> ModuleType:
     """The generated module of a machine: `begin`, `run`, `batch` and what the Drake leaves call."""
     return once(machine, "generated", lambda: load_text(machine.name, generate_module(machine)))
 
 
 def equations(machine: Machine, part: Part) -> SimpleNamespace:
-    """The compiled equations of a part by name, with the effects of the machine.
+    """The compiled functions of a part's module by name, with the effects of the machine.
 
     `update(state, p, dt, reads...)`, `read(state, p, channel, reads...)`, `output(state, p, reads..., writes...)` and
-    `start(state, p, start vectors...)`, by the names of the part's module: arrays of state and parameters of part and
-    effects, then signals, which are written in place.
+    `start(state, p, start vectors...)` take arrays; signals are written in place.
     """
     head, module = f"{part.name}__equation__", compile_machine(machine)
     return SimpleNamespace(**{k.removeprefix(head): f for k, f in vars(module).items() if k.startswith(head)})

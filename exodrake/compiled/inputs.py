@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import accumulate
 from zlib import crc32
 
 import numpy as np
 
 from exodrake.core.errors import InputError, short_repr
-from exodrake.core.machine import Machine
+from exodrake.core.machine import Machine, stack
 from exodrake.core.part import NORMAL
 from exodrake.core.robot import Robot
 
@@ -47,15 +45,10 @@ class NoiseInputs(dict[str, np.ndarray]):
 
     @staticmethod
     def draw(frames: int, seed: int | None, machine: Machine) -> NoiseInputs:
-        """Draws every noise input of a machine from a stream of its own.
+        """Draws every noise input of a machine; without a seed all normal noise is 0, and every packet arrives.
 
-        A stream is seeded by the seed and the signal's name: a further sensor leaves the noise of the others as it is,
+        Each signal has a stream of its own, by seed and name: a further sensor leaves the noise of the others as it is,
         and a longer run begins like a shorter one.
-
-        Args:
-            frames: rows.
-            seed: of the streams; None: normal noise is 0 and uniform noise 1, so that every packet arrives.
-            machine: whose `inputs` they are.
         """
         found = NoiseInputs()
         for signal in (machine.signal[name] for name in machine.inputs if machine.signal[name].distribution):
@@ -77,13 +70,7 @@ def reference_width(machine: Machine) -> int:
 
 
 def input_rows(machine: Machine, references: np.ndarray, noise_inputs: NoiseInputs) -> dict[str, np.ndarray]:
-    """The exogenous signals, (frames, channels) arrays [SI] in the order of `machine.inputs`.
-
-    Args:
-        machine: whose `inputs` they are.
-        references: (frames, channels) array in the order of `machine.references`.
-        noise_inputs: the noise inputs of the same frames.
-    """
+    """The exogenous signals (frames, channels) [SI] in the order of `machine.inputs`; references side by side."""
     found, at = {}, 0
     for name in machine.inputs:
         if name in noise_inputs:
@@ -102,12 +89,6 @@ def feed_places(machine: Machine) -> dict[str, slice]:
 def reading_places(machine: Machine) -> dict[str, slice]:
     """Columns of each compared kind among the readings."""
     return stack({kind: machine.column_width(kind) for kind in machine.compared})
-
-
-def stack(widths: Mapping[str, int]) -> dict[str, slice]:
-    """Columns of things side by side."""
-    ends = accumulate(widths.values())
-    return {name: slice(end - width, end) for (name, width), end in zip(widths.items(), ends)}
 
 
 def prepared(robot: Robot, quantisation: bool = True) -> np.ndarray:

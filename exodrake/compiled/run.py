@@ -25,13 +25,9 @@ def run_compiled(
 
 
 class Replay:
-    """A machine stepped frame by frame between measured signals, with some of its segments fixed.
+    """A machine stepped frame by frame, whose fixed segments take what was measured; logs may come in parts.
 
-    Fixed segments take what was measured, the others are simulated. The state goes on, so that a log may come in parts.
-
-    Attributes:
-        state: flat state; `step` advances it in place.
-        signals: flat vector of all signals after the last frame.
+    `state` and `signals` are the flat vectors after the last frame.
     """
 
     def __init__(self, machine: Machine, values: np.ndarray, fixed: Iterable[str] = ()) -> None:

@@ -255,10 +255,7 @@ def correct_state(machine: Machine) -> list[str]:
 
 
 def generate_batch(machine: Machine) -> str:
-    """`batch(rows, size, given..., dt, substeps, records, follow)`: a run from the start for each row of parameters.
-
-    Threads may call it side by side (`core.threads`).
-    """
+    """`batch(rows, size, given..., dt, substeps, records, follow)`: a run for each row of parameters."""
     given = [f"{name}_rows" for name in machine.inputs]
     lines = [
         "for i in range(rows.shape[0]):",
@@ -273,8 +270,7 @@ def generate_batch(machine: Machine) -> str:
 def generate_moves(machine: Machine) -> str:
     """`moves(states, p, dt, slots, switch, before, after, loads..., moved)`: one frame of the drives alone.
 
-    From each state, which is advanced in place, the drives take the commands `before`, from the slot `switch` on those
-    `after`; `moved` takes by how much the positions moved.
+    From the slot `switch` on they take the commands `after`; `moved` takes by how much the positions moved.
     """
     link = machine.command_link
     assert link is not None

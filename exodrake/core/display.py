@@ -46,10 +46,7 @@ def in_words(value: float, si: str) -> str:
 
 
 def display_of(kind: str, machine: Machine | None = None, si: str = "") -> Display:
-    """Display of a kind of column, `tension` or `angle`, as the machine's column states it where there is one.
-
-    `si` is the unit of a column that the machine does not have; else it is the first that the kind may have.
-    """
+    """Display of a kind of column, such as `angle`: the machine's, else by the kind and the column's unit `si`."""
     column = next((c for c in machine.columns if c.kind == kind), None) if machine else None
     label = kind.replace("_", " ").capitalize()
     if machine is None or column is None:

@@ -13,31 +13,20 @@ from exodrake.core.part import JOINTS, SCALAR, TENDONS, State
 
 @dataclass(frozen=True)
 class EffectParameter:
-    """A parameter of an effect.
+    """A parameter of an effect."""
 
-    Attributes:
-        name: parameter name as in reports.
-        unit: SI unit.
-        null: value at which the effect is absent, bit for bit (that of the effect's first parameter decides).
-        low: lower end of the plausible range, used to draw values and to bound fits [unit].
-        high: upper end of the plausible range [unit].
-        axis: `TENDONS`, `JOINTS` or `SCALAR`.
-        default: value of an effect that is added without parameters [unit]; the middle of the range if None.
-        fitted: whether a fit may change it.
-        transform: how a fit sees it: "linear", "log" or "reciprocal" (for a stiffness whose null value is infinite).
-        period: values that differ by it mean the same and are reported from `low` on [unit]; 0 for none.
-    """
-
-    name: str
-    unit: str
-    null: float
-    low: float
-    high: float
-    axis: str = SCALAR
+    name: str  # parameter name as in reports
+    unit: str  # SI unit
+    null: float  # value at which the effect is absent, bit for bit (that of the effect's first parameter decides)
+    low: float  # lower end of the plausible range, used to draw values and to bound fits [unit]
+    high: float  # upper end of the plausible range [unit]
+    axis: str = SCALAR  # `TENDONS`, `JOINTS` or `SCALAR`
+    # value of an effect that is added without parameters [unit]; the middle of the range if None
     default: float | None = None
-    fitted: bool = True
+    fitted: bool = True  # whether a fit may change it
+    # how a fit sees it: "linear", "log" or "reciprocal" (for a stiffness whose null value is infinite)
     transform: str = "linear"
-    period: float = 0.0
+    period: float = 0.0  # values that differ by it mean the same and are reported from `low` on [unit]; 0 for none
 
     def __post_init__(self) -> None:
         if not self.low < self.high:
@@ -69,47 +58,33 @@ LAST = 1000  # order of an effect that states none: after the effects of the lib
 
 @dataclass(frozen=True)
 class Effect:
-    """A piece of physics that the nominal model leaves out, and the points where it acts.
+    """A piece of physics that the nominal model leaves out, and the points where it acts."""
 
-    Attributes:
-        id: `block.name`, as in reports.
-        summary: what it is, in one sentence.
-        signature: how it shows in logs, in one sentence.
-        source: where equation and range come from.
-        at: mapping from point ("module.point") to the function that acts there.
-        parameters: the effect is absent where the first one has its null value.
-        states: own states, zero at start, updated at the points in `advances` or `filters`.
-        advances: points (of those in `at`) where the function returns the effect's new states instead of a value.
-        filters: points where it returns the value, then the new states: a filter of a signal that is sampled there.
-        family: kind of law, e.g. "friction", "backlash", "elasticity".
-        same_meaning: whether the parameters mean the same in every law of this effect, such as a gain, an offset or a
-            delay; those of friction or creep belong to the fitted law, and reality follows another. What `shapes` such
-            a law belongs to it all the same.
-        law_std: relative standard deviation between the amplitude in this law and in another law of the effect, of
-            which no residual tells [-]; further parameters, which shape a law, differ by `SHAPE_STD` at least.
-        not_tried: why a diagnosis does not try the effect by default, in one sentence; empty for a candidate.
-        detector: module of `diagnosis.detect` that finds the effect before any fit; empty if there is none.
-        order: where several effects act at one point, those of lower order act first; equal ones by id. Those of the
-            library are numbered in the order in which their files define them.
-        formula: equation in this effect's own letters, where its law serves several.
-    """
-
-    id: str
-    summary: str
-    signature: str
-    source: str
-    at: dict[str, Callable]
-    parameters: tuple[EffectParameter, ...]
-    states: tuple[State, ...] = ()
+    id: str  # `block.name`, as in reports
+    summary: str  # what it is, in one sentence
+    signature: str  # how it shows in logs, in one sentence
+    source: str  # where equation and range come from
+    at: dict[str, Callable]  # mapping from point ("module.point") to the function that acts there
+    parameters: tuple[EffectParameter, ...]  # the effect is absent where the first one has its null value
+    states: tuple[State, ...] = ()  # own states, zero at start, updated at the points in `advances` or `filters`
+    # points (of those in `at`) where the function returns the effect's new states instead of a value
     advances: tuple[str, ...] = ()
-    family: str = ""
+    family: str = ""  # kind of law, e.g. "friction", "backlash", "elasticity"
+    # whether the parameters mean the same in every law of this effect, such as a gain, an offset or a delay; those of
+    # friction or creep belong to the fitted law, and reality follows another. What `shapes` such a law belongs to it
+    # all the same
     same_meaning: bool = False
+    # relative standard deviation between the amplitude in this law and in another law of the effect, of which no
+    # residual tells [-]; further parameters, which shape a law, differ by `SHAPE_STD` at least
     law_std: float = LAW_STD
-    not_tried: str = ""
-    detector: str = ""
+    not_tried: str = ""  # why a diagnosis does not try the effect by default, in one sentence; empty for a candidate
+    detector: str = ""  # module of `diagnosis.detect` that finds the effect before any fit; empty if there is none
+    # where several effects act at one point, those of lower order act first; equal ones by id. Those of the library are
+    # numbered in the order in which their files define them
     order: int = LAST
+    # points where it returns the value, then the new states: a filter of a signal that is sampled there
     filters: tuple[str, ...] = ()
-    formula: str = ""
+    formula: str = ""  # equation in this effect's own letters, where its law serves several
 
     @property
     def block(self) -> str:

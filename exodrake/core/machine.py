@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import accumulate, pairwise
+from itertools import accumulate
 from typing import TYPE_CHECKING
 
 from exodrake.core.effect import Effect
@@ -402,8 +402,7 @@ class Machine:
 
     def state_index(self, part: Part, name: str) -> int:
         """Index in a part's own state vector at which a state begins."""
-        before = part.states[: next(i for i, s in enumerate(part.states) if s.name == name)]
-        return sum(self.width(s.axis) * s.width for s in before)
+        return stack({s.name: self.width(s.axis) * s.width for s in part.states})[name].start
 
     def part_size(self, part: Part) -> tuple[int, int]:
         """Lengths of a part's own state and of the states of the effects on it."""
@@ -421,8 +420,7 @@ class Machine:
     @cached_property
     def offsets(self) -> dict[str, slice]:
         """Slice of each signal in the flat vector of signals."""
-        ends = accumulate((self.width(signal.axis) for signal in self.signals), initial=0)
-        return {signal.name: slice(*pair) for signal, pair in zip(self.signals, pairwise(ends), strict=True)}
+        return stack({signal.name: self.width(signal.axis) for signal in self.signals})
 
     @property
     def variant_names(self) -> tuple[str, ...]:
@@ -447,6 +445,12 @@ class Machine:
             variants = dict(self.variants_available[n] for n in chosen)
             base.varied[chosen] = replace(base, variants=variants, nominal=base)
         return base.varied[chosen]
+
+
+def stack[K](widths: Mapping[K, int]) -> dict[K, slice]:
+    """Slices of things side by side, from their widths."""
+    ends = accumulate(widths.values())
+    return {name: slice(end - width, end) for (name, width), end in zip(widths.items(), ends)}
 
 
 def state_size(machine: Machine) -> int:

@@ -38,25 +38,22 @@ class Body:
 
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """A joint as URDF has it.
+    """A joint as URDF has it."""
 
-    Attributes:
-        name, kind, parent, child: as the file says; kind: revolute, continuous, prismatic or fixed.
-        origin, angles, axis: (3,) [m], (3,) roll, pitch, yaw [rad], (3,) unit vector.
-        lower, upper, effort: limits [rad] or [m], [N m] or [N]; infinite where there is none.
-        damping, friction: viscous [N m s/rad] or [N s/m], dry [N m] or [N].
-    """
-
+    # name, kind, parent, child: as the file says; kind: revolute, continuous, prismatic or fixed
     name: str
     kind: str
     parent: str
     child: str
+    # origin, angles, axis: (3,) [m], (3,) roll, pitch, yaw [rad], (3,) unit vector
     origin: np.ndarray
     angles: np.ndarray
     axis: np.ndarray
+    # lower, upper, effort: limits [rad] or [m], [N m] or [N]; infinite where there is none
     lower: float = -inf
     upper: float = inf
     effort: float = inf
+    # damping, friction: viscous [N m s/rad] or [N s/m], dry [N m] or [N]
     damping: float = 0.0
     friction: float = 0.0
 

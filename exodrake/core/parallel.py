@@ -21,7 +21,7 @@ from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Future, ThreadPoolExecutor, wait
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
-from itertools import islice
+from itertools import chain, islice
 from math import inf
 from threading import Lock, RLock
 from typing import Any, cast
@@ -151,47 +151,33 @@ def each(
         for number, task in enumerate(tasks):
             yield Outcome(number, *attempt(function, task, one_blas_thread))
         return
-    workers = DaskWorkers(cluster) if cluster else LokyWorkers(jobs if jobs > 0 else cores())
+    from joblib import cpu_count
+
+    workers = DaskWorkers(cluster) if cluster else LokyWorkers(jobs if jobs > 0 else cpu_count())
     in_flight: dict[Future, tuple[int, tuple]] = {}
-    retries: list[tuple[int, tuple]] = []
+    retries: list[tuple[int, tuple]] = []  # tasks in flight at a crash, each of which is a round of its own
     try:
-        for number, task, future in finish(workers, function, enumerate(tasks), in_flight):
-            if not future.cancelled() and isinstance(future.exception(), BrokenExecutor):
-                retries.append((number, task))
-            else:
-                yield read_outcome(number, future)
-        for retry in retries:
-            for number, _, future in finish(workers, function, iter([retry]), in_flight):
-                yield read_outcome(number, future)
+        for round_number, waiting in enumerate(chain([enumerate(tasks)], (iter([task]) for task in retries))):
+            while True:
+                for number, task in islice(waiting, max(0, workers.capacity() - len(in_flight))):
+                    in_flight[workers.submit(attempt, function, task)] = number, task
+                if not in_flight:
+                    break
+                for future in wait(in_flight, return_when=FIRST_COMPLETED).done:
+                    number, task = in_flight.pop(future)
+                    error = future.exception()
+                    if error is None:
+                        yield Outcome(number, *future.result())
+                    elif not isinstance(error, BrokenExecutor):  # Dask's KilledWorker, or unsendable arguments
+                        yield Outcome(number, reason=f"{type(error).__name__}: {error}")
+                    elif round_number:
+                        yield Outcome(number, reason=CRASHED)
+                    else:
+                        retries.append((number, task))
     except CancelledError:  # a cluster cancels what it can no longer run
         raise workers.lost() from None
     finally:
         workers.close()
-
-
-def finish(
-    workers: LokyWorkers | DaskWorkers,
-    function: Callable[..., Any],
-    waiting: Iterator[tuple[int, tuple]],
-    in_flight: dict[Future, tuple[int, tuple]],
-) -> Iterator[tuple[int, tuple, Future]]:
-    """Yield (number, task, finished future), with at most `workers.capacity()` tasks in flight."""
-    while True:
-        for number, task in islice(waiting, max(0, workers.capacity() - len(in_flight))):
-            in_flight[workers.submit(attempt, function, task)] = number, task
-        if not in_flight:
-            return
-        for future in wait(in_flight, return_when=FIRST_COMPLETED).done:
-            yield *in_flight.pop(future), future
-
-
-def read_outcome(number: int, future: Future) -> Outcome:
-    """Read a finished future. CancelledError if the cluster cancelled it."""
-    if (error := future.exception()) is None:
-        return Outcome(number, *future.result())
-    if isinstance(error, BrokenExecutor):
-        return Outcome(number, reason=CRASHED)
-    return Outcome(number, reason=f"{type(error).__name__}: {error}")  # Dask's KilledWorker, or unsendable arguments
 
 
 def attempt(
@@ -211,13 +197,6 @@ def attempt(
             for place in sorted(filter(None, sys.path), key=len, reverse=True):  # files by their names in Python
                 trace = trace.replace(place + os.sep, "")
             return None, f"{type(error).__name__}: {error}", trace
-
-
-def cores() -> int:
-    """Number of processor cores that this process may use."""
-    from joblib import cpu_count
-
-    return cpu_count()
 
 
 class LokyWorkers:
@@ -244,9 +223,18 @@ class LokyWorkers:
         return InputError("the worker processes were ended; what was done until then is kept")
 
     def close(self) -> None:
-        """End the tasks in flight and release the workers."""
-        with silent_manager():
+        """End the tasks in flight and release the workers; loky's thread, which waits for them, prints no traceback."""
+        before = threading.excepthook
+
+        def report(args: threading.ExceptHookArgs) -> None:
+            if args.thread is None or type(args.thread).__module__.partition(".")[0] != "joblib":
+                before(args)
+
+        threading.excepthook = report
+        try:
             self.find_executor().shutdown(wait=True, kill_workers=True)
+        finally:
+            threading.excepthook = before
 
     def find_executor(self) -> Any:
         """The executor of this process: a new one if there is none, or a crash has broken it."""
@@ -255,22 +243,6 @@ class LokyWorkers:
         return get_reusable_executor(
             self.jobs, env=ONE_THREAD | SAFE_PATH, initializer=begin_worker, initargs=(os.getpid(),)
         )
-
-
-@contextmanager
-def silent_manager() -> Iterator[None]:
-    """Keep loky's thread from printing a traceback if the workers that it waits for are killed under it."""
-    before = threading.excepthook
-
-    def report(args: threading.ExceptHookArgs) -> None:
-        if args.thread is None or type(args.thread).__module__.partition(".")[0] != "joblib":
-            before(args)
-
-    threading.excepthook = report
-    try:
-        yield
-    finally:
-        threading.excepthook = before
 
 
 def begin_worker(parent: int) -> None:

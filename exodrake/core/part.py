@@ -40,17 +40,11 @@ class Signal:
 
 @dataclass(frozen=True)
 class Delay:
-    """How late the samples of a measured signal are, as the log shows them.
+    """How late the samples of a measured signal are, as the log shows them."""
 
-    Attributes:
-        signal: the delay of each sample [s].
-        noise_input: noise that is added to a sample after the delay.
-        noise_std: parameter that scales this noise.
-    """
-
-    signal: str
-    noise_input: str
-    noise_std: str
+    signal: str  # the delay of each sample [s]
+    noise_input: str  # noise that is added to a sample after the delay
+    noise_std: str  # parameter that scales this noise
 
 
 class Axes(NamedTuple):
@@ -66,30 +60,18 @@ class Axes(NamedTuple):
 
 @dataclass(frozen=True)
 class FreeLaw:
-    """One free law at a point.
+    """One free law at a point."""
 
-    Attributes:
-        words: what the curve gives, over what: "friction over speed".
-        variable: u, as source of the point's arguments; of a law with memory, of those of the point `advances`.
-        unit: of u.
-        factor: what multiplies f(u), as source; "" for 1.
-        kind: curve of u, of the place that the moves of u add up to, or memory: hysteresis or relaxation.
-        advances: name of the point at which the states of a law with memory advance.
-        moves: whether the variable of a law with memory is already a change within the tick.
-        fine: whether knots lie close together near 0, where the law may jump.
-        result: how the law acts on the value, with `law` for the sum of factor and curve; "" for value + law.
-        rate: point that takes the rate of this value, and its result there, with `slope` for f'(u).
-    """
-
-    words: str
-    variable: str
-    unit: str
-    factor: str = ""
-    kind: str = CURVE
-    advances: str = ""
-    moves: bool = False
-    fine: bool = False
-    result: str = ""
+    words: str  # what the curve gives, over what: "friction over speed"
+    variable: str  # u, as source of the point's arguments; of a law with memory, of those of the point `advances`
+    unit: str  # of u
+    factor: str = ""  # what multiplies f(u), as source; "" for 1
+    kind: str = CURVE  # curve of u, of the place that the moves of u add up to, or memory: hysteresis or relaxation
+    advances: str = ""  # name of the point at which the states of a law with memory advance
+    moves: bool = False  # whether the variable of a law with memory is already a change within the tick
+    fine: bool = False  # whether knots lie close together near 0, where the law may jump
+    result: str = ""  # how the law acts on the value, with `law` for the sum of factor and curve; "" for value + law
+    # point that takes the rate of this value, and its result there, with `slope` for f'(u)
     rate: tuple[str, str, str] = ("", "", "")
 
     @property
@@ -98,9 +80,7 @@ class FreeLaw:
         return self.kind in (CURVE, PLACE)
 
 
-def free_curve(words: str, variable: str, unit: str, factor: str = "", fine: bool = False, result: str = "") -> FreeLaw:
-    """A free curve of a variable."""
-    return FreeLaw(words, variable, unit, factor, fine=fine, result=result)
+free_curve = FreeLaw  # of a variable
 
 
 def free_memory(

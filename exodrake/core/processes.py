@@ -40,10 +40,9 @@ LOOK = 0.5  # s between two looks at whether the parent is there: assumed
 
 
 def in_child[T](function: Callable[..., T], *arguments: Any, source: str, size: int) -> T:
-    """Calls a function that a module of this package defines in the child process; arguments are sent by value.
+    """Calls a function of this package in the child process to read the file `source` of some size [bytes].
 
-    It reads the file `source` of some size [bytes]; a larger one may take longer. InputError as the function raises, or
-    naming the file if the call crashes, takes too long or too much memory.
+    InputError as the function raises, or naming the file if the call crashes, takes too long or too much memory.
     """
     global _child
     with _lock:

@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from enum import Enum
+from functools import partial
 from typing import Any
 
 import click
@@ -38,17 +39,35 @@ def no_progress(*_: Any) -> None:
     """Report nothing."""
 
 
+def show_bar(*columns: str, transient: bool = False) -> Any:
+    """A progress display of rich on standard error, nothing where that is no terminal; columns by name or as text."""
+    from rich import progress as rich
+    from rich.console import Console
+
+    known = {
+        "spinner": rich.SpinnerColumn, "bar": rich.BarColumn, "short bar": partial(rich.BarColumn, bar_width=28),
+        "count": rich.MofNCompleteColumn, "elapsed": rich.TimeElapsedColumn, "remaining": rich.TimeRemainingColumn,
+    }  # fmt: skip
+    made = [known[name]() if name in known else rich.TextColumn(name) for name in columns]
+    console = Console(stderr=True)
+    return rich.Progress(*made, console=console, transient=transient, disable=not sys.stderr.isatty())
+
+
+@contextmanager
+def waiting(text: str) -> Iterator[Callable[[str], None]]:
+    """Show on a terminal what a command works on, and for how long; yields the function that changes the text."""
+    with show_bar("spinner", "{task.description}", "elapsed", transient=True) as bar:
+        task = bar.add_task(text)
+        yield lambda text: bar.update(task, description=text)
+
+
 @contextmanager
 def stages(spent: dict[Stage, float] | None = None) -> Iterator[StageProgress]:
-    """Show a bar on standard error; yields the function that is called at each step of a diagnosis.
+    """Show a bar of a diagnosis and yield the function that is called at each of its steps.
 
     `spent` takes the processor time [s] of each stage, whole at the end of the context.
     """
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
-
-    columns = (SpinnerColumn(), BarColumn(bar_width=28), TimeElapsedColumn(), TextColumn("{task.description}"))
-    with Progress(*columns, console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty()) as bar:
+    with show_bar("spinner", "short bar", "elapsed", "{task.description}", transient=True) as bar:
         task, done, times = bar.add_task("reading", total=100), 0.0, {} if spent is None else spent
         current, began = Stage.CHECK, time.process_time()
 
@@ -79,27 +98,14 @@ def where_to_run(command: Callable[..., Any]) -> Callable[..., Any]:
 
 @contextmanager
 def counted(title: str, resume: str = "the same command resumes the run") -> Iterator[Count]:
-    """Show a bar on standard error; yields the function that is called with (done, failed, total).
+    """Show a bar of a loop and yield the function that is called with (done, failed, total).
 
-    Ctrl-C and SIGTERM end the command with status 130 and a line that says how much is done and how to `resume`.
+    Ctrl-C and SIGTERM end with status 130 and a line that says how much is done and how to `resume`.
     """
-    from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
-
-    columns = (
-        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("[red]{task.fields[failed]}"),
-        TimeElapsedColumn(), TimeRemainingColumn(),
-    )  # fmt: skip
+    columns = ("{task.description}", "bar", "count", "[red]{task.fields[failed]}", "elapsed", "remaining")
     reached, before = "", signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        with Progress(*columns, console=Console(stderr=True), disable=not sys.stderr.isatty()) as bar:
+        with show_bar(*columns) as bar:
             task = bar.add_task(title, total=None, failed="")
 
             def count(done: int, failed: int, total: int) -> None:

@@ -22,34 +22,27 @@ ASIDE = ("diagnosis/healthy.py", "diagnosis/calibra", "data/plot.py", "core/disp
 
 def configuration() -> dict[str, str]:
     """Version of the package, and first digits of the SHA-256 of the code and numbers that find answers."""
-    return {
-        "version": __version__,
-        "code": digest_folders((*(PACKAGE / name for name in ANSWERING), *plugins.folders())),
-    }
+    folders = [*(PACKAGE / name for name in ANSWERING), *plugins.folders()]
+    return {"version": __version__, "code": digest(tuple(file for place in folders for file in source_files(place)))}
 
 
-@cache
-def digest_folders(folders: tuple[Path, ...]) -> str:
-    """Digest of the code and numbers in some folders."""
-    return digest([file for folder in folders for file in source_files(folder)])
-
-
-def source_files(place: Path) -> list[Path]:
+def source_files(place: Path) -> tuple[Path, ...]:
     """Python and YAML files that bear on an answer, sorted: the file itself, or all below a folder."""
     found = [place] if place.is_file() else sorted([*place.rglob("*.py"), *place.rglob("*.yaml")])
-    return [file for file in found if not name_of(file).startswith(ASIDE) and file.name != "calibration.yaml"]
+    return tuple(file for file in found if not shorten_path(file).startswith(ASIDE) and file.name != "calibration.yaml")
 
 
-def name_of(file: Path) -> str:
+def shorten_path(file: Path) -> str:
     """A file's path in the package, or its last two parts outside."""
     return (file.relative_to(PACKAGE) if file.is_relative_to(PACKAGE) else Path(*file.parts[-2:])).as_posix()
 
 
-def digest(files: list[Path]) -> str:
+@cache
+def digest(files: tuple[Path, ...]) -> str:
     """First 12 hexadecimal digits of the SHA-256 of names and contents."""
     whole = hashlib.sha256()
     for file in files:
-        whole.update(name_of(file).encode() + b"\0" + file.read_bytes() + b"\0")
+        whole.update(shorten_path(file).encode() + b"\0" + file.read_bytes() + b"\0")
     return whole.hexdigest()[:DIGITS]
 
 

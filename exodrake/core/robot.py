@@ -230,8 +230,7 @@ class Robot:
         for name in given:
             if name not in known:
                 raise InputError(f"{identity} has no parameter {name!r}{nearest(name, sorted(known))}")
-        values = self.values.copy()
-        wanted = check_channels(self.machine, effect, channels)
+        values, wanted = self.values.copy(), check_channels(self.machine, effect, channels)
         for parameter in effect.parameters:
             value = given.get(parameter.name, parameter.initial)
             if isinstance(value, Mapping):
@@ -251,13 +250,12 @@ class Robot:
 
     def effects(self) -> dict[str, dict[str, dict[str, float]]]:
         """Effects present: id -> parameter -> channel -> value [SI] ("" for a parameter without channels)."""
-        found = {effect.id: self.effect_values(effect) for effect in self.machine.effects}
-        first = {effect.id: effect.parameters[0] for effect in self.machine.effects}
-        return {
-            identity: values
-            for identity, values in found.items()
-            if any(value != first[identity].null for value in values[first[identity].name].values())
-        }
+        found = {}
+        for effect in self.machine.effects:
+            values, first = self.effect_values(effect), effect.parameters[0]
+            if any(value != first.null for value in values[first.name].values()):
+                found[effect.id] = values
+        return found
 
     def effect_values(self, effect: Effect) -> dict[str, dict[str, float]]:
         """Parameters of an effect, present or not: parameter -> channel -> value [SI]."""

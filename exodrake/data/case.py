@@ -22,28 +22,16 @@ case.yaml are refused. What was done to a log's signals before stands in `NAME.n
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime, time
 from pathlib import Path
 from typing import Any
 
+from exodrake.core import schema
 from exodrake.core.errors import InputError, argument, printable, short_repr
 from exodrake.core.files import is_file, is_folder, read_bytes, sha256_of, write_folder
 from exodrake.core.plain import plain
-from exodrake.core.schema import (
-    anything,
-    dump_yaml,
-    listing,
-    mapping,
-    names,
-    number,
-    optional,
-    read_yaml,
-    refusal,
-    shown,
-    text,
-)
 from exodrake.data.formats import ending, log_bytes, read_log, read_table, stem
 from exodrake.data.log import MODEL, Log, check_columns, regularise
 
@@ -129,11 +117,7 @@ class Case:
 
     @property
     def repeat_groups(self) -> tuple[tuple[CaseLog, ...], ...]:
-        """Groups of two or more fitted logs that run the same reference in one session, in order.
-
-        Between sessions the robot may change, so these do not show the noise. Neither do held-out logs, which decide
-        nothing but the closure.
-        """
+        """Groups of two or more fitted logs that run the same reference in one session, and so show the noise."""
         before = {item.file: item.repeats for item in self.logs}
         groups: dict[tuple[str, datetime | None], list[CaseLog]] = {}
         for item in self.fit_logs:
@@ -163,22 +147,27 @@ def moment(value: Any, where: str) -> datetime:
     """A date, or a date with a time, by ISO 8601."""
     found = date_of(value) if isinstance(value, str) else None
     if found is None:
-        raise refusal(where, f"wanted a date as 2026-03-05 or 2026-03-05T14:30, found {shown(value)}")
+        raise schema.refusal(where, f"wanted a date as 2026-03-05 or 2026-03-05T14:30, found {schema.shown(value)}")
     return found
 
 
-LOG = mapping(
+DATE, TEXT = schema.optional(moment), schema.optional(schema.text())
+LOG = schema.mapping(
     {
-        "file": text(), "role": optional(text(ROLES)), "protocol": optional(text()), "repeats": optional(text()),
-        "date": optional(moment),
+        "file": schema.text(),
+        "role": schema.optional(schema.text(ROLES)),
+        "protocol": TEXT,
+        "repeats": TEXT,
+        "date": DATE,
     },
     required=("file",),
-)  # fmt: skip
-SCHEMA = mapping(
+)
+SCHEMA = schema.mapping(
     {
-        "name": anything, "serial": anything, "date": optional(moment), "robot": optional(names(anything)),
-        "period": optional(number(above=0.0, high=LONGEST_FRAME, unit="s")),
-        "logs": listing(LOG, least=1, wanted="a list of logs"),
+        "name": schema.anything, "serial": schema.anything, "date": DATE,
+        "robot": schema.optional(schema.names(schema.anything)),
+        "period": schema.optional(schema.number(above=0.0, high=LONGEST_FRAME, unit="s")),
+        "logs": schema.listing(LOG, least=1, wanted="a list of logs"),
     },
     required=("logs",),
 )  # fmt: skip
@@ -186,7 +175,7 @@ SCHEMA = mapping(
 
 def read_case_file(path: Path) -> dict[str, Any]:
     """Content of a case.yaml by its keys, each log with its role and date; InputError names file and key."""
-    content = {"name": None, "serial": None, "robot": None, "period": None} | SCHEMA(read_yaml(path), str(path))
+    content = {"name": None, "serial": None, "robot": None, "period": None} | SCHEMA(schema.read_yaml(path), str(path))
     for key in ("name", "serial"):
         content[key] = "" if content[key] is None else str(content[key])
     for log in content["logs"]:
@@ -200,10 +189,7 @@ def log_names(folder: Path) -> list[str]:
 
 
 def find_logs(folder: Path) -> tuple[list[dict[str, Any]], list[str]]:
-    """Logs of a folder without case.yaml, each with its `table`, and notes on what was assumed and left out.
-
-    InputError for a folder without logs of a robot.
-    """
+    """Logs of a folder without case.yaml, each with its `table`, and notes on what was assumed and left out."""
     files = log_names(folder)
     if not files:
         raise InputError(f"{folder}: no case.yaml and no logs")
@@ -231,7 +217,7 @@ def case_text(case: Case) -> str:
         log["date"] = None if item.date is None else written_date(item.date)
         logs.append({key: value for key, value in log.items() if value is not None})
     head = {"name": case.name} | ({"serial": case.serial} if case.serial else {})
-    return dump_yaml(head | {"robot": plain(case.robot), "period": float(case.period), "logs": logs})
+    return schema.dump_yaml(head | {"robot": plain(case.robot), "period": float(case.period), "logs": logs})
 
 
 def written_date(date: datetime) -> str:
@@ -330,11 +316,15 @@ def gather_logs(
     return Case(name, {}, tuple(items), period or (items[0].log.dt if items else PERIOD), tuple(notes))
 
 
-def write_case(case: Case, folder: str | Path) -> None:
-    """Write logs and case.yaml; `read_case` gives the same case back. A new folder appears whole or not at all."""
+def write_case(case: Case, folder: str | Path, notes: Mapping[str, Sequence[str]] | None = None) -> None:
+    """Write logs and case.yaml; `read_case` gives the same case back. A new folder appears whole or not at all.
+
+    notes: what was done to the signals of a log before, by its file.
+    """
     for item in argument("case", case, Case).logs:
         check_inside(folder, item.file, case.name)
     contents = {item.file: log_bytes(item.log, Path(folder) / item.file) for item in case.logs}
+    contents |= {notes_name(file): "\n".join((*lines, "")).encode() for file, lines in (notes or {}).items() if lines}
     write_folder(folder, contents | {FILE: case_text(case).encode()})
 
 
@@ -345,7 +335,7 @@ def check_inside(folder: str | Path, file: str, where: str) -> None:
     except (OSError, ValueError, RuntimeError):  # a name too long, a null byte, a ring of links
         inside = False
     if not inside:
-        raise refusal(f"{where}: log {shown(file)}", "lies outside the folder; --allow-outside reads it")
+        raise schema.refusal(f"{where}: log {schema.shown(file)}", "lies outside the folder; --allow-outside reads it")
 
 
 def relative_name(file: str, place: Path) -> str:

@@ -25,21 +25,9 @@ from pathlib import Path
 
 import numpy as np
 
+from exodrake.core import schema
 from exodrake.core.errors import InputError, nearest, plural
 from exodrake.core.files import is_folder, read_bytes
-from exodrake.core.schema import (
-    flag,
-    inside,
-    listing,
-    mapping,
-    names,
-    number,
-    optional,
-    read_yaml,
-    refusal,
-    text,
-    whole,
-)
 from exodrake.core.units import check_unit, si_unit, to_si
 from exodrake.data.formats import ending, read_log, stem
 from exodrake.data.log import (
@@ -54,7 +42,7 @@ from exodrake.data.log import (
     refuse_doubled,
 )  # fmt: skip
 from exodrake.data.ros2 import STATE, Track, is_bag, read_bag, read_topics
-from exodrake.data.tables import TIME, TextLayout, element_names, episodes, is_dataset, read_columns, read_info, slashed
+from exodrake.data.tables import TIME, TextLayout, element_names, episodes, is_dataset, read_columns, read_info, resolve
 
 BAG_PERIOD = 0.02  # s, frames of a bag whose mapping states none
 ALIKE = 0.1  # relative difference of a frame and a recording's step up to which it has one sample a frame: assumed
@@ -72,28 +60,30 @@ UNITS = {"position": "rad", "velocity": "rad/s", "effort": "N m"}  # REP 103; a 
 LARGEST, SHORTEST = 1e300, 1e-9  # of a finite number; s, a tick of the finest recorder
 
 
-FINITE = number(low=-LARGEST, high=LARGEST)
-POSITIVE = number(above=0.0, high=LARGEST)
-STEP = number(low=SHORTEST, high=LARGEST, unit="s")
+TEXT, WHOLE = schema.text(), schema.whole()
+FINITE = schema.number(low=-LARGEST, high=LARGEST)
+POSITIVE = schema.number(above=0.0, high=LARGEST)
+STEP = schema.number(low=SHORTEST, high=LARGEST, unit="s")
 CHANGES = {"scale": FINITE, "offset": FINITE, "filter": POSITIVE}
-COLUMN = {"name": text(), "unit": text(), "sign": FINITE, "wrap": POSITIVE} | CHANGES
-DERIVED = {"of": text(), "take": text(("first", "rate")), "minus": text(), "unit": text()} | CHANGES
-SYNC = {"columns": listing(text(), least=1), "by": text(), "with": text(), "within": STEP}
+COLUMN = {"name": TEXT, "unit": TEXT, "sign": FINITE, "wrap": POSITIVE} | CHANGES
+DERIVED = {"of": TEXT, "take": schema.text(("first", "rate")), "minus": TEXT, "unit": TEXT} | CHANGES
+SYNC = {"columns": schema.listing(TEXT, least=1), "by": TEXT, "with": TEXT, "within": STEP}
 TIME_KEYS = {
-    "column": optional(lambda value, where: text()(str(value) if type(value) is int else value, where)),
-    "unit": text(), "start": optional(FINITE), "period": optional(STEP),
+    "column": schema.optional(lambda value, where: TEXT(str(value) if type(value) is int else value, where)),
+    "unit": TEXT, "start": schema.optional(FINITE), "period": schema.optional(STEP),
 }  # fmt: skip
 PLAIN = {
-    "hold": whole(), "separator": text(length=1), "decimal": text(length=1), "skip": whole(), "heading": flag,
-    "samples": text(("rows", "columns")), "stamp": text(("log", "header")),
+    "hold": WHOLE, "separator": schema.text(length=1), "decimal": schema.text(length=1), "skip": WHOLE,
+    "samples": schema.text(("rows", "columns")), "stamp": schema.text(("log", "header")),
+    "heading": schema.flag,
 }  # fmt: skip
-SCHEMA = mapping(
+SCHEMA = schema.mapping(
     {
-        "time": optional(mapping(TIME_KEYS)),
-        "columns": names(mapping(COLUMN, required=("name", "unit")), least=1),
-        "derived": optional(names(mapping(DERIVED, required=("of",)))),
-        "sync": optional(listing(mapping(SYNC, required=tuple(SYNC)))),
-        "period": optional(STEP),
+        "time": schema.optional(schema.mapping(TIME_KEYS)),
+        "columns": schema.names(schema.mapping(COLUMN, required=("name", "unit")), least=1),
+        "derived": schema.optional(schema.names(schema.mapping(DERIVED, required=("of",)))),
+        "sync": schema.optional(schema.listing(schema.mapping(SYNC, required=tuple(SYNC)))),
+        "period": schema.optional(STEP),
         **PLAIN,
     },
     required=("columns",),
@@ -102,11 +92,7 @@ SCHEMA = mapping(
 
 @dataclass(frozen=True)
 class Column:
-    """A foreign column and the log column that it becomes: sign (value * scale + offset), converted from its unit.
-
-    Before that, readings that start again at `wrap` [unit] are made continuous; after it comes a zero-phase low-pass
-    with cut-off `filter` [Hz].
-    """
+    """A foreign column and its log column: sign (value * scale + offset), in SI; `wrap` [unit] and `filter` [Hz]."""
 
     foreign: str
     name: str
@@ -144,26 +130,18 @@ class Sync:
 
 @dataclass(frozen=True)
 class Mapped(TextLayout):
-    """Content of a mapping file, with its keys.
-
-    Attributes:
-        time, time_unit: foreign column of the time and its unit; None where `time_period` counts rows.
-        time_period: time between two rows [s]; None where there is a column of the time.
-        start: time at which the log starts [s]; None: as recorded.
-        period: frame period of the log [s]; None leaves rows as recorded.
-        hold: frames a sample stays valid for when none newer has come.
-        samples: "rows" or "columns" of a matrix; None: by its shape.
-    """
+    """Content of a mapping file, with its keys."""
 
     columns: tuple[Column, ...]
+    # time, time_unit: foreign column of the time and its unit; None where `time_period` counts rows
     time: str | None = None
     time_unit: str = "s"
-    time_period: float | None = None
-    start: float | None = None
-    period: float | None = None
-    hold: int = 1
+    time_period: float | None = None  # time between two rows [s]; None where there is a column of the time
+    start: float | None = None  # time at which the log starts [s]; None: as recorded
+    period: float | None = None  # frame period of the log [s]; None leaves rows as recorded
+    hold: int = 1  # frames a sample stays valid for when none newer has come
     stamp: str = "log"
-    samples: str | None = None
+    samples: str | None = None  # "rows" or "columns" of a matrix; None: by its shape
     derived: tuple[Derived, ...] = ()
     sync: tuple[Sync, ...] = ()
 
@@ -174,34 +152,29 @@ class Mapped(TextLayout):
 
 
 def read_mapping(path: str | Path) -> Mapped:
-    """Reads and checks a mapping file.
-
-    Raises:
-        InputError: naming file and key, also for a unit that does not suit its column, a name that comes twice, a
-            derived column of one that is not above it, and columns of `sync` that are not there.
-    """
-    content = SCHEMA(read_yaml(path), str(path))
+    """Reads and checks a mapping file. InputError names file and key."""
+    content = SCHEMA(schema.read_yaml(path), str(path))
     time = content.get("time") or {}
     check_unit("time", time.get("unit", "s"), f"{path}, 'time'")
     columns, derived, syncs, known = [], [], [], ["time"]
     for foreign, item in content["columns"].items():
-        where, name = inside(f"{path}, 'columns'", foreign), item["name"].strip()
+        where, name = schema.inside(f"{path}, 'columns'", foreign), item["name"].strip()
         if not name or not item["unit"].strip():
-            raise refusal(where, f"key {'unit' if name else 'name'!r} is missing")
+            raise schema.refusal(where, f"key {'unit' if name else 'name'!r} is missing")
         check_unit(name, item["unit"], where)
         if abs(item.get("sign", 1.0)) != 1.0:
-            raise refusal(inside(where, "sign"), f"wanted 1 or -1, found {item['sign']:g}")
+            raise schema.refusal(schema.inside(where, "sign"), f"wanted 1 or -1, found {item['sign']:g}")
         if name in known:
-            raise refusal(where, f"{name!r} is the name of more than one column")
+            raise schema.refusal(where, f"{name!r} is the name of more than one column")
         known.append(name)
         columns.append(Column(foreign, **{**item, "name": name}))
     for name, item in (content.get("derived") or {}).items():
-        where = inside(f"{path}, 'derived'", name)
+        where = schema.inside(f"{path}, 'derived'", name)
         for key in ("of", "minus"):
             if key in item and item[key] not in known[1:]:
-                raise refusal(where, f"{item[key]!r} is no column above it{nearest(item[key], known[1:])}")
+                raise schema.refusal(where, f"{item[key]!r} is no column above it{nearest(item[key], known[1:])}")
         if name in known:
-            raise refusal(where, "is the name of another column")
+            raise schema.refusal(where, "is the name of another column")
         if item.get("unit"):
             check_unit(name, item["unit"], where)
         known.append(name)
@@ -211,9 +184,9 @@ def read_mapping(path: str | Path) -> Mapped:
         where = f"{path}, 'sync'"
         for name in (*item["columns"], item["by"], item["with"]):
             if name not in ours:
-                raise refusal(where, f"{name!r} is no column{nearest(name, ours)}")
+                raise schema.refusal(where, f"{name!r} is no column{nearest(name, ours)}")
         if item["by"] not in item["columns"] or item["with"] in item["columns"]:
-            raise refusal(where, "`by` is one of the columns that are moved, and `with` is none of them")
+            raise schema.refusal(where, "`by` is one of the columns that are moved, and `with` is none of them")
         syncs.append(Sync(tuple(item["columns"]), item["by"], item["with"], item["within"]))
     return Mapped(
         columns=tuple(columns),
@@ -237,12 +210,7 @@ class Imported:
 
 
 def import_log(file: str | Path, map_file: str | Path) -> Log:
-    """A foreign recording in our names and SI.
-
-    InputError names the file and the column or key for what is not there, not a number, or on a clock that steps
-    backwards or stands still. Rows that repeat the time of the row before are dropped (recorders often sample faster
-    than the clock ticks); `import_recording` says how many.
-    """
+    """A foreign recording in our names and SI. InputError names file, column or key, and what is wrong with a clock."""
     return import_recording(file, read_mapping(map_file)).log
 
 
@@ -262,8 +230,7 @@ def import_all(
 ) -> dict[str, Imported]:
     """Every log of a recording by name: one of a file or bag, one for each (or chosen) episode of a LeRobot data set.
 
-    Without a mapping that of joint states, or of actions and states with the unit of their joints. InputError as
-    `import_log`, and for a recording that needs a mapping.
+    Without a mapping by that of joint states, or of actions and states with the unit of their joints.
     """
     if is_dataset(path):
         mapped = mapped or default_dataset_mapping(path, unit)
@@ -287,11 +254,7 @@ def import_all(
 
 
 def frame_period(logs: Sequence[Log], mapped: Mapped | None, frame: float) -> float:
-    """Frame period [s] of a case of imported logs: that of the mapping, of the machine or of the first log's clock.
-
-    The machine's `frame` [s] holds if every log has one row in each. InputError for a first log of a single row, unless
-    the mapping states a period.
-    """
+    """Frame [s] of a case of imported logs: of the mapping, of the machine if all logs fit it, else of the first."""
     if mapped is not None and mapped.period is not None:
         return mapped.period
     measured = round(clock_frame(logs[0]), 9)
@@ -378,11 +341,7 @@ def make_log(tracks: dict[str, Track], mapped: Mapped, source: str, notes: Seque
 
 
 def sort_tracks(tracks: dict[str, Track], period: float, source: str) -> tuple[dict[str, Track], list[str]]:
-    """Tracks of a bag, each in order of its stamps, and notes on those that were not.
-
-    Messages overtake each other on their way by less than a frame of `period` [s]. InputError for a clock that steps
-    further back, and for one that stands still.
-    """
+    """Tracks of a bag by their stamps, and notes on messages that overtook others by less than a frame `period` [s]."""
     ordered, notes = {}, dict[str, None]()
     for name, track in tracks.items():
         topic, times = f"topic {name.partition(':')[0]!r}", track.time
@@ -411,7 +370,7 @@ def sort_tracks(tracks: dict[str, Track], period: float, source: str) -> tuple[d
 def _one_clock(table: dict[str, np.ndarray], mapped: Mapped, source: str) -> tuple[dict[str, Track], list[str]]:
     """Mapped columns of a table, on its time column or, without one, on its row number; notes on rows left out."""
     wanted = [column.foreign for column in mapped.columns] + ([mapped.time] if mapped.time else [])
-    names = {name: slashed(name, table) for name in wanted}
+    names = {name: resolve(name, table) for name in wanted}
     for name, found in names.items():
         if found not in table:
             raise InputError(f"{source}: no column {name!r} (it has {', '.join(table)[:400]})")
@@ -451,10 +410,10 @@ def _one_clock(table: dict[str, np.ndarray], mapped: Mapped, source: str) -> tup
 def lay_on_frames(
     tracks: dict[str, Track], period: float, hold: int, source: str
 ) -> tuple[np.ndarray, dict[str, np.ndarray], list[str]]:
-    """Frames from the first sample to the last, and notes; a frame carries the newest sample taken before its end.
+    """Frames from the first sample to the last, each with the newest sample taken before its end, and notes.
 
-    A sample older than `hold` frames before the frame's start is stale, and the frame is left empty. Where a clock has
-    about one sample a frame, frames lie about their samples, so that jitter of the clock neither loses nor repeats one.
+    A sample older than `hold` frames is stale. Where a clock has about one sample a frame, frames lie about their
+    samples, so that jitter neither loses nor repeats one.
     """
     start = min(track.time.min() for track in tracks.values())
     end = max(track.time.max() for track in tracks.values())
@@ -500,11 +459,7 @@ def median_step(time: np.ndarray) -> float:
 
 
 def low_pass(time: np.ndarray, values: np.ndarray, cutoff: float, where: str) -> np.ndarray:
-    """Values (n,) through a zero-phase Butterworth low-pass; a missing sample stays missing.
-
-    At the cut-off [Hz] the amplitude falls to a half, since the filter runs both ways. InputError for a clock (n,) [s]
-    that is not even, a cut-off that it cannot hold, and too few samples.
-    """
+    """Values (n,) through a zero-phase Butterworth filter: half the amplitude at `cutoff` [Hz]; NaN stays NaN."""
     from scipy.signal import butter, sosfiltfilt
 
     steps, known = np.diff(time), np.isfinite(values)
@@ -524,11 +479,7 @@ def low_pass(time: np.ndarray, values: np.ndarray, cutoff: float, where: str) ->
 
 
 def find_lag(moved: Track, fixed: Track, within: float, where: str) -> tuple[float, float]:
-    """Lag of `moved` behind `fixed` [s], `within` [s] either way, and their correlation at that lag, the largest.
-
-    Each lag is judged on the same stretch of the fixed signal, by the correlation coefficient. InputError if they do
-    not overlap, do not move, or are not alike at any lag.
-    """
+    """Lag of `moved` behind `fixed` [s] with the largest correlation, `within` [s] either way, and that correlation."""
     from scipy.signal import correlate
 
     def known(track: Track) -> Track:
@@ -582,10 +533,7 @@ def describe_conversion(column: Column | Derived) -> str | None:
 
 
 def default_bag_mapping(path: str | Path) -> Mapped:
-    """Joint states by their names: positions as angles, or as commands where the topic's name says so.
-
-    InputError for a bag without joint states.
-    """
+    """Joint states by their names: positions as angles, or as commands where the topic's name says so."""
     columns: dict[str, Column] = {}
     for topic, (kind, _, fields) in read_topics(path).items():
         if kind.replace("/msg/", "/") != STATE.replace("/msg/", "/"):
@@ -618,11 +566,7 @@ def default_bag_mapping(path: str | Path) -> Mapped:
 
 
 def default_dataset_mapping(path: Path, unit: str) -> Mapped:
-    """Actions as commands and states as angles of a LeRobot data set, in a unit that it does not state.
-
-    Raises:
-        InputError: without a unit, or for a data set whose actions and states are not the same joints.
-    """
+    """Actions as commands and states as angles of a LeRobot data set, in a unit that it does not state."""
     info = read_info(path)
     if not unit:
         raise InputError(f"{path}: a LeRobot data set states no unit of its joints; --unit deg, for instance")

@@ -67,13 +67,8 @@ class Log:
         for name, values in signals.items():
             if values.shape != time.shape:
                 raise InputError(f"{self.label}: column {name!r} has {len(values)} samples, time has {len(time)}")
-        given = self.units
-        units = {
-            name: check_unit(name, given[name], f"{self.label}, column {name!r}")
-            if name in given
-            else default_unit(name)
-            for name in signals
-        }
+        units = {name: self.units[name] if name in self.units else default_unit(name) for name in signals}
+        units = {name: check_unit(name, unit, f"{self.label}, column {name!r}") for name, unit in units.items()}
         object.__setattr__(self, "time", time)
         object.__setattr__(self, "signals", signals)
         object.__setattr__(self, "units", units)
@@ -275,17 +270,6 @@ def refuse_doubled(names: Iterable[str], source: str) -> None:
         known.add(visible)
 
 
-def split_heading(text: str, source: str) -> tuple[str, str]:
-    """(name, unit) of a heading. InputError when the brackets or the name are absent."""
-    name, bracket, rest = text.strip().partition("[")
-    unit, closing, tail = rest.partition("]")
-    if not bracket or not closing or tail.strip() or not name.strip():
-        raise InputError(
-            f"{source}: column heading {text.strip()!r}: wanted a name and a unit in brackets, like 'tension_AF [N]'"
-        )
-    return name.strip(), unit
-
-
 def refuse_separator(cells: list[str], source: str) -> None:
     """InputError for a heading that other separators than commas leave in one cell."""
     found = next((said for sign, said in SEPARATORS.items() if len(cells) == 1 and sign in cells[0].strip()), None)
@@ -300,18 +284,20 @@ def columns_in_si(
 ) -> tuple[dict[str, np.ndarray], dict[str, str]]:
     """Values (n,) [SI] by name, time among them, and their SI units, from pairs of heading and values (n,).
 
-    `units` are those of columns whose heading is a bare name, else SI by their kind; None: each heading has its unit.
-    InputError names a column that comes twice, or in other letters, or whose unit does not suit, and a value beyond any
-    signal.
+    A bare name takes its unit from `units`, else SI by its kind; units of None: each heading has its unit.
     """
     signals: dict[str, np.ndarray] = {}
     known: dict[str, str] = {}
     for text, values in columns:
-        if units is not None and "[" not in text:
-            name = text.strip()
+        name, bracket, rest = text.strip().partition("[")
+        name, (unit, closing, tail) = name.strip(), rest.partition("]")
+        if units is not None and not bracket:
             unit = units.get(name) or default_unit(name)
-        else:
-            name, unit = split_heading(text, source)
+        elif not closing or tail.strip() or not name:
+            raise InputError(
+                f"{source}: column heading {text.strip()!r}: wanted a name and a unit in brackets, like "
+                "'tension_AF [N]'"
+            )
         if name in signals:
             raise InputError(f"{source}: column {name!r} comes twice")
         where = f"{source}, column {name!r}"
@@ -483,8 +469,7 @@ def regularise(log: Log, period: float = 0.02) -> tuple[Log, list[str]]:
 def other_rate(time: np.ndarray, frames: np.ndarray, period: float) -> tuple[float, float] | None:
     """Time [s] from which a clock (n,) [s] runs at another rate than its frames (n,), and its frame there [s]; or None.
 
-    The rate is that of the straight line through some rows. It counts where it takes them half a frame away, beyond
-    which they lie at another frame.
+    The rate is the slope over some rows, and counts where it takes them half a frame away.
     """
     for rows in np.array_split(np.arange(len(time)), max(1, len(time) // STRETCH)):
         span = float(frames[rows[-1]] - frames[rows[0]]) if len(rows) > 2 else 0.0
@@ -497,10 +482,7 @@ def other_rate(time: np.ndarray, frames: np.ndarray, period: float) -> tuple[flo
 
 
 def clock_frame(log: Log) -> float:
-    """Frame that a log's clock counts [s]: its median step, or the mean one where stamps are rounded.
-
-    InputError for a log of fewer than two rows.
-    """
+    """Frame that a log's clock counts [s]: its median step, or the mean one where stamps are rounded."""
     step = log.dt
     found = other_rate(log.time, np.concatenate([[0], np.cumsum(np.rint(np.diff(log.time) / step))]), step)
     return step if found is None else found[1]

@@ -50,11 +50,8 @@ STYLE: dict[Any, Any] = {
 }  # fmt: skip
 
 
-def kinds_of(log: Log, machine: Machine | None = None) -> list[str]:
-    """Kinds of columns that get a panel each, those of the machine first.
-
-    References, estimates and standard deviations are drawn with the kind that they belong to.
-    """
+def list_kinds(log: Log, machine: Machine | None = None) -> list[str]:
+    """Kinds of columns with a panel each, those of the machine first; a reference is drawn with its kind."""
     named = [c.kind for c in machine.columns] if machine else []
     named += [kind_of(c) or c.rsplit("_", 1)[0] for c in log.columns]
     return [kind for kind in dict.fromkeys(named) if log.names(kind) and not kind.endswith(ASIDE)]
@@ -88,7 +85,7 @@ def plot_log(
     """
     import matplotlib
 
-    kinds = kinds_of(log, machine)
+    kinds = list_kinds(log, machine)
     if not kinds:
         raise InputError(f"{log.label}: nothing to draw: no column but the time and references")
     width = min(WIDEST, max(NARROWEST, log.duration / PER_INCH)) if len(log) > 1 else NARROWEST
@@ -147,7 +144,7 @@ def log_html(log: Log) -> str:
     span = f", {log.time[0]:g} to {log.time[-1]:g} s" if len(log) else ""
     page = f"<b>{escape(log.label)}</b>: {len(log)} rows{span}<table><tr>{heads}</tr>{''.join(rows)}</table>"
     page += f"<p>and {more} more</p>" if more else ""
-    if not len(log) or not kinds_of(log):
+    if not len(log) or not list_kinds(log):
         return page
     return f'{page}<img alt="" src="data:image/png;base64,{b64encode(png_of(plot_log(log), SMALL)).decode()}">'
 
@@ -170,7 +167,9 @@ def draw_panel(
         else:  # the envelope and the mean of stretches of time
             stretch = stretch_of(len(values), 2 * STRETCHES)
             low, high = np.sort(envelope(values[:, None], stretch).reshape(-1, 2), axis=1).T
-            at, mean = means(np.column_stack([log.time, values]), stretch).T
+            blocks = split_stretches(np.column_stack([log.time, values]), stretch)
+            count = np.isfinite(blocks).sum(axis=1)  # the mean is NaN in a stretch without a sample
+            at, mean = np.where(count > 0, np.nansum(blocks, axis=1) / np.maximum(count, 1), np.nan).T
             axes.fill_between(at, low, high, color=colour, alpha=0.3, lw=0)
             axes.plot(at, mean, label=name, **look)
         reference = f"{kind}{REFERENCE}_{name}"
@@ -199,16 +198,14 @@ def add_legends(panels: Mapping[str, Any], log: Log, logs: Mapping[str, Mapping[
 
     explained: set[tuple[str, ...]] = set()
     for kind, axes in panels.items():
+        if log.names(kind) in explained:
+            continue
         handles, _ = axes.get_legend_handles_labels()
         if len(handles) > MOST_NAMES:
             more = Line2D([], [], ls="", label=f"and {len(handles) - MOST_NAMES} more")
             handles = [*handles[:MOST_NAMES], more]
-        if log.names(kind) in explained:
-            continue
-        if logs and not explained:
-            handles += [
-                Line2D([], [], **{**style, "color": "#555"}, label=name) for name, style in logs.items() if name
-            ]
+        for name, style in logs.items() if not explained else ():
+            handles += [Line2D([], [], **{**style, "color": "#555"}, label=name)] * bool(name)
         explained.add(log.names(kind))
         if len(log) > LONG:
             handles.append(Patch(color="#555", alpha=0.3, lw=0, label="range"))
@@ -244,14 +241,10 @@ def stretch_of(samples: int, most: int) -> int:
 
 
 def envelope(values: np.ndarray, stretch: int) -> np.ndarray:
-    """The least and the largest of each stretch of values (n, columns), NaN where nothing was measured, in their order.
-
-    (2 ceil(n / stretch), columns) in equal steps of half a stretch, NaN where a stretch has no sample; a stretch of one
-    sample leaves the values as they are.
-    """
+    """Least and largest of each stretch of values (n, columns), in their order: (2 ceil(n / stretch), columns)."""
     if stretch <= 1:
         return values
-    blocks = blocks_of(values, stretch)
+    blocks = split_stretches(values, stretch)
     missing = np.isnan(blocks)
     least = np.where(missing, np.inf, blocks).argmin(axis=1)
     largest = np.where(missing, -np.inf, blocks).argmax(axis=1)
@@ -259,14 +252,7 @@ def envelope(values: np.ndarray, stretch: int) -> np.ndarray:
     return np.take_along_axis(blocks, at, axis=1).reshape(-1, values.shape[1])
 
 
-def means(values: np.ndarray, stretch: int) -> np.ndarray:
-    """The mean of each stretch of values (n, columns), (ceil(n / stretch), columns); NaN where it has no sample."""
-    blocks = blocks_of(values, stretch)
-    count = np.isfinite(blocks).sum(axis=1)
-    return np.where(count > 0, np.nansum(blocks, axis=1) / np.maximum(count, 1), np.nan)
-
-
-def blocks_of(values: np.ndarray, stretch: int) -> np.ndarray:
+def split_stretches(values: np.ndarray, stretch: int) -> np.ndarray:
     """Values (n, columns) in stretches, (ceil(n / stretch), stretch, columns), the last one filled with NaN."""
     padded = np.full((-(-len(values) // stretch) * stretch, values.shape[1]), np.nan)
     padded[: len(values)] = values
@@ -276,7 +262,7 @@ def blocks_of(values: np.ndarray, stretch: int) -> np.ndarray:
 def remarks(found: Comparison, log: Log, machine: Machine | None = None) -> dict[str, str]:
     """RMS differences of each kind of column in words, for the panels of `plot_log`."""
     said = {}
-    for kind in kinds_of(log, machine):
+    for kind in list_kinds(log, machine):
         display = display_in(log, kind, machine)
         values = {n: found.signals[f"{kind}_{n}"] for n in log.names(kind) if f"{kind}_{n}" in found.signals}
         if values and kind_of(f"{kind}_x") == kind:

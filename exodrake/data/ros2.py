@@ -13,7 +13,7 @@ import re
 import sqlite3
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -85,25 +85,18 @@ def read_bag(path: str | Path, columns: Sequence[str], stamp: str) -> dict[str, 
 
 
 def read_topics(path: str | Path) -> dict[str, Topic]:
-    """Topic -> type, number of messages, and numeric fields of its first message, as columns name them.
-
-    The fields are None where the messages cannot be decoded.
-    """
+    """Topic -> type, number of messages, and numeric fields of its first message, None if it cannot be decoded."""
     found: dict[str, Topic] = {}
     for file in bag_files(path):
-        for topic, (kind, count, fields) in read_apart(
-            list_topics, read_bytes(file), str(file), "MCAP or SQLite"
-        ).items():
+        topics = read_apart(list_topics, read_bytes(file), str(file), "MCAP or SQLite")
+        for topic, (kind, count, fields) in topics.items():
             before = found.get(topic, (kind, 0, fields))
             found[topic] = kind, before[1] + count, before[2] or fields
     return found
 
 
 def read_tracks(data: bytes, source: str, columns: Sequence[str], stamp: str) -> dict[str, Track]:
-    """Column -> samples with their times [s]; stamp `log` is the recorder's time, `header` the message's own.
-
-    InputError names the topic or field that is not there; a damaged bag; a message that cannot be decoded.
-    """
+    """Column -> samples with their times [s]; stamp `log` is the recorder's time, `header` the message's own."""
     wanted: dict[str, list[str]] = {}
     for column in columns:
         topic, _, field = column.partition(":")
@@ -146,11 +139,8 @@ def _get(message: Any, name: str, default: Any = None) -> Any:
 
 def _labels(owner: Any, values: Any) -> list[str]:
     """What a message calls the elements of one of its lists: by their own `name`, or by a list of names beside it."""
-    own = (
-        [_get(one, "name") for one in values]
-        if isinstance(values, list) and _get(next(iter(values), 0), "name")
-        else []
-    )
+    named = isinstance(values, list) and _get(next(iter(values), 0), "name")
+    own = [_get(one, "name") for one in values] if named else []
     if own and all(isinstance(name, str) for name in own):
         return own
     beside = (_get(owner, key) for key in ("name", "joint_names", "names"))
@@ -177,10 +167,7 @@ def numeric_fields(message: Any, path: str = "") -> list[str]:
 
 
 def messages(data: bytes, source: str, topics: set[str] | None) -> Iterator[tuple[str, str, Any, int]]:
-    """(topic, type, message, log time [ns]) of every message on some topics; on all for None.
-
-    Of all topics the message is None where it cannot be decoded; InputError for one of those that are named.
-    """
+    """(topic, type, message, log time [ns]) on some topics; on all for None, where undecodable messages are None."""
     try:
         yield from (sqlite_messages if source.lower().endswith(SQLITE) else mcap_messages)(data, source, topics)
     except ImportError:
@@ -188,10 +175,7 @@ def messages(data: bytes, source: str, topics: set[str] | None) -> Iterator[tupl
 
 
 def mcap_messages(data: bytes, source: str, topics: set[str] | None) -> Iterator[tuple[str, str, Any, int]]:
-    """`messages` of MCAP storage, those of a topic by the numbers that they carry, else as they are stored.
-
-    Not by their time: a recorder's clock may have stepped back.
-    """
+    """`messages` of MCAP storage by their numbers, else as stored: a recorder's clock may have stepped back."""
     from mcap.reader import make_reader
     from mcap_ros2.decoder import DecoderFactory
 
@@ -245,7 +229,10 @@ def _field(message: Any, path: str, where: str) -> float | None:
     """`wrench.force.z`, `position[0]` or `position[MCP]` of a message, as a number; None if it lacks the element."""
     whole = isinstance(message, dict) and path in message  # keys of JSON may hold dots
     value: Any = message[path] if whole else message
-    for name, *indices in () if whole else path_steps(path):
+    steps = re.findall(
+        r"[^.\[]+(?:\[[^\]]*\]?)*|\[[^\]]*\]?", path
+    )  # `a.b[0][MCP]`: names with the indices behind them
+    for name, *indices in () if whole else (step.replace("]", "").split("[") for step in steps):
         if name and _get(value, name, _get) is _get:
             raise InputError(f"{where} has no field {path!r}")
         owner, value = value, _get(value, name) if name else value
@@ -262,10 +249,3 @@ def _field(message: Any, path: str, where: str) -> float | None:
         return None if value is None else float(value)
     except (TypeError, ValueError, OverflowError):
         raise InputError(f"{where}: field {path!r} is not a number") from None
-
-
-@cache
-def path_steps(path: str) -> list[list[str]]:
-    """A field's steps, each a name and the indices behind it: `a.b[0][MCP]` is [[a], [b, 0, MCP]]."""
-    steps = re.findall(r"[^.\[]+(?:\[[^\]]*\]?)*|\[[^\]]*\]?", path)
-    return [step.replace("]", "").split("[") for step in steps]

@@ -13,7 +13,6 @@ import json
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
 from itertools import chain, islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -52,10 +51,7 @@ class TextLayout:
 
 
 def read_columns(data: bytes, source: str, mapped: Mapped) -> dict[str, np.ndarray]:
-    """Mapped columns of a foreign table, and others of a table of numbers; name -> (n,) as recorded.
-
-    InputError names file, and column and row where there is text in a mapped column.
-    """
+    """Mapped columns (n,) of a foreign table by name, as recorded, and others of a table of numbers."""
     data, tree = _opened(data, source)
     if tree is None:
         cells = text_cells(data, source, mapped, mapped.foreign)
@@ -64,7 +60,7 @@ def read_columns(data: bytes, source: str, mapped: Mapped) -> dict[str, np.ndarr
     refuse_doubled(columns, source)
     if mapped.time is None or mapped.samples is not None:
         return columns
-    time = columns.get(slashed(mapped.time, columns))
+    time = columns.get(resolve(mapped.time, columns))
     return columns if time is None else flatten(tree, source, len(time))
 
 
@@ -99,7 +95,7 @@ def _opened(data: bytes, source: str) -> tuple[bytes, Any]:
     return data, None if reader is None else reader(data, source)
 
 
-def slashed(name: str, columns: Mapping[str, Any]) -> str:
+def resolve(name: str, columns: Mapping[str, Any]) -> str:
     """A name as the columns have it: HDF5's `group/data` is `group.data`."""
     return name if name in columns else name.strip("/").replace("/", ".")
 
@@ -122,10 +118,7 @@ def parse_records(data: bytes, source: str) -> Any:
 
 
 def flatten(tree: Any, source: str, samples: int | None = None, side: str | None = None) -> dict[str, np.ndarray]:
-    """Columns of nested values by name, (n,) each. InputError for a name that comes twice.
-
-    The samples of a matrix lie along the `side` "rows" or "columns", else where there are as many as `samples`.
-    """
+    """Columns (n,) of nested values by name; a matrix lies along `side`, else as it has as many rows as `samples`."""
     found: dict[str, np.ndarray] = {}
 
     def add(value: Any, name: str, side: str | None, depth: int) -> None:
@@ -136,11 +129,8 @@ def flatten(tree: Any, source: str, samples: int | None = None, side: str | None
                 add(item, f"{name}.{key}" if name else str(key), side, depth + 1)
             return
         records = isinstance(value, list | tuple) and bool(value) and isinstance(value[0], Mapping)
-        if (
-            records
-            and len(value) > 1
-            and all(isinstance(one, Mapping) and one.keys() == value[0].keys() for one in value)
-        ):
+        alike = records and all(isinstance(one, Mapping) and one.keys() == value[0].keys() for one in value)
+        if alike and len(value) > 1:
             table = {key: [one[key] for one in value] for key in value[0]}
             if all(_is_simple(item[0], nested=True) for item in table.values()):
                 add(table, name, "rows", depth + 1)
@@ -193,10 +183,7 @@ def _array(value: Any) -> np.ndarray | None:
 def text_cells(
     data: bytes, source: str, layout: TextLayout, wanted: Collection[str] = (), ragged: bool = False
 ) -> dict[str, list[str]]:
-    """Cells of a text table by column, of the wanted columns or all; those of lists as `name[0]`, `name[1]` ...
-
-    InputError for a wanted column that is absent, and for a ragged row, unless those are left out.
-    """
+    """Cells of a text table by column, of the wanted columns or all; of lists as `name[0]`, `name[1]` ..."""
     check_size(sum(data.count(end) for end in {b"\n", b"\r", layout.separator.encode()}), source)
     rows = _rows(data, source, layout)
     first = next(rows, [])
@@ -251,14 +238,9 @@ def _numbers(cells: Sequence[str], name: str, source: str, decimal: str) -> np.n
 
 def _is_number(cell: str, decimal: str) -> bool:
     """Whether a cell holds a number, or says that one is missing; no mark parts thousands, as Python's `1_000` does."""
-    return cell.lower() in MISSING or bool(number_pattern(decimal).fullmatch(cell))
-
-
-@cache
-def number_pattern(decimal: str) -> re.Pattern[str]:
-    """Numbers with this decimal mark."""
-    digits = rf"(?:[0-9]+(?:{re.escape(decimal)}[0-9]*)?|{re.escape(decimal)}[0-9]+)"
-    return re.compile(rf"[-+]?(?:{digits}(?:e[-+]?[0-9]+)?|inf|infinity|nan)", re.IGNORECASE)
+    mark = re.escape(decimal)
+    number = rf"[-+]?(?:(?:[0-9]+(?:{mark}[0-9]*)?|{mark}[0-9]+)(?:e[-+]?[0-9]+)?|inf|infinity|nan)"
+    return cell.lower() in MISSING or bool(re.fullmatch(number, cell, re.IGNORECASE))  # `re` keeps compiled patterns
 
 
 def _hint(data: bytes, layout: TextLayout) -> str:
@@ -270,11 +252,7 @@ def _hint(data: bytes, layout: TextLayout) -> str:
 
 
 def guess_layout(data: bytes) -> TextLayout:
-    """The layout of a text table, by its first lines.
-
-    Separator and decimal mark are those by which most cells are numbers, in rows as long as the first; a first line of
-    numbers alone is no heading.
-    """
+    """The layout of a text table: separator and decimal mark by which most cells of its first lines are numbers."""
     text = data[:LOOK].decode("utf-8-sig", "replace")
     lines = [line for line in text.splitlines() if line.strip()][:LINES]
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from exodrake.core.errors import InputError
-from exodrake.data.log import Log
+from exodrake.data.log import Log, check_columns
 
 MIN_SWEEPS = 4  # fewer do not show the variation between sweeps
 MIN_RAMP = 0.3  # s, a shorter rise or fall of a reference is a step between sweeps
@@ -20,19 +20,12 @@ MIN_STEP = 1e-4  # of a reference's range in one frame: less is a hold
 
 @dataclass(frozen=True, eq=False)
 class Sweeps:
-    """Rows of several sweeps, with names of their wires, joints and logs.
+    """Rows of several sweeps, with names of their wires, joints and logs."""
 
-    Attributes:
-        inputs: (n, 2 x wires) tensions [N], then strokes [m].
-        angle: (n, joints) joint angles [rad].
-        sweep: (n,) label of the sweep.
-        time: (n,) time [s], compared within a sweep only.
-    """
-
-    inputs: np.ndarray
-    angle: np.ndarray
-    sweep: np.ndarray
-    time: np.ndarray
+    inputs: np.ndarray  # (n, 2 x wires) tensions [N], then strokes [m]
+    angle: np.ndarray  # (n, joints) joint angles [rad]
+    sweep: np.ndarray  # (n,) label of the sweep
+    time: np.ndarray  # (n,) time [s], compared within a sweep only
     wires: tuple[str, ...]
     joints: tuple[str, ...]
     logs: tuple[str, ...] = ()
@@ -84,7 +77,8 @@ def sweeps_from_logs(logs: Sequence[Log], one_per_log: Sequence[str] = ()) -> Sw
         if set(found) != set(joints):
             have, wanted = ", ".join(found), ", ".join(joints) or "none"
             raise InputError(f"{log.label}: angles of joints {have}, the estimator needs {wanted}")
-        angles.append(_complete_array(log, "angle", joints))
+        check_columns(log, (), [f"angle_{joint}" for joint in joints])
+        angles.append(log.array("angle", joints))
         label = np.zeros(len(log), int) if log.label in one_per_log else cut(log.array("tension_ref", wires), log.dt)
         labels.append(first + label)
         first += int(label[-1]) + 1
@@ -103,7 +97,8 @@ def read_inputs(log: Log, wires: tuple[str, ...]) -> np.ndarray:
     if not wires or set(found) != set(wires):
         have = ", ".join(found) or "none"
         raise InputError(f"{log.label}: tensions of wires {have}, the estimator needs {', '.join(wires) or 'none'}")
-    return np.hstack([_complete_array(log, "tension", wires), _complete_array(log, "stroke", wires)])
+    check_columns(log, (), [f"{kind}_{wire}" for kind in ("tension", "stroke") for wire in wires])
+    return np.hstack([log.array("tension", wires), log.array("stroke", wires)])
 
 
 def read_session(log: Log, wires: tuple[str, ...], joints: tuple[str, ...]) -> Sweeps:
@@ -141,13 +136,3 @@ def cut(reference: np.ndarray, dt: float) -> np.ndarray:
             label[last + 1 :] += 1
         last, lead, height, fallen = end, wire, reference[end, wire], False
     return label
-
-
-def _complete_array(log: Log, kind: str, names: Sequence[str]) -> np.ndarray:
-    """Columns of a kind (rows, names). InputError naming column and row of the first missing sample."""
-    array = log.array(kind, tuple(names))
-    for name, values in zip(names, array.T):
-        if len(missing := np.flatnonzero(~np.isfinite(values))):
-            where = f"column {f'{kind}_{name}'!r}, row {missing[0] + 1}"
-            raise InputError(f"{log.label}: {where}: sample missing ({len(missing)} in all)")
-    return array

@@ -191,18 +191,13 @@ def scaled_prior(sweeps: Sweeps) -> Prior:
 
 @dataclass(frozen=True)
 class Zeros:
-    """Shift (wires,) [m] of the stroke zeros of a session against training, with its covariance (wires, wires) [m2].
-
-    Attributes:
-        moved: Whether the shift is more than variation between sweeps, and a constant explains the residuals.
-        unlike: Whether a constant does not explain the residuals: contact, another wearer or robot.
-    """
+    """Shift (wires,) [m] of the stroke zeros of a session against training, with its covariance (wires, wires) [m2]."""
 
     wires: tuple[str, ...]
     shift: np.ndarray
     covariance: np.ndarray
-    moved: bool
-    unlike: bool
+    moved: bool  # whether the shift is more than variation between sweeps, and a constant explains the residuals
+    unlike: bool  # whether a constant does not explain the residuals: contact, another wearer or robot
 
     @property
     def half_widths(self) -> np.ndarray:
@@ -212,10 +207,7 @@ class Zeros:
 
 @dataclass(frozen=True, eq=False)
 class StrokeModel:
-    """Strokes that training rows show at their tensions: inputs [N], outputs (`angle`) strokes [m].
-
-    `theta` are the logarithms of the hyperparameters of the covariance.
-    """
+    """Strokes that training rows show at their tensions; `theta`: logarithms of the covariance's parameters."""
 
     rows: Sweeps
     theta: np.ndarray
@@ -293,24 +285,17 @@ def _constant(precision: np.ndarray, residual: np.ndarray) -> tuple[np.ndarray, 
 @short_repr
 @dataclass(frozen=True, eq=False)
 class Estimator:
-    """Trained estimator.
-
-    Attributes:
-        weights: Arrays of the prediction.
-        limit: Variance ratio (see `predict_into`) beyond which a sample is unlike the training sweeps [-].
-        robot: Signature of the robot file, or "".
-        sweeps: Number of training sweeps; logs: their names.
-        strokes: Strokes that the training shows at its tensions, for the zeros of a session; None if not learnt.
-    """
+    """Trained estimator."""
 
     wires: tuple[str, ...]
     joints: tuple[str, ...]
-    weights: Weights
-    limit: float
-    robot: str = ""
+    weights: Weights  # arrays of the prediction
+    limit: float  # variance ratio (see `predict_into`) beyond which a sample is unlike the training sweeps [-]
+    robot: str = ""  # signature of the robot file, or ""
     logs: tuple[str, ...] = ()
-    sweeps: int = 0
+    sweeps: int = 0  # number of training sweeps
     kernel: str = ""
+    # strokes that the training shows at its tensions, for the zeros of a session; None if not learnt
     strokes: StrokeModel | None = None
 
     @cached_property
@@ -329,21 +314,13 @@ class Estimator:
         return mean, std, ratio > self.limit
 
     def zeros(self, session: Sweeps) -> Zeros:
-        """Estimate the zeros of the strokes of a session and test whether they moved since the training.
-
-        Raises:
-            InputError: If the estimator has no model of the strokes, as in files of earlier versions.
-        """
+        """Test whether the zeros of a session's strokes moved since the training. InputError without `strokes`."""
         if self.strokes is None:
             raise InputError("estimator without a model of the strokes: train it again to find the zeros of a session")
         return self.strokes.zeros(session)
 
     def corrected(self, zeros: Zeros, session: Sweeps) -> Estimator:
-        """Move the zeros of the estimator to those of a session.
-
-        The standard deviations grow by the uncertainty of the zeros, in the mean over the session: the result is an
-        estimator like any other, for the Diagram too.
-        """
+        """Move the zeros to those of a session; the standard deviations grow by the uncertainty of the zeros."""
         wires, weights, some = len(self.wires), self.weights, session.equispaced(POINTS)
         moved = replace(self, weights=weights._replace(center=weights.center + np.r_[np.zeros(wires), zeros.shift]))
         mean, std, _ = moved.predict(some.tension, some.stroke)
@@ -388,10 +365,7 @@ def condition(prior: Prior, sweeps: Sweeps, points: int = POINTS) -> Estimator:
 
 
 def leave_one_sweep_out(inverse: np.ndarray, targets: np.ndarray, sweep: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Residual (n, joints) and variance (n,) [-] of each row, predicted from the other sweeps.
-
-    From K^-1 (n, n), scaled angles (n, joints), and labels of sweeps (n,) [-].
-    """
+    """Residual (n, joints) and variance (n,) [-] of each row, predicted from the other sweeps."""
     weighted = inverse @ targets
     residual, variance = np.empty_like(targets), np.empty(len(targets))
     for label in np.unique(sweep):
@@ -402,8 +376,8 @@ def leave_one_sweep_out(inverse: np.ndarray, targets: np.ndarray, sweep: np.ndar
     return residual, variance
 
 
-def save(estimator: Estimator, path: str | Path, notes: dict[str, Any] | None = None) -> None:
-    """Write an estimator (.npz) with notes, such as validation errors, in its record. InputError if it cannot."""
+def estimator_bytes(estimator: Estimator, notes: dict[str, Any] | None = None) -> bytes:
+    """Content of an estimator's file (.npz), with notes, such as validation errors, in its record."""
     from exodrake import __version__
 
     kept = ("wires", "joints", "robot", "logs", "sweeps", "kernel", "limit")
@@ -415,15 +389,16 @@ def save(estimator: Estimator, path: str | Path, notes: dict[str, Any] | None = 
         arrays |= zip(STROKES, (rows.inputs, rows.angle, rows.sweep, rows.time, model.theta), strict=True)
     stream = io.BytesIO()
     np.savez(stream, record=np.array(json.dumps(record)), **arrays)
-    write_bytes(path, stream.getvalue())
+    return stream.getvalue()
+
+
+def save(estimator: Estimator, path: str | Path, notes: dict[str, Any] | None = None) -> None:
+    """Write an estimator with notes. InputError if it cannot."""
+    write_bytes(path, estimator_bytes(estimator, notes))
 
 
 def load(path: str | Path, robot: str | None = None) -> Estimator:
-    """Read an estimator; with the signature of a robot, one that carries it.
-
-    Raises:
-        InputError: Naming a file that is no estimator, is damaged, has unknown units, or belongs to another robot.
-    """
+    """Read an estimator; with the signature of a robot, one that carries it. InputError for anything else."""
     arrays = read_arrays(read_bytes(path), str(path))
     try:
         record = json.loads(str(arrays.pop("record")))
@@ -472,10 +447,7 @@ def _array(arrays: dict[str, np.ndarray], name: str, shape: tuple[int, ...]) -> 
 
 
 def quick_estimator(robot: Robot, cache: Path | None = None) -> Estimator:
-    """An estimator trained on simulated sweeps of a robot, which should have no effects, or the one kept in a file.
-
-    The file is used if it belongs to the same robot; it is never written.
-    """
+    """An estimator of simulated sweeps of a robot without effects, or the one kept in a file for that robot."""
     from exodrake.simulation.protocols import sweeps
     from exodrake.simulation.simulate import simulate
 

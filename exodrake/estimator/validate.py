@@ -126,11 +126,7 @@ class Estimate:
 
 
 def estimate(estimator: Estimator, log: Log, correct: bool = True) -> Estimate:
-    """Estimate the joint angles of a log, a session of its own, whose strokes follow a change of their zeros.
-
-    Raises:
-        InputError: For other wires or joints than the estimator's, and for missing tensions or strokes.
-    """
+    """Joint angles of a log, a session of its own; `correct`: its strokes follow a change of their zeros."""
     session, measured = read_session(log, estimator.wires, estimator.joints), log.names("angle")
     if measured and set(measured) != set(estimator.joints):
         raise InputError(

@@ -35,21 +35,13 @@ REACH = 1.2  # rad beyond rest that the PIP bends at most in a pinch
 
 @dataclass(frozen=True)
 class Hand:
-    """The thumb in the finger's plane, and how soft skin is.
+    """The thumb in the finger's plane, and how soft skin is; all values are assumed."""
 
-    Attributes (all assumed):
-        thumb: centre of its round tip (x, y palmar) [m].
-        thumb_radius: of the tip [m].
-        pad: where the distal phalanx touches in a pinch, as a fraction of its length.
-        soft: how deep an object sinks into a pad [m].
-        tissue: how far joints go beyond the onset of their end stops [rad].
-    """
-
-    thumb: tuple[float, float] = (0.030, 0.090)
-    thumb_radius: float = 0.009
-    pad: float = 0.75
-    soft: float = 0.0025
-    tissue: float = 0.15
+    thumb: tuple[float, float] = (0.030, 0.090)  # centre of its round tip (x, y palmar) [m]
+    thumb_radius: float = 0.009  # of the tip [m]
+    pad: float = 0.75  # where the distal phalanx touches in a pinch, as a fraction of its length
+    soft: float = 0.0025  # how deep an object sinks into a pad [m]
+    tissue: float = 0.15  # how far joints go beyond the onset of their end stops [rad]
 
 
 @dataclass(frozen=True)
@@ -112,7 +104,7 @@ def candidates(mode: Mode, size: float, hand: Hand, n: Parameters) -> Candidates
     radius, thumb = size / 2.0, complex(*hand.thumb)
     low, high = bounds(mode, hand, n)
     if mode.wraps:
-        bend, held, off = wrapped(radius, n)
+        bend, held, off = wrap_postures(radius, n)
     else:  # the pad touches, whatever PIP and DIP
         spans = [np.linspace(low[i], min(high[i], n.q0[i] + REACH), GRID) for i in (1, 2)]
         pip, dip = (axis.ravel() for axis in np.meshgrid(*spans))
@@ -149,7 +141,7 @@ def bounds(mode: Mode, hand: Hand, n: Parameters) -> tuple[np.ndarray, np.ndarra
     return np.maximum(low, rest + mode.low), np.minimum(high, rest + mode.high)
 
 
-def wrapped(radius: float, n: Parameters) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def wrap_postures(radius: float, n: Parameters) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """PIP and DIP (k, 2) [rad], centre (k,) [m] and how far off the thumb (k,) [rad], all phalanges tangent."""
     first, second, third = radius + np.array(n.radius)
     shortest = np.sqrt(max(first**2 - second**2, 0.0))

@@ -83,10 +83,10 @@ def stiffness(angles: np.ndarray, tension: np.ndarray, n: Parameters) -> np.ndar
     return (passive(up, n) - passive(down, n) - pull) / (2.0 * NUDGE)
 
 
-def ramped(tension: np.ndarray, low: np.ndarray, n: Parameters, lead: float = 0.0) -> np.ndarray:
-    """Posture (3,) [rad] at the end of a minimum-jerk ramp from rest to tension (3,) [N].
+def ramp_posture(tension: np.ndarray, low: np.ndarray, n: Parameters, lead: float = 0.0) -> np.ndarray:
+    """Posture (3,) [rad] at the end of a minimum-jerk ramp from `low` (3,), F_min, to tension (3,) [N].
 
-    low: (3,) F_min [N]. lead: fraction of the ramp by which the extensor runs ahead of the flexors.
+    lead: share of the ramp by which the extensor runs ahead of the flexors.
     """
     ahead = np.array([-0.5, -0.5, 0.5]) * lead
     share = smooth(np.linspace(0.0, 1.0 + abs(lead), RAMP)[:, None] + ahead - 0.5 * abs(lead))
@@ -102,16 +102,15 @@ def steady(angles: np.ndarray, tension: np.ndarray, n: Parameters) -> np.ndarray
 
 def arrives(angles: np.ndarray, tension: np.ndarray, low: np.ndarray, n: Parameters) -> bool:
     """Whether the ramp leads to this posture (3,) [rad], also when flexors or extensor run ahead."""
-    return all(np.abs(ramped(tension, low, n, lead) - angles).max() < SAME for lead in (0.0, LEAD, -LEAD))
+    return all(np.abs(ramp_posture(tension, low, n, lead) - angles).max() < SAME for lead in (0.0, LEAD, -LEAD))
 
 
 def holdable(
     angles: np.ndarray, cost: np.ndarray, low: np.ndarray, high: np.ndarray, n: Parameters, confirm: Confirm
 ) -> tuple[int, np.ndarray] | None:
-    """Index and tensions (3,) [N] of the cheapest posture that the tendons hold and the ramp reaches, or None.
+    """Index and tensions (3,) [N] of the cheapest posture (k, 3) [rad] that is held and reached, or None.
 
-    Postures (k, 3) [rad] have costs (k,); neighbours of one that fails are not tried. Tensions lie between low and high
-    (3,) [N].
+    Tensions lie within low and high (3,) [N]; neighbours of a posture that fails are not tried.
     """
     tension = tensions_for(angles, n)
     inside = np.flatnonzero(((tension >= low) & (tension <= high)).all(axis=1))
@@ -130,24 +129,20 @@ def project(
     wanted: np.ndarray, tension: np.ndarray, angles: np.ndarray, limits: tuple[np.ndarray, np.ndarray], n: Parameters,
     confirm: Confirm,
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-    """Tensions (3,) [N] within limits whose posture (3,) [rad], from rest along the ramp, is nearest `wanted`.
-
-    Starts are the nearest of steady postures (k, 3) [rad] and their tensions (k, 3) [N]; a solution too close to
-    snapping is not taken.
-    """
+    """Tensions (3,) [N] within limits whose posture (3,) [rad], from rest along the ramp, is nearest `wanted`."""
     from scipy.optimize import least_squares
 
     low, high = limits
 
     def miss(x: np.ndarray) -> np.ndarray:
-        return np.nan_to_num(ramped(x, low, n) - wanted, nan=1.0)
+        return np.nan_to_num(ramp_posture(x, low, n) - wanted, nan=1.0)
 
-    best = np.inf, low, ramped(low, low, n)
+    best = np.inf, low, ramp_posture(low, low, n)
     for place in np.argsort(np.linalg.norm(angles - wanted, axis=1))[:STARTS]:
         start = np.clip(tension[place], low + 1e-3, high - 1e-3)
         found = least_squares(miss, start, bounds=(low, high), x_scale=high - low, diff_step=1e-4).x
         for x in (found, tension[place]):
-            here = ramped(x, low, n)
+            here = ramp_posture(x, low, n)
             error = float(np.linalg.norm(here - wanted))
             safe = error < best[0] and steady(here[None], x[None], n)[0] and arrives(here, x, low, n)
             if safe and confirm(x, here):
@@ -161,7 +156,7 @@ def at_hold(log: Log, kind: str, names: tuple[str, ...]) -> np.ndarray:
     return log.array(kind, names)[during].mean(axis=0)
 
 
-def confirmed(robot: Robot, tension: np.ndarray, angles: np.ndarray) -> bool:
+def confirm_posture(robot: Robot, tension: np.ndarray, angles: np.ndarray) -> bool:
     """Whether references of these tensions (tendons,) [N] bring a robot to these angles (joints,) [rad]."""
     axes = robot.machine.axes
     targets = dict(zip(axes.tendons, np.asarray(tension, dtype=float).tolist()))
@@ -218,11 +213,11 @@ def plan_grasp(mode: str, size: float, robot: Robot | None = None, hand: Hand | 
     allowed = np.flatnonzero(found.miss <= 0.0)
     # weighted departure from rest, and distance of a caged object from the thumb
     cost = (found.angles - np.array(n.q0)) ** 2 @ np.array(way.weight) + (np.maximum(found.gap, 0.0) / GAP) ** 2
-    confirm = partial(confirmed, robot.without_effects())
+    confirm = partial(confirm_posture, robot.without_effects())
     best = holdable(found.angles[allowed], cost[allowed], low, high, n, confirm) if len(allowed) else None
     if best is not None:
         place, tension = int(allowed[best[0]]), np.clip(best[1], low, high)
-        wanted, planned = found.angles[place], ramped(tension, low, n)
+        wanted, planned = found.angles[place], ramp_posture(tension, low, n)
     else:
         axes = [np.linspace(a, b, STEPS) for a, b in zip(low, high)]
         tension = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
@@ -248,11 +243,9 @@ def plan_grasp(mode: str, size: float, robot: Robot | None = None, hand: Hand | 
         short = ", ".join(f"{j} {v:+.3f} rad" for j, v in zip(axes.joints, shortfall) if abs(v) > TOLERANCE)
         at = [f"{w} at F_min" for w, t, a in zip(axes.tendons, tension, low) if t < a + 0.01]
         at += [f"{w} at F_max" for w, t, b in zip(axes.tendons, tension, high) if t > b - 0.01]
-        nearest = (
-            f"the nearest they hold has {' and '.join(at)}" if at else "nearer ones are not stable or not on the ramp"
-        )
         reason = f"{what} is out of the tendons' reach: no tensions hold the posture, which falls short by {short}; "
-        reason += nearest
+        edge = f"the nearest they hold has {' and '.join(at)}"
+        reason += edge if at else "nearer ones are not stable or not on the ramp"
     target, centre = ((float(point.real), float(point.imag)) for point in (joints(wanted, n)[3], found.centre[place]))
     return Plan(
         way.name, size, target, centre, tuple(wanted.tolist()), tuple(tension.tolist()), tuple(planned.tolist()),
@@ -284,15 +277,9 @@ def run_plan(
     controller: PostureController | None = None,
     **durations: float,
 ) -> Log:
-    """Simulates a robot in the Drake Diagram that follows a plan, with the estimator in slot 8.
+    """Log of a robot in the Drake Diagram that follows a plan, with the estimator's angles.
 
-    A controller of `posture_controller` gives the tension references, if there is one; durations as in `exo.grasp` [s].
-
-    Returns:
-        The log, with `angle_est` and `angle_std` of the estimator, and `angle_ref` of the controller.
-
-    Raises:
-        InputError: the estimator has other tendons or joints.
+    A `posture_controller` gives the tension references, if there is one; durations as in `exo.grasp` [s].
     """
     from exodrake.diagrams.diagram import Simulator, build_diagram, logged_signals
     from exodrake.simulation.simulate import diagram_log

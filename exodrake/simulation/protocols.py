@@ -108,16 +108,7 @@ def grasp(
 
 
 def one_by_one(highest: np.ndarray, base: float, course: np.ndarray) -> np.ndarray:
-    """Each tendon in turn follows a course, the others stand at `base`.
-
-    Args:
-        highest: (tendons,) F_max [N].
-        base: share of F_max.
-        course: (frames,) shares of F_max.
-
-    Returns:
-        (tendons * frames, tendons) tensions [N].
-    """
+    """Each tendon in turn follows a course (frames,), the others stand at `base`, as shares of F_max (tendons,) [N]."""
     tension = np.tile(base * highest, (len(highest), len(course), 1))
     for tendon, top in enumerate(highest):
         tension[tendon, :, tendon] = course * top

@@ -71,14 +71,10 @@ def protocol(text: str, robot: Robot | None = None) -> Reference:
 
 
 def on_machine(function: Callable[..., Reference], robot: Robot, **options: float) -> Reference:
-    """A protocol on any machine.
+    """A protocol on any machine. InputError if the machine or its robot file states no limits of the reference.
 
-    Tensions are shares of the highest one, never below the lowest. Other references, such as angles, are shares of the
-    span between both; `kind_start` stands where `kind_ref` begins, rates of a motion are those of the smoothed one, and
-    further inputs stand at 0.
-
-    Raises:
-        InputError: if the machine or its robot file states no limits of the reference.
+    Tensions are shares of the highest one, other references, such as angles, of the span between both limits.
+    `kind_start` stands where `kind_ref` begins, rates are those of the smoothed motion, further inputs stand at 0.
     """
     machine = robot.machine
     first, *others = machine.references
@@ -95,12 +91,11 @@ def on_machine(function: Callable[..., Reference], robot: Robot, **options: floa
     unit = replace(robot, limits={name: dict.fromkeys(channels, level) for name, level in zip(limits, (0.0, 1.0))})
     shares = function(unit, **options)
     first_rows = low + shares.values * (high - low)
+    rows = {first.kind: first_rows}
     if any(column.rate_of for column in others):  # a body with mass cannot follow corners
         from scipy.ndimage import gaussian_filter1d
 
         rows = {first.kind: gaussian_filter1d(first_rows, SMOOTH / machine.frame, axis=0, mode="nearest")}
-    else:
-        rows = {first.kind: first_rows}
     for column in others:
         start = column.kind == first.kind.removesuffix("_ref") + "_start"
         held = first_rows[0] if start else np.zeros(len(machine.channels(column.signal)))
@@ -129,20 +124,13 @@ def from_log(path: str | Path, robot: Robot | None = None) -> Reference:
         signal, channels = machine.signal[column.signal], machine.channels(column.signal)
         for channel in log.names(column.kind):
             if channel not in channels:
-                raise InputError(
-                    f"{log.label}: {column.kind} of an unknown channel {channel!r}; {machine.name} has "
-                    f"{', '.join(channels)}"
-                )
-        values, low = (
-            log.array(column.kind, channels),
-            0.0 if signal.axis == TENDONS and signal.unit == "N" else -np.inf,
-        )
+                known = f"{machine.name} has {', '.join(channels)}"
+                raise InputError(f"{log.label}: {column.kind} of an unknown channel {channel!r}; {known}")
+        values = log.array(column.kind, channels)
+        low, wanted = (0.0, "0 or more") if signal.axis == TENDONS and signal.unit == "N" else (-np.inf, "a number")
         for row, k in np.argwhere(~(np.isfinite(values) & (values >= low)))[:1]:
             what = "is missing" if np.isnan(values[row, k]) else f"is {values[row, k]:g} {signal.unit}"
-            raise InputError(
-                f"{log.label}: {column.kind}_{channels[k]} {what} in row {row + 2}, wanted "
-                f"{'0 or more' if low == 0.0 else 'a number'}"
-            )
+            raise InputError(f"{log.label}: {column.kind}_{channels[k]} {what} in row {row + 2}, wanted {wanted}")
     if len(log) < 2 or np.abs(np.diff(log.time) - machine.frame).max() > ALIKE:
         raise InputError(f"{log.label}: not two rows or more, {machine.frame:g} s apart; see exodrake.regularise")
     return Reference(reference_rows(machine, log), Path(path).name.split(".")[0])

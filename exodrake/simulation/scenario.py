@@ -62,18 +62,15 @@ class Scenario:
 
     def __post_init__(self) -> None:
         if self.engine not in ENGINES:
-            raise InputError(
-                f"unknown engine {self.engine!r}{nearest(self.engine, list(ENGINES))}; there are compiled, drake"
-            )
+            hint = nearest(self.engine, list(ENGINES))
+            raise InputError(f"unknown engine {self.engine!r}{hint}; there are compiled, drake")
         if self.seed is not None and (isinstance(self.seed, bool) or not isinstance(self.seed, int) or self.seed < 0):
             raise InputError(f"seed is {self.seed!r}, wanted a whole number from 0, or null for no noise")
         if not isinstance(self.quantisation, bool):
             raise InputError(f"quantisation is {self.quantisation!r}, wanted true or false")
         if bool(self.protocol) == bool(self.reference):
             both = "both a protocol and a reference" if self.protocol else "neither a protocol nor a reference"
-            raise InputError(
-                f"{both}: wanted the name of a protocol or grasp mode, or a log whose references to follow"
-            )
+            raise InputError(f"{both}: wanted the name of a protocol or grasp mode, or a log with references to follow")
 
     def build_robot(self) -> Robot:
         """The robot with parts, numbers and effects in it. InputError naming what is unknown."""
@@ -82,7 +79,7 @@ class Scenario:
             robot = robot.with_part(part)
         robot = robot.with_parameters(self.parameters)
         for identity, given in self.effects.items():
-            robot = robot.splice(identity, given, channels_of(given))
+            robot = robot.splice(identity, given, name_channels(given))
         return robot
 
     def build_reference(self, robot: Robot) -> Reference:
@@ -101,7 +98,7 @@ class Scenario:
         return replace(log, simulated=CHANGED if changed else MODEL)
 
 
-def channels_of(given: Mapping[str, Any]) -> list[str]:
+def name_channels(given: Mapping[str, Any]) -> list[str]:
     """Channels named by an effect's per-channel numbers, in order."""
     return list(dict.fromkeys(channel for value in given.values() if isinstance(value, Mapping) for channel in value))
 
@@ -127,7 +124,7 @@ def scenario_text(scenario: Scenario) -> str:
     return dump_yaml({"exodrake": __version__, **kept})
 
 
-def embedded(robot: str) -> str | Mapping[str, Any]:
+def embed_robot(robot: str) -> str | Mapping[str, Any]:
     """A built-in robot's name as it is; a robot file's content, so that the scenario stands alone."""
     if not is_file(robot):
         return robot
@@ -144,10 +141,7 @@ def parse_number(text: str, robot: Robot) -> tuple[str, float]:
 
 
 def parse_effect(text: str, robot: Robot) -> tuple[str, dict[str, dict[str, float] | float]]:
-    """`id:parameter=value,...@AF,MF` as the id and all its numbers, typical where left out, beside what the robot has.
-
-    InputError naming the effect, parameter, value or channel that is wrong.
-    """
+    """`id:parameter=value,...@AF,MF` as the id and all its numbers: those given, else the robot's, else typical."""
     head, at, channels = text.partition("@")
     identity, given = split_options(head)
     chosen = [channel.strip() for channel in channels.split(",") if channel.strip()]

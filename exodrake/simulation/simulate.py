@@ -32,16 +32,7 @@ def cubic(values: np.ndarray, at: np.ndarray) -> np.ndarray:
 
 
 def delayed(machine: Machine, records: np.ndarray, indices: list[int]) -> np.ndarray:
-    """Logs of some channels of noise-free runs, delayed columns at t - delay.
-
-    Args:
-        machine: whose columns they are.
-        records: (runs, frames, channels) array of all signals [SI].
-        indices: the channels wanted.
-
-    Returns:
-        (runs, frames, indices) array [SI].
-    """
+    """Channels `indices` (runs, frames, indices) [SI] of noise-free runs (runs, frames, channels), with delays."""
     at, chosen = machine.offsets, records[:, :, indices]
     for column in (column for column in machine.columns if column.delay):
         assert column.delay
@@ -53,12 +44,9 @@ def delayed(machine: Machine, records: np.ndarray, indices: list[int]) -> np.nda
 
 
 def delay_samples(machine: Machine, signals: dict[str, np.ndarray], noise_std: Callable[[str], float]) -> None:
-    """Replaces delayed columns in the signals of a run by their values at t - delay; the noise stays where it was.
+    """Replaces delayed columns (frames, channels) [SI] in a run's signals by their values at t - delay.
 
-    Args:
-        machine: whose columns they are.
-        signals: name -> (frames, channels) array [SI], with the noise inputs.
-        noise_std: gives the value of a parameter that scales the noise of a delayed column, by its name [SI].
+    The noise stays where it was; `noise_std` gives the parameter [SI] that scales it, by its name.
     """
     for column in machine.columns:
         if (delay := column.delay) and (late := signals[delay.signal][:, 0]).any():
@@ -162,14 +150,7 @@ def log_of(recording: Recording) -> Log:
 
 
 def log_of_signals(machine: Machine, time: np.ndarray, signals: Mapping[str, np.ndarray], source: str) -> Log:
-    """The columns of a machine that there are signals for, marked as simulated.
-
-    Args:
-        machine: the machine.
-        time: (frames,) array [s].
-        signals: name -> (frames, channels) array, in the unit of the signal.
-        source: name for messages.
-    """
+    """The columns of a machine that there are signals (frames, channels) [SI] for, marked as simulated."""
     found, units = {}, {}
     for column in (column for column in machine.columns if column.signal in signals):
         names = machine.log_names([column])

@@ -42,9 +42,7 @@ def formats() -> dict[str, Format]:
             if name == "csv":  # without a time stamp, so that the same log gives the same bytes
                 found[".csv.gz"] = Format(
                     lambda data, source, csv=module: csv.read(csv.unpack(data, source), source),
-                    lambda log, csv=module: gzip.compress(
-                        csv.write(log), compresslevel=6, mtime=0
-                    ),  # same log, same bytes
+                    lambda log, csv=module: gzip.compress(csv.write(log), compresslevel=6, mtime=0),
                 )
         for ending in module.ENDINGS:
             found.setdefault(ending, Format(module.read, module.write))
@@ -63,7 +61,7 @@ def stem(path: str | Path) -> str:
     return name[: -len(ending(name) or "")] if ending(name) else Path(name).stem
 
 
-def format_of(path: str | Path) -> Format:
+def find_format(path: str | Path) -> Format:
     """The format of a file; InputError with all endings for an unknown one."""
     known = ending(path)
     if known is None:
@@ -109,7 +107,7 @@ def read_table(path: str | Path) -> Log:
     refuse_special(path)
     if not is_file(path):
         raise InputError(f"{path}: {'a folder, wanted a log' if is_folder(path) else 'no such file'}")
-    log = format_of(path).read(read_bytes(path), str(path))
+    log = find_format(path).read(read_bytes(path), str(path))
     mark = log.signals.get(MARK, np.zeros(0))
     if not len(mark) or mark[0] not in (MODEL, CHANGED) or np.any(mark != mark[0]):
         return log  # a column of this name that holds anything else stays a column
@@ -128,8 +126,7 @@ def log_bytes(log: Log, path: str | Path) -> bytes:
         InputError: for an unknown ending, and for what no file would give back: no rows, a sample that is infinite or
             larger than any signal, a hole in the clock, a name that no heading can hold.
     """
-    write = format_of(path).write
+    write = find_format(path).write
     check_writable(log, str(path))
-    return write(
-        log.with_signals({MARK: np.full(len(log), float(log.simulated))}, {MARK: "-"}) if log.simulated else log
-    )
+    marked = log.with_signals({MARK: np.full(len(log), float(log.simulated))}, {MARK: "-"}) if log.simulated else log
+    return write(marked)

@@ -50,10 +50,7 @@ def write(log: Log) -> bytes:
 
 
 def read_variables(data: bytes, source: str) -> dict[str, Any]:
-    """Variables of a MAT file: structs as mappings, arrays of structs and cells as lists. Version 7.3 is HDF5.
-
-    InputError for a damaged file, even one that crashes SciPy's reader.
-    """
+    """Variables of a MAT file, HDF5 too: structs as mappings, cells as lists. InputError for a damaged file."""
     return read_apart(parse, data, source, "MAT")
 
 
@@ -99,10 +96,7 @@ def column(values: object, name: str, source: str) -> np.ndarray:
 
 
 def read_hdf5(data: bytes, source: str) -> dict[str, Any]:
-    """Groups of an HDF5 file as mappings, data sets of numbers as arrays. InputError for a damaged file.
-
-    Only what lies in the file itself is read: external links, external storage and virtual data sets are left out.
-    """
+    """Groups of an HDF5 file as mappings, data sets of numbers as arrays; nothing that lies in another file."""
     return read_apart(parse_hdf5, data, source, "HDF5")
 
 
@@ -118,16 +112,16 @@ def parse_hdf5(data: bytes, source: str) -> dict[str, Any]:
         nonlocal samples
         check_size(samples := samples + int(more), source)
 
-    def group_of(group: Any, depth: int) -> dict[str, Any]:
+    def read_group(group: Any, depth: int) -> dict[str, Any]:
         """The groups and data sets of a group, by name."""
         names = [n for n in group if n not in HIDDEN and isinstance(group.get(n, getlink=True), h5py.HardLink)]
-        values = {name: value_of(group[name], depth + 1) for name in (names if depth < MAX_DEPTH else ())}
+        values = {name: read_value(group[name], depth + 1) for name in (names if depth < MAX_DEPTH else ())}
         return {name: value for name, value in values.items() if value is not None}
 
-    def value_of(item: Any, depth: int) -> Any:
+    def read_value(item: Any, depth: int) -> Any:
         """A group, an array of numbers, or a list of a MATLAB cell's contents; None for anything else."""
         if isinstance(item, h5py.Group):
-            return group_of(item, depth)
+            return read_group(item, depth)
         if not isinstance(item, h5py.Dataset) or item.is_virtual or item.external or item.shape is None:
             return None
         if item.dtype.names:
@@ -136,7 +130,7 @@ def parse_hdf5(data: bytes, source: str) -> dict[str, Any]:
             return {name: table[name] for name in item.dtype.names if table[name].dtype.kind in "fiub"}
         if h5py.check_ref_dtype(item.dtype) is h5py.Reference:
             count(item.size or 0)
-            cells = (value_of(file[one], depth + 1) for one in item[()].T.ravel() if one and depth < MAX_DEPTH)
+            cells = (read_value(file[one], depth + 1) for one in item[()].T.ravel() if one and depth < MAX_DEPTH)
             return [cell for cell in cells if cell is not None]
         matlab = item.attrs.get(MATLAB)
         if item.dtype.kind not in "fiub" or matlab in (b"char", "char") or item.attrs.get("MATLAB_empty"):
@@ -146,4 +140,4 @@ def parse_hdf5(data: bytes, source: str) -> dict[str, Any]:
         return values.T if matlab is not None else values
 
     with h5py.File(io.BytesIO(data), "r") as file:
-        return group_of(file, 0)
+        return read_group(file, 0)

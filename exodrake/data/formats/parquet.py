@@ -40,10 +40,7 @@ def parse(data: bytes, source: str) -> list[tuple[str, Any]]:
 
 
 def parse_rows(data: bytes, source: str, wanted: Any, optional: Collection[str] = ()) -> list[dict[str, Any]]:
-    """Rows of a table of any types as plain data, by the wanted `pyarrow.Schema`; cells of an absent column are None.
-
-    InputError for a damaged file, a missing column that is not optional, and values of another type.
-    """
+    """Rows of a table as plain data by the wanted `pyarrow.Schema`; InputError for a column that does not suit."""
     arrow, parquet = pyarrow_of(source)
     try:
         found = parquet.read_table(io.BytesIO(data))
