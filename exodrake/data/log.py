@@ -375,7 +375,7 @@ def check_columns(log: Log, required: Sequence[str], complete: Sequence[str] = (
             raise InputError(f"{log.label}: required column {column!r} is empty")
     for item in complete:
         for column in [item] if item in log.signals else [f"{item}_{name}" for name in log.names(item)]:
-            missing = np.flatnonzero(np.isnan(log[column]))
+            missing = np.flatnonzero(~np.isfinite(log[column]))
             if len(missing):
                 raise InputError(
                     f"{log.label}: column {column!r}, row {int(missing[0]) + 1}: a missing sample is not allowed here"
