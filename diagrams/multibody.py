@@ -9,6 +9,8 @@ place of the part `finger`.
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 from numba import njit
 from pydrake.multibody.parsing import Parser
@@ -45,19 +47,6 @@ def multibody_arm(robot: Robot, step: float = 0.0) -> MultibodyPlant:
     return plant
 
 
-def multibody_finger(robot: Robot, step: float) -> MultibodyPlant:
-    """The finger as three solid cylinders on damped hinges, without gravity; step [s], 0 continuous."""
-    plant = MultibodyPlant(step)
-    Parser(plant).AddModelsFromString(robot_as(robot, "urdf"), "urdf")
-    plant.mutable_gravity_field().set_gravity_vector(np.zeros(3))
-    for joint in robot.machine.axes.joints:
-        hinge = plant.GetJointByName(joint)
-        hinge.set_default_positions(np.array([robot[f"finger.q0.{joint}"]]))
-        hinge.set_position_limits(np.array([-np.inf]), np.array([np.inf]))  # the tissue's own law stops it
-    plant.Finalize()
-    return plant
-
-
 class MultibodyFinger(Diagram):
     """The nominal finger as a MultibodyPlant with elastic tendons.
 
@@ -90,7 +79,14 @@ class MultibodyFinger(Diagram):
             if (robot.channels(f"{effect.id}.{lead.name}") != lead.null).any():
                 raise InputError(f"a MultibodyFinger is nominal: it does not know the effect {effect.id}")
         builder, joints = DiagramBuilder(), len(robot.machine.axes.joints)
-        self.plant, tendons = multibody_finger(robot, step), ElasticTendons(robot)
+        self.plant, tendons = MultibodyPlant(step), ElasticTendons(robot)
+        Parser(self.plant).AddModelsFromString(robot_as(robot, "urdf"), "urdf")  # solid cylinders on damped hinges
+        self.plant.mutable_gravity_field().set_gravity_vector(np.zeros(3))
+        for joint in robot.machine.axes.joints:
+            hinge = self.plant.GetJointByName(joint)
+            hinge.set_default_positions(np.array([robot[f"finger.q0.{joint}"]]))
+            hinge.set_position_limits(np.array([-np.inf]), np.array([np.inf]))  # the tissue's own law stops it
+        self.plant.Finalize()
         split = Demultiplexer(output_ports_sizes=[joints, joints])  # angles, then rates
         for name, system in (("plant", self.plant), ("tendons", tendons), ("split", split)):
             builder.AddNamedSystem(name, system)
@@ -127,16 +123,12 @@ class ElasticTendons(LeafSystem):
         self.parameters = parameters_of(robot)
         self.state = self.DeclareVectorInputPort("state", 6)
         self.stroke = self.DeclareVectorInputPort("stroke", 3)
-        self.DeclareVectorOutputPort("torque", 3, self.show_torque, {self.all_input_ports_ticket()})
-        self.DeclareVectorOutputPort("tension", 3, self.show_tension, {self.all_input_ports_ticket()})
+        for which, name in enumerate(("torque", "tension")):
+            self.DeclareVectorOutputPort(name, 3, partial(self.show, which), {self.all_input_ports_ticket()})
 
-    def show_torque(self, context: Context, output: BasicVector) -> None:
-        """Torques on the joints [N m]."""
-        output.set_value(pull_joints(self.state.Eval(context), self.stroke.Eval(context), self.parameters)[0])
-
-    def show_tension(self, context: Context, output: BasicVector) -> None:
-        """Tensions [N]."""
-        output.set_value(pull_joints(self.state.Eval(context), self.stroke.Eval(context), self.parameters)[1])
+    def show(self, which: int, context: Context, output: BasicVector) -> None:
+        """Torques on the joints [N m], or tensions [N]."""
+        output.set_value(pull_joints(self.state.Eval(context), self.stroke.Eval(context), self.parameters)[which])
 
 
 @njit
