@@ -47,6 +47,19 @@ def multibody_arm(robot: Robot, step: float = 0.0) -> MultibodyPlant:
     return plant
 
 
+def multibody_finger(robot: Robot, step: float) -> MultibodyPlant:
+    """The finger as three solid cylinders on damped hinges, without gravity; step [s], 0 continuous."""
+    plant = MultibodyPlant(step)
+    Parser(plant).AddModelsFromString(robot_as(robot, "urdf"), "urdf")
+    plant.mutable_gravity_field().set_gravity_vector(np.zeros(3))
+    for joint in robot.machine.axes.joints:
+        hinge = plant.GetJointByName(joint)
+        hinge.set_default_positions(np.array([robot[f"finger.q0.{joint}"]]))
+        hinge.set_position_limits(np.array([-np.inf]), np.array([np.inf]))  # the tissue's own law stops it
+    plant.Finalize()
+    return plant
+
+
 class MultibodyFinger(Diagram):
     """The nominal finger as a MultibodyPlant with elastic tendons.
 
@@ -79,14 +92,7 @@ class MultibodyFinger(Diagram):
             if (robot.channels(f"{effect.id}.{lead.name}") != lead.null).any():
                 raise InputError(f"a MultibodyFinger is nominal: it does not know the effect {effect.id}")
         builder, joints = DiagramBuilder(), len(robot.machine.axes.joints)
-        self.plant, tendons = MultibodyPlant(step), ElasticTendons(robot)
-        Parser(self.plant).AddModelsFromString(robot_as(robot, "urdf"), "urdf")  # solid cylinders on damped hinges
-        self.plant.mutable_gravity_field().set_gravity_vector(np.zeros(3))
-        for joint in robot.machine.axes.joints:
-            hinge = self.plant.GetJointByName(joint)
-            hinge.set_default_positions(np.array([robot[f"finger.q0.{joint}"]]))
-            hinge.set_position_limits(np.array([-np.inf]), np.array([np.inf]))  # the tissue's own law stops it
-        self.plant.Finalize()
+        self.plant, tendons = multibody_finger(robot, step), ElasticTendons(robot)
         split = Demultiplexer(output_ports_sizes=[joints, joints])  # angles, then rates
         for name, system in (("plant", self.plant), ("tendons", tendons), ("split", split)):
             builder.AddNamedSystem(name, system)

@@ -97,12 +97,7 @@ class ClosedLoop:
     @property
     def stable(self) -> bool:
         """Whether all poles lie inside the unit circle; where they mean little, whether the loop returns to rest."""
-        return self.returns if self.kick_decides else self.model.spectral_radius < 1.0
-
-    @property
-    def kick_decides(self) -> bool:
-        """Whether the nonlinear simulation decides on stability, because the poles do not."""
-        return not self.model.decides
+        return self.model.spectral_radius < 1.0 if self.model.decides else self.returns
 
     def loop(self, source: str, target: str) -> control.StateSpace:
         """The closed loop from an input of `system` to an output, as a `StateSpace`. InputError for an unknown one.
@@ -174,13 +169,14 @@ def analyse(robot: Robot, at: Mapping[str, float] | str | None = None, seed: int
     return ClosedLoop(
         loop.robot, point, model, whole, connected, steps, responses, found, delay_budget(loop, found),
         robustness(loop, point, model, "this robot"), stability_map(loop, point), latency_sweep(loop, point),
-        returns(loop, point), (*list_remarks(loop, point, model, steps), *list_margin_remarks(found)),
+        returns(loop, point), list_remarks(loop, point, model, steps, found),
     )  # fmt: skip
 
 
 def list_remarks(
-    loop: FrameMap, point: OperatingPoint, model: FrameModel, steps: tuple[StepResponse, ...]
-) -> tuple[str, ...]:
+    loop: FrameMap, point: OperatingPoint, model: FrameModel,
+    steps: tuple[StepResponse, ...] = (), found: tuple[Margins, ...] = (),
+) -> tuple[str, ...]:  # fmt: skip
     """Conditions under which the results mean little, a sentence each."""
     notes = []
     if not point.steady:
@@ -212,12 +208,6 @@ def list_remarks(
             notes.append(
                 f"{step.channel} ends {step.steady_error:+.3g} {unit} off its reference after {step.time[-1]:.3g} s"
             )
-    return tuple(notes)
-
-
-def list_margin_remarks(found: tuple[Margins, ...]) -> tuple[str, ...]:
-    """Remarks on the margins, a sentence each."""
-    notes = []
     if idle := [m.channel for m in found if not np.abs(m.loop).max() > 0.0]:
         notes.append(f"the command of {', '.join(idle)} does not act on its reading here: no margins")
     for m in found:
@@ -244,7 +234,7 @@ def to_plain(result: ClosedLoop, cycles: tuple[LimitCycles, ...] = ()) -> dict[s
             "robot": robot.source or machine.name,
             "effects": robot.effects(),
             "stable": result.stable,
-            "decided_by": "simulated kick" if result.kick_decides else "poles",
+            "decided_by": "poles" if result.model.decides else "simulated kick",
             "spectral_radius": result.model.spectral_radius,
             "returns_after_kick": result.returns,
             "notes": list(result.notes),

@@ -156,13 +156,6 @@ class FrameMap:
         self.module.run(self.parameters, x, w, *inputs.values(), machine.slot, 1, rows, fine, NOTHING)
         return x, rows
 
-    def ticks(self, state: np.ndarray, references: np.ndarray) -> np.ndarray:
-        """All signals (slots, w) [SI] at the end of each slot; arguments as in `run`."""
-        machine = self.robot.machine
-        found = np.zeros((len(references) * machine.slots, signal_count(machine)))
-        self.run(state, references, ticks=found)
-        return found
-
     def _all_references(self, references: np.ndarray) -> np.ndarray:
         """References of the machine, (frames, all) [SI], from the loop's (frames, channels); the others are 0."""
         machine, at = self.robot.machine, 0

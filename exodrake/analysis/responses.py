@@ -16,6 +16,7 @@ import numpy as np
 
 from exodrake.analysis.linear_model import FrameMap, FrameModel, OperatingPoint, evaluate
 from exodrake.compiled.inputs import prepared
+from exodrake.core.machine import signal_count
 
 BEFORE, AFTER = 10, 300  # frames shown before the step and simulated after it
 BAND = 0.02  # settling band, as a share of the step
@@ -75,7 +76,8 @@ def step_response(loop: FrameMap, point: OperatingPoint, channel: int, size: flo
     machine, size = loop.robot.machine, loop.loop.step if size is None else size
     rows = np.tile(point.references, (BEFORE + AFTER, 1))
     rows[BEFORE:, channel] += size
-    signals = loop.ticks(point.state, rows)
+    signals = np.zeros((len(rows) * machine.slots, signal_count(machine)))
+    loop.run(point.state, rows, ticks=signals)
     output = signals[:, loop.signals[loop.loop.output]]
     time = machine.slot * (np.arange(len(signals)) + 1) - BEFORE * machine.frame
     later = time > 0.0

@@ -245,7 +245,7 @@ def tune(
             changed = robot.with_parameters(named, source)
             compared.append(assess(structure.name, changed, gains, wanted, judges))
     plant = plants[0]
-    tuning = Tuning(robot, wanted, tuple(compared), list_remarks(plant.loop, plant.point, plant.model, ()))
+    tuning = Tuning(robot, wanted, tuple(compared), list_remarks(plant.loop, plant.point, plant.model))
     if progress is not None:
         progress("LQG and bound")
     tuning = replace(tuning, limit=find_limit(plants, tuning.best or compared[0], wanted))

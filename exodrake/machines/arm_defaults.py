@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -15,16 +15,6 @@ from exodrake.core.robot import Robot
 from exodrake.effects import effects_of
 from exodrake.physics import arm
 from exodrake.physics.reading import sensor
-
-
-def noise_std(parameter: Callable[[str], float]) -> dict[str, float]:
-    """Standard deviation of the efforts of equal motions [N m]; each joint's noise comes from simulated runs."""
-    return {"effort": parameter("torque.repeatability")}
-
-
-def both_std(parameter: Callable[[str], float]) -> dict[str, float]:
-    """Standard deviations of the efforts of equal motions [N m] and of the positions [rad]."""
-    return {"position": parameter("encoder.repeatability"), **noise_std(parameter)}
 
 
 def signals(unit: Mapping[str, str], *names: str) -> tuple[Signal, ...]:
@@ -64,11 +54,6 @@ def effects_in(unit: Mapping[str, str], parts: tuple[Part, ...], without: tuple[
         for e in effects_of(parts)
         if e.id not in without
     )
-
-
-def renamed(noise: dict[str, float], found: tuple[Column, ...]) -> dict[str, float]:
-    """Noise by the kind of its column."""
-    return {column.kind: noise[key] for column in found for key in noise if column.kind.removeprefix("joint_") == key}
 
 
 def shape(robot: Robot) -> Shape:
@@ -172,7 +157,7 @@ def units(chain: Chain) -> dict[str, str]:
 
 
 def stated(chain: Chain, part: str) -> dict[str, float]:
-    """Parameters of the arm as the URDF states them, by full name [SI]."""
+    """Bodies, axes and gravity as the URDF states them, by full name of the parameters of a part [SI]."""
     names = ("x", "y", "z")
     found = {f"{part}.gravity": GRAVITY, f"{part}.tip_mass": 0.0, f"{part}.base_roll": 0.0, f"{part}.base_pitch": 0.0}
     found |= {f"{part}.tip_{name}": float(value) for name, value in zip(names, chain.tip, strict=True)}
@@ -186,16 +171,18 @@ def stated(chain: Chain, part: str) -> dict[str, float]:
     return found
 
 
-def losses(chain: Chain) -> dict[str, float]:
-    """Damping and dry friction of the URDF, and rotors without inertia."""
-    found = {}
+def arm_values(chain: Chain) -> dict[str, float]:
+    """Parameters of the arm as the URDF states them, with its damping and dry friction, and rotors without inertia."""
+    found = stated(chain, "arm")
     for channel, joint in zip(chain.names, chain.joints, strict=True):
         found |= {f"arm.damping.{channel}": joint.damping, f"arm.dry_friction.{channel}": joint.friction}
         found[f"arm.rotor_inertia.{channel}"] = 0.0
     return found
 
 
-def moved(chain: Chain, q: np.ndarray, rate: np.ndarray, acceleration: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def compute_dynamics(
+    chain: Chain, q: np.ndarray, rate: np.ndarray, acceleration: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Efforts (n,) and mass matrix (n, n) of the bare arm at a motion (n,) each [SI], by the equations themselves."""
     n = len(q)
     w = np.zeros((arm.WIDTH + n) * n)
@@ -209,13 +196,6 @@ def moved(chain: Chain, q: np.ndarray, rate: np.ndarray, acceleration: np.ndarra
     return efforts, w[arm.WIDTH * n :].reshape(n, n)
 
 
-def stops(joint: Joint, channel: str) -> dict[str, float]:
-    """Positions of the end stops of a joint [rad]; far away for one without limits."""
-    there = np.isfinite(joint.upper - joint.lower) and joint.upper > joint.lower
-    return {f"arm.stop_low.{channel}": joint.lower if there else -FAR,
-            f"arm.stop_high.{channel}": joint.upper if there else FAR}  # fmt: skip
-
-
 def middle(chain: Chain) -> np.ndarray:
     """Middle of each joint's range (n,); 0 of one without limits."""
     ends = [(j.lower, j.upper) if np.isfinite(j.upper - j.lower) else (0.0, 0.0) for j in chain.joints]
@@ -226,7 +206,7 @@ def typical_efforts(chain: Chain) -> np.ndarray:
     """Root mean square of the effort of each joint (n,) in moderate motions at random postures about the middle."""
     rng, n = np.random.default_rng(0), len(chain.names)
     draws = (rng.uniform(-SWING, SWING, (3, n)) for _ in range(POSTURES))
-    found = [moved(chain, middle(chain) + q, SPEED * v, BRISK * a)[0] for q, v, a in draws]
+    found = [compute_dynamics(chain, middle(chain) + q, SPEED * v, BRISK * a)[0] for q, v, a in draws]
     return np.maximum(np.sqrt(np.mean(np.square(found), axis=0)), 1e-3)
 
 
@@ -239,21 +219,23 @@ def scales(efforts: np.ndarray, unit: Mapping[str, str]) -> dict[str, tuple[floa
     }  # fmt: skip
 
 
-def inertias(chain: Chain) -> np.ndarray:
+def compute_inertias(chain: Chain) -> np.ndarray:
     """Inertia that the drive of each joint moves (n,), the arm in the middle of its ranges [kg m2] or [kg]."""
     rest = np.zeros(len(chain.names))
-    return np.diag(moved(chain, middle(chain), rest, rest)[1])
+    return np.diag(compute_dynamics(chain, middle(chain), rest, rest)[1])
 
 
 def drive_defaults(chain: Chain, efforts: np.ndarray, frame: float) -> dict[str, float]:
     """Gains of a moderate bandwidth, a controller that knows the arm, motors that reach its efforts and limits."""
     found = stated(chain, "drive") | {"drive.kp": 1.0, "drive.kd": 1.0, "drive.period": frame}
-    for channel, joint, m, most in zip(chain.names, chain.joints, inertias(chain), efforts, strict=True):
+    for channel, joint, m, most in zip(chain.names, chain.joints, compute_inertias(chain), efforts, strict=True):
         limit = joint.effort if 0.0 < joint.effort < np.inf else 10.0 * most
+        stops = np.isfinite(joint.upper - joint.lower) and joint.upper > joint.lower
         found |= {
             f"drive.stiffness.{channel}": m * BANDWIDTH**2, f"drive.viscosity.{channel}": 2.0 * m * BANDWIDTH,
             f"drive.feedforward.{channel}": 1.0, f"arm.stop_stiffness.{channel}": m * STOP**2,
-            f"arm.stop_damping.{channel}": m * STOP, **stops(joint, channel), f"arm.compliance.{channel}": 0.0,
+            f"arm.stop_damping.{channel}": m * STOP, f"arm.stop_low.{channel}": joint.lower if stops else -FAR,
+            f"arm.stop_high.{channel}": joint.upper if stops else FAR, f"arm.compliance.{channel}": 0.0,
             f"motor.torque_constant.{channel}": 1.0, f"motor.ratio.{channel}": 1.0,
             f"motor.current_max.{channel}": limit, f"motor.time_constant.{channel}": 0.0,
         }  # fmt: skip

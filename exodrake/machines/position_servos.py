@@ -11,7 +11,7 @@ import numpy as np
 from exodrake.core.effect import Effect
 from exodrake.core.machine import Column, Controller, Gain, Loop, Machine, Segment
 from exodrake.core.mechanism import GRAVITY, Body, Chain, Drive, Joint, Mechanism, axes_side_by_side
-from exodrake.core.part import JOINTS, NORMAL, SCALAR, UNIFORM, Axes, Part, Signal
+from exodrake.core.part import JOINTS, NORMAL, SCALAR, UNIFORM, Axes, Signal
 from exodrake.core.robot import Robot
 from exodrake.effects import LIBRARY, effects_of, for_machine, generic_effects, in_order, plugin_effects
 from exodrake.effects.servo import lagging, limited
@@ -40,11 +40,6 @@ COMPUTED = (
 )
 
 
-def noise_std(parameter: Callable[[str], float]) -> dict[str, float]:
-    """Noise standard deviation of an angle [rad]."""
-    return {"angle": parameter("reading.repeatability")}
-
-
 def others(generic: tuple[Effect, ...], library: tuple[Effect, ...]) -> tuple[Effect, ...]:
     """Generic effects of a law that the library lacks: behind a rigid servo an error of the reading is one of the aim.
 
@@ -52,13 +47,6 @@ def others(generic: tuple[Effect, ...], library: tuple[Effect, ...]) -> tuple[Ef
     """
     known = {effect.family for effect in library}
     return in_order(effect for effect in generic if effect.family not in known)
-
-
-def parts_of(part: str, joints: tuple[str, ...], frame: float, settings: tuple[Signal, ...]) -> tuple[Part, ...]:
-    """Parts of the servos: the joints, their commands, and the sensor that reads them."""
-    command = joint_command.SET_PART if settings else joint_command.PART
-    reading = sensor("reading", ANGLE, unit="rad", slot=3, frame=frame, size=SWING, channels=len(joints))
-    return replace(joint.PART, name=part), command, reading
 
 
 INERTIA = 1e-3  # kg m2 of each rotor: assumed, since the model has none; links have TINY of it
@@ -121,7 +109,9 @@ def joint_machine(
     laws = STANDARD if frame < SLOW else STANDARD[1:]
     standard = (for_machine(f"joint.{law}", f"{part}.{law}") for law in laws)
     library = (*library, *others(tuple(standard), library))
-    given, (*_, reading) = (*REFERENCES, *settings), (parts := parts_of(part, joints, frame, settings))
+    given, command = (*REFERENCES, *settings), joint_command.SET_PART if settings else joint_command.PART
+    reading = sensor("reading", ANGLE, unit="rad", slot=3, frame=frame, size=SWING, channels=len(joints))
+    parts = (replace(joint.PART, name=part), command, reading)
     return Machine(
         name=name,
         axes=Axes((), joints),
@@ -135,7 +125,7 @@ def joint_machine(
         noise=tuple(f"reading.sigma.{j}" for j in joints),
         resolution=tuple(f"reading.step.{j}" for j in joints),
         compared=("angle",),
-        noise_std=noise_std,
+        noise_std=lambda parameter: {"angle": parameter("reading.repeatability")},
         segments=(Segment(part, "angle"),),
         max_effects=max_effects,
         reference_limits=("angle_min", "angle_max"),

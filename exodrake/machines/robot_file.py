@@ -144,7 +144,17 @@ def build(content: Any, source: str, above: tuple[str, ...] = (), folder: Path |
             robot = robot.with_part(part)
         parameters = content.get("parameters") or {}
         robot = robot.with_parameters(parameters, source)
-        robot = refuse_negative(replace(robot, **read_stated(parameters, robot)))
+        sources, ranges = dict(robot.sources), dict(robot.ranges)  # that the file states beside its values
+        for indices, (_, item) in robot.general_first(list_statements(parameters)):
+            for parameter in (robot.machine.parameters[i] for i in indices):
+                sources[parameter.name] = str(item.get("source", ""))
+                if "range" in item:
+                    where, unit = f"{robot.source}: range of {parameter.name}", item.get("unit", "")
+                    low, high = (quantity(end, parameter.unit, where, unit) for end in item["range"])
+                    if low > high:
+                        raise InputError(f"{where}: {low:g} exceeds {high:g}")
+                    ranges[parameter.name] = (low, high)
+        robot = refuse_negative(replace(robot, sources=sources, ranges=ranges))
         for identity, items in (content.get("effects") or {}).items():
             told = {name: v for name, v in items.items() if isinstance(v, Mapping) and "value" in v}
             given = items | {name: v["value"] for name, v in told.items()}
@@ -176,28 +186,12 @@ def make_blank(content: Mapping[str, Any], source: str) -> Robot:
     return Robot(machine, np.array(list(unset)), dict.fromkeys(machine.defaults, "default of the machine"))
 
 
-def read_stated(parameters: Mapping[str, Any], robot: Robot) -> dict[str, dict]:
-    """Sources and ranges that a file states beside its values."""
-    sources, ranges = dict(robot.sources), dict(robot.ranges)
-    for indices, (_, item) in robot.general_first(statements(parameters)):
-        for i in indices:
-            parameter = robot.machine.parameters[i]
-            sources[parameter.name] = str(item.get("source", ""))
-            if "range" in item:
-                where, unit = f"{robot.source}: range of {parameter.name}", item.get("unit", "")
-                low, high = (quantity(end, parameter.unit, where, unit) for end in item["range"])
-                if low > high:
-                    raise InputError(f"{where}: {low:g} exceeds {high:g}")
-                ranges[parameter.name] = (low, high)
-    return {"sources": sources, "ranges": ranges}
-
-
-def statements(parameters: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Mapping[str, Any]]]:
+def list_statements(parameters: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Mapping[str, Any]]]:
     """Dotted name and content of each parameter that is stated with a `value` key."""
     for key, item in parameters.items():
         name = f"{prefix}.{key}" if prefix else str(key)
         if isinstance(item, Mapping):
-            yield from [(name, item)] if "value" in item else statements(item, name)
+            yield from [(name, item)] if "value" in item else list_statements(item, name)
 
 
 def merge_targets(robot: Robot, key: str, new: Mapping[str, Any]) -> dict[str, dict[str, float]]:

@@ -30,7 +30,7 @@ from exodrake.core.part import JOINTS, Axes, Output, Part, Signal, Task
 from exodrake.core.schema import mapping, number, text
 from exodrake.effects import friction
 from exodrake.machines import arm_defaults as arm
-from exodrake.machines.arm_defaults import SWING, drawn, losses, reading, signals, stated, units
+from exodrake.machines.arm_defaults import SWING, arm_values, drawn, reading, signals, units
 from exodrake.machines.urdf import read_urdf
 from exodrake.physics import arm as dynamics, arm_drive, cable, gear_motor
 
@@ -124,10 +124,10 @@ def inverse_machine(name: str, chain: Chain, frame: float) -> Machine:
         frame=frame,
         slots=1,
         compared=(found[-1].kind,),
-        noise_std=lambda parameter: arm.renamed(arm.noise_std(parameter), found),
+        noise_std=lambda parameter: {found[-1].kind: parameter("torque.repeatability")},
         segments=(Segment("arm", found[-1].kind),),
         separate=True,
-        defaults=stated(chain, "arm") | losses(chain),
+        defaults=arm_values(chain),
         recorded={"arm.mobility": lambda size: REST * size.get(speed, np.inf) / max(size.get(force, 0.0), 1e-12)},
     )
 
@@ -145,11 +145,12 @@ def closed_machine(name: str, chain: Chain, frame: float) -> Machine:
     shown |= {"effort_ref": "effort_ref", "position": "position_read", "effort": "effort_read"}
     found = arm.columns(chain, shown, {})
     position, effort = found[-2].kind, found[-1].kind
+    sensors = {position: "encoder", effort: "torque"}
     return make_machine(
         name,
         chain,
         (forward, gear_motor.PART, encoder, torque, arm_drive.part(2, unit)),
-        ("encoder", "torque"),
+        tuple(sensors.values()),
         CROSSTALK,
         signals=(*given, *noises, *inner, Signal("link_position", unit["position"], JOINTS)),
         inputs=(*(s.name for s in given), *(s.name for s in noises)),
@@ -157,10 +158,10 @@ def closed_machine(name: str, chain: Chain, frame: float) -> Machine:
         frame=frame,
         slots=count_slots(frame),
         compared=(position, effort),
-        noise_std=lambda parameter: arm.renamed(arm.both_std(parameter), found),
+        noise_std=lambda parameter: {k: parameter(f"{s}.repeatability") for k, s in sensors.items()},
         segments=(Segment("drive", effort, (position,)), Segment("arm", position, (effort,))),
         loop=arm.joint_control(chain, {"arm.coulomb_friction": {}}),
-        defaults=stated(chain, "arm") | losses(chain) | arm.drive_defaults(chain, efforts, frame),
+        defaults=arm_values(chain) | arm.drive_defaults(chain, efforts, frame),
     )
 
 
@@ -216,8 +217,8 @@ def cable_machine(name: str, chain: Chain, frame: float) -> Machine:
 
 def cable_defaults(chain: Chain, efforts: np.ndarray, frame: float) -> dict[str, float]:
     """Values of what the robot file need not state: the arm's, and cables and motors of its size."""
-    found = stated(chain, "arm") | losses(chain) | arm.drive_defaults(chain, efforts, frame)
-    for channel, m, effort in zip(chain.names, arm.inertias(chain), efforts, strict=True):
+    found = arm_values(chain) | arm.drive_defaults(chain, efforts, frame)
+    for channel, m, effort in zip(chain.names, arm.compute_inertias(chain), efforts, strict=True):
         found[f"motor.current_max.{channel}"] *= RATIO
         found |= {
             f"cable.ratio.{channel}": RATIO, f"cable.by_previous.{channel}": 0.0, f"cable.by_next.{channel}": 0.0,

@@ -147,22 +147,19 @@ def read_urdf(path: str | Path, tip: str = "") -> Chain:
     leaves = [link for link in bodies if all(joint.parent != link for joint in joints)]
     if not tip and not (count and leaves):
         raise InputError(f"{source}: no joint moves, so there is no arm")
-    ways = {link: way_to(link, by_child, source) for link in ([tip] if tip else leaves)}
-    whole = [way for way in ways.values() if tip or sum(joint.kind != "fixed" for joint in way) == count]
+    ways = []  # from the base to the tip, or to each leaf
+    for link in [tip] if tip else leaves:
+        way: list[Joint] = []
+        while link in by_child:
+            way.append(by_child[link])
+            link = way[-1].parent
+            if len(way) > len(by_child):
+                raise InputError(f"{source}: its links form a ring")
+        ways.append(way[::-1])
+    whole = [way for way in ways if tip or sum(joint.kind != "fixed" for joint in way) == count]
     if not whole:
         raise InputError(f"{source}: its moving joints branch; name the last link, `tip`: {', '.join(leaves[:8])}")
     return chain_of(max(whole, key=len), joints, bodies, source)
-
-
-def way_to(link: str, by_child: Mapping[str, Joint], source: str) -> list[Joint]:
-    """Joints from the base to a link. InputError for a ring."""
-    found: list[Joint] = []
-    while link in by_child:
-        found.append(by_child[link])
-        link = found[-1].parent
-        if len(found) > len(by_child):
-            raise InputError(f"{source}: its links form a ring")
-    return found[::-1]
 
 
 def chain_of(path: Sequence[Joint], joints: Sequence[Joint], bodies: Mapping[str, Body], source: str) -> Chain:
