@@ -116,18 +116,17 @@ class CommandedLoop:
         have with the reference at rest, which the reading alone decides.
         """
         step, inverse = self.loop.stepper(), np.linalg.inv(self.direct)
-        command = self.loop.signals[self.loop.loop.command]
-        reading = self.loop.signals[self.loop.loop.measured].start + self.channel
-        own = self.loop.own
+        command, reading = (
+            self.loop.signals[s].start + self.channel for s in (self.loop.loop.command, self.loop.loop.measured)
+        )
         x, rows = state, np.zeros((frames, 2))
         for n in range(frames):
             after, signals = step(x, self.references)
             change = np.zeros(len(self.references))
-            wanted = rule(n, signals[command][self.channel])
-            change[self.channel] = wanted - signals[command][self.channel]
+            change[self.channel] = rule(n, signals[command]) - signals[command]
             x, commanded = step(x, self.references + inverse @ change)
-            x[own] = after[own]
-            rows[n] = commanded[command][self.channel], commanded[reading]
+            x[self.loop.own] = after[self.loop.own]
+            rows[n] = commanded[command], commanded[reading]
         return rows[:, 0], rows[:, 1]
 
 

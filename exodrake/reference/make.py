@@ -68,11 +68,6 @@ def parts_gaps(case: DrawnCase, seed: list[int], hidden: tuple[str, ...] = ()) -
     return [max(gaps(replace(case.spec, effects=rest)).values()) for rest in others], whole
 
 
-def distance(gaps: list[float], wanted: tuple[float, float]) -> float:
-    """Distance of the smallest gap from the wanted range [noise standard deviations]."""
-    return max(wanted[0] - min(gaps), min(gaps) - wanted[1], 0.0)
-
-
 Label = dict[str, Any]
 # as in the practice data
 DECIMALS = {"time": 2, "tension_ref": 3, "tension": 3, "stroke": 6, "speed_cmd": 5, "angle": 4}
@@ -105,21 +100,25 @@ def rounded(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
 def case_and_label(plan: CasePlan) -> tuple[Case, Label]:
     """Make a planned case with its logs, and its label; all of it follows from the plan's seed."""
     # drawn until the gap of the effects on the held-out motion is as wanted, or the attempts run out
-    best = draw_case(plan), [], {}
+    best, low_gap, high_gap = (draw_case(plan), [], {}), *plan.mix.gap
+
+    def miss(gaps: list[float]) -> float:
+        return max(low_gap - min(gaps), min(gaps) - high_gap, 0.0)
+
     for attempt in range(ATTEMPTS if plan.ids else 0):
         drawn, seed = draw_case(plan, attempt), [*plan.seed, 4]
         found, (low, high) = (drawn, *parts_gaps(drawn, seed, plan.mix.hidden)), (WEAKEST, 1.0)
-        for _ in range(BISECTIONS if min(found[1]) > plan.mix.gap[1] else 0):  # in the strength of the effects
+        for _ in range(BISECTIONS if min(found[1]) > high_gap else 0):  # in the strength of the effects
             strength = float(np.sqrt(low * high))
             effects = tuple(weaken(effect, strength) for effect in drawn.spec.effects)
             weaker = replace(drawn, spec=replace(drawn.spec, effects=effects))
             found = (weaker, *parts_gaps(weaker, seed, plan.mix.hidden))
-            if distance(found[1], plan.mix.gap) == 0.0:
+            if miss(found[1]) == 0.0:
                 break
-            low, high = (low, strength) if min(found[1]) > plan.mix.gap[1] else (strength, high)
-        if not best[1] or distance(found[1], plan.mix.gap) < distance(best[1], plan.mix.gap):
+            low, high = (low, strength) if min(found[1]) > high_gap else (strength, high)
+        if not best[1] or miss(found[1]) < miss(best[1]):
             best = found
-        if distance(best[1], plan.mix.gap) == 0.0:
+        if miss(best[1]) == 0.0:
             break
     case, gaps, whole = best
     logs = []

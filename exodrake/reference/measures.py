@@ -242,12 +242,6 @@ def in_class(case: Answered) -> bool:
     return case.verdict in ("NAMED", "AMBIGUOUS") and is_in_class(case.truths, case.diagnosis)
 
 
-def is_first(case: Answered) -> bool:
-    """The true effects are the set that comes first, whatever the verdict: the causes, else the best fitted set."""
-    sets = (one["id"] for one in case.diagnosis.get("candidates") or () if one["id"] not in ("", "retune"))
-    return is_truth(case.truths, named_ids(case.diagnosis) or tuple(next(sets, "").split(" + ")))
-
-
 def names_too_much(case: Answered) -> bool:
     """An effect is named that is not among the true ones."""
     return not set(named_ids(case.diagnosis)) <= set().union(*map(accepted_ids, case.truths))
@@ -306,6 +300,11 @@ def shares_of(cases: Sequence[Answered]) -> tuple[Share, ...]:
     ]
     located = [case for case in nameable + outside if "where" in case.diagnosis or case.verdict == FAILURE]
     partly = [case for case in nameable if case.verdict == "PARTLY"]
+
+    def is_first(case: Answered) -> bool:
+        """The truth comes first, whatever the verdict: among the causes, else in the best fitted set."""
+        sets = (one["id"] for one in case.diagnosis.get("candidates") or () if one["id"] not in ("", "retune"))
+        return is_truth(case.truths, named_ids(case.diagnosis) or tuple(next(sets, "").split(" + ")))
 
     def where(case: Answered) -> dict[str, Any]:
         return case.diagnosis.get("where") or {}

@@ -448,17 +448,14 @@ def measures(finger: Finger, tip: int) -> np.ndarray:
     _, proximal, middle, distal = finger.markers
     _, mcp, pip, dip = finger.axes
 
-    def crossings(near: Axis, far: Axis, origin: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def cross_plane(near: Axis, far: Axis, origin: np.ndarray) -> tuple[np.ndarray, ...]:
         normal = near.direction + far.direction
         normal = normal / np.linalg.norm(normal)
-        a, b = (
-            axis.point + axis.direction * ((origin - axis.point) @ normal) / (axis.direction @ normal)
-            for axis in (near, far)
-        )
-        return a, b, normal
+        shares = ((origin - axis.point) @ normal / (axis.direction @ normal) for axis in (near, far))
+        return *(axis.point + axis.direction * share for axis, share in zip((near, far), shares)), normal
 
-    start, end, _ = crossings(mcp, pip, proximal.mean(axis=0))
-    near, far, normal = crossings(pip, dip, middle.mean(axis=0))
+    start, end, _ = cross_plane(mcp, pip, proximal.mean(axis=0))
+    near, far, normal = cross_plane(pip, dip, middle.mean(axis=0))
     along = (far - near) / np.linalg.norm(far - near)
     reach = across(distal[tip] - far, normal) @ along
     values = [[np.linalg.norm(end - start), np.linalg.norm(far - near), reach]]
@@ -470,12 +467,9 @@ def measures(finger: Finger, tip: int) -> np.ndarray:
 
 def measure(adjusted: Adjusted, tip: int) -> tuple[np.ndarray, np.ndarray]:
     """Values (21,) of `measures` and their covariance (21, 21) [SI]."""
-    finger, free = adjusted.finger, adjusted.finger.free()
-    columns = [
-        (measures(finger.shift(NUDGE * way), tip) - measures(finger.shift(-NUDGE * way), tip)) / (2 * NUDGE)
-        for way in free.T
-    ]
-    slope = np.stack(columns, axis=1)
+    finger = adjusted.finger
+    ends = [[measures(finger.shift(side * way), tip) for way in finger.free().T] for side in (NUDGE, -NUDGE)]
+    slope = np.subtract(*ends).T / (2 * NUDGE)
     return measures(finger, tip), slope @ adjusted.covariance @ slope.T
 
 
