@@ -40,7 +40,7 @@ COMPUTED = (
 )
 
 
-def others(generic: tuple[Effect, ...], library: tuple[Effect, ...]) -> tuple[Effect, ...]:
+def add_generic(generic: tuple[Effect, ...], library: tuple[Effect, ...]) -> tuple[Effect, ...]:
     """Generic effects of a law that the library lacks: behind a rigid servo an error of the reading is one of the aim.
 
     Delays of reading and of command are one, too, and so are a clock's error and a delay of one motion.
@@ -108,7 +108,7 @@ def joint_machine(
     """
     laws = STANDARD if frame < SLOW else STANDARD[1:]
     standard = (for_machine(f"joint.{law}", f"{part}.{law}") for law in laws)
-    library = (*library, *others(tuple(standard), library))
+    library = (*library, *add_generic(tuple(standard), library))
     given, command = (*REFERENCES, *settings), joint_command.SET_PART if settings else joint_command.PART
     reading = sensor("reading", ANGLE, unit="rad", slot=3, frame=frame, size=SWING, channels=len(joints))
     parts = (replace(joint.PART, name=part), command, reading)
@@ -119,7 +119,7 @@ def joint_machine(
         parts=parts,
         inputs=tuple(s.name for s in (*given, *DRAWN)),
         columns=(*(Column(s.name, s.name) for s in given), COLUMN),
-        effects=(*library, *others(generic_effects(reading), library), *plugin_effects(parts, library)),
+        effects=(*library, *add_generic(generic_effects(reading), library), *plugin_effects(parts, library)),
         frame=frame,
         slots=4,
         noise=tuple(f"reading.sigma.{j}" for j in joints),
@@ -130,7 +130,7 @@ def joint_machine(
         max_effects=max_effects,
         reference_limits=("angle_min", "angle_max"),
         separate=True,
-        loop=loop_of(joints, frame, library),
+        loop=make_loop(joints, frame, library),
         skeleton=lambda robot: axes_side_by_side(robot.machine.axes.joints, "angle", "angle"),
         mechanism=mechanism,
     )
@@ -217,7 +217,7 @@ def motor_mechanism(robot: Robot) -> Mechanism:
     )  # fmt: skip
 
 
-def loop_of(joints: tuple[str, ...], frame: float, library: tuple[Effect, ...]) -> Loop:
+def make_loop(joints: tuple[str, ...], frame: float, library: tuple[Effect, ...]) -> Loop:
     """The outer loop that `analyse` and `tune` look at; its integral acts over ten frames at first: assumed."""
     proportional, integral = Gain("joint_loop.kp", 0.01, 2.0), Gain("joint_loop.ki", 0.01 / frame, 1.0 / frame)
     latency = (f"{e.id}.frames" for e in library if e.family == LIBRARY["timing.command_latency"].family)

@@ -23,7 +23,7 @@ from exodrake.data.case import FILE, Case, CaseLog, write_case
 from exodrake.data.log import Log
 from exodrake.reference.answers import COMMITMENT, write_committed
 from exodrake.reference.cases import MIXES, CaseMix, CasePlan, DrawnCase, draw_case, plan
-from exodrake.reference.faults import ENTRIES, blocks_of, channels_of, weaken
+from exodrake.reference.faults import ENTRIES, find_blocks, list_channels, weaken
 from exodrake.reference.robot import JOINTS, WIRES, RobotSpec
 from exodrake.reference.simulator import simulate, warm_up
 
@@ -75,12 +75,12 @@ HELD_OUT, REPEATS = "grasps", {"sweeps_2": "sweeps_1.csv.gz"}  # the other logs 
 MARK = ".incomplete"  # of a set that is not complete
 
 
-def label_of(plan: CasePlan, case: DrawnCase, each: list[float], whole: Gaps) -> Label:
+def make_label(plan: CasePlan, case: DrawnCase, each: list[float], whole: Gaps) -> Label:
     """Label of a case: kind, mix, true effects with the channels they act on, gaps and nominal parameters."""
     effects = [
         {
-            "id": effect.id, "block": blocks_of(effect.id)[0], "blocks": list(blocks_of(effect.id)),
-            "wires": channels_of(effect, WIRES), "joints": channels_of(effect, JOINTS),
+            "id": effect.id, "block": find_blocks(effect.id)[0], "blocks": list(find_blocks(effect.id)),
+            "wires": list_channels(effect, WIRES), "joints": list_channels(effect, JOINTS),
             "parameters": effect.parameters, "exact": ENTRIES[effect.id].exact, "gap": gap,
         }
         for effect, gap in zip(case.spec.effects, each)
@@ -92,7 +92,7 @@ def label_of(plan: CasePlan, case: DrawnCase, each: list[float], whole: Gaps) ->
     }  # fmt: skip
 
 
-def rounded(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+def round_columns(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Round columns (n,) [SI] to the digits a real log carries; floats print short."""
     return {name: np.round(values, DECIMALS[kind_of(name)]) + 0.0 for name, values in columns.items()}
 
@@ -123,12 +123,12 @@ def case_and_label(plan: CasePlan) -> tuple[Case, Label]:
     case, gaps, whole = best
     logs = []
     for index, (log, protocol) in enumerate(case.protocols.items()):
-        columns = rounded(simulate(case.spec, protocol, [*plan.seed, 5, index]))
+        columns = round_columns(simulate(case.spec, protocol, [*plan.seed, 5, index]))
         time = columns.pop("time")
         columns = {name: values for name, values in columns.items() if kind_of(name) not in plan.mix.hidden}
         role = "holdout" if log == HELD_OUT else "fit"
         logs.append(CaseLog(Log(time, columns), log, role, REPEATS.get(log), f"{log}.csv.gz"))
-    return Case(plan.name, {}, tuple(logs)), label_of(plan, case, gaps, whole)
+    return Case(plan.name, {}, tuple(logs)), make_label(plan, case, gaps, whole)
 
 
 def make_case(plan: CasePlan, folder: str | Path) -> Label:

@@ -40,33 +40,33 @@ def accepted_ids(truth: Truth) -> set[str]:
     return {name}
 
 
-def causes_of(diagnosis: Diagnosis) -> list[dict[str, Any]]:
+def list_causes(diagnosis: Diagnosis) -> list[dict[str, Any]]:
     """Effects that an answer calls causes, best first."""
     return [e for e in diagnosis.get("effects") or () if (e.get("role") or CAUSE) == CAUSE]
 
 
-def rivals_of(cause: dict[str, Any]) -> tuple[str, ...]:
+def list_rivals(cause: dict[str, Any]) -> tuple[str, ...]:
     """Ids of the rivals of a cause."""
     return tuple(rival["id"] for rival in cause.get("rivals") or ())
 
 
 def named_ids(diagnosis: Diagnosis) -> tuple[str, ...]:
     """Ids of the causes, best first."""
-    return tuple(cause["id"] for cause in causes_of(diagnosis))
+    return tuple(cause["id"] for cause in list_causes(diagnosis))
 
 
 def found_ids(diagnosis: Diagnosis) -> set[str]:
     """Ids of all causes and of their rivals."""
     equivalents = (i for name in diagnosis.get("equivalents") or () for i in name.split(" + "))
-    return {*named_ids(diagnosis), *equivalents, *(i for cause in causes_of(diagnosis) for i in rivals_of(cause))}
+    return {*named_ids(diagnosis), *equivalents, *(i for cause in list_causes(diagnosis) for i in list_rivals(cause))}
 
 
 def is_in_class(truths: Sequence[Truth], diagnosis: Diagnosis) -> bool:
     """Tell whether each true effect is a cause of its own, or among the rivals of one."""
-    causes = causes_of(diagnosis)
-    if diagnosis.get("equivalents") and not any(map(rivals_of, causes)):  # an older version
+    causes = list_causes(diagnosis)
+    if diagnosis.get("equivalents") and not any(map(list_rivals, causes)):  # an older version
         return all(accepted_ids(truth) & found_ids(diagnosis) for truth in truths)
-    classes = [{cause["id"], *rivals_of(cause)} for cause in causes]
+    classes = [{cause["id"], *list_rivals(cause)} for cause in causes]
     return any(
         all(accepted_ids(truth) & one for truth, one in zip(truths, order))
         for order in permutations(classes, len(truths))
@@ -86,8 +86,8 @@ def is_kind_right(truths: Sequence[Truth], diagnosis: Diagnosis) -> bool:
     A cause whose rivals are of another kind or block states none.
     """
     stated = []
-    for cause in causes_of(diagnosis):
-        found = {kind_and_block(i) for i in (cause["id"], *rivals_of(cause))}
+    for cause in list_causes(diagnosis):
+        found = {kind_and_block(i) for i in (cause["id"], *list_rivals(cause))}
         stated.append(found.pop() if len(found) == 1 else None)
     return has_matching(stated, [{kind_and_block(i) for i in accepted_ids(truth)} for truth in truths])
 
@@ -180,14 +180,14 @@ class ParameterInterval(NamedTuple):
     score: float
 
 
-def intervals_of(case: Answered) -> Iterator[ParameterInterval]:
+def list_intervals(case: Answered) -> Iterator[ParameterInterval]:
     """Stated intervals of the effects that are named by their true id.
 
     They are those of the channels of the truth; of an effect without channels the overall one.
     """
     for truth in case.truths:
         seat = (*truth["wires"], *truth["joints"])
-        named = [effect for effect in causes_of(case.diagnosis) if effect["id"] == truth["id"]]
+        named = [effect for effect in list_causes(case.diagnosis) if effect["id"] == truth["id"]]
         for (name, true), effect in product(truth["parameters"].items(), named):
             stated = (effect.get("channels") or {}).get(name) or {
                 None: (effect.get("parameters") or {}).get(name) or {}
@@ -279,10 +279,10 @@ def visible(cases: Sequence[Answered], kinds: Iterable[str]) -> list[Answered]:
 def intervals(cases: Sequence[Answered], exact: bool) -> list[ParameterInterval]:
     """Intervals stated for exactly named effects, of parameters of one kind."""
     named = filter(exactly_named, visible(cases, NAMEABLE))
-    return [interval for case in named for interval in intervals_of(case) if interval.exact == exact]
+    return [interval for case in named for interval in list_intervals(case) if interval.exact == exact]
 
 
-def shares_of(cases: Sequence[Answered]) -> tuple[Share, ...]:
+def compute_shares(cases: Sequence[Answered]) -> tuple[Share, ...]:
     """Measures that are shares of cases."""
     nameable, outside = visible(cases, NAMEABLE), visible(cases, ["unknown"])
     healthy = [case for case in cases if case.kind == "healthy"]
@@ -342,14 +342,14 @@ def shares_of(cases: Sequence[Answered]) -> tuple[Share, ...]:
     )
 
 
-def quantities_of(cases: Sequence[Answered]) -> tuple[Quantity, ...]:
+def compute_quantities(cases: Sequence[Answered]) -> tuple[Quantity, ...]:
     """Measures that are no shares."""
     answers = [case.diagnosis for case in cases]
     named = [case for case in visible(cases, NAMEABLE) if case.verdict == "NAMED"]
     sizes = []  # of the classes of the causes that have rivals; of an older answer that of its one class
     for answer in answers:
         if answer["verdict"] == "AMBIGUOUS":
-            own = [1 + len(rivals_of(cause)) for cause in causes_of(answer) if rivals_of(cause)]
+            own = [1 + len(list_rivals(cause)) for cause in list_causes(answer) if list_rivals(cause)]
             sizes += own or [len(set(answer.get("equivalents") or ()))]
     rows = [quantity("size of an AMBIGUOUS class, mean", np.mean, sizes, "<= 2.2")]
     for label, part in (("C(overall)", "overall"), ("C(retune)", "retune"), ("C(effect given retune)", "effect")):
@@ -368,7 +368,7 @@ def quantities_of(cases: Sequence[Answered]) -> tuple[Quantity, ...]:
     return tuple(rows)
 
 
-def baselines_of(cases: Sequence[Answered]) -> tuple[Share, ...]:
+def compute_baselines(cases: Sequence[Answered]) -> tuple[Share, ...]:
     """Trivial answers to the visible cases with one effect, those that the diagnosis carries among them."""
     single = visible(cases, ["single"])
     rows = []

@@ -15,12 +15,12 @@ from exodrake.reference.measures import (
     Paired,
     Quantity,
     Share,
-    baselines_of,
+    compute_baselines,
+    compute_quantities,
+    compute_shares,
     named_ids,
     paired,
-    quantities_of,
     right,
-    shares_of,
 )
 
 
@@ -63,11 +63,11 @@ def score(folder: str | Path, labels: str | Path, against: str | Path | None = N
     groups, confusion = [], Counter()
     for mix in dict.fromkeys(case.mix for case in cases):
         here, there = ([case for case in answers if case.mix == mix] for answers in (cases, others))
-        shares, baselines = shares_of(here), baselines_of(here)
+        shares, baselines = compute_shares(here), compute_baselines(here)
         first = next(item for item in shares if item.name == "truth first")
         compared = [paired(first, item, f"truth first; {item.name}") for item in baselines if "names" in item.name]
-        compared += [paired(one, other) for one, other in zip(shares, shares_of(there))] if there else []
-        groups.append(Group(mix, len(here), shares, quantities_of(here), baselines, tuple(compared)))
+        compared += [paired(one, other) for one, other in zip(shares, compute_shares(there))] if there else []
+        groups.append(Group(mix, len(here), shares, compute_quantities(here), baselines, tuple(compared)))
     for case in cases:
         truth = " + ".join(effect["id"] for effect in case.truths) or "healthy"
         named = " + ".join(named_ids(case.diagnosis))
@@ -105,7 +105,7 @@ def tables(score: Score) -> Iterator[tuple[str, Row, list[Row]]]:
             if item.count
         ]
         rows += share_rows(group.baselines, "baseline: ")
-        yield f"{group.name}, {counted(group.cases)}", HEADINGS, rows
+        yield f"{group.name}, {count_cases(group.cases)}", HEADINGS, rows
         compared = [
             (item.name, *map(str, (item.both, item.first, item.second, item.neither)), f"{item.p:.2g}")
             for item in group.paired
@@ -116,10 +116,10 @@ def tables(score: Score) -> Iterator[tuple[str, Row, list[Row]]]:
     failed = f", {len(score.failed)} of them failed" if score.failed else ""
     lacking = f", {len(score.missing)} without a diagnosis" if score.missing else ""
     rows = [(truth, answer, "yes" if right else "", str(n)) for (truth, answer, right), n in score.confusion.items()]
-    yield f"truth and answer, {counted(score.cases)}{failed}{lacking}", CONFUSION, rows
+    yield f"truth and answer, {count_cases(score.cases)}{failed}{lacking}", CONFUSION, rows
 
 
-def counted(cases: int) -> str:
+def count_cases(cases: int) -> str:
     """Number of cases in words."""
     return f"{cases} {plural(cases, 'case')}"
 
