@@ -4,8 +4,6 @@ Parts stand on the diagonal. What a part writes leaves along its row, to the rig
 what it reads arrives along its column. The label where row and column meet names the signals. Below, a frame of slots.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from html import escape
 from itertools import accumulate, permutations, starmap

@@ -7,8 +7,6 @@ An arm knows payload and inertias of a diagnosis, and has an actuator for each j
 place of the part `finger`.
 """
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np

@@ -7,8 +7,6 @@ Tendons are coloured by their load; the recording has play, pause, speed and a s
 stops it at that time.
 """
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Sequence
 from html import escape

@@ -1,7 +1,5 @@
 """Analysis of the closed loop at one operating point, `exo.analyse(robot)`, and its results as plain data."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from io import BytesIO
@@ -84,7 +82,6 @@ class ClosedLoop:
     uncertainty: Uncertainty | None = None
 
     def __repr__(self) -> str:
-        """Robot, stability and speed, then the margins of each channel."""
         slowest = max(s.settling for s in self.steps)
         margins = "; ".join(
             f"{m.channel} {m.gain_margin_db:.3g} dB, {m.phase_margin_deg:.3g} deg" for m in self.margins

@@ -7,8 +7,6 @@ a, it is stable. The closed loop with that factor is then simulated after a kick
 `describing_function_response` knows static nonlinearities alone; here N depends on the frequency and the schedule.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
@@ -69,7 +67,6 @@ class LimitCycles:
     swing_frequency: np.ndarray
 
     def __repr__(self) -> str:
-        """Describing-function margins over all amplitudes, then the limit cycle with the robot's own gains."""
         size, frequency = self.read_simulation()
         cycle = f"{size:.3g} {self.unit} at {frequency:.3g} Hz" if size else "none"
         return (

@@ -291,7 +291,6 @@ class FrameModel:
     keep: list[int] = field(default_factory=list)
 
     def __repr__(self) -> str:
-        """Size, then what the poles say."""
         s = self.system
         return (
             f"FrameModel: {s.nstates} states, {s.ninputs} references, {s.noutputs} outputs, a frame of {s.dt:g} s\n"

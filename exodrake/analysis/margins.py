@@ -9,8 +9,6 @@ reference D^-1 u, and does not act on the controller's own states. No second sim
 Margins of an unstable loop mean nothing and are NaN. Poles decide whether a loop is stable.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 
@@ -139,7 +137,6 @@ class Margins:
     closed_unstable: int
 
     def __repr__(self) -> str:
-        """Margins, then poles."""
         return (
             f"Margins of {self.channel}: gain {self.gain_margin_db:.3g} dB, phase {self.phase_margin_deg:.3g} deg "
             f"at {self.crossover:.3g} Hz, delay {1e3 * self.delay_margin:.3g} ms, disk margin {self.disk_margin:.3g}\n"

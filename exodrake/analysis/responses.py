@@ -6,8 +6,6 @@ the phases give mean and spread: what varies between draws is noise and nonlinea
 lines, which carry no signal). Pintelon and Schoukens, System Identification, ch. 2 to 4.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -63,7 +61,6 @@ class StepResponse:
     command_peak: float
 
     def __repr__(self) -> str:
-        """What is quoted of a step, then its size."""
         return (
             f"StepResponse of {self.channel}: rises in {self.rise:.3g} s, overshoots {100.0 * self.overshoot:.2g} %, "
             f"settles in {self.settling:.3g} s\nstep {self.size:g}, steady error {self.steady_error:.2g}, "
@@ -135,7 +132,6 @@ class FrequencyResponse:
     bandwidth_measured: float
 
     def __repr__(self) -> str:
-        """Bandwidth, then what was measured."""
         return (
             f"FrequencyResponse of {self.channel}: -3 dB at {self.bandwidth:.3g} Hz, "
             f"measured {self.bandwidth_measured:.3g} Hz\n{len(self.frequency)} lines, {self.frequency[0]:.3g} to "

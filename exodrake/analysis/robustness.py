@@ -9,8 +9,6 @@ Robots are drawn within the intervals of the effects; the first two stand at the
 friction or a dead zone, describing functions take the place of linear responses: over amplitudes, at those two ends.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -211,7 +209,6 @@ class Uncertainty:
     peak: float
 
     def __repr__(self) -> str:
-        """Stability, then margins and deviation."""
         return (
             f"Uncertainty: {self.robots - len(self.unstable)} of {self.robots} robots stable, {self.kicked} by a kick\n"
             f"gain margin from {self.gain_margin_db:.3g} dB, phase margin from {self.phase_margin_deg:.3g} deg over "

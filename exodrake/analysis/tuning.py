@@ -136,7 +136,6 @@ class Limit:
     law: System
 
     def __repr__(self) -> str:
-        """The bound beside the tuned loop, then LQG."""
         lqg = f"LQG settles in {self.lqg.settling:.3g} s" if self.lqg else "LQG does not stabilise all plants"
         return f"Limit: settles in {self.tuned:.3g} s, at least {self.settling:.3g} s with such commands\n{lqg}"
 

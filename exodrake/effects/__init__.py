@@ -7,8 +7,6 @@ Where several effects act at one point, they act in the order in which `FAMILIES
 plugins follow, by their field `order` and their id.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from importlib import import_module

@@ -1,7 +1,5 @@
 """What machines of serial arms share: signals, sensors, log columns, and the parameters that a URDF file implies."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 

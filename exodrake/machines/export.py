@@ -3,8 +3,6 @@
 A file states what its format can; a comment at its head names the rest.
 """
 
-from __future__ import annotations
-
 from math import ceil, floor, isfinite
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Machines of position servos (command -> joint -> reading): ideal ones, or with motor, gear and supply."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from math import ceil

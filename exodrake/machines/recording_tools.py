@@ -1,7 +1,5 @@
 """What the importers share: logs of joints from arrays, and logs cut into what is fitted and what is held out."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

@@ -16,8 +16,6 @@ beside the file or round it, and another robot file beside it. A folder that hol
 and no machine.py is a machine, too (`machines.serial_arm`).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace

@@ -15,8 +15,6 @@ and a log holds references, positions and efforts of the motors and, where encod
 the joints (`position`). The matrix A, cables and motors are `cable` in the robot file.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

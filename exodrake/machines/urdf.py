@@ -4,8 +4,6 @@ The file is data of somebody else: its size is limited, and document types and e
 expanded or fetched. Drake's parser reads the same values (`tests/test_arm_urdf.py`).
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Mapping, Sequence

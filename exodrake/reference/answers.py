@@ -4,8 +4,6 @@ The salt lies in the labels file: without it, guessed labels cannot be checked a
 diagnoses every case, resumably: answers lie in the cases' folders (see `diagnosis.many`).
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import secrets

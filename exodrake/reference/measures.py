@@ -7,8 +7,6 @@ Interval score of (l, u) for the true value x at level 1 - alpha (Gneiting & Raf
     S = u - l + 2 / alpha (l - x) [x < l] + 2 / alpha (x - u) [x > u]
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Scores of the answers to a blind set against its committed labels; as tables, JSON and Markdown."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Iterable, Iterator

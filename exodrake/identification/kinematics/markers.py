@@ -26,8 +26,6 @@ abduction about y. The lengths and the PIP and DIP gradients are the paper's; th
 printed one, which is anatomically implausible (`physics.md`, Table 1). Nothing in such a recording was measured.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import struct

@@ -5,8 +5,6 @@ row about every second, read at rest, so that rows stand for frames of 1 s. Rows
 (q_act = 0) are dropped. Each run's first half is fitted.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

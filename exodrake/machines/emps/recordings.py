@@ -5,8 +5,6 @@ qm position m, vir controller output V, and the scalar gtau N/V. The motion repe
 are fitted, the rest is held out and repeats them.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

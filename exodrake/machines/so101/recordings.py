@@ -5,8 +5,6 @@ together by number: the recorder's clock ticks every 20.06 ms on average, which 
 run's first half is fitted.
 """
 
-from __future__ import annotations
-
 import csv
 import json
 from pathlib import Path

@@ -5,8 +5,6 @@ commanded angle deg, velocity, measured angle deg (magnetic tracker), tensions a
 configurations are fitted but the middle one, which is held out; one file alone is halved.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
