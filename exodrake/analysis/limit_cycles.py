@@ -120,7 +120,7 @@ class CommandedLoop:
         for n in range(frames):
             after, signals = step(x, self.references)
             change = np.zeros(len(self.references))
-            change[self.channel] = rule(n, signals[command]) - signals[command]
+            change[self.channel] = rule(n, float(signals[command])) - signals[command]
             x, commanded = step(x, self.references + inverse @ change)
             x[self.loop.own] = after[self.loop.own]
             rows[n] = commanded[command], commanded[reading]

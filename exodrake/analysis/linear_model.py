@@ -21,7 +21,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import control
 import numpy as np
@@ -254,7 +254,7 @@ class Pole:
 
 
 class System(control.StateSpace):
-    """python-control's `StateSpace`, here with one step per frame, SI; no state is left out as useless."""
+    """python-control's `StateSpace`, here with one step per frame, SI."""
 
     if TYPE_CHECKING:  # which python-control's own annotations leave open
         A: np.ndarray
@@ -262,10 +262,6 @@ class System(control.StateSpace):
         C: np.ndarray
         D: np.ndarray
         dt: float
-
-    def __init__(self, a: Any, b: Any, c: Any, d: Any, period: float, **names: Any) -> None:
-        """From matrices, frame period [s], and lists of names `states`, `inputs`, `outputs`."""
-        super().__init__(a, b, c, d, period, remove_useless_states=False, **names)
 
 
 @dataclass(frozen=True, eq=False)
