@@ -124,7 +124,8 @@ def wiring_svg(machine: Machine, shares: Mapping[str, float] | None = None, sche
     height = below + 64 + chips + MARGIN if schedule else top + grid + MARGIN
     return render(
         "block_diagram.html", TEMPLATES, width=f"{width:.0f}", height=f"{height:.0f}",
-        markers=sorted(set(hue.values())), links=drawn, boxes=blocks, machine=machine if schedule else None, slots=slots, top=below, step=step, hue=hue,
+        markers=sorted(set(hue.values())), links=drawn, boxes=blocks,
+        machine=machine if schedule else None, slots=slots, top=below, step=step, hue=hue,
         ticking=", ".join(b.name for b in machine.parts if any(not t.slots for t in b.tasks)),
         margin=MARGIN, line=LINE, box=BOX, chip=CHIP, soft=SOFT, edge=EDGE,
     ) + "\n"  # fmt: skip

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from exodrake.cli.main import OneLineErrors
-from exodrake.reference.measures import list_causes, list_rivals
+from exodrake.reference.score import list_causes, list_rivals
 
 if TYPE_CHECKING:
     from exodrake.data.case import Case

@@ -22,7 +22,7 @@ import click
 import numpy as np
 
 from exodrake.cli.main import OneLineErrors
-from exodrake.reference.measures import found_ids
+from exodrake.reference.score import found_ids
 from studies.page_text import share
 
 if TYPE_CHECKING:

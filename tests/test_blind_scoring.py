@@ -11,8 +11,9 @@ from exodrake.core.errors import InputError
 from exodrake.reference import make
 from exodrake.reference.answers import Answered, read_committed, write_committed
 from exodrake.reference.cases import CaseMix
-from exodrake.reference.measures import (
+from exodrake.reference.score import (
     Paired,
+    as_json,
     compute_shares,
     exactly_named,
     interval_score,
@@ -20,9 +21,11 @@ from exodrake.reference.measures import (
     is_kind_right,
     is_truth,
     list_intervals,
+    markdown,
     names_too_much,
+    score,
+    tables,
 )
-from exodrake.reference.score import as_json, markdown, score, tables
 
 
 def truth(effect_id, gap=10.0, exact=True, blocks=(), wires=(), joints=(), **parameters):

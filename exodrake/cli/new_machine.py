@@ -159,8 +159,7 @@ def arm_files(folder: Path, urdf: str, form: str, tip: str, frame: float | None)
 
 def texts_of(chain: Chain, form: str) -> dict[str, str]:
     """Texts of the joints for the generated files."""
-    from exodrake.machines.arm_defaults import middle, typical_efforts, units
-    from exodrake.machines.serial_arm import RATIO
+    from exodrake.machines.serial_arm import RATIO, middle, typical_efforts, units
 
     unit, efforts, names = units(chain), typical_efforts(chain), chain.names
     cable, inverse = form == "cable", form == "inverse"
@@ -190,8 +189,7 @@ def texts_of(chain: Chain, form: str) -> dict[str, str]:
 
 def cable_texts(chain: Chain, unit: dict[str, str]) -> dict[str, str]:
     """Texts of motors and cables for the robot file."""
-    from exodrake.machines.arm_defaults import typical_efforts
-    from exodrake.machines.serial_arm import RATIO, cable_defaults
+    from exodrake.machines.serial_arm import RATIO, cable_defaults, typical_efforts
 
     values = cable_defaults(chain, typical_efforts(chain), 0.0)
     rows = {"stiffness": "stiffness", "pretension": "pretension", "motors": "inertia"}

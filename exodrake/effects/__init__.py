@@ -19,7 +19,7 @@ from exodrake.core.errors import InputError, nearest
 from exodrake.core.part import Part, module_name, points_of
 
 plugins.extend(__path__, "effects")
-FAMILIES = ("motor", "friction", "tendon", "sensor", "finger", "timing", "signal", "arm", "cable", "servo")
+FAMILIES = ("motor", "friction", "tendon", "sensor", "finger", "timing", "signal", "arm", "servo")
 
 
 def discover() -> tuple[dict[str, Effect], tuple[Effect, ...]]:

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from exodrake.core.plain import plain
-from exodrake.reference.measures import Share
-from exodrake.reference.score import Row, count_cases
+from exodrake.reference.score import Row, Share, count_cases
 from studies.transfer.study import DEFAULT, MODELS, Transfer, Transferred
 
 RESAMPLES = 1000  # of cases, for the interval of the rank correlation
