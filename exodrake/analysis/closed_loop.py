@@ -48,7 +48,7 @@ class ClosedLoop:
         robot: robot that was analysed.
         point: operating point at which it rests.
         model: linear model with one step per frame.
-        opened: linear model opened at its commands, see `margins.cut`.
+        opened: linear model opened at its commands, see `margins.break_loop`.
         system: python-control's `StateSpace` of the closed loop. Inputs: references, sensor noise of unit variance, and
             disturbances added to the commands; outputs: all signals.
         steps: step response of each channel, in the machine's order.
@@ -126,7 +126,7 @@ class ClosedLoop:
         Outputs are of kinds such as "tension" and "stroke", or all. InputError for an unknown kind.
         """
         machine, labels = self.robot.machine, self.model.system.output_labels
-        known = {kind: machine.channels(signal) for signal, kind in FrameMap.of(self.robot).kinds.items()}
+        known = {kind: machine.channels(signal) for signal, kind in FrameMap.from_robot(self.robot).kinds.items()}
         for kind in kinds:
             if kind not in known:
                 raise InputError(f"the model has no output {kind!r}{nearest(kind, list(known))}")

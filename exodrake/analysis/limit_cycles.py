@@ -193,7 +193,7 @@ def compare_cycles(
     The linear loop is without it: where it rests, `whole` opened, dv/dr (channels, channels) [command / reference] of
     its controller, and the gain margin of the channel.
     """
-    loop = FrameMap.of(robot)
+    loop = FrameMap.from_robot(robot)
     loop = replace(loop, parameters=prepared(robot, quantisation=rounded))
     references, state = point.references, point.state
     if rounded:

@@ -78,7 +78,7 @@ class FrameMap:
     module: ModuleType
 
     @staticmethod
-    def of(robot: Robot) -> FrameMap:
+    def from_robot(robot: Robot) -> FrameMap:
         """The frame map of a robot. InputError if a parameter is missing, or the machine has no loop."""
         robot = add_controller(robot)
         return FrameMap(robot, prepared(robot, quantisation=False), compile_machine(robot.machine))
@@ -86,7 +86,7 @@ class FrameMap:
     @property
     def loop(self) -> Loop:
         """Closed loop that the machine declares: its signals and gains."""
-        assert self.robot.machine.loop is not None  # `of` sees to it
+        assert self.robot.machine.loop is not None  # `from_robot` sees to it
         return self.robot.machine.loop
 
     @property
@@ -515,6 +515,6 @@ def linearise_robot(
     robot: Robot, at: Mapping[str, float] | str | None = None
 ) -> tuple[FrameMap, OperatingPoint, FrameModel]:
     """The frame map of a robot, where it rests, and its linear model there. InputError as `operating_point`."""
-    loop = FrameMap.of(robot)
+    loop = FrameMap.from_robot(robot)
     point = operating_point(loop, at)
     return loop, point, linearise(loop, point.state, point.references)

@@ -42,13 +42,13 @@ NAN = float("nan")
 
 
 def open_loop(loop: FrameMap, model: FrameModel) -> System:
-    """A loop opened at its commands, see `cut`. InputError where a command ignores its reference (a gain of 0)."""
+    """A loop opened at its commands (`break_loop`). InputError where a command ignores its reference (a gain of 0)."""
     v, y = (model.rows(loop.kinds[signal], loop.channels) for signal in (loop.loop.command, loop.loop.measured))
-    return cut(model.system, loop.own[model.keep], v, y)
+    return break_loop(model.system, loop.own[model.keep], v, y)
 
 
 def disturb(system: System, own: np.ndarray, v: list[int]) -> tuple[np.ndarray, np.ndarray]:
-    """B (n, channels) and D (outputs, channels) of disturbances that are added to the commands; arguments as of `cut`.
+    """B (n, channels) and D (outputs, channels) of disturbances added to the commands; arguments as of `break_loop`.
 
     InputError where a command ignores its reference. The states of the controller, `own` (n,) [-], are not disturbed.
     """
@@ -61,7 +61,7 @@ def disturb(system: System, own: np.ndarray, v: list[int]) -> tuple[np.ndarray, 
     return b, d
 
 
-def cut(system: System, own: np.ndarray, v: list[int], y: list[int]) -> System:
+def break_loop(system: System, own: np.ndarray, v: list[int], y: list[int]) -> System:
     """A closed loop opened at its commands; `close` closes it again.
 
     From the commands that the plant gets to those that the controller sends, then to the readings. `own` (states,) [-]

@@ -215,7 +215,7 @@ def tune(
     Raises:
         InputError: no closed loop, no state of rest, unknown structure.
     """
-    first = FrameMap.of(argument("robot", robot, Robot))
+    first = FrameMap.from_robot(argument("robot", robot, Robot))
     robot, loop = first.robot, first.loop
     requirements = argument("requirements", requirements, Requirements, type(None))
     known = [c.name for c in loop.controllers]
@@ -303,7 +303,7 @@ def schedule_gains(plants: list[Plant], tuning: Tuning) -> dict[str, tuple[dict[
 
 def assess(name: str, robot: Robot, gains: dict[str, float], wanted: Requirements, draws: int) -> Tuned:
     """Assessment of a loop by nonlinear steps and linear margins, over operating points and tolerances."""
-    loop = FrameMap.of(robot)
+    loop = FrameMap.from_robot(robot)
     point = operating_point(loop)
     steps = tuple(step_response(loop, point, j) for j in range(len(loop.channels)))
     bands = (points_band(robot), band("tolerances", within_tolerances(robot, draws, JUDGE_SEED)))
