@@ -52,20 +52,8 @@ from scipy.spatial.transform import Rotation
 
 from exodrake.core.confidence import NORMAL_95
 from exodrake.core.errors import InputError
+from exodrake.identification.kinematics import rigid
 from exodrake.identification.kinematics.markers import JOINTS, SEGMENTS, Layout, Recording, check_labels
-from exodrake.identification.kinematics.rigid import (
-    Axis,
-    across,
-    apply,
-    centres,
-    corners,
-    fit_pose,
-    hat,
-    inverse,
-    motion,
-    rotation,
-    triad_pose,
-)
 
 TRIAD = 3
 COUNT = 3 * TRIAD * len(SEGMENTS)  # coordinates of markers
@@ -97,12 +85,12 @@ class Finger:
     """Finger at rest in the frame of the base triad: markers (4, 3, 3) [m] by segment; abduction and flexion axes."""
 
     markers: np.ndarray
-    axes: tuple[Axis, Axis, Axis, Axis]
+    axes: tuple[rigid.Axis, rigid.Axis, rigid.Axis, rigid.Axis]
 
     def free(self) -> np.ndarray:
         """Changes that markers can show, as columns (72, 51) [m, rad, m/rad] of markers, then w, Y, G of each axis."""
         blocks = np.zeros((ALL, 3 + COUNT - 9))
-        blocks[:9, :3] = corners().reshape(9, 3)
+        blocks[:9, :3] = rigid.corners().reshape(9, 3)
         blocks[9:COUNT, 3:] = np.eye(COUNT - 9)
         pair = np.zeros((ALL, 3))
         pair[COUNT : COUNT + 3] = pair[COUNT + PER_AXIS : COUNT + PER_AXIS + 3] = np.eye(3)
@@ -122,8 +110,8 @@ class Finger:
         """Finger after a change (72,) of markers [m], directions [rad], centres [m] and slopes [m/rad]."""
         axes = []
         for axis, (turn, shift, slope) in zip(self.axes, change[COUNT:].reshape(4, 3, 3), strict=True):
-            w = rotation(turn) @ axis.direction
-            axes.append(Axis(w, across(axis.point + shift, w), across(axis.slope + slope, w)))
+            w = rigid.rotation(turn) @ axis.direction
+            axes.append(rigid.Axis(w, rigid.across(axis.point + shift, w), rigid.across(axis.slope + slope, w)))
         return Finger(self.markers + change[:COUNT].reshape(self.markers.shape), tuple(axes))  # type: ignore[arg-type]
 
     def places(self, angles: np.ndarray) -> np.ndarray:
@@ -156,7 +144,7 @@ class Finger:
                     start = COUNT + PER_AXIS * number
                     beyond = slice(start + PER_AXIS, ALL)  # of the joints between this one and the markers
                     change[..., beyond] = rotate @ change[..., beyond]
-                    change[..., start : start + 3] = rotate @ hat(lever) - hat(turned)
+                    change[..., start : start + 3] = rotate @ rigid.hat(lever) - rigid.hat(turned)
                     change[..., start + 3 : start + 6] = still
                     change[..., start + 6 : start + 9] = theta[:, None, None, None] * still
                 x, whole = turned + centre, turn @ whole
@@ -245,18 +233,18 @@ def fit_frames(
 def differentiate_frames(place: np.ndarray, by_angle: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Derivatives (frames, 36, 10) of places with respect to rotation, shift and angles of their frame; 0 unseen."""
     shift = np.broadcast_to(np.eye(3), (*place.shape, 3))
-    own = np.concatenate([-hat(place), shift, by_angle], axis=3) * np.isfinite(points)[..., None]
+    own = np.concatenate([-rigid.hat(place), shift, by_angle], axis=3) * np.isfinite(points)[..., None]
     return own.reshape(-1, COUNT, LOCAL)
 
 
 def compare_markers(points: np.ndarray, place: np.ndarray, poses: np.ndarray) -> np.ndarray:
     """Measured less predicted markers (frames, 12, 3) [m], seen from the base triad; 0 where missing."""
-    return np.nan_to_num(apply(inverse(poses), points) - place)
+    return np.nan_to_num(rigid.apply(rigid.inverse(poses), points) - place)
 
 
 def shift_poses(poses: np.ndarray, moves: np.ndarray) -> np.ndarray:
     """Poses (frames, 4, 4) [m] after small rotations and shifts, moves (frames, 10) [rad, m]."""
-    return poses @ motion(rotation(moves[:, :3]), moves[:, 3:6])
+    return poses @ rigid.motion(rigid.rotation(moves[:, :3]), moves[:, 3:6])
 
 
 def first_guess(
@@ -272,7 +260,7 @@ def first_guess(
     source, count = recording.source, np.arange(len(rest))
     markers, axes, angles, rested = [shapes[0]], [], [], np.eye(4)
     for k, name in enumerate(JOINTS):
-        relative = inverse(poses[k]) @ poses[k + 1]
+        relative = rigid.inverse(poses[k]) @ poses[k + 1]
         seen = np.flatnonzero(np.isfinite(relative).all(axis=(1, 2)))
         if len(seen) < FEWEST:
             pair = layout.finger[3 * k : 3 * k + 6]
@@ -292,9 +280,9 @@ def first_guess(
                 f"{source}: {name} moves by {np.rad2deg(stir):.1f} deg RMS in the rest at the start,"
                 " which must show the finger straight and still"
             )
-        before, rested = rested, rested @ motion(mean, still[:, :3, 3].mean(axis=0))
-        markers.append(apply(rested, shapes[k + 1]))
-        turns, about = before @ relative[seen] @ inverse(rested), markers[-1].mean(axis=0)
+        before, rested = rested, rested @ rigid.motion(mean, still[:, :3, 3].mean(axis=0))
+        markers.append(rigid.apply(rested, shapes[k + 1]))
+        turns, about = before @ relative[seen] @ rigid.inverse(rested), markers[-1].mean(axis=0)
         turned = Rotation.from_matrix(turns[:, :3, :3])
         # the principal direction of w sin theta, where small angles weigh little; flexion is the larger excursion
         quaternion = turned.as_quat(canonical=True)
@@ -311,13 +299,13 @@ def first_guess(
                 f" {np.rad2deg(SMALLEST_ANGLE):.0f} deg in {beyond} frames; its centre needs {FEWEST} such frames"
             )
         share = (2 * np.sin(angle / 2)) ** 2  # inverse relative variance of a centre
-        centre = share @ np.nan_to_num(centres(turns, direction, angle, about)) / share.sum()
+        centre = share @ np.nan_to_num(rigid.centres(turns, direction, angle, about)) / share.sum()
         if k == 0:  # abduction about distal x flexion, which points dorsally
             dorsal = np.cross(about - centre, direction)
             dorsal /= np.linalg.norm(dorsal)
-            axes.append(Axis(dorsal, across(centre + direction * (about @ direction), dorsal), np.zeros(3)))
+            axes.append(rigid.Axis(dorsal, rigid.across(centre + direction * (about @ direction), dorsal), np.zeros(3)))
             angles.append(np.interp(count, seen, turned.as_rotvec() @ dorsal))
-        axes.append(Axis(direction, centre, np.zeros(3)))
+        axes.append(rigid.Axis(direction, centre, np.zeros(3)))
         angles.append(np.interp(count, seen, angle))
     whole = np.flatnonzero(np.isfinite(poses[0]).all(axis=(1, 2)))
     nearest = whole[np.searchsorted(whole, count).clip(max=len(whole) - 1)]
@@ -407,7 +395,7 @@ def measures(finger: Finger, tip: int) -> np.ndarray:
     _, proximal, middle, distal = finger.markers
     _, mcp, pip, dip = finger.axes
 
-    def cross_plane(near: Axis, far: Axis, origin: np.ndarray) -> tuple[np.ndarray, ...]:
+    def cross_plane(near: rigid.Axis, far: rigid.Axis, origin: np.ndarray) -> tuple[np.ndarray, ...]:
         normal = near.direction + far.direction
         normal = normal / np.linalg.norm(normal)
         shares = ((origin - axis.point) @ normal / (axis.direction @ normal) for axis in (near, far))
@@ -416,10 +404,10 @@ def measures(finger: Finger, tip: int) -> np.ndarray:
     start, end, _ = cross_plane(mcp, pip, proximal.mean(axis=0))
     near, far, normal = cross_plane(pip, dip, middle.mean(axis=0))
     along = (far - near) / np.linalg.norm(far - near)
-    reach = across(distal[tip] - far, normal) @ along
+    reach = rigid.across(distal[tip] - far, normal) @ along
     values = [[np.linalg.norm(end - start), np.linalg.norm(far - near), reach]]
     for triad, axis in zip(finger.markers, finger.axes[1:]):
-        seen = axis.seen_from(triad_pose(triad))
+        seen = axis.seen_from(rigid.triad_pose(triad))
         values += [seen.slope, seen.point]
     return np.concatenate(values)
 
@@ -445,11 +433,11 @@ class Joint:
     """
 
     name: str
-    axis: Axis
+    axis: rigid.Axis
     angle: np.ndarray
     centre: np.ndarray
     line: CentreLine
-    abduction_axis: Axis | None = None
+    abduction_axis: rigid.Axis | None = None
     abduction: np.ndarray | None = None
 
     @property
@@ -500,7 +488,7 @@ def identify(recording: Recording, layout: Layout | None = None, cutoff: float |
     for k, spoilt in enumerate(check.spoilt):
         points[spoilt, 3 * k : 3 * k + 3] = np.nan
     smoothed = points if cutoff is None else smooth(time, points, cutoff, recording.source)
-    fits = [fit_pose(shape, smoothed[:, 3 * k : 3 * k + 3]) for k, shape in enumerate(check.shapes)]
+    fits = [rigid.fit_pose(shape, smoothed[:, 3 * k : 3 * k + 3]) for k, shape in enumerate(check.shapes)]
     rest = time <= time[0] + REST
     start, poses, angles = first_guess(check.shapes, [pose for pose, _ in fits], rest, recording, layout)
     used = np.union1d(np.flatnonzero(rest)[:FRAMES], np.linspace(0, len(time) - 1, FRAMES).round().astype(int))
@@ -512,16 +500,16 @@ def identify(recording: Recording, layout: Layout | None = None, cutoff: float |
     finger, joints = found.finger, []
     for k, name in enumerate(JOINTS):
         axis, angle, side = finger.axes[k + 1], angles[:, k + 1].copy(), angles[:, 0].copy()
-        near, far = (fit_pose(finger.markers[i], smoothed[:, 3 * i : 3 * i + 3])[0] for i in (k, k + 1))
-        turns = inverse(near) @ far
+        near, far = (rigid.fit_pose(finger.markers[i], smoothed[:, 3 * i : 3 * i + 3])[0] for i in (k, k + 1))
+        turns = rigid.inverse(near) @ far
         seen = np.isfinite(turns).all(axis=(1, 2))
         angle[~seen] = side[~seen] = np.nan
         if k == 0:
-            turns = inverse(finger.axes[0].pose(side)) @ turns
-        pose = triad_pose(finger.markers[k])
+            turns = rigid.inverse(finger.axes[0].pose(side)) @ turns
+        pose = rigid.triad_pose(finger.markers[k])
         own = axis.seen_from(pose)
-        centre = centres(turns, axis.direction, angle, finger.markers[k + 1].mean(axis=0))
-        centre = across(apply(inverse(pose), centre), own.direction)
+        centre = rigid.centres(turns, axis.direction, angle, finger.markers[k + 1].mean(axis=0))
+        centre = rigid.across(rigid.apply(rigid.inverse(pose), centre), own.direction)
         part = slice(3 + 6 * k, 9 + 6 * k)
         (gradient, intercept), used = np.split(values[part], 2), np.abs(np.nan_to_num(angle)) >= SMALLEST_ANGLE
         rmse = np.sqrt(np.mean((centre[used] - intercept - gradient * angle[used, None]) ** 2, axis=0))
