@@ -8,21 +8,9 @@ from typing import Any
 import control
 import numpy as np
 
+from exodrake.analysis import margins as mg
 from exodrake.analysis.limit_cycles import LimitCycles
 from exodrake.analysis.linear_model import KINK, FrameMap, FrameModel, OperatingPoint, System, linearise_robot
-from exodrake.analysis.margins import (
-    DelayBudget,
-    LatencySweep,
-    Margins,
-    StabilityMap,
-    delay_budget,
-    disturb,
-    latency_sweep,
-    margins,
-    open_loop,
-    single,
-    stability_map,
-)
 from exodrake.analysis.responses import FrequencyResponse, StepResponse, frequency_response, returns, step_response
 from exodrake.analysis.robustness import Band, Robustness, Uncertainty, robustness
 from exodrake.core.errors import InputError, argument, nearest
@@ -71,11 +59,11 @@ class ClosedLoop:
     system: System
     steps: tuple[StepResponse, ...]
     responses: tuple[FrequencyResponse, ...]
-    margins: tuple[Margins, ...]
-    delays: tuple[DelayBudget, ...]
+    margins: tuple[mg.Margins, ...]
+    delays: tuple[mg.DelayBudget, ...]
     robust: Robustness
-    gains: StabilityMap
-    latency: LatencySweep | None
+    gains: mg.StabilityMap
+    latency: mg.LatencySweep | None
     returns: bool
     notes: tuple[str, ...]
     bands: tuple[Band, ...] = ()
@@ -116,7 +104,7 @@ class ClosedLoop:
         if command not in self.opened.input_labels:
             known = self.opened.input_labels
             raise InputError(f"no command {command!r}{nearest(command, known)}; there are {', '.join(known)}")
-        ratio = -single(self.opened, self.opened.input_labels.index(command))[0, 0]
+        ratio = -mg.single(self.opened, self.opened.input_labels.index(command))[0, 0]
         ratio.update_names(name=f"L_{command}", inputs=[command], outputs=[command], states=self.opened.state_labels)
         return ratio
 
@@ -151,28 +139,28 @@ def analyse(robot: Robot, at: Mapping[str, float] | str | None = None, seed: int
         'AF'
     """
     loop, point, model = linearise_robot(argument("robot", robot, Robot), at)
-    whole, system = open_loop(loop, model), model.system
+    whole, system = mg.open_loop(loop, model), model.system
     channels = range(len(loop.channels))
     steps = tuple(step_response(loop, point, i) for i in channels)
-    found = tuple(margins(whole, i, loop.channels[i]) for i in channels)
+    found = tuple(mg.margins(whole, i, loop.channels[i]) for i in channels)
     responses = tuple(frequency_response(loop, point, model, i, seed=seed) for i in channels)
     v = model.rows(loop.kinds[loop.loop.command], loop.channels)
-    b, d = disturb(system, loop.own[model.keep], v)
+    b, d = mg.disturb(system, loop.own[model.keep], v)
     connected = System(
         system.A, np.hstack([system.B, model.N, b]), system.C, np.hstack([system.D, model.M, d]), system.dt,
         states=system.state_labels, outputs=system.output_labels,
         inputs=[*system.input_labels, *loop.noises, *(system.output_labels[i] for i in v)],
     )  # fmt: skip
     return ClosedLoop(
-        loop.robot, point, model, whole, connected, steps, responses, found, delay_budget(loop, found),
-        robustness(loop, point, model, "this robot"), stability_map(loop, point), latency_sweep(loop, point),
+        loop.robot, point, model, whole, connected, steps, responses, found, mg.delay_budget(loop, found),
+        robustness(loop, point, model, "this robot"), mg.stability_map(loop, point), mg.latency_sweep(loop, point),
         returns(loop, point), list_remarks(loop, point, model, steps, found),
     )  # fmt: skip
 
 
 def list_remarks(
     loop: FrameMap, point: OperatingPoint, model: FrameModel,
-    steps: tuple[StepResponse, ...] = (), found: tuple[Margins, ...] = (),
+    steps: tuple[StepResponse, ...] = (), found: tuple[mg.Margins, ...] = (),
 ) -> tuple[str, ...]:  # fmt: skip
     """Conditions under which the results mean little, a sentence each."""
     notes = []
