@@ -231,7 +231,7 @@ def fit_frames(
 
 
 def differentiate_frames(place: np.ndarray, by_angle: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Derivatives (frames, 36, 10) of places with respect to rotation, shift and angles of their frame; 0 unseen."""
+    """Derivatives (frames, 36, 10) of places [m] by rotation, shift and angles of their frame [rad, m]; 0 unseen."""
     shift = np.broadcast_to(np.eye(3), (*place.shape, 3))
     own = np.concatenate([-rigid.hat(place), shift, by_angle], axis=3) * np.isfinite(points)[..., None]
     return own.reshape(-1, COUNT, LOCAL)
