@@ -415,8 +415,8 @@ def measures(finger: Finger, tip: int) -> np.ndarray:
 def measure(adjusted: Adjusted, tip: int) -> tuple[np.ndarray, np.ndarray]:
     """Values (21,) of `measures` and their covariance (21, 21) [SI]."""
     finger = adjusted.finger
-    ends = [[measures(finger.shift(side * way), tip) for way in finger.free().T] for side in (NUDGE, -NUDGE)]
-    slope = np.subtract(*ends).T / (2 * NUDGE)
+    ends = [[measures(finger.shift(side * way), tip) for way in finger.free().T] for side in (-NUDGE, NUDGE)]
+    slope = np.diff(ends, axis=0)[0].T / (2 * NUDGE)
     return measures(finger, tip), slope @ adjusted.covariance @ slope.T
 
 
