@@ -4,25 +4,20 @@ Parts stand on the diagonal. What a part writes leaves along its row, to the rig
 what it reads arrives along its column. The label where row and column meet names the signals. Below, a frame of slots.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
-from html import escape
-from itertools import accumulate, permutations, starmap
+from itertools import accumulate, permutations
+from pathlib import Path
 
 from exodrake.core.errors import argument
 from exodrake.core.machine import Machine
+from exodrake.core.templates import render
 
 MARGIN, GAP, ROW, BOX, LINE, CHIP = 12, 12, 14, 42, 15, 34  # px: round all, between columns and rows, heights
 LETTER = 6.1  # px, width of a letter of a signal
 OUTSIDE, LOG = "outside", "log"
-INK, SOFT, EDGE, SHARE = "#1f2933", "#5f6b7a", "#9aa5b1", "#f28e2b"
+SOFT, EDGE, SHARE = "#5f6b7a", "#9aa5b1", "#f28e2b"
 HUES = ("#4c78a8", "#c46f14", "#3f9b7f", "#b65d86", "#8a6fb0", "#a0731f", "#5b8c3e", "#c0504d", "#3d8e98", "#7a6a58")
-STYLE = f"""text {{ font: 12px 'Inter', 'Segoe UI', 'Helvetica Neue', 'Liberation Sans', Arial, sans-serif; fill: {INK};
-text-anchor: middle; }}
-.left {{ text-anchor: start; }} .title {{ font-size: 20px; font-weight: 650; }}
-.part {{ font-size: 14px; font-weight: 650; }}
-.soft {{ fill: {SOFT}; }} .chip {{ fill: white; font-weight: 600; }} .line {{ fill: none; stroke-width: 1.6; }}"""
+TEMPLATES = Path(__file__).parent / "templates"
 
 
 def links(machine: Machine) -> dict[tuple[str, str], list[str]]:
@@ -104,82 +99,38 @@ def wiring_svg(machine: Machine, shares: Mapping[str, float] | None = None, sche
     x = {name: MARGIN + end - size / 2 for name, end, size in zip(order, accumulate(widths), widths)}
     y = {name: top + end - size / 2 for name, end, size in zip(order, accumulate(heights), heights)}
 
-    def link(writer: str, reader: str) -> str:
-        way, colour, r = 1 if x[reader] > x[writer] else -1, hue[writer], 8
-        start, end = x[writer] + way * boxes[writer] / 2, y[reader] - way * (BOX / 2 + 2)
-        d = f"M{start:.1f},{y[writer]:.1f} H{x[reader] - way * r:.1f} "
-        d += f"Q{x[reader]:.1f},{y[writer]:.1f} {x[reader]:.1f},{y[writer] + way * r:.1f} V{end:.1f}"
-        return f'<path class="line" d="{d}" stroke="{colour}" marker-end="url(#a{colour[1:]})"/>'
-
-    def label(writer: str, reader: str) -> str:
-        w, h = labels[writer, reader]
-        left, above = x[reader] - w / 2, y[writer] - h / 2
-        lines = [rectangle(left, above, w, h, "white", hue[writer])]
-        for k, (name, unit) in enumerate(texts[writer, reader]):
-            span = f' <tspan class="soft">{escape(unit)}</tspan>' if unit else ""
-            lines.append(text(x[reader], above + 15 + LINE * k, escape(name) + span))
-        return "\n".join(lines)
-
-    def box(name: str) -> str:
-        extra = 'stroke-width="2"' + ("" if name in order[1:-1] else ' stroke-dasharray="5 4"')
-        left, above = x[name] - boxes[name] / 2, y[name] - BOX / 2
-        drawn = rectangle(left, above, boxes[name], BOX, fills[name], hue[name], extra)
-        return f"{drawn}\n{text(x[name], y[name] - 2, escape(name), 'part')}{text(x[name], y[name] + 15, notes[name])}"
-
-    body = [*starmap(link, found), *starmap(label, found), *map(box, order)]
-    height = top + grid + MARGIN
-    if schedule:
-        title = f"{machine.name.replace('_', '-')}: parts and signals"
-        how = f"A part writes along its row and reads along its column. Frame {1e3 * machine.frame:g} ms."
-        body += [text(MARGIN, MARGIN + 20, escape(title), "left title"), text(MARGIN, MARGIN + 42, how, "left soft")]
-        strip, height = draw_frame(machine, hue, top + grid + 26, width - 2 * MARGIN)
-        body += strip
-    arrow = 'viewBox="0 0 8 8" refX="7" refY="4" markerWidth="7" markerHeight="7" orient="auto"'
-    arrow += '><path d="M0,.6 L7.4,4 L0,7.4 z"'
-    markers = "".join(f'<marker id="a{c[1:]}" {arrow} fill="{c}"/></marker>' for c in sorted(set(hue.values())))
-    size = f'viewBox="0 0 {width:.0f} {height:.0f}" width="{width:.0f}" height="{height:.0f}"'
-    head = f'<svg xmlns="http://www.w3.org/2000/svg" {size}>\n<style>{STYLE}</style>\n<defs>{markers}</defs>'
-    return "\n".join([head, f'<rect width="{width:.0f}" height="{height:.0f}" fill="white"/>', *body, "</svg>"]) + "\n"
-
-
-def rectangle(x: float, y: float, width: float, height: float, fill: str, edge: str, more: str = "") -> str:
-    """A rectangle with round corners."""
-    place = f'x="{x:.1f}" y="{y:.1f}" width="{width:.1f}" height="{height:.1f}"'
-    return f'<rect {place} rx="5" fill="{fill}" stroke="{edge}" {more}/>'
-
-
-def text(x: float, y: float, content: str, style: str = "") -> str:
-    """A line of text at its middle, or at its left end by the style `left`."""
-    return f'<text x="{x:.1f}" y="{y:.1f}" class="{style}">{content}</text>'
+    drawn = [
+        {
+            "x": x[reader], "y": y[writer], "way": (way := 1 if x[reader] > x[writer] else -1), "hue": hue[writer],
+            "start": x[writer] + way * boxes[writer] / 2, "end": y[reader] - way * (BOX / 2 + 2),
+            "width": labels[writer, reader][0], "height": labels[writer, reader][1], "lines": texts[writer, reader],
+        }
+        for writer, reader in found
+    ]  # fmt: skip
+    blocks = [
+        {"name": name, "note": notes[name], "x": x[name], "y": y[name], "width": boxes[name], "fill": fills[name],
+         "hue": hue[name], "part": name in order[1:-1]}
+        for name in order
+    ]  # fmt: skip
+    slots, below, step = [], top + grid + 26, (width - 2 * MARGIN) / machine.slots
+    for slot in range(machine.slots if schedule else 0):
+        tasks = []
+        for part, task in ((p, t) for p in machine.parts for t in p.tasks if slot in t.slots):
+            channel = machine.channels(task.reads[0])[task.slots.index(slot)] if task.per_channel else ""
+            tasks.append((part.name, f"{task.function} {channel}".strip()))
+        slots.append({"x": MARGIN + step * (slot + 0.5), "tasks": tasks})
+    most = max((len(slot["tasks"]) for slot in slots), default=0)
+    chips = CHIP + (CHIP + 4) * (most - 1) + 8 if most else 0
+    height = below + 64 + chips + MARGIN if schedule else top + grid + MARGIN
+    return render(
+        "block_diagram.html", TEMPLATES, width=f"{width:.0f}", height=f"{height:.0f}",
+        markers=sorted(set(hue.values())), links=drawn, boxes=blocks,
+        machine=machine if schedule else None, slots=slots, top=below, step=step, hue=hue,
+        ticking=", ".join(b.name for b in machine.parts if any(not t.slots for t in b.tasks)),
+        margin=MARGIN, line=LINE, box=BOX, chip=CHIP, soft=SOFT, edge=EDGE,
+    ) + "\n"  # fmt: skip
 
 
 def blend(colour: str, share: float) -> str:
     """A colour between white and another."""
     return "#" + "".join(f"{round(255 + share * (int(colour[i : i + 2], 16) - 255)):02x}" for i in (1, 3, 5))
-
-
-def draw_frame(machine: Machine, hue: Mapping[str, str], top: float, width: float) -> tuple[list[str], float]:
-    """One frame of slots with their tasks in the middle and the plant's ticks between, and its lower end [px]."""
-    step, base = width / machine.slots, top + 64
-    ticking = ", ".join(b.name for b in machine.parts if any(not t.slots for t in b.tasks))
-    note = f"▲ tick of the plant ({escape(ticking)}), before the task in the middle of its slot"
-    lines = [text(MARGIN, top, "One frame", "left part"), text(MARGIN + 84, top, note, "left soft")]
-    end = base
-    for slot in range(machine.slots):
-        x = MARGIN + step * (slot + 0.5)
-        shade = "#ffffff" if slot % 2 else "#f3f4f6"
-        lines += [
-            rectangle(x - step / 2, top + 16, step, 48, shade, EDGE, 'stroke-width="0.6"'),
-            text(x, top + 34, f"slot {slot}"),
-            text(x, top + 51, f"{1e3 * machine.slot * (slot + 0.5):g} ms", "soft"),
-            f'<path d="M{x - step / 4 - 5:.1f},{base} h10 l-5,-9 z" fill="{SOFT}"/>',
-        ]
-        tasks = [(part, task) for part in machine.parts for task in part.tasks if slot in task.slots]
-        for k, (part, task) in enumerate(tasks):
-            channel = machine.channels(task.reads[0])[task.slots.index(slot)] if task.per_channel else ""
-            y = base + 8 + (CHIP + 4) * k
-            lines.append(rectangle(x - step / 2 + 3, y, step - 6, CHIP, hue[part.name], "none"))
-            lines.append(text(x, y + 14, escape(part.name), "chip"))
-            lines.append(text(x, y + 28, escape(f"{task.function} {channel}".strip()), "chip"))
-            end = max(end, y + CHIP)
-    return lines, end + MARGIN

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort, PortDataType, System
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, InputPort, OutputPort, PortDataType, System
 from pydrake.systems.primitives import Multiplexer, VectorLogSink
 
 from exodrake.compiled.inputs import NoiseInputs, Reference, input_rows, prepared, stack
@@ -67,7 +67,7 @@ def build_diagram(
     machine = argument("robot", robot, Robot).machine
     rows: dict[str, np.ndarray] = {}
     if (reference := argument("reference", reference, Reference, type(None))) is not None:
-        written = {port.get_name() for system in systems for port in outputs_of(system)}
+        written = {port.get_name() for system in systems for port in list_outputs(system)}
         found = input_rows(machine, reference.values, NoiseInputs.draw(1, None, machine))
         rows = {n: v for n, v in found.items() if not machine.signal[n].distribution and n not in written}
     source = reference.name if reference else machine.name
@@ -141,9 +141,38 @@ class RobotDiagram(Diagram):
         for name, system in parts.items():
             if isinstance(system, PartSystem):
                 builder.Connect(draw.GetOutputPort(f"{name}.deviation"), system.GetInputPort("deviation"))
-        ports = port_names(builder)
-        check_fit(machine, ports, systems)
-        join_by_name(machine, builder, ports)
+        ports: dict[str, OutputPort] = {}  # by the names by which input ports ask for them
+        for system in builder.GetSystems():
+            for port in list_outputs(system) if system.get_name() not in ("random", "draw") else ():
+                name = port.get_name()
+                if name in ports:
+                    first: Any = ports[name].get_system()
+                    both = f"{first.get_name()} and {system.get_name()} both write {name}"
+                    raise InputError(f"{both}; a system takes a part's place by bearing its name")
+                ports[name] = port
+        for part in machine.parts:
+            for name in (name for output in part.outputs for name in output.writes):
+                if name not in ports:
+                    raise InputError(f"the system in place of {part.name} has no output port {name!r}")
+        for system in systems:
+            known = {*ports, *machine.inputs, *getattr(system, "optional", ())}
+            known |= {"deviation", "start_stroke"} if isinstance(system, PartSystem) else set()
+            for name in (port.get_name() for port in list_inputs(system)):
+                if name not in known:
+                    hint = nearest(name.rpartition(".")[2], sorted(known))
+                    raise InputError(f"{system.get_name()} reads {name!r}, which nothing writes{hint}")
+        exported = set()
+        for port in (port for system in builder.GetSystems() for port in list_inputs(system)):
+            name = port.get_name()
+            if builder.IsConnectedOrExported(port):
+                continue
+            if name in ports:
+                builder.Connect(ports[name], port)
+            elif name in exported:
+                builder.ConnectInput(name, port)
+            elif name in machine.inputs and not machine.signal[name].distribution:  # from outside
+                builder.ExportInput(port, name)
+                exported.add(name)
         # the log: a row of the signals that something writes, and of what systems of one's own show
         names = [*(name for name in machine.signal if name in ports), *(n for n in ports if n not in machine.signal)]
         names = [n for n in names if n in machine.signal or not isinstance(ports[n].get_system(), PartSystem)]
@@ -168,56 +197,15 @@ class RobotDiagram(Diagram):
         return RobotDiagram(robot, rows, seed, quantisation, substeps, clones, source)
 
 
-def join_by_name(machine: Machine, builder: DiagramBuilder, ports: Mapping[str, OutputPort]) -> None:
-    """Connects each open input port to the output of its name; a signal from outside becomes a port of the Diagram."""
-    exported = set()
-    for system in builder.GetSystems():
-        for port in (system.get_input_port(i) for i in range(system.num_input_ports())):
-            name = port.get_name()
-            if builder.IsConnectedOrExported(port):
-                continue
-            if name in ports:
-                builder.Connect(ports[name], port)
-            elif name in exported:
-                builder.ConnectInput(name, port)
-            elif name in machine.inputs and not machine.signal[name].distribution:
-                builder.ExportInput(port, name)
-                exported.add(name)
+def list_inputs(system: System) -> list[InputPort]:
+    """Input ports of a system."""
+    return [system.get_input_port(i) for i in range(system.num_input_ports())]
 
 
-def outputs_of(system: System) -> list[OutputPort]:
+def list_outputs(system: System) -> list[OutputPort]:
     """Output ports of a system that carry vectors."""
     ports = (system.get_output_port(i) for i in range(system.num_output_ports()))
     return [port for port in ports if port.get_data_type() == PortDataType.kVectorValued]
-
-
-def port_names(builder: DiagramBuilder) -> dict[str, OutputPort]:
-    """Output ports by the names by which input ports ask for them. InputError if two systems write one signal."""
-    found: dict[str, OutputPort] = {}
-    for system in builder.GetSystems():
-        for port in outputs_of(system) if system.get_name() not in ("random", "draw") else ():
-            name = port.get_name()
-            if name in found:
-                first: Any = found[name].get_system()
-                both = f"{first.get_name()} and {system.get_name()} both write {name}"
-                raise InputError(f"{both}; a system takes a part's place by bearing its name")
-            found[name] = port
-    return found
-
-
-def check_fit(machine: Machine, ports: Mapping[str, OutputPort], systems: Sequence[System]) -> None:
-    """InputError where a system of one's own does not fit in."""
-    for part in machine.parts:
-        for name in (name for output in part.outputs for name in output.writes):
-            if name not in ports:
-                raise InputError(f"the system in place of {part.name} has no output port {name!r}")
-    for system in systems:
-        known = {*ports, *machine.inputs, *getattr(system, "optional", ())}
-        known |= {"deviation", "start_stroke"} if isinstance(system, PartSystem) else set()
-        for name in (system.get_input_port(i).get_name() for i in range(system.num_input_ports())):
-            if name not in known:
-                hint = nearest(name.rpartition(".")[2], sorted(known))
-                raise InputError(f"{system.get_name()} reads {name!r}, which nothing writes{hint}")
 
 
 def logged_signals(diagram: Diagram, context: Context) -> dict[str, np.ndarray]:

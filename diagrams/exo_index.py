@@ -7,8 +7,6 @@ builder.Connect(planner.get_output_port(), exo_index.controller.GetInputPort("te
 LogVectorOutput(exo_index.finger.GetOutputPort("angle"), builder, 0.02)
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 from pydrake.systems.framework import DiagramBuilder, System

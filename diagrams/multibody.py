@@ -7,7 +7,7 @@ An arm knows payload and inertias of a diagnosis, and has an actuator for each j
 place of the part `finger`.
 """
 
-from __future__ import annotations
+from functools import partial
 
 import numpy as np
 from numba import njit
@@ -127,16 +127,12 @@ class ElasticTendons(LeafSystem):
         self.parameters = parameters_of(robot)
         self.state = self.DeclareVectorInputPort("state", 6)
         self.stroke = self.DeclareVectorInputPort("stroke", 3)
-        self.DeclareVectorOutputPort("torque", 3, self.show_torque, {self.all_input_ports_ticket()})
-        self.DeclareVectorOutputPort("tension", 3, self.show_tension, {self.all_input_ports_ticket()})
+        for which, name in enumerate(("torque", "tension")):
+            self.DeclareVectorOutputPort(name, 3, partial(self.show, which), {self.all_input_ports_ticket()})
 
-    def show_torque(self, context: Context, output: BasicVector) -> None:
-        """Torques on the joints [N m]."""
-        output.set_value(pull_joints(self.state.Eval(context), self.stroke.Eval(context), self.parameters)[0])
-
-    def show_tension(self, context: Context, output: BasicVector) -> None:
-        """Tensions [N]."""
-        output.set_value(pull_joints(self.state.Eval(context), self.stroke.Eval(context), self.parameters)[1])
+    def show(self, which: int, context: Context, output: BasicVector) -> None:
+        """Torques on the joints [N m], or tensions [N]."""
+        output.set_value(pull_joints(self.state.Eval(context), self.stroke.Eval(context), self.parameters)[which])
 
 
 @njit

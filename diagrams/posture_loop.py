@@ -4,8 +4,6 @@ loop = PostureLoop(posture_controller(plan, robot).plan, estimator.weights)
 diagram = build_diagram(robot, seed=1, systems=[loop])
 """
 
-from __future__ import annotations
-
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from exodrake.core.machine import Machine

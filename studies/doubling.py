@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from exodrake.cli.main import OneLineErrors
-from exodrake.reference.measures import causes_of, rivals_of
+from exodrake.reference.score import list_causes, list_rivals
 
 if TYPE_CHECKING:
     from exodrake.data.case import Case
@@ -36,7 +36,7 @@ def doubled(case: Case) -> Case:
 
 def said(answer: dict[str, Any]) -> str:
     """Verdict and causes of an answer in one line, each with its rivals."""
-    names = [" or ".join([cause["id"], *sorted(rivals_of(cause))]) for cause in causes_of(answer)]
+    names = [" or ".join([cause["id"], *sorted(list_rivals(cause))]) for cause in list_causes(answer)]
     return " ".join([answer["verdict"], " + ".join(sorted(names))]).strip()
 
 

@@ -22,7 +22,7 @@ import click
 import numpy as np
 
 from exodrake.cli.main import OneLineErrors
-from exodrake.reference.measures import found_ids
+from exodrake.reference.score import found_ids
 from studies.page_text import share
 
 if TYPE_CHECKING:
@@ -116,11 +116,11 @@ def add_log(case: Case, spec: RobotSpec, reference: np.ndarray) -> Case:
     """The case with the log that its robot leaves on a reference (frames, tendons) [N]."""
     from exodrake.data.case import EXPERIMENT, CaseLog
     from exodrake.data.log import Log
-    from exodrake.reference.make import rounded
+    from exodrake.reference.make import round_columns
     from exodrake.reference.robot import Protocol
     from exodrake.reference.simulator import simulate
 
-    columns = rounded(simulate(spec, Protocol(EXPERIMENT, reference), LOG_SEED))
+    columns = round_columns(simulate(spec, Protocol(EXPERIMENT, reference), LOG_SEED))
     time = columns.pop("time")
     has = case.logs[0].log.has
     log = Log(time, {name: values for name, values in columns.items() if has(name)})
@@ -214,7 +214,7 @@ def command(
     from exodrake.data.case import read_case
     from exodrake.diagnosis.problem import required_of
     from exodrake.machines.robot_file import load_robot
-    from exodrake.reference.answers import ANSWER, cases_of
+    from exodrake.reference.answers import ANSWER, find_cases
     from studies.transfer.study import withheld
 
     if len(labels) != len(folders):
@@ -223,7 +223,7 @@ def command(
     for folder, file in zip(folders, labels, strict=True):
         known = json.loads(file.read_text())
         listed = [folder / n.split("/")[1] for n in wanted if n.split("/")[0] == folder.name]
-        answers = {case: read_json(case / ANSWER) for case in listed or cases_of(folder) if (case / ANSWER).is_file()}
+        answers = {case: read_json(case / ANSWER) for case in listed or find_cases(folder) if (case / ANSWER).is_file()}
         for case, answer in answers.items():
             if not listed and (wanted or answer.get("verdict") != "AMBIGUOUS"):
                 continue

@@ -27,7 +27,7 @@ from exodrake.diagnosis.isolation import isolate
 from exodrake.diagnosis.problem import make_problem
 from exodrake.machines.robot_file import load_robot
 from exodrake.reference.cases import CaseMix, CasePlan
-from exodrake.reference.faults import ENTRIES, blocks_of
+from exodrake.reference.faults import ENTRIES, find_blocks
 from exodrake.reference.make import case_and_label
 from exodrake.report.wording import closure, percent
 from studies.page_text import made, share
@@ -98,7 +98,7 @@ def blind_case(name: str, seed: int) -> tuple[Case, tuple[str, ...], float]:
     kind = "healthy" if healthy else "unknown" if name.startswith("outside") else "single"
     plan = CasePlan(name, (seed, number), kind, ids, True, CaseMix(duration=DURATION))
     case, label = case_and_label(plan)
-    blocks = () if healthy else SAME_PLACE.get(name, blocks_of(name))
+    blocks = () if healthy else SAME_PLACE.get(name, find_blocks(name))
     return case, blocks, float(label["gap"])
 
 

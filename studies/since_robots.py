@@ -17,7 +17,7 @@ from exodrake.data.case import Case, CaseLog
 from exodrake.data.log import Log
 from exodrake.diagnosis.healthy import healthy_robot
 from exodrake.reference.cases import wander
-from exodrake.reference.make import rounded
+from exodrake.reference.make import round_columns
 from exodrake.reference.robot import InjectedFault, RobotSpec, draw_parameters
 from exodrake.reference.simulator import simulate as simulate_reference
 from exodrake.simulation import protocols
@@ -116,7 +116,7 @@ def exo_case(kind: Kind, seed: int) -> tuple[Case, exo.Robot, float]:
     for k in range(SESSIONS):
         fault = InjectedFault(kind.effect, wires=("AF",), parameters={kind.parameter: kind.value(float(k), begin)})
         motion = wander(rng, EXO_SHARE)
-        columns = rounded(simulate_reference(RobotSpec(parameters, (fault,)), motion, [seed, k]))
+        columns = round_columns(simulate_reference(RobotSpec(parameters, (fault,)), motion, [seed, k]))
         log = Log(columns.pop("time"), columns, {}, f"{k}.csv")
         logs.append(CaseLog(log, "random", "fit", None, f"{k}.csv", START + timedelta(days=k)))
     return Case("exo", {}, tuple(logs)), exo.load_robot(), begin

@@ -1,7 +1,5 @@
 """The tension controller: `AdmittanceController(robot)`; its equations are in `exodrake/physics/controller.py`."""
 
-from __future__ import annotations
-
 from pydrake.systems.framework import Context, DiscreteValues
 
 from exodrake.core.robot import Robot
@@ -36,7 +34,6 @@ class AdmittanceController(PartSystem):
     """
 
     def __init__(self, robot: Robot | None = None) -> None:
-        """Takes the robot, the nominal one if None."""
         super().__init__(robot, "controller")
         self.tension_ref = self.DeclareVectorInputPort("tension_ref", 3)
         self.tension_read = self.DeclareVectorInputPort("tension_read", 3)

@@ -1,7 +1,5 @@
 """The motor bus: `builder.AddSystem(Bus(robot))`; its equations are in `exodrake/physics/bus.py`."""
 
-from __future__ import annotations
-
 from functools import partial
 
 from pydrake.systems.framework import Context, DiscreteValues
@@ -38,7 +36,6 @@ class Bus(PartSystem):
     """
 
     def __init__(self, robot: Robot | None = None) -> None:
-        """Takes the robot, the nominal one if None."""
         super().__init__(robot, "bus")
         self.speed_cmd = self.DeclareVectorInputPort("speed_cmd", 3)
         self.DeclareVectorInputPort("packet_arrival", 3)

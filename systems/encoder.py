@@ -1,7 +1,5 @@
 """The encoders: `builder.AddSystem(Encoder(robot))`; their equations are in `exodrake/physics/encoder.py`."""
 
-from __future__ import annotations
-
 from functools import partial
 
 from pydrake.systems.framework import Context, DiscreteValues
@@ -37,7 +35,6 @@ class Encoder(PartSystem):
     """
 
     def __init__(self, robot: Robot | None = None) -> None:
-        """Takes the robot, the nominal one if None."""
         super().__init__(robot, "encoder")
         self.spool_angle = self.DeclareVectorInputPort("spool_angle", 3)
         self.DeclareVectorInputPort("start_stroke", 3)

@@ -1,7 +1,5 @@
 """The joint-angle estimator: `GPEstimator(weights)`; its equations are in `exodrake/physics/gp_estimator.py`."""
 
-from __future__ import annotations
-
 import numpy as np
 from pydrake.systems.framework import BasicVector, Context, DiscreteStateIndex, DiscreteValues, LeafSystem
 

@@ -1,7 +1,5 @@
 """Motion capture: `builder.AddSystem(MotionCapture(robot))`; its equations are in `exodrake/physics/mocap.py`."""
 
-from __future__ import annotations
-
 from pydrake.systems.framework import Context, DiscreteValues
 
 from exodrake.core.robot import Robot
@@ -37,7 +35,6 @@ class MotionCapture(PartSystem):
     """
 
     def __init__(self, robot: Robot | None = None) -> None:
-        """Takes the robot, the nominal one if None."""
         super().__init__(robot, "mocap")
         self.angle = self.DeclareVectorInputPort("angle", 3)
         self.DeclareVectorInputPort("noise_angle", 3)

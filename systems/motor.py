@@ -1,7 +1,5 @@
 """The motors: `builder.AddSystem(MotorDynamics(robot))`; their equations are in `exodrake/physics/motor.py`."""
 
-from __future__ import annotations
-
 from pydrake.systems.framework import Context, DiscreteValues
 
 from exodrake.core.robot import Robot

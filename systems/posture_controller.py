@@ -7,8 +7,6 @@ its largest singular value, and d the damping of its inverse. c is cut so that F
 keeps it from winding up.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Sources of what comes from outside a robot: given signals, noise, a robot drawn at random, a sync pulse."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from functools import lru_cache, partial
 from typing import Any

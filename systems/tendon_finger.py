@@ -1,7 +1,5 @@
 """The finger under its tendons: `TendonFinger(robot)`; its equations are in `exodrake/physics/tendon_finger.py`."""
 
-from __future__ import annotations
-
 from functools import partial
 
 from pydrake.systems.framework import Context, DiscreteValues

@@ -1,7 +1,5 @@
 """The load cells: `builder.AddSystem(TensionSensor(robot))`; their equations are in `exodrake/physics/sensor.py`."""
 
-from __future__ import annotations
-
 from functools import partial
 
 from pydrake.systems.framework import Context, DiscreteValues

@@ -35,7 +35,7 @@ def loop():
     """The nominal robot's map from one frame to the next."""
     from exodrake.analysis.linear_model import FrameMap
 
-    return FrameMap.of(exo.load_robot())
+    return FrameMap.from_robot(exo.load_robot())
 
 
 @pytest.fixture(scope="session")

@@ -82,7 +82,7 @@ def plant():
 def test_a_candidate_on_the_linear_plant_is_the_robot_with_that_controller(plant):
     """Spectral radius, disk margin and noise from another controller's plant, and from the robot linearised anew."""
     robot = exo.load_robot().with_parameters(VALUES)
-    loop = FrameMap.of(robot)
+    loop = FrameMap.from_robot(robot)
     point = operating_point(loop)
     model = linearise(loop, point.state, point.references)
     there = robustness(loop, point, model)
@@ -109,7 +109,7 @@ def test_integral_action_holds_the_reference_in_spite_of_a_drive_that_is_off():
     errors = []
     for ki in (0.0, 0.02):
         robot = exo.load_robot().splice("motor.dead_zone").with_parameters({"controller.ki": ki})
-        loop = FrameMap.of(robot)
+        loop = FrameMap.from_robot(robot)
         rows = np.tile([4.0, 3.0, 1.0], (1500, 1))
         tension = loop.run(loop.start(), rows)[1][-200:, loop.signals["tension"]]
         errors.append(np.abs(tension.mean(axis=0) - rows[0]).max())

@@ -7,7 +7,7 @@ import pytest
 import exodrake as exo
 from exodrake.analysis.limit_cycles import CommandedLoop
 from exodrake.analysis.linear_model import evaluate, linearise, spectral_radius
-from exodrake.analysis.margins import close, cut, margins, open_loop, single
+from exodrake.analysis.margins import break_loop, close, margins, open_loop, single
 from exodrake.analysis.responses import LINES, bandwidth, frequency_response, multisine
 
 TENDONS = ("AF", "MF", "AE")
@@ -24,7 +24,7 @@ def grows(plant, state, factor, frames=400):
 def integrator(gain):
     """y_{n+1} = y_n + v_n, v_n = gain (r_n - y_n), opened: L = gain / (z - 1), poles at 1 - gain."""
     system = control.ss(1.0 - gain, gain, [[1.0], [-gain]], [[0.0], [gain]], 0.02)
-    return cut(system, np.array([False]), [1], [0])
+    return break_loop(system, np.array([False]), [1], [0])
 
 
 def test_margins_of_an_integrator():

@@ -20,7 +20,7 @@ from exodrake.analysis.margins import open_loop, plant_response, single
 def commanded(point, model):
     """The loop of a robot with the command of its second channel set from outside."""
     return lambda robot: CommandedLoop(
-        FrameMap.of(robot), point.references, model.system.D[model.rows("speed_cmd", ("AF", "MF", "AE"))], 1
+        FrameMap.from_robot(robot), point.references, model.system.D[model.rows("speed_cmd", ("AF", "MF", "AE"))], 1
     )
 
 
@@ -90,7 +90,7 @@ def test_smooth_effects_belong_to_the_linear_loop(monkeypatch):
 def test_a_p_loop_rests_within_the_dead_zone_over_its_gain():
     """w / kp on either side: 0.5 mm/s over 6 mm/(s N); the derivative and the integral rest."""
     robot = exo.load_robot().splice("motor.dead_zone", {"width": 5e-4, "release": 1.0}, ["MF"])
-    loop = FrameMap.of(robot)
+    loop = FrameMap.from_robot(robot)
     band = find_dead_band(loop, operating_point(loop))
     assert band["tension_MF"] == pytest.approx(5e-4 / robot["controller.kp"], rel=0.05)
 

@@ -138,7 +138,7 @@ def test_latency_ends_stability(loop, point):
 
 
 def test_an_unstable_loop_is_linearised_where_it_would_rest():
-    loop = FrameMap.of(exo.load_robot().with_parameters({"controller.kp": 0.03}))
+    loop = FrameMap.from_robot(exo.load_robot().with_parameters({"controller.kp": 0.03}))
     point = operating_point(loop)
     assert not point.steady
     assert linearise(loop, point.state, point.references).spectral_radius > 1.0
@@ -150,7 +150,7 @@ def test_an_unstable_loop_is_linearised_where_it_would_rest():
 )
 def test_bad_operating_points_are_named(at, word):
     with pytest.raises(exo.InputError, match=word):
-        resolve_references(FrameMap.of(exo.load_robot()), at)
+        resolve_references(FrameMap.from_robot(exo.load_robot()), at)
 
 
 def test_stability_limit():
@@ -162,7 +162,7 @@ def test_stability_limit():
 
 def test_friction_is_reported_as_a_kink_and_simulation_decides():
     """Stuck wires make one-sided slopes differ and the poles meaningless; the loop itself returns to rest."""
-    loop = FrameMap.of(exo.load_robot().splice("tendon.coulomb_friction"))
+    loop = FrameMap.from_robot(exo.load_robot().splice("tendon.coulomb_friction"))
     point = operating_point(loop)
     model = linearise(loop, point.state, point.references)
     assert model.kink > 0.1
@@ -172,4 +172,4 @@ def test_friction_is_reported_as_a_kink_and_simulation_decides():
 
 def test_a_tremor_leaves_no_operating_point():
     with pytest.raises(exo.InputError, match="does not come to rest"):
-        operating_point(FrameMap.of(exo.load_robot().splice("finger.tremor")))
+        operating_point(FrameMap.from_robot(exo.load_robot().splice("finger.tremor")))

@@ -185,7 +185,7 @@ def test_python_control_closes_the_opened_loop_again(whole, model):
 
 
 def test_the_loop_of_another_machine_has_a_robustness():
-    loop = FrameMap.of(exo.load_robot("emps"))
+    loop = FrameMap.from_robot(exo.load_robot("emps"))
     point = operating_point(loop)
     numbers = robustness(loop, point, linearise(loop, point.state, point.references)).numbers
     assert numbers["disk margin"] == pytest.approx(numbers["disk margin carriage"])

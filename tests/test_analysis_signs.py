@@ -88,7 +88,7 @@ def test_a_negative_kd_is_the_printed_sign():
 
 
 def poles_at(kp, kd):
-    loop = FrameMap.of(exo.load_robot().with_parameters({"controller.kp": kp, "controller.kd": kd}))
+    loop = FrameMap.from_robot(exo.load_robot().with_parameters({"controller.kp": kp, "controller.kd": kd}))
     point = operating_point(loop)
     return linearise(loop, point.state, point.references).poles()
 

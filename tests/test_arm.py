@@ -18,8 +18,7 @@ import exodrake as exo
 from exodrake.compiled.inputs import Reference
 from exodrake.core import plugins
 from exodrake.diagrams.multibody import multibody_arm
-from exodrake.machines.arm_defaults import moved
-from exodrake.machines.serial_arm import arm_machine
+from exodrake.machines.serial_arm import arm_machine, compute_dynamics
 from exodrake.machines.urdf import read_urdf
 from exodrake.physics import arm
 from exodrake.simulation.simulate import record
@@ -68,7 +67,7 @@ def test_urdf_and_dynamics_agree_with_drakes_parser_and_plant(name, tmp_path):
     chain, plant = read_urdf(path), parsed(path)
     assert chain.names == (("turntable", "lift2", "J3") if name == "mixed" else tuple(f"J{i}" for i in range(1, 8)))
     for state in states(20, len(chain.names)):
-        efforts, matrix = moved(chain, *state)
+        efforts, matrix = compute_dynamics(chain, *state)
         wanted, inertia = dynamics(plant, *state)
         assert efforts == pytest.approx(wanted, abs=1e-9) and matrix == pytest.approx(inertia, abs=1e-9)
 
@@ -100,7 +99,7 @@ def test_dynamics_are_those_of_the_closed_form_of_two_links(tmp_path):
             a11 * a[0] + a12 * a[1] - h * (2 * v[0] * v[1] + v[1] ** 2) + g1,
             a12 * a[0] + a22 * a[1] + h * v[0] ** 2 + g2,
         ]
-        efforts, matrix = moved(chain, q, v, a)
+        efforts, matrix = compute_dynamics(chain, q, v, a)
         assert efforts == pytest.approx(wanted, abs=1e-9)
         assert matrix == pytest.approx(np.array([[a11, a12], [a12, a22]]), abs=1e-9)
 
@@ -151,7 +150,7 @@ def test_forward_dynamics_agree_with_a_plant_of_the_same_robot(closed):
 
 def test_dry_friction_above_gravity_holds_the_arm_and_below_it_does_not(closed):
     q = np.array([0.4, 0.1, 0.5])
-    weight = moved(read_urdf_of(closed), q, np.zeros(3), np.zeros(3))[0]
+    weight = compute_dynamics(read_urdf_of(closed), q, np.zeros(3), np.zeros(3))[0]
     for share, rests in ((1.05, True), (0.5, False)):
         robot = closed.with_parameters({f"arm.dry_friction.{j}": share * abs(w) + 1e-3 * rests
                                         for j, w in zip(closed.machine.axes.joints, weight, strict=True)})  # fmt: skip
@@ -167,7 +166,7 @@ def test_an_elastic_joint_rests_where_its_spring_carries_the_link(closed):
     """Deflection is compliance times effort; with half of it the link sinks."""
     q, compliance = np.array([0.4, 0.1, 0.5]), 2e-3
     robot = closed.with_parameters({"arm.compliance": compliance, "arm.rotor_inertia": 0.1, "arm.dry_friction": 1e6})
-    weight = moved(read_urdf_of(closed), q, np.zeros(3), np.zeros(3))[0]
+    weight = compute_dynamics(read_urdf_of(closed), q, np.zeros(3), np.zeros(3))[0]
     rests = ticks(robot, np.zeros(3), q, count=50, rotor=q + compliance * weight)
     assert rests["speed"] == pytest.approx(np.zeros(3), abs=1e-9) and rests["angle"] == pytest.approx(q, abs=1e-12)
     assert rests["rotor"] == pytest.approx(q + compliance * weight)
@@ -181,7 +180,7 @@ def test_a_link_rests_on_its_end_stop_where_the_spring_carries_it(closed, end, s
     held = {"arm.dry_friction.turntable": 1e6, "arm.dry_friction.lift2": 1e6}
 
     def weight(q):
-        return moved(chain, q, np.zeros(3), np.zeros(3))[0][2]
+        return compute_dynamics(chain, q, np.zeros(3), np.zeros(3))[0][2]
 
     turned = (np.array([turn, 0.1, end]) for turn in np.linspace(0.0, 2.0 * np.pi, 24))
     q = next(q for q in turned if sign * weight(q) > 0.05)  # the weight presses the link on this stop

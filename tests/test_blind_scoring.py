@@ -11,18 +11,21 @@ from exodrake.core.errors import InputError
 from exodrake.reference import make
 from exodrake.reference.answers import Answered, read_committed, write_committed
 from exodrake.reference.cases import CaseMix
-from exodrake.reference.measures import (
+from exodrake.reference.score import (
     Paired,
+    as_json,
+    compute_shares,
     exactly_named,
     interval_score,
-    intervals_of,
     is_in_class,
     is_kind_right,
     is_truth,
+    list_intervals,
+    markdown,
     names_too_much,
-    shares_of,
+    score,
+    tables,
 )
-from exodrake.reference.score import as_json, markdown, score, tables
 
 
 def truth(effect_id, gap=10.0, exact=True, blocks=(), wires=(), joints=(), **parameters):
@@ -254,7 +257,7 @@ def test_partly_is_not_named_but_its_causes_are_looked_at():
         "case", {"kind": "single", "effects": [truth(GAIN)]}, {"verdict": "PARTLY", "effects": [cause(GAIN)]}
     )
     assert not exactly_named(case) and is_in_class(case.truths, case.diagnosis)
-    rows = {item.name: item for item in shares_of([case])}
+    rows = {item.name: item for item in compute_shares([case])}
     assert rows["PARTLY, and its causes hold the truth"].hits == 1 and rows["exactly named, single"].hits == 0
 
 
@@ -268,7 +271,7 @@ def test_channels_count_one_by_one_where_the_truth_sits():
     label = {"kind": "single", "effects": [truth(GAIN, gain=0.05, wires=["AF", "MF"])]}
 
     def covers(effect):
-        return [i.covers for i in intervals_of(Answered("case", label, {"verdict": "NAMED", "effects": [effect]}))]
+        return [i.covers for i in list_intervals(Answered("case", label, {"verdict": "NAMED", "effects": [effect]}))]
 
     assert covers(effect) == [True, False]
     assert covers(effect | {"channels": {}}) == [True]

@@ -15,7 +15,7 @@ from exodrake.compiled.inputs import NOTHING, NoiseInputs, Reference, input_rows
 from exodrake.core.errors import InputError
 from exodrake.core.machine import signal_count, state_size
 from exodrake.diagrams.diagram import build_diagram, logged_signals
-from exodrake.diagrams.meshcat import FingerView, colours
+from exodrake.diagrams.meshcat import FingerView, find_colours
 from exodrake.diagrams.meshcat.scene import skeleton
 from exodrake.diagrams.multibody import MultibodyFinger
 from exodrake.diagrams.posture_loop import PostureLoop
@@ -73,7 +73,7 @@ def test_the_diagram_moves_its_view():
     share = diagram.GetOutputPort("finger.tension").Eval(context) / nominal().reference_limits()[1]
     path = "/robot/AF_on_0"
     colour = msgpack.unpackb(meshcat._GetPackedProperty(path, "color"))["value"]
-    np.testing.assert_allclose(colour, [*colours(share)[0], 1.0], atol=1e-12)
+    np.testing.assert_allclose(colour, [*find_colours(share)[0], 1.0], atol=1e-12)
 
 
 def test_a_view_needs_a_finger_and_no_tension():

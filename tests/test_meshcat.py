@@ -1,5 +1,6 @@
 """The viewer: where wires run, and a page that stands alone."""
 
+import json
 import re
 from base64 import b64decode
 
@@ -7,7 +8,7 @@ import numpy as np
 import pytest
 
 import exodrake as exo
-from exodrake.diagrams.meshcat import STOPS, Motion, Thing, animated, beside, colours, frames_of, recording_html
+from exodrake.diagrams.meshcat import STOPS, Thing, animate, average_frames, find_colours, recording_html
 from exodrake.diagrams.meshcat.scene import along, skeleton, span
 
 ROBOT = exo.load_robot()
@@ -39,7 +40,7 @@ def test_tip():
 
 
 def test_colours_run_from_grey_to_red():
-    ends = colours(np.array([-1.0, 0.0, 1.0, 2.0]))
+    ends = find_colours(np.array([-1.0, 0.0, 1.0, 2.0]))
     assert ends[0] == pytest.approx(ends[1]) and ends[2] == pytest.approx(ends[3])
     assert ends[2, 0] > 5 * ends[2, 1] and ends[1] == pytest.approx(((np.array(STOPS[0][1]) + 0.055) / 1.055) ** 2.4)
 
@@ -55,12 +56,12 @@ def test_page_stands_alone(log):
 def test_a_second_run_is_a_ghost_at_the_same_times(log):
     """Half as long a second log holds its end; the page has its angles and says whose they are."""
     late = log.rows(slice(0, len(log) // 2))
-    time, angle, _ = frames_of(log, skeleton(ROBOT), "angle")
-    ghost = beside(time, *frames_of(late, skeleton(ROBOT), "angle")[:2])
-    cut = len(time) // 2 - 1
-    np.testing.assert_allclose(ghost[:cut], angle[:cut], atol=1e-9)
-    np.testing.assert_allclose(ghost[-1], ghost[len(time) // 2 + 1])
+    _, angle, _ = average_frames(log, skeleton(ROBOT), "angle")
     page = recording_html(log, ROBOT, "caging", other=late, names=("rusty", "the nominal one"), details=["line <1>"])
+    ghost = np.array(json.loads(re.search(r'"ghost": (\[\[.*?\]\])', page)[1]))
+    cut = len(angle) // 2 - 1
+    np.testing.assert_allclose(ghost[:cut], angle[:cut], atol=1e-4)
+    np.testing.assert_allclose(ghost[-1], ghost[len(angle) // 2 + 1])
     assert "grey: the nominal one" in page and "line &lt;1&gt;" in page and "exo-ghost" in page
     assert "grey: " not in recording_html(log, ROBOT)
 
@@ -78,14 +79,14 @@ def test_the_page_has_visible_controls(log):
 
 def test_long_logs_stay_small():
     log = exo.simulate(ROBOT, exo.sweeps(ROBOT))
-    assert len(frames_of(log, skeleton(ROBOT), "angle")[0]) <= 500
+    assert len(average_frames(log, skeleton(ROBOT), "angle")[0]) <= 500
     assert len(recording_html(log, ROBOT)) < 5e6
 
 
 def test_gaps_are_bridged_and_empty_columns_refused(log):
     gap = log["angle_PIP"].copy()
     gap[20:40] = np.nan
-    assert np.isfinite(frames_of(log.with_signals({"angle_PIP": gap}), skeleton(ROBOT), "angle")[1]).all()
+    assert np.isfinite(average_frames(log.with_signals({"angle_PIP": gap}), skeleton(ROBOT), "angle")[1]).all()
     with pytest.raises(exo.InputError, match="empty"):
         recording_html(log.with_signals({"angle_PIP": np.full(len(log), np.nan)}), ROBOT)
     with pytest.raises(exo.InputError, match="angle_est"):
@@ -115,7 +116,6 @@ def test_a_recording_has_a_key_for_each_frame(step):
     """In each track, be it of the robot or of the ghost."""
     count = 300
     angle = np.linspace(np.zeros(3), np.ones(3), count)
-    motion = Motion(step * np.arange(count), angle, angle, np.ones(3), angle)
-    packed = re.findall(r"base64,([A-Za-z0-9+/=]+)", animated(motion, skeleton(ROBOT), None))
+    packed = re.findall(r"base64,([A-Za-z0-9+/=]+)", animate(step, angle, angle, angle, skeleton(ROBOT)))
     (animation,) = (text for text in map(b64decode, packed) if b"set_animation" in text)
     assert animation.count(b"\xa4time") == count * animation.count(b"\xa4keys") > 0  # in MessagePack

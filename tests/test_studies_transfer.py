@@ -12,7 +12,7 @@ from exodrake.machines.robot_file import write_robot
 from exodrake.reference.answers import write_committed
 from exodrake.reference.cases import CasePlan, DrawnCase, clock
 from exodrake.reference.faults import ENTRIES, draw_effect
-from exodrake.reference.make import label_of
+from exodrake.reference.make import make_label
 from exodrake.reference.robot import TENSION_MAX, InjectedFault, Protocol, RobotSpec, draw_parameters
 from exodrake.reference.simulator import assemble
 from studies.transfer import control_task, study as transferring
@@ -53,7 +53,7 @@ def a_set(folder, robot, labels=True):
 def write_labels(folder, path):
     plan = CasePlan("case_00", (1,), "single", ("timing.command_latency",), False)
     drawn = DrawnCase(RobotSpec(effects=(InjectedFault(plan.ids[0], parameters=LATE),)), RobotSpec())
-    label = json.loads(json.dumps(label_of(plan, drawn, [9.0], {"tension_AF": 9.0})))
+    label = json.loads(json.dumps(make_label(plan, drawn, [9.0], {"tension_AF": 9.0})))
     write_committed({"case_00": label, "case_01": label}, path, folder / "seal.txt")
 
 
@@ -111,7 +111,7 @@ def test_withheld_robot_is_built_anew_from_its_label(identity):
     effect = draw_effect(identity, np.random.default_rng(3))
     spec = RobotSpec(draw_parameters(np.random.default_rng(4)), (effect,))
     plan = CasePlan("case_00", (1,), "single", (identity,), False)
-    label = json.loads(json.dumps(label_of(plan, DrawnCase(spec, spec), [9.0], {"tension_AF": 9.0})))
+    label = json.loads(json.dumps(make_label(plan, DrawnCase(spec, spec), [9.0], {"tension_AF": 9.0})))
     one, two = (assemble(robot, 60, np.random.default_rng(5)) for robot in (spec, withheld("case", label)))
     assert one.record == two.record and np.array_equal(one.time, two.time)
     assert np.array_equal(one.inputs, two.inputs) and np.array_equal(one.dropped, two.dropped)

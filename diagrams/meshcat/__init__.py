@@ -7,11 +7,8 @@ Tendons are coloured by their load; the recording has play, pause, speed and a s
 stops it at that time.
 """
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Sequence
-from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 
@@ -27,7 +24,7 @@ from exodrake.core.templates import render
 from exodrake.data.log import Log
 from exodrake.diagrams.meshcat.scene import GHOST, GHOSTLY, Arm, Finger, Thing, segment_path, skeleton
 
-__all__ = ["FingerView", "Thing", "beside", "frames_of", "recording_html"]
+__all__ = ["FingerView", "Thing", "average_frames", "recording_html"]
 
 TEMPLATES = Path(__file__).parent / "templates"
 FRAMES = 500  # at most, so that the file stays below 5 MB
@@ -36,7 +33,7 @@ RATE = 25.0  # frames per second of a short recording
 STOPS = ((0.0, (0.55, 0.60, 0.67)), (0.35, (0.96, 0.76, 0.22)), (0.7, (0.91, 0.36, 0.13)), (1.0, (0.69, 0.02, 0.15)))
 
 
-def colours(share: np.ndarray) -> np.ndarray:
+def find_colours(share: np.ndarray) -> np.ndarray:
     """Colours of loads.
 
     Args:
@@ -48,30 +45,6 @@ def colours(share: np.ndarray) -> np.ndarray:
     at = np.array([x for x, _ in STOPS])
     srgb = np.column_stack([np.interp(share, at, [rgb[i] for _, rgb in STOPS]) for i in range(3)])
     return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)  # the sRGB standard's curve
-
-
-@dataclass(frozen=True, eq=False)
-class Motion:
-    """Motion of the robots in a recording.
-
-    Attributes:
-        time: (k,) of the frames [s].
-        angle: (k, joints) [rad], or [m] of a sliding joint.
-        load: (k, tendons) [SI].
-        top: (tendons,) load at the end of the colour scale [SI].
-        ghost: (k, joints) angles of the second robot, or None.
-    """
-
-    time: np.ndarray
-    angle: np.ndarray
-    load: np.ndarray
-    top: np.ndarray
-    ghost: np.ndarray | None
-
-    @property
-    def step(self) -> float:
-        """Time between frames [s]."""
-        return float(self.time[1] - self.time[0]) if len(self.time) > 1 else 1.0 / RATE
 
 
 def recording_html(
@@ -101,17 +74,20 @@ def recording_html(
     """
     bones = skeleton(robot)
     kind, title = angles or bones.angle, title or log.label
-    time, angle, load = frames_of(log, bones, kind)
-    ghost = None if other is None else beside(time, *frames_of(other, bones, kind)[:2])
-    motion = Motion(time, angle, load, full_load(robot, bones, load), ghost)
+    time, angle, load = average_frames(log, bones, kind)
+    ghost = None
+    if other is not None:  # at the same times, its ends held
+        own, second, _ = average_frames(other, bones, kind)
+        ghost = np.column_stack([np.interp(time, own, column) for column in second.T])
+    top, step = full_load(robot, bones, load), float(time[1] - time[0]) if len(time) > 1 else 1.0 / RATE
     coloured, display = "joint" if isinstance(bones, Shape) else "tendon", display_of(bones.load, robot.machine)
     readings = {
-        "time": time.round(4).tolist(), "step": motion.step, "tendons": bones.tendons, "joints": bones.joints,
+        "time": time.round(4).tolist(), "step": step, "tendons": bones.tendons, "joints": bones.joints,
         "paths": [segment_path(bones, i + 1)[1:].split("/") for i in range(len(bones.joints))],
         "one": bones.load == bones.angle,
         "sliding": bones.sliding.tolist() if isinstance(bones, Shape) else [], "angle": angle.round(4).tolist(),
         "load": (display.factor * load).round(2).tolist(), "unit": display.unit,
-        "top": (display.factor * motion.top).tolist(), "ghost": [] if ghost is None else ghost.round(4).tolist(),
+        "top": (display.factor * top).tolist(), "ghost": [] if ghost is None else ghost.round(4).tolist(),
         "names": names,
     }  # fmt: skip
     end = "its limit" if limits_load(robot, bones) else "its largest here"
@@ -124,27 +100,39 @@ def recording_html(
         label=f"{coloured}: its {display.label.lower()}, from 0 to {end}",
         lowest=lowest, highest=highest, ghost=[round(255 * c) for c in GHOSTLY[:3]],
     )  # fmt: skip
-    html = animated(motion, bones, thing)
+    html = animate(step, angle, np.abs(load) / top, ghost, bones, thing)
     html = html.replace("<title>Drake MeshCat</title>", f"<title>{escape(title)}</title>")
     before, tag, after = html.rpartition("</body>")
     return before + added + tag + after
 
 
-def animated(motion: Motion, bones: Skeleton | Shape, thing: Thing | None) -> str:
-    """A motion as Meshcat's own HTML, an endless loop."""
+def animate(
+    step: float, angle: np.ndarray, share: np.ndarray, ghost: np.ndarray | None, bones: Skeleton | Shape,
+    thing: Thing | None = None,
+) -> str:  # fmt: skip
+    """A motion as Meshcat's own HTML, an endless loop.
+
+    Args:
+        step: time between frames [s].
+        angle: (k, joints) [rad], or [m] of a sliding joint.
+        share: (k, tendons) loads over the highest [-].
+        ghost: (k, joints) angles of a second robot, or None.
+        bones: what is drawn.
+        thing: an object at the robot.
+    """
     logger = logging.getLogger("drake")
     level = logger.level
     logger.setLevel(logging.WARNING)  # a server says where it listens, which nobody is to visit
     try:
         meshcat = Meshcat(MeshcatParams(host="localhost", show_stats_plot=False))
         drawn = Arm(meshcat, bones) if isinstance(bones, Shape) else Finger(meshcat, bones, thing)
-        drawn.begin(motion.angle[0], motion.ghost is not None)
-        meshcat.StartRecording(frames_per_second=1.0 / motion.step, set_visualizations_while_recording=False)
-        for k, (angle, load) in enumerate(zip(motion.angle, motion.load)):
-            time = (k + 0.5) * motion.step  # Meshcat rounds down to a frame
-            drawn.frame(time, angle, colours(np.abs(load) / motion.top))
-            if motion.ghost is not None:
-                drawn.turn(GHOST, time, motion.ghost[k])
+        drawn.begin(angle[0], ghost is not None)
+        meshcat.StartRecording(frames_per_second=1.0 / step, set_visualizations_while_recording=False)
+        for k in range(len(angle)):
+            time = (k + 0.5) * step  # Meshcat rounds down to a frame
+            drawn.frame(time, angle[k], find_colours(share[k]))
+            if ghost is not None:
+                drawn.turn(GHOST, time, ghost[k])
         meshcat.StopRecording()
         animation = meshcat.get_mutable_recording()
         animation.set_autoplay(True)
@@ -156,7 +144,7 @@ def animated(motion: Motion, bones: Skeleton | Shape, thing: Thing | None) -> st
         logger.setLevel(level)
 
 
-def frames_of(log: Log, bones: Skeleton | Shape, angles: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def average_frames(log: Log, bones: Skeleton | Shape, angles: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Means of a log over the frames of the recording, at most `FRAMES`.
 
     Returns:
@@ -173,11 +161,6 @@ def frames_of(log: Log, bones: Skeleton | Shape, angles: str) -> tuple[np.ndarra
     means = found[: count * stride].reshape(count, -1, found.shape[1]).mean(axis=1)
     cut = 1 + len(bones.joints)
     return means[:, 0], means[:, 1:cut], means[:, cut:]
-
-
-def beside(time: np.ndarray, own: np.ndarray, angle: np.ndarray) -> np.ndarray:
-    """Angles (k, joints) [rad] at the times (k,) [s] of another log, its ends held; own: times of the angles [s]."""
-    return np.column_stack([np.interp(time, own, column) for column in angle.T])
 
 
 def full_load(robot: Robot, bones: Skeleton | Shape, load: np.ndarray) -> np.ndarray:
@@ -231,4 +214,4 @@ class FingerView(LeafSystem):
         tension = self.GetInputPort("tension")
         load = np.array(tension.Eval(context) if tension.HasValue(context) else np.zeros(len(self.highest)))
         angle = np.array(self.GetInputPort("angle").Eval(context))
-        self.finger.frame(context.get_time(), angle, colours(np.abs(load) / self.highest), live=True)
+        self.finger.frame(context.get_time(), angle, find_colours(np.abs(load) / self.highest), live=True)

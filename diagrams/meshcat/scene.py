@@ -4,8 +4,6 @@ Segments hang on those that carry them, so that a joint's angle moves one transf
 is no joint, which may have any name.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Analysis of the closed loop at one operating point, `exo.analyse(robot)`, and its results as plain data."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from io import BytesIO
@@ -10,21 +8,9 @@ from typing import Any
 import control
 import numpy as np
 
+from exodrake.analysis import margins as mg
 from exodrake.analysis.limit_cycles import LimitCycles
 from exodrake.analysis.linear_model import KINK, FrameMap, FrameModel, OperatingPoint, System, linearise_robot
-from exodrake.analysis.margins import (
-    DelayBudget,
-    LatencySweep,
-    Margins,
-    StabilityMap,
-    delay_budget,
-    disturb,
-    latency_sweep,
-    margins,
-    open_loop,
-    single,
-    stability_map,
-)
 from exodrake.analysis.responses import FrequencyResponse, StepResponse, frequency_response, returns, step_response
 from exodrake.analysis.robustness import Band, Robustness, Uncertainty, robustness
 from exodrake.core.errors import InputError, argument, nearest
@@ -50,7 +36,7 @@ class ClosedLoop:
         robot: robot that was analysed.
         point: operating point at which it rests.
         model: linear model with one step per frame.
-        opened: linear model opened at its commands, see `margins.cut`.
+        opened: linear model opened at its commands, see `margins.break_loop`.
         system: python-control's `StateSpace` of the closed loop. Inputs: references, sensor noise of unit variance, and
             disturbances added to the commands; outputs: all signals.
         steps: step response of each channel, in the machine's order.
@@ -73,18 +59,17 @@ class ClosedLoop:
     system: System
     steps: tuple[StepResponse, ...]
     responses: tuple[FrequencyResponse, ...]
-    margins: tuple[Margins, ...]
-    delays: tuple[DelayBudget, ...]
+    margins: tuple[mg.Margins, ...]
+    delays: tuple[mg.DelayBudget, ...]
     robust: Robustness
-    gains: StabilityMap
-    latency: LatencySweep | None
+    gains: mg.StabilityMap
+    latency: mg.LatencySweep | None
     returns: bool
     notes: tuple[str, ...]
     bands: tuple[Band, ...] = ()
     uncertainty: Uncertainty | None = None
 
     def __repr__(self) -> str:
-        """Robot, stability and speed, then the margins of each channel."""
         slowest = max(s.settling for s in self.steps)
         margins = "; ".join(
             f"{m.channel} {m.gain_margin_db:.3g} dB, {m.phase_margin_deg:.3g} deg" for m in self.margins
@@ -97,12 +82,7 @@ class ClosedLoop:
     @property
     def stable(self) -> bool:
         """Whether all poles lie inside the unit circle; where they mean little, whether the loop returns to rest."""
-        return self.returns if self.kick_decides else self.model.spectral_radius < 1.0
-
-    @property
-    def kick_decides(self) -> bool:
-        """Whether the nonlinear simulation decides on stability, because the poles do not."""
-        return not self.model.decides
+        return self.model.spectral_radius < 1.0 if self.model.decides else self.returns
 
     def loop(self, source: str, target: str) -> control.StateSpace:
         """The closed loop from an input of `system` to an output, as a `StateSpace`. InputError for an unknown one.
@@ -124,7 +104,7 @@ class ClosedLoop:
         if command not in self.opened.input_labels:
             known = self.opened.input_labels
             raise InputError(f"no command {command!r}{nearest(command, known)}; there are {', '.join(known)}")
-        ratio = -single(self.opened, self.opened.input_labels.index(command))[0, 0]
+        ratio = -mg.single(self.opened, self.opened.input_labels.index(command))[0, 0]
         ratio.update_names(name=f"L_{command}", inputs=[command], outputs=[command], states=self.opened.state_labels)
         return ratio
 
@@ -134,7 +114,7 @@ class ClosedLoop:
         Outputs are of kinds such as "tension" and "stroke", or all. InputError for an unknown kind.
         """
         machine, labels = self.robot.machine, self.model.system.output_labels
-        known = {kind: machine.channels(signal) for signal, kind in FrameMap.of(self.robot).kinds.items()}
+        known = {kind: machine.channels(signal) for signal, kind in FrameMap.from_robot(self.robot).kinds.items()}
         for kind in kinds:
             if kind not in known:
                 raise InputError(f"the model has no output {kind!r}{nearest(kind, list(known))}")
@@ -159,28 +139,29 @@ def analyse(robot: Robot, at: Mapping[str, float] | str | None = None, seed: int
         'AF'
     """
     loop, point, model = linearise_robot(argument("robot", robot, Robot), at)
-    whole, system = open_loop(loop, model), model.system
+    whole, system = mg.open_loop(loop, model), model.system
     channels = range(len(loop.channels))
     steps = tuple(step_response(loop, point, i) for i in channels)
-    found = tuple(margins(whole, i, loop.channels[i]) for i in channels)
+    found = tuple(mg.margins(whole, i, loop.channels[i]) for i in channels)
     responses = tuple(frequency_response(loop, point, model, i, seed=seed) for i in channels)
     v = model.rows(loop.kinds[loop.loop.command], loop.channels)
-    b, d = disturb(system, loop.own[model.keep], v)
+    b, d = mg.disturb(system, loop.own[model.keep], v)
     connected = System(
         system.A, np.hstack([system.B, model.N, b]), system.C, np.hstack([system.D, model.M, d]), system.dt,
         states=system.state_labels, outputs=system.output_labels,
         inputs=[*system.input_labels, *loop.noises, *(system.output_labels[i] for i in v)],
     )  # fmt: skip
     return ClosedLoop(
-        loop.robot, point, model, whole, connected, steps, responses, found, delay_budget(loop, found),
-        robustness(loop, point, model, "this robot"), stability_map(loop, point), latency_sweep(loop, point),
-        returns(loop, point), (*list_remarks(loop, point, model, steps), *list_margin_remarks(found)),
+        loop.robot, point, model, whole, connected, steps, responses, found, mg.delay_budget(loop, found),
+        robustness(loop, point, model, "this robot"), mg.stability_map(loop, point), mg.latency_sweep(loop, point),
+        returns(loop, point), list_remarks(loop, point, model, steps, found),
     )  # fmt: skip
 
 
 def list_remarks(
-    loop: FrameMap, point: OperatingPoint, model: FrameModel, steps: tuple[StepResponse, ...]
-) -> tuple[str, ...]:
+    loop: FrameMap, point: OperatingPoint, model: FrameModel,
+    steps: tuple[StepResponse, ...] = (), found: tuple[mg.Margins, ...] = (),
+) -> tuple[str, ...]:  # fmt: skip
     """Conditions under which the results mean little, a sentence each."""
     notes = []
     if not point.steady:
@@ -212,12 +193,6 @@ def list_remarks(
             notes.append(
                 f"{step.channel} ends {step.steady_error:+.3g} {unit} off its reference after {step.time[-1]:.3g} s"
             )
-    return tuple(notes)
-
-
-def list_margin_remarks(found: tuple[Margins, ...]) -> tuple[str, ...]:
-    """Remarks on the margins, a sentence each."""
-    notes = []
     if idle := [m.channel for m in found if not np.abs(m.loop).max() > 0.0]:
         notes.append(f"the command of {', '.join(idle)} does not act on its reading here: no margins")
     for m in found:
@@ -244,7 +219,7 @@ def to_plain(result: ClosedLoop, cycles: tuple[LimitCycles, ...] = ()) -> dict[s
             "robot": robot.source or machine.name,
             "effects": robot.effects(),
             "stable": result.stable,
-            "decided_by": "simulated kick" if result.kick_decides else "poles",
+            "decided_by": "poles" if result.model.decides else "simulated kick",
             "spectral_radius": result.model.spectral_radius,
             "returns_after_kick": result.returns,
             "notes": list(result.notes),

@@ -7,8 +7,6 @@ improved robot file as far as the file is right. Commands stay within the robot 
 wanted and as much again.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -7,24 +7,14 @@ a, it is stable. The closed loop with that factor is then simulated after a kick
 `describing_function_response` knows static nonlinearities alone; here N depends on the frequency and the schedule.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import control
 import numpy as np
 
+from exodrake.analysis import margins as mg
 from exodrake.analysis.linear_model import FrameMap, OperatingPoint, System, linearise_robot
-from exodrake.analysis.margins import (
-    decibel,
-    frequency_grid,
-    loop_margins,
-    open_loop,
-    plant_response,
-    return_ratio,
-    single,
-)
 from exodrake.compiled.inputs import prepared
 from exodrake.core.robot import Robot
 
@@ -69,7 +59,6 @@ class LimitCycles:
     swing_frequency: np.ndarray
 
     def __repr__(self) -> str:
-        """Describing-function margins over all amplitudes, then the limit cycle with the robot's own gains."""
         size, frequency = self.read_simulation()
         cycle = f"{size:.3g} {self.unit} at {frequency:.3g} Hz" if size else "none"
         return (
@@ -80,7 +69,7 @@ class LimitCycles:
     @property
     def gain_margin_db(self) -> float:
         """Describing-function gain margin [dB] at the worst amplitude; inf where no amplitude has a limit."""
-        return float(decibel(np.nanmin(self.factor, initial=np.inf)))
+        return float(mg.decibel(np.nanmin(self.factor, initial=np.inf)))
 
     def predict(self, factor: float = 1.0) -> tuple[float, float]:
         """Amplitude [SI] and frequency [Hz] of the smallest stable limit cycle at a factor; 0 and 0 without any."""
@@ -116,18 +105,17 @@ class CommandedLoop:
         have with the reference at rest, which the reading alone decides.
         """
         step, inverse = self.loop.stepper(), np.linalg.inv(self.direct)
-        command = self.loop.signals[self.loop.loop.command]
-        reading = self.loop.signals[self.loop.loop.measured].start + self.channel
-        own = self.loop.own
+        command, reading = (
+            self.loop.signals[s].start + self.channel for s in (self.loop.loop.command, self.loop.loop.measured)
+        )
         x, rows = state, np.zeros((frames, 2))
         for n in range(frames):
             after, signals = step(x, self.references)
             change = np.zeros(len(self.references))
-            wanted = rule(n, signals[command][self.channel])
-            change[self.channel] = wanted - signals[command][self.channel]
+            change[self.channel] = rule(n, float(signals[command])) - signals[command]
             x, commanded = step(x, self.references + inverse @ change)
-            x[own] = after[own]
-            rows[n] = commanded[command][self.channel], commanded[reading]
+            x[self.loop.own] = after[self.loop.own]
+            rows[n] = commanded[command], commanded[reading]
         return rows[:, 0], rows[:, 1]
 
 
@@ -160,12 +148,12 @@ def limit_cycles(
             break
     if model.spectral_radius >= 1.0:
         return ()
-    whole = open_loop(loop, model)
-    grid, direct = frequency_grid(whole), model.system.D[model.rows(loop.kinds[loop.loop.command], loop.channels)]
-    ratios = [return_ratio(single(whole, j), grid)[:, 0, 0] for j in range(len(loop.channels))]
-    margins = [loop_margins(grid, ratio)[1] if np.abs(ratio).max() > 0.0 else np.inf for ratio in ratios]
+    whole = mg.open_loop(loop, model)
+    grid, direct = mg.frequency_grid(whole), model.system.D[model.rows(loop.kinds[loop.loop.command], loop.channels)]
+    ratios = [mg.return_ratio(mg.single(whole, j), grid)[:, 0, 0] for j in range(len(loop.channels))]
+    margins = [mg.loop_margins(grid, ratio)[1] if np.abs(ratio).max() > 0.0 else np.inf for ratio in ratios]
     channel = int(np.argmin(margins))
-    answer = plant_response(single(whole, channel), np.array(CYCLES) / (WINDOW * whole.dt))
+    answer = mg.plant_response(mg.single(whole, channel), np.array(CYCLES) / (WINDOW * whole.dt))
     if not np.isfinite(margins[channel]) or not np.abs(answer).min() > 0.0:
         return ()
     given = (point, whole, direct, channel, margins[channel])  # of the linear loop
@@ -197,7 +185,7 @@ def compare_cycles(
     The linear loop is without it: where it rests, `whole` opened, dv/dr (channels, channels) [command / reference] of
     its controller, and the gain margin of the channel.
     """
-    loop = FrameMap.of(robot)
+    loop = FrameMap.from_robot(robot)
     loop = replace(loop, parameters=prepared(robot, quantisation=rounded))
     references, state = point.references, point.state
     if rounded:
@@ -209,10 +197,10 @@ def compare_cycles(
     plant = CommandedLoop(loop, references, direct, channel)
     unit = abs(direct[channel, channel]) * loop.loop.step
     frequency = np.array(CYCLES) / (WINDOW * whole.dt)
-    one = single(whole, channel)
-    law = return_ratio(one, frequency)[:, 0, 0] / plant_response(one, frequency)[:, 0, 0]
+    one = mg.single(whole, channel)
+    law = mg.return_ratio(one, frequency)[:, 0, 0] / mg.plant_response(one, frequency)[:, 0, 0]
     measured = np.array([[describing_function(plant, state, a, n) for n in CYCLES] for a in unit * AMPLITUDES])
-    curve = [(*find_crossing(frequency, law * n), loop_margins(frequency, law * n)[2]) for n in measured]
+    curve = [(*find_crossing(frequency, law * n), mg.loop_margins(frequency, law * n)[2]) for n in measured]
     factors, swings = np.sort(np.append(limit * np.array(FACTORS), 1.0)), []
     for g in factors:
         with np.errstate(all="ignore"):  # without saturation an unstable loop leaves the range of numbers

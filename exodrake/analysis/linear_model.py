@@ -21,7 +21,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import control
 import numpy as np
@@ -78,7 +78,7 @@ class FrameMap:
     module: ModuleType
 
     @staticmethod
-    def of(robot: Robot) -> FrameMap:
+    def from_robot(robot: Robot) -> FrameMap:
         """The frame map of a robot. InputError if a parameter is missing, or the machine has no loop."""
         robot = add_controller(robot)
         return FrameMap(robot, prepared(robot, quantisation=False), compile_machine(robot.machine))
@@ -86,7 +86,7 @@ class FrameMap:
     @property
     def loop(self) -> Loop:
         """Closed loop that the machine declares: its signals and gains."""
-        assert self.robot.machine.loop is not None  # `of` sees to it
+        assert self.robot.machine.loop is not None  # `from_robot` sees to it
         return self.robot.machine.loop
 
     @property
@@ -155,13 +155,6 @@ class FrameMap:
         fine = NOTHING if ticks is None else ticks
         self.module.run(self.parameters, x, w, *inputs.values(), machine.slot, 1, rows, fine, NOTHING)
         return x, rows
-
-    def ticks(self, state: np.ndarray, references: np.ndarray) -> np.ndarray:
-        """All signals (slots, w) [SI] at the end of each slot; arguments as in `run`."""
-        machine = self.robot.machine
-        found = np.zeros((len(references) * machine.slots, signal_count(machine)))
-        self.run(state, references, ticks=found)
-        return found
 
     def _all_references(self, references: np.ndarray) -> np.ndarray:
         """References of the machine, (frames, all) [SI], from the loop's (frames, channels); the others are 0."""
@@ -261,7 +254,7 @@ class Pole:
 
 
 class System(control.StateSpace):
-    """python-control's `StateSpace`, here with one step per frame, SI; no state is left out as useless."""
+    """python-control's `StateSpace`, here with one step per frame, SI."""
 
     if TYPE_CHECKING:  # which python-control's own annotations leave open
         A: np.ndarray
@@ -269,10 +262,6 @@ class System(control.StateSpace):
         C: np.ndarray
         D: np.ndarray
         dt: float
-
-    def __init__(self, a: Any, b: Any, c: Any, d: Any, period: float, **names: Any) -> None:
-        """From matrices, frame period [s], and lists of names `states`, `inputs`, `outputs`."""
-        super().__init__(a, b, c, d, period, remove_useless_states=False, **names)
 
 
 @dataclass(frozen=True, eq=False)
@@ -298,7 +287,6 @@ class FrameModel:
     keep: list[int] = field(default_factory=list)
 
     def __repr__(self) -> str:
-        """Size, then what the poles say."""
         s = self.system
         return (
             f"FrameModel: {s.nstates} states, {s.ninputs} references, {s.noutputs} outputs, a frame of {s.dt:g} s\n"
@@ -527,6 +515,6 @@ def linearise_robot(
     robot: Robot, at: Mapping[str, float] | str | None = None
 ) -> tuple[FrameMap, OperatingPoint, FrameModel]:
     """The frame map of a robot, where it rests, and its linear model there. InputError as `operating_point`."""
-    loop = FrameMap.of(robot)
+    loop = FrameMap.from_robot(robot)
     point = operating_point(loop, at)
     return loop, point, linearise(loop, point.state, point.references)

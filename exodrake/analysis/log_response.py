@@ -194,7 +194,7 @@ def simulate_references(robot: Robot, logs: Sequence[Log]) -> list[Log]:
     machine, found = robot.machine, []
     for seed, log in enumerate(logs):
         check_clock(log, machine.frame, machine.name)
-        rows = np.column_stack([filled(column, log.label) for column in reference_rows(machine, log).T])
+        rows = np.column_stack([fill_gaps(column, log.label) for column in reference_rows(machine, log).T])
         found.append(simulate(robot, Reference(rows, log.label), seed))
     return found
 
@@ -205,7 +205,7 @@ def check_clock(log: Log, period: float, other: str) -> None:
         raise InputError(f"{log.label}: a row every {log.dt:g} s, {other} has one every {period:g} s")
 
 
-def filled(values: np.ndarray, where: str) -> np.ndarray:
+def fill_gaps(values: np.ndarray, where: str) -> np.ndarray:
     """A signal (n,) [any unit] with missing samples read between their neighbours; InputError if many are missing."""
     known = np.isfinite(values)
     if known.all():
@@ -264,7 +264,7 @@ def cross_spectra(
 
     frequency, total = np.zeros(0), np.zeros((2, 2, 1))
     for log, count in zip(logs, counts, strict=True):
-        rows = np.array([filled(log[name], f"{log.label}, column {name!r}") for name in (input, output)])
+        rows = np.array([fill_gaps(log[name], f"{log.label}, column {name!r}") for name in (input, output)])
         frequency, spectra = csd(rows[:, None], rows[None], 1.0 / log.dt, nperseg=length)
         total = total + np.asarray(spectra) * count / sum(counts)
     return frequency[1:], total[0, 0, 1:].real, total[0, 1, 1:], total[1, 1, 1:].real

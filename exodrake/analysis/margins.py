@@ -9,27 +9,13 @@ reference D^-1 u, and does not act on the controller's own states. No second sim
 Margins of an unstable loop mean nothing and are NaN. Poles decide whether a loop is stable.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 
 import control
 import numpy as np
 
-from exodrake.analysis.linear_model import (
-    FRACTION,
-    OUTSIDE,
-    FrameMap,
-    FrameModel,
-    OperatingPoint,
-    System,
-    differentiate,
-    evaluate,
-    measure_excursions,
-    observed_states,
-    spectral_radius,
-)
+from exodrake.analysis import linear_model as lm
 from exodrake.analysis.responses import first_crossing
 from exodrake.core.errors import InputError
 from exodrake.core.part import Part
@@ -43,14 +29,14 @@ LATENCIES = np.arange(0.0, 8.01, 0.25)  # frames
 NAN = float("nan")
 
 
-def open_loop(loop: FrameMap, model: FrameModel) -> System:
-    """A loop opened at its commands, see `cut`. InputError where a command ignores its reference (a gain of 0)."""
+def open_loop(loop: lm.FrameMap, model: lm.FrameModel) -> lm.System:
+    """A loop opened at its commands (`break_loop`). InputError where a command ignores its reference (a gain of 0)."""
     v, y = (model.rows(loop.kinds[signal], loop.channels) for signal in (loop.loop.command, loop.loop.measured))
-    return cut(model.system, loop.own[model.keep], v, y)
+    return break_loop(model.system, loop.own[model.keep], v, y)
 
 
-def disturb(system: System, own: np.ndarray, v: list[int]) -> tuple[np.ndarray, np.ndarray]:
-    """B (n, channels) and D (outputs, channels) of disturbances that are added to the commands; arguments as of `cut`.
+def disturb(system: lm.System, own: np.ndarray, v: list[int]) -> tuple[np.ndarray, np.ndarray]:
+    """B (n, channels) and D (outputs, channels) of disturbances added to the commands; arguments as of `break_loop`.
 
     InputError where a command ignores its reference. The states of the controller, `own` (n,) [-], are not disturbed.
     """
@@ -63,7 +49,7 @@ def disturb(system: System, own: np.ndarray, v: list[int]) -> tuple[np.ndarray, 
     return b, d
 
 
-def cut(system: System, own: np.ndarray, v: list[int], y: list[int]) -> System:
+def break_loop(system: lm.System, own: np.ndarray, v: list[int], y: list[int]) -> lm.System:
     """A closed loop opened at its commands; `close` closes it again.
 
     From the commands that the plant gets to those that the controller sends, then to the readings. `own` (states,) [-]
@@ -71,41 +57,41 @@ def cut(system: System, own: np.ndarray, v: list[int], y: list[int]) -> System:
     """
     b, d = disturb(system, own, v)
     rows, commands = v + y, [system.output_labels[i] for i in v]
-    return System(
+    return lm.System(
         system.A - b @ system.C[v], b, system.C[rows] - d[rows] @ system.C[v], d[rows], system.dt,
         states=system.state_labels, inputs=commands,
         outputs=[system.output_labels[i] for i in rows],
     )  # fmt: skip
 
 
-def close(whole: System, gain: np.ndarray | float = 1.0) -> np.ndarray:
+def close(whole: lm.System, gain: np.ndarray | float = 1.0) -> np.ndarray:
     """A (n, n) [SI] of an open loop closed with factors (channels,) [-] on the commands."""
     m = whole.ninputs
     return whole.A + whole.B @ (np.broadcast_to(gain, (m,))[:, None] * whole.C[:m])
 
 
-def single(whole: System, channel: int) -> System:
+def single(whole: lm.System, channel: int) -> lm.System:
     """The loop of one channel opened, the others closed: from its command to its command and its reading."""
     m, shut = whole.ninputs, np.ones(whole.ninputs)
     shut[channel] = 0.0
     rows = [channel, m + channel]
-    return System(
+    return lm.System(
         close(whole, shut), whole.B[:, [channel]], whole.C[rows], 0.0, whole.dt,
         states=whole.state_labels, inputs=[whole.input_labels[channel]], outputs=[whole.output_labels[i] for i in rows],
     )  # fmt: skip
 
 
-def return_ratio(whole: System, frequency: np.ndarray) -> np.ndarray:
+def return_ratio(whole: lm.System, frequency: np.ndarray) -> np.ndarray:
     """Return ratio L (f, channels, channels) [-] of an open loop at frequencies (f,) [Hz]."""
-    return -evaluate(whole, frequency)[:, : whole.ninputs]
+    return -lm.evaluate(whole, frequency)[:, : whole.ninputs]
 
 
-def plant_response(whole: System, frequency: np.ndarray) -> np.ndarray:
+def plant_response(whole: lm.System, frequency: np.ndarray) -> np.ndarray:
     """Response of the readings to the commands (f, channels, channels) [reading / command] at frequencies (f,) [Hz]."""
-    return evaluate(whole, frequency)[:, whole.ninputs :]
+    return lm.evaluate(whole, frequency)[:, whole.ninputs :]
 
 
-def frequency_grid(whole: System) -> np.ndarray:
+def frequency_grid(whole: lm.System) -> np.ndarray:
     """Frequencies (f,) [Hz] up to the Nyquist frequency, dense where margins are read."""
     top = 0.5 / whole.dt
     return np.concatenate([np.geomspace(4e-5 * top, 0.04 * top, 300), np.linspace(0.04, 1.0, 1500)[1:] * top])
@@ -139,7 +125,6 @@ class Margins:
     closed_unstable: int
 
     def __repr__(self) -> str:
-        """Margins, then poles."""
         return (
             f"Margins of {self.channel}: gain {self.gain_margin_db:.3g} dB, phase {self.phase_margin_deg:.3g} deg "
             f"at {self.crossover:.3g} Hz, delay {1e3 * self.delay_margin:.3g} ms, disk margin {self.disk_margin:.3g}\n"
@@ -158,11 +143,11 @@ def decibel(size: Any) -> Any:
         return 20.0 * np.log10(size)
 
 
-def margins(whole: System, channel: int, name: str = "") -> Margins:
+def margins(whole: lm.System, channel: int, name: str = "") -> Margins:
     """Margins of a channel's loop (its index); NaN where the closed loop is unstable."""
     one, frequency = single(whole, channel), frequency_grid(whole)
     response = return_ratio(one, frequency)[:, 0, 0]
-    unstable = [int((np.abs(np.linalg.eigvals(a)) > 1.0 + OUTSIDE).sum()) for a in (one.A, close(one))]
+    unstable = [int((np.abs(np.linalg.eigvals(a)) > 1.0 + lm.OUTSIDE).sum()) for a in (one.A, close(one))]
     if unstable[1] or not np.abs(response).max() > 0.0:
         return Margins(name, frequency, response, *(NAN,) * 7, *unstable)  # pyright: ignore
     low, high, phase, crossover, late = loop_margins(frequency, response)
@@ -277,7 +262,7 @@ class DelayBudget:
         return self.margin / self.slot
 
 
-def delay_budget(loop: FrameMap, margins: tuple[Margins, ...]) -> tuple[DelayBudget, ...]:
+def delay_budget(loop: lm.FrameMap, margins: tuple[Margins, ...]) -> tuple[DelayBudget, ...]:
     """The delay budget of every channel."""
     machine, kinds = loop.robot.machine, loop.loop
 
@@ -331,14 +316,14 @@ def stability_limit(x: np.ndarray, radius: np.ndarray) -> float:
     return first_crossing(x[below[0] :], radius[below[0] :], 1.0) if len(below) else 0.0
 
 
-def radius_at(loop: FrameMap, point: OperatingPoint, size: np.ndarray, keep: np.ndarray) -> float:
+def radius_at(loop: lm.FrameMap, point: lm.OperatingPoint, size: np.ndarray, keep: np.ndarray) -> float:
     """Spectral radius of the frame map where it rests, from the states `keep`; size: excursions (states,) [SI]."""
-    central, _ = differentiate(loop, point.state, point.references, size, FRACTION, keep)
-    return spectral_radius(central[np.ix_(keep, keep)])
+    central, _ = lm.differentiate(loop, point.state, point.references, size, lm.FRACTION, keep)
+    return lm.spectral_radius(central[np.ix_(keep, keep)])
 
 
 def stability_map(
-    loop: FrameMap, point: OperatingPoint, first: np.ndarray | None = None, second: np.ndarray | None = None
+    loop: lm.FrameMap, point: lm.OperatingPoint, first: np.ndarray | None = None, second: np.ndarray | None = None
 ) -> StabilityMap:
     """The map over the loop's two gains, first (m,) and second (n,) [SI], or over grids of them.
 
@@ -349,9 +334,9 @@ def stability_map(
     nominal = tuple(float(loop.parameters[loop.robot.indices(name)[0]]) for name in names)
     x = np.linspace(across.low, across.high, GAINS)[across.low == 0.0 :] if first is None else np.asarray(first, float)
     y = np.linspace(up.low, up.high, GAINS) if second is None else np.asarray(second, float)
-    size = measure_excursions(loop, point.state, point.references)
+    size = lm.measure_excursions(loop, point.state, point.references)
     largest = loop.with_values({names[0]: x.max(), names[1]: np.abs(y).max()})
-    keep = observed_states(largest, point.state, point.references, size)
+    keep = lm.observed_states(largest, point.state, point.references, size)
     radius = np.array(
         [[radius_at(loop.with_values({names[0]: a, names[1]: b}), point, size, keep) for a in x] for b in y]
     )
@@ -359,14 +344,14 @@ def stability_map(
     return StabilityMap(names, x, y, radius, (nominal[0], nominal[1]), limit)
 
 
-def latency_sweep(loop: FrameMap, point: OperatingPoint, frames: np.ndarray = LATENCIES) -> LatencySweep | None:
+def latency_sweep(loop: lm.FrameMap, point: lm.OperatingPoint, frames: np.ndarray = LATENCIES) -> LatencySweep | None:
     """Spectral radius over latency (n,) [frames] added to all commands; None where the loop names no such effect."""
     name = loop.loop.latency
     if not name:
         return None
-    size = measure_excursions(loop, point.state, point.references)
+    size = lm.measure_excursions(loop, point.state, point.references)
     own = loop.parameters[loop.robot.indices(name)[0]]
     late = [loop.with_values({name: own + f}) for f in frames]
-    keeps = [observed_states(one, point.state, point.references, size) for one in late]
+    keeps = [lm.observed_states(one, point.state, point.references, size) for one in late]
     radius = np.array([radius_at(one, point, size, keep) for one, keep in zip(late, keeps)])
     return LatencySweep(np.asarray(frames, dtype=float), radius, stability_limit(frames, radius))

@@ -6,8 +6,6 @@ the phases give mean and spread: what varies between draws is noise and nonlinea
 lines, which carry no signal). Pintelon and Schoukens, System Identification, ch. 2 to 4.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -16,6 +14,7 @@ import numpy as np
 
 from exodrake.analysis.linear_model import FrameMap, FrameModel, OperatingPoint, evaluate
 from exodrake.compiled.inputs import prepared
+from exodrake.core.machine import signal_count
 
 BEFORE, AFTER = 10, 300  # frames shown before the step and simulated after it
 BAND = 0.02  # settling band, as a share of the step
@@ -62,7 +61,6 @@ class StepResponse:
     command_peak: float
 
     def __repr__(self) -> str:
-        """What is quoted of a step, then its size."""
         return (
             f"StepResponse of {self.channel}: rises in {self.rise:.3g} s, overshoots {100.0 * self.overshoot:.2g} %, "
             f"settles in {self.settling:.3g} s\nstep {self.size:g}, steady error {self.steady_error:.2g}, "
@@ -75,7 +73,8 @@ def step_response(loop: FrameMap, point: OperatingPoint, channel: int, size: flo
     machine, size = loop.robot.machine, loop.loop.step if size is None else size
     rows = np.tile(point.references, (BEFORE + AFTER, 1))
     rows[BEFORE:, channel] += size
-    signals = loop.ticks(point.state, rows)
+    signals = np.zeros((len(rows) * machine.slots, signal_count(machine)))
+    loop.run(point.state, rows, ticks=signals)
     output = signals[:, loop.signals[loop.loop.output]]
     time = machine.slot * (np.arange(len(signals)) + 1) - BEFORE * machine.frame
     later = time > 0.0
@@ -133,7 +132,6 @@ class FrequencyResponse:
     bandwidth_measured: float
 
     def __repr__(self) -> str:
-        """Bandwidth, then what was measured."""
         return (
             f"FrequencyResponse of {self.channel}: -3 dB at {self.bandwidth:.3g} Hz, "
             f"measured {self.bandwidth_measured:.3g} Hz\n{len(self.frequency)} lines, {self.frequency[0]:.3g} to "

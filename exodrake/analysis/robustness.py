@@ -9,8 +9,6 @@ Robots are drawn within the intervals of the effects; the first two stand at the
 friction or a dead zone, describing functions take the place of linear responses: over amplitudes, at those two ends.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -211,7 +209,6 @@ class Uncertainty:
     peak: float
 
     def __repr__(self) -> str:
-        """Stability, then margins and deviation."""
         return (
             f"Uncertainty: {self.robots - len(self.unstable)} of {self.robots} robots stable, {self.kicked} by a kick\n"
             f"gain margin from {self.gain_margin_db:.3g} dB, phase margin from {self.phase_margin_deg:.3g} deg over "
@@ -293,7 +290,7 @@ def fit_weight(frequency: np.ndarray, deviation: np.ndarray) -> control.Transfer
         lags = np.log1p((w / np.exp(x[1])) ** 2) - np.log1p((w / np.exp(x[2])) ** 2)
         return x[0] + 0.5 * order * lags - log_size
 
-    def uncovered(x: np.ndarray, order: int) -> float:
+    def measure_slack(x: np.ndarray, order: int) -> float:
         return float(np.mean(excess(x, order) - excess(x, order).min()))
 
     middle, ends = np.log(np.sqrt(w[0] * w[-1])), np.log([w[0] / 10.0, 10.0 * w[-1]])
@@ -303,7 +300,7 @@ def fit_weight(frequency: np.ndarray, deviation: np.ndarray) -> control.Transfer
         bounds = ([-20.0, ends[0], ends[0]], [20.0, ends[1], ends[1]])
         fits = [least_squares(excess, start, args=(order,), bounds=bounds) for start in starts]
         x = min(fits, key=lambda fit: fit.cost).x
-        found = minimize(uncovered, x, args=(order,), method="Nelder-Mead", bounds=np.transpose(bounds))
+        found = minimize(measure_slack, x, args=(order,), method="Nelder-Mead", bounds=np.transpose(bounds))
         tried.append((found.fun, found.x - np.array([excess(found.x, order).min(), 0.0, 0.0]), order))
     _, (gain, zero, pole), order = tried[1] if tried[1][0] < LESS * tried[0][0] else tried[0]
     s = control.tf("s")

@@ -4,8 +4,6 @@ table = exo.sweep(robot, {"finger.kappa.MCP": [0.06, 0.08, 0.1]}, "chirp")
 table = exo.sweep(robot, 200, exo.grasp("caging"), {"closed": lambda log: log["angle_PIP"].max()})
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from itertools import product

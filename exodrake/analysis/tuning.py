@@ -33,20 +33,8 @@ from typing import Any
 import control
 import numpy as np
 
+from exodrake.analysis import linear_model as lm
 from exodrake.analysis.closed_loop import list_remarks
-from exodrake.analysis.linear_model import (
-    FrameMap,
-    FrameModel,
-    OperatingPoint,
-    System,
-    compute_noise,
-    evaluate,
-    find_observed,
-    linearise_robot,
-    measure_excursions,
-    operating_point,
-    spectral_radius,
-)
 from exodrake.analysis.margins import decibel, open_loop, plant_response, structured_bound
 from exodrake.analysis.responses import BAND, StepResponse, step_response
 from exodrake.analysis.robustness import Band, band, points_band, within_tolerances
@@ -133,10 +121,9 @@ class Limit:
     crosstalk: float
     lqg: Performance | None
     missed: tuple[str, ...]
-    law: System
+    law: lm.System
 
     def __repr__(self) -> str:
-        """The bound beside the tuned loop, then LQG."""
         lqg = f"LQG settles in {self.lqg.settling:.3g} s" if self.lqg else "LQG does not stabilise all plants"
         return f"Limit: settles in {self.tuned:.3g} s, at least {self.settling:.3g} s with such commands\n{lqg}"
 
@@ -216,7 +203,7 @@ def tune(
     Raises:
         InputError: no closed loop, no state of rest, unknown structure.
     """
-    first = FrameMap.of(argument("robot", robot, Robot))
+    first = lm.FrameMap.from_robot(argument("robot", robot, Robot))
     robot, loop = first.robot, first.loop
     requirements = argument("requirements", requirements, Requirements, type(None))
     known = [c.name for c in loop.controllers]
@@ -245,7 +232,7 @@ def tune(
             changed = robot.with_parameters(named, source)
             compared.append(assess(structure.name, changed, gains, wanted, judges))
     plant = plants[0]
-    tuning = Tuning(robot, wanted, tuple(compared), list_remarks(plant.loop, plant.point, plant.model, ()))
+    tuning = Tuning(robot, wanted, tuple(compared), list_remarks(plant.loop, plant.point, plant.model))
     if progress is not None:
         progress("LQG and bound")
     tuning = replace(tuning, limit=find_limit(plants, tuning.best or compared[0], wanted))
@@ -263,7 +250,7 @@ def find_limit(plants: list[Plant], tuned: Tuned, wanted: Requirements) -> Limit
     frames = int(min(FRAMES, 1.2 * settling / frame)) if np.isfinite(settling) else FRAMES
     limits = [bound_settling(plant.plant, j, peak, wanted.overshoot, crosstalk, frames) for j in range(m)]
 
-    def design(logs: np.ndarray) -> System:
+    def design(logs: np.ndarray) -> lm.System:
         effort, integral, disturbance = np.exp(logs)
         return design_lqg(plant.plant, (plant.N, plant.M), effort / peak**2, integral, disturbance * peak)
 
@@ -304,8 +291,8 @@ def schedule_gains(plants: list[Plant], tuning: Tuning) -> dict[str, tuple[dict[
 
 def assess(name: str, robot: Robot, gains: dict[str, float], wanted: Requirements, draws: int) -> Tuned:
     """Assessment of a loop by nonlinear steps and linear margins, over operating points and tolerances."""
-    loop = FrameMap.of(robot)
-    point = operating_point(loop)
+    loop = lm.FrameMap.from_robot(robot)
+    point = lm.operating_point(loop)
     steps = tuple(step_response(loop, point, j) for j in range(len(loop.channels)))
     bands = (points_band(robot), band("tolerances", within_tolerances(robot, draws, JUDGE_SEED)))
     members = list(chain.from_iterable(b.members for b in bands))
@@ -351,10 +338,10 @@ class Plant:
     commands at `frequency` (f,) [Hz]. `index` (channels,) names a state that moves each reading, `size` by how far.
     """
 
-    loop: FrameMap
-    point: OperatingPoint
-    model: FrameModel
-    plant: System
+    loop: lm.FrameMap
+    point: lm.OperatingPoint
+    model: lm.FrameModel
+    plant: lm.System
     N: np.ndarray
     M: np.ndarray
     frequency: np.ndarray
@@ -365,19 +352,19 @@ class Plant:
 
 def linearise_plant(robot: Robot, at: Mapping[str, float] | str | None = None) -> Plant:
     """The linear plant of a robot at an operating point. InputError without loop or state of rest."""
-    loop, point, model = linearise_robot(robot, at)
+    loop, point, model = lm.linearise_robot(robot, at)
     whole, own, m = open_loop(loop, model), loop.own[model.keep], len(loop.channels)
     frequency = np.geomspace(4e-4, 1.0, FREQUENCIES) * 0.5 / whole.dt
-    plant = System(whole.A[np.ix_(~own, ~own)], whole.B[~own], whole.C[m:, ~own], 0.0, whole.dt)
+    plant = lm.System(whole.A[np.ix_(~own, ~own)], whole.B[~own], whole.C[m:, ~own], 0.0, whole.dt)
     command, reading = (model.rows(loop.kinds[s], loop.channels) for s in (loop.loop.command, loop.loop.measured))
     drive = (model.N - whole.B @ model.M[command])[~own]
-    size = measure_excursions(loop, point.state, point.references)
+    size = lm.measure_excursions(loop, point.state, point.references)
     chosen = np.array(model.keep)[np.where(own, 0.0, np.abs(whole.C[m:]) * size[model.keep]).argmax(axis=1)]
     response = plant_response(whole, frequency)
     return Plant(loop, point, model, plant, drive, model.M[reading], frequency, response, chosen, 0.05 * size[chosen])
 
 
-def linearise_law(plant: Plant, values: Mapping[str, Any]) -> System:
+def linearise_law(plant: Plant, values: Mapping[str, Any]) -> lm.System:
     """The linear law of the plant's own controller with other parameters [SI], one or one for each channel.
 
     Its inputs are the readings, then the references; its outputs the commands.
@@ -407,9 +394,9 @@ def linearise_law(plant: Plant, values: Mapping[str, Any]) -> System:
         sent, measured = image(x, point.references)
         read[:, j], change[:, j] = sent - rest, measured - y
     driven = np.hstack([read @ np.linalg.inv(change), outer])
-    keep = find_observed(inner[:q], inner[q:])
+    keep = lm.find_observed(inner[:q], inner[q:])
     matrices = inner[np.ix_(keep, keep)], driven[keep], inner[q:][:, keep], driven[q:]
-    return System(*matrices, plant.plant.dt)
+    return lm.System(*matrices, plant.plant.dt)
 
 
 @dataclass(frozen=True)
@@ -427,12 +414,12 @@ class Performance:
     noise: float
 
 
-def predict_performance(plant: Plant, law: System) -> Performance:
+def predict_performance(plant: Plant, law: lm.System) -> Performance:
     """Performance of a law from readings and references to commands, as of `linearise_law`."""
     p, m = plant.plant, len(plant.loop.channels)
     (g, h), (read, direct) = np.hsplit(law.B, [m]), np.hsplit(law.D, [m])
     a = np.block([[p.A + p.B @ read @ p.C, p.B @ law.C], [g @ p.C, law.A]])  # the plant's states first
-    radius = spectral_radius(a)
+    radius = lm.spectral_radius(a)
     if radius >= 1.0:
         return Performance(radius, np.inf, np.inf, 0.0, np.inf)
     b, x, share = np.vstack([p.B @ direct, h]), np.zeros((len(a), m)), np.zeros((FRAMES, m))
@@ -443,10 +430,10 @@ def predict_performance(plant: Plant, law: System) -> Performance:
     last = np.where(outside.any(axis=0), FRAMES - 1 - outside[::-1].argmax(axis=0), -1)
     missing = np.maximum(np.abs(share[-1] - 1.0) - BAND, 0.0)
     settling = float((p.dt * (last + 2 + FRAMES * missing)).max())
-    ratio = -evaluate(law, plant.frequency)[:, :, :m] @ plant.response
+    ratio = -lm.evaluate(law, plant.frequency)[:, :, :m] @ plant.response
     balanced = np.linalg.inv(np.eye(m) + ratio) - 0.5 * np.eye(m)
     drive = np.vstack([plant.N + p.B @ read @ plant.M, g @ plant.M])
-    noise = compute_noise(a, drive, np.hstack([read @ p.C, law.C]), read @ plant.M)
+    noise = lm.compute_noise(a, drive, np.hstack([read @ p.C, law.C]), read @ plant.M)
     disk_margin = float(1.0 / structured_bound(balanced)[0].max())
     return Performance(radius, settling, max(0.0, float(share.max()) - 1.0), disk_margin, float(noise.max()))
 
@@ -456,12 +443,12 @@ def compliance(plant: Plant, structure: Controller) -> dict[str, np.ndarray]:
     if not structure.compliance:
         return {}
     loop, model = plant.loop, plant.model
-    gain = evaluate(model.system, np.zeros(1))[0].real
+    gain = lm.evaluate(model.system, np.zeros(1))[0].real
     moved, read = (gain[model.rows(loop.kinds[s], loop.channels)] for s in (loop.loop.actuated, loop.loop.measured))
     return dict(zip(structure.compliance, (moved @ np.linalg.inv(read)).T, strict=True))
 
 
-def worst_cost(plants: list[Plant], law: Callable[[Plant], System], wanted: Requirements) -> float:
+def worst_cost(plants: list[Plant], law: Callable[[Plant], lm.System], wanted: Requirements) -> float:
     """Largest cost of a law over plants; the first that is unstable ends the search."""
     worst = 0.0
     for plant in plants:
@@ -519,7 +506,9 @@ def compute_cost(p: Performance, wanted: Requirements, frame: float) -> float:
     return p.settling / frame + FRAMES * PENALTY * sum(missed)
 
 
-def bound_settling(plant: System, channel: int, peak: float, overshoot: float, crosstalk: float, frames: int) -> float:
+def bound_settling(
+    plant: lm.System, channel: int, peak: float, overshoot: float, crosstalk: float, frames: int
+) -> float:
     """Least time [s] in which a channel can settle to 2 % of a unit step; nan if not within `frames`.
 
     The largest command is `peak` [command / step]; overshoot and crosstalk are fractions of the step.
@@ -552,8 +541,8 @@ def bound_settling(plant: System, channel: int, peak: float, overshoot: float, c
 
 
 def design_lqg(
-    plant: System, noise: tuple[np.ndarray, np.ndarray], effort: float, integral: float, disturbance: float
-) -> System:
+    plant: lm.System, noise: tuple[np.ndarray, np.ndarray], effort: float, integral: float, disturbance: float
+) -> lm.System:
     """LQG controller with integral action, from readings and references to commands.
 
     It minimises the mean of |y - r|^2 + integral |E|^2 + effort |v|^2; states are estimated by a Kalman filter for
@@ -579,4 +568,4 @@ def design_lqg(
                          [np.zeros((n, n + m)), ideal]])  # fmt: skip
     inputs = np.block([[kalman, b @ feed], [np.eye(m), np.zeros((m, m))], [np.zeros((n, m)), b @ feed]])
     rows = np.hstack([-gain, np.zeros((m, n))])
-    return System(dynamics, inputs, rows, np.hstack([np.zeros((m, m)), feed]), plant.dt)
+    return lm.System(dynamics, inputs, rows, np.hstack([np.zeros((m, m)), feed]), plant.dt)

@@ -179,7 +179,7 @@ def uncertainty_lines(result: exo.ClosedLoop) -> list[str]:
 def verdict(result: exo.ClosedLoop) -> str:
     """Stable or not, by the poles, by the simulation where these mean little, and up to which latency."""
     radius, word = result.model.spectral_radius, "stable" if result.stable else "UNSTABLE"
-    if result.kick_decides:
+    if not result.model.decides:
         return (
             f"{word}: simulated, a kick {'dies' if result.returns else 'does not die'} out; poles mean little, see note"
         )

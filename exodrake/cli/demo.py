@@ -80,7 +80,7 @@ def case_plan(seed: int) -> Any:
 def reveal(out: Path, found: exo.Diagnosis) -> None:
     """Read the label, and print whether the verdict was right."""
     from exodrake.reference.answers import read_committed
-    from exodrake.reference.measures import accepted_ids, found_ids
+    from exodrake.reference.score import accepted_ids, found_ids
     from exodrake.report.wording import listed
 
     label = read_committed(out / LABELS, out / COMMITMENT)[CASE]

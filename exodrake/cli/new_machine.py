@@ -118,8 +118,7 @@ def arm_files(values: dict[str, Any], urdf: str, form: str, tip: str, frame: flo
     """Contents of an arm's folder by file name. InputError for an unknown form, and for a URDF of no serial arm."""
     from exodrake.core.errors import nearest
     from exodrake.core.files import is_file, read_bytes
-    from exodrake.machines.arm_defaults import middle, typical_efforts, units
-    from exodrake.machines.serial_arm import FRAME, RATIO, cable_defaults
+    from exodrake.machines.serial_arm import FRAME, RATIO, cable_defaults, middle, typical_efforts, units
     from exodrake.machines.urdf import read_urdf
 
     if form not in WHAT:

@@ -7,8 +7,6 @@ Where several effects act at one point, they act in the order in which `FAMILIES
 plugins follow, by their field `order` and their id.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from importlib import import_module
@@ -21,7 +19,7 @@ from exodrake.core.errors import InputError, nearest
 from exodrake.core.part import Part, module_name, points_of
 
 plugins.extend(__path__, "effects")
-FAMILIES = ("motor", "friction", "tendon", "sensor", "finger", "timing", "signal", "arm", "cable", "servo")
+FAMILIES = ("motor", "friction", "tendon", "sensor", "finger", "timing", "signal", "arm", "servo")
 
 
 def discover() -> tuple[dict[str, Effect], tuple[Effect, ...]]:

@@ -25,8 +25,6 @@ which on the gain stays below `SHARE` of the largest gain.
         print(one.tendon, one.tension, one.saturated)
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -101,7 +101,7 @@ def reach(lengths, ranges: Ranges, what: str = FINGERTIP, steps: int = 60):
     """
     check(lengths, ranges)
     pip, dip = np.linspace(*ranges.PIP, steps), np.linspace(*ranges.DIP, steps)
-    fine_pip, fine_dip = _fine(ranges.PIP), _fine(ranges.DIP)
+    fine_mcp, fine_pip, fine_dip = (np.linspace(low, high, 2 + int((high - low) / ARC)) for low, high in ranges)
     curves = [tip(lengths, 0.0, q, fine_dip) for q in pip] + [tip(lengths, 0.0, fine_pip, q) for q in dip]
     if what == DISTAL:
         bone = np.linspace(0, lengths[2], 12)
@@ -110,7 +110,7 @@ def reach(lengths, ranges: Ranges, what: str = FINGERTIP, steps: int = 60):
         curves += [tip(lengths, 0.0, q2, q3, bone) for q2 in pip for q3 in ranges.DIP]
         curves += [tip(lengths, 0.0, q2, q3, bone) for q2 in ranges.PIP for q3 in dip]
         curves += [tip(lengths, 0.0, fine_pip, ranges.DIP[0], 0.0)]
-    turn, patches = np.exp(1j * _fine(ranges.MCP)), []
+    turn, patches = np.exp(1j * fine_mcp), []
     for curve in curves:  # polygons that it sweeps as the MCP rotates, one for each part of monotonic distance
         place = curve[:, 0] + 1j * curve[:, 1]
         way = np.sign(np.diff(np.abs(place)))
@@ -146,10 +146,6 @@ def monte_carlo(lengths, ranges: Ranges, what: str = FINGERTIP, samples: int = 4
             outside = outside[~reachable(outside, lengths, ranges, dip, along)]
     share, box = 1 - len(outside) / samples, float(np.prod(high - low))
     return Area(box * share, box * float(np.sqrt(share * (1 - share) / samples)), samples, box)
-
-
-def _fine(span: tuple[float, float]) -> np.ndarray:
-    return np.linspace(*span, 2 + int((span[1] - span[0]) / ARC))
 
 
 class Assisted(NamedTuple):

@@ -3,8 +3,6 @@
 A file states what its format can; a comment at its head names the rest.
 """
 
-from __future__ import annotations
-
 from math import ceil, floor, isfinite
 from pathlib import Path
 from typing import Any
@@ -148,7 +146,7 @@ def mjcf(mechanism: Mechanism) -> Element:
             SubElement(bodies[segment], "site", name=f"{tendon.name}_{k}", pos=text(point), size=text(0.1 * thin))
             SubElement(cable, "site", site=f"{tendon.name}_{k}")
         SubElement(
-            actuators, "intvelocity", delayed(tendon.delay, mechanism.step), name=tendon.name, tendon=tendon.name,
+            actuators, "intvelocity", state_delay(tendon.delay, mechanism.step), name=tendon.name, tendon=tendon.name,
             gear="-1", kp=text(tendon.stiffness), actrange="-10 10", forcerange=text([0.0, min(tendon.limit, 1e9)]),
         )  # fmt: skip
     root.extend(part for part in (tendons, actuators) if len(part))
@@ -177,7 +175,7 @@ def inertial(element: Element, body: Body) -> None:
 
 def actuator(drive: Drive, name: str, joint: str, effort: float, step: float) -> Element:
     """The position loop of a joint; a torque motor where it has none."""
-    common = {"name": name, "joint": joint, **delayed(drive.delay, step)}
+    common = {"name": name, "joint": joint, **state_delay(drive.delay, step)}
     if isfinite(effort) and not drive.gravity:
         common["forcerange"] = text([-effort, effort])
     if not drive.kp:
@@ -193,7 +191,7 @@ def actuator(drive: Drive, name: str, joint: str, effort: float, step: float) ->
     })  # fmt: skip
 
 
-def delayed(delay: float, step: float) -> dict[str, str]:
+def state_delay(delay: float, step: float) -> dict[str, str]:
     """Dead time [s] of an actuator's command, with room for the commands on their way."""
     return {"delay": text(delay), "nsample": str(ceil(delay / step) + 1)} if delay else {}
 

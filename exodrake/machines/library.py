@@ -7,8 +7,6 @@ A folder `robots` in a machine's folder holds further robots of the machine, `ex
 `exo_index/robots/wide_pinch.yaml`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache

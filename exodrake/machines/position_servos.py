@@ -1,7 +1,5 @@
 """Machines of position servos (command -> joint -> reading): ideal ones, or with motor, gear and supply."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from math import ceil
@@ -11,7 +9,7 @@ import numpy as np
 from exodrake.core.effect import Effect
 from exodrake.core.machine import Column, Controller, Gain, Loop, Machine, Segment
 from exodrake.core.mechanism import GRAVITY, Body, Chain, Drive, Joint, Mechanism, axes_side_by_side
-from exodrake.core.part import JOINTS, NORMAL, SCALAR, UNIFORM, Axes, Part, Signal
+from exodrake.core.part import JOINTS, NORMAL, SCALAR, UNIFORM, Axes, Signal
 from exodrake.core.robot import Robot
 from exodrake.effects import LIBRARY, effects_of, for_machine, generic_effects, in_order, plugin_effects
 from exodrake.effects.servo import lagging, limited
@@ -40,25 +38,13 @@ COMPUTED = (
 )
 
 
-def noise_std(parameter: Callable[[str], float]) -> dict[str, float]:
-    """Noise standard deviation of an angle [rad]."""
-    return {"angle": parameter("reading.repeatability")}
-
-
-def others(generic: tuple[Effect, ...], library: tuple[Effect, ...]) -> tuple[Effect, ...]:
+def add_generic(generic: tuple[Effect, ...], library: tuple[Effect, ...]) -> tuple[Effect, ...]:
     """Generic effects of a law that the library lacks: behind a rigid servo an error of the reading is one of the aim.
 
     Delays of reading and of command are one, too, and so are a clock's error and a delay of one motion.
     """
     known = {effect.family for effect in library}
     return in_order(effect for effect in generic if effect.family not in known)
-
-
-def parts_of(part: str, joints: tuple[str, ...], frame: float, settings: tuple[Signal, ...]) -> tuple[Part, ...]:
-    """Parts of the servos: the joints, their commands, and the sensor that reads them."""
-    command = joint_command.SET_PART if settings else joint_command.PART
-    reading = sensor("reading", ANGLE, unit="rad", slot=3, frame=frame, size=SWING, channels=len(joints))
-    return replace(joint.PART, name=part), command, reading
 
 
 INERTIA = 1e-3  # kg m2 of each rotor: assumed, since the model has none; links have TINY of it
@@ -120,8 +106,10 @@ def joint_machine(
     """
     laws = STANDARD if frame < SLOW else STANDARD[1:]
     standard = (for_machine(f"joint.{law}", f"{part}.{law}") for law in laws)
-    library = (*library, *others(tuple(standard), library))
-    given, (*_, reading) = (*REFERENCES, *settings), (parts := parts_of(part, joints, frame, settings))
+    library = (*library, *add_generic(tuple(standard), library))
+    given, command = (*REFERENCES, *settings), joint_command.SET_PART if settings else joint_command.PART
+    reading = sensor("reading", ANGLE, unit="rad", slot=3, frame=frame, size=SWING, channels=len(joints))
+    parts = (replace(joint.PART, name=part), command, reading)
     return Machine(
         name=name,
         axes=Axes((), joints),
@@ -129,18 +117,18 @@ def joint_machine(
         parts=parts,
         inputs=tuple(s.name for s in (*given, *DRAWN)),
         columns=(*(Column(s.name, s.name) for s in given), COLUMN),
-        effects=(*library, *others(generic_effects(reading), library), *plugin_effects(parts, library)),
+        effects=(*library, *add_generic(generic_effects(reading), library), *plugin_effects(parts, library)),
         frame=frame,
         slots=4,
         noise=tuple(f"reading.sigma.{j}" for j in joints),
         resolution=tuple(f"reading.step.{j}" for j in joints),
         compared=("angle",),
-        noise_std=noise_std,
+        noise_std=lambda parameter: {"angle": parameter("reading.repeatability")},
         segments=(Segment(part, "angle"),),
         max_effects=max_effects,
         reference_limits=("angle_min", "angle_max"),
         separate=True,
-        loop=loop_of(joints, frame, library),
+        loop=make_loop(joints, frame, library),
         skeleton=lambda robot: axes_side_by_side(robot.machine.axes.joints, "angle", "angle"),
         mechanism=mechanism,
     )
@@ -227,7 +215,7 @@ def motor_mechanism(robot: Robot) -> Mechanism:
     )  # fmt: skip
 
 
-def loop_of(joints: tuple[str, ...], frame: float, library: tuple[Effect, ...]) -> Loop:
+def make_loop(joints: tuple[str, ...], frame: float, library: tuple[Effect, ...]) -> Loop:
     """The outer loop that `analyse` and `tune` look at; its integral acts over ten frames at first: assumed."""
     proportional, integral = Gain("joint_loop.kp", 0.01, 2.0), Gain("joint_loop.ki", 0.01 / frame, 1.0 / frame)
     latency = (f"{e.id}.frames" for e in library if e.family == LIBRARY["timing.command_latency"].family)

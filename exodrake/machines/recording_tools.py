@@ -1,7 +1,5 @@
 """What the importers share: logs of joints from arrays, and logs cut into what is fitted and what is held out."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -24,17 +22,17 @@ def joint_log(joints: Sequence[str], command: np.ndarray, angle: np.ndarray, fra
     return Log(frame * np.arange(len(angle)), signals, source=source)
 
 
-def halves(log: Log, name: str) -> list[CaseLog]:
+def halve_log(log: Log, name: str) -> list[CaseLog]:
     """The first half to fit and the second held out, each from its own first reading on."""
     middle = len(log) // 2
     parts = (
         (f"{name}_first", "fit", log.rows(slice(0, middle))),
         (f"{name}_second", "holdout", log.rows(slice(middle, None))),
     )
-    return [CaseLog(restarted(part), name, role, None, f"{file}.csv.gz") for file, role, part in parts]
+    return [CaseLog(restart_log(part), name, role, None, f"{file}.csv.gz") for file, role, part in parts]
 
 
-def restarted(log: Log) -> Log:
+def restart_log(log: Log) -> Log:
     """A part of a log as one of its own: its clock from 0, and where it starts from its first readings."""
     anew = {}
     for column in log.columns:
@@ -44,7 +42,7 @@ def restarted(log: Log) -> Log:
     return Log(log.time - log.time[0], log.signals | anew, log.units, log.source)
 
 
-def file_of(path: Path, name: str) -> Path:
+def find_file(path: Path, name: str) -> Path:
     """The file itself, or the one of that name in a folder. InputError if there is none."""
     found = path / name if path.is_dir() else path
     if not found.is_file():
@@ -52,7 +50,7 @@ def file_of(path: Path, name: str) -> Path:
     return found
 
 
-def text_of(path: Path) -> str:
+def read_text(path: Path) -> str:
     """Content of a text file. InputError for one that is none."""
     try:
         return read_bytes(path).decode()
@@ -60,7 +58,7 @@ def text_of(path: Path) -> str:
         raise InputError(f"{path}: not a text file") from None
 
 
-def parameters(path: Path) -> np.ndarray:
+def read_table(path: Path) -> np.ndarray:
     """A table of a NumPy file, or of text with commas. InputError for one that does not parse."""
     data = read_bytes(path)
     if path.suffix == ".npy":

@@ -16,8 +16,6 @@ beside the file or round it, and another robot file beside it. A folder that hol
 and no machine.py is a machine, too (`machines.serial_arm`).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
@@ -138,13 +136,23 @@ def build(content: Any, source: str, above: tuple[str, ...] = (), folder: Path |
         if base and content.get(key):
             raise InputError(f"{source}, {key!r}: a robot with a base has the {key} of its base")
     try:
+        parameters = content.get("parameters") or {}
         robot = load_robot(base, (*above, base)) if base else make_blank(content, source)
         robot = replace(robot, source=source)
         for part in content.get("parts") or ():
             robot = robot.with_part(part)
-        parameters = content.get("parameters") or {}
         robot = robot.with_parameters(parameters, source)
-        robot = refuse_negative(replace(robot, **read_stated(parameters, robot)))
+        sources, ranges = dict(robot.sources), dict(robot.ranges)  # that the file states beside its values
+        for indices, (_, item) in robot.general_first(list_statements(parameters)):
+            for parameter in (robot.machine.parameters[i] for i in indices):
+                sources[parameter.name] = str(item.get("source", ""))
+                if "range" in item:
+                    where, unit = f"{robot.source}: range of {parameter.name}", item.get("unit", "")
+                    low, high = (quantity(end, parameter.unit, where, unit) for end in item["range"])
+                    if low > high:
+                        raise InputError(f"{where}: {low:g} exceeds {high:g}")
+                    ranges[parameter.name] = (low, high)
+        robot = refuse_negative(replace(robot, sources=sources, ranges=ranges))
         for identity, items in (content.get("effects") or {}).items():
             told = {name: v for name, v in items.items() if isinstance(v, Mapping) and "value" in v}
             given = items | {name: v["value"] for name, v in told.items()}
@@ -153,9 +161,22 @@ def build(content: Any, source: str, above: tuple[str, ...] = (), folder: Path |
             for name, v in told.items():
                 for i in robot.machine.effect_indices(identity, name).values():
                     robot.sources[robot.machine.parameters[i].name] = str(v.get("source", ""))
-        limits, grasps = (merge_targets(robot, key, content.get(key) or {}) for key in ("limits", "grasps"))
-        check_limits(robot.machine, limits, source)
-        return replace(robot, limits=limits, grasps=grasps)
+        unit, targets = reference_unit(robot.machine), {"limits": dict(robot.limits), "grasps": dict(robot.grasps)}
+        for key, found in targets.items():  # those of the base and of the file, channel by channel
+            for name, item in (content.get(key) or {}).items():
+                where, given = f"{source}: {key}.{name}", item.get("unit", "")
+                values = {c: quantity(v, unit, f"{where}.{c}", given) for c, v in item.get("value", item).items()}
+                found[name] = found.get(name, {}) | values
+        limits, first = targets["limits"], robot.machine.references[:1]
+        pulling = any(robot.machine.signal[column.signal].axis == TENDONS for column in first)
+        for name, channel, value in ((n, c, v) for n, item in limits.items() for c, v in item.items()):
+            if value < 0 and pulling:
+                raise InputError(f"{source}: limit {name}.{channel} is {value} {unit}, below 0")
+        lowest, highest = robot.machine.reference_limits or ("", "")
+        for channel, low in limits.get(lowest, {}).items():
+            if low > limits.get(highest, {}).get(channel, math.inf):
+                raise InputError(f"{source}: {lowest}.{channel} = {low} {unit} exceeds {highest}.{channel}")
+        return replace(robot, **targets)
     except InputError as problem:
         raise problem if source in str(problem) else InputError(f"{source}: {problem}") from None
 
@@ -176,57 +197,17 @@ def make_blank(content: Mapping[str, Any], source: str) -> Robot:
     return Robot(machine, np.array(list(unset)), dict.fromkeys(machine.defaults, "default of the machine"))
 
 
-def read_stated(parameters: Mapping[str, Any], robot: Robot) -> dict[str, dict]:
-    """Sources and ranges that a file states beside its values."""
-    sources, ranges = dict(robot.sources), dict(robot.ranges)
-    for indices, (_, item) in robot.general_first(statements(parameters)):
-        for i in indices:
-            parameter = robot.machine.parameters[i]
-            sources[parameter.name] = str(item.get("source", ""))
-            if "range" in item:
-                where, unit = f"{robot.source}: range of {parameter.name}", item.get("unit", "")
-                low, high = (quantity(end, parameter.unit, where, unit) for end in item["range"])
-                if low > high:
-                    raise InputError(f"{where}: {low:g} exceeds {high:g}")
-                ranges[parameter.name] = (low, high)
-    return {"sources": sources, "ranges": ranges}
-
-
-def statements(parameters: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Mapping[str, Any]]]:
+def list_statements(parameters: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Mapping[str, Any]]]:
     """Dotted name and content of each parameter that is stated with a `value` key."""
     for key, item in parameters.items():
         name = f"{prefix}.{key}" if prefix else str(key)
         if isinstance(item, Mapping):
-            yield from [(name, item)] if "value" in item else statements(item, name)
-
-
-def merge_targets(robot: Robot, key: str, new: Mapping[str, Any]) -> dict[str, dict[str, float]]:
-    """Limits or grasps [SI] of a robot with those that a file states, channel by channel."""
-    found, unit = dict(getattr(robot, key)), reference_unit(robot.machine)
-    for name, item in new.items():
-        where, given = f"{robot.source}: {key}.{name}", item.get("unit", "")
-        values = {c: quantity(v, unit, f"{where}.{c}", given) for c, v in item.get("value", item).items()}
-        found[name] = found.get(name, {}) | values
-    return found
+            yield from [(name, item)] if "value" in item else list_statements(item, name)
 
 
 def reference_unit(machine: Machine) -> str:
     """Unit of the references; "-" without any."""
     return machine.signal[machine.references[0].signal].unit if machine.references else "-"
-
-
-def check_limits(machine: Machine, limits: dict[str, dict[str, float]], source: str) -> None:
-    """Refuses negative limits of a tendon, and a lowest reference above the highest one."""
-    first = machine.signal[machine.references[0].signal] if machine.references else None
-    unit = reference_unit(machine)
-    for name, item in limits.items():
-        for channel, value in item.items():
-            if value < 0 and first is not None and first.axis == TENDONS:
-                raise InputError(f"{source}: limit {name}.{channel} is {value} {unit}, below 0")
-    lowest, highest = machine.reference_limits or ("", "")
-    for channel, low in limits.get(lowest, {}).items():
-        if low > limits.get(highest, {}).get(channel, math.inf):
-            raise InputError(f"{source}: {lowest}.{channel} = {low} {unit} exceeds {highest}.{channel}")
 
 
 def write_robot(robot: Robot, path: str | Path, notes: str = "") -> None:

@@ -4,8 +4,6 @@ The file is data of somebody else: its size is limited, and document types and e
 expanded or fetched. Drake's parser reads the same values (`tests/test_arm_urdf.py`).
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Mapping, Sequence
@@ -25,7 +23,7 @@ LARGEST = 1e9  # of a length, mass, inertia or loss [SI]: beyond any arm
 KINDS = ("revolute", "continuous", "prismatic", "fixed")
 
 
-def text_of(element: ElementTree.Element, name: str, source: str) -> str:
+def read_attribute(element: ElementTree.Element, name: str, source: str) -> str:
     """An attribute that must be there."""
     found = element.get(name)
     if not found:
@@ -61,7 +59,7 @@ def rotation(angles: np.ndarray) -> np.ndarray:
     ])  # fmt: skip
 
 
-def body_of(link: ElementTree.Element, source: str) -> Body:
+def read_body(link: ElementTree.Element, source: str) -> Body:
     """Mass and inertia of a link; none where it states none."""
     inertial, where = link.find("inertial"), f"{source}: link {shown(link.get('name'))}"
     if inertial is None:
@@ -77,10 +75,10 @@ def body_of(link: ElementTree.Element, source: str) -> Body:
     return Body(mass, numbers(origin, "xyz", [0.0] * 3, where), inertia)
 
 
-def joint_of(element: ElementTree.Element, source: str) -> Joint:
+def read_joint(element: ElementTree.Element, source: str) -> Joint:
     """A joint. InputError for a kind that an arm does not have."""
-    name = text_of(element, "name", source)
-    kind, where = text_of(element, "type", source), f"{source}: joint {name}"
+    name = read_attribute(element, "name", source)
+    kind, where = read_attribute(element, "type", source), f"{source}: joint {name}"
     if kind not in KINDS:
         raise InputError(f"{where} is {shown(kind)}, wanted {', '.join(KINDS)}")
     if element.find("mimic") is not None:
@@ -101,7 +99,7 @@ def joint_of(element: ElementTree.Element, source: str) -> Joint:
         raise InputError(f"{where}: its lower limit {ends[0]:g} exceeds its upper one {ends[1]:g}")
     losses = [float(numbers(dynamics, n, [0.0], where)[0]) for n in ("damping", "friction")]
     return Joint(
-        name, kind, text_of(parent, "link", source), text_of(child, "link", source),
+        name, kind, read_attribute(parent, "link", source), read_attribute(child, "link", source),
         numbers(origin, "xyz", [0.0] * 3, where), numbers(origin, "rpy", [0.0] * 3, where),
         axis / (np.linalg.norm(axis) or 1.0), *(float(end) for end in ends), *losses,
     )  # fmt: skip
@@ -130,8 +128,8 @@ def read_urdf(path: str | Path, tip: str = "") -> Chain:
         raise InputError(f"{source}: begins with <{shown(root.tag)[1:-1]}>, wanted <robot>, a URDF file")
     if root.find("{*}macro") is not None or b"<XACRO:" in plain:
         raise InputError(f"{source}: holds xacro macros; expand them first: xacro {source} > arm.urdf")
-    bodies = {text_of(link, "name", source): body_of(link, source) for link in root.findall("link")}
-    joints = [joint_of(element, source) for element in root.findall("joint")]
+    bodies = {read_attribute(link, "name", source): read_body(link, source) for link in root.findall("link")}
+    joints = [read_joint(element, source) for element in root.findall("joint")]
     if len(joints) > MAX_ALL:
         raise InputError(f"{source}: {len(joints)} joints, more than {MAX_ALL}")
     for joint in joints:
@@ -147,25 +145,22 @@ def read_urdf(path: str | Path, tip: str = "") -> Chain:
     leaves = [link for link in bodies if all(joint.parent != link for joint in joints)]
     if not tip and not (count and leaves):
         raise InputError(f"{source}: no joint moves, so there is no arm")
-    ways = {link: way_to(link, by_child, source) for link in ([tip] if tip else leaves)}
-    whole = [way for way in ways.values() if tip or sum(joint.kind != "fixed" for joint in way) == count]
+    ways = []  # from the base to the tip, or to each leaf
+    for link in [tip] if tip else leaves:
+        way: list[Joint] = []
+        while link in by_child:
+            way.append(by_child[link])
+            link = way[-1].parent
+            if len(way) > len(by_child):
+                raise InputError(f"{source}: its links form a ring")
+        ways.append(way[::-1])
+    whole = [way for way in ways if tip or sum(joint.kind != "fixed" for joint in way) == count]
     if not whole:
         raise InputError(f"{source}: its moving joints branch; name the last link, `tip`: {', '.join(leaves[:8])}")
-    return chain_of(max(whole, key=len), joints, bodies, source)
+    return make_chain(max(whole, key=len), joints, bodies, source)
 
 
-def way_to(link: str, by_child: Mapping[str, Joint], source: str) -> list[Joint]:
-    """Joints from the base to a link. InputError for a ring."""
-    found: list[Joint] = []
-    while link in by_child:
-        found.append(by_child[link])
-        link = found[-1].parent
-        if len(found) > len(by_child):
-            raise InputError(f"{source}: its links form a ring")
-    return found[::-1]
-
-
-def chain_of(path: Sequence[Joint], joints: Sequence[Joint], bodies: Mapping[str, Body], source: str) -> Chain:
+def make_chain(path: Sequence[Joint], joints: Sequence[Joint], bodies: Mapping[str, Body], source: str) -> Chain:
     """The arm along a path of joints; what hangs on its links moves with them."""
     moving = [joint for joint in path if joint.kind != "fixed"]
     if not 0 < len(moving) <= MAX_JOINTS:
@@ -185,7 +180,12 @@ def chain_of(path: Sequence[Joint], joints: Sequence[Joint], bodies: Mapping[str
     for joint in path:
         point, turn = point + turn @ joint.origin, turn @ rotation(joint.angles)
         if joint.kind != "fixed":
-            angles = joint.angles if direct else angles_of(turn)
+            angles = joint.angles
+            if not direct:  # roll, pitch, yaw of the turn
+                flat = math.hypot(turn[0, 0], turn[1, 0])
+                sines = (turn[2, 1], turn[2, 2], turn[1, 0], turn[0, 0])
+                roll, full, yaw, level = sines if flat > 1e-9 else (-turn[1, 2], turn[1, 1], 0.0, 1.0)
+                angles = np.array([math.atan2(roll, full), math.atan2(-turn[2, 0], flat), math.atan2(yaw, level)])
             placed.append(replace(joint, origin=point, angles=angles))
             turn, point = np.eye(3), np.zeros(3)
         direct = joint.kind != "fixed"
@@ -198,12 +198,3 @@ def chain_of(path: Sequence[Joint], joints: Sequence[Joint], bodies: Mapping[str
         listed = ", ".join(joint.name for joint in moving)
         raise InputError(f"{source}: names of joints differ only in signs: {listed}")
     return Chain(names, tuple(placed), carried, point)
-
-
-def angles_of(turn: np.ndarray) -> np.ndarray:
-    """Roll, pitch, yaw (3,) [rad] of a rotation (3, 3)."""
-    flat = math.hypot(turn[0, 0], turn[1, 0])
-    pitch = math.atan2(-turn[2, 0], flat)
-    if flat > 1e-9:
-        return np.array([math.atan2(turn[2, 1], turn[2, 2]), pitch, math.atan2(turn[1, 0], turn[0, 0])])
-    return np.array([math.atan2(-turn[1, 2], turn[1, 1]), pitch, 0.0])

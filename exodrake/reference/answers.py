@@ -4,8 +4,6 @@ The salt lies in the labels file: without it, guessed labels cannot be checked a
 diagnoses every case, resumably: answers lie in the cases' folders (see `diagnosis.many`).
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import secrets
@@ -57,7 +55,7 @@ def read_committed(labels: str | Path, commitment: str | Path) -> dict[str, Any]
     return names(LABEL)(cases, str(labels))
 
 
-def cases_of(folder: str | Path) -> list[Path]:
+def find_cases(folder: str | Path) -> list[Path]:
     """Case folders of a set, sorted. InputError if there is none."""
     folder = Path(folder)
     if not folder.is_dir():
@@ -72,7 +70,7 @@ def run(
     folder: str | Path, jobs: int = 1, cluster: str | None = None, progress: Count = no_progress, redo: bool = False
 ) -> dict[str, str]:
     """Diagnose the unfinished cases of a set, as `diagnose_all`; case -> reason, for those that failed."""
-    return diagnose_all({case: case for case in cases_of(folder)}, jobs, cluster, progress, redo)
+    return diagnose_all({case: case for case in find_cases(folder)}, jobs, cluster, progress, redo)
 
 
 KNOWN, NAMES = optional(number()), optional(listing(text()))  # a number that is not finite is null in an answer
@@ -137,7 +135,7 @@ class Answered:
 def read_labels(folder: Path, labels: Path) -> dict[str, dict[str, Any]]:
     """Labels of a set by case; InputError for labels that changed, and for a case without a label."""
     truths = read_committed(labels, folder / COMMITMENT)
-    for case in cases_of(folder):
+    for case in find_cases(folder):
         if case.name not in truths:
             raise InputError(f"{case}: not among the labels in {labels}")
     return truths

@@ -265,23 +265,16 @@ SINH_RATE = 1.6  # 1/rad, bends the exponential hardening away from a cubic [A]
 
 
 @njit(cache=True)
-def end_stops(p, joint, q):
-    """Double exponential of model.md."""
-    torque = 0.0
-    if q > p.stop_flexed[joint]:
-        torque -= p.stop_torque[joint] * (exp(p.stop_rate[joint] * (q - p.stop_flexed[joint])) - 1.0)
-    if q < p.stop_extended[joint]:
-        torque += p.stop_torque[joint] * (exp(p.stop_rate[joint] * (p.stop_extended[joint] - q)) - 1.0)
-    return torque
-
-
-@njit(cache=True)
 def tissue(p, y, dy, u, joint):
     """Spring, damper, end stops, hardening (sinh), two relaxing branches."""
     q, rate = y[ANGLE + joint], y[RATE + joint]
     bent = q - p.rest[joint] - u[REST_SHIFT + joint]
-    stiffness = p.stiffness_joint[joint] * p.factor[joint] * (1.0 + u[STIFFENED + joint])
-    torque = end_stops(p, joint, q) - stiffness * bent - p.damping_joint[joint] * rate
+    stiffness, torque = p.stiffness_joint[joint] * p.factor[joint] * (1.0 + u[STIFFENED + joint]), 0.0
+    if q > p.stop_flexed[joint]:  # double exponential of model.md
+        torque -= p.stop_torque[joint] * (exp(p.stop_rate[joint] * (q - p.stop_flexed[joint])) - 1.0)
+    if q < p.stop_extended[joint]:
+        torque += p.stop_torque[joint] * (exp(p.stop_rate[joint] * (p.stop_extended[joint] - q)) - 1.0)
+    torque = torque - stiffness * bent - p.damping_joint[joint] * rate
     if p.hardening[joint] > 0.0:
         scale = 6.0 * p.hardening[joint] / SINH_RATE**3
         torque -= scale * (sinh(SINH_RATE * bent) - SINH_RATE * bent)
@@ -328,16 +321,6 @@ def wearer(p, y, u, joint, time):
 
 
 @njit(cache=True)
-def digital_tendon(p, y, joint):
-    """DIP tied to PIP, slightly hardening; equal and opposite work at the PIP."""
-    if p.coupling[2] == 0.0 or joint == 0:
-        return 0.0
-    apart = y[ANGLE + 2] - p.coupling_ratio[2] * y[ANGLE + 1]
-    torque = p.coupling[2] * apart * (1.0 + 0.5 * apart * apart)
-    return -torque if joint == 2 else p.coupling_ratio[2] * torque
-
-
-@njit(cache=True)
 def contact_force(p, y):
     """Contact of the fingertip with an object, Hunt-Crossley with exponent 1.3.
 
@@ -359,18 +342,6 @@ def contact_force(p, y):
 
 
 MOUNT_DAMPING = 0.02  # share of critical [A]
-
-
-@njit(cache=True)
-def inputs_at(p, inputs, time, u):
-    """Time-varying inputs at one instant, linear between frames."""
-    if p.has_inputs == 0.0:
-        return
-    place = max(0.0, time / FRAME)
-    row = min(int(place), inputs.shape[0] - 2)
-    share = min(1.0, place - row)
-    for column in range(INPUT_SIZE):
-        u[column] = inputs[row, column] + share * (inputs[row + 1, column] - inputs[row, column])
 
 
 @njit(cache=True)
@@ -396,15 +367,6 @@ def current(p, y, u, wire, wanted):
 
 
 @njit(cache=True)
-def shake(p, y, dy, wire, acceleration):
-    """Lightly damped mount, kicked by the wire's acceleration [m/s2]; no static give."""
-    pulsation = FULL_TURN * p.mount_frequency[wire]
-    dy[MOUNT + wire] = y[MOUNT_RATE + wire]
-    back = pulsation * pulsation * y[MOUNT + wire] + 2.0 * MOUNT_DAMPING * pulsation * y[MOUNT_RATE + wire]
-    dy[MOUNT_RATE + wire] = -p.mount_ratio[wire] * acceleration - back
-
-
-@njit(cache=True)
 def motor(p, y, dy, u, wire, command, tension, radius):
     """Rotor, gear angle, speed loop; the command [m/s] may pass an extra lag."""
     target = command * p.gear / p.spool_config
@@ -419,20 +381,12 @@ def motor(p, y, dy, u, wire, command, tension, radius):
     torque = p.torque_constant[wire] * amps - p.damping[wire] * y[ROTOR + wire] - load
     dy[ROTOR + wire] = torque / p.inertia[wire]
     dy[THETA + wire] = y[ROTOR + wire] / p.gear
-    if p.mount_frequency[wire] > 0.0:
-        shake(p, y, dy, wire, radius * dy[ROTOR + wire] / p.gear)
+    if p.mount_frequency[wire] > 0.0:  # lightly damped mount, kicked by the wire's acceleration; no static give
+        pulsation = FULL_TURN * p.mount_frequency[wire]
+        dy[MOUNT + wire] = y[MOUNT_RATE + wire]
+        back = pulsation * pulsation * y[MOUNT + wire] + 2.0 * MOUNT_DAMPING * pulsation * y[MOUNT_RATE + wire]
+        dy[MOUNT_RATE + wire] = -p.mount_ratio[wire] * (radius * dy[ROTOR + wire] / p.gear) - back
     return dy[THETA + wire] * radius
-
-
-@njit(cache=True)
-def cell(p, y, dy, wire, load):
-    """Load cell's filter; a slow one has two poles instead of one."""
-    if p.cell_lag[wire] > 0.0:
-        tau = 0.5 * p.cell_lag[wire]
-        dy[CELL_SECOND + wire] = (load - y[CELL_SECOND + wire]) / tau
-        dy[CELL + wire] = (y[CELL_SECOND + wire] - y[CELL + wire]) / tau
-    else:
-        dy[CELL + wire] = (load - y[CELL + wire]) / p.tau_cell
 
 
 @njit(cache=True)
@@ -465,7 +419,13 @@ def wires(p, y, dy, u, command, torque, arms):
         speed = arms[wire, 0] * y[RATE] + arms[wire, 1] * y[RATE + 1] + arms[wire, 2] * y[RATE + 2]
         tension, radius = pull(p, y, dy, u, wire, taken)
         spool_speed = motor(p, y, dy, u, wire, command[wire], tension + at_pulley(p, y, wire, tension), radius)
-        cell(p, y, dy, wire, at_cell(p, y, dy, wire, tension, spool_speed))
+        load = at_cell(p, y, dy, wire, tension, spool_speed)
+        if p.cell_lag[wire] > 0.0:  # a slow filter has two poles instead of one
+            tau = 0.5 * p.cell_lag[wire]
+            dy[CELL_SECOND + wire] = (load - y[CELL_SECOND + wire]) / tau
+            dy[CELL + wire] = (y[CELL_SECOND + wire] - y[CELL + wire]) / tau
+        else:
+            dy[CELL + wire] = (load - y[CELL + wire]) / p.tau_cell
         at_finger = through_sheath(p, y, dy, wire, tension, taken, speed)
         if wire == 0:
             first, first_speed = at_finger, speed
@@ -499,10 +459,20 @@ def accelerate(p, y, dy, torque):
 @njit(cache=True)
 def derivative(time, y, dy, p, command, inputs, u, torque, arms):
     """dy/dt of the whole robot; u (inputs), torque (3,) and arms (3, 3) are scratch."""
-    inputs_at(p, inputs, time, u)
+    if p.has_inputs != 0.0:  # linear between frames
+        place = max(0.0, time / FRAME)
+        row = min(int(place), inputs.shape[0] - 2)
+        share = min(1.0, place - row)
+        for column in range(INPUT_SIZE):
+            u[column] = inputs[row, column] + share * (inputs[row + 1, column] - inputs[row, column])
     for joint in range(3):
         torque[joint] = tissue(p, y, dy, u, joint) + losses(p, y, dy, joint)
-        torque[joint] += wearer(p, y, u, joint, time) + digital_tendon(p, y, joint)
+        tied = 0.0
+        if p.coupling[2] != 0.0 and joint != 0:  # DIP to PIP, slightly hardening; equal and opposite work at the PIP
+            apart = y[ANGLE + 2] - p.coupling_ratio[2] * y[ANGLE + 1]
+            pull_back = p.coupling[2] * apart * (1.0 + 0.5 * apart * apart)
+            tied = -pull_back if joint == 2 else p.coupling_ratio[2] * pull_back
+        torque[joint] += wearer(p, y, u, joint, time) + tied
         dy[ANGLE + joint] = y[RATE + joint]
     if p.contact_stiffness > 0.0:
         (force, reach), arm = contact_force(p, y), 0.0

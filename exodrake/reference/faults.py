@@ -290,17 +290,17 @@ def inject(build, effect: InjectedFault, rng: np.random.Generator) -> None:
             build.record[name] = effect.parameters[parameter]
 
 
-def block_of(effect_id: str) -> str:
+def find_block(effect_id: str) -> str:
     """Block an effect of the library belongs to: the part of its id before the dot."""
     return effect_id.split(".")[0]
 
 
-def blocks_of(effect_id: str) -> tuple[str, ...]:
+def find_blocks(effect_id: str) -> tuple[str, ...]:
     """Blocks an effect acts in."""
-    return ENTRIES[effect_id].blocks or (block_of(effect_id),)
+    return ENTRIES[effect_id].blocks or (find_block(effect_id),)
 
 
-def channels_of(effect: InjectedFault, names: Iterable[str]) -> list[str]:
+def list_channels(effect: InjectedFault, names: Iterable[str]) -> list[str]:
     """Channels among `names` (wires or joints) that an injected effect acts on."""
     return [name for name in (*effect.wires, *effect.joints, *ENTRIES[effect.id].channels) if name in names]
 

@@ -23,7 +23,7 @@ from exodrake.data.case import FILE, Case, CaseLog, write_case
 from exodrake.data.log import Log
 from exodrake.reference.answers import COMMITMENT, write_committed
 from exodrake.reference.cases import MIXES, CaseMix, CasePlan, DrawnCase, draw_case, plan
-from exodrake.reference.faults import ENTRIES, blocks_of, channels_of, weaken
+from exodrake.reference.faults import ENTRIES, find_blocks, list_channels, weaken
 from exodrake.reference.robot import JOINTS, WIRES, RobotSpec
 from exodrake.reference.simulator import simulate, warm_up
 
@@ -68,11 +68,6 @@ def parts_gaps(case: DrawnCase, seed: list[int], hidden: tuple[str, ...] = ()) -
     return [max(gaps(replace(case.spec, effects=rest)).values()) for rest in others], whole
 
 
-def distance(gaps: list[float], wanted: tuple[float, float]) -> float:
-    """Distance of the smallest gap from the wanted range [noise standard deviations]."""
-    return max(wanted[0] - min(gaps), min(gaps) - wanted[1], 0.0)
-
-
 Label = dict[str, Any]
 # as in the practice data
 DECIMALS = {"time": 2, "tension_ref": 3, "tension": 3, "stroke": 6, "speed_cmd": 5, "angle": 4}
@@ -80,12 +75,12 @@ HELD_OUT, REPEATS = "grasps", {"sweeps_2": "sweeps_1.csv.gz"}  # the other logs 
 MARK = ".incomplete"  # of a set that is not complete
 
 
-def label_of(plan: CasePlan, case: DrawnCase, each: list[float], whole: Gaps) -> Label:
+def make_label(plan: CasePlan, case: DrawnCase, each: list[float], whole: Gaps) -> Label:
     """Label of a case: kind, mix, true effects with the channels they act on, gaps and nominal parameters."""
     effects = [
         {
-            "id": effect.id, "block": blocks_of(effect.id)[0], "blocks": list(blocks_of(effect.id)),
-            "wires": channels_of(effect, WIRES), "joints": channels_of(effect, JOINTS),
+            "id": effect.id, "block": find_blocks(effect.id)[0], "blocks": list(find_blocks(effect.id)),
+            "wires": list_channels(effect, WIRES), "joints": list_channels(effect, JOINTS),
             "parameters": effect.parameters, "exact": ENTRIES[effect.id].exact, "gap": gap,
         }
         for effect, gap in zip(case.spec.effects, each)
@@ -97,7 +92,7 @@ def label_of(plan: CasePlan, case: DrawnCase, each: list[float], whole: Gaps) ->
     }  # fmt: skip
 
 
-def rounded(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+def round_columns(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Round columns (n,) [SI] to the digits a real log carries; floats print short."""
     return {name: np.round(values, DECIMALS[kind_of(name)]) + 0.0 for name, values in columns.items()}
 
@@ -105,31 +100,35 @@ def rounded(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
 def case_and_label(plan: CasePlan) -> tuple[Case, Label]:
     """Make a planned case with its logs, and its label; all of it follows from the plan's seed."""
     # drawn until the gap of the effects on the held-out motion is as wanted, or the attempts run out
-    best = draw_case(plan), [], {}
+    best, low_gap, high_gap = (draw_case(plan), [], {}), *plan.mix.gap
+
+    def miss(gaps: list[float]) -> float:
+        return max(low_gap - min(gaps), min(gaps) - high_gap, 0.0)
+
     for attempt in range(ATTEMPTS if plan.ids else 0):
         drawn, seed = draw_case(plan, attempt), [*plan.seed, 4]
         found, (low, high) = (drawn, *parts_gaps(drawn, seed, plan.mix.hidden)), (WEAKEST, 1.0)
-        for _ in range(BISECTIONS if min(found[1]) > plan.mix.gap[1] else 0):  # in the strength of the effects
+        for _ in range(BISECTIONS if min(found[1]) > high_gap else 0):  # in the strength of the effects
             strength = float(np.sqrt(low * high))
             effects = tuple(weaken(effect, strength) for effect in drawn.spec.effects)
             weaker = replace(drawn, spec=replace(drawn.spec, effects=effects))
             found = (weaker, *parts_gaps(weaker, seed, plan.mix.hidden))
-            if distance(found[1], plan.mix.gap) == 0.0:
+            if miss(found[1]) == 0.0:
                 break
-            low, high = (low, strength) if min(found[1]) > plan.mix.gap[1] else (strength, high)
-        if not best[1] or distance(found[1], plan.mix.gap) < distance(best[1], plan.mix.gap):
+            low, high = (low, strength) if min(found[1]) > high_gap else (strength, high)
+        if not best[1] or miss(found[1]) < miss(best[1]):
             best = found
-        if distance(best[1], plan.mix.gap) == 0.0:
+        if miss(best[1]) == 0.0:
             break
     case, gaps, whole = best
     logs = []
     for index, (log, protocol) in enumerate(case.protocols.items()):
-        columns = rounded(simulate(case.spec, protocol, [*plan.seed, 5, index]))
+        columns = round_columns(simulate(case.spec, protocol, [*plan.seed, 5, index]))
         time = columns.pop("time")
         columns = {name: values for name, values in columns.items() if kind_of(name) not in plan.mix.hidden}
         role = "holdout" if log == HELD_OUT else "fit"
         logs.append(CaseLog(Log(time, columns), log, role, REPEATS.get(log), f"{log}.csv.gz"))
-    return Case(plan.name, {}, tuple(logs)), label_of(plan, case, gaps, whole)
+    return Case(plan.name, {}, tuple(logs)), make_label(plan, case, gaps, whole)
 
 
 def make_case(plan: CasePlan, folder: str | Path) -> Label:

@@ -1,7 +1,5 @@
 """A robot of the reference simulator: nominal parameters of model.md, injected faults, motion. SI throughout."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any
 

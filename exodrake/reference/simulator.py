@@ -90,16 +90,6 @@ def trial(time, y, step, p, command, inputs, work):
 
 
 @njit(cache=True)
-def scaled_error(y, new, start, end, step, tolerance):
-    """Largest error of a step in units of what is tolerated; <= 1 accepts."""
-    worst = 0.0
-    for i in range(y.size):
-        error = 0.8 * (y[i] - new[i]) + 0.4 * step * (start[i] + end[i])
-        worst = max(worst, abs(error) / (tolerance[i] + RELATIVE * abs(new[i])))
-    return worst if worst < 1e12 else 1e12
-
-
-@njit(cache=True)
 def advance(time, until, y, step, p, command, inputs, tolerance, work):
     """Integrate y in place from time to until [s]; returns the step to try next, or -1 if it cannot be done."""
     rows, u, torque, arms = work
@@ -111,7 +101,11 @@ def advance(time, until, y, step, p, command, inputs, tolerance, work):
             size = 0.5 * left
         new = rows[trial(time, y, size, p, command, inputs, work)]
         derivative(time + size, new, rows[5], p, command, inputs, u, torque, arms)
-        worst = scaled_error(y, new, rows[0], rows[5], size, tolerance)
+        worst = 0.0  # error in units of what is tolerated
+        for i in range(y.size):
+            error = 0.8 * (y[i] - new[i]) + 0.4 * size * (rows[0, i] + rows[5, i])
+            worst = max(worst, abs(error) / (tolerance[i] + RELATIVE * abs(new[i])))
+        worst = worst if worst < 1e12 else 1e12
         factor = min(GROW, max(SHRINK, SAFETY * (worst + 1e-10) ** (-1.0 / 3.0)))
         if worst <= 1.0:
             time += size
@@ -144,24 +138,6 @@ def cell_reading(p, y, wire, drift, noise, before):
 
 
 @njit(cache=True)
-def control(p, wanted, reading, before, first):
-    """Admittance law with the damping sign [m/s]."""
-    change = 0.0 if first else (reading - before) / FRAME
-    command = p.kp * (wanted - reading) - p.kd * change
-    return min(p.speed_max, max(-p.speed_max, command))
-
-
-@njit(cache=True)
-def heard(p, wire, command, awake):
-    """Command the drive acts on: small ones are ignored, with hysteresis in waking up and falling asleep."""
-    if p.dead_zone[wire] <= 0.0:
-        return command
-    threshold = p.dead_zone[wire] * (0.8 if awake[wire] else 1.2)
-    awake[wire] = abs(command) > threshold
-    return command if awake[wire] else 0.0
-
-
-@njit(cache=True)
 def run(p, y, reference, inputs, dropped, noise, tolerance):
     """Simulate n frames of a robot from its state y, on references (n, 3) [N] with the noise (n, 3) [N] of its cells.
 
@@ -189,13 +165,19 @@ def run(p, y, reference, inputs, dropped, noise, tolerance):
                 theta[frame, wire] = y[THETA + wire]
                 tension[frame, wire] = cell_reading(p, y, wire, drift, noise[frame, wire], last[wire])
             elif slot == 4:
-                for wire in range(3):
+                for wire in range(3):  # admittance law with the damping sign [m/s]
                     reading = tension[frame, wire]
-                    commands[frame, wire] = control(p, reference[frame, wire], reading, last[wire], frame == 0)
+                    change = 0.0 if frame == 0 else (reading - last[wire]) / FRAME
+                    command = p.kp * (reference[frame, wire] - reading) - p.kd * change
+                    commands[frame, wire] = min(p.speed_max, max(-p.speed_max, command))
                     last[wire] = reading
             elif 5 <= slot <= 7 and not dropped[frame, slot - 5]:
                 wire, sent = slot - 5, frame - int(p.latency)  # before the first frame the command is 0
-                active[wire] = heard(p, wire, commands[sent, wire] if sent >= 0 else 0.0, awake)
+                command = commands[sent, wire] if sent >= 0 else 0.0
+                if p.dead_zone[wire] > 0.0:  # small ones are ignored, with hysteresis in waking up and falling asleep
+                    awake[wire] = abs(command) > p.dead_zone[wire] * (0.8 if awake[wire] else 1.2)
+                    command = command if awake[wire] else 0.0
+                active[wire] = command
     return tension, theta, commands, posture
 
 

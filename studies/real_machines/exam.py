@@ -21,7 +21,7 @@ from exodrake.diagnosis.pipeline import diagnose
 from exodrake.diagnosis.result import CAUSE, Diagnosis
 from exodrake.diagnosis.search import kind_of
 from exodrake.machines.library import reader
-from exodrake.machines.recording_tools import halves
+from exodrake.machines.recording_tools import halve_log
 from exodrake.machines.robot_file import load_robot
 
 LATENCY, LAG, SPEED = "delay", "lag", "speed limit"
@@ -107,7 +107,7 @@ def halved(name: str, recordings: Sequence[str]) -> Callable[[Path], tuple[Case,
 
     def build(data: Path) -> tuple[Case, Robot]:
         robot, read = owner(data, name)
-        logs = tuple(part for r in recordings for part in halves(read(r).log, r))
+        logs = tuple(part for r in recordings for part in halve_log(read(r).log, r))
         return Case(name, {}, logs, robot.machine.frame), robot
 
     return build

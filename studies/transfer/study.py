@@ -21,7 +21,7 @@ from exodrake.core.progress import Count, no_progress
 from exodrake.core.robot import Robot
 from exodrake.diagnosis.many import IMPROVED, RETUNED
 from exodrake.machines.robot_file import load_robot
-from exodrake.reference.answers import ANSWER, cases_of, read_diagnosis, read_labels
+from exodrake.reference.answers import ANSWER, find_cases, read_diagnosis, read_labels
 from exodrake.reference.faults import ENTRIES
 from exodrake.reference.robot import InjectedFault, Protocol, RobotSpec
 from exodrake.reference.simulator import simulate
@@ -92,7 +92,7 @@ def transfer(
     Raises:
         InputError: a case without its robots, no case, labels that changed.
     """
-    found, failed = predictions(cases_of(folder)[:cases], seed, tuner, jobs, progress)
+    found, failed = predictions(find_cases(folder)[:cases], seed, tuner, jobs, progress)
     truths = read_labels(Path(folder), Path(labels))
     task = motion(seed, JUDGING)
     return Transfer(tuple(transferred(one, truths[one.name], task, seed) for one in found), failed, seed)

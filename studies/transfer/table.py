@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from exodrake.core.plain import plain
-from exodrake.reference.measures import Share
-from exodrake.reference.score import Row, counted
+from exodrake.reference.score import Row, Share, count_cases
 from studies.transfer.study import DEFAULT, MODELS, Transfer, Transferred
 
 RESAMPLES = 1000  # of cases, for the interval of the rank correlation
@@ -127,7 +126,7 @@ def share(name: str, model: str, found: Transfer, other: str) -> Measured:
 
 def tables(found: Transfer) -> Iterator[tuple[str, Row, list[Row]]]:
     """Title, headings and rows of each table."""
-    title = f"controllers tuned on diagnosed models, {counted(len(found.cases))}"
+    title = f"controllers tuned on diagnosed models, {count_cases(len(found.cases))}"
     yield title, MEASURES, [measured.row for measured in measures(found)]
     gains = ", ".join(name.split(".")[-1] for name in found.cases[0].prediction.gains[DEFAULT]) if found.cases else ""
     headings = tuple(heading.format(gains) for heading in COSTS)

@@ -20,16 +20,14 @@ Bundle adjustment:
 
     minimise  sum over frames and seen markers |y - (R_f x(finger, theta_f) + p_f)|^2      mean theta over the rest = 0
 
-Each frame has ten unknowns of its own (pose of the hand, four angles), the finger 51. With H_f the normal matrix of a
-frame, E_f its coupling to the finger and C_f to the constraint, the frames are eliminated by the Schur complement
-
-    [N - sum E' H^-1 E,  - sum E' H^-1 C]
-    [     symmetric   ,  - sum C' H^-1 C]
-
-so a step costs one 55 x 55 system (Triggs et al., Bundle Adjustment, 1999, section 6.1). The inverse of that matrix
-times the variance of the noise is the covariance of the finger. Errors of neighbouring frames may be correlated (skin,
-filters of the camera software), so it is multiplied by the variance inflation of sums over blocks of frames, if that
-exceeds 1. A weak prior holds what the motion does not show, such as the abduction axis of a hand without abduction.
+Each frame has ten unknowns of its own (pose of the hand, four angles), the finger 51. By variable projection (Golub,
+Pereyra 1973) the frames are fitted to each trial finger, and Gauss-Newton's steps move the finger alone. With H_f the
+normal matrix of a frame and E_f its coupling to the finger, the projected normal matrix is N - sum E' H^-1 E (Triggs
+et al., Bundle Adjustment, 1999, section 6.1); a step costs one 55 x 55 system with the constraint. The inverse of that
+matrix times the variance of the noise is the covariance of the finger. Errors of neighbouring frames may be correlated
+(skin, filters of the camera software), so it is multiplied by the variance inflation of sums over blocks of frames, if
+that exceeds 1. A weak prior holds what the motion does not show, such as the abduction axis of a hand without
+abduction.
 
 In the frame of the base triad, a marker X of segment k is carried by the joints before it (paper Eq. 14):
 
@@ -54,20 +52,8 @@ from scipy.spatial.transform import Rotation
 
 from exodrake.core.confidence import NORMAL_95
 from exodrake.core.errors import InputError
+from exodrake.identification.kinematics import rigid
 from exodrake.identification.kinematics.markers import JOINTS, SEGMENTS, Layout, Recording, check_labels
-from exodrake.identification.kinematics.rigid import (
-    Axis,
-    across,
-    apply,
-    centres,
-    corners,
-    fit_pose,
-    hat,
-    inverse,
-    motion,
-    rotation,
-    triad_pose,
-)
 
 TRIAD = 3
 COUNT = 3 * TRIAD * len(SEGMENTS)  # coordinates of markers
@@ -78,7 +64,6 @@ FREE = 51  # changes of a finger that markers can show
 STEPS = 60  # a finger needs 5 to 15
 CONVERGED = 1e-10  # relative decrease of the cost
 ROUNDING = 1e-14  # m; errors as small are rounding
-DAMPING = 1e9  # beyond it no step lowers the cost
 FRAME_STEPS, STILL = 20, 1e-12  # of a frame with the finger known; last step [rad, m]
 CHUNK = 400  # frames at a time, for memory
 HELD = 1e-9  # m2; holds what missing markers leave open in a frame
@@ -100,12 +85,12 @@ class Finger:
     """Finger at rest in the frame of the base triad: markers (4, 3, 3) [m] by segment; abduction and flexion axes."""
 
     markers: np.ndarray
-    axes: tuple[Axis, Axis, Axis, Axis]
+    axes: tuple[rigid.Axis, rigid.Axis, rigid.Axis, rigid.Axis]
 
     def free(self) -> np.ndarray:
         """Changes that markers can show, as columns (72, 51) [m, rad, m/rad] of markers, then w, Y, G of each axis."""
         blocks = np.zeros((ALL, 3 + COUNT - 9))
-        blocks[:9, :3] = corners().reshape(9, 3)
+        blocks[:9, :3] = rigid.corners().reshape(9, 3)
         blocks[9:COUNT, 3:] = np.eye(COUNT - 9)
         pair = np.zeros((ALL, 3))
         pair[COUNT : COUNT + 3] = pair[COUNT + PER_AXIS : COUNT + PER_AXIS + 3] = np.eye(3)
@@ -125,8 +110,8 @@ class Finger:
         """Finger after a change (72,) of markers [m], directions [rad], centres [m] and slopes [m/rad]."""
         axes = []
         for axis, (turn, shift, slope) in zip(self.axes, change[COUNT:].reshape(4, 3, 3), strict=True):
-            w = rotation(turn) @ axis.direction
-            axes.append(Axis(w, across(axis.point + shift, w), across(axis.slope + slope, w)))
+            w = rigid.rotation(turn) @ axis.direction
+            axes.append(rigid.Axis(w, rigid.across(axis.point + shift, w), rigid.across(axis.slope + slope, w)))
         return Finger(self.markers + change[:COUNT].reshape(self.markers.shape), tuple(axes))  # type: ignore[arg-type]
 
     def places(self, angles: np.ndarray) -> np.ndarray:
@@ -159,7 +144,7 @@ class Finger:
                     start = COUNT + PER_AXIS * number
                     beyond = slice(start + PER_AXIS, ALL)  # of the joints between this one and the markers
                     change[..., beyond] = rotate @ change[..., beyond]
-                    change[..., start : start + 3] = rotate @ hat(lever) - hat(turned)
+                    change[..., start : start + 3] = rotate @ rigid.hat(lever) - rigid.hat(turned)
                     change[..., start + 3 : start + 6] = still
                     change[..., start + 6 : start + 9] = theta[:, None, None, None] * still
                 x, whole = turned + centre, turn @ whole
@@ -192,28 +177,37 @@ def adjust(
     The mean angles over the frames of the mask `rest` (frames,) [-] are 0. It starts from a finger, poses of the base
     triad (frames, 4, 4) [m] and angles (frames, 4) [rad]; errors may be correlated within `block` frames.
     """
-    finger, offset, damping = start, np.zeros(ALL), 1e-6
-    angles = angles - angles[rest].mean(axis=0)
-    error = _errors(points, finger.places(angles), poses)
+    finger, offset, change, before = start, np.zeros(ALL), np.zeros(ALL), np.inf
     for _ in range(STEPS):
-        system = _Normal(points, finger, poses, angles, rest)
-        prior = _variance(error, points) * PRIOR
-        cost = np.sum(error**2) + prior @ offset**2
-        while damping < DAMPING:
-            change, moves = system.step(prior, offset, damping)
-            trial = finger.shift(change), shift_poses(poses, moves), angles + moves[:, 6:]
-            left = _errors(points, trial[0].places(trial[2]), trial[1])
-            lower = np.sum(left**2) + prior @ (offset + change) ** 2
-            if lower <= cost:
-                break
-            damping *= 10
-        else:
+        trial = finger.shift(change)
+        poses, angles = fit_frames(points, trial, poses, angles)
+        error = compare_markers(points, trial.places(angles), poses)
+        left = np.count_nonzero(np.isfinite(points)) * (1 - LOCAL / COUNT) - FREE  # a whole frame fits ten unknowns
+        variance = float(np.sum(error**2) / max(left, 1))
+        prior = variance * PRIOR
+        if (cost := np.sum(error**2) + prior @ (offset + change) ** 2) > before * (1 + CONVERGED):
+            change = change / 2
+            continue
+        finger, offset, free = trial, offset + change, trial.free()
+        normal, gradient = np.zeros((FREE, FREE)), np.zeros(FREE)
+        mean, held = np.zeros((4, FREE)), np.zeros((4, 4))  # of the constraint
+        for part in (slice(at, at + CHUNK) for at in range(0, len(points), CHUNK)):
+            place, by_angle, by_change = finger.linearised(angles[part])
+            by_change *= np.isfinite(points[part])[..., None]
+            wide = by_change.reshape(-1, COUNT, ALL) @ free
+            own = differentiate_frames(place, by_angle, points[part])
+            inverses = np.linalg.inv(np.swapaxes(own, 1, 2) @ own + HELD * np.eye(LOCAL))
+            moves = inverses @ np.swapaxes(own, 1, 2) @ wide  # of the frames, by those of the finger
+            normal += np.tensordot(wide, wide - own @ moves, axes=((0, 1), (0, 1)))
+            gradient += np.tensordot(wide, error[part].reshape(-1, COUNT), axes=((0, 1), (0, 1)))
+            mean -= moves[rest[part], 6:].sum(axis=0)
+            held -= inverses[rest[part], 6:, 6:].sum(axis=0)
+        matrix = np.block([[normal + (free.T * prior) @ free, mean.T], [mean, held]])
+        if before - cost <= CONVERGED * cost or cost < error.size * ROUNDING**2:
             break
-        (finger, poses, angles), error, offset, damping = trial, left, offset + change, damping / 10
-        if cost - lower <= CONVERGED * cost or lower < error.size * ROUNDING**2:
-            break
-    system, variance = _Normal(points, finger, poses, angles, rest), _variance(error, points)
-    covariance = np.linalg.inv(system.reduced(variance * PRIOR)[0])[:FREE, :FREE]
+        right = np.r_[gradient - free.T @ (prior * offset), -angles[rest].sum(axis=0)]
+        before, change = cost, free @ np.linalg.solve(matrix, right)[:FREE]
+    covariance = np.linalg.inv(matrix)[:FREE, :FREE]
     # variance of sums over blocks of frames, relative to that of independent errors
     whole = error[: len(error) // block * block].reshape(-1, block, COUNT)
     sums = np.sum(whole.sum(axis=1) ** 2)
@@ -221,83 +215,36 @@ def adjust(
     return Adjusted(finger, variance * inflation * covariance, float(np.sqrt(variance)), inflation)
 
 
-def fit_frames(points: np.ndarray, finger: Finger, poses: np.ndarray, angles: np.ndarray) -> np.ndarray:
-    """Angles (frames, 4) [rad] of each frame, with its pose, by Gauss-Newton; arguments as of `adjust`."""
+def fit_frames(
+    points: np.ndarray, finger: Finger, poses: np.ndarray, angles: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Pose (frames, 4, 4) [m] and angles (frames, 4) [rad] of each frame by Gauss-Newton; arguments as of `adjust`."""
     for _ in range(FRAME_STEPS):
         place, by_angle, _ = finger.linearised(angles, derivatives=False)
-        own = _own(place, by_angle, points)
-        pull = np.einsum("fmil,fmi->fl", own, _errors(points, place, poses))
-        normal = np.einsum("fmik,fmil->fkl", own, own) + HELD * np.eye(LOCAL)
-        moves = np.linalg.solve(normal, pull[..., None])[..., 0]
+        own = differentiate_frames(place, by_angle, points)
+        pull = np.swapaxes(own, 1, 2) @ compare_markers(points, place, poses).reshape(-1, COUNT, 1)
+        moves = np.linalg.solve(np.swapaxes(own, 1, 2) @ own + HELD * np.eye(LOCAL), pull)[..., 0]
         poses, angles = shift_poses(poses, moves), angles + moves[:, 6:]
         if np.max(np.abs(moves), initial=0.0) < STILL:
             break
-    return angles
+    return poses, angles
 
 
-class _Normal:
-    """Normal equations of all frames at one estimate."""
-
-    def __init__(self, points, finger: Finger, poses, angles, rest) -> None:
-        self.free = finger.free()
-        normal, gradient, frames = np.zeros((ALL, ALL)), np.zeros(ALL), []
-        for part in (slice(at, at + CHUNK) for at in range(0, len(points), CHUNK)):
-            place, by_angle, by_change = finger.linearised(angles[part])
-            by_change *= np.isfinite(points[part])[..., None]
-            error = _errors(points[part], place, poses[part]).reshape(-1, COUNT)
-            own = _own(place, by_angle, points[part]).reshape(-1, COUNT, LOCAL)
-            wide = by_change.reshape(-1, COUNT, ALL)
-            tall, turned = wide.reshape(-1, ALL), np.swapaxes(own, 1, 2)
-            normal += tall.T @ tall
-            gradient += tall.T @ error.ravel()
-            fixed = np.zeros((len(own), LOCAL, 4))
-            fixed[rest[part], 6:] = np.eye(4)
-            coupling = np.concatenate([turned @ wide @ self.free, fixed], axis=2)
-            frames.append((turned @ own, np.einsum("fil,fi->fl", own, error), coupling))
-        self.normal = normal
-        self.own, self.pull, self.to = (np.concatenate(part) for part in zip(*frames))
-        self.start = np.r_[self.free.T @ gradient, np.zeros(4)]
-
-    def reduced(self, prior: np.ndarray, damping: float = 0.0):
-        """Schur complement (55, 55), and H^-1 [coupling, pull] (frames, 10, 56) of each frame; prior: (72,) weights."""
-        own = self.own + (damping * self.own + HELD) * np.eye(LOCAL)
-        solved = np.linalg.solve(own, np.concatenate([self.to, self.pull[..., None]], axis=2))
-        matrix = np.zeros((FREE + 4,) * 2)
-        inner = self.free.T @ ((self.normal + np.diag(prior)) @ self.free)
-        matrix[:FREE, :FREE] = inner + damping * inner * np.eye(FREE)
-        size = len(matrix)
-        matrix -= self.to.reshape(-1, size).T @ solved[..., :size].reshape(-1, size)
-        return matrix, solved
-
-    def step(self, prior: np.ndarray, offset: np.ndarray, damping: float) -> tuple[np.ndarray, np.ndarray]:
-        """Change of the finger (72,) and moves of the frames (frames, 10) [rad, m]."""
-        matrix, solved = self.reduced(prior, damping)
-        right = self.start - np.einsum("flg,fl->g", self.to, solved[..., -1])
-        right[:FREE] -= self.free.T @ (prior * offset)
-        answer = np.linalg.solve(matrix, right)
-        return self.free @ answer[:FREE], solved[..., -1] - solved[..., :-1] @ answer
-
-
-def _own(place: np.ndarray, by_angle: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Derivatives (frames, 12, 3, 10) of places with respect to rotation, shift and angles of their frame; 0 unseen."""
+def differentiate_frames(place: np.ndarray, by_angle: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Derivatives (frames, 36, 10) of places [m] by rotation, shift and angles of their frame [rad, m]; 0 unseen."""
     shift = np.broadcast_to(np.eye(3), (*place.shape, 3))
-    return np.concatenate([-hat(place), shift, by_angle], axis=3) * np.isfinite(points)[..., None]
+    own = np.concatenate([-rigid.hat(place), shift, by_angle], axis=3) * np.isfinite(points)[..., None]
+    return own.reshape(-1, COUNT, LOCAL)
 
 
-def _errors(points: np.ndarray, place: np.ndarray, poses: np.ndarray) -> np.ndarray:
+def compare_markers(points: np.ndarray, place: np.ndarray, poses: np.ndarray) -> np.ndarray:
     """Measured less predicted markers (frames, 12, 3) [m], seen from the base triad; 0 where missing."""
-    return np.nan_to_num(apply(inverse(poses), points) - place)
+    return np.nan_to_num(rigid.apply(rigid.inverse(poses), points) - place)
 
 
 def shift_poses(poses: np.ndarray, moves: np.ndarray) -> np.ndarray:
     """Poses (frames, 4, 4) [m] after small rotations and shifts, moves (frames, 10) [rad, m]."""
-    return poses @ motion(rotation(moves[:, :3]), moves[:, 3:6])
-
-
-def _variance(error: np.ndarray, points: np.ndarray) -> float:
-    """Variance of the noise [m2]; a frame seen completely spends ten of its 36 coordinates on its own unknowns."""
-    left = np.count_nonzero(np.isfinite(points)) * (1 - LOCAL / COUNT) - FREE
-    return float(np.sum(error**2) / max(left, 1))
+    return poses @ rigid.motion(rigid.rotation(moves[:, :3]), moves[:, 3:6])
 
 
 def first_guess(
@@ -313,7 +260,7 @@ def first_guess(
     source, count = recording.source, np.arange(len(rest))
     markers, axes, angles, rested = [shapes[0]], [], [], np.eye(4)
     for k, name in enumerate(JOINTS):
-        relative = inverse(poses[k]) @ poses[k + 1]
+        relative = rigid.inverse(poses[k]) @ poses[k + 1]
         seen = np.flatnonzero(np.isfinite(relative).all(axis=(1, 2)))
         if len(seen) < FEWEST:
             pair = layout.finger[3 * k : 3 * k + 6]
@@ -333,9 +280,9 @@ def first_guess(
                 f"{source}: {name} moves by {np.rad2deg(stir):.1f} deg RMS in the rest at the start,"
                 " which must show the finger straight and still"
             )
-        before, rested = rested, rested @ motion(mean, still[:, :3, 3].mean(axis=0))
-        markers.append(apply(rested, shapes[k + 1]))
-        turns, about = before @ relative[seen] @ inverse(rested), markers[-1].mean(axis=0)
+        before, rested = rested, rested @ rigid.motion(mean, still[:, :3, 3].mean(axis=0))
+        markers.append(rigid.apply(rested, shapes[k + 1]))
+        turns, about = before @ relative[seen] @ rigid.inverse(rested), markers[-1].mean(axis=0)
         turned = Rotation.from_matrix(turns[:, :3, :3])
         # the principal direction of w sin theta, where small angles weigh little; flexion is the larger excursion
         quaternion = turned.as_quat(canonical=True)
@@ -352,13 +299,13 @@ def first_guess(
                 f" {np.rad2deg(SMALLEST_ANGLE):.0f} deg in {beyond} frames; its centre needs {FEWEST} such frames"
             )
         share = (2 * np.sin(angle / 2)) ** 2  # inverse relative variance of a centre
-        centre = share @ np.nan_to_num(centres(turns, direction, angle, about)) / share.sum()
+        centre = share @ np.nan_to_num(rigid.centres(turns, direction, angle, about)) / share.sum()
         if k == 0:  # abduction about distal x flexion, which points dorsally
             dorsal = np.cross(about - centre, direction)
             dorsal /= np.linalg.norm(dorsal)
-            axes.append(Axis(dorsal, across(centre + direction * (about @ direction), dorsal), np.zeros(3)))
+            axes.append(rigid.Axis(dorsal, rigid.across(centre + direction * (about @ direction), dorsal), np.zeros(3)))
             angles.append(np.interp(count, seen, turned.as_rotvec() @ dorsal))
-        axes.append(Axis(direction, centre, np.zeros(3)))
+        axes.append(rigid.Axis(direction, centre, np.zeros(3)))
         angles.append(np.interp(count, seen, angle))
     whole = np.flatnonzero(np.isfinite(poses[0]).all(axis=(1, 2)))
     nearest = whole[np.searchsorted(whole, count).clip(max=len(whole) - 1)]
@@ -448,34 +395,28 @@ def measures(finger: Finger, tip: int) -> np.ndarray:
     _, proximal, middle, distal = finger.markers
     _, mcp, pip, dip = finger.axes
 
-    def crossings(near: Axis, far: Axis, origin: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def cross_plane(near: rigid.Axis, far: rigid.Axis, origin: np.ndarray) -> tuple[np.ndarray, ...]:
         normal = near.direction + far.direction
         normal = normal / np.linalg.norm(normal)
-        a, b = (
-            axis.point + axis.direction * ((origin - axis.point) @ normal) / (axis.direction @ normal)
-            for axis in (near, far)
-        )
-        return a, b, normal
+        shares = ((origin - axis.point) @ normal / (axis.direction @ normal) for axis in (near, far))
+        return *(axis.point + axis.direction * share for axis, share in zip((near, far), shares)), normal
 
-    start, end, _ = crossings(mcp, pip, proximal.mean(axis=0))
-    near, far, normal = crossings(pip, dip, middle.mean(axis=0))
+    start, end, _ = cross_plane(mcp, pip, proximal.mean(axis=0))
+    near, far, normal = cross_plane(pip, dip, middle.mean(axis=0))
     along = (far - near) / np.linalg.norm(far - near)
-    reach = across(distal[tip] - far, normal) @ along
+    reach = rigid.across(distal[tip] - far, normal) @ along
     values = [[np.linalg.norm(end - start), np.linalg.norm(far - near), reach]]
     for triad, axis in zip(finger.markers, finger.axes[1:]):
-        seen = axis.seen_from(triad_pose(triad))
+        seen = axis.seen_from(rigid.triad_pose(triad))
         values += [seen.slope, seen.point]
     return np.concatenate(values)
 
 
 def measure(adjusted: Adjusted, tip: int) -> tuple[np.ndarray, np.ndarray]:
     """Values (21,) of `measures` and their covariance (21, 21) [SI]."""
-    finger, free = adjusted.finger, adjusted.finger.free()
-    columns = [
-        (measures(finger.shift(NUDGE * way), tip) - measures(finger.shift(-NUDGE * way), tip)) / (2 * NUDGE)
-        for way in free.T
-    ]
-    slope = np.stack(columns, axis=1)
+    finger = adjusted.finger
+    ends = [[measures(finger.shift(side * way), tip) for way in finger.free().T] for side in (-NUDGE, NUDGE)]
+    slope = np.diff(ends, axis=0)[0].T / (2 * NUDGE)
     return measures(finger, tip), slope @ adjusted.covariance @ slope.T
 
 
@@ -492,11 +433,11 @@ class Joint:
     """
 
     name: str
-    axis: Axis
+    axis: rigid.Axis
     angle: np.ndarray
     centre: np.ndarray
     line: CentreLine
-    abduction_axis: Axis | None = None
+    abduction_axis: rigid.Axis | None = None
     abduction: np.ndarray | None = None
 
     @property
@@ -547,28 +488,28 @@ def identify(recording: Recording, layout: Layout | None = None, cutoff: float |
     for k, spoilt in enumerate(check.spoilt):
         points[spoilt, 3 * k : 3 * k + 3] = np.nan
     smoothed = points if cutoff is None else smooth(time, points, cutoff, recording.source)
-    fits = [fit_pose(shape, smoothed[:, 3 * k : 3 * k + 3]) for k, shape in enumerate(check.shapes)]
+    fits = [rigid.fit_pose(shape, smoothed[:, 3 * k : 3 * k + 3]) for k, shape in enumerate(check.shapes)]
     rest = time <= time[0] + REST
     start, poses, angles = first_guess(check.shapes, [pose for pose, _ in fits], rest, recording, layout)
     used = np.union1d(np.flatnonzero(rest)[:FRAMES], np.linspace(0, len(time) - 1, FRAMES).round().astype(int))
     block = max(1, round(BLOCK / float(np.median(np.diff(time[used])))))
     found = adjust(points[used], rest[used], start, poses[used], angles[used], block)
-    angles = fit_frames(smoothed, found.finger, poses, angles)
+    _, angles = fit_frames(smoothed, found.finger, poses, angles)
     values, covariance = measure(found, layout.distal.index(layout.tip))
     half = NORMAL_95 * np.sqrt(np.diag(covariance)[:3])
     finger, joints = found.finger, []
     for k, name in enumerate(JOINTS):
         axis, angle, side = finger.axes[k + 1], angles[:, k + 1].copy(), angles[:, 0].copy()
-        near, far = (fit_pose(finger.markers[i], smoothed[:, 3 * i : 3 * i + 3])[0] for i in (k, k + 1))
-        turns = inverse(near) @ far
+        near, far = (rigid.fit_pose(finger.markers[i], smoothed[:, 3 * i : 3 * i + 3])[0] for i in (k, k + 1))
+        turns = rigid.inverse(near) @ far
         seen = np.isfinite(turns).all(axis=(1, 2))
         angle[~seen] = side[~seen] = np.nan
         if k == 0:
-            turns = inverse(finger.axes[0].pose(side)) @ turns
-        pose = triad_pose(finger.markers[k])
+            turns = rigid.inverse(finger.axes[0].pose(side)) @ turns
+        pose = rigid.triad_pose(finger.markers[k])
         own = axis.seen_from(pose)
-        centre = centres(turns, axis.direction, angle, finger.markers[k + 1].mean(axis=0))
-        centre = across(apply(inverse(pose), centre), own.direction)
+        centre = rigid.centres(turns, axis.direction, angle, finger.markers[k + 1].mean(axis=0))
+        centre = rigid.across(rigid.apply(rigid.inverse(pose), centre), own.direction)
         part = slice(3 + 6 * k, 9 + 6 * k)
         (gradient, intercept), used = np.split(values[part], 2), np.abs(np.nan_to_num(angle)) >= SMALLEST_ANGLE
         rmse = np.sqrt(np.mean((centre[used] - intercept - gradient * angle[used, None]) ** 2, axis=0))

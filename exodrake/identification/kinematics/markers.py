@@ -26,8 +26,6 @@ abduction about y. The lengths and the PIP and DIP gradients are the paper's; th
 printed one, which is anatomically implausible (`physics.md`, Table 1). Nothing in such a recording was measured.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import struct
@@ -44,16 +42,7 @@ from exodrake.core.files import read_bytes
 from exodrake.core.processes import in_child
 from exodrake.core.schema import listing, mapping, optional, read_yaml, text
 from exodrake.core.units import si_unit, to_si
-from exodrake.identification.kinematics.rigid import (
-    Axis,
-    apply,
-    chain_pose,
-    corners,
-    fit_pose,
-    motion,
-    rotation,
-    triad_pose,
-)
+from exodrake.identification.kinematics import rigid
 from exodrake.identification.workspace import LENGTHS, SPONTANEOUS
 from exodrake.simulation.protocols import smooth
 
@@ -390,7 +379,7 @@ def exchange_labels(recording: Recording, swaps: tuple[Swap, ...]) -> Recording:
 
 def _residuals(shapes: np.ndarray, points: np.ndarray) -> np.ndarray:
     """RMS residual (4, frames) [m] of points (frames, 12, 3) [m], NaN where a marker is missing."""
-    return np.stack([fit_pose(shape, points[:, 3 * k : 3 * k + 3])[1] for k, shape in enumerate(shapes)])
+    return np.stack([rigid.fit_pose(shape, points[:, 3 * k : 3 * k + 3])[1] for k, shape in enumerate(shapes)])
 
 
 def _shapes(points: np.ndarray, layout: Layout, source: str) -> np.ndarray:
@@ -407,7 +396,7 @@ def _shapes(points: np.ndarray, layout: Layout, source: str) -> np.ndarray:
         height = np.sqrt(max(left**2 - along**2, 0.0))
         if (low := base * height / max(side)) < FLATTEST:
             raise InputError(f"{words} lie on a line (height {1e3 * low:.2f} mm), which determines no frame")
-        shapes.append(corners() @ np.array([base, along, height]))
+        shapes.append(rigid.corners() @ np.array([base, along, height]))
     return np.stack(shapes)
 
 
@@ -452,7 +441,7 @@ class Truth:
     """
 
     angles: np.ndarray
-    axes: tuple[Axis, Axis, Axis, Axis]
+    axes: tuple[rigid.Axis, rigid.Axis, rigid.Axis, rigid.Axis]
     lengths: tuple[float, float, float]
 
 
@@ -478,8 +467,8 @@ def synthesise(hand: Hand, faults: Faults, duration: float, rate: float, seed: i
     # finger at rest, the tip marker at its end
     joints = np.cumsum([0.0, hand.lengths[0], hand.lengths[1]])
     palmar, still = np.array([0.0, 0, -1]), np.zeros(3)
-    bends = [Axis(palmar, np.array([x, 0, 0]), np.array(g, dtype=float)) for x, g in zip(joints, hand.slopes)]
-    axes = (Axis(np.array([0.0, 1, 0]), still, still), *bends)
+    bends = [rigid.Axis(palmar, np.array([x, 0, 0]), np.array(g, dtype=float)) for x, g in zip(joints, hand.slopes)]
+    axes = (rigid.Axis(np.array([0.0, 1, 0]), still, still), *bends)
     rest = {name: MM * np.array(places, dtype=float) for name, places in PLACES.items()}
     rest["distal"][1, 0] = hand.lengths[2]
     for name, x in zip(SEGMENTS[1:], joints):
@@ -488,16 +477,16 @@ def synthesise(hand: Hand, faults: Faults, duration: float, rate: float, seed: i
     places = []
     for number, name in enumerate((*SEGMENTS, "thumb")):
         before = number + 1 if 0 < number < 4 else 0
-        carried = chain_pose(axes[:before], angles) if before else np.broadcast_to(np.eye(4), (len(time), 4, 4))
+        carried = rigid.chain_pose(axes[:before], angles) if before else np.broadcast_to(np.eye(4), (len(time), 4, 4))
         nearest = angles[:, before - 1] if before else np.zeros(len(time))
         ways = rng.standard_normal((len(rest[name]), 3))
         ways /= np.linalg.norm(ways, axis=1, keepdims=True)
-        places.append(apply(carried, rest[name] + faults.artefact * nearest[:, None, None] * ways))
+        places.append(rigid.apply(carried, rest[name] + faults.artefact * nearest[:, None, None] * ways))
     # the hand drifts and turns slowly
     turn = np.array([0.48, 0.6, 0.64]) * (0.7 + 0.25 * np.sin(0.7 * time))[:, None]
     waves = (0.03 * np.sin(0.6 * time), 0.02 * np.sin(0.9 * time), 0.02 * np.cos(0.5 * time))
     shift = np.array([0.4, 0.1, 0.9]) + np.stack(waves, axis=1)
-    positions = apply(motion(rotation(turn), shift), np.concatenate(places, axis=1))
+    positions = rigid.apply(rigid.motion(rigid.rotation(turn), shift), np.concatenate(places, axis=1))
     positions = positions + faults.noise * rng.standard_normal(positions.shape)
     gap = max(1, round(faults.gap / (time[1] - time[0])))
     for marker in range(positions.shape[1]):
@@ -506,7 +495,7 @@ def synthesise(hand: Hand, faults: Faults, duration: float, rate: float, seed: i
             positions[first : first + gap, marker] = np.nan
     layout = Layout()
     recording = Recording((*layout.finger, *layout.thumb), time, positions, f"synthetic, seed {seed}")
-    seen = [a.seen_from(triad_pose(rest[n])) for a, n in zip(axes, ("base", *SEGMENTS[:3]), strict=True)]
+    seen = [a.seen_from(rigid.triad_pose(rest[n])) for a, n in zip(axes, ("base", *SEGMENTS[:3]), strict=True)]
     return recording, Truth(angles, tuple(seen), hand.lengths)  # type: ignore[arg-type]
 
 

@@ -1,7 +1,5 @@
 """Cable-driven wrist of a da Vinci instrument, quasi-static, a row a second (robot.yaml)."""
 
-from __future__ import annotations
-
 from functools import cache
 
 from exodrake.core.machine import Machine

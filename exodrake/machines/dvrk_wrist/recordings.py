@@ -5,8 +5,6 @@ row about every second, read at rest, so that rows stand for frames of 1 s. Rows
 (q_act = 0) are dropped. Each run's first half is fitted.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +12,7 @@ import numpy as np
 from exodrake.core.errors import InputError
 from exodrake.data.case import Case
 from exodrake.data.log import Log
-from exodrake.machines.recording_tools import file_of, halves, joint_log, parameters
+from exodrake.machines.recording_tools import find_file, halve_log, joint_log, read_table
 
 FRAME = 1.0  # s
 WRIST = slice(3, 6)
@@ -27,13 +25,13 @@ def case(path: Path) -> Case:
     if not files:
         raise InputError(f"{path}: no *{WANTED}")
     runs = [(f.parent, f.name.split("_q_")[0]) for f in files]
-    items = [item for folder, run in runs for item in halves(read(folder, run), run)]
+    items = [item for folder, run in runs for item in halve_log(read(folder, run), run)]
     return Case("dvrk_wrist", {}, tuple(items), FRAME)
 
 
 def read(folder: Path, run: str) -> Log:
     """One run."""
-    wanted, seen = (parameters(file_of(folder, run + ending)) for ending in (WANTED, SEEN))
+    wanted, seen = (read_table(find_file(folder, run + ending)) for ending in (WANTED, SEEN))
     if wanted.shape != seen.shape or seen.ndim != 2 or seen.shape[1] < WRIST.stop:
         raise InputError(f"{folder / run}: shapes {wanted.shape} and {seen.shape}, wanted the same (n, 6)")
     known = ~np.all(seen == 0.0, axis=1)

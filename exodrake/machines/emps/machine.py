@@ -1,7 +1,5 @@
 """EMPS, an electro-mechanical positioning system: drive -> carriage -> scale, a position loop at 1 kHz."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import cache
 

@@ -5,8 +5,6 @@ qm position m, vir controller output V, and the scalar gtau N/V. The motion repe
 are fitted, the rest is held out and repeats them.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +14,7 @@ from exodrake.core.files import read_bytes
 from exodrake.data.case import Case, CaseLog
 from exodrake.data.formats.mat import column, read_variables
 from exodrake.data.log import Log
-from exodrake.machines.recording_tools import file_of, restarted
+from exodrake.machines.recording_tools import find_file, restart_log
 
 FRAME, CYCLE = 1e-3, 6240  # s, rows
 NAMES = ("t", "qg", "qm", "vir", "gtau")
@@ -24,7 +22,7 @@ NAMES = ("t", "qg", "qm", "vir", "gtau")
 
 def case(path: Path) -> Case:
     """The case of the MAT file or of its folder. InputError for variables that are missing or too short."""
-    file = file_of(path, "DATA_EMPS.mat")
+    file = find_file(path, "DATA_EMPS.mat")
     variables = read_variables(read_bytes(file), str(file))
     for name in NAMES:
         if name not in variables:
@@ -44,7 +42,7 @@ def case(path: Path) -> Case:
     log = Log(FRAME * np.arange(len(t)), signals, units, str(file))
     repeats = len(log) > 3 * CYCLE and np.allclose(reference[2 * CYCLE :], reference[: len(log) - 2 * CYCLE], atol=1e-9)
     middle = 2 * CYCLE if repeats else len(log) // 2
-    first, second = (moving(restarted(log.rows(part))) for part in (slice(0, middle), slice(middle, None)))
+    first, second = (moving(restart_log(log.rows(part))) for part in (slice(0, middle), slice(middle, None)))
     return Case(
         "emps",
         {},

@@ -1,7 +1,5 @@
 """The Exo-Index robot: signals, parts in order, log columns, segments, control loop and drawing; slots: `model.md`."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import cache
 

@@ -1,7 +1,5 @@
 """SO-101, an arm of six geared position servos (robot.yaml)."""
 
-from __future__ import annotations
-
 from functools import cache
 
 from exodrake.core.machine import Machine

@@ -5,8 +5,6 @@ together by number: the recorder's clock ticks every 20.06 ms on average, which 
 run's first half is fitted.
 """
 
-from __future__ import annotations
-
 import csv
 import json
 from pathlib import Path
@@ -16,7 +14,7 @@ import numpy as np
 from exodrake.core.errors import InputError
 from exodrake.data.case import Case
 from exodrake.data.log import Log
-from exodrake.machines.recording_tools import file_of, halves, joint_log, text_of
+from exodrake.machines.recording_tools import find_file, halve_log, joint_log, read_text
 
 FRAME = 0.02  # s
 CONTROL, STATE, LIST = "control.csv", "state_motor.csv", "joint_list.txt"
@@ -27,14 +25,14 @@ def case(path: Path) -> Case:
     runs = [path] if (path / CONTROL).is_file() else sorted(p.parent for p in path.glob(f"*/{CONTROL}"))
     if not runs:
         raise InputError(f"{path}: no {CONTROL}, here or one folder below")
-    items = [item for run in runs for item in halves(read(run), run.name)]
+    items = [item for run in runs for item in halve_log(read(run), run.name)]
     return Case("so101", {}, tuple(items), FRAME)
 
 
 def read(run: Path) -> Log:
     """One run."""
-    joints = [name.replace("_", "") for name in text_of(file_of(run, LIST)).split()]
-    command, angle = (positions(file_of(run, name), len(joints)) for name in (CONTROL, STATE))
+    joints = [name.replace("_", "") for name in read_text(find_file(run, LIST)).split()]
+    command, angle = (positions(find_file(run, name), len(joints)) for name in (CONTROL, STATE))
     rows = min(len(command), len(angle))
     return joint_log(joints, command[:rows], angle[:rows], FRAME, str(run))
 
@@ -42,7 +40,7 @@ def read(run: Path) -> Log:
 def positions(file: Path, joints: int) -> np.ndarray:
     """The lists in column `positions` (n, joints)."""
     found = []
-    for number, row in enumerate(csv.DictReader(text_of(file).splitlines())):
+    for number, row in enumerate(csv.DictReader(read_text(file).splitlines())):
         try:
             values = [float(v) for v in json.loads(row["positions"])]
         except (KeyError, TypeError, ValueError, OverflowError, RecursionError):

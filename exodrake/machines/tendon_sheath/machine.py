@@ -1,7 +1,5 @@
 """Bending joint of a flexible endoscope, pulled by an antagonistic tendon pair in a sheath."""
 
-from __future__ import annotations
-
 from functools import cache
 
 from exodrake.core.machine import Machine

@@ -5,8 +5,6 @@ commanded angle deg, velocity, measured angle deg (magnetic tracker), tensions a
 configurations are fitted but the middle one, which is held out; one file alone is halved.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +12,7 @@ import numpy as np
 from exodrake.core.errors import InputError
 from exodrake.data.case import Case, CaseLog
 from exodrake.data.log import Log
-from exodrake.machines.recording_tools import halves, joint_log, parameters
+from exodrake.machines.recording_tools import halve_log, joint_log, read_table
 
 FRAME = 0.025  # s
 TIME, COMMAND, ANGLE, COLUMNS = 0, 1, 3, 8
@@ -22,19 +20,19 @@ TIME, COMMAND, ANGLE, COLUMNS = 0, 1, 3, 8
 
 def case(path: Path) -> Case:
     """The case of one configuration's file, or of a folder of them. InputError for a name that is no bend."""
-    files = [path] if path.is_file() else sorted(path.glob("*.txt"), key=lambda f: bend_of(f))
+    files = [path] if path.is_file() else sorted(path.glob("*.txt"), key=lambda f: read_bend(f))
     if not files:
         raise InputError(f"{path}: no configuration, such as 60.txt")
     logs = [(f"bend_{f.stem}", read(f)) for f in files]
     if len(logs) < 3:
-        items = [item for name, log in logs for item in halves(log, name)]
+        items = [item for name, log in logs for item in halve_log(log, name)]
     else:
         held = logs[len(logs) // 2][0]
         items = [CaseLog(log, n, "holdout" if n == held else "fit", None, f"{n}.csv.gz") for n, log in logs]
     return Case("tendon_sheath", {}, tuple(items), FRAME)
 
 
-def bend_of(file: Path) -> float:
+def read_bend(file: Path) -> float:
     """Total bend [rad] that a file's name says [deg]."""
     try:
         return float(np.radians(float(file.stem)))
@@ -44,10 +42,10 @@ def bend_of(file: Path) -> float:
 
 def read(file: Path) -> Log:
     """One configuration, a row for each time of the trajectory."""
-    rows = parameters(file)
+    rows = read_table(file)
     if rows.shape[1] != COLUMNS:
         raise InputError(f"{file}: {rows.shape[1]} columns, wanted {COLUMNS}")
     rows = rows[np.concatenate([[True], np.diff(rows[:, TIME]) > 0])]
     command, angle = np.radians(rows[:, [COMMAND]]), np.radians(rows[:, [ANGLE]])
     log = joint_log(("bending",), command, angle, FRAME, str(file))
-    return log.with_signals({"bend_bending": np.full(len(log), bend_of(file))})
+    return log.with_signals({"bend_bending": np.full(len(log), read_bend(file))})
