@@ -20,12 +20,12 @@ import numpy as np
 from exodrake.core.confidence import CONFIDENCE
 from exodrake.core.robot import Robot
 from exodrake.diagnosis.filters import mismatch
+from exodrake.diagnosis.likelihood import stretch_length
 from exodrake.diagnosis.parameter import apply
 from exodrake.diagnosis.problem import WILD, Problem
 from exodrake.diagnosis.result import Closure, Interval, SignalGap
 from exodrake.diagnosis.search import Fitted
 
-PART, LEAST = 2.0, 8  # block [s], longer than the loop's memory; blocks at least, shorter ones of short logs: assumed
 DRAWS = 400
 
 
@@ -110,7 +110,7 @@ def measure(problem: Problem, rows: Sequence[np.ndarray], seed: int = 0) -> Clos
         found.append([np.where(np.isfinite(trial.measured), gap, np.nan) for gap in bounded])
     logs = [list(one) for one in zip(*found, strict=True)]  # of each robot (n, columns) [noise_std]
     frames = sum(map(len, logs[0]))
-    length = max(1, min(round(PART / machine.frame), frames // LEAST))
+    length = stretch_length(frames, machine.frame)
     (nominal, samples), (retuned, _), (improved, _) = (blocks(one, length) for one in logs)
     picks = np.random.default_rng(seed).integers(0, len(samples), (DRAWS, len(samples)))
     signals = {}

@@ -176,7 +176,7 @@ class Predicted:
 
 
 def linear_model(likelihood: Likelihood, e: Explanation) -> LinearModel:
-    """The linear model about a fit, a block for each log in each view; the prior of an effect is its range."""
+    """The linear model about a fit, blocks of each log in each view; the prior of an effect is its range."""
     rows = np.concatenate([whole_jacobian(likelihood, e), e.residual[None]])
     own = np.array([bool(p.effect) for p in e.parameters], dtype=bool)
     shapes = np.array([bool(p.effect) and not p.amplitude for p in e.parameters], dtype=bool)
@@ -184,7 +184,7 @@ def linear_model(likelihood: Likelihood, e: Explanation) -> LinearModel:
     std = np.where(own & (high > low), (high - low) / np.sqrt(12.0), e.prior_std)  # of a uniform law
     mean = np.where(shapes, 0.0, -e.x)  # of the change of x
     prior = (mean, 1.0 / np.maximum(std, 1e-300) ** 2, low - e.x, high - e.x)
-    return LinearModel.of_rows(rows, likelihood.blocks, prior, likelihood.memory)
+    return LinearModel.of_rows(rows, likelihood.stretches, prior, likelihood.memory)
 
 
 @dataclass(frozen=True, eq=False)

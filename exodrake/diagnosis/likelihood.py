@@ -36,6 +36,8 @@ from exodrake.diagnosis.problem import Problem, Trial, by_trial
 CORRELATION = 0.66
 # s that count as one sample where a law is free: its error goes on longer than noise; assumed
 SAMPLE = 0.1
+# s, longer than the loop's memory: stretches count as independent; between so many of them: assumed
+STRETCH, LEAST, MOST = 2.0, 8, 200
 COUNTING = Lock()  # of the simulated time, by fits side by side
 NOISE_RUNS = 8  # simulated runs with noise; draws are made from them
 # of the tolerances, by which the robot of each run differs: a signal at rest is then rounded elsewhere; assumed
@@ -198,6 +200,16 @@ class Likelihood:
                 found.append((v, k, slice(at, at := at + trial.measured.size)))
         return found
 
+    @property
+    def stretches(self) -> list[tuple[int, int, slice]]:
+        """View, log and samples of each stretch of each log in each view."""
+        problem, found = self.views[0].problem, []
+        length = stretch_length(sum(len(trial.measured) for trial in problem.fit), problem.robot.machine.frame)
+        for v, k, log in self.blocks:
+            width = length * len(self.views[v].problem.columns)
+            found += [(v, k, slice(a, min(a + width, log.stop))) for a in range(log.start, log.stop, width)]
+        return found
+
     def scaled_to(self, residual: np.ndarray) -> Likelihood:
         """The likelihood with each view in units of what a residual (samples,) leaves, noise at least."""
         scales = np.sqrt(np.maximum(self.chi2(residual), 1.0) * self.memory)
@@ -228,6 +240,11 @@ def output_error(problem: Problem, stage: str = "") -> Likelihood:
         stage=stage,
         memory=longest(problem),
     )
+
+
+def stretch_length(frames: int, period: float) -> int:
+    """Frames of the stretches that so many frames of `period` [s] are cut into."""
+    return max(1, min(max(round(STRETCH / period), frames // MOST), frames // LEAST))
 
 
 def longest(problem: Problem) -> float:

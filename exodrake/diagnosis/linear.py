@@ -10,7 +10,7 @@ the logs can be left out by subtraction. s_v^2 is what the fit leaves in a view,
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -24,7 +24,7 @@ class LinearModel:
     Attributes:
         products: (blocks, p + 1, p + 1) products of the p rows of J and, last, r0 with each other.
         samples: (blocks,) number of samples.
-        view, log: (blocks,) view and log that a block belongs to.
+        view, log: (blocks,) view and log that a block belongs to; blocks of a log follow each other.
         mean: (p,) prior mean of x.
         precision: (p,) prior precision of x.
         low, high: (p,) bounds of x.
@@ -84,6 +84,27 @@ class LinearModel:
         return Posterior(
             step, np.linalg.inv(unit) / np.outer(scale, scale), self._cost(products, step), self._volume(unit, scale)
         )
+
+    def robust_covariance(self) -> np.ndarray:
+        """Covariance (p, p) of x at a fit: that of the posterior, wider where stretches of the logs contradict it.
+
+            S = H^-1 (P + sum_s g_s g_s') H^-1          g_s: slope of the cost by one stretch of a log, in all views
+
+        S also holds where a model errs, by more in some motion than in other (White 1980; Liang & Zeger 1986). Each
+        standard deviation is the larger one of both.
+        """
+        own, normal = self.posterior().covariance, replace(self, memory=1.0).posterior().covariance
+        _, first, series = np.unique(np.stack([self.view, self.log]), axis=1, return_index=True, return_inverse=True)
+        turn = np.arange(len(self.log)) - first[series]
+        _, stretch = np.unique(np.stack([self.log, turn]), axis=1, return_inverse=True)
+        slopes = np.zeros((stretch.max() + 1, len(own)))
+        np.add.at(slopes, stretch, self.products[:, :-1, -1] / self.variance[self.view, None])
+        if len(slopes) < 2:
+            return own
+        scatter = len(slopes) * np.cov(slopes, rowvar=False).reshape(own.shape)
+        robust = normal @ (scatter + np.diag(self.precision)) @ normal
+        wider = np.sqrt(np.maximum(np.diag(robust) / np.diag(own), 1.0))
+        return own * np.outer(wider, wider)
 
     def _cost(self, products: np.ndarray, step: np.ndarray) -> float:
         both = np.r_[step, 1.0]
