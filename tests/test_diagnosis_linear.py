@@ -133,7 +133,7 @@ def test_views_are_weighted_by_what_they_leave():
 
 
 def test_robust_intervals_cover_where_the_model_errs_in_each_stretch_in_another_way():
-    """A sinusoid of random phase is left in each stretch: 90 % intervals cover 90 %, those of the posterior half of it."""
+    """A sinusoid of random phase is left in each stretch: 90 % intervals cover 90 %, the posterior half of that."""
     rng, covered = np.random.default_rng(5), []
     stretches, frames, x = 40, 50, np.array([1.0, -2.0])
     time = np.arange(frames) / frames
