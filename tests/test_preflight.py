@@ -12,7 +12,7 @@ from exodrake.compiled.inputs import Reference
 from exodrake.data.case import Case, CaseLog, write_case
 from exodrake.data.log import Log
 from exodrake.diagnosis.checks.identifiability import SEEN, identifiability, least_left
-from exodrake.diagnosis.checks.preflight import find_band, find_held, judge_clock, preflight
+from exodrake.diagnosis.checks.preflight import find_band, find_held, find_problems, judge_clock, preflight
 from exodrake.diagnosis.fit import bounded
 from exodrake.diagnosis.likelihood import CORRELATION
 from exodrake.diagnosis.linearise import PROBE
@@ -88,10 +88,10 @@ def test_a_clock_with_jitter_drift_and_holes():
     assert clock.missing == 3 and clock.rows == 1997
     assert clock.jitter == pytest.approx(0.1 * np.sqrt(2.0), rel=0.1)
     assert clock.drift == pytest.approx(5e-4, abs=0.1 / 1997)
-    said = " ".join(clock.problems())
+    said = " ".join(find_problems([clock], (), ()))
     assert all(word in said for word in ("scatter", "ppm too slowly", "3 of 2000"))
     clean = judge_clock(Log(0.02 * np.arange(100.0), {}), "y.csv", 0.02)
-    assert not clean.problems() and clean.jitter < 1e-9
+    assert not [*find_problems([clean], (), ())] and clean.jitter < 1e-9
 
 
 def test_clipped_samples_are_counted_and_a_smooth_top_is_not():

@@ -24,7 +24,6 @@ from exodrake.core.parallel import Outcome, each
 from exodrake.core.progress import Count, no_progress
 from exodrake.core.provenance import configuration, described, robot_digest
 from exodrake.core.schema import (
-    Schema,
     anything,
     flag,
     having,
@@ -42,14 +41,12 @@ from exodrake.machines.robot_file import load_robot
 
 ANSWER, FAILED = "diagnosis.json", "failed.json"
 RETUNED, IMPROVED = "retuned.yaml", "improved.yaml"  # robot files beside an answer
-
-
 WORD = re.compile(r"[A-Z][A-Z_]{0,30}")
 
 
-def line() -> Schema:
+def line(value: Any, where: str) -> str:
     """Text, with whatever no terminal or file would take shown escaped."""
-    return lambda value, where: printable(text()(value, where))
+    return printable(text()(value, where))
 
 
 def check_word(value: Any, where: str) -> str:
@@ -68,39 +65,28 @@ def check_moment(value: Any, where: str) -> datetime:
         raise refusal(where, f"wanted a date as 2026-03-05, found {shown(value)}") from None
 
 
-REAL = optional(number())  # null: not a number
-INTERVAL = having({"value": REAL, "low": REAL, "high": REAL, "unit": line()}, ("unit",))
-SHARE = having({"value": REAL})
-EFFECT = having(
-    {
-        "id": line(),
-        "kind": optional(line()),
-        "role": optional(line()),
-        "share": optional(SHARE),
-        "rivals": optional(listing(having({"id": line(), "share": SHARE}, ("id",)))),
-        "parameters": names(INTERVAL),
-        "channels": names(names(INTERVAL)),
-    },
-    ("id", "parameters", "channels"),
-)
+REAL, WORDS = optional(number()), optional(line)  # null: not a number, not known
+INTERVAL = having({"value": REAL, "low": REAL, "high": REAL, "unit": line}, ("unit",))
+SHARE, VALUE = having({"value": REAL}), having({"value": WORDS})
+RIVALS = listing(having({"id": line, "share": SHARE}, ("id",)))
+AMOUNTS = {"parameters": names(INTERVAL), "channels": names(names(INTERVAL))}
+EFFECT = {"id": line, "kind": WORDS, "role": WORDS, "share": optional(SHARE), "rivals": optional(RIVALS)} | AMOUNTS
 SCHEMA = having(
     {
-        "case": optional(line()),
-        "serial": optional(line()),
+        "case": WORDS,
+        "serial": WORDS,
         "date": optional(check_moment),
         "verdict": check_word,
-        "where": having({"block": line()}, ("block",)),
-        "effects": listing(EFFECT),
-        "equivalents": listing(line()),
-        "remainder": optional(having({"value": REAL, "noise_std": REAL, "block": optional(line())})),
+        "where": having({"block": line}, ("block",)),
+        "effects": listing(having(EFFECT, ("id", "parameters", "channels"))),
+        "equivalents": listing(line),
+        "remainder": optional(having({"value": REAL, "noise_std": REAL, "block": WORDS})),
         "confirmed": optional(flag),
-        "closure": having({"overall": having({"value": REAL}), "rms": optional(names(REAL))}, ("overall",)),
-        "reasons": optional(listing(line())),
+        "closure": having({"overall": SHARE, "rms": optional(names(REAL))}, ("overall",)),
+        "reasons": optional(listing(line)),
         "seconds": REAL,
-        "since": optional(having({"began": optional(having({"value": optional(line())}))})),
-        "provenance": optional(
-            having({"robot": optional(line()), "version": optional(line()), "code": optional(anything)})
-        ),
+        "since": optional(having({"began": optional(VALUE)})),
+        "provenance": optional(having({"robot": WORDS, "version": WORDS, "code": optional(anything)})),
     },
     required=("verdict", "where", "effects", "equivalents", "closure"),
 )
@@ -126,9 +112,7 @@ def stored(folder: Path) -> dict[str, Any] | None:
 def configured(robot: str, tried: frozenset[str] | None = None) -> dict[str, str]:
     """Return the configuration, with a digest of a nominal robot that is not built in and the effects if chosen."""
     choice = {} if tried is None else {"effects": ",".join(sorted(tried))}
-    if not robot:
-        return configuration() | choice
-    return configuration() | choice | {"robot": robot_digest(load_robot(robot))}
+    return configuration() | choice | ({"robot": robot_digest(load_robot(robot))} if robot else {})
 
 
 def diagnose_one(case: Case, robot: str, wanted: dict[str, str], tried: frozenset[str] | None = None) -> dict[str, Any]:

@@ -108,8 +108,7 @@ class SegmentReplay:
 def without_noise(robot: Robot) -> np.ndarray:
     """Flat parameters without noise and rounding."""
     values = prepared(robot, quantisation=False)
-    for name in robot.machine.noise:
-        values[robot.machine.index[name]] = 0.0
+    values[[robot.machine.index[name] for name in robot.machine.noise]] = 0.0
     return values
 
 
@@ -152,12 +151,11 @@ class OnlineReplay:
         smooth = partial(savgol_filter, held[:, self.fed], WINDOW, ORDER, axis=0, mode="nearest")
         feed, rate = np.asarray(smooth())[ready], np.asarray(smooth(deriv=1, delta=machine.frame))[ready]
         references, held, raw = references[ready], held[ready], was[ready]
-        known = np.isfinite(was)
-        known &= np.concatenate([np.zeros_like(known[:1]), known[:-1]])  # a replay needs its inputs a frame before, too
-        judged = was.copy()
+        known, judged = np.isfinite(was), was.copy()
+        known[1:], known[:1] = known[1:] & known[:-1], False  # a replay needs its inputs a frame before, too
         for kind, replay in self.segments.items():
-            inputs_known = [known[:, self.places[name]].all(axis=1) for name in replay.segment.inputs]
-            judged[~np.all(inputs_known, axis=0), self.places[kind]] = np.nan
+            needed = [self.places[name] for name in replay.segment.inputs]
+            judged[~np.all([known[:, place].all(axis=1) for place in needed], axis=0), self.places[kind]] = np.nan
         inputs = list(input_rows(machine, references, NoiseInputs.draw(len(raw), None, machine)).values())
         records = [self.loop.step(inputs)]
         records += [replay.push(inputs, feed, rate, held, raw) for replay in self.segments.values()]

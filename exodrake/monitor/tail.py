@@ -35,19 +35,12 @@ def log_columns(machine: Machine) -> dict[str, bool]:
 
 @dataclass(frozen=True)
 class Rows:
-    """Consecutive rows of a file, or frames.
+    """Consecutive rows of a file, or frames."""
 
-    Attributes:
-        values: (n, columns) in the order of `log_columns` [SI], NaN where a sample or a frame is missing.
-        restart: whether a log begins, or the model must begin anew.
-        numbers: of rows of a file, 1 below the heading, empty lines included.
-        note: reason of a restart within a file.
-    """
-
-    values: np.ndarray
-    restart: bool
-    numbers: Sequence[int] = ()
-    note: str = ""
+    values: np.ndarray  # (n, columns) in the order of `log_columns` [SI], NaN where a sample or a frame is missing
+    restart: bool  # whether a log begins, or the model must begin anew
+    numbers: Sequence[int] = ()  # of rows of a file, 1 below the heading, empty lines included
+    note: str = ""  # reason of a restart within a file
 
 
 class Tail:
@@ -64,10 +57,13 @@ class Tail:
         while self.stream is not None:
             if data := self.stream.read(CHUNK):
                 yield from self.read(data)
-            elif self.is_replaced(self.stream):
-                self.open()
-            else:
+                continue
+            try:
+                if os.path.samestat(os.stat(self.path), os.fstat(self.stream.fileno())):
+                    return
+            except OSError:
                 return
+            self.open()  # another file stands in the place of the open one
 
     def open(self) -> None:
         """Opens the file at its start if it is there; InputError if it may not be read."""
@@ -92,13 +88,6 @@ class Tail:
         stream.seek(at)
         return not same
 
-    def is_replaced(self, stream: io.BufferedReader) -> bool:
-        """Whether another file stands in the place of the open one."""
-        try:
-            return not os.path.samestat(os.stat(self.path), os.fstat(stream.fileno()))
-        except OSError:
-            return False
-
     def read(self, data: bytes) -> Iterator[Rows]:
         """Rows of the whole lines so far, cut where the heading comes again."""
         self.head += data[: HEAD - len(self.head)]
@@ -116,12 +105,11 @@ class Tail:
                 self.row += 1  # an empty line counts, so that a row is named by its place in the file
                 if cells:
                     found[self.row] = self.read_row(cells)
-        except UnicodeDecodeError:
-            raise InputError(
-                f"{self.path}: not a text file near row {self.row + 1}; a growing log must be CSV"
-            ) from None
-        except csv.Error as error:
-            raise InputError(f"{self.path}: not a CSV file near row {self.row + 1} ({error})") from None
+        except (UnicodeDecodeError, csv.Error) as error:
+            fault, reason = "not a CSV file", f" ({error})"
+            if isinstance(error, UnicodeDecodeError):
+                fault, reason = "not a text file", "; a growing log must be CSV"
+            raise InputError(f"{self.path}: {fault} near row {self.row + 1}{reason}") from None
         yield from self.take(found)
 
     def take(self, found: dict[int, np.ndarray]) -> Iterator[Rows]:
@@ -171,13 +159,15 @@ class Grid:
     def push(self, rows: Rows) -> Iterator[Rows]:
         """Frames of some rows. InputError naming the row for a backward clock or rows faster than the frame."""
         restart, note, found = rows.restart, "", []
-        if restart:
-            self.last = None
+        self.last = None if restart else self.last
         for number, row in zip(rows.numbers, rows.values, strict=True):
-            steps = self.count_steps(row, number)
+            steps = 1 if self.last is None else self.count_steps(self.last, row, number)
             if steps == 0:
                 continue
-            self.check_rate(row[0], steps)
+            frame = self.stretch[-1][1] + steps if self.stretch and self.last is not None else 0
+            self.stretch = [*self.stretch, (row[0], frame)] if frame else [(row[0], 0)]
+            if len(self.stretch) == STRETCH:
+                self.check_rate()
             if self.last is not None and (steps - 1) * self.frame > self.bridged:
                 if found:
                     yield Rows(np.array(found), restart, note=note)
@@ -190,12 +180,8 @@ class Grid:
         if found:
             yield Rows(np.array(found), restart, note=note)
 
-    def check_rate(self, time: float, steps: int) -> None:
+    def check_rate(self) -> None:
         """InputError where some hundred rows show a clock that is fast or slow, or a log of another rate."""
-        number = self.stretch[-1][1] + steps if self.stretch and self.last is not None else 0
-        self.stretch = [*self.stretch, (time, number)] if number else [(time, 0)]
-        if len(self.stretch) < STRETCH:
-            return
         times, numbers = np.transpose(self.stretch)
         found, self.stretch = other_rate(times, numbers, self.frame), []
         if found is not None:
@@ -204,18 +190,15 @@ class Grid:
                 f"{self.frame * 1e3:g} ms"
             )
 
-    def count_steps(self, values: np.ndarray, row: int) -> int:
-        """Frames since the last row: 1 for the next and for the first, 0 for the same row again."""
-        if self.last is None:
-            return 1
-        if np.array_equal(values, self.last, equal_nan=True):
+    def count_steps(self, last: np.ndarray, values: np.ndarray, row: int) -> int:
+        """Frames since the last row: 1 for the next, 0 for the same row again."""
+        if np.array_equal(values, last, equal_nan=True):
             return 0
-        gap = values[0] - self.last[0]
+        gap = values[0] - last[0]
         if gap <= 0:
-            fault = "comes again with other values" if gap == 0 else f"comes after {self.last[0]:g} s"
+            fault = "comes again with other values" if gap == 0 else f"comes after {last[0]:g} s"
             raise InputError(f"{self.source}: column 'time', row {row}: {values[0]:g} s {fault}")
-        steps = int(np.rint(gap / self.frame))
-        if steps < 1:
+        if (steps := int(np.rint(gap / self.frame))) < 1:
             raise InputError(
                 f"{self.source}: row {row} comes {gap:.3g} s after the one before, but a frame is {self.frame:g} s"
             )

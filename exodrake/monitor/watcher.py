@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -22,31 +21,17 @@ BATCH = 500  # frames that the model takes at once, so that a long log shows how
 POLL = 0.2  # s between looks at the file
 
 
-@dataclass
 class Monitor:
-    """State of the monitor of one log. `push` takes frames and yields a reading for each second.
+    """State of the monitor of one log. `push` takes frames and yields a reading for each second."""
 
-    Attributes:
-        robot: robot whose model is compared.
-        reading: last reading.
-        alarm: alarm of the last reading.
-        alarms: first alarm of each episode.
-        notes: restarts of the model.
-        frames: frames taken.
-        busy: time spent on them [s].
-    """
-
-    robot: Robot
-    reading: Reading | None = None
-    alarm: Alarm | None = None
-    alarms: list[Alarm] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
-    frames: int = 0
-    busy: float = 0.0
-
-    def __post_init__(self) -> None:
-        machine = self.machine = self.robot.machine
-        self.noise, self.limit, self.channels = measure_noise(self.robot), read_limits(machine), channels(machine)
+    def __init__(self, robot: Robot) -> None:
+        self.robot, self.machine = robot, (machine := robot.machine)
+        self.reading: Reading | None = None  # the last one
+        self.alarm: Alarm | None = None  # of the last reading
+        self.alarms: list[Alarm] = []  # the first of each episode
+        self.notes: list[str] = []  # restarts of the model
+        self.frames, self.busy = 0, 0.0  # frames taken, and time spent on them [s]
+        self.noise, self.limit, self.channels = measure_noise(robot), read_limits(machine), channels(machine)
         segments = {s.name for s in replayed_segments(machine).values()}
         self.segments = (*(s.name for s in machine.segments if s.name in segments), LOOP)
         self.replay: OnlineReplay | None = None
@@ -80,7 +65,7 @@ class Monitor:
             if self.limit is not None and (alarm := judge(reading, self.channels, self.limit)) is not None:
                 powers = np.array(self.powers)[:, self.channels.index(alarm.channel)]
                 rose = before.rose if before else date_rise(powers, alarm.second, self.gap.length)
-                alarm = replace(alarm, rose=rose)
+                alarm = alarm._replace(rose=rose)
                 self.alarms += [] if before else [alarm]
             self.alarm = alarm
             yield reading
@@ -104,22 +89,21 @@ def follow(monitor: Monitor, path: Path, idle: float | None) -> Iterator[Reading
     """
     grid, wanted = Grid(str(path), monitor.machine.frame), log_columns(monitor.machine)
 
-    def take(pieces: Iterable[Rows]) -> Iterator[Reading]:
-        for rows in pieces:
-            for frames in grid.push(rows):
-                yield from monitor.push(frames)
+    def take(rows: Rows) -> Iterator[Reading]:
+        for frames in grid.push(rows):
+            yield from monitor.push(frames)
 
     if ending(path) not in (".csv", None) and path.exists():
         log = read_table(path)
         check_columns(log, [name for name, required in wanted.items() if required])
         columns = [log.time, *(log[n] if log.has(n) else np.full(len(log), np.nan) for n in [*wanted][1:])]
-        yield from take([Rows(np.column_stack(columns), True, range(1, len(log) + 1))])
+        yield from take(Rows(np.column_stack(columns), True, range(1, len(log) + 1)))
         yield from monitor.end()
         return
     tail, changed = Tail(path, monitor.machine), time.monotonic()
     while True:
         for rows in tail.poll():
-            yield from take([rows])
+            yield from take(rows)
             changed = time.monotonic()
         yield None
         if idle is not None and time.monotonic() - changed >= idle:

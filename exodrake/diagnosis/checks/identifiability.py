@@ -13,17 +13,19 @@ As in a diagnosis, samples within the correlation time of a model's error count 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
 from exodrake.core.machine import Column, Machine
+from exodrake.core.progress import no_progress
 from exodrake.core.robot import Robot
 from exodrake.data.case import Case
 from exodrake.diagnosis.likelihood import CORRELATION, duration, output_error
 from exodrake.diagnosis.linear import LinearModel, bounded
-from exodrake.diagnosis.linearise import Linearisation, Probe, linearise
+from exodrake.diagnosis.linearise import Linearisation, linearise
 from exodrake.diagnosis.noise import sensor_noise_std
 from exodrake.diagnosis.parameter import nominal_parameters
 from exodrake.diagnosis.problem import Problem, make_problem
@@ -36,31 +38,19 @@ SENSOR = 5e-4  # noise of a sensor not there yet, as a share of its signal's spa
 EXTRA = "also"  # kind of the columns of such sensors
 
 
-@dataclass(frozen=True)
-class Direction:
-    """An effect of typical size on one channel.
-
-    Attributes:
-        effect: id.
-        channel: "" for an effect of the whole robot.
-        unit: of its first parameter.
-        typical: value of that parameter [unit].
-        seen: how far the logs change [standard deviations].
-        smallest: value that could just be seen [unit], within the plausible range; NaN where sizes do not scale.
-        taken_for: effects that could be taken for it -> share of the change that they leave [-].
-    """
+class Direction(NamedTuple):
+    """An effect of typical size on one channel."""
 
     effect: str
-    channel: str
-    unit: str
-    typical: float
-    seen: float
-    smallest: float
-    taken_for: dict[str, float]
+    channel: str  # "" for an effect of the whole robot
+    unit: str  # of the effect's first parameter
+    typical: float  # value of that parameter [unit]
+    seen: float  # how far the logs change [standard deviations]
+    smallest: float  # value that could just be seen [unit], within the plausible range; NaN where sizes do not scale
+    taken_for: dict[str, float]  # effects that could be taken for it -> share of the change that they leave
 
 
-@dataclass(frozen=True)
-class Sensor:
+class Sensor(NamedTuple):
     """A signal that is not logged, with the numbers of hidden and mistaken directions if it were."""
 
     signal: str
@@ -70,28 +60,20 @@ class Sensor:
     mistaken: int
 
 
-@dataclass(frozen=True, eq=False)
-class Fewer:
-    """Identifiability with a subset of the sensors; `lost` holds the effects that are no longer distinguished."""
+class Fewer(NamedTuple):
+    """Identifiability with some kinds of sensors alone, and the effects that are then no longer distinguished."""
 
     kinds: tuple[str, ...]
     left: Identifiability
     lost: tuple[str, ...]
 
 
-@dataclass(frozen=True, eq=False)
-class Identifiability:
-    """Identifiability of effects from the references and columns of a case.
-
-    Attributes:
-        directions: of all effects.
-        sensors: signals whose measurement would help most, best first.
-        fewer: the same with one kind of sensor less, and with each alone.
-    """
+class Identifiability(NamedTuple):
+    """Identifiability of effects from the references and columns of a case."""
 
     directions: tuple[Direction, ...]
-    sensors: tuple[Sensor, ...] = ()
-    fewer: tuple[Fewer, ...] = ()
+    sensors: tuple[Sensor, ...] = ()  # signals whose measurement would help most, best first
+    fewer: tuple[Fewer, ...] = ()  # with one kind of sensor less, and with each alone
 
     @property
     def clear(self) -> tuple[Direction, ...]:
@@ -110,10 +92,7 @@ class Identifiability:
 
 
 def identifiability(
-    case: Case,
-    robot: Robot,
-    tried: frozenset[str] | None = None,
-    progress: Callable[[str], object] = lambda text: None,
+    case: Case, robot: Robot, tried: frozenset[str] | None = None, progress: Callable[[str], object] = no_progress
 ) -> Identifiability:
     """Identifiability of effects from the references of a case, whatever its measured values are.
 
@@ -127,75 +106,67 @@ def identifiability(
     problem = plan_experiment(whole)
     machine = problem.robot.machine
     effects = [effect for effect in machine.effects if effect.id in problem.tried]
-    nominal, values = nominal_parameters(problem.robot), problem.silent()
+    nominal = nominal_parameters(problem.robot)
     progress(f"simulating {len(effects)} effects")
-    lin = linearise(output_error(problem), values, np.zeros(len(nominal)), nominal, effects)
+    lin = linearise(output_error(problem), problem.silent(), np.zeros(len(nominal)), nominal, effects)
     progress("telling the effects apart")
     # a linear model of nominal parameters and, last, directions, with a block for each kind of column
-    kinds = np.array(problem.kinds)
-    known = list(dict.fromkeys(problem.kinds))
-    samples = [np.concatenate([np.tile(kinds == k, len(trial.measured)) for trial in problem.fit]) for k in known]
+    kinds, known = np.array(problem.kinds), list(dict.fromkeys(problem.kinds))
+    kind = np.concatenate([np.tile(kinds, len(trial.measured)) for trial in problem.fit])
     rows = np.concatenate([lin.jacobian, lin.directions, np.zeros((1, lin.directions.shape[1]))], dtype=np.float32)
-    ends = np.cumsum([0, *(mask.sum() for mask in samples)])
+    places = [np.flatnonzero(kind == k) for k in known]
+    ends = np.cumsum([0, *map(len, places)])
     blocks = [(0, 0, slice(int(a), int(b))) for a, b in pairwise(ends)]
-    precision, free = np.zeros(len(rows) - 1), np.full(len(rows) - 1, np.inf)
-    precision[: len(nominal)] = [p.prior_std**-2.0 for p in lin.nominal]
+    free = np.full(len(rows) - 1, np.inf)
+    precision = np.r_[[p.prior_std**-2.0 for p in nominal], np.zeros(len(free) - len(nominal))]
     memory = max(CORRELATION / machine.frame, 1.0) / (duration(whole) / duration(problem))
-    order = np.concatenate([np.flatnonzero(mask) for mask in samples])
-    model = LinearModel.of_rows(rows[:, order], blocks, (np.zeros(len(free)), precision, -free, free), memory)
-    own = [kind for kind in known if not kind.startswith(EXTRA)]
+    prior = (0.0 * precision, precision, -free, free)
+    model = LinearModel.of_rows(rows[:, np.concatenate(places)], blocks, prior, memory)
 
     def with_kinds(some: Sequence[str], every: bool = False) -> Identifiability:
         return Identifiability(find_directions(lin, machine, model, np.isin(known, some), every))
 
-    found = with_kinds(own, every=True)
-    sensors = []
-    for kind in (kind for kind in known if kind.startswith(EXTRA)):
-        better, signal = with_kinds([*own, kind]), machine.signal[machine.column(kind).signal]
-        noise = float(problem.noise_std[kinds == kind].max())
-        sensors.append(Sensor(signal.name, signal.unit, noise, len(better.hidden), len(better.mistaken)))
-    helpful = [s for s in sensors if s.hidden + s.mistaken < len(found.hidden) + len(found.mistaken)]
-    best = tuple(sorted(helpful, key=lambda s: (s.hidden + s.mistaken, s.hidden)))
+    own = [k for k in known if not k.startswith(EXTRA)]
+    found, sensors, fewer = with_kinds(own, every=True), [], []
+    for k in (k for k in known if k.startswith(EXTRA)):
+        better, signal = with_kinds([*own, k]), machine.signal[machine.column(k).signal]
+        noise = float(problem.noise_std[kinds == k].max())
+        if len(better.hidden) + len(better.mistaken) < len(found.hidden) + len(found.mistaken):
+            sensors.append(Sensor(signal.name, signal.unit, noise, len(better.hidden), len(better.mistaken)))
+    sensors.sort(key=lambda s: (s.hidden + s.mistaken, s.hidden))
     # one kind of sensor less, and each alone; a command that is logged is no sensor, and stays
-    removable = [kind for kind in own if machine.observer is None or kind != machine.observer.measured_input]
-    sets = [tuple(k for k in own if k != kind) for kind in removable]
-    sets += [tuple(k for k in own if k == kind or k not in removable) for kind in removable]
-    fewer = []
+    removable = [k for k in own if machine.observer is None or k != machine.observer.measured_input]
+    sets = [tuple(k for k in own if k != gone) for gone in removable]
+    sets += [tuple(k for k in own if k == kept or k not in removable) for kept in removable]
     for some in dict.fromkeys(sets) if len(removable) > 1 else ():
         left = with_kinds(some)
         clear = {d.effect for d in left.clear}
-        lost = tuple(dict.fromkeys(d.effect for d in found.clear if d.effect not in clear))
-        fewer.append(Fewer(some, left, lost))
-    return replace(found, sensors=best, fewer=tuple(fewer))
+        fewer.append(Fewer(some, left, tuple(dict.fromkeys(d.effect for d in found.clear if d.effect not in clear))))
+    return found._replace(sensors=tuple(sensors), fewer=tuple(fewer))
 
 
 def plan_experiment(problem: Problem) -> Problem:
     """The problem as an experiment: logs that the nominal robot would give, with every signal in them."""
-    machine, noise = problem.robot.machine, sensor_noise_std(problem.robot)
+    machine, noise, own = problem.robot.machine, sensor_noise_std(problem.robot), len(problem.columns)
     logged = {c.signal for c in machine.columns if any(col.startswith(f"{c.kind}_") for col in problem.columns)}
     written = {name for part in machine.parts for output in part.outputs for name in output.writes}
     more = [s for s in machine.signals if s.name in written - logged]
     extra = tuple(Column(EXTRA + s.name.replace("_", ""), s.name, required=False) for s in more)
     wide = replace(machine, columns=machine.columns + extra, nominal=None)
-    names = machine.log_names(extra)
     short = problem.shortened(min(1.0, FRAMES / sum(len(t.reference) for t in problem.fit)))
-    every = replace(short, robot=replace(problem.robot, machine=wide), columns=(*problem.columns, *names), holdout=())
-    values, trials = every.silent(), []
+    columns, robot = (*problem.columns, *machine.log_names(extra)), replace(problem.robot, machine=wide)
+    every, trials = replace(short, robot=robot, columns=columns, holdout=()), []
     for trial in short.fit:
-        (simulated,) = every.predict(values[None], trial)
-        simulated[:, : len(problem.columns)][np.isnan(trial.measured)] = np.nan
+        (simulated,) = every.predict(every.silent()[None], trial)
+        simulated[:, :own][np.isnan(trial.measured)] = np.nan
         trials.append(replace(trial, measured=simulated))
     kinds = {c.signal: c.kind for c in machine.columns}
-    span = np.max([np.ptp(np.nan_to_num(t.measured), axis=0) for t in trials], axis=0)
-    levels = [noise.get(kinds.get(s.name, ""), 0.0) for s in more for _ in machine.axes.of(s.axis)]
-    stated = np.where(np.array(levels) > 0.0, levels, SENSOR * span[len(problem.columns) :])
-    keep = np.concatenate([np.ones(len(problem.columns), bool), (stated > 0.0) & np.isfinite(stated)])
-    return replace(
-        every,
-        columns=tuple(c for c, k in zip(every.columns, keep, strict=True) if k),
-        noise_std=np.concatenate([problem.noise_std, stated])[keep],
-        fit=tuple(replace(t, measured=t.measured[:, keep]) for t in trials),
-    )
+    span = np.max([np.ptp(np.nan_to_num(t.measured), axis=0) for t in trials], axis=0)[own:]
+    levels = np.array([noise.get(kinds.get(s.name, ""), 0.0) for s in more for _ in machine.axes.of(s.axis)])
+    stated = np.concatenate([problem.noise_std, np.where(levels > 0.0, levels, SENSOR * span)])
+    keep = (np.arange(len(stated)) < own) | ((stated > 0.0) & np.isfinite(stated))
+    fit = tuple(replace(t, measured=t.measured[:, keep]) for t in trials)
+    return replace(every, columns=tuple(np.array(columns)[keep].tolist()), noise_std=stated[keep], fit=fit)
 
 
 def find_directions(
@@ -206,9 +177,8 @@ def find_directions(
     every: whether all effects that could be taken for one are sought; else the first.
     """
     some = replace(model, products=model.products * blocks[:, None, None])
-    gram = some.eliminated(len(lin.nominal)).normal
+    gram, found = some.eliminated(len(lin.nominal)).normal, []
     size = np.sqrt(np.maximum(np.diag(gram), 0.0))
-    found = []
     least = np.array([least_left(gram, probe.rows) for probe in lin.probes])
     for effect in dict.fromkeys(p.effect for p in lin.probes):
         info, probes = machine.effect(effect).parameters[0], [p for p in lin.probes if p.effect == effect]
@@ -216,22 +186,28 @@ def find_directions(
         # the directions at the modest amplitude: of each channel where their sizes scale, else of the typical probe
         scaled = next((probe for probe in probes if probe.scaled), None)
         if scaled is not None and scaled.parameters[scaled.scaled[0]].channels != ("",):
-            channels = [scaled.parameters[k].channels[0] for k in scaled.scaled]
-            typical = [(int(r), scaled, k, c) for r, k, c in zip(scaled.rows, scaled.scaled, channels, strict=True)]
+            typical = [(int(row), scaled, k) for row, k in zip(scaled.rows, scaled.scaled, strict=True)]
         else:
             probe = min(probes, key=lambda p: abs(p.x[0] - p.parameters[0].start))
-            typical = [(int(probe.rows[0]), probe, 0, "")]
-        for row, probe, k, channel in typical:
-            parameter, x = probe.parameters[k], float(probe.x[k])
-            seen, most = float(size[row]), max(SEEN, LAW * float(size[row]))
-            near = np.flatnonzero(others & (least[:, row] < most)) if seen >= SEEN else []
-            rivals = [lin.probes[i] for i in sorted(near, key=lambda i: least[i, row])]
-            smallest = float("nan")
+            typical = [(int(probe.rows[0]), probe, 0)]
+        for row, probe, k in typical:
+            parameter, x, seen = probe.parameters[k], float(probe.x[k]), float(size[row])
+            channel = parameter.channels[0] if probe is scaled and len(parameter.channels) == 1 else ""
+            smallest, taken, most = float("nan"), dict[str, float](), max(SEEN, LAW * seen)
             if probe.scaled and seen > 0.0:  # no weaker than plausible
                 ends = [parameter.coordinate(end) for end in (info.low, info.high)]
                 weakest = min(map(abs, ends)) if ends[0] * ends[1] > 0.0 else 0.0
                 smallest = parameter.value(float(np.copysign(max(abs(x) * SEEN / seen, weakest), x)))
-            taken = mistaken_for(gram, row, rivals, most, every)
+            near = np.flatnonzero(others & (least[:, row] < most)) if seen >= SEEN else []
+            for rival in (lin.probes[i] for i in sorted(near, key=lambda i: least[i, row])):
+                low, high = (rival.low, rival.high) if rival.scaled else np.array(STRETCH)[:, None]
+                _, gain = bounded(gram[np.ix_(rival.rows, rival.rows)], -gram[rival.rows, row], low, high)
+                rest = float(np.sqrt(max(gram[row, row] + 2.0 * gain, 0.0)))
+                if rest < most:
+                    taken[rival.effect] = min(taken.get(rival.effect, 1.0), rest / seen)
+                    if not every:
+                        break
+            taken = dict(sorted(taken.items(), key=lambda item: item[1]))
             found.append(Direction(effect, channel, info.unit, parameter.value(x), seen, smallest, taken))
     return tuple(found)
 
@@ -244,17 +220,3 @@ def least_left(gram: np.ndarray, rows: np.ndarray) -> np.ndarray:
         return np.zeros(len(gram))
     cross = gram[rows] / size[:, None]
     return np.sqrt(np.maximum(np.diag(gram) - np.sum(cross * np.linalg.solve(normal, cross), axis=0), 0.0))
-
-
-def mistaken_for(gram: np.ndarray, row: int, probes: Sequence[Probe], most: float, every: bool) -> dict[str, float]:
-    """Effects that leave less than `most` [standard deviations] of a direction -> share left, least first."""
-    left: dict[str, float] = {}
-    for probe in probes:
-        low, high = (probe.low, probe.high) if probe.scaled else (np.array([STRETCH[0]]), np.array([STRETCH[1]]))
-        _, gain = bounded(gram[np.ix_(probe.rows, probe.rows)], -gram[probe.rows, row], low, high)
-        rest = float(np.sqrt(max(gram[row, row] + 2.0 * gain, 0.0)))
-        if rest < most:
-            left[probe.effect] = min(left.get(probe.effect, 1.0), rest / float(np.sqrt(gram[row, row])))
-            if not every:
-                break
-    return dict(sorted(left.items(), key=lambda item: item[1]))

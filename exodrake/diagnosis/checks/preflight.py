@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
-from exodrake.core.errors import short_repr
+from exodrake.core.progress import no_progress
 from exodrake.core.robot import Robot
 from exodrake.data.case import FILE, Case, find_logs, read_case, read_case_file
 from exodrake.data.formats import read_table
@@ -30,123 +30,49 @@ CEILING = 1000.0  # standard deviations; what stands out further is as clear as 
 COLOURS = {"distinguished": "#009e73", "could be mistaken": "#e69f00", "not seen": "#b0b7bf"}
 
 
-@dataclass(frozen=True)
-class Clock:
-    """The clock of one log as recorded.
-
-    Attributes:
-        file: of the log.
-        rows: as recorded.
-        duration: [s].
-        step: median step [s].
-        jitter: standard deviation of the steps over the step, gaps left out [-].
-        drift: relative difference of the mean step, gaps left out, from the machine's frame [-].
-        missing: frames without a row.
-    """
+class Clock(NamedTuple):
+    """The clock of one log as recorded."""
 
     file: str
     rows: int
-    duration: float
-    step: float
-    jitter: float
-    drift: float
-    missing: int
-
-    def problems(self) -> list[str]:
-        """Problems of the clock, a sentence each."""
-        found = []
-        if self.jitter > JITTER:
-            found.append(f"{self.file}: steps of the clock scatter by {self.jitter:.0%} of a frame")
-        if abs(self.drift) > DRIFT + 3.0 * self.jitter / self.rows:  # both ends of the log are as uncertain
-            word = "slowly" if self.drift > 0.0 else "fast"
-            found.append(f"{self.file}: its rows come {abs(1e6 * self.drift):.0f} ppm too {word}")
-        if self.missing:
-            found.append(f"{self.file}: {self.missing} of {self.rows + self.missing} frames are missing")
-        return found
+    duration: float  # [s]
+    step: float  # median step [s]
+    jitter: float  # standard deviation of the steps over the step, gaps left out
+    drift: float  # relative difference of the mean step, gaps left out, from the machine's frame
+    missing: int  # frames without a row
 
 
-@dataclass(frozen=True)
-class ChannelQuality:
-    """A compared column over all logs.
-
-    Attributes:
-        column: its name.
-        missing: share of samples that are missing in rows that are there [-].
-        saturated: share of samples that stay at an end of the range [-].
-        nominal_saturated: the same of the nominal robot on the same references [-].
-        motion: standard deviation [SI].
-        noise: fast noise, standard deviation [SI].
-    """
+class ChannelQuality(NamedTuple):
+    """A compared column over all logs."""
 
     column: str
-    missing: float
-    saturated: float
-    nominal_saturated: float
-    motion: float
-    noise: float
-
-    def problems(self) -> list[str]:
-        """Problems of the channel, a sentence each."""
-        found = []
-        if self.saturated > max(SATURATED, BEYOND * self.nominal_saturated):
-            share = f"{self.saturated:.0%} of the samples"
-            found.append(f"{self.column} stays at an end of its range in {share}: saturated?")
-        if 0.0 < self.motion < LEAST_MOTION * self.noise:
-            found.append(f"{self.column} moves by only {self.motion / self.noise:.1f} times its noise")
-        return found
+    missing: float  # share of samples that are missing in rows that are there
+    saturated: float  # share of samples that stay at an end of the range
+    nominal_saturated: float  # the same of the nominal robot on the same references
+    motion: float  # standard deviation [SI]
+    noise: float  # standard deviation of fast noise [SI]
 
 
-@dataclass(frozen=True)
-class Excitation:
-    """Excitation by a reference, over the logs to fit.
-
-    Attributes:
-        column: of the reference.
-        span: largest minus smallest value [SI].
-        share: of the span between the robot file's limits [-]; NaN without limits.
-        band: frequency below which most of its variance lies [Hz].
-        reversals: changes of direction.
-        rest: share of frames in which it does not move [-].
-    """
+class Excitation(NamedTuple):
+    """Excitation by a channel of the machine's first reference, over the logs to fit."""
 
     column: str
-    span: float
-    share: float
-    band: float
-    reversals: int
-    rest: float
-
-    def problems(self) -> list[str]:
-        """Problems of the excitation, a sentence each."""
-        if self.span == 0.0:
-            return [f"{self.column} never moves, so its channel shows no friction, play, lag or gain"]
-        small = f"{self.column} uses {self.share:.0%} of the span between its limits"
-        found = [small] if self.share < SMALL else []
-        if self.reversals < REVERSALS:
-            found.append(f"{self.column} turns {self.reversals} times: play and friction need reversals")
-        return found
+    span: float  # largest minus smallest value [SI]
+    share: float  # of the span between the robot file's limits; NaN without limits
+    band: float  # frequency below which most of its variance lies [Hz]
+    reversals: int  # changes of direction
+    rest: float  # share of frames in which it does not move
 
 
-@short_repr
-@dataclass(frozen=True, eq=False)
-class Preflight:
-    """Checks of a case before its diagnosis: clocks, channels, excitation and identifiability.
-
-    Attributes:
-        case: as read.
-        clocks: of its logs as recorded.
-        channels: of the compared columns.
-        excitations: of the references.
-        identifiability: which effects it could show and distinguish.
-        problems: sentences; none for a good case.
-    """
+class Preflight(NamedTuple):
+    """Checks of a case before its diagnosis."""
 
     case: Case
     clocks: tuple[Clock, ...]
     channels: tuple[ChannelQuality, ...]
     excitations: tuple[Excitation, ...]
     identifiability: Identifiability
-    problems: tuple[str, ...]
+    problems: tuple[str, ...]  # sentences; none for a good case
 
 
 def preflight(
@@ -154,7 +80,7 @@ def preflight(
     robot: Robot,
     tried: frozenset[str] | None = None,
     allow_outside: bool = False,
-    progress: Callable[[str], object] = lambda text: None,
+    progress: Callable[[str], object] = no_progress,
 ) -> Preflight:
     """Checks a case before its diagnosis.
 
@@ -175,9 +101,35 @@ def preflight(
     progress("comparing the logs with the nominal robot")
     comparison = compare(case, robot)
     parts = read_clocks(Path(path), robot.machine.frame), judge_channels(comparison), judge_excitation(case, robot)
-    sentences = [sentence for part in parts for item in part for sentence in item.problems()]
-    problems = (*case.notes, *sentences, *suspicions(comparison), *calibration_notes(robot.machine))
+    problems = (*case.notes, *find_problems(*parts), *suspicions(comparison), *calibration_notes(robot.machine))
     return Preflight(case, *parts, identifiability(case, robot, tried, progress), tuple(dict.fromkeys(problems)))
+
+
+def find_problems(
+    clocks: Sequence[Clock], channels: Sequence[ChannelQuality], excitations: Sequence[Excitation]
+) -> Iterator[str]:
+    """A sentence for each problem of clocks, channels and excitation."""
+    for c in clocks:
+        if c.jitter > JITTER:
+            yield f"{c.file}: steps of the clock scatter by {c.jitter:.0%} of a frame"
+        if abs(c.drift) > DRIFT + 3.0 * c.jitter / c.rows:  # both ends of the log are as uncertain
+            word = "slowly" if c.drift > 0.0 else "fast"
+            yield f"{c.file}: its rows come {abs(1e6 * c.drift):.0f} ppm too {word}"
+        if c.missing:
+            yield f"{c.file}: {c.missing} of {c.rows + c.missing} frames are missing"
+    for c in channels:
+        if c.saturated > max(SATURATED, BEYOND * c.nominal_saturated):
+            yield f"{c.column} stays at an end of its range in {c.saturated:.0%} of the samples: saturated?"
+        if 0.0 < c.motion < LEAST_MOTION * c.noise:
+            yield f"{c.column} moves by only {c.motion / c.noise:.1f} times its noise"
+    for e in excitations:
+        if e.span == 0.0:
+            yield f"{e.column} never moves, so its channel shows no friction, play, lag or gain"
+            continue
+        if e.share < SMALL:
+            yield f"{e.column} uses {e.share:.0%} of the span between its limits"
+        if e.reversals < REVERSALS:
+            yield f"{e.column} turns {e.reversals} times: play and friction need reversals"
 
 
 def read_clocks(path: Path, frame: float) -> tuple[Clock, ...]:
@@ -196,11 +148,10 @@ def judge_clock(log: Log, file: str, frame: float) -> Clock:
     if not len(steps):
         return Clock(file, len(log), 0.0, float("nan"), 0.0, 0.0, 0)
     count = np.maximum(np.rint(steps / frame), 1.0)
-    single = steps[count == 1.0]
+    single, total = steps[count == 1.0], int(count.sum())
     jitter = float(np.std(single)) / frame if len(single) else 0.0
-    drift = float(steps.sum() / count.sum()) / frame - 1.0
-    duration, missing = float(log.time[-1] - log.time[0]), int(count.sum()) - len(steps)
-    return Clock(file, len(log), duration, float(np.median(steps)), jitter, drift, missing)
+    drift = float(steps.sum()) / total / frame - 1.0
+    return Clock(file, len(log), float(np.ptp(log.time)), float(np.median(steps)), jitter, drift, total - len(steps))
 
 
 def judge_channels(comparison: Comparison) -> tuple[ChannelQuality, ...]:
@@ -208,13 +159,11 @@ def judge_channels(comparison: Comparison) -> tuple[ChannelQuality, ...]:
     found, logs = [], [pair.item.log for pair in comparison.pairs]
     whole = [~np.isnan(np.column_stack(list(log.signals.values()))).all(axis=1) for log in logs]
     for i, column in enumerate(comparison.columns):
-        missing = [np.isnan(log[column]) & rows for log, rows in zip(logs, whole, strict=True)]
         measured, nominal = ([getattr(p, name)[:, i] for p in comparison.pairs] for name in ("measured", "nominal"))
+        missing = [np.isnan(log[column]) & rows for log, rows in zip(logs, whole, strict=True)]
+        masks = missing, map(find_held, measured), map(find_held, nominal)
+        lost, held, nominal_held = (float(np.mean(np.concatenate(list(each)))) for each in masks)
         noise = [fast_noise(values) for values in measured if len(values) > 2 * HELD]
-        lost, held, nominal_held = (
-            float(np.mean(np.concatenate(masks)))
-            for masks in (missing, list(map(find_held, measured)), list(map(find_held, nominal)))
-        )
         motion, fast = float(np.std(np.concatenate(measured))), float(np.median(noise)) if noise else 0.0
         found.append(ChannelQuality(column, lost, held, nominal_held, motion, fast))
     return tuple(found)
@@ -229,18 +178,14 @@ def find_held(values: np.ndarray) -> np.ndarray:
 
 def judge_excitation(case: Case, robot: Robot) -> tuple[Excitation, ...]:
     """Excitation of each channel by the machine's first reference, over the logs to fit."""
-    machine = robot.machine
-    column = machine.references[0]
-    low, high = robot.reference_limits()
-    limited = bool(machine.reference_limits and robot.limits)
-    found = []
-    for k, channel in enumerate(machine.channels(column.signal)):
-        name = f"{column.kind}_{channel}".rstrip("_")
+    machine, found = robot.machine, []
+    spans = np.subtract(*robot.reference_limits()[::-1]) if machine.reference_limits and robot.limits else None
+    for k, name in enumerate(machine.log_names(machine.references[:1])):
         logs = [item.log[name][np.isfinite(item.log[name])] for item in case.fit_logs]
         moves = [np.sign(np.diff(one)) for one in logs]
         turns = sum(int((np.diff(one[one != 0.0]) != 0.0).sum()) for one in moves)
         span = float(np.ptp(np.concatenate(logs)))
-        share = span / float(high[k] - low[k]) if limited else float("nan")
+        share = span / float(spans[k]) if spans is not None else float("nan")
         band = max(find_band(one, machine.frame) for one in logs)
         found.append(Excitation(name, span, share, band, turns, float(np.mean(np.concatenate(moves) == 0.0))))
     return tuple(found)

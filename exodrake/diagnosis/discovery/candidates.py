@@ -41,26 +41,16 @@ BENDS = (0.2, 0.35, 0.5, 0.65, 0.8)  # of terms with a bend, in the range of u
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A candidate for the missing law: a form at a point.
-
-    Attributes:
-        law: its point.
-        number: of the form, from 1.
-        channels: names.
-        knots: (channels, 8) of the curve, reaches of hysteresis [unit of u] or time constants [s].
-        size: (channels,) plausible weight.
-        basis: (8, 8) weights of the modes in units of size, largest prior variance first.
-        low, high: (channels,) range of its variable in the simulated logs [unit of u].
-    """
+    """A candidate for the missing law: a form at a point."""
 
     law: LawPoint
-    number: int
+    number: int  # of the form, from 1
     channels: tuple[str, ...]
-    knots: np.ndarray
-    size: np.ndarray
-    basis: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
+    knots: np.ndarray  # (channels, 8) of the curve, reaches of hysteresis [unit of u] or time constants [s]
+    size: np.ndarray  # (channels,) plausible weight
+    basis: np.ndarray  # (8, 8) weights of the modes in units of size, largest prior variance first
+    low: np.ndarray  # (channels,) lowest value of its variable in the simulated logs [unit of u]
+    high: np.ndarray  # (channels,) highest value [unit of u]
 
     @property
     def form(self) -> FreeLaw:
@@ -114,33 +104,29 @@ def list_candidates(problem: Problem, values: np.ndarray, laws: Sequence[LawPoin
     """
     machine, ranges = problem.robot.machine, measure_ranges(problem, values, laws)
     longest, found = max(len(trial.reference) for trial in problem.fit) * machine.frame, []
-    for law in laws:
-        for k, form in enumerate(law.forms, 1):
-            here, value = ranges.get((law.identity, k)), ranges.get((law.identity, len(law.forms) + 1))
-            if here is None or value is None:
-                continue
-            (low, high), (least, most) = here, value
-            # plausible weights: the range of the value that passes, over that of the factor
-            size = np.maximum(most - least, 0.5 * np.maximum(abs(least), abs(most)))
-            size = np.maximum(size, 0.1 * max(float(size.max()), 1e-6))
-            span = np.maximum(high - low, 1e-6 * np.maximum(1.0, abs(low)))
-            if form.kind == RELAXATION:
-                knots = np.tile(np.geomspace(FRAMES * machine.frame, 0.5 * longest, SIZE), (len(low), 1))
-                size = size / np.maximum(high - low, 1e-9)
-            else:
-                if form.kind == HYSTERESIS:
-                    knots = span[:, None] * np.geomspace(*REACHES, SIZE)
-                elif form.fine:
-                    near = span / FINE
-                    knots = (
-                        near * np.sinh(np.linspace(np.arcsinh(low / near), np.arcsinh((low + span) / near), SIZE))
-                    ).T
-                else:
-                    knots = np.linspace(low, low + span, SIZE).T
-                if form.factor not in ("", "-1.0") and form.factor.isidentifier():
-                    size = np.ones(len(size))
-            channels = machine.axes.of(law.point.axis)
-            found.append(Candidate(law, k, channels, knots, MODEST * size, prior_basis(form), low, high))
+    for law, k, form in ((one, k, form) for one in laws for k, form in enumerate(one.forms, 1)):
+        here, value = ranges.get((law.identity, k)), ranges.get((law.identity, len(law.forms) + 1))
+        if here is None or value is None:
+            continue
+        (low, high), (least, most) = here, value
+        # plausible weights: the range of the value that passes, over that of the factor
+        size = np.maximum(most - least, 0.5 * np.maximum(abs(least), abs(most)))
+        size = np.maximum(size, 0.1 * max(float(size.max()), 1e-6))
+        span = np.maximum(high - low, 1e-6 * np.maximum(1.0, abs(low)))
+        if form.kind == RELAXATION:
+            knots = np.tile(np.geomspace(FRAMES * machine.frame, 0.5 * longest, SIZE), (len(low), 1))
+            size = size / np.maximum(high - low, 1e-9)
+        elif form.kind == HYSTERESIS:
+            knots = span[:, None] * np.geomspace(*REACHES, SIZE)
+        elif form.fine:
+            near = span / FINE
+            knots = (near * np.sinh(np.linspace(np.arcsinh(low / near), np.arcsinh((low + span) / near), SIZE))).T
+        else:
+            knots = np.linspace(low, low + span, SIZE).T
+        if form.kind != RELAXATION and form.factor not in ("", "-1.0") and form.factor.isidentifier():
+            size = np.ones(len(size))
+        channels = machine.axes.of(law.point.axis)
+        found.append(Candidate(law, k, channels, knots, MODEST * size, prior_basis(form), low, high))
     return found
 
 

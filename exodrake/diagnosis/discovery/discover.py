@@ -50,26 +50,18 @@ READINGS = ("shown", "delivered")  # points of readings, as in `search.is_memory
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """A fitted law in one channel.
+    """A fitted law in one channel."""
 
-    Attributes:
-        u: (points,) abscissas [unit of u].
-        value, low, high: (points,) of the law with its 90 % band.
-        edges, counts: (bins + 1,), (bins,) of the histogram of u in the fitted logs, in shares.
-        formula: a plain formula; empty if none is as likely as the curve.
-    """
-
-    u: np.ndarray
-    value: np.ndarray
-    low: np.ndarray
+    u: np.ndarray  # (points,) abscissas [unit of u]
+    value: np.ndarray  # (points,) of the law
+    low: np.ndarray  # (points,) ends of its 90 % band
     high: np.ndarray
-    edges: np.ndarray
-    counts: np.ndarray
-    formula: str = ""
+    edges: np.ndarray  # (bins + 1,) of the histogram of u in the fitted logs
+    counts: np.ndarray  # (bins,) its shares
+    formula: str = ""  # a plain formula; empty if none is as likely as the curve
 
 
-@dataclass(frozen=True)
-class Runner:
+class Runner(NamedTuple):
     """A law that was fitted: its id, words, and share of the excess that it removes."""
 
     id: str
@@ -79,46 +71,27 @@ class Runner:
 
 @dataclass(frozen=True, eq=False)
 class MissingLaw:
-    """The missing law: a free law, fitted through the simulation, with its evidence.
+    """The missing law: a free law, fitted through the simulation, with its evidence."""
 
-    Attributes:
-        found: whether the logs show one.
-        reason: why, in one sentence.
-        id: id of the effect that it is; its first part is the block.
-        words: what it is over what.
-        unit: of the variable.
-        channels: that have it; () for the whole robot.
-        share: of the excess over noise that retuning leaves on the fitted logs, removed by it; what nominal parameters
-            use of their tolerances counts as left.
-        p_noise: p-value of that were there noise alone.
-        runner_up: the best law in another block.
-        lead: share of what the runner-up leaves above noise that the law takes up.
-        distinguished: whether it is more than a law in a wrong part takes up of a right one's (`LEAD`).
-        others: laws that were fitted to the end, the named one first.
-        curves: channel -> curve.
-        closure: of the held-out logs, from the retuned robot to that with the law.
-        held_out: whether these logs were held out.
-        robot: with the law, on its own machine.
-        text: source of the effect's module.
-    """
-
-    found: bool
-    reason: str
-    id: str = ""
-    words: str = ""
-    unit: str = ""
-    channels: tuple[str, ...] = ()
+    found: bool  # whether the logs show one
+    reason: str  # why, in one sentence
+    id: str = ""  # of the effect that it is; its first part is the block
+    words: str = ""  # what it is over what
+    unit: str = ""  # of the variable
+    channels: tuple[str, ...] = ()  # that have it; () for the whole robot
+    # of the excess over noise that retuning leaves on the fitted logs, removed by it; what nominal parameters use of
+    # their tolerances counts as left
     share: float = float("nan")
-    p_noise: float = float("nan")
-    runner_up: Runner | None = None
-    lead: float = float("nan")
-    distinguished: bool = False
-    others: tuple[Runner, ...] = ()
-    curves: dict[str, Curve] = field(default_factory=dict)
-    closure: Interval | None = None
-    held_out: bool = False
-    robot: Robot | None = None
-    text: str = ""
+    p_noise: float = float("nan")  # p-value of that were there noise alone
+    runner_up: Runner | None = None  # the best law in another block
+    lead: float = float("nan")  # share of what the runner-up leaves above noise that the law takes up
+    distinguished: bool = False  # whether it is more than a law in a wrong part takes up of a right one's (`LEAD`)
+    others: tuple[Runner, ...] = ()  # laws that were fitted to the end, the named one first
+    curves: dict[str, Curve] = field(default_factory=dict)  # channel -> curve
+    closure: Interval | None = None  # of the held-out logs, from the retuned robot to that with the law
+    held_out: bool = False  # whether these logs were held out
+    robot: Robot | None = None  # with the law, on its own machine
+    text: str = ""  # source of the effect's module
 
     @property
     def block(self) -> str:
@@ -127,25 +100,17 @@ class MissingLaw:
 
     def to_json(self) -> dict[str, Any]:
         """The answer as plain data, in SI."""
-        names = [name for name in self.__dataclass_fields__ if name not in ("robot", "text")]
-        return plain({name: getattr(self, name) for name in names})
+        return plain({name: value for name, value in vars(self).items() if name not in ("robot", "text")})
 
 
 @dataclass(frozen=True, eq=False)
 class LawFit:
-    """A law fitted through the simulation.
-
-    Attributes:
-        candidate: the law.
-        scales: (channels,) prior standard deviations of its modes; 0 where it is absent.
-        explanation: the fit; coordinates of the law's modes are the last ones.
-        likelihood: views of the case that were fitted.
-    """
+    """A law fitted through the simulation."""
 
     candidate: Candidate
-    scales: np.ndarray
-    explanation: Explanation
-    likelihood: Likelihood
+    scales: np.ndarray  # (channels,) prior standard deviations of its modes; 0 where it is absent
+    explanation: Explanation  # coordinates of the law's modes are the last ones
+    likelihood: Likelihood  # views of the case that were fitted
 
     @property
     def block(self) -> str:
@@ -160,7 +125,7 @@ class LawFit:
     @property
     def active(self) -> list[int]:
         """Positions of the channels that have the law."""
-        return [int(c) for c in np.flatnonzero(self.scales)]
+        return np.flatnonzero(self.scales).tolist()
 
     @property
     def beside(self) -> int:
@@ -205,7 +170,8 @@ def discover(
     """
     accepted = found.best if 1.0 - found.search.left(found.best) >= MOST else found.retuned
     if found.negligible(accepted.explanation.robot):
-        return MissingLaw(False, f"what {leaver(accepted.explanation)} leaves is negligible: no law is missing")
+        who = accepted.explanation.name if accepted.effects else "retuning"
+        return MissingLaw(False, f"what {who} leaves is negligible: no law is missing")
     progress(Stage.LINEARISE, "free laws")
     bare = problem.robot.machine
     machine = add_laws(bare)
@@ -226,11 +192,9 @@ def discover(
     shares = [share_removed(likelihood, base, fit.explanation) for fit in fits]
     order = rank(fits, shares)
     fits, shares = [fits[k] for k in order], [shares[k] for k in order]
-    others = tuple(
-        Runner(fit.candidate.law.learned, fit.candidate.form.words, share)
-        for fit, share in zip(fits, shares, strict=True)
-    )
-    best, memory, rest = fits[0], fits[0].model.memory, leaver(base)
+    fitted = [(fit.candidate.law.learned, fit.candidate.form.words) for fit in fits]
+    others = tuple(Runner(*names, share) for names, share in zip(fitted, shares, strict=True))
+    best, memory, rest = fits[0], fits[0].model.memory, base.name if base.effects else "retuning"
     gain = best.evidence(memory) - replace(linear_model(likelihood, base), memory=memory).evidence()
     # evidence exceeds exp(g) times that of no law with probability exp(-g) at most (Markov); any of those tried may
     p = float(min(1.0, len(tried) * len(SCALES) * np.exp(-gain)))
@@ -274,11 +238,6 @@ def discover(
         robot=robot_with(robot, text, candidate.channels, candidate.knots, weights),
         text=text,
     )
-
-
-def leaver(e: Explanation) -> str:
-    """What explains the logs beside a law, in words."""
-    return e.name if e.effects else "retuning"
 
 
 def put_on(machine: Machine, likelihood: Likelihood, e: Explanation) -> tuple[Likelihood, Explanation]:

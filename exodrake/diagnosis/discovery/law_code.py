@@ -79,23 +79,14 @@ AS_LARGE = {"sliding.braked": "load"}  # what is as large as the law may be, whe
 
 @dataclass(frozen=True)
 class LawPoint:
-    """A point of a machine with the free laws that may be missing there.
+    """A point of a machine with the free laws that may be missing there."""
 
-    Attributes:
-        key: "module.point".
-        identity: id of the free law while it is searched.
-        point: the point.
-        arguments: of it and of the points that advance states or take a rate, by name: the value, and what is known.
-        forms: the laws.
-        scale: source of what is as large as the law may be.
-    """
-
-    key: str
-    identity: str
+    key: str  # "module.point"
+    identity: str  # id of the free law while it is searched
     point: Point
-    arguments: dict[str, tuple[str, ...]]
-    forms: tuple[FreeLaw, ...]
-    scale: str
+    arguments: dict[str, tuple[str, ...]]  # of points, the law's own and those that advance states or take a rate
+    forms: tuple[FreeLaw, ...]  # the laws
+    scale: str  # source of what is as large as the law may be
 
     @property
     def learned(self) -> str:
