@@ -27,7 +27,7 @@ from exodrake.data.case import Case, written_date
 from exodrake.diagnosis.change_point import DAY, LEAST, Change, ChangePoint
 from exodrake.diagnosis.fit import Explanation, fit_beside, whole_jacobian
 from exodrake.diagnosis.isolation import Isolation, affordable
-from exodrake.diagnosis.likelihood import Likelihood, with_prediction
+from exodrake.diagnosis.likelihood import Likelihood
 from exodrake.diagnosis.linear import LinearModel
 from exodrake.diagnosis.linearise import nominal_jacobian
 from exodrake.diagnosis.problem import Problem
@@ -164,12 +164,11 @@ class Logs:
             own = [int(i) for i in np.argsort(-np.abs(e.use))[:FOLLOWED] if abs(e.use[i]) > MOVED]
         x = np.tile(e.x, (len(self.sessions), 1))
         rows = np.concatenate([whole_jacobian(self.likelihood, e), e.residual[None]])
-        best, views = self.step(e, rows, x, own), self.likelihood.views
+        best, problem = self.step(e, rows, x, own), self.likelihood.views[0].problem
         for _ in range(ROUNDS if self.sessions[0].frames is None and own else 0):
             x, rows = best.x, rows.copy()
             for session, at, mask in zip(self.sessions, np.clip(x, *e.bounds), self.rows, strict=True):
-                problems = (replace(v.problem, fit=tuple(v.problem.fit[k] for k in session.logs)) for v in views)
-                part = replace(self.likelihood, views=tuple(replace(v, problem=p) for v, p in zip(views, problems)))
+                part = self.likelihood.on(replace(problem, fit=tuple(problem.fit[k] for k in session.logs)))
                 here = replace(e, jacobian=e.jacobian[:, mask]).at(part, at)
                 rows[:, mask] = np.concatenate([whole_jacobian(part, here), here.residual[None]])
             found = self.step(e, rows, x, own)
@@ -182,11 +181,11 @@ class Logs:
 
     def step(self, e: Explanation, rows: np.ndarray, x: np.ndarray, own: Sequence[int]) -> SessionFit:
         """One step from coordinates x (sessions, parameters), about which rows (parameters + 1, samples) are."""
-        std = np.array([np.ptp(p.bounds) / np.sqrt(12.0) if p.effect and np.ptp(p.bounds) else s
-                        for p, s in zip(e.parameters, e.prior_std, strict=True)])  # fmt: skip
-        shape = np.array([bool(p.effect) and not p.amplitude for p in e.parameters], dtype=bool)
         low, high = e.bounds
-        prior = [np.where(shape, 0.0, -x), np.tile(1.0 / std**2, (len(x), 1)), low - x, high - x]
+        effect, amplitude = np.array([(bool(p.effect), p.amplitude) for p in e.parameters], dtype=bool).reshape(-1, 2).T
+        std = np.where(effect & (high > low), (high - low) / np.sqrt(12.0), e.prior_std)
+        precision = np.tile(1.0 / np.maximum(std, 1e-300) ** 2, (len(x), 1))
+        prior = [np.where(effect & ~amplitude, 0.0, -x), precision, low - x, high - x]
         model = self.model(rows, [one[0] for one in prior])
         wide = rescale(split_by_session(model, own, prior))
         shared = [i for i in range(len(e.parameters)) if i not in own]
@@ -272,10 +271,7 @@ def follow_sessions(problem: Problem, found: Isolation, decided: Decision) -> tu
     since = Since(tuple(s.name for s in sessions), tuple(s.time for s in sessions), unit)
     if len(sessions) < LEAST:
         return replace(since, note=FEW.format(len(sessions), LEAST)), decided
-    best = decided.best.explanation
-    views = zip(found.likelihood.views, with_prediction(problem), strict=True)
-    likelihood = replace(found.likelihood, views=tuple(replace(v, problem=p, noise=(), scale=1.0) for v, p in views))
-    likelihood = likelihood.for_stage("since")
+    best, likelihood = decided.best.explanation, found.likelihood.on(problem).for_stage("since")
     logs = Logs(likelihood.with_memory_of(likelihood.residual(best.robot[None])[0]), sessions)
     fit = logs.fit(best)
     since = add_series(since, fit, logs, named=bool(best.effects) and decided.verdict in (NAMED, AMBIGUOUS))
@@ -286,7 +282,7 @@ def follow_sessions(problem: Problem, found: Isolation, decided: Decision) -> tu
 
 def add_series(since: Since, fit: SessionFit, logs: Logs, named: bool) -> Since:
     """The series of a fit with their changes; the residual's power, too, unless an effect is named."""
-    e, likelihood, machine = fit.explanation, logs.likelihood, logs.likelihood.robot.machine
+    e, machine = fit.explanation, logs.likelihood.robot.machine
     series: list[tuple[tuple[str, str, str], Callable[[float], float], np.ndarray, np.ndarray, np.ndarray]] = []
     if fit.own:
         # as if noise alone were left: scatter beyond that is what a change point estimates
@@ -295,26 +291,26 @@ def add_series(since: Since, fit: SessionFit, logs: Logs, named: bool) -> Since:
             p = e.parameters[i]
             base = None if p.effect else float(e.values[p.index[0]])
             head = p.name, p.channels[0] if len(p.channels) == 1 else "", machine.parameters[p.index[0]].unit
-            value = partial(lambda x, p, base: p.value(float(x), base), p=p, base=base)
-            series.append((head, value, fit.x[:, i], fit.std[:, k], noise[k]))
+            series.append((head, partial(p.value, base=base), fit.x[:, i], fit.std[:, k], noise[k]))
     if not named:
         power = np.log([float(np.mean(e.residual[rows] ** 2)) for rows in logs.rows])
         variance = np.array([2.0 / rows.sum() for rows in logs.rows])
-        std = np.sqrt(likelihood.memory * variance)
+        std = np.sqrt(logs.likelihood.memory * variance)
         series.append(((RESIDUAL, "", "noise variances"), lambda x: float(np.exp(x)), power, std, np.diag(variance)))
     tested = []
     for head, value, x, std, covariance in series:
         scan = ChangePoint(np.array(since.times), covariance)
         p = min(1.0, float(scan.p_values(x[:, None])[0]) * len(series))
         change = convert(scan(x, np.random.default_rng(len(x))), value) if p < ALPHA else None
-        low, high = np.sort([[value(v) for v in x + sign * NORMAL_90 * std] for sign in (-1.0, 1.0)], axis=0).tolist()
-        tested.append(Series(*head, tuple(map(value, x)), tuple(low), tuple(high), p, change))
+        ends = [list(map(value, end.tolist())) for end in (x - NORMAL_90 * std, x + NORMAL_90 * std)]
+        low, high = map(tuple, np.sort(ends, axis=0).tolist())
+        tested.append(Series(*head, tuple(map(value, x.tolist())), low, high, p, change))
     tested.sort(key=lambda s: (s.p, -s.change.size if s.change else 0.0))
     since = replace(since, series=tuple(tested))
     if not fit.own:
         return since
     total = float(fit.model.samples @ fit.chi2[fit.model.view] / fit.model.samples.sum())
-    memory = likelihood.with_memory_of(fit.residual).memory
+    memory = logs.likelihood.with_memory_of(fit.residual).memory
     return replace(since, chi2=total, p=float(expit(fit.evidence(memory, constant=True) - fit.evidence(memory))))
 
 

@@ -8,7 +8,7 @@ all logs and so is in the model, as far as it is linear; what is wrong with one 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import combinations, pairwise
 from textwrap import shorten
 
@@ -322,13 +322,10 @@ def noise_unlike_robot_file(comparison: Comparison) -> list[str]:
     """
     if noise_as_large_as_motion(comparison):
         return []
-    machine = comparison.machine
+    machine, sentences = comparison.machine, []
     groups: dict[tuple[str, str], dict[str, list[str]]] = {}
-    for parameter, columns in noise_parameters(machine).items():
-        compared = [c for c in columns if c in comparison.columns]
-        if word := compare_noise(comparison, parameter, compared):
-            groups.setdefault((without_channel(parameter), word), {})[parameter] = compared
-    sentences = []
+    for parameter, columns, word in compare_noise(comparison):
+        groups.setdefault((without_channel(parameter), word), {})[parameter] = columns
     for (name, word), found in groups.items():
         columns, repeats = [column for each in found.values() for column in each], repeatability(comparison, name)
         unit = machine.signal[machine.column(columns[0].rsplit("_", 1)[0]).signal].unit
@@ -343,22 +340,23 @@ def noise_unlike_robot_file(comparison: Comparison) -> list[str]:
     return sentences
 
 
-def compare_noise(comparison: Comparison, parameter: str, columns: list[str]) -> str:
-    """What the noise of the columns of a sensor may be, unless it is as the robot file says or rounding hides it.
+def compare_noise(comparison: Comparison) -> Iterator[tuple[str, list[str], str]]:
+    """Noise parameters that the logs contradict, their compared columns, and what the noise may be.
 
     A sensor's noise is in every log; what is fast in one of them alone is its motion. A diagnosis counts the larger of
-    noise and repeatability.
+    noise and repeatability. What rounding hides is not judged.
     """
-    heard, repeats = [comparison.audible(column) for column in columns], repeatability(comparison, parameter)
-    if not heard or not all(heard):
-        return ""
-    simulated = [[c.noise / c.least_noise for c in channels] for channels in heard]
-    counted = [[c.noise / max(c.least_noise, repeats) for c in channels] for channels in heard]
-    if min(map(min, counted)) > ABOVE:
-        return NOISIER
-    if max(map(np.median, simulated)) < 1.0 / ABOVE and min(map(np.median, counted)) < 1.0 / CLEAR:
-        return "smoothed logs, or quieter sensors"
-    return ""
+    for parameter, names in noise_parameters(comparison.machine).items():
+        columns = [c for c in names if c in comparison.columns]
+        heard, repeats = [comparison.audible(column) for column in columns], repeatability(comparison, parameter)
+        if not heard or not all(heard):
+            continue
+        simulated = [[c.noise / c.least_noise for c in channels] for channels in heard]
+        counted = [[c.noise / max(c.least_noise, repeats) for c in channels] for channels in heard]
+        if min(map(min, counted)) > ABOVE:
+            yield parameter, columns, NOISIER
+        elif max(map(np.median, simulated)) < 1.0 / ABOVE and min(map(np.median, counted)) < 1.0 / CLEAR:
+            yield parameter, columns, "smoothed logs, or quieter sensors"
 
 
 def logged_noise(comparison: Comparison) -> dict[str, float]:
@@ -367,14 +365,11 @@ def logged_noise(comparison: Comparison) -> dict[str, float]:
     It is white, so that differences of two orders say the same of it, and it is in every channel of every log.
     """
     found = {}
-    for parameter, columns in noise_parameters(comparison.machine).items():
-        compared = [c for c in columns if c in comparison.columns]
-        if compare_noise(comparison, parameter, compared) != NOISIER:
-            continue
-        heard = comparison.audible(*compared)
+    for parameter, columns, word in compare_noise(comparison):
+        heard = comparison.audible(*columns)
         high, higher = (np.array([fast_noise(c.measured / c.factor, k) for c in heard]) for k in ORDERS)
         noise, least = np.minimum(high, higher), np.array([c.least_noise for c in heard])
-        if (noise > ABOVE * least).all() and np.median(high / higher) < WHITE:
+        if word == NOISIER and (noise > ABOVE * least).all() and np.median(high / higher) < WHITE:
             found[parameter] = float(np.sqrt(comparison.robot[parameter] ** 2 + np.median(noise**2 - least**2)))
     return found
 

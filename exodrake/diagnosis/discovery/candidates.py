@@ -95,13 +95,7 @@ class Candidate:
 
 
 def list_candidates(problem: Problem, values: np.ndarray, laws: Sequence[LawPoint]) -> list[Candidate]:
-    """All laws that may be missing at some points of a machine.
-
-    Args:
-        problem: the case, its robot on a machine with laws and watches.
-        values: (parameters,) flat vector of the robot that runs.
-        laws: points.
-    """
+    """All laws that may be missing at some points, where a robot `values` (parameters,) with watches runs a case."""
     machine, ranges = problem.robot.machine, measure_ranges(problem, values, laws)
     longest, found = max(len(trial.reference) for trial in problem.fit) * machine.frame, []
     for law, k, form in ((one, k, form) for one in laws for k, form in enumerate(one.forms, 1)):
@@ -134,11 +128,9 @@ def prior_basis(form: FreeLaw) -> np.ndarray:
     """Modes (8, 8) of the prior of the weights: smooth curves (a Gaussian process), or independent elements."""
     if not form.is_curve:
         return np.eye(SIZE)[:, [1, 3, 5, 7, 0, 2, 4, 6]]
-    apart = abs(np.subtract.outer(np.arange(SIZE), np.arange(SIZE))) / (SIZE - 1) / LENGTH
-    covariance = 1.0 + (1.0 + np.sqrt(3.0) * apart) * np.exp(-np.sqrt(3.0) * apart)  # a constant, and Matern 3/2
-    values, vectors = np.linalg.eigh(covariance)
-    order = np.argsort(-values)
-    return vectors[:, order] * np.sqrt(values[order])
+    apart = np.sqrt(3.0) * abs(np.subtract.outer(np.arange(SIZE), np.arange(SIZE))) / (SIZE - 1) / LENGTH
+    values, vectors = np.linalg.eigh(1.0 + (1.0 + apart) * np.exp(-apart))  # a constant, and Matern 3/2
+    return (vectors * np.sqrt(values))[:, ::-1]
 
 
 def indices(machine: Machine, identity: str, name: str) -> np.ndarray:
@@ -184,7 +176,7 @@ def measure_ranges(
 ) -> dict[tuple[str, int], tuple[np.ndarray, np.ndarray]]:
     """Range (channels,), (channels,) of the variable of each form of each law that is ever computed.
 
-    One number above all forms stands for what is as large as the law. Arguments are those of `list_candidates`.
+    One number above all forms stands for what is as large as the law.
     """
     found, machine = {}, problem.robot.machine
     for k in range(1, max((len(law.forms) for law in laws), default=-1) + 2):
@@ -201,7 +193,7 @@ def measure_ranges(
 
 
 def count_values(problem: Problem, values: np.ndarray, candidate: Candidate) -> np.ndarray:
-    """Histogram (channels, bins) of a law's variable over its range; other arguments as of `list_candidates`."""
+    """Histogram (channels, bins) of a law's variable over its range, where a robot `values` (parameters,) runs."""
     machine, row, watch = problem.robot.machine, values.copy(), f"{candidate.law.identity}_watch"
     for name, value in zip(("form", *WATCHED), (candidate.number, candidate.low, candidate.high), strict=True):
         row[indices(machine, watch, name)] = value
@@ -248,15 +240,10 @@ def curve_terms(low: float, high: float) -> Iterator[tuple[str, Callable[[np.nda
 def find_formulas(
     candidate: Candidate, active: list[int], reduced: Reduced, modes: np.ndarray, scales: np.ndarray, samples: float
 ) -> dict[str, str]:
-    """The shortest formula that is as likely as the free law, channel by channel; none without one.
+    """The shortest formula that is as likely as the free law, by channel; none without one.
 
-    Args:
-        candidate: the law.
-        active: positions of the channels that have it.
-        reduced: linear model of its modes alone, in steps from the fit.
-        modes: (active * 8,) fitted coordinates.
-        scales: (active,) their prior standard deviations.
-        samples: number of independent samples.
+    `reduced` is the linear model of the modes of the `active` channels about the fitted coordinates `modes`
+    (active * 8,) with prior standard deviations `scales` (active,), from so many independent samples.
     """
     penalty, back = float(np.log(samples)), np.linalg.inv(candidate.basis)
     prior = np.repeat(scales, SIZE)
@@ -290,9 +277,9 @@ def find_formulas(
         chosen = less if solve(less)[0] < solve(chosen)[0] else chosen
     found, table = {}, solve(chosen)[1].reshape(len(chosen), len(active))
     for i, channel in enumerate(active):
-        formula = ""
-        for term, b in zip(chosen, table[:, i], strict=True):
-            named = "" if texts[term] == "1" else f" {texts[term]}"
-            formula += f" {'-' if b < 0.0 else '+'} {abs(b):.3g}{named}"
+        named = ["" if texts[term] == "1" else f" {texts[term]}" for term in chosen]
+        formula = "".join(
+            f" {'-' if b < 0.0 else '+'} {abs(b):.3g}{n}" for b, n in zip(table[:, i], named, strict=True)
+        )
         found[candidate.channels[channel]] = f"f(u) ={formula.removeprefix(' +')}"
     return found

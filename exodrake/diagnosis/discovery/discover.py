@@ -28,9 +28,8 @@ from exodrake.diagnosis.discovery.candidates import Candidate, count_values, fin
 from exodrake.diagnosis.discovery.law_code import SIZE, add_laws, effect_text, get_laws, robot_on, robot_with, values_on
 from exodrake.diagnosis.fit import Explanation, linear_model, minimise, settled, whole_jacobian, without
 from exodrake.diagnosis.isolation import Isolation
-from exodrake.diagnosis.likelihood import SAMPLE, Likelihood, with_prediction
+from exodrake.diagnosis.likelihood import SAMPLE, Likelihood
 from exodrake.diagnosis.linear import LinearModel
-from exodrake.diagnosis.parameter import apply
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.result import Interval
 from exodrake.diagnosis.search import LAW, NATS, NEGLIGIBLE
@@ -253,21 +252,20 @@ def put_on(machine: Machine, likelihood: Likelihood, e: Explanation) -> tuple[Li
 
 
 class Screened(NamedTuple):
-    """A law as the linear model predicts it: log evidence gained [nats], prior scales (channels,), coordinates."""
+    """A law as the linear model predicts it."""
 
-    gain: float
+    gain: float  # of log evidence [nats]
     candidate: Candidate
-    scales: np.ndarray
-    x: np.ndarray
+    scales: np.ndarray  # (channels,) of its prior
+    x: np.ndarray  # coordinates, those of the parameters beside it first
 
 
 def screen(likelihood: Likelihood, base: Explanation, candidate: Candidate) -> Screened:
     """A candidate by the linear model about a robot without it."""
     count, channels = len(base.x), len(candidate.channels)
     with_it = join_law(likelihood.robot.machine, base, candidate, np.ones(channels), MODES)
-    units = np.hstack([np.tile(base.x, (MODES * channels, 1)), np.eye(MODES * channels)])
-    robots = np.array([apply(with_it.values, with_it.parameters, x) for x in units])
-    directions = likelihood.residual(robots) - base.residual
+    moved = with_it.at_each(likelihood, [np.r_[base.x, unit] for unit in np.eye(MODES * channels)])
+    directions = np.array([e.residual for e in moved]) - base.residual
     rows = np.concatenate([whole_jacobian(likelihood, base), directions, base.residual[None]])
     flat, (low, high) = np.zeros(len(directions)), base.bounds - base.x
     ends = np.r_[low, flat - np.inf], np.r_[high, flat + np.inf]
@@ -283,10 +281,7 @@ def screen(likelihood: Likelihood, base: Explanation, candidate: Candidate) -> S
 def weigh_scales(normal: np.ndarray, slope: np.ndarray, channel: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     """Prior scales (channels,) of largest evidence, coordinates (n,) with them, and the log evidence beyond none.
 
-    Args:
-        normal: (n, n) N of a cost c's + c'Nc / 2 of the coordinates c, others eliminated.
-        slope: (n,) s.
-        channel: (n,) channel of each coordinate.
+    Of a cost c's + c'Nc / 2 of coordinates c of some channels (n,), others eliminated: N (n, n), s (n,).
     """
 
     def weigh(scales: np.ndarray) -> tuple[float, np.ndarray]:
@@ -391,8 +386,7 @@ def drop_needless(fit: LawFit) -> LawFit:
 
 def fit_whole_logs(fit: LawFit, whole: Problem) -> LawFit:
     """A law fitted to whole logs until no step with a new Jacobian of the other parameters leads further."""
-    views = zip(fit.likelihood.views, with_prediction(whole), strict=True)
-    likelihood = replace(fit.likelihood, views=tuple(replace(view, problem=p) for view, p in views))
+    likelihood = fit.likelihood.on(whole)
     e = fit.explanation.at(likelihood, fit.explanation.x)
     e = replace(e, jacobian=np.zeros((e.nominal, len(e.residual)), dtype=np.float32))
     return replace(fit, explanation=settled(likelihood, e, ROUNDS), likelihood=likelihood)

@@ -150,12 +150,9 @@ def join(names: Iterable[str]) -> str:
 
 
 def write_functions(law: LawPoint, switch: str = "form", watch: bool = False) -> str:
-    """Source of the functions of a law, or of its watch, at all its points.
+    """Source of the functions of a law at all its points; switch: name of the first parameter, the number of the form.
 
-    Args:
-        law: its point.
-        switch: name of the first parameter, the number of the form.
-        watch: write those that keep range and counts of the variable of a form, of the law's scale for one number more.
+    Those of its watch keep range and counts of the variable of a form, and of the law's scale for one number more.
     """
     forms, own, value = dict(enumerate(law.forms, 1)), law.point.name, law.value
     bodies: dict[str, dict[int, list[str]]] = {own: {}, **{name: {} for name in law.elsewhere}}
@@ -174,14 +171,9 @@ def write_functions(law: LawPoint, switch: str = "form", watch: bool = False) ->
         last, kept, known = (), ELEMENTS if any(f.advances for f in law.forms) else (), (*KNOTS, *WEIGHTS)
         states = f", {join(ELEMENTS)}" if law.here else ""
         for k, f in forms.items():
-            total = sum_elements(f)
             change = advance_elements(f, "period") if f.advances == own else []
-            result = f.result or f"{value} + law"
-            bodies[own][k] = [
-                *change,
-                f"law = {f'{f.factor} * ' if f.factor else ''}{total}",
-                f"return {result}{states}",
-            ]
+            computed = f"law = {f'{f.factor} * ' if f.factor else ''}{sum_elements(f)}"
+            bodies[own][k] = [*change, computed, f"return {f.result or f'{value} + law'}{states}"]
             if f.advances not in ("", own):
                 bodies[f.advances][k] = [*advance_elements(f), f"return {join(ELEMENTS)}"]
     found = []
@@ -309,15 +301,9 @@ CURVES = "k1 .. k8 are knots [{unit}] and w1 .. w8 the values of the curve there
 def effect_text(
     law: LawPoint, form: FreeLaw, knots: np.ndarray, weights: np.ndarray, case: str, formulas: dict[str, str]
 ) -> str:
-    """Source of the module of a fitted law.
+    """Source of the module of a law that was fitted to a case: knots and weights (8,) of its strongest channel.
 
-    Args:
-        law: its point.
-        form: the law.
-        knots: (8,) of the strongest channel.
-        weights: (8,) the same [unit of the law].
-        case: name of the case it was fitted to.
-        formulas: channel -> plain formula, if there is one.
+    formulas: channel -> plain formula, if there is one.
     """
     single, axis = replace(law, identity=law.learned, forms=(form,)), law.point.axis
     each = 'null=k, low=-1e9, high=1e9, axis="{}", default=k, fitted=False) for i, k in enumerate({}, 1))'
