@@ -76,15 +76,9 @@ def read_rivals(
 ) -> tuple[Problem, tuple[Rival, ...], str]:
     """A case, its rivals, which the logs do not tell apart, and why there are none, in words, empty where there are.
 
-    Args:
-        place: folder of logs or one log, whose `diagnosis.json` is used if it was made from these logs and this robot;
-            or an answer, a JSON file.
-        robot: nominal robot.
-        folder: case of an answer that does not lie in the folder of its case.
-        progress: called with the stages of a diagnosis.
-
-    Raises:
-        InputError: for a case or an answer that cannot be read, and an answer to other logs or of another robot.
+    `place` is a folder of logs or one log, whose `diagnosis.json` is used if it was made from them and of this robot;
+    or an answer, a JSON file, whose case may be another `folder`. InputError for what cannot be read, and an answer to
+    other logs or of another robot.
     """
     machine, is_answer = robot.machine, place.suffix.lower() == ".json" and not place.is_dir()
     if folder is not None and not is_answer:
@@ -105,14 +99,16 @@ def read_rivals(
         if differs and is_answer:
             raise InputError(f"{place}: it was made from {differs}; diagnose again")
         answer = None if differs else answer
-    if answer is not None:
-        verdict = answer["verdict"]
-        rivals = tuple(Rival(tuple(item["effects"]), item["parameters"]) for item in answer["rivals"])
-    else:
+    if answer is None:
         from exodrake.diagnosis.pipeline import diagnose
 
         found = diagnose(case, robot, progress)
         verdict, rivals = found.verdict, found.rivals
+    else:
+        verdict, rivals = (
+            answer["verdict"],
+            tuple(Rival(tuple(r["effects"]), r["parameters"]) for r in answer["rivals"]),
+        )
     reason = f"{verdict}, {NOTHING.get(verdict, NONE_LEFT)}: there is nothing for an experiment to distinguish"
     return problem, rivals, "" if len(rivals) > 1 else f"{case.name}: {reason}"
 

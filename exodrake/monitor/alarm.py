@@ -203,10 +203,8 @@ def judge(reading: Reading, listed: tuple[Channel, ...], limit: np.ndarray) -> A
 def date_rise(powers: np.ndarray, second: int, length: float = 1.0) -> tuple[float, float] | None:
     """Times [s] of the log between which a gap rose (90 % set); None without a rise.
 
-    Args:
-        powers: (n,) mean square of each of the last n seconds [noise variances], NaN if nothing was measured.
-        second: end of the last one [s].
-        length: of one, which is a whole number of frames [s].
+    powers: (n,) mean square of each of the last n seconds up to `second` [noise variances], NaN if nothing was
+    measured; of `length` [s] each, a whole number of frames.
     """
     known = np.isfinite(powers)
     times = (second + length * (np.arange(len(powers)) - len(powers) + 0.5))[known]

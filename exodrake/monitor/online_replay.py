@@ -79,14 +79,10 @@ class SegmentReplay:
     def push(
         self, inputs: list[np.ndarray], feed: np.ndarray, rate: np.ndarray, held: np.ndarray, measured: np.ndarray
     ) -> np.ndarray:
-        """Signals (n, signals) [SI] of the next n frames.
+        """Signals (n, signals) of the next n frames, by exogenous inputs (n, channels) each, all in SI.
 
-        Args:
-            inputs: exogenous inputs, (n, channels) each [SI].
-            feed: (n, feeds) smoothed outputs of all segments [SI].
-            rate: (n, feeds) their rates [SI/s].
-            held: (n, compared columns) measured, the last known value where a sample is missing [SI].
-            measured: (n, compared columns), NaN where a sample is missing [SI].
+        feed, rate: (n, feeds) smoothed outputs of all segments and their rates. held, measured: (n, compared columns),
+        the last known value where a sample is missing, and NaN there.
         """
         readings = np.full_like(measured, np.nan)  # of exact segments; NaN where the simulated value stays
         for software in (s for s in self.machine.segments if s.exact):

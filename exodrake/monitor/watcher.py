@@ -269,15 +269,10 @@ class Monitor:
 
 
 def follow(monitor: Monitor, path: Path, idle: float | None) -> Iterator[Reading | None]:
-    """Follows a file; yields each reading, and None after every look at the file.
+    """Follows a file, which is read as it is if it is no CSV; yields each reading, and None after every look at it.
 
-    Args:
-        monitor: takes the frames.
-        path: file; one that is not CSV is read as it is.
-        idle: time without a new row after which the log ends [s]; None: never.
-
-    Raises:
-        InputError: for a file that cannot be a log, and for one that did not appear in time.
+    The log ends after an `idle` time without a new row [s]; None: never. InputError for a file that cannot be a log,
+    and for one that did not appear in time.
     """
     grid, wanted = Grid(str(path), monitor.machine.frame), log_columns(monitor.machine)
 

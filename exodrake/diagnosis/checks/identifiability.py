@@ -94,14 +94,7 @@ class Identifiability(NamedTuple):
 def identifiability(
     case: Case, robot: Robot, tried: frozenset[str] | None = None, progress: Callable[[str], object] = no_progress
 ) -> Identifiability:
-    """Identifiability of effects from the references of a case, whatever its measured values are.
-
-    Args:
-        case: references and columns.
-        robot: nominal robot.
-        tried: ids of effects; those of a diagnosis by default.
-        progress: called with what is done.
-    """
+    """Identifiability of effects (ids; those of a diagnosis by default) from the references and columns of a case."""
     whole = make_problem(case, robot, tried)
     problem = plan_experiment(whole)
     machine = problem.robot.machine

@@ -89,11 +89,8 @@ def detect(problem: Problem, effect: Effect, values: np.ndarray) -> Problem:
 def decode(machine: Machine, values: np.ndarray, measured: Mapping[str, np.ndarray], noise: float) -> PacketLoss | None:
     """Lost commands of one log; None of a machine without a command link, or where a column is missing.
 
-    Args:
-        machine: machine with its `command_link`.
-        values: (parameters,) flat parameters [SI].
-        measured: column kind -> (n, channels) as logged [SI].
-        noise: standard deviation of a reading of the position [its unit].
+    values: (parameters,) flat [SI]. measured: column kind -> (n, channels) as logged [SI]. noise: standard deviation of
+    a reading of the position [its unit].
     """
     link, frame = machine.command_link, machine.frame
     if link is None:
