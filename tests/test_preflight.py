@@ -116,7 +116,8 @@ def test_the_command_prints_tables_and_draws_the_figure(tmp_path):
     result = CliRunner().invoke(cli, words)
     assert result.exit_code == 0, result.output
     assert "servo.latency" in result.stdout and "would help most" in result.stdout
-    assert "angle_Jaw stays at an end" in result.stdout and "no log is held out" in result.stdout
+    said = "angle_Jaw of m.csv again and again stay at one value at an end of their range"
+    assert said in result.stdout and "no log is held out" in result.stdout
     assert not re.search(r"\d -\s", result.stdout), "a ratio has no unit"
     assert (tmp_path / "check.png").read_bytes().startswith(b"\x89PNG")
     nothing = CliRunner().invoke(cli, ["check", str(tmp_path / "none"), "--robot", "so101"])

@@ -35,29 +35,18 @@ SMALLEST = 1e-4  # sum of squares beneath which a series counts as exact
 
 @dataclass(frozen=True)
 class Change:
-    """Change of a series: its date, shape and size, with 90 % intervals.
+    """Change of a series: its date, shape and size, with 90 % intervals."""
 
-    Attributes:
-        p: p-value of no change.
-        shape: of the likeliest change.
-        shapes: those of the set of dates.
-        began: (likeliest, low, high) date with its set [unit of times]; one at the first point may be earlier.
-        before: (value, low, high) until then [unit of values].
-        after: the same of the last point.
-        rate: the same by unit of time, from the begin to the last point; NaN of a step.
-        scatter: s, the scatter of the points about the change in units of their own standard deviations.
-        size: log odds of the change [nats].
-    """
-
-    p: float
-    shape: str
-    shapes: tuple[str, ...]
+    p: float  # p-value of no change
+    shape: str  # of the likeliest change
+    shapes: tuple[str, ...]  # those of the set of dates
+    # (likeliest, low, high) date with its set [unit of times]; one at the first point may be earlier
     began: tuple[float, float, float]
-    before: tuple[float, float, float]
-    after: tuple[float, float, float]
-    rate: tuple[float, float, float]
-    scatter: float
-    size: float = 0.0
+    before: tuple[float, float, float]  # (value, low, high) until then [unit of values]
+    after: tuple[float, float, float]  # the same of the last point
+    rate: tuple[float, float, float]  # the same by unit of time, from the begin to the last point; NaN of a step
+    scatter: float  # s, of the points about the change in units of their own standard deviations
+    size: float = 0.0  # log odds of the change [nats]
 
     def path(self, first: float, last: float) -> list[tuple[float, float]]:
         """Corners (time, value) of the likeliest change between two times."""

@@ -17,7 +17,7 @@ from exodrake.data.plot import STYLE, new_figure, png_of
 from exodrake.diagnosis.calibration import calibration_notes
 from exodrake.diagnosis.checks.compare import Comparison, check_case, compare, fast_noise, find_runs
 from exodrake.diagnosis.checks.identifiability import SEEN, Identifiability, identifiability
-from exodrake.diagnosis.checks.suspicions import BEYOND, HELD, LEAST_MOTION, SATURATED, suspicions
+from exodrake.diagnosis.checks.suspicions import HELD, LEAST_MOTION, suspicions
 from exodrake.diagnosis.problem import columns_of, required_of
 
 JITTER = 0.1  # of a frame by which rows may be off without a word: assumed
@@ -48,7 +48,6 @@ class ChannelQuality(NamedTuple):
     column: str
     missing: float  # share of samples that are missing in rows that are there
     saturated: float  # share of samples that stay at an end of the range
-    nominal_saturated: float  # the same of the nominal robot on the same references
     motion: float  # standard deviation [SI]
     noise: float  # standard deviation of fast noise [SI]
 
@@ -118,8 +117,6 @@ def find_problems(
         if c.missing:
             yield f"{c.file}: {c.missing} of {c.rows + c.missing} frames are missing"
     for c in channels:
-        if c.saturated > max(SATURATED, BEYOND * c.nominal_saturated):
-            yield f"{c.column} stays at an end of its range in {c.saturated:.0%} of the samples: saturated?"
         if 0.0 < c.motion < LEAST_MOTION * c.noise:
             yield f"{c.column} moves by only {c.motion / c.noise:.1f} times its noise"
     for e in excitations:
@@ -159,13 +156,12 @@ def judge_channels(comparison: Comparison) -> tuple[ChannelQuality, ...]:
     found, logs = [], [pair.item.log for pair in comparison.pairs]
     whole = [~np.isnan(np.column_stack(list(log.signals.values()))).all(axis=1) for log in logs]
     for i, column in enumerate(comparison.columns):
-        measured, nominal = ([getattr(p, name)[:, i] for p in comparison.pairs] for name in ("measured", "nominal"))
+        measured = [pair.measured[:, i] for pair in comparison.pairs]
         missing = [np.isnan(log[column]) & rows for log, rows in zip(logs, whole, strict=True)]
-        masks = missing, map(find_held, measured), map(find_held, nominal)
-        lost, held, nominal_held = (float(np.mean(np.concatenate(list(each)))) for each in masks)
+        lost, held = (float(np.mean(np.concatenate(masks))) for masks in (missing, list(map(find_held, measured))))
         noise = [fast_noise(values) for values in measured if len(values) > 2 * HELD]
         motion, fast = float(np.std(np.concatenate(measured))), float(np.median(noise)) if noise else 0.0
-        found.append(ChannelQuality(column, lost, held, nominal_held, motion, fast))
+        found.append(ChannelQuality(column, lost, held, motion, fast))
     return tuple(found)
 
 
