@@ -71,7 +71,7 @@ class ChangePoint:
         self.norm = float(np.linalg.norm(constant))
         self.constant = constant / self.norm
         self.half = 0.5 * (len(self.times) - 1)
-        self.shape, self.low, self.high, self.columns = candidates(self.times, grid)
+        self.shape, self.low, self.high, self.columns = list_changes(self.times, grid)
         rows = np.einsum("ij,cjk->cik", self.white, self.columns)
         self.rows = rows - np.einsum("i,j,cjk->cik", self.constant, self.constant, rows)
         added = []  # orthonormal columns of the same span, of zeros for one that adds nothing
@@ -88,12 +88,12 @@ class ChangePoint:
         prior = np.log(span / (of_shape @ span)) - np.log(len(set(self.shape)) * len(SIZES))
         self.prior = prior - 0.5 * np.log1p(k)[:, None] * count  # (k, candidates), with the volume of b
 
-    def centred(self, series: np.ndarray) -> np.ndarray:
+    def centre(self, series: np.ndarray) -> np.ndarray:
         """Series (points, n), whitened and without their constant."""
         rows = self.white @ series
         return rows - np.outer(self.constant, self.constant @ rows)
 
-    def integrated(self, squares: np.ndarray) -> np.ndarray:
+    def integrate(self, squares: np.ndarray) -> np.ndarray:
         """Log evidence of residual sums of squares, s >= 1 integrated."""
         half = 0.5 * np.maximum(squares, SMALLEST)
         return gammaln(self.half) + np.log(gammainc(self.half, half)) - self.half * np.log(half)
@@ -102,8 +102,8 @@ class ChangePoint:
         """Log evidence of centred series (points, n): (n,) without a change, (k, candidates, n) with each."""
         gain = sum((self.added[:, :, c] @ rows) ** 2 for c in (0, 1))
         total = np.sum(rows**2, axis=0)
-        each = self.integrated(total - self.kept[:, None, None] * gain) + self.prior[:, :, None]
-        return self.integrated(total), each
+        each = self.integrate(total - self.kept[:, None, None] * gain) + self.prior[:, :, None]
+        return self.integrate(total), each
 
     @cached_property
     def volume(self) -> float:
@@ -112,7 +112,7 @@ class ChangePoint:
 
     def log_odds(self, series: np.ndarray) -> np.ndarray:
         """Log odds (n,) of a change to none in series (points, n), both as likely beforehand [nats]."""
-        none, each = self.evidences(self.centred(series))
+        none, each = self.evidences(self.centre(series))
         return np.logaddexp.reduce(each, axis=(0, 1)) - none
 
     @cached_property
@@ -127,7 +127,7 @@ class ChangePoint:
 
     def __call__(self, values: np.ndarray, rng: np.random.Generator) -> Change:
         """The change of a series (points,), estimated as if there were one; its sizes are those of the likeliest."""
-        rows = self.centred(values[:, None])
+        rows = self.centre(values[:, None])
         none, each = self.evidences(rows)
         row, weight = rows[:, 0], np.exp(each[:, :, 0] - each.max())
         weight /= weight.sum()
@@ -146,11 +146,11 @@ class ChangePoint:
             s = np.maximum(np.sqrt(squares / (2.0 * np.maximum(u, 1e-300))), 1.0)
             noise = rng.standard_normal((len(kept), 3)) * s[:, None]
             b = (kept[:, None] * own + np.sqrt(kept)[:, None] * noise[:, 1:]) @ back.T
-            cloud.append(self.stated(c, values, b, noise[:, 0]))
+            cloud.append(self.find_sizes(c, values, b, noise[:, 0]))
             scatter.append(s)
             if c == best:
                 mean = float(weight[:, c] @ self.kept / weight[:, c].sum()) * own @ back.T
-                stated = self.stated(c, values, mean[None], np.zeros(1))[0]
+                stated = self.find_sizes(c, values, mean[None], np.zeros(1))[0]
         stated = np.where(np.abs(stated) < ROUNDING * np.ptp(values), 0.0, stated)
         sizes = []
         for value, column in zip(stated, np.concatenate(cloud).T, strict=True):
@@ -168,7 +168,7 @@ class ChangePoint:
             size=float(np.logaddexp.reduce(each, axis=None) - none[0]),
         )  # fmt: skip
 
-    def stated(self, c: int, values: np.ndarray, b: np.ndarray, noise: np.ndarray) -> np.ndarray:
+    def find_sizes(self, c: int, values: np.ndarray, b: np.ndarray, noise: np.ndarray) -> np.ndarray:
         """Value before, at the last point, and rate (n, 3), of coefficients b (n, 2) of a candidate and noise (n,)."""
         left = self.white @ (values[:, None] - self.columns[c] @ b.T)
         first = (self.constant @ left + noise) / self.norm
@@ -176,7 +176,7 @@ class ChangePoint:
         return np.column_stack([first, first + b @ self.columns[c, -1], rate])
 
 
-def candidates(times: np.ndarray, grid: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def list_changes(times: np.ndarray, grid: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Shapes (candidates,), the ends of the time that each stands for, and their columns (candidates, points, 2).
 
     A step may lie in any gap between two of the times (points,). A ramp may begin at any point but the last two, and

@@ -99,7 +99,7 @@ def check_answer(answer: Any, where: str) -> dict[str, Any]:
     return SCHEMA(answer, where)
 
 
-def stored(folder: Path) -> dict[str, Any] | None:
+def read_stored(folder: Path) -> dict[str, Any] | None:
     """Read the answer in a folder; None if there is none that is whole."""
     try:
         answer = read_json(folder / ANSWER)
@@ -109,7 +109,7 @@ def stored(folder: Path) -> dict[str, Any] | None:
     return answer
 
 
-def configured(robot: str, tried: frozenset[str] | None = None) -> dict[str, str]:
+def get_configuration(robot: str, tried: frozenset[str] | None = None) -> dict[str, str]:
     """Return the configuration, with a digest of a nominal robot that is not built in and the effects if chosen."""
     choice = {} if tried is None else {"effects": ",".join(sorted(tried))}
     return configuration() | choice | ({"robot": robot_digest(load_robot(robot))} if robot else {})
@@ -122,7 +122,7 @@ def diagnose_one(case: Case, robot: str, wanted: dict[str, str], tried: frozense
     """
     from exodrake.diagnosis.pipeline import diagnose
 
-    installed = configured(robot, tried)
+    installed = get_configuration(robot, tried)
     if installed != wanted:
         raise RuntimeError(f"this worker has {described(installed)}; the run uses {described(wanted)}")
     found = diagnose(case, load_robot(robot) if robot else None, tried=tried)
@@ -162,8 +162,8 @@ def diagnose_all(
     """
     from exodrake.diagnosis.problem import required_of
 
-    wanted = configured(robot, tried)
-    answers = {case: stored(place) for case, place in places.items()}
+    wanted = get_configuration(robot, tried)
+    answers = {case: read_stored(place) for case, place in places.items()}
     foreign = [case for case, answer in answers.items() if answer and answer.get("configuration") != wanted]
     if foreign and not redo:
         theirs = described((answers[foreign[0]] or {}).get("configuration"))
@@ -211,6 +211,6 @@ def diagnose_all(
             for outcome in outcomes:
                 write(sent[outcome.number], outcome)
         except KeyboardInterrupt:  # it may come between writing an answer and counting it
-            progress(sum(stored(place) is not None for place in places.values()), len(failed), len(places))
+            progress(sum(read_stored(place) is not None for place in places.values()), len(failed), len(places))
             raise
     return failed

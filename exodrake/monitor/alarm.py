@@ -44,7 +44,7 @@ from exodrake.diagnosis.healthy import healthy_robot
 from exodrake.diagnosis.noise import sensor_noise_std
 from exodrake.machines.library import machine_folders
 from exodrake.machines.robot_file import load_robot
-from exodrake.monitor.online_replay import LOOP, Channel, OnlineReplay, channels
+from exodrake.monitor.online_replay import LOOP, Channel, OnlineReplay, list_channels
 from exodrake.simulation import protocols
 from exodrake.simulation.references import on_machine
 from exodrake.simulation.simulate import simulate
@@ -101,7 +101,7 @@ def rest(robot: Robot, *, duration: float) -> Reference:
 
 def replay_log(nominal: Robot, reference: Reference, log: Log) -> np.ndarray:
     """Residuals (n, channels) [SI] that the nominal model leaves of a log that has all compared columns."""
-    columns = [c.column for c in channels(nominal.machine) if c.segment == LOOP]
+    columns = [c.column for c in list_channels(nominal.machine) if c.segment == LOOP]
     return OnlineReplay(nominal).push(reference.values, np.column_stack([log[c] for c in columns]), last=True)
 
 
@@ -112,7 +112,7 @@ def measure_noise(robot: Robot) -> np.ndarray:
     the sensors' parameters say. A machine whose work cannot be drawn has those of the sensors only.
     """
     machine, sensors = robot.machine, sensor_noise_std(robot)
-    kinds = [c.kind for c in channels(machine)]
+    kinds = [c.kind for c in list_channels(machine)]
     if missing := set(kinds) - set(sensors):
         raise InputError(f"{robot.source}: {machine.name} states no noise of {', '.join(sorted(missing))}")
     least = np.array([sensors[kind] for kind in kinds])
@@ -187,7 +187,7 @@ def read_calibration(name: str) -> dict[str, Any] | None:
 def read_limits(machine: Machine) -> np.ndarray | None:
     """Limit of each channel (channels,) [noise standard deviations]; None of a machine without calibrated limits."""
     found = read_calibration(machine.name)
-    return None if found is None else np.array([found["limits"][c.segment][c.column] for c in channels(machine)])
+    return None if found is None else np.array([found["limits"][c.segment][c.column] for c in list_channels(machine)])
 
 
 def judge(reading: Reading, listed: tuple[Channel, ...], limit: np.ndarray) -> Alarm | None:
@@ -214,7 +214,7 @@ def date_rise(powers: np.ndarray, second: int, length: float = 1.0) -> tuple[flo
     lags, scans, evidence = np.abs(np.subtract.outer(times, times)) / length, [], []
     for rho in CORRELATIONS:
         scan = ChangePoint(times, TINY**2 * rho**lags / (1.0 - rho**2), grid=1)
-        none, one = scan.evidences(scan.centred(logs[:, None]))
+        none, one = scan.evidences(scan.centre(logs[:, None]))
         scans.append(scan)
         evidence.append([scan.volume + float(none[0]), scan.volume + float(np.logaddexp.reduce(one, axis=None))])
     without, changed = np.logaddexp.reduce(evidence)

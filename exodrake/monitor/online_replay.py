@@ -41,7 +41,7 @@ def replayed_segments(machine: Machine) -> dict[str, Segment]:
     return found if len(found) > 1 else {}
 
 
-def channels(machine: Machine) -> tuple[Channel, ...]:
+def list_channels(machine: Machine) -> tuple[Channel, ...]:
     """All channels: against the closed loop, then against the replays."""
     kinds = [(kind, name) for kind in machine.compared for name in machine.log_names([machine.column(kind)])]
     segments = replayed_segments(machine)

@@ -26,7 +26,7 @@ from exodrake.core.robot import Robot
 from exodrake.data.formats import ending, read_table
 from exodrake.data.log import STRETCH, check_columns, columns_in_si, other_rate, refuse_separator
 from exodrake.monitor.alarm import BEFORE, Alarm, Gap, Reading, date_rise, judge, measure_noise, read_limits
-from exodrake.monitor.online_replay import LOOP, OnlineReplay, channels, replayed_segments
+from exodrake.monitor.online_replay import LOOP, OnlineReplay, list_channels, replayed_segments
 
 HEAD = 512  # bytes at the start of a file by which it is known again
 CHUNK = 1 << 20  # bytes taken at once, so that a long log shows how far it is
@@ -223,7 +223,7 @@ class Monitor:
         self.alarms: list[Alarm] = []  # the first of each episode
         self.notes: list[str] = []  # restarts of the model
         self.frames, self.busy = 0, 0.0  # frames taken, and time spent on them [s]
-        self.noise, self.limit, self.channels = measure_noise(robot), read_limits(machine), channels(machine)
+        self.noise, self.limit, self.channels = measure_noise(robot), read_limits(machine), list_channels(machine)
         segments = {s.name for s in replayed_segments(machine).values()}
         self.segments = (*(s.name for s in machine.segments if s.name in segments), LOOP)
         self.replay: OnlineReplay | None = None

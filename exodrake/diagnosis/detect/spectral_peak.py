@@ -123,30 +123,30 @@ def find_peak(problem: Problem, logs: list[np.ndarray]) -> Peak:
     Logs shorter than a window have no fine spectrum: they are left out where others are longer.
     """
     logs = [log for log in logs if len(log) >= round(WINDOW / problem.robot.machine.frame)] or logs
-    frequency, densities = spectra(problem, logs)
+    frequency, densities = compute_spectra(problem, logs)
     sums = np.array([density.sum(axis=1) for density in densities])
     sought = frequency[(frequency >= LOWEST) & (frequency <= min(HIGHEST, frequency[-1] - ASIDE))]
     if not len(sought):
         return Peak(LOWEST, np.zeros(densities[0].shape[1]), 0.0, 0.0)
     prominences = []  # in the log where it is least
     for centre in sought:
-        band, beside = around(frequency, centre)
+        band, beside = mask_band(frequency, centre)
         ground = np.maximum(np.median(sums[:, beside], axis=1), 1e-12)
         prominences.append(np.min(sums[:, band].mean(axis=1) / ground))
     near = np.abs(frequency - sought[int(np.argmax(prominences))]) <= HALF
     peak = float(frequency[near][np.argmax(sums.sum(axis=0)[near])])
-    powers = np.array([in_band(frequency, density, peak) for density in densities])
+    powers = np.array([sum_band(frequency, density, peak) for density in densities])
     each, power = powers.sum(axis=1), np.average(powers, axis=0, weights=[len(log) for log in logs])
     return Peak(peak, power, float(np.max(prominences)), float(each.min() / max(each.mean(), 1e-12)))
 
 
-def around(frequency: np.ndarray, centre: float) -> tuple[np.ndarray, np.ndarray]:
+def mask_band(frequency: np.ndarray, centre: float) -> tuple[np.ndarray, np.ndarray]:
     """Masks of the frequencies (f,) in the band of a peak, and of those beside it."""
     away = np.abs(frequency - centre)
     return away <= HALF, (away > HALF) & (away < ASIDE)
 
 
-def spectra(problem: Problem, logs: Sequence[np.ndarray]) -> tuple[np.ndarray, list[np.ndarray]]:
+def compute_spectra(problem: Problem, logs: Sequence[np.ndarray]) -> tuple[np.ndarray, list[np.ndarray]]:
     """Frequencies (f,) [Hz] and power densities (f, columns) [noise variance/Hz] of logs (n, columns).
 
     Windows are as long as the shortest log at most.
@@ -159,9 +159,9 @@ def spectra(problem: Problem, logs: Sequence[np.ndarray]) -> tuple[np.ndarray, l
     return found[0][0], [density for _, density in found]
 
 
-def in_band(frequency: np.ndarray, density: np.ndarray, peak: float) -> np.ndarray:
+def sum_band(frequency: np.ndarray, density: np.ndarray, peak: float) -> np.ndarray:
     """Power of the band around a peak (columns,) above its neighbourhood."""
-    band, beside = around(frequency, peak)
+    band, beside = mask_band(frequency, peak)
     ground = np.median(density[beside], axis=0) if beside.any() else 0.0
     return np.maximum((density[band] - ground).sum(axis=0) * (frequency[1] - frequency[0]), 0.0)
 
@@ -177,8 +177,8 @@ def fit_torques(problem: Problem, effect: Effect, values: np.ndarray, peak: Peak
     alone = [np.where(np.isin(np.arange(len(x)), [k for k in joints if k != i]), 0.0, x) for i in joints]
     rows = np.array([values, *(apply(values, parameters, row) for row in alone)])
     logs = problem.predict(rows, problem.fit[0]) / problem.noise_std
-    frequencies, densities = spectra(problem, [log - logs[0] for log in logs[1:]])
-    unit = [in_band(frequencies, density, peak.frequency) for density in densities]
+    frequencies, densities = compute_spectra(problem, [log - logs[0] for log in logs[1:]])
+    unit = [sum_band(frequencies, density, peak.frequency) for density in densities]
     scale = np.sqrt(peak.power + 1e-3)  # a power is known the better the smaller it is
     shares, _ = nnls(np.array(unit).T / scale[:, None], peak.power / scale)
     x[joints] *= np.sqrt(shares)
