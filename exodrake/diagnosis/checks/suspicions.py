@@ -74,14 +74,13 @@ def suspicions(comparison: Comparison) -> tuple[str, ...]:
     return tuple(shorten(sentence, LONGEST) for check in CHECKS for sentence in check(comparison))
 
 
-def nothing_held_out(comparison: Comparison) -> list[str]:
+def nothing_held_out(comparison: Comparison) -> Iterator[str]:
     """A case holds no log out."""
-    if comparison.case.holdout_logs:
-        return []
-    return [f"{comparison.case.name}: no log is held out, so closure cannot be judged on motion the fit never saw"]
+    if not comparison.case.holdout_logs:
+        yield f"{comparison.case.name}: no log is held out, so closure cannot be judged on motion the fit never saw"
 
 
-def copied_logs(comparison: Comparison) -> list[str]:
+def copied_logs(comparison: Comparison) -> Iterator[str]:
     """A log holds samples of another one, or these plus a constant, perhaps cut or shifted.
 
     Logs are compared by hashes of the changes in successive windows, motionless windows left out.
@@ -89,7 +88,7 @@ def copied_logs(comparison: Comparison) -> list[str]:
     spread = np.std(np.concatenate([pair.measured for pair in comparison.pairs]), axis=0)
     fine = FINE * np.where(spread > 0.0, spread, 1.0)
     keys = np.random.default_rng(0).integers(1, 2**62, (MATCH, len(fine)), dtype=np.int64) | 1
-    prints, found = [], []
+    prints = []
     for pair in comparison.pairs:
         steps = np.rint(np.diff(pair.measured, axis=0) / fine).astype(np.int64)
         windows = len(steps) - MATCH + 1
@@ -99,19 +98,16 @@ def copied_logs(comparison: Comparison) -> list[str]:
         fewer, more = sorted((one, other), key=len)
         if len(fewer) and np.isin(fewer, more).mean() > SAME:
             roles = "so that nothing new is held out" if a.role != b.role else "so that it counts twice"
-            found.append(f"{b.file} holds the samples of {a.file} (a constant apart), {roles}")
-    return found
+            yield f"{b.file} holds the samples of {a.file} (a constant apart), {roles}"
 
 
-def another_unit(comparison: Comparison) -> list[str]:
+def another_unit(comparison: Comparison) -> Iterator[str]:
     """A channel has the shape of the nominal robot's, times -1, 57.3, 100, 1000 or their inverses."""
     found: dict[float, list[Channel]] = {}
     for channel in (c for c in comparison.channels if c.factor != 1.0):
         found.setdefault(channel.factor, []).append(channel)
-    return [
-        f"{list_places(channels)} are about {factor:.3g} times what the nominal robot logs: another unit or sign?"
-        for factor, channels in found.items()
-    ]
+    for factor, channels in found.items():
+        yield f"{list_places(channels)} are about {factor:.3g} times what the nominal robot logs: another unit or sign?"
 
 
 def find_far_references(comparison: Comparison) -> dict[str, str]:
@@ -135,12 +131,12 @@ def find_far_references(comparison: Comparison) -> dict[str, str]:
     return found
 
 
-def references_beyond_limits(comparison: Comparison) -> list[str]:
+def references_beyond_limits(comparison: Comparison) -> Iterator[str]:
     """A command is far beyond the limits that the robot file states."""
-    return list(find_far_references(comparison).values())
+    yield from find_far_references(comparison).values()
 
 
-def exchanged_columns(comparison: Comparison) -> list[str]:
+def exchanged_columns(comparison: Comparison) -> Iterator[str]:
     """Channels of one kind correlate clearly better with one another's simulation than with their own."""
     found: dict[str, list[str]] = {}
     for pair in comparison.pairs:
@@ -150,7 +146,8 @@ def exchanged_columns(comparison: Comparison) -> list[str]:
             names = [f"{comparison.columns[i]} like {comparison.columns[j]}" for i, j in zip(own, best) if i != j]
             if names:
                 found.setdefault(list_few(names), []).append(pair.item.file)
-    return [f"{names} of the nominal robot in {list_few(files)}: exchanged columns?" for names, files in found.items()]
+    for names, files in found.items():
+        yield f"{names} of the nominal robot in {list_few(files)}: exchanged columns?"
 
 
 def best_assignment(measured: np.ndarray, nominal: np.ndarray) -> list[int]:
@@ -172,9 +169,8 @@ def best_assignment(measured: np.ndarray, nominal: np.ndarray) -> list[int]:
     return list(best) if gained > np.log(CLEARLY) and left.max() < np.log(1.0 - EXPLAINED) else own
 
 
-def gaps(comparison: Comparison) -> list[str]:
+def gaps(comparison: Comparison) -> Iterator[str]:
     """A column or a reference lacks samples for many frames in a row in which the log has others."""
-    found = []
     for log, file in ((pair.item.log, pair.item.file) for pair in comparison.pairs):
         references = [c for c in comparison.machine.log_names(comparison.machine.references) if log.has(c)]
         columns = [*comparison.columns, *references]
@@ -183,13 +179,10 @@ def gaps(comparison: Comparison) -> list[str]:
         for column, (start, length) in zip(columns, map(longest_run, missing.T), strict=True):
             if length >= LONG:
                 held = "; the simulated robots hold the last one" if column in references else ""
-                found.append(
-                    f"{column} of {file} has no samples for {length} frames from {log.time[start]:.6g} s on{held}"
-                )
-    return found
+                yield f"{column} of {file} has no samples for {length} frames from {log.time[start]:.6g} s on{held}"
 
 
-def frozen_channels(comparison: Comparison) -> list[str]:
+def frozen_channels(comparison: Comparison) -> Iterator[str]:
     """A channel repeats one value for long while its noise, or what the other logs say of it, goes on.
 
     A robot that sticks or rests does so in other logs, too.
@@ -213,9 +206,9 @@ def frozen_channels(comparison: Comparison) -> list[str]:
                     item = pairs[k].item
                     frozen[k] = f"{name} of {item.file} from {item.log.time[start]:.6g} s on for {n} frames"
         found += frozen.values()
-    verb = "are" if len(found) > 1 else "is"
-    said = f"{list_few(found)} {verb} frozen: one value repeats where the channel should move or be noisy"
-    return [said] if found else []
+    if found:
+        verb = "are" if len(found) > 1 else "is"
+        yield f"{list_few(found)} {verb} frozen: one value repeats where the channel should move or be noisy"
 
 
 def noise_stops(comparison: Comparison, column: int, log: int, start: int, length: int) -> bool:
@@ -231,7 +224,7 @@ def noise_stops(comparison: Comparison, column: int, log: int, start: int, lengt
     return noisy and values[start] not in (values.min(), values.max())
 
 
-def clipped_channels(comparison: Comparison) -> list[str]:
+def clipped_channels(comparison: Comparison) -> Iterator[str]:
     """A channel stays at an end of its range again and again, far more than elsewhere and than the nominal robot's."""
 
     def held_shares(values: np.ndarray) -> tuple[float, float]:
@@ -250,11 +243,11 @@ def clipped_channels(comparison: Comparison) -> list[str]:
     for channel in comparison.channels:
         (ends, elsewhere), (nominal, _) = held_shares(channel.measured), held_shares(channel.nominal)
         found += [channel] if ends > max(SATURATED, BEYOND * nominal, BEYOND * elsewhere) else []
-    said = f"{list_places(found)} again and again stay at one value at an end of their range: is the signal clipped?"
-    return [said] if found else []
+    if found:
+        yield f"{list_places(found)} again and again stay at one value at an end of their range: is the signal clipped?"
 
 
-def nothing_moves(comparison: Comparison) -> list[str]:
+def nothing_moves(comparison: Comparison) -> Iterator[str]:
     """Over the logs to fit, neither a reference nor a compared channel moves by more than noise."""
 
     def moves(values: np.ndarray, rounding: float = 0.0) -> bool:
@@ -262,15 +255,14 @@ def nothing_moves(comparison: Comparison) -> list[str]:
 
     pairs = [pair for pair in comparison.pairs if pair.item.role == "fit"]
     references, channels = (np.concatenate([getattr(p, x) for p in pairs]).T for x in ("reference", "measured"))
-    if any(map(moves, references)) or any(moves(values, rounding_step(values)) for values in channels):
-        return []
-    return [
-        "nothing moves in the logs to fit: the references are constant and no channel varies by more than "
-        f"{LEAST_MOTION:g} times its noise, so hardly any effect can show; record a motion"
-    ]
+    if not any(map(moves, references)) and not any(moves(values, rounding_step(values)) for values in channels):
+        yield (
+            "nothing moves in the logs to fit: the references are constant and no channel varies by more than "
+            f"{LEAST_MOTION:g} times its noise, so hardly any effect can show; record a motion"
+        )
 
 
-def bursts(comparison: Comparison) -> list[str]:
+def bursts(comparison: Comparison) -> Iterator[str]:
     """Fast noise is many times as strong as usual for a while in one channel alone, so not by a motion of the robot."""
 
     def window_strength(values: np.ndarray) -> np.ndarray:
@@ -278,7 +270,6 @@ def bursts(comparison: Comparison) -> list[str]:
         cut = values[: len(values) // WINDOW * WINDOW].reshape(-1, WINDOW, values.shape[1])
         return np.median(np.abs(np.diff(cut, ORDER, axis=1)), axis=1)
 
-    found = []
     for pair in (p for p in comparison.pairs if len(p.measured) >= WINDOW / (1.0 - USUAL)):
         strengths = [window_strength(pair.measured), window_strength(pair.nominal)]
         usual = np.max([np.quantile(x, USUAL, axis=0) for x in strengths], axis=0)
@@ -290,11 +281,10 @@ def bursts(comparison: Comparison) -> list[str]:
             if (most := strength.max()) > BEYOND:
                 time = pair.item.log.time[WINDOW * int(strength.argmax())]
                 place = f"{comparison.columns[i]} of {pair.item.file}"
-                found.append(f"{place} has a burst of {most:.2g} times its usual noise at {time:.6g} s")
-    return found
+                yield f"{place} has a burst of {most:.2g} times its usual noise at {time:.6g} s"
 
 
-def noise_as_large_as_motion(comparison: Comparison) -> list[str]:
+def noise_as_large_as_motion(comparison: Comparison) -> Iterator[str]:
     """More than half of a channel's variance is noise, by its whiteness or by its repeats, unlike the nominal robot."""
     found = [c for c in comparison.channels if white_share(c.measured) > max(HALF, CLEAR * white_share(c.nominal))]
     for column in comparison.columns:
@@ -310,21 +300,18 @@ def noise_as_large_as_motion(comparison: Comparison) -> list[str]:
                 noise = robust_std(first[:rows] - last[:rows]) ** 2 / 2.0
                 shares.append(len(channels) * noise / variance if variance > 0.0 else 0.0)
             found += runs if shares[0] > max(HALF, CLEAR * shares[1]) else []
-    said = f"noise is as large as the motion in {list_places(found)}: almost any cause would explain such a channel"
-    return [said] if found else []
+    if found:
+        yield f"noise is as large as the motion in {list_places(found)}: almost any cause would explain such a channel"
 
 
-def noise_unlike_robot_file(comparison: Comparison) -> list[str]:
+def noise_unlike_robot_file(comparison: Comparison) -> Iterator[str]:
     """The fast noise of all channels of a sensor is larger, or less, than the robot file says; what to set then.
 
     A diagnosis takes the noise of a sensor from the robot file, since what makes a loop hunt is a cause and no noise.
     With a noisier sensor no explanation leaves as little as it should, with a quieter one a fit may look too good.
     """
-    if noise_as_large_as_motion(comparison):
-        return []
-    machine, sentences = comparison.machine, []
-    groups: dict[tuple[str, str], dict[str, list[str]]] = {}
-    for parameter, columns, word in compare_noise(comparison):
+    machine, groups = comparison.machine, dict[tuple[str, str], dict[str, list[str]]]()
+    for parameter, columns, word in compare_noise(comparison) if not any(noise_as_large_as_motion(comparison)) else ():
         groups.setdefault((without_channel(parameter), word), {})[parameter] = columns
     for (name, word), found in groups.items():
         columns, repeats = [column for each in found.values() for column in each], repeatability(comparison, name)
@@ -333,11 +320,10 @@ def noise_unlike_robot_file(comparison: Comparison) -> list[str]:
         logged, stated, repeated = (in_words(float(level), unit) for level in (*levels, repeats))
         whole = len(found) == sum(without_channel(p) == name for p in machine.noise)
         set_to, also = name if whole else list_few(found), f"{name.split('.')[0]}.repeatability"
-        sentences.append(
+        yield (
             f"noise in the logs is {logged} in {list_few(columns)}, the robot file states {stated}"
             + (f" and {repeated} ({also}): {word}? Set {set_to} and {also}" if repeats else f": {word}? Set {set_to}")
         )
-    return sentences
 
 
 def compare_noise(comparison: Comparison) -> Iterator[tuple[str, list[str], str]]:
@@ -397,7 +383,7 @@ def noise_parameters(machine: Machine) -> dict[str, list[str]]:
     return found
 
 
-def changed_between_repeats(comparison: Comparison) -> list[str]:
+def changed_between_repeats(comparison: Comparison) -> Iterator[str]:
     """Repeats of one reference differ in gain or offset, by an F test and by more than a small part of the motion."""
     pairs = {pair.item.file: pair for pair in comparison.pairs}
     twos = [(pairs[a.file], pairs[b.file]) for g in comparison.case.repeat_groups for a, b in pairwise(g)]
@@ -407,10 +393,9 @@ def changed_between_repeats(comparison: Comparison) -> list[str]:
             change, p = gain_and_offset(a.measured[:, i], b.measured[:, i], a.nominal[:, i])
             if change > CHANGED and p < LEVEL / (len(twos) * len(comparison.columns)):
                 found.setdefault((a.item.file, b.item.file), []).append(column)
-    return [
-        f"{list_few(columns)} changed in gain or offset from {a} to its repeat {b}: another robot, or one that changed?"
-        for (a, b), columns in found.items()
-    ]
+    for (a, b), columns in found.items():
+        names = list_few(columns)
+        yield f"{names} changed in gain or offset from {a} to its repeat {b}: another robot, or one that changed?"
 
 
 def gain_and_offset(first: np.ndarray, second: np.ndarray, nominal: np.ndarray) -> tuple[float, float]:
@@ -434,7 +419,7 @@ def gain_and_offset(first: np.ndarray, second: np.ndarray, nominal: np.ndarray) 
     return float(np.abs(change).max() / motion), p
 
 
-def logs_of_other_robots(comparison: Comparison) -> list[str]:
+def logs_of_other_robots(comparison: Comparison) -> Iterator[str]:
     """A log differs from the others in states that count as one by more than a channel moves.
 
     Frames are paired by the nearest state. Causes that the diagnosis knows stay below: they act alike in one state, up
@@ -451,7 +436,7 @@ def logs_of_other_robots(comparison: Comparison) -> list[str]:
     state = np.hstack([reference, nominal[:, smooth]])
     state = state[:, np.ptp(state, axis=0) > 0.0]
     if len(pairs) < 2 or not state.shape[1]:
-        return []
+        return
     state = state / state.std(axis=0)
     residual, motion = measured - nominal, np.maximum(measured.std(axis=0), nominal.std(axis=0))
     found: dict[str, list[str]] = {}
@@ -463,11 +448,9 @@ def logs_of_other_robots(comparison: Comparison) -> list[str]:
             apart = np.abs(np.median(residual[mine[close]] - residual[others[nearest[close]]], axis=0))
             for i in (i for i in smooth if apart[i] > APART * motion[i]):
                 found.setdefault(comparison.columns[i], []).append(pair.item.file)
-    return [
-        f"{column} of {list_few(files)} differs from the other logs by more than its motion in like states: "
-        "another robot?"
-        for column, files in found.items()
-    ]
+    for column, files in found.items():
+        place = f"{column} of {list_few(files)}"
+        yield f"{place} differs from the other logs by more than its motion in like states: another robot?"
 
 
 class OtherLogs:
@@ -592,14 +575,14 @@ class OtherLogs:
         return slope, abs(slope) / error if error > 0.0 else 0.0
 
 
-def unlike_other_logs(comparison: Comparison) -> list[str]:
+def unlike_other_logs(comparison: Comparison) -> Iterator[str]:
     """Channels of one log err by a gain, offset or delay, several times as far as those of any other log.
 
     With fewer than three logs nothing says what is usual. Of channels that predict each other, those count that still
     err when the others take no part. Where a command is in another unit, all channels follow it.
     """
     if len(comparison.pairs) < 3:
-        return []
+        return
     other, kinds, beyond = OtherLogs(comparison), comparison.kinds, find_far_references(comparison)
     unlike: dict[int, dict[int, tuple[float, str]]] = {}
     for log in (k for k, pair in enumerate(comparison.pairs) if pair.item.file not in beyond):
@@ -613,7 +596,7 @@ def unlike_other_logs(comparison: Comparison) -> list[str]:
             kept = {c: one for c, one in found.items() if kinds[c] == kind}
         unlike |= {log: kept} if kept else {}
     if not unlike:
-        return []
+        return
     log = max(unlike, key=lambda log: sum(np.log(ratio) for ratio, _ in unlike[log].values()))
     found, file = unlike[log], comparison.pairs[log].item.file
     named = [c for c in sorted(found, key=lambda c: -found[c][0]) if found[c][1]][:1]
@@ -621,14 +604,14 @@ def unlike_other_logs(comparison: Comparison) -> list[str]:
     several = len(set(kinds[list(found)])) > 1
     asked = "another robot" if several else "another unit, zero or clock, a clipped or dead channel, another robot"
     columns = list_few(comparison.columns[c] for c in sorted(found))
-    return [f"{columns} of {file} do not follow from the other logs{named}: {asked}?"]
+    yield f"{columns} of {file} do not follow from the other logs{named}: {asked}?"
 
 
-def drifting_clocks(comparison: Comparison) -> list[str]:
+def drifting_clocks(comparison: Comparison) -> Iterator[str]:
     """The channels of one kind come ever later, or earlier, in one log, as those of no other log do."""
     if len(comparison.pairs) < 3:
-        return []
-    other, found = OtherLogs(comparison), []
+        return
+    other = OtherLogs(comparison)
     for kind in dict.fromkeys(comparison.kinds):
         slopes = [other.delay_slope(str(kind), log) for log in range(len(comparison.pairs))]
         for log, (slope, sure) in enumerate(slopes):
@@ -638,14 +621,13 @@ def drifting_clocks(comparison: Comparison) -> list[str]:
             if sure > DRIFTING and grows > 1.0 and abs(own) > UNLIKE * np.abs(rest - np.median(rest)).max():
                 file, word = comparison.pairs[log].item.file, "later" if own > 0.0 else "earlier"
                 names = list_few(np.array(comparison.columns)[comparison.kinds == kind])
-                found.append(
+                yield (
                     f"{names} of {file} come ever {word}, by {grows:.2g} frames at its end ({1e6 * abs(own):.0f} ppm), "
                     "unlike in the other logs: a clock of its own?"
                 )
-    return found
 
 
-CHECKS: tuple[Callable[[Comparison], list[str]], ...] = (
+CHECKS: tuple[Callable[[Comparison], Iterator[str]], ...] = (
     nothing_held_out,
     copied_logs,
     another_unit,
