@@ -96,7 +96,6 @@ class Channel:
 
     column: str
     file: str
-    time: np.ndarray  # (n,) [s]
     measured: np.ndarray  # (n,) [unit of the column]
     nominal: np.ndarray  # (n,) [unit of the column]
 
@@ -189,9 +188,9 @@ def compare(case: Case, robot: Robot) -> Comparison:
         known = np.isfinite(measured) & np.isfinite(nominal)
         whole = (filled_columns(np.where(known, x, np.nan)) for x in (measured, nominal))
         pairs.append(LogPair(item, reference, *whole))
-        for column, rows, *values in zip(columns, known.T, measured.T, nominal.T, strict=True):
+        for column, rows, own, theirs in zip(columns, known.T, measured.T, nominal.T, strict=True):
             if rows.sum() >= SHORTEST:
-                channels.append(Channel(column, item.file, *(x[rows] for x in (item.log.time, *values))))
+                channels.append(Channel(column, item.file, own[rows], theirs[rows]))
     return Comparison(case, robot, columns, tuple(pairs), tuple(channels))
 
 

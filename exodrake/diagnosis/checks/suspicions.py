@@ -219,7 +219,7 @@ def noise_stops(comparison: Comparison, column: int, log: int, start: int, lengt
     rest[start : start + length] = False
     if rest.sum() < LONG or length < BEYOND * max(longest_run(nominal)[1], longest_run(values[rest])[1]):
         return False
-    outside = Channel(comparison.columns[column], "", pair.item.log.time[rest], values[rest], nominal[rest])
+    outside = Channel(comparison.columns[column], pair.item.file, values[rest], nominal[rest])
     noisy = outside.carries_noise and outside.noise / outside.nominal_noise > 1.0 / CLEAR
     return noisy and values[start] not in (values.min(), values.max())
 
