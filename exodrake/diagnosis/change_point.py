@@ -74,13 +74,9 @@ class ChangePoint:
         self.shape, self.low, self.high, self.columns = list_changes(self.times, grid)
         rows = np.einsum("ij,cjk->cik", self.white, self.columns)
         self.rows = rows - np.einsum("i,j,cjk->cik", self.constant, self.constant, rows)
-        added = []  # orthonormal columns of the same span, of zeros for one that adds nothing
-        for first, second in self.rows.transpose(0, 2, 1):
-            first = first / np.linalg.norm(first)
-            second = second - (first @ second) * first
-            size = np.linalg.norm(second)
-            added.append(np.column_stack([first, second / size if size > 1e-9 else np.zeros(len(second))]))
-        self.added = np.array(added)
+        q, r = np.linalg.qr(self.rows)  # orthonormal columns of the same span, zeros for one that adds nothing
+        size = np.diagonal(r, axis1=1, axis2=2)
+        self.added = q * np.where(np.abs(size) > 1e-9, np.sign(size), 0.0)[:, None, :]
         count = 1 + (self.shape == BOTH)
         k = len(self.times) * np.array(SIZES)
         self.kept = k / (1.0 + k)  # (k,) share of a change that the prior lets through
