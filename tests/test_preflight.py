@@ -11,8 +11,16 @@ from exodrake.cli.main import cli
 from exodrake.compiled.inputs import Reference
 from exodrake.data.case import Case, CaseLog, write_case
 from exodrake.data.log import Log
-from exodrake.diagnosis.checks.identifiability import SEEN, identifiability, least_left
-from exodrake.diagnosis.checks.preflight import find_band, find_held, find_problems, judge_clock, preflight
+from exodrake.diagnosis.checks.preflight import (
+    SEEN,
+    find_band,
+    find_held,
+    find_problems,
+    identifiability,
+    judge_clock,
+    least_left,
+    preflight,
+)
 from exodrake.diagnosis.fit import bounded
 from exodrake.diagnosis.likelihood import CORRELATION
 from exodrake.diagnosis.linearise import PROBE

@@ -10,7 +10,7 @@ import click
 from exodrake.cli import options
 
 if TYPE_CHECKING:
-    from exodrake.diagnosis.checks.identifiability import Direction
+    from exodrake.diagnosis.checks.preflight import Direction
 
 TOP, FEW = 3, 4  # effects that are listed for each; for fewer sensors
 
@@ -34,8 +34,7 @@ def command(case: Path, robot: str, only: str, without: str, figure: Path | None
 
     from exodrake.core.display import display_of
     from exodrake.core.parallel import one_blas_thread
-    from exodrake.diagnosis.checks.identifiability import SEEN
-    from exodrake.diagnosis.checks.preflight import draw_figure, preflight
+    from exodrake.diagnosis.checks.preflight import SEEN, draw_figure, preflight
     from exodrake.machines.robot_file import load_robot
 
     nominal = load_robot(robot)
