@@ -22,9 +22,8 @@ from exodrake.compiled.inputs import NOTHING, NoiseInputs, input_rows
 from exodrake.core.machine import Machine, signal_count, state_size
 from exodrake.core.parallel import side_by_side
 from exodrake.core.part import HYSTERESIS, RELAXATION, FreeLaw
-from exodrake.diagnosis.discovery.law_code import COUNTS, KNOTS, SIZE, WATCHED, WEIGHTS, LawPoint
+from exodrake.diagnosis.discovery.law_code import COUNTS, SIZE, WATCHED, LawPoint
 from exodrake.diagnosis.linear import RIDGE, Reduced
-from exodrake.diagnosis.parameter import Parameter
 from exodrake.diagnosis.problem import Problem, Trial
 
 LENGTH = 0.4  # correlation length of a curve in its range: assumed
@@ -32,7 +31,6 @@ FINE = 40.0  # range over the width near 0 in which knots lie close: assumed
 REACHES = (0.01, 0.6)  # of hysteresis, smallest and largest in ranges of the variable: assumed
 MODEST = 0.05  # size of a law in the range of its point's value: small against curvature, large against rounding
 FRAMES = 2.0  # shortest memory
-WIDE = 1e6  # bound of a coordinate: none
 MOST = 3  # terms of a formula
 GRID = 200  # points on which a term is approximated by a curve
 WIDTHS = (0.02, 0.05, 0.1, 0.14, 0.2, 0.28, 0.4)  # of terms with a width, in the largest |u|
@@ -61,26 +59,6 @@ class Candidate:
     def name(self) -> str:
         """Id of the effect and its form in words."""
         return f"{self.law.learned}: {self.form.words}"
-
-    def put(self, machine: Machine, values: np.ndarray, channels: Sequence[int]) -> np.ndarray:
-        """Flat parameter vector with the law switched on in some channels, its weights as they were."""
-        out = values.copy()
-        out[indices(machine, self.law.identity, "form")[list(channels)]] = float(self.number)
-        for i, name in enumerate(KNOTS):
-            out[indices(machine, self.law.identity, name)] = self.knots[:, i]
-        return out
-
-    def parameters(self, machine: Machine, scales: np.ndarray, modes: int = SIZE) -> tuple[Parameter, ...]:
-        """Coordinates of the first modes in each channel; scales: (channels,) prior deviations, 0 without it."""
-        places = np.array([indices(machine, self.law.identity, name) for name in WEIGHTS])
-        found = []
-        for c in np.flatnonzero(scales):
-            along = self.size[c] * self.basis
-            for m in range(modes):
-                name, index, ends = f"mode{m + 1}.{self.channels[c]}", tuple(map(int, places[:, c])), (-WIDE, WIDE)
-                move, std = tuple(map(float, along[:, m])), float(scales[c])
-                found.append(Parameter(name, index, "along", 0.0, std, ends, "", (self.channels[c],), along=move))
-        return tuple(found)
 
     def shape(self) -> tuple[np.ndarray, np.ndarray]:
         """Curves of the law: abscissas (channels, points), and values per weight (channels, points, 8).

@@ -24,12 +24,23 @@ from exodrake.core.plain import plain
 from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.core.robot import Robot
 from exodrake.diagnosis.closure import measure
-from exodrake.diagnosis.discovery.candidates import Candidate, count_values, find_formulas, list_candidates
-from exodrake.diagnosis.discovery.law_code import SIZE, add_laws, effect_text, get_laws, robot_on, robot_with, values_on
+from exodrake.diagnosis.discovery.candidates import Candidate, count_values, find_formulas, indices, list_candidates
+from exodrake.diagnosis.discovery.law_code import (
+    KNOTS,
+    SIZE,
+    WEIGHTS,
+    add_laws,
+    effect_text,
+    get_laws,
+    robot_on,
+    robot_with,
+    values_on,
+)
 from exodrake.diagnosis.fit import Explanation, linear_model, minimise, settled, whole_jacobian, without
 from exodrake.diagnosis.isolation import Isolation
 from exodrake.diagnosis.likelihood import SAMPLE, Likelihood
 from exodrake.diagnosis.linear import LinearModel
+from exodrake.diagnosis.parameter import Parameter
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.result import Interval
 from exodrake.diagnosis.search import LAW, NATS, NEGLIGIBLE
@@ -39,6 +50,7 @@ SCALES = (0.0, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0)  # of a law in units of its plaus
 MODES, PASSES = 3, 2  # of a law with which it is screened; over the channels in search of their scales
 STARTED, PER_POINT = 14, 4  # laws that are simulated as predicted, and at most at one point
 FITTED, OTHERS = 3, 1  # laws that are fitted, inside a block and outside it
+WIDE = 1e6  # bound of a coordinate: none
 SHARES = (1.0, 0.5, 0.2, 0.05)  # of a predicted law, tried where its fit begins
 ROUNDS = 4  # new Jacobians of the best law's other parameters, on whole logs
 # in 90 % of robots a law in a wrong part takes up less of what the best one in the right part leaves: conformal
@@ -301,11 +313,19 @@ def weigh_scales(normal: np.ndarray, slope: np.ndarray, channel: np.ndarray) -> 
 def join_law(
     machine: Machine, base: Explanation, candidate: Candidate, scales: np.ndarray, modes: int = SIZE
 ) -> Explanation:
-    """An explanation with a law in some channels, at weights of 0."""
-    values = candidate.put(machine, base.values, np.flatnonzero(scales).tolist())
-    parameters = (*base.parameters, *candidate.parameters(machine, scales, modes))
+    """An explanation with the first modes of a law, at weights of 0; scales: (channels,) of their prior, 0 for none."""
+    at = {name: indices(machine, candidate.law.identity, name) for name in ("form", *KNOTS, *WEIGHTS)}
+    values, parameters, active = base.values.copy(), list(base.parameters), np.flatnonzero(scales)
+    values[at["form"][active]] = float(candidate.number)
+    for knot, name in zip(candidate.knots.T, KNOTS, strict=True):
+        values[at[name]] = knot
+    for c in active:
+        index, channel = tuple(int(at[name][c]) for name in WEIGHTS), candidate.channels[c]
+        for m, weights in enumerate((candidate.size[c] * candidate.basis).T[:modes]):
+            name, along, std = f"mode{m + 1}.{channel}", tuple(map(float, weights)), float(scales[c])
+            parameters.append(Parameter(name, index, "along", 0.0, std, (-WIDE, WIDE), "", (channel,), along=along))
     x = np.r_[base.x, np.zeros(len(parameters) - len(base.x))]
-    return Explanation(base.effects, parameters, x, values, base.residual, base.jacobian)
+    return Explanation(base.effects, tuple(parameters), x, values, base.residual, base.jacobian)
 
 
 def fit_best(
