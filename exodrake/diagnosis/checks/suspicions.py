@@ -310,11 +310,11 @@ def noise_unlike_robot_file(comparison: Comparison) -> Iterator[str]:
     A diagnosis takes the noise of a sensor from the robot file, since what makes a loop hunt is a cause and no noise.
     With a noisier sensor no explanation leaves as little as it should, with a quieter one a fit may look too good.
     """
-    machine, groups = comparison.machine, dict[tuple[str, str], dict[str, list[str]]]()
-    for parameter, columns, word in compare_noise(comparison) if not any(noise_as_large_as_motion(comparison)) else ():
-        groups.setdefault((without_channel(parameter), word), {})[parameter] = columns
-    for (name, word), found in groups.items():
-        columns, repeats = [column for each in found.values() for column in each], repeatability(comparison, name)
+    machine, groups = comparison.machine, dict[tuple[str, str, float], dict[str, list[str]]]()
+    for parameter, columns, repeats, word in compare_noise(comparison):
+        groups.setdefault((without_channel(parameter), word, repeats), {})[parameter] = columns
+    for (name, word, repeats), found in groups.items() if not any(noise_as_large_as_motion(comparison)) else ():
+        columns = [column for each in found.values() for column in each]
         unit = machine.signal[machine.column(columns[0].rsplit("_", 1)[0]).signal].unit
         levels = np.median([(c.noise, c.nominal_noise) for c in comparison.audible(columns[0])], axis=0)
         logged, stated, repeated = (in_words(float(level), unit) for level in (*levels, repeats))
@@ -326,23 +326,24 @@ def noise_unlike_robot_file(comparison: Comparison) -> Iterator[str]:
         )
 
 
-def compare_noise(comparison: Comparison) -> Iterator[tuple[str, list[str], str]]:
-    """Noise parameters that the logs contradict, their compared columns, and what the noise may be.
+def compare_noise(comparison: Comparison) -> Iterator[tuple[str, list[str], float, str]]:
+    """Noise parameters that the logs contradict, their compared columns, repeatability, and what the noise may be.
 
     A sensor's noise is in every log; what is fast in one of them alone is its motion. A diagnosis counts the larger of
     noise and repeatability. What rounding hides is not judged.
     """
     for parameter, names in noise_parameters(comparison.machine).items():
-        columns = [c for c in names if c in comparison.columns]
-        heard, repeats = [comparison.audible(column) for column in columns], repeatability(comparison, parameter)
+        columns, repeats = [c for c in names if c in comparison.columns], f"{parameter.split('.')[0]}.repeatability"
+        repeats = float(comparison.robot[repeats]) if repeats in comparison.machine.index else 0.0
+        heard = [comparison.audible(column) for column in columns]
         if not heard or not all(heard):
             continue
         simulated = [[c.noise / c.least_noise for c in channels] for channels in heard]
         counted = [[c.noise / max(c.least_noise, repeats) for c in channels] for channels in heard]
         if min(map(min, counted)) > ABOVE:
-            yield parameter, columns, NOISIER
+            yield parameter, columns, repeats, NOISIER
         elif max(map(np.median, simulated)) < 1.0 / ABOVE and min(map(np.median, counted)) < 1.0 / CLEAR:
-            yield parameter, columns, "smoothed logs, or quieter sensors"
+            yield parameter, columns, repeats, "smoothed logs, or quieter sensors"
 
 
 def logged_noise(comparison: Comparison) -> dict[str, float]:
@@ -351,7 +352,7 @@ def logged_noise(comparison: Comparison) -> dict[str, float]:
     It is white, so that differences of two orders say the same of it, and it is in every channel of every log.
     """
     found = {}
-    for parameter, columns, word in compare_noise(comparison):
+    for parameter, columns, _, word in compare_noise(comparison):
         heard = comparison.audible(*columns)
         high, higher = (np.array([fast_noise(c.measured / c.factor, k) for c in heard]) for k in ORDERS)
         noise, least = np.minimum(high, higher), np.array([c.least_noise for c in heard])
@@ -363,12 +364,6 @@ def logged_noise(comparison: Comparison) -> dict[str, float]:
 def without_channel(parameter: str) -> str:
     """A parameter `part.name.channel` without its channel."""
     return ".".join(parameter.split(".")[:2])
-
-
-def repeatability(comparison: Comparison, parameter: str) -> float:
-    """By how much runs differ by the robot file [SI], of the part that a noise parameter is of; 0 for none."""
-    name = f"{parameter.split('.')[0]}.repeatability"
-    return float(comparison.robot[name]) if name in comparison.machine.index else 0.0
 
 
 def noise_parameters(machine: Machine) -> dict[str, list[str]]:
