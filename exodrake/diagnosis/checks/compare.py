@@ -194,10 +194,10 @@ def compare(case: Case, robot: Robot) -> Comparison:
     return Comparison(case, robot, columns, tuple(pairs), tuple(channels))
 
 
-def list_few(names: Iterable[str]) -> str:
-    """The first few of some names, each once."""
+def list_few(names: Iterable[str], count: int = NAMED) -> str:
+    """The first few of some names, each once, and how many more there are."""
     once = list(dict.fromkeys(names))
-    return ", ".join(once[:NAMED]) + (f" and {len(once) - NAMED} more" if len(once) > NAMED else "")
+    return ", ".join(once[:count]) + (f" and {len(once) - count} more" if len(once) > count else "")
 
 
 def list_places(channels: Iterable[Channel]) -> str:

@@ -29,7 +29,7 @@ from exodrake.data.formats import read_table
 from exodrake.data.log import Log
 from exodrake.data.plot import STYLE, new_figure, png_of
 from exodrake.diagnosis.calibration import calibration_notes
-from exodrake.diagnosis.checks.compare import Comparison, check_case, compare, fast_noise, find_runs
+from exodrake.diagnosis.checks.compare import Comparison, check_case, compare, fast_noise, find_runs, list_few
 from exodrake.diagnosis.checks.suspicions import HELD, LEAST_MOTION, suspicions
 from exodrake.diagnosis.likelihood import CORRELATION, duration, output_error
 from exodrake.diagnosis.linear import LinearModel, bounded
@@ -424,7 +424,6 @@ def draw_figure(found: Preflight) -> bytes:
                 for other, share in direction.taken_for.items():
                     left[other] = min(share, left.get(other, 1.0))
             words = [f"{other} ({share:.0%})" for other, share in sorted(left.items(), key=lambda item: item[1])]
-            more = f" and {len(words) - LISTED} more" if len(words) > LISTED else ""
-            beside.text(0.0, row, ", ".join(words[:LISTED]) + more, va="center", fontsize=7.5, color="#8a5a00")
+            beside.text(0.0, row, list_few(words, LISTED), va="center", fontsize=7.5, color="#8a5a00")
         figure.suptitle(f"{found.case.name}: what it could tell", fontsize=11, fontweight="bold", x=0.01, ha="left")
         return png_of(figure)
