@@ -243,10 +243,11 @@ def measure_safety(problem: Problem, robots: np.ndarray, known: Sequence[Referen
 
 
 class Piece(NamedTuple):
-    """A safe course in shares (frames, channels) with its information and its motif; None of a known motion."""
+    """A safe course with its information."""
 
-    motif: Motif | None
-    course: np.ndarray
+    motif: Motif | None  # None of a known motion
+    course: np.ndarray  # (frames, channels) in shares of the span
+    size: float  # factor by which it was made smaller to be safe
     information: Information
 
 
@@ -258,7 +259,7 @@ class Design:
     information: Information
     size: float  # factor by which the whole was made smaller to be safe
     safety: Safety
-    random: float = 0.0  # probability that the median of random motions of this length promises
+    random: float  # probability that the median of random motions of this length promises
 
 
 class Designer:
@@ -289,10 +290,12 @@ class Designer:
                 return course, float(size), self.contest.difference(records)
         return None
 
-    def make_piece(self, motif: Motif | None, course: np.ndarray) -> list[Piece]:
-        """A safe course with its information, unless a robot does not come to its end."""
-        found = information(self.contest, self.stage.reference(course).values)
-        return [Piece(motif, course, found)] if found else []
+    def make_piece(self, motif: Motif | None, shares: np.ndarray, shrinks: int = SHRINKS) -> list[Piece]:
+        """A course (frames, channels) made smaller until safe, with its information; none if unsafe or divergent."""
+        if (kept := self.make_safe(shares, shrinks)) is None:
+            return []
+        found = information(self.contest, self.stage.reference(kept[0]).values)
+        return [Piece(motif, *kept[:2], found)] if found else []
 
     def make_library(self, pieces: int) -> list[Piece]:
         """Random motifs and windows of known motions on which the rivals differ most, at a size that is safe."""
@@ -304,10 +307,10 @@ class Designer:
                 windows.append(self.to_course(motion, np.linspace(start, last, frames).round().astype(int)))
         order = self.rng.permutation(len(windows))[: max(round(WINDOWS * self.fewer), 3)]
         tried = [*((motif, motif.shares(frames, rest)) for motif in motifs), *((None, windows[i]) for i in order)]
-        safe = [(motif, kept) for motif, course in tried if (kept := self.make_safe(course))]
-        safe.sort(key=lambda item: -item[1][2])
+        safe = [(motif, *kept) for motif, course in tried if (kept := self.make_safe(course))]
+        safe.sort(key=lambda item: -item[3])
         best = safe[: max(len(safe) // LIBRARY, pieces)]
-        found = [piece for motif, (course, _, _) in best for piece in self.make_piece(motif, course)]
+        found = [piece for motif, course, *_ in best for piece in self.make_piece(motif, course, 1)]
         if not found:
             raise InputError(f"{self.contest.problem.case.name}: no motion is safe on every explanation still in play")
         return found
@@ -326,20 +329,11 @@ class Designer:
             at = int(self.rng.integers(pieces))
             known = chosen[at].motif
             motif = known.mutate(self.rng) if known else random_motif(len(rest), self.rng)
-            kept = self.make_safe(motif.shares(self.whole // pieces, rest))
-            for piece in self.make_piece(motif, kept[0]) if kept else ():
+            for piece in self.make_piece(motif, motif.shares(self.whole // pieces, rest)):
                 trial = [*chosen[:at], piece, *chosen[at + 1 :]]
                 if (reached := judge(trial)) > best:
                     chosen, best = trial, reached
         return np.concatenate([piece.course for piece in chosen])
-
-    def check(self, shares: np.ndarray) -> list[Design]:
-        """The experiment of shares (frames, channels), made smaller until it is safe as a whole; or none."""
-        if (kept := self.make_safe(shares, 2 * SHRINKS)) is None:
-            return []
-        reference = self.stage.reference(kept[0])
-        found = information(self.contest, reference.values)
-        return [Design(reference, found, kept[1], self.safety)] if found else []
 
 
 def design(contest: Contest, duration: float | None = None, seed: int = 0) -> Design:
@@ -353,23 +347,23 @@ def design(contest: Contest, duration: float | None = None, seed: int = 0) -> De
     Raises:
         InputError: for a length out of range, a machine whose references have no limits, and where nothing is safe.
     """
-    search, robot, found = Designer(contest, duration, seed), contest.problem.robot, list[Design]()
+    search, robot, found = Designer(contest, duration, seed), contest.problem.robot, list[Piece]()
     length = search.whole * robot.machine.frame
     for k in search.rng.integers(2**31, size=max(round(WHOLE * search.fewer), 3)):
         motion = protocol(f"random-motion:seed={k},duration={length:g}", robot)
         at = np.linspace(0.0, len(motion.values) - 1.0, search.whole).round().astype(int)
-        found += search.check(search.to_course(motion, at))
-    random = sorted(found, key=lambda d: d.information.criterion)[len(found) // 2 :][:1]
+        found += search.make_piece(None, search.to_course(motion, at), 2 * SHRINKS)
+    random = sorted(found, key=lambda piece: piece.information.criterion)[len(found) // 2 :][:1]
     for pieces in PIECES:
-        found += search.check(search.search_sequence(pieces))
+        found += search.make_piece(None, search.search_sequence(pieces), 2 * SHRINKS)
     if not found:
         raise InputError(f"{contest.problem.case.name}: no experiment is safe on every explanation in play")
-    found.sort(key=lambda d: d.information.criterion, reverse=True)
-    ended = ((made, refit(contest, made.reference.values)) for made in found[:FINAL])
-    last = [replace(made, information=told) for made, told in ended if told]
-    best = max(last or found[:1], key=lambda d: d.information.criterion)
-    promised = [min(d.information.probability, best.information.probability) for d in random]
-    return replace(best, random=promised[0] if promised else 0.0)
+    found.sort(key=lambda piece: piece.information.criterion, reverse=True)
+    ended = [(piece, refit(contest, search.stage.reference(piece.course).values)) for piece in found[:FINAL]]
+    last = [piece._replace(information=told) for piece, told in ended if told]
+    best = max(last or found[:1], key=lambda piece: piece.information.criterion)
+    promised = min(piece.information.probability for piece in (*random, best)) if random else 0.0
+    return Design(search.stage.reference(best.course), best.information, best.size, search.safety, promised)
 
 
 def predict_difference(contest: Contest, design: Design) -> tuple[np.ndarray, np.ndarray]:
