@@ -120,6 +120,8 @@ class Contest:
     problem: Problem  # the case in full length
     likelihood: Likelihood  # its closed-loop view alone, of that part
     explanations: tuple[Explanation, ...]
+    robots: np.ndarray  # (explanations, parameters) flat parameter vectors [SI]
+    bare: np.ndarray  # the same without their effects
     spreads: tuple[np.ndarray, ...]  # (parameters, parameters) V of each
     chi2: np.ndarray  # (explanations,) reduced chi-squares, 1 at least
     taken: np.ndarray  # (explanations,) G, squares that effects take up of the present logs beside retuning
@@ -130,21 +132,6 @@ class Contest:
     def names(self) -> tuple[str, ...]:
         """Names of the explanations."""
         return tuple(e.name for e in self.explanations)
-
-    @property
-    def robots(self) -> np.ndarray:
-        """Flat parameter vectors (explanations, parameters) [SI]."""
-        return np.array([e.robot for e in self.explanations])
-
-    @property
-    def bare(self) -> np.ndarray:
-        """The same without their effects."""
-        machine, rows = self.problem.robot.machine, self.robots
-        for row, e in zip(rows, self.explanations, strict=True):
-            for identity in e.effects:
-                lead = machine.effect(identity).parameters[0]
-                row[list(machine.effect_indices(identity, lead.name).values())] = lead.null
-        return rows
 
     def records(self, reference: Reference) -> np.ndarray:
         """All signals (explanations, frames, signals) [SI] of the runs of the explanations on a reference."""
@@ -193,12 +180,16 @@ def prepare_contest(problem: Problem, rivals: Sequence[Rival]) -> Contest:
         e = Explanation(rival.effects, parameters, x, values, residual, np.zeros((len(own), len(residual))))
         found.append(e.changed(jacobian=nominal_jacobian(likelihood, e.at_nominal, own, x[: len(own)], residual)))
     memory = min(likelihood.with_memory_of(e.residual).memory for e in found)
-    likelihood = replace(likelihood, memory=memory)
+    likelihood, robots = replace(likelihood, memory=memory), np.array([e.robot for e in found])
+    bare = robots.copy()
+    for row, laws in zip(bare, effects, strict=True):
+        for effect in laws:
+            lead = effect.parameters[0]
+            row[list(machine.effect_indices(effect.id, lead.name).values())] = lead.null
     models = [linear_model(likelihood, e) for e in found]
     spreads = tuple(np.linalg.cholesky(model.posterior().covariance) for model in models)
-    chi2, nothing = np.array([model.variance[0] for model in models]), np.zeros(len(found))
-    contest = Contest(problem, likelihood, tuple(found), spreads, chi2, nothing, nothing, nothing)
-    changes = likelihood.residual(contest.bare) - np.array([e.residual for e in found])
+    chi2 = np.array([model.variance[0] for model in models])
+    changes = likelihood.residual(bare) - np.array([e.residual for e in found])
     rest = []  # sums of squares of the changes that retuning does not take up
     for e, change in zip(found, changes, strict=True):
         weights = np.full(len(change), 1.0 / memory)
@@ -206,9 +197,9 @@ def prepare_contest(problem: Problem, rivals: Sequence[Rival]) -> Contest:
         both = np.r_[model.posterior().step, 1.0]
         rest.append(memory * float(both @ model.products[0] @ both))
     left = np.maximum(chi2 - 1.0, 0.0) * likelihood.samples / np.maximum(rest, 1e-9)
-    own_share = np.array(rest) / np.maximum(np.sum(changes**2, axis=1), 1e-9)
-    error = np.minimum(np.sqrt(left), LAW)
-    return replace(contest, taken=np.array(rest) / (memory * chi2), own=own_share, error=error)
+    share, error = np.array(rest) / np.maximum(np.sum(changes**2, axis=1), 1e-9), np.minimum(np.sqrt(left), LAW)
+    taken = np.array(rest) / (memory * chi2)
+    return Contest(problem, likelihood, tuple(found), robots, bare, spreads, chi2, taken, share, error)
 
 
 def pair_model(difference: np.ndarray, columns: np.ndarray, weights: np.ndarray) -> LinearModel:
