@@ -360,7 +360,7 @@ def design(contest: Contest, duration: float | None = None, seed: int = 0) -> De
         raise InputError(f"{contest.problem.case.name}: no experiment is safe on every explanation in play")
     found.sort(key=lambda piece: piece.information.criterion, reverse=True)
     ended = [(piece, refit(contest, search.stage.reference(piece.course).values)) for piece in found[:FINAL]]
-    last = [piece._replace(information=told) for piece, told in ended if told]
+    last = [piece._replace(information=again) for piece, again in ended if again]
     best = max(last or found[:1], key=lambda piece: piece.information.criterion)
     promised = min(piece.information.probability for piece in (*random, best)) if random else 0.0
     return Design(search.stage.reference(best.course), best.information, best.size, search.safety, promised)

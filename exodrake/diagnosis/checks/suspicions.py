@@ -597,9 +597,9 @@ def unlike_other_logs(comparison: Comparison) -> Iterator[str]:
     named = [c for c in sorted(found, key=lambda c: -found[c][0]) if found[c][1]][:1]
     named = "".join(f" ({comparison.columns[c]}: {found[c][1]})" for c in named)
     several = len(set(kinds[list(found)])) > 1
-    asked = "another robot" if several else "another unit, zero or clock, a clipped or dead channel, another robot"
+    question = "another robot" if several else "another unit, zero or clock, a clipped or dead channel, another robot"
     columns = list_few(comparison.columns[c] for c in sorted(found))
-    yield f"{columns} of {file} do not follow from the other logs{named}: {asked}?"
+    yield f"{columns} of {file} do not follow from the other logs{named}: {question}?"
 
 
 def drifting_clocks(comparison: Comparison) -> Iterator[str]:

@@ -302,8 +302,8 @@ def effect_text(
     lines = [title, "", f"{law.value} -> {form.result or f'{law.value} + law'}      {equation}"]
     lines += [f"{channel or 'here'}: {text}" for channel, text in formulas.items()]
     lines += ["", *wrap(f"{NOTE} {SHAPES.get(form.kind, CURVES).format(unit=form.unit)}", 110)]
-    told = f"{form.words}, found in logs", parameters, f"fitted to {case}"
-    effect = write_effect(single, "EFFECT", *told, switch=SWITCH)
+    stated = f"{form.words}, found in logs", parameters, f"fitted to {case}"
+    effect = write_effect(single, "EFFECT", *stated, switch=SWITCH)
     used = join(n for n in FUNCTIONS if f"{n}(" in effect)
     header = HEADER.format(summary="\n".join(lines) + "\n", functions=used)
     if not form.advances:
