@@ -16,7 +16,7 @@ from exodrake.core.robot import Robot
 from exodrake.diagnosis.healthy import healthy_robot
 from exodrake.machines.robot_file import load_robot
 from exodrake.monitor.alarm import MINUTE, SPAN, Alarm, judge, measure_noise, read_limits, read_work
-from exodrake.monitor.online_replay import channels
+from exodrake.monitor.online_replay import list_channels
 from studies.page_text import share
 
 SOON, LATE = 1.0, 20.0  # minutes
@@ -24,7 +24,7 @@ SOON, LATE = 1.0, 20.0  # minutes
 
 def first_alarm(nominal: Robot, robot: Robot, noise: np.ndarray, seed: int, duration: float) -> Alarm | None:
     """The first alarm of a robot at work; arguments as of `read_work`."""
-    listed, limit = channels(nominal.machine), read_limits(nominal.machine)
+    listed, limit = list_channels(nominal.machine), read_limits(nominal.machine)
     if limit is None:
         raise InputError(f"{nominal.source}: {nominal.machine.name} has no calibrated limits")
     found = (judge(reading, listed, limit) for reading in read_work(nominal, robot, noise, seed, duration))

@@ -85,8 +85,7 @@ def measure(
 def choose_motion(motion: str, contest: Contest, duration: float | None) -> tuple[np.ndarray, dict[str, Any]]:
     """A motion (frames, references) [SI], designed or random, and what it promises."""
     from exodrake.experiment.contest import information
-    from exodrake.experiment.design import design
-    from exodrake.experiment.motion import check_length
+    from exodrake.experiment.design import check_length, design
     from exodrake.simulation.references import protocol
 
     started, robot = process_time(), contest.problem.robot

@@ -44,7 +44,7 @@ def without(case: Case, hidden: tuple[str, ...]) -> Case:
 def computed(case: Case) -> dict[str, dict[str, str]]:
     """Effect -> sensors -> what the logs of a case would do of it, on the channel where they do best."""
     from exodrake.core.parallel import one_blas_thread
-    from exodrake.diagnosis.checks.identifiability import identifiability
+    from exodrake.diagnosis.checks.preflight import identifiability
     from exodrake.machines.robot_file import load_robot
 
     with one_blas_thread():

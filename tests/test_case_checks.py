@@ -57,7 +57,7 @@ def suspicions(case, robot):
 def fired(case, robot=ROBOT):
     """Names of the checks that have something to say."""
     comparison = compare(case, robot)
-    return {check.__name__ for check in CHECKS if check(comparison)}
+    return {check.__name__ for check in CHECKS if any(check(comparison))}
 
 
 def frozen(values):

@@ -20,9 +20,15 @@ from exodrake.diagnosis.result import Rival, provenance_of
 from exodrake.diagnosis.search import LAW, NATS
 from exodrake.experiment import contest as inside, design as search
 from exodrake.experiment.contest import UNSURE, Information, information, pair_model, prepare_contest, refit
-from exodrake.experiment.design import design, measure_safety
-from exodrake.experiment.figure import predict_difference
-from exodrake.experiment.motion import check_length, limit_rate, prepare_stage, random_motif
+from exodrake.experiment.design import (
+    check_length,
+    design,
+    limit_rate,
+    measure_safety,
+    predict_difference,
+    prepare_stage,
+    random_motif,
+)
 from exodrake.simulation.references import from_log
 
 VISCOUS = Rival(("carriage.viscous_friction",), {"carriage.viscous_friction.coefficient": 150.0})

@@ -29,7 +29,7 @@ from exodrake.diagnosis.fleet import (
     sort_rows,
     table_bytes,
 )
-from exodrake.diagnosis.many import diagnose_all, stored
+from exodrake.diagnosis.many import diagnose_all, read_stored
 from exodrake.diagnosis.result import NAMED, NO_GAP, RETUNE, UNKNOWN
 from exodrake.report.fleet import fleet_html, members, strip
 
@@ -303,7 +303,7 @@ def test_tables_with_empty_cells_or_bytes_that_are_no_text_are_refused(tmp_path,
 def test_an_answer_that_is_not_whole_is_no_answer_of_a_run(tmp_path):
     written(tmp_path, "torn", {"verdict": "NAMED"})
     written(tmp_path, "whole", diagnosis(NAMED).to_json())
-    assert stored(tmp_path / "torn") is None and stored(tmp_path / "whole")["verdict"] == NAMED
+    assert read_stored(tmp_path / "torn") is None and read_stored(tmp_path / "whole")["verdict"] == NAMED
 
 
 @pytest.mark.parametrize("torn", ['{"reason"', '["no log"]', ""])
@@ -339,7 +339,7 @@ def test_a_killed_worker_and_a_second_run_lose_no_case_and_answer_none_twice(tmp
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50) as local:
         address = local.scheduler_address
         assert diagnose_all(some, cluster=address, robot="tendon_sheath") == {}
-        kept = {place: stored(place)["seconds"] for place in some.values()}
+        kept = {place: read_stored(place)["seconds"] for place in some.values()}
         with distributed.Client(address, set_as_default=False) as client:
             victims = sorted(client.run(os.getpid).values())[:1]
 
@@ -348,7 +348,7 @@ def test_a_killed_worker_and_a_second_run_lose_no_case_and_answer_none_twice(tmp
                 os.kill(victims.pop(), signal.SIGKILL)
 
         assert diagnose_all(places, cluster=address, progress=progress, robot="tendon_sheath") == {}
-    assert not victims and {place: stored(place)["seconds"] for place in some.values()} == kept
+    assert not victims and {place: read_stored(place)["seconds"] for place in some.values()} == kept
     rows = read_answers(tmp_path / "answers")
     assert [row.case for row in rows] == [str(n) for n in range(6)] and {row.serial for row in rows} == {"so-1"}
     assert [row.date for row in rows] == [START + timedelta(days=n) for n in range(6)]

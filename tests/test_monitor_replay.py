@@ -5,15 +5,15 @@ import pytest
 
 import exodrake as exo
 from exodrake.monitor.alarm import SKIP, WINDOW, Gap, draw_work, measure_noise, replay_log
-from exodrake.monitor.online_replay import LOOP, OnlineReplay, SegmentReplay, channels
+from exodrake.monitor.online_replay import LOOP, OnlineReplay, SegmentReplay, list_channels
 
 NOMINAL = exo.load_robot()
 LATE = NOMINAL.splice("timing.mocap_delay", {"delay": 0.033}).splice("tendon.creep")
-LISTED = channels(NOMINAL.machine)
+LISTED = list_channels(NOMINAL.machine)
 
 
 def measured_in(log, robot=NOMINAL):
-    return np.column_stack([log[c.column] for c in channels(robot.machine) if c.segment == LOOP])
+    return np.column_stack([log[c.column] for c in list_channels(robot.machine) if c.segment == LOOP])
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +48,7 @@ def test_any_machine_is_replayed_and_its_own_log_has_the_gap_of_its_noise():
     reference = np.zeros((3000, 3))
     reference[:, 0] = 0.05 * (1.0 - np.cos(np.arange(3000) * robot.machine.frame))
     own = exo.simulate(robot, exo.Reference(reference), seed=1)
-    listed = channels(robot.machine)
+    listed = list_channels(robot.machine)
     assert [c.segment for c in listed] == [LOOP, LOOP, "carriage", "drive"]
     gap = np.sqrt(np.nanmean(replay_log(robot, exo.Reference(reference), own) ** 2, axis=0)) / measure_noise(robot)
     assert (gap[[0, 1, 3]] < 1.0).all()

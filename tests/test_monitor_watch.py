@@ -20,8 +20,7 @@ from exodrake.data.formats.csv import write
 from exodrake.data.log import Log
 from exodrake.diagnosis.healthy import healthy_robot
 from exodrake.monitor.alarm import choose_limits, date_rise, draw_work, measure_noise, share_at_most
-from exodrake.monitor.tail import Grid, Tail
-from exodrake.monitor.watcher import Monitor, follow
+from exodrake.monitor.watcher import Grid, Monitor, Tail, follow
 from studies.alarm_rates import first_alarm
 
 NOMINAL = exo.load_robot()

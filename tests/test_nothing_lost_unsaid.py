@@ -13,7 +13,7 @@ from exodrake.core.errors import InputError
 from exodrake.core.schema import parse_json
 from exodrake.data.import_log import Column, Mapped, frame_period, import_all, import_recording, read_mapping
 from exodrake.data.log import Log, regularise
-from exodrake.monitor.tail import Grid, Rows
+from exodrake.monitor.watcher import Grid, Rows
 
 N = 100
 EVEN = 0.02 * np.arange(N)

@@ -12,7 +12,7 @@ import exodrake as exo
 from exodrake.core.errors import InputError
 from exodrake.core.files import is_file
 from exodrake.core.provenance import robot_digest
-from exodrake.diagnosis.many import configured
+from exodrake.diagnosis.many import get_configuration
 from exodrake.machines.library import robot_yaml
 
 
@@ -187,7 +187,7 @@ def test_answers_are_told_apart_for_robots_that_differ_in_more_than_parameters(t
     one, again, other = (exo.load_robot(tmp_path / name) for name in ("a.yaml", "a.yaml", "b.yaml"))
     np.testing.assert_array_equal(one.values, other.values)
     assert robot_digest(one) == robot_digest(again) != robot_digest(other)
-    assert configured(str(tmp_path / "a.yaml")) != configured(str(tmp_path / "b.yaml"))
+    assert get_configuration(str(tmp_path / "a.yaml")) != get_configuration(str(tmp_path / "b.yaml"))
 
 
 def test_a_robot_of_a_machine_of_ones_own_stands_alone_beside_its_folder(tmp_path, monkeypatch):

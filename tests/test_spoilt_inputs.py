@@ -20,7 +20,7 @@ from exodrake.data.case import read_case
 from exodrake.data.formats import csv
 from exodrake.data.tables import list_columns
 from exodrake.identification.kinematics.markers import Faults, Hand, c3d_bytes, read_markers, synthesise
-from exodrake.monitor.tail import Tail
+from exodrake.monitor.watcher import Tail
 
 HERE = Path(__file__).parent / "spoilt"
 C3D = c3d_bytes(synthesise(Hand(), Faults(noise=3e-4), 3.0, 50.0, 3)[0])  # 150 frames of 14 points of 16 bytes

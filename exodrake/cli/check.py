@@ -10,7 +10,7 @@ import click
 from exodrake.cli import options
 
 if TYPE_CHECKING:
-    from exodrake.diagnosis.checks.identifiability import Direction
+    from exodrake.diagnosis.checks.preflight import Direction
 
 TOP, FEW = 3, 4  # effects that are listed for each; for fewer sensors
 
@@ -34,8 +34,8 @@ def command(case: Path, robot: str, only: str, without: str, figure: Path | None
 
     from exodrake.core.display import display_of
     from exodrake.core.parallel import one_blas_thread
-    from exodrake.diagnosis.checks.identifiability import SEEN
-    from exodrake.diagnosis.checks.preflight import draw_figure, preflight
+    from exodrake.diagnosis.checks.compare import list_few
+    from exodrake.diagnosis.checks.preflight import SEEN, draw_figure, preflight
     from exodrake.machines.robot_file import load_robot
 
     nominal = load_robot(robot)
@@ -76,8 +76,8 @@ def command(case: Path, robot: str, only: str, without: str, figure: Path | None
         own = [d for d in result.directions if d.effect == effect]
         seen = [d for d in own if d.seen >= SEEN]
         hidden = ", ".join(d.channel or "everywhere" for d in own if d.seen < SEEN)
-        taken = list(dict.fromkeys(name for d in seen for name in d.taken_for))
-        rows.append((f"[bold]{effect}[/bold]", smallest(seen), hidden, first_names(taken, TOP)))
+        taken = list_few((name for d in seen for name in d.taken_for), TOP)
+        rows.append((f"[bold]{effect}[/bold]", find_smallest(seen), hidden, taken))
     options.print_table(("effect", ">seen from", "not seen at typical size", "could be taken for"), rows, wrapped=3)
     click.echo(
         f"\n{len(result.clear)} of {len(result.directions)} effects and channels are seen and distinguished, "
@@ -91,7 +91,7 @@ def command(case: Path, robot: str, only: str, without: str, figure: Path | None
     rows = []
     for item in result.fewer:
         counts = (str(len(group)) for group in (item.left.clear, item.left.mistaken, item.left.hidden))
-        rows.append((", ".join(item.kinds), *counts, first_names(list(item.lost), FEW)))
+        rows.append((", ".join(item.kinds), *counts, list_few(item.lost, FEW)))
     if rows:
         click.echo()
         lost = "effects no longer distinguished"
@@ -102,12 +102,7 @@ def command(case: Path, robot: str, only: str, without: str, figure: Path | None
         options.write_files({figure: draw_figure(found)})
 
 
-def first_names(names: list[str], count: int) -> str:
-    """The first of a list of names, and how many more there are."""
-    return ", ".join(names[:count]) + (f" and {len(names) - count} more" if len(names) > count else "")
-
-
-def smallest(seen: list[Direction]) -> str:
+def find_smallest(seen: list[Direction]) -> str:
     """Smallest size that is seen on every channel that shows the effect; else the one that was tried."""
     if not seen:
         return ""

@@ -152,7 +152,7 @@ def diagnose_many(
     from rich.markup import escape
 
     from exodrake.diagnosis.fleet import read_answers
-    from exodrake.diagnosis.many import diagnose_all, stored
+    from exodrake.diagnosis.many import diagnose_all, read_stored
     from exodrake.diagnosis.result import CAUSE
     from exodrake.report.fleet import fleet_html
     from exodrake.report.wording import closure, share
@@ -161,7 +161,7 @@ def diagnose_many(
     with counted("diagnosing") as count:
         failed = diagnose_all(places, jobs, cluster, count, redo, robot, tried, allow_outside)
     rows = []
-    for name, answer in ((escape(place.name), stored(place)) for place in places.values()):
+    for name, answer in ((escape(place.name), read_stored(place)) for place in places.values()):
         if answer is None:
             rows.append((name, "[red]failed[/red]", "", ""))
             continue

@@ -52,9 +52,7 @@ def command(
     from exodrake.data.formats import log_bytes
     from exodrake.data.log import Log
     from exodrake.experiment.contest import prepare_contest, read_rivals
-    from exodrake.experiment.design import design
-    from exodrake.experiment.figure import draw_experiment
-    from exodrake.experiment.motion import check_length
+    from exodrake.experiment.design import check_length, design, draw_experiment
     from exodrake.machines.robot_file import load_robot
 
     nominal, picture = load_robot(robot), figure or out.with_suffix(".png")

@@ -73,10 +73,10 @@ def find_alarm_limits(
 
     from exodrake.machines.robot_file import load_robot
     from exodrake.monitor.alarm import MINUTE, choose_limits, measure_all_peaks, measure_noise, share_at_most
-    from exodrake.monitor.online_replay import channels
+    from exodrake.monitor.online_replay import list_channels
 
     nominal = load_robot(robot)
-    noise, listed = measure_noise(nominal), channels(nominal.machine)
+    noise, listed = measure_noise(nominal), list_channels(nominal.machine)
     peaks = measure_all_peaks(robot, noise, seed, robots, minutes * MINUTE, jobs=jobs, cluster=cluster)
     written: dict[str, dict[str, float]] = {}
     for channel, limit, column in zip(listed, choose_limits(peaks), peaks.T, strict=True):

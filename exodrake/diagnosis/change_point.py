@@ -35,29 +35,18 @@ SMALLEST = 1e-4  # sum of squares beneath which a series counts as exact
 
 @dataclass(frozen=True)
 class Change:
-    """Change of a series: its date, shape and size, with 90 % intervals.
+    """Change of a series: its date, shape and size, with 90 % intervals."""
 
-    Attributes:
-        p: p-value of no change.
-        shape: of the likeliest change.
-        shapes: those of the set of dates.
-        began: (likeliest, low, high) date with its set [unit of times]; one at the first point may be earlier.
-        before: (value, low, high) until then [unit of values].
-        after: the same of the last point.
-        rate: the same by unit of time, from the begin to the last point; NaN of a step.
-        scatter: s, the scatter of the points about the change in units of their own standard deviations.
-        size: log odds of the change [nats].
-    """
-
-    p: float
-    shape: str
-    shapes: tuple[str, ...]
+    p: float  # p-value of no change
+    shape: str  # of the likeliest change
+    shapes: tuple[str, ...]  # those of the set of dates
+    # (likeliest, low, high) date with its set [unit of times]; one at the first point may be earlier
     began: tuple[float, float, float]
-    before: tuple[float, float, float]
-    after: tuple[float, float, float]
-    rate: tuple[float, float, float]
-    scatter: float
-    size: float = 0.0
+    before: tuple[float, float, float]  # (value, low, high) until then [unit of values]
+    after: tuple[float, float, float]  # the same of the last point
+    rate: tuple[float, float, float]  # the same by unit of time, from the begin to the last point; NaN of a step
+    scatter: float  # s, of the points about the change in units of their own standard deviations
+    size: float = 0.0  # log odds of the change [nats]
 
     def path(self, first: float, last: float) -> list[tuple[float, float]]:
         """Corners (time, value) of the likeliest change between two times."""
@@ -82,16 +71,12 @@ class ChangePoint:
         self.norm = float(np.linalg.norm(constant))
         self.constant = constant / self.norm
         self.half = 0.5 * (len(self.times) - 1)
-        self.shape, self.low, self.high, self.columns = candidates(self.times, grid)
+        self.shape, self.low, self.high, self.columns = list_changes(self.times, grid)
         rows = np.einsum("ij,cjk->cik", self.white, self.columns)
         self.rows = rows - np.einsum("i,j,cjk->cik", self.constant, self.constant, rows)
-        added = []  # orthonormal columns of the same span, of zeros for one that adds nothing
-        for first, second in self.rows.transpose(0, 2, 1):
-            first = first / np.linalg.norm(first)
-            second = second - (first @ second) * first
-            size = np.linalg.norm(second)
-            added.append(np.column_stack([first, second / size if size > 1e-9 else np.zeros(len(second))]))
-        self.added = np.array(added)
+        q, r = np.linalg.qr(self.rows)  # orthonormal columns of the same span, zeros for one that adds nothing
+        size = np.diagonal(r, axis1=1, axis2=2)
+        self.added = q * np.where(np.abs(size) > 1e-9, np.sign(size), 0.0)[:, None, :]
         count = 1 + (self.shape == BOTH)
         k = len(self.times) * np.array(SIZES)
         self.kept = k / (1.0 + k)  # (k,) share of a change that the prior lets through
@@ -99,12 +84,12 @@ class ChangePoint:
         prior = np.log(span / (of_shape @ span)) - np.log(len(set(self.shape)) * len(SIZES))
         self.prior = prior - 0.5 * np.log1p(k)[:, None] * count  # (k, candidates), with the volume of b
 
-    def centred(self, series: np.ndarray) -> np.ndarray:
+    def centre(self, series: np.ndarray) -> np.ndarray:
         """Series (points, n), whitened and without their constant."""
         rows = self.white @ series
         return rows - np.outer(self.constant, self.constant @ rows)
 
-    def integrated(self, squares: np.ndarray) -> np.ndarray:
+    def integrate(self, squares: np.ndarray) -> np.ndarray:
         """Log evidence of residual sums of squares, s >= 1 integrated."""
         half = 0.5 * np.maximum(squares, SMALLEST)
         return gammaln(self.half) + np.log(gammainc(self.half, half)) - self.half * np.log(half)
@@ -113,8 +98,8 @@ class ChangePoint:
         """Log evidence of centred series (points, n): (n,) without a change, (k, candidates, n) with each."""
         gain = sum((self.added[:, :, c] @ rows) ** 2 for c in (0, 1))
         total = np.sum(rows**2, axis=0)
-        each = self.integrated(total - self.kept[:, None, None] * gain) + self.prior[:, :, None]
-        return self.integrated(total), each
+        each = self.integrate(total - self.kept[:, None, None] * gain) + self.prior[:, :, None]
+        return self.integrate(total), each
 
     @cached_property
     def volume(self) -> float:
@@ -123,7 +108,7 @@ class ChangePoint:
 
     def log_odds(self, series: np.ndarray) -> np.ndarray:
         """Log odds (n,) of a change to none in series (points, n), both as likely beforehand [nats]."""
-        none, each = self.evidences(self.centred(series))
+        none, each = self.evidences(self.centre(series))
         return np.logaddexp.reduce(each, axis=(0, 1)) - none
 
     @cached_property
@@ -138,7 +123,7 @@ class ChangePoint:
 
     def __call__(self, values: np.ndarray, rng: np.random.Generator) -> Change:
         """The change of a series (points,), estimated as if there were one; its sizes are those of the likeliest."""
-        rows = self.centred(values[:, None])
+        rows = self.centre(values[:, None])
         none, each = self.evidences(rows)
         row, weight = rows[:, 0], np.exp(each[:, :, 0] - each.max())
         weight /= weight.sum()
@@ -157,11 +142,11 @@ class ChangePoint:
             s = np.maximum(np.sqrt(squares / (2.0 * np.maximum(u, 1e-300))), 1.0)
             noise = rng.standard_normal((len(kept), 3)) * s[:, None]
             b = (kept[:, None] * own + np.sqrt(kept)[:, None] * noise[:, 1:]) @ back.T
-            cloud.append(self.stated(c, values, b, noise[:, 0]))
+            cloud.append(self.find_sizes(c, values, b, noise[:, 0]))
             scatter.append(s)
             if c == best:
                 mean = float(weight[:, c] @ self.kept / weight[:, c].sum()) * own @ back.T
-                stated = self.stated(c, values, mean[None], np.zeros(1))[0]
+                stated = self.find_sizes(c, values, mean[None], np.zeros(1))[0]
         stated = np.where(np.abs(stated) < ROUNDING * np.ptp(values), 0.0, stated)
         sizes = []
         for value, column in zip(stated, np.concatenate(cloud).T, strict=True):
@@ -179,7 +164,7 @@ class ChangePoint:
             size=float(np.logaddexp.reduce(each, axis=None) - none[0]),
         )  # fmt: skip
 
-    def stated(self, c: int, values: np.ndarray, b: np.ndarray, noise: np.ndarray) -> np.ndarray:
+    def find_sizes(self, c: int, values: np.ndarray, b: np.ndarray, noise: np.ndarray) -> np.ndarray:
         """Value before, at the last point, and rate (n, 3), of coefficients b (n, 2) of a candidate and noise (n,)."""
         left = self.white @ (values[:, None] - self.columns[c] @ b.T)
         first = (self.constant @ left + noise) / self.norm
@@ -187,7 +172,7 @@ class ChangePoint:
         return np.column_stack([first, first + b @ self.columns[c, -1], rate])
 
 
-def candidates(times: np.ndarray, grid: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def list_changes(times: np.ndarray, grid: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Shapes (candidates,), the ends of the time that each stands for, and their columns (candidates, points, 2).
 
     A step may lie in any gap between two of the times (points,). A ramp may begin at any point but the last two, and

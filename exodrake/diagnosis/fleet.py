@@ -63,57 +63,37 @@ class Amount:
 
 @dataclass(frozen=True)
 class Row:
-    """A case of a fleet.
-
-    Attributes:
-        case: name.
-        serial: of its robot.
-        machine: robot file that it was compared with.
-        date: of its last session, or None.
-        verdict: its word, or `FAILED`.
-        block: where the gap lies.
-        effects: ids that are named, or that an ambiguous verdict leaves.
-        amounts: amplitudes of the effects.
-        closure: fraction of the excess error that is gone; NaN if there was none.
-        confirmed: whether held-out logs confirm the effects; None where they say nothing.
-        before, after: RMS error of the nominal and the last robot [noise_std].
-        began: date at which the case's own sessions changed; empty if they did not.
-        run_time: of the diagnosis [s].
-        reason: of a failure, else of the verdict.
-        version, code: of what answered it.
-    """
+    """A case of a fleet."""
 
     case: str
-    serial: str
-    machine: str = ""
-    date: datetime | None = None
+    serial: str  # of its robot
+    machine: str = ""  # robot file that it was compared with
+    date: datetime | None = None  # of its last session
     verdict: str = FAILURE
-    block: str = ""
-    effects: tuple[str, ...] = ()
-    amounts: tuple[Amount, ...] = ()
-    closure: float = float("nan")
-    confirmed: bool | None = None
-    before: float = float("nan")
-    after: float = float("nan")
-    began: str = ""
-    run_time: float = float("nan")
-    reason: str = ""
-    version: str = ""
+    block: str = ""  # where the gap lies
+    effects: tuple[str, ...] = ()  # ids that are named, or that an ambiguous verdict leaves
+    amounts: tuple[Amount, ...] = ()  # amplitudes of the effects
+    closure: float = float("nan")  # fraction of the excess error that is gone; NaN if there was none
+    confirmed: bool | None = None  # whether held-out logs confirm the effects; None where they say nothing
+    before: float = float("nan")  # RMS error of the nominal robot [noise_std]
+    after: float = float("nan")  # the same of the last robot [noise_std]
+    began: str = ""  # date at which the case's own sessions changed; empty if they did not
+    run_time: float = float("nan")  # of the diagnosis [s]
+    reason: str = ""  # of a failure, else of the verdict
+    version: str = ""  # of what answered it
     code: str = ""
 
 
 def read_row(answer: Mapping[str, Any], name: str) -> Row:
     """The row of a diagnosis.json. InputError naming the case, and the key of what is damaged."""
     found = check_answer(answer, name)
-    made, rms = found.get("provenance") or {}, found["closure"].get("rms") or {}
-    began, amounts = (found.get("since") or {}).get("began") or {}, []
+    made, rms, amounts = found.get("provenance") or {}, found["closure"].get("rms") or {}, []
     for effect in found["effects"]:  # its first parameter, channel by channel where it has several
         for parameter, item in list(effect["parameters"].items())[:1]:
             for channel, one in (effect["channels"].get(parameter) or {"": item}).items():
+                head = effect["id"], printable(parameter), printable(channel)
                 value, low, high = (to_float(one.get(end)) for end in ("value", "low", "high"))
-                amounts.append(
-                    Amount(effect["id"], printable(parameter), printable(channel), value, low, high, one["unit"])
-                )
+                amounts.append(Amount(*head, value, low, high, one["unit"]))
     return Row(
         case=name,
         serial=found.get("serial") or found.get("case") or name,
@@ -127,7 +107,7 @@ def read_row(answer: Mapping[str, Any], name: str) -> Row:
         confirmed=found.get("confirmed"),
         before=to_float(rms.get("before")),
         after=to_float(rms.get("after")),
-        began=began.get("value") or "",
+        began=((found.get("since") or {}).get("began") or {}).get("value") or "",
         run_time=to_float(found.get("seconds")),
         reason="; ".join(found.get("reasons") or []),
         version=made.get("version") or "",
@@ -141,14 +121,11 @@ def to_float(value: float | None) -> float:
 
 
 def read_answers(*sources: str | Path) -> list[Row]:
-    """Rows of answers and failures, by robot and date.
+    """Rows of answers and failures, by robot and date; InputError for a file that is no answer, and without answers.
 
     Args:
         sources: files that `exodrake diagnose --json` wrote, folders of these or of folders with `diagnosis.json`, and
             such a folder itself.
-
-    Raises:
-        InputError: for a file that is no answer, and if there are no answers.
     """
     rows = []
     for source in map(Path, sources):
@@ -170,9 +147,8 @@ def read_place(place: Path) -> Row | None:
         if folder and is_file(failed) and not is_file(answer):
             failure = read_json(failed)
             known = isinstance(failure, Mapping)
-            return Row(
-                name, name, reason=printable(str(failure.get("reason", ""))) if known else f"{failed}: {UNREADABLE}"
-            )
+            reason = printable(str(failure.get("reason", ""))) if known else f"{failed}: {UNREADABLE}"
+            return Row(name, name, reason=reason)
         named = folder or (place.suffix.lower() == ".json" and place.name not in (ANSWER, FAILED))
         return read_row(read_json(answer), name) if named and is_file(answer) else None
     except InputError as error:
@@ -195,8 +171,7 @@ def schema(arrow: Any) -> Any:
         "effects": arrow.list_(text),
         "amounts": arrow.list_(amount),
     }
-    kinds = {f.name: special.get(f.name, text if f.type == "str" else real) for f in fields(Row)}
-    return arrow.schema(list(kinds.items()))
+    return arrow.schema([(f.name, special.get(f.name, text if f.type == "str" else real)) for f in fields(Row)])
 
 
 def table_bytes(rows: Iterable[Row]) -> bytes:
@@ -229,37 +204,26 @@ def read_table(path: str | Path) -> list[Row]:
             if None in (values[name] or ()):
                 raise InputError(f"{path}: column {name!r}: an item is empty")
         amounts = tuple(Amount(**read_cells(Amount, item)) for item in values["amounts"] or ())
-        effects, date = tuple(map(printable, values["effects"] or ())), values["date"]
-        rows.append(Row(
-            **read_cells(Row, values), effects=effects, amounts=amounts, confirmed=values["confirmed"],
-            date=date and date.astimezone(UTC),
-        ))  # fmt: skip
+        more = {"effects": tuple(map(printable, values["effects"] or ())), "confirmed": values["confirmed"]}
+        date = values["date"] and values["date"].astimezone(UTC)
+        rows.append(Row(**read_cells(Row, values), **more, amounts=amounts, date=date))
     return sort_rows(rows)
 
 
 @dataclass(frozen=True, eq=False)
 class Trend:
-    """Trend of the amplitude of a cause over the cases of a robot.
+    """Trend of the amplitude of a cause over the cases of a robot."""
 
-    Attributes:
-        serial: of the robot.
-        effect, parameter, channel, unit: of the amplitude; `1 / stiffness` for a reciprocal.
-        first: date of the first case.
-        times, values: (points,) days since then, and amplitudes [unit].
-        p: p-value of no change, corrected for the number of trends of the robot.
-        change: None where p is above the level.
-    """
-
-    serial: str
+    serial: str  # of the robot
     effect: str
-    parameter: str
+    parameter: str  # `1 / stiffness` for a reciprocal
     channel: str
     unit: str
-    first: datetime
-    times: np.ndarray
-    values: np.ndarray
-    p: float
-    change: Change | None
+    first: datetime  # date of the first case
+    times: np.ndarray  # (points,) since then [d]
+    values: np.ndarray  # (points,) amplitudes [unit]
+    p: float  # p-value of no change, corrected for the number of trends of the robot
+    change: Change | None  # None where p is above the level
 
     def moment(self, time: float) -> str:
         """Day of a time [d]."""
@@ -268,17 +232,21 @@ class Trend:
 
 def find_trends(rows: Sequence[Row]) -> list[Trend]:
     """Trends of one robot's rows, the clearest change first; none with too few dated cases."""
-    dated = [row for row in rows if row.date is not None]
+    dated, trends = [row for row in rows if row.date is not None], []
     keys = dict.fromkeys((a.effect, a.parameter, a.channel, a.unit) for row in dated for a in row.amounts)
     series = [(key, *found) for key in keys if len((found := follow_amount(dated, key))[0]) >= LEAST]
-    trends = []
     for (effect, parameter, channel, unit), times, values, absent in series:
         if np.isinf(null_value(effect, parameter)):
             parameter, unit = f"1 / {parameter}", f"1/({unit})"
         spread, p, change = float(np.ptp(values)), 1.0, None
         if spread > 0.0:
             scan = ChangePoint(times, (TINY * spread) ** 2 * np.eye(len(times)), grid=1)
-            found = permutation_p(scan, values) if absent else float(scan.p_values(values[:, None])[0])
+            if absent:  # share of the orders of the values that show a change as clear, for values of any law
+                rng = np.random.default_rng(len(values))
+                odds = scan.log_odds(np.column_stack([values, *(rng.permutation(values) for _ in range(DRAWS))]))
+                found = float(np.mean(odds >= odds[0] - ALIKE))
+            else:
+                found = float(scan.p_values(values[:, None])[0])
             p = min(1.0, found * len(series))
             change = scan(values, np.random.default_rng(len(times))) if p < ALPHA else None
         first = dated[0].date
@@ -310,15 +278,6 @@ def follow_amount(rows: Sequence[Row], key: tuple[str, str, str, str]) -> tuple[
             missed |= absent
     table = np.array(found).reshape(-1, 2)
     table = table[np.isfinite(table).all(axis=1)]
-    days = np.unique(table[:, 0])
-    means = np.array([table[table[:, 0] == day].mean(axis=0) for day in days]).reshape(-1, 2)
+    means = np.array([table[table[:, 0] == day].mean(axis=0) for day in np.unique(table[:, 0])]).reshape(-1, 2)
     groups = [g for g in np.array_split(means, min(MOST, max(len(means), 1))) if len(g)]
     return np.array([g[:, 0].mean() for g in groups]), np.array([np.median(g[:, 1]) for g in groups]), missed
-
-
-def permutation_p(scan: ChangePoint, values: np.ndarray) -> float:
-    """p-value of no change in values (points,) of any law: share of their orders that show a change as clear."""
-    rng = np.random.default_rng(len(values))
-    orders = np.column_stack([values, *(rng.permutation(values) for _ in range(DRAWS))])
-    odds = scan.log_odds(orders)
-    return float(np.mean(odds >= odds[0] - ALIKE))

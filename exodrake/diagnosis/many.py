@@ -24,7 +24,6 @@ from exodrake.core.parallel import Outcome, each
 from exodrake.core.progress import Count, no_progress
 from exodrake.core.provenance import configuration, described, robot_digest
 from exodrake.core.schema import (
-    Schema,
     anything,
     flag,
     having,
@@ -42,14 +41,12 @@ from exodrake.machines.robot_file import load_robot
 
 ANSWER, FAILED = "diagnosis.json", "failed.json"
 RETUNED, IMPROVED = "retuned.yaml", "improved.yaml"  # robot files beside an answer
-
-
 WORD = re.compile(r"[A-Z][A-Z_]{0,30}")
 
 
-def line() -> Schema:
+def line(value: Any, where: str) -> str:
     """Text, with whatever no terminal or file would take shown escaped."""
-    return lambda value, where: printable(text()(value, where))
+    return printable(text()(value, where))
 
 
 def check_word(value: Any, where: str) -> str:
@@ -68,39 +65,28 @@ def check_moment(value: Any, where: str) -> datetime:
         raise refusal(where, f"wanted a date as 2026-03-05, found {shown(value)}") from None
 
 
-REAL = optional(number())  # null: not a number
-INTERVAL = having({"value": REAL, "low": REAL, "high": REAL, "unit": line()}, ("unit",))
-SHARE = having({"value": REAL})
-EFFECT = having(
-    {
-        "id": line(),
-        "kind": optional(line()),
-        "role": optional(line()),
-        "share": optional(SHARE),
-        "rivals": optional(listing(having({"id": line(), "share": SHARE}, ("id",)))),
-        "parameters": names(INTERVAL),
-        "channels": names(names(INTERVAL)),
-    },
-    ("id", "parameters", "channels"),
-)
+REAL, WORDS = optional(number()), optional(line)  # null: not a number, not known
+INTERVAL = having({"value": REAL, "low": REAL, "high": REAL, "unit": line}, ("unit",))
+SHARE, VALUE = having({"value": REAL}), having({"value": WORDS})
+RIVALS = listing(having({"id": line, "share": SHARE}, ("id",)))
+AMOUNTS = {"parameters": names(INTERVAL), "channels": names(names(INTERVAL))}
+EFFECT = {"id": line, "kind": WORDS, "role": WORDS, "share": optional(SHARE), "rivals": optional(RIVALS)} | AMOUNTS
 SCHEMA = having(
     {
-        "case": optional(line()),
-        "serial": optional(line()),
+        "case": WORDS,
+        "serial": WORDS,
         "date": optional(check_moment),
         "verdict": check_word,
-        "where": having({"block": line()}, ("block",)),
-        "effects": listing(EFFECT),
-        "equivalents": listing(line()),
-        "remainder": optional(having({"value": REAL, "noise_std": REAL, "block": optional(line())})),
+        "where": having({"block": line}, ("block",)),
+        "effects": listing(having(EFFECT, ("id", "parameters", "channels"))),
+        "equivalents": listing(line),
+        "remainder": optional(having({"value": REAL, "noise_std": REAL, "block": WORDS})),
         "confirmed": optional(flag),
-        "closure": having({"overall": having({"value": REAL}), "rms": optional(names(REAL))}, ("overall",)),
-        "reasons": optional(listing(line())),
+        "closure": having({"overall": SHARE, "rms": optional(names(REAL))}, ("overall",)),
+        "reasons": optional(listing(line)),
         "seconds": REAL,
-        "since": optional(having({"began": optional(having({"value": optional(line())}))})),
-        "provenance": optional(
-            having({"robot": optional(line()), "version": optional(line()), "code": optional(anything)})
-        ),
+        "since": optional(having({"began": optional(VALUE)})),
+        "provenance": optional(having({"robot": WORDS, "version": WORDS, "code": optional(anything)})),
     },
     required=("verdict", "where", "effects", "equivalents", "closure"),
 )
@@ -113,7 +99,7 @@ def check_answer(answer: Any, where: str) -> dict[str, Any]:
     return SCHEMA(answer, where)
 
 
-def stored(folder: Path) -> dict[str, Any] | None:
+def read_stored(folder: Path) -> dict[str, Any] | None:
     """Read the answer in a folder; None if there is none that is whole."""
     try:
         answer = read_json(folder / ANSWER)
@@ -123,12 +109,10 @@ def stored(folder: Path) -> dict[str, Any] | None:
     return answer
 
 
-def configured(robot: str, tried: frozenset[str] | None = None) -> dict[str, str]:
+def get_configuration(robot: str, tried: frozenset[str] | None = None) -> dict[str, str]:
     """Return the configuration, with a digest of a nominal robot that is not built in and the effects if chosen."""
     choice = {} if tried is None else {"effects": ",".join(sorted(tried))}
-    if not robot:
-        return configuration() | choice
-    return configuration() | choice | {"robot": robot_digest(load_robot(robot))}
+    return configuration() | choice | ({"robot": robot_digest(load_robot(robot))} if robot else {})
 
 
 def diagnose_one(case: Case, robot: str, wanted: dict[str, str], tried: frozenset[str] | None = None) -> dict[str, Any]:
@@ -138,7 +122,7 @@ def diagnose_one(case: Case, robot: str, wanted: dict[str, str], tried: frozense
     """
     from exodrake.diagnosis.pipeline import diagnose
 
-    installed = configured(robot, tried)
+    installed = get_configuration(robot, tried)
     if installed != wanted:
         raise RuntimeError(f"this worker has {described(installed)}; the run uses {described(wanted)}")
     found = diagnose(case, load_robot(robot) if robot else None, tried=tried)
@@ -178,8 +162,8 @@ def diagnose_all(
     """
     from exodrake.diagnosis.problem import required_of
 
-    wanted = configured(robot, tried)
-    answers = {case: stored(place) for case, place in places.items()}
+    wanted = get_configuration(robot, tried)
+    answers = {case: read_stored(place) for case, place in places.items()}
     foreign = [case for case, answer in answers.items() if answer and answer.get("configuration") != wanted]
     if foreign and not redo:
         theirs = described((answers[foreign[0]] or {}).get("configuration"))
@@ -227,6 +211,6 @@ def diagnose_all(
             for outcome in outcomes:
                 write(sent[outcome.number], outcome)
         except KeyboardInterrupt:  # it may come between writing an answer and counting it
-            progress(sum(stored(place) is not None for place in places.values()), len(failed), len(places))
+            progress(sum(read_stored(place) is not None for place in places.values()), len(failed), len(places))
             raise
     return failed

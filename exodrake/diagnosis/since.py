@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 from functools import cached_property, partial
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import expit
@@ -26,7 +27,7 @@ from exodrake.data.case import Case, written_date
 from exodrake.diagnosis.change_point import DAY, LEAST, Change, ChangePoint
 from exodrake.diagnosis.fit import Explanation, fit_beside, whole_jacobian
 from exodrake.diagnosis.isolation import Isolation, affordable
-from exodrake.diagnosis.likelihood import Likelihood, with_prediction
+from exodrake.diagnosis.likelihood import Likelihood
 from exodrake.diagnosis.linear import LinearModel
 from exodrake.diagnosis.linearise import nominal_jacobian
 from exodrake.diagnosis.problem import Problem
@@ -43,71 +44,42 @@ SCREENED = 2  # effects that are tried beside those fitted with constant paramet
 FEW = "{} sessions: a change needs {} or more"
 
 
-@dataclass(frozen=True, eq=False)
-class Session:
-    """A session.
+class Session(NamedTuple):
+    """A session."""
 
-    Attributes:
-        name: its date, or the window of the log.
-        time: days since the first session's date; of a window its middle [s].
-        logs: positions of its logs among those that are fitted.
-        frames: window (first, end) of the log in frames; None for whole logs.
-    """
-
-    name: str
-    time: float
-    logs: tuple[int, ...]
-    frames: tuple[int, int] | None = None
+    name: str  # its date, or the window of the log
+    time: float  # days since the first session's date; of a window its middle [s]
+    logs: tuple[int, ...]  # positions of its logs among those that are fitted
+    frames: tuple[int, int] | None = None  # window (first, end) of the log; None for whole logs
 
 
 @dataclass(frozen=True)
 class Series:
-    """A quantity session by session.
+    """A quantity session by session."""
 
-    Attributes:
-        name: parameter, or `residual`.
-        channel: tendon or joint; empty for one of the whole robot.
-        unit: of its values; the residual's power is in noise variances.
-        values, low, high: one for each session, with the ends of its 90 % interval [unit].
-        p: p-value of no change, corrected for the number of series.
-        change: in the series' unit; None where p is above the level.
-    """
-
-    name: str
-    channel: str
-    unit: str
-    values: tuple[float, ...]
-    low: tuple[float, ...]
+    name: str  # parameter, or `residual`
+    channel: str  # tendon or joint; empty for one of the whole robot
+    unit: str  # of its values; the residual's power is in noise variances
+    values: tuple[float, ...]  # one for each session [unit]
+    low: tuple[float, ...]  # ends of their 90 % intervals [unit]
     high: tuple[float, ...]
-    p: float
-    change: Change | None = None
+    p: float  # p-value of no change, corrected for the number of series
+    change: Change | None = None  # in the series' unit; None where p is above the level
 
 
 @dataclass(frozen=True)
 class Since:
-    """Changes over the sessions of a case.
+    """Changes over the sessions of a case."""
 
-    Attributes:
-        sessions: names, dates or windows.
-        times: of the sessions [unit].
-        unit: `d` since the first session, or `s` since the log's begin.
-        series: of all quantities, the clearest change first.
-        effect: id of the followed effect where constant parameters name another one or none; empty otherwise.
-        chi2: reduced chi-square that is left with parameters of its own in each session; NaN if none is followed.
-        p: probability by evidence that the followed parameters are constant; NaN if none is followed.
-        lead: share of what the next best effect leaves so that the followed one takes up; NaN without `effect`.
-        note: why nothing could be said; empty otherwise.
-    """
-
-    sessions: tuple[str, ...]
-    times: tuple[float, ...]
-    unit: str
-    series: tuple[Series, ...] = ()
-    effect: str = ""
-    chi2: float = float("nan")
-    p: float = float("nan")
-    lead: float = float("nan")
-    note: str = ""
+    sessions: tuple[str, ...]  # names, dates or windows
+    times: tuple[float, ...]  # of the sessions [unit]
+    unit: str  # `d` since the first session, or `s` since the log's begin
+    series: tuple[Series, ...] = ()  # of all quantities, the clearest change first
+    effect: str = ""  # the followed effect where constant parameters name another one or none
+    chi2: float = float("nan")  # what parameters of each session leave, reduced; NaN if none is followed
+    p: float = float("nan")  # probability by evidence that these are constant; NaN if none is followed
+    lead: float = float("nan")  # share of what the next best effect leaves that `effect` takes up; NaN without it
+    note: str = ""  # why nothing could be said
 
     @property
     def clearest(self) -> Series | None:
@@ -132,10 +104,7 @@ class Since:
 
     def to_json(self) -> dict[str, object]:
         """Fields, and whether there is a change."""
-        names = ("sessions", "times", "unit", "series", "effect", "chi2", "p", "lead", "note")
-        return {"changed": self.clearest is not None, "began": self.began} | {
-            name: getattr(self, name) for name in names
-        }
+        return {"changed": self.clearest is not None, "began": self.began} | vars(self)
 
 
 def date_sessions(case: Case, names: Sequence[str]) -> tuple[Session, ...]:
@@ -152,23 +121,15 @@ def date_sessions(case: Case, names: Sequence[str]) -> tuple[Session, ...]:
 def split_windows(frames: int, frame: float) -> tuple[Session, ...]:
     """Windows of one log of so many frames of `frame` [s], of equal length; none if it is too short for a change."""
     count = min(int(frames * frame / WINDOW), WINDOWS)
-    if count < LEAST:
-        return ()
-    ends = np.linspace(0, frames, count + 1).round().astype(int)
+    ends = np.linspace(0, frames, count + 1).round().astype(int).tolist() if count >= LEAST else []
     return tuple(
-        Session(f"{a * frame:.0f} to {b * frame:.0f} s", 0.5 * (a + b) * frame, (0,), (int(a), int(b)))
-        for a, b in pairwise(ends)
+        Session(f"{a * frame:.0f} to {b * frame:.0f} s", 0.5 * (a + b) * frame, (0,), (a, b)) for a, b in pairwise(ends)
     )
 
 
 @dataclass(frozen=True, eq=False)
 class Logs:
-    """The logs of a case, session by session.
-
-    Attributes:
-        likelihood: of all of them.
-        sessions: in order.
-    """
+    """The logs of a case, session by session."""
 
     likelihood: Likelihood
     sessions: tuple[Session, ...]
@@ -181,10 +142,10 @@ class Logs:
     def model(self, rows: np.ndarray, prior: Sequence[np.ndarray]) -> LinearModel:
         """Linear model, a block for each session in each view, of rows (p + 1, samples), the residual last."""
         view = np.repeat(np.arange(len(self.likelihood.views)), [v.samples for v in self.likelihood.views])
-        places = [(v, s, mask & (view == v)) for v in range(view[-1] + 1) for s, mask in enumerate(self.rows)]
-        ends = np.cumsum([0, *(mask.sum() for *_, mask in places)])
+        places = [(v, s, np.flatnonzero(m & (view == v))) for v in range(view[-1] + 1) for s, m in enumerate(self.rows)]
+        ends = np.cumsum([0, *(len(place) for *_, place in places)])
         blocks = [(v, s, slice(*map(int, at))) for (v, s, _), at in zip(places, pairwise(ends), strict=True)]
-        order = np.concatenate([np.flatnonzero(mask) for *_, mask in places])
+        order = np.concatenate([place for *_, place in places])
         return LinearModel.of_rows(rows[:, order], blocks, prior, self.likelihood.memory)
 
     def fit(self, e: Explanation) -> SessionFit:
@@ -203,15 +164,11 @@ class Logs:
             own = [int(i) for i in np.argsort(-np.abs(e.use))[:FOLLOWED] if abs(e.use[i]) > MOVED]
         x = np.tile(e.x, (len(self.sessions), 1))
         rows = np.concatenate([whole_jacobian(self.likelihood, e), e.residual[None]])
-        best = self.step(e, rows, x, own)
+        best, problem = self.step(e, rows, x, own), self.likelihood.views[0].problem
         for _ in range(ROUNDS if self.sessions[0].frames is None and own else 0):
             x, rows = best.x, rows.copy()
             for session, at, mask in zip(self.sessions, np.clip(x, *e.bounds), self.rows, strict=True):
-                views = []
-                for view in self.likelihood.views:
-                    problem = replace(view.problem, fit=tuple(view.problem.fit[k] for k in session.logs))
-                    views.append(replace(view, problem=problem, noise=()))
-                part = replace(self.likelihood, views=tuple(views))
+                part = self.likelihood.on(replace(problem, fit=tuple(problem.fit[k] for k in session.logs)))
                 here = replace(e, jacobian=e.jacobian[:, mask]).at(part, at)
                 rows[:, mask] = np.concatenate([whole_jacobian(part, here), here.residual[None]])
             found = self.step(e, rows, x, own)
@@ -224,11 +181,11 @@ class Logs:
 
     def step(self, e: Explanation, rows: np.ndarray, x: np.ndarray, own: Sequence[int]) -> SessionFit:
         """One step from coordinates x (sessions, parameters), about which rows (parameters + 1, samples) are."""
-        std = np.array([np.ptp(p.bounds) / np.sqrt(12.0) if p.effect and np.ptp(p.bounds) else s
-                        for p, s in zip(e.parameters, e.prior_std, strict=True)])  # fmt: skip
-        shape = np.array([bool(p.effect) and not p.amplitude for p in e.parameters], dtype=bool)
         low, high = e.bounds
-        prior = [np.where(shape, 0.0, -x), np.tile(1.0 / std**2, (len(x), 1)), low - x, high - x]
+        effect, amplitude = np.array([(bool(p.effect), p.amplitude) for p in e.parameters], dtype=bool).reshape(-1, 2).T
+        std = np.where(effect & (high > low), (high - low) / np.sqrt(12.0), e.prior_std)
+        precision = np.tile(1.0 / np.maximum(std, 1e-300) ** 2, (len(x), 1))
+        prior = [np.where(effect & ~amplitude, 0.0, -x), precision, low - x, high - x]
         model = self.model(rows, [one[0] for one in prior])
         wide = rescale(split_by_session(model, own, prior))
         shared = [i for i in range(len(e.parameters)) if i not in own]
@@ -240,23 +197,14 @@ class Logs:
 
 @dataclass(frozen=True, eq=False)
 class SessionFit:
-    """An explanation with parameters of its own in each session.
+    """An explanation with parameters of its own in each session."""
 
-    Attributes:
-        explanation: the fit with constant ones.
-        own: positions of these parameters.
-        x: (sessions, parameters) coordinates.
-        model: linear model of shared and own parameters.
-        constant: the same of constant ones.
-        residual: (samples,) before the last step.
-    """
-
-    explanation: Explanation
-    own: tuple[int, ...]
-    x: np.ndarray
-    model: LinearModel
-    constant: LinearModel
-    residual: np.ndarray
+    explanation: Explanation  # the fit with constant ones
+    own: tuple[int, ...]  # positions of these parameters
+    x: np.ndarray  # (sessions, parameters) coordinates
+    model: LinearModel  # of shared and own parameters
+    constant: LinearModel  # of constant ones
+    residual: np.ndarray  # (samples,) before the last step
 
     @property
     def chi2(self) -> np.ndarray:
@@ -323,10 +271,7 @@ def follow_sessions(problem: Problem, found: Isolation, decided: Decision) -> tu
     since = Since(tuple(s.name for s in sessions), tuple(s.time for s in sessions), unit)
     if len(sessions) < LEAST:
         return replace(since, note=FEW.format(len(sessions), LEAST)), decided
-    best = decided.best.explanation
-    views = zip(found.likelihood.views, with_prediction(problem), strict=True)
-    likelihood = replace(found.likelihood, views=tuple(replace(v, problem=p, noise=(), scale=1.0) for v, p in views))
-    likelihood = likelihood.for_stage("since")
+    best, likelihood = decided.best.explanation, found.likelihood.on(problem).for_stage("since")
     logs = Logs(likelihood.with_memory_of(likelihood.residual(best.robot[None])[0]), sessions)
     fit = logs.fit(best)
     since = add_series(since, fit, logs, named=bool(best.effects) and decided.verdict in (NAMED, AMBIGUOUS))
@@ -337,7 +282,7 @@ def follow_sessions(problem: Problem, found: Isolation, decided: Decision) -> tu
 
 def add_series(since: Since, fit: SessionFit, logs: Logs, named: bool) -> Since:
     """The series of a fit with their changes; the residual's power, too, unless an effect is named."""
-    e, likelihood, machine = fit.explanation, logs.likelihood, logs.likelihood.robot.machine
+    e, machine = fit.explanation, logs.likelihood.robot.machine
     series: list[tuple[tuple[str, str, str], Callable[[float], float], np.ndarray, np.ndarray, np.ndarray]] = []
     if fit.own:
         # as if noise alone were left: scatter beyond that is what a change point estimates
@@ -346,26 +291,26 @@ def add_series(since: Since, fit: SessionFit, logs: Logs, named: bool) -> Since:
             p = e.parameters[i]
             base = None if p.effect else float(e.values[p.index[0]])
             head = p.name, p.channels[0] if len(p.channels) == 1 else "", machine.parameters[p.index[0]].unit
-            value = partial(lambda x, p, base: p.value(float(x), base), p=p, base=base)
-            series.append((head, value, fit.x[:, i], fit.std[:, k], noise[k]))
+            series.append((head, partial(p.value, base=base), fit.x[:, i], fit.std[:, k], noise[k]))
     if not named:
         power = np.log([float(np.mean(e.residual[rows] ** 2)) for rows in logs.rows])
         variance = np.array([2.0 / rows.sum() for rows in logs.rows])
-        std = np.sqrt(likelihood.memory * variance)
+        std = np.sqrt(logs.likelihood.memory * variance)
         series.append(((RESIDUAL, "", "noise variances"), lambda x: float(np.exp(x)), power, std, np.diag(variance)))
     tested = []
     for head, value, x, std, covariance in series:
         scan = ChangePoint(np.array(since.times), covariance)
         p = min(1.0, float(scan.p_values(x[:, None])[0]) * len(series))
         change = convert(scan(x, np.random.default_rng(len(x))), value) if p < ALPHA else None
-        low, high = np.sort([[value(v) for v in x + sign * NORMAL_90 * std] for sign in (-1.0, 1.0)], axis=0).tolist()
-        tested.append(Series(*head, tuple(map(value, x)), tuple(low), tuple(high), p, change))
+        ends = [list(map(value, end.tolist())) for end in (x - NORMAL_90 * std, x + NORMAL_90 * std)]
+        low, high = map(tuple, np.sort(ends, axis=0).tolist())
+        tested.append(Series(*head, tuple(map(value, x.tolist())), low, high, p, change))
     tested.sort(key=lambda s: (s.p, -s.change.size if s.change else 0.0))
     since = replace(since, series=tuple(tested))
     if not fit.own:
         return since
     total = float(fit.model.samples @ fit.chi2[fit.model.view] / fit.model.samples.sum())
-    memory = likelihood.with_memory_of(fit.residual).memory
+    memory = logs.likelihood.with_memory_of(fit.residual).memory
     return replace(since, chi2=total, p=float(expit(fit.evidence(memory, constant=True) - fit.evidence(memory))))
 
 

@@ -27,6 +27,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import combinations, permutations
 from pathlib import Path
 
@@ -47,7 +48,7 @@ from exodrake.diagnosis.likelihood import Likelihood, View, likelihood_of
 from exodrake.diagnosis.linear import LinearModel
 from exodrake.diagnosis.linearise import nominal_jacobian, with_effects
 from exodrake.diagnosis.many import ANSWER
-from exodrake.diagnosis.parameter import STEP, apply, effect_parameters, nominal_parameters
+from exodrake.diagnosis.parameter import STEP, effect_parameters, nominal_parameters
 from exodrake.diagnosis.problem import Problem, Trial, make_problem, required_of
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, Rival, provenance_of
 from exodrake.diagnosis.search import LAW, NATS
@@ -75,15 +76,9 @@ def read_rivals(
 ) -> tuple[Problem, tuple[Rival, ...], str]:
     """A case, its rivals, which the logs do not tell apart, and why there are none, in words, empty where there are.
 
-    Args:
-        place: folder of logs or one log, whose `diagnosis.json` is used if it was made from these logs and this robot;
-            or an answer, a JSON file.
-        robot: nominal robot.
-        folder: case of an answer that does not lie in the folder of its case.
-        progress: called with the stages of a diagnosis.
-
-    Raises:
-        InputError: for a case or an answer that cannot be read, and an answer to other logs or of another robot.
+    `place` is a folder of logs or one log, whose `diagnosis.json` is used if it was made from them and of this robot;
+    or an answer, a JSON file, whose case may be another `folder`. InputError for what cannot be read, and an answer to
+    other logs or of another robot.
     """
     machine, is_answer = robot.machine, place.suffix.lower() == ".json" and not place.is_dir()
     if folder is not None and not is_answer:
@@ -104,61 +99,39 @@ def read_rivals(
         if differs and is_answer:
             raise InputError(f"{place}: it was made from {differs}; diagnose again")
         answer = None if differs else answer
-    if answer is not None:
-        verdict = answer["verdict"]
-        rivals = tuple(Rival(tuple(item["effects"]), item["parameters"]) for item in answer["rivals"])
-    else:
+    if answer is None:
         from exodrake.diagnosis.pipeline import diagnose
 
         found = diagnose(case, robot, progress)
         verdict, rivals = found.verdict, found.rivals
+    else:
+        verdict, rivals = (
+            answer["verdict"],
+            tuple(Rival(tuple(r["effects"]), r["parameters"]) for r in answer["rivals"]),
+        )
     reason = f"{verdict}, {NOTHING.get(verdict, NONE_LEFT)}: there is nothing for an experiment to distinguish"
     return problem, rivals, "" if len(rivals) > 1 else f"{case.name}: {reason}"
 
 
 @dataclass(frozen=True, eq=False)
 class Contest:
-    """A case and the explanations still in play.
+    """A case and the explanations still in play, fitted to the part of the logs that a diagnosis uses."""
 
-    Attributes:
-        problem: the case in full length.
-        likelihood: its closed-loop view alone, of the part of the logs that a diagnosis uses.
-        explanations: fitted; their residuals and Jacobians are those of that part.
-        spreads: (parameters, parameters) V of each.
-        chi2: (explanations,) reduced chi-squares, 1 at least.
-        taken: (explanations,) G, sum of squares that the effects of each take up of the present logs beside retuning.
-        own: (explanations,) share of their contribution that this is.
-        error: (explanations,) relative error of the laws of each: that shown by what it leaves, `LAW` at most.
-    """
-
-    problem: Problem
-    likelihood: Likelihood
+    problem: Problem  # the case in full length
+    likelihood: Likelihood  # its closed-loop view alone, of that part
     explanations: tuple[Explanation, ...]
-    spreads: tuple[np.ndarray, ...]
-    chi2: np.ndarray
-    taken: np.ndarray
-    own: np.ndarray
-    error: np.ndarray
+    robots: np.ndarray  # (explanations, parameters) flat parameter vectors [SI]
+    bare: np.ndarray  # the same without their effects
+    spreads: tuple[np.ndarray, ...]  # (parameters, parameters) V of each
+    chi2: np.ndarray  # (explanations,) reduced chi-squares, 1 at least
+    taken: np.ndarray  # (explanations,) G, squares that effects take up of the present logs beside retuning
+    own: np.ndarray  # (explanations,) share of their contribution that this is
+    error: np.ndarray  # (explanations,) relative error of the laws: that shown by what each leaves, `LAW` at most
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the explanations."""
         return tuple(e.name for e in self.explanations)
-
-    @property
-    def robots(self) -> np.ndarray:
-        """Flat parameter vectors (explanations, parameters) [SI]."""
-        return np.array([e.robot for e in self.explanations])
-
-    @property
-    def bare(self) -> np.ndarray:
-        """The same without their effects."""
-        machine, rows = self.problem.robot.machine, self.robots
-        for row, e in zip(rows, self.explanations, strict=True):
-            for identity in e.effects:
-                lead = machine.effect(identity).parameters[0]
-                row[list(machine.effect_indices(identity, lead.name).values())] = lead.null
-        return rows
 
     def records(self, reference: Reference) -> np.ndarray:
         """All signals (explanations, frames, signals) [SI] of the runs of the explanations on a reference."""
@@ -184,14 +157,9 @@ class Contest:
 
 
 def prepare_contest(problem: Problem, rivals: Sequence[Rival]) -> Contest:
-    """The contest of a case.
+    """The contest of a case and two or more explanations with their fitted parameters.
 
-    Args:
-        problem: the case.
-        rivals: two or more explanations with their fitted parameters.
-
-    Raises:
-        InputError: for a rival with an effect or a parameter that the machine does not have.
+    InputError for a rival with an effect or a parameter that the machine does not have.
     """
     machine, nominal, rows = problem.robot.machine, problem.silent(), []
     for rival in rivals:
@@ -203,33 +171,35 @@ def prepare_contest(problem: Problem, rivals: Sequence[Rival]) -> Contest:
     problem = detect(problem, rows[0])
     likelihood = likelihood_of(problem.shortened(affordable(problem, USED)), rows[0])
     likelihood, own, found = replace(likelihood, views=likelihood.views[:1]), nominal_parameters(problem.robot), []
+    own = tuple(replace(p, base=float(nominal[p.index[0]])) for p in own)
     for rival, row, laws in zip(rivals, rows, effects, strict=True):
         parameters = (*own, *(p for effect in laws for p in effect_parameters(machine, effect)))
-        based = [p if p.effect else replace(p, base=float(nominal[p.index[0]])) for p in parameters]
-        x = np.array([p.coordinate(float(row[p.index[0]])) for p in based])
+        x = np.array([p.coordinate(float(row[p.index[0]])) for p in parameters])
         values = with_effects(problem.silent(), [(machine, effect) for effect in laws])
         residual = likelihood.residual(row[None])[0]
         e = Explanation(rival.effects, parameters, x, values, residual, np.zeros((len(own), len(residual))))
         found.append(e.changed(jacobian=nominal_jacobian(likelihood, e.at_nominal, own, x[: len(own)], residual)))
     memory = min(likelihood.with_memory_of(e.residual).memory for e in found)
-    likelihood = replace(likelihood, memory=memory)
+    likelihood, robots = replace(likelihood, memory=memory), np.array([e.robot for e in found])
+    bare = robots.copy()
+    for row, laws in zip(bare, effects, strict=True):
+        for effect in laws:
+            lead = effect.parameters[0]
+            row[list(machine.effect_indices(effect.id, lead.name).values())] = lead.null
     models = [linear_model(likelihood, e) for e in found]
     spreads = tuple(np.linalg.cholesky(model.posterior().covariance) for model in models)
     chi2 = np.array([model.variance[0] for model in models])
-    nothing = np.zeros(len(found))
-    contest = Contest(problem, likelihood, tuple(found), spreads, chi2, nothing, nothing, nothing)
-    changes = likelihood.residual(contest.bare) - np.array([e.residual for e in found])
+    changes = likelihood.residual(bare) - np.array([e.residual for e in found])
     rest = []  # sums of squares of the changes that retuning does not take up
     for e, change in zip(found, changes, strict=True):
-        free = np.full(e.nominal, np.inf)
-        prior = np.zeros(e.nominal), 1.0 / e.prior_std[: e.nominal] ** 2, -free, free
-        model = LinearModel.of_rows(np.vstack([e.jacobian, change]), likelihood.blocks, prior, memory)
-        both = np.r_[replace(model, variance=np.ones(len(model.variance))).posterior().step, 1.0]
-        rest.append(float(both @ model.products.sum(axis=0) @ both))
+        weights = np.full(len(change), 1.0 / memory)
+        model = pair_model(change, e.jacobian * e.prior_std[: e.nominal, None], weights)
+        both = np.r_[model.posterior().step, 1.0]
+        rest.append(memory * float(both @ model.products[0] @ both))
     left = np.maximum(chi2 - 1.0, 0.0) * likelihood.samples / np.maximum(rest, 1e-9)
-    own_share = np.array(rest) / np.maximum(np.sum(changes**2, axis=1), 1e-9)
-    error = np.minimum(np.sqrt(left), LAW)
-    return replace(contest, taken=np.array(rest) / (memory * chi2), own=own_share, error=error)
+    share, error = np.array(rest) / np.maximum(np.sum(changes**2, axis=1), 1e-9), np.minimum(np.sqrt(left), LAW)
+    taken = np.array(rest) / (memory * chi2)
+    return Contest(problem, likelihood, tuple(found), robots, bare, spreads, chi2, taken, share, error)
 
 
 def pair_model(difference: np.ndarray, columns: np.ndarray, weights: np.ndarray) -> LinearModel:
@@ -241,18 +211,12 @@ def pair_model(difference: np.ndarray, columns: np.ndarray, weights: np.ndarray)
 
 @dataclass(frozen=True, eq=False)
 class Information:
-    """Expected information of a motion about the rival explanations.
+    """Expected information of a motion about the rival explanations."""
 
-    Attributes:
-        models: (true, rival) -> linear model of the refit.
-        taken: (explanations,) G of each, of the present logs and these.
-        contest: the explanations.
-        ended: (true, rival) -> T and coordinates (parameters,) of a refit that was carried to its end (`refit`).
-    """
-
-    models: dict[tuple[int, int], LinearModel]
-    taken: np.ndarray
+    models: dict[tuple[int, int], LinearModel]  # (true, rival) -> linear model of the refit
+    taken: np.ndarray  # (explanations,) G of each, of the present logs and these
     contest: Contest
+    # (true, rival) -> T and coordinates (parameters,) of a refit that was carried to its end (`refit`)
     ended: dict[tuple[int, int], tuple[float, np.ndarray]] = field(default_factory=dict)
 
     def __add__(self, other: Information) -> Information:
@@ -272,31 +236,33 @@ class Information:
         e, step = self.contest.explanations[rival], self.models[true, rival].posterior().step
         return np.clip(e.x + self.contest.spreads[rival] @ step, *e.bounds)
 
-    def beyond(self, true: int, rival: int) -> float:
-        """Excess of sqrt T over sqrt T* in standard deviations."""
-        law = float(self.contest.error[true] * np.sqrt(self.taken[true]))
-        return float((np.sqrt(self.left[true, rival]) - max(np.sqrt(2.0 * NATS), law)) / np.hypot(1.0, UNSURE * law))
+    @cached_property
+    def beyond(self) -> dict[tuple[int, int], float]:
+        """(true, rival) -> excess of sqrt T over sqrt T* in standard deviations."""
+        laws = self.contest.error * np.sqrt(self.taken)
+        least, std = np.maximum(np.sqrt(2.0 * NATS), laws), np.hypot(1.0, UNSURE * laws)
+        return {key: float((np.sqrt(t) - least[key[0]]) / std[key[0]]) for key, t in self.left.items()}
 
     @property
     def criterion(self) -> tuple[float, float]:
         """Objective of the search: logarithm of the product of all probabilities, then the least `beyond`."""
-        beyond = [self.beyond(*key) for key in self.models]
-        return float(np.sum(norm.logcdf(beyond))), min(beyond)
+        return float(np.sum(norm.logcdf([*self.beyond.values()]))), min(self.beyond.values())
 
     @property
     def closest(self) -> tuple[int, int]:
         """The (true, rival) of least `beyond`."""
-        return min(self.models, key=lambda key: self.beyond(*key))
+        return min(self.beyond, key=self.beyond.__getitem__)
 
     def power(self, true: int, rival: int) -> float:
         """Probability that a rival is told from a true explanation."""
-        return float(norm.cdf(self.beyond(true, rival)))
+        return float(norm.cdf(self.beyond[true, rival]))
 
     @property
     def probability(self) -> float:
         """Probability that the true explanation alone is left, each as likely to be true."""
-        each = [[self.power(*key) for key in self.models if key[0] == true] for true, _ in self.models]
-        return float(np.mean([min(powers) for powers in each]))
+        return float(
+            np.mean([min(self.power(*key) for key in self.models if key[0] == true) for true, _ in self.models])
+        )
 
 
 def information(contest: Contest, reference: np.ndarray) -> Information | None:
@@ -324,8 +290,8 @@ def derivatives(likelihood: Likelihood, e: Explanation, spread: np.ndarray, resi
     low, high = e.bounds
     ahead = e.x + (spread * steps).T
     steps = np.where(((ahead < low) | (ahead > high)).any(axis=1), -steps, steps)
-    points = np.clip(e.x + (spread * steps).T, low, high)
-    return (likelihood.residual(robots_at(e, points)) - residual) / steps[:, None]
+    moved = e.at_each(likelihood, [*np.clip(e.x + (spread * steps).T, low, high)])
+    return (np.array([one.residual for one in moved]) - residual) / steps[:, None]
 
 
 def nonlinearity(
@@ -335,14 +301,10 @@ def nonlinearity(
     draws = np.random.default_rng(0).standard_normal((DRAWS, spread.shape[1]))
     points = np.clip(e.x + draws @ spread.T, *e.bounds)
     along = np.linalg.lstsq(spread, (points - e.x).T, rcond=None)[0].T
-    missed = np.mean((likelihood.residual(robots_at(e, points)) - residual - along @ columns) ** 2, axis=0)
+    drawn = np.array([one.residual for one in e.at_each(likelihood, [*points])])
+    missed = np.mean((drawn - residual - along @ columns) ** 2, axis=0)
     width, frames = len(likelihood.views[0].problem.columns), max(round(likelihood.memory), 1)
     return np.repeat(uniform_filter1d(missed.reshape(-1, width).mean(axis=1), frames, mode="nearest"), width)
-
-
-def robots_at(e: Explanation, points: np.ndarray) -> np.ndarray:
-    """Flat parameter vectors (n, parameters) [SI] of an explanation at coordinates (n, coordinates)."""
-    return np.array([apply(e.values, e.parameters, x) for x in points])
 
 
 def refit(contest: Contest, reference: np.ndarray) -> Information | None:

@@ -1,5 +1,14 @@
 """Search for the motion that distinguishes rivals best and is safe on each of them.
 
+A motif is a short motion from rest to rest with a few parameters. In it every channel goes to a level, swings about it,
+and comes back:
+
+    u(t) = u0 + e(t) (level + swing sin(2 pi phi(t) + phase) - u0)         phi' from f_first to f_last
+
+The envelope e rises and falls within a share of the motif: a short share gives a step and a hold, a long one a ramp.
+With a swing the motif is a sine, a chirp, or a triangle of constant speed. u is a share of the span between the lowest
+and the highest reference; the stage maps it to a reference that is no faster than those of the logs. The search:
+
     library: random motifs, and windows of the machine's own experiments or of the case's motion
     sequence: the motifs of largest joint information (greedy; information adds), then local search by mutation of one;
         once of many short motifs, once of a few long ones
@@ -23,17 +32,34 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
 from operator import add
+from typing import NamedTuple
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
 from exodrake.compiled.inputs import Reference
+from exodrake.core.display import colour_of, display_of
 from exodrake.core.errors import InputError
 from exodrake.core.machine import Machine, signal_count
+from exodrake.core.robot import Robot
+from exodrake.data.plot import STYLE, new_figure, png_of
+from exodrake.diagnosis.parameter import apply
 from exodrake.diagnosis.problem import Problem, Trial
 from exodrake.experiment.contest import Contest, Information, information, refit
-from exodrake.experiment.motion import POSITIONS, Motif, Window, check_length, prepare_stage, random_motif
+from exodrake.simulation.protocols import smooth
 from exodrake.simulation.references import protocol
 
+SHORTEST, LONGEST, DEFAULT = 20.0, 60.0, 60.0  # s of an experiment
+FEWEST, MOST = 60, 200  # frames of one, for a machine whose frames are long: assumed
+HEADROOM = 0.05  # of the span, between a level and either end, which a swing may reach: assumed
+CYCLES = 0.5, 12.0  # of a swing in a motif, at least and at most, so that each is seen: assumed
+FASTEST = 8.0  # frames in the shortest period: two samples an edge
+STEADY = 0.25  # probability that a channel of a random motif does not swing: assumed
+BLEND = 0.1  # share of a window at either end that leads from and to rest: assumed
+STEP = 0.15  # standard deviation of a mutation of a parameter in 0 .. 1: assumed
+CHANGED = 0.3  # probability that a mutation touches a parameter: assumed
+POSITIONS = ("m", "rad")  # units of references that may not step
+CORNER = 0.1  # s over which a course that may not step is averaged: assumed
 MARGIN = 0.05  # of a range, by which it is widened at either end, for overshoot: assumed
 FASTER = 1.1  # times the fastest rate known: assumed
 PIECES = 4, 2  # motifs in a sequence: short ones, then slow ones, since friction shows where reversals are slow
@@ -42,22 +68,134 @@ WHOLE = 6  # random motions for two rivals that the sequences are held against: 
 FINAL = 2  # motions on which refits are carried to their end: assumed
 LIBRARY = 6  # one in so many of the motifs is kept, those on which the rivals as they are differ most
 SMALLER, SHRINKS = 0.8, 5  # factor by which an unsafe motion shrinks towards rest, and how often
+DRAWN = 3  # kinds of columns in the figure
+ROOM = 1.1, 2.1  # times what is largest, below and above, where the legend stands
+BAND = 1.96  # standard deviations that hold 95 % (normal law)
+
+
+class Motif(NamedTuple):
+    """A motion by parameters in 0 .. 1."""
+
+    channels: np.ndarray  # (3, channels) level, swing and phase of each
+    common: np.ndarray  # (4,) first and last frequency, how long rise and fall take, and above a half triangles
+
+    def shares(self, frames: int, rest: np.ndarray) -> np.ndarray:
+        """Shares (frames, channels) of the span; rest: (channels,) where it begins and ends."""
+        level, swing, phase = self.channels
+        u = HEADROOM + (1.0 - 2.0 * HEADROOM) * level
+        most = min(CYCLES[1], frames / FASTEST)
+        first, last = CYCLES[0] * (most / CYCLES[0]) ** self.common[:2]
+        s = np.linspace(0.0, 1.0, frames)
+        turns = first * s + 0.5 * (last - first) * s**2
+        wave = np.sin(2.0 * np.pi * (turns[:, None] + phase))
+        wave = np.arcsin(wave) / (0.5 * np.pi) if self.common[3] > 0.5 else wave
+        course = u + swing * np.minimum(u, 1.0 - u) * wave
+        return lead_from_rest(course, rest, 0.5 * max(float(self.common[2]) ** 2, 2.0 / frames))
+
+    def mutate(self, rng: np.random.Generator) -> Motif:
+        """The motif with some parameters changed."""
+        changed = []
+        for values in self:
+            change = STEP * rng.standard_normal(values.shape) * (rng.random(values.shape) < CHANGED)
+            changed.append(np.clip(values + change, 0.0, 1.0))
+        return Motif(*changed)
+
+
+def random_motif(channels: int, rng: np.random.Generator) -> Motif:
+    """A motif of that many channels with parameters drawn evenly; some channels do not swing."""
+    values = rng.random((3, channels))
+    values[1] *= rng.random(channels) >= STEADY
+    return Motif(values, rng.random(4))
+
+
+def lead_from_rest(course: np.ndarray, rest: np.ndarray, rise: float) -> np.ndarray:
+    """A course (frames, channels) that begins and ends at rest (channels,); rise: share of it that each takes."""
+    s = np.linspace(0.0, 1.0, len(course))
+    return rest + (smooth(s / rise) * smooth((1.0 - s) / rise))[:, None] * (course - rest)
+
+
+class Stage(NamedTuple):
+    """Map from shares of a span to references within their limits."""
+
+    low: np.ndarray  # (channels,) lowest reference [SI]
+    high: np.ndarray  # (channels,) highest reference [SI]
+    rest: np.ndarray  # (channels,) where motions begin and end, in shares of the span
+    fastest: np.ndarray  # (channels,) largest rate of the reference [SI / s]; infinite for what may step
+    frame: float  # period [s]
+    others: np.ndarray  # (others,) values of further inputs [SI]
+    starts: np.ndarray  # (others,) channel whose first reference a further input states instead; -1 for none
+
+    def reference(self, shares: np.ndarray) -> Reference:
+        """The reference of shares (frames, channels): no faster than allowed, further inputs beside it."""
+        rows = self.low + np.clip(shares, 0.0, 1.0) * (self.high - self.low)
+        rows = limit_rate(rows, self.fastest * self.frame, max(round(CORNER / self.frame), 3))
+        others = np.where(self.starts >= 0, rows[0][np.maximum(self.starts, 0)], self.others)
+        return Reference(np.hstack([rows, np.tile(others, (len(rows), 1))]), "experiment")
+
+
+def limit_rate(rows: np.ndarray, most: np.ndarray, corner: int) -> np.ndarray:
+    """Courses (frames, channels) that change by no more than `most` (channels,) a frame and end where they ended.
+
+    corner: frames over which a course is averaged, which bounds its acceleration.
+    """
+    if (np.abs(np.diff(rows, axis=0)) <= most).all():
+        return rows
+    out, end = rows.copy(), rows[-1].copy()
+    for backwards in (False, True):  # forwards, then from the end backwards
+        if backwards:
+            out = out[::-1].copy()
+            out[0] = end
+        for k in range(1, len(out)):
+            out[k] = out[k - 1] + np.clip(out[k] - out[k - 1], -most, most)
+    return np.where(np.isfinite(most), uniform_filter1d(out[::-1], corner, axis=0, mode="nearest"), rows)
+
+
+def prepare_stage(robot: Robot, trials: tuple[Trial, ...]) -> Stage:
+    """The stage of a robot beside the logs of its case; InputError for a machine whose references have no limits.
+
+    Rest is where the first log begins; positions go no faster than in the logs, further inputs stay as they were there.
+    """
+    check_length(robot, None)
+    machine, (low, high) = robot.machine, robot.reference_limits()
+    first, *others = machine.references
+    width, begin, starts = len(low), trials[0].reference[0], list[int]()
+    rates = [np.abs(np.diff(t.reference[:, :width], axis=0)).max(axis=0) for t in trials if len(t.reference) > 1]
+    moves = machine.signal[first.signal].unit in POSITIONS
+    fastest = np.max(rates, axis=0) / machine.frame if moves else np.full(width, np.inf)
+    for column in others:
+        count, follows = len(machine.channels(column.signal)), first.kind.removesuffix("_ref") + "_start"
+        starts += range(count) if column.kind == follows else [-1] * count
+    rest = np.clip((begin[:width] - low) / np.maximum(high - low, 1e-12), 0.0, 1.0)
+    return Stage(low, high, rest, fastest, machine.frame, begin[width:], np.array(starts, dtype=int))
+
+
+def check_length(robot: Robot, duration: float | None) -> int:
+    """Frames of an experiment of a length [s]; of a minute, or as many as a slow machine needs, if None.
+
+    Raises:
+        InputError: For a length out of range, and for a machine whose references have no limits.
+    """
+    machine, frame = robot.machine, robot.machine.frame
+    if not machine.reference_limits or not np.isfinite(robot.reference_limits()[1]).all():
+        raise InputError(
+            f"{machine.name} states no limits of {machine.references[0].kind} (`reference_limits` of machine.py, "
+            "`limits` of robot.yaml), so no experiment can be designed within them"
+        )
+    length = max(DEFAULT, 2.0 * FEWEST * frame) if duration is None else duration
+    low, high = max(SHORTEST, FEWEST * frame), max(LONGEST, MOST * frame)
+    if not low <= length <= high:
+        raise InputError(f"--duration {length:g}: wanted {low:g} to {high:g} s for this machine")
+    return round(length / frame)
 
 
 @dataclass(frozen=True, eq=False)
 class Safety:
-    """Ranges of all signals.
-
-    Attributes:
-        machine: whose signals they are.
-        low, high: (signals,) ends of the ranges [SI]; infinite for what is not limited.
-        rate: (signals,) largest rates of positions [SI / s]; infinite for the others.
-    """
+    """Ranges of all signals (signals,) [SI]; infinite for what is not limited."""
 
     machine: Machine
     low: np.ndarray
     high: np.ndarray
-    rate: np.ndarray
+    rate: np.ndarray  # largest rates of positions [SI / s]
 
     def allows(self, records: np.ndarray) -> bool:
         """Whether runs (explanations, frames, signals) [SI] stay within the ranges."""
@@ -66,84 +204,62 @@ class Safety:
         return not ((records < self.low) | (records > self.high)).any() and not (rates > self.rate).any()
 
     def spans(self, records: np.ndarray) -> list[tuple[str, str, np.ndarray, np.ndarray]]:
-        """Logged signals, each on the channel that comes nearest to an end of its range.
-
-        Args:
-            records: (explanations, frames, signals) of runs [SI].
+        """Logged signals in runs (explanations, frames, signals) [SI], each on the channel nearest to an end.
 
         Returns:
             Name with channel, unit, ends of what is reached and of the range (2,) [SI] of each.
         """
         machine, found = self.machine, []
         low, high = records.min(axis=(0, 1)), records.max(axis=(0, 1))
-        logged = {column.signal for column in machine.columns}
-        for signal in machine.signals:
-            if signal.name in logged and signal.name not in machine.inputs:
-                at = machine.offsets[signal.name]
-                room = np.minimum(self.high - high, low - self.low)[at] / np.maximum(self.high - self.low, 1e-12)[at]
-                k = at.start + int(room.argmin())
-                name = f"{signal.name}_{machine.axes.of(signal.axis)[k - at.start]}".rstrip("_")
-                ends = np.array([low[k], high[k]]), np.array([self.low[k], self.high[k]])
-                found.append((name, signal.unit, *ends))
+        logged = {column.signal for column in machine.columns} - set(machine.inputs)
+        for signal in (s for s in machine.signals if s.name in logged):
+            at = machine.offsets[signal.name]
+            room = np.minimum(self.high - high, low - self.low)[at] / np.maximum(self.high - self.low, 1e-12)[at]
+            k = at.start + int(room.argmin())
+            name = f"{signal.name}_{machine.axes.of(signal.axis)[k - at.start]}".rstrip("_")
+            found.append((name, signal.unit, np.array([low[k], high[k]]), np.array([self.low[k], self.high[k]])))
         return found
 
 
 def measure_safety(problem: Problem, robots: np.ndarray, known: Sequence[Reference]) -> Safety:
-    """The ranges for a case.
-
-    Args:
-        problem: the case.
-        robots: (explanations, parameters) flat parameter vectors [SI].
-        known: the machine's own experiments.
-    """
+    """The ranges for a case, by robots (explanations, parameters) [SI] and the machine's own experiments."""
     machine, nominal = problem.robot.machine, problem.silent()[None]
     own = [Trial(reference.name, "fit", reference.values, np.zeros((0, 0))) for reference in known]
     runs = [run for trial in problem.fit for run in problem.records(robots, trial)]
     runs += [run for trial in own for run in problem.records(nominal, trial)]
     low, high, rate = np.full((3, signal_count(machine)), np.array([[-np.inf], [np.inf], [np.inf]]))
     stated, first = problem.robot.reference_limits(), machine.signal[machine.references[0].signal]
-    for signal in machine.signals:
+    for signal in (s for s in machine.signals if s.name not in machine.inputs):
         at = machine.offsets[signal.name]
-        if signal.name in machine.inputs:
-            continue
         ends = np.array([end for run in runs for end in (run[:, at].min(axis=0), run[:, at].max(axis=0))])
         if (signal.unit, signal.axis) == (first.unit, first.axis):
             ends = np.concatenate([ends, stated])
-        low[at], high[at] = ends.min(axis=0), ends.max(axis=0)
-        wider = MARGIN * (high[at] - low[at])
-        low[at], high[at] = low[at] - wider, high[at] + wider
+        wider = MARGIN * np.ptp(ends, axis=0)
+        low[at], high[at] = ends.min(axis=0) - wider, ends.max(axis=0) + wider
         if signal.unit in POSITIONS:
             fastest = [np.abs(np.diff(run[:, at], axis=0)).max(axis=0, initial=0.0) for run in runs]
             rate[at] = FASTER * np.max(fastest, axis=0) / machine.frame
     return Safety(machine, low, high, rate)
 
 
-@dataclass(frozen=True, eq=False)
-class Piece:
-    """A motif with its safe course in shares (frames, channels) and its expected information."""
+class Piece(NamedTuple):
+    """A safe course with its information."""
 
-    motif: Motif | Window
-    course: np.ndarray
+    motif: Motif | None  # None of a known motion
+    course: np.ndarray  # (frames, channels) in shares of the span
+    size: float  # factor by which it was made smaller to be safe
     information: Information
 
 
 @dataclass(frozen=True, eq=False)
 class Design:
-    """An experiment.
+    """An experiment."""
 
-    Attributes:
-        reference: to be sent to the robot.
-        information: what it tells.
-        size: factor by which the whole was made smaller to be safe [-].
-        safety: ranges that it keeps.
-        random: probability that the median of random motions of this length promises.
-    """
-
-    reference: Reference
+    reference: Reference  # to be sent to the robot
     information: Information
-    size: float
+    size: float  # factor by which the whole was made smaller to be safe
     safety: Safety
-    random: float = 0.0
+    random: float  # probability that the median of random motions of this length promises
 
 
 class Designer:
@@ -159,9 +275,10 @@ class Designer:
         self.known = own or [Reference(trial.reference, trial.name) for trial in problem.fit]
         self.safety = measure_safety(problem, contest.robots, own)
 
-    def to_shares(self, reference: Reference) -> np.ndarray:
-        """A known motion in shares (frames, channels) of the span."""
-        return (reference.values[:, : len(self.stage.low)] - self.stage.low) / (self.stage.high - self.stage.low)
+    def to_course(self, reference: Reference, at: np.ndarray) -> np.ndarray:
+        """Frames `at` (frames,) of a known motion in shares (frames, channels) of the span, led from and to rest."""
+        shares = (reference.values[at, : len(self.stage.low)] - self.stage.low) / (self.stage.high - self.stage.low)
+        return lead_from_rest(shares, self.stage.rest, BLEND)
 
     def make_safe(self, shares: np.ndarray, shrinks: int = SHRINKS) -> tuple[np.ndarray, float, float] | None:
         """Shares (frames, channels) made smaller until safe, by which factor, and how rivals differ there; or None."""
@@ -173,24 +290,27 @@ class Designer:
                 return course, float(size), self.contest.difference(records)
         return None
 
-    def make_piece(self, motif: Motif | Window, course: np.ndarray) -> Piece | None:
-        """A motif with its information on a safe course, unless a robot does not come to its end."""
-        found = information(self.contest, self.stage.reference(course).values)
-        return Piece(motif, course, found) if found else None
+    def make_piece(self, motif: Motif | None, shares: np.ndarray, shrinks: int = SHRINKS) -> list[Piece]:
+        """A course (frames, channels) made smaller until safe, with its information; none if unsafe or divergent."""
+        if (kept := self.make_safe(shares, shrinks)) is None:
+            return []
+        found = information(self.contest, self.stage.reference(kept[0]).values)
+        return [Piece(motif, *kept[:2], found)] if found else []
 
     def make_library(self, pieces: int) -> list[Piece]:
         """Random motifs and windows of known motions on which the rivals differ most, at a size that is safe."""
         frames, rest, windows = self.whole // pieces, self.stage.rest, []
         motifs = [random_motif(len(rest), self.rng) for _ in range(max(round(RANDOM * self.fewer), pieces))]
-        for shares in map(self.to_shares, self.known):
-            starts = range(0, max(len(shares) - frames + 1, 1), frames) if len(shares) >= 2 else ()
-            windows += [Window(shares[k : k + frames]) for k in starts]
+        for motion in (m for m in self.known if len(m.values) >= 2):
+            for start in range(0, max(len(motion.values) - frames + 1, 1), frames):
+                last = min(start + frames, len(motion.values)) - 1.0
+                windows.append(self.to_course(motion, np.linspace(start, last, frames).round().astype(int)))
         order = self.rng.permutation(len(windows))[: max(round(WINDOWS * self.fewer), 3)]
-        tried = [*motifs, *(windows[i] for i in order)]
-        safe = [(motif, kept) for motif in tried if (kept := self.make_safe(motif.shares(frames, rest)))]
-        safe.sort(key=lambda item: -item[1][2])
+        tried = [*((motif, motif.shares(frames, rest)) for motif in motifs), *((None, windows[i]) for i in order)]
+        safe = [(motif, *kept) for motif, course in tried if (kept := self.make_safe(course))]
+        safe.sort(key=lambda item: -item[3])
         best = safe[: max(len(safe) // LIBRARY, pieces)]
-        found = [piece for motif, (course, _, _) in best if (piece := self.make_piece(motif, course))]
+        found = [piece for motif, course, *_ in best for piece in self.make_piece(motif, course, 1)]
         if not found:
             raise InputError(f"{self.contest.problem.case.name}: no motion is safe on every explanation still in play")
         return found
@@ -201,52 +321,23 @@ class Designer:
         def judge(chosen: list[Piece]) -> tuple[float, float]:
             return reduce(add, (piece.information for piece in chosen)).criterion
 
-        library, chosen = self.make_library(pieces), []
+        library, chosen, rest = self.make_library(pieces), [], self.stage.rest
         for _ in range(pieces):
             chosen.append(max(library, key=lambda piece: judge([*chosen, piece])))
         best = judge(chosen)
         for _ in range(round(MUTATIONS * self.fewer)):
             at = int(self.rng.integers(pieces))
-            motif = chosen[at].motif.mutate(self.rng)
-            kept = self.make_safe(motif.shares(self.whole // pieces, self.stage.rest))
-            if kept and (piece := self.make_piece(motif, kept[0])):
+            known = chosen[at].motif
+            motif = known.mutate(self.rng) if known else random_motif(len(rest), self.rng)
+            for piece in self.make_piece(motif, motif.shares(self.whole // pieces, rest)):
                 trial = [*chosen[:at], piece, *chosen[at + 1 :]]
                 if (reached := judge(trial)) > best:
                     chosen, best = trial, reached
         return np.concatenate([piece.course for piece in chosen])
 
-    def check(self, shares: np.ndarray) -> list[Design]:
-        """The experiment of shares (frames, channels), made smaller until it is safe as a whole; or none."""
-        if (kept := self.make_safe(shares, 2 * SHRINKS)) is None:
-            return []
-        reference = self.stage.reference(kept[0])
-        found = information(self.contest, reference.values)
-        return [Design(reference, found, kept[1], self.safety)] if found else []
-
-    def design(self) -> Design:
-        """The experiment: the best of sequences of short and of long pieces, and of random motions."""
-        length, found = self.whole * self.stage.frame, []
-        for k in self.rng.integers(2**31, size=max(round(WHOLE * self.fewer), 3)):
-            motion = protocol(f"random-motion:seed={k},duration={length:g}", self.contest.problem.robot)
-            found += self.check(Window(self.to_shares(motion)).shares(self.whole, self.stage.rest))
-        random = sorted(found, key=lambda d: d.information.criterion)[len(found) // 2 :][:1]
-        for pieces in PIECES:
-            found += self.check(self.search_sequence(pieces))
-        if not found:
-            raise InputError(f"{self.contest.problem.case.name}: no experiment is safe on every explanation in play")
-        found.sort(key=lambda d: d.information.criterion, reverse=True)
-        last = [
-            replace(made, information=told)
-            for made in found[:FINAL]
-            if (told := refit(self.contest, made.reference.values))
-        ]
-        best = max(last or found[:1], key=lambda d: d.information.criterion)
-        promised = [min(d.information.probability, best.information.probability) for d in random]
-        return replace(best, random=promised[0] if promised else 0.0)
-
 
 def design(contest: Contest, duration: float | None = None, seed: int = 0) -> Design:
-    """The experiment that tells rivals apart best.
+    """The experiment that tells rivals apart best: of sequences of short and of long pieces, and of random motions.
 
     Args:
         contest: explanations still in play.
@@ -256,4 +347,80 @@ def design(contest: Contest, duration: float | None = None, seed: int = 0) -> De
     Raises:
         InputError: for a length out of range, a machine whose references have no limits, and where nothing is safe.
     """
-    return Designer(contest, duration, seed).design()
+    search, robot, found = Designer(contest, duration, seed), contest.problem.robot, list[Piece]()
+    length = search.whole * robot.machine.frame
+    for k in search.rng.integers(2**31, size=max(round(WHOLE * search.fewer), 3)):
+        motion = protocol(f"random-motion:seed={k},duration={length:g}", robot)
+        at = np.linspace(0.0, len(motion.values) - 1.0, search.whole).round().astype(int)
+        found += search.make_piece(None, search.to_course(motion, at), 2 * SHRINKS)
+    random = sorted(found, key=lambda piece: piece.information.criterion)[len(found) // 2 :][:1]
+    for pieces in PIECES:
+        found += search.make_piece(None, search.search_sequence(pieces), 2 * SHRINKS)
+    if not found:
+        raise InputError(f"{contest.problem.case.name}: no experiment is safe on every explanation in play")
+    found.sort(key=lambda piece: piece.information.criterion, reverse=True)
+    ended = [(piece, refit(contest, search.stage.reference(piece.course).values)) for piece in found[:FINAL]]
+    last = [piece._replace(information=again) for piece, again in ended if again]
+    best = max(last or found[:1], key=lambda piece: piece.information.criterion)
+    promised = min(piece.information.probability for piece in (*random, best)) if random else 0.0
+    return Design(search.stage.reference(best.course), best.information, best.size, search.safety, promised)
+
+
+def predict_difference(contest: Contest, design: Design) -> tuple[np.ndarray, np.ndarray]:
+    """Difference between the logs of the closest two explanations on an experiment, the rival refitted.
+
+    Returns:
+        The difference, and the standard deviation of noise and of the errors of the laws, as large as the logs show:
+        (frames, columns) each [unit of the column].
+    """
+    problem, (true, rival) = contest.problem, design.information.closest
+    e, trial = contest.explanations[rival], contest.trial(true, design.reference.values)
+    refitted = apply(e.values, e.parameters, design.information.refit(true, rival))
+    logs = problem.predict(np.array([contest.robots[true], refitted]), trial)
+    variance = np.tile(problem.noise_std**2, (len(trial.reference), 1))
+    for k in (true, rival):
+        whole, bare = problem.predict(np.array([contest.robots[k], contest.bare[k]]), trial)
+        variance += (contest.error[k] * (bare - whole)) ** 2
+    return logs[0] - logs[1], np.sqrt(variance)
+
+
+def draw_experiment(contest: Contest, design: Design) -> bytes:
+    """References of an experiment, and the difference of the two closest explanations on it, as PNG."""
+    import matplotlib
+
+    problem, machine = contest.problem, contest.problem.robot.machine
+    difference, std = predict_difference(contest, design)
+    size = np.sqrt(np.mean((difference / std) ** 2, axis=0))
+    best: dict[str, int] = {}
+    for k in np.argsort(-size):
+        best.setdefault(problem.kinds[k], int(k))
+    shown, time = list(best.values())[:DRAWN], machine.frame * np.arange(len(difference))
+    with matplotlib.rc_context(STYLE):
+        figure = new_figure(8.0, 2.4 + 1.6 * len(shown))
+        rows = figure.subplots(1 + len(shown), 1, sharex=True, squeeze=False, height_ratios=[1.35, *[1.0] * len(shown)])
+        references, column = rows[0, 0], machine.references[0]
+        channels, display = machine.channels(column.signal), display_of(column.kind, machine)
+        for k, channel in enumerate(channels):
+            course = display.factor * design.reference.values[:, k]
+            references.plot(time, course, color=colour_of(channel, k, machine), label=channel)
+        references.set_ylabel(display.axis)
+        references.set_xlim(time[0], time[-1])
+        references.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=min(len(channels), 8), borderaxespad=0.1)
+        for axes, k in zip(rows[1:, 0], shown, strict=True):
+            kind, channel = problem.columns[k].rsplit("_", 1)
+            display = display_of(kind, machine)
+            course, band = display.factor * difference[:, k], BAND * display.factor * std[:, k]
+            axes.fill_between(time, -band, band, color="#c9d0d8", lw=0, label="95 % of noise and of the error of a law")
+            axes.plot(time, course, color="#d55e00", label=channel)
+            axes.set_ylabel(f"{channel}\n{display.axis}")
+            largest = max(float(band.max()), float(np.abs(course).max()))
+            axes.set_ylim(-ROOM[0] * largest, ROOM[1] * largest)
+            title = f"RMS {size[k]:.2g} standard deviations"
+            axes.legend(loc="upper right", ncols=2, fontsize=7.5, title=title, title_fontsize=7.5)
+        true, rival = (contest.names[k] for k in design.information.closest)
+        rows[1, 0].set_title(f"difference: {true} against {rival} refitted", fontsize=9, loc="left")
+        rows[-1, 0].set_xlabel("Time [s]")
+        title = f"{problem.case.name}: references of the experiment"
+        figure.suptitle(title, fontsize=11, fontweight="bold", x=0.01, ha="left")
+        figure.align_ylabels(list(rows[:, 0]))
+        return png_of(figure)

@@ -26,9 +26,8 @@ has the `ODDS` against none.
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -45,7 +44,7 @@ from exodrake.diagnosis.healthy import healthy_robot
 from exodrake.diagnosis.noise import sensor_noise_std
 from exodrake.machines.library import machine_folders
 from exodrake.machines.robot_file import load_robot
-from exodrake.monitor.online_replay import LOOP, Channel, OnlineReplay, channels
+from exodrake.monitor.online_replay import LOOP, Channel, OnlineReplay, list_channels
 from exodrake.simulation import protocols
 from exodrake.simulation.references import on_machine
 from exodrake.simulation.simulate import simulate
@@ -102,7 +101,7 @@ def rest(robot: Robot, *, duration: float) -> Reference:
 
 def replay_log(nominal: Robot, reference: Reference, log: Log) -> np.ndarray:
     """Residuals (n, channels) [SI] that the nominal model leaves of a log that has all compared columns."""
-    columns = [c.column for c in channels(nominal.machine) if c.segment == LOOP]
+    columns = [c.column for c in list_channels(nominal.machine) if c.segment == LOOP]
     return OnlineReplay(nominal).push(reference.values, np.column_stack([log[c] for c in columns]), last=True)
 
 
@@ -113,7 +112,7 @@ def measure_noise(robot: Robot) -> np.ndarray:
     the sensors' parameters say. A machine whose work cannot be drawn has those of the sensors only.
     """
     machine, sensors = robot.machine, sensor_noise_std(robot)
-    kinds = [c.kind for c in channels(machine)]
+    kinds = [c.kind for c in list_channels(machine)]
     if missing := set(kinds) - set(sensors):
         raise InputError(f"{robot.source}: {machine.name} states no noise of {', '.join(sorted(missing))}")
     least = np.array([sensors[kind] for kind in kinds])
@@ -124,23 +123,14 @@ def measure_noise(robot: Robot) -> np.ndarray:
     return np.maximum(np.sqrt(np.nanmean(own[round(SKIP / machine.frame) :] ** 2, axis=0)), least)
 
 
-@dataclass(frozen=True)
-class Reading:
-    """The gap at the end of a second.
+class Reading(NamedTuple):
+    """The gap at the end of a second."""
 
-    Attributes:
-        second: time since the start, skipped parts included [s].
-        recent: (channels,) RMS of the last window [noise standard deviations], NaN if too few samples.
-        overall: (channels,) RMS since the start [noise standard deviations].
-        full: whether a whole window has passed.
-        power: (channels,) mean square of the second alone [noise variances], NaN if nothing was measured.
-    """
-
-    second: int
-    recent: np.ndarray
-    overall: np.ndarray
-    full: bool
-    power: np.ndarray
+    second: int  # time since the start, skipped parts included [s]
+    recent: np.ndarray  # (channels,) RMS of the last window [noise standard deviations], NaN if too few samples
+    overall: np.ndarray  # (channels,) RMS since the start [noise standard deviations]
+    full: bool  # whether a whole window has passed
+    power: np.ndarray  # (channels,) mean square of the second alone [noise variances], NaN if nothing was measured
 
 
 class Gap:
@@ -164,42 +154,27 @@ class Gap:
             self.done += 1
             if self.done <= self.skip:
                 continue
-            known = np.isfinite(rows)
-            own = np.array([np.sum(np.where(known, rows, 0.0) ** 2, axis=0), known.sum(axis=0)])
+            own = np.array([np.nansum(rows**2, axis=0), np.isfinite(rows).sum(axis=0)])
             self.window.append(own)
             self.total = self.total + own
             power, count = np.sum(self.window, axis=0)
             enough = count >= PRESENT * self.second * len(self.window)
             with np.errstate(invalid="ignore", divide="ignore"):  # NaN where nothing was measured
-                recent, overall = (
-                    np.sqrt(power / np.where(enough, count, np.nan)),
-                    np.sqrt(self.total[0] / self.total[1]),
-                )
-                now = own[0] / own[1]
-            full = len(self.window) == self.window.maxlen
+                recent, overall = np.sqrt(power / np.where(enough, count, np.nan)), np.sqrt(np.divide(*self.total))
+                full, now = len(self.window) == self.window.maxlen, np.divide(*own)
             found.append(Reading(round(self.done * self.length), recent, overall, full, now))
         return found
 
 
-@dataclass(frozen=True)
-class Alarm:
-    """Alarm of a gap above its limit.
+class Alarm(NamedTuple):
+    """Alarm of a gap above its limit."""
 
-    Attributes:
-        second: time since the start [s].
-        channel: the replayed channel furthest above its limit; one of the closed loop only if no replay is above.
-        gap: its gap [noise standard deviations].
-        limit: its limit [noise standard deviations].
-        above: number of channels above their limits.
-        rose: times [s] between which its gap rose (90 % set); None if it was there throughout.
-    """
-
-    second: int
-    channel: Channel
-    gap: float
-    limit: float
-    above: int
-    rose: tuple[float, float] | None = None
+    second: int  # time since the start [s]
+    channel: Channel  # the replayed one furthest above its limit; one of the closed loop only if no replay is above
+    gap: float  # [noise standard deviations]
+    limit: float  # [noise standard deviations]
+    above: int  # number of channels above their limits
+    rose: tuple[float, float] | None = None  # times [s] between which the gap rose (90 % set); None: there throughout
 
 
 @cache
@@ -212,17 +187,11 @@ def read_calibration(name: str) -> dict[str, Any] | None:
 def read_limits(machine: Machine) -> np.ndarray | None:
     """Limit of each channel (channels,) [noise standard deviations]; None of a machine without calibrated limits."""
     found = read_calibration(machine.name)
-    return None if found is None else np.array([found["limits"][c.segment][c.column] for c in channels(machine)])
+    return None if found is None else np.array([found["limits"][c.segment][c.column] for c in list_channels(machine)])
 
 
 def judge(reading: Reading, listed: tuple[Channel, ...], limit: np.ndarray) -> Alarm | None:
-    """The alarm of a reading; None below all limits, and until a whole window has passed.
-
-    Args:
-        reading: gap of each channel.
-        listed: the channels.
-        limit: (channels,) limits [noise standard deviations].
-    """
+    """The alarm of a reading of some channels with limits (channels,); None below all and before a whole window."""
     ratio = np.nan_to_num(reading.recent / limit)
     if not reading.full or ratio.max() <= 1.0:
         return None
@@ -234,41 +203,29 @@ def judge(reading: Reading, listed: tuple[Channel, ...], limit: np.ndarray) -> A
 def date_rise(powers: np.ndarray, second: int, length: float = 1.0) -> tuple[float, float] | None:
     """Times [s] of the log between which a gap rose (90 % set); None without a rise.
 
-    Args:
-        powers: (n,) mean square of each of the last n seconds [noise variances], NaN if nothing was measured.
-        second: end of the last one [s].
-        length: of one, which is a whole number of frames [s].
+    powers: (n,) mean square of each of the last n seconds up to `second` [noise variances], NaN if nothing was
+    measured; of `length` [s] each, a whole number of frames.
     """
     known = np.isfinite(powers)
-    if known.sum() < LEAST:
-        return None
     times = (second + length * (np.arange(len(powers)) - len(powers) + 0.5))[known]
     logs = np.log(np.maximum(powers[known], SMALLEST))
-    if np.ptp(logs) <= 0.0:
+    if len(logs) < LEAST or np.ptp(logs) <= 0.0:
         return None
-    lags, scans, without, changed = np.abs(np.subtract.outer(times, times)) / length, [], [], []
+    lags, scans, evidence = np.abs(np.subtract.outer(times, times)) / length, [], []
     for rho in CORRELATIONS:
         scan = ChangePoint(times, TINY**2 * rho**lags / (1.0 - rho**2), grid=1)
-        none, one = scan.evidences(scan.centred(logs[:, None]))
+        none, one = scan.evidences(scan.centre(logs[:, None]))
         scans.append(scan)
-        without.append(scan.volume + float(none[0]))
-        changed.append(scan.volume + float(np.logaddexp.reduce(one, axis=None)))
-    if np.logaddexp.reduce(changed) - np.logaddexp.reduce(without) < np.log(ODDS):
+        evidence.append([scan.volume + float(none[0]), scan.volume + float(np.logaddexp.reduce(one, axis=None))])
+    without, changed = np.logaddexp.reduce(evidence)
+    if changed - without < np.log(ODDS):
         return None
-    change = scans[int(np.argmax(changed))](logs, np.random.default_rng(second))
+    change = scans[int(np.argmax(np.array(evidence)[:, 1]))](logs, np.random.default_rng(second))
     return (change.began[1], change.began[2]) if change.after[0] > change.before[0] else None
 
 
 def read_work(nominal: Robot, robot: Robot, noise: np.ndarray, seed: int, duration: float) -> list[Reading]:
-    """Readings of whole windows that the nominal model gives of `robot` at work.
-
-    Args:
-        nominal: robot whose model is compared.
-        robot: robot that writes the log.
-        noise: (channels,) noise standard deviations [SI].
-        seed: of work and noise.
-        duration: of the work [s].
-    """
+    """Readings of whole windows, by the nominal model and `noise` (channels,) [SI], of a robot at work [s]."""
     reference = draw_work(nominal, seed, duration)
     residuals = replay_log(nominal, reference, simulate(robot, reference, seed=seed))
     return [r for r in Gap(noise, nominal.machine.frame).push(residuals) if r.full]

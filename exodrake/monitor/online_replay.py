@@ -41,7 +41,7 @@ def replayed_segments(machine: Machine) -> dict[str, Segment]:
     return found if len(found) > 1 else {}
 
 
-def channels(machine: Machine) -> tuple[Channel, ...]:
+def list_channels(machine: Machine) -> tuple[Channel, ...]:
     """All channels: against the closed loop, then against the replays."""
     kinds = [(kind, name) for kind in machine.compared for name in machine.log_names([machine.column(kind)])]
     segments = replayed_segments(machine)
@@ -79,14 +79,10 @@ class SegmentReplay:
     def push(
         self, inputs: list[np.ndarray], feed: np.ndarray, rate: np.ndarray, held: np.ndarray, measured: np.ndarray
     ) -> np.ndarray:
-        """Signals (n, signals) [SI] of the next n frames.
+        """Signals (n, signals) of the next n frames, by exogenous inputs (n, channels) each, all in SI.
 
-        Args:
-            inputs: exogenous inputs, (n, channels) each [SI].
-            feed: (n, feeds) smoothed outputs of all segments [SI].
-            rate: (n, feeds) their rates [SI/s].
-            held: (n, compared columns) measured, the last known value where a sample is missing [SI].
-            measured: (n, compared columns), NaN where a sample is missing [SI].
+        feed, rate: (n, feeds) smoothed outputs of all segments and their rates. held, measured: (n, compared columns),
+        the last known value where a sample is missing, and NaN there.
         """
         readings = np.full_like(measured, np.nan)  # of exact segments; NaN where the simulated value stays
         for software in (s for s in self.machine.segments if s.exact):
@@ -108,8 +104,7 @@ class SegmentReplay:
 def without_noise(robot: Robot) -> np.ndarray:
     """Flat parameters without noise and rounding."""
     values = prepared(robot, quantisation=False)
-    for name in robot.machine.noise:
-        values[robot.machine.index[name]] = 0.0
+    values[[robot.machine.index[name] for name in robot.machine.noise]] = 0.0
     return values
 
 
@@ -152,12 +147,11 @@ class OnlineReplay:
         smooth = partial(savgol_filter, held[:, self.fed], WINDOW, ORDER, axis=0, mode="nearest")
         feed, rate = np.asarray(smooth())[ready], np.asarray(smooth(deriv=1, delta=machine.frame))[ready]
         references, held, raw = references[ready], held[ready], was[ready]
-        known = np.isfinite(was)
-        known &= np.concatenate([np.zeros_like(known[:1]), known[:-1]])  # a replay needs its inputs a frame before, too
-        judged = was.copy()
+        known, judged = np.isfinite(was), was.copy()
+        known[1:], known[:1] = known[1:] & known[:-1], False  # a replay needs its inputs a frame before, too
         for kind, replay in self.segments.items():
-            inputs_known = [known[:, self.places[name]].all(axis=1) for name in replay.segment.inputs]
-            judged[~np.all(inputs_known, axis=0), self.places[kind]] = np.nan
+            needed = [self.places[name] for name in replay.segment.inputs]
+            judged[~np.all([known[:, place].all(axis=1) for place in needed], axis=0), self.places[kind]] = np.nan
         inputs = list(input_rows(machine, references, NoiseInputs.draw(len(raw), None, machine)).values())
         records = [self.loop.step(inputs)]
         records += [replay.push(inputs, feed, rate, held, raw) for replay in self.segments.values()]

@@ -1,52 +1,229 @@
-"""Monitor of a log: rows from the file, frames from the rows, residuals from the frames, then gap and alarm."""
+"""Monitor of a growing log: rows from the file, frames from the rows, residuals from the frames, then gap and alarm.
+
+The reader of a CSV file waits for one that does not exist yet, and for the end of an incomplete last line. A new log
+begins where the file shrinks, is replaced by another of its name or repeats its heading: its writer has started again.
+`Grid` sets the rows on frames, as `exodrake.data.log.regularise` does for a whole log.
+"""
 
 from __future__ import annotations
 
+import csv
+import io
+import os
 import time
 from collections import deque
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from math import isinf, nan
 from pathlib import Path
 
 import numpy as np
 
 from exodrake.core.errors import InputError
+from exodrake.core.files import refuse_special
+from exodrake.core.machine import Machine
 from exodrake.core.robot import Robot
 from exodrake.data.formats import ending, read_table
-from exodrake.data.log import check_columns
+from exodrake.data.log import STRETCH, check_columns, columns_in_si, other_rate, refuse_separator
 from exodrake.monitor.alarm import BEFORE, Alarm, Gap, Reading, date_rise, judge, measure_noise, read_limits
-from exodrake.monitor.online_replay import LOOP, OnlineReplay, channels, replayed_segments
-from exodrake.monitor.tail import Grid, Rows, Tail, log_columns
+from exodrake.monitor.online_replay import LOOP, OnlineReplay, list_channels, replayed_segments
 
+HEAD = 512  # bytes at the start of a file by which it is known again
+CHUNK = 1 << 20  # bytes taken at once, so that a long log shows how far it is
+BRIDGED = 2.0  # s of missing frames over which the model goes on with the last references
 BATCH = 500  # frames that the model takes at once, so that a long log shows how far it is
 POLL = 0.2  # s between looks at the file
 
 
-@dataclass
-class Monitor:
-    """State of the monitor of one log. `push` takes frames and yields a reading for each second.
+def log_columns(machine: Machine) -> dict[str, bool]:
+    """Columns of a row, and whether a log must have them: time, references, then the compared columns."""
+    columns = (*machine.references, *(machine.column(kind) for kind in machine.compared))
+    return {"time": True} | {name: column.required for column in columns for name in machine.log_names([column])}
 
-    Attributes:
-        robot: robot whose model is compared.
-        reading: last reading.
-        alarm: alarm of the last reading.
-        alarms: first alarm of each episode.
-        notes: restarts of the model.
-        frames: frames taken.
-        busy: time spent on them [s].
+
+@dataclass(frozen=True)
+class Rows:
+    """Consecutive rows of a file, or frames."""
+
+    values: np.ndarray  # (n, columns) in the order of `log_columns` [SI], NaN where a sample or a frame is missing
+    restart: bool  # whether a log begins, or the model must begin anew
+    numbers: Sequence[int] = ()  # of rows of a file, 1 below the heading, empty lines included
+    note: str = ""  # reason of a restart within a file
+
+
+class Tail:
+    """The rows of a file that have come since the last look."""
+
+    def __init__(self, path: Path, machine: Machine) -> None:
+        self.path, self.wanted = path, log_columns(machine)
+        self.stream: io.BufferedReader | None = None
+
+    def poll(self) -> Iterator[Rows]:
+        """New rows. InputError naming file, column and row for a heading or a row that does not belong to a log."""
+        if self.stream is None or self.is_rewritten(self.stream):
+            self.open()
+        while self.stream is not None:
+            if data := self.stream.read(CHUNK):
+                yield from self.read(data)
+                continue
+            try:
+                if os.path.samestat(os.stat(self.path), os.fstat(self.stream.fileno())):
+                    return
+            except OSError:
+                return
+            self.open()  # another file stands in the place of the open one
+
+    def open(self) -> None:
+        """Opens the file at its start if it is there; InputError if it may not be read."""
+        refuse_special(self.path)
+        if self.stream is not None:
+            self.stream.close()
+        self.stream, self.heading, self.part, self.head, self.row, self.restart = None, [], b"", b"", 0, True
+        try:
+            self.stream = open(self.path, "rb")  # noqa: SIM115
+        except FileNotFoundError:
+            pass
+        except OSError as error:
+            raise InputError(f"{self.path}: cannot be read ({error.strerror})") from None
+
+    def is_rewritten(self, stream: io.BufferedReader) -> bool:
+        """Whether the open file became shorter than what was read of it, or starts with other bytes."""
+        at = stream.tell()
+        if stream.seek(0, io.SEEK_END) < at:
+            return True
+        stream.seek(0)
+        same = stream.read(len(self.head)) == self.head
+        stream.seek(at)
+        return not same
+
+    def read(self, data: bytes) -> Iterator[Rows]:
+        """Rows of the whole lines so far, cut where the heading comes again."""
+        self.head += data[: HEAD - len(self.head)]
+        whole, end, self.part = (self.part + data).rpartition(b"\n")
+        if not end:
+            return
+        found: dict[int, np.ndarray] = {}
+        try:
+            for cells in csv.reader(io.StringIO(whole.decode("utf-8-sig"), newline=""), strict=True):
+                if not self.heading or cells == self.heading:
+                    yield from self.take(found)
+                    self.read_heading(cells)
+                    found, self.restart = {}, True
+                    continue
+                self.row += 1  # an empty line counts, so that a row is named by its place in the file
+                if cells:
+                    found[self.row] = self.read_row(cells)
+        except (UnicodeDecodeError, csv.Error) as error:
+            fault, reason = "not a CSV file", f" ({error})"
+            if isinstance(error, UnicodeDecodeError):
+                fault, reason = "not a text file", "; a growing log must be CSV"
+            raise InputError(f"{self.path}: {fault} near row {self.row + 1}{reason}") from None
+        yield from self.take(found)
+
+    def take(self, found: dict[int, np.ndarray]) -> Iterator[Rows]:
+        """Rows with the mark of a new log, which holds for the first of them only."""
+        if found:
+            restart, self.restart = self.restart, False
+            yield Rows(np.array([*found.values()]), restart, [*found])
+
+    def read_heading(self, cells: list[str]) -> None:
+        """Finds the columns of a heading; InputError naming a missing or doubled one or an unsuitable unit."""
+        refuse_separator(cells, str(self.path))
+        factors, _ = columns_in_si([(text, np.ones(1)) for text in cells], str(self.path))
+        for name, required in self.wanted.items():
+            if required and name not in factors:
+                raise InputError(f"{self.path}: required column {name!r} is missing (found {', '.join(factors)})")
+        self.heading, names = cells, [*factors]
+        self.places = [names.index(name) if name in factors else None for name in self.wanted]
+        self.factors = np.array([factors.get(name, np.ones(1))[0] for name in self.wanted])
+
+    def read_row(self, cells: list[str]) -> np.ndarray:
+        """Values (columns,) [SI], NaN where a cell is empty or missing. InputError naming file, column and row."""
+        if len(cells) != len(self.heading):
+            raise InputError(f"{self.path}: row {self.row} has {len(cells)} cells, the heading has {len(self.heading)}")
+        values = []
+        for name, place in zip(self.wanted, self.places):
+            cell, where = "" if place is None else cells[place], f"{self.path}: column {name!r}, row {self.row}"
+            try:
+                values.append(float(cell if "_" not in cell else "text") if cell.strip() else nan)  # no 1_000
+            except ValueError:
+                raise InputError(f"{where}: {cell[:40]!r} is not a number") from None
+            if isinf(values[-1]) or (name == "time" and values[-1] != values[-1]):
+                raise InputError(f"{where}: {'infinite' if isinf(values[-1]) else 'empty'}")
+        return np.array(values) * self.factors
+
+
+class Grid:
+    """Sorts rows into frames.
+
+    Repeated rows are dropped, missing frames become NaN, and after a long gap the model begins anew.
     """
 
-    robot: Robot
-    reading: Reading | None = None
-    alarm: Alarm | None = None
-    alarms: list[Alarm] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
-    frames: int = 0
-    busy: float = 0.0
+    def __init__(self, source: str, frame: float) -> None:
+        self.source, self.frame, self.bridged = source, frame, max(BRIDGED, 2.0 * frame)
+        self.last: np.ndarray | None = None
+        self.stretch: list[tuple[float, int]] = []  # time [s] and frame of the last rows
 
-    def __post_init__(self) -> None:
-        machine = self.machine = self.robot.machine
-        self.noise, self.limit, self.channels = measure_noise(self.robot), read_limits(machine), channels(machine)
+    def push(self, rows: Rows) -> Iterator[Rows]:
+        """Frames of some rows. InputError naming the row for a backward clock or rows faster than the frame."""
+        restart, note, found = rows.restart, "", []
+        self.last = None if restart else self.last
+        for number, row in zip(rows.numbers, rows.values, strict=True):
+            steps = 1 if self.last is None else self.count_steps(self.last, row, number)
+            if steps == 0:
+                continue
+            frame = self.stretch[-1][1] + steps if self.stretch and self.last is not None else 0
+            self.stretch = [*self.stretch, (row[0], frame)] if frame else [(row[0], 0)]
+            if len(self.stretch) == STRETCH:
+                self.check_rate()
+            if self.last is not None and (steps - 1) * self.frame > self.bridged:
+                if found:
+                    yield Rows(np.array(found), restart, note=note)
+                restart, found = True, []
+                note = f"no rows for {row[0] - self.last[0]:.1f} s at {self.last[0]:.2f} s: the model begins anew"
+            else:
+                found += [np.full(len(row), np.nan)] * (steps - 1)
+            found.append(row)
+            self.last = row
+        if found:
+            yield Rows(np.array(found), restart, note=note)
+
+    def check_rate(self) -> None:
+        """InputError where some hundred rows show a clock that is fast or slow, or a log of another rate."""
+        times, numbers = np.transpose(self.stretch)
+        found, self.stretch = other_rate(times, numbers, self.frame), []
+        if found is not None:
+            raise InputError(
+                f"{self.source}: from {found[0]:g} s on a frame takes {found[1] * 1e3:.4g} ms by its clock, not "
+                f"{self.frame * 1e3:g} ms"
+            )
+
+    def count_steps(self, last: np.ndarray, values: np.ndarray, row: int) -> int:
+        """Frames since the last row: 1 for the next, 0 for the same row again."""
+        if np.array_equal(values, last, equal_nan=True):
+            return 0
+        gap = values[0] - last[0]
+        if gap <= 0:
+            fault = "comes again with other values" if gap == 0 else f"comes after {last[0]:g} s"
+            raise InputError(f"{self.source}: column 'time', row {row}: {values[0]:g} s {fault}")
+        if (steps := int(np.rint(gap / self.frame))) < 1:
+            raise InputError(
+                f"{self.source}: row {row} comes {gap:.3g} s after the one before, but a frame is {self.frame:g} s"
+            )
+        return steps
+
+
+class Monitor:
+    """State of the monitor of one log. `push` takes frames and yields a reading for each second."""
+
+    def __init__(self, robot: Robot) -> None:
+        self.robot, self.machine = robot, (machine := robot.machine)
+        self.reading: Reading | None = None  # the last one
+        self.alarm: Alarm | None = None  # of the last reading
+        self.alarms: list[Alarm] = []  # the first of each episode
+        self.notes: list[str] = []  # restarts of the model
+        self.frames, self.busy = 0, 0.0  # frames taken, and time spent on them [s]
+        self.noise, self.limit, self.channels = measure_noise(robot), read_limits(machine), list_channels(machine)
         segments = {s.name for s in replayed_segments(machine).values()}
         self.segments = (*(s.name for s in machine.segments if s.name in segments), LOOP)
         self.replay: OnlineReplay | None = None
@@ -80,7 +257,7 @@ class Monitor:
             if self.limit is not None and (alarm := judge(reading, self.channels, self.limit)) is not None:
                 powers = np.array(self.powers)[:, self.channels.index(alarm.channel)]
                 rose = before.rose if before else date_rise(powers, alarm.second, self.gap.length)
-                alarm = replace(alarm, rose=rose)
+                alarm = alarm._replace(rose=rose)
                 self.alarms += [] if before else [alarm]
             self.alarm = alarm
             yield reading
@@ -92,34 +269,28 @@ class Monitor:
 
 
 def follow(monitor: Monitor, path: Path, idle: float | None) -> Iterator[Reading | None]:
-    """Follows a file; yields each reading, and None after every look at the file.
+    """Follows a file, which is read as it is if it is no CSV; yields each reading, and None after every look at it.
 
-    Args:
-        monitor: takes the frames.
-        path: file; one that is not CSV is read as it is.
-        idle: time without a new row after which the log ends [s]; None: never.
-
-    Raises:
-        InputError: for a file that cannot be a log, and for one that did not appear in time.
+    The log ends after an `idle` time without a new row [s]; None: never. InputError for a file that cannot be a log,
+    and for one that did not appear in time.
     """
     grid, wanted = Grid(str(path), monitor.machine.frame), log_columns(monitor.machine)
 
-    def take(pieces: Iterable[Rows]) -> Iterator[Reading]:
-        for rows in pieces:
-            for frames in grid.push(rows):
-                yield from monitor.push(frames)
+    def take(rows: Rows) -> Iterator[Reading]:
+        for frames in grid.push(rows):
+            yield from monitor.push(frames)
 
     if ending(path) not in (".csv", None) and path.exists():
         log = read_table(path)
         check_columns(log, [name for name, required in wanted.items() if required])
         columns = [log.time, *(log[n] if log.has(n) else np.full(len(log), np.nan) for n in [*wanted][1:])]
-        yield from take([Rows(np.column_stack(columns), True, range(1, len(log) + 1))])
+        yield from take(Rows(np.column_stack(columns), True, range(1, len(log) + 1)))
         yield from monitor.end()
         return
     tail, changed = Tail(path, monitor.machine), time.monotonic()
     while True:
         for rows in tail.poll():
-            yield from take([rows])
+            yield from take(rows)
             changed = time.monotonic()
         yield None
         if idle is not None and time.monotonic() - changed >= idle:

@@ -92,21 +92,12 @@ def without_short_logs(case: Case, machine: Machine) -> Case:
 
 @dataclass(frozen=True, eq=False)
 class Channel:
-    """A column of one log, missing samples left out.
-
-    Attributes:
-        column: its name.
-        file: its log.
-        time: (n,) array [s].
-        measured: (n,) array [unit of the column].
-        nominal: (n,) array, the nominal robot's.
-    """
+    """A column of one log and the same of the nominal robot, missing samples left out."""
 
     column: str
     file: str
-    time: np.ndarray
-    measured: np.ndarray
-    nominal: np.ndarray
+    measured: np.ndarray  # (n,) [unit of the column]
+    nominal: np.ndarray  # (n,) [unit of the column]
 
     @cached_property
     def factor(self) -> float:
@@ -134,58 +125,40 @@ class Channel:
         return max(self.nominal_noise, CLEAR * rounding_step(self.nominal))
 
     @cached_property
-    def changes(self) -> bool:
-        """Whether most measured samples differ from the one before."""
-        return bool(np.median(np.abs(np.diff(self.measured))) > 0.0)
-
-    @cached_property
     def carries_noise(self) -> bool:
         """Whether rounding leaves the noise: more than a step in the nominal log, and most measured samples change."""
         steps = np.abs(np.diff(self.nominal))
         smallest = steps[steps > EXACT * np.ptp(self.nominal)].min(initial=np.inf)
-        return bool(self.nominal_noise > smallest and self.changes)
+        return bool(self.nominal_noise > smallest and np.median(np.abs(np.diff(self.measured))) > 0.0)
 
     @cached_property
     def audible(self) -> bool:
         """Whether rounding hides neither the nominal noise nor a larger one that is measured."""
-        if not self.changes or not self.least_noise > EXACT * np.ptp(self.measured):
+        changes = np.median(np.abs(np.diff(self.measured))) > 0.0
+        if not changes or not self.least_noise > EXACT * np.ptp(self.measured):
             return False
         return self.carries_noise or fast_noise(self.measured) > ABOVE * self.least_noise
 
 
 @dataclass(frozen=True, eq=False)
 class LogPair:
-    """A log and the nominal robot's on the same reference, missing samples replaced by the last one known.
-
-    Attributes:
-        item: the log.
-        reference: (n, references) array [SI].
-        measured: (n, columns) array [SI].
-        nominal: (n, columns) array [SI].
-    """
+    """A log and the nominal robot's on the same reference, missing samples replaced by the last one known [SI]."""
 
     item: CaseLog
-    reference: np.ndarray
-    measured: np.ndarray
-    nominal: np.ndarray
+    reference: np.ndarray  # (n, references)
+    measured: np.ndarray  # (n, columns)
+    nominal: np.ndarray  # (n, columns)
 
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """All logs of a case beside the nominal robot's.
-
-    Attributes:
-        case, robot: as compared.
-        columns: that a diagnosis compares and every log has, in the machine's order.
-        pairs: the logs.
-        channels: columns of each log with at least `SHORTEST` samples.
-    """
+    """All logs of a case beside the nominal robot's."""
 
     case: Case
     robot: Robot
-    columns: tuple[str, ...]
+    columns: tuple[str, ...]  # that a diagnosis compares and every log has, in the machine's order
     pairs: tuple[LogPair, ...]
-    channels: tuple[Channel, ...]
+    channels: tuple[Channel, ...]  # columns of each log with at least `SHORTEST` samples
 
     @property
     def machine(self) -> Machine:
@@ -203,7 +176,7 @@ class Comparison:
 
 
 def compare(case: Case, robot: Robot) -> Comparison:
-    """Simulates the nominal robot once on each log's reference, noise and rounding included."""
+    """The nominal robot simulated once on each log's reference, noise and rounding included."""
     machine = robot.machine
     wanted = machine.log_names(machine.column(kind) for kind in machine.compared)
     columns = tuple(c for c in wanted if all(c in item.log.signals for item in case.logs))
@@ -215,16 +188,16 @@ def compare(case: Case, robot: Robot) -> Comparison:
         known = np.isfinite(measured) & np.isfinite(nominal)
         whole = (filled_columns(np.where(known, x, np.nan)) for x in (measured, nominal))
         pairs.append(LogPair(item, reference, *whole))
-        for column, rows, *values in zip(columns, known.T, measured.T, nominal.T, strict=True):
+        for column, rows, own, theirs in zip(columns, known.T, measured.T, nominal.T, strict=True):
             if rows.sum() >= SHORTEST:
-                channels.append(Channel(column, item.file, *(x[rows] for x in (item.log.time, *values))))
+                channels.append(Channel(column, item.file, own[rows], theirs[rows]))
     return Comparison(case, robot, columns, tuple(pairs), tuple(channels))
 
 
-def list_few(names: Iterable[str]) -> str:
-    """The first few of some names, each once."""
+def list_few(names: Iterable[str], count: int = NAMED) -> str:
+    """The first few of some names, each once, and how many more there are."""
     once = list(dict.fromkeys(names))
-    return ", ".join(once[:NAMED]) + (f" and {len(once) - NAMED} more" if len(once) > NAMED else "")
+    return ", ".join(once[:count]) + (f" and {len(once) - count} more" if len(once) > count else "")
 
 
 def list_places(channels: Iterable[Channel]) -> str:

@@ -1,24 +1,43 @@
-"""Everything that can be said of a case before its diagnosis: recordings, excitation, suspicions, identifiability."""
+"""What can be said of a case before its diagnosis: recordings, excitation, suspicions, identifiability.
+
+Identifiability: the effects that the motion of a case could show, and those that it could not tell apart.
+The case counts as a planned experiment: the logs that the nominal robot would give, with every signal in them. An
+effect of typical size changes them by a direction d, in noise standard deviations and with the nominal parameters free
+within their tolerances. It is seen where |d| exceeds `SEEN`. Another effect can be taken for it where its own
+directions D, scaled within their ranges, leave less than the noise or the error rho of a law does (`LAW`):
+
+    left = min_f | d - D f |          taken for it: left < max(SEEN, rho |d|)
+
+As in a diagnosis, samples within the correlation time of a model's error count as one.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
-from exodrake.core.errors import short_repr
+from exodrake.core.machine import Column, Machine
+from exodrake.core.progress import no_progress
 from exodrake.core.robot import Robot
 from exodrake.data.case import FILE, Case, find_logs, read_case, read_case_file
 from exodrake.data.formats import read_table
 from exodrake.data.log import Log
 from exodrake.data.plot import STYLE, new_figure, png_of
 from exodrake.diagnosis.calibration import calibration_notes
-from exodrake.diagnosis.checks.compare import Comparison, check_case, compare, fast_noise, find_runs
-from exodrake.diagnosis.checks.identifiability import SEEN, Identifiability, identifiability
-from exodrake.diagnosis.checks.suspicions import BEYOND, HELD, LEAST_MOTION, SATURATED, suspicions
-from exodrake.diagnosis.problem import columns_of, required_of
+from exodrake.diagnosis.checks.compare import Comparison, check_case, compare, fast_noise, find_runs, list_few
+from exodrake.diagnosis.checks.suspicions import HELD, LEAST_MOTION, suspicions
+from exodrake.diagnosis.likelihood import CORRELATION, duration, output_error
+from exodrake.diagnosis.linear import LinearModel, bounded
+from exodrake.diagnosis.linearise import Linearisation, linearise
+from exodrake.diagnosis.noise import sensor_noise_std
+from exodrake.diagnosis.parameter import nominal_parameters
+from exodrake.diagnosis.problem import Problem, columns_of, make_problem, required_of
+from exodrake.diagnosis.search import LAW
 
 JITTER = 0.1  # of a frame by which rows may be off without a word: assumed
 DRIFT = 1e-4  # relative error of a clock: crystals keep 100 ppm
@@ -28,125 +47,108 @@ REVERSALS = 4  # fewer show neither play nor friction: assumed
 LISTED = 2  # rivals that are named
 CEILING = 1000.0  # standard deviations; what stands out further is as clear as can be
 COLOURS = {"distinguished": "#009e73", "could be mistaken": "#e69f00", "not seen": "#b0b7bf"}
+SEEN = 4.0  # standard deviations; that of one test among a hundred effects and channels at 0.3 % (normal law)
+STRETCH = (0.0, 1.5)  # by which a direction that was simulated at one size only may be scaled: assumed
+FRAMES = 1500  # of the case that are simulated for each direction; they stand for all, so that a check takes seconds
+SENSOR = 5e-4  # noise of a sensor not there yet, as a share of its signal's span: assumed, an encoder of 12 bits
+EXTRA = "also"  # kind of the columns of such sensors
 
 
-@dataclass(frozen=True)
-class Clock:
-    """The clock of one log as recorded.
-
-    Attributes:
-        file: of the log.
-        rows: as recorded.
-        duration: [s].
-        step: median step [s].
-        jitter: standard deviation of the steps over the step, gaps left out [-].
-        drift: relative difference of the mean step, gaps left out, from the machine's frame [-].
-        missing: frames without a row.
-    """
+class Clock(NamedTuple):
+    """The clock of one log as recorded."""
 
     file: str
     rows: int
-    duration: float
-    step: float
-    jitter: float
-    drift: float
-    missing: int
-
-    def problems(self) -> list[str]:
-        """Problems of the clock, a sentence each."""
-        found = []
-        if self.jitter > JITTER:
-            found.append(f"{self.file}: steps of the clock scatter by {self.jitter:.0%} of a frame")
-        if abs(self.drift) > DRIFT + 3.0 * self.jitter / self.rows:  # both ends of the log are as uncertain
-            word = "slowly" if self.drift > 0.0 else "fast"
-            found.append(f"{self.file}: its rows come {abs(1e6 * self.drift):.0f} ppm too {word}")
-        if self.missing:
-            found.append(f"{self.file}: {self.missing} of {self.rows + self.missing} frames are missing")
-        return found
+    duration: float  # [s]
+    step: float  # median step [s]
+    jitter: float  # standard deviation of the steps over the step, gaps left out
+    drift: float  # relative difference of the mean step, gaps left out, from the machine's frame
+    missing: int  # frames without a row
 
 
-@dataclass(frozen=True)
-class ChannelQuality:
-    """A compared column over all logs.
-
-    Attributes:
-        column: its name.
-        missing: share of samples that are missing in rows that are there [-].
-        saturated: share of samples that stay at an end of the range [-].
-        nominal_saturated: the same of the nominal robot on the same references [-].
-        motion: standard deviation [SI].
-        noise: fast noise, standard deviation [SI].
-    """
+class ChannelQuality(NamedTuple):
+    """A compared column over all logs."""
 
     column: str
-    missing: float
-    saturated: float
-    nominal_saturated: float
-    motion: float
+    missing: float  # share of samples that are missing in rows that are there
+    saturated: float  # share of samples that stay at an end of the range
+    motion: float  # standard deviation [SI]
+    noise: float  # standard deviation of fast noise [SI]
+
+
+class Excitation(NamedTuple):
+    """Excitation by a channel of the machine's first reference, over the logs to fit."""
+
+    column: str
+    span: float  # largest minus smallest value [SI]
+    share: float  # of the span between the robot file's limits; NaN without limits
+    band: float  # frequency below which most of its variance lies [Hz]
+    reversals: int  # changes of direction
+    rest: float  # share of frames in which it does not move
+
+
+class Direction(NamedTuple):
+    """An effect of typical size on one channel."""
+
+    effect: str
+    channel: str  # "" for an effect of the whole robot
+    unit: str  # of the effect's first parameter
+    typical: float  # value of that parameter [unit]
+    seen: float  # how far the logs change [standard deviations]
+    smallest: float  # value that could just be seen [unit], within the plausible range; NaN where sizes do not scale
+    taken_for: dict[str, float]  # effects that could be taken for it -> share of the change that they leave
+
+
+class Sensor(NamedTuple):
+    """A signal that is not logged, with the numbers of hidden and mistaken directions if it were."""
+
+    signal: str
+    unit: str
     noise: float
-
-    def problems(self) -> list[str]:
-        """Problems of the channel, a sentence each."""
-        found = []
-        if self.saturated > max(SATURATED, BEYOND * self.nominal_saturated):
-            share = f"{self.saturated:.0%} of the samples"
-            found.append(f"{self.column} stays at an end of its range in {share}: saturated?")
-        if 0.0 < self.motion < LEAST_MOTION * self.noise:
-            found.append(f"{self.column} moves by only {self.motion / self.noise:.1f} times its noise")
-        return found
+    hidden: int
+    mistaken: int
 
 
-@dataclass(frozen=True)
-class Excitation:
-    """Excitation by a reference, over the logs to fit.
+class Fewer(NamedTuple):
+    """Identifiability with some kinds of sensors alone, and the effects that are then no longer distinguished."""
 
-    Attributes:
-        column: of the reference.
-        span: largest minus smallest value [SI].
-        share: of the span between the robot file's limits [-]; NaN without limits.
-        band: frequency below which most of its variance lies [Hz].
-        reversals: changes of direction.
-        rest: share of frames in which it does not move [-].
-    """
-
-    column: str
-    span: float
-    share: float
-    band: float
-    reversals: int
-    rest: float
-
-    def problems(self) -> list[str]:
-        """Problems of the excitation, a sentence each."""
-        if self.span == 0.0:
-            return [f"{self.column} never moves, so its channel shows no friction, play, lag or gain"]
-        small = f"{self.column} uses {self.share:.0%} of the span between its limits"
-        found = [small] if self.share < SMALL else []
-        if self.reversals < REVERSALS:
-            found.append(f"{self.column} turns {self.reversals} times: play and friction need reversals")
-        return found
+    kinds: tuple[str, ...]
+    left: Identifiability
+    lost: tuple[str, ...]
 
 
-@short_repr
-@dataclass(frozen=True, eq=False)
-class Preflight:
-    """Checks of a case before its diagnosis: clocks, channels, excitation and identifiability.
+class Identifiability(NamedTuple):
+    """Identifiability of effects from the references and columns of a case."""
 
-    Attributes:
-        case: as read.
-        clocks: of its logs as recorded.
-        channels: of the compared columns.
-        excitations: of the references.
-        identifiability: which effects it could show and distinguish.
-        problems: sentences; none for a good case.
-    """
+    directions: tuple[Direction, ...]
+    sensors: tuple[Sensor, ...] = ()  # signals whose measurement would help most, best first
+    fewer: tuple[Fewer, ...] = ()  # with one kind of sensor less, and with each alone
+
+    @property
+    def clear(self) -> tuple[Direction, ...]:
+        """Directions that the logs would show and distinguish from other effects."""
+        return tuple(d for d in self.directions if d.seen >= SEEN and not d.taken_for)
+
+    @property
+    def hidden(self) -> tuple[Direction, ...]:
+        """Directions that the logs would not show."""
+        return tuple(d for d in self.directions if d.seen < SEEN)
+
+    @property
+    def mistaken(self) -> tuple[Direction, ...]:
+        """Directions that they would show, and another effect could be taken for."""
+        return tuple(d for d in self.directions if d.seen >= SEEN and d.taken_for)
+
+
+class Preflight(NamedTuple):
+    """Checks of a case before its diagnosis."""
 
     case: Case
     clocks: tuple[Clock, ...]
     channels: tuple[ChannelQuality, ...]
     excitations: tuple[Excitation, ...]
     identifiability: Identifiability
-    problems: tuple[str, ...]
+    problems: tuple[str, ...]  # sentences; none for a good case
 
 
 def preflight(
@@ -154,7 +156,7 @@ def preflight(
     robot: Robot,
     tried: frozenset[str] | None = None,
     allow_outside: bool = False,
-    progress: Callable[[str], object] = lambda text: None,
+    progress: Callable[[str], object] = no_progress,
 ) -> Preflight:
     """Checks a case before its diagnosis.
 
@@ -175,9 +177,33 @@ def preflight(
     progress("comparing the logs with the nominal robot")
     comparison = compare(case, robot)
     parts = read_clocks(Path(path), robot.machine.frame), judge_channels(comparison), judge_excitation(case, robot)
-    sentences = [sentence for part in parts for item in part for sentence in item.problems()]
-    problems = (*case.notes, *sentences, *suspicions(comparison), *calibration_notes(robot.machine))
+    problems = (*case.notes, *find_problems(*parts), *suspicions(comparison), *calibration_notes(robot.machine))
     return Preflight(case, *parts, identifiability(case, robot, tried, progress), tuple(dict.fromkeys(problems)))
+
+
+def find_problems(
+    clocks: Sequence[Clock], channels: Sequence[ChannelQuality], excitations: Sequence[Excitation]
+) -> Iterator[str]:
+    """A sentence for each problem of clocks, channels and excitation."""
+    for c in clocks:
+        if c.jitter > JITTER:
+            yield f"{c.file}: steps of the clock scatter by {c.jitter:.0%} of a frame"
+        if abs(c.drift) > DRIFT + 3.0 * c.jitter / c.rows:  # both ends of the log are as uncertain
+            word = "slowly" if c.drift > 0.0 else "fast"
+            yield f"{c.file}: its rows come {abs(1e6 * c.drift):.0f} ppm too {word}"
+        if c.missing:
+            yield f"{c.file}: {c.missing} of {c.rows + c.missing} frames are missing"
+    for c in channels:
+        if 0.0 < c.motion < LEAST_MOTION * c.noise:
+            yield f"{c.column} moves by only {c.motion / c.noise:.1f} times its noise"
+    for e in excitations:
+        if e.span == 0.0:
+            yield f"{e.column} never moves, so its channel shows no friction, play, lag or gain"
+            continue
+        if e.share < SMALL:
+            yield f"{e.column} uses {e.share:.0%} of the span between its limits"
+        if e.reversals < REVERSALS:
+            yield f"{e.column} turns {e.reversals} times: play and friction need reversals"
 
 
 def read_clocks(path: Path, frame: float) -> tuple[Clock, ...]:
@@ -196,11 +222,10 @@ def judge_clock(log: Log, file: str, frame: float) -> Clock:
     if not len(steps):
         return Clock(file, len(log), 0.0, float("nan"), 0.0, 0.0, 0)
     count = np.maximum(np.rint(steps / frame), 1.0)
-    single = steps[count == 1.0]
+    single, total = steps[count == 1.0], int(count.sum())
     jitter = float(np.std(single)) / frame if len(single) else 0.0
-    drift = float(steps.sum() / count.sum()) / frame - 1.0
-    duration, missing = float(log.time[-1] - log.time[0]), int(count.sum()) - len(steps)
-    return Clock(file, len(log), duration, float(np.median(steps)), jitter, drift, missing)
+    drift = float(steps.sum()) / total / frame - 1.0
+    return Clock(file, len(log), float(np.ptp(log.time)), float(np.median(steps)), jitter, drift, total - len(steps))
 
 
 def judge_channels(comparison: Comparison) -> tuple[ChannelQuality, ...]:
@@ -208,15 +233,12 @@ def judge_channels(comparison: Comparison) -> tuple[ChannelQuality, ...]:
     found, logs = [], [pair.item.log for pair in comparison.pairs]
     whole = [~np.isnan(np.column_stack(list(log.signals.values()))).all(axis=1) for log in logs]
     for i, column in enumerate(comparison.columns):
+        measured = [pair.measured[:, i] for pair in comparison.pairs]
         missing = [np.isnan(log[column]) & rows for log, rows in zip(logs, whole, strict=True)]
-        measured, nominal = ([getattr(p, name)[:, i] for p in comparison.pairs] for name in ("measured", "nominal"))
+        lost, held = (float(np.mean(np.concatenate(masks))) for masks in (missing, list(map(find_held, measured))))
         noise = [fast_noise(values) for values in measured if len(values) > 2 * HELD]
-        lost, held, nominal_held = (
-            float(np.mean(np.concatenate(masks)))
-            for masks in (missing, list(map(find_held, measured)), list(map(find_held, nominal)))
-        )
         motion, fast = float(np.std(np.concatenate(measured))), float(np.median(noise)) if noise else 0.0
-        found.append(ChannelQuality(column, lost, held, nominal_held, motion, fast))
+        found.append(ChannelQuality(column, lost, held, motion, fast))
     return tuple(found)
 
 
@@ -229,18 +251,14 @@ def find_held(values: np.ndarray) -> np.ndarray:
 
 def judge_excitation(case: Case, robot: Robot) -> tuple[Excitation, ...]:
     """Excitation of each channel by the machine's first reference, over the logs to fit."""
-    machine = robot.machine
-    column = machine.references[0]
-    low, high = robot.reference_limits()
-    limited = bool(machine.reference_limits and robot.limits)
-    found = []
-    for k, channel in enumerate(machine.channels(column.signal)):
-        name = f"{column.kind}_{channel}".rstrip("_")
+    machine, found = robot.machine, []
+    spans = np.subtract(*robot.reference_limits()[::-1]) if machine.reference_limits and robot.limits else None
+    for k, name in enumerate(machine.log_names(machine.references[:1])):
         logs = [item.log[name][np.isfinite(item.log[name])] for item in case.fit_logs]
         moves = [np.sign(np.diff(one)) for one in logs]
         turns = sum(int((np.diff(one[one != 0.0]) != 0.0).sum()) for one in moves)
         span = float(np.ptp(np.concatenate(logs)))
-        share = span / float(high[k] - low[k]) if limited else float("nan")
+        share = span / float(spans[k]) if spans is not None else float("nan")
         band = max(find_band(one, machine.frame) for one in logs)
         found.append(Excitation(name, span, share, band, turns, float(np.mean(np.concatenate(moves) == 0.0))))
     return tuple(found)
@@ -252,6 +270,130 @@ def find_band(values: np.ndarray, frame: float) -> float:
     if not power.sum() > 0.0:
         return 0.0
     return float(np.fft.rfftfreq(len(values), frame)[int(np.searchsorted(np.cumsum(power) / power.sum(), POWER))])
+
+
+def identifiability(
+    case: Case, robot: Robot, tried: frozenset[str] | None = None, progress: Callable[[str], object] = no_progress
+) -> Identifiability:
+    """Identifiability of effects (ids; those of a diagnosis by default) from the references and columns of a case."""
+    whole = make_problem(case, robot, tried)
+    problem = plan_experiment(whole)
+    machine = problem.robot.machine
+    effects = [effect for effect in machine.effects if effect.id in problem.tried]
+    nominal = nominal_parameters(problem.robot)
+    progress(f"simulating {len(effects)} effects")
+    lin = linearise(output_error(problem), problem.silent(), np.zeros(len(nominal)), nominal, effects)
+    progress("telling the effects apart")
+    # a linear model of nominal parameters and, last, directions, with a block for each kind of column
+    kinds, known = np.array(problem.kinds), list(dict.fromkeys(problem.kinds))
+    kind = np.concatenate([np.tile(kinds, len(trial.measured)) for trial in problem.fit])
+    rows = np.concatenate([lin.jacobian, lin.directions, np.zeros((1, lin.directions.shape[1]))], dtype=np.float32)
+    places = [np.flatnonzero(kind == k) for k in known]
+    ends = np.cumsum([0, *map(len, places)])
+    blocks = [(0, 0, slice(int(a), int(b))) for a, b in pairwise(ends)]
+    free = np.full(len(rows) - 1, np.inf)
+    precision = np.r_[[p.prior_std**-2.0 for p in nominal], np.zeros(len(free) - len(nominal))]
+    memory = max(CORRELATION / machine.frame, 1.0) / (duration(whole) / duration(problem))
+    prior = (0.0 * precision, precision, -free, free)
+    model = LinearModel.of_rows(rows[:, np.concatenate(places)], blocks, prior, memory)
+
+    def with_kinds(some: Sequence[str], every: bool = False) -> Identifiability:
+        return Identifiability(find_directions(lin, machine, model, np.isin(known, some), every))
+
+    own = [k for k in known if not k.startswith(EXTRA)]
+    found, sensors, fewer = with_kinds(own, every=True), [], []
+    for k in (k for k in known if k.startswith(EXTRA)):
+        better, signal = with_kinds([*own, k]), machine.signal[machine.column(k).signal]
+        noise = float(problem.noise_std[kinds == k].max())
+        if len(better.hidden) + len(better.mistaken) < len(found.hidden) + len(found.mistaken):
+            sensors.append(Sensor(signal.name, signal.unit, noise, len(better.hidden), len(better.mistaken)))
+    sensors.sort(key=lambda s: (s.hidden + s.mistaken, s.hidden))
+    # one kind of sensor less, and each alone; a command that is logged is no sensor, and stays
+    removable = [k for k in own if machine.observer is None or k != machine.observer.measured_input]
+    sets = [tuple(k for k in own if k != gone) for gone in removable]
+    sets += [tuple(k for k in own if k == kept or k not in removable) for kept in removable]
+    for some in dict.fromkeys(sets) if len(removable) > 1 else ():
+        left = with_kinds(some)
+        clear = {d.effect for d in left.clear}
+        fewer.append(Fewer(some, left, tuple(dict.fromkeys(d.effect for d in found.clear if d.effect not in clear))))
+    return found._replace(sensors=tuple(sensors), fewer=tuple(fewer))
+
+
+def plan_experiment(problem: Problem) -> Problem:
+    """The problem as an experiment: logs that the nominal robot would give, with every signal in them."""
+    machine, noise, own = problem.robot.machine, sensor_noise_std(problem.robot), len(problem.columns)
+    logged = {c.signal for c in machine.columns if any(col.startswith(f"{c.kind}_") for col in problem.columns)}
+    written = {name for part in machine.parts for output in part.outputs for name in output.writes}
+    more = [s for s in machine.signals if s.name in written - logged]
+    extra = tuple(Column(EXTRA + s.name.replace("_", ""), s.name, required=False) for s in more)
+    wide = replace(machine, columns=machine.columns + extra, nominal=None)
+    short = problem.shortened(min(1.0, FRAMES / sum(len(t.reference) for t in problem.fit)))
+    columns, robot = (*problem.columns, *machine.log_names(extra)), replace(problem.robot, machine=wide)
+    every, trials = replace(short, robot=robot, columns=columns, holdout=()), []
+    for trial in short.fit:
+        (simulated,) = every.predict(every.silent()[None], trial)
+        simulated[:, :own][np.isnan(trial.measured)] = np.nan
+        trials.append(replace(trial, measured=simulated))
+    kinds = {c.signal: c.kind for c in machine.columns}
+    span = np.max([np.ptp(np.nan_to_num(t.measured), axis=0) for t in trials], axis=0)[own:]
+    levels = np.array([noise.get(kinds.get(s.name, ""), 0.0) for s in more for _ in machine.axes.of(s.axis)])
+    stated = np.concatenate([problem.noise_std, np.where(levels > 0.0, levels, SENSOR * span)])
+    keep = (np.arange(len(stated)) < own) | ((stated > 0.0) & np.isfinite(stated))
+    fit = tuple(replace(t, measured=t.measured[:, keep]) for t in trials)
+    return replace(every, columns=tuple(np.array(columns)[keep].tolist()), noise_std=stated[keep], fit=fit)
+
+
+def find_directions(
+    lin: Linearisation, machine: Machine, model: LinearModel, blocks: np.ndarray, every: bool
+) -> tuple[Direction, ...]:
+    """All effects of typical size on each channel, by some blocks (mask) of the linear model of `lin`.
+
+    every: whether all effects that could be taken for one are sought; else the first.
+    """
+    some = replace(model, products=model.products * blocks[:, None, None])
+    gram, found = some.eliminated(len(lin.nominal)).normal, []
+    size = np.sqrt(np.maximum(np.diag(gram), 0.0))
+    least = np.array([least_left(gram, probe.rows) for probe in lin.probes])
+    for effect in dict.fromkeys(p.effect for p in lin.probes):
+        info, probes = machine.effect(effect).parameters[0], [p for p in lin.probes if p.effect == effect]
+        others = np.array([p.effect != effect for p in lin.probes])
+        # the directions at the modest amplitude: of each channel where their sizes scale, else of the typical probe
+        scaled = next((probe for probe in probes if probe.scaled), None)
+        if scaled is not None and scaled.parameters[scaled.scaled[0]].channels != ("",):
+            typical = [(int(row), scaled, k) for row, k in zip(scaled.rows, scaled.scaled, strict=True)]
+        else:
+            probe = min(probes, key=lambda p: abs(p.x[0] - p.parameters[0].start))
+            typical = [(int(probe.rows[0]), probe, 0)]
+        for row, probe, k in typical:
+            parameter, x, seen = probe.parameters[k], float(probe.x[k]), float(size[row])
+            channel = parameter.channels[0] if probe is scaled and len(parameter.channels) == 1 else ""
+            smallest, taken, most = float("nan"), dict[str, float](), max(SEEN, LAW * seen)
+            if probe.scaled and seen > 0.0:  # no weaker than plausible
+                ends = [parameter.coordinate(end) for end in (info.low, info.high)]
+                weakest = min(map(abs, ends)) if ends[0] * ends[1] > 0.0 else 0.0
+                smallest = parameter.value(float(np.copysign(max(abs(x) * SEEN / seen, weakest), x)))
+            near = np.flatnonzero(others & (least[:, row] < most)) if seen >= SEEN else []
+            for rival in (lin.probes[i] for i in sorted(near, key=lambda i: least[i, row])):
+                low, high = (rival.low, rival.high) if rival.scaled else np.array(STRETCH)[:, None]
+                _, gain = bounded(gram[np.ix_(rival.rows, rival.rows)], -gram[rival.rows, row], low, high)
+                rest = float(np.sqrt(max(gram[row, row] + 2.0 * gain, 0.0)))
+                if rest < most:
+                    taken[rival.effect] = min(taken.get(rival.effect, 1.0), rest / seen)
+                    if not every:
+                        break
+            taken = dict(sorted(taken.items(), key=lambda item: item[1]))
+            found.append(Direction(effect, channel, info.unit, parameter.value(x), seen, smallest, taken))
+    return tuple(found)
+
+
+def least_left(gram: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """What any sizes of some directions leave of each (directions,) [standard deviations]; 0 if rounding hides it."""
+    size = np.sqrt(np.maximum(np.diag(gram)[rows], 1e-12))
+    normal = gram[np.ix_(rows, rows)] / np.outer(size, size) + 1e-8 * np.eye(len(rows))
+    if np.linalg.eigvalsh(normal)[0] <= 0.0:
+        return np.zeros(len(gram))
+    cross = gram[rows] / size[:, None]
+    return np.sqrt(np.maximum(np.diag(gram) - np.sum(cross * np.linalg.solve(normal, cross), axis=0), 0.0))
 
 
 def draw_figure(found: Preflight) -> bytes:
@@ -282,7 +424,6 @@ def draw_figure(found: Preflight) -> bytes:
                 for other, share in direction.taken_for.items():
                     left[other] = min(share, left.get(other, 1.0))
             words = [f"{other} ({share:.0%})" for other, share in sorted(left.items(), key=lambda item: item[1])]
-            more = f" and {len(words) - LISTED} more" if len(words) > LISTED else ""
-            beside.text(0.0, row, ", ".join(words[:LISTED]) + more, va="center", fontsize=7.5, color="#8a5a00")
+            beside.text(0.0, row, list_few(words, LISTED), va="center", fontsize=7.5, color="#8a5a00")
         figure.suptitle(f"{found.case.name}: what it could tell", fontsize=11, fontweight="bold", x=0.01, ha="left")
         return png_of(figure)

@@ -24,14 +24,9 @@ plugins.extend(__path__, "diagnosis/detect")
 
 
 def detect(problem: "Problem", values: "np.ndarray") -> "Problem":
-    """The problem after the detectors of all effects that are tried.
+    """The problem after the detectors of all effects that are tried; values: (parameters,) of the retuned robot [SI].
 
-    Args:
-        problem: case as a regression.
-        values: (parameters,) flat parameters of the retuned robot [SI].
-
-    Raises:
-        InputError: for an effect whose detector does not exist.
+    InputError for an effect whose detector does not exist.
     """
     for effect in problem.robot.machine.effects:
         if effect.detector and effect.id in problem.tried:

@@ -13,8 +13,8 @@ even if it begins with small changes. A run of losses is accepted if it removes 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -45,21 +45,13 @@ AGES = 12  # frames after which a command that was seen tells nothing more of th
 GRID = 120  # points of each probability of the Markov chain
 
 
-@dataclass(frozen=True, eq=False)
-class PacketLoss:
-    """Lost commands of one log.
+class PacketLoss(NamedTuple):
+    """Lost commands of one log."""
 
-    Attributes:
-        packet_arrival: (n, channels), 0 where a command was lost, else 1.
-        events: (2, AGES) commands whose loss could be seen, so many frames after one seen to arrive, and one seen lost.
-        lost: (2, AGES) those that were lost.
-        errors: (2,) squared errors around the losses, above those of noise and model, if they had arrived and lost.
-    """
-
-    packet_arrival: np.ndarray
-    events: np.ndarray
-    lost: np.ndarray
-    errors: np.ndarray
+    packet_arrival: np.ndarray  # (n, channels), 0 where a command was lost, else 1
+    events: np.ndarray  # (2, AGES) commands whose loss could be seen, so many frames after one seen to arrive, or lost
+    lost: np.ndarray  # (2, AGES) those that were lost
+    errors: np.ndarray  # (2,) squared errors around the losses, above those of noise and model, had they arrived; lost
 
 
 def detect(problem: Problem, effect: Effect, values: np.ndarray) -> Problem:
@@ -69,15 +61,14 @@ def detect(problem: Problem, effect: Effect, values: np.ndarray) -> Problem:
     commands, but leaves errors; the effect remains a candidate, with the share that was counted as its parameter, where
     the losses leave few, and is none elsewhere.
     """
-    machine, kinds, found = problem.robot.machine, np.array(problem.kinds), []
-    nominal, link, noise = problem.silent(), problem.robot.machine.command_link, 0.0
+    machine, kinds, found = problem.robot.machine, np.array(problem.kinds), list[PacketLoss]()
+    nominal, link, noise = problem.silent(), machine.command_link, 0.0
     if link is not None and link.output in kinds:
         noise = float(np.median(problem.noise_std[kinds == link.output]))
         noise = sensor_noise_std(problem.robot).get(link.output, noise)
 
     def with_losses(trial: Trial) -> Trial:
-        measured = {kind: trial.measured[:, kinds == kind] for kind in problem.kinds}
-        losses = decode(machine, nominal, measured, noise)
+        losses = decode(machine, nominal, {k: trial.measured[:, kinds == k] for k in problem.kinds}, noise)
         if losses is None:
             return trial
         found.append(losses)
@@ -98,11 +89,8 @@ def detect(problem: Problem, effect: Effect, values: np.ndarray) -> Problem:
 def decode(machine: Machine, values: np.ndarray, measured: Mapping[str, np.ndarray], noise: float) -> PacketLoss | None:
     """Lost commands of one log; None of a machine without a command link, or where a column is missing.
 
-    Args:
-        machine: machine with its `command_link`.
-        values: (parameters,) flat parameters [SI].
-        measured: column kind -> (n, channels) as logged [SI].
-        noise: standard deviation of a reading of the position [its unit].
+    values: (parameters,) flat [SI]. measured: column kind -> (n, channels) as logged [SI]. noise: standard deviation of
+    a reading of the position [its unit].
     """
     link, frame = machine.command_link, machine.frame
     if link is None:
@@ -137,29 +125,21 @@ def decode(machine: Machine, values: np.ndarray, measured: Mapping[str, np.ndarr
 def count_visible(command: np.ndarray, lost: np.ndarray, sure: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Commands whose loss could be seen and those that were lost, by the last one seen and the frames since.
 
-    A command is seen if it differs from every one that may be held by then. Whether it is does not depend on which of
-    them were lost: a run of losses would show more often than it occurs if a change from the held one were enough.
-
-    Args:
-        command: (n, channels) [its unit].
-        lost: (n, channels) those that were lost.
-        sure: (n, channels) changes that show for sure [unit of the command].
-
-    Returns:
-        (2, AGES) each, as in `PacketLoss`.
+    A command is seen if it differs from every one that may be held by then, for sure by `sure` [its unit]. Whether it
+    is does not depend on which of them were lost: a run of losses would show more often than it occurs if a change from
+    the held one were enough. Arguments are (n, channels); (2, AGES) each, as in `PacketLoss`.
     """
     channels = command.shape[1]
     low, high = np.zeros(channels), np.zeros(channels)  # ends of what may be held
     state, age = np.zeros(channels, dtype=int), np.full(channels, AGES - 1)
-    events, gone = np.zeros((2, AGES), dtype=int), np.zeros((2, AGES), dtype=int)
+    events, gone = np.zeros((2, 2, AGES), dtype=int)
     for now, missed, least in zip(command, lost, sure, strict=True):
         shown = (now < low - least) | (now > high + least)
         np.add.at(events, (state[shown], age[shown]), 1)
         np.add.at(gone, (state[shown], age[shown]), missed[shown])
         state, age = np.where(shown, missed, state), np.where(shown, 0, np.minimum(age + 1, AGES - 1))
-        arrived = shown & ~missed
-        low = np.where(arrived, now, np.where(shown, low, np.minimum(low, now)))
-        high = np.where(arrived, now, np.where(shown, high, np.maximum(high, now)))
+        low = np.where(shown, np.where(missed, low, now), np.minimum(low, now))
+        high = np.where(shown, np.where(missed, high, now), np.maximum(high, now))
     return events, gone
 
 
@@ -198,14 +178,18 @@ class Drive:
     def __init__(
         self, machine: Machine, values: np.ndarray, link: CommandLink, command: np.ndarray, loads: list[np.ndarray]
     ) -> None:
+        def write_slot(signal: str) -> int:
+            """First slot in which the part that writes a signal runs."""
+            writer = next(b for b in machine.parts if any(signal in o.writes for o in b.outputs))
+            return min(slot for task in writer.tasks for slot in task.slots)
+
         part = next(b for b in machine.parts if b.name == link.part)
         self.compiled, self.slots, self.dt = compile_machine(machine).moves, machine.slots, machine.slot
         self.p = values[[i for i, info in enumerate(machine.parameters) if info.part == part.name]]
         self.rest = np.zeros((1, sum(machine.part_size(part))))
         states = (*part.states, *(s for e in machine.effects_on(part) for s in e.states))
-        # of each state
         self.channel = np.concatenate([np.repeat(np.arange(machine.width(s.axis)), s.width) for s in states])
-        received, written = (write_slot(machine, s) for s in (link.received, machine.column(link.output).signal))
+        received, written = (write_slot(s) for s in (link.received, machine.column(link.output).signal))
         self.command, self.loads, self.switch = command, loads, received - written
 
     def advance(self, states: np.ndarray, before: np.ndarray, after: np.ndarray, frame: int) -> np.ndarray:
@@ -259,9 +243,3 @@ class Drive:
         for n, (parent, gone) in reversed(list(enumerate(history))):
             lost[n], path = gone[path, channel], parent[path, channel]
         return lost
-
-
-def write_slot(machine: Machine, signal: str) -> int:
-    """First slot in which the part that writes a signal runs."""
-    part = next(b for b in machine.parts if any(signal in o.writes for o in b.outputs))
-    return min(slot for task in part.tasks for slot in task.slots)

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -42,21 +42,13 @@ LEAST = 0.05  # coherence after that lag, below which the phase counts as lost: 
 LAW = 0.2  # relative standard deviation of a torque whose waveform is not known
 
 
-@dataclass(frozen=True, eq=False)
-class Peak:
-    """A spectral peak.
+class Peak(NamedTuple):
+    """A spectral peak."""
 
-    Attributes:
-        frequency: centre [Hz].
-        power: (columns,) in its band [noise variance].
-        prominence: density in the band over that beside it, in the log where it is least.
-        steady: the weakest log's power over the mean.
-    """
-
-    frequency: float
-    power: np.ndarray
-    prominence: float
-    steady: float
+    frequency: float  # centre [Hz]
+    power: np.ndarray  # (columns,) in its band [noise variance]
+    prominence: float  # density in the band over that beside it, in the log where it is least
+    steady: float  # the weakest log's power over the mean
 
     @property
     def certain(self) -> bool:
@@ -70,14 +62,9 @@ class Peak:
 
 
 def detect(problem: Problem, effect: Effect, values: np.ndarray) -> Problem:
-    """The problem without the band of a tremor, if what the retuned robot leaves has one.
+    """The problem without the band of a tremor, if what the retuned robot leaves has one; it is no candidate of a fit.
 
-    A tremor is no candidate of a fit.
-
-    Args:
-        problem: case as a regression.
-        effect: the tremor.
-        values: (parameters,) flat parameters of the retuned robot [SI].
+    values: (parameters,) flat parameters of the retuned robot [SI].
     """
     from exodrake.diagnosis.problem import by_trial
 
@@ -95,17 +82,11 @@ def detect(problem: Problem, effect: Effect, values: np.ndarray) -> Problem:
 
 @dataclass(frozen=True)
 class WanderingPhase:
-    """Draws of what a tremor of wandering phase leaves beyond its simulation of one frequency.
+    """Draws of what a tremor of wandering phase leaves beyond its simulation of one frequency."""
 
-    Attributes:
-        torques: positions of its amplitudes in the flat parameter vector.
-        bands: that it holds [Hz].
-        rate: of the variance of its phase [rad^2/s].
-    """
-
-    torques: tuple[int, ...]
-    bands: Bands
-    rate: float
+    torques: tuple[int, ...]  # positions of its amplitudes in the flat parameter vector
+    bands: Bands  # that it holds [Hz]
+    rate: float  # of the variance of its phase [rad^2/s]
 
     def __call__(self, problem: Problem, values: np.ndarray, trial: Trial, rng: np.random.Generator) -> np.ndarray:
         """The tremor of a robot (parameters,) with a phase that walks, less that without: (n, columns) [SI]."""
@@ -141,52 +122,46 @@ def find_peak(problem: Problem, logs: list[np.ndarray]) -> Peak:
 
     Logs shorter than a window have no fine spectrum: they are left out where others are longer.
     """
-    logs = [log for log in logs if len(log) >= window(problem)] or logs
-    frequency, densities = spectra(problem, logs)
+    logs = [log for log in logs if len(log) >= round(WINDOW / problem.robot.machine.frame)] or logs
+    frequency, densities = compute_spectra(problem, logs)
     sums = np.array([density.sum(axis=1) for density in densities])
     sought = frequency[(frequency >= LOWEST) & (frequency <= min(HIGHEST, frequency[-1] - ASIDE))]
     if not len(sought):
-        return Peak(LOWEST, np.zeros(sums.shape[1]), 0.0, 0.0)
+        return Peak(LOWEST, np.zeros(densities[0].shape[1]), 0.0, 0.0)
     prominences = []  # in the log where it is least
     for centre in sought:
-        band, beside = around(frequency, centre)
+        band, beside = mask_band(frequency, centre)
         ground = np.maximum(np.median(sums[:, beside], axis=1), 1e-12)
         prominences.append(np.min(sums[:, band].mean(axis=1) / ground))
     near = np.abs(frequency - sought[int(np.argmax(prominences))]) <= HALF
     peak = float(frequency[near][np.argmax(sums.sum(axis=0)[near])])
-    weights = np.array([len(log) for log in logs], float) / sum(len(log) for log in logs)
-    powers = np.array([in_band(frequency, density, peak) for density in densities])
-    each = powers.sum(axis=1)
-    return Peak(peak, weights @ powers, float(np.max(prominences)), float(each.min() / max(each.mean(), 1e-12)))
+    powers = np.array([sum_band(frequency, density, peak) for density in densities])
+    each, power = powers.sum(axis=1), np.average(powers, axis=0, weights=[len(log) for log in logs])
+    return Peak(peak, power, float(np.max(prominences)), float(each.min() / max(each.mean(), 1e-12)))
 
 
-def around(frequency: np.ndarray, centre: float) -> tuple[np.ndarray, np.ndarray]:
+def mask_band(frequency: np.ndarray, centre: float) -> tuple[np.ndarray, np.ndarray]:
     """Masks of the frequencies (f,) in the band of a peak, and of those beside it."""
     away = np.abs(frequency - centre)
     return away <= HALF, (away > HALF) & (away < ASIDE)
 
 
-def window(problem: Problem) -> int:
-    """Frames of a window of a spectrum."""
-    return round(WINDOW / problem.robot.machine.frame)
+def compute_spectra(problem: Problem, logs: Sequence[np.ndarray]) -> tuple[np.ndarray, list[np.ndarray]]:
+    """Frequencies (f,) [Hz] and power densities (f, columns) [noise variance/Hz] of logs (n, columns).
 
-
-def spectra(problem: Problem, logs: Sequence[np.ndarray]) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Spectra of logs (n, columns) by windows of one length, that of the shortest log at most.
-
-    Returns:
-        Frequencies (f,) [Hz] and the power density (f, columns) [noise variance/Hz] of each log.
+    Windows are as long as the shortest log at most.
     """
     from scipy.signal import welch
 
-    size = min(window(problem), *(len(log) for log in logs))
-    found = [welch(log, 1.0 / problem.robot.machine.frame, nperseg=size, axis=0) for log in logs]
+    frame = problem.robot.machine.frame
+    size = min(round(WINDOW / frame), *(len(log) for log in logs))
+    found = [welch(log, 1.0 / frame, nperseg=size, axis=0) for log in logs]
     return found[0][0], [density for _, density in found]
 
 
-def in_band(frequency: np.ndarray, density: np.ndarray, peak: float) -> np.ndarray:
+def sum_band(frequency: np.ndarray, density: np.ndarray, peak: float) -> np.ndarray:
     """Power of the band around a peak (columns,) above its neighbourhood."""
-    band, beside = around(frequency, peak)
+    band, beside = mask_band(frequency, peak)
     ground = np.median(density[beside], axis=0) if beside.any() else 0.0
     return np.maximum((density[band] - ground).sum(axis=0) * (frequency[1] - frequency[0]), 0.0)
 
@@ -202,8 +177,8 @@ def fit_torques(problem: Problem, effect: Effect, values: np.ndarray, peak: Peak
     alone = [np.where(np.isin(np.arange(len(x)), [k for k in joints if k != i]), 0.0, x) for i in joints]
     rows = np.array([values, *(apply(values, parameters, row) for row in alone)])
     logs = problem.predict(rows, problem.fit[0]) / problem.noise_std
-    frequencies, densities = spectra(problem, [log - logs[0] for log in logs[1:]])
-    unit = [in_band(frequencies, density, peak.frequency) for density in densities]
+    frequencies, densities = compute_spectra(problem, [log - logs[0] for log in logs[1:]])
+    unit = [sum_band(frequencies, density, peak.frequency) for density in densities]
     scale = np.sqrt(peak.power + 1e-3)  # a power is known the better the smaller it is
     shares, _ = nnls(np.array(unit).T / scale[:, None], peak.power / scale)
     x[joints] *= np.sqrt(shares)

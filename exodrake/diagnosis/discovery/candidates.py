@@ -22,9 +22,8 @@ from exodrake.compiled.inputs import NOTHING, NoiseInputs, input_rows
 from exodrake.core.machine import Machine, signal_count, state_size
 from exodrake.core.parallel import side_by_side
 from exodrake.core.part import HYSTERESIS, RELAXATION, FreeLaw
-from exodrake.diagnosis.discovery.law_code import COUNTS, KNOTS, SIZE, WATCHED, WEIGHTS, LawPoint
+from exodrake.diagnosis.discovery.law_code import COUNTS, SIZE, WATCHED, LawPoint
 from exodrake.diagnosis.linear import RIDGE, Reduced
-from exodrake.diagnosis.parameter import Parameter
 from exodrake.diagnosis.problem import Problem, Trial
 
 LENGTH = 0.4  # correlation length of a curve in its range: assumed
@@ -32,7 +31,6 @@ FINE = 40.0  # range over the width near 0 in which knots lie close: assumed
 REACHES = (0.01, 0.6)  # of hysteresis, smallest and largest in ranges of the variable: assumed
 MODEST = 0.05  # size of a law in the range of its point's value: small against curvature, large against rounding
 FRAMES = 2.0  # shortest memory
-WIDE = 1e6  # bound of a coordinate: none
 MOST = 3  # terms of a formula
 GRID = 200  # points on which a term is approximated by a curve
 WIDTHS = (0.02, 0.05, 0.1, 0.14, 0.2, 0.28, 0.4)  # of terms with a width, in the largest |u|
@@ -41,26 +39,16 @@ BENDS = (0.2, 0.35, 0.5, 0.65, 0.8)  # of terms with a bend, in the range of u
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A candidate for the missing law: a form at a point.
-
-    Attributes:
-        law: its point.
-        number: of the form, from 1.
-        channels: names.
-        knots: (channels, 8) of the curve, reaches of hysteresis [unit of u] or time constants [s].
-        size: (channels,) plausible weight.
-        basis: (8, 8) weights of the modes in units of size, largest prior variance first.
-        low, high: (channels,) range of its variable in the simulated logs [unit of u].
-    """
+    """A candidate for the missing law: a form at a point."""
 
     law: LawPoint
-    number: int
+    number: int  # of the form, from 1
     channels: tuple[str, ...]
-    knots: np.ndarray
-    size: np.ndarray
-    basis: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
+    knots: np.ndarray  # (channels, 8) of the curve, reaches of hysteresis [unit of u] or time constants [s]
+    size: np.ndarray  # (channels,) plausible weight
+    basis: np.ndarray  # (8, 8) weights of the modes in units of size, largest prior variance first
+    low: np.ndarray  # (channels,) lowest value of its variable in the simulated logs [unit of u]
+    high: np.ndarray  # (channels,) highest value [unit of u]
 
     @property
     def form(self) -> FreeLaw:
@@ -71,26 +59,6 @@ class Candidate:
     def name(self) -> str:
         """Id of the effect and its form in words."""
         return f"{self.law.learned}: {self.form.words}"
-
-    def put(self, machine: Machine, values: np.ndarray, channels: Sequence[int]) -> np.ndarray:
-        """Flat parameter vector with the law switched on in some channels, its weights as they were."""
-        out = values.copy()
-        out[indices(machine, self.law.identity, "form")[list(channels)]] = float(self.number)
-        for i, name in enumerate(KNOTS):
-            out[indices(machine, self.law.identity, name)] = self.knots[:, i]
-        return out
-
-    def parameters(self, machine: Machine, scales: np.ndarray, modes: int = SIZE) -> tuple[Parameter, ...]:
-        """Coordinates of the first modes in each channel; scales: (channels,) prior deviations, 0 without it."""
-        places = np.array([indices(machine, self.law.identity, name) for name in WEIGHTS])
-        found = []
-        for c in np.flatnonzero(scales):
-            along = self.size[c] * self.basis
-            for m in range(modes):
-                name, index, ends = f"mode{m + 1}.{self.channels[c]}", tuple(map(int, places[:, c])), (-WIDE, WIDE)
-                move, std = tuple(map(float, along[:, m])), float(scales[c])
-                found.append(Parameter(name, index, "along", 0.0, std, ends, "", (self.channels[c],), along=move))
-        return tuple(found)
 
     def shape(self) -> tuple[np.ndarray, np.ndarray]:
         """Curves of the law: abscissas (channels, points), and values per weight (channels, points, 8).
@@ -105,42 +73,32 @@ class Candidate:
 
 
 def list_candidates(problem: Problem, values: np.ndarray, laws: Sequence[LawPoint]) -> list[Candidate]:
-    """All laws that may be missing at some points of a machine.
-
-    Args:
-        problem: the case, its robot on a machine with laws and watches.
-        values: (parameters,) flat vector of the robot that runs.
-        laws: points.
-    """
+    """All laws that may be missing at some points, where a robot `values` (parameters,) with watches runs a case."""
     machine, ranges = problem.robot.machine, measure_ranges(problem, values, laws)
     longest, found = max(len(trial.reference) for trial in problem.fit) * machine.frame, []
-    for law in laws:
-        for k, form in enumerate(law.forms, 1):
-            here, value = ranges.get((law.identity, k)), ranges.get((law.identity, len(law.forms) + 1))
-            if here is None or value is None:
-                continue
-            (low, high), (least, most) = here, value
-            # plausible weights: the range of the value that passes, over that of the factor
-            size = np.maximum(most - least, 0.5 * np.maximum(abs(least), abs(most)))
-            size = np.maximum(size, 0.1 * max(float(size.max()), 1e-6))
-            span = np.maximum(high - low, 1e-6 * np.maximum(1.0, abs(low)))
-            if form.kind == RELAXATION:
-                knots = np.tile(np.geomspace(FRAMES * machine.frame, 0.5 * longest, SIZE), (len(low), 1))
-                size = size / np.maximum(high - low, 1e-9)
-            else:
-                if form.kind == HYSTERESIS:
-                    knots = span[:, None] * np.geomspace(*REACHES, SIZE)
-                elif form.fine:
-                    near = span / FINE
-                    knots = (
-                        near * np.sinh(np.linspace(np.arcsinh(low / near), np.arcsinh((low + span) / near), SIZE))
-                    ).T
-                else:
-                    knots = np.linspace(low, low + span, SIZE).T
-                if form.factor not in ("", "-1.0") and form.factor.isidentifier():
-                    size = np.ones(len(size))
-            channels = machine.axes.of(law.point.axis)
-            found.append(Candidate(law, k, channels, knots, MODEST * size, prior_basis(form), low, high))
+    for law, k, form in ((one, k, form) for one in laws for k, form in enumerate(one.forms, 1)):
+        here, value = ranges.get((law.identity, k)), ranges.get((law.identity, len(law.forms) + 1))
+        if here is None or value is None:
+            continue
+        (low, high), (least, most) = here, value
+        # plausible weights: the range of the value that passes, over that of the factor
+        size = np.maximum(most - least, 0.5 * np.maximum(abs(least), abs(most)))
+        size = np.maximum(size, 0.1 * max(float(size.max()), 1e-6))
+        span = np.maximum(high - low, 1e-6 * np.maximum(1.0, abs(low)))
+        if form.kind == RELAXATION:
+            knots = np.tile(np.geomspace(FRAMES * machine.frame, 0.5 * longest, SIZE), (len(low), 1))
+            size = size / np.maximum(high - low, 1e-9)
+        elif form.kind == HYSTERESIS:
+            knots = span[:, None] * np.geomspace(*REACHES, SIZE)
+        elif form.fine:
+            near = span / FINE
+            knots = (near * np.sinh(np.linspace(np.arcsinh(low / near), np.arcsinh((low + span) / near), SIZE))).T
+        else:
+            knots = np.linspace(low, low + span, SIZE).T
+        if form.kind != RELAXATION and form.factor not in ("", "-1.0") and form.factor.isidentifier():
+            size = np.ones(len(size))
+        channels = machine.axes.of(law.point.axis)
+        found.append(Candidate(law, k, channels, knots, MODEST * size, prior_basis(form), low, high))
     return found
 
 
@@ -148,11 +106,9 @@ def prior_basis(form: FreeLaw) -> np.ndarray:
     """Modes (8, 8) of the prior of the weights: smooth curves (a Gaussian process), or independent elements."""
     if not form.is_curve:
         return np.eye(SIZE)[:, [1, 3, 5, 7, 0, 2, 4, 6]]
-    apart = abs(np.subtract.outer(np.arange(SIZE), np.arange(SIZE))) / (SIZE - 1) / LENGTH
-    covariance = 1.0 + (1.0 + np.sqrt(3.0) * apart) * np.exp(-np.sqrt(3.0) * apart)  # a constant, and Matern 3/2
-    values, vectors = np.linalg.eigh(covariance)
-    order = np.argsort(-values)
-    return vectors[:, order] * np.sqrt(values[order])
+    apart = np.sqrt(3.0) * abs(np.subtract.outer(np.arange(SIZE), np.arange(SIZE))) / (SIZE - 1) / LENGTH
+    values, vectors = np.linalg.eigh(1.0 + (1.0 + apart) * np.exp(-apart))  # a constant, and Matern 3/2
+    return (vectors * np.sqrt(values))[:, ::-1]
 
 
 def indices(machine: Machine, identity: str, name: str) -> np.ndarray:
@@ -198,7 +154,7 @@ def measure_ranges(
 ) -> dict[tuple[str, int], tuple[np.ndarray, np.ndarray]]:
     """Range (channels,), (channels,) of the variable of each form of each law that is ever computed.
 
-    One number above all forms stands for what is as large as the law. Arguments are those of `list_candidates`.
+    One number above all forms stands for what is as large as the law.
     """
     found, machine = {}, problem.robot.machine
     for k in range(1, max((len(law.forms) for law in laws), default=-1) + 2):
@@ -215,7 +171,7 @@ def measure_ranges(
 
 
 def count_values(problem: Problem, values: np.ndarray, candidate: Candidate) -> np.ndarray:
-    """Histogram (channels, bins) of a law's variable over its range; other arguments as of `list_candidates`."""
+    """Histogram (channels, bins) of a law's variable over its range, where a robot `values` (parameters,) runs."""
     machine, row, watch = problem.robot.machine, values.copy(), f"{candidate.law.identity}_watch"
     for name, value in zip(("form", *WATCHED), (candidate.number, candidate.low, candidate.high), strict=True):
         row[indices(machine, watch, name)] = value
@@ -262,15 +218,10 @@ def curve_terms(low: float, high: float) -> Iterator[tuple[str, Callable[[np.nda
 def find_formulas(
     candidate: Candidate, active: list[int], reduced: Reduced, modes: np.ndarray, scales: np.ndarray, samples: float
 ) -> dict[str, str]:
-    """The shortest formula that is as likely as the free law, channel by channel; none without one.
+    """The shortest formula that is as likely as the free law, by channel; none without one.
 
-    Args:
-        candidate: the law.
-        active: positions of the channels that have it.
-        reduced: linear model of its modes alone, in steps from the fit.
-        modes: (active * 8,) fitted coordinates.
-        scales: (active,) their prior standard deviations.
-        samples: number of independent samples.
+    `reduced` is the linear model of the modes of the `active` channels about the fitted coordinates `modes`
+    (active * 8,) with prior standard deviations `scales` (active,), from so many independent samples.
     """
     penalty, back = float(np.log(samples)), np.linalg.inv(candidate.basis)
     prior = np.repeat(scales, SIZE)
@@ -304,9 +255,9 @@ def find_formulas(
         chosen = less if solve(less)[0] < solve(chosen)[0] else chosen
     found, table = {}, solve(chosen)[1].reshape(len(chosen), len(active))
     for i, channel in enumerate(active):
-        formula = ""
-        for term, b in zip(chosen, table[:, i], strict=True):
-            named = "" if texts[term] == "1" else f" {texts[term]}"
-            formula += f" {'-' if b < 0.0 else '+'} {abs(b):.3g}{named}"
+        named = ["" if texts[term] == "1" else f" {texts[term]}" for term in chosen]
+        formula = "".join(
+            f" {'-' if b < 0.0 else '+'} {abs(b):.3g}{n}" for b, n in zip(table[:, i], named, strict=True)
+        )
         found[candidate.channels[channel]] = f"f(u) ={formula.removeprefix(' +')}"
     return found

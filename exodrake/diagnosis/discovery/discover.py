@@ -24,13 +24,23 @@ from exodrake.core.plain import plain
 from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.core.robot import Robot
 from exodrake.diagnosis.closure import measure
-from exodrake.diagnosis.discovery.candidates import Candidate, count_values, find_formulas, list_candidates
-from exodrake.diagnosis.discovery.law_code import SIZE, add_laws, effect_text, get_laws, robot_on, robot_with, values_on
+from exodrake.diagnosis.discovery.candidates import Candidate, count_values, find_formulas, indices, list_candidates
+from exodrake.diagnosis.discovery.law_code import (
+    KNOTS,
+    SIZE,
+    WEIGHTS,
+    add_laws,
+    effect_text,
+    get_laws,
+    robot_on,
+    robot_with,
+    values_on,
+)
 from exodrake.diagnosis.fit import Explanation, linear_model, minimise, settled, whole_jacobian, without
 from exodrake.diagnosis.isolation import Isolation
-from exodrake.diagnosis.likelihood import SAMPLE, Likelihood, with_prediction
+from exodrake.diagnosis.likelihood import SAMPLE, Likelihood
 from exodrake.diagnosis.linear import LinearModel
-from exodrake.diagnosis.parameter import apply
+from exodrake.diagnosis.parameter import Parameter
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.result import Interval
 from exodrake.diagnosis.search import LAW, NATS, NEGLIGIBLE
@@ -40,6 +50,7 @@ SCALES = (0.0, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0)  # of a law in units of its plaus
 MODES, PASSES = 3, 2  # of a law with which it is screened; over the channels in search of their scales
 STARTED, PER_POINT = 14, 4  # laws that are simulated as predicted, and at most at one point
 FITTED, OTHERS = 3, 1  # laws that are fitted, inside a block and outside it
+WIDE = 1e6  # bound of a coordinate: none
 SHARES = (1.0, 0.5, 0.2, 0.05)  # of a predicted law, tried where its fit begins
 ROUNDS = 4  # new Jacobians of the best law's other parameters, on whole logs
 # in 90 % of robots a law in a wrong part takes up less of what the best one in the right part leaves: conformal
@@ -50,26 +61,18 @@ READINGS = ("shown", "delivered")  # points of readings, as in `search.is_memory
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """A fitted law in one channel.
+    """A fitted law in one channel."""
 
-    Attributes:
-        u: (points,) abscissas [unit of u].
-        value, low, high: (points,) of the law with its 90 % band.
-        edges, counts: (bins + 1,), (bins,) of the histogram of u in the fitted logs, in shares.
-        formula: a plain formula; empty if none is as likely as the curve.
-    """
-
-    u: np.ndarray
-    value: np.ndarray
-    low: np.ndarray
+    u: np.ndarray  # (points,) abscissas [unit of u]
+    value: np.ndarray  # (points,) of the law
+    low: np.ndarray  # (points,) ends of its 90 % band
     high: np.ndarray
-    edges: np.ndarray
-    counts: np.ndarray
-    formula: str = ""
+    edges: np.ndarray  # (bins + 1,) of the histogram of u in the fitted logs
+    counts: np.ndarray  # (bins,) its shares
+    formula: str = ""  # a plain formula; empty if none is as likely as the curve
 
 
-@dataclass(frozen=True)
-class Runner:
+class Runner(NamedTuple):
     """A law that was fitted: its id, words, and share of the excess that it removes."""
 
     id: str
@@ -79,46 +82,27 @@ class Runner:
 
 @dataclass(frozen=True, eq=False)
 class MissingLaw:
-    """The missing law: a free law, fitted through the simulation, with its evidence.
+    """The missing law: a free law, fitted through the simulation, with its evidence."""
 
-    Attributes:
-        found: whether the logs show one.
-        reason: why, in one sentence.
-        id: id of the effect that it is; its first part is the block.
-        words: what it is over what.
-        unit: of the variable.
-        channels: that have it; () for the whole robot.
-        share: of the excess over noise that retuning leaves on the fitted logs, removed by it; what nominal parameters
-            use of their tolerances counts as left.
-        p_noise: p-value of that were there noise alone.
-        runner_up: the best law in another block.
-        lead: share of what the runner-up leaves above noise that the law takes up.
-        distinguished: whether it is more than a law in a wrong part takes up of a right one's (`LEAD`).
-        others: laws that were fitted to the end, the named one first.
-        curves: channel -> curve.
-        closure: of the held-out logs, from the retuned robot to that with the law.
-        held_out: whether these logs were held out.
-        robot: with the law, on its own machine.
-        text: source of the effect's module.
-    """
-
-    found: bool
-    reason: str
-    id: str = ""
-    words: str = ""
-    unit: str = ""
-    channels: tuple[str, ...] = ()
+    found: bool  # whether the logs show one
+    reason: str  # why, in one sentence
+    id: str = ""  # of the effect that it is; its first part is the block
+    words: str = ""  # what it is over what
+    unit: str = ""  # of the variable
+    channels: tuple[str, ...] = ()  # that have it; () for the whole robot
+    # of the excess over noise that retuning leaves on the fitted logs, removed by it; what nominal parameters use of
+    # their tolerances counts as left
     share: float = float("nan")
-    p_noise: float = float("nan")
-    runner_up: Runner | None = None
-    lead: float = float("nan")
-    distinguished: bool = False
-    others: tuple[Runner, ...] = ()
-    curves: dict[str, Curve] = field(default_factory=dict)
-    closure: Interval | None = None
-    held_out: bool = False
-    robot: Robot | None = None
-    text: str = ""
+    p_noise: float = float("nan")  # p-value of that were there noise alone
+    runner_up: Runner | None = None  # the best law in another block
+    lead: float = float("nan")  # share of what the runner-up leaves above noise that the law takes up
+    distinguished: bool = False  # whether it is more than a law in a wrong part takes up of a right one's (`LEAD`)
+    others: tuple[Runner, ...] = ()  # laws that were fitted to the end, the named one first
+    curves: dict[str, Curve] = field(default_factory=dict)  # channel -> curve
+    closure: Interval | None = None  # of the held-out logs, from the retuned robot to that with the law
+    held_out: bool = False  # whether these logs were held out
+    robot: Robot | None = None  # with the law, on its own machine
+    text: str = ""  # source of the effect's module
 
     @property
     def block(self) -> str:
@@ -127,25 +111,17 @@ class MissingLaw:
 
     def to_json(self) -> dict[str, Any]:
         """The answer as plain data, in SI."""
-        names = [name for name in self.__dataclass_fields__ if name not in ("robot", "text")]
-        return plain({name: getattr(self, name) for name in names})
+        return plain({name: value for name, value in vars(self).items() if name not in ("robot", "text")})
 
 
 @dataclass(frozen=True, eq=False)
 class LawFit:
-    """A law fitted through the simulation.
-
-    Attributes:
-        candidate: the law.
-        scales: (channels,) prior standard deviations of its modes; 0 where it is absent.
-        explanation: the fit; coordinates of the law's modes are the last ones.
-        likelihood: views of the case that were fitted.
-    """
+    """A law fitted through the simulation."""
 
     candidate: Candidate
-    scales: np.ndarray
-    explanation: Explanation
-    likelihood: Likelihood
+    scales: np.ndarray  # (channels,) prior standard deviations of its modes; 0 where it is absent
+    explanation: Explanation  # coordinates of the law's modes are the last ones
+    likelihood: Likelihood  # views of the case that were fitted
 
     @property
     def block(self) -> str:
@@ -160,7 +136,7 @@ class LawFit:
     @property
     def active(self) -> list[int]:
         """Positions of the channels that have the law."""
-        return [int(c) for c in np.flatnonzero(self.scales)]
+        return np.flatnonzero(self.scales).tolist()
 
     @property
     def beside(self) -> int:
@@ -205,7 +181,8 @@ def discover(
     """
     accepted = found.best if 1.0 - found.search.left(found.best) >= MOST else found.retuned
     if found.negligible(accepted.explanation.robot):
-        return MissingLaw(False, f"what {leaver(accepted.explanation)} leaves is negligible: no law is missing")
+        who = accepted.explanation.name if accepted.effects else "retuning"
+        return MissingLaw(False, f"what {who} leaves is negligible: no law is missing")
     progress(Stage.LINEARISE, "free laws")
     bare = problem.robot.machine
     machine = add_laws(bare)
@@ -226,11 +203,9 @@ def discover(
     shares = [share_removed(likelihood, base, fit.explanation) for fit in fits]
     order = rank(fits, shares)
     fits, shares = [fits[k] for k in order], [shares[k] for k in order]
-    others = tuple(
-        Runner(fit.candidate.law.learned, fit.candidate.form.words, share)
-        for fit, share in zip(fits, shares, strict=True)
-    )
-    best, memory, rest = fits[0], fits[0].model.memory, leaver(base)
+    fitted = [(fit.candidate.law.learned, fit.candidate.form.words) for fit in fits]
+    others = tuple(Runner(*names, share) for names, share in zip(fitted, shares, strict=True))
+    best, memory, rest = fits[0], fits[0].model.memory, base.name if base.effects else "retuning"
     gain = best.evidence(memory) - replace(linear_model(likelihood, base), memory=memory).evidence()
     # evidence exceeds exp(g) times that of no law with probability exp(-g) at most (Markov); any of those tried may
     p = float(min(1.0, len(tried) * len(SCALES) * np.exp(-gain)))
@@ -276,11 +251,6 @@ def discover(
     )
 
 
-def leaver(e: Explanation) -> str:
-    """What explains the logs beside a law, in words."""
-    return e.name if e.effects else "retuning"
-
-
 def put_on(machine: Machine, likelihood: Likelihood, e: Explanation) -> tuple[Likelihood, Explanation]:
     """A likelihood and an explanation on their machine with further effects."""
     before = likelihood.robot.machine
@@ -294,21 +264,20 @@ def put_on(machine: Machine, likelihood: Likelihood, e: Explanation) -> tuple[Li
 
 
 class Screened(NamedTuple):
-    """A law as the linear model predicts it: log evidence gained [nats], prior scales (channels,), coordinates."""
+    """A law as the linear model predicts it."""
 
-    gain: float
+    gain: float  # of log evidence [nats]
     candidate: Candidate
-    scales: np.ndarray
-    x: np.ndarray
+    scales: np.ndarray  # (channels,) of its prior
+    x: np.ndarray  # coordinates, those of the parameters beside it first
 
 
 def screen(likelihood: Likelihood, base: Explanation, candidate: Candidate) -> Screened:
     """A candidate by the linear model about a robot without it."""
     count, channels = len(base.x), len(candidate.channels)
     with_it = join_law(likelihood.robot.machine, base, candidate, np.ones(channels), MODES)
-    units = np.hstack([np.tile(base.x, (MODES * channels, 1)), np.eye(MODES * channels)])
-    robots = np.array([apply(with_it.values, with_it.parameters, x) for x in units])
-    directions = likelihood.residual(robots) - base.residual
+    moved = with_it.at_each(likelihood, [np.r_[base.x, unit] for unit in np.eye(MODES * channels)])
+    directions = np.array([e.residual for e in moved]) - base.residual
     rows = np.concatenate([whole_jacobian(likelihood, base), directions, base.residual[None]])
     flat, (low, high) = np.zeros(len(directions)), base.bounds - base.x
     ends = np.r_[low, flat - np.inf], np.r_[high, flat + np.inf]
@@ -324,10 +293,7 @@ def screen(likelihood: Likelihood, base: Explanation, candidate: Candidate) -> S
 def weigh_scales(normal: np.ndarray, slope: np.ndarray, channel: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     """Prior scales (channels,) of largest evidence, coordinates (n,) with them, and the log evidence beyond none.
 
-    Args:
-        normal: (n, n) N of a cost c's + c'Nc / 2 of the coordinates c, others eliminated.
-        slope: (n,) s.
-        channel: (n,) channel of each coordinate.
+    Of a cost c's + c'Nc / 2 of coordinates c of some channels (n,), others eliminated: N (n, n), s (n,).
     """
 
     def weigh(scales: np.ndarray) -> tuple[float, np.ndarray]:
@@ -347,11 +313,19 @@ def weigh_scales(normal: np.ndarray, slope: np.ndarray, channel: np.ndarray) -> 
 def join_law(
     machine: Machine, base: Explanation, candidate: Candidate, scales: np.ndarray, modes: int = SIZE
 ) -> Explanation:
-    """An explanation with a law in some channels, at weights of 0."""
-    values = candidate.put(machine, base.values, np.flatnonzero(scales).tolist())
-    parameters = (*base.parameters, *candidate.parameters(machine, scales, modes))
+    """An explanation with the first modes of a law, at weights of 0; scales: (channels,) of their prior, 0 for none."""
+    at = {name: indices(machine, candidate.law.identity, name) for name in ("form", *KNOTS, *WEIGHTS)}
+    values, parameters, active = base.values.copy(), list(base.parameters), np.flatnonzero(scales)
+    values[at["form"][active]] = float(candidate.number)
+    for knot, name in zip(candidate.knots.T, KNOTS, strict=True):
+        values[at[name]] = knot
+    for c in active:
+        index, channel = tuple(int(at[name][c]) for name in WEIGHTS), candidate.channels[c]
+        for m, weights in enumerate((candidate.size[c] * candidate.basis).T[:modes]):
+            name, along, std = f"mode{m + 1}.{channel}", tuple(map(float, weights)), float(scales[c])
+            parameters.append(Parameter(name, index, "along", 0.0, std, (-WIDE, WIDE), "", (channel,), along=along))
     x = np.r_[base.x, np.zeros(len(parameters) - len(base.x))]
-    return Explanation(base.effects, parameters, x, values, base.residual, base.jacobian)
+    return Explanation(base.effects, tuple(parameters), x, values, base.residual, base.jacobian)
 
 
 def fit_best(
@@ -432,8 +406,7 @@ def drop_needless(fit: LawFit) -> LawFit:
 
 def fit_whole_logs(fit: LawFit, whole: Problem) -> LawFit:
     """A law fitted to whole logs until no step with a new Jacobian of the other parameters leads further."""
-    views = zip(fit.likelihood.views, with_prediction(whole), strict=True)
-    likelihood = replace(fit.likelihood, views=tuple(replace(view, problem=p) for view, p in views))
+    likelihood = fit.likelihood.on(whole)
     e = fit.explanation.at(likelihood, fit.explanation.x)
     e = replace(e, jacobian=np.zeros((e.nominal, len(e.residual)), dtype=np.float32))
     return replace(fit, explanation=settled(likelihood, e, ROUNDS), likelihood=likelihood)

@@ -79,23 +79,14 @@ AS_LARGE = {"sliding.braked": "load"}  # what is as large as the law may be, whe
 
 @dataclass(frozen=True)
 class LawPoint:
-    """A point of a machine with the free laws that may be missing there.
+    """A point of a machine with the free laws that may be missing there."""
 
-    Attributes:
-        key: "module.point".
-        identity: id of the free law while it is searched.
-        point: the point.
-        arguments: of it and of the points that advance states or take a rate, by name: the value, and what is known.
-        forms: the laws.
-        scale: source of what is as large as the law may be.
-    """
-
-    key: str
-    identity: str
+    key: str  # "module.point"
+    identity: str  # id of the free law while it is searched
     point: Point
-    arguments: dict[str, tuple[str, ...]]
-    forms: tuple[FreeLaw, ...]
-    scale: str
+    arguments: dict[str, tuple[str, ...]]  # of points, the law's own and those that advance states or take a rate
+    forms: tuple[FreeLaw, ...]  # the laws
+    scale: str  # source of what is as large as the law may be
 
     @property
     def learned(self) -> str:
@@ -111,21 +102,6 @@ class LawPoint:
     def value(self) -> str:
         """Name of the value that passes its point."""
         return self.arguments[self.point.name][0]
-
-    @property
-    def elsewhere(self) -> list[str]:
-        """Points beside the law's own at which its states advance."""
-        return list(dict.fromkeys(f.advances for f in self.forms if f.advances not in ("", self.point.name)))
-
-    @property
-    def here(self) -> bool:
-        """Whether states of a form advance at the law's own point."""
-        return any(f.advances == self.point.name for f in self.forms)
-
-    def function(self, name: str, *more: str) -> str:
-        """Name of the law's function at a point."""
-        other = () if name == self.point.name else (name,)
-        return "__".join((self.key.replace(".", "__"), *other, *more))
 
 
 def law_points(machine: Machine) -> Iterator[LawPoint]:
@@ -158,16 +134,20 @@ def join(names: Iterable[str]) -> str:
     return ", ".join(names)
 
 
-def write_functions(law: LawPoint, switch: str = "form", watch: bool = False) -> str:
-    """Source of the functions of a law, or of its watch, at all its points.
+def write_effect(
+    law: LawPoint, name: str, summary: str, parameters: Iterable[str], source: str, watch: bool = False,
+    switch: str = "form",
+) -> str:  # fmt: skip
+    """Source of the effect of a law: its functions at all its points, and its definition; `parameters`: source of each.
 
-    Args:
-        law: its point.
-        switch: name of the first parameter, the number of the form.
-        watch: write those that keep range and counts of the variable of a form, of the law's scale for one number more.
+    Its first parameter, `switch`, is the number of a form. A watch keeps range and counts of the variable of a form
+    instead, and of the law's scale for one number more.
     """
     forms, own, value = dict(enumerate(law.forms, 1)), law.point.name, law.value
-    bodies: dict[str, dict[int, list[str]]] = {own: {}, **{name: {} for name in law.elsewhere}}
+    advances = dict.fromkeys(f.advances for f in law.forms if f.advances)  # points at which states of a form advance
+    here, elsewhere = own in advances, [point for point in advances if point != own]
+    bodies: dict[str, dict[int, list[str]]] = {own: {}, **{point: {} for point in elsewhere}}
+    rates = {k: f.rate for k, f in forms.items() if f.rate[0] and not watch}
     if watch:
         last, kept, known = ("watch",), SEEN, WATCHED
         count = [f"{c} + inside(u, low, high, {i}.0, {BINS}.0)" for i, c in enumerate(COUNTS)]
@@ -180,38 +160,46 @@ def write_functions(law: LawPoint, switch: str = "form", watch: bool = False) ->
                 bodies[f.advances][k] = [f"u = {u}", f"return {seen}, u, 1.0"]
         bodies[own][len(forms) + 1] = [f"u = {law.scale}", f"return {value}, {seen}, place, 1.0"]
     else:
-        last, kept, known = (), ELEMENTS if any(f.advances for f in law.forms) else (), (*KNOTS, *WEIGHTS)
-        states = f", {join(ELEMENTS)}" if law.here else ""
+        last, kept, known = (), ELEMENTS if advances else (), (*KNOTS, *WEIGHTS)
+        states = f", {join(ELEMENTS)}" if here else ""
         for k, f in forms.items():
-            total = sum_elements(f)
             change = advance_elements(f, "period") if f.advances == own else []
-            result = f.result or f"{value} + law"
-            bodies[own][k] = [
-                *change,
-                f"law = {f'{f.factor} * ' if f.factor else ''}{total}",
-                f"return {result}{states}",
-            ]
+            computed = f"law = {f'{f.factor} * ' if f.factor else ''}{sum_elements(f)}"
+            bodies[own][k] = [*change, computed, f"return {f.result or f'{value} + law'}{states}"]
             if f.advances not in ("", own):
                 bodies[f.advances][k] = [*advance_elements(f), f"return {join(ELEMENTS)}"]
+
+    def name_function(point: str) -> str:
+        return "__".join((law.key.replace(".", "__"), *(() if point == own else (point,)), *last))
+
+    def write_function(point: str, cases: dict[int, list[str]], default: str) -> str:
+        inputs = join((*law.arguments[point], switch, *known, *kept))
+        lines = [f"def {name_function(point)}({inputs}):", '    """Effect of the law, by its form."""']
+        for number, body in cases.items():
+            lines += [f"    if {switch} == {number}.0:", *(f"        {line}" for line in body)]
+        return "\n".join([*lines, f"    return {default}"])
+
     found = []
-    for name, cases in bodies.items():
-        states = kept if name != own or watch or law.here else ()
-        default = join([*([value] if name == own else []), *states])
-        inputs = (*law.arguments[name], switch, *known, *kept)
-        found.append(write_function(law.function(name, *last), inputs, switch, cases, default))
-    for k, (name, variable, result) in ((k, f.rate) for k, f in forms.items() if f.rate[0] and not watch):
+    for point, cases in bodies.items():
+        states = kept if point != own or watch or here else ()
+        found.append(write_function(point, cases, join([*([value] if point == own else []), *states])))
+    for k, (point, variable, result) in rates.items():
         called = result.replace("slope", f"slope({variable}, {join(KNOTS)}, {join(WEIGHTS)})")
-        inputs = (*law.arguments[name], switch, *known, *kept)
-        found.append(write_function(law.function(name), inputs, switch, {k: [f"return {called}"]}, inputs[0]))
-    return "\n\n\n".join(found)
-
-
-def write_function(name: str, inputs: Sequence[str], switch: str, cases: dict[int, list[str]], default: str) -> str:
-    """Source of a function with lines for each form, and what it returns without one."""
-    lines = [f"def {name}({join(inputs)}):", '    """Effect of the law, by its form."""']
-    for number, body in cases.items():
-        lines += [f"    if {switch} == {number}.0:", *(f"        {line}" for line in body)]
-    return "\n".join([*lines, f"    return {default}"])
+        found.append(write_function(point, {k: [f"return {called}"]}, law.arguments[point][0]))
+    module = law.key.split(".")[0]
+    points = dict.fromkeys([*bodies, *(point for point, *_ in rates.values())])
+    at = join(f'"{module}.{point}": {name_function(point)}' for point in points)
+    lines = [f"{name} = Effect(", f'    id="{law.identity}{"_watch" if watch else ""}",', f"    summary={summary!r},"]
+    lines += ['    signature="none of its own",', f"    source={source!r},", f"    at={{{at}}},", "    parameters=("]
+    lines += [*(f"        {p}," for p in parameters), "    ),"]
+    if kept:
+        lines.append(f"    states=({join(f'State("{s}", "{law.point.axis}")' for s in kept)},),")
+    if elsewhere:
+        lines.append(f"    advances={tuple(f'{module}.{a}' for a in elsewhere)!r},")
+    if watch or here:
+        lines.append(f"    filters={(law.key,)!r},")
+    lines += ['    family="law",', '    not_tried="a free law, which `--discover` tries",', ")"]
+    return "\n\n\n".join([*found, "\n".join(lines)])
 
 
 def sum_elements(form: FreeLaw) -> str:
@@ -235,27 +223,6 @@ def advance_elements(form: FreeLaw, dt: str = "dt") -> list[str]:
     return [f"change = {change}", *lines, f"last, started = {'0.0' if form.moves else form.variable}, 1.0"]
 
 
-def write_effect(
-    law: LawPoint, name: str, summary: str, parameters: Iterable[str], source: str, watch: bool = False
-) -> str:
-    """Source of the definition of the effect of a law, or of its watch; `parameters`: source of each."""
-    module, own, last = law.key.split(".")[0], law.point.name, ("watch",) if watch else ()
-    rates = [] if watch else [f.rate[0] for f in law.forms if f.rate[0]]
-    points = dict.fromkeys([own, *law.elsewhere, *rates])
-    at = join(f'"{module}.{point}": {law.function(point, *last)}' for point in points)
-    states = SEEN if watch else ELEMENTS if any(f.advances for f in law.forms) else ()
-    lines = [f"{name} = Effect(", f'    id="{law.identity}{"_watch" if watch else ""}",', f"    summary={summary!r},"]
-    lines += ['    signature="none of its own",', f"    source={source!r},", f"    at={{{at}}},", "    parameters=("]
-    lines += [*(f"        {p}," for p in parameters), "    ),"]
-    if states:
-        lines.append(f"    states=({join(f'State("{s}", "{law.point.axis}")' for s in states)},),")
-    if law.elsewhere:
-        lines.append(f"    advances={tuple(f'{module}.{a}' for a in law.elsewhere)!r},")
-    if watch or law.here:
-        lines.append(f"    filters={(law.key,)!r},")
-    return "\n".join([*lines, '    family="law",', '    not_tried="a free law, which `--discover` tries",', ")"])
-
-
 def module_text(machine: Machine) -> str:
     """Source of all laws and watches of a machine."""
     summary = f"Free laws at the points of {machine.name}, made by exodrake."
@@ -268,9 +235,8 @@ def module_text(machine: Machine) -> str:
             [form, *(f'EffectParameter("{name}", "-", null={null!r}, {ends})' for name, null in each.items())]
             for each in (nulls, dict(zip(WATCHED, (0.0, 1.0), strict=True)))
         )
-        pieces += [write_functions(law), write_effect(law, f"LAW_{k}", "a free law", own, "any")]
-        pieces += [write_functions(law, watch=True)]
-        pieces += [write_effect(law, f"WATCH_{k}", "counts", seen, "a tool of discovery", watch=True)]
+        pieces.append(write_effect(law, f"LAW_{k}", "a free law", own, "any"))
+        pieces.append(write_effect(law, f"WATCH_{k}", "counts", seen, "a tool of discovery", watch=True))
     return "\n\n\n".join(pieces) + "\n"
 
 
@@ -318,15 +284,9 @@ CURVES = "k1 .. k8 are knots [{unit}] and w1 .. w8 the values of the curve there
 def effect_text(
     law: LawPoint, form: FreeLaw, knots: np.ndarray, weights: np.ndarray, case: str, formulas: dict[str, str]
 ) -> str:
-    """Source of the module of a fitted law.
+    """Source of the module of a law that was fitted to a case: knots and weights (8,) of its strongest channel.
 
-    Args:
-        law: its point.
-        form: the law.
-        knots: (8,) of the strongest channel.
-        weights: (8,) the same [unit of the law].
-        case: name of the case it was fitted to.
-        formulas: channel -> plain formula, if there is one.
+    formulas: channel -> plain formula, if there is one.
     """
     single, axis = replace(law, identity=law.learned, forms=(form,)), law.point.axis
     each = 'null=k, low=-1e9, high=1e9, axis="{}", default=k, fitted=False) for i, k in enumerate({}, 1))'
@@ -342,13 +302,13 @@ def effect_text(
     lines = [title, "", f"{law.value} -> {form.result or f'{law.value} + law'}      {equation}"]
     lines += [f"{channel or 'here'}: {text}" for channel, text in formulas.items()]
     lines += ["", *wrap(f"{NOTE} {SHAPES.get(form.kind, CURVES).format(unit=form.unit)}", 110)]
-    body = write_functions(single, SWITCH)
-    used = join(n for n in FUNCTIONS if f"{n}(" in body)
+    stated = f"{form.words}, found in logs", parameters, f"fitted to {case}"
+    effect = write_effect(single, "EFFECT", *stated, switch=SWITCH)
+    used = join(n for n in FUNCTIONS if f"{n}(" in effect)
     header = HEADER.format(summary="\n".join(lines) + "\n", functions=used)
     if not form.advances:
         header = header.replace("from exodrake.core.part import State\n", "")
-    effect = write_effect(single, "EFFECT", f"{form.words}, found in logs", parameters, f"fitted to {case}")
-    return "\n\n\n".join([f"{header.rstrip()}\n\n{constants}", body, effect]) + "\n"
+    return "\n\n\n".join([f"{header.rstrip()}\n\n{constants}", effect]) + "\n"
 
 
 def robot_with(robot: Robot, text: str, channels: Sequence[str], knots: np.ndarray, weights: np.ndarray) -> Robot:
