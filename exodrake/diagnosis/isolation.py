@@ -180,6 +180,7 @@ def fit_on(found: Isolation, best: Fitted) -> tuple[Fitted, Fitted]:
     for fitted in (best, found.retuned):
         e = fitted.explanation
         (e,) = replace(e, jacobian=jacobian).at_each(likelihood, [e.x])
+        likelihood = likelihood.with_memory_of(e.residual)
         e = minimise(likelihood.scaled_to(e.residual), e) if fits else settled(likelihood, e, 1)
         jacobian, fits = e.jacobian, [*fits, Fitted.at(likelihood, e)]
     return fits[1], fits[0]
