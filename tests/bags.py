@@ -1,13 +1,18 @@
-"""ROS 2 bags and JSON messages of joint states, made here."""
+"""Foreign recordings made here: ROS 2 bags, JSON messages, LeRobot data sets; their import by a mapping."""
 
 import io
 import json
 import sqlite3
 
 import numpy as np
+import pyarrow as arrow
+import pyarrow.parquet as parquet
+import yaml
 from mcap.writer import Writer
 from mcap_ros2._dynamic import serialize_dynamic
 from mcap_ros2.writer import Writer as RosWriter
+
+from exodrake.data.import_log import import_log
 
 N = 40
 TIME = 0.02 * np.arange(N)  # s
@@ -60,19 +65,13 @@ def bag() -> bytes:
         stamp = 10_000_000 * n + 1_700_000_000_000_000_000
         header = {"stamp": {"sec": n // 100, "nanosec": n % 100 * 10_000_000}, "frame_id": ""}
         if n % 2 == 0:
-            state = {
-                "header": header,
-                "name": ["PIP", "MCP"],
-                "position": [n * 0.5, n * 1.0],
-                "velocity": [],
-                "effort": [],
-            }
+            state = {"header": header, "name": ["PIP", "MCP"], "position": [n * 0.5, n * 1.0]}
+            state |= {"velocity": [], "effort": []}
             writer.write_message("/joint_states", joints, state, log_time=stamp, publish_time=stamp)
         if n < 100:
             force = {"force": {"x": 0.0, "y": 0.0, "z": float(n)}, "torque": {"x": 0.0, "y": 0.0, "z": 0.0}}
-            writer.write_message(
-                "/wrench", wrench, {"header": header, "wrench": force}, log_time=stamp, publish_time=stamp
-            )
+            both = {"header": header, "wrench": force}
+            writer.write_message("/wrench", wrench, both, log_time=stamp, publish_time=stamp)
         if n % 40 == 0:
             writer.write_message("/command", number, {"data": float(n)}, log_time=stamp, publish_time=stamp)
     writer.finish()
@@ -113,13 +112,35 @@ def sqlite_bag(path, definitions: bool) -> None:
         for n in range(0, N, 1 + number):
             stamp = 1_700_000_000_000_000_000 + 20_000_000 * n
             header = {"stamp": {"sec": stamp // 10**9, "nanosec": stamp % 10**9}, "frame_id": ""}
-            state = {
-                "header": header,
-                "name": ["wrist", "elbow"],
-                "position": Q[n].tolist(),
-                "velocity": [],
-                "effort": [],
-            }
+            state = {"header": header, "name": ["wrist", "elbow"], "position": Q[n].tolist()}
+            state |= {"velocity": [], "effort": []}
             bag.execute("INSERT INTO messages VALUES(NULL, ?, ?, ?)", (number, stamp + 3_000_000, encode(state)))
     bag.commit()
     bag.close()
+
+
+def imported(folder, content, mapping, name="drive.csv"):
+    """The log of a recording by a mapping, both as files, as the command does."""
+    (folder / "map.yaml").write_text(mapping if isinstance(mapping, str) else yaml.safe_dump(mapping))
+    (folder / name).write_bytes(content.encode() if isinstance(content, str) else content)
+    return import_log(folder / name, folder / "map.yaml")
+
+
+def lerobot(folder, episodes, names=("wrist_flex.pos", "elbow_flex.pos"), grouped=False):
+    """A LeRobot data set of file -> numbers of episodes, whose states are 10 Q and the number, their actions 10 Q."""
+    (folder / "meta").mkdir(parents=True)
+    feature = {"dtype": "float32", "shape": [2], "names": {"motors": list(names)} if grouped else list(names)}
+    info = {"fps": 50, "features": {"action": feature, "observation.state": feature}}
+    (folder / "meta" / "info.json").write_text(json.dumps(info))
+    for file, numbers in episodes.items():
+        path = folder / "data" / file
+        path.parent.mkdir(parents=True, exist_ok=True)
+        tables = [
+            arrow.table({
+                "action": (10.0 * Q).tolist(), "observation.state": (10.0 * Q + number).tolist(),
+                "timestamp": TIME.tolist(), "episode_index": [number] * N,
+            })
+            for number in numbers
+        ]  # fmt: skip
+        parquet.write_table(arrow.concat_tables(tables), path)
+    return folder

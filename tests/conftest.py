@@ -1,4 +1,4 @@
-"""Fixtures of several files; the environment of the tests; the longest test first."""
+"""Fixtures of several files, and the environment of the tests."""
 
 import os
 import shutil
@@ -14,13 +14,6 @@ import pytest
 
 import exodrake as exo
 from exodrake.core import plugins
-
-LONGEST = "diagnose_case"  # an example that diagnoses a case, which takes longer than any file of tests
-
-
-def pytest_collection_modifyitems(items):
-    """The longest test starts first, so that the others run beside it."""
-    items.sort(key=lambda item: LONGEST not in item.name)
 
 
 def pytest_terminal_summary(terminalreporter):
@@ -54,12 +47,29 @@ def model(loop, point):
     return linearise(loop, point.state, point.references)
 
 
+@pytest.fixture(scope="session")
+def plant():
+    """The nominal robot's linear plant, for the search of controllers."""
+    from exodrake.analysis.tuning import linearise_plant
+
+    return linearise_plant(exo.load_robot())
+
+
 @pytest.fixture(scope="module")
 def arm_folder(tmp_path_factory):
     """A folder for machines of a module of tests, whose registration is undone."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv(plugins.VARIABLE, "")
         yield tmp_path_factory.mktemp("arms")
+
+
+@pytest.fixture
+def short_cases(monkeypatch):
+    """Cases of the reference simulator with motions of a few seconds."""
+    from exodrake.reference import cases
+
+    for name, seconds in (("SWEEPS", 15.0), ("CHIRP", 3.0), ("HOLDS", 4.0), ("GRASPS", 6.0)):
+        monkeypatch.setattr(cases, name, seconds)
 
 
 @pytest.fixture

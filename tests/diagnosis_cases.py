@@ -13,7 +13,7 @@ from exodrake.machines.robot_file import load_robot
 from exodrake.simulation import protocols
 from exodrake.simulation.simulate import simulate
 
-FRAMES = 900  # 18 s a log
+FRAMES = 650  # 13 s a log
 INJECTED = {"AF": 0.30, "MF": 0.20, "AE": 0.25}  # coefficients of capstan friction
 
 

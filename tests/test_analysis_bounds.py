@@ -4,7 +4,6 @@ import control
 import numpy as np
 import pytest
 
-import exodrake as exo
 from exodrake.analysis.responses import step_response
 from exodrake.analysis.robustness import points_band
 from exodrake.analysis.tuning import (
@@ -21,15 +20,12 @@ from exodrake.analysis.tuning import (
 T = 0.1
 
 
-@pytest.mark.parametrize(("peak", "frames"), [(1.0, 10), (0.49, 20), (10.0, 1)])
-def test_an_integrator_needs_98_percent_of_the_step_over_its_largest_command(peak, frames):
-    """y' = y + T v: 0.98 <= frames T peak."""
+def test_settling_of_an_integrator_is_bounded_by_its_largest_command_and_its_delay():
+    """y' = y + T v: 0.98 <= frames T peak; three frames of delay are added, and what is too far is not reached."""
     integrator = control.ss(1.0, T, 1.0, 0.0, T)
-    assert bound_settling(integrator, 0, peak, 0.05, 0.0, 30) == pytest.approx(frames * T)
-
-
-def test_a_delay_of_three_frames_is_added_and_what_is_too_far_is_not_reached():
-    late = control.ss(1.0, T, 1.0, 0.0, T) * control.ss(control.tf([1.0], [1.0, 0.0, 0.0, 0.0], T))
+    for peak, frames in ((1.0, 10), (0.49, 20), (10.0, 1)):
+        assert bound_settling(integrator, 0, peak, 0.05, 0.0, 30) == pytest.approx(frames * T)
+    late = integrator * control.ss(control.tf([1.0], [1.0, 0.0, 0.0, 0.0], T))
     assert bound_settling(late, 0, 1.0, 0.05, 0.0, 40) == pytest.approx(13 * T)
     assert np.isnan(bound_settling(late, 0, 0.01, 0.05, 0.0, 40))
 
@@ -55,11 +51,6 @@ def test_lqg_of_an_integrator_has_the_gains_of_its_riccati_equations():
     kalman = control.dlqe(1.0, 1.0, 1.0, (0.3 * T) ** 2, 0.01)[0][0, 0]
     assert law.C[0, 0] == pytest.approx(-gain, rel=1e-4) and law.B[0, 0] == pytest.approx(kalman)
     assert law.D[0] == pytest.approx([0.0, gain], rel=1e-4)
-
-
-@pytest.fixture(scope="module")
-def plant():
-    return linearise_plant(exo.load_robot())
 
 
 def test_no_loop_of_the_robot_beats_the_bound_with_its_commands(plant):

@@ -25,7 +25,7 @@ def run(*arguments):
 
 def test_it_writes_figures_numbers_and_the_model(tmp_path):
     files = ("--out", tmp_path / "a", "--json", tmp_path / "b.json", "--to-control", tmp_path / "m.npz")
-    found = run("--draws", 4, *files)
+    found = run("--draws", 2, *files)
     assert found.exit_code == 0, found.output
     assert "spectral radius 0.96" in found.output and "stable up to" in found.output
     names = {path.name for path in (tmp_path / "a").iterdir()}
@@ -42,11 +42,20 @@ def test_it_writes_figures_numbers_and_the_model(tmp_path):
         assert float(model["dt"]) == 0.02 and model["A"].shape[0] == len(model["states"])
 
 
-def test_a_gain_outside_its_range_is_noted():
-    low, high = load_robot("exo_index").ranges["controller.kp"]
-    found = run("--draws", 0, "--set", f"controller.kp={2 * high}")
+def test_a_gain_outside_its_range_is_noted_and_a_loop_in_its_dead_zone_is_stable():
+    low, high = load_robot("exo_index").ranges["finger.kappa.MCP"]
+    found = run("--draws", 0, "--set", f"finger.kappa.MCP={1.1 * high}", "--effect", "motor.dead_zone")
     assert found.exit_code == 0, found.output
     assert f"lies outside {low:g} to {high:g}" in found.stderr
+    assert "stable: simulated, a kick dies out" in found.output and "growing" not in found.output
+
+
+def test_a_machine_without_a_loop_is_refused_in_one_sentence(arm_folder):
+    made(arm_folder, "measured", "--urdf", "rotary_axis")
+    for name in ("analyse", "tune"):
+        result = CliRunner().invoke(cli, [name, "--robot", "measured"])
+        assert result.exit_code == 2
+        assert "no closed loop to analyse" in result.output and len(result.output.splitlines()) == 1
 
 
 @pytest.mark.parametrize(
@@ -64,14 +73,6 @@ def test_bad_input_is_a_line_and_leaves_nothing(tmp_path, arguments, word):
     assert found.exit_code == 2
     assert word in found.output and len(found.output.strip().splitlines()) == 1
     assert not (tmp_path / "a").exists()
-
-
-@pytest.mark.parametrize("name", ["analyse", "tune"])
-def test_a_machine_without_a_loop_is_refused_in_one_sentence(arm_folder, name):
-    made(arm_folder, f"measured_{name}", "--urdf", "rotary_axis")
-    result = CliRunner().invoke(cli, [name, "--robot", f"measured_{name}"])
-    assert result.exit_code == 2
-    assert "no closed loop to analyse" in result.output and len(result.output.splitlines()) == 1
 
 
 def test_what_new_machine_made_is_analysed_and_tuned(arm_folder):

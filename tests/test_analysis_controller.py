@@ -5,10 +5,11 @@ import pytest
 from scipy.signal import lfilter
 
 import exodrake as exo
+from exodrake.analysis.feedforward import LATEST, find_delay
 from exodrake.analysis.linear_model import FrameMap, linearise, operating_point
 from exodrake.analysis.responses import step_response
 from exodrake.analysis.robustness import robustness
-from exodrake.analysis.tuning import linearise_law, linearise_plant, predict_performance
+from exodrake.analysis.tuning import linearise_law, predict_performance
 from exodrake.physics import controller
 
 PERIOD, ZERO = 0.02, (0.0, 0.0, 0.0)
@@ -74,11 +75,6 @@ def test_the_integral_rests_while_the_command_is_clipped():
 VALUES = {"controller.ki": 0.02, "controller.tau_D": 0.01, "controller.tau_R": 0.1}
 
 
-@pytest.fixture(scope="module")
-def plant():
-    return linearise_plant(exo.load_robot())
-
-
 def test_a_candidate_on_the_linear_plant_is_the_robot_with_that_controller(plant):
     """Spectral radius, disk margin and noise from another controller's plant, and from the robot linearised anew."""
     robot = exo.load_robot().with_parameters(VALUES)
@@ -95,15 +91,6 @@ def test_a_candidate_on_the_linear_plant_is_the_robot_with_that_controller(plant
     assert found.overshoot == pytest.approx(max(s.overshoot for s in steps), abs=0.025)
 
 
-def test_the_matrices_of_a_law_are_those_of_its_formula(plant):
-    """PD: v = -kp y - kd / T (y - y before) + kp r."""
-    found, kp, kd = linearise_law(plant, {}), 6e-3, 1e-4
-    assert pytest.approx(-(kp + kd / PERIOD) * np.eye(3), abs=1e-9) == found.D[:, :3]
-    assert pytest.approx(kp * np.eye(3), abs=1e-9) == found.D[:, 3:]
-    assert pytest.approx(np.zeros((3, 3)), abs=1e-9) == found.A
-    assert kd / PERIOD * np.eye(3) == pytest.approx(found.C @ found.B[:, :3], abs=1e-9)
-
-
 def test_integral_action_holds_the_reference_in_spite_of_a_drive_that_is_off():
     """A dead zone of 1 mm/s leaves up to 1 mm/s / kp = 0.17 N without ki, and nothing like it with ki."""
     errors = []
@@ -114,3 +101,10 @@ def test_integral_action_holds_the_reference_in_spite_of_a_drive_that_is_off():
         tension = loop.run(loop.start(), rows)[1][-200:, loop.signals["tension"]]
         errors.append(np.abs(tension.mean(axis=0) - rows[0]).max())
     assert errors[0] > 0.05 and errors[1] < 0.5 * errors[0]
+
+
+@pytest.mark.parametrize("frames", [0, 3, LATEST])
+def test_the_delay_of_a_shifted_motion_is_its_shift(frames):
+    wanted = np.random.default_rng(0).standard_normal(400)
+    assert find_delay(wanted, 0.2 + np.concatenate([np.zeros(frames), wanted])[:400]) == frames
+    assert find_delay(np.ones(2), np.ones(2)) == 0  # too short for one

@@ -1,4 +1,4 @@
-"""Serial arms from URDF files: their dynamics against Drake's parser and MultibodyPlant, and against a two-link arm."""
+"""Serial arms from URDF files: their dynamics against Drake's parser and MultibodyPlant."""
 
 import os
 import subprocess
@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from arm_folders import CABLE, LINK, MIXED, made
+from arm_folders import CABLE, MIXED, made
 from command_line import run
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
@@ -70,38 +70,6 @@ def test_urdf_and_dynamics_agree_with_drakes_parser_and_plant(name, tmp_path):
         efforts, matrix = compute_dynamics(chain, *state)
         wanted, inertia = dynamics(plant, *state)
         assert efforts == pytest.approx(wanted, abs=1e-9) and matrix == pytest.approx(inertia, abs=1e-9)
-
-
-def test_dynamics_are_those_of_the_closed_form_of_two_links(tmp_path):
-    m1, m2, l1, c1, c2, i1, i2, g = 2.0, 1.3, 0.4, 0.22, 0.17, 0.02, 0.012, 9.81
-    body = '<origin xyz="0 0 -{}"/>'
-    tensor = 'ixx="1" ixy="0" ixz="0" iyy="{}" iyz="0" izz="1"'
-    ends = '<joint name="{}" type="continuous"><parent link="{}"/><child link="{}"/>'
-    joint = ends + '<origin xyz="0 0 {}"/><axis xyz="0 1 0"/></joint>'
-    path = tmp_path / "two.urdf"
-    path.write_text(
-        '<robot name="two"><link name="base"/>'
-        + LINK.format("u", body.format(c1), m1, tensor.format(i1))
-        + LINK.format("v", body.format(c2), m2, tensor.format(i2))
-        + joint.format("q1", "base", "u", 0)
-        + joint.format("q2", "u", "v", -l1)
-        + "</robot>"
-    )
-    chain = read_urdf(path)
-    for q, v, a in states(10, 2):
-        h = m2 * l1 * c2 * np.sin(q[1])
-        a22 = i2 + m2 * c2**2
-        a12 = a22 + m2 * l1 * c2 * np.cos(q[1])
-        a11 = i1 + m1 * c1**2 + m2 * l1**2 + 2 * a12 - a22
-        g2 = m2 * g * c2 * np.sin(q.sum())
-        g1 = (m1 * c1 + m2 * l1) * g * np.sin(q[0]) + g2
-        wanted = [
-            a11 * a[0] + a12 * a[1] - h * (2 * v[0] * v[1] + v[1] ** 2) + g1,
-            a12 * a[0] + a22 * a[1] + h * v[0] ** 2 + g2,
-        ]
-        efforts, matrix = compute_dynamics(chain, q, v, a)
-        assert efforts == pytest.approx(wanted, abs=1e-9)
-        assert matrix == pytest.approx(np.array([[a11, a12], [a12, a22]]), abs=1e-9)
 
 
 def test_compiled_inverse_dynamics_agree_with_a_plant_of_the_same_robot(inverse):
@@ -218,17 +186,6 @@ def test_the_closed_loop_follows_its_references(closed):
         assert np.std(error[len(error) // 2 :]) < 0.2 * np.std(log[f"joint_position_ref_{joint}"])
 
 
-def test_the_place_of_the_tip_is_drakes(inverse):
-    q, w = np.linspace(-1.0, 1.0, 7), np.zeros(7 * arm.WIDTH)
-    chain, plant = read_urdf(CABLE), parsed(CABLE)
-    for j, joint in enumerate(chain.joints):
-        arm.place(w, j, joint.origin, joint.angles, joint.axis, 0.0, q[j])
-    context = plant.CreateDefaultContext()
-    plant.SetPositions(context, q)
-    wanted = plant.GetFrameByName("tool").CalcPoseInWorld(context).translation()
-    assert arm.in_base(w, 6, chain.tip) == pytest.approx(wanted, abs=1e-12)
-
-
 WELD = '<joint name="b" type="fixed"><parent link="a"/><child link="a"/></joint>'
 SPOILT = {
     "entities": ('<!DOCTYPE r [<!ENTITY a "b">]><robot name="x"/>', "document type"),
@@ -293,26 +250,19 @@ def test_a_wrong_section_is_refused(section, reason, tmp_path):
         arm_machine("x", section, inside, "x/robot.yaml")
 
 
-def test_arm_that_is_called_like_a_module_of_the_machines_loads_in_a_process_of_its_own(tmp_path):
-    """Its folder holds no code, and hides none: `exodrake.machines.serial_arm` is what makes arms."""
-
-    def exodrake(*words):
-        plain = {name: value for name, value in os.environ.items() if name != plugins.VARIABLE}
-        command = [sys.executable, "-m", "exodrake", *words]
-        return subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, env=plain, check=False)
-
-    new = exodrake("new-machine", "serial_arm", "--urdf", "cable_arm")
-    found = exodrake("robot", "--machine", "serial_arm")
-    assert new.returncode == 0 and found.returncode == 0 and "arm." in found.stdout, new.stderr + found.stderr
-
-
-def test_machine_with_code_may_not_be_called_like_a_module_of_the_machines(tmp_path):
-    found = run("new-machine", tmp_path / "robot_file")
-    assert found.exit_code == 2 and "module robot_file" in found.stderr and not (tmp_path / "robot_file").exists()
-
-
 def test_limits_that_a_program_writes_for_none_are_none(tmp_path):
     path = tmp_path / "arm.urdf"
     path.write_text(MIXED.replace('lower="-1" upper="2" effort="100"', 'lower="-1e16" upper="1e308" effort="1e30"'))
     last = read_urdf(path).joints[-1]
     assert (last.lower, last.upper, last.effort) == (-np.inf, np.inf, np.inf)
+
+
+def test_names_of_arms_hide_no_module_of_the_machines(tmp_path):
+    """A folder without code may be called like one, which still makes arms; a folder with code may not."""
+    assert run("new-machine", tmp_path / "serial_arm", "--urdf", "cable_arm").exit_code == 0
+    plain = {name: value for name, value in os.environ.items() if name != plugins.VARIABLE}
+    command = [sys.executable, "-m", "exodrake", "robot", "--machine", "serial_arm"]
+    found = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, env=plain, check=False)
+    assert found.returncode == 0 and "arm." in found.stdout, found.stderr
+    refused = run("new-machine", tmp_path / "robot_file")
+    assert refused.exit_code == 2 and "module robot_file" in refused.stderr and not (tmp_path / "robot_file").exists()

@@ -54,7 +54,7 @@ def case_of(robot, logs):
     return Case("injected", {}, tuple(items), robot.machine.frame)
 
 
-def inverse_case(robot, payload=0.0, friction=(), gain=(), rows=1600):
+def inverse_case(robot, payload=0.0, friction=(), gain=(), rows=800):
     """Measured motions and the efforts that Drake finds for them; friction [N m], gain [-]: (joint, size)."""
     plant, logs = plant_of(CABLE, payload), []
     context, rng = plant.CreateDefaultContext(), np.random.default_rng(7)
@@ -106,7 +106,7 @@ def test_an_arm_as_its_model_says_has_no_gap(cable_arm):
 LATE = 1e-3  # s from a reading to the effort that answers it, as in the model's schedule
 
 
-def loop_case(robot, path, payload, rows=400):
+def loop_case(robot, path, payload, rows=300):
     """An arm that Drake moves with its own integrator, under the robot file's PD law and gravity of the bare arm."""
     believed, logs, rng = plant_of(path), [], np.random.default_rng(7)
     at = believed.CreateDefaultContext()

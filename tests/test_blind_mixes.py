@@ -5,11 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from command_line import run
 
-from exodrake.cli.main import cli
 from exodrake.data.case import read_case
-from exodrake.reference import cases
 from exodrake.reference.answers import read_committed
 from exodrake.reference.cases import MASKED, MIXES, CasePlan, draw_case, plan
 from exodrake.reference.faults import ENTRIES, LIBRARY, WITHOUT_STRENGTH, find_block, weaken
@@ -17,13 +15,6 @@ from exodrake.reference.make import WEAKEST, case_and_label, gap_in_noise
 from exodrake.reference.robot import InjectedFault
 from exodrake.reference.score import score
 from exodrake.reference.simulator import simulate
-
-
-@pytest.fixture
-def short(monkeypatch):
-    """Motions of a few seconds."""
-    for name, seconds in (("SWEEPS", 15.0), ("CHIRP", 3.0), ("HOLDS", 4.0), ("GRASPS", 6.0)):
-        monkeypatch.setattr(cases, name, seconds)
 
 
 def test_the_standard_set_of_a_seed_stays_as_published():
@@ -73,7 +64,7 @@ def test_half_logs_last_half_as_long_and_move_every_wire(unseen):
 
 
 @pytest.mark.parametrize("effect", ["sensor.offset", "tendon.compliance", "motor.slow_velocity_loop"])
-def test_small_effects_leave_a_gap_of_two_to_four_noise_standard_deviations(short, effect):
+def test_small_effects_leave_a_gap_of_two_to_four_noise_standard_deviations(short_cases, effect):
     planned = CasePlan("case", (3, 1), "single", (effect,), False, MIXES["small"])
     _, label = case_and_label(planned)
     (line,) = label["effects"]
@@ -84,18 +75,8 @@ def test_small_effects_leave_a_gap_of_two_to_four_noise_standard_deviations(shor
     assert 2.0 <= gap <= 4.0 and line["gap"] == pytest.approx(gap) and label["gap"] == pytest.approx(gap)
 
 
-def test_weaker_effects_lie_on_the_way_to_the_null_value():
-    garment = InjectedFault("tendon.compliance", parameters={"stiffness": 1000.0})
-    loop = InjectedFault("motor.slow_velocity_loop", parameters={"factor": 0.2})
-    sheath = InjectedFault("tendon.viscous_friction", ("AF",), parameters={"coefficient": 8.0})
-    assert [weaken(fault, 0.25).parameters for fault in (garment, loop, sheath)] == [
-        {"stiffness": 4000.0}, {"factor": pytest.approx(0.8)}, {"coefficient": 2.0},
-    ]  # fmt: skip
-    assert weaken(sheath, 0.25).wires == ("AF",) and weaken(sheath, 1.0) == sheath
-
-
 @pytest.mark.parametrize("effect", [name for name in LIBRARY if name not in WITHOUT_STRENGTH])
-def test_an_effect_of_no_strength_leaves_no_visible_gap(short, effect):
+def test_an_effect_of_no_strength_leaves_no_visible_gap(short_cases, effect):
     drawn = draw_case(CasePlan("case", (3, 3), "single", (effect,), False))
     absent = replace(drawn.healthy, effects=(weaken(drawn.spec.effects[0], WEAKEST),))
     robots = (replace(robot, noisy=False) for robot in (drawn.spec, absent, drawn.healthy))
@@ -104,10 +85,10 @@ def test_an_effect_of_no_strength_leaves_no_visible_gap(short, effect):
     assert gap < 2.0 and gap < max(gap_in_noise(present, healthy).values())
 
 
-def test_a_set_of_several_mixes_is_made_and_scored_mix_by_mix(short, tmp_path):
+def test_a_set_of_several_mixes_is_made_and_scored_mix_by_mix(short_cases, tmp_path):
     folder = tmp_path / "set"
-    words = f"blind make --seed 8 --cases 1 --out {folder} --mix no-mocap --mix healthy".split()
-    result = CliRunner().invoke(cli, words)
+    words = ("--seed", 8, "--cases", 1, "--out", folder, "--mix", "no-mocap", "--mix", "healthy")
+    result = run("blind", "make", *words)
     assert result.exit_code == 0 and ": 2; labels in" in result.output, result.output
     labels = read_committed(folder.with_name("set-labels.json"), folder / "seal.txt")
     assert [label["mix"] for label in labels.values()] == ["no-mocap", "healthy"]
@@ -120,14 +101,7 @@ def test_a_set_of_several_mixes_is_made_and_scored_mix_by_mix(short, tmp_path):
     assert [group.name for group in groups] == ["no-mocap", "healthy"]
 
 
-def test_an_unknown_mix_is_refused(tmp_path):
-    words = ["blind", "make", "--seed", "8", "--cases", "1", "--out", str(tmp_path / "set"), "--mix", "smal"]
-    result = CliRunner().invoke(cli, words)
-    assert result.exit_code == 2 and "no case mix 'smal'; there are standard, healthy, small" in result.output
-    assert not list(tmp_path.iterdir())
-
-
-def test_labels_say_where_outside_faults_act(short):
+def test_labels_say_where_outside_faults_act(short_cases):
     for effect, block, wires, joints in (
         ("outside.wire_snag", "tendon", ["AF"], []),
         ("outside.marker_jump", "mocap", [], ["PIP"]),
@@ -136,3 +110,16 @@ def test_labels_say_where_outside_faults_act(short):
         _, label = case_and_label(CasePlan("case", (3, 1), "unknown", (effect,), False))
         (line,) = label["effects"]
         assert (line["block"], line["wires"], line["joints"]) == (block, wires, joints)
+
+
+def test_weaker_effects_lie_on_the_way_to_the_null_value_and_an_unknown_mix_is_refused(tmp_path):
+    garment = InjectedFault("tendon.compliance", parameters={"stiffness": 1000.0})
+    loop = InjectedFault("motor.slow_velocity_loop", parameters={"factor": 0.2})
+    sheath = InjectedFault("tendon.viscous_friction", ("AF",), parameters={"coefficient": 8.0})
+    assert [weaken(fault, 0.25).parameters for fault in (garment, loop, sheath)] == [
+        {"stiffness": 4000.0}, {"factor": pytest.approx(0.8)}, {"coefficient": 2.0},
+    ]  # fmt: skip
+    assert weaken(sheath, 0.25).wires == ("AF",) and weaken(sheath, 1.0) == sheath
+    result = run("blind", "make", "--seed", 8, "--cases", 1, "--out", tmp_path / "set", "--mix", "smal")
+    assert result.exit_code == 2 and "no case mix 'smal'; there are standard, healthy, small" in result.output
+    assert not list(tmp_path.iterdir())

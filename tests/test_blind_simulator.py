@@ -1,18 +1,31 @@
-"""The reference simulator: right without effects, and different with each of them."""
+"""The reference simulator: rigid body, integrator and reference data, and each of its effects."""
 
 from functools import cache
 
 import numpy as np
 import pytest
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import FixedOffsetFrame, RevoluteJoint, SpatialInertia, UnitInertia
+from scipy.integrate import solve_ivp
 from shared_data import data_folder, needs_data
 
 from exodrake.core.errors import InputError
 from exodrake.machines.exo_index.machine import machine as exo_index
 from exodrake.reference.cases import CaseMix, CasePlan, draw_case, grasps, plan
+from exodrake.reference.dynamics import (
+    INPUT_SIZE,
+    STATE_SIZE,
+    derivative,
+    held,
+    inverse_dynamics,
+    mass_matrix,
+    rub_rate,
+)
 from exodrake.reference.faults import ENTRIES, LIBRARY, OUTSIDE, draw_effect
 from exodrake.reference.make import gap_in_noise
 from exodrake.reference.robot import FRAME, InjectedFault, Protocol, RobotSpec, draw_parameters
-from exodrake.reference.simulator import simulate
+from exodrake.reference.simulator import TOLERANCE, advance, assemble, initial_state, simulate
 
 REFERENCES = ("sweeps", "chirp", "holds", "grasps")
 NEAR = {"tension": 3e-3, "stroke": 3e-6, "angle": 6e-4}  # N, m, rad
@@ -115,8 +128,6 @@ def test_parameters_bear_the_librarys_names():
 
 def test_friction_gains_no_energy_from_a_load_that_changes():
     """In under 2 N, out under 10 N, within the presliding travel: work done on the contact never falls below 0."""
-    from exodrake.reference.dynamics import held, rub_rate
-
     friction, stiffness, dt = 0.2, 4000.0, 2e-5
     force = work = least = 0.0
     for k in range(20000):
@@ -126,3 +137,62 @@ def test_friction_gains_no_energy_from_a_load_that_changes():
         force += rub_rate(force, speed, tension, friction * tension, stiffness) * dt
         least = min(least, work)
     assert least > -1e-9 and work > 1e-5
+
+
+GRAVITY = (1.5, -9.0)
+
+
+def plant_of(record):
+    """MultibodyPlant of the finger with the record's lengths, centres, masses and unit inertias."""
+    plant = MultibodyPlant(0.0)
+    plant.mutable_gravity_field().set_gravity_vector([*GRAVITY, 0.0])
+    parent = plant.world_frame()
+    for index in range(3):
+        unit = UnitInertia(*[record["unit_inertia"][index]] * 3)
+        centre = np.array([record["centre"][index], 0.0, 0.0])
+        spatial = SpatialInertia(record["mass"][index], centre, unit, skip_validity_check=True)
+        body = plant.AddRigidBody(f"phalanx_{index}", spatial)
+        plant.AddJoint(RevoluteJoint(f"joint_{index}", parent, body.body_frame(), [0, 0, -1]))
+        tip = RigidTransform([record["length"][index], 0, 0])
+        parent = plant.AddFrame(FixedOffsetFrame(f"tip_{index}", body.body_frame(), tip))
+    plant.Finalize()
+    return plant
+
+
+def test_rigid_body_terms_equal_those_of_multibody_plant():
+    record = assemble(RobotSpec(draw_parameters(np.random.default_rng(1))), 2, None).record
+    plant = plant_of(record)
+    context, rng = plant.CreateDefaultContext(), np.random.default_rng(2)
+    for _ in range(20):
+        q, v, a = rng.uniform(-0.5, 2.0, 3), rng.uniform(-9.0, 9.0, 3), rng.uniform(-100.0, 100.0, 3)
+        plant.SetPositions(context, q)
+        plant.SetVelocities(context, v)
+        matrix = plant.CalcMassMatrix(context)
+        sine, cosine = tuple(np.sin(np.cumsum(q))), tuple(np.cos(np.cumsum(q)))
+        assert np.array(mass_matrix(record, sine, cosine)) == pytest.approx(matrix, rel=1e-10)
+        spins = tuple(np.cumsum(v)), tuple(np.cumsum(a))
+        found = inverse_dynamics(record, sine, cosine, *spins, -GRAVITY[0], -GRAVITY[1])
+        wanted = matrix @ a + plant.CalcBiasTerm(context) - plant.CalcGravityGeneralizedForces(context)
+        assert found == pytest.approx(wanted, rel=1e-9)
+
+
+def test_integrator_agrees_with_radau_of_scipy():
+    effects = (
+        InjectedFault("tendon.capstan_friction", parameters={"mu_phi": 0.3}),
+        InjectedFault("tendon.creep", parameters={"stiffness": 6000.0, "time_constant": 5.0}),
+        InjectedFault("finger.viscoelasticity", parameters={"fraction": 0.3, "time_constant": 2.0}),
+    )
+    build = assemble(RobotSpec(effects=effects, noisy=False), 10, None)
+    command = np.array([0.05, 0.02, 0.01])
+    y = initial_state(build.record)
+    scratch = np.zeros(INPUT_SIZE), np.zeros(3), np.zeros((3, 3))
+
+    def slope(time, state):
+        rate = np.zeros(STATE_SIZE)
+        derivative(time, state, rate, build.record, command, build.inputs, *scratch)
+        return rate
+
+    wanted = solve_ivp(slope, (0.0, 0.05), y, method="Radau", rtol=1e-7, atol=1e-9).y[:, -1]
+    work = np.zeros((6, STATE_SIZE)), *scratch
+    assert advance(0.0, 0.05, y, 1e-4, build.record, command, build.inputs, TOLERANCE, work) > 0
+    assert np.all(np.abs(y - wanted) < 10 * (TOLERANCE + 1e-3 * np.abs(wanted)))

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from benchmarks import diagnosis as bench
-from benchmarks.speed import Row
 from exodrake.diagnosis.parameter import effect_parameters
 from exodrake.diagnosis.problem import make_problem
 from exodrake.machines.robot_file import load_robot
@@ -38,14 +37,6 @@ def test_own_fit_and_scipy_find_what_was_injected(problem, parameters):
         np.testing.assert_allclose([p.value(c) for p, c in zip(parameters, x)], truth, rtol=0.1)
 
 
-def test_rows_are_the_bench_s(monkeypatch):
-    monkeypatch.setattr(bench, "by_scipy", lambda residual, parameters: np.array([p.start for p in parameters]))
-    monkeypatch.setattr(bench, "ours", lambda problem: np.ones(3))
-    monkeypatch.setattr(bench, "diagnose", lambda case, robot: type("Answer", (), {"verdict": "NAMED"}))
-    rows = [Row(*item) for item in bench.rows(2.0)]
-    assert [row.unit for row in rows] == ["s", "-"] * 3 + ["-", "-", "s"] and "NAMED" in rows[-1].name
-
-
 def test_scaling_cuts_logs_and_reads_exponents():
     from benchmarks.scaling import cut, growth
 
@@ -54,17 +45,3 @@ def test_scaling_cuts_logs_and_reads_exponents():
     assert [len(item.log.time) for item in short.logs] == [51, 51]  # both ends of 1 s at 20 ms
     np.testing.assert_array_equal(short.logs[0].log["tension_AF"], case.logs[0].log["tension_AF"][:51])
     assert growth([1.0, 2.0, 4.0], [3.0, 12.0, 48.0]) == pytest.approx(2.0)
-
-
-def test_scaling_has_a_diagnosis_try_fewer_effects():
-    from benchmarks.scaling import FRICTION, common, trying
-
-    assert len(common()) > 20 and trying(None) == set(common())
-    assert len(trying(5)) == 5 and trying(5) < set(common()) and FRICTION[1][0] in trying(5)
-
-
-def test_scaling_loads_what_a_diagnosis_needs():
-    """The call signature of what it warms up."""
-    from benchmarks.scaling import load_everything
-
-    load_everything(bench.rubbing(load_robot(), 3.0))

@@ -5,7 +5,7 @@ import pytest
 from diagnosis_cases import friction_problem
 
 from exodrake.diagnosis.likelihood import output_error
-from exodrake.diagnosis.linearise import PROBE, linearise, probes, renewed
+from exodrake.diagnosis.linearise import PROBE, linearise, probes
 from exodrake.diagnosis.parameter import apply, nominal_parameters
 
 
@@ -35,19 +35,6 @@ def test_direction_of_a_marker_gain_is_the_angle(problem):
     assert np.abs(others).max() < 1e-6 * np.abs(direction).max()
 
 
-def test_nominal_jacobian_is_that_of_a_small_step(problem):
-    """Difference quotients equal those of a step of another size to half a per cent."""
-    likelihood, values = output_error(problem), problem.silent()
-    nominal = tuple(p for p in nominal_parameters(problem.robot) if p.name.startswith("finger.kappa"))
-    lin = linearise(likelihood, values, np.zeros(len(nominal)), nominal, ())
-    for k, parameter in enumerate(nominal):
-        x = np.zeros(len(nominal))
-        x[k] = 0.01 * parameter.prior_std
-        moved = likelihood.residual(apply(values, nominal, x)[None])[0]
-        tangent = (moved - lin.residual) / x[k]
-        assert np.linalg.norm(lin.jacobian[k] - tangent) < 5e-3 * np.linalg.norm(tangent)
-
-
 def test_jacobian_holds_in_all_directions_those_that_hardly_show_included(problem):
     """Lengths, spools and stiffness that grow together hardly show; a long step would show their curvature instead."""
     likelihood, values, nominal = output_error(problem), problem.silent(), nominal_parameters(problem.robot)
@@ -73,23 +60,6 @@ def test_every_direction_belongs_to_one_probe_and_simulated_time_is_counted(prob
     assert {probe.effect for probe in lin.probes} == {effect.id for effect in effects}
     simulated = 1 + len(lin.directions)  # robots, 6 s each
     assert likelihood.simulated["here"] == pytest.approx(simulated * 300 * problem.robot.machine.frame)
-
-
-def test_renewed_directions_are_new_where_there_are_new_ones_and_old_elsewhere(problem):
-    """Three effects at one robot, the second of them at another one."""
-    likelihood, effects, values = output_error(problem), problem.robot.machine.effects[:3], problem.silent()
-    other = problem.robot.splice("tendon.capstan_friction", {"mu_phi": 0.3})
-    old = linearise(likelihood, values, np.zeros(0), (), effects)
-    new = linearise(likelihood, problem.silent(other), np.zeros(0), (), effects[1:2])
-    found = renewed(old, new)
-    assert {p.effect for p in found.probes} == {e.id for e in effects} and found.residual is new.residual
-    wanted = {id(p.x): (p, old) for p in old.probes if p.effect != effects[1].id} | {
-        id(p.x): (p, new) for p in new.probes
-    }
-    assert len(found.probes) == len(wanted)
-    for probe in found.probes:
-        own, lin = wanted[id(probe.x)]
-        np.testing.assert_array_equal(found.directions[probe.rows], lin.directions[own.rows])
 
 
 def test_probes_stay_within_the_bounds_of_a_fit(problem):

@@ -5,9 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from exodrake.core.errors import InputError
 from exodrake.diagnosis.healthy import healthy_case, healthy_robot
-from exodrake.diagnosis.parameter import Parameter, apply, effect_parameters, nominal_parameters, position
+from exodrake.diagnosis.parameter import Parameter, apply, effect_parameters, nominal_parameters
 from exodrake.machines.library import machine_names
 from exodrake.machines.robot_file import load_robot
 
@@ -32,11 +31,6 @@ def test_transform_is_its_formula_and_its_inverse_undoes_it(transform):
         assert parameter.coordinate(parameter.value(x)) == pytest.approx(x, rel=1e-12)
 
 
-def test_stiffness_is_infinite_at_zero_compliance():
-    stiffness = Parameter("k", (0,), "reciprocal", 0.0, math.inf, (0.0, 1.0))
-    assert stiffness.value(0.0) == stiffness.value(1e-40) == math.inf and stiffness.coordinate(math.inf) == 0.0
-
-
 def test_nominal_parameters_start_from_the_robots_values(robot):
     parameters = nominal_parameters(robot)
     assert np.array_equal(apply(robot.values, parameters, np.zeros(len(parameters))), robot.values)
@@ -59,18 +53,6 @@ def test_effects_at_null_coordinates_leave_the_robot_as_it_is(name):
             if p.amplitude:
                 assert low <= 0.0 <= high
                 assert p.value(0.0) == effect.parameters[0].null
-
-
-def test_effect_on_chosen_channels_leaves_the_others(robot):
-    effect = robot.machine.effect("tendon.capstan_friction")
-    parameters = effect_parameters(robot.machine, effect, ("MF",))
-    assert [p.channels for p in parameters if p.amplitude] == [("MF",)]
-    assert len([p for p in effect_parameters(robot.machine, effect) if p.amplitude]) == 3
-
-
-def test_tolerance_of_an_unknown_parameter_is_refused(robot):
-    with pytest.raises(InputError, match=r"finger\.kapa\.PIP"):
-        position(robot.machine, "finger.kapa.PIP")
 
 
 def test_healthy_robots_differ_within_tolerance_and_have_no_effect(robot):

@@ -10,7 +10,7 @@ from exodrake.diagnosis.noise import noise_std, robust_std, sensor_noise_std
 from exodrake.diagnosis.problem import WILD, by_trial, columns_of, make_problem
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation import protocols
-from exodrake.simulation.simulate import cubic, simulate
+from exodrake.simulation.simulate import simulate
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +53,7 @@ def alone(robot, seed=5):
 
 
 @pytest.mark.parametrize("parameter", ["mocap.sigma_q", "sensor.sigma_F"])
-@pytest.mark.parametrize("factor", [1.5, 3.0, 10.0])
+@pytest.mark.parametrize("factor", [1.5, 10.0])
 def test_noise_of_a_sensor_is_what_the_logs_show_where_the_robot_file_says_less(robot, parameter, factor):
     wanted = factor * robot[parameter]
     case = alone(robot.with_parameters({parameter: wanted}))
@@ -75,10 +75,8 @@ def test_noise_is_never_lowered_and_repeats_speak_for_themselves(robot, case):
     ("effect", "parameters"),
     [
         ("sensor.pulley_friction", {"mu": 0.07}),  # its loop hunts
-        ("sensor.pulley_friction", {"mu": 0.04}),
         ("finger.tremor", {"torque": 4e-3, "frequency": 11.0}),
         ("tendon.stribeck_friction", {}),
-        ("timing.jitter", {}),
         ("motor.dead_zone", {}),
     ],
 )
@@ -106,15 +104,9 @@ def test_residual_of_the_robot_that_wrote_the_log_is_noise(robot, case):
     problem = make_problem(case, robot)
     (residual,) = problem.residual(problem.silent()[None], problem.fit)
     assert np.mean(residual**2) == pytest.approx(1.0, abs=0.3)
-    (log,) = by_trial(residual, problem.fit)
-    assert log.shape == problem.fit[0].measured.shape
-
-
-def test_residual_is_zero_where_nothing_was_measured(robot, case):
-    problem = make_problem(case, robot)
-    problem.fit[0].measured[100:110, 2] = np.nan
+    problem.fit[0].measured[100:110, 2] = np.nan  # nothing was measured
     (log,) = by_trial(problem.residual(problem.silent()[None], problem.fit)[0], problem.fit)
-    assert not log[100:110, 2].any() and log[100:110, 1].all()
+    assert log.shape == problem.fit[0].measured.shape and not log[100:110, 2].any() and log[100:110, 1].all()
 
 
 def test_run_that_divides_by_zero_is_bad_not_fatal(robot, case):
@@ -125,12 +117,6 @@ def test_run_that_divides_by_zero_is_bad_not_fatal(robot, case):
     assert np.isfinite(residual).all()
     assert np.mean(residual[0] ** 2) < 2.0
     assert np.mean(np.abs(residual[1]) == WILD) > 0.1
-
-
-def test_cubic_interpolation_is_exact_for_a_parabola():
-    x = np.arange(20.0)
-    at = np.linspace(2.0, 16.0, 37)
-    assert np.allclose(cubic((x**2)[:, None], at)[:, 0], at**2)
 
 
 def test_late_motion_capture_shows_in_a_simulated_log(robot):

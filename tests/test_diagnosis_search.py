@@ -56,7 +56,7 @@ class Linear:
         return self
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("effect", ["a", "b", "c", "d"])
 def test_predicted_gain_factors_and_parameters_are_those_of_a_joint_fit(seed, effect):
     case = Linear(seed).settled()
@@ -64,9 +64,11 @@ def test_predicted_gain_factors_and_parameters_are_those_of_a_joint_fit(seed, ef
     assert case.cost(found) == pytest.approx(wanted.cost, rel=1e-4)
     assert found.factors == pytest.approx(wanted.x[NOMINAL:], abs=2e-3)
     assert found.x == pytest.approx(case.known.x + wanted.x[:NOMINAL], abs=2e-3)
+    gains = [p.gain for p in case.screened().values()]
+    assert next(iter(case.screened())) == "b" and gains == sorted(gains, reverse=True)  # the true effect comes first
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("effect", ["a", "b", "c", "d"])
 def test_a_nominal_parameter_does_not_go_beyond_the_bound_at_which_it_ended(seed, effect):
     """The predicted gain is that of a bounded fit in which it stays there."""
@@ -79,24 +81,10 @@ def test_a_nominal_parameter_does_not_go_beyond_the_bound_at_which_it_ended(seed
     assert found.x[0] == pytest.approx(case.known.x[0], abs=1e-9)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("effect", ["b", "c"])
 def test_factors_stay_within_their_ranges(seed, effect):
     case = Linear(seed).settled()
     found, wanted = case.screened(0.0, 0.5)[effect], case.joint(PROBES[effect], 0.0, 0.5)
     assert case.cost(found) == pytest.approx(wanted.cost, rel=1e-4)
     assert found.factors == pytest.approx(wanted.x[NOMINAL:], abs=5e-3)
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_the_true_effect_comes_first(seed):
-    found = Linear(seed).settled().screened()
-    gains = [p.gain for p in found.values()]
-    assert next(iter(found)) == "b" and gains == sorted(gains, reverse=True)
-
-
-def test_best_probe_of_an_effect_stands_for_it():
-    case = Linear(0).settled()
-    probes = [probe("a", (0,)), probe("a", (1,)), probe("d", (6,))]
-    found = case.screened(probes=probes)
-    assert list(found) == ["a", "d"] and found["a"].probe is probes[1]

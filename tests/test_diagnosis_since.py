@@ -1,7 +1,7 @@
 """Since when: the change-point scan on drawn series, and simulated robots that wear, loosen, drift or stay."""
 
 from dataclasses import replace
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 
 import numpy as np
 import pytest
@@ -14,10 +14,9 @@ from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis.change_point import RAMP, STEP, Change, ChangePoint
 from exodrake.diagnosis.healthy import healthy_robot
 from exodrake.diagnosis.isolation import isolate
-from exodrake.diagnosis.linear import LinearModel
 from exodrake.diagnosis.problem import make_problem
 from exodrake.diagnosis.result import NAMED
-from exodrake.diagnosis.since import Series, Since, date_sessions, follow_sessions, split_by_session, split_windows
+from exodrake.diagnosis.since import Series, Since, date_sessions, follow_sessions
 from exodrake.diagnosis.verdict import Decision, decide
 from exodrake.report.diagnosis_html import html_of
 from exodrake.report.since import since as since_section, words
@@ -129,21 +128,6 @@ def test_a_steady_robot_has_no_date():
     assert binomtest(held, values[:, 0].size, 0.9, alternative="less").pvalue > 0.01
 
 
-def test_columns_of_each_session_give_the_least_squares_estimates():
-    """A shared and two own parameters against numpy's least squares on stacked rows."""
-    rng, sessions, n = np.random.default_rng(7), 3, 50
-    rows = rng.standard_normal((4, sessions * n))
-    blocks = [(0, s, slice(s * n, (s + 1) * n)) for s in range(sessions)]
-    free = np.full((sessions, 3), np.inf)
-    prior = [np.zeros((sessions, 3)), np.full((sessions, 3), 1e-9), -free, free]
-    model = split_by_session(LinearModel.of_rows(rows, blocks, [one[0] for one in prior], 1.0), [0, 2], prior)
-    design = np.zeros((sessions * n, 1 + 2 * sessions))
-    design[:, 0] = rows[1]
-    for s, (*_, place) in enumerate(blocks):
-        design[place, 1 + 2 * s : 3 + 2 * s] = rows[[0, 2], place].T
-    np.testing.assert_allclose(model.posterior().step, np.linalg.lstsq(design, -rows[3])[0], atol=1e-6)
-
-
 def test_few_sessions_are_not_dated_and_undated_cases_have_no_sessions():
     case, nominal = sessions("servo.latency", [2.0] * 3, seed=2)
     assert "3 sessions" in answered(case, nominal)[0].note
@@ -151,25 +135,6 @@ def test_few_sessions_are_not_dated_and_undated_cases_have_no_sessions():
     assert [s.time for s in date_sessions(case, names)] == [0.0, 1.0, 2.0]
     bare = Case("bare", {}, tuple(CaseLog(i.log, "random", "fit", None, i.file) for i in case.logs), case.period)
     assert date_sessions(bare, names) == ()
-
-
-def test_a_long_log_is_cut_into_windows_of_ten_seconds_or_more():
-    found = split_windows(6000, 0.02)
-    assert len(found) == 12 and found[0].frames == (0, 500) and found[-1].frames[1] == 6000
-    assert found[1].time == pytest.approx(15.0) and not split_windows(2000, 0.02)
-    assert len(split_windows(90_000, 0.02)) == 24
-
-
-def test_logs_of_two_sessions_do_not_show_the_noise_and_both_are_fitted():
-    """A repeat on another day may be another robot by then."""
-    case, _ = sessions("servo.latency", [2.0, 2.0], seed=2)
-    log = case.logs[0].log
-    day = case.logs[0].date
-    logs = [CaseLog(log, "a", "fit", None, "a", day), CaseLog(log, "a", "fit", "a", "b", day)]
-    logs += [CaseLog(log, "a", "fit", "a", "c", day + timedelta(days=1))]
-    case = Case("repeats", {}, tuple(logs))
-    assert [[i.file for i in group] for group in case.repeat_groups] == [["a", "b"]]
-    assert [case.is_copy(i) for i in logs] == [False, True, False]
 
 
 def test_one_long_log_is_dated_by_windows():

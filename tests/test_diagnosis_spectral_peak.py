@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from diagnosis_cases import case_of
 
-from exodrake.diagnosis import filters
 from exodrake.diagnosis.detect import spectral_peak
 from exodrake.diagnosis.detect.spectral_peak import PROMINENT, Peak, WanderingPhase, find_peak, phase_rate
 from exodrake.diagnosis.problem import make_problem
@@ -52,13 +51,6 @@ def test_line_in_every_log_is_distinguished_from_noise(robot):
     assert not find_peak(problem, [consistent[0], consistent[1], with_peak[2]]).certain  # in one log only: no tremor
 
 
-def test_band_of_a_slow_line_can_be_filtered(robot):
-    """A line at the slow end has no band below zero, which no filter takes."""
-    slow = Peak(1.0, np.zeros(1), 10.0, 1.0)
-    left = filters.without(slow.bands(25.0), np.ones((500, 1)), robot.machine.frame)
-    assert np.isfinite(left).all()
-
-
 @pytest.mark.parametrize(("frequency", "rate"), [(6.3, 0.0), (6.3, 0.5), (6.3, 2.0), (1.6, 0.5)])
 def test_rate_of_a_wandering_phase_is_recovered(robot, frequency, rate):
     """Six logs of 60 s: the estimate of a rate of 2 rad^2/s scatters by 10 %."""
@@ -97,12 +89,3 @@ def test_slow_bursts_are_no_tremor(robot):
     wave = 3.0 * np.sin(2 * np.pi * 0.9 * time + 0.2 * np.cumsum(rng.standard_normal(2000)))[:, None]
     found = find_peak(problem, [rng.standard_normal((2000, len(problem.columns))) + wave for _ in range(3)])
     assert found.prominence > PROMINENT and not found.certain
-
-
-def test_short_log_beside_long_ones_hides_no_tremor(robot):
-    rng, problem = np.random.default_rng(0), make_problem(case_of(robot, 3), robot)
-    logs = [rng.standard_normal((frames, 2)) for frames in (1000, 1500, 120)]
-    for log in logs:
-        log[:, 0] += 2.0 * np.sin(2.0 * np.pi * FREQUENCY * 0.02 * np.arange(len(log)))
-    assert find_peak(problem, logs).frequency == pytest.approx(FREQUENCY, abs=0.1)
-    assert find_peak(problem, logs[2:]).frequency == pytest.approx(FREQUENCY, abs=0.5)  # windows of 2.4 s

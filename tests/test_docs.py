@@ -10,11 +10,12 @@ import click
 import numpy as np
 import pytest
 import yaml
-from click.testing import CliRunner
+from command_line import run
 
 import exodrake as exo
 from exodrake.cli.main import cli
 from exodrake.core import plugins
+from exodrake.data.import_log import import_log
 from exodrake.machines.library import machine_names
 
 ROOT = Path(__file__).parent.parent
@@ -35,15 +36,9 @@ def blocks(page: Path, language: str) -> list[str]:
 
 def commands(page: Path) -> list[str]:
     """Lines of indented code and of sh blocks that start with `exodrake`."""
-    bare = FENCE.sub("", page.read_text())
-    lines = [line[4:] for line in bare.splitlines() if line.startswith("    ")]
+    lines = [line[4:] for line in FENCE.sub("", page.read_text()).splitlines() if line.startswith("    ")]
     lines += [line for text in blocks(page, "sh") for line in text.splitlines()]
     return [line.strip() for line in lines if line.strip().startswith("exodrake ")]
-
-
-def mentioned(page: Path) -> list[str]:
-    """Inline code that starts with `exodrake` and a command."""
-    return re.findall(r"`(exodrake [a-z][^`]*)`", FENCE.sub("", page.read_text()))
 
 
 def play(page: Path, capsys) -> dict:
@@ -70,46 +65,39 @@ def resolved(words: list[str]) -> tuple[click.Command, click.Context, list[str]]
     return command, context, rest
 
 
-COMMANDS = [(page, line) for page in PAGES for line in commands(page)]
-MENTIONED = [(page, line) for page in PAGES for line in mentioned(page)]
-
-
-@pytest.fixture(scope="module")
-def place_with_a_machine(tmp_path_factory):
-    """A folder with the machines that the pages speak of."""
-    folder = tmp_path_factory.mktemp("place")
+def test_commands_of_the_pages_are_taken_by_the_command_line(tmp_path, monkeypatch):
+    """From a folder with the machines that the pages speak of; of inline code the options are known."""
+    monkeypatch.setenv(plugins.VARIABLE, "")
+    monkeypatch.chdir(tmp_path)
     servos = ["my_servos", "--joints", "shoulder,elbow", "--servo", "motor"]
     for options in (["my_arm"], ["cable_arm", "--urdf", "cable_arm"], servos):
-        made = CliRunner().invoke(cli, ["new-machine", str(folder / options[0]), *options[1:]])
-        assert made.exit_code == 0, made.output
-    return folder
+        assert run("new-machine", *options).exit_code == 0
+    lines = [line for page in PAGES for line in commands(page)]
+    for line in lines:
+        command, context, rest = resolved(shlex.split(line, comments=True)[1:])
+        command.make_context(context.info_name, rest, parent=context.parent)
+    mentioned = [
+        line for page in PAGES for line in re.findall(r"`(exodrake [a-z][^`]*)`", FENCE.sub("", page.read_text()))
+    ]
+    for line in mentioned:
+        command, _, rest = resolved(shlex.split(line)[1:])
+        options = {name for parameter in command.params for name in parameter.opts} | {"--help"}
+        assert {word for word in rest if word.startswith("-")} <= options, line
+    assert len(lines) > 25 and len(mentioned) > 12
 
 
-@pytest.mark.parametrize(("page", "line"), COMMANDS, ids=lambda value: value if isinstance(value, str) else "")
-def test_a_command_is_one_that_the_command_line_takes(page, line, place_with_a_machine, monkeypatch):
-    if "--machine" in line:
-        monkeypatch.setenv(plugins.VARIABLE, "")
-        monkeypatch.chdir(place_with_a_machine)
-    command, context, rest = resolved(shlex.split(line, comments=True)[1:])
-    command.make_context(context.info_name, rest, parent=context.parent)
-
-
-@pytest.mark.parametrize(("page", "line"), MENTIONED, ids=lambda value: value if isinstance(value, str) else "")
-def test_a_command_mentioned_is_there_with_its_options(page, line):
-    command, _, rest = resolved(shlex.split(line)[1:])
-    options = {name for parameter in command.params for name in parameter.opts} | {"--help"}
-    assert {word for word in rest if word.startswith("-")} <= options
-
-
-def test_there_are_commands_to_check():
-    assert len(COMMANDS) > 25 and len(MENTIONED) > 12
-
-
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
-def test_python_blocks_compile_and_name_what_is_public(page):
-    for text in blocks(page, "python"):
-        compile(text, str(page), "exec")
-        assert set(re.findall(r"\bexo\.(\w+)", text)) <= set(exo.PUBLIC), page
+def test_blocks_of_the_pages_compile_and_links_lead_to_files():
+    """Python names what is public, YAML is a mapping; a link of the site stays in the site."""
+    for page in PAGES:
+        for text in blocks(page, "python"):
+            compile(text, str(page), "exec")
+            assert set(re.findall(r"\bexo\.(\w+)", text)) <= set(exo.PUBLIC), page
+        assert all(isinstance(yaml.safe_load(text), dict) for text in blocks(page, "yaml")), page
+        for target in re.findall(r"\]\(([^)#]+)", FENCE.sub("", page.read_text())):
+            if "://" not in target and not any(part in target for part in ("reference/", "guide/tutorial.md")):
+                found = (page.parent / target).resolve()
+                in_site = not page.is_relative_to(ROOT / "docs") or found.is_relative_to(ROOT / "docs")
+                assert found.exists() and in_site, f"{page.name}: {target}"
 
 
 @pytest.mark.parametrize("name", ["README.md", "docs/howto/drake.md", "docs/howto/robot.md", "docs/guide/simulate.md"])
@@ -118,51 +106,37 @@ def test_python_blocks_print_what_the_page_says(name, tmp_path, monkeypatch, cap
     play(ROOT / name, capsys)
 
 
-def test_the_commands_of_the_readme_print_and_leave_what_it_says(tmp_path, monkeypatch):
-    """All lines of its sh blocks, one after the other; a text block after one is part of what its last line prints."""
+def test_the_commands_of_the_readme_print_and_leave_what_it_says(tmp_path, short_cases, monkeypatch):
+    """All lines of its sh blocks, one after the other; a text block after one is part of what its last line prints.
+
+    The drawn case has shorter logs.
+    """
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv(plugins.VARIABLE, "")
     found = FENCE.findall((ROOT / "README.md").read_text())
     for (language, source), (after, text) in zip(found, [*found[1:], ("", "")]):
         printed = ""
         for line in source.splitlines() if language == "sh" else ():
-            run = CliRunner().invoke(cli, shlex.split(line)[1:])
-            printed = run.output
-            assert run.exit_code == 0, f"{line}\n{printed}"
+            result = run(*shlex.split(line)[1:])
+            printed = result.output
+            assert result.exit_code == 0, f"{line}\n{printed}"
         assert language != "sh" or after != "text" or text in printed, printed
     assert (tmp_path / "rusty" / "recording.html").stat().st_size > 1e5
-    assert (tmp_path / "my_answer" / "improved.yaml").is_file() and "<svg" in (
-        tmp_path / "answer" / "report.html"
-    ).read_text()
+    assert (tmp_path / "my_answer" / "improved.yaml").is_file()
+    assert "<svg" in (tmp_path / "answer" / "report.html").read_text()
     truth = json.loads((tmp_path / "cases-labels.json").read_text())["cases"]["case_00"]["effects"]
     assert [effect["id"] for effect in truth] == ["tendon.capstan_friction"]  # as the page says
     assert "tendon.capstan_friction" in exo.load_robot("answer/improved.yaml").effects()
 
 
-def test_the_readme_is_short():
-    """900 words outside code, those of tables included; one sentence in twenty may have more than 25 words."""
-    text = re.sub(r"^    .*$", "", FENCE.sub("", (ROOT / "README.md").read_text()), flags=re.M)
-    words = re.sub(r"\]\([^)]*\)", "]", text).replace("|", " ")
-    assert len(words.split()) <= 900
-    prose = [
-        line for line in re.split(r"(?<=[.:;!?])\s|\n\n", re.sub(r"^[|#].*$", "", words, flags=re.M)) if line.strip()
-    ]
-    assert sum(len(sentence.split()) > 25 for sentence in prose) <= len(prose) / 20
-
-
-def test_each_task_of_the_readme_is_short():
-    """At most three commands, or 15 lines of Python."""
+def test_the_readme_is_short_and_names_every_command():
+    """900 words outside code, those of tables included; a task takes at most three commands, or 15 lines of Python."""
     text = (ROOT / "README.md").read_text()
-    tasks = text[text.index("## Five things") : text.index("## How well it diagnoses")]
-    found = [FENCE.findall(task) for task in re.split(r"^\*\*\d\. ", tasks, flags=re.M)[1:]]
-    assert len(found) == 5
-    for language, source in (block for task in found for block in task):
-        lines = [line for line in source.splitlines() if line]
-        assert len(lines) <= {"sh": 3, "python": 15}.get(language, 99), source
-
-
-def test_the_readme_names_every_command():
-    table = (ROOT / "README.md").read_text().partition("## Commands")[2].partition("\n## ")[0]
+    words = re.sub(r"^    .*$", "", FENCE.sub("", text), flags=re.M)
+    assert len(re.sub(r"\]\([^)]*\)", "]", words).replace("|", " ").split()) <= 900
+    for language, source in FENCE.findall(text):
+        assert len([line for line in source.splitlines() if line]) <= {"sh": 3, "python": 15}.get(language, 99), source
+    table = text.partition("## Commands")[2].partition("\n## ")[0]
     table += "demo draw warm-up"  # run by make, or beside the point there
     assert not [name for name in cli.list_commands(click.Context(cli)) if name not in table]
 
@@ -178,18 +152,20 @@ def test_a_notebook_runs_and_prints_what_is_stored(path):
         assert cell["cell_type"] != "code" or _notebook.stored(cell) == printed
 
 
-@pytest.mark.parametrize("name", machine_names())
-def test_a_figure_shows_an_effect_beyond_the_noise(name):
-    robot = exo.load_robot(name)
-    shown, svg = _figures.effect_figure(robot, robot.machine.effects[0])
-    assert shown.size > 2.0 and b"<svg" in svg
-
-
-def test_every_effect_of_every_machine_has_a_page_of_its_own():
+def test_pages_are_in_the_nav_and_every_command_and_effect_has_one():
+    nav = (ROOT / "mkdocs.yml").read_text()
+    assert not [p for p in (ROOT / "docs").rglob("*.md") if f": {p.relative_to(ROOT / 'docs')}" not in nav]
+    made = dict(_pages.command_pages())
+    for name in cli.list_commands(click.Context(cli)):
+        assert f"exodrake {name}" in made[f"reference/commands/{name}.md"]
     found = effect_paths()
     paths = [path for name in machine_names() for path in found[name]]
-    assert len(set(paths)) == len(paths) == sum(len(exo.load_robot(name).machine.effects) for name in machine_names())
+    robots = [exo.load_robot(name) for name in machine_names()]
+    assert len(set(paths)) == len(paths) == sum(len(robot.machine.effects) for robot in robots)
     assert found.keys() - machine_names() == {"serial arms"}
+    for robot in robots:  # a figure shows an effect beyond the noise
+        shown, svg = _figures.effect_figure(robot, robot.machine.effects[0])
+        assert shown.size > 2.0 and b"<svg" in svg
 
 
 def test_sources_of_effects_lead_into_the_page_on_physics():
@@ -211,19 +187,11 @@ def test_the_effect_to_add_is_one():
     assert law(5.0, 0.05, 100.0) == pytest.approx(5.0 - 100.0 * 0.05**2)
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
-def test_yaml_blocks_are_yaml(page):
-    for text in blocks(page, "yaml"):
-        assert isinstance(yaml.safe_load(text), dict)
-
-
 def test_files_in_the_how_tos_are_read(tmp_path):
     """The robot, and the recording with its mapping and result."""
     robot = blocks(ROOT / "docs" / "howto" / "robot.md", "yaml")[0]
     (tmp_path / "wearer.yaml").write_text(robot)
     assert exo.load_robot(tmp_path / "wearer.yaml")["finger.kappa.MCP"] == 0.09
-    from exodrake.data.import_log import import_log
-
     page = ROOT / "docs" / "howto" / "import.md"
     (tmp_path / "map.yaml").write_text(blocks(page, "yaml")[0])
     table, recording, _, result = blocks(page, "text")[:4]
@@ -232,26 +200,3 @@ def test_files_in_the_how_tos_are_read(tmp_path):
     log = import_log(tmp_path / "drive.csv", tmp_path / "map.yaml")
     assert log.equals(exo.read_log(tmp_path / "result.csv"))
     np.testing.assert_allclose(exo.read_log(tmp_path / "log.csv")["tension_AF"], [1.012, 0.998])
-
-
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
-def test_links_lead_to_files(page):
-    made = ("reference/", "guide/tutorial.md")
-    for target in re.findall(r"\]\(([^)#]+)", FENCE.sub("", page.read_text())):
-        if "://" in target or any(part in target for part in made):
-            continue
-        found = (page.parent / target).resolve()
-        assert found.exists(), f"{page.name}: {target}"
-        in_site = not page.is_relative_to(ROOT / "docs") or found.is_relative_to(ROOT / "docs")
-        assert in_site, f"{page.name}: {target} is no page of the site"
-
-
-def test_every_page_is_in_the_nav():
-    nav = (ROOT / "mkdocs.yml").read_text()
-    assert not [p for p in (ROOT / "docs").rglob("*.md") if f": {p.relative_to(ROOT / 'docs')}" not in nav]
-
-
-def test_a_page_for_each_command():
-    made = dict(_pages.command_pages())
-    for name in cli.list_commands(click.Context(cli)):
-        assert f"exodrake {name}" in made[f"reference/commands/{name}.md"]

@@ -6,8 +6,6 @@ from dataclasses import fields, is_dataclass
 from importlib import import_module
 from pkgutil import walk_packages
 
-import pytest
-
 import exodrake as exo
 from exodrake import analysis, estimator, grasping, identification
 from exodrake.diagnosis import result
@@ -51,51 +49,18 @@ PUBLIC = {
 }
 
 
-def test_there_are_functions_with_arrays():
+def test_docstrings_name_shape_and_unit_of_arrays():
     assert len(PUBLIC) > 60
+    for name, function in PUBLIC.items():
+        text = inspect.getdoc(function) or ""
+        assert SHAPE.search(text) and UNIT.search(text), f"{name}: {text}"
 
 
-@pytest.mark.parametrize("name", PUBLIC)
-def test_docstring_names_the_shape_of_arrays(name):
-    assert SHAPE.search(inspect.getdoc(PUBLIC[name]) or ""), inspect.getdoc(PUBLIC[name])
-
-
-@pytest.mark.parametrize("name", PUBLIC)
-def test_docstring_names_the_unit_of_arrays(name):
-    assert UNIT.search(inspect.getdoc(PUBLIC[name]) or ""), inspect.getdoc(PUBLIC[name])
-
-
-@pytest.mark.parametrize(
-    "text", ["(n,)", "(rows, 3)", "(..., 4, 4)", "(n, 2 x wires)", "(frames, joints) [rad]", "(n, len(names))"]
-)
-def test_shapes_are_recognised(text):
-    assert SHAPE.search(text)
-
-
-@pytest.mark.parametrize("text", ["(see above)", "(default)", "(Eq. 3)", "()"])
-def test_other_parentheses_are_not_shapes(text):
-    assert not SHAPE.search(text)
-
-
-def attributes(docstring):
-    """Names that begin a line of the section `Attributes:`, in order."""
-    section = docstring.partition("\nAttributes:\n")[2].partition("\n\n")[0]
-    return re.findall(r"^    (\w+): \S", section, re.MULTILINE)
-
-
-DATACLASSES = {name: value for name in exo.PUBLIC if is_dataclass(value := getattr(exo, name))}
-DATACLASSES |= {name: value for name, value in vars(result).items() if is_dataclass(value)}
-
-
-def test_there_are_public_dataclasses():
-    assert {"Log", "Case", "Robot", "Diagnosis"} <= set(DATACLASSES)
-
-
-@pytest.mark.parametrize("name", DATACLASSES)
-def test_docstring_names_each_field_in_a_line_of_its_own(name):
-    named = attributes(inspect.getdoc(DATACLASSES[name]) or "")
-    assert [field.name for field in fields(DATACLASSES[name]) if field.name not in named] == []
-
-
-def test_chained_fields_have_no_line_of_their_own():
-    assert attributes("Result.\n\nAttributes:\n    a: first. b: second.\n    c, d: ends.") == ["a"]
+def test_docstrings_of_dataclasses_name_each_field_in_a_line_of_its_own():
+    found = {name: value for name in exo.PUBLIC if is_dataclass(value := getattr(exo, name))}
+    found |= {name: value for name, value in vars(result).items() if is_dataclass(value)}
+    assert {"Log", "Case", "Robot", "Diagnosis"} <= set(found)
+    for name, value in found.items():
+        section = (inspect.getdoc(value) or "").partition("\nAttributes:\n")[2].partition("\n\n")[0]
+        named = re.findall(r"^    (\w+): \S", section, re.MULTILINE)
+        assert [field.name for field in fields(value) if field.name not in named] == [], name

@@ -63,14 +63,6 @@ def test_sheath_never_gives_energy(seed: int) -> None:
     assert np.sum(work - np.diff(energy)) > 1e-3
 
 
-def test_little_sheath_friction_is_a_plain_wire() -> None:
-    rng = np.random.default_rng(0)
-    strokes, takens = 0.003 + np.cumsum(rng.normal(0, 1e-5, 300)), np.cumsum(rng.normal(0, 1e-5, 300))
-    near, far, _ = sheath(strokes, takens, mu=1e-6).T
-    plain = K * np.maximum(0.0, strokes - takens)
-    assert near == pytest.approx(plain, rel=1e-5) and far == pytest.approx(plain, rel=1e-5)
-
-
 def test_pulley_takes_its_work_from_the_motor() -> None:
     """Strands in the ratio of a capstan over half a turn, the reading their mean; a cycle costs the motor its loop."""
     mu, tension, reach, state = 0.04, 6.0, 0.01, (0.0, 0.0)

@@ -34,13 +34,6 @@ def course(law, values, *parameters, states: int) -> np.ndarray:
     return np.array(shown)
 
 
-def test_static_errors_are_what_they_say() -> None:
-    assert [signal.clipped(v, 0.4) for v in (-1.0, 0.3, 1.0)] == [-0.4, 0.3, 0.4]
-    assert [signal.beyond(v, 0.25) for v in (-1.0, 0.2, 1.0)] == [-0.75, 0.0, 0.75]
-    assert [signal.rounded(v, 0.25) for v in (-0.3, 0.1, 0.2)] == [-0.25, 0.0, 0.25]
-    assert [signal.lost(2.0, 1.0, u, 0.1) for u in (0.05, 0.15)] == [1.0, 2.0]
-
-
 @pytest.mark.parametrize("samples", [0.0, 0.3, 1.0, 2.75, 8.0])
 def test_a_delay_shifts_a_straight_line_by_fractions_of_a_sample(samples: float) -> None:
     """Mixing two neighbours is exact for a line; a sine of slow phase is late by the delay, too."""

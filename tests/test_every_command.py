@@ -19,7 +19,7 @@ SHORT = "steps:dwell=2"
 # command -> its arguments besides --robot; {} is a folder with a log of the machine
 ALL = {
     "simulate": [SHORT, "--out", "{}/run"],
-    "compare": ["{}/log.csv", "{}/log.csv", "--out", "{}/c.png"],
+    "compare": ["{}/log.csv", "{}/log.csv"],
     "robot": [],
     "effects": [],
     "draw": ["--out", "{}/wiring.svg"],
@@ -29,9 +29,9 @@ ALL = {
     "diagnose": ["{}/log.csv"],  # up to the diagnosis itself, which takes minutes
     "experiment": ["{}/log.csv", "--out", "{}/e.csv"],  # up to the diagnosis
     "calibrate": ["--case", "{}/absent"],  # a refusal: with robots it takes minutes
-    "response": ["{}/log.csv", "--out", "{}/response"],
+    "response": ["{}/log.csv"],
     "fit": ["{}/log.csv", "--free", "absent"],  # a refusal: no parameter is free in all machines
-    "sweep": ["--reference", "{}/log.csv", "--robots", "2", "--out", "{}/sweep"],
+    "sweep": ["--reference", "{}/log.csv", "--robots", "2"],
     "alarm-limits": ["--robots", "2", "--minutes", "0.5", "--jobs", "1"],
 }
 SOME = {
@@ -47,10 +47,8 @@ SOME = {
 NONE = ("demo", "identify", "blind", "import", "new-machine", "feedforward", "warm-up", "fleet")
 REFUSED = {"calibrate", "fit", "grasp", "train", "estimate"}  # what this test asks of these is wrong for any machine
 LONG = {"analyse", "tune", "workspace"}  # for the machine that they are made for, tested elsewhere
-MADE_FOR, LOOPS = (
-    "exo_index",
-    {"dvrk_wrist", "emps", "mixed_loop", "motor_servos", "so101", "tendon_sheath"},
-)  # with a loop
+MADE_FOR = "exo_index"
+LOOPS = {"dvrk_wrist", "emps", "mixed_loop", "motor_servos", "so101", "tendon_sheath"}  # with a loop
 ARMS = {
     "cable_arm": ["--urdf", "cable_arm"],
     "mixed_loop": ["--urdf", "{}", "--form", "closed-loop"],

@@ -1,9 +1,7 @@
 """A fleet: answers of many cases as one table and one page, with onsets, failures and spoilt files that are known."""
 
 import json
-import os
 import re
-import signal
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 
@@ -16,7 +14,6 @@ from scipy.stats import binom
 from exodrake.cli.main import cli
 from exodrake.core.confidence import ALPHA
 from exodrake.core.errors import InputError
-from exodrake.data.case import Case, CaseLog, write_case
 from exodrake.diagnosis.change_point import RAMP, STEP
 from exodrake.diagnosis.fleet import (
     FAILURE,
@@ -29,7 +26,7 @@ from exodrake.diagnosis.fleet import (
     sort_rows,
     table_bytes,
 )
-from exodrake.diagnosis.many import diagnose_all, read_stored
+from exodrake.diagnosis.many import read_stored
 from exodrake.diagnosis.result import NAMED, NO_GAP, RETUNE, UNKNOWN
 from exodrake.report.fleet import fleet_html, members, strip
 
@@ -313,42 +310,3 @@ def test_a_torn_failure_hides_no_other_answer(tmp_path, torn):
         (tmp_path / name / "failed.json").write_text(text)
     good, other = read_answers(tmp_path)
     assert good.reason == "no log" and other.verdict == FAILURE and "failed.json" in other.reason
-
-
-def short_case(number, serial):
-    """Two logs of 3 s of a rigid sheath: a case that is diagnosed in less than a second."""
-    import exodrake as exo
-    from exodrake.simulation import protocols
-    from exodrake.simulation.references import on_machine
-
-    nominal, logs = exo.load_robot("tendon_sheath"), []
-    for k in range(2):
-        motion = on_machine(protocols.random_motion, nominal, duration=4.0, seed=2 * number + k, fastest=1.0)
-        name, date = f"{k}.csv", START + timedelta(days=number)
-        logs.append(CaseLog(exo.simulate(nominal, motion, seed=2 * number + k), "random", "fit", None, name, date))
-    return Case(f"{serial}-{number}", {}, tuple(logs), nominal.machine.frame, serial=serial)
-
-
-def test_a_killed_worker_and_a_second_run_lose_no_case_and_answer_none_twice(tmp_path):
-    distributed = pytest.importorskip("distributed", reason="the extra `cluster` is not installed")
-    places = {}
-    for number in range(6):
-        write_case(short_case(number, "so-1"), tmp_path / "cases" / f"{number}")
-        places[tmp_path / "cases" / f"{number}"] = tmp_path / "answers" / f"{number}"
-    some = dict(list(places.items())[:2])
-    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50) as local:
-        address = local.scheduler_address
-        assert diagnose_all(some, cluster=address, robot="tendon_sheath") == {}
-        kept = {place: read_stored(place)["seconds"] for place in some.values()}
-        with distributed.Client(address, set_as_default=False) as client:
-            victims = sorted(client.run(os.getpid).values())[:1]
-
-        def progress(done, failed, total):
-            if done > 2 and victims:
-                os.kill(victims.pop(), signal.SIGKILL)
-
-        assert diagnose_all(places, cluster=address, progress=progress, robot="tendon_sheath") == {}
-    assert not victims and {place: read_stored(place)["seconds"] for place in some.values()} == kept
-    rows = read_answers(tmp_path / "answers")
-    assert [row.case for row in rows] == [str(n) for n in range(6)] and {row.serial for row in rows} == {"so-1"}
-    assert [row.date for row in rows] == [START + timedelta(days=n) for n in range(6)]

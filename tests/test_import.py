@@ -1,26 +1,25 @@
-"""Foreign recordings of every kind: nested values, either way round, bags, data sets, derived columns, two clocks."""
+"""Foreign recordings of every kind: what a mapping file says is what the log holds; what it cannot say is refused."""
 
 import io
 import json
 import re
 
+import h5py
 import numpy as np
 import pytest
 import yaml
-from bags import BAG, TIME, N, Q, json_mcap, sqlite_bag
+from bags import BAG, BAG_MAP, TIME, N, Q, imported, json_mcap, lerobot, sqlite_bag
 from command_line import run
+from mcap.reader import make_reader
 from mcap_ros2.writer import Writer as RosWriter
-from scipy.io import savemat
+from scipy.io import loadmat, savemat
 
 from exodrake.core.errors import InputError
-from exodrake.core.units import default_unit
 from exodrake.data.case import read_case
 from exodrake.data.formats import read_log, write_log
 from exodrake.data.import_log import Track, find_lag, import_all, import_log, import_recording, low_pass, read_mapping
 from exodrake.data.log import Log
 from exodrake.data.tables import list_columns
-from exodrake.diagnosis.checks.compare import check_case
-from exodrake.machines.robot_file import load_robot
 
 MAP = {
     "time": {"column": "run.t", "unit": "s"},
@@ -28,13 +27,19 @@ MAP = {
 }
 
 
+TABLE = 't,cell,pos,note\n0,1000,"[1.0, 90.0]",start\n20000,,"[2.0, 180.0]",go\n40000,3000,"[3.0, 270.0]",stop\n'
+TABLE_MAP = {
+    "time": {"column": "t", "unit": "us"},
+    "columns": {
+        "cell": {"name": "tension_AF", "unit": "mN", "scale": 0.5, "offset": -100},
+        "pos[1]": {"name": "position_elbow", "unit": "deg"},
+    },
+}
 NAMES = ("angle_wrist", "angle_elbow")
 
 
-def imported(folder, content: bytes, name: str, mapping=MAP):
-    (folder / "map.yaml").write_text(yaml.safe_dump(mapping))
-    (folder / name).write_bytes(content)
-    return import_log(folder / name, folder / "map.yaml")
+def changed(**keys) -> dict:
+    return {**TABLE_MAP, **keys}
 
 
 def check(log) -> None:
@@ -43,11 +48,130 @@ def check(log) -> None:
     np.testing.assert_array_equal(log.array("angle", ("wrist", "elbow")), Q)
 
 
+def test_text_by_mapping(tmp_path):
+    log = imported(tmp_path, TABLE, TABLE_MAP)
+    np.testing.assert_array_equal(log.time, [0, 0.02, 0.04])
+    np.testing.assert_allclose(log["tension_AF"], [0.4, np.nan, 1.4], rtol=1e-15)
+    np.testing.assert_allclose(log["position_elbow"], [np.pi / 2, np.pi, 1.5 * np.pi])
+    assert log.units == {"tension_AF": "N", "position_elbow": "rad"}
+
+
+def test_text_of_other_habits(tmp_path):
+    mapping = {
+        "time": {"period": 0.01},
+        "columns": {"1": {"name": "force_x", "unit": "kN"}},
+        **{"separator": ";", "decimal": ",", "skip": 2, "heading": False},
+    }
+    log = imported(tmp_path, "# made by\n# someone\n7;1,5\n8;2,5\n", mapping)
+    np.testing.assert_allclose(log["force_x"], [1500, 2500])
+    np.testing.assert_allclose(log.time, [0, 0.01])
+
+
+def test_repeated_times_and_frames(tmp_path):
+    mapping = {"time": {"column": "t", "start": 5}, "period": 0.02, "columns": {"x": {"name": "force_x", "unit": "N"}}}
+    rows = [(0, 1), (0, 1), (0.01, 2), (0.021, 3), (0.1, 4)]
+    log = imported(tmp_path, "t,x\n" + "\n".join(f"{t},{x}" for t, x in rows), mapping)
+    np.testing.assert_allclose(log.time, 5 + 0.02 * np.arange(6))
+    np.testing.assert_array_equal(log["force_x"], [2, 3, 3, np.nan, np.nan, 4])
+
+
+@pytest.mark.parametrize(
+    ("mapping", "content", "parts"),
+    [
+        (TABLE_MAP, "", ["drive.csv", "empty"]),
+        (TABLE_MAP, TABLE.replace("cell", "zelle"), ["drive.csv", "'cell'", "zelle"]),
+        (TABLE_MAP, TABLE.replace("3000", "much"), ["'cell'", "row 3", "'much'"]),
+        (TABLE_MAP, TABLE.replace(", 270.0", ""), ["'pos[1]'", "row 3"]),
+        (TABLE_MAP, TABLE.replace("40000", "10000"), ["'t'", "row 3"]),
+        (TABLE_MAP, TABLE.replace("20000", ""), ["'t'", "row 2"]),
+        (TABLE_MAP, TABLE.replace(",stop", ""), ["row 3", "3 cells"]),
+        (TABLE_MAP, TABLE.replace("note", "cell"), ["'cell'", "twice"]),
+        (TABLE_MAP, TABLE.replace("1000", "").replace("3000", ""), ["tension_AF", "empty"]),
+        (changed(time={}), TABLE, ["no time"]),
+        (changed(time={"column": "t", "unit": "fortnight"}), TABLE, ["map.yaml", "'time'", "fortnight"]),
+        (changed(columns={}), TABLE, ["map.yaml", "'columns'"]),
+        (changed(columns={"cell": {"name": "tension_AF"}}), TABLE, ["'columns.cell'", "'unit'"]),
+        (changed(columns={"cell": {"name": "tension_AF", "unit": "mm"}}), TABLE, ["'columns.cell'", "[mm]", "[N]"]),
+        (changed(columns={"cell": {"name": "time", "unit": "s"}}), TABLE, ["'time'"]),
+        (
+            changed(columns={"cell": {"name": "x", "unit": "N", "scale": "big"}}),
+            TABLE,
+            ["'columns.cell.scale'", "'big'"],
+        ),
+        (changed(sepparator=";"), TABLE, ["'sepparator'", "'separator'"]),
+        (changed(period=0), TABLE, ["'period'"]),
+        (changed(period=1e-9), TABLE.replace("40000", "4e13"), ["too many"]),
+        ("- 1", TABLE, ["map.yaml"]),
+    ],
+)
+def test_what_is_wrong_is_named(tmp_path, mapping, content, parts):
+    with pytest.raises(InputError) as caught:
+        imported(tmp_path, content, mapping)
+    for part in parts:
+        assert part in str(caught.value)
+
+
+def test_mcap_is_what_foxglove_opens(tmp_path):
+    log = Log(np.array([-0.02, 0, 0.02]), {"tension_AF": np.array([1, np.nan, 3]), "angle_MCP": np.ones(3)})
+    write_log(log, tmp_path / "log.mcap")
+    with open(tmp_path / "log.mcap", "rb") as stream:
+        found = [(s, c, m) for s, c, m in make_reader(stream).iter_messages(topics=["/tension"])]
+    assert [json.loads(message.data) for *_, message in found] == [{"AF": 1.0}, {}, {"AF": 3.0}]
+    assert [message.log_time for *_, message in found] == [0, 20_000_000, 40_000_000]
+    assert found[0][0].encoding == "jsonschema" and found[0][1].message_encoding == "json"
+    assert json.loads(found[0][0].data)["properties"]["AF"] == {"type": "number", "description": "N"}
+
+
+def test_mat_is_what_matlab_opens(tmp_path):
+    write_log(Log(np.arange(3.0), {"tension_AF": np.arange(3.0)}), tmp_path / "log.mat")
+    found = loadmat(tmp_path / "log.mat")
+    assert found["tension_AF"].shape == (3, 1) and found["units"]["tension_AF"][0, 0].item() == "N"
+    with pytest.raises(InputError, match="odd-name"):
+        write_log(Log(np.arange(3.0), {"odd-name": np.arange(3.0)}, {"odd-name": "N"}), tmp_path / "odd.mat")
+    assert not (tmp_path / "odd.mat").exists()
+
+
+@pytest.mark.parametrize("stamp", ["log", "header"])
+def test_ros2_bag(tmp_path, stamp):
+    mapping = {**BAG_MAP, "period": 0.02, "stamp": stamp}
+    if stamp == "header":
+        mapping["columns"] = {key: value for key, value in BAG_MAP["columns"].items() if "command" not in key}
+    log = imported(tmp_path, BAG, mapping, "bag.mcap")
+    assert len(log) == 100 and log.dt == pytest.approx(0.02)
+    np.testing.assert_array_equal(log["angle_MCP"], 2.0 * np.arange(100))
+    np.testing.assert_array_equal(log["angle_PIP"], 1.0 * np.arange(100))
+    np.testing.assert_array_equal(log["force_z"][:50], 1.0 + 2 * np.arange(50))
+    assert np.isnan(log["force_z"][52:]).all()
+    if stamp == "log":
+        assert np.isfinite(log["speed_cmd_AF"][[0, 20, 40]]).all() and np.isnan(log["speed_cmd_AF"][10])
+
+
+def test_ros2_hold_keeps_a_command(tmp_path):
+    log = imported(tmp_path, BAG, {**BAG_MAP, "hold": 1000}, "bag.mcap")
+    np.testing.assert_allclose(log["speed_cmd_AF"], 0.04 * (np.arange(100) // 20))
+
+
+@pytest.mark.parametrize(
+    ("column", "part"),
+    [
+        ("/joint_states", "TOPIC:FIELD"),
+        ("/nothing:data", "'/nothing'"),
+        ("/command:daten", "'daten'"),
+        ("/joint_states:name", "not a number"),
+        ("/joint_states:velocity[9]", "empty"),
+    ],
+)
+def test_ros2_wrong_column_is_named(tmp_path, column, part):
+    mapping = {"columns": {column: {"name": "force_x", "unit": "N"}}}
+    with pytest.raises(InputError, match=part.replace("[", r"\[")):
+        imported(tmp_path, BAG, mapping, "bag.mcap")
+
+
 @pytest.mark.parametrize("turned", [False, True])
 def test_a_matlab_struct_either_way_round(tmp_path, turned):
     stream = io.BytesIO()
     savemat(stream, {"run": {"t": TIME, "q": Q.T if turned else Q, "note": "left arm", "cal": {"k": 2.0}}})
-    check(imported(tmp_path, stream.getvalue(), "run.mat"))
+    check(imported(tmp_path, stream.getvalue(), MAP, "run.mat"))
 
 
 def test_arrays_of_structs_and_cells_have_an_index(tmp_path):
@@ -59,22 +183,13 @@ def test_arrays_of_structs_and_cells_have_an_index(tmp_path):
         "time": {"column": "trial[1].t"},
         "columns": {"c[1][0]": {"name": "angle_wrist", "unit": "rad"}},
     }
-    log = imported(tmp_path, stream.getvalue(), "run.mat", mapping)
+    log = imported(tmp_path, stream.getvalue(), mapping, "run.mat")
     np.testing.assert_array_equal(log.time, 1.0 + TIME)
     np.testing.assert_array_equal(log["angle_wrist"], Q[:, 0])
 
 
-def test_a_square_matrix_is_read_as_the_mapping_says(tmp_path):
-    stream, square = io.BytesIO(), np.arange(9.0).reshape(3, 3)
-    np.savez(stream, t=np.arange(3.0), q=square)
-    for side, wanted in (("rows", square[:, 1]), ("columns", square[1])):
-        mapping = {"time": {"column": "t"}, "columns": {"q[1]": {"name": "force_x", "unit": "N"}}, "samples": side}
-        np.testing.assert_array_equal(imported(tmp_path, stream.getvalue(), "q.npz", mapping)["force_x"], wanted)
-
-
 @pytest.mark.parametrize("matlab", [False, True])
 def test_hdf5_and_matlab_7_3(tmp_path, matlab):
-    h5py = pytest.importorskip("h5py")
     with h5py.File(tmp_path / "made.h5", "w", userblock_size=512 if matlab else 0) as file:
         group = file.create_group("run")
         data = {"t": TIME[None] if matlab else TIME, "q": Q.T if matlab else Q}
@@ -87,35 +202,31 @@ def test_hdf5_and_matlab_7_3(tmp_path, matlab):
     content = (tmp_path / "made.h5").read_bytes()
     if matlab:  # as MATLAB heads its files of version 7.3
         content = b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM" + content[128:]
-    check(imported(tmp_path, content, "run.mat" if matlab else "run.h5"))
+    check(imported(tmp_path, content, MAP, "run.mat" if matlab else "run.h5"))
     slashes = {**MAP, "time": {"column": "/run/t"}}
-    check(imported(tmp_path, content, "run.mat" if matlab else "run.h5", slashes))
+    check(imported(tmp_path, content, slashes, "run.mat" if matlab else "run.h5"))
 
 
 def test_json_objects_records_and_lines(tmp_path):
     whole = {"run": {"t": TIME.tolist(), "q": Q.tolist(), "who": "me"}}
-    check(imported(tmp_path, json.dumps(whole).encode(), "run.json"))
+    check(imported(tmp_path, json.dumps(whole), MAP, "run.json"))
     rows = [{"t": t, "q": q, "ok": True} for t, q in zip(TIME.tolist(), Q.tolist(), strict=True)]
-    check(imported(tmp_path, json.dumps({"run": rows}).encode(), "run.json"))
+    check(imported(tmp_path, json.dumps({"run": rows}), MAP, "run.json"))
     lines = "\n".join(json.dumps({"run": row}) for row in rows).encode()
-    check(imported(tmp_path, lines, "run.jsonl"))
+    check(imported(tmp_path, lines, MAP, "run.jsonl"))
     for spoilt, word in ((b"[" * 100_000, "deep"), (b"{", "not JSON"), (b"3", "one value")):
         with pytest.raises(InputError, match=word):
-            imported(tmp_path, spoilt, "run.json")
+            imported(tmp_path, spoilt, MAP, "run.json")
 
 
 @pytest.mark.parametrize("definitions", [False, True])
 def test_a_bag_in_sqlite(tmp_path, definitions):
-    folder = tmp_path / "bag"
-    folder.mkdir()
-    sqlite_bag(folder / "bag_0.db3", definitions)
-    mapping = {
-        "time": {"start": 0},
-        "columns": {f"/joint_states:position[{j}]": {"name": f"angle_{j}", "unit": "rad"} for j in ("wrist", "elbow")},
-    }
-    (tmp_path / "map.yaml").write_text(yaml.safe_dump(mapping))
-    check(import_log(folder, tmp_path / "map.yaml"))
-    check(import_log(folder / "bag_0.db3", tmp_path / "map.yaml"))
+    columns = {f"/joint_states:position[{j}]": {"name": f"angle_{j}", "unit": "rad"} for j in ("wrist", "elbow")}
+    (tmp_path / "bag").mkdir()
+    sqlite_bag(tmp_path / "bag" / "bag_0.db3", definitions)
+    content = (tmp_path / "bag" / "bag_0.db3").read_bytes()
+    check(imported(tmp_path, content, {"time": {"start": 0}, "columns": columns}, "run.db3"))
+    check(import_log(tmp_path / "bag", tmp_path / "map.yaml"))
 
 
 def test_joint_states_need_no_mapping(tmp_path):
@@ -140,7 +251,7 @@ def test_a_log_of_ours_in_mcap_is_listed_and_imported_by_its_headings(tmp_path):
     assert made.exit_code == 0 and read_log(tmp_path / "log.csv").equals(log)
     columns = {"tension_AF [N]": {"name": "force_x", "unit": "N"}}
     mapping = {"time": {"column": "time [s]"}, "columns": columns}
-    mapped = imported(tmp_path, (tmp_path / "log.mcap").read_bytes(), "log.mcap", mapping)
+    mapped = imported(tmp_path, (tmp_path / "log.mcap").read_bytes(), mapping, "log.mcap")
     np.testing.assert_array_equal(mapped["force_x"], log["tension_AF"])
 
 
@@ -173,7 +284,7 @@ def test_json_messages_of_mcap(tmp_path, content, fields):
     columns = {f"/state:{field}": {"name": name, "unit": "rad"} for field, name in zip(fields, NAMES)}
     columns |= {f"/command:{fields[0]}": {"name": "angle_ref_wrist", "unit": "deg"}}
     mapping = {"time": {"start": 0}, "columns": columns, "period": 0.02}
-    log = imported(tmp_path, (tmp_path / "run.mcap").read_bytes(), "run.mcap", mapping)
+    log = imported(tmp_path, (tmp_path / "run.mcap").read_bytes(), mapping, "run.mcap")
     check(log)
     np.testing.assert_allclose(log["angle_ref_wrist"], np.radians(Q[:, 0]))
 
@@ -182,12 +293,12 @@ def test_json_messages_have_foxgloves_stamp_and_are_refused_by_topic(tmp_path):
     stamp = [{"timestamp": {"sec": 7, "nsec": round(1e9 * t)}, "q": q[0]} for t, q in zip(TIME[:40], Q)]
     content = json_mcap([("/state", 5.0 + 0.1 * k, state) for k, state in enumerate(stamp)])
     mapping = {"columns": {"/state:q": {"name": "angle_wrist", "unit": "rad"}}, "stamp": "header", "period": 0.02}
-    log = imported(tmp_path, content, "run.mcap", mapping)
+    log = imported(tmp_path, content, mapping, "run.mcap")
     np.testing.assert_allclose(log.time[[0, -1]], [7.0, 7.0 + TIME[-1]])
     for key, said in (("/state:speed", "topic '/state' has no field 'speed'"), ("/state:timestamp", "is not a number")):
         wrong = {**mapping, "columns": {key: {"name": "angle_wrist", "unit": "rad"}}}
         with pytest.raises(InputError, match=re.escape(said)):
-            imported(tmp_path, content, "run.mcap", wrong)
+            imported(tmp_path, content, wrong, "run.mcap")
 
 
 def test_messages_in_a_list_of_a_message_are_listed_and_read(tmp_path):
@@ -202,7 +313,7 @@ def test_messages_in_a_list_of_a_message_are_listed_and_read(tmp_path):
     writer.finish()
     columns = {f"/motors:motors[{k}].turns": {"name": name, "unit": "rad"} for k, name in enumerate(NAMES)}
     mapping = {"time": {"start": 0}, "columns": columns, "period": 0.02}
-    log = imported(tmp_path, stream.getvalue(), "run.mcap", mapping)
+    log = imported(tmp_path, stream.getvalue(), mapping, "run.mcap")
     check(log)
     listed = run("import", tmp_path / "run.mcap").output
     assert "motors[0].turns" in listed and "motors[1].turns" in listed and "label" not in listed
@@ -210,24 +321,9 @@ def test_messages_in_a_list_of_a_message_are_listed_and_read(tmp_path):
 
 @pytest.mark.parametrize("version", [2, 3])
 def test_a_lerobot_data_set(tmp_path, version):
-    arrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
-    names = ["wrist_flex.pos", "elbow_flex.pos"]
-    feature = {"dtype": "float32", "shape": [2], "names": names if version == 3 else {"motors": names}}
-    info = {"fps": 50, "features": {"action": feature, "observation.state": feature}}
-    (tmp_path / "set" / "meta").mkdir(parents=True)
-    (tmp_path / "set" / "meta" / "info.json").write_text(json.dumps(info))
-    folder = tmp_path / "set" / "data" / "chunk-000"
-    folder.mkdir(parents=True)
-    tables = []
-    for episode in range(3):
-        columns = {"action": (10.0 * Q).tolist(), "observation.state": (10.0 * Q + episode).tolist()}
-        columns |= {"timestamp": TIME.tolist(), "episode_index": [episode] * N}
-        tables.append(arrow.table(columns))
-    if version == 3:
-        parquet.write_table(arrow.concat_tables(tables), folder / "file-000.parquet")
-    else:
-        for episode, table in enumerate(tables):
-            parquet.write_table(table, folder / f"episode_{episode:06d}.parquet")
+    one_file = {"chunk-000/file-000.parquet": range(3)}
+    files = one_file if version == 3 else {f"chunk-000/episode_{k:06d}.parquet": [k] for k in range(3)}
+    lerobot(tmp_path / "set", files, grouped=version == 2)
     made = run("import", tmp_path / "set", "--unit", "deg", "--out", tmp_path / "case")
     assert made.exit_code == 0, made.output
     case = read_case(tmp_path / "case")
@@ -277,7 +373,7 @@ def test_derivative_and_difference(tmp_path):
     }
     stream = io.BytesIO()
     savemat(stream, {"run": {"t": TIME, "q": Q}})
-    log = imported(tmp_path, stream.getvalue(), "run.mat", mapping)
+    log = imported(tmp_path, stream.getvalue(), mapping, "run.mat")
     np.testing.assert_allclose(log["angle_speed_wrist"][1:-1], 3.0 * np.cos(3.0 * TIME[1:-1]), atol=3**3 * 0.02**2 / 6)
     assert log.units["angle_speed_wrist"] == "rad/s"
     np.testing.assert_allclose(log["angle_twist"], 0.5 * (Q[:, 1] - Q[:, 0]) + 1.0)
@@ -338,7 +434,7 @@ def test_sync_moves_the_columns_and_says_so_in_the_case(tmp_path):
 )
 def test_what_is_wrong_in_a_mapping_is_named(tmp_path, key, value, word):
     with pytest.raises(InputError, match=word):
-        imported(tmp_path, b"{}", "run.json", {**MAP, key: value})
+        imported(tmp_path, "{}", {**MAP, key: value}, "run.json")
 
 
 @pytest.mark.parametrize(
@@ -352,9 +448,9 @@ def test_what_is_wrong_in_a_mapping_is_named(tmp_path, key, value, word):
 def test_a_mapping_without_the_separator_is_told_it(tmp_path, text, lacks):
     mapping = {"time": {"column": "ms", "unit": "ms"}, "columns": {"q": {"name": "angle_a", "unit": "rad"}}}
     with pytest.raises(InputError, match=re.escape(f"the mapping file lacks {lacks}")):
-        imported(tmp_path, text.encode(), "run.csv", mapping)
+        imported(tmp_path, text, mapping)
     marks = yaml.safe_load("\n".join(lacks.split(" and ")))
-    assert imported(tmp_path, text.encode(), "run.csv", mapping | marks)["angle_a"].tolist() == [1.5, 1.6]
+    assert imported(tmp_path, text, mapping | marks)["angle_a"].tolist() == [1.5, 1.6]
 
 
 def test_the_command_lists_columns_and_makes_a_case_of_several_recordings(tmp_path):
@@ -373,6 +469,9 @@ def test_the_command_lists_columns_and_makes_a_case_of_several_recordings(tmp_pa
     assert [(item.file, item.role) for item in case.logs][1:] == [("run1.csv.gz", "fit"), ("run2.csv.gz", "holdout")]
     own = run("import", tmp_path / "case" / "run0.csv.gz", "--out", tmp_path / "own.npz")
     assert own.exit_code == 0 and read_log(tmp_path / "own.npz").equals(case.logs[0].log)
+    deep = run("import", tmp_path / "case" / "run0.csv.gz", "--out", tmp_path / "new" / "deep" / "t.npz")
+    assert deep.exit_code == 0 and len(read_log(tmp_path / "new" / "deep" / "t.npz")) == 50
+    assert "a folder without" in run("import", tmp_path / "new").stderr
     refused = run("import", *files, "--map", tmp_path / "map.yaml", "--out", tmp_path / "one.csv")
     assert refused.exit_code == 2 and "3 logs" in refused.stderr
 
@@ -391,71 +490,3 @@ def test_the_command_lists_columns_and_makes_a_case_of_several_recordings(tmp_pa
 def test_the_marks_of_a_text_table_are_guessed(text, names, last):
     found = list_columns(text.encode(), "table.txt")
     assert list(found) == names and found[names[-1]][-1] == last
-
-
-def test_the_folder_of_a_log_is_made_and_a_folder_without_recording_is_named(tmp_path):
-    (tmp_path / "t.csv").write_text("time [s],force_x [N]\n0,1\n1,2\n")
-    made = run("import", tmp_path / "t.csv", "--out", tmp_path / "new" / "deep" / "t.npz")
-    assert made.exit_code == 0 and len(read_log(tmp_path / "new" / "deep" / "t.npz")) == 2
-    for words in ((), ("--out", tmp_path / "x.csv")):
-        assert "a folder without" in run("import", tmp_path / "new", *words).stderr
-
-
-@pytest.mark.parametrize("numbers", [[[0.0]] * 2, [0.0, float("nan")]])
-def test_episodes_of_a_data_set_without_one_number_a_row_are_refused(tmp_path, numbers):
-    arrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
-    (tmp_path / "meta").mkdir()
-    (tmp_path / "data").mkdir()
-    (tmp_path / "meta" / "info.json").write_text(json.dumps({"fps": 50, "features": {}}))
-    parquet.write_table(
-        arrow.table({"timestamp": [0.0, 0.1], "episode_index": numbers}), tmp_path / "data" / "a.parquet"
-    )
-    assert "'episode_index': wanted one number" in run("import", tmp_path).stderr
-
-
-def test_jitter_of_a_clock_with_a_sample_a_frame_neither_loses_nor_repeats_samples(tmp_path):
-    """A sine of half a hertz on a clock of 20 ms that errs by 0.1 ms (RMS): 0.07 mrad at most on the mean."""
-    rng, frame = np.random.default_rng(0), 0.02
-    time = frame * np.arange(1000) + 1e-4 * rng.standard_normal(1000)
-    rows = [f"{t:.7f},{0.3 * np.sin(np.pi * t):.9f}" for t in time]
-    (tmp_path / "run.csv").write_text("t,x\n" + "\n".join(rows) + "\n")
-    mapping = {"time": {"column": "t", "unit": "s"}, "columns": {"x": {"name": "angle_x", "unit": "rad"}}}
-    (tmp_path / "map.yaml").write_text(yaml.safe_dump(mapping | {"period": frame}))
-    log = import_log(tmp_path / "run.csv", tmp_path / "map.yaml")
-    angle = log["angle_x"]
-    assert np.isfinite(angle).all() and np.all(np.diff(angle) != 0.0)
-    assert np.sqrt(np.mean((angle - 0.3 * np.sin(np.pi * (log.time + time[0]))) ** 2)) < 1e-4
-
-
-def test_recording_of_a_single_row_is_one_frame_without_a_warning(tmp_path, recwarn):
-    (tmp_path / "run.csv").write_text("t,x\n0.1,0.5\n")
-    mapping = {"time": {"column": "t", "unit": "s"}, "columns": {"x": {"name": "angle_x", "unit": "rad"}}}
-    (tmp_path / "map.yaml").write_text(yaml.safe_dump(mapping | {"period": 0.02}))
-    assert import_log(tmp_path / "run.csv", tmp_path / "map.yaml")["angle_x"].tolist() == [0.5] and not recwarn.list
-
-
-def recorded_case(folder, step: float, machine, **stated):
-    """The case that `import` makes of a recording of a machine whose clock errs by 0.5 ms (RMS)."""
-    rng = np.random.default_rng(4)
-    columns = machine.log_names(column for column in machine.columns if column.required)
-    time = step * np.arange(300) + 5e-4 * rng.standard_normal(300)
-    table = np.column_stack([time, rng.standard_normal((300, len(columns)))])
-    np.savetxt(folder / "run.csv", table, "%.9f", ",", header=",".join(("t", *columns)), comments="")
-    named = {name: {"name": name, "unit": default_unit(name)} for name in columns}
-    (folder / "map.yaml").write_text(yaml.safe_dump({"time": {"column": "t"}, "columns": named, **stated}))
-    made = run("import", folder / "run.csv", "--map", folder / "map.yaml", "--out", folder / "case")
-    assert made.exit_code == 0, made.output
-    return read_case(folder / "case")
-
-
-def test_a_case_on_about_the_clock_of_the_machine_has_its_frames(tmp_path):
-    machine = load_robot().machine
-    case = recorded_case(tmp_path, 0.0200033, machine)
-    assert case.period == machine.frame == 0.02
-    check_case(case, machine)
-
-
-@pytest.mark.parametrize(("step", "stated", "period"), [(0.05, {}, 0.05), (0.02, {"period": 0.021}, 0.021)])
-def test_a_case_on_another_clock_keeps_its_own_period_and_a_stated_one_holds(tmp_path, step, stated, period):
-    case = recorded_case(tmp_path, step, load_robot().machine, **stated)
-    assert case.period == pytest.approx(period, rel=0.01) and (not stated or case.period == period)

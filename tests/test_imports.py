@@ -37,10 +37,6 @@ BELOW = {
 }
 
 
-def part_of(module: str) -> str:
-    return module.split(".")[1] if "." in module else ""
-
-
 def is_module(name: str) -> bool:
     place = PACKAGE.parent.joinpath(*name.split("."))
     return place.with_suffix(".py").is_file() or (place / "__init__.py").is_file()
@@ -70,78 +66,54 @@ def imports(path: Path) -> set[str]:
     return found
 
 
-@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(PACKAGE)))
-def test_imports_go_one_way(path):
-    here = part_of(".".join(["exodrake", *path.relative_to(PACKAGE).with_suffix("").parts]))
-    if not here:
-        return
-    for module in imports(path):
-        if module.split(".")[0] != "exodrake":
-            continue
-        there = part_of(module)
-        assert there in BELOW[here] | {here, "__version__"}, f"{path} imports {module}"
+def name_of(path: Path) -> str:
+    return ".".join(["exodrake", *path.relative_to(PACKAGE).with_suffix("").parts]).removesuffix(".__init__")
+
+
+IMPORTS = {path: imports(path) for path in FILES}
+
+
+def test_imports_go_one_way_and_drake_is_imported_in_few_places():
+    for path, found in IMPORTS.items():
+        assert "from pydrake.all import *" not in path.read_text()
+        _, *here = name_of(path).split(".")
+        drake = [module for module in found if module.split(".")[0] == "pydrake"]
+        assert not drake or here[0] in ("systems", "diagrams", "analysis"), f"{path} imports {drake}"
+        own = {module.split(".")[1] for module in found if module.startswith("exodrake.")}
+        assert not here or own <= BELOW[here[0]] | {here[0], "__version__"}, f"{path} imports {own}"
 
 
 PACKAGES = set(BELOW) - {"__main__"}
 ARCHITECTURE = "docs/explain/architecture.md"
 
 
-@pytest.mark.parametrize("name", ["CONTRIBUTING.md", ARCHITECTURE])
-def test_diagram_of_imports_names_each_package(name):
-    text = (PACKAGE.parent / name).read_text()
-    diagram = text[text.index("core <-") : text.index("<- cli") + len("<- cli")]
-    assert set(re.findall(r"\w+", diagram)) == PACKAGES - {"data"}
-    assert "`data` stands on `core` alone" in text
-
-
-def test_folder_table_names_each_package():
-    assert set(re.findall(r"`(\w+)/", (PACKAGE.parent / ARCHITECTURE).read_text())) >= PACKAGES
+def test_diagram_of_imports_and_folder_table_name_each_package():
+    for name in ("CONTRIBUTING.md", ARCHITECTURE):
+        text = (PACKAGE.parent / name).read_text()
+        diagram = text[text.index("core <-") : text.index("<- cli") + len("<- cli")]
+        assert set(re.findall(r"\w+", diagram)) == PACKAGES - {"data"} and "`data` stands on `core` alone" in text
+    assert set(re.findall(r"`(\w+)/", text)) >= PACKAGES
 
 
 def test_no_modules_import_each_other_in_a_circle():
     """Imports inside functions count."""
-    names = {".".join(["exodrake", *path.relative_to(PACKAGE).with_suffix("").parts]): path for path in FILES}
-    names = {name.removesuffix(".__init__"): path for name, path in names.items()}
-    graph = {name: imports(path) & set(names) - {name, "exodrake"} for name, path in names.items()}
+    names = {name_of(path): found for path, found in IMPORTS.items()}
+    graph = {name: found & set(names) - {name, "exodrake"} for name, found in names.items()}
     try:
         list(TopologicalSorter(graph).static_order())
     except CycleError as error:
         pytest.fail(" <- ".join(error.args[1]))
 
 
-def may_use_drake(path: Path) -> bool:
-    parts = path.relative_to(PACKAGE).parts
-    return parts[0] in ("systems", "diagrams", "analysis")
+def printed(code: str, *arguments: str) -> str:
+    command = [sys.executable, "-c", code, *arguments]
+    return subprocess.run(command, capture_output=True, text=True, check=True, cwd=PACKAGE.parent).stdout
 
 
-@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(PACKAGE)))
-def test_drake_is_imported_in_few_places(path):
-    drake = [module for module in imports(path) if module.split(".")[0] == "pydrake"]
-    assert not drake or may_use_drake(path), f"{path} imports {drake}"
-    assert "from pydrake.all import *" not in path.read_text()
-
-
-def loaded_by(*arguments: str) -> set[str]:
-    code = (
-        "import sys; sys.argv = ['exodrake', *sys.argv[1:]]\n"
-        "from exodrake.cli.main import main\n"
-        "try: main()\n"
-        "except SystemExit: pass\n"
-        "print('\\n' + ' '.join(sorted(m for m in sys.modules if '.' not in m)))"
-    )
-    run = subprocess.run(
-        [sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=True, cwd=PACKAGE.parent
-    )
-    return set(run.stdout.splitlines()[-1].split())
-
-
-def test_help_is_light():
+def test_help_and_the_package_itself_are_light():
     heavy = {"numpy", "scipy", "numba", "matplotlib", "pydrake", "sklearn", "yaml", "rich", "shapely", "control"}
-    assert not heavy & loaded_by("--help")
-    assert not heavy & loaded_by("--version")
-
-
-def test_the_package_itself_is_light():
+    code = "import sys; sys.argv = ['exodrake', *sys.argv[1:]]\nfrom exodrake.cli.main import main\ntry: main()\n"
+    code += "except SystemExit: pass\nprint('\\n' + ' '.join(sorted(m for m in sys.modules if '.' not in m)))"
+    assert not heavy & set(printed(code, "--help").splitlines()[-1].split())
     code = "import exodrake as exo, sys; print('numpy' in sys.modules); exo.Log; print('pydrake' in sys.modules)"
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=PACKAGE.parent)
-    assert run.stdout.split() == ["False", "False"]
+    assert printed(code).split() == ["False", "False"]

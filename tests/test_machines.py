@@ -1,7 +1,5 @@
 """Four machines beside the Exo-Index: laws against closed forms, both engines, injected parameters found again."""
 
-import math
-
 import numpy as np
 import pytest
 from effects_motion import motion_of
@@ -12,7 +10,7 @@ from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis.pipeline import diagnose
 from exodrake.diagnosis.problem import make_problem
 from exodrake.diagnosis.result import CAUSE
-from exodrake.effects import friction, servo, signal
+from exodrake.effects import friction, servo
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation.simulate import record, simulate
 from studies.real_machines.growing_models import growing_models
@@ -108,15 +106,6 @@ def test_a_braked_carriage_stops_after_the_way_that_energy_allows_and_stays():
     assert v == 0.0 and way == pytest.approx(0.5 * mass * speed**2 / force, rel=1e-3)
 
 
-def test_laws_of_the_carriage():
-    assert friction.viscous(10.0, 0.1, 50.0) == pytest.approx(5.0)
-    assert friction.opposed(10.0, -3.0) == 13.0
-    forwards, backwards = (friction.directed(0.0, v, 30.0) for v in (0.2, -0.2))
-    assert forwards == backwards == pytest.approx(-6.0)
-    assert friction.level(0.0, 20.0, 1.5, 0.01) == pytest.approx(30.0)
-    assert friction.level(1.0, 20.0, 1.5, 0.01) == pytest.approx(20.0)
-
-
 @pytest.mark.parametrize("spread", [0.0, 0.4])
 def test_play_in_a_sheath_is_the_mean_of_three_plays(spread):
     """Play keeps an angle, a stop what is left of the way: two forms of one operator (Brokate, Sprekels 1996)."""
@@ -158,39 +147,6 @@ def test_friction_that_builds_up_is_distinguished_from_friction_that_does_not():
     for identity, parameters in injected.items():
         for name, value in parameters.items():
             assert fitted[f"{identity}.{name}"] == pytest.approx(value, rel=0.05), name
-
-
-def test_play_encloses_the_area_of_its_parallelogram():
-    half, size = 0.1, 1.0
-    command = size * np.sin(np.linspace(0, 4 * np.pi, 40_001))
-    angle, z = [], 0.0
-    for aim in command:
-        z = signal.rests(aim, z, half)
-        angle.append(z)
-    cycle = slice(20_000, None)
-    area = abs(np.trapezoid(np.array(angle)[cycle], command[cycle]))
-    assert area == pytest.approx(4.0 * half * (size - half), rel=1e-3)
-
-
-def test_play_of_a_sheath_grows_as_round_a_capstan():
-    ratio = servo.half_width(math.pi, 0.3, 0.17) / servo.half_width(0.0, 0.3, 0.17)
-    assert ratio == pytest.approx(math.exp(0.17 * math.pi))
-    stops = servo.settle_strands(0.0, 1.0, 0.0, 0.3, 0.17, 0.0, 0.0, 0.0, 0.0)
-    assert servo.behind_sheath(1.0, 0.0, 0.3, 0.17, 0.0, *stops) == pytest.approx(0.7)
-
-
-def test_laws_of_the_joints():
-    assert servo.lost_in_bends(0.5, math.pi, 0.1) == pytest.approx(0.5 * math.exp(-0.1 * math.pi))
-    assert servo.sagging(0.0, 0.03) == pytest.approx(0.03)
-    assert servo.sagging(math.pi / 2, 0.03) == pytest.approx(math.pi / 2)
-    assert servo.moved_by_next(0.1, 1.0, 0.2) == pytest.approx(0.3)
-    assert servo.moved_by_previous(0.1, 1.0, 0.2) == pytest.approx(0.3)
-    assert servo.drag_by_next(0.01, 0.1, 0.2, 0.1, 0.05) == pytest.approx(0.07)
-    assert servo.drag_by_previous(0.01, -1.0, 0.2, 0.1, 0.05) == pytest.approx(-0.1)
-    angle = 0.0
-    for _ in range(50):
-        angle = servo.lagging(1.0, angle, 0.002, 0.05)
-    assert angle == pytest.approx(1.0 - math.exp(-0.1 / 0.05))
 
 
 def test_a_dragged_joint_goes_from_one_stop_to_the_other():

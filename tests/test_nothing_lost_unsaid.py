@@ -1,16 +1,20 @@
 """No sample of a recording is lost, doubled or moved without a word: refused in one sentence, or counted in a note."""
 
 import io
-import json
 import sqlite3
 import zipfile
 
 import numpy as np
+import pyarrow as arrow
+import pyarrow.parquet as parquet
 import pytest
+from bags import JOINT_STATE, RosWriter, lerobot, sqlite_bag
+from mcap.reader import make_reader
+from mcap.writer import Writer
+from scipy.io import savemat
 
 import exodrake as exo
 from exodrake.core.errors import InputError
-from exodrake.core.schema import parse_json
 from exodrake.data.import_log import Column, Mapped, frame_period, import_all, import_recording, read_mapping
 from exodrake.data.log import Log, regularise
 from exodrake.monitor.watcher import Grid, Rows
@@ -33,9 +37,6 @@ def refusal(function, *arguments, **options):
 
 def ros_bag(path, stamps, logged=None, numbers=None, order=None, joints=None):
     """A bag of joint states whose n-th message holds position n; in the order given."""
-    pytest.importorskip("mcap_ros2", reason="the extra `mcap` is not installed")
-    from bags import JOINT_STATE, RosWriter
-
     stream = io.BytesIO()
     writer = RosWriter(stream)
     kind = writer.register_msgdef("sensor_msgs/msg/JointState", JOINT_STATE)
@@ -70,9 +71,6 @@ def test_a_bag_whose_clock_goes_wrong_is_refused(tmp_path, clock, stamps, said):
 
 
 def test_a_sqlite_bag_whose_recorder_steps_back_is_refused(tmp_path):
-    pytest.importorskip("mcap_ros2", reason="the extra `mcap` is not installed")
-    from bags import sqlite_bag
-
     path = tmp_path / "a.db3"
     sqlite_bag(path, definitions=False)
     with sqlite3.connect(path) as bag:
@@ -84,9 +82,6 @@ def test_a_sqlite_bag_whose_recorder_steps_back_is_refused(tmp_path):
 @pytest.mark.parametrize("name", ["messages", "topics", "Messages"])
 def test_a_sqlite_bag_of_views_is_refused_before_it_is_read(tmp_path, name):
     """A view may be recursive and have no end."""
-    pytest.importorskip("mcap_ros2", reason="the extra `mcap` is not installed")
-    from bags import sqlite_bag
-
     path = tmp_path / "a.db3"
     sqlite_bag(path, definitions=False)
     with sqlite3.connect(path) as bag:
@@ -123,14 +118,12 @@ def test_lost_and_late_messages_are_counted(tmp_path):
     assert "100 samples on 5100 frames" in jump and "4999 left empty" in jump
 
 
-def test_joints_of_two_publishers_on_a_topic_are_both_whole(tmp_path):
+def test_joints_of_two_publishers_on_a_topic_are_both_whole_and_one_that_is_named_twice_is_refused(tmp_path):
     path = ros_bag(tmp_path / "a.mcap", np.repeat(EVEN[:50], 2), joints=[["MCP"], ["PIP"]] * 50)
     assert import_all(path, mapped("header"))["a"].log["angle_MCP"].tolist() == list(range(0, N, 2))
-
-
-def test_a_joint_that_a_message_names_twice_is_refused(tmp_path):
-    path = ros_bag(tmp_path / "a.mcap", EVEN, joints=[["MCP", "MCP"]] * N)
-    assert "twice" in refusal(import_all, path, mapped("header"))
+    assert "twice" in refusal(
+        import_all, ros_bag(tmp_path / "b.mcap", EVEN, joints=[["MCP", "MCP"]] * N), mapped("log")
+    )
 
 
 def table(path, time, mark=""):
@@ -164,12 +157,12 @@ def test_samples_that_frames_drop_or_repeat_are_counted(tmp_path):
     assert "100 samples on 124 frames of 20 ms: the sample before again in 24" in slow
 
 
+LONG = 0.02 * np.arange(3000)
+
+
 def log_at(time):
     time = np.asarray(time)
     return Log(time, {"tension_AF": np.arange(float(len(time)))}, source="a.csv")
-
-
-LONG = 0.02 * np.arange(3000)
 
 
 @pytest.mark.parametrize(
@@ -208,10 +201,6 @@ def test_a_log_that_grows_at_another_rate_is_refused():
 
 def own_mcap(path, change):
     """A log of ours whose messages [topic, number, time, text] a change may lose or turn round."""
-    pytest.importorskip("mcap", reason="the extra `mcap` is not installed")
-    from mcap.reader import make_reader
-    from mcap.writer import Writer
-
     signals = {"tension_AF": np.arange(8.0), "stroke_AF": 10.0 + np.arange(8.0)}
     exo.write_log(Log(0.02 * np.arange(8), signals), path)
     reader, stream = make_reader(io.BytesIO(path.read_bytes())), io.BytesIO()
@@ -264,54 +253,53 @@ def test_a_number_with_marks_between_its_digits_is_refused(tmp_path, decimal, ce
     assert f"column 'x', row 2: {cell!r} is not a number" in refusal(import_recording, path, given)
 
 
-@pytest.mark.parametrize("cell", ["-1,5", "+.5e-3", "2.", "1E4", " 7 ", "0"])
-def test_usual_numbers_are_read(tmp_path, cell):
-    path, decimal = tmp_path / "a.csv", "," if "," in cell else "."
-    path.write_text(f"t;x\n0;{cell}\n")
-    found = import_recording(path, Mapped(TABLE.columns, time="t", separator=";", decimal=decimal)).log
-    assert found["tension_AF"].tolist() == [float(cell.replace(",", "."))]
-
-
-def test_a_key_of_json_that_comes_twice_is_refused():
-    assert refusal(parse_json, '{"a": {"t": 1, "t": 2}}', "f.json") == "f.json: key 't' comes twice"
-
-
-def test_columns_of_nested_tables_that_come_twice_are_refused(tmp_path):
-    path = tmp_path / "a.json"
-    for content in ({"run": {"x": [1, 2]}, "run.x": [3, 4]}, {"t": [0, 1], "x\u200b": [1, 2], "x": [1, 3]}):
-        path.write_text(json.dumps(content))
-        assert "comes twice" in refusal(import_recording, path, TABLE)
-
-
-@pytest.mark.parametrize("names", [("x.npy", "x.npy"), ("x", "x.npy"), ("x\u200b.npy", "x.npy")])
-@pytest.mark.filterwarnings("ignore:Duplicate name")
-def test_a_member_of_npz_that_comes_twice_is_refused(tmp_path, names):
-    path = tmp_path / "a.npz"
-    with zipfile.ZipFile(path, "w") as archive:
-        for k, name in enumerate(("t.npy", *names)):
+def npz_bytes(*names):
+    """Arrays of these names, which may come twice."""
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w") as archive:
+        for k, name in enumerate(names):
             stream = io.BytesIO()
             np.save(stream, np.arange(3.0) + k)
             archive.writestr(name, stream.getvalue())
-    assert "comes twice" in refusal(import_recording, path, TABLE)
+    return out.getvalue()
 
 
-def test_a_variable_of_mat_that_comes_twice_is_refused(tmp_path):
-    from scipy.io import savemat
-
-    one, two = tmp_path / "1.mat", tmp_path / "2.mat"
+def mat_bytes():
+    """Two files in one, each with a variable x; the header takes 128 bytes."""
+    one, two = io.BytesIO(), io.BytesIO()
     savemat(one, {"t": np.arange(3.0), "x": np.arange(3.0)})
     savemat(two, {"x": np.ones(3)})
-    (tmp_path / "a.mat").write_bytes(one.read_bytes() + two.read_bytes()[128:])  # the header takes 128 bytes
-    assert "variable 'x' comes twice" in refusal(import_recording, tmp_path / "a.mat", TABLE)
+    return one.getvalue() + two.getvalue()[128:]
 
 
-def test_a_column_of_parquet_that_comes_twice_is_refused(tmp_path):
-    arrow = pytest.importorskip("pyarrow", reason="the extra `parquet` is not installed")
-    parquet = pytest.importorskip("pyarrow.parquet")
-    columns = [arrow.array(np.arange(3.0) + k) for k in range(3)]
-    for names in (["t", "x", "x"], ["t", "x", "x\ufeff"]):
-        parquet.write_table(arrow.table(columns, names=names), tmp_path / "a.parquet")
-        assert "comes twice" in refusal(import_recording, tmp_path / "a.parquet", TABLE)
+def parquet_bytes(*names):
+    stream = io.BytesIO()
+    parquet.write_table(arrow.table([arrow.array(np.arange(3.0) + k) for k in range(3)], names=names), stream)
+    return stream.getvalue()
+
+
+@pytest.mark.filterwarnings("ignore:Duplicate name")
+@pytest.mark.parametrize(
+    ("ending", "content"),
+    [
+        ("json", lambda: b'{"a": {"t": 1, "t": 2}}'), ("json", lambda: b'{"run": {"x": [1, 2]}, "run.x": [3, 4]}'),
+        ("json", lambda: '{"t": [0, 1], "x\u200b": [1, 2], "x": [1, 3]}'.encode()), ("mat", mat_bytes),
+        ("npz", lambda: npz_bytes("t.npy", "x.npy", "x.npy")), ("npz", lambda: npz_bytes("t.npy", "x", "x.npy")),
+        ("npz", lambda: npz_bytes("t.npy", "x\u200b.npy", "x.npy")), ("parquet", lambda: parquet_bytes("t", "x", "x")),
+        ("parquet", lambda: parquet_bytes("t", "x", "x\ufeff")),
+    ],
+)  # fmt: skip
+def test_a_name_that_comes_twice_in_a_file_is_refused(tmp_path, ending, content):
+    (tmp_path / f"a.{ending}").write_bytes(content())
+    assert "comes twice" in refusal(import_recording, tmp_path / f"a.{ending}", TABLE)
+
+
+def test_an_episode_in_two_files_and_joints_that_become_one_are_refused(tmp_path):
+    twice = lerobot(tmp_path / "set", {"chunk-000/a.parquet": [0], "chunk-001/a.parquet": [0]})
+    assert "episode 0 is also in data/chunk-000/a.parquet" in refusal(import_all, twice, None, "deg")
+    for k, names in enumerate([("a.pos", "a.pos"), ("a.pos", "a")]):
+        alike = lerobot(tmp_path / f"{k}", {"a.parquet": [0]}, names)
+        assert "comes twice" in refusal(import_all, alike, None, "deg")
 
 
 @pytest.mark.parametrize(
@@ -324,35 +312,6 @@ def test_a_column_that_looks_like_another_is_refused(tmp_path, other, said):
     path = tmp_path / "a.csv"
     path.write_text(f"time [s],tension_AF [N],{other} [N]\n0,1,2\n0.02,1,2\n")
     assert said in refusal(exo.read_log, path)
-
-
-def lerobot(folder, files, names=("a.pos", "b.pos")):
-    arrow = pytest.importorskip("pyarrow", reason="the extra `parquet` is not installed")
-    parquet = pytest.importorskip("pyarrow.parquet")
-    (folder / "meta").mkdir(parents=True)
-    features = {key: {"names": list(names)} for key in ("action", "observation.state")}
-    (folder / "meta" / "info.json").write_text(json.dumps({"fps": 50, "features": features}))
-    for file, episode in files.items():
-        rows = [[float(k), float(k)] for k in range(4)]
-        columns = {"episode_index": [episode] * 4, "timestamp": (0.02 * np.arange(4)).tolist()}
-        path = folder / "data" / file
-        path.parent.mkdir(parents=True, exist_ok=True)
-        parquet.write_table(arrow.table(columns | {"action": rows, "observation.state": rows}), path)
-    return folder
-
-
-def test_an_episode_in_two_files_is_refused(tmp_path):
-    files = {"chunk-000/a.parquet": 0, "chunk-001/a.parquet": 0}
-    said = refusal(import_all, lerobot(tmp_path / "set", files), None, "deg")
-    assert "episode 0 is also in data/chunk-000/a.parquet" in said
-    assert set(import_all(lerobot(tmp_path / "two", {"a.parquet": 0, "b.parquet": 1}), None, "deg")) == {
-        "episode_000000", "episode_000001"
-    }  # fmt: skip
-
-
-@pytest.mark.parametrize("names", [("a.pos", "a.pos"), ("a.pos", "a")])
-def test_joints_of_a_data_set_that_become_one_are_refused(tmp_path, names):
-    assert "comes twice" in refusal(import_all, lerobot(tmp_path / "set", {"a.parquet": 0}, names), None, "deg")
 
 
 @pytest.mark.parametrize("cutoff", ["5e-324", "1e-12", "1e-300", "0.4"])

@@ -73,26 +73,6 @@ def test_moment_arms_of_the_paper(degrees, flexor, extensor):
     assert -1e3 * path(c, s, 0.005, 0.005, 0.005, 0.005, EXTENSOR)[1] == pytest.approx(extensor, abs=5e-4)
 
 
-def test_short_extensor_loses_its_arm_at_61_93_degrees():
-    q = 2 * math.atan(3 / 5)  # alpha - q / 2 = 0
-    assert math.degrees(q) == pytest.approx(61.93, abs=5e-3)
-    arm = path(math.cos(q), math.sin(q), 0.005, 0.005, 0.003, 0.003, EXTENSOR)[1]
-    assert arm == pytest.approx(0.0, abs=1e-17)
-
-
-@pytest.mark.parametrize("side", [FLEXOR, EXTENSOR])
-def test_closed_form_of_equal_routers(side):
-    """l = 2 rho (cos alpha - cos(alpha +- q / 2)), dl/dq = +-rho sin(alpha +- q / 2), and its slope."""
-    a, h = 0.005, 0.003
-    rho, alpha = math.hypot(a, h), math.atan2(h, a)
-    for q in np.linspace(-0.5, 1.0, 31):
-        taken, arm, bend = path(math.cos(q), math.sin(q), a, a, h, h, side)
-        turned = alpha + side * q / 2
-        assert taken == pytest.approx(2 * rho * (math.cos(alpha) - math.cos(turned)), abs=1e-16)
-        assert arm == pytest.approx(side * rho * math.sin(turned), abs=1e-16)
-        assert bend == pytest.approx(rho * math.cos(turned) / 2, abs=1e-16)
-
-
 def test_general_routers_keep_arm_and_slope_consistent():
     a, b, m, n, step = 0.0043, 0.0061, 0.0035, 0.0022, 1e-5
     for q in np.linspace(-0.3, 1.4, 18):

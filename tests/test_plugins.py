@@ -9,11 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from command_line import run
 
 from exodrake.core import plugins
 from exodrake.core.errors import InputError
 from exodrake.data.case import Case, CaseLog, write_case
-from exodrake.data.formats import write_log
+from exodrake.data.formats import read_log, write_log
 from exodrake.data.log import Log
 from exodrake.machines.library import machine_folders
 from exodrake.machines.robot_file import load_robot
@@ -28,15 +29,29 @@ def machine():
     play = for_machine("joint.play", "servo.play")
     return joint_machine("puppet", "servo", ("shoulder", "elbow"), (play,), frame=0.02, max_effects=1)
 """
-EFFECT = '''
-"""Bias: what the load cell reads is off by a constant."""
+DRAG = '''
+"""Drag that grows with the square of speed.
 
-from dataclasses import replace
+F_net = F - coefficient v |v|
+"""
 
-from exodrake.effects import sensor, servo
+from exodrake.core.effect import Effect, EffectParameter
 
-BIAS = replace(sensor.OFFSET, id="sensor.bias")
-WEAR = replace(servo.GAIN, id="servo.wear")
+
+def pushed(force, speed, coefficient):
+    """Force on the mass [N]."""
+    return force - coefficient * speed * abs(speed)
+
+
+EFFECT = Effect(
+    id="carriage.quadratic_drag",
+    summary="drag that grows with the square of speed",
+    signature="the drive needs more force, the more the faster",
+    source="a test",
+    at={AT},
+    parameters=(EffectParameter("coefficient", "N s2/m2", null=0.0, low=10.0, high=1000.0),),
+    family="friction",
+)
 '''
 DETECTABLE = '''
 """Play of a servo, which a detector finds rather than a fit."""
@@ -125,11 +140,8 @@ def servo_log(seed: int, play: float) -> Log:
             held = min(max(held, value - play), value + play)
             angle[n] = held
         angle = 0.0015339807878856412 * np.round(angle / 0.0015339807878856412)
-        signals |= {
-            f"angle_ref_{joint}": command,
-            f"angle_start_{joint}": np.full(300, angle[0]),
-            f"angle_{joint}": angle,
-        }
+        signals |= {f"angle_ref_{joint}": command, f"angle_start_{joint}": np.full(300, angle[0])}
+        signals[f"angle_{joint}"] = angle
     return Log(time, signals)
 
 
@@ -165,22 +177,52 @@ def test_a_file_format_from_a_plugin_is_written_and_read(plugin, tmp_path):
     assert without.returncode == 2 and "ending is none of .csv" in without.stderr
 
 
-def test_an_effect_from_a_plugin_is_in_the_library(tmp_path):
-    (tmp_path / "effects").mkdir()
-    (tmp_path / "effects" / "sensor_bias.py").write_text(EFFECT)
-    for identity, robot, equation in (
-        ("sensor.bias", "exo_index", "F = T + offset"),
-        ("servo.wear", "so101", "aim = (1 + gain) command"),
-    ):
-        there = exodrake("--plugin", tmp_path, "effects", identity, "--robot", robot)
-        assert there.returncode == 0 and identity in there.stdout and equation in there.stdout, there.stderr
-        assert identity not in exodrake("effects", "--robot", robot).stdout
+@pytest.fixture
+def dragging(tmp_path) -> Path:
+    """A plugin folder with an effect, in a file named like a part's module."""
+    (tmp_path / "plugin" / "effects").mkdir(parents=True)
+    (tmp_path / "plugin" / "effects" / "carriage.py").write_text(DRAG.replace("{AT}", '{"carriage.pushed": pushed}'))
+    return tmp_path / "plugin"
 
 
-def test_a_plugin_file_that_the_library_would_hide_is_refused(tmp_path):
-    (tmp_path / "effects").mkdir()
-    (tmp_path / "effects" / "sensor.py").write_text(EFFECT)
-    said = exodrake("--plugin", tmp_path, "effects")
+def test_an_effect_in_one_module_acts_and_is_diagnosed(dragging, tmp_path):
+    """Motions at constant speed: the drive pushes as hard as the drag holds back."""
+    drag, logs = ("--plugin", dragging), []
+    listed = exodrake(*drag, "effects", "--robot", "emps").stdout
+    assert "grows with the square of speed" in listed and "carriage.quadratic" not in exodrake("effects").stdout
+    time = 1e-3 * np.arange(600)
+    for speed, role in ((0.1, "fit"), (0.2, "holdout")):
+        ramp = {"position_ref": speed * time, "position_start": 0.0 * time, "speed_start": 0.0 * time + speed}
+        write_log(Log(time, {f"{kind}_carriage": values for kind, values in ramp.items()}), tmp_path / "ramp.csv")
+        effect = ("--effect", "carriage.quadratic_drag:coefficient=500", "--robot", "emps")
+        made = exodrake(*drag, "simulate", "--reference", tmp_path / "ramp.csv", *effect, "--out", tmp_path / role)
+        assert made.returncode == 0, made.stderr
+        logs.append(CaseLog(read_log(tmp_path / role / "log.csv"), role, role, None, f"{role}.csv"))
+    assert logs[0].log["force_carriage"][-200:].mean() == pytest.approx(500.0 * 0.1**2, rel=0.02)
+    write_case(Case("ramps", {}, tuple(logs), 1e-3), tmp_path / "case")
+    choice = ("--robot", "emps", "--effects", "carriage.quadratic_drag", "--json", tmp_path / "found.json")
+    found = exodrake(*drag, "diagnose", tmp_path / "case", *choice)
+    assert found.returncode == 0, found.stderr
+    answer = json.loads((tmp_path / "found.json").read_text())
+    assert [effect["id"] for effect in answer["effects"]] == ["carriage.quadratic_drag"]
+
+
+def test_effects_on_two_parts_or_in_a_file_that_the_library_would_hide_are_refused_by_name(dragging):
+    at = '{"carriage.pushed": pushed, "joint.aimed": pushed}'
+    (dragging / "effects" / "carriage.py").write_text(DRAG.replace("{AT}", at))
+    two = dragging / "machines" / "two"
+    two.mkdir(parents=True)
+    (two / "machine.py").write_text(
+        "from dataclasses import replace\nfrom exodrake.effects import LIBRARY\n"
+        "from exodrake.machines.emps.machine import machine as emps\nfrom exodrake.physics import joint\n\n\n"
+        "def machine():\n    extra = replace(joint.PART, tasks=(), outputs=())\n    return replace(emps(), name='two', "
+        "parts=(*emps().parts, extra), effects=(LIBRARY['carriage.quadratic_drag'],))\n"
+    )
+    (two / "robot.yaml").write_text("machine: two\nparameters: {}\n")
+    said = exodrake("--plugin", dragging, "effects", "--robot", "two").stderr
+    assert "carriage.quadratic_drag acts on carriage and joint" in said
+    (dragging / "effects" / "sensor.py").write_text(DRAG)
+    said = exodrake("--plugin", dragging, "effects")
     assert said.returncode == 2 and "sensor.py: the library has a file of this name; rename it" in said.stderr
 
 
@@ -205,16 +247,6 @@ def test_a_detector_and_its_effect_from_a_plugin_decide_a_diagnosis(puppet, tmp_
     assert answer["closure"]["overall"]["value"] > 0.9
 
 
-def test_an_effect_whose_detector_does_not_exist_is_refused(puppet, tmp_path):
-    lost = MACHINE.replace(
-        'for_machine("joint.play", "servo.play")', 'replace(for_machine("joint.play", "servo.play"), detector="none")'
-    )
-    (puppet / "machine.py").write_text("from dataclasses import replace\n" + lost)
-    write_case(puppet_case(0.03), tmp_path / "case")
-    found = exodrake("diagnose", tmp_path / "case", "--machine", puppet)
-    assert found.returncode == 2 and "servo.play: no detector 'none'" in found.stderr
-
-
 def test_a_robot_file_imports_no_code(puppet, tmp_path, monkeypatch):
     """A machine of another package, even one on the path, is none; the message lists the machines."""
     (tmp_path / "evil.py").write_text("raise SystemExit('ran')")
@@ -225,23 +257,28 @@ def test_a_robot_file_imports_no_code(puppet, tmp_path, monkeypatch):
             load_robot(tmp_path / "robot.yaml")
 
 
-def test_a_folder_that_is_no_plugin_is_refused(tmp_path):
+def test_a_folder_that_is_no_plugin_or_is_named_like_a_built_in_machine_is_refused(puppet, tmp_path, monkeypatch):
+    monkeypatch.setenv(plugins.VARIABLE, "")
     with pytest.raises(InputError, match="no such plugin folder"):
         plugins.add_plugin(tmp_path / "none")
     with pytest.raises(InputError, match="no plugin"):
         plugins.add_plugin(tmp_path)
     (tmp_path / "effects").mkdir()
-    refused = exodrake("draw", "--machine", tmp_path)
-    assert refused.returncode == 2 and "machine.py" in refused.stderr
-
-
-def test_a_plugin_does_not_replace_a_built_in_machine(puppet, tmp_path):
+    refused = run("draw", "--machine", tmp_path)
+    assert refused.exit_code == 2 and "machine.py" in refused.stderr
     puppet.rename(tmp_path / "emps")
-    drawn = exodrake("draw", "--machine", tmp_path / "emps", "--out", tmp_path / "emps.svg")
-    assert drawn.returncode == 2 and "emps" in drawn.stderr
+    drawn = run("draw", "--machine", tmp_path / "emps", "--out", tmp_path / "emps.svg")
+    assert drawn.exit_code == 2 and "emps" in drawn.stderr
 
 
+WRONG_UNIT = f"""from dataclasses import replace
+{MACHINE}
+
+made = machine()
+machine = replace(made, signals=tuple(replace(s, unit='N') if s.name == 'angle_read' else s for s in made.signals))
+"""
 BROKEN = {
+    WRONG_UNIT: "column angle in [N], wanted [rad]",
     "import nothing_there\n": "machine.py, line 1: ModuleNotFoundError: No module named 'nothing_there'",
     "\ndef machine(:\n": "machine.py, line 2: SyntaxError",
     "def machine():\n    return 1 / 0\n": "machine.py, line 2: ZeroDivisionError",
@@ -250,10 +287,13 @@ BROKEN = {
 
 
 @pytest.mark.parametrize("text", BROKEN)
-def test_an_error_in_a_machine_is_shown_with_its_line(puppet, text):
-    (puppet / "machine.py").write_text(text)
-    drawn = exodrake("draw", "--machine", puppet)
-    assert drawn.returncode == 2 and BROKEN[text] in drawn.stderr and "Traceback" not in drawn.stderr, drawn.stderr
+def test_an_error_in_a_machine_is_shown_with_its_line(puppet, monkeypatch, text):
+    own = puppet.rename(puppet.with_name(f"broken_{list(BROKEN).index(text)}"))  # of a module that was not imported yet
+    (own / "machine.py").write_text(text.replace("puppet", own.name))
+    (own / "robot.yaml").write_text((own / "robot.yaml").read_text().replace("puppet", own.name))
+    monkeypatch.setenv(plugins.VARIABLE, "")
+    drawn = run("draw", "--machine", own)
+    assert drawn.exit_code == 2 and BROKEN[text] in drawn.stderr and "Traceback" not in drawn.stderr, drawn.stderr
 
 
 def test_a_machine_of_an_installed_package_is_found_by_its_entry_point(puppet, tmp_path):
@@ -366,8 +406,8 @@ def test_a_machine_of_unknown_kinds_without_a_tick_or_tolerances_takes_every_com
     root = Path(__file__).parent.parent
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, (str(root), os.environ.get("PYTHONPATH"))))}
     options = {"capture_output": True, "text": True, "cwd": tmp_path, "env": environment}
-    run = subprocess.run([sys.executable, "-c", ALL], input="\n".join(lines), **options)
-    said = dict(zip(lines, run.stdout.splitlines(), strict=True))
+    done = subprocess.run([sys.executable, "-c", ALL], input="\n".join(lines), **options)
+    said = dict(zip(lines, done.stdout.splitlines(), strict=True))
     for line in lines[:-2]:
         assert said[line].startswith(f"{line}: 0 "), said[line]
     for line in lines[-2:]:
@@ -376,11 +416,3 @@ def test_a_machine_of_unknown_kinds_without_a_tick_or_tolerances_takes_every_com
     share = yaml.safe_load((tmp_path / "better.yaml").read_text())["effects"]["meter.leak"]["share"]
     assert share["source"].startswith("fitted to ") and share["value"] == pytest.approx(0.2, rel=0.02)
     assert "flow" in (tmp_path / "report.html").read_text()
-
-
-def test_a_column_in_a_unit_that_its_kind_cannot_have_is_refused(puppet):
-    wrong = "replace(s, unit='N') if s.name == 'angle_read' else s for s in made.signals"
-    ending = f"made = machine()\nmachine = replace(made, signals=tuple({wrong}))\n"
-    (puppet / "machine.py").write_text(f"from dataclasses import replace\n{MACHINE}\n\n{ending}")
-    drawn = exodrake("draw", "--machine", puppet)
-    assert drawn.returncode == 2 and "column angle in [N], wanted [rad]" in drawn.stderr, drawn.stderr

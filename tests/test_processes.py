@@ -70,10 +70,12 @@ def ran(*command):
     return subprocess.run([*map(str, command)], capture_output=True, text=True)
 
 
-@pytest.mark.parametrize("ending", [".mat", ".parquet", ".mcap"])
-@pytest.mark.parametrize("start", [CONSOLE, [sys.executable, "-m", "exodrake"]], ids=["installed", "module"])
+@pytest.mark.parametrize(
+    ("ending", "start"),
+    [(".mat", CONSOLE), (".parquet", CONSOLE), (".mcap", CONSOLE), (".mat", [sys.executable, "-m", "exodrake"])],
+    ids=["installed, mat", "parquet", "mcap", "module"],
+)
 def test_a_reader_runs_no_module_of_the_current_folder(trapped, tmp_path, ending, start):
-    pytest.importorskip({".mat": "scipy", ".parquet": "pyarrow", ".mcap": "mcap"}[ending])
     if start is not CONSOLE:  # Python itself takes the package, and what it begins with, from the current folder
         for name in ("exodrake", "threading", "signal"):
             Path(f"{name}.py").unlink()

@@ -40,9 +40,7 @@ def same_bits(a: np.ndarray, b: np.ndarray) -> bool:
 
 
 @pytest.mark.parametrize("ending", formats())
-@settings(
-    max_examples=150, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+@settings(max_examples=80, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(log=logs())
 @example(log=Log(np.array([0.0, 3e10]), {"tension_AF": np.array([1.0, 2.0])}))  # beyond MCAP's nanoseconds
 def test_back_to_the_last_digit_or_refused(tmp_path, ending, log):

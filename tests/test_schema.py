@@ -64,7 +64,7 @@ CONTENT = st.recursive(
 )
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(content=CONTENT, schema=st.sampled_from(SCHEMAS), source=st.text(max_size=400))
 def test_any_content_is_taken_or_refused_in_a_short_printable_sentence(content, schema, source):
     try:
@@ -79,7 +79,7 @@ PLAIN = st.recursive(
 )
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(content=st.dictionaries(st.text(), PLAIN, max_size=4))
 def test_what_is_dumped_is_what_is_parsed(content):
     assert parse_yaml(dump_yaml(content).encode(), "f.yaml") == content

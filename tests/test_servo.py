@@ -10,7 +10,6 @@ from scipy.integrate import solve_ivp
 
 import exodrake as exo
 from exodrake.data.case import Case, CaseLog
-from exodrake.effects import servo as effects
 from exodrake.physics import servo
 
 KT, R, VOLTS = 1.3, 2.75, 7.4  # N m/A, V/A, V
@@ -109,14 +108,6 @@ def test_play_of_the_gear_lets_the_load_hang_at_its_edge(monkeypatch):
     for side in (1.0, -1.0):
         q, _, rotor, _ = simulate_joint(lambda t, aim=0.5 * side: aim, 1.5, moment=0.5)[-1]
         assert rotor - q == pytest.approx(side * 0.05, rel=0.01)
-
-
-def test_laws_of_supply_and_load():
-    volts = effects.drop_voltage(7.4, 0.8, 2.0, R, 0.5)
-    assert volts == pytest.approx(7.4 - 0.5 * 0.8 * (0.8 * volts - 2.0) / R)  # at the current that it drives
-    assert effects.brake_by_load(1.0, 0.1, -2.0, 0.25) == pytest.approx(1.0 - 0.05)
-    assert effects.brake_by_shared_load(1.0, 0.1, 0.5, 2.0, 0.4) == pytest.approx(1.0 - 0.4 * 0.25 * 0.1)
-    assert effects.brake_by_shared_load(1.0, 0.1, 0.5, -2.0, 0.4) == 1.0
 
 
 @pytest.fixture(scope="module")

@@ -1,6 +1,7 @@
 """`exodrake simulate` and `exodrake effects`: files, repeatability, messages."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,9 +9,10 @@ from command_line import run
 
 import exodrake as exo
 from exodrake.machines.exo_index.machine import machine as exo_index
-from exodrake.simulation.scenario import Scenario, read_scenario, scenario_text
+from exodrake.simulation.scenario import parse_effect, read_scenario
 
 EFFECTS = exo_index().effects
+NEGATIVE, ONE_ROW = "negative.yaml", "one_row.csv"
 SHORT = "caging:rest=0.1,approach=0.2,hold=0.2,release=0.2"
 
 
@@ -55,12 +57,6 @@ def test_the_folder_of_a_run_stands_for_its_log(made, tmp_path):
     assert refused.exit_code == 2 and "none: no such file" in refused.stderr
 
 
-def test_a_plain_run_has_no_nominal_one_beside_it(tmp_path):
-    assert run("simulate", SHORT, "--out", tmp_path / "out").exit_code == 0
-    assert not (tmp_path / "out" / "nominal.csv").exists()
-    assert "grey: " not in (tmp_path / "out" / "recording.html").read_text()
-
-
 def test_values_outside_their_range_are_noted_with_the_unit_meant(tmp_path):
     result = run("simulate", SHORT, "--effect", "tendon.slack:length=2@AF", "--out", tmp_path / "out")
     assert "tendon.slack.length (AF) = 2 m" in result.output and "did you mean 2 mm?" in result.output
@@ -80,19 +76,17 @@ def test_the_scenario_makes_the_same_log_again(made, tmp_path):
         assert (tmp_path / name).read_bytes() == (made[0] / name).read_bytes()
 
 
-def test_a_reference_of_one_row_is_refused_before_anything_is_written(made, tmp_path):
-    text = (made[0] / "log.csv").read_text().splitlines()
-    (tmp_path / "one.csv").write_text("\n".join(text[:2]) + "\n")
-    result = run("simulate", "--reference", tmp_path / "one.csv", "--out", tmp_path / "out")
-    assert result.exit_code == 2 and "two rows" in result.stderr and not (tmp_path / "out").exists()
-
-
 def test_references_of_a_log_and_options_over_a_scenario(made, tmp_path):
     result = run("simulate", "--reference", made[0] / "log.csv", "--no-noise", "--no-quantisation", "--out", tmp_path)
     assert result.exit_code == 0, result.output
     again = read_scenario(tmp_path / "scenario.yaml")
     assert again.seed is None and not again.quantisation
     assert again.run()[1].equals(exo.read_log(tmp_path / "log.csv"))
+    assert not (tmp_path / "nominal.csv").exists() and "grey: " not in (tmp_path / "recording.html").read_text()
+    for text in ("- 1", "a: b", "protocol: caging\nseed: x", "protocol: caging\neffects: {tendon.slack: 1}"):
+        (tmp_path / "bad.yaml").write_text(text)
+        with pytest.raises(exo.InputError, match=r"bad\.yaml"):
+            read_scenario(tmp_path / "bad.yaml")
 
 
 def test_a_robot_file_is_embedded(tmp_path):
@@ -119,9 +113,14 @@ def test_a_robot_file_is_embedded(tmp_path):
         ([SHORT, "--seed", "-1"], "seed is -1"), ([SHORT, "--set", "tendon.k=1e308"], "diverges"),
         ([SHORT, "--set", "finger.mass=-1"], "below 0"), ([SHORT, "--set", "motor.N=0"], "divide by"),
         ([SHORT, "--set", "finger.length.MCP=0"], "no finger to draw"),
+        ([SHORT, "--robot", NEGATIVE], "F_max.AF is -1"),
+        (["--reference", ONE_ROW], "two rows"),
     ],
 )  # fmt: skip
-def test_wrong_input_ends_in_a_line_and_leaves_nothing(arguments, word, tmp_path):
+def test_wrong_input_ends_in_a_line_and_leaves_nothing(arguments, word, made, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path(NEGATIVE).write_text("base: exo_index\nlimits: {F_max: {AF: -1, MF: 8, AE: 8}}\n")
+    Path(ONE_ROW).write_text("".join((made[0] / "log.csv").read_text().splitlines(keepends=True)[:2]))
     result = run("simulate", *arguments, "--out", tmp_path / "out")
     assert result.exit_code == 2 and "Traceback" not in result.output
     assert word in result.output.replace("\n", " ")
@@ -147,34 +146,6 @@ def test_a_clock_that_runs_infinitely_fast_is_refused_and_a_limit_at_infinity_is
     assert exo.simulate(unlimited, SHORT).equals(exo.simulate(exo.load_robot(), SHORT))
 
 
-def test_negative_limits_are_refused(tmp_path):
-    (tmp_path / "robot.yaml").write_text("base: exo_index\nlimits: {F_max: {AF: -1, MF: 8, AE: 8}}\n")
-    result = run("simulate", SHORT, "--robot", tmp_path / "robot.yaml", "--out", tmp_path / "out")
-    assert result.exit_code == 2 and "F_max.AF is -1" in result.output
-
-
-def test_out_may_not_be_a_file(tmp_path):
-    (tmp_path / "out").write_text("mine")
-    assert run("simulate", SHORT, "--out", tmp_path / "out").exit_code == 2
-    assert (tmp_path / "out").read_text() == "mine"
-
-
-@pytest.mark.parametrize(
-    "text",
-    ["- 1", "a: b", "protocol: 3", "protocol: caging\nseed: x", "protocol: caging\neffects: {tendon.slack: 1}", "{"],
-)
-def test_wrong_scenarios(text, tmp_path):
-    (tmp_path / "bad.yaml").write_text(text)
-    with pytest.raises(exo.InputError, match=r"bad\.yaml"):
-        read_scenario(tmp_path / "bad.yaml")
-
-
-def test_scenario_text_reads_back(tmp_path):
-    scenario = Scenario("chirp:high=1.5", parameters={"tendon.k": 1 / 3}, parts=["controller_as_printed"], seed=None)
-    (tmp_path / "s.yaml").write_text(scenario_text(scenario))
-    assert read_scenario(tmp_path / "s.yaml") == scenario
-
-
 def test_the_effect_library_is_printed():
     output = run("effects").output
     assert all(effect.id in output for effect in EFFECTS)
@@ -182,17 +153,12 @@ def test_the_effect_library_is_printed():
     assert [item["id"] for item in described] == [effect.id for effect in EFFECTS]
 
 
-@pytest.mark.parametrize("effect", EFFECTS, ids=lambda effect: effect.id)
-def test_each_effect_has_a_page_and_an_example_that_parses(effect):
-    from exodrake.simulation.scenario import parse_effect
-
-    page = json.loads(run("effects", effect.id, "--json").output)
-    assert page["equation"] and page["parameters"] and page["signature"] and page["source"]
-    identity, given = parse_effect(page["example"].split("--effect ")[1], exo.load_robot())
-    assert identity == effect.id and np.size(list(given)) == len(effect.parameters)
+def test_each_effect_has_a_page_and_an_example_that_parses():
+    for effect in EFFECTS:
+        page = json.loads(run("effects", effect.id, "--json").output)
+        assert page["equation"] and page["parameters"] and page["signature"] and page["source"]
+        identity, given = parse_effect(page["example"].split("--effect ")[1], exo.load_robot())
+        assert identity == effect.id and np.size(list(given)) == len(effect.parameters)
     assert effect.id in run("effects", effect.id).output
-
-
-def test_unknown_effect():
     result = run("effects", "tendon.capstan_frictin")
     assert result.exit_code == 2 and "did you mean tendon.capstan_friction" in result.output

@@ -73,7 +73,7 @@ def test_after_an_error_no_task_begins_and_it_is_raised(limit):
 
 
 def test_an_isolation_is_the_same_on_one_thread_and_on_three(monkeypatch):
-    problem = make_problem(case_of(robot_with("mocap.offset", 1, offset=0.1), 1, FRAMES // 2), load_robot(), TRIED)
+    problem = make_problem(case_of(robot_with("mocap.offset", 1, offset=0.1), 1, FRAMES // 4), load_robot(), TRIED)
     monkeypatch.setattr(numba, "set_num_threads", lambda count: None)
     found = {}
     for count in (1, 3):
