@@ -12,7 +12,7 @@ from exodrake.core import parallel
 from exodrake.core.errors import InputError
 from exodrake.core.parallel import each
 from exodrake.data.case import Case, CaseLog, write_case
-from exodrake.diagnosis.many import diagnose_all, stored
+from exodrake.diagnosis.many import diagnose_all, read_stored
 from exodrake.reference import make
 from exodrake.reference.answers import read_committed
 from exodrake.reference.cases import MIXES
@@ -86,7 +86,7 @@ def test_a_killed_worker_and_a_second_run_lose_no_case_and_answer_none_twice(clu
         places[folder], local[folder] = tmp_path / "there" / f"{number}", tmp_path / "here" / f"{number}"
     some, address = dict(list(places.items())[:2]), cluster.scheduler_address
     assert diagnose_all(some, cluster=address, robot="tendon_sheath") == {}
-    kept = {place: stored(place)["seconds"] for place in some.values()}
+    kept = {place: read_stored(place)["seconds"] for place in some.values()}
     victims, counted = workers(cluster)[:1], []
 
     def progress(done, failed, total):
@@ -96,7 +96,7 @@ def test_a_killed_worker_and_a_second_run_lose_no_case_and_answer_none_twice(clu
 
     assert diagnose_all(places, cluster=address, progress=progress, robot="tendon_sheath") == {}
     assert counted == [(done, 0, 5) for done in range(2, 6)] and not victims
-    assert {place: stored(place)["seconds"] for place in some.values()} == kept
+    assert {place: read_stored(place)["seconds"] for place in some.values()} == kept
     assert diagnose_all(local, robot="tendon_sheath") == {}
     assert answers(tmp_path / "there") == answers(tmp_path / "here") and len(answers(tmp_path / "here")) == 5
 
