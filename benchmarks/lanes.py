@@ -14,7 +14,7 @@ import numpy as np
 
 from benchmarks.wide_numbers import WIDTH, dual, load, register, store
 from exodrake.compiled.compose import generate_module
-from exodrake.compiled.inputs import prepared
+from exodrake.compiled.inputs import prepare_values
 from exodrake.machines.robot_file import load_robot
 
 REPEATS, STEPS = 15, 20_000
@@ -83,7 +83,7 @@ def main() -> None:
     text += loop("apart", "{a}[{i}, l]", ONE) + loop("together", "load({a}, {i})", ALL)
     text += loop("derived", "dual({a}[{i}, 0], load(d{a}, {i}))", ALL)
     exec(compile(text, "generated", "exec"), space)
-    n = prepared(robot)[:58, None] * (1.0 + 0.01 * rng.standard_normal((58, WIDTH)))
+    n = prepare_values(robot)[:58, None] * (1.0 + 0.01 * rng.standard_normal((58, WIDTH)))
     q, w = 0.4 + 0.05 * rng.standard_normal((3, WIDTH)), 0.1 * rng.standard_normal((3, WIDTH))
     here = [n, q, w, np.cos(q), np.sin(q), 4e-3 + 1e-3 * rng.random((3, WIDTH))]
     ways = [0.01 * x * rng.standard_normal(x.shape) for x in here]

@@ -15,7 +15,7 @@ from time import perf_counter
 import numpy as np
 
 from exodrake.compiled.compose import compile_machine
-from exodrake.compiled.inputs import NOTHING, NoiseInputs, Reference, input_rows, prepared
+from exodrake.compiled.inputs import NOTHING, NoiseInputs, Reference, input_rows, prepare_values
 from exodrake.core.machine import signal_count, state_size
 from exodrake.core.parallel import side_by_side
 from exodrake.core.robot import Robot
@@ -72,7 +72,7 @@ def compiled_speed(robot: Robot, reference: Reference, rows: int, batch: bool) -
     machine, module = robot.machine, compile_machine(robot.machine)
     noise_inputs = NoiseInputs.draw(len(reference.values), 1, machine)
     given = input_rows(machine, reference.values, noise_inputs).values()
-    parameters = np.tile(prepared(robot), (rows, 1))
+    parameters = np.tile(prepare_values(robot), (rows, 1))
     records = np.zeros((rows, len(reference.values), signal_count(machine)))
 
     def one_after_another() -> None:

@@ -23,9 +23,9 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, InputPort, OutputPort, PortDataType, System
 from pydrake.systems.primitives import Multiplexer, VectorLogSink
 
-from exodrake.compiled.inputs import NoiseInputs, Reference, input_rows, prepared, stack
+from exodrake.compiled.inputs import NoiseInputs, Reference, input_rows, prepare_values, stack
 from exodrake.core.errors import InputError, argument, nearest
-from exodrake.core.machine import Machine, channels_of
+from exodrake.core.machine import Machine, find_places
 from exodrake.core.robot import Robot
 from exodrake.diagrams.exo_index import add_exo_index
 from exodrake.machines.exo_index.machine import PARTS
@@ -83,7 +83,7 @@ def run_diagram(
     diagram = RobotDiagram(replace(robot, values=values), rows, None, True, substeps)
     simulator = Simulator(diagram)
     simulator.AdvanceTo(machine.frame * len(reference.values))
-    return logged(machine, diagram, simulator.get_context())
+    return read_signals(machine, diagram, simulator.get_context())
 
 
 class RobotDiagram(Diagram):
@@ -114,7 +114,7 @@ class RobotDiagram(Diagram):
         super().__init__()
         self.robot, self.quantisation, self.source = robot, quantisation, source
         self._arguments = (robot, rows, seed, quantisation, substeps, systems, source)
-        robot = replace(robot, values=prepared(robot, quantisation))
+        robot = replace(robot, values=prepare_values(robot, quantisation))
         machine, builder = robot.machine, DiagramBuilder()
         own = {system.get_name(): system for system in systems}
         if len(own) < len(systems):
@@ -217,7 +217,7 @@ def logged_signals(diagram: Diagram, context: Context) -> dict[str, np.ndarray]:
         diagram: from `build_diagram`.
         context: root Context that has run.
     """
-    robot_diagram = checked(diagram)
+    robot_diagram = check_diagram(diagram)
     sink: Any = robot_diagram.GetSubsystemByName("log")
     log = sink.GetLog(sink.GetMyContextFromRoot(argument("context", context, Context)))
     kept: list[int] = []
@@ -231,7 +231,7 @@ def logged_signals(diagram: Diagram, context: Context) -> dict[str, np.ndarray]:
     return {"time": times[kept]} | {name: rows[:, place] for name, place in robot_diagram.columns.items()}
 
 
-def checked(diagram: Diagram) -> RobotDiagram:
+def check_diagram(diagram: Diagram) -> RobotDiagram:
     """A Diagram from `build_diagram`. TypeError for any other."""
     argument("diagram", diagram, Diagram)
     if not isinstance(diagram, RobotDiagram):
@@ -239,7 +239,7 @@ def checked(diagram: Diagram) -> RobotDiagram:
     return diagram
 
 
-def logged(machine: Machine, diagram: Diagram, context: Context) -> np.ndarray:
+def read_signals(machine: Machine, diagram: Diagram, context: Context) -> np.ndarray:
     """All signals (rows, channels) [SI] of the machine side by side; arguments as in `logged_signals`.
 
     Signals from outside are missing where they are input ports of the Diagram.
@@ -260,7 +260,7 @@ def find_parameter(diagram: Diagram, name: str) -> NamedParameter:
     known: list[str] = []
     for system in argument("diagram", diagram, Diagram).GetSystems():
         if isinstance(system, PartSystem):
-            if channels_of(name, system.parameter_names):
+            if find_places(name, system.parameter_names):
                 return system.parameter(name)
             known += system.parameter_names
     raise InputError(f"{diagram.get_name()} has no parameter {name!r}{nearest(name, known)}")
@@ -277,7 +277,7 @@ def set_parameters(robot: Robot, diagram: Diagram, context: Context) -> None:
     Raises:
         InputError: the robot lacks a parameter.
     """
-    robot = replace(argument("robot", robot, Robot), values=prepared(robot, checked(diagram).quantisation))
+    robot = replace(argument("robot", robot, Robot), values=prepare_values(robot, check_diagram(diagram).quantisation))
     diagram.SetDefaultContext(argument("context", context, Context))
     context.SetTime(0.0)
     for system in diagram.GetSystems():

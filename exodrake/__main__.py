@@ -24,7 +24,7 @@ def interrupt(number: int, _: Any) -> None:
     raise Interrupted
 
 
-def ignored(report: Any) -> None:
+def raise_again(report: Any) -> None:
     """Raise an interrupt again that fell into a callback, where Python can only report it; `sys.unraisablehook`."""
     if isinstance(report.exc_value, Interrupted):
         main = threading.main_thread().ident
@@ -41,7 +41,7 @@ def run() -> None:
     for number in SIGNALS:
         if signal.getsignal(number) != signal.SIG_IGN:  # as under nohup
             signal.signal(number, interrupt)
-    sys.unraisablehook = ignored
+    sys.unraisablehook = raise_again
     try:
         from exodrake.cli.main import main
 

@@ -70,7 +70,7 @@ def command(folder: Path, cases: int, keep: Path, out: Path | None) -> None:
     from exodrake.core.files import write_text
     from exodrake.data.case import read_case
     from exodrake.diagnosis.pipeline import diagnose
-    from exodrake.diagnosis.problem import required_of
+    from exodrake.diagnosis.problem import list_required
     from exodrake.machines.robot_file import load_robot
 
     keep.mkdir(parents=True, exist_ok=True)
@@ -78,7 +78,7 @@ def command(folder: Path, cases: int, keep: Path, out: Path | None) -> None:
     for answered in sorted(folder.glob("*/diagnosis.json"))[:cases]:
         name, place = answered.parent.name, keep / f"{folder.name}-{answered.parent.name}.json"
         if not place.is_file():
-            case = read_case(answered.parent, required_of(robot.machine), robot.machine.frame)
+            case = read_case(answered.parent, list_required(robot.machine), robot.machine.frame)
             write_text(place, json.dumps(diagnose(doubled(case), robot).to_json(), indent=1) + "\n")
         rows[name] = (said(json.loads(answered.read_text())), said(json.loads(place.read_text())))
         click.echo(f"{name}: {' | '.join(rows[name])}")

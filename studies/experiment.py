@@ -211,7 +211,7 @@ def command(
     from exodrake.core.parallel import one_blas_thread
     from exodrake.core.schema import read_json
     from exodrake.data.case import read_case
-    from exodrake.diagnosis.problem import required_of
+    from exodrake.diagnosis.problem import list_required
     from exodrake.machines.robot_file import load_robot
     from exodrake.reference.answers import ANSWER, find_cases
     from studies.transfer.study import withheld
@@ -232,7 +232,7 @@ def command(
                 label = known.get("cases", known)[case.name]
                 truth = [effect["id"] for effect in label["effects"]]
                 effects = frozenset(effect["id"] for effect in answer["effects"]) | found_ids(answer)
-                read, spec = read_case(case, required_of(machine), machine.frame), withheld(case.name, label)
+                read, spec = read_case(case, list_required(machine), machine.frame), withheld(case.name, label)
                 keep.mkdir(parents=True, exist_ok=True)
                 with one_blas_thread():
                     for kept in measure(row, read, spec, truth, effects, duration, motions):

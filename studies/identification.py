@@ -107,7 +107,7 @@ def _judged(estimator, fresh: list[Sweeps], shift: float, wire: str) -> Sessions
     for session in fresh:
         session = replace(session, inputs=session.inputs + zero)
         zeros = estimator.zeros(session)
-        used = estimator.corrected(zeros, session) if zeros.moved else estimator
+        used = estimator.correct_zeros(zeros, session) if zeros.moved else estimator
         flags.append(zeros.moved)
         before = estimator.predict(session.tension, session.stroke)[0] - session.angle
         mean, std, _ = used.predict(session.tension, session.stroke)

@@ -137,7 +137,7 @@ def command(folder: Path, labels: Path, cases: int, keep: Path, out: Path | None
     """Compute and measure what can be named with fewer sensors, on cases of the set in FOLDER."""
     from exodrake.core.files import write_text
     from exodrake.data.case import read_case
-    from exodrake.diagnosis.problem import required_of
+    from exodrake.diagnosis.problem import list_required
     from exodrake.machines.robot_file import load_robot
 
     keep.mkdir(parents=True, exist_ok=True)
@@ -152,7 +152,7 @@ def command(folder: Path, labels: Path, cases: int, keep: Path, out: Path | None
         return json.loads(place.read_text())
 
     def read(name: str) -> Case:
-        return read_case(folder / name, required_of(machine), machine.frame)
+        return read_case(folder / name, list_required(machine), machine.frame)
 
     effects, rows = kept("computed", lambda: computed(read(next(iter(truths))))), {}
     for name in single:

@@ -18,7 +18,7 @@ from pydrake.systems.framework import BasicVector, Context, DiscreteValues, Leaf
 from exodrake.compiled.compose import equations
 from exodrake.compiled.schedule import start_vectors
 from exodrake.core.errors import InputError, nearest
-from exodrake.core.machine import channels_of
+from exodrake.core.machine import find_places
 from exodrake.core.part import NORMAL, Task
 from exodrake.core.robot import Robot, drawn_deviation
 from exodrake.machines.robot_file import robot_or_default
@@ -187,7 +187,7 @@ class PartSystem(LeafSystem):
         Raises:
             InputError: the part has no parameter of that name.
         """
-        index = channels_of(name, self.parameter_names)
+        index = find_places(name, self.parameter_names)
         if not index:
             known = list(self.parameter_names)
             raise InputError(f"{self.get_name()} has no parameter {name!r}{nearest(name, known)}")

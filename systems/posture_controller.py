@@ -122,15 +122,15 @@ class PostureController(LeafSystem):
     def update(self, context: Context, discrete: DiscreteValues) -> None:
         """One step of the law."""
         ki, gain, low, high = (np.array(context.get_numeric_parameter(i).value()) for i in range(len(PARAMETERS)))
-        planned = self.planned(self.tension_planned, self.plan.tension, context)
-        angle = self.planned(self.angle_planned, self.plan.angle, context)
+        planned = self.read_plan(self.tension_planned, self.plan.tension, context)
+        angle = self.read_plan(self.angle_planned, self.plan.angle, context)
         error, step = angle - self.angle_est.Eval(context), ki[0] * self.frame
         before, gain = context.get_discrete_state(2).value(), gain.reshape(self.plan.gain.shape)
         tension, correction = correct_tensions(before, planned, error, gain, step, low, high)
         for group, values in enumerate((tension, angle, correction)):
             discrete.set_value(group, values)
 
-    def planned(self, port: Any, rows: np.ndarray, context: Context) -> np.ndarray:
+    def read_plan(self, port: Any, rows: np.ndarray, context: Context) -> np.ndarray:
         """What a planner wants now, (channels,) [N] or [rad]: at the port, else the plan's row of this frame."""
         frame = int(context.get_time() / self.frame)
         return port.Eval(context) if port.HasValue(context) else rows[min(frame, len(rows) - 1)]

@@ -4,7 +4,7 @@ from functools import cache
 
 import numpy as np
 
-from exodrake.compiled.inputs import NoiseInputs, Reference, prepared
+from exodrake.compiled.inputs import NoiseInputs, Reference, prepare_values
 from exodrake.compiled.run import run_compiled
 from exodrake.machines.robot_file import load_robot
 from exodrake.physics.gp_estimator import Weights
@@ -26,7 +26,7 @@ def both(robot, reference, seed=1, substeps=1, **options):
     """Rows of all wires by the compiled simulator and by the Diagram, for the same draws."""
     from exodrake.diagrams.diagram import run_diagram
 
-    values, noise_inputs = prepared(robot), NoiseInputs.draw(len(reference.values), seed, robot.machine)
+    values, noise_inputs = prepare_values(robot), NoiseInputs.draw(len(reference.values), seed, robot.machine)
     compiled = run_compiled(robot.machine, values, reference, noise_inputs, substeps)
     return compiled, run_diagram(robot, values, reference, noise_inputs, substeps, **options)
 

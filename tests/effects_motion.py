@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 
 from exodrake.compiled.compose import compile_machine
-from exodrake.compiled.inputs import NOTHING, NoiseInputs, prepared
+from exodrake.compiled.inputs import NOTHING, NoiseInputs, prepare_values
 from exodrake.core.machine import signal_count, state_size
 from exodrake.core.robot import Robot
 from exodrake.machines.robot_file import load_robot
@@ -50,7 +50,7 @@ def run_rows(rows: np.ndarray, seed: int = SEED) -> np.ndarray:
 
 def row_of(robot: Robot) -> np.ndarray:
     """Flat parameters of an unquantised run."""
-    return prepared(robot, quantisation=False)
+    return prepare_values(robot, quantisation=False)
 
 
 def place(name: str) -> slice:

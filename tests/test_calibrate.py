@@ -13,7 +13,7 @@ from exodrake.core.errors import InputError
 from exodrake.core.schema import read_yaml
 from exodrake.data.case import Case, CaseLog, write_case
 from exodrake.diagnosis import calibration
-from exodrake.diagnosis.calibrate import Record, alike, calibrate, rates_of, record
+from exodrake.diagnosis.calibrate import Record, alike, calibrate, count_rates, record
 from exodrake.diagnosis.calibration import (
     ALARM,
     CLASS,
@@ -24,11 +24,11 @@ from exodrake.diagnosis.calibration import (
     UNSEEN,
     Calibration,
     calibration_notes,
-    calibration_of,
     calibration_text,
-    rate_of,
+    read_calibration,
+    state_rate,
 )
-from exodrake.diagnosis.healthy import drawn_value, followed, with_effect
+from exodrake.diagnosis.healthy import drawn_value, follow_case, with_effect
 from exodrake.diagnosis.result import REFINEMENT, EffectRival, Interval, NamedEffect
 from exodrake.machines.library import machine_names
 from exodrake.machines.robot_file import load_robot
@@ -54,7 +54,7 @@ def sheath_case(gap: bool = False) -> Case:
 @pytest.mark.parametrize("k, n", [(0, 3), (5, 5), (17, 20), (1, 33)])
 def test_rates_have_clopper_pearson_intervals(k, n):
     wanted = binomtest(k, n).proportion_ci(0.95, method="exact")
-    found = rate_of(k, n)
+    found = state_rate(k, n)
     assert (found["k"], found["n"]) == (k, n)
     assert (found["low"], found["high"]) == pytest.approx((wanted.low, wanted.high), abs=6e-5)
 
@@ -69,7 +69,7 @@ def test_rates_count_each_kind_of_robot_apart():
         Record("a", "RETUNE"),
     ]
     wanted = {ALARM: (1, 3), NAMED: (1, 4), CLASS: (2, 4), UNKNOWN: (1, 4), UNSEEN: (1, 4), COVERED: (1, 2)}
-    assert rates_of(records) == wanted and list(wanted) == list(RATES)
+    assert count_rates(records) == wanted and list(wanted) == list(RATES)
 
 
 def effect_of(identity: str, role: str = "cause", rivals=(), parameters=None, channels=None) -> NamedEffect:
@@ -106,18 +106,18 @@ def test_another_law_is_in_class_by_its_family_and_block():
 def test_file_is_read_back_and_the_note_states_the_rates(tmp_path, monkeypatch):
     machine = load_robot(SHEATH).machine
     monkeypatch.setattr(calibration, "machine_folders", lambda: {SHEATH: tmp_path})
-    assert calibration_of(machine) == Calibration()
+    assert read_calibration(machine) == Calibration()
     assert calibration_notes(machine) == ()
     counts = dict.fromkeys(RATES, (0, 20)) | {ALARM: (1, 20), NAMED: (17, 20)}
     given = Calibration("exodrake calibrate, 2026-01-01", "abc", counts)
     (tmp_path / "calibration.yaml").write_text(calibration_text(given))
-    assert calibration_of(machine) == given
+    assert read_calibration(machine) == given
     (note,) = calibration_notes(machine)
     assert "of 20 healthy robots of this kind 1 was given a cause; of 20 with one effect 17 were named rightly" in note
     assert "another version" in note
     (tmp_path / "calibration.yaml").write_text(calibration_text(given).replace("k: 17", "k: -1"))
     with pytest.raises(InputError, match=r"calibration\.yaml"):
-        calibration_of(machine)
+        read_calibration(machine)
 
 
 def test_values_are_drawn_in_the_plausible_range():
@@ -143,7 +143,7 @@ def test_every_set_of_channels_is_drawn():
 
 def test_robots_follow_the_motion_of_the_case():
     case, robot = sheath_case(gap=True), load_robot(SHEATH)
-    made = followed(case, robot.splice("sheath.gain", {"gain": 0.1}), np.random.default_rng(4))
+    made = follow_case(case, robot.splice("sheath.gain", {"gain": 0.1}), np.random.default_rng(4))
     assert [(x.role, x.file) for x in made.logs] == [(x.role, x.file) for x in case.logs]
     for new, old in zip(made.logs, case.logs, strict=True):
         assert new.log.columns == old.log.columns
@@ -167,7 +167,7 @@ def test_time_that_ends_leaves_fewer_robots():
 
 def test_error_rates_of_a_sheath():
     records, failed = calibrate(SHEATH, 30, 1, sheath_case())
-    found = rates_of(records)
+    found = count_rates(records)
     assert not failed and found[ALARM][1] == 10 and found[ALARM][0] <= 2
     assert found[CLASS][0] >= 0.6 * found[CLASS][1] > 0
 
@@ -188,7 +188,7 @@ def test_command_prints_and_writes_the_rates(tmp_path):
 @pytest.mark.parametrize("name", machine_names())
 def test_shipped_calibration_is_well_formed(name):
     machine = load_robot(name).machine
-    found = calibration_of(machine)
+    found = read_calibration(machine)
     assert bool(calibration_notes(machine)) == (found.rates is not None or not machine.tolerances)
     for k, n in (found.rates or {}).values():
         assert 0 <= k <= n

@@ -9,7 +9,7 @@ from command_line import run
 from report_synthetic import UNKNOWN, VERDICTS, diagnosis
 
 import exodrake.diagnosis.pipeline as pipeline
-from exodrake.cli.diagnose import places_of
+from exodrake.cli.diagnose import map_places
 from exodrake.core.progress import Stage, stages
 from exodrake.data.case import Case, CaseLog, read_case
 from exodrake.data.formats import write_log
@@ -94,8 +94,8 @@ def test_a_folder_of_cases_stands_for_them_and_names_that_are_alike_get_their_fo
         (tmp_path / folder).mkdir()
         (tmp_path / folder / "log.csv").write_bytes((case / "a.csv").read_bytes())
     logs = (str(tmp_path / "x" / "log.csv"), str(tmp_path / "y" / "log.csv"))
-    assert [place.name for place in places_of(logs, tmp_path).values()] == ["x_log", "y_log"]
-    assert [place.name for place in places_of((str(tmp_path),), tmp_path).values()] == ["case", "x", "y"]
+    assert [place.name for place in map_places(logs, tmp_path).values()] == ["x_log", "y_log"]
+    assert [place.name for place in map_places((str(tmp_path),), tmp_path).values()] == ["case", "x", "y"]
     refused = run("check", tmp_path)
     assert refused.exit_code == 2 and "folder of cases" in refused.stderr and "case" in refused.stderr
     assert run("diagnose", tmp_path, "--report", tmp_path / "r.html").exit_code == 2

@@ -7,7 +7,7 @@ import pytest
 from formula_case import explanation, likelihood_of, nominal
 
 from exodrake.core.confidence import CONFIDENCE
-from exodrake.diagnosis.closure import blocks, bootstrapped, closure, kinds_of_motion, without_logs
+from exodrake.diagnosis.closure import blocks, bootstrap, closure, kinds_of_motion, without_logs
 from exodrake.diagnosis.fit import linear_model
 from exodrake.diagnosis.search import Fitted
 
@@ -19,7 +19,7 @@ def test_closure_of_known_gaps():
     for before, after, value in ((5.0, 1.0, 1.0), (5.0, 3.0, 0.5), (5.0, 5.0, 0.0), (3.0, 5.0, -1.0)):
         assert closure(np.array([before]), np.array([after])) == pytest.approx(value)
     assert np.isnan(closure(np.array([0.98]), np.array([0.9])))
-    assert np.isnan(bootstrapped(np.full(5, 0.9), np.full(5, 0.8), np.ones(5), np.zeros((10, 5), dtype=int)).value)
+    assert np.isnan(bootstrap(np.full(5, 0.9), np.full(5, 0.8), np.ones(5), np.zeros((10, 5), dtype=int)).value)
     rng = np.random.default_rng(0)
     nominal, retuned, improved = (scale + rng.exponential(scale, 30) for scale in (40.0, 8.0, 2.0))
     whole, first, second = (closure(*pair) for pair in ((nominal, improved), (nominal, retuned), (retuned, improved)))
@@ -31,7 +31,7 @@ def test_bootstrap_interval_covers_the_truth_as_often_as_it_says():
     rng, truth, hits = np.random.default_rng(1), 1.0 - 1.0 / 9.0, 0
     for _ in range(200):
         before, after = 10.0 * rng.gamma(5.0, 0.2, 40), 2.0 * rng.gamma(5.0, 0.2, 40)
-        found = bootstrapped(before, after, np.ones(40), rng.integers(0, 40, (200, 40)))
+        found = bootstrap(before, after, np.ones(40), rng.integers(0, 40, (200, 40)))
         hits += found.low <= truth <= found.high
     assert CONFIDENCE - 0.07 < hits / 200 < CONFIDENCE + 0.06
 

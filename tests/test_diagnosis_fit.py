@@ -10,7 +10,7 @@ from scipy.optimize import least_squares, lsq_linear
 
 from exodrake.diagnosis.fit import Explanation, minimise
 from exodrake.diagnosis.likelihood import output_error
-from exodrake.diagnosis.linear import bounded
+from exodrake.diagnosis.linear import minimise_bounded
 from exodrake.diagnosis.linearise import linearise
 from exodrake.diagnosis.parameter import apply, effect_parameters, nominal_parameters
 
@@ -22,7 +22,7 @@ def test_bounded_minimum_is_that_of_scipy():
         size = np.linalg.norm(matrix, axis=0)
         low, high = -rng.random(8) / size, rng.random(8) / size
         wanted = lsq_linear(matrix, target, (low, high), method="bvls", tol=1e-14)
-        found, value = bounded(matrix.T @ matrix, -matrix.T @ target, low, high)
+        found, value = minimise_bounded(matrix.T @ matrix, -matrix.T @ target, low, high)
         assert found * size == pytest.approx(wanted.x * size, abs=1e-6)
         assert value == pytest.approx(wanted.cost - 0.5 * target @ target, rel=1e-6)
 
@@ -98,5 +98,5 @@ def test_injected_parameters_of_a_simulated_robot_are_recovered_as_by_scipy():
 def test_minimiser_survives_a_direction_that_others_imitate_but_for_rounding(imitated):
     """Schur complements in single precision leave such a diagonal; the other direction keeps its closed form."""
     normal = np.array([[4e5, 0.2], [0.2, imitated]])
-    found, _ = bounded(normal, np.array([-2e5, 1e-5]), np.array([-1.0, -1.0]), np.array([1.0, 1.0]))
+    found, _ = minimise_bounded(normal, np.array([-2e5, 1e-5]), np.array([-1.0, -1.0]), np.array([1.0, 1.0]))
     assert found[0] == pytest.approx(0.5, abs=1e-3) and np.isfinite(found).all() and np.abs(found[1]) <= 1.0

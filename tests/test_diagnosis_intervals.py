@@ -17,7 +17,7 @@ from exodrake.diagnosis.intervals import (
     describe,
     fitted_effects,
     interval,
-    pooled,
+    pool_channels,
     traces,
 )
 from exodrake.diagnosis.parameter import effect_parameters
@@ -115,7 +115,7 @@ def test_pooled_value_of_channels_that_differ_has_the_error_of_its_draws(between
     """Own errors are correlated; where channels differ as well, that is part of their scatter, and counts once."""
     rng, own = np.random.default_rng(3), 0.04 * (0.5 * np.eye(3) + 0.5)
     values = rng.multivariate_normal(np.ones(3), own + between**2 * np.eye(3), 4000)
-    found = np.array([pooled(row, own) for row in values])
+    found = np.array([pool_channels(row, own) for row in values])
     assert np.mean(found[:, 1] ** 2) == pytest.approx(np.var(found[:, 0]), rel=0.1 if between else 0.25)
 
 

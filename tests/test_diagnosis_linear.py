@@ -82,7 +82,7 @@ def test_eliminated_parameters_leave_the_cost_of_the_others():
     """The minimum over the first two, at any value of the others, is a quadratic with the same minimiser."""
     jacobian, residual, _ = example(5)
     found = model_of(jacobian, residual, np.array([0.5, 1.0, 0.0, 0.0]) + 1e-12)
-    reduced = found.eliminated(2)
+    reduced = found.eliminate(2)
     f = -np.linalg.solve(reduced.normal, reduced.slope)
     step = found.posterior().step
     assert f == pytest.approx(step[2:], rel=1e-5)

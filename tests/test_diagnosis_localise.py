@@ -11,7 +11,7 @@ from exodrake.compiled.inputs import Reference
 from exodrake.core.parallel import one_blas_thread
 from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis.isolation import isolate
-from exodrake.diagnosis.localise import conditions, explained, motion, remaining
+from exodrake.diagnosis.localise import conditions, explain_variance, motion, remaining
 from exodrake.diagnosis.problem import make_problem
 from exodrake.diagnosis.search import LAW
 from exodrake.simulation import protocols
@@ -87,4 +87,4 @@ def test_direction_of_motion_does_not_depend_on_where_a_joint_is(position):
     found = motion(angle, 15, None, 0.02)
     assert np.max(found["speed"]) == pytest.approx(0.02 * np.pi, rel=0.02)
     assert np.max(found["time since reversal"]) == pytest.approx(5.0, abs=0.1)  # half a period
-    assert explained(np.sign(speed), found["direction of motion"]) > 0.9
+    assert explain_variance(np.sign(speed), found["direction of motion"]) > 0.9

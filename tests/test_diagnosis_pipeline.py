@@ -131,7 +131,7 @@ def test_answer_is_strict_json_with_the_keys_that_programs_of_others_read(found)
 def test_simulated_time_is_affordable_and_adds_up():
     """The runs with noise count: written in closed loop, then followed in closed loop and as prediction error."""
     found = friction_diagnosis()
-    used = duration(found.problem.shortened(isolation.affordable(found.problem, isolation.USED)))
+    used = duration(found.problem.shorten(isolation.affordable(found.problem, isolation.USED)))
     assert found.simulated_time == pytest.approx(sum(found.simulated.values()))
     assert 0.0 < found.simulated_time <= 2.0 * AFFORDABLE * used
     assert found.simulated["noise"] == pytest.approx(3.0 * NOISE_RUNS * used, rel=1e-3)

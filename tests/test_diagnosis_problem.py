@@ -7,7 +7,7 @@ from exodrake.compiled.inputs import Reference
 from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis.likelihood import moved_a_little
 from exodrake.diagnosis.noise import noise_std, robust_std, sensor_noise_std
-from exodrake.diagnosis.problem import WILD, by_trial, columns_of, make_problem
+from exodrake.diagnosis.problem import WILD, by_trial, find_columns, make_problem
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation import protocols
 from exodrake.simulation.simulate import simulate
@@ -32,7 +32,7 @@ def case(robot):
 
 
 def test_noise_from_repeats_and_from_the_robot_file_agree_for_white_signals(robot, case):
-    columns = columns_of(case, robot.machine)
+    columns = find_columns(case, robot.machine)
     found = dict(zip(columns, noise_std(case, robot, columns), strict=True))
     assert found["angle_MCP"] == pytest.approx(sensor_noise_std(robot)["angle"], rel=0.05)
     assert found["tension_AF"] == pytest.approx(sensor_noise_std(robot)["tension"], rel=0.2)

@@ -18,7 +18,7 @@ from exodrake.diagnosis.problem import make_problem
 from exodrake.diagnosis.result import NAMED
 from exodrake.diagnosis.since import Series, Since, date_sessions, follow_sessions
 from exodrake.diagnosis.verdict import Decision, decide
-from exodrake.report.diagnosis_html import html_of
+from exodrake.report.diagnosis_html import render_report
 from exodrake.report.since import since as since_section, words
 from exodrake.simulation import protocols
 from exodrake.simulation.references import on_machine
@@ -170,12 +170,12 @@ def test_the_change_in_words_and_on_the_page():
     values = since_section(found)
     (line,) = values["timelines"]
     assert line["times"][3] - line["times"][2] == 2 * 86400 and line["began"][1] == line["times"][2]
-    html = html_of(found, simulated_logs(found.robots["nominal"], frames=200))
+    html = render_report(found, simulated_logs(found.robots["nominal"], frames=200))
     assert (
         "Since when" in html
         and 'id="timelines"' in html
         and "timelines"
-        not in html_of(diagnosis(NAMED), simulated_logs(found.robots["nominal"], frames=200))
+        not in render_report(diagnosis(NAMED), simulated_logs(found.robots["nominal"], frames=200))
         .split("</style>")[1]
         .split("<script>")[0]
     )

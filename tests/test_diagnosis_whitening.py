@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from exodrake.diagnosis.likelihood import ORDER, whitening_of
+from exodrake.diagnosis.likelihood import ORDER, fit_whitening
 
 AR1, AR2 = (1.0, -0.9), (1.0, -1.2, 0.5)
 
@@ -17,7 +17,7 @@ def noise(coefficients, std, frames, seed):
 @pytest.fixture(scope="module")
 def whitening():
     """Of four logs with a column of each process."""
-    return whitening_of([np.column_stack([noise(AR1, 0.3, 8000, k), noise(AR2, 2.0, 8000, k + 10)]) for k in range(4)])
+    return fit_whitening([np.column_stack([noise(AR1, 0.3, 8000, k), noise(AR2, 2.0, 8000, k + 10)]) for k in range(4)])
 
 
 @pytest.mark.parametrize(("column", "truth", "std"), [(0, AR1, 0.3), (1, AR2, 2.0)])
@@ -39,5 +39,5 @@ def test_whitened_noise_is_white_with_unit_variance(whitening):
 
 def test_silent_column_has_a_finite_model():
     """An encoder at rest: its noise is 0 in every frame."""
-    whitening = whitening_of([np.zeros((500, 1))])
+    whitening = fit_whitening([np.zeros((500, 1))])
     assert np.isfinite(whitening(np.ones((50, 1)))).all()

@@ -11,11 +11,11 @@ from pydrake.systems.analysis import MonteCarloSimulation, Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from exodrake.compiled.compose import compile_machine
-from exodrake.compiled.inputs import NoiseInputs, Reference, prepared
+from exodrake.compiled.inputs import NoiseInputs, Reference, prepare_values
 from exodrake.compiled.run import run_compiled
 from exodrake.core.errors import InputError
 from exodrake.core.machine import state_size
-from exodrake.diagrams.diagram import build_diagram, find_parameter, logged, logged_signals, set_parameters
+from exodrake.diagrams.diagram import build_diagram, find_parameter, logged_signals, read_signals, set_parameters
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation.simulate import record
 
@@ -28,7 +28,7 @@ def edited(robot):
     spliced = robot
     for effect in robot.machine.effects:
         spliced = spliced.splice(effect.id)
-    for name, value, start in zip(robot.machine.index, prepared(robot), spliced.values, strict=True):
+    for name, value, start in zip(robot.machine.index, prepare_values(robot), spliced.values, strict=True):
         yield name, start if start != value else 1.05 * value if value else 0.01
 
 
@@ -44,7 +44,7 @@ def test_an_edited_parameter_acts_as_in_a_rebuilt_diagram(name):
     diagram, noise = build_diagram(robot, reference, seed=1), NoiseInputs.draw(FRAMES, 1, robot.machine)
     moved = 0
     for parameter, value in edited(robot):
-        values = prepared(robot)
+        values = prepare_values(robot)
         values[machine.index[parameter]] = value
         context = diagram.CreateDefaultContext()
         find_parameter(diagram, parameter).set(context, value)
@@ -56,9 +56,9 @@ def test_an_edited_parameter_acts_as_in_a_rebuilt_diagram(name):
         compile_machine(machine).begin(values, state)
         np.testing.assert_array_equal(np.hstack(begun), state, parameter)
         simulator.AdvanceTo(machine.frame * FRAMES)
-        rows, wanted = logged(machine, diagram, context), run_compiled(machine, values, short, noise, 1)
+        rows, wanted = read_signals(machine, diagram, context), run_compiled(machine, values, short, noise, 1)
         np.testing.assert_array_equal(rows, wanted, parameter)
-        moved += not np.array_equal(wanted, run_compiled(machine, prepared(robot), short, noise, 1))
+        moved += not np.array_equal(wanted, run_compiled(machine, prepare_values(robot), short, noise, 1))
     assert moved >= 0.2 * len(machine.parameters)
 
 
@@ -107,7 +107,7 @@ def test_one_diagram_serves_many_robots():
         simulator.Initialize()
         simulator.AdvanceTo(1.0)
         wanted = record(robot, reference, seed=3).signals
-        rows = logged(robot.machine, diagram, context)
+        rows = read_signals(robot.machine, diagram, context)
         np.testing.assert_array_equal(rows, np.hstack([wanted[signal.name] for signal in robot.machine.signals]))
 
 
@@ -126,7 +126,7 @@ def test_parameters_put_in_later_keep_readings_unrounded():
 def logged_after(simulator, diagram, seconds):
     """All signals after a further run."""
     simulator.AdvanceTo(simulator.get_context().get_time() + seconds)
-    return logged(nominal().machine, diagram, simulator.get_context())
+    return read_signals(nominal().machine, diagram, simulator.get_context())
 
 
 def test_a_copied_context_goes_on_by_itself():
@@ -264,7 +264,7 @@ def test_a_robot_drawn_at_random_is_that_robot():
     Simulator(diagram, context).AdvanceTo(0.4)
     other = replace(robot, values=values)
     wanted = run_compiled(robot.machine, values, reference, NoiseInputs.draw(20, None, robot.machine), 1)
-    np.testing.assert_array_equal(logged(robot.machine, diagram, context), wanted)
+    np.testing.assert_array_equal(read_signals(robot.machine, diagram, context), wanted)
     assert (values != robot.values).sum() >= 30 and other.effects() == robot.effects()
     find_parameter(diagram, "finger.kappa.MCP").set(context, 0.123)
     assert find_parameter(diagram, "finger.kappa.MCP").get(context) == pytest.approx(0.123, rel=1e-15)

@@ -11,7 +11,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import LeafSystem
 
 from exodrake.compiled.compose import compile_machine
-from exodrake.compiled.inputs import NOTHING, NoiseInputs, Reference, input_rows, prepared
+from exodrake.compiled.inputs import NOTHING, NoiseInputs, Reference, input_rows, prepare_values
 from exodrake.core.errors import InputError
 from exodrake.core.machine import signal_count, state_size
 from exodrake.diagrams.diagram import build_diagram, logged_signals
@@ -168,7 +168,7 @@ def stepwise(robot, plan, weights, frames, seed):
     """The loop around the compiled simulator, frame by frame: signals and estimates, (frames, channels) each."""
     machine, module, at = robot.machine, compile_machine(robot.machine), robot.machine.offsets
     noise = NoiseInputs.draw(frames, seed, machine)
-    values, state, w = prepared(robot), np.zeros(state_size(machine)), np.zeros(signal_count(machine))
+    values, state, w = prepare_values(robot), np.zeros(state_size(machine)), np.zeros(signal_count(machine))
     module.begin(values, state)
     rows, estimates = np.zeros((frames, len(w))), np.full((frames, 3), np.nan)
     correction, estimate = np.zeros(3), np.full(3, np.nan)

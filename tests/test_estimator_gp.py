@@ -35,7 +35,7 @@ def test_prediction_is_that_of_scikit_learn():
     prior, estimator, sweeps = trained()
     fresh = as_sweeps(worn_sweeps(3, seed=50, rows=40))
     mean, std, _ = estimator.predict(fresh.tension, fresh.stroke)
-    process = reference_process(prior, sweeps.equispaced(500))
+    process = reference_process(prior, sweeps.select_equispaced(500))
     wanted, wanted_std = process.predict(prior.rows(replace(fresh, sweep=fresh.sweep + 1000)), return_std=True)
     scale = estimator.weights.spread
     np.testing.assert_allclose(mean, prior.offset + prior.gain * wanted, atol=1e-8)

@@ -52,7 +52,7 @@ def test_zero_of_mf_off_by_half_a_millimetre_is_corrected():
     zeros = estimator.zeros(session)
     before, after = (
         score("", "", session.angle, *one.predict(session.tension, session.stroke)[:2])
-        for one in (estimator, estimator.corrected(zeros, session))
+        for one in (estimator, estimator.correct_zeros(zeros, session))
     )
     assert zeros.moved and zeros.shift == pytest.approx([0, 5e-4, 0], abs=2.5e-4)
     assert before.mean_rmse > 0.06 and np.mean(before.coverage) < 0.6

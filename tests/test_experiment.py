@@ -15,8 +15,8 @@ from exodrake.compiled.inputs import Reference
 from exodrake.core.errors import InputError
 from exodrake.core.plain import plain
 from exodrake.data.case import Case, CaseLog, read_case, write_case
-from exodrake.diagnosis.problem import make_problem, required_of
-from exodrake.diagnosis.result import Rival, provenance_of
+from exodrake.diagnosis.problem import list_required, make_problem
+from exodrake.diagnosis.result import Rival, record_provenance
 from exodrake.diagnosis.search import LAW, NATS
 from exodrake.experiment import contest as inside, design as search
 from exodrake.experiment.contest import UNSURE, Information, information, pair_model, prepare_contest, refit
@@ -247,7 +247,7 @@ def test_length_out_of_range_is_refused(duration):
 def test_log_of_an_experiment_is_used_in_full_length(problem):
     log = problem.case.logs[0]
     case = replace(problem.case, logs=(log, replace(log, protocol="experiment", file="experiment.csv")))
-    short = make_problem(case, problem.robot).shortened(0.35)
+    short = make_problem(case, problem.robot).shorten(0.35)
     whole = len(log.log)
     assert [len(trial.reference) for trial in short.fit] == [int(0.35 * whole), whole]
 
@@ -257,8 +257,8 @@ def answered(problem, tmp_path_factory):
     """A case folder with an ambiguous answer."""
     folder = tmp_path_factory.mktemp("case")
     write_case(problem.case, folder)
-    case = read_case(folder, required_of(problem.robot.machine), problem.robot.machine.frame)
-    made = provenance_of(make_problem(case, problem.robot))
+    case = read_case(folder, list_required(problem.robot.machine), problem.robot.machine.frame)
+    made = record_provenance(make_problem(case, problem.robot))
     answer = {"verdict": "AMBIGUOUS", "rivals": plain([VISCOUS, COULOMB]), "provenance": plain(made)}
     (folder / "diagnosis.json").write_text(json.dumps(answer))
     return folder

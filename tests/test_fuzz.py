@@ -38,7 +38,7 @@ def undrawn(monkeypatch):
     def stop(*_):
         raise exo.InputError("read")
 
-    monkeypatch.setattr(command, "files_of", lambda *_: {})
+    monkeypatch.setattr(command, "make_files", lambda *_: {})
     monkeypatch.setattr(viewer, "recording_html", lambda *_, **__: "")
     monkeypatch.setattr(pipeline, "isolate", stop)
 

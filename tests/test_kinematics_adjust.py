@@ -49,7 +49,7 @@ def in_base(truth: Truth, markers: np.ndarray):
 def test_derivatives_are_difference_quotients():
     _, _, finger, _, truth = few_frames()
     angles, step = truth.angles[::8], 1e-6
-    _, by_angle, by_change = finger.linearised(angles)
+    _, by_angle, by_change = finger.linearise(angles)
     for number in range(4):
         way = step * np.eye(4)[number]
         slope = (finger.places(angles + way) - finger.places(angles - way)) / (2 * step)

@@ -9,7 +9,7 @@ from small_recordings import SETS, made
 
 from exodrake.core.errors import InputError
 from exodrake.data.case import read_case, write_case
-from exodrake.diagnosis.problem import make_problem, required_of
+from exodrake.diagnosis.problem import list_required, make_problem
 from exodrake.machines.library import reader
 from exodrake.machines.robot_file import load_robot
 from studies.real_machines.growing_models import growing_models
@@ -24,7 +24,7 @@ def test_a_case_survives_its_folder_and_suits_its_robot(name, tmp_path):
     case = reader(name)(made(name, tmp_path / "in"))
     write_case(case, tmp_path / "out")
     machine = load_robot(name).machine
-    again = read_case(tmp_path / "out", required_of(machine), machine.frame)
+    again = read_case(tmp_path / "out", list_required(machine), machine.frame)
     assert [i.role for i in again.logs] == [i.role for i in case.logs] and again.period == machine.frame
     assert all(a.log.equals(b.log) for a, b in zip(again.logs, case.logs, strict=True))
 

@@ -21,7 +21,7 @@ from exodrake.diagnosis.checks.preflight import (
     least_left,
     preflight,
 )
-from exodrake.diagnosis.fit import bounded
+from exodrake.diagnosis.fit import minimise_bounded
 from exodrake.diagnosis.likelihood import CORRELATION
 from exodrake.diagnosis.linearise import PROBE
 from exodrake.machines.robot_file import load_robot
@@ -151,7 +151,7 @@ def test_effects_that_no_sizes_liken_are_passed_over_without_loss(rivals):
     apart = rows - rows @ np.linalg.pinv(rows[own]) @ rows[own]
     assert least[:2] == pytest.approx(np.linalg.norm(apart[:2], axis=1), rel=1e-4)
     for row in range(2):
-        _, gain = bounded(gram[np.ix_(own, own)], -gram[own, row], np.zeros(rivals), np.full(rivals, 0.5))
+        _, gain = minimise_bounded(gram[np.ix_(own, own)], -gram[own, row], np.zeros(rivals), np.full(rivals, 0.5))
         assert np.sqrt(gram[row, row] + 2.0 * gain) >= least[row] * (1.0 - 1e-9)
 
 

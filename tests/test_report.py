@@ -24,7 +24,7 @@ from exodrake.report.diagnosis_html import (
     MOST_SAMPLES,
     SimulatedLogs,
     curves,
-    html_of,
+    render_report,
     retuned_tables,
     spectra,
 )
@@ -42,7 +42,7 @@ def pages():
     def of(verdict):
         if verdict not in made:
             found = diagnosis(verdict)
-            made[verdict] = html_of(found, simulated_logs(found.robots["nominal"], frames=600))
+            made[verdict] = render_report(found, simulated_logs(found.robots["nominal"], frames=600))
         return made[verdict]
 
     return of
@@ -329,13 +329,13 @@ def test_page_without_motion_capture_and_with_an_effect_outside_the_library():
     found = diagnosis()
     runs = chosen(simulated_logs(frames=300), [c for c in COLUMNS if not c.startswith("angle")])
     strange = replace(found, effects=(replace(found.effects[0], id="tendon.of_tomorrow", kind=""),))
-    assert "Of tomorrow" in visible(html_of(strange, runs))
+    assert "Of tomorrow" in visible(render_report(strange, runs))
 
 
 def test_page_and_summary_of_a_diagnosis_without_columns():
     found, runs = diagnosis(), chosen(simulated_logs(frames=300), [])
     found = replace(found, closure=replace(found.closure, signals={}))
-    assert "Load-dependent friction" in visible(html_of(found, runs))
+    assert "Load-dependent friction" in visible(render_report(found, runs))
     print_summary(found, Console(file=StringIO()))
 
 
@@ -363,14 +363,14 @@ def test_answer_as_json_has_the_keys_of_its_page():
 def test_page_of_a_case_without_held_out_log_says_so():
     found, runs = diagnosis(), simulated_logs(frames=300)
     runs = SimulatedLogs(replace(runs.problem, holdout=()), runs.logs[:1])
-    text = visible(html_of(found, runs))
+    text = visible(render_report(found, runs))
     assert "holds no log out" in text and "Held out:" not in text
 
 
 def test_page_of_a_robot_that_diverges_says_so_by_gaps():
     runs = simulated_logs(frames=300)
     runs.logs[1].simulated["nominal"][100:] = np.inf
-    assert "Load-dependent friction" in visible(html_of(diagnosis(), runs))
+    assert "Load-dependent friction" in visible(render_report(diagnosis(), runs))
     (log,) = curves(runs, ROBOTS)["logs"]
     assert np.isnan(unpacked(log["columns"][0]["nominal"])[100:]).all()
 
@@ -396,7 +396,7 @@ def test_no_place_prints_a_percentage_below_minus_100():
     candidates = tuple(replace(c, share=-470.0) for c in found.candidates)
     runs = simulated_logs(frames=600)
     found = replace(found, closure=closure, candidates=candidates, problem=runs.problem)
-    html = re.sub(r"<style.*?</style>|<svg.*?</svg>|<script.*?</script>", " ", html_of(found, runs), flags=re.S)
+    html = re.sub(r"<style.*?</style>|<svg.*?</svg>|<script.*?</script>", " ", render_report(found, runs), flags=re.S)
     console = Console(record=True, width=200, file=StringIO())
     print_summary(found, console)
     for text in (html, console.export_text()):

@@ -12,7 +12,7 @@ import exodrake as exo
 from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis.problem import make_problem
 from exodrake.diagnosis.result import Where
-from exodrake.report.diagnosis_html import SimulatedLogs, html_of, response_figure
+from exodrake.report.diagnosis_html import SimulatedLogs, render_report, response_figure
 
 
 def servo_case():
@@ -47,4 +47,4 @@ def test_page_is_whole_without_references_in_the_logs():
     found = diagnosis()
     runs = simulated_logs(found.robots["nominal"], frames=600)
     assert found.where != Where("none") and response_figure(found, runs) is None
-    assert "Frequency responses of the blocks" not in html_of(found, runs)
+    assert "Frequency responses of the blocks" not in render_report(found, runs)

@@ -19,7 +19,7 @@ from benchmarks.diagram import multibody_speed
 from benchmarks.speed import Row
 from exodrake.compiled.inputs import NoiseInputs, Reference
 from exodrake.core.errors import InputError
-from exodrake.diagrams.diagram import build_diagram, logged, run_diagram
+from exodrake.diagrams.diagram import build_diagram, read_signals, run_diagram
 from exodrake.estimator.gp import quick_estimator
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation.simulate import record
@@ -160,7 +160,7 @@ def test_a_part_of_the_exo_index_that_is_none_is_refused():
 def test_every_slot_of_a_log_of_drake_is_one_of_the_compiled_simulator():
     """A VectorLogSink at the slot's period sees each tick of the plant, 2 ms apart."""
     from exodrake.compiled.compose import compile_machine
-    from exodrake.compiled.inputs import NOTHING, input_rows, prepared
+    from exodrake.compiled.inputs import NOTHING, input_rows, prepare_values
     from exodrake.core.machine import signal_count, state_size
 
     robot, reference = nominal(), wavy(0.4)
@@ -168,8 +168,8 @@ def test_every_slot_of_a_log_of_drake_is_one_of_the_compiled_simulator():
     given = input_rows(machine, reference.values, NoiseInputs.draw(20, None, machine)).values()
     state, w, fine = np.zeros(state_size(machine)), np.zeros(signal_count(machine)), np.zeros((200, 55))
     fine = np.zeros((200, len(w)))
-    module.begin(prepared(robot), state)
-    module.run(prepared(robot), state, w, *given, machine.slot, 1, np.zeros((20, len(w))), fine, NOTHING)
+    module.begin(prepare_values(robot), state)
+    module.run(prepare_values(robot), state, w, *given, machine.slot, 1, np.zeros((20, len(w))), fine, NOTHING)
     builder = DiagramBuilder()
     diagram = builder.AddSystem(build_diagram(robot, reference, seed=None))
     log = LogVectorOutput(diagram.GetOutputPort("finger.angle"), builder, 0.002)
@@ -244,7 +244,7 @@ def test_clones_are_systems_of_the_same_robot():
     for one in (diagram, clone):
         simulator = Simulator(one)
         simulator.AdvanceTo(0.2)
-        found.append(logged(one.robot.machine, one, simulator.get_context()))
+        found.append(read_signals(one.robot.machine, one, simulator.get_context()))
     np.testing.assert_array_equal(*found)
 
 
@@ -368,5 +368,5 @@ def test_references_fixed_from_outside_act_as_those_of_a_reference():
             else:
                 port.FixValue(context, row)
             simulator.AdvanceTo(0.0005 * (tick + 1))
-        found.append(logged(nominal().machine, diagram, context))
+        found.append(read_signals(nominal().machine, diagram, context))
     np.testing.assert_array_equal(*found)

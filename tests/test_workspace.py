@@ -11,9 +11,9 @@ from exodrake.identification.workspace import (
     FINGERTIP,
     LENGTHS,
     SPONTANEOUS,
-    assisted,
     monte_carlo,
     reach,
+    solve_assisted,
     tip,
 )
 from studies.paper.table_2 import table_2
@@ -85,7 +85,7 @@ def test_assisted_postures_balance_and_stay_near_the_range_of_motion():
     from exodrake.machines.robot_file import load_robot
 
     robot = load_robot()
-    wired = assisted(robot, 7)
+    wired = solve_assisted(robot, 7)
     q, t = wired.angles, wired.tensions
     rho, alpha = np.hypot(5e-3, [3e-3, 5e-3]), np.arctan2([3e-3, 5e-3], 5e-3)
     flexor, extensor = rho[0] * np.sin(alpha[0] + q / 2), rho[1] * np.sin(alpha[1] - q / 2)

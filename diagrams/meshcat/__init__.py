@@ -16,7 +16,7 @@ import numpy as np
 from pydrake.geometry import Meshcat, MeshcatAnimation, MeshcatParams
 from pydrake.systems.framework import Context, LeafSystem
 
-from exodrake.core.display import display_of
+from exodrake.core.display import find_display
 from exodrake.core.errors import InputError
 from exodrake.core.mechanism import Shape, Skeleton
 from exodrake.core.robot import Robot
@@ -80,7 +80,7 @@ def recording_html(
         own, second, _ = average_frames(other, bones, kind)
         ghost = np.column_stack([np.interp(time, own, column) for column in second.T])
     top, step = full_load(robot, bones, load), float(time[1] - time[0]) if len(time) > 1 else 1.0 / RATE
-    coloured, display = "joint" if isinstance(bones, Shape) else "tendon", display_of(bones.load, robot.machine)
+    coloured, display = "joint" if isinstance(bones, Shape) else "tendon", find_display(bones.load, robot.machine)
     readings = {
         "time": time.round(4).tolist(), "step": step, "tendons": bones.tendons, "joints": bones.joints,
         "paths": [segment_path(bones, i + 1)[1:].split("/") for i in range(len(bones.joints))],

@@ -13,8 +13,8 @@ from exodrake.analysis.linear_model import evaluate
 from exodrake.analysis.margins import close, decibel
 from exodrake.analysis.robustness import Uncertainty
 from exodrake.analysis.tuning import Tuning
-from exodrake.core.display import colour_of, display_of, shown_unit
-from exodrake.data.plot import STYLE, new_figure, png_of
+from exodrake.core.display import choose_colour, find_display, shown_unit
+from exodrake.data.plot import STYLE, new_figure, render_png
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -48,7 +48,7 @@ def plot_steps(result: ClosedLoop) -> Figure:
     for axes, step, change in zip(panels, result.steps, changes):
         for j, name in enumerate(channels):
             look = {"lw": 1.5} if name == step.channel else {"lw": 0.9, "alpha": 0.75}
-            axes.plot(step.time, change[:, j], color=colour_of(name, j, result.robot.machine), label=name, **look)
+            axes.plot(step.time, change[:, j], color=choose_colour(name, j, result.robot.machine), label=name, **look)
         axes.plot([step.time[0], 0, 0, step.time[-1]], [0, 0, 1, 1], color="#444", lw=0.8, ls=(0, (4, 2)))
         axes.set(xlim=(-0.04 * shown, shown), xlabel="Time [s]", title=f"Step on {step.channel}")
         words = f"rise {step.rise:.3g} s\novershoot {100 * step.overshoot:.1f} %\nsettles in {step.settling:.3g} s"
@@ -56,7 +56,7 @@ def plot_steps(result: ClosedLoop) -> Figure:
         axes.text(0.97, 0.55, words, transform=axes.transAxes, ha="right", **NOTE)
     low, high = np.min(changes), np.max(changes)  # an unstable step must not hide the rest
     panels[0].set_ylim(max(low - 0.05, -1.0), min(max(high, 1.0) + 0.12, 2.5))
-    panels[0].set_ylabel(f"{display_of(output_kind(result), result.robot.machine).label} / step [-]")
+    panels[0].set_ylabel(f"{find_display(output_kind(result), result.robot.machine).label} / step [-]")
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper right", ncols=len(channels))
     return figure
 
@@ -80,7 +80,7 @@ def plot_bode(result: ClosedLoop) -> Figure:
     outputs = [f"{output_kind(result)}_{r.channel}" for r in result.responses]
     for j, (response, output) in enumerate(zip(result.responses, outputs)):
         gain, phase, *coherence = rows[:, j]
-        colour = colour_of(response.channel, j, result.robot.machine)
+        colour = choose_colour(response.channel, j, result.robot.machine)
         f, size = response.frequency, np.abs(response.measured)
         fine = np.geomspace(f[0], f[-1], 400)
         linear = evaluate(result.model.system[output, j], fine)[:, 0, 0]
@@ -113,7 +113,7 @@ def plot_margins(result: ClosedLoop) -> Figure:
     rows = figure.subplots(2, len(result.margins), sharex=True, sharey="row", squeeze=False)
     for j, m in enumerate(result.margins):
         gain, phase = rows[:, j]
-        colour = colour_of(m.channel, j, result.robot.machine)
+        colour = choose_colour(m.channel, j, result.robot.machine)
         shown = (m.frequency >= 8e-4 * m.frequency[-1]) & (np.abs(m.loop) > 0.0)
         f, angle = m.frequency[shown], np.degrees(np.unwrap(np.angle(m.loop[shown])))
         gain.plot(f, decibel(np.abs(m.loop[shown])), color=colour)
@@ -151,7 +151,7 @@ def plot_nyquist(result: ClosedLoop) -> Figure:
             for member in band.members:
                 loop = member.loops[:, j]
                 axes.plot(np.real(loop), np.imag(loop), color=BAND_COLOURS[k], lw=0.4, alpha=0.5)
-        colour = colour_of(m.channel, j, result.robot.machine)
+        colour = choose_colour(m.channel, j, result.robot.machine)
         axes.plot(np.cos(turn), np.sin(turn), color=FAINT, lw=0.7)
         words = f"encirclements {m.encirclements}\n"
         words += f"{m.closed_unstable} unstable poles" if m.closed_unstable else "stable"
@@ -193,7 +193,7 @@ def plot_robust(result: ClosedLoop) -> Figure:
     if len(result.steps) == 1:
         coupling.set_visible(False)
     for j, m in enumerate(result.margins if len(result.steps) > 1 else ()):
-        colour = colour_of(m.channel, j, result.robot.machine)
+        colour = choose_colour(m.channel, j, result.robot.machine)
         values = [member.gain_array[:, j] for band in result.bands[:1] for member in band.members]
         if values:
             ends = np.min(values, axis=0), np.max(values, axis=0)
@@ -449,4 +449,4 @@ def draw_figures(result: ClosedLoop, cycles: tuple[LimitCycles, ...] = ()) -> di
         drawn = {name: plot(result) for name, plot in figures.items()}
         drawn |= {"limit_cycles": plot_limit_cycles(cycles)} if cycles else {}
         drawn |= {"uncertainty": plot_uncertainty(result.uncertainty)} if result.uncertainty else {}
-    return {f"{name}.png": png_of(figure) for name, figure in drawn.items()}
+    return {f"{name}.png": render_png(figure) for name, figure in drawn.items()}

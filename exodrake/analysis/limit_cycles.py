@@ -15,7 +15,7 @@ import numpy as np
 
 from exodrake.analysis import margins as mg
 from exodrake.analysis.linear_model import FrameMap, OperatingPoint, System, linearise_robot
-from exodrake.compiled.inputs import prepared
+from exodrake.compiled.inputs import prepare_values
 from exodrake.core.robot import Robot
 
 WINDOW = 60  # frames in which the harmonic is measured, after as many of transient
@@ -186,14 +186,14 @@ def compare_cycles(
     its controller, and the gain margin of the channel.
     """
     loop = FrameMap.from_robot(robot)
-    loop = replace(loop, parameters=prepared(robot, quantisation=rounded))
+    loop = replace(loop, parameters=prepare_values(robot, quantisation=rounded))
     references, state = point.references, point.state
     if rounded:
         edge = np.zeros(len(references))
         edge[channel] = 0.5 * np.broadcast_to(robot.channels(loop.loop.resolution), len(edge))[channel]
         references = references + edge
         rows = np.tile(references, (RUN, 1))
-        state = replace(loop, parameters=prepared(robot, quantisation=False)).run(state, rows)[0]
+        state = replace(loop, parameters=prepare_values(robot, quantisation=False)).run(state, rows)[0]
     plant = CommandedLoop(loop, references, direct, channel)
     unit = abs(direct[channel, channel]) * loop.loop.step
     frequency = np.array(CYCLES) / (WINDOW * whole.dt)

@@ -27,7 +27,7 @@ import control
 import numpy as np
 
 from exodrake.compiled.compose import compile_machine
-from exodrake.compiled.inputs import NOTHING, NoiseInputs, input_rows, prepared, reference_width
+from exodrake.compiled.inputs import NOTHING, NoiseInputs, input_rows, prepare_values, reference_width
 from exodrake.core.errors import InputError, nearest
 from exodrake.core.machine import Loop, Machine, full_name, signal_count, state_size
 from exodrake.core.part import NORMAL
@@ -81,7 +81,7 @@ class FrameMap:
     def from_robot(robot: Robot) -> FrameMap:
         """The frame map of a robot. InputError if a parameter is missing, or the machine has no loop."""
         robot = add_controller(robot)
-        return FrameMap(robot, prepared(robot, quantisation=False), compile_machine(robot.machine))
+        return FrameMap(robot, prepare_values(robot, quantisation=False), compile_machine(robot.machine))
 
     @property
     def loop(self) -> Loop:

@@ -13,7 +13,7 @@ import control
 import numpy as np
 
 from exodrake.analysis.linear_model import FrameMap, FrameModel, OperatingPoint, evaluate
-from exodrake.compiled.inputs import prepared
+from exodrake.compiled.inputs import prepare_values
 from exodrake.core.machine import signal_count
 
 BEFORE, AFTER = 10, 300  # frames shown before the step and simulated after it
@@ -156,7 +156,7 @@ def frequency_response(
     """
     machine, lines, rng = loop.robot.machine, LINES, np.random.default_rng(PHASES)
     if seed is not None:
-        loop = replace(loop, parameters=prepared(loop.robot))
+        loop = replace(loop, parameters=prepare_values(loop.robot))
     sent, read = np.zeros((DRAWS, len(lines)), complex), np.zeros((DRAWS, len(lines)), complex)
     for draw in range(DRAWS):
         rows = np.tile(point.references, (2 * PERIOD, 1))

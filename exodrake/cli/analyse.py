@@ -143,7 +143,7 @@ def course(time_constant: float) -> str:
 
 def uncertainty_lines(result: exo.ClosedLoop) -> list[str]:
     """Stability, margins over amplitude, limit cycles, dead band and weight over the robots of a diagnosis."""
-    from exodrake.core.display import display_of, shown_unit
+    from exodrake.core.display import find_display, shown_unit
 
     u, machine = result.uncertainty, result.robot.machine
     if u is None:
@@ -166,7 +166,7 @@ def uncertainty_lines(result: exo.ClosedLoop) -> list[str]:
         found.append(f"limit cycle to expect: {cycle}")
     bands = []
     for column in machine.columns:
-        shown = display_of(column.kind, machine)
+        shown = find_display(column.kind, machine)
         sizes = [u.dead_band.get(f"{column.kind}_{c}", 0.0) for c in machine.channels(column.signal)]
         bands += [f"{column.kind} ±{shown.factor * max(sizes):.2g} {shown.unit}"] if max(sizes) > 1e-9 else []
     found.append("dead band at rest: " + (", ".join(bands) or "none"))

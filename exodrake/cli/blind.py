@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 
 from exodrake.cli.options import AnyPath, OutputFile, json_option, print_table, write_files, write_json
-from exodrake.core.progress import counted, where_to_run
+from exodrake.core.progress import show_count, where_to_run
 
 
 @click.group()
@@ -38,7 +38,7 @@ def make(
     if unknown := [name for name in mixes if name not in MIXES]:
         raise InputError(f"no case mix {unknown[0]!r}; there are {', '.join(MIXES)}")
     chosen = tuple(MIXES[name] for name in dict.fromkeys(mixes))
-    with counted("making") as count:
+    with show_count("making") as count:
         path = make_set(out, seed, cases, labels, jobs, chosen, cluster, count)
     click.echo(f"cases in {out}: {cases * len(chosen)}; labels in {path}, committed in {out / 'seal.txt'}")
 
@@ -55,7 +55,7 @@ def run(folder: Path, jobs: int, cluster: str | None, redo: bool) -> None:
     """
     from exodrake.reference.answers import run as run_set
 
-    with counted("diagnosing") as count:
+    with show_count("diagnosing") as count:
         failed = run_set(folder, jobs, cluster, count, redo)
     for name, reason in failed.items():
         click.echo(f"{name}: {reason}", err=True)

@@ -32,7 +32,7 @@ def command(case: Path, robot: str, only: str, without: str, figure: Path | None
     """
     from rich.markup import escape
 
-    from exodrake.core.display import display_of
+    from exodrake.core.display import find_display
     from exodrake.core.parallel import one_blas_thread
     from exodrake.diagnosis.checks.compare import list_few
     from exodrake.diagnosis.checks.preflight import SEEN, draw_figure, preflight
@@ -41,10 +41,10 @@ def command(case: Path, robot: str, only: str, without: str, figure: Path | None
     nominal = load_robot(robot)
     options.refuse_cases(case)
     with options.waiting("reading") as say, one_blas_thread():
-        found = preflight(case, nominal, options.tried_of(robot, only, without), allow_outside, say)
+        found = preflight(case, nominal, options.choose_effects(robot, only, without), allow_outside, say)
 
     def shown(column: str, value: float) -> str:
-        display = display_of(column.rsplit("_", 1)[0], nominal.machine)
+        display = find_display(column.rsplit("_", 1)[0], nominal.machine)
         return f"{display.factor * value:.3g} {display.unit}"
 
     clocks = []

@@ -81,11 +81,11 @@ def reveal(out: Path, found: exo.Diagnosis) -> None:
     """Read the label, and print whether the verdict was right."""
     from exodrake.reference.answers import read_committed
     from exodrake.reference.score import accepted_ids, found_ids
-    from exodrake.report.wording import listed
+    from exodrake.report.wording import join_words
 
     label = read_committed(out / LABELS, out / COMMITMENT)[CASE]
     for truth in label["effects"]:
-        channels = listed((*truth["wires"], *truth["joints"]))
+        channels = join_words((*truth["wires"], *truth["joints"]))
         parameters = ", ".join(f"{name} {value:.3g}" for name, value in truth["parameters"].items())
         where = f" on {channels}" if channels else ""
         click.echo(f"   it was {truth['id']}{where}  ({parameters}, SI)")

@@ -11,7 +11,7 @@ import click
 
 from exodrake.cli import options
 from exodrake.core.errors import InputError
-from exodrake.core.progress import counted, where_to_run
+from exodrake.core.progress import show_count, where_to_run
 
 if TYPE_CHECKING:
     from exodrake.diagnosis.result import Diagnosis
@@ -63,7 +63,7 @@ def command(
         given = dict(zip(("--json", "--report", "--out-robot", "--out-law"), targets)) | {"--discover": discover}
         for name in (name for name, value in given.items() if value):
             raise click.UsageError(f"{name} is for one case; the answers to several are written to --out")
-        tried = options.tried_of(robot, only, without)
+        tried = options.choose_effects(robot, only, without)
         return diagnose_many(cases, out or DIAGNOSED, robot, jobs or -1, cluster, redo, tried, allow_outside)
     if cluster or redo:
         raise click.UsageError("--cluster and --redo are for several cases")
@@ -78,7 +78,7 @@ def command(
         numba.set_num_threads(min(jobs, numba.config.NUMBA_NUM_THREADS))  # pyright: ignore
         thread_limit(count=jobs)
     discover = True if out_law is not None and discover is None else discover
-    diagnose_case(first, robot, targets, options.tried_of(robot, only, without), allow_outside, profile, discover)
+    diagnose_case(first, robot, targets, options.choose_effects(robot, only, without), allow_outside, profile, discover)
 
 
 def diagnose_case(
@@ -93,12 +93,12 @@ def diagnose_case(
 
     from exodrake.core.progress import Stage, stages
     from exodrake.data.case import read_case
-    from exodrake.diagnosis.problem import make_problem, required_of
+    from exodrake.diagnosis.problem import list_required, make_problem
     from exodrake.machines.robot_file import load_robot
     from exodrake.report.terminal import print_profile, print_summary
 
     nominal = load_robot(robot) if robot else load_robot()
-    read = read_case(case, required_of(nominal.machine), nominal.machine.frame, allow_outside)
+    read = read_case(case, list_required(nominal.machine), nominal.machine.frame, allow_outside)
     known: list[Diagnosis] = []
     written: dict[Path, None] = {}
     spent: dict[Stage, float] = {}
@@ -157,8 +157,8 @@ def diagnose_many(
     from exodrake.report.fleet import fleet_html
     from exodrake.report.wording import closure, share
 
-    places = places_of(cases, out)
-    with counted("diagnosing") as count:
+    places = map_places(cases, out)
+    with show_count("diagnosing") as count:
         failed = diagnose_all(places, jobs, cluster, count, redo, robot, tried, allow_outside)
     rows = []
     for name, answer in ((escape(place.name), read_stored(place)) for place in places.values()):
@@ -181,7 +181,7 @@ def diagnose_many(
         raise SystemExit(1)
 
 
-def places_of(cases: tuple[str, ...], out: Path) -> dict[Path, Path]:
+def map_places(cases: tuple[str, ...], out: Path) -> dict[Path, Path]:
     """Map each case, or case in a folder, to the folder for its answer in `out`; a doubled name has the parent's, too.
 
     InputError for a missing case, and for two whose answers would have the same name.
@@ -260,15 +260,15 @@ def count_errors(
     """
     from exodrake.core.provenance import configuration
     from exodrake.data.case import read_case
-    from exodrake.diagnosis.calibrate import calibrate, rates_of
-    from exodrake.diagnosis.calibration import RATES, Calibration, calibration_text, rate_of
-    from exodrake.diagnosis.problem import required_of
+    from exodrake.diagnosis.calibrate import calibrate, count_rates
+    from exodrake.diagnosis.calibration import RATES, Calibration, calibration_text, state_rate
+    from exodrake.diagnosis.problem import list_required
     from exodrake.machines.robot_file import load_robot
     from exodrake.report.wording import percent
 
     machine = load_robot(robot).machine
-    case = read_case(folder, required_of(machine), machine.frame) if folder else None
-    with counted("calibrating", "nothing is kept") as count:
+    case = read_case(folder, list_required(machine), machine.frame) if folder else None
+    with show_count("calibrating", "nothing is kept") as count:
         records, failed = calibrate(robot, cases, seed, case, jobs, cluster, count, 60.0 * minutes)
     if failed:
         first = min(failed)
@@ -281,11 +281,11 @@ def count_errors(
     motion = ["--case", Path(folder).name] if folder else []
     words = ["exodrake", "calibrate", "--robot", Path(robot).name, *motion, "--cases", str(counted_robots)]
     source = f"{shlex.join([*words, '--seed', str(seed)])}, {date.today()}"
-    found = Calibration(source, configuration()["code"], rates_of(records))
+    found = Calibration(source, configuration()["code"], count_rates(records))
     rows = []
     for name, (k, total) in (found.rates or {}).items():
         if total:
-            ends = "{low:.0%} to {high:.0%}".format(**rate_of(k, total))
+            ends = "{low:.0%} to {high:.0%}".format(**state_rate(k, total))
             rows.append((name, RATES[name], f"{k} of {total}", percent(k / total), ends))
     options.print_table(("rate", "meaning", ">count", ">share", ">95 % interval"), rows, wrapped=1)
     if out:

@@ -26,13 +26,13 @@ def train_estimator(
     """
     from dataclasses import replace
 
-    from exodrake.core.files import make_folder, sha256_of
+    from exodrake.core.files import hash_file, make_folder
     from exodrake.estimator.dataset import sweeps_from_logs
     from exodrake.estimator.gp import condition, learn, learn_strokes, save
     from exodrake.estimator.validate import validate
     from exodrake.machines.library import robot_yaml
 
-    mark = sha256_of(robot_yaml(robot) or robot) if robot else ""
+    mark = hash_file(robot_yaml(robot) or robot) if robot else ""
     read = [exo.read_log(path, ("tension_ref", "tension", "stroke")) for path in logs]
     sweeps = sweeps_from_logs(read, one_per_log=[log.label for log in read] if one_sweep_per_log else ())
     with waiting("learning") as say:
@@ -75,13 +75,13 @@ def estimate_angles(
     Tests whether the zeros of the strokes have moved since the training, as re-donning does, and corrects them. Where
     LOG has measured angles, prints the error and the share inside the 95 % interval.
     """
-    from exodrake.core.files import make_folder, sha256_of
+    from exodrake.core.files import hash_file, make_folder
     from exodrake.data.plot import save_png
     from exodrake.estimator.gp import load
     from exodrake.estimator.validate import estimate
     from exodrake.machines.library import robot_yaml
 
-    trained = load(estimator, sha256_of(robot_yaml(robot) or robot) if robot else None)
+    trained = load(estimator, hash_file(robot_yaml(robot) or robot) if robot else None)
     found = estimate(trained, exo.read_log(log, ("tension", "stroke")), correct=not as_trained)
     if out:
         make_folder(out.parent)

@@ -81,7 +81,7 @@ def make_files(plan: Plan, log: exo.Log, robot: exo.Robot, trained: Estimator | 
 
     import numpy as np
 
-    from exodrake.data.plot import png_of
+    from exodrake.data.plot import render_png
     from exodrake.diagrams.meshcat import Thing, recording_html
     from exodrake.estimator.gp import estimator_bytes
     from exodrake.grasping.figure import grasp_figure
@@ -91,7 +91,7 @@ def make_files(plan: Plan, log: exo.Log, robot: exo.Robot, trained: Estimator | 
     title = f"{plan.mode.replace('-', ' ').capitalize()}, {1e3 * plan.size:g} mm"
     contents = {
         "plan.json": (json.dumps(asdict(plan), indent=1, allow_nan=False) + "\n").encode(),
-        "figure.png": png_of(grasp_figure(plan, log, robot)),
+        "figure.png": render_png(grasp_figure(plan, log, robot)),
     }
     for name, (what, kind) in RECORDINGS.items():
         contents[name] = recording_html(shown, robot, f"{title}, {what}", thing, kind).encode()

@@ -141,13 +141,13 @@ def find_workspace(robot: str, out: Path, samples: int, steps: int, seed: int) -
     from rich.markup import escape
 
     from exodrake.core.files import write_folder
-    from exodrake.identification.workspace import HEAD, SPONTANEOUS, areas, areas_csv, assisted, workspace_figure
+    from exodrake.identification.workspace import HEAD, SPONTANEOUS, areas, areas_csv, solve_assisted, workspace_figure
 
     loaded = exo.load_robot(robot)
     options.refuse_others("workspace", loaded, "finger.length")
     lengths = tuple(loaded.channels("finger.length").tolist())
     with options.waiting("sampling postures"):
-        wired = assisted(loaded, steps)
+        wired = solve_assisted(loaded, steps)
         rows = areas(lengths, SPONTANEOUS, wired, samples, seed)
         figure = workspace_figure(lengths, SPONTANEOUS, wired)
     files = write_folder(out, {"workspace.csv": areas_csv(rows).encode(), "workspace.png": figure})

@@ -46,10 +46,10 @@ def compare_logs(first: Path, second: Path, robot: str, out: Path, json_file: Pa
     A and B are log files, or folders that `exodrake simulate` wrote. Where the clocks differ, B is read between its
     samples. The robot gives labels, units and colours.
     """
-    from exodrake.core.display import display_of
+    from exodrake.core.display import find_display
     from exodrake.core.plain import plain
-    from exodrake.core.units import kind_of
-    from exodrake.data.plot import png_of, remarks
+    from exodrake.core.units import find_kind
+    from exodrake.data.plot import remarks, render_png
 
     machine = exo.load_robot(robot).machine
     one, other = (exo.read_log(options.log_in(path)) for path in (first, second))
@@ -59,8 +59,8 @@ def compare_logs(first: Path, second: Path, robot: str, out: Path, json_file: Pa
     figure = one.plot(" and ".join(names), other, names, machine=machine, remarks=said, difference=True)
     rows = []
     for name, one in found.signals.items():
-        kind = kind_of(name) or name
-        display = display_of(kind, machine, one.unit)
+        kind = find_kind(name) or name
+        display = find_display(kind, machine, one.unit)
         cells = (f"{display.factor * x:.3g}" for x in (one.rms, one.mean, one.largest))
         channel = name.removeprefix(kind).strip("_")
         rows.append((f"{kind} {channel}".rstrip(), display.unit, *cells, f"{one.at:.2f} s"))
@@ -70,4 +70,4 @@ def compare_logs(first: Path, second: Path, robot: str, out: Path, json_file: Pa
     for note in found.notes:
         click.secho(f"note: {note}", fg="yellow", err=True)
     printed = options.write_json(plain(found), json_file)
-    options.write_files({out: png_of(figure)}, not printed)
+    options.write_files({out: render_png(figure)}, not printed)

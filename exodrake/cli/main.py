@@ -12,7 +12,7 @@ import click
 
 from exodrake import __version__
 from exodrake.cli.options import ARGUMENTS, OTHERS, plugin_added
-from exodrake.core.errors import InputError, nearest, printable, shortened
+from exodrake.core.errors import InputError, nearest, printable, shorten
 from exodrake.core.progress import INTERRUPTED
 
 # heading -> command -> (module, with the name of the click command if it is not `command`; its line in --help)
@@ -68,7 +68,7 @@ class InputProblem(click.ClickException):
 
     def show(self, file: IO[Any] | None = None) -> None:
         """Print `error: message` on one line."""
-        click.secho("error: " + shortened(printable(self.format_message())), fg="red", err=True)
+        click.secho("error: " + shorten(printable(self.format_message())), fg="red", err=True)
 
 
 @contextmanager

@@ -279,7 +279,7 @@ def plugin_added(_: click.Context, __: click.Parameter, folders: tuple[str, ...]
             plugins.add_plugin(folder)
 
 
-def tried_of(robot: str, only: str, without: str) -> frozenset[str] | None:
+def choose_effects(robot: str, only: str, without: str) -> frozenset[str] | None:
     """Ids of the effects to try, from lists with commas; None for the default ones. robot: its file, or a name."""
     if not only and not without:
         return None

@@ -27,7 +27,7 @@ def command(cases, input, output, file, parameters, effects, parts, improved, se
     """
     from exodrake.analysis.log_response import TICKS, block_responses, plot_responses
     from exodrake.data.case import gather_logs
-    from exodrake.data.plot import png_of
+    from exodrake.data.plot import render_png
 
     if bool(input) != bool(output):
         raise InputError("--from and --to belong together; without both, every block is estimated")
@@ -64,5 +64,5 @@ def command(cases, input, output, file, parameters, effects, parts, improved, se
             for k in sorted({int(known[abs(one.frequency[known] - tick).argmin()]) for tick in ticks})
         ]
         options.print_table((">Hz", ">coherence", *titles[3:]), rows, aside=json_file == "-")
-    files = {"response.png": png_of(plot_responses(found))} if out else {}
+    files = {"response.png": render_png(plot_responses(found))} if out else {}
     options.write_answer([one.to_dict() for one in found], "response", json_file, out, files)

@@ -43,7 +43,7 @@ def command(protocol: str, reference: str, file: str, robot: str, out: Path | No
     import numpy as np
     from rich.markup import escape
 
-    from exodrake.core.display import display_of
+    from exodrake.core.display import find_display
     from exodrake.core.files import check_folder, write_folder
     from exodrake.data.formats import log_bytes
 
@@ -68,7 +68,7 @@ def command(protocol: str, reference: str, file: str, robot: str, out: Path | No
     if log.has(kind) and (away := np.linalg.norm(log[kind] - log[kind][0], axis=1)).max() > 0.0:
         peak = int(np.flatnonzero(away >= away.max() * (1.0 - 1e-9))[-1])  # the last row farthest from the start
     for column in (column for column in machine.columns if column not in machine.references):
-        display = display_of(column.kind, machine)
+        display = find_display(column.kind, machine)
         for channel in machine.channels(column.signal):
             name, reference = f"{column.kind}_{channel}", f"{column.kind}_ref_{channel}"
             values = display.factor * log[name]
@@ -130,7 +130,7 @@ def make_files(
     nominal: exo.Log | None = None,
 ) -> dict[str, bytes]:
     """Contents of all files but the logs. A scenario that followed a log refers to the log written beside it."""
-    from exodrake.data.plot import png_of, remarks
+    from exodrake.data.plot import remarks, render_png
     from exodrake.diagrams.meshcat import recording_html
     from exodrake.simulation.scenario import scenario_text
 
@@ -140,7 +140,7 @@ def make_files(
     say("drawing the figure")
     names = ("this run", "nominal")
     figure = log.plot(title, nominal, names, machine=machine, details=["; ".join(details)], remarks=said)
-    files = {"scenario.yaml": scenario_text(again).encode(), "figure.png": png_of(figure)}
+    files = {"scenario.yaml": scenario_text(again).encode(), "figure.png": render_png(figure)}
     if machine.skeleton is not None:
         say("drawing the recording")
         html = recording_html(log, robot, title, other=nominal, names=names, details=details)

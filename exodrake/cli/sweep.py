@@ -33,9 +33,9 @@ def command(
     import numpy as np
 
     from exodrake.analysis.sweep import plot_sweep
-    from exodrake.core.progress import counted
+    from exodrake.core.progress import show_count
     from exodrake.core.schema import read_json
-    from exodrake.data.plot import png_of
+    from exodrake.data.plot import render_png
 
     if bool(protocol) == bool(reference) or bool(over) + bool(robots) + bool(diagnosis) != 1:
         raise InputError("wanted a protocol or --reference, and one of --over, --robots and --diagnosis")
@@ -50,7 +50,7 @@ def command(
         except ValueError:
             raise InputError(f"--over: {text!r} is not NAME=VALUE,VALUE nor NAME=LOW:HIGH:COUNT") from None
     what = grid or robots or read_json(diagnosis)
-    with counted("runs", "the table is written at the end") as count:
+    with show_count("runs", "the table is written at the end") as count:
         found = exo.sweep(
             robot, what, exo.from_log(reference, robot) if reference else protocol, seed=seed, noise=noise,
             draws=100, progress=count,
@@ -58,6 +58,6 @@ def command(
     numbers = found.describe().T[["mean", "std", "min", "max"]]
     rows = [(name, *(f"{x:.4g}" for x in row), found.attrs["units"].get(name, "")) for name, row in numbers.iterrows()]
     options.print_table(("", ">mean", ">std", ">least", ">largest", "unit"), rows, aside=json_file == "-")
-    files = {"sweep.csv": found.to_csv(index=False), "sweep.png": png_of(plot_sweep(found))} if out else {}
+    files = {"sweep.csv": found.to_csv(index=False), "sweep.png": render_png(plot_sweep(found))} if out else {}
     answer = {"units": found.attrs["units"], "rows": found.to_dict("records")}
     options.write_answer(answer, "sweep", json_file, out, files)

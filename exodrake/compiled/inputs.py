@@ -91,7 +91,7 @@ def reading_places(machine: Machine) -> dict[str, slice]:
     return stack({kind: machine.column_width(kind) for kind in machine.compared})
 
 
-def prepared(robot: Robot, quantisation: bool = True) -> np.ndarray:
+def prepare_values(robot: Robot, quantisation: bool = True) -> np.ndarray:
     """Parameter values (parameters,) [SI] of a run, with the resolutions at 0 if unquantised."""
     values = robot.values.copy()
     if np.isnan(values).any():

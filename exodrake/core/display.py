@@ -45,7 +45,7 @@ def in_words(value: float, si: str) -> str:
     return f"{factor * value:.4g}{'' if symbol.startswith('°') else ' '}{symbol}".rstrip()
 
 
-def display_of(kind: str, machine: Machine | None = None, si: str = "") -> Display:
+def find_display(kind: str, machine: Machine | None = None, si: str = "") -> Display:
     """Display of a kind of column, such as `angle`: the machine's, else by the kind and the column's unit `si`."""
     column = next((c for c in machine.columns if c.kind == kind), None) if machine else None
     label = kind.replace("_", " ").capitalize()
@@ -54,6 +54,6 @@ def display_of(kind: str, machine: Machine | None = None, si: str = "") -> Displ
     return Display(column.label or label, *shown_unit(machine.signal[column.signal].unit, column.unit))
 
 
-def colour_of(channel: str, index: int, machine: Machine | None = None) -> str:
+def choose_colour(channel: str, index: int, machine: Machine | None = None) -> str:
     """Colour of a channel: the machine's own, else by its index."""
     return (machine.colours if machine else {}).get(channel) or PALETTE[index % len(PALETTE)]

@@ -55,7 +55,7 @@ class InputError(Exception):
     """
 
     def __init__(self, message: str) -> None:
-        super().__init__(shortened(printable(message)))
+        super().__init__(shorten(printable(message)))
 
 
 def printable(text: str) -> str:
@@ -63,7 +63,7 @@ def printable(text: str) -> str:
     return text if text.isprintable() else "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
 
 
-def shortened(text: str, most: int = MAX_MESSAGE, tail: int = TAIL) -> str:
+def shorten(text: str, most: int = MAX_MESSAGE, tail: int = TAIL) -> str:
     """Text of at most so many characters: what is longer loses its middle."""
     return text if len(text) <= most else f"{text[: most - tail - 5]} ... {text[-tail:]}"
 

@@ -18,14 +18,14 @@ def read_bytes(path: str | Path) -> bytes:
     refuse_special(path)
     try:
         with open(path, "rb") as stream:
-            return limited(stream.read(MAX_BYTES + 1), path)
+            return limit_size(stream.read(MAX_BYTES + 1), path)
     except FileNotFoundError:
         raise InputError(f"{path}: no such file") from None
     except (OSError, ValueError) as error:
         raise InputError(f"{path}: cannot be read ({_reason(error)})") from None
 
 
-def sha256_of(path: str | Path) -> str:
+def hash_file(path: str | Path) -> str:
     """SHA-256 of a file's bytes, in hexadecimal digits. InputError as `read_bytes`."""
     return hashlib.sha256(read_bytes(path)).hexdigest()
 
@@ -40,7 +40,7 @@ def refuse_special(path: str | Path) -> None:
         raise InputError(f"{path}: a pipe or device, wanted a file")
 
 
-def limited(data: bytes, source: str | Path) -> bytes:
+def limit_size(data: bytes, source: str | Path) -> bytes:
     """The data; InputError naming their source if they are more than MAX_BYTES."""
     if len(data) > MAX_BYTES:
         raise InputError(f"{source}: larger than {MAX_BYTES / 1e6:g} MB, and not read")

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from exodrake.core.effect import Effect
 from exodrake.core.errors import InputError, nearest
-from exodrake.core.part import Axes, Delay, Field, Part, Signal, State, Task, module_name, part_modules, points_of
+from exodrake.core.part import Axes, Delay, Field, Part, Signal, State, Task, map_points, module_name, part_modules
 
 if TYPE_CHECKING:
     from exodrake.core.mechanism import Mechanism, Shape, Skeleton
@@ -54,14 +54,14 @@ def full_name(*words: str) -> str:
     return ".".join(word for word in words if word)
 
 
-def channels_of(name: str, names: Sequence[str]) -> list[int]:
+def find_places(name: str, names: Sequence[str]) -> list[int]:
     """Places of a parameter among full names: its own, else those of its channels; none of an unknown one."""
     if name in names:
         return [names.index(name)]
     return [i for i, full in enumerate(names) if full.rpartition(".")[0] == name]
 
 
-def expanded(pattern: str, axes: Axes) -> list[str]:
+def expand_pattern(pattern: str, axes: Axes) -> list[str]:
     """The pattern for each tendon {w} or joint {j} that it names."""
     for mark, channels in (("{w}", axes.tendons), ("{j}", axes.joints)):
         if mark in pattern:
@@ -298,7 +298,7 @@ class Machine:
         for module in (m for part in self.parts for m in part_modules(part)):
             if homes.setdefault(module_name(module), module) is not module:
                 raise InputError(f"{self.name}: two modules of parts are called {module_name(module)!r}")
-        points, ids = points_of(self.parts), [effect.id for effect in self.effects]
+        points, ids = map_points(self.parts), [effect.id for effect in self.effects]
         for effect in self.effects:
             if ids.count(effect.id) > 1:
                 raise InputError(f"{self.name}: two effects have the id {effect.id!r}")
@@ -378,7 +378,7 @@ class Machine:
 
     def indices(self, name: str) -> list[int]:
         """Indices in the flat vector of a full name, or of all channels of a name without channel; none if unknown."""
-        return channels_of(name, list(self.index))
+        return find_places(name, list(self.index))
 
     def effect_indices(self, identity: str, parameter: str) -> dict[str, int]:
         """Index in the flat vector of each channel of an effect's parameter; "" for one without channels."""

@@ -110,7 +110,7 @@ class Field:
     axis: str
 
 
-def fields_of(parameters: type, group: str) -> tuple[Field, ...]:
+def list_fields(parameters: type, group: str) -> tuple[Field, ...]:
     """Fields of a module's `Parameters` class (a NamedTuple whose fields are annotated with `Unit`), in order."""
     found = []
     for name, hint in get_type_hints(parameters, include_extras=True).items():
@@ -197,7 +197,7 @@ class Part:
     @property
     def fields(self) -> tuple[Field, ...]:
         """The part's parameters, in the order of its `Parameters` class."""
-        return fields_of(self.parameters, self.group or self.name)
+        return list_fields(self.parameters, self.group or self.name)
 
 
 def module_name(module: ModuleType) -> str:
@@ -216,7 +216,7 @@ def part_modules(part: Part) -> list[ModuleType]:
     return [part.module, *dict.fromkeys(p.module for p in part.points if p.module is not None)]
 
 
-def points_of(parts: Iterable[Part]) -> dict[str, Part]:
+def map_points(parts: Iterable[Part]) -> dict[str, Part]:
     """The part of each point ("module.point") where effects may act."""
     return {f"{module_name(p.module or part.module)}.{p.name}": part for part in parts for p in part.points}
 

@@ -29,12 +29,12 @@ def plain(value: Any) -> Any:
     Dataclasses become mappings, arrays lists, complex numbers [real, imaginary], and what is not finite null;
     functions are left out. A class with a method `to_json` says itself what it is.
     """
-    return _plain(value, listed, "")
+    return _plain(value, list_array, "")
 
 
-def listed(array: np.ndarray, _: str = "") -> list[Any]:
+def list_array(array: np.ndarray, _: str = "") -> list[Any]:
     """An array (n, ...) [any unit] as lists, null where it is not finite."""
-    return array.tolist() if np.isfinite(array).all() else [_plain(one, listed, "") for one in array]
+    return array.tolist() if np.isfinite(array).all() else [_plain(one, list_array, "") for one in array]
 
 
 def to_dict(result: Any) -> dict[str, Any]:

@@ -63,11 +63,11 @@ def is_machine(folder: Path) -> bool:
 def folders() -> list[Path]:
     """Plugin folders: those of EXODRAKE_PLUGINS, then those of installed packages."""
     named = [Path(item) for item in os.environ.get(VARIABLE, "").split(os.pathsep) if item]
-    return [*named, *installed()]
+    return [*named, *find_installed()]
 
 
 @cache
-def installed() -> list[Path]:
+def find_installed() -> list[Path]:
     """Folders of the packages that entry points name; nothing of them is imported."""
     from importlib.metadata import entry_points
     from importlib.util import find_spec

@@ -97,7 +97,7 @@ def where_to_run(command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 @contextmanager
-def counted(title: str, resume: str = "the same command resumes the run") -> Iterator[Count]:
+def show_count(title: str, resume: str = "the same command resumes the run") -> Iterator[Count]:
     """Show a bar of a loop and yield the function that is called with (done, failed, total).
 
     Ctrl-C and SIGTERM end with status 130 and a line that says how much is done and how to `resume`.

@@ -53,6 +53,6 @@ def robot_digest(robot: Robot) -> str:
     return hashlib.sha256(stated.encode() + b"\0" + robot.values.tobytes()).hexdigest()[:DIGITS]
 
 
-def described(known: dict[str, str] | None) -> str:
+def describe_configuration(known: dict[str, str] | None) -> str:
     """A configuration in words."""
     return ", ".join(f"{name} {value}" for name, value in known.items()) if known else "an unrecorded configuration"

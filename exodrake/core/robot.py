@@ -17,7 +17,7 @@ import numpy as np
 from exodrake.core.display import in_words
 from exodrake.core.effect import Effect
 from exodrake.core.errors import InputError, nearest, short_repr
-from exodrake.core.machine import Machine, Tolerance, expanded
+from exodrake.core.machine import Machine, Tolerance, expand_pattern
 from exodrake.core.units import UNITS, conversion, quantity, to_si
 
 # units that people have in mind when they give a bare number, likely ones first
@@ -153,7 +153,7 @@ class Robot:
             name: tolerance
             for tolerance in machine.tolerances
             for pattern in tolerance.parameters
-            for names in expanded(pattern, machine.axes)
+            for names in expand_pattern(pattern, machine.axes)
             for name in names.split()
         }
         found = {
@@ -313,7 +313,9 @@ def check_channels(machine: Machine, effect: Effect, channels: Iterable[str]) ->
 def drawn_robot(robot: Robot, rng: np.random.Generator) -> Robot:
     """The robot with each parameter that has a tolerance drawn anew, normal and clipped to its largest deviation."""
     machine, values = robot.machine, robot.values.copy()
-    groups = [(g, n) for g in machine.tolerances for pattern in g.parameters for n in expanded(pattern, machine.axes)]
+    groups = [
+        (g, n) for g in machine.tolerances for pattern in g.parameters for n in expand_pattern(pattern, machine.axes)
+    ]
     for (group, names), drawn in zip(groups, rng.standard_normal(len(groups)), strict=True):
         x = float(np.clip(drawn * group.prior_std, -group.max_deviation, group.max_deviation))
         for name in names.split():

@@ -151,7 +151,7 @@ def quantity(value: Any, unit: str, where: str, given: str = "") -> float:
     return to_si(number, written, where) if written else number
 
 
-def kind_of(column: str) -> str | None:
+def find_kind(column: str) -> str | None:
     """The longest known kind that heads a column name (`tension_ref` for `tension_ref_AF`), or None."""
     parts = column.split("_")
     for length in range(len(parts), 0, -1):
@@ -163,7 +163,7 @@ def kind_of(column: str) -> str | None:
 
 def default_unit(column: str) -> str:
     """SI unit of a column by its kind. InputError for a kind that is not in the table."""
-    kind = kind_of(column)
+    kind = find_kind(column)
     if kind is None:
         raise InputError(
             f"column {column!r}: kind unknown, so its unit must be given (known kinds: {', '.join(KINDS)})"
@@ -173,7 +173,7 @@ def default_unit(column: str) -> str:
 
 def check_unit(column: str, unit: str, where: str = "") -> str:
     """SI unit of a column headed with `unit`. InputError if unknown, or none of the column's kind (a tension in m)."""
-    found, kind = known(unit, where), kind_of(column)
+    found, kind = known(unit, where), find_kind(column)
     if kind is None:
         return found.si
     for wanted in KINDS[kind]:

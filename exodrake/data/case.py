@@ -30,7 +30,7 @@ from typing import Any
 
 from exodrake.core import schema
 from exodrake.core.errors import InputError, argument, printable, short_repr
-from exodrake.core.files import is_file, is_folder, read_bytes, sha256_of, write_folder
+from exodrake.core.files import hash_file, is_file, is_folder, read_bytes, write_folder
 from exodrake.core.plain import plain
 from exodrake.data.formats import ending, log_bytes, read_log, read_table, stem
 from exodrake.data.log import MODEL, Log, check_columns, regularise
@@ -134,7 +134,7 @@ class Case:
         return item is not next((one for one in group if one.repeats is None), group[0])
 
 
-def date_of(written: str) -> datetime | None:
+def parse_date(written: str) -> datetime | None:
     """The moment that a date or time by ISO 8601 names, UTC where it names no zone; None of anything else."""
     try:
         found = datetime.fromisoformat(written)
@@ -145,7 +145,7 @@ def date_of(written: str) -> datetime | None:
 
 def moment(value: Any, where: str) -> datetime:
     """A date, or a date with a time, by ISO 8601."""
-    found = date_of(value) if isinstance(value, str) else None
+    found = parse_date(value) if isinstance(value, str) else None
     if found is None:
         raise schema.refusal(where, f"wanted a date as 2026-03-05 or 2026-03-05T14:30, found {schema.shown(value)}")
     return found
@@ -249,7 +249,7 @@ def read_case(
         if not is_folder(place):
             raise InputError(f"{folder}: no such folder")
         if is_file(place / FILE):
-            content, hashes[FILE] = read_case_file(place / FILE), sha256_of(place / FILE)
+            content, hashes[FILE] = read_case_file(place / FILE), hash_file(place / FILE)
         for file in [entry["file"] for entry in content["logs"]] if content else log_names(place):
             if not allow_outside:
                 check_inside(place, file, str(folder))
@@ -263,7 +263,7 @@ def read_case(
         check_columns(table, required)
         log, faults = regularise(table, frame)
         log = replace(log, simulated=table.simulated)
-        hashes[file] = sha256_of(path)
+        hashes[file] = hash_file(path)
         if is_file(beside := path.with_name(notes_name(path))):
             lines = read_bytes(beside).decode(errors="replace").splitlines()[:MOST_NOTES]
             notes += [f"{path.name}: {line.strip()}" for line in lines if line.strip()]

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from exodrake.core.errors import InputError, argument, short_repr
-from exodrake.core.units import KINDS, check_unit, default_unit, kind_of, to_si
+from exodrake.core.units import KINDS, check_unit, default_unit, find_kind, to_si
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -112,7 +112,7 @@ class Log:
     @property
     def kinds(self) -> tuple[str, ...]:
         """Known kinds present, in file order."""
-        return tuple(dict.fromkeys(kind for kind in map(kind_of, self.signals) if kind))
+        return tuple(dict.fromkeys(kind for kind in map(find_kind, self.signals) if kind))
 
     @property
     def dt(self) -> float:
@@ -136,7 +136,7 @@ class Log:
         A longer known kind claims its columns: `tension_ref_AF` is no `tension` of a channel `ref_AF`.
         """
         own = (column for column in self.signals if column.startswith(kind + "_"))
-        return tuple(column[len(kind) + 1 :] for column in own if len(kind_of(column) or "") <= len(kind))
+        return tuple(column[len(kind) + 1 :] for column in own if len(find_kind(column) or "") <= len(kind))
 
     def array(self, kind: str, names: Sequence[str] | None = None) -> np.ndarray:
         """Columns of one kind (n, len(names)) [SI]; all of them in file order if no names are given.
@@ -315,8 +315,8 @@ def columns_in_si(
         folded = unicodedata.normalize("NFKC", name).casefold()
         if (other := plain.setdefault(folded, name)) != name:
             raise InputError(f"{source}: column {name!r} is {other!r} in other letters, so one of them is too much")
-        kind = kind_of(folded)
-        if kind is not None and kind_of(name) is None:
+        kind = find_kind(folded)
+        if kind is not None and find_kind(name) is None:
             raise InputError(f"{source}: column {name!r}: did you mean {kind + name[len(kind) :]!r}?")
     return signals, known
 

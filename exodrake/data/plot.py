@@ -18,11 +18,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from exodrake.core.display import Display, colour_of, display_of
+from exodrake.core.display import Display, choose_colour, find_display
 from exodrake.core.errors import InputError
 from exodrake.core.files import write_bytes
 from exodrake.core.machine import Machine
-from exodrake.core.units import kind_of
+from exodrake.core.units import find_kind
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -53,7 +53,7 @@ STYLE: dict[Any, Any] = {
 def list_kinds(log: Log, machine: Machine | None = None) -> list[str]:
     """Kinds of columns with a panel each, those of the machine first; a reference is drawn with its kind."""
     named = [c.kind for c in machine.columns] if machine else []
-    named += [kind_of(c) or c.rsplit("_", 1)[0] for c in log.columns]
+    named += [find_kind(c) or c.rsplit("_", 1)[0] for c in log.columns]
     return [kind for kind in dict.fromkeys(named) if log.names(kind) and not kind.endswith(ASIDE)]
 
 
@@ -106,7 +106,7 @@ def plot_log(
             factor = display_in(log, kind, machine).factor
             for i, name in enumerate(other.names(kind) if other is not None else ()):
                 assert other is not None
-                style = second | {"color": colour_of(name, i, machine), "linewidth": second["linewidth"] * thinner}
+                style = second | {"color": choose_colour(name, i, machine), "linewidth": second["linewidth"] * thinner}
                 axes.plot(other.time, display_in(other, kind, machine).factor * other[f"{kind}_{name}"], **style)
                 if lower is not None and log.has(f"{kind}_{name}"):
                     error = other.sample(f"{kind}_{name}", log.time) - log[f"{kind}_{name}"]
@@ -146,12 +146,12 @@ def log_html(log: Log) -> str:
     page += f"<p>and {more} more</p>" if more else ""
     if not len(log) or not list_kinds(log):
         return page
-    return f'{page}<img alt="" src="data:image/png;base64,{b64encode(png_of(plot_log(log), SMALL)).decode()}">'
+    return f'{page}<img alt="" src="data:image/png;base64,{b64encode(render_png(plot_log(log), SMALL)).decode()}">'
 
 
 def display_in(log: Log, kind: str, machine: Machine | None) -> Display:
     """Label and unit of a kind of column, for the unit that the log has it in."""
-    return display_of(kind, machine, log.units[f"{kind}_{log.names(kind)[0]}"] if log.names(kind) else "")
+    return find_display(kind, machine, log.units[f"{kind}_{log.names(kind)[0]}"] if log.names(kind) else "")
 
 
 def draw_panel(
@@ -160,12 +160,12 @@ def draw_panel(
     """Draws the columns of one kind, with their references dashed and their estimates."""
     display = display_in(log, kind, machine)
     for i, name in enumerate(log.names(kind)):
-        colour = colour_of(name, i, machine)
+        colour = choose_colour(name, i, machine)
         values, look = display.factor * log[f"{kind}_{name}"], {"color": colour, "ls": style["linestyle"]}
         if len(values) <= LONG:
             axes.plot(log.time, values, label=name, **look)
         else:  # the envelope and the mean of stretches of time
-            stretch = stretch_of(len(values), 2 * STRETCHES)
+            stretch = choose_stretch(len(values), 2 * STRETCHES)
             low, high = np.sort(envelope(values[:, None], stretch).reshape(-1, 2), axis=1).T
             blocks = split_stretches(np.column_stack([log.time, values]), stretch)
             count = np.isfinite(blocks).sum(axis=1)  # the mean is NaN in a stretch without a sample
@@ -223,7 +223,7 @@ def new_figure(width: float, height: float) -> Figure:
     return Figure(figsize=(width, height), layout="constrained")
 
 
-def png_of(figure: Figure, dpi: int = 200) -> bytes:
+def render_png(figure: Figure, dpi: int = 200) -> bytes:
     """The figure as PNG."""
     buffer = BytesIO()
     figure.savefig(buffer, format="png", dpi=dpi)
@@ -232,10 +232,10 @@ def png_of(figure: Figure, dpi: int = 200) -> bytes:
 
 def save_png(figure: Figure, path: str | Path, dpi: int = 200) -> None:
     """Writes a figure as PNG, whole or not at all. InputError for a file that cannot be written."""
-    write_bytes(path, png_of(figure, dpi))
+    write_bytes(path, render_png(figure, dpi))
 
 
-def stretch_of(samples: int, most: int) -> int:
+def choose_stretch(samples: int, most: int) -> int:
     """Samples of a stretch with which the envelope of a log has `most` samples or fewer; 1 where the log has."""
     return 1 if samples <= most else -(-samples // max(most // 2, 1))
 
@@ -265,7 +265,7 @@ def remarks(found: Comparison, log: Log, machine: Machine | None = None) -> dict
     for kind in list_kinds(log, machine):
         display = display_in(log, kind, machine)
         values = {n: found.signals[f"{kind}_{n}"] for n in log.names(kind) if f"{kind}_{n}" in found.signals}
-        if values and kind_of(f"{kind}_x") == kind:
+        if values and find_kind(f"{kind}_x") == kind:
             listed = ", ".join(f"{name} {display.factor * one.rms:.3g}" for name, one in values.items())
             said[kind] = f"RMS difference: {listed} {display.symbol}".rstrip()
     return said

@@ -19,7 +19,7 @@ from exodrake.core.progress import Count, no_progress
 from exodrake.core.robot import Robot
 from exodrake.data.case import Case
 from exodrake.diagnosis import calibration as rates
-from exodrake.diagnosis.healthy import SEEDS, followed, healthy_case, healthy_robot, with_effect
+from exodrake.diagnosis.healthy import SEEDS, follow_case, healthy_case, healthy_robot, with_effect
 from exodrake.diagnosis.result import CAUSE, NO_GAP, RETUNE, UNKNOWN, Diagnosis, Interval
 from exodrake.machines.robot_file import load_robot
 
@@ -110,7 +110,7 @@ def simulated_robot(robot: str, case: Case | None, seed: int, number: int) -> Re
     if number % EACH_HEALTHY:
         one = nominal.machine.effects[rng.integers(len(nominal.machine.effects))]
         drawn, effect = with_effect(drawn, one, rng), one.id
-    return record(diagnose(followed(motion, drawn, rng), nominal), drawn, effect)
+    return record(diagnose(follow_case(motion, drawn, rng), nominal), drawn, effect)
 
 
 def record(answer: Diagnosis, true: Robot, effect: str) -> Record:
@@ -145,7 +145,7 @@ def held(
                 yield bool(interval.low <= values[channel] <= interval.high)
 
 
-def rates_of(records: Sequence[Record]) -> dict[str, tuple[int, int]]:
+def count_rates(records: Sequence[Record]) -> dict[str, tuple[int, int]]:
     """Error rates: rate of `calibration.RATES` -> count k of n."""
     healthy, ill = ([r for r in records if bool(r.effect) == wanted] for wanted in (False, True))
     covered = [one for r in ill for one in r.covered]

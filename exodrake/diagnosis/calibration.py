@@ -50,7 +50,7 @@ SCHEMA = mapping(
 )
 
 
-def calibration_of(machine: Machine) -> Calibration:
+def read_calibration(machine: Machine) -> Calibration:
     """The calibration of a machine; an empty one if it has none. InputError for a malformed file."""
     folder = machine_folders().get(machine.name)
     if folder is None or not (folder / FILE).is_file():
@@ -62,12 +62,12 @@ def calibration_of(machine: Machine) -> Calibration:
 
 def calibration_notes(machine: Machine) -> tuple[str, ...]:
     """A sentence on missing tolerances, and one on the error rates of verdicts where they were measured."""
-    found, known = [], calibration_of(machine).rates
+    found, known = [], read_calibration(machine).rates
     if not machine.tolerances:
         found.append(f"{machine.name} states no tolerances: its nominal parameters count as exact and are not retuned")
     if known is not None:
         (alarms, healthy), (named, ill) = known[ALARM], known[NAMED]
-        other = "" if calibration_of(machine).code == configuration()["code"] else " (measured on another version)"
+        other = "" if read_calibration(machine).code == configuration()["code"] else " (measured on another version)"
         found.append(
             f"of {healthy} healthy robots of this kind {alarms} {'was' if alarms == 1 else 'were'} given a cause; "
             f"of {ill} with one effect {named} {'was' if named == 1 else 'were'} named rightly{other}"
@@ -75,7 +75,7 @@ def calibration_notes(machine: Machine) -> tuple[str, ...]:
     return tuple(found)
 
 
-def rate_of(k: int, n: int) -> dict[str, float]:
+def state_rate(k: int, n: int) -> dict[str, float]:
     """Count k of n with its exact (Clopper-Pearson) 95 % interval; the whole range for n = 0."""
     low, high = binomial_interval(k, n)
     return {"k": k, "n": n, "low": round(low, 4), "high": round(high, 4)}
@@ -83,5 +83,5 @@ def rate_of(k: int, n: int) -> dict[str, float]:
 
 def calibration_text(found: Calibration) -> str:
     """The file of a calibration."""
-    rates: dict[str, Any] = {name: rate_of(*pair) for name, pair in (found.rates or {}).items()}
+    rates: dict[str, Any] = {name: state_rate(*pair) for name, pair in (found.rates or {}).items()}
     return dump_yaml({"source": found.source, "code": found.code, "rates": rates})

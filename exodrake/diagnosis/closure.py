@@ -123,9 +123,9 @@ def measure(problem: Problem, rows: Sequence[np.ndarray], seed: int = 0) -> Clos
             before, retuned_rms, after, float(noise_std), closure(squares[0], squares[-1]), unit
         )
     return Closure(
-        overall=bootstrapped(nominal, improved, samples, picks),
-        retune=bootstrapped(nominal, retuned, samples, picks),
-        effect=bootstrapped(retuned, improved, samples, picks),
+        overall=bootstrap(nominal, improved, samples, picks),
+        retune=bootstrap(nominal, retuned, samples, picks),
+        effect=bootstrap(retuned, improved, samples, picks),
         signals=signals,
     )
 
@@ -137,7 +137,7 @@ def closure(before: np.ndarray, after: np.ndarray, samples: np.ndarray | None = 
     return 1.0 - max(left, 0.0) / gap if gap > 0.0 else float("nan")
 
 
-def bootstrapped(before: np.ndarray, after: np.ndarray, samples: np.ndarray, picks: np.ndarray) -> Interval:
+def bootstrap(before: np.ndarray, after: np.ndarray, samples: np.ndarray, picks: np.ndarray) -> Interval:
     """Closure from mean squares of so many samples (blocks,), with the interval of `picks` (draws, blocks)."""
     value = closure(before, after, samples)
     draws = np.array([closure(before[pick], after[pick], samples[pick]) for pick in picks])

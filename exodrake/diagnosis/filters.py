@@ -11,7 +11,7 @@ STEEP = 2  # order of the filter, which runs forwards and backwards
 FINE = 4096  # frequencies at which its response is taken
 
 
-def filled(values: np.ndarray) -> np.ndarray:
+def fill_gaps(values: np.ndarray) -> np.ndarray:
     """Missing samples replaced by the last one known."""
     known = np.isfinite(values)
     if not known.any():
@@ -22,7 +22,7 @@ def filled(values: np.ndarray) -> np.ndarray:
 
 def filled_columns(rows: np.ndarray) -> np.ndarray:
     """Signals (n, columns), each filled."""
-    return np.column_stack([filled(column) for column in rows.T])
+    return np.column_stack([fill_gaps(column) for column in rows.T])
 
 
 def without(bands: Bands, signals: np.ndarray, period: float) -> np.ndarray:

@@ -21,7 +21,7 @@ import numpy as np
 from exodrake.core.machine import Machine
 from exodrake.core.parallel import side_by_side
 from exodrake.diagnosis.likelihood import Likelihood
-from exodrake.diagnosis.linear import LinearModel, bounded
+from exodrake.diagnosis.linear import LinearModel, minimise_bounded
 from exodrake.diagnosis.linearise import Probe, nominal_jacobian, with_effects
 from exodrake.diagnosis.parameter import STEP, Parameter, apply
 
@@ -107,7 +107,7 @@ class Explanation:
         moved = zip(points, residuals, strict=True)
         return [replace(self, x=x, residual=residual) for x, residual in moved]
 
-    def changed(self, **fields: Any) -> Explanation:
+    def change(self, **fields: Any) -> Explanation:
         """The explanation with other fields at the same coordinates: derivatives by its effects are kept."""
         found = replace(self, **fields)
         if self in COLUMNS:
@@ -223,7 +223,7 @@ class Groups:
         left = np.bincount(self.samples, (e.residual * likelihood.weights) ** 2, self.count)
         return 0.5 * (left + np.bincount(self.parameters, (e.x / e.prior_std) ** 2, self.count))
 
-    def merged(self, a: Explanation, b: Explanation, better: np.ndarray) -> Explanation:
+    def merge(self, a: Explanation, b: Explanation, better: np.ndarray) -> Explanation:
         """The first explanation with those groups (groups,) of the second that are better."""
         if better.all() or not better.any():
             return b if better.all() else a
@@ -234,7 +234,7 @@ class Groups:
         """The explanation whose groups are the best of several at other coordinates."""
         best = found[0]
         for e in found[1:]:
-            best = self.merged(best, e, self.costs(likelihood, e) < self.costs(likelihood, best))
+            best = self.merge(best, e, self.costs(likelihood, e) < self.costs(likelihood, best))
         return best
 
 
@@ -251,11 +251,11 @@ def minimise(likelihood: Likelihood, start: Explanation, steps: int = STEPS, tol
             longest = reach * SHORTER ** (failed - 1) if failed else np.full(len(reach), np.inf)
             longest = np.where(waiting[groups.parameters], longest, 0.0)
             damped = curvature + np.diag(damping[groups.parameters] * np.diag(curvature))
-            trial = stepped(likelihood, here, slope, damped, longest)
+            trial = take_step(likelihood, here, slope, damped, longest)
             known = np.concatenate([here.jacobian, columns[here.nominal :]])
-            jacobian = corrected(here, trial, here.residual + (trial.x - here.x) @ known)
+            jacobian = correct_jacobian(here, trial, here.residual + (trial.x - here.x) @ known)
             better = waiting & (groups.costs(likelihood, trial) < before)
-            found, here = groups.merged(found, trial, better), here.changed(jacobian=jacobian)
+            found, here = groups.merge(found, trial, better), here.change(jacobian=jacobian)
             found = replace(found, jacobian=jacobian)
             waiting &= ~better
             if not waiting.any():
@@ -271,16 +271,16 @@ def minimise(likelihood: Likelihood, start: Explanation, steps: int = STEPS, tol
     return found
 
 
-def stepped(
+def take_step(
     likelihood: Likelihood, here: Explanation, slope: np.ndarray, curvature: np.ndarray, longest: np.ndarray
 ) -> Explanation:
     """The explanation after one step within its bounds; longest: (parameters,) change of each parameter."""
     low, high = here.bounds - here.x
-    move, _ = bounded(curvature, slope, np.maximum(low, -longest), np.minimum(high, longest))
+    move, _ = minimise_bounded(curvature, slope, np.maximum(low, -longest), np.minimum(high, longest))
     return here.at_each(likelihood, [np.clip(here.x + move, low + here.x, high + here.x)])[0]
 
 
-def corrected(here: Explanation, trial: Explanation, expected: np.ndarray) -> np.ndarray:
+def correct_jacobian(here: Explanation, trial: Explanation, expected: np.ndarray) -> np.ndarray:
     """The nominal Jacobian corrected by what a step showed."""
     count = here.nominal
     move = (trial.x - here.x)[:count]
@@ -332,13 +332,13 @@ def fit_beside(likelihood: Likelihood, known: Explanation, predicted: Sequence[P
     return side_by_side([partial(finish, e, gain) for e, gain in zip(begun, gains, strict=True)])
 
 
-def settled(likelihood: Likelihood, e: Explanation, rounds: int = 2) -> Explanation:
+def settle(likelihood: Likelihood, e: Explanation, rounds: int = 2) -> Explanation:
     """The explanation fitted on with new nominal Jacobians, until one gains less than `USELESS`."""
     for _ in range(rounds if e.nominal else 0):
         likelihood, count = likelihood.scaled_to(e.residual), e.nominal
         before = e.cost(likelihood)
         jacobian = nominal_jacobian(likelihood, e.at_nominal, e.parameters[:count], e.x[:count], e.residual)
-        e = minimise(likelihood, e.changed(jacobian=jacobian))
+        e = minimise(likelihood, e.change(jacobian=jacobian))
         if before - e.cost(likelihood) < USELESS:
             break
     return e

@@ -33,7 +33,7 @@ from exodrake.core.errors import InputError, printable
 from exodrake.core.files import is_file, is_folder, read_bytes
 from exodrake.core.processes import in_child
 from exodrake.core.schema import read_json
-from exodrake.data.formats.parquet import parse_rows, pyarrow_of
+from exodrake.data.formats.parquet import import_pyarrow, parse_rows
 from exodrake.diagnosis.change_point import DAY, DRAWS, LEAST, Change, ChangePoint
 from exodrake.diagnosis.many import ANSWER, FAILED, check_answer
 from exodrake.diagnosis.result import NAMED, NO_GAP, RETUNE
@@ -176,7 +176,7 @@ def schema(arrow: Any) -> Any:
 
 def table_bytes(rows: Iterable[Row]) -> bytes:
     """The table as Parquet. InputError without pyarrow."""
-    arrow, parquet = pyarrow_of("the table")
+    arrow, parquet = import_pyarrow("the table")
     stream = io.BytesIO()
     parquet.write_table(arrow.Table.from_pylist([asdict(row) for row in rows], schema=schema(arrow)), stream)
     return stream.getvalue()
@@ -187,7 +187,7 @@ def read_table(path: str | Path) -> list[Row]:
     data = read_bytes(path)
     if data[: len(MAGIC)] != MAGIC:
         raise InputError(f"{path}: neither a folder of answers nor a Parquet table")
-    wanted = schema(pyarrow_of(str(path))[0])
+    wanted = schema(import_pyarrow(str(path))[0])
     found = in_child(parse_rows, data, str(path), wanted, LATER, source=str(path), size=len(data))
 
     def read_cells(kind: type[Row] | type[Amount], values: Mapping[str, Any]) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis.filters import filled_columns
 from exodrake.simulation import protocols
 from exodrake.simulation.references import reference_rows
-from exodrake.simulation.simulate import log_of, run
+from exodrake.simulation.simulate import run, write_log
 
 SEEDS = 2**31  # of noise and motion
 
@@ -37,7 +37,7 @@ def healthy_case(nominal: Robot, seed: int) -> Case:
         ("random", "holdout", protocols.random_motion(nominal, seed=seed)),
     )
     logs = [
-        CaseLog(log_of(run(robot, reference, seed=1000 * seed + k)), name, role, None, f"{name}.csv")
+        CaseLog(write_log(run(robot, reference, seed=1000 * seed + k)), name, role, None, f"{name}.csv")
         for k, (name, role, reference) in enumerate(plan)
     ]
     return Case(f"healthy {seed}", {}, tuple(logs))
@@ -63,12 +63,12 @@ def drawn_value(info: EffectParameter, rng: np.random.Generator) -> float:
     return rng.uniform(info.low, info.high)
 
 
-def followed(case: Case, robot: Robot, rng: np.random.Generator) -> Case:
+def follow_case(case: Case, robot: Robot, rng: np.random.Generator) -> Case:
     """The case with the logs that a robot writes on its references: the same roles, repeats, columns and gaps."""
     logs = []
     for item in case.logs:
         reference = Reference(filled_columns(reference_rows(robot.machine, item.log)), item.file)
-        log = log_of(run(robot, reference, seed=int(rng.integers(SEEDS))))
+        log = write_log(run(robot, reference, seed=int(rng.integers(SEEDS))))
         seen = [name for name in log.columns if item.log.has(name)]
         gaps = {name: np.where(np.isfinite(item.log[name]), log[name], np.nan) for name in seen}
         logs.append(replace(item, log=log.only(seen).with_signals(gaps)))

@@ -26,7 +26,7 @@ from exodrake.core.effect import SHAPE_STD, Effect
 from exodrake.core.part import SCALAR, TENDONS
 from exodrake.diagnosis.parameter import Parameter
 from exodrake.diagnosis.result import Interval, NamedEffect
-from exodrake.diagnosis.search import Fitted, kind_of
+from exodrake.diagnosis.search import Fitted, name_kind
 
 # relative standard deviation of a parameter that means the same in two simulators, or machines, which differ otherwise:
 # RMS error of seven such parameters on development cases of the reference simulator
@@ -80,7 +80,7 @@ def describe(found: Estimates, effect: Effect, channels: tuple[str, ...]) -> Nam
     info, stated = {p.name: p for p in effect.parameters}, dict[str, Interval]()
     by_channel: dict[str, dict[str, Interval]] = {}
     names = [p.name.removeprefix(f"{effect.id}.") for p in found.parameters]
-    chosen = affected(found)
+    chosen = choose_channels(found)
     if chosen:
         first, name = found.parameters[chosen[0]], names[chosen[0]]
         law, unit = law_std(effect, first), info[name].unit
@@ -88,7 +88,7 @@ def describe(found: Estimates, effect: Effect, channels: tuple[str, ...]) -> Nam
             found.parameters[i].channels[0]: interval(found.parameters[i], found.x[i], found.std[i], unit, law)
             for i in chosen
         }
-        mean, std = pooled(found.x[chosen], found.covariance[np.ix_(chosen, chosen)])
+        mean, std = pool_channels(found.x[chosen], found.covariance[np.ix_(chosen, chosen)])
         differ = max(i.low for i in own.values()) > min(i.high for i in own.values())
         by_channel[name] = own
         stated[name] = Interval(UNSURE, UNSURE, UNSURE, unit) if differ else interval(first, mean, std, unit, law)
@@ -99,10 +99,10 @@ def describe(found: Estimates, effect: Effect, channels: tuple[str, ...]) -> Nam
             stated[name] = replace(one, value=one.value + turns, low=one.low + turns, high=one.high + turns)
     sits = tuple(found.parameters[i].channels[0] for i in chosen) or tuple(c for c in channels if c)
     tendons, joints = (sits, ()) if effect.axis == TENDONS else ((), () if effect.axis == SCALAR else sits)
-    return NamedEffect(effect.id, tendons, joints, stated, by_channel, kind_of(effect))
+    return NamedEffect(effect.id, tendons, joints, stated, by_channel, name_kind(effect))
 
 
-def affected(found: Estimates) -> list[int]:
+def choose_channels(found: Estimates) -> list[int]:
     """Positions of the per-channel parameters of an effect whose channels count as affected."""
     lead = found.parameters[0].name
     mine = [i for i, p in enumerate(found.parameters) if p.name == lead and len(p.channels) == 1 and p.channels[0]]
@@ -133,7 +133,7 @@ def law_std(effect: Effect, parameter: Parameter) -> float:
     return effect.law_std if parameter.amplitude else max(effect.law_std, SHAPE_STD)
 
 
-def pooled(values: np.ndarray, covariance: np.ndarray) -> tuple[float, float]:
+def pool_channels(values: np.ndarray, covariance: np.ndarray) -> tuple[float, float]:
     """Common value of several channels and its standard deviation.
 
     Channels that scatter by more than their own errors differ by a variance of their own, which is estimated by moments

@@ -9,8 +9,8 @@ import numpy as np
 
 from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.diagnosis.detect import detect
-from exodrake.diagnosis.fit import Explanation, minimise, settled
-from exodrake.diagnosis.likelihood import Likelihood, likelihood_of, output_error, with_prediction
+from exodrake.diagnosis.fit import Explanation, minimise, settle
+from exodrake.diagnosis.likelihood import Likelihood, make_likelihood, output_error, with_prediction
 from exodrake.diagnosis.linearise import Linearisation, linearise, nominal_jacobian
 from exodrake.diagnosis.parameter import nominal_parameters
 from exodrake.diagnosis.problem import Problem, by_trial
@@ -96,7 +96,7 @@ def retune(problem: Problem, x: np.ndarray | None = None) -> tuple[Explanation, 
     for _ in range(ROUNDS if nominal else 0):
         before, likelihood = likelihood.mean_log(found.residual), likelihood.scaled_to(found.residual)
         jacobian = nominal_jacobian(likelihood, values, nominal, found.x, found.residual)
-        found = minimise(likelihood, found.changed(jacobian=jacobian), 4, 1e-3)
+        found = minimise(likelihood, found.change(jacobian=jacobian), 4, 1e-3)
         left = likelihood.mean_log(found.residual)
         if min(left, before - left) < LEAST_GAIN:
             break
@@ -116,17 +116,17 @@ def isolate(
     """
     progress(Stage.RETUNE, "")
     part = affordable(problem, most)
-    start, simulated = retune(problem.shortened(part))
+    start, simulated = retune(problem.shorten(part))
     whole = detect(problem, start.robot)
-    short = whole.shortened(part)
+    short = whole.shorten(part)
     certain = sum(d.certain for d in whole.detected)
     if certain:
         start, again = retune(short, start.x)
         simulated["retune"] += again["retune"]
-    likelihood = likelihood_of(short, start.robot, simulated).for_stage("linearise")
+    likelihood = make_likelihood(short, start.robot, simulated).for_stage("linearise")
     machine = problem.robot.machine
     (residual,) = likelihood.residual(start.robot[None])
-    likelihood = likelihood.with_memory_of(residual)
+    likelihood = likelihood.with_memory(residual)
     effects = tuple(e for e in machine.effects if e.id in short.tried)
 
     def count_needed(robot: np.ndarray) -> float:
@@ -147,7 +147,7 @@ def isolate(
     else:
         retuned = fitted(likelihood, start.at_each(likelihood, [start.x])[0])
         if more := count_needed(retuned.robot):
-            wide = likelihood_of(whole.shortened(affordable(problem, more)), retuned.robot, simulated)
+            wide = make_likelihood(whole.shorten(affordable(problem, more)), retuned.robot, simulated)
             by_more = fitted(wide, retuned.at_each(wide, [retuned.x])[0])
             if not negligible(whole, by_more.robot, likelihood):
                 return isolate(problem, progress, more)
@@ -156,7 +156,7 @@ def isolate(
     progress(Stage.LINEARISE, "")
     known = (retuned.values, retuned.x, retuned.parameters, effects, retuned.jacobian, retuned.residual)
     lin = linearise(likelihood, *known)
-    logs = likelihood.on(whole.shortened(affordable(whole))).for_stage("measure")
+    logs = likelihood.on(whole.shorten(affordable(whole))).for_stage("measure")
     search = Search(likelihood, effects, lin, logs, progress=progress)
     search.add([retuned])
     if before is not None:
@@ -175,13 +175,13 @@ def fit_on(found: Isolation, best: Fitted) -> tuple[Fitted, Fitted]:
     part = affordable(found.whole, PRECISE)
     if count_samples(found.whole) * part <= found.likelihood.views[0].samples:
         return found.retuned, best
-    likelihood, fits = found.likelihood.on(found.whole.shortened(part)).for_stage("fit on"), list[Fitted]()
+    likelihood, fits = found.likelihood.on(found.whole.shorten(part)).for_stage("fit on"), list[Fitted]()
     jacobian = np.zeros((best.explanation.nominal, likelihood.samples), dtype=np.float32)
     for fitted in (best, found.retuned):
         e = fitted.explanation
         (e,) = replace(e, jacobian=jacobian).at_each(likelihood, [e.x])
-        likelihood = likelihood.with_memory_of(e.residual)
-        e = minimise(likelihood.scaled_to(e.residual), e) if fits else settled(likelihood, e, 1)
+        likelihood = likelihood.with_memory(e.residual)
+        e = minimise(likelihood.scaled_to(e.residual), e) if fits else settle(likelihood, e, 1)
         jacobian, fits = e.jacobian, [*fits, Fitted.at(likelihood, e)]
     return fits[1], fits[0]
 
@@ -190,7 +190,7 @@ def fitted(likelihood: Likelihood, e: Explanation) -> Explanation:
     """The nominal parameters of an explanation fitted in all views, until their derivatives change no more."""
     jacobian = nominal_jacobian(likelihood, e.values, e.parameters, e.x, e.residual)
     found = minimise(likelihood.scaled_to(e.residual).for_stage("refine"), replace(e, jacobian=jacobian))
-    return settled(likelihood.for_stage("refine"), found)
+    return settle(likelihood.for_stage("refine"), found)
 
 
 def affordable(problem: Problem, most: float = MOST) -> float:

@@ -131,7 +131,7 @@ class Likelihood:
         """A residual (..., samples) cut into one for each view."""
         return np.split(residual, np.cumsum([view.samples for view in self.views])[:-1], axis=-1)
 
-    def samples_of(self, logs: Collection[int], frames: tuple[int, int] | None = None) -> np.ndarray:
+    def mask_samples(self, logs: Collection[int], frames: tuple[int, int] | None = None) -> np.ndarray:
         """Mask (samples,) of the residual's samples in some logs; frames: first and end of a part of these."""
         parts = []
         for view in self.views:
@@ -216,7 +216,7 @@ class Likelihood:
         views = tuple(replace(view, scale=float(s)) for view, s in zip(self.views, scales, strict=True))
         return replace(self, views=views)
 
-    def with_memory_of(self, residual: np.ndarray) -> Likelihood:
+    def with_memory(self, residual: np.ndarray) -> Likelihood:
         """The likelihood in which as many samples count as one as a residual (samples,) is correlated over.
 
         Squares of its autocorrelation are summed, since evidence rests on sums of squares (Bayley & Hammersley 1946),
@@ -257,7 +257,9 @@ def duration(problem: Problem) -> float:
     return sum(len(trial.reference) for trial in problem.fit) * problem.robot.machine.frame
 
 
-def likelihood_of(problem: Problem, values: np.ndarray, simulated: defaultdict[str, float] | None = None) -> Likelihood:
+def make_likelihood(
+    problem: Problem, values: np.ndarray, simulated: defaultdict[str, float] | None = None
+) -> Likelihood:
     """The likelihood of a case with the noise of the robot `values` (parameters,), noise and rounding off in it.
 
     simulated: time simulated so far, by stage [s]; that of the runs with noise is added.
@@ -268,7 +270,7 @@ def likelihood_of(problem: Problem, values: np.ndarray, simulated: defaultdict[s
     for k, view in enumerate(views):
         written = [(run[k], robot) for run, robot in zip(runs, robots, strict=True)]
         raw = [by_trial(run.residual(robot[None], run.fit)[0], run.fit) for run, robot in written]
-        whitening = whitening_of([log for run in raw for log in run])
+        whitening = fit_whitening([log for run in raw for log in run])
         squares = np.array([np.mean(np.concatenate(run) ** 2, axis=0) for run in raw])
         found.append(View(view, whitening, tuple([whitening(log) for log in run] for run in raw), squares=squares))
     simulated = defaultdict(float) if simulated is None else simulated
@@ -315,7 +317,7 @@ def convolve(rows: np.ndarray, taps: np.ndarray, out: np.ndarray) -> None:
                     out[k, t, c] += taps[lag, c] * rows[k, t - lag, c]
 
 
-def whitening_of(noise: Sequence[np.ndarray]) -> Whitening:
+def fit_whitening(noise: Sequence[np.ndarray]) -> Whitening:
     """The noise model of noise records (frames, columns) of several logs."""
     from scipy.linalg import solve_toeplitz
 

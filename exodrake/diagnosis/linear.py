@@ -68,19 +68,19 @@ class LinearModel:
         """Independent samples (views,)."""
         return np.array([self.samples[self.view == v].sum() for v in range(len(self.variance))]) / self.memory
 
-    def weighted(self, blocks: np.ndarray | None = None) -> np.ndarray:
+    def weight_products(self, blocks: np.ndarray | None = None) -> np.ndarray:
         """Weighted products (p + 1, p + 1) of all blocks, or of those in a mask (blocks,)."""
         weight = 1.0 / (self.memory * self.variance[self.view])
         return np.einsum("b,bij->ij", weight if blocks is None else weight * blocks, self.products)
 
     def posterior(self, blocks: np.ndarray | None = None) -> Posterior:
         """The posterior of x by all blocks, or by those in a mask (blocks,)."""
-        products = self.weighted(blocks)
+        products = self.weight_products(blocks)
         normal = products[:-1, :-1] + np.diag(self.precision)
         scale = np.sqrt(np.diag(normal))
         unit = normal / np.outer(scale, scale) + RIDGE * np.eye(len(scale))
         slope = products[:-1, -1] - self.precision * self.mean
-        step, _ = bounded(normal, slope, self.low, self.high)
+        step, _ = minimise_bounded(normal, slope, self.low, self.high)
         return Posterior(
             step, np.linalg.inv(unit) / np.outer(scale, scale), self._cost(products, step), self._volume(unit, scale)
         )
@@ -134,12 +134,12 @@ class LinearModel:
             found.append(row)
         return np.array(found)
 
-    def eliminated(self, count: int) -> Reduced:
+    def eliminate(self, count: int) -> Reduced:
         """The model of the last x alone, the first `count` of them eliminated (Schur complement).
 
         A parameter with a prior that ended at a bound of it stays there: what it would take up beyond is another's.
         """
-        products = self.weighted()
+        products = self.weight_products()
         slope = products[:count, -1] - self.precision[:count] * self.mean[:count]
         small = 1e-9 / np.sqrt(self.precision[:count])
         free = ~(((self.low[:count] >= -small) & (slope > 0.0)) | ((self.high[:count] <= small) & (slope < 0.0)))
@@ -187,7 +187,9 @@ class Reduced:
         return -(self.solved[:, -1] + self.solved[:, rows] @ f)
 
 
-def bounded(normal: np.ndarray, slope: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, float]:
+def minimise_bounded(
+    normal: np.ndarray, slope: np.ndarray, low: np.ndarray, high: np.ndarray
+) -> tuple[np.ndarray, float]:
     """Minimiser (n,) of f's + f'Nf / 2 within bounds, and the minimum (active set; Stark & Parker 1995)."""
     from scipy.optimize import lsq_linear
 

@@ -122,7 +122,7 @@ def linearise(
     return Linearisation(nominal, x, residual, jacobian, directions, tuple(probe for probe, _ in found))
 
 
-def renewed(old: Linearisation, new: Linearisation) -> Linearisation:
+def renew(old: Linearisation, new: Linearisation) -> Linearisation:
     """A linearisation with the directions of an older one for effects that it lacks."""
     known = {p.effect for p in new.probes}
     at, probes, rows = len(new.directions), list(new.probes), []

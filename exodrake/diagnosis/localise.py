@@ -17,7 +17,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from exodrake.core.part import JOINTS, SCALAR, TENDONS
-from exodrake.diagnosis.filters import filled
+from exodrake.diagnosis.filters import fill_gaps
 from exodrake.diagnosis.intervals import describe, fitted_effects
 from exodrake.diagnosis.isolation import Isolation
 from exodrake.diagnosis.problem import Problem, Trial, by_trial
@@ -47,13 +47,13 @@ def localise(found: Isolation, verdict: str, effects: tuple[NamedEffect, ...]) -
 def remaining(found: Isolation, fitted: Fitted) -> Where:
     """Place and regime of what a fitted set leaves; `shares`: of it, by the best further effect of each block."""
     e, search, machine = fitted.explanation, found.search, found.problem.robot.machine
-    likelihood, left = found.likelihood.scaled_to(e.residual), max(search.left(fitted), 1e-12)
+    likelihood, left = found.likelihood.scaled_to(e.residual), max(search.measure_left(fitted), 1e-12)
     more = {key: f for key, f in search.sets.items() if fitted.effects < key and len(key) == len(fitted.effects) + 1}
     beside = {next(iter(key - fitted.effects)): f for key, f in more.items()}
-    gains = {i: 1.0 - search.left(f) / left for i, f in beside.items()}
+    gains = {i: 1.0 - search.measure_left(f) / left for i, f in beside.items()}
     if not gains:
         cost = max(e.cost(likelihood), 1e-12)
-        gains = {p.probe.effect: p.gain / cost for p in search.screened(e, found.lin)}
+        gains = {p.probe.effect: p.gain / cost for p in search.screen_beside(e, found.lin)}
     ranked = [machine.effect(i) for i in sorted(gains, key=lambda i: -gains[i])]
     shares: dict[str, float] = {}
     for effect in ranked:
@@ -73,7 +73,8 @@ def remaining(found: Isolation, fitted: Fitted) -> Where:
         block = next((s.name for s in machine.segments if s.output == kind and not s.exact), "unknown")
         axis = next((a for a in (TENDONS, JOINTS) if channel in machine.axes.of(a)), SCALAR)
     tendons, joints = (
-        affected(residual, seen.columns, machine.axes.of(a)) if axis in (a, SCALAR) else () for a in (TENDONS, JOINTS)
+        find_affected(residual, seen.columns, machine.axes.of(a)) if axis in (a, SCALAR) else ()
+        for a in (TENDONS, JOINTS)
     )
     return Where(block, tendons, joints, shares, where)
 
@@ -87,7 +88,7 @@ def sum_by_block(shares: Iterable[tuple[str, float]]) -> dict[str, float]:
     return dict(sorted(found.items(), key=lambda item: -item[1]))
 
 
-def affected(residual: np.ndarray, columns: tuple[str, ...], channels: tuple[str, ...]) -> tuple[str, ...]:
+def find_affected(residual: np.ndarray, columns: tuple[str, ...], channels: tuple[str, ...]) -> tuple[str, ...]:
     """Channels whose signals hold most of the power of a residual (n, columns) [noise standard deviations]."""
     power = dict.fromkeys(channels, 0.0)
     for column, squared in zip(columns, np.sum(residual**2, axis=0), strict=True):
@@ -102,7 +103,7 @@ def conditions(problem: Problem, trial: Trial, channel: int) -> dict[str, np.nda
     """Measured conditions of each frame: name -> (n,), for the channel of that index on each axis."""
     declared, period = problem.robot.machine.regime, problem.robot.machine.frame
     own = {c.rsplit("_", 1)[0]: i for i, c in enumerate(problem.columns) if channel_index(problem, c) == channel}
-    table = {kind: filled(trial.measured[:, i]) for kind, i in own.items()}
+    table = {kind: fill_gaps(trial.measured[:, i]) for kind, i in own.items()}
     if declared is None or declared.position not in table:
         first, last = next(iter(table)), next(reversed(table))
         width = min(SMOOTH, max(1, len(trial.reference) // SMOOTH))
@@ -133,7 +134,7 @@ def motion(position: np.ndarray, width: int, still: float | None, period: float)
     }
 
 
-def explained(residual: np.ndarray, condition: np.ndarray) -> float:
+def explain_variance(residual: np.ndarray, condition: np.ndarray) -> float:
     """Share of the variance of a residual (n,) that a condition (n,) explains, 0 .. 1."""
     total = residual.var()
     edges = np.unique(np.quantile(condition, np.linspace(0.0, 1.0, BINS + 1)))
@@ -162,7 +163,7 @@ def regime(problem: Problem, robot: np.ndarray) -> dict[str, float]:
         for column, residual in zip(problem.columns, columns.T, strict=True):
             power = float(residual @ residual)
             each = conditions(problem, trial, channel_index(problem, column))
-            found = {name: explained(residual, condition) for name, condition in each.items()}
+            found = {name: explain_variance(residual, condition) for name, condition in each.items()}
             spectral = np.abs(np.fft.rfft(residual - residual.mean())) ** 2
             slow = np.fft.rfftfreq(len(residual), problem.robot.machine.frame) < SLOW
             found["frequency below 1 Hz"] = float(spectral[slow].sum() / max(spectral.sum(), 1e-12))

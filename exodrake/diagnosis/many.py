@@ -22,7 +22,7 @@ from exodrake.core.errors import InputError, printable
 from exodrake.core.files import write_folder, write_text
 from exodrake.core.parallel import Outcome, each
 from exodrake.core.progress import Count, no_progress
-from exodrake.core.provenance import configuration, described, robot_digest
+from exodrake.core.provenance import configuration, describe_configuration, robot_digest
 from exodrake.core.schema import (
     anything,
     flag,
@@ -36,7 +36,7 @@ from exodrake.core.schema import (
     shown,
     text,
 )
-from exodrake.data.case import Case, date_of, read_case
+from exodrake.data.case import Case, parse_date, read_case
 from exodrake.machines.robot_file import load_robot
 
 ANSWER, FAILED = "diagnosis.json", "failed.json"
@@ -58,7 +58,7 @@ def check_word(value: Any, where: str) -> str:
 
 def check_moment(value: Any, where: str) -> datetime:
     """A date by ISO 8601, in UTC."""
-    found = date_of(text()(value, where))
+    found = parse_date(text()(value, where))
     try:
         return found.astimezone(UTC)  # pyright: ignore[reportOptionalMemberAccess]
     except (AttributeError, OverflowError):
@@ -124,7 +124,9 @@ def diagnose_one(case: Case, robot: str, wanted: dict[str, str], tried: frozense
 
     installed = get_configuration(robot, tried)
     if installed != wanted:
-        raise RuntimeError(f"this worker has {described(installed)}; the run uses {described(wanted)}")
+        raise RuntimeError(
+            f"this worker has {describe_configuration(installed)}; the run uses {describe_configuration(wanted)}"
+        )
     found = diagnose(case, load_robot(robot) if robot else None, tried=tried)
     robots = {RETUNED: found.robots["retuned"], IMPROVED: found.robot}
     texts = {name: found.robot_file(robot) for name, robot in robots.items()}
@@ -160,16 +162,16 @@ def diagnose_all(
         InputError: For answers of another configuration without `redo`, as `parallel.each`, and where nothing can be
             written.
     """
-    from exodrake.diagnosis.problem import required_of
+    from exodrake.diagnosis.problem import list_required
 
     wanted = get_configuration(robot, tried)
     answers = {case: read_stored(place) for case, place in places.items()}
     foreign = [case for case, answer in answers.items() if answer and answer.get("configuration") != wanted]
     if foreign and not redo:
-        theirs = described((answers[foreign[0]] or {}).get("configuration"))
+        theirs = describe_configuration((answers[foreign[0]] or {}).get("configuration"))
         raise InputError(
             f"{places[foreign[0]]}: answered with {theirs}, and so are {len(foreign)} of {len(places)} cases with"
-            f" another configuration than this one ({described(wanted)}); --redo answers them anew"
+            f" another configuration than this one ({describe_configuration(wanted)}); --redo answers them anew"
         )
     waiting = [case for case in places if answers[case] is None or case in foreign]
     sent: list[Path] = []
@@ -199,7 +201,7 @@ def diagnose_all(
         machine = (load_robot(robot) if robot else load_robot()).machine
         for path in waiting:
             try:
-                case = read_case(path, required_of(machine), machine.frame, allow_outside)
+                case = read_case(path, list_required(machine), machine.frame, allow_outside)
             except Exception as error:  # as a diagnosis that fails
                 write(path, Outcome(-1, reason=f"{type(error).__name__}: {error}"))
                 continue

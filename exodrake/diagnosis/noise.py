@@ -17,9 +17,9 @@ from exodrake.compiled.inputs import Reference
 from exodrake.core.errors import InputError
 from exodrake.core.robot import Robot
 from exodrake.data.case import Case
-from exodrake.diagnosis.filters import Bands, filled, without
+from exodrake.diagnosis.filters import Bands, fill_gaps, without
 from exodrake.simulation.references import reference_rows
-from exodrake.simulation.simulate import log_of, run
+from exodrake.simulation.simulate import run, write_log
 
 ROBUST = 1.4826  # standard deviation of a normal law over its median absolute deviation
 LIMIT = 3.0  # standard deviations at which deviations are clipped; efficiency of 0.99 for a normal law
@@ -56,14 +56,14 @@ def noise_std(case: Case, robot: Robot, columns: tuple[str, ...], notched: Bands
     parameters, simulated, found = sensor_noise_std(robot), {}, []
     if not case.repeat_groups:
         reference = Reference(np.nan_to_num(reference_rows(robot.machine, case.fit_logs[0].log)), "noise")
-        a, b = (log_of(run(robot, reference, seed=seed, quantisation=False)) for seed in (0, 1))
+        a, b = (write_log(run(robot, reference, seed=seed, quantisation=False)) for seed in (0, 1))
         simulated = {c: float(np.std(a[c] - b[c]) / np.sqrt(2.0)) for c in columns}
     for column in columns:
         spreads = []
         for group in case.repeat_groups:
             for a, b in pairwise(item.log for item in group if item.log.has(column)):
                 n = min(len(a), len(b))
-                difference = filled(a[column][:n] - b[column][:n])
+                difference = fill_gaps(a[column][:n] - b[column][:n])
                 difference = without(notched, difference[:, None], robot.machine.frame)[:, 0]
                 spreads.append(robust_std(difference) / np.sqrt(2.0))
         differ = float(np.median(spreads)) if spreads else 0.0

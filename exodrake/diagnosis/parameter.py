@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from exodrake.core.effect import Effect, EffectParameter
-from exodrake.core.machine import Machine, expanded
+from exodrake.core.machine import Machine, expand_pattern
 from exodrake.core.robot import Robot, position
 
 # of a scale, for difference quotients: a robot without noise and quantisation is smooth, and where parameters
@@ -98,7 +98,7 @@ def nominal_parameters(robot: Robot) -> tuple[Parameter, ...]:
     """One parameter for each tolerance of the robot file. Raises InputError for an unknown name."""
     machine, found = robot.machine, []
     for group in machine.tolerances:
-        for name in (name for pattern in group.parameters for name in expanded(pattern, machine.axes)):
+        for name in (name for pattern in group.parameters for name in expand_pattern(pattern, machine.axes)):
             index = tuple(position(machine, part) for part in name.split())
             limit, base = group.max_deviation, float(robot.values[index[0]])
             found.append(Parameter(name, index, group.transform, base, group.prior_std, (-limit, limit)))

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from exodrake.core.display import in_words
-from exodrake.core.errors import brief, printable, shortened
+from exodrake.core.errors import brief, printable, shorten
 from exodrake.core.parallel import one_blas_thread
 from exodrake.core.part import JOINTS, TENDONS
 from exodrake.core.progress import Stage, StageProgress, no_progress
@@ -25,7 +25,7 @@ from exodrake.diagnosis.discovery.discover import MissingLaw, discover
 from exodrake.diagnosis.intervals import describe, fitted_effects, traces
 from exodrake.diagnosis.isolation import Isolation, affordable, fit_on, isolate, negligible
 from exodrake.diagnosis.localise import localise, remaining
-from exodrake.diagnosis.problem import Problem, make_problem, required_of
+from exodrake.diagnosis.problem import Problem, list_required, make_problem
 from exodrake.diagnosis.recorded import with_recorded_ranges
 from exodrake.diagnosis.result import (
     AMBIGUOUS,
@@ -42,7 +42,7 @@ from exodrake.diagnosis.result import (
     Remainder,
     Retune,
     Where,
-    provenance_of,
+    record_provenance,
 )
 from exodrake.diagnosis.search import Fitted
 from exodrake.diagnosis.since import follow_sessions
@@ -85,7 +85,7 @@ def diagnose(
     """
     started = time.perf_counter()
     robot = robot_or_default(robot)
-    progress, required = progress or no_progress, required_of(robot.machine)
+    progress, required = progress or no_progress, list_required(robot.machine)
     if isinstance(case, str | Path):
         case = read_case(case, required, robot.machine.frame)
     elif not isinstance(case, Case):
@@ -98,7 +98,7 @@ def diagnose(
     progress(Stage.CHECK, "")
     with one_blas_thread():
         found = isolate(make_problem(case, with_recorded_ranges(robot, case), tried), progress)
-        made = answer(found.whole, found, decided(found), started, progress)
+        made = answer(found.whole, found, decide_with_detections(found), started, progress)
         if discovers is None or not discovers(made.verdict):
             return made
         if answered is not None:
@@ -107,7 +107,7 @@ def diagnose(
             made = with_law(found.whole, made, discover(found.whole, found, progress))
         except Exception as error:  # whatever the search or generated code raises, the verdict stands
             reason = printable(f"{type(error).__name__}: {error}".splitlines()[0])
-            made = replace(made, notes=(*made.notes, f"the search for a missing law failed ({shortened(reason)})"))
+            made = replace(made, notes=(*made.notes, f"the search for a missing law failed ({shorten(reason)})"))
         return replace(made, run_time=time.perf_counter() - started)
 
 
@@ -122,14 +122,14 @@ def with_law(problem: Problem, made: Diagnosis, law: MissingLaw) -> Diagnosis:
     return replace(made, where=where, missing_law=law)
 
 
-def decided(found: Isolation) -> Decision:
+def decide_with_detections(found: Isolation) -> Decision:
     """The verdict of an isolation; where nothing else is left, certain detections are the causes."""
     decision, reasons = decide(found), tuple(d.reason for d in found.whole.detected if d.certain)
     word = NAMED if reasons and decision.verdict in (NO_GAP, RETUNE) else decision.verdict
     return replace(decision, verdict=word, reasons=(*reasons, *decision.reasons))
 
 
-def effects_of(problem: Problem, found: Isolation, decision: Decision, best: Fitted) -> tuple[NamedEffect, ...]:
+def state_effects(problem: Problem, found: Isolation, decision: Decision, best: Fitted) -> tuple[NamedEffect, ...]:
     """The effects of the best set with channels, intervals, shares and rivals; certain detections last.
 
     best: the fit that says their values.
@@ -140,14 +140,14 @@ def effects_of(problem: Problem, found: Isolation, decision: Decision, best: Fit
     for part in decision.parts:
         effect = machine.effect(part.effect)
         named = counted.get(part.effect) or describe(fitted.of(part.effect), effect, machine.axes.of(effect.axis))
-        rivals = tuple(rival_of(found, decision.best, part, i) for i in part.rivals)
+        rivals = tuple(state_rival(found, decision.best, part, i) for i in part.rivals)
         stated.append(replace(named, role=part.role, share=part.share, rivals=rivals))
     certain = [d.effect for d in problem.detected if d.certain]
     alone = len(certain) == 1 and not stated  # nothing is known of the share of one among several
     return (*stated, *(e if alone else replace(e, share=Interval(NONE, NONE, NONE)) for e in certain))
 
 
-def rival_of(found: Isolation, best: Fitted, part: Part, other: str) -> EffectRival:
+def state_rival(found: Isolation, best: Fitted, part: Part, other: str) -> EffectRival:
     """An effect in the place of one of the best set, with the share of the gap that it would take up."""
     rest, sets = best.effects - {part.effect}, found.search.sets
     if rest in sets and rest | {other} in sets:
@@ -156,19 +156,19 @@ def rival_of(found: Isolation, best: Fitted, part: Part, other: str) -> EffectRi
     return EffectRival(other, Interval(part.rivals[other], NONE, NONE))
 
 
-def candidates_of(found: Isolation) -> tuple[Candidate, ...]:
+def list_candidates(found: Isolation) -> tuple[Candidate, ...]:
     """All sets of effects that were fitted, the most likely first."""
     search, none = found.search, found.search.evidence(found.retuned)
 
     def candidate(fitted: Fitted) -> Candidate:
         closed, prediction = (*fitted.chi2.tolist(), NONE)[:2]
-        share, evidence = 1.0 - search.left(fitted), search.evidence(fitted) - none
+        share, evidence = 1.0 - search.measure_left(fitted), search.evidence(fitted) - none
         return Candidate(fitted.explanation.name, share, closed, prediction, evidence)
 
     return tuple(sorted((candidate(f) for key, f in search.sets.items() if key), key=lambda c: -c.evidence))
 
 
-def baselines_of(found: Isolation) -> dict[str, str]:
+def choose_baselines(found: Isolation) -> dict[str, str]:
     """Explanations that trivial methods would choose among the same fits in closed loop.
 
     The smallest residual, and raw BIC with every sample counted as independent.
@@ -197,7 +197,7 @@ def answer(problem: Problem, found: Isolation, first: Decision, started: float, 
     case, best, word = problem.case, decision.best, decision.verdict
     progress(Stage.CLOSURE, "")
     retuned, precise = fit_on(found, best)
-    effects = effects_of(problem, found, decision, precise)
+    effects = state_effects(problem, found, decision, precise)
     gone = traces(effects[: len(decision.parts)], fitted_effects(precise))
     improved = with_values(precise.explanation.robot, gone)
     nominal = replace(problem, detected=()).silent()
@@ -220,18 +220,18 @@ def answer(problem: Problem, found: Isolation, first: Decision, started: float, 
         ),
         closure=closure,
         rivals=find_rivals(problem, found, decision, [p for _, p in others.values()]),
-        candidates=candidates_of(found),
-        baselines=baselines_of(found),
+        candidates=list_candidates(found),
+        baselines=choose_baselines(found),
         reasons=decision.reasons,
-        notes=notes_of(problem, found, best),
+        notes=write_notes(problem, found, best),
         run_time=time.perf_counter() - started,
         robots={name: change_robot(problem, values, case.name) for name, values in rows.items()},
-        evidence=evidence_of(found, best),
+        evidence=measure_evidence(found, best),
         # to a millisecond: fits side by side add their times in any order
         simulated={stage: round(spent, 3) for stage, spent in found.likelihood.simulated.items()},
         retune=Retune(list_moved(found), {i: share for i, (share, _) in others.items()}),
         since=since,
-        provenance=provenance_of(problem),
+        provenance=record_provenance(problem),
         problem=problem,
     )
     return replace(made, notes=(*notes_on_confirmation(made), *made.notes))
@@ -247,7 +247,7 @@ def notes_on_confirmation(made: Diagnosis) -> tuple[str, ...]:
     return (f"held-out motion does not confirm the verdict: in {logs} the named effects may leave the error as it is",)
 
 
-def notes_of(problem: Problem, found: Isolation, best: Fitted) -> tuple[str, ...]:
+def write_notes(problem: Problem, found: Isolation, best: Fitted) -> tuple[str, ...]:
     """Remarks beside the verdict: on the logs and their noise, on the part that was used, on the calibration."""
     used, machine = problem.robot, problem.robot.machine
     units = {name: machine.parameters[machine.index[name]].unit for name in problem.noisier}
@@ -266,7 +266,7 @@ def notes_on_length(found: Isolation, best: Fitted) -> tuple[str, ...]:
     return (note + ("; the rest shows a gap that this part does not: diagnose that alone" if hidden else ""),)
 
 
-def evidence_of(found: Isolation, best: Fitted) -> dict[str, float]:
+def measure_evidence(found: Isolation, best: Fitted) -> dict[str, float]:
     """Reduced chi-squares on the fitted logs, in closed loop and as prediction error."""
     nominal = found.likelihood.chi2(found.nominal.residual)
     robots = {"nominal": nominal, "retuned": found.retuned.chi2, "best": best.chi2}

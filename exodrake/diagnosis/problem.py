@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 
 from exodrake.compiled.compose import compile_machine
-from exodrake.compiled.inputs import NOTHING, NoiseInputs, input_rows, prepared
+from exodrake.compiled.inputs import NOTHING, NoiseInputs, input_rows, prepare_values
 from exodrake.core.errors import InputError
 from exodrake.core.machine import Machine, signal_count, state_size
 from exodrake.core.parallel import side_by_side
@@ -25,7 +25,7 @@ from exodrake.diagnosis.checks.suspicions import logged_noise
 from exodrake.diagnosis.filters import Bands, filled_columns, without
 from exodrake.diagnosis.noise import noise_std, reference_rows
 from exodrake.diagnosis.result import NamedEffect
-from exodrake.simulation.simulate import delayed
+from exodrake.simulation.simulate import delay_columns
 
 ROWS = 4  # robots simulated at once: their records stay in the cache
 WILD = 1e4  # residuals are clipped here [noise_std]: a diverging candidate is bad, not infinite
@@ -53,7 +53,7 @@ class Trial:
     follow: np.ndarray | None = None
     whole: bool = False
 
-    def shortened(self, share: float) -> Trial:
+    def shorten(self, share: float) -> Trial:
         """The first part of the log, two frames at least; all of one that is used whole."""
         return self.first(self.count_frames(share))
 
@@ -163,7 +163,7 @@ class Problem:
         """
         records = self.records(rows, trial, seed)
         with np.errstate(invalid="ignore"):
-            return delayed(self.robot.machine, records, self.signal_indices)
+            return delay_columns(self.robot.machine, records, self.signal_indices)
 
     def records(self, rows: np.ndarray, trial: Trial, seed: int | None = None) -> np.ndarray:
         """All signals (rows, n, signals) [SI] of the runs of `predict`, with the same arguments."""
@@ -219,9 +219,9 @@ class Problem:
         left = noise_std(self.case, self.robot, self.columns, bands)
         return replace(self, notched=bands, noise_std=np.minimum(left, self.noise_std))
 
-    def shortened(self, share: float) -> Problem:
+    def shorten(self, share: float) -> Problem:
         """The problem with the first part of each fitted trial, for cheap comparisons."""
-        return replace(self, fit=tuple(t.shortened(share) for t in self.fit))
+        return replace(self, fit=tuple(t.shorten(share) for t in self.fit))
 
     def prediction_error(self) -> Problem | None:
         """The problem with runs that follow what was measured where the machine says so (`Machine.observer`).
@@ -251,7 +251,7 @@ class Problem:
 
     def silent(self, robot: Robot | None = None) -> np.ndarray:
         """Flat parameter vector for prediction: no noise, no rounding, with the effects that were detected."""
-        values, index = prepared(robot or self.robot, quantisation=False), self.robot.machine.index
+        values, index = prepare_values(robot or self.robot, quantisation=False), self.robot.machine.index
         for name in self.robot.machine.noise:
             values[index[name]] = 0.0
         for detection in self.detected:
@@ -280,7 +280,7 @@ def subtract(simulated: np.ndarray, measured: np.ndarray, noise_std: np.ndarray)
                     row[t, c] = min(max((measured[t, c] - row[t, c]) / noise_std[c], -WILD), WILD)
 
 
-def columns_of(case: Case, machine: Machine) -> tuple[str, ...]:
+def find_columns(case: Case, machine: Machine) -> tuple[str, ...]:
     """Columns to compare that every log of the case has, in the machine's order. Raises InputError if there is none."""
     wanted = machine.log_names(machine.column(kind) for kind in machine.compared)
     found = tuple(c for c in wanted if all(item.log.has(c) for item in case.logs))
@@ -291,12 +291,12 @@ def columns_of(case: Case, machine: Machine) -> tuple[str, ...]:
     return found
 
 
-def required_of(machine: Machine) -> tuple[str, ...]:
+def list_required(machine: Machine) -> tuple[str, ...]:
     """Column kinds that a log of the machine must have: its references, and what the table requires."""
     return tuple(dict.fromkeys(c.kind for c in machine.columns if c.required))
 
 
-def trial_of(item: CaseLog, columns: tuple[str, ...], machine: Machine) -> Trial:
+def make_trial(item: CaseLog, columns: tuple[str, ...], machine: Machine) -> Trial:
     """A log as arrays; a missing reference keeps its last value."""
     log = item.log
     reference = reference_rows(machine, log)
@@ -325,9 +325,9 @@ def make_problem(case: Case, robot: Robot, tried: frozenset[str] | None = None) 
     noise = {} if case.repeat_groups else logged_noise(compare(case, robot))
     noisier = {name: robot[name] for name in noise}
     robot = robot.with_parameters(noise, source="the logs") if noise else robot
-    columns = columns_of(case, robot.machine)
-    fit = [trial_of(item, columns, robot.machine) for item in case.fit_logs if not case.is_copy(item)]
-    held = [trial_of(item, columns, robot.machine) for item in case.holdout_logs]
+    columns = find_columns(case, robot.machine)
+    fit = [make_trial(item, columns, robot.machine) for item in case.fit_logs if not case.is_copy(item)]
+    held = [make_trial(item, columns, robot.machine) for item in case.holdout_logs]
     problem = Problem(robot, columns, noise_std(case, robot, columns), tuple(fit), tuple(held), case)
     tried = frozenset(e.id for e in robot.machine.effects if not e.not_tried) if tried is None else tried
     return replace(problem, tried=tried, noisier=noisier)

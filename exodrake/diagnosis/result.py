@@ -13,7 +13,7 @@ from exodrake.core.errors import short_repr
 from exodrake.core.plain import plain
 from exodrake.core.provenance import configuration, robot_digest
 from exodrake.core.robot import Robot
-from exodrake.diagnosis.calibration import calibration_of
+from exodrake.diagnosis.calibration import read_calibration
 from exodrake.machines.robot_file import robot_text
 
 if TYPE_CHECKING:
@@ -375,7 +375,7 @@ class Diagnosis:
         return {"command": command, "between": [rival.name for rival in self.rivals]}
 
 
-def provenance_of(problem: Problem) -> Provenance:
+def record_provenance(problem: Problem) -> Provenance:
     """The provenance of an answer that is made now."""
     robot, code = problem.robot, configuration()
     return Provenance(
@@ -385,6 +385,6 @@ def provenance_of(problem: Problem) -> Provenance:
         command="",
         robot=robot.source or robot.machine.name,
         parameters=robot_digest(robot),
-        calibration=calibration_of(robot.machine).source or "none",
+        calibration=read_calibration(robot.machine).source or "none",
         files=dict(problem.case.hashes),
     )

@@ -27,13 +27,13 @@ from exodrake.diagnosis.fit import (
     fit_beside,
     linear_model,
     minimise,
-    settled,
+    settle,
     whole_jacobian,
     without,
 )
 from exodrake.diagnosis.likelihood import Likelihood
-from exodrake.diagnosis.linear import LinearModel, bounded
-from exodrake.diagnosis.linearise import Linearisation, linearise, renewed
+from exodrake.diagnosis.linear import LinearModel, minimise_bounded
+from exodrake.diagnosis.linearise import Linearisation, linearise, renew
 
 SINGLES, FITTED, LOOKED = 6, 3, 10  # first effects fitted; further ones; those whose directions are taken anew
 NATS = 4.0  # of evidence that one effect more must add: odds of 1 to 50, as many as a library has effects
@@ -55,7 +55,7 @@ ONE = ("dry friction", "load-dependent friction")  # kinds whose laws exclude ea
 MEMORY = ("hysteresis", "low_pass", "drift", "delay", "clock_skew", "backlash")
 
 
-def kind_of(effect: Effect) -> str:
+def name_kind(effect: Effect) -> str:
     """Kind of an effect in words: that of its law, else of its family, else its name."""
     law = effect.id.rsplit(".", 1)[-1]
     return KINDS.get(law, effect.family or law.replace("_", " "))
@@ -86,7 +86,7 @@ class Fitted:
     @classmethod
     def at(cls, likelihood: Likelihood, e: Explanation) -> Fitted:
         """A fit with its linear model on the logs that it was fitted to."""
-        memory = likelihood.with_memory_of(e.residual).memory
+        memory = likelihood.with_memory(e.residual).memory
         return cls(e, linear_model(likelihood.scaled_to(e.residual), e), likelihood.chi2(e.residual), memory)
 
     @property
@@ -133,7 +133,7 @@ class Search:
         """The retuned robot without an effect."""
         return self.sets[frozenset()]
 
-    def left(self, fitted: Fitted) -> float:
+    def measure_left(self, fitted: Fitted) -> float:
         """Share of the gap beyond retuning that a set leaves, the mean of the views that have one."""
         return float(self.left_by_log(fitted)[0])
 
@@ -177,9 +177,9 @@ class Search:
         """
         if not self.usable(other):
             return False
-        left, memory = self.left(best), min(best.memory, other.memory)
+        left, memory = self.measure_left(best), min(best.memory, other.memory)
         as_likely = self.evidence(best, memory) - self.evidence(other, memory) < NATS
-        return as_likely or self.left(other) - left <= min(LAW**2 * gain, left)
+        return as_likely or self.measure_left(other) - left <= min(LAW**2 * gain, left)
 
     def bar_richer_laws(self) -> None:
         """Bar laws with more parameters than another of their kind that leaves as much, within the error of a law."""
@@ -187,34 +187,36 @@ class Search:
         for key, rich in self.sets.items():
             for effect in [i for i in key if i in known and self.usable(rich)]:
                 smaller = self.sets.get(key - {effect})
-                gain = self.left(smaller) - self.left(rich) if smaller else 0.0
-                for other, plain in self.in_place_of(rich, effect).items():
-                    same = known[effect].block == known[other].block and kind_of(known[effect]) == kind_of(known[other])
+                gain = self.measure_left(smaller) - self.measure_left(rich) if smaller else 0.0
+                for other, plain in self.find_replacements(rich, effect).items():
+                    same = known[effect].block == known[other].block and name_kind(known[effect]) == name_kind(
+                        known[other]
+                    )
                     fewer = len(plain.explanation.x) < len(rich.explanation.x) and self.usable(plain)
-                    if same and fewer and self.left(plain) - self.left(rich) <= LAW**2 * gain:
+                    if same and fewer and self.measure_left(plain) - self.measure_left(rich) <= LAW**2 * gain:
                         self.barred.add(effect)
 
     def usable(self, fitted: Fitted) -> bool:
         """Whether a set may be the answer: none of its amplitudes ended at a bound, none of its laws is barred."""
         return not at_bounds(fitted.explanation) and not fitted.effects & self.barred
 
-    def in_place_of(self, best: Fitted, effect: str) -> dict[str, Fitted]:
+    def find_replacements(self, best: Fitted, effect: str) -> dict[str, Fitted]:
         """Fitted sets in which another effect stands for one of a set."""
         rest = best.effects - {effect}
         others = {k: f for k, f in self.sets.items() if len(k) == len(best.effects) and rest <= k and effect not in k}
         return {next(iter(k - rest)): f for k, f in others.items()}
 
-    def rivals_of(self, best: Fitted, effect: str, gain: float) -> dict[str, Fitted]:
+    def list_rivals(self, best: Fitted, effect: str, gain: float) -> dict[str, Fitted]:
         """Effects in the place of one that leave as much."""
-        return {i: f for i, f in self.in_place_of(best, effect).items() if self.alike(f, best, gain)}
+        return {i: f for i, f in self.find_replacements(best, effect).items() if self.alike(f, best, gain)}
 
     def plainer(self, best: Fitted) -> Fitted:
         """The set with causes in the place of errors of a sensor's memory, where they explain as much."""
         known = {e.id: e for e in self.effects}
         for effect in [i for i in best.explanation.effects if i in known and is_memory(known[i])]:
             smaller = self.sets.get(best.effects - {effect})
-            gain = self.left(smaller) - self.left(best) if smaller else 1.0
-            found = [f for i, f in self.rivals_of(best, effect, gain).items() if not is_memory(known[i])]
+            gain = self.measure_left(smaller) - self.measure_left(best) if smaller else 1.0
+            found = [f for i, f in self.list_rivals(best, effect, gain).items() if not is_memory(known[i])]
             if found:
                 best = max(found, key=self.evidence)
         return best
@@ -251,7 +253,7 @@ class Search:
             if known is None or self.evidence(fitted) > self.evidence(known):
                 self.sets[fitted.effects] = fitted
 
-    def screened(self, e: Explanation, lin: Linearisation) -> list[Predicted]:
+    def screen_beside(self, e: Explanation, lin: Linearisation) -> list[Predicted]:
         """Each further effect beside an explanation by its best probe, the most promising first."""
         return screen(self.likelihood.scaled_to(e.residual), e, lin)
 
@@ -268,14 +270,14 @@ class Search:
         likelihood = self.likelihood.scaled_to(e.residual)
         far = bool(key) and self.sets[key].excess > 1.0 and not exchange  # noise variances
         if key:
-            promising = {p.probe.effect for p in self.screened(e, lin)[: None if far else LOOKED]}
+            promising = {p.probe.effect for p in self.screen_beside(e, lin)[: None if far else LOOKED]}
             some, n = [x for x in self.effects if x.id in promising], e.nominal
             again, nominal = likelihood.for_stage("linearise again"), e.parameters[:n]
             new = linearise(again, e.at_nominal, e.x[:n], nominal, some, e.jacobian, e.residual)
-            lin = renewed(lin, new)
-        kinds = {(x.block, kind_of(x)) for x in self.effects if x.id in key and kind_of(x) in ONE}
-        barred = self.barred | {x.id for x in self.effects if (x.block, kind_of(x)) in kinds}
-        predicted = [p for p in self.screened(e, lin) if p.probe.effect not in barred]
+            lin = renew(lin, new)
+        kinds = {(x.block, name_kind(x)) for x in self.effects if x.id in key and name_kind(x) in ONE}
+        barred = self.barred | {x.id for x in self.effects if (x.block, name_kind(x)) in kinds}
+        predicted = [p for p in self.screen_beside(e, lin) if p.probe.effect not in barred]
         new = [p for p in predicted if key | {p.probe.effect} not in self.sets]
         self.progress(Stage.FIT, e.name)
         left = HALF * self.sets[key].excess
@@ -316,10 +318,10 @@ class Search:
         self.bar_richer_laws()
         for _ in range(2 * most + 4):
             best = self.best
-            self.likelihood = self.likelihood.with_memory_of(best.explanation.residual)
+            self.likelihood = self.likelihood.with_memory(best.explanation.residual)
             best = self.best
             if best.effects:
-                self.add([settled(self.likelihood.for_stage("refine again"), best.explanation, 1)])
+                self.add([settle(self.likelihood.for_stage("refine again"), best.explanation, 1)])
                 self.reduce(best.effects)
             if self.best.effects != best.effects:
                 continue
@@ -336,7 +338,7 @@ class Search:
         self.reduce(best.effects, again=True)
         return best
 
-    def predicted(self, fitted: Fitted) -> float:
+    def predict_error(self, fitted: Fitted) -> float:
         """Mean logarithm over views of the reduced chi-square of each log as the others predict it."""
         model = fitted.model
         found, samples = model.leave_out(model.log), self.likelihood.samples_by_log
@@ -355,11 +357,11 @@ def screen(likelihood: Likelihood, e: Explanation, lin: Linearisation) -> list[P
     blocks = [(v, 0, slice(int(cuts[v]), int(cuts[v + 1]))) for v in range(len(likelihood.views))]
     model = LinearModel.of_rows(rows, blocks, prior, likelihood.memory)
     variance = np.array([v.scale**2 for v in likelihood.views]) / likelihood.memory
-    reduced = replace(model, variance=variance).eliminated(count)
+    reduced = replace(model, variance=variance).eliminate(count)
     best: dict[str, Predicted] = {}
     for probe in (p for p in lin.probes if p.effect not in e.effects):
         at = probe.rows
-        factors, change = bounded(reduced.normal[np.ix_(at, at)], reduced.slope[at], probe.low, probe.high)
+        factors, change = minimise_bounded(reduced.normal[np.ix_(at, at)], reduced.slope[at], probe.low, probe.high)
         if probe.effect not in best or -change > best[probe.effect].gain:
             best[probe.effect] = Predicted(probe, factors, -change, e.x + reduced.others(at, factors))
     return sorted(best.values(), key=lambda p: -p.gain)

@@ -137,7 +137,7 @@ class Logs:
     @cached_property
     def rows(self) -> tuple[np.ndarray, ...]:
         """Mask (samples,) of each session."""
-        return tuple(self.likelihood.samples_of(s.logs, s.frames) for s in self.sessions)
+        return tuple(self.likelihood.mask_samples(s.logs, s.frames) for s in self.sessions)
 
     def model(self, rows: np.ndarray, prior: Sequence[np.ndarray]) -> LinearModel:
         """Linear model, a block for each session in each view, of rows (p + 1, samples), the residual last."""
@@ -262,7 +262,7 @@ def follow_sessions(problem: Problem, found: Isolation, decided: Decision) -> tu
 
     Of logs too long for that, their first part counts.
     """
-    problem = problem.shortened(affordable(problem, SAMPLES))
+    problem = problem.shorten(affordable(problem, SAMPLES))
     sessions, unit = date_sessions(problem.case, [trial.name for trial in problem.fit]), "d"
     if not sessions and len(problem.fit) == 1:
         sessions, unit = split_windows(len(problem.fit[0].reference), problem.robot.machine.frame), "s"
@@ -272,7 +272,7 @@ def follow_sessions(problem: Problem, found: Isolation, decided: Decision) -> tu
     if len(sessions) < LEAST:
         return replace(since, note=FEW.format(len(sessions), LEAST)), decided
     best, likelihood = decided.best.explanation, found.likelihood.on(problem).for_stage("since")
-    logs = Logs(likelihood.with_memory_of(likelihood.residual(best.robot[None])[0]), sessions)
+    logs = Logs(likelihood.with_memory(likelihood.residual(best.robot[None])[0]), sessions)
     fit = logs.fit(best)
     since = add_series(since, fit, logs, named=bool(best.effects) and decided.verdict in (NAMED, AMBIGUOUS))
     if decided.verdict in (NO_GAP, RETUNE) or (decided.verdict == NAMED and since.clearest is None):
@@ -310,7 +310,7 @@ def add_series(since: Since, fit: SessionFit, logs: Logs, named: bool) -> Since:
     if not fit.own:
         return since
     total = float(fit.model.samples @ fit.chi2[fit.model.view] / fit.model.samples.sum())
-    memory = logs.likelihood.with_memory_of(fit.residual).memory
+    memory = logs.likelihood.with_memory(fit.residual).memory
     return replace(since, chi2=total, p=float(expit(fit.evidence(memory, constant=True) - fit.evidence(memory))))
 
 
@@ -344,7 +344,7 @@ def follow_effects(
     def left(fit: SessionFit) -> float:
         return float(np.mean((np.maximum(fit.chi2 - 1.0, 0.0) / (none - 1.0))[wide])) if wide.any() else 0.0
 
-    memory = min(logs.likelihood.with_memory_of(fit.residual).memory for fit in (*fits, known))
+    memory = min(logs.likelihood.with_memory(fit.residual).memory for fit in (*fits, known))
     fits.sort(key=lambda fit: -fit.evidence(memory))
     best, name, most = fits[0], fits[0].explanation.effects[0], fits[0].evidence(memory)
     alike = {f.explanation.effects[0]: 1.0 - left(f) for f in fits[1:] if most - f.evidence(memory) < NATS}

@@ -137,7 +137,7 @@ def decide_retuned(search: Search) -> Decision:
     if not one or likely[one] - search.evidence(search.none) < NATS:
         return Decision(RETUNE, search.none, (), jackknife_share(none), (REASONS[RETUNE],))
     left = search.left_by_log(singles[one])
-    rivals = {i: 1.0 - search.left(singles[i]) for i in likely if i != one and likely[one] - likely[i] < NATS}
+    rivals = {i: 1.0 - search.measure_left(singles[i]) for i in likely if i != one and likely[one] - likely[i] < NATS}
     part = Part(one, CAUSE, jackknife_share(none - left), rivals)
     word = AMBIGUOUS if rivals else NAMED
     return Decision(word, singles[one], (part,), jackknife_share(left), (REASONS[word],))
@@ -149,8 +149,8 @@ def drop_refinements(found: Isolation) -> tuple[Fitted, tuple[Part, ...]]:
     parts = divide_gap(found, best)
     while best.model.log.max() > 0:
         small = [search.sets[best.effects - {p.effect}] for p in parts if p.role == REFINEMENT]
-        better = min(small, key=search.predicted, default=best)
-        if better is best or not better.effects or search.predicted(better) > search.predicted(best):
+        better = min(small, key=search.predict_error, default=best)
+        if better is best or not better.effects or search.predict_error(better) > search.predict_error(best):
             break
         best = better
         search.reduce(best.effects)
@@ -183,8 +183,8 @@ def divide_gap(found: Isolation, best: Fitted) -> tuple[Part, ...]:
     for effect, gain in gains.items():
         share = together * weight[effect] / sum(weight.values()) if effect in weight else gain
         mine = float(gain[0])
-        rivals = search.rivals_of(best, effect, mine)
-        lost = {i: float(share[0]) + float(left[0]) - search.left(f) for i, f in rivals.items()}
+        rivals = search.list_rivals(best, effect, mine)
+        lost = {i: float(share[0]) + float(left[0]) - search.measure_left(f) for i, f in rivals.items()}
         parts.append(Part(effect, roles[effect], jackknife_share(share), lost))
     return tuple(sorted(parts, key=lambda p: (p.role != CAUSE, -p.share.value)))
 
@@ -222,7 +222,7 @@ def find_rivals(
     best, explanations = decision.best, [decision.best.explanation]
     if decision.verdict == AMBIGUOUS:
         for cause in decision.causes:
-            places = found.search.in_place_of(best, cause.effect)
+            places = found.search.find_replacements(best, cause.effect)
             explanations += [places[i].explanation for i in cause.rivals if i in places]
     if decision.verdict == RETUNE:
         nominal = found.nominal

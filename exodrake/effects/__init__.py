@@ -16,7 +16,7 @@ from pkgutil import walk_packages
 from exodrake.core import plugins
 from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.errors import InputError, nearest
-from exodrake.core.part import Part, module_name, points_of
+from exodrake.core.part import Part, map_points, module_name
 
 plugins.extend(__path__, "effects")
 FAMILIES = ("motor", "friction", "tendon", "sensor", "finger", "timing", "signal", "arm", "servo")
@@ -57,14 +57,14 @@ LIBRARY, PLUGGED = discover()
 def effects_of(parts: Iterable[Part]) -> tuple[Effect, ...]:
     """Effects of these parts, in the order in which they act: those made for their points, and the generic ones."""
     parts = tuple(parts)
-    points = set(points_of(parts))
+    points = set(map_points(parts))
     own = [effect for effect in LIBRARY.values() if set(effect.at) <= points]
     return in_order([*own, *(effect for part in parts for effect in generic_effects(part))])
 
 
 def plugin_effects(parts: Iterable[Part], listed: Iterable[Effect]) -> tuple[Effect, ...]:
     """Effects of plugins made for points of these parts, for a machine that lists others itself."""
-    points, known = set(points_of(parts)), {effect.id for effect in listed}
+    points, known = set(map_points(parts)), {effect.id for effect in listed}
     return tuple(effect for effect in PLUGGED if set(effect.at) <= points and effect.id not in known)
 
 

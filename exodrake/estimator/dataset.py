@@ -52,7 +52,7 @@ class Sweeps:
         """Select rows by a mask (n,) [-] or indices."""
         return replace(self, **{name: getattr(self, name)[which] for name in ("inputs", "angle", "sweep", "time")})
 
-    def equispaced(self, count: int) -> "Sweeps":
+    def select_equispaced(self, count: int) -> "Sweeps":
         """Select at most `count` rows, equally spaced."""
         few = len(self) <= count
         return self if few else self.rows(np.linspace(0, len(self) - 1, count).round().astype(int))

@@ -171,7 +171,7 @@ def learn(sweeps: Sweeps, points: int = POINTS) -> Prior:
         found = minimize(objective, start, method="L-BFGS-B", jac=True, bounds=bounds, options=options)
         return found.x, found.fun
 
-    chosen = sweeps.equispaced(points)
+    chosen = sweeps.select_equispaced(points)
     prior = scaled_prior(chosen)
     process = GaussianProcessRegressor(prior.kernel, alpha=JITTER, optimizer=optimise)  # pyright: ignore
     with thread_limit(), warnings.catch_warnings():
@@ -240,7 +240,7 @@ class StrokeModel:
     def zeros(self, session: Sweeps) -> Zeros:
         """Estimate and test the zeros of a session from its tensions and strokes."""
         prior, sigma, left = self.prior, *self.held_out
-        chosen = stroke_rows(session).equispaced(ROWS)
+        chosen = stroke_rows(session).select_equispaced(ROWS)
         chosen = replace(chosen, sweep=chosen.sweep - chosen.sweep.min() + self.rows.sweep.max() + 1)
         known, new = prior.rows(self.rows), prior.rows(chosen)
         with thread_limit():
@@ -258,7 +258,7 @@ class StrokeModel:
 
 def learn_strokes(sweeps: Sweeps, points: int = STROKE_POINTS) -> StrokeModel:
     """Learn the strokes of training sweeps from their tensions, from at most `points` rows."""
-    rows = stroke_rows(sweeps).equispaced(points)
+    rows = stroke_rows(sweeps).select_equispaced(points)
     return StrokeModel(rows, learn(rows, points).kernel.theta)
 
 
@@ -319,9 +319,9 @@ class Estimator:
             raise InputError("estimator without a model of the strokes: train it again to find the zeros of a session")
         return self.strokes.zeros(session)
 
-    def corrected(self, zeros: Zeros, session: Sweeps) -> Estimator:
+    def correct_zeros(self, zeros: Zeros, session: Sweeps) -> Estimator:
         """Move the zeros to those of a session; the standard deviations grow by the uncertainty of the zeros."""
-        wires, weights, some = len(self.wires), self.weights, session.equispaced(POINTS)
+        wires, weights, some = len(self.wires), self.weights, session.select_equispaced(POINTS)
         moved = replace(self, weights=weights._replace(center=weights.center + np.r_[np.zeros(wires), zeros.shift]))
         mean, std, _ = moved.predict(some.tension, some.stroke)
         ways = np.linalg.cholesky(zeros.covariance).T
@@ -337,7 +337,7 @@ def fit(sweeps: Sweeps, points: int = POINTS) -> Estimator:
 
 def condition(prior: Prior, sweeps: Sweeps, points: int = POINTS) -> Estimator:
     """Condition on at most `points` rows with a given covariance, and calibrate by leave-one-sweep-out."""
-    chosen = sweeps.equispaced(points)
+    chosen = sweeps.select_equispaced(points)
     rows, targets = prior.rows(chosen), prior.targets(chosen)
     with thread_limit():
         factor = np.linalg.cholesky(prior.kernel(rows) + JITTER * np.eye(len(rows)))

@@ -134,7 +134,7 @@ def estimate(estimator: Estimator, log: Log, correct: bool = True) -> Estimate:
         )
     zeros = estimator.zeros(session) if estimator.strokes else None
     if correct and zeros is not None and zeros.moved:
-        estimator = estimator.corrected(zeros, session)
+        estimator = estimator.correct_zeros(zeros, session)
     mean, std, flag = estimator.predict(session.tension, session.stroke)
     new = log.with_array("angle_est", estimator.joints, mean).with_array("angle_std", estimator.joints, std)
     angle = log.array("angle", estimator.joints) if measured else session.angle

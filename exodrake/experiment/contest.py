@@ -44,13 +44,13 @@ from exodrake.data.case import read_case
 from exodrake.diagnosis.detect import detect
 from exodrake.diagnosis.fit import Explanation, linear_model, minimise
 from exodrake.diagnosis.isolation import USED, affordable
-from exodrake.diagnosis.likelihood import Likelihood, View, likelihood_of
+from exodrake.diagnosis.likelihood import Likelihood, View, make_likelihood
 from exodrake.diagnosis.linear import LinearModel
 from exodrake.diagnosis.linearise import nominal_jacobian, with_effects
 from exodrake.diagnosis.many import ANSWER
 from exodrake.diagnosis.parameter import STEP, effect_parameters, nominal_parameters
-from exodrake.diagnosis.problem import Problem, Trial, make_problem, required_of
-from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, Rival, provenance_of
+from exodrake.diagnosis.problem import Problem, Trial, list_required, make_problem
+from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, Rival, record_provenance
 from exodrake.diagnosis.search import LAW, NATS
 
 DRAWS = 8  # plausible robots of an explanation: assumed
@@ -90,10 +90,10 @@ def read_rivals(
         if is_answer:
             raise
         answer = None
-    case = read_case((folder or place.parent) if is_answer else place, required_of(machine), machine.frame)
+    case = read_case((folder or place.parent) if is_answer else place, list_required(machine), machine.frame)
     problem = make_problem(case, robot)
     if answer is not None:
-        ours, theirs = provenance_of(problem), answer["provenance"]
+        ours, theirs = record_provenance(problem), answer["provenance"]
         differs = f"other logs than those of {case.name}" if theirs["files"] != ours.files else ""
         differs = differs or ("another nominal robot" if theirs["parameters"] != ours.parameters else "")
         if differs and is_answer:
@@ -169,7 +169,7 @@ def prepare_contest(problem: Problem, rivals: Sequence[Rival]) -> Contest:
         rows[-1][[machine.index[name] for name in rival.parameters]] = [*rival.parameters.values()]
     effects = [[machine.effect(identity) for identity in rival.effects] for rival in rivals]
     problem = detect(problem, rows[0])
-    likelihood = likelihood_of(problem.shortened(affordable(problem, USED)), rows[0])
+    likelihood = make_likelihood(problem.shorten(affordable(problem, USED)), rows[0])
     likelihood, own, found = replace(likelihood, views=likelihood.views[:1]), nominal_parameters(problem.robot), []
     own = tuple(replace(p, base=float(nominal[p.index[0]])) for p in own)
     for rival, row, laws in zip(rivals, rows, effects, strict=True):
@@ -178,8 +178,8 @@ def prepare_contest(problem: Problem, rivals: Sequence[Rival]) -> Contest:
         values = with_effects(problem.silent(), [(machine, effect) for effect in laws])
         residual = likelihood.residual(row[None])[0]
         e = Explanation(rival.effects, parameters, x, values, residual, np.zeros((len(own), len(residual))))
-        found.append(e.changed(jacobian=nominal_jacobian(likelihood, e.at_nominal, own, x[: len(own)], residual)))
-    memory = min(likelihood.with_memory_of(e.residual).memory for e in found)
+        found.append(e.change(jacobian=nominal_jacobian(likelihood, e.at_nominal, own, x[: len(own)], residual)))
+    memory = min(likelihood.with_memory(e.residual).memory for e in found)
     likelihood, robots = replace(likelihood, memory=memory), np.array([e.robot for e in found])
     bare = robots.copy()
     for row, laws in zip(bare, effects, strict=True):
@@ -318,7 +318,7 @@ def refit(contest: Contest, reference: np.ndarray) -> Information | None:
         both = contest.view(*present.problem.fit, contest.trial(true, reference), scale=scale)
         (start,) = e.at_each(both, [found.refit(true, rival)])
         jacobian = nominal_jacobian(both, e.at_nominal, e.parameters[: e.nominal], e.x[: e.nominal], start.residual)
-        fit = minimise(both, start.changed(jacobian=jacobian), STEPS)
+        fit = minimise(both, start.change(jacobian=jacobian), STEPS)
         before = replace(contest.likelihood, views=(replace(present, scale=scale),))
         ended[true, rival] = max(2.0 * (fit.cost(both) - e.cost(before)), 0.0), fit.x
     return replace(found, ended=ended)

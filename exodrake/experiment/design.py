@@ -38,11 +38,11 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from exodrake.compiled.inputs import Reference
-from exodrake.core.display import colour_of, display_of
+from exodrake.core.display import choose_colour, find_display
 from exodrake.core.errors import InputError
 from exodrake.core.machine import Machine, signal_count
 from exodrake.core.robot import Robot
-from exodrake.data.plot import STYLE, new_figure, png_of
+from exodrake.data.plot import STYLE, new_figure, render_png
 from exodrake.diagnosis.parameter import apply
 from exodrake.diagnosis.problem import Problem, Trial
 from exodrake.experiment.contest import Contest, Information, information, refit
@@ -399,16 +399,16 @@ def draw_experiment(contest: Contest, design: Design) -> bytes:
         figure = new_figure(8.0, 2.4 + 1.6 * len(shown))
         rows = figure.subplots(1 + len(shown), 1, sharex=True, squeeze=False, height_ratios=[1.35, *[1.0] * len(shown)])
         references, column = rows[0, 0], machine.references[0]
-        channels, display = machine.channels(column.signal), display_of(column.kind, machine)
+        channels, display = machine.channels(column.signal), find_display(column.kind, machine)
         for k, channel in enumerate(channels):
             course = display.factor * design.reference.values[:, k]
-            references.plot(time, course, color=colour_of(channel, k, machine), label=channel)
+            references.plot(time, course, color=choose_colour(channel, k, machine), label=channel)
         references.set_ylabel(display.axis)
         references.set_xlim(time[0], time[-1])
         references.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=min(len(channels), 8), borderaxespad=0.1)
         for axes, k in zip(rows[1:, 0], shown, strict=True):
             kind, channel = problem.columns[k].rsplit("_", 1)
-            display = display_of(kind, machine)
+            display = find_display(kind, machine)
             course, band = display.factor * difference[:, k], BAND * display.factor * std[:, k]
             axes.fill_between(time, -band, band, color="#c9d0d8", lw=0, label="95 % of noise and of the error of a law")
             axes.plot(time, course, color="#d55e00", label=channel)
@@ -423,4 +423,4 @@ def draw_experiment(contest: Contest, design: Design) -> bytes:
         title = f"{problem.case.name}: references of the experiment"
         figure.suptitle(title, fontsize=11, fontweight="bold", x=0.01, ha="left")
         figure.align_ylabels(list(rows[:, 0]))
-        return png_of(figure)
+        return render_png(figure)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from exodrake.core.display import colour_of, display_of
+from exodrake.core.display import choose_colour, find_display
 from exodrake.core.robot import Robot
 from exodrake.data.log import Log
 from exodrake.data.plot import STYLE, draw_estimate, draw_panel, new_figure
@@ -31,9 +31,9 @@ def grasp_figure(plan: Plan, log: Log, robot: Robot) -> Figure:
         grid = figure.add_gridspec(2, 2, width_ratios=(1.0, 1.1), height_ratios=(1.5, 1.0))
         draw_posture(figure.add_subplot(grid[:, 0]), plan, log, robot)
         angle = figure.add_subplot(grid[0, 1])
-        display = display_of("angle", robot.machine)
+        display = find_display("angle", robot.machine)
         for i, name in enumerate(plan.joints):
-            colour = colour_of(name, i, robot.machine)
+            colour = choose_colour(name, i, robot.machine)
             angle.plot(log.time, display.factor * log[f"angle_{name}"], color=colour, label=name)
             draw_estimate(angle, log, "angle", name, colour, display.factor)
             angle.axhline(display.factor * plan.planned[i], color=colour, lw=0.9, ls=(0, (4, 2)))

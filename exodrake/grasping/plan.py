@@ -34,7 +34,7 @@ from exodrake.physics.finger import end_stop
 from exodrake.physics.finger_statics import arms, follow, parameters_of, posture
 from exodrake.physics.tendon_finger import Parameters
 from exodrake.simulation.protocols import grasp, smooth
-from exodrake.simulation.simulate import log_of, record, run
+from exodrake.simulation.simulate import record, run, write_log
 
 if TYPE_CHECKING:
     from exodrake.estimator.gp import Estimator
@@ -160,7 +160,7 @@ def confirm_posture(robot: Robot, tension: np.ndarray, angles: np.ndarray) -> bo
     """Whether references of these tensions (tendons,) [N] bring a robot to these angles (joints,) [rad]."""
     axes = robot.machine.axes
     targets = dict(zip(axes.tendons, np.asarray(tension, dtype=float).tolist()))
-    log = log_of(run(robot, grasp("trial", robot, targets, rest=REST, approach=APPROACH, hold=HOLD), seed=None))
+    log = write_log(run(robot, grasp("trial", robot, targets, rest=REST, approach=APPROACH, hold=HOLD), seed=None))
     return bool(np.abs(at_hold(log, "angle", axes.joints) - angles).max() <= CLOSE)
 
 

@@ -35,7 +35,7 @@ from exodrake.data.plot import IMPROVED, NOMINAL, STYLE, new_figure
 from exodrake.diagnosis.filters import filled_columns
 from exodrake.diagnosis.likelihood import longest
 from exodrake.diagnosis.parameter import apply, nominal_parameters
-from exodrake.diagnosis.problem import Problem, make_problem, required_of
+from exodrake.diagnosis.problem import Problem, list_required, make_problem
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -223,7 +223,7 @@ def fit(
     from scipy.stats import t as student
 
     machine = argument("robot", robot, Robot).machine
-    case = gather_logs(logs, held_out, machine.frame, required_of(machine))
+    case = gather_logs(logs, held_out, machine.frame, list_required(machine))
     problem = make_problem(case, robot)
     names, scales, low, high = free_parameters(problem.robot, free, bounds or {})
     views = [problem]

@@ -25,7 +25,7 @@ import numpy as np
 import shapely
 
 from exodrake.core.errors import InputError
-from exodrake.data.plot import new_figure, png_of
+from exodrake.data.plot import new_figure, render_png
 
 FINGERTIP, DISTAL = "fingertip", "distal phalanx"
 ARC = 0.01  # rad; finest step along arcs and curves
@@ -172,7 +172,7 @@ class Assisted(NamedTuple):
         return shapely.union_all(shapely.convex_hull(shapely.linestrings(np.concatenate(cells))))
 
 
-def assisted(robot, steps: int = 25) -> Assisted:
+def solve_assisted(robot, steps: int = 25) -> Assisted:
     """Solve the statics of a robot over `steps` tensions per wire, between its limits F_min and F_max.
 
     Raises:
@@ -237,4 +237,4 @@ def workspace_figure(lengths, ranges: Ranges, assisted=None) -> bytes:
         panel.set_axisbelow(True)
     panels[0].set_ylabel("y, palmar [mm]")
     panels[0].set_ylim(90, -55)  # palmar down, as the hand lies
-    return png_of(figure, dpi=130)
+    return render_png(figure, dpi=130)

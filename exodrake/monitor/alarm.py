@@ -35,7 +35,7 @@ from exodrake.compiled.inputs import Reference
 from exodrake.core.errors import InputError
 from exodrake.core.machine import Machine
 from exodrake.core.parallel import each
-from exodrake.core.progress import counted
+from exodrake.core.progress import show_count
 from exodrake.core.robot import Robot
 from exodrake.core.schema import read_yaml
 from exodrake.data.log import Log
@@ -244,7 +244,7 @@ def measure_all_peaks(
     """Largest gaps (robots, channels) [noise standard deviations] of healthy robots, in the order of their seeds."""
     found: dict[int, np.ndarray] = {}
     tasks = ((robot, noise, SPAN * seed + k, duration) for k in range(robots))
-    with counted("robots at work", "none of it is kept") as count:
+    with show_count("robots at work", "none of it is kept") as count:
         for item in each(measure_peaks, tasks, **where):  # pyright: ignore[reportArgumentType]
             if item.value is None:
                 raise InputError(f"robot {item.number}: {item.reason}")

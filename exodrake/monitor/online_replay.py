@@ -12,11 +12,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy.signal import savgol_filter
 
-from exodrake.compiled.inputs import NoiseInputs, input_rows, prepared, reading_places, reference_width
+from exodrake.compiled.inputs import NoiseInputs, input_rows, prepare_values, reading_places, reference_width
 from exodrake.compiled.run import Replay
 from exodrake.core.machine import Machine, Segment, signal_count
 from exodrake.core.robot import Robot
-from exodrake.simulation.simulate import delayed
+from exodrake.simulation.simulate import delay_columns
 
 LOOP = "loop"
 WINDOW, ORDER = 7, 2  # frames and order of the Savitzky-Golay filter that smooths what is fed in
@@ -103,7 +103,7 @@ class SegmentReplay:
 
 def without_noise(robot: Robot) -> np.ndarray:
     """Flat parameters without noise and rounding."""
-    values = prepared(robot, quantisation=False)
+    values = prepare_values(robot, quantisation=False)
     values[[robot.machine.index[name] for name in robot.machine.noise]] = 0.0
     return values
 
@@ -156,7 +156,7 @@ class OnlineReplay:
         records = [self.loop.step(inputs)]
         records += [replay.push(inputs, feed, rate, held, raw) for replay in self.segments.values()]
         runs, now = self.simulated.push(np.stack(records, axis=1), last)
-        seen = delayed(machine, runs.swapaxes(0, 1), self.indices)[:, now]
+        seen = delay_columns(machine, runs.swapaxes(0, 1), self.indices)[:, now]
         both, now = self.measured.push(np.hstack([raw, judged[ready]]), last)
         raw, judged = np.split(both[now], 2, axis=1)
         replayed = [(judged - run)[:, self.places[kind]] for kind, run in zip(self.segments, seen[1:], strict=True)]

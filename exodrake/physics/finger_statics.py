@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from exodrake.core.part import fields_of
+from exodrake.core.part import list_fields
 from exodrake.core.robot import Robot
 from exodrake.physics import finger, wire_paths
 from exodrake.physics.tendon_finger import Parameters
@@ -30,7 +30,7 @@ path, end_stop = compiled(wire_paths.path), compiled(finger.end_stop)
 
 def parameters_of(robot: Robot) -> Parameters:
     """Parameters of a robot's finger, without effects."""
-    found = [robot.channels(f"{field.group}.{field.name}") for field in fields_of(Parameters, "finger")]
+    found = [robot.channels(f"{field.group}.{field.name}") for field in list_fields(Parameters, "finger")]
     plain: list[Any] = [tuple(v.tolist()) if len(v) > 1 else float(v[0]) for v in found]
     return Parameters(*plain)
 

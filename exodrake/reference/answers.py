@@ -14,7 +14,7 @@ from typing import Any
 from exodrake.core.errors import InputError
 from exodrake.core.files import read_bytes, write_text
 from exodrake.core.progress import Count, no_progress
-from exodrake.core.provenance import described
+from exodrake.core.provenance import describe_configuration
 from exodrake.core.schema import anything, flag, having, listing, names, number, optional, read_json, text
 from exodrake.diagnosis.many import ANSWER, FAILED, diagnose_all
 from exodrake.reference.cases import VISIBLE
@@ -155,7 +155,9 @@ def read_answers(folder: Path, truths: dict[str, dict[str, Any]]) -> tuple[Answe
             answered.append(Answered(name, label, {"verdict": FAILURE}))
     if not answered:
         raise InputError(f"{folder}: no case has a diagnosis yet; run `exodrake blind run` first")
-    found = {described(case.diagnosis.get("configuration")) for case in answered if case.verdict != FAILURE}
+    found = {
+        describe_configuration(case.diagnosis.get("configuration")) for case in answered if case.verdict != FAILURE
+    }
     if len(found) > 1:
         raise InputError(
             f"{folder}: answered with several configurations ({'; '.join(sorted(found))}); `blind run --redo`"

@@ -35,7 +35,7 @@ BISECTIONS = 12
 WEAKEST = 1e-3  # strength of an effect, relative to its draw, that counts as absent [assumed]
 
 
-def kind_of(column: str) -> str:
+def strip_channel(column: str) -> str:
     """Column name without its wire or joint."""
     return column.rsplit("_", 1)[0] if column != "time" else column
 
@@ -44,8 +44,8 @@ def gap_in_noise(with_effect: Columns, without: Columns) -> Gaps:
     """Gap per signal between two logs."""
     gaps = {}
     for name, values in with_effect.items():
-        if kind_of(name) in NOISE_STD:
-            gaps[name] = float(np.sqrt(np.mean((values - without[name]) ** 2)) / NOISE_STD[kind_of(name)])
+        if strip_channel(name) in NOISE_STD:
+            gaps[name] = float(np.sqrt(np.mean((values - without[name]) ** 2)) / NOISE_STD[strip_channel(name)])
     return gaps
 
 
@@ -59,7 +59,7 @@ def parts_gaps(case: DrawnCase, seed: list[int], hidden: tuple[str, ...] = ()) -
     def gaps(without: RobotSpec) -> Gaps:
         robots = (replace(robot, noisy=False) for robot in (case.spec, without))
         found = gap_in_noise(*(simulate(robot, case.protocols[HELD_OUT], seed) for robot in robots))
-        return {name: gap for name, gap in found.items() if kind_of(name) not in hidden}
+        return {name: gap for name, gap in found.items() if strip_channel(name) not in hidden}
 
     effects, whole = case.spec.effects, gaps(case.healthy)
     if len(effects) < 2:
@@ -94,7 +94,7 @@ def make_label(plan: CasePlan, case: DrawnCase, each: list[float], whole: Gaps) 
 
 def round_columns(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Round columns (n,) [SI] to the digits a real log carries; floats print short."""
-    return {name: np.round(values, DECIMALS[kind_of(name)]) + 0.0 for name, values in columns.items()}
+    return {name: np.round(values, DECIMALS[strip_channel(name)]) + 0.0 for name, values in columns.items()}
 
 
 def case_and_label(plan: CasePlan) -> tuple[Case, Label]:
@@ -125,7 +125,7 @@ def case_and_label(plan: CasePlan) -> tuple[Case, Label]:
     for index, (log, protocol) in enumerate(case.protocols.items()):
         columns = round_columns(simulate(case.spec, protocol, [*plan.seed, 5, index]))
         time = columns.pop("time")
-        columns = {name: values for name, values in columns.items() if kind_of(name) not in plan.mix.hidden}
+        columns = {name: values for name, values in columns.items() if strip_channel(name) not in plan.mix.hidden}
         role = "holdout" if log == HELD_OUT else "fit"
         logs.append(CaseLog(Log(time, columns), log, role, REPEATS.get(log), f"{log}.csv.gz"))
     return Case(plan.name, {}, tuple(logs)), make_label(plan, case, gaps, whole)

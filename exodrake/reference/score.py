@@ -21,7 +21,7 @@ import numpy as np
 from exodrake.core.confidence import binomial_interval
 from exodrake.core.errors import markdown_table, plural
 from exodrake.diagnosis.result import CAUSE
-from exodrake.diagnosis.search import kind_of
+from exodrake.diagnosis.search import name_kind
 from exodrake.machines.robot_file import load_robot
 from exodrake.reference.answers import FAILURE, Answered, Diagnosis, Truth, read_answers, read_labels
 from exodrake.reference.faults import ENTRIES
@@ -77,7 +77,7 @@ def is_in_class(truths: Sequence[Truth], diagnosis: Diagnosis) -> bool:
 @cache
 def kind_and_block(identity: str) -> tuple[str, str]:
     """Kind of an effect by its id, and its block."""
-    kinds = {effect.id: kind_of(effect) for effect in load_robot().machine.effects}
+    kinds = {effect.id: name_kind(effect) for effect in load_robot().machine.effects}
     return kinds.get(identity, identity), identity.split(".")[0]
 
 

@@ -46,7 +46,7 @@ def house_style() -> Any:
     return matplotlib.rc_context(STYLE)
 
 
-def svg_of(figure: Figure, name: str, label: str) -> str:
+def render_svg(figure: Figure, name: str, label: str) -> str:
     """A figure that was drawn under `house_style` as an SVG element.
 
     Its ids are derived from a name unique in the report; the label says what it shows, for screen readers.

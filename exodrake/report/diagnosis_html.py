@@ -21,10 +21,10 @@ import numpy as np
 
 from exodrake import __version__
 from exodrake.analysis.log_response import COLUMNS, LogResponse, block_responses, plot_responses
-from exodrake.core.display import SYMBOLS, Display, display_of
+from exodrake.core.display import SYMBOLS, Display, find_display
 from exodrake.core.errors import InputError
 from exodrake.data import plot
-from exodrake.data.plot import envelope, new_figure, stretch_of
+from exodrake.data.plot import choose_stretch, envelope, new_figure
 from exodrake.diagnosis import localise
 from exodrake.diagnosis.filters import mismatch
 from exodrake.diagnosis.isolation import SAMPLING
@@ -44,7 +44,7 @@ from exodrake.diagnosis.result import (
 from exodrake.diagnosis.search import GAIN, LAW, NATS, NEGLIGIBLE
 from exodrake.diagnosis.verdict import EXPLAINED, LARGE, MOST
 from exodrake.report import blocks, wording as w
-from exodrake.report.blocks import AFTER, BAND, LINE, RULE, SOFT, Bars, Drawing, Table, render, shares, svg_of
+from exodrake.report.blocks import AFTER, BAND, LINE, RULE, SOFT, Bars, Drawing, Table, render, render_svg, shares
 from exodrake.report.missing_law import missing_law
 from exodrake.report.since import since
 from exodrake.report.wording import split_column
@@ -125,7 +125,7 @@ class SimulatedLogs:
 
     def display(self, kind: str) -> Display:
         """Display of a kind of signal."""
-        return display_of(kind, self.problem.robot.machine)
+        return find_display(kind, self.problem.robot.machine)
 
     def rms(self, log: SimulatedLog, robot: str) -> float:
         """RMS error of a robot on a log [noise_std], in the band of a tremor its strength alone, as for the closure."""
@@ -161,7 +161,7 @@ def how_far(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
             axes.set(title=runs.display(kind).label, xlabel="Frequency [Hz]")
             axes.grid(color=RULE, lw=0.5)
         panels[0].set_ylabel("Density [1/Hz]")
-        svg = svg_of(figure, "spectrum", "power density of normalised residuals")
+        svg = render_svg(figure, "spectrum", "power density of normalised residuals")
     return answer | {"curves": curves(runs, list(drawn)), "spectrum": Drawing(svg, wide=True)}
 
 
@@ -205,7 +205,7 @@ def curves(runs: SimulatedLogs, robots: Sequence[str]) -> dict[str, Any]:
     most = int(np.clip(SIZE / (CHARACTERS * count), FEWEST_SAMPLES, MOST_SAMPLES))
     displays, logs = {kind: runs.display(kind) for kind in runs.kinds}, []
     for log in runs.judged:
-        stretch = stretch_of(len(log.trial.measured), most)
+        stretch = choose_stretch(len(log.trial.measured), most)
         rows = {"measured": log.trial.measured}
         for name in robots:
             rows[name] = np.where(np.isfinite(log.simulated[name]), log.simulated[name], np.nan)
@@ -214,7 +214,7 @@ def curves(runs: SimulatedLogs, robots: Sequence[str]) -> dict[str, Any]:
         for i, (kind, channel) in enumerate(runs.parts):
             factor = displays[kind].factor
             column = {"kind": kind, "channel": channel, "band": NOISE_BAND * factor * float(log.noise_std[i])}
-            columns.append(column | {name: packed(factor * values[:, i]) for name, values in short.items()})
+            columns.append(column | {name: pack_curve(factor * values[:, i]) for name, values in short.items()})
         logs.append({
             "name": log.trial.name, "samples": len(short["measured"]), "stretch": stretch,
             "step": runs.period * (stretch / 2 if stretch > 1 else 1), "columns": columns,
@@ -226,7 +226,7 @@ def curves(runs: SimulatedLogs, robots: Sequence[str]) -> dict[str, Any]:
     }
 
 
-def packed(values: np.ndarray) -> dict[str, Any]:
+def pack_curve(values: np.ndarray) -> dict[str, Any]:
     """A curve (n,) as least value, height of a level, and levels in base 64; NaN is the level after the last."""
     known = np.isfinite(values)
     least = float(values[known].min()) if known.any() else 0.0
@@ -283,12 +283,12 @@ def response_figure(diagnosis: Diagnosis, runs: SimulatedLogs) -> Drawing | None
     chosen = {name: each[: max(1, COLUMNS // len(by_block))] for name, each in by_block.items()}
     figure = plot_responses([one for each in chosen.values() for one in each], style=blocks.STYLE)
     label = "frequency responses of the blocks, measured, nominal and improved"
-    parts = w.listed([f"{name} ({w.listed([one.output for one in each])})" for name, each in chosen.items()])
+    parts = w.join_words([f"{name} ({w.join_words([one.output for one in each])})" for name, each in chosen.items()])
     caption = (
         f"Frequency response from the signal before each block to its own, before any effect is named: {parts}, "
         "each in the channels of its largest gap. Band: 90 %. Where coherence is low, noise or a nonlinearity acts."
     )
-    return Drawing(svg_of(figure, "response", label), caption, wide=True)
+    return Drawing(render_svg(figure, "response", label), caption, wide=True)
 
 
 def condition_figure(diagnosis: Diagnosis, runs: SimulatedLogs) -> Drawing | None:
@@ -306,7 +306,7 @@ def condition_figure(diagnosis: Diagnosis, runs: SimulatedLogs) -> Drawing | Non
     before, after = (log.residuals[robot][:, column] for robot in (RETUNED, IMPROVED))
     known = np.isfinite(before) & np.isfinite(after)
     table = localise.conditions(runs.problem, log.trial, localise.channel_index(runs.problem, signal))
-    best = max(table, key=lambda condition: localise.explained(before[known], table[condition][known]))
+    best = max(table, key=lambda condition: localise.explain_variance(before[known], table[condition][known]))
     declared, label, factor = runs.problem.robot.machine.regime, best, 1.0
     if best.startswith("time"):
         label = f"{best} [s]"
@@ -336,7 +336,7 @@ def condition_figure(diagnosis: Diagnosis, runs: SimulatedLogs) -> Drawing | Non
         axes.set_xlabel(label)
         axes.set_ylabel(f"error of {signal} / noise std")
         figure.legend(loc="outside upper left", ncols=2, handlelength=1.6)
-        svg = svg_of(figure, "condition", f"error of {signal} against {label}")
+        svg = render_svg(figure, "condition", f"error of {signal} against {label}")
     caption = (
         "Error of the worst signal against the strongest condition: samples, and means of bins. "
         "The band is ± 2 noise standard deviations."
@@ -406,7 +406,7 @@ def retuned_tables(diagnosis: Diagnosis, runs: SimulatedLogs) -> list[Table]:
     return tables + ([Table(header, rest, wide=False, folded=f"{len(rest)} smaller changes")] if rest else [])
 
 
-def assumed(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
+def list_assumptions(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
     """Values of the section's template: every log with role, length, missing samples, RMS errors, hash; provenance."""
     case, simulated = runs.problem.case, {log.trial.name: log for log in runs.logs}
     titles, rows = w.robot_titles(diagnosis), []
@@ -456,15 +456,15 @@ def report_html(diagnosis: Diagnosis, problem: Problem) -> str:
     rows = np.array([plain.silent(diagnosis.robots[name]) for name in ROBOTS])
     runs = ((t, dict(zip(ROBOTS, problem.predict(rows, t)))) for t in (*problem.fit, *problem.holdout))
     logs = tuple(SimulatedLog(t, simulated, problem.noise_std) for t, simulated in runs)
-    return html_of(diagnosis, SimulatedLogs(problem, logs))
+    return render_report(diagnosis, SimulatedLogs(problem, logs))
 
 
-def html_of(diagnosis: Diagnosis, runs: SimulatedLogs) -> str:
+def render_report(diagnosis: Diagnosis, runs: SimulatedLogs) -> str:
     """The report from a diagnosis and logs that were simulated already."""
     sections = {**how_far(diagnosis, runs), **where(diagnosis, runs), **which(diagnosis, runs), **since(diagnosis)}
     return render(
         "diagnosis.html",
         title=f"{diagnosis.case}: diagnosis", version=__version__, colour=COLOURS.get(diagnosis.verdict, "#1d4ed8"),
-        found=diagnosis, runs=runs, w=w, **sections, **assumed(diagnosis, runs),
+        found=diagnosis, runs=runs, w=w, **sections, **list_assumptions(diagnosis, runs),
         **missing_law(diagnosis),
     )  # fmt: skip

@@ -142,7 +142,7 @@ def robot_table(robots: Sequence[Member], links: Mapping[str, str] | None = None
     for m in robots:
         row, counts = m.last, Counter(effect for row in m.rows for effect in row.effects)
         causes = row.effects or tuple(effect for effect, _ in counts.most_common(1) if m.changed)
-        cause = w.listed([f"`{effect}`" for effect in causes], "or" if row.verdict == AMBIGUOUS else "and")
+        cause = w.join_words([f"`{effect}`" for effect in causes], "or" if row.verdict == AMBIGUOUS else "and")
         trend = next((t for t in m.changed if t.effect in causes), next(iter(m.changed), None))
         since = describe_change(trend) if trend else ("–", "–")
         sizes = []

@@ -9,7 +9,7 @@ import numpy as np
 from exodrake.core.display import PALETTE, SYMBOLS, shown_unit
 from exodrake.data.plot import new_figure
 from exodrake.report import wording as w
-from exodrake.report.blocks import RULE, SOFT, Drawing, Table, house_style, svg_of
+from exodrake.report.blocks import RULE, SOFT, Drawing, Table, house_style, render_svg
 
 if TYPE_CHECKING:
     from exodrake.diagnosis.discovery.discover import MissingLaw
@@ -90,4 +90,4 @@ def figure_svg(law: MissingLaw) -> str:
             below.set_ylabel("data")
             below.set_xlabel(f"u [{symbol}]" if symbol else "u")
         panels[0, 0].set_ylabel("f(u), SI")
-        return svg_of(figure, "missing_law", law.words)
+        return render_svg(figure, "missing_law", law.words)

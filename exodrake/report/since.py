@@ -7,7 +7,7 @@ from datetime import timedelta
 from typing import TYPE_CHECKING, Any
 
 from exodrake.core.display import SYMBOLS, shown_unit
-from exodrake.data.case import date_of
+from exodrake.data.case import parse_date
 from exodrake.diagnosis.change_point import STEP, Change
 from exodrake.diagnosis.result import UNKNOWN, Diagnosis, Interval
 from exodrake.report import wording as w
@@ -25,7 +25,7 @@ def since(diagnosis: Diagnosis) -> dict[str, Any]:
     found = diagnosis.since
     if found is None:
         return {"since": None, "timelines": []}
-    first = date_of(found.sessions[0]) if found.unit == "d" else None
+    first = parse_date(found.sessions[0]) if found.unit == "d" else None
 
     def clock(times: Sequence[float]) -> list[float]:
         """POSIX times [s], or times of the log [s]."""
@@ -67,7 +67,7 @@ def words(diagnosis: Diagnosis) -> list[str]:
     lines = [f"the change of {title(one)} began {when(found, change)}: {sizes}{rate} ({shapes})"]
     alike = [other for other in found.series if other.change is not None and other.name == one.name]
     if len(alike) > 1:
-        lines.append(f"it changes, too, on {w.listed([other.channel for other in alike[1:]])}")
+        lines.append(f"it changes, too, on {w.join_words([other.channel for other in alike[1:]])}")
     if diagnosis.verdict == UNKNOWN and found.effect:
         lines.append(
             f"no constant explanation is left, but {found.effect} alone, with a size of its own in each session, "

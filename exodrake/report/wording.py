@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from exodrake.core.display import SYMBOLS, Display, display_of, shown_unit
+from exodrake.core.display import SYMBOLS, Display, find_display, shown_unit
 from exodrake.core.effect import Effect
 from exodrake.core.errors import plural
 from exodrake.core.machine import Machine
@@ -109,7 +109,7 @@ def factor(ratio: float) -> str:
     return f"{ratio:.2f}" if ratio < 2.0 else f"{ratio:.1f}" if ratio < 10.0 else f"{float(f'{ratio:.2g}'):,.0f}"
 
 
-def listed(items: tuple[str, ...] | list[str], last: str = "and") -> str:
+def join_words(items: tuple[str, ...] | list[str], last: str = "and") -> str:
     """Items in a sentence: `a, b and c`."""
     items = list(items)
     return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} {last} {items[-1]}" if items else ""
@@ -144,7 +144,7 @@ def seat(tendons: Sequence[str], joints: Sequence[str], machine: Machine | None 
         if len(names) > MOST_SEATS and set(names) == set(every):
             parts.append(f"all {len(names)} {axis}s")
         elif names:
-            parts.append(f"{plural(len(names), axis)} {listed(list(names))}")
+            parts.append(f"{plural(len(names), axis)} {join_words(list(names))}")
     return " and ".join(parts)
 
 
@@ -183,7 +183,7 @@ def block_words(diagnosis: Diagnosis) -> str:
     found = [p.name for p in parts if machine and any(e.block == block for e in machine.effects_on(p))]
     if not found or block in {p.name for p in parts}:
         return ""
-    return f" Effects of the {block} act in {plural(len(found), 'part')} {listed(found)}."
+    return f" Effects of the {block} act in {plural(len(found), 'part')} {join_words(found)}."
 
 
 def parameter_values(effect: NamedEffect, known: bool = False) -> list[tuple[str, str, str]]:
@@ -240,7 +240,7 @@ def headline(diagnosis: Diagnosis) -> str:
         changed = diagnosis.retune.moved  # the largest change first
         shown = [f"{m.name} {digits(m.nominal, 3)} -> {digits(m.value, 3)} {m.unit}" for m in changed[:MOST_MOVED]]
         shown += [f"{len(changed) - len(shown)} more"] if len(changed) > len(shown) else []
-        words = f": {listed(shown)}" if shown else ""
+        words = f": {join_words(shown)}" if shown else ""
         return f"Nominal parameters within their tolerances explain the gap{words}; no effect is needed."
     if diagnosis.verdict == UNKNOWN:
         where, explained = diagnosis.where, 1.0 - diagnosis.remainder.value
@@ -259,7 +259,7 @@ def headline(diagnosis: Diagnosis) -> str:
         explained = named.format(share(effect.share.value)) if known else "was detected"
         explained += f" ({values})" if values and not effect.rivals else ""
         if effect.rivals:
-            others = listed([f"{shorten_id(r.id)} ({r.id})" for r in effect.rivals], "or")
+            others = join_words([f"{shorten_id(r.id)} ({r.id})" for r in effect.rivals], "or")
             lead = "the logs cannot tell" if not said else "nor"
             said.append(f"{lead} {shorten_id(effect.id)} ({effect.id}) from {others} {place}, which {explained}")
         else:
@@ -321,7 +321,7 @@ def kind_gaps(diagnosis: Diagnosis) -> list[KindGap]:
         closed = 1.0 - max(excess[2], 0.0) / excess[0] if excess[0] > 0.0 else math.nan
         before, retuned, after, noise_std = np.sqrt(np.mean(rows**2, axis=0)).tolist()
         total = SignalGap(before, retuned, after, noise_std, float(closed), gaps[0].unit)
-        found.append(KindGap(kind, display_of(kind, machine), total))
+        found.append(KindGap(kind, find_display(kind, machine), total))
     return found
 
 

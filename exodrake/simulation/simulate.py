@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from exodrake.compiled.inputs import NoiseInputs, Reference, prepared, reference_width
+from exodrake.compiled.inputs import NoiseInputs, Reference, prepare_values, reference_width
 from exodrake.compiled.run import run_compiled
 from exodrake.core.errors import InputError, argument, short_repr
 from exodrake.core.machine import Machine
@@ -31,7 +31,7 @@ def cubic(values: np.ndarray, at: np.ndarray) -> np.ndarray:
     return p1 + 0.5 * f * (p2 - p0 + f * (2.0 * p0 - 5.0 * p1 + 4.0 * p2 - p3 + f * (3.0 * (p1 - p2) + p3 - p0)))
 
 
-def delayed(machine: Machine, records: np.ndarray, indices: list[int]) -> np.ndarray:
+def delay_columns(machine: Machine, records: np.ndarray, indices: list[int]) -> np.ndarray:
     """Channels `indices` (runs, frames, indices) [SI] of noise-free runs (runs, frames, channels), with delays."""
     at, chosen = machine.offsets, records[:, :, indices]
     for column in (column for column in machine.columns if column.delay):
@@ -105,7 +105,7 @@ def record(
             for name, rows in signals.items()
             for channel, values in zip(machine.channels(name), rows.T, strict=True)
         }
-        shown = {**log_of(recording).signals, **columns}
+        shown = {**write_log(recording).signals, **columns}
         name = next(name for name, values in shown.items() if not np.isfinite(values).all())
         moment = recording.time[int(np.argmin(np.isfinite(shown[name])))]
         raise InputError(f"the simulation diverges: {name} is not finite from {moment:g} s on; check the numbers set")
@@ -126,7 +126,7 @@ def run(
     if reference.values.shape[1] != (width := reference_width(machine)):
         raise InputError(f"{reference.name}: {reference.values.shape[1]} references, {machine.name} has {width}")
     noise_inputs = NoiseInputs.draw(frames, seed, machine)
-    values = prepared(robot, quantisation)
+    values = prepare_values(robot, quantisation)
     if engine not in ("compiled", "drake"):
         raise InputError(f"unknown engine {engine!r}; there are compiled, drake")
     try:
@@ -143,7 +143,7 @@ def run(
     return Recording(robot, reference, machine.frame * np.arange(frames), signals)
 
 
-def log_of(recording: Recording) -> Log:
+def write_log(recording: Recording) -> Log:
     """The log that the robot would have written: the columns of its machine."""
     log = log_of_signals(recording.robot.machine, recording.time, recording.signals, recording.reference.name)
     return replace(log, simulated=CHANGED) if recording.robot.effects() else log
@@ -168,7 +168,7 @@ def simulate(
     substeps: int = 1,
 ) -> Log:
     """The log of a robot that follows a reference; arguments as in `record`."""
-    return log_of(record(robot, reference, seed, quantisation, engine, substeps))
+    return write_log(record(robot, reference, seed, quantisation, engine, substeps))
 
 
 def diagram_log(diagram: Diagram, context: Context, signals: Mapping[str, np.ndarray] | None = None) -> Log:
@@ -185,7 +185,7 @@ def diagram_log(diagram: Diagram, context: Context, signals: Mapping[str, np.nda
     Returns:
         The columns of the machine.
     """
-    from exodrake.diagrams.diagram import checked, find_parameter, logged_signals
+    from exodrake.diagrams.diagram import check_diagram, find_parameter, logged_signals
 
     def value(name: str) -> float:
         try:
@@ -194,7 +194,7 @@ def diagram_log(diagram: Diagram, context: Context, signals: Mapping[str, np.nda
             return 0.0
 
     signals = dict(logged_signals(diagram, context) if signals is None else signals)
-    robot_diagram = checked(diagram)
+    robot_diagram = check_diagram(diagram)
     machine = robot_diagram.robot.machine
     delay_samples(machine, signals, value)
     time = machine.frame * (np.round(signals["time"] / machine.frame) - 1.0)

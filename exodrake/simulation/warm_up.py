@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from exodrake.compiled.compose import compile_machine
-from exodrake.compiled.inputs import NOTHING, NoiseInputs, Reference, input_rows, prepared
+from exodrake.compiled.inputs import NOTHING, NoiseInputs, Reference, input_rows, prepare_values
 from exodrake.core.machine import signal_count, state_size
 from exodrake.core.parallel import each
 from exodrake.machines.robot_file import load_robot
@@ -26,7 +26,7 @@ def use_engine(engine: str) -> None:
         given = input_rows(machine, SHORT.values, NoiseInputs.draw(frames, 0, machine)).values()
         records = np.zeros((1, frames, signal_count(machine)))
         batch = compile_machine(machine).batch
-        batch(prepared(robot)[None], state_size(machine), *given, machine.slot, 1, records, NOTHING)
+        batch(prepare_values(robot)[None], state_size(machine), *given, machine.slot, 1, records, NOTHING)
 
 
 def warm_up(tell: Callable[[str, list[str]], object] = lambda done, left: None) -> None:

@@ -126,7 +126,7 @@ def claims(found: Arms) -> tuple[Claim, ...]:
 def figure(found: Arms) -> str:
     """Both versions side by side on the same axes, as SVG."""
     from exodrake.data.plot import new_figure
-    from exodrake.report.blocks import RULE, SOFT, house_style, svg_of
+    from exodrake.report.blocks import RULE, SOFT, house_style, render_svg
 
     with house_style():
         drawn = new_figure(9.6, 3.2)
@@ -150,4 +150,4 @@ def figure(found: Arms) -> str:
         zero = np.rad2deg(zero_of("extensor (S)"))
         panels[0].plot([zero], [0.0], "o", ms=4, color=COLOURS["extensor (S)"])
         panels[0].annotate(f"{zero:.2f}°", (zero, 0.0), (4, 6), textcoords="offset points", color=SOFT)
-        return svg_of(drawn, "arms", "moment arms against joint angle, by virtual work and as printed")
+        return render_svg(drawn, "arms", "moment arms against joint angle, by virtual work and as printed")

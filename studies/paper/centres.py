@@ -190,7 +190,7 @@ def marker_count() -> Claim:
 def figure(found: Kinematics) -> str:
     """Centres and their lines, a panel per joint, as SVG."""
     from exodrake.data.plot import new_figure
-    from exodrake.report.blocks import RULE, house_style, svg_of
+    from exodrake.report.blocks import RULE, house_style, render_svg
 
     with house_style():
         drawn = new_figure(9.6, 3.1)
@@ -212,4 +212,4 @@ def figure(found: Kinematics) -> str:
             axes.grid(color=RULE, lw=0.5)
             axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), fontsize=8)
         drawn.axes[0].set_ylabel("place [mm]")
-        return svg_of(drawn, "centres", "joint centres against joint angle, with regression lines")
+        return render_svg(drawn, "centres", "joint centres against joint angle, with regression lines")

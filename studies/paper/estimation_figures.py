@@ -6,7 +6,7 @@ import numpy as np
 
 from exodrake.data.plot import new_figure
 from exodrake.machines.exo_index.machine import COLOURS
-from exodrake.report.blocks import AFTER, BEFORE, MEASURED, RULE, SOFT, house_style, svg_of
+from exodrake.report.blocks import AFTER, BEFORE, MEASURED, RULE, SOFT, house_style, render_svg
 from studies.paper.study import DATA, MODEL, Study
 
 DRAWN = 1000  # rows that are drawn, about
@@ -36,7 +36,7 @@ def figure_10(found: Study) -> str:
         panels[0, 0].legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
         panels[-1, 0].set_xlabel("sample")
         panels[-1, 1].set_xlabel("measured [rad]")
-        return svg_of(drawn, "ten", "estimated and measured joint angles on held-out sweeps")
+        return render_svg(drawn, "ten", "estimated and measured joint angles on held-out sweeps")
 
 
 def figure_11(found: Study) -> str:
@@ -61,7 +61,7 @@ def figure_11(found: Study) -> str:
         panels["b"].set_ylabel("estimated [rad]")
         panels["b"].legend(loc="upper left", markerscale=6, handletextpad=0.2)
         bars(panels["d"], found)
-        return svg_of(drawn, "eleven", "data-driven against model-based estimates on held-out sweeps")
+        return render_svg(drawn, "eleven", "data-driven against model-based estimates on held-out sweeps")
 
 
 def course(axes: Any, found: Study, rows: np.ndarray, joint: int) -> None:

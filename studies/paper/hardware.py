@@ -128,7 +128,7 @@ def timing_claims(machine, rate: float) -> tuple[Claim, ...]:
 def figure(coarse: Staircase, fine: Staircase) -> str:
     """The staircases of both resolutions as SVG."""
     from exodrake.data.plot import new_figure
-    from exodrake.report.blocks import AFTER, BEFORE, RULE, house_style, svg_of
+    from exodrake.report.blocks import AFTER, BEFORE, RULE, house_style, render_svg
 
     names = (("0.004 N, as printed", "0.001 N, corrected"), ("0.00569 rad, 16 lines", "0.001423 rad, quadrature"))
     with house_style():
@@ -143,7 +143,9 @@ def figure(coarse: Staircase, fine: Staircase) -> str:
         panels[0].set_ylabel("tension read [N]")
         zoom(panels[0], coarse)
         panels[1].set_ylabel("spool angle read [rad]")
-        return svg_of(drawn, "stairs", "tension and spool angle as read during a slow ramp, at two resolutions each")
+        return render_svg(
+            drawn, "stairs", "tension and spool angle as read during a slow ramp, at two resolutions each"
+        )
 
 
 def zoom(axes, stairs: Staircase) -> None:

@@ -50,7 +50,7 @@ def robot_overshoot(robot) -> float:
 def figure() -> str:
     """Both signs' steps as SVG."""
     from exodrake.data.plot import new_figure
-    from exodrake.report.blocks import AFTER, BEFORE, RULE, SOFT, house_style, svg_of
+    from exodrake.report.blocks import AFTER, BEFORE, RULE, SOFT, house_style, render_svg
 
     with house_style():
         drawn = new_figure(4.6, 2.5)
@@ -62,4 +62,4 @@ def figure() -> str:
         axes.set_ylabel("tension [N]")
         axes.grid(color=RULE, lw=0.5)
         axes.legend(loc="lower right")
-        return svg_of(drawn, "sign", "tension after a step with either sign of the derivative")
+        return render_svg(drawn, "sign", "tension after a step with either sign of the derivative")

@@ -10,10 +10,10 @@ SIMPLER = 2e-5  # m, outlines are drawn this exactly
 
 def chapter(robot, tensions: int) -> Chapter:
     """Workspaces of fingertip and distal phalanx, whole and assisted. tensions: per wire."""
-    from exodrake.identification.workspace import assisted
+    from exodrake.identification.workspace import solve_assisted
     from studies.paper.table_2 import table_2
 
-    wired = assisted(robot, tensions)
+    wired = solve_assisted(robot, tensions)
     caption = (
         "Computed from the lengths of Table 1 and the ranges S.M. of Table 2, pin joints; MCP at the origin, palmar"
         " down. Assisted: statics of the nominal robot, whose stiffness and largest tensions are assumed; red leaves"
@@ -55,7 +55,7 @@ def figure(wired) -> str:
     """Both workspaces as SVG."""
     from exodrake.data.plot import new_figure
     from exodrake.identification.workspace import DISTAL, FINGERTIP, LENGTHS, SPONTANEOUS, reach
-    from exodrake.report.blocks import RULE, house_style, svg_of
+    from exodrake.report.blocks import RULE, house_style, render_svg
 
     with house_style():
         drawn = new_figure(9.6, 4.6)
@@ -72,7 +72,7 @@ def figure(wired) -> str:
             axes.legend(loc="upper left")
         panels[0].set_ylabel("y, palmar [mm]")
         panels[0].set_ylim(92.0, -50.0)
-        return svg_of(drawn, "workspace", "workspace of the fingertip and of the distal phalanx")
+        return render_svg(drawn, "workspace", "workspace of the fingertip and of the distal phalanx")
 
 
 def fill(axes, region, colour: str, label: str) -> None:

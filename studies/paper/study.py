@@ -97,11 +97,11 @@ def study(robot: Robot, effort: Effort, seed: int) -> Study:
     from exodrake.identification.statics import linear
     from exodrake.physics.finger_statics import parameters_of, posture
     from exodrake.simulation.protocols import sweeps as protocol
-    from exodrake.simulation.simulate import log_of, record
+    from exodrake.simulation.simulate import record, write_log
 
     parameters, reference = parameters_of(robot), protocol(robot)
     recording = record(worn_robot(robot), reference, seed)
-    rows = thinned(sweeps_from_logs([log_of(recording)]), effort.every)
+    rows = thinned(sweeps_from_logs([write_log(recording)]), effort.every)
     training, held = parted(rows, seed)
     prior = learn(training, effort.points)
     mean, std, _ = condition(prior, training, effort.points).predict(held.tension, held.stroke)

@@ -19,7 +19,7 @@ from exodrake.core.robot import Robot
 from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis.pipeline import diagnose
 from exodrake.diagnosis.result import CAUSE, Diagnosis
-from exodrake.diagnosis.search import kind_of
+from exodrake.diagnosis.search import name_kind
 from exodrake.machines.library import reader
 from exodrake.machines.recording_tools import halve_log
 from exodrake.machines.robot_file import load_robot
@@ -186,7 +186,7 @@ def marked(paper: Paper, data: Path) -> Mark:
     kinds = {e.id: e.kind for e in found.effects}
     known = {e.id: e for e in robot.machine.effects}
     causes = [e for e in found.effects if e.role == CAUSE]
-    classes = [{e.kind, *(kind_of(known[r.id]) for r in e.rivals)} for e in causes]
+    classes = [{e.kind, *(name_kind(known[r.id]) for r in e.rivals)} for e in causes]
     expected = {*paper.wanted, *paper.allowed}
     fits = bool(causes) and all(c & expected for c in classes)
     seen = {*kinds.values(), *(k for c in classes for k in c)}

@@ -17,7 +17,7 @@ from exodrake.cli.main import OneLineErrors
 from exodrake.cli.options import AnyPath
 from exodrake.core.errors import InputError
 from exodrake.core.files import write_text
-from exodrake.core.progress import counted
+from exodrake.core.progress import show_count
 from exodrake.reference.score import markdown as markdown_of
 from exodrake.report.terminal import table
 from studies.transfer.control_task import TUNERS
@@ -47,7 +47,7 @@ def command(
     """
     if not labels.is_file():
         raise InputError(f"{labels}: no such file")
-    with counted("tuning", resume="nothing is kept") as count:
+    with show_count("tuning", resume="nothing is kept") as count:
         found = transfer(folder, labels, cases, jobs, seed, TUNERS[tuner], count)
     console = Console()
     for title, headings, rows in tables(found):

@@ -20,7 +20,7 @@ from exodrake.core.machine import Controller
 from exodrake.core.robot import Robot
 from exodrake.reference.cases import grasps, holds
 from exodrake.reference.robot import NOMINAL, TENSION_MAX, WIRES, Protocol
-from exodrake.simulation.simulate import log_of, run
+from exodrake.simulation.simulate import run, write_log
 
 WEIGHT = 1.0  # of the commands' changes beside the error [assumed]
 SHARES = 0.5, 0.6  # of the usual durations of grasps and holds: 20 s and 24 s [assumed]
@@ -53,7 +53,7 @@ def cost(columns: Mapping[str, np.ndarray], reference: np.ndarray) -> float:
 
 def predicted(robot: Robot, gains: Mapping[str, float], task: Protocol, seed: int) -> float:
     """Cost of a task on a robot of the model with these gains."""
-    log = log_of(run(robot.with_parameters(gains), Reference(task.reference, task.name), seed))
+    log = write_log(run(robot.with_parameters(gains), Reference(task.reference, task.name), seed))
     return cost(log.signals, task.reference)
 
 

@@ -11,7 +11,7 @@ from math import nan
 import numpy as np
 
 from exodrake.core.errors import InputError
-from exodrake.core.files import MAX_BYTES, limited
+from exodrake.core.files import MAX_BYTES, limit_size
 from exodrake.data.log import Log, check_size, headings, log_from_columns, refuse_separator
 
 ENDINGS = (".csv",)
@@ -87,6 +87,6 @@ def unpack(data: bytes, source: str) -> bytes:
     """Gunzipped bytes. InputError for no whole gzip file, and for more bytes than a file may have."""
     try:
         with gzip.open(io.BytesIO(data)) as stream:
-            return limited(stream.read(MAX_BYTES + 1), source)
+            return limit_size(stream.read(MAX_BYTES + 1), source)
     except (OSError, EOFError, zlib.error) as error:
         raise InputError(f"{source}: not a whole gzip file ({error})") from None

@@ -16,7 +16,7 @@ import numpy as np
 from exodrake.core.errors import InputError
 from exodrake.core.files import is_file
 from exodrake.core.schema import parse_json
-from exodrake.core.units import kind_of
+from exodrake.core.units import find_kind
 from exodrake.data.formats import read_apart
 from exodrake.data.log import Log, heading, log_from_columns, refuse_doubled
 
@@ -89,7 +89,7 @@ def write(log: Log) -> bytes:
     topics: dict[str, dict[str, str]] = {"/time": {BARE: "time"}}  # topic -> field -> column
     places = {"time": ("/time", BARE)}
     for name, values in log.signals.items():
-        kind = kind_of(name)
+        kind = find_kind(name)
         topic, field = (f"/{kind}", name[len(kind) + 1 :] or BARE) if kind else (f"/{name}", BARE)
         if field in topics.get(topic, {}):
             topic, field = f"/{name}", BARE

@@ -32,7 +32,7 @@ def read_columns(data: bytes, source: str) -> dict[str, Any]:
 
 def parse(data: bytes, source: str) -> list[tuple[str, Any]]:
     """Names, which may come twice, and values (n,) of columns, or their type where it is not numeric."""
-    _, parquet = pyarrow_of(source)
+    _, parquet = import_pyarrow(source)
     file = parquet.ParquetFile(io.BytesIO(data))
     check_size(file.metadata.num_rows * file.metadata.num_columns, source)
     table = file.read()
@@ -41,7 +41,7 @@ def parse(data: bytes, source: str) -> list[tuple[str, Any]]:
 
 def parse_rows(data: bytes, source: str, wanted: Any, optional: Collection[str] = ()) -> list[dict[str, Any]]:
     """Rows of a table as plain data by the wanted `pyarrow.Schema`; InputError for a column that does not suit."""
-    arrow, parquet = pyarrow_of(source)
+    arrow, parquet = import_pyarrow(source)
     try:
         found = parquet.read_table(io.BytesIO(data))
         names = found.column_names  # bytes that are no text raise here
@@ -61,7 +61,7 @@ def parse_rows(data: bytes, source: str, wanted: Any, optional: Collection[str] 
 
 def write(log: Log) -> bytes:
     """The log as Parquet in SI."""
-    arrow, parquet = pyarrow_of(log.label)
+    arrow, parquet = import_pyarrow(log.label)
     columns = [arrow.array(values, from_pandas=True) for values in (log.time, *log.signals.values())]  # NaN to null
     stream = io.BytesIO()
     parquet.write_table(arrow.table(columns, names=headings(log)), stream)
@@ -85,7 +85,7 @@ def _values(column: Any) -> np.ndarray | str:
     return values.to_numpy(zero_copy_only=False).reshape(-1, count) if count else values.to_numpy()
 
 
-def pyarrow_of(source: str) -> tuple[Any, Any]:
+def import_pyarrow(source: str) -> tuple[Any, Any]:
     """The modules `pyarrow` and `pyarrow.parquet`. InputError naming the extra if they are not installed."""
     try:
         import pyarrow

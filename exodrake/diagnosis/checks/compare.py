@@ -21,7 +21,7 @@ from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis.filters import filled_columns
 from exodrake.diagnosis.noise import robust_std
 from exodrake.simulation.references import reference_rows
-from exodrake.simulation.simulate import log_of, run
+from exodrake.simulation.simulate import run, write_log
 
 SHORTEST = 100  # frames; at the Exo-Index's 20 ms that is 2 s, longer than the loop's memory
 LONGEST = 90_000  # frames of all logs together, half an hour at 20 ms: beyond, a search takes hours and gigabytes
@@ -183,7 +183,7 @@ def compare(case: Case, robot: Robot) -> Comparison:
     pairs, channels = [], []
     for seed, item in enumerate(case.logs):
         reference = filled_columns(reference_rows(machine, item.log))
-        simulated = log_of(run(robot, Reference(reference, item.file), seed=seed))
+        simulated = write_log(run(robot, Reference(reference, item.file), seed=seed))
         measured, nominal = (np.column_stack([log[c] for c in columns]) for log in (item.log, simulated))
         known = np.isfinite(measured) & np.isfinite(nominal)
         whole = (filled_columns(np.where(known, x, np.nan)) for x in (measured, nominal))

@@ -27,16 +27,16 @@ from exodrake.core.robot import Robot
 from exodrake.data.case import FILE, Case, find_logs, read_case, read_case_file
 from exodrake.data.formats import read_table
 from exodrake.data.log import Log
-from exodrake.data.plot import STYLE, new_figure, png_of
+from exodrake.data.plot import STYLE, new_figure, render_png
 from exodrake.diagnosis.calibration import calibration_notes
 from exodrake.diagnosis.checks.compare import Comparison, check_case, compare, fast_noise, find_runs, list_few
 from exodrake.diagnosis.checks.suspicions import HELD, LEAST_MOTION, suspicions
 from exodrake.diagnosis.likelihood import CORRELATION, duration, output_error
-from exodrake.diagnosis.linear import LinearModel, bounded
+from exodrake.diagnosis.linear import LinearModel, minimise_bounded
 from exodrake.diagnosis.linearise import Linearisation, linearise
 from exodrake.diagnosis.noise import sensor_noise_std
 from exodrake.diagnosis.parameter import nominal_parameters
-from exodrake.diagnosis.problem import Problem, columns_of, make_problem, required_of
+from exodrake.diagnosis.problem import Problem, find_columns, list_required, make_problem
 from exodrake.diagnosis.search import LAW
 
 JITTER = 0.1  # of a frame by which rows may be off without a word: assumed
@@ -170,10 +170,10 @@ def preflight(
     Raises:
         InputError: where a diagnosis has one.
     """
-    case = read_case(path, required_of(robot.machine), robot.machine.frame, allow_outside)
+    case = read_case(path, list_required(robot.machine), robot.machine.frame, allow_outside)
     robot = robot.with_parameters(case.robot, source=case.name) if case.robot else robot
     check_case(case, robot.machine)
-    columns_of(case, robot.machine)
+    find_columns(case, robot.machine)
     progress("comparing the logs with the nominal robot")
     comparison = compare(case, robot)
     parts = read_clocks(Path(path), robot.machine.frame), judge_channels(comparison), judge_excitation(case, robot)
@@ -327,7 +327,7 @@ def plan_experiment(problem: Problem) -> Problem:
     more = [s for s in machine.signals if s.name in written - logged]
     extra = tuple(Column(EXTRA + s.name.replace("_", ""), s.name, required=False) for s in more)
     wide = replace(machine, columns=machine.columns + extra, nominal=None)
-    short = problem.shortened(min(1.0, FRAMES / sum(len(t.reference) for t in problem.fit)))
+    short = problem.shorten(min(1.0, FRAMES / sum(len(t.reference) for t in problem.fit)))
     columns, robot = (*problem.columns, *machine.log_names(extra)), replace(problem.robot, machine=wide)
     every, trials = replace(short, robot=robot, columns=columns, holdout=()), []
     for trial in short.fit:
@@ -351,7 +351,7 @@ def find_directions(
     every: whether all effects that could be taken for one are sought; else the first.
     """
     some = replace(model, products=model.products * blocks[:, None, None])
-    gram, found = some.eliminated(len(lin.nominal)).normal, []
+    gram, found = some.eliminate(len(lin.nominal)).normal, []
     size = np.sqrt(np.maximum(np.diag(gram), 0.0))
     least = np.array([least_left(gram, probe.rows) for probe in lin.probes])
     for effect in dict.fromkeys(p.effect for p in lin.probes):
@@ -375,7 +375,7 @@ def find_directions(
             near = np.flatnonzero(others & (least[:, row] < most)) if seen >= SEEN else []
             for rival in (lin.probes[i] for i in sorted(near, key=lambda i: least[i, row])):
                 low, high = (rival.low, rival.high) if rival.scaled else np.array(STRETCH)[:, None]
-                _, gain = bounded(gram[np.ix_(rival.rows, rival.rows)], -gram[rival.rows, row], low, high)
+                _, gain = minimise_bounded(gram[np.ix_(rival.rows, rival.rows)], -gram[rival.rows, row], low, high)
                 rest = float(np.sqrt(max(gram[row, row] + 2.0 * gain, 0.0)))
                 if rest < most:
                     taken[rival.effect] = min(taken.get(rival.effect, 1.0), rest / seen)
@@ -426,4 +426,4 @@ def draw_figure(found: Preflight) -> bytes:
             words = [f"{other} ({share:.0%})" for other, share in sorted(left.items(), key=lambda item: item[1])]
             beside.text(0.0, row, list_few(words, LISTED), va="center", fontsize=7.5, color="#8a5a00")
         figure.suptitle(f"{found.case.name}: what it could tell", fontsize=11, fontweight="bold", x=0.01, ha="left")
-        return png_of(figure)
+        return render_png(figure)

@@ -27,7 +27,7 @@ from exodrake.diagnosis.filters import filled_columns
 from exodrake.diagnosis.noise import sensor_noise_std
 from exodrake.diagnosis.problem import Detection
 from exodrake.diagnosis.result import Interval, NamedEffect
-from exodrake.diagnosis.search import kind_of
+from exodrake.diagnosis.search import name_kind
 
 if TYPE_CHECKING:
     from exodrake.diagnosis.problem import Problem, Trial
@@ -80,7 +80,7 @@ def detect(problem: Problem, effect: Effect, values: np.ndarray) -> Problem:
     if not lost or left > CLEAR * arrived:
         return replace(problem, tried=problem.tried - {effect.id})
     lead, share = effect.parameters[0], loss_probability(found)
-    named = NamedEffect(effect.id, (), (), {lead.name: Interval(*share, lead.unit)}, {}, kind_of(effect))
+    named = NamedEffect(effect.id, (), (), {lead.name: Interval(*share, lead.unit)}, {}, name_kind(effect))
     detection = Detection(named, {}, f"{lost} commands look lost, one by one")
     holdout = tuple(map(with_losses, problem.holdout))
     return replace(decoded, holdout=holdout, detected=(*problem.detected, detection))

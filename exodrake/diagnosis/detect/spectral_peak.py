@@ -24,7 +24,7 @@ from exodrake.diagnosis.intervals import affected_channels
 from exodrake.diagnosis.parameter import apply, effect_parameters
 from exodrake.diagnosis.problem import Detection
 from exodrake.diagnosis.result import Interval, NamedEffect
-from exodrake.diagnosis.search import kind_of
+from exodrake.diagnosis.search import name_kind
 
 if TYPE_CHECKING:
     from exodrake.diagnosis.problem import Problem, Trial
@@ -193,6 +193,6 @@ def fit_torques(problem: Problem, effect: Effect, values: np.ndarray, peak: Peak
     half, (size, line) = 0.5 / WINDOW, (p.name for p in effect.parameters[:2])
     frequency = Interval(peak.frequency, peak.frequency - half, peak.frequency + half, "Hz")
     stated = {size: torque(float(np.mean([item.value for item in torques.values()]))), line: frequency}
-    named = NamedEffect(effect.id, (), tuple(torques), stated, {size: torques}, kind_of(effect))
+    named = NamedEffect(effect.id, (), tuple(torques), stated, {size: torques}, name_kind(effect))
     where = f"a spectral peak at {peak.frequency:.1f} Hz is {peak.prominence:.0f} times its surroundings in every log"
     return Detection(named, found, f"{where}; its phase wanders, so that there only strength is compared")

@@ -36,7 +36,7 @@ from exodrake.diagnosis.discovery.law_code import (
     robot_with,
     values_on,
 )
-from exodrake.diagnosis.fit import Explanation, linear_model, minimise, settled, whole_jacobian, without
+from exodrake.diagnosis.fit import Explanation, linear_model, minimise, settle, whole_jacobian, without
 from exodrake.diagnosis.isolation import Isolation
 from exodrake.diagnosis.likelihood import SAMPLE, Likelihood
 from exodrake.diagnosis.linear import LinearModel
@@ -158,7 +158,7 @@ class LawFit:
     @cached_property
     def model(self) -> LinearModel:
         """The linear model about the fit."""
-        memory = self.likelihood.with_memory_of(self.explanation.residual)
+        memory = self.likelihood.with_memory(self.explanation.residual)
         return linear_model(memory.scaled_to(self.explanation.residual), self.explanation)
 
     def evidence(self, memory: float) -> float:
@@ -179,7 +179,7 @@ def discover(
         progress: called with the stage and the law that is worked on.
         blocks: of the robot whose points are tried; all where empty.
     """
-    accepted = found.best if 1.0 - found.search.left(found.best) >= MOST else found.retuned
+    accepted = found.best if 1.0 - found.search.measure_left(found.best) >= MOST else found.retuned
     if found.negligible(accepted.explanation.robot):
         who = accepted.explanation.name if accepted.effects else "retuning"
         return MissingLaw(False, f"what {who} leaves is negligible: no law is missing")
@@ -260,7 +260,7 @@ def put_on(machine: Machine, likelihood: Likelihood, e: Explanation) -> tuple[Li
     parameters = tuple(replace(p, index=tuple(index[i] for i in p.index)) for p in e.parameters)
     memory = min(likelihood.memory, max(SAMPLE / machine.frame, 1.0))
     likelihood = replace(likelihood, views=views, memory=memory).for_stage("discover").scaled_to(e.residual)
-    return likelihood, e.changed(parameters=parameters, values=values_on(e.values, before, machine))
+    return likelihood, e.change(parameters=parameters, values=values_on(e.values, before, machine))
 
 
 class Screened(NamedTuple):
@@ -282,7 +282,7 @@ def screen(likelihood: Likelihood, base: Explanation, candidate: Candidate) -> S
     flat, (low, high) = np.zeros(len(directions)), base.bounds - base.x
     ends = np.r_[low, flat - np.inf], np.r_[high, flat + np.inf]
     prior = (np.r_[-base.x, flat], np.r_[1.0 / base.prior_std**2, flat], *ends)
-    reduced = LinearModel.of_rows(rows, likelihood.blocks, prior, likelihood.memory).eliminated(count)
+    reduced = LinearModel.of_rows(rows, likelihood.blocks, prior, likelihood.memory).eliminate(count)
     scales, found, gain = weigh_scales(reduced.normal, reduced.slope, np.repeat(np.arange(channels), MODES))
     modes = np.zeros((channels, SIZE))
     modes[:, :MODES] = found.reshape(channels, MODES)
@@ -343,8 +343,8 @@ def fit_best(
     def fit_law(begun: LawFit) -> LawFit:
         """A law fitted, its scales those of the largest evidence about a first fit."""
         first = minimise(likelihood.scaled_to(begun.explanation.residual), begun.explanation, 2)
-        fit = replace(begun, explanation=settled(likelihood, first, 1))
-        reduced = replace(fit.model, memory=likelihood.memory).eliminated(fit.beside)
+        fit = replace(begun, explanation=settle(likelihood, first, 1))
+        reduced = replace(fit.model, memory=likelihood.memory).eliminate(fit.beside)
         slope = reduced.slope - reduced.normal @ fit.explanation.x[fit.beside :]
         scales = np.zeros(len(fit.scales))
         scales[fit.active] = weigh_scales(reduced.normal, slope, np.repeat(np.arange(len(fit.active)), SIZE))[0]
@@ -409,14 +409,14 @@ def fit_whole_logs(fit: LawFit, whole: Problem) -> LawFit:
     likelihood = fit.likelihood.on(whole)
     e = fit.explanation.at(likelihood, fit.explanation.x)
     e = replace(e, jacobian=np.zeros((e.nominal, len(e.residual)), dtype=np.float32))
-    return replace(fit, explanation=settled(likelihood, e, ROUNDS), likelihood=likelihood)
+    return replace(fit, explanation=settle(likelihood, e, ROUNDS), likelihood=likelihood)
 
 
 def draw_curves(fit: LawFit, counts: np.ndarray) -> dict[str, Curve]:
     """The law in each channel, with its 90 % band and the histogram of its variable, counts (channels, bins)."""
     candidate, model, found = fit.candidate, fit.model, {}
     samples, own = float(model.effective.sum()), fit.modes[fit.active].ravel()
-    short = find_formulas(candidate, fit.active, model.eliminated(fit.beside), own, fit.scales[fit.active], samples)
+    short = find_formulas(candidate, fit.active, model.eliminate(fit.beside), own, fit.scales[fit.active], samples)
     at, shape = candidate.shape()
     covariance = model.posterior().covariance[fit.beside :, fit.beside :]
     for i, channel in enumerate(fit.active):

@@ -116,9 +116,9 @@ class Finger:
 
     def places(self, angles: np.ndarray) -> np.ndarray:
         """Markers (frames, 12, 3) [m] in the frame of the base triad at angles (frames, 4) [rad]."""
-        return self.linearised(angles, derivatives=False)[0]
+        return self.linearise(angles, derivatives=False)[0]
 
-    def linearised(self, angles: np.ndarray, derivatives: bool = True) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def linearise(self, angles: np.ndarray, derivatives: bool = True) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Places of the markers (frames, 12, 3) [m] at angles (frames, 4) [rad], and their derivatives.
 
         Derivatives with respect to the angles are (frames, 12, 3, 4) [m/rad], to a change of the finger (frames, 12, 3,
@@ -192,7 +192,7 @@ def adjust(
         normal, gradient = np.zeros((FREE, FREE)), np.zeros(FREE)
         mean, held = np.zeros((4, FREE)), np.zeros((4, 4))  # of the constraint
         for part in (slice(at, at + CHUNK) for at in range(0, len(points), CHUNK)):
-            place, by_angle, by_change = finger.linearised(angles[part])
+            place, by_angle, by_change = finger.linearise(angles[part])
             by_change *= np.isfinite(points[part])[..., None]
             wide = by_change.reshape(-1, COUNT, ALL) @ free
             own = differentiate_frames(place, by_angle, points[part])
@@ -220,7 +220,7 @@ def fit_frames(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Pose (frames, 4, 4) [m] and angles (frames, 4) [rad] of each frame by Gauss-Newton; arguments as of `adjust`."""
     for _ in range(FRAME_STEPS):
-        place, by_angle, _ = finger.linearised(angles, derivatives=False)
+        place, by_angle, _ = finger.linearise(angles, derivatives=False)
         own = differentiate_frames(place, by_angle, points)
         pull = np.swapaxes(own, 1, 2) @ compare_markers(points, place, poses).reshape(-1, COUNT, 1)
         moves = np.linalg.solve(np.swapaxes(own, 1, 2) @ own + HELD * np.eye(LOCAL), pull)[..., 0]

@@ -6,7 +6,7 @@ import numpy as np
 
 from exodrake.core.errors import markdown_table
 from exodrake.core.files import write_folder
-from exodrake.data.plot import new_figure, png_of
+from exodrake.data.plot import new_figure, render_png
 from exodrake.identification.kinematics.identify import SMALLEST_ANGLE, Kinematics
 from exodrake.identification.kinematics.markers import SEGMENTS
 
@@ -126,4 +126,4 @@ def centre_figure(found: Kinematics) -> bytes:
         panels[2, column].set_xlabel(f"{joint.name} flexion [rad]")
     handles, labels = panels[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False, markerscale=5)
-    return png_of(figure, dpi=130)
+    return render_png(figure, dpi=130)
