@@ -7,7 +7,7 @@ from _figures import Shown, effect_figure
 
 from exodrake.cli.new_machine import ARM_SCAFFOLD
 from exodrake.cli.robot import describe, plausible
-from exodrake.core.display import display_of
+from exodrake.core.display import find_display
 from exodrake.core.effect import Effect
 from exodrake.core.machine import Machine
 from exodrake.core.robot import Robot
@@ -83,7 +83,7 @@ def arms_page() -> str:
 def words_of(robot: Robot, column: str) -> str:
     """`joint angle MCP`."""
     kind, _, channel = column.rpartition("_")
-    return f"{display_of(kind, robot.machine).label.lower()} {channel}"
+    return f"{find_display(kind, robot.machine).label.lower()} {channel}"
 
 
 def effect_page(robot: Robot, effect: Effect, shown: Shown) -> str:

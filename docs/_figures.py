@@ -12,7 +12,7 @@ import matplotlib
 import numpy as np
 
 from exodrake.compiled.inputs import Reference
-from exodrake.core.display import display_of
+from exodrake.core.display import find_display
 from exodrake.core.effect import Effect
 from exodrake.core.machine import Machine
 from exodrake.core.robot import Robot
@@ -138,7 +138,7 @@ def draw(machine: Machine, shown: Shown, columns: list[str], loop: tuple[str, st
     logs = ((shown.log, MEASURED, "with the effect"), (shown.nominal, NOMINAL, "nominal"))
     grid = figure.add_gridspec(2, len(columns) + bool(loop), height_ratios=(2.2, 1))
     for i, column in enumerate(columns):
-        display, label = display_of(column.rpartition("_")[0], machine), axis_label(machine, column)
+        display, label = find_display(column.rpartition("_")[0], machine), axis_label(machine, column)
         upper, lower = figure.add_subplot(grid[0, i], ylabel=label), figure.add_subplot(grid[1, i], ylabel="difference")
         for log, style, name in logs:
             upper.plot(time, display.factor * log[column][rows], label=name, **style)
@@ -152,7 +152,7 @@ def draw(machine: Machine, shown: Shown, columns: list[str], loop: tuple[str, st
         figure.align_ylabels([upper, lower])
     if loop:
         axes = figure.add_subplot(grid[:, -1], xlabel=axis_label(machine, loop[0]), ylabel=axis_label(machine, loop[1]))
-        factors = [display_of(name.rpartition("_")[0], machine).factor for name in loop]
+        factors = [find_display(name.rpartition("_")[0], machine).factor for name in loop]
         for log, style, name in logs:
             axes.plot(*(f * log[column][rows] for f, column in zip(factors, loop)), label=name, **style)
     figure.axes[0].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.2)
@@ -162,5 +162,5 @@ def draw(machine: Machine, shown: Shown, columns: list[str], loop: tuple[str, st
 def axis_label(machine: Machine, column: str) -> str:
     """`Joint angle MCP [°]`."""
     kind, _, channel = column.rpartition("_")
-    display = display_of(kind, machine)
+    display = find_display(kind, machine)
     return f"{display.label} {channel}" + display.axis.removeprefix(display.label)
