@@ -28,7 +28,7 @@ from exodrake.diagnosis.calibration import (
     read_calibration,
     state_rate,
 )
-from exodrake.diagnosis.healthy import drawn_value, follow_case, with_effect
+from exodrake.diagnosis.healthy import drawn_value, follow_case
 from exodrake.diagnosis.result import REFINEMENT, EffectRival, Interval, NamedEffect
 from exodrake.machines.library import machine_names
 from exodrake.machines.robot_file import load_robot
@@ -72,28 +72,23 @@ def test_rates_count_each_kind_of_robot_apart():
     assert count_rates(records) == wanted and list(wanted) == list(RATES)
 
 
-def effect_of(identity: str, role: str = "cause", rivals=(), parameters=None, channels=None) -> NamedEffect:
-    """A named effect."""
-    rivals = tuple(EffectRival(i, Interval(0.9, 0.8, 1.0)) for i in rivals)
-    return NamedEffect(identity, (), (), parameters or {}, channels or {}, "", role, rivals=rivals)
-
-
-def said(*effects: NamedEffect, verdict: str = "NAMED") -> SimpleNamespace:
-    """An answer."""
+def answered(*effects, verdict="NAMED"):
     return SimpleNamespace(verdict=verdict, effects=effects, run_time=1.0)
 
 
 def test_an_answer_is_right_by_its_causes_their_rivals_and_intervals():
-    robot = load_robot("exo_index")
-    true = robot.splice("sensor.gain", {"gain": {"AF": 0.05}}, ["AF"])
+    def named(identity, role="cause", rivals=(), channels=None):
+        rivals = tuple(EffectRival(i, Interval(0.9, 0.8, 1.0)) for i in rivals)
+        return NamedEffect(identity, (), (), {}, channels or {}, "", role, rivals=rivals)
+
+    true = load_robot("exo_index").splice("sensor.gain", {"gain": {"AF": 0.05}}, ["AF"])
     near = {"gain": {"AF": Interval(0.051, 0.049, 0.052), "MF": Interval(0.01, 0.005, 0.02)}}
-    found = record(said(effect_of("sensor.gain", channels=near), effect_of("x", REFINEMENT)), true, "sensor.gain")
+    found = record(answered(named("sensor.gain", channels=near), named("x", REFINEMENT)), true, "sensor.gain")
     assert found.named and found.in_class and found.causes == 1 and found.covered == (True, False)
-    found = record(said(effect_of("motor.friction", rivals=["sensor.gain"])), true, "sensor.gain")
+    found = record(answered(named("motor.friction", rivals=["sensor.gain"])), true, "sensor.gain")
     assert not found.named and found.in_class and not found.covered
-    assert record(said(effect_of("sensor.gain"), effect_of("motor.friction")), true, "sensor.gain").named is False
-    assert record(said(verdict="UNKNOWN"), true, "sensor.gain") == Record("sensor.gain", "UNKNOWN")
-    assert record(said(effect_of("sensor.gain")), robot, "").causes == 1
+    assert not record(answered(named("sensor.gain"), named("motor.friction")), true, "sensor.gain").named
+    assert record(answered(verdict="UNKNOWN"), true, "sensor.gain") == Record("sensor.gain", "UNKNOWN")
 
 
 def test_another_law_is_in_class_by_its_family_and_block():
@@ -130,17 +125,6 @@ def test_values_are_drawn_in_the_plausible_range():
     assert distance.transform == "reciprocal" and distance.low <= drawn_value(distance, rng) <= distance.high
 
 
-def test_every_set_of_channels_is_drawn():
-    robot, rng = load_robot("exo_index"), np.random.default_rng(3)
-    sets = set()
-    for _ in range(200):
-        present = with_effect(robot, robot.machine.effect("sensor.gain"), rng).effects()
-        assert list(present) == ["sensor.gain"]
-        sets.add(tuple(channel for channel, value in present["sensor.gain"]["gain"].items() if value != 0.0))
-    assert len(sets) == 7 and () not in sets
-    assert list(with_effect(robot, robot.machine.effect("timing.jitter"), rng).effects()) == ["timing.jitter"]
-
-
 def test_robots_follow_the_motion_of_the_case():
     case, robot = sheath_case(gap=True), load_robot(SHEATH)
     made = follow_case(case, robot.splice("sheath.gain", {"gain": 0.1}), np.random.default_rng(4))
@@ -159,16 +143,13 @@ def test_records_depend_on_the_seed_and_not_on_jobs():
     assert not failed and alone == calibrate(SHEATH, 3, 5, case, jobs=2)[0]
     assert alone[:2] == calibrate(SHEATH, 2, 5, case)[0] and alone != calibrate(SHEATH, 3, 6, case)[0]
     assert alone[0].effect == "" and all(r.effect for r in alone[1:])
-
-
-def test_time_that_ends_leaves_fewer_robots():
-    assert len(calibrate(SHEATH, 5, 5, sheath_case(), seconds=0.0)[0]) == 1
+    assert len(calibrate(SHEATH, 5, 5, case, seconds=0.0)[0]) == 1  # time that ends leaves fewer robots
 
 
 def test_error_rates_of_a_sheath():
-    records, failed = calibrate(SHEATH, 30, 1, sheath_case())
+    records, failed = calibrate(SHEATH, 24, 1, sheath_case())
     found = count_rates(records)
-    assert not failed and found[ALARM][1] == 10 and found[ALARM][0] <= 2
+    assert not failed and found[ALARM][1] == 8 and found[ALARM][0] <= 2
     assert found[CLASS][0] >= 0.6 * found[CLASS][1] > 0
 
 
@@ -183,6 +164,8 @@ def test_command_prints_and_writes_the_rates(tmp_path):
     assert written["source"].startswith("exodrake calibrate --robot tendon_sheath --case case --cases 3 --seed 0")
     assert set(written["rates"]) == set(RATES) and written["rates"][ALARM]["n"] == 1
     assert str(tmp_path) not in file.read_text()
+    result = CliRunner().invoke(cli, ["calibrate", "--robot", "emps", "--cases", "1"])
+    assert result.exit_code == 2 and "--case CASE" in result.stderr
 
 
 @pytest.mark.parametrize("name", machine_names())
@@ -192,8 +175,3 @@ def test_shipped_calibration_is_well_formed(name):
     assert bool(calibration_notes(machine)) == (found.rates is not None or not machine.tolerances)
     for k, n in (found.rates or {}).values():
         assert 0 <= k <= n
-
-
-def test_machine_without_experiments_asks_for_a_case():
-    result = CliRunner().invoke(cli, ["calibrate", "--robot", "emps", "--cases", "1"])
-    assert result.exit_code == 2 and "--case CASE" in result.stderr

@@ -65,27 +65,19 @@ def test_a_case_that_cannot_be_written_leaves_nothing(folder):
     assert sorted(p.name for p in folder.iterdir()) == ["a.csv", "b.csv.gz", "c.npz", "labels.json", "notes.txt"]
 
 
-def test_without_case_file_the_last_is_held_out(folder):
+def test_without_case_file_the_last_of_several_is_held_out(folder):
     case = read_case(folder)
     assert [x.role for x in case.logs] == ["fit", "fit", "holdout"] and case.name == folder.name
     assert [x.protocol for x in case.logs] == ["a", "b", "c"]
     assert case.notes[0].endswith("no case.yaml; 3 logs, held out: c.npz, the others to fit")
-
-
-def test_a_folder_of_one_log_says_that_none_is_held_out(tmp_path):
-    write_log(one_log(0), tmp_path / "a.csv")
-    case = read_case(tmp_path)
-    assert not case.holdout_logs and case.notes[0].endswith("no case.yaml; one log, to fit")
-
-
-def test_one_file_is_a_case(folder):
-    case = read_case(folder / "b.csv.gz")
+    case = read_case(folder / "b.csv.gz")  # one file is a case
     assert case.name == "b" and len(case.fit_logs) == 1 and not case.holdout_logs
-
-
-def test_overrides_hold_numbers_with_bare_exponents(folder):
     (folder / "case.yaml").write_text("robot: {kp: 6e-3, name: soft}\nlogs: [{file: a.csv}]\n")
     assert read_case(folder).robot == {"kp": 0.006, "name": "soft"}
+    (folder / "empty").mkdir()
+    for wrong, said in (("none", "no such folder"), ("empty", "no logs")):
+        with pytest.raises(InputError, match=said):
+            read_case(folder / wrong)
 
 
 def test_clock_faults_are_noted(folder):
@@ -128,13 +120,6 @@ def test_what_is_wrong_is_named(folder, page, parts):
     message = refusal(folder, page)
     for part in parts:
         assert part in message
-
-
-def test_no_folder_and_no_logs(tmp_path):
-    with pytest.raises(InputError, match="no such folder"):
-        read_case(tmp_path / "none")
-    with pytest.raises(InputError, match="no logs"):
-        read_case(tmp_path)
 
 
 def test_dates_and_serial_are_read_written_and_inherited(folder):

@@ -5,16 +5,12 @@ from functools import cache
 
 import numpy as np
 import pytest
-from arm_folders import made
 
 import exodrake as exo
 from exodrake.compiled.inputs import reference_width
-from exodrake.diagnosis.checks.compare import check_case, compare, fast_noise
+from exodrake.diagnosis.checks.compare import check_case, compare
 from exodrake.diagnosis.checks.suspicions import (
     CHECKS,
-    best_assignment,
-    gain_and_offset,
-    noise_parameters,
     suspicions as suspicions_in,
 )
 from exodrake.machines.library import machine_names
@@ -104,7 +100,6 @@ def test_a_robot_with_an_effect_of_the_library_is_not_suspicious(effect):
     assert suspicions(case, ROBOT) == ()
 
 
-@pytest.mark.parametrize("effect", ["sensor.gain", "tendon.slack"])
 @pytest.mark.parametrize(
     ("check", "change", "columns", "logs"),
     [
@@ -124,8 +119,8 @@ def test_a_robot_with_an_effect_of_the_library_is_not_suspicious(effect):
         ("changed_between_repeats", lambda stroke: stroke + 0.5 * stroke.std(), STROKES[:1], [REPEAT]),
     ],
 )
-def test_a_fault_of_channels_is_named_by_its_check_alone(effect, check, change, columns, logs):
-    found = fired(changed(case_of(effect), change, columns, logs))
+def test_a_fault_of_channels_is_named_by_its_check_alone(check, change, columns, logs):
+    found = fired(changed(case_of("sensor.gain"), change, columns, logs))
     assert check in found and found <= {check, "unlike_other_logs"}
 
 
@@ -155,14 +150,14 @@ def late(values):
 
 
 @pytest.mark.parametrize("effect", ["", "tendon.coulomb_friction"])
-@pytest.mark.parametrize("share", [0.1, 0.3, 0.5, 0.7])
+@pytest.mark.parametrize("share", [0.1, 0.7])
 @pytest.mark.parametrize("column", [ANGLES[0], TENSIONS[0], STROKES[1]])
 def test_a_channel_that_dies_for_good_is_named_with_its_log(effect, share, column):
     found = suspicions(changed(case_of(effect), dead_from(share), [column], [SECOND]), ROBOT)
     assert any(column in sentence and "c.csv" in sentence for sentence in found)
 
 
-@pytest.mark.parametrize("effect", ["", "sensor.gain", "tendon.coulomb_friction"])
+@pytest.mark.parametrize("effect", ["", "tendon.coulomb_friction"])
 @pytest.mark.parametrize(
     ("change", "says"),
     [
@@ -178,11 +173,6 @@ def test_angles_of_one_log_that_do_not_follow_from_the_others_are_named_with_siz
     assert "angle_" in found and case.logs[log].file in found
     size, unit = says
     assert float(found.split(unit)[0].split()[-1]) == pytest.approx(size, rel=0.1)
-
-
-def test_what_all_logs_have_in_common_is_no_suspicion_of_a_log():
-    case = changed(case_of(), lambda angle: angle + 0.3, ANGLES)
-    assert not [sentence for sentence in suspicions(case, ROBOT) if "do not follow" in sentence]
 
 
 def test_a_log_in_another_unit_shows_by_its_references_and_limits():
@@ -245,36 +235,6 @@ def test_the_noise_of_servos_is_compared_with_the_robot_file_both_ways(factor, w
         assert shown == pytest.approx(np.degrees(factor * stated), rel=0.1)
 
 
-@pytest.mark.parametrize(("factor", "named"), [(2.0, False), (8.0, True)])
-def test_noise_counts_beside_the_stated_repeatability_of_servos(factor, named):
-    """A diagnosis takes residuals for noise up to the larger of both."""
-    robot = exo.load_robot("dvrk_wrist")
-    robot = robot.with_parameters({"reading.repeatability": 4.0 * 0.002}, source="test")
-    said = suspicions(servo_case(robot, factor * 0.002), robot)
-    assert [("Set reading.sigma and reading.repeatability" in s) for s in said] == [True] * named
-
-
-def test_what_is_fast_in_one_log_alone_is_no_noise_of_the_sensor():
-    robot = exo.load_robot("dvrk_wrist")
-    columns = [f"angle_{j}" for j in robot.machine.axes.joints]
-    case = changed(servo_case(robot, 0.002), lambda v: v + 0.01 * (-1.0) ** np.arange(len(v)), columns, [0])
-    assert not [sentence for sentence in suspicions(case, robot) if "noise in the logs" in sentence]
-
-
-@pytest.mark.parametrize(
-    ("form", "sensors"),
-    [
-        ("inverse", {"torque": "effort"}),
-        ("closed-loop", {"encoder": "position", "torque": "effort"}),
-        ("cable", {"link_encoder": "position", "encoder": "motor_position", "torque": "motor_effort"}),
-    ],
-)
-def test_each_noise_parameter_of_an_arm_is_that_of_one_column(form, sensors, arm_folder):
-    machine = made(arm_folder, f"noisy_{form.replace('-', '_')}", "--urdf", "cable_arm", "--form", form).machine
-    wanted = {f"{part}.sigma.{j}": [f"{kind}_{j}"] for part, kind in sensors.items() for j in machine.axes.joints}
-    assert noise_parameters(machine) == wanted
-
-
 @pytest.mark.parametrize("column", [TENSIONS[0], STROKES[1], ANGLES[2]])
 def test_a_log_of_a_robot_with_another_zero_is_named(column):
     case = case_of("sensor.gain")
@@ -305,12 +265,6 @@ def test_a_held_out_log_with_fitted_samples_is_named(part, constant):
 def test_a_case_without_held_out_log_says_so():
     case = case_of("sensor.gain")
     assert fired(replace(case, logs=case.logs[:HELD])) == {"nothing_held_out"}
-
-
-def test_a_nominal_robot_that_diverges_is_compared_as_far_as_it_is_finite():
-    """A diagnosis tries parameters that diverge, so that it refuses none of them."""
-    compared = compare(case_of(), ROBOT.with_parameters({"finger.kappa": np.inf}))
-    assert {channel.column for channel in compared.channels} == {*compared.columns} - {*ANGLES}
 
 
 def case_on(robot, *references):
@@ -350,12 +304,6 @@ def test_a_case_in_which_something_moves_does_not_say_that_nothing_does(effect, 
     assert "nothing_moves" not in fired(case_on(ROBOT.splice(effect) if effect else ROBOT, *references))
 
 
-def test_a_step_of_the_reference_that_no_channel_follows_is_a_motion():
-    case = case_on(ROBOT, np.vstack(held(0.3, 2.0)), *held(0.3))
-    columns = [column for column in case.logs[0].log.columns if "_ref_" not in column]
-    assert "nothing_moves" not in fired(changed(case, noisy, columns, [0]))
-
-
 def test_a_repeat_with_another_reference_is_refused_by_file_column_and_row():
     case = case_of()
     items = list(case.logs)
@@ -373,13 +321,6 @@ def test_empty_constant_and_half_empty_columns_break_no_check():
     case = changed(case_of(), lambda v: np.full_like(v, np.nan), ANGLES[:1])
     case = changed(changed(case, np.zeros_like, STROKES), with_gap, TENSIONS[:1])
     assert fired(case) == {"gaps", "frozen_channels"}
-
-
-def test_sentences_are_short_whatever_the_names():
-    items = [replace(item, file=f"{'long' * 40}_{item.file}", repeats=None) for item in case_of().logs]
-    case = changed(replace(case_of(), logs=tuple(items)), np.degrees, ANGLES)
-    said = suspicions(case, ROBOT)
-    assert said and max(map(len, said)) <= 300
 
 
 @pytest.mark.parametrize("name", machine_names())
@@ -405,26 +346,3 @@ def test_every_machine_is_checked(name):
     assert fired(case, robot) == set()
     wrong = [c for c in logs[0].log.columns if c.rsplit("_", 1)[0] == machine.compared[0]]
     assert fired(changed(case, lambda v: 1000.0 * v, wrong, range(2)), robot) == {"another_unit"}
-
-
-def test_fast_noise_is_the_standard_deviation_of_white_noise():
-    noise = 0.3 * np.random.default_rng(0).standard_normal(20_000)
-    assert fast_noise(noise + np.linspace(0.0, 50.0, 20_000) ** 3) == pytest.approx(0.3, rel=0.03)
-    assert fast_noise(np.repeat(0.1 * np.arange(40), 500)) == 0.0
-
-
-def test_gain_and_offset_agree_with_injected_values():
-    rng = np.random.default_rng(1)
-    motion = rng.standard_normal(4000)
-    first, second = motion + 0.1 * rng.standard_normal(4000), 1.2 * motion + 0.1 * rng.standard_normal(4000)
-    assert gain_and_offset(first, second, motion)[0] == pytest.approx(0.2, abs=0.01)
-    assert gain_and_offset(first, second + 0.5, motion)[0] == pytest.approx(0.5, abs=0.01)
-    p = [gain_and_offset(motion, motion + rng.standard_normal(4000), motion)[1] for _ in range(200)]
-    assert 0.01 <= np.mean(np.array(p) < 0.05) <= 0.11  # binomial, 200 draws of 5 %
-
-
-def test_best_assignment_finds_an_injected_permutation():
-    signals = np.random.default_rng(2).standard_normal((500, 4))
-    order = [2, 0, 1, 3]
-    assert best_assignment(3.0 * signals[:, order] - 7.0, signals) == order
-    assert best_assignment(np.random.default_rng(4).standard_normal((500, 4)), signals) == [0, 1, 2, 3]

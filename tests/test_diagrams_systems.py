@@ -221,17 +221,6 @@ def test_the_posture_loop_is_a_diagram_of_its_own():
             np.testing.assert_array_equal(found[name], rows, name)
 
 
-def test_a_posture_controller_without_gain_is_the_plan():
-    robot, weights, reference = nominal(), made_up_weights(), wavy(0.4)
-    controller = PostureController(posture_plan(reference, 2.0), robot.machine)
-    diagram = build_diagram(robot, seed=7, systems=[GPEstimator(weights, robot.machine), controller])
-    simulator = Simulator(diagram)
-    controller.parameter("ki").set(simulator.get_mutable_context(), 0.0)
-    simulator.AdvanceTo(0.4)
-    found = logged_signals(diagram, simulator.get_context())
-    np.testing.assert_array_equal(found["angle"], record(robot, reference, seed=7).signals["angle"])
-
-
 def test_the_correction_ends_at_the_angle_and_within_the_limits():
     """On a linear finger q = J F the law settles where q = q_ref, or at a limit, from which it comes back at once."""
     compliance = np.array([[0.04, 0.04, -0.06], [0.07, 0.0, -0.07], [0.16, 0.0, -0.12]])

@@ -13,11 +13,8 @@ def test_ramps_up_and_down_are_cut_where_they_were_joined():
     label = cut(data["tension_ref"], 0.02)
     assert label[-1] == 23
     assert np.mean(label != data["sweep"]) < 0.02
-
-
-def test_loading_only_sweeps_are_cut_at_the_drop():
-    data = worn_sweeps(12, seed=0, rows=100, up_only=True)
-    assert np.mean(cut(data["tension_ref"], 0.02) != data["sweep"]) < 0.02
+    loading = worn_sweeps(12, seed=0, rows=100, up_only=True)  # cut at the drop
+    assert np.mean(cut(loading["tension_ref"], 0.02) != loading["sweep"]) < 0.02
 
 
 def test_a_staircase_and_a_log_without_ramps_are_one_sweep():

@@ -34,6 +34,8 @@ def test_what_is_no_estimator_is_refused(tmp_path):
         with pytest.raises(InputError, match=f"{name}: not a"):
             load(tmp_path / name)
     save(estimator, tmp_path / "e.npz")
+    with pytest.raises(InputError, match="another robot"):
+        load(tmp_path / "e.npz", robot="0" * 64)
     data = dict(np.load(tmp_path / "e.npz"))
     np.savez(tmp_path / "short.npz", **{**data, "factor": data["factor"][:-1]})
     with pytest.raises(InputError, match="damaged"):
@@ -43,10 +45,3 @@ def test_what_is_no_estimator_is_refused(tmp_path):
         load(tmp_path / "odd.npz")
     with pytest.raises(InputError, match="no such file"):
         load(tmp_path / "absent.npz")
-
-
-def test_an_estimator_of_another_robot_is_refused(tmp_path):
-    _, estimator, _ = trained()
-    save(estimator, tmp_path / "e.npz")
-    with pytest.raises(InputError, match="another robot"):
-        load(tmp_path / "e.npz", robot="0" * 64)

@@ -5,13 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from estimator_sweeps import as_log, as_sweeps, trained, worn_sweeps
-from scipy.linalg import lstsq
 
 from exodrake.core.errors import InputError
-from exodrake.estimator.gp import FALSE, TOLERANCE, condition, hotelling, stroke_rows
+from exodrake.estimator.gp import FALSE, TOLERANCE, condition, hotelling
 from exodrake.estimator.validate import estimate, score
 
-SESSIONS, SWEEPS = 40, 3  # of three sweeps each: one per wire
+SESSIONS, SWEEPS = 25, 3  # of three sweeps each: one per wire
 WIRES = np.eye(3)
 
 
@@ -30,6 +29,7 @@ def test_one_millimetre_on_any_wire_is_found_and_nothing_where_nothing_moved(hea
     """Wanted: at least 95 % of 1 mm on any one wire, at most 2 % false."""
     estimator = trained()[1]
     assert not any(estimator.zeros(session).moved for session in healthy)
+    assert not estimator.zeros(shifted(healthy[0], np.full(3, TOLERANCE / 2))).moved
     for wire in WIRES:
         found = [estimator.zeros(shifted(session, 1e-3 * wire)) for session in healthy]
         assert np.mean([zeros.moved for zeros in found]) >= 0.95, wire
@@ -59,33 +59,12 @@ def test_zero_of_mf_off_by_half_a_millimetre_is_corrected():
     assert after.mean_rmse < 0.03 and np.all(after.coverage > 0.88)
 
 
-def test_all_zeros_and_the_rest_posture_at_once_are_flagged():
-    estimator = trained()[1]
-    for way in ([1, 1, 1], [1, -1, 1], [-1, -1, -1]):
-        donned = worn_sweeps(6, seed=70, rows=60, zero=1e-3 * np.array(way), rest=np.array([0.05, -0.05, 0.05]))
-        assert estimator.zeros(as_sweeps(donned)).moved, way
-
-
 def test_contact_is_no_shift_of_zeros():
     """Strokes stop half way while tensions rise, as where an object holds the finger."""
     estimator, session = trained()[1], as_sweeps(worn_sweeps(6, seed=5, rows=60))
     stopped = np.minimum(session.stroke, np.quantile(session.stroke, 0.5, axis=0))
     found = estimator.zeros(replace(session, inputs=np.hstack([session.tension, stopped])))
     assert found.unlike and not found.moved
-
-
-def test_constant_is_generalised_least_squares():
-    """Against scipy's least squares of the whitened residuals."""
-    model, session = trained()[1].strokes, as_sweeps(worn_sweeps(2, seed=9, rows=60))
-    rows, prior = stroke_rows(session), model.prior
-    rows = replace(rows, sweep=rows.sweep + model.rows.sweep.max() + 1)
-    known, new = prior.rows(model.rows), prior.rows(rows)
-    cross = prior.kernel(new, known)
-    residual = prior.targets(rows) - cross @ model.inverse @ prior.targets(model.rows)
-    factor = np.linalg.cholesky(prior.kernel(new) - cross @ model.inverse @ cross.T)
-    white = np.linalg.solve(factor, np.c_[np.ones(len(rows)), residual])
-    wanted = prior.gain * lstsq(white[:, :1], white[:, 1:])[0][0]
-    np.testing.assert_allclose(model.zeros(session).shift, wanted, rtol=1e-4, atol=1e-8)
 
 
 @pytest.mark.parametrize("sweeps", [6, 12])
@@ -98,20 +77,13 @@ def test_hotelling_quantile_is_that_of_drawn_shifts(sweeps):
     assert np.mean(distance > hotelling(3, sweeps)) == pytest.approx(FALSE, rel=0.1)
 
 
-def test_shift_below_the_tolerance_is_left_alone(healthy):
-    assert not trained()[1].zeros(shifted(healthy[0], np.full(3, TOLERANCE / 2))).moved
-
-
 def test_estimate_of_a_log_corrects_unless_switched_off():
     estimator = trained()[1]
     log = as_log(worn_sweeps(3, seed=11, rows=60, zero=np.array([0, 1e-3, 0])))
     corrected, kept = estimate(estimator, log), estimate(estimator, log, correct=False)
     assert corrected.zeros.moved and corrected.score.mean_rmse < kept.score.mean_rmse / 3
-    without = estimate(replace(estimator, strokes=None), log)
-    assert without.zeros is None and without.score.mean_rmse == kept.score.mean_rmse
-
-
-def test_conditioning_alone_learns_no_strokes():
     prior, _, sweeps = trained()
     with pytest.raises(InputError, match="train it again"):
         condition(prior, sweeps, 60).zeros(sweeps)
+    without = estimate(replace(estimator, strokes=None), log)
+    assert without.zeros is None and without.score.mean_rmse == kept.score.mean_rmse

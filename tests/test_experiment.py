@@ -20,15 +20,7 @@ from exodrake.diagnosis.result import Rival, record_provenance
 from exodrake.diagnosis.search import LAW, NATS
 from exodrake.experiment import contest as inside, design as search
 from exodrake.experiment.contest import UNSURE, Information, information, pair_model, prepare_contest, refit
-from exodrake.experiment.design import (
-    check_length,
-    design,
-    limit_rate,
-    measure_safety,
-    predict_difference,
-    prepare_stage,
-    random_motif,
-)
+from exodrake.experiment.design import check_length, design, measure_safety, prepare_stage
 from exodrake.simulation.references import from_log
 
 VISCOUS = Rival(("carriage.viscous_friction",), {"carriage.viscous_friction.coefficient": 150.0})
@@ -84,18 +76,6 @@ def test_what_a_refitted_rival_leaves_is_that_of_two_linear_models_by_hand():
     assert left(d, line, np.full(3, 0.25)) == pytest.approx(17.0 / 4.0 - (81.0 / 16.0) / (1.0 + 5.0 / 4.0))
 
 
-def test_information_adds_over_motions():
-    rng = np.random.default_rng(3)
-    d, columns, weights = rng.normal(size=20), rng.normal(size=(4, 20)), rng.uniform(0.2, 1.0, 20)
-    parts = [pair_model(d[k], columns[:, k], weights[k]) for k in (slice(0, 8), slice(8, 20))]
-    both = replace(parts[0], products=parts[0].products + parts[1].products)
-    assert both.posterior().cost == pytest.approx(left(d, columns, weights))
-    stacked = np.vstack([np.sqrt(weights)[:, None] * columns.T, np.eye(4)])
-    target = np.concatenate([np.sqrt(weights) * d, np.zeros(4)])
-    _, (wanted,), *_ = np.linalg.lstsq(stacked, target, rcond=None)
-    assert left(d, columns, weights) == pytest.approx(wanted)
-
-
 def test_probability_is_that_of_a_normal_law_beyond_what_evidence_and_laws_ask_for():
     """T = 64. Evidence asks for sqrt(2 NATS); laws that err by 0.2 in what takes up 900 for sqrt T = 6."""
     pair = pair_model(np.full(4, 4.0), np.zeros((1, 4)), np.ones(4))
@@ -134,38 +114,6 @@ def test_a_law_with_another_value_is_no_rival_once_it_is_refitted(problem):
     assert found.refit(0, 1)[k] == pytest.approx(150.0, rel=0.2)
 
 
-def test_a_snap_of_a_few_frames_counts_no_more_than_a_small_difference_of_all(contest):
-    """1000 standard deviations of noise in 3 of 1000 frames tell 0.003 log(1 + 1e6) = 0.04, one in all log 2."""
-    runs = np.zeros((2, 1000, contest.records(Reference(contest.problem.fit[0].reference[:2])).shape[2]))
-    snap, steady, at = runs.copy(), runs.copy(), contest.problem.signal_indices
-    snap[1, 500:503, at] = 1000.0 * contest.problem.noise_std[:, None]
-    steady[1][:, at] = contest.problem.noise_std
-    assert contest.difference(snap) == pytest.approx(0.003 * np.log(1.0 + 1e6))
-    assert contest.difference(steady) == pytest.approx(np.log(2.0))
-
-
-def test_band_of_the_figure_holds_the_error_that_each_law_shows(contest):
-    """Its variance is that of noise and of the errors of both laws: that share of the contribution, squared."""
-    reference, problem = Reference(contest.problem.fit[0].reference[:100]), contest.problem
-    told = SimpleNamespace(closest=(0, 1), refit=lambda true, rival: contest.explanations[rival].x)
-    error = np.array([0.05, 0.2])
-    design = SimpleNamespace(reference=reference, information=told)
-    _, band = predict_difference(replace(contest, error=error), design)
-    variance = np.tile(problem.noise_std**2, (100, 1))
-    for a, e in zip(error, contest.explanations, strict=True):
-        without = e.robot.copy()
-        (name,) = {*VISCOUS.parameters, *COULOMB.parameters} & {p.name for p in e.parameters if p.effect}
-        without[problem.robot.machine.index[name]] = 0.0
-        logs = problem.predict(np.array([e.robot, without]), contest.trial(0, reference.values))
-        variance += (a * (logs[1] - logs[0])) ** 2
-    assert band**2 == pytest.approx(variance, rel=1e-6)
-
-
-def test_equal_explanations_leave_nothing(problem):
-    found = information(prepare_contest(problem, [VISCOUS, VISCOUS]), problem.fit[0].reference)
-    assert found is not None and max(found.left.values()) == 0.0
-
-
 def test_the_error_of_a_wrong_law_is_larger_than_that_of_the_true_one(contest):
     true, wrong = contest.error
     assert wrong > 3.0 * true and wrong <= LAW
@@ -179,23 +127,6 @@ def test_another_speed_tells_viscous_from_coulomb_friction_the_same_speed_does_n
     both = [information(contest, stage.reference(shares).values) for shares in (one, two)]
     assert both[0] is not None and both[1] is not None
     assert both[1].left[0, 1] > 3.0 * both[0].left[0, 1]
-
-
-def test_random_motifs_stay_within_the_span_and_return_to_rest():
-    rng, rest = np.random.default_rng(0), np.array([0.0, 0.3, 1.0])
-    for _ in range(50):
-        motif = random_motif(3, rng)
-        shares = motif.mutate(rng).shares(300, rest)
-        assert shares.min() >= 0.0 and shares.max() <= 1.0
-        assert shares[0] == pytest.approx(rest) and shares[-1] == pytest.approx(rest)
-
-
-def test_limited_courses_keep_the_rate_and_both_ends():
-    rows = np.concatenate([np.zeros(50), np.ones(100), np.zeros(60)])[:, None]
-    out = limit_rate(rows, np.array([0.02]), 5)
-    assert np.abs(np.diff(out, axis=0)).max() <= 0.02 + 1e-12
-    assert out[0] == 0.0 and out[-1] == pytest.approx(0.0, abs=0.05) and out.max() == pytest.approx(1.0)
-    assert np.array_equal(limit_rate(rows, np.array([np.inf]), 5), rows)
 
 
 def test_motion_beyond_a_limit_is_not_safe(contest):
@@ -276,11 +207,6 @@ def test_command_writes_a_reference_that_a_robot_follows(answered, few, tmp_path
     again = tmp_path / "again.csv"
     result = run("experiment", answered / "diagnosis.json", "--robot", "emps", "--out", again, "--duration", 20)
     assert result.exit_code == 0 and again.read_bytes() == out.read_bytes()
-
-
-def test_command_refuses_a_second_case(answered, tmp_path):
-    result = run("experiment", answered, "--case", answered, "--robot", "emps", "--out", tmp_path / "reference.csv")
-    assert result.exit_code == 2 and "is a case itself" in result.output
 
 
 def test_command_says_why_there_is_nothing_to_do(answered, tmp_path):

@@ -95,20 +95,6 @@ def test_an_arm_with_effects_moves_in_mujoco_as_in_the_own_engine(arm):
     assert np.sqrt(np.mean(error**2, axis=0)).max() < 2e-3 < 0.01 * np.ptp(wanted["link_position"], axis=0).max()
 
 
-def test_friction_and_latency_of_tendons_reach_mujoco():
-    mujoco = pytest.importorskip("mujoco", reason="MuJoCo, of the group bench, is not installed")
-    robot = (
-        exo.load_robot().splice("tendon.coulomb_friction", {"force": 0.2}).splice("finger.stiffness", {"factor": 1.5})
-    )
-    robot = robot.splice("timing.command_latency", {"frames": 1.5})
-    model = mujoco.MjModel.from_xml_string(robot_as(robot, "mjcf"))
-    assert model.tendon_frictionloss == pytest.approx([0.2] * 3)
-    assert model.actuator_delay == pytest.approx([0.03] * 3)
-    stiffness = np.reshape(model.jnt_stiffness, (3, -1))[:, 0]  # the first coefficient, since MuJoCo 4
-    assert stiffness == pytest.approx(1.5 * robot.channels("finger.kappa"))
-    assert model.actuator_forcerange[0] == pytest.approx([0.0, 0.3 * 0.0115 * 69 / 0.0075])
-
-
 def test_drake_reads_the_urdf_back(arm):
     plant = MultibodyPlant(0.0)
     Parser(plant).AddModelsFromString(robot_as(arm, "urdf"), "urdf")

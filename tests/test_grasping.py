@@ -14,7 +14,6 @@ from exodrake.cli.main import cli
 from exodrake.core.errors import InputError
 from exodrake.grasping.hand import MODES, find_mode
 from exodrake.grasping.plan import at_hold, run_plan, tensions_for
-from exodrake.physics import finger_statics as statics
 from exodrake.physics.finger_statics import parameters_of
 
 SIZES = [size / 1e3 for size in range(20, 95, 5)]
@@ -122,38 +121,6 @@ def test_each_grasp_bends_the_joints_that_the_paper_names_and_no_other(name, mod
     wanted, firm = equilibrium([one.grasps[mode][w] for w in ("AF", "MF", "AE")], kappa)
     np.testing.assert_allclose(log.array("angle")[470], wanted, atol=0.005)  # rad, at 9.4 s of 9.5
     assert (firm > 0.2 * kappa).all()
-
-
-def test_no_order_of_the_tendons_holds_the_nominal_dip_at_rest_beyond_8_newtons():
-    """Issue 37.10: AE = R_f/R_e AF balances the resting DIP, and R_f' + R_f/R_e R_e' times AF softens it."""
-    q = 0.15
-    flexor, extensor = 5 * np.sin(q / 2) + 3 * np.cos(q / 2), 5 * np.cos(q / 2) - 5 * np.sin(q / 2)
-    share = flexor / extensor
-    softening = 1e-3 * ((5 * np.cos(q / 2) - 3 * np.sin(q / 2)) + share * 5 * (np.sin(q / 2) + np.cos(q / 2))) / 2
-    limit = 0.035 / softening
-    assert limit == pytest.approx(8.1, abs=0.05)
-    low = np.full(3, 0.3)
-    for pull, stays in ((0.8 * limit, True), (1.05 * limit, False)):
-        target = np.array([pull, 0.3, share * pull])
-        for leader in ([0, 1, 2], [2, 0, 1], [0, 2, 1]):
-            course = [low]
-            for wire in leader:  # one tendon after the other, then all held
-                course += list(np.linspace(course[-1], np.where(np.arange(3) == wire, target, course[-1]), 40))
-            held = statics.follow(np.array(course), parameters_of(robot()))[-1]
-            assert (abs(held[2] - 0.15) < 0.05) == stays
-
-
-def test_modes_look_as_the_paper_says():
-    rest = robot().channels("finger.q0")
-    for mode, sizes in FEASIBLE.items():
-        for size in sizes:
-            bend = np.array(plan(mode, size / 1e3).wanted) - rest
-            if mode == "narrow-pinch":
-                assert (np.abs(bend[1:]) < 0.11).all()  # PIP and DIP as at rest
-            elif mode == "wide-pinch":
-                assert (np.abs(bend[[0, 2]]) < 0.11).all() and bend[1] > -1e-9  # the PIP alone bends
-            else:
-                assert (bend > 0.15).all()  # all joints curl
 
 
 def test_the_robot_for_the_wide_pinch_holds_objects_in_all_three_modes():

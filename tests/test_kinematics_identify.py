@@ -19,7 +19,7 @@ def clean() -> tuple[Kinematics, Truth]:
 
 @pytest.fixture(scope="module")
 def noisy() -> tuple[Kinematics, Truth]:
-    recording, truth = synthesise(Hand(), Faults(noise=NOISE, dropouts=6), 40.0, 100.0, 5)
+    recording, truth = synthesise(Hand(), Faults(noise=NOISE, dropouts=6), 25.0, 100.0, 5)
     return identify(recording), truth
 
 
@@ -41,14 +41,6 @@ def test_noise_free_truth_is_recovered(clean):
     np.testing.assert_allclose(found.joints[0].abduction_axis.direction, truth.axes[0].direction, atol=1e-9)
 
 
-def test_smoothing_leaves_slow_motion_alone():
-    recording, truth = synthesise(Hand(), Faults(), 20.0, 100.0, 0)
-    found = identify(recording)
-    np.testing.assert_allclose(found.lengths, truth.lengths, atol=1e-6)
-    for number, joint in enumerate(found.joints, start=1):
-        assert _rms(joint.angle - truth.angles[:, number]) < 1e-4
-
-
 def test_centres_beyond_45_degrees_are_within_a_millimetre(noisy):
     found, truth = noisy
     for number, joint in enumerate(found.joints, start=1):
@@ -57,10 +49,6 @@ def test_centres_beyond_45_degrees_are_within_a_millimetre(noisy):
         error = np.linalg.norm(across(joint.centre - axis.centre(angle), axis.direction), axis=1)[beyond]
         assert _rms(error) < 0.3e-3
         assert np.nanquantile(error, 0.99) < 1e-3
-
-
-def test_lengths_are_within_half_a_millimetre(noisy):
-    found, truth = noisy
     np.testing.assert_allclose(found.lengths, truth.lengths, atol=0.5e-3)
 
 

@@ -82,6 +82,12 @@ def test_the_verdict_is_what_the_recordings_hide(done):
     assert effects["servo.latency"]["frames"]["value"] == pytest.approx(2.0, abs=0.2)
     assert found["closure"]["overall"]["value"] > 0.95
     assert (folder / "report.html").stat().st_size > 10_000
+    real, improved = read_log(folder / "case" / "run3.csv.gz"), read_log(folder / "improved" / "log.csv")
+    error = np.std(improved["angle_elbow"] - real["angle_elbow"])  # the improved robot follows the held-out run
+    assert error < 0.05 * np.std(real["angle_ref_elbow"] - real["angle_elbow"])
+    names = {path.name for path in (folder / "my_arm").iterdir()}
+    assert {"machine.py", "robot.yaml", "mapping.yaml", "test_machine.py", "README.md", "alarm_limits.yaml"} <= names
+    assert (folder / "my_arm.svg").read_text().startswith("<svg")
 
 
 def test_the_payload_of_the_arm_is_named(done):
@@ -96,22 +102,10 @@ def test_the_page_shows_the_mapping_and_the_headline_that_are_there(done):
     folder, said = done
     blocks = {language: block for language, block, _ in PIECES.findall(PAGE.read_text())}
     assert yaml.safe_load(blocks["yaml"]) == yaml.safe_load((folder / "my_arm" / "mapping.yaml").read_text())
+    assert "no alarm" in said_by(said, "watch").stdout  # beside the improved robot, not beside the nominal one
+    assert said[NOMINAL_WATCH].exit_code == 1 and "alarm" in said[NOMINAL_WATCH].stdout
     headline = " ".join(blocks["text"].replace("│", " ").split())
     assert headline in " ".join(said_by(said, "diagnose").stdout.replace("│", " ").split())
-
-
-def test_the_improved_robot_follows_the_held_out_run(done):
-    folder, _ = done
-    real, nominal = read_log(folder / "case" / "run3.csv.gz"), "angle_ref_elbow"
-    improved = read_log(folder / "improved" / "log.csv")
-    error = np.std(improved["angle_elbow"] - real["angle_elbow"])
-    assert error < 0.05 * np.std(real[nominal] - real["angle_elbow"])
-
-
-def test_the_watch_is_silent_beside_the_improved_robot_and_not_beside_the_nominal_one(done):
-    _, said = done
-    assert "no alarm" in said_by(said, "watch").stdout
-    assert said[NOMINAL_WATCH].exit_code == 1 and "alarm" in said[NOMINAL_WATCH].stdout
 
 
 @pytest.mark.parametrize("line", REFUSED)
@@ -119,9 +113,3 @@ def test_a_command_that_takes_no_machine_of_ones_own_says_why_in_one_sentence(do
     result = done[1][line]
     assert result.exit_code == 2 and not result.broken
     assert len(result.stderr.strip().splitlines()) == 1 and result.stderr.startswith("error: "), result.stderr
-
-
-def test_the_folder_holds_what_a_machine_needs(done):
-    names = {path.name for path in (done[0] / "my_arm").iterdir()}
-    assert {"machine.py", "robot.yaml", "mapping.yaml", "test_machine.py", "README.md", "alarm_limits.yaml"} <= names
-    assert (done[0] / "my_arm.svg").read_text().startswith("<svg")

@@ -16,13 +16,6 @@ def with_limits(robot, **highest):
     return replace(robot, limits={**robot.limits, "F_max": {**robot.limits["F_max"], **highest}})
 
 
-def test_each_tendon_ramps_alone_to_its_limit():
-    tension = exo.maximum_tension(ramp=4.0, dwell=1.0).values.reshape(3, 500, 3)
-    for wire, top in enumerate((12.0, 8.0, 8.0)):
-        assert tension[wire, :, wire].max() == top and tension[wire, 0, wire] == 0.3
-        assert (np.delete(tension[wire], wire, axis=1) == 0.3).all()
-
-
 def test_a_hard_end_stop_gives_the_tension_of_its_torque_balance():
     """MF bends the MCP alone: T R(q_f) = kappa (q_f - q0), with the arm R of model.md."""
     kappa, stop, rest = 0.03, 1.30, 0.20

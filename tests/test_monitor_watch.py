@@ -1,5 +1,6 @@
 """Watching a log: files that grow, break off and begin anew; the alarm, when it comes, and when its gap rose."""
 
+import io
 import os
 import threading
 import time
@@ -10,6 +11,7 @@ import pytest
 from click.testing import CliRunner
 from fuzzing import spoilt_table
 from hypothesis import HealthCheck, given, settings
+from rich.console import Console
 from scipy.signal import lfilter
 from scipy.stats import binomtest
 
@@ -20,6 +22,7 @@ from exodrake.data.formats.csv import write
 from exodrake.data.log import Log
 from exodrake.diagnosis.healthy import healthy_robot
 from exodrake.monitor.alarm import choose_limits, date_rise, draw_work, measure_noise, share_at_most
+from exodrake.monitor.display import draw_screen
 from exodrake.monitor.watcher import Grid, Monitor, Tail, follow
 from studies.alarm_rates import first_alarm
 
@@ -108,7 +111,7 @@ def test_bad_logs_are_named(file, change, words):
     assert said.startswith(f"error: {file}") and all(word in said for word in words)
 
 
-@settings(max_examples=60, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+@settings(max_examples=30, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 @given(data=spoilt_table(CALM))
 def test_spoilt_logs_are_refused_or_read(tmp_path, data):
     path = tmp_path / "log.csv"
@@ -197,9 +200,16 @@ def test_limits_have_the_stated_rate_of_false_alarms():
     assert np.mean(left_out) == pytest.approx(1 / 60, abs=0.006)
 
 
-def test_command_summarises_and_its_status_tells_an_alarm(tmp_path, file, log):
+def test_command_and_screen_summarise_and_the_status_tells_an_alarm(tmp_path, file, log):
     result = run(file, "--until-idle", 0)
     assert result.exit_code == 0 and "30 s" in result.stdout and "no alarm" in result.stdout
+    console = Console(record=True, width=110, file=io.StringIO())
+    monitor = Monitor(NOMINAL)
+    console.print(draw_screen(monitor, Path("not_yet.csv")))
+    list(follow(monitor, file, 0.0))
+    console.print(draw_screen(monitor, file))
+    text = console.export_text()
+    assert "waiting for the file" in text and "tendon" in text and "no alarm" in text
     loose = NOMINAL.splice("tendon.slack", channels=["MF"])
     write_log(exo.simulate(loose, draw_work(NOMINAL, 5, 30.0)), tmp_path / "slack.mcap")
     result = run(tmp_path / "slack.mcap", "--until-idle", 0)
@@ -215,29 +225,6 @@ def test_a_log_too_short_for_an_alarm_is_no_clean_bill(tmp_path, duration, said)
     assert result.exit_code == 0 and said in result.stdout and "an alarm 13 s" in result.stdout
     assert "at most" not in result.stdout
     assert ("the gap is large: " in result.stdout) == (duration > 3.0)
-
-
-def test_interrupt_ends_with_a_summary(file, monkeypatch):
-    def stopped(_):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("exodrake.monitor.watcher.time.sleep", stopped)
-    result = run(file)
-    assert result.exit_code == 0 and "no alarm" in result.stdout and "1500 frames" in result.stdout
-
-
-def test_screen_in_a_terminal(file):
-    from rich.console import Console
-
-    from exodrake.monitor.display import draw_screen
-
-    monitor = Monitor(NOMINAL)
-    console = Console(record=True, width=110, file=open(os.devnull, "w"))  # noqa: SIM115
-    console.print(draw_screen(monitor, Path("not_yet.csv")))
-    list(follow(monitor, file, 0.0))
-    console.print(draw_screen(monitor, file))
-    text = console.export_text()
-    assert "waiting for the file" in text and "tendon" in text and "no alarm" in text
 
 
 def test_other_machines_are_watched_without_an_alarm(tmp_path):
@@ -259,32 +246,21 @@ def draw_powers(rng, correlation):
     return np.exp(lfilter([1.0], [1.0, -correlation], rng.standard_normal(160))[100:])
 
 
-@pytest.mark.parametrize("correlation", [0.0, 0.5, 0.8])
+@pytest.mark.parametrize("correlation", [0.0, 0.8])
 def test_steady_power_is_no_rise(correlation):
     rng = np.random.default_rng(1)
-    dated = sum(date_rise(draw_powers(rng, correlation), 100) is not None for _ in range(60))
-    assert binomtest(dated, 60, 0.02, alternative="greater").pvalue > 0.01
+    dated = sum(date_rise(draw_powers(rng, correlation), 100) is not None for _ in range(40))
+    assert binomtest(dated, 40, 0.02, alternative="greater").pvalue > 0.01
+    assert not any(date_rise(powers, 60) for powers in (np.full(60, np.nan), np.ones(3), np.ones(60)))
 
 
 @pytest.mark.parametrize("correlation, factor", [(0.0, 3.0), (0.5, np.exp(5.0))])
 def test_a_rise_at_86_s_is_dated(correlation, factor):
     rng, dated = np.random.default_rng(2), 0
-    for _ in range(40):
+    for _ in range(25):
         found = date_rise(draw_powers(rng, correlation) * np.where(np.arange(60) < 46, 1.0, factor), 100)
         dated += found is not None and found[0] <= 86.0 <= found[1]
-    assert binomtest(dated, 40, 0.9, alternative="less").pvalue > 0.01
-
-
-def test_a_rise_of_longer_frames_is_dated_in_seconds():
-    """Readings of 2 s each, up to 200 s; the power rises 14 readings before."""
-    powers = np.random.default_rng(0).chisquare(9, 60) / 9
-    powers[46:] *= 20.0
-    low, high = date_rise(powers, 200, 2.0)
-    assert low <= 172.0 <= high and high - low <= 4.0
-
-
-def test_missing_and_few_seconds_have_no_date():
-    assert not any(date_rise(powers, 60) for powers in (np.full(60, np.nan), np.ones(3), np.ones(60)))
+    assert binomtest(dated, 25, 0.9, alternative="less").pvalue > 0.01
 
 
 def test_a_tendon_that_loosens_on_the_way_raises_a_dated_alarm(tmp_path):

@@ -18,10 +18,8 @@ from exodrake.diagnosis.checks.preflight import (
     find_problems,
     identifiability,
     judge_clock,
-    least_left,
     preflight,
 )
-from exodrake.diagnosis.fit import minimise_bounded
 from exodrake.diagnosis.likelihood import CORRELATION
 from exodrake.diagnosis.linearise import PROBE
 from exodrake.machines.robot_file import load_robot
@@ -108,9 +106,6 @@ def test_clipped_samples_are_counted_and_a_smooth_top_is_not():
     share = 1.0 - 2.0 * np.arcsin(0.8) / np.pi  # of a sine beyond 0.8 of its size
     assert find_held(clipped).mean() == pytest.approx(share, abs=0.01)
     assert find_held(wave).mean() < 0.002
-
-
-def test_the_band_of_a_sine_is_its_frequency():
     assert find_band(np.sin(2 * np.pi * 1.5 * 0.02 * np.arange(1000)), 0.02) == pytest.approx(1.5, abs=0.05)
     assert find_band(np.ones(100), 0.02) == 0.0
 
@@ -128,38 +123,11 @@ def test_the_command_prints_tables_and_draws_the_figure(tmp_path):
     assert said in result.stdout and "no log is held out" in result.stdout
     assert not re.search(r"\d -\s", result.stdout), "a ratio has no unit"
     assert (tmp_path / "check.png").read_bytes().startswith(b"\x89PNG")
+    said, bare = [], replace(ROBOT, machine=replace(ROBOT.machine, tolerances=()))
+    found = preflight(tmp_path / "case", bare, frozenset({"servo.gain"}), progress=said.append)
+    assert len(said) == 3 and "1 effect" in said[1] and any("no tolerances" in problem for problem in found.problems)
     nothing = CliRunner().invoke(cli, ["check", str(tmp_path / "none"), "--robot", "so101"])
     assert nothing.exit_code == 2 and "no such folder" in nothing.stderr
-
-
-def test_a_robot_file_without_tolerances_is_reported(tmp_path):
-    from dataclasses import replace
-
-    write_case(case_of(sines(0.1)), tmp_path / "case")
-    bare = replace(ROBOT, machine=replace(ROBOT.machine, tolerances=()))
-    assert any("no tolerances" in problem for problem in preflight(tmp_path / "case", bare).problems)
-
-
-@pytest.mark.parametrize("rivals", [2, 4])
-def test_effects_that_no_sizes_liken_are_passed_over_without_loss(rivals):
-    """The least that any sizes leave is at most what sizes within bounds leave."""
-    rng = np.random.default_rng(rivals)
-    rows = rng.standard_normal((6, 40))
-    rows[0] = rows[2:4].sum(axis=0) + 0.1 * rows[0]
-    gram, own = rows @ rows.T, np.arange(2, 2 + rivals)
-    least = least_left(gram, own)
-    apart = rows - rows @ np.linalg.pinv(rows[own]) @ rows[own]
-    assert least[:2] == pytest.approx(np.linalg.norm(apart[:2], axis=1), rel=1e-4)
-    for row in range(2):
-        _, gain = minimise_bounded(gram[np.ix_(own, own)], -gram[own, row], np.zeros(rivals), np.full(rivals, 0.5))
-        assert np.sqrt(gram[row, row] + 2.0 * gain) >= least[row] * (1.0 - 1e-9)
-
-
-def test_a_check_says_what_it_does(tmp_path):
-    write_case(case_of(sines(0.1)), tmp_path / "case")
-    said = []
-    preflight(tmp_path / "case", ROBOT, frozenset({"servo.gain"}), progress=said.append)
-    assert len(said) == 3 and "1 effect" in said[1]
 
 
 def test_what_a_sensor_less_would_tell_is_what_a_log_without_it_tells():
@@ -175,7 +143,3 @@ def test_what_a_sensor_less_would_tell_is_what_a_log_without_it_tells():
     got = found["stroke", "speed_cmd", "angle"].left.directions
     assert [(d.effect, d.channel) for d in got] == [(d.effect, d.channel) for d in wanted]
     assert [d.seen for d in got] == pytest.approx([d.seen for d in wanted], rel=1e-3)
-
-
-def test_a_log_of_one_kind_of_columns_has_no_sensor_to_spare():
-    assert identifiability(case_of(sines(0.1)), ROBOT, frozenset({"servo.gain"})).fewer == ()

@@ -15,7 +15,6 @@ import pytest
 from report_synthetic import COLUMNS, IDS, VERDICTS, chosen, diagnosis, simulated_logs
 from rich.console import Console
 
-from exodrake.core.progress import Stage
 from exodrake.data.log import Log
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, PARTLY, RETUNE, UNKNOWN, Interval
 from exodrake.report import wording
@@ -26,9 +25,8 @@ from exodrake.report.diagnosis_html import (
     curves,
     render_report,
     retuned_tables,
-    spectra,
 )
-from exodrake.report.terminal import print_profile, print_summary
+from exodrake.report.terminal import print_summary
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 ROBOTS = ("nominal", "improved")
@@ -121,24 +119,33 @@ def test_rivals_belong_to_one_cause_and_the_others_stand_besides():
     assert "; hysteresis (encoder.hysteresis) in the encoder besides explains 3 % of it; 6 % remains" in text
 
 
-def test_headline_states_values_by_channel_only_where_these_differ():
+def test_headline_states_values_by_channel_where_these_differ_and_no_share_where_there_is_none():
+    found = diagnosis().effects[0]
     channels = {"AF": Interval(0.4, 0.37, 0.43), "MF": Interval(0.15, 0.12, 0.18), "AE": Interval(0.01, -0.1, 0.1)}
-    cause = replace(diagnosis().effects[0], channels={"mu_phi": channels})
-    said = wording.headline(replace(diagnosis(), effects=(cause,)))
-    assert "(mu_phi 0.400 at AF, 0.150 at MF)" in said and "AE" not in said
+    text = wording.headline(replace(diagnosis(), effects=(replace(found, channels={"mu_phi": channels}),)))
+    assert "(mu_phi 0.400 at AF, 0.150 at MF)" in text and "AE" not in text
+    bare = replace(found, share=Interval(np.nan, np.nan, np.nan))
+    assert "at tendons AF and MF was detected; 6 %" in wording.headline(replace(diagnosis(), effects=(bare,)))
 
 
-def test_a_detected_cause_without_a_share_is_called_detected():
-    cause = replace(diagnosis().effects[0], share=Interval(np.nan, np.nan, np.nan))
-    assert "at tendons AF and MF was detected; 6 %" in wording.headline(replace(diagnosis(), effects=(cause,)))
+def test_page_names_no_effect_where_none_is_found(pages):
+    text = visible(pages(NO_GAP))
+    assert "Where:" not in text and "Which:" not in text and "No gap" in text
+    text = visible(pages(UNKNOWN))
+    assert "no effect of the library" in text and "not accepted" in text and "Refined" not in text
 
 
-def test_channels_that_disagree_are_stated_one_by_one():
-    channels = {"AF": Interval(0.1, 0.09, 0.11), "MF": Interval(-0.1, -0.11, -0.09)}
-    found = replace(
-        diagnosis().effects[0], parameters={"gain": Interval(0.0, -0.02, 0.02)}, channels={"gain": channels}
+def test_page_is_whole_with_few_columns_a_strange_effect_and_a_robot_that_diverges():
+    found, runs = diagnosis(), simulated_logs(frames=300)
+    runs.logs[1].simulated["nominal"][100:] = np.inf
+    strange = replace(found, effects=(replace(found.effects[0], id="tendon.of_tomorrow", kind=""),))
+    assert "Of tomorrow" in visible(
+        render_report(strange, chosen(runs, [c for c in COLUMNS if not c.startswith("angle")]))
     )
-    assert [name for name, *_ in wording.parameter_values(found)] == ["gain AF", "gain MF"]
+    (log,) = curves(runs, ROBOTS)["logs"]
+    assert np.isnan(unpacked(log["columns"][0]["nominal"])[100:]).all()
+    bare = replace(found, closure=replace(found.closure, signals={}))
+    assert "Load-dependent friction" in visible(render_report(bare, chosen(runs, [])))
 
 
 def test_what_is_left_stands_beside_the_closure(pages):
@@ -164,16 +171,6 @@ def test_page_is_well_formed_and_ids_do_not_clash(pages):
     assert not open_tags
     ids = re.findall(r'\sid="([^"]*)"', html)
     assert len(ids) == len(set(ids))
-
-
-def test_page_of_no_gap_has_no_place_and_no_effect(pages):
-    text = visible(pages(NO_GAP))
-    assert "Where:" not in text and "Which:" not in text and "No gap" in text
-
-
-def test_unknown_page_names_no_effect(pages):
-    text = visible(pages(UNKNOWN))
-    assert "no effect of the library" in text and "not accepted" in text and "Refined" not in text
 
 
 def browsed(file, folder, *options):
@@ -244,23 +241,6 @@ def test_summary_of_each_kind():
     assert "within their tolerances" in said(RETUNE) and "one effect alone" in said(RETUNE)
 
 
-def test_profile_sets_processor_time_beside_simulated_time():
-    console = Console(record=True, width=120, file=StringIO())
-    found = replace(
-        diagnosis(), simulated={"retune": 1200.0, "linearise": 6400.0, "refine": 50.0, "refine again": 25.0}
-    )
-    print_profile(found, {Stage.RETUNE: 1.5, Stage.LINEARISE: 4.0, Stage.FIT: 3.25}, console)
-    lines = console.export_text().splitlines()
-    assert any("fitting" in line and "3.25 s" in line and "75 s" in line for line in lines)
-    assert any(line.startswith("all") and "8.75 s" in line and "7,675 s" in line for line in lines)
-
-
-def test_spectrum_of_white_noise_is_that_of_unit_variance():
-    runs = simulated_logs(frames=6000)
-    _, power = spectra(runs, "improved", "tension")
-    assert power[2:].mean() == pytest.approx(2 * runs.period, rel=0.1)
-
-
 def test_retuned_parameters_come_largest_first_in_tolerances():
     (table,) = retuned_tables(diagnosis(), simulated_logs(frames=100))
     rows = {row[0].strip("`"): float(row[3].split()[0]) for row in table.rows}
@@ -318,37 +298,6 @@ def test_quantities_have_a_unit_and_as_many_digits_as_they_deserve():
     assert wording.percent(0.99953) == "99.9 %" and wording.percent(1.0) == "100 %" and wording.percent(0.5) == "50 %"
 
 
-def test_closure_per_kind_counts_in_noise_standard_deviations():
-    gaps = {g.kind: g.gap for g in wording.kind_gaps(diagnosis())}
-    assert list(gaps) == ["tension", "stroke", "speed_cmd", "angle"]
-    tension = gaps["tension"]
-    assert tension.closure == pytest.approx(1 - (1.05**2 - 1) / ((tension.before / tension.noise_std) ** 2 - 1))
-
-
-def test_page_without_motion_capture_and_with_an_effect_outside_the_library():
-    found = diagnosis()
-    runs = chosen(simulated_logs(frames=300), [c for c in COLUMNS if not c.startswith("angle")])
-    strange = replace(found, effects=(replace(found.effects[0], id="tendon.of_tomorrow", kind=""),))
-    assert "Of tomorrow" in visible(render_report(strange, runs))
-
-
-def test_page_and_summary_of_a_diagnosis_without_columns():
-    found, runs = diagnosis(), chosen(simulated_logs(frames=300), [])
-    found = replace(found, closure=replace(found.closure, signals={}))
-    assert "Load-dependent friction" in visible(render_report(found, runs))
-    print_summary(found, Console(file=StringIO()))
-
-
-def test_machine_says_label_and_unit_of_its_columns():
-    robot = diagnosis().robots["nominal"]
-    columns = tuple(replace(c, label="Pull", unit="mN") if c.kind == "tension" else c for c in robot.machine.columns)
-    other = replace(robot, machine=replace(robot.machine, columns=columns))
-    found = replace(diagnosis(), robots=dict.fromkeys(diagnosis().robots, other))
-    tension = wording.kind_gaps(found)[0]
-    assert tension.display.axis == "Pull [mN]"
-    assert wording.quantity(tension.gap.noise_std, "N", tension.display.unit) == "10.0 mN"
-
-
 def test_answer_as_json_has_the_keys_of_its_page():
     answer = diagnosis(AMBIGUOUS).to_json()
     text = (Path(__file__).parent.parent / "docs" / "explain" / "answer.md").read_text()
@@ -365,14 +314,6 @@ def test_page_of_a_case_without_held_out_log_says_so():
     runs = SimulatedLogs(replace(runs.problem, holdout=()), runs.logs[:1])
     text = visible(render_report(found, runs))
     assert "holds no log out" in text and "Held out:" not in text
-
-
-def test_page_of_a_robot_that_diverges_says_so_by_gaps():
-    runs = simulated_logs(frames=300)
-    runs.logs[1].simulated["nominal"][100:] = np.inf
-    assert "Load-dependent friction" in visible(render_report(diagnosis(), runs))
-    (log,) = curves(runs, ROBOTS)["logs"]
-    assert np.isnan(unpacked(log["columns"][0]["nominal"])[100:]).all()
 
 
 GREW = Interval(-47018.64, -405258.23, -16610.85)  # closure of a robot's logs judged by logs of another robot

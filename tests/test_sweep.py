@@ -39,13 +39,6 @@ def test_grid_is_all_combinations_and_each_row_a_run(robot):
     assert len([axes for axes in figure.axes if axes.collections]) >= 12
 
 
-def test_list_of_points_with_a_function_of_the_log(robot):
-    table = exo.sweep(
-        robot, [{"controller.kp": 0.005}, {"controller.kp": 0.007}], "caging", {"end": lambda log: log["angle_PIP"][-1]}
-    )
-    assert list(table.columns) == ["controller.kp", "end"] and table["end"][0] != table["end"][1]
-
-
 def test_robots_within_the_tolerances_are_those_of_the_seed(robot):
     counts = []
     table = exo.sweep(robot, 10, "caging", noise=3, seed=4, progress=lambda *done: counts.append(done))
@@ -55,9 +48,13 @@ def test_robots_within_the_tolerances_are_those_of_the_seed(robot):
     assert counts[-1] == (10, 0, 10)
 
 
-def test_robots_within_the_intervals_of_a_diagnosis(robot):
-    table = exo.sweep(robot, {"verdict": "NAMED", "effects": [EFFECT]}, "caging", draws=12)
-    assert table[f"{MU}.AF"].between(0.22, 0.26).all() and table[f"{MU}.AF"].nunique() == 12
+def test_robots_within_the_intervals_of_a_diagnosis_with_a_function_of_the_log(robot, monkeypatch):
+    answer = {"verdict": "NAMED", "effects": [EFFECT]}
+    table = exo.sweep(robot, answer, "caging", {"end": lambda log: log["angle_PIP"][-1]}, draws=12)
+    assert table[f"{MU}.AF"].between(0.22, 0.26).all() and table[f"{MU}.AF"].nunique() == table["end"].nunique() == 12
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(exo.InputError, match=r"pip install exodrake\[pandas\]"):
+        exo.sweep(robot, 2, "caging")
 
 
 def test_a_run_that_diverges_is_a_row_with_its_reason(robot):
@@ -78,12 +75,6 @@ def test_a_run_that_diverges_is_a_row_with_its_reason(robot):
 def test_bad_input_is_refused_in_one_sentence(robot, over, reason):
     with pytest.raises(exo.InputError, match=reason):
         exo.sweep(robot, over, "caging")
-
-
-def test_without_pandas_the_sentence_says_how_to_get_it(robot, monkeypatch):
-    monkeypatch.setitem(sys.modules, "pandas", None)
-    with pytest.raises(exo.InputError, match=r"pip install exodrake\[pandas\]"):
-        exo.sweep(robot, 2, "caging")
 
 
 def test_command_writes_table_and_figure(tmp_path):

@@ -5,7 +5,7 @@ import pytest
 
 import exodrake as exo
 from exodrake.core.robot import implausible
-from exodrake.core.units import conversion, quantity, si_unit, to_si
+from exodrake.core.units import quantity, si_unit, to_si
 
 
 @pytest.mark.parametrize(
@@ -28,12 +28,6 @@ def test_what_is_no_unit_or_may_mean_two_things_is_refused(unit):
         si_unit(unit)
 
 
-def test_si_units_leave_every_bit():
-    values = np.random.default_rng(0).standard_normal(100)
-    for parameter in exo.load_robot().machine.parameters:
-        assert conversion(parameter.unit) and np.array_equal(to_si(values, parameter.unit), values)
-
-
 @pytest.mark.parametrize("text", ["2.5 N/mm", "2.5N/mm", "2500", "2.5e3 N/m", "0.25 kgf/mm"])
 def test_a_quantity_is_the_same_in_every_notation(text):
     wanted = 2451.6625 if "kgf" in text else 2500.0
@@ -54,12 +48,6 @@ def test_python_command_line_and_file_take_the_same_notation():
         robot.splice("tendon.slack", {"length": {"XX": 2e-3}})
     short = exo.protocol("caging:hold=500 ms", robot)
     assert len(short.values) == len(exo.protocol("caging:hold=0.5", robot).values)
-
-
-def test_a_name_without_its_channel_gives_all_channels():
-    robot = exo.load_robot()
-    np.testing.assert_array_equal(robot["finger.kappa"], [0.080, 0.060, 0.035])
-    assert robot["finger.kappa.PIP"] == 0.060 and isinstance(robot["motor.N"], float)
 
 
 @pytest.mark.parametrize(

@@ -13,45 +13,32 @@ from exodrake.diagrams.block_diagram import part_shares, stream_order, wiring_sv
 from exodrake.machines.exo_index.machine import machine as exo_index
 
 
-def with_block(name, **changes):
-    """The Exo-Index machine with one part's declaration changed."""
-    machine = exo_index()
-    return replace(machine, parts=tuple(replace(b, **changes) if b.name == name else b for b in machine.parts))
-
-
-def block(name):
+def part(name):
     return next(b for b in exo_index().parts if b.name == name)
 
 
-def test_signal_unknown_to_the_machine_is_refused():
-    with pytest.raises(InputError, match=r"bus writes unknown signal 'speed_aplied'"):
-        with_block("bus", outputs=(Output("output", ("speed_aplied",)),))
+FINGER = (part("finger").outputs[0], Output("output_tension", ("tension", "tension_spool"), reads=("cell",)))
 
 
-def test_signal_without_writer_is_refused():
-    with pytest.raises(InputError, match=r"controller reads signal 'tension_red', which nothing writes"):
-        with_block("controller", tasks=(Task("control", ("tension_ref", "tension_red"), slots=(4,)),))
-
-
-def test_signal_with_two_writers_is_refused():
-    with pytest.raises(InputError, match=r"signal 'tension_read' is written by sensor and by encoder"):
-        with_block("encoder", outputs=(Output("output", ("tension_read",)),))
-
-
-def test_two_tasks_in_a_slot():
-    with pytest.raises(InputError, match=r"slot 4 holds both .*mocap\.sample.*controller\.control"):
-        with_block("mocap", tasks=(Task("sample", ("angle", "noise_angle"), slots=(4,)),))
-
-
-def test_slot_beyond_the_frame():
-    with pytest.raises(InputError, match=r"controller\.control runs in slot 10, but a frame has 10"):
-        with_block("controller", tasks=(Task("control", ("tension_ref", "tension_read"), slots=(10,)),))
-
-
-def test_algebraic_loop():
-    first = block("finger").outputs[0]
-    with pytest.raises(InputError, match=r"algebraic loop through finger, sensor"):
-        with_block("finger", outputs=(first, Output("output_tension", ("tension", "tension_spool"), reads=("cell",))))
+@pytest.mark.parametrize(
+    ("name", "changes", "said"),
+    [
+        ("bus", {"outputs": (Output("output", ("speed_aplied",)),)}, "bus writes unknown signal 'speed_aplied'"),
+        ("controller", {"tasks": (Task("control", ("tension_red",), slots=(4,)),)},
+         "controller reads signal 'tension_red', which nothing writes"),
+        ("encoder", {"outputs": (Output("output", ("tension_read",)),)},
+         "signal 'tension_read' is written by sensor and by encoder"),
+        ("mocap", {"tasks": (Task("sample", ("angle", "noise_angle"), slots=(4,)),)},
+         r"slot 4 holds both .*mocap\.sample.*controller\.control"),
+        ("controller", {"tasks": (Task("control", ("tension_ref", "tension_read"), slots=(10,)),)},
+         r"controller\.control runs in slot 10, but a frame has 10"),
+        ("finger", {"outputs": FINGER}, "algebraic loop through finger, sensor"),
+    ],
+)  # fmt: skip
+def test_bad_wiring_is_refused_with_the_name_of_the_thing(name, changes, said):
+    machine = exo_index()
+    with pytest.raises(InputError, match=said):
+        replace(machine, parts=tuple(replace(b, **changes) if b.name == name else b for b in machine.parts))
 
 
 def texts(svg):
@@ -66,17 +53,11 @@ def test_the_drawing_shows_every_part_and_task():
         assert part.name in found
     assert {"speed_applied m/s", "stroke_read m", "write AE", "control"} <= set(found)
     assert sum(text.startswith("slot ") for text in found) >= machine.slots
-
-
-def test_the_signal_runs_down_the_diagonal():
-    order = stream_order(exo_index())
+    order = stream_order(machine)  # the signal runs down the diagonal
     assert order.index("controller") < order.index("bus") < order.index("motor") < order.index("finger")
-
-
-def test_shares_colour_the_parts():
-    svg = wiring_svg(exo_index(), {"finger": 0.5, "tendon": 0.12, "motor": 0.2})
-    assert {"62 %", "20 %", "0 %"} <= set(texts(svg))
-    timing = part_shares(exo_index(), {"timing": 0.3})
+    shares = texts(wiring_svg(machine, {"finger": 0.5, "tendon": 0.12, "motor": 0.2}))
+    assert {"62 %", "20 %", "0 %"} <= set(shares)
+    timing = part_shares(machine, {"timing": 0.3})
     assert timing["bus"] > 0 and sum(timing.values()) == pytest.approx(0.3)
 
 
