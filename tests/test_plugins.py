@@ -226,7 +226,7 @@ def test_a_robot_file_imports_no_code(puppet, tmp_path, monkeypatch):
 
 
 def test_a_folder_that_is_no_plugin_is_refused(tmp_path):
-    with pytest.raises(InputError, match="no such plugin folder"):
+    with pytest.raises(InputError, match="no such folder of a machine"):
         plugins.add_plugin(tmp_path / "none")
     with pytest.raises(InputError, match="no plugin"):
         plugins.add_plugin(tmp_path)
