@@ -343,8 +343,8 @@ def noise_unlike_robot_file(comparison: Comparison) -> list[str]:
         )
         also = f"{name.split('.')[0]}.repeatability" if repeats else ""
         sentences.append(
-            f"noise in the logs is {logged} in {list_few(columns)}, the robot file states {stated}"
-            + (f" and {in_words(repeats, unit)} ({also})" if also else "")
+            f"noise in the logs is {logged} in {list_few(columns)}, that of the nominal robot {stated}"
+            + (f", between its runs {in_words(repeats, unit)}" if also else "")
             + f": {word}? Set {name if len(found) == len(same) else list_few(found)}"
             + (f" and {also}" if also else "")
         )
