@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from arm_folders import made
 from click.testing import CliRunner
 
 import exodrake as exo
@@ -17,6 +18,7 @@ from exodrake.analysis.tuning import (
     linearise_plant,
     list_missed,
     predict_performance,
+    tune,
 )
 from exodrake.cli.main import cli
 from exodrake.simulation import protocols
@@ -91,7 +93,7 @@ def test_missed_requirements_are_phrases():
     wanted = Requirements(0.5, 0.05, 0.6, 1e-4)
     assert list_missed(wanted, 0.4, 0.04, 0.7, 1e-5, "m/s") == ()
     assert len(list_missed(wanted, 0.6, 0.06, 0.5, 2e-4, "m/s")) == 4
-    assert list_missed(wanted, np.nan, np.nan, np.nan, np.nan, "m/s")[0] == "does not settle"
+    assert list_missed(wanted, np.nan, np.nan, np.nan, np.nan, "m/s") == ("does not settle",)
 
 
 def test_what_cannot_be_held_writes_no_robot(tmp_path):
@@ -113,6 +115,19 @@ def test_bad_input_is_refused(arguments, word):
 def test_gains_of_an_outer_loop_are_no_robot_file(tmp_path):
     found = run("--robot", "so101", "--out-robot", tmp_path / "r.yaml")
     assert found.exit_code == 2 and "outer loop" in found.output and not (tmp_path / "r.yaml").exists()
+
+
+@pytest.mark.parametrize("effects", [{}, {"servo.lag": {"time_constant": 0.1}, "servo.latency": {"frames": 2.8}}])
+def test_servos_are_tuned_on_the_plant_that_is_analysed(arm_folder, effects):
+    """Plant and law apart have the poles of the whole loop; ideal servos settle in a frame."""
+    robot = made(arm_folder, f"tuned_{len(effects)}", "--joints", "J1")
+    for name, values in effects.items():
+        robot = robot.splice(name, values, ["J1"])
+    plant = linearise_plant(robot)
+    assert predict_performance(plant, linearise_law(plant, {})).radius == pytest.approx(plant.model.spectral_radius)
+    tuning = tune(robot, draws=1, judges=1)
+    assert tuning.best and tuning.best.settling <= tuning.compared[0].settling
+    assert tuning.limit.settling <= tuning.limit.tuned
 
 
 @pytest.mark.parametrize("wanted", [{"overshoot": float("nan")}, {"settling": -1.0}, {"noise": float("nan")}])

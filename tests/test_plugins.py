@@ -259,7 +259,7 @@ def test_a_robot_file_imports_no_code(puppet, tmp_path, monkeypatch):
 
 def test_a_folder_that_is_no_plugin_or_is_named_like_a_built_in_machine_is_refused(puppet, tmp_path, monkeypatch):
     monkeypatch.setenv(plugins.VARIABLE, "")
-    with pytest.raises(InputError, match="no such plugin folder"):
+    with pytest.raises(InputError, match="no such folder of a machine"):
         plugins.add_plugin(tmp_path / "none")
     with pytest.raises(InputError, match="no plugin"):
         plugins.add_plugin(tmp_path)

@@ -226,6 +226,8 @@ def estimate_response(
     for log in logs:
         check_clock(log, dt, logs[0].label)
         for name in (input, output):
+            if np.ndim(log[name]) != 1:
+                raise InputError(f"{log.label}: {name!r} is no column; name one of {', '.join(log.columns)}")
             if not moves(log[name]):
                 raise InputError(f"{log.label}: column {name!r} stands still, so it has no frequency response")
     usual = min(sum(map(len, logs)) // SEGMENTS, shortest // QUARTERS)
@@ -305,7 +307,7 @@ def plot_responses(responses: Sequence[LogResponse], style: Mapping[Any, Any] = 
                 # above what was measured, so that it is seen where it lies on that
                 line = STYLES.get(name, {"color": "#009e73"}) | {"label": name, "zorder": 3}
                 level.plot(f, 20.0 * np.log10(np.abs(found[one.band])), **line)
-                turn = np.degrees(np.angle(found[one.band] / np.exp(1j * np.radians(angle))))
+                turn = np.degrees(np.unwrap(np.angle(found[one.band] / np.exp(1j * np.radians(angle)))))
                 phase.plot(f, angle + turn, **line)
             level.plot(f, measured * 20.0 * np.log10(np.abs(h)), **MEASURED, label="measured")
             phase.plot(f, measured * angle, **MEASURED)

@@ -214,7 +214,8 @@ def tune(
     wanted = requirements or Requirements()
     if wanted.noise is None:
         noises = [predict_performance(plant, linearise_law(plant, {})).noise for plant in plants]
-        wanted = replace(wanted, noise=NOISE_FACTOR * max((n for n in noises if np.isfinite(n)), default=np.inf))
+        if known_noises := [n for n in noises if np.isfinite(n)]:
+            wanted = replace(wanted, noise=NOISE_FACTOR * max(known_noises))
     compared = [assess(OWN, robot, {}, wanted, judges)]
     for structure in loop.controllers:
         if not only or structure.name in only:
@@ -247,7 +248,7 @@ def find_limit(plants: list[Plant], tuned: Tuned, wanted: Requirements) -> Limit
     m, frame = len(plant.loop.channels), plant.plant.dt
     settling = max(s.settling for s in tuned.steps)
     peak, crosstalk = (max(values) for values in zip(*((s.command_peak / size, s.crosstalk) for s in tuned.steps)))
-    frames = int(min(FRAMES, 1.2 * settling / frame)) if np.isfinite(settling) else FRAMES
+    frames = int(np.clip(1.2 * settling / frame, 2, FRAMES)) if np.isfinite(settling) else FRAMES
     limits = [bound_settling(plant.plant, j, peak, wanted.overshoot, crosstalk, frames) for j in range(m)]
 
     def design(logs: np.ndarray) -> lm.System:
@@ -271,7 +272,7 @@ def find_limit(plants: list[Plant], tuned: Tuned, wanted: Requirements) -> Limit
     lqg = Performance(*(min(c) if n == "disk_margin" else max(c) for n, c in zip(vars(each[0]), columns, strict=True)))
     unit = plant.loop.robot.machine.signal[plant.loop.loop.command].unit
     missed = list_missed(wanted, lqg.settling, lqg.overshoot, lqg.disk_margin, lqg.noise, unit)
-    return Limit(max(limits), settling, peak, crosstalk, lqg if stable else None, missed, law)
+    return Limit(min(max(limits), settling), settling, peak, crosstalk, lqg if stable else None, missed, law)
 
 
 def schedule_gains(plants: list[Plant], tuning: Tuning) -> dict[str, tuple[dict[str, float], float]]:
@@ -306,6 +307,8 @@ def assess(name: str, robot: Robot, gains: dict[str, float], wanted: Requirement
     settling, overshoot = worst("settling", " [s]"), worst("overshoot", "")
     disk, noise = worst("", "disk margin", most=False), worst(f"noise of {kind}", f" [{unit}]")
     missed = list_missed(wanted, settling, overshoot, disk, noise, unit)
+    if not np.isfinite(settling) and (undecided := sum(b.undecided for b in bands)):
+        missed = (f"poles mean little in {undecided} robots",)
     if failures := sum(len(b.failures) for b in bands):
         missed = (*missed, f"{failures} robots without rest")
     return Tuned(name, robot, gains, steps, bands, settling, overshoot, disk, noise, missed)
@@ -317,8 +320,8 @@ def list_missed(
     """The requirements that are not held, a phrase each; nan holds nothing."""
     missed = []
     if not np.isfinite(settling):
-        missed.append("does not settle")
-    elif wanted.settling is not None and settling > wanted.settling:
+        return ("does not settle",)
+    if wanted.settling is not None and settling > wanted.settling:
         missed.append(f"settles in {settling:.3g} s")
     if not overshoot <= wanted.overshoot:
         missed.append(f"overshoots {100.0 * overshoot:.2g} %")
@@ -336,6 +339,7 @@ class Plant:
     The model is that of the closed loop with the robot's own controller. N (n, noises) and M (channels, noises) are the
     plant's answer to sensor noise of unit variance, `response` (f, channels, channels) that of the readings to the
     commands at `frequency` (f,) [Hz]. `index` (channels,) names a state that moves each reading, `size` by how far.
+    A controller that acts before the sensor reads sees the reading that is `held` from the frame before.
     """
 
     loop: lm.FrameMap
@@ -348,6 +352,7 @@ class Plant:
     response: np.ndarray
     index: np.ndarray
     size: np.ndarray
+    held: bool
 
 
 def linearise_plant(robot: Robot, at: Mapping[str, float] | str | None = None) -> Plant:
@@ -357,11 +362,17 @@ def linearise_plant(robot: Robot, at: Mapping[str, float] | str | None = None) -
     frequency = np.geomspace(4e-4, 1.0, FREQUENCIES) * 0.5 / whole.dt
     plant = lm.System(whole.A[np.ix_(~own, ~own)], whole.B[~own], whole.C[m:, ~own], 0.0, whole.dt)
     command, reading = (model.rows(loop.kinds[s], loop.channels) for s in (loop.loop.command, loop.loop.measured))
-    drive = (model.N - whole.B @ model.M[command])[~own]
+    drive, noise = (model.N - whole.B @ model.M[command])[~own], model.M[reading]
     size = lm.measure_excursions(loop, point.state, point.references)
-    chosen = np.array(model.keep)[np.where(own, 0.0, np.abs(whole.C[m:]) * size[model.keep]).argmax(axis=1)]
+    index = np.where(own, 0.0, np.abs(whole.C[m:]) * size[model.keep]).argmax(axis=1)
     response = plant_response(whole, frequency)
-    return Plant(loop, point, model, plant, drive, model.M[reading], frequency, response, chosen, 0.05 * size[chosen])
+    seen = np.flatnonzero(~own & (np.vstack([whole.A[own], whole.C[:m]]) != 0.0).any(axis=0))
+    if held := len(seen) == m and np.allclose(whole.C[m:, seen], 0.0, atol=1e-9):
+        index, noise = seen, np.zeros_like(noise)
+        plant = lm.System(plant.A, plant.B, np.eye(len(own))[seen][:, ~own], 0.0, whole.dt)
+        response = lm.evaluate(plant, frequency)
+    chosen = np.array(model.keep)[index]
+    return Plant(loop, point, model, plant, drive, noise, frequency, response, chosen, 0.05 * size[chosen], held)
 
 
 def linearise_law(plant: Plant, values: Mapping[str, Any]) -> lm.System:
@@ -376,7 +387,7 @@ def linearise_law(plant: Plant, values: Mapping[str, Any]) -> lm.System:
 
     def image(x: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         after, signals = step(x, r)
-        return np.append(after[own], signals[command]), signals[reading]
+        return np.append(after[own], signals[command]), x[plant.index] if plant.held else signals[reading]
 
     rest, y = image(point.state, point.references)
     q, nudge = len(own), 1e-3 * loop.loop.step

@@ -61,6 +61,8 @@ def command(
     files = write_folder(folder, texts)
     click.echo(f"{folder}: {', '.join(file.name for file in files)}")
     click.echo(f"try it: exodrake simulate chirp --machine {folder}")
+    click.echo(f"your own logs: exodrake import RECORDING lists their columns, for {folder}/mapping.yaml")
+    click.echo(f"then import, check, response, fit, diagnose, analyse, tune, export: as {folder}/README.md has them")
 
 
 def check_names(folder: Path, joints: str, frame: float, code: bool) -> tuple[str, ...]:

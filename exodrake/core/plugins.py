@@ -40,7 +40,7 @@ def add_plugin(folder: str | Path) -> Path:
     """
     path = Path(folder).resolve()
     if not path.is_dir():
-        raise InputError(f"{folder}: no such plugin folder")
+        raise InputError(f"{folder}: no such folder of a machine or plugin")
     if not is_machine(path) and not any((path / part).is_dir() for part in EXTENSIBLE):
         raise InputError(f"{folder}: no plugin: wanted {MACHINE}, {ROBOT}, or a folder {', '.join(EXTENSIBLE)}")
     if is_machine(path) and (PACKAGE / "machines" / path.name).is_dir():

@@ -373,7 +373,9 @@ def _one_clock(table: dict[str, np.ndarray], mapped: Mapped, source: str) -> tup
     names = {name: resolve(name, table) for name in wanted}
     for name, found in names.items():
         if found not in table:
-            raise InputError(f"{source}: no column {name!r} (it has {', '.join(table)[:400]})")
+            raise InputError(
+                f"{source}: no column {name!r}, which the mapping file names (it has {', '.join(table)[:400]})"
+            )
     if mapped.time is not None:
         time = to_si(table[names[mapped.time]], mapped.time_unit, source)
     elif mapped.time_period is not None:

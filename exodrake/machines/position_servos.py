@@ -217,7 +217,7 @@ def motor_mechanism(robot: Robot) -> Mechanism:
 
 def make_loop(joints: tuple[str, ...], frame: float, library: tuple[Effect, ...]) -> Loop:
     """The outer loop that `analyse` and `tune` look at; its integral acts over ten frames at first: assumed."""
-    proportional, integral = Gain("joint_loop.kp", 0.01, 2.0), Gain("joint_loop.ki", 0.01 / frame, 1.0 / frame)
+    proportional, integral = Gain("joint_loop.kp", 0.01, 2.0), Gain("joint_loop.ki", 1e-3 / frame, 1.0 / frame)
     latency = (f"{e.id}.frames" for e in library if e.family == LIBRARY["timing.command_latency"].family)
 
     def add_controller(robot: Robot) -> Robot:

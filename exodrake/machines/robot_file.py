@@ -103,6 +103,10 @@ def load_robot(path: str | Path = "exo_index", above: tuple[str, ...] = ()) -> R
     else:
         file = Path(path)
         if not is_file(file):
+            if plugins.is_machine(file):
+                raise InputError(f"{path}: is a machine's folder; name it with --machine")
+            if inside := sorted(map(str, file.glob("*.yaml"))):
+                raise InputError(f"{path}: is a folder; name a robot file, such as {inside[0]}")
             names = list(robot_files())
             near, there = nearest(str(path), names), ", ".join(names)
             raise InputError(f"no robot file {str(path)!r}, nor a machine of that name{near or f'; there are {there}'}")
@@ -119,13 +123,13 @@ def robot_or_default(robot: Robot | None) -> Robot:
 def build(content: Any, source: str, above: tuple[str, ...] = (), folder: Path | None = None) -> Robot:
     """A robot from the content of the file `source` in a folder, to which some bases above led.
 
-    A base that is a machine's folder beside the file, or the folder itself, is known from then on, code and all, as
-    `--machine` would make it; a base that is a file is looked for there first. InputError names file and key.
+    A base that is a machine's folder beside the file or its folder, or that folder itself, is known from then on, code
+    and all, as `--machine` would make it; a base that is a file is looked for there first. InputError names the key.
     """
     content = SCHEMA(content, source)
     base = content.get("base")
     if folder is not None and base and robot_yaml(base) is None:
-        for beside in (folder / base, folder.resolve()):
+        for beside in (folder / base, folder.resolve(), folder.resolve().parent / base):
             if beside.name == base and plugins.is_machine(beside):
                 plugins.add_plugin(beside)
         if is_file(folder / base):

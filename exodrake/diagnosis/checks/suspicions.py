@@ -321,8 +321,12 @@ def noise_unlike_robot_file(comparison: Comparison) -> Iterator[str]:
         whole = len(found) == sum(without_channel(p) == name for p in machine.noise)
         set_to, also = name if whole else list_few(found), f"{name.split('.')[0]}.repeatability"
         yield (
-            f"noise in the logs is {logged} in {list_few(columns)}, the robot file states {stated}"
-            + (f" and {repeated} ({also}): {word}? Set {set_to} and {also}" if repeats else f": {word}? Set {set_to}")
+            f"noise in the logs is {logged} in {list_few(columns)}, that of the nominal robot {stated}"
+            + (
+                f", between its runs {repeated}: {word}? Set {set_to} and {also}"
+                if repeats
+                else f": {word}? Set {set_to}"
+            )
         )
 
 
