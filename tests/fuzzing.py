@@ -1,6 +1,7 @@
 """Ways to spoil a file, and what a command must do with it: status 0, or status 2 and one line."""
 
 import gzip
+import json
 import os
 import signal
 from contextlib import contextmanager
@@ -74,7 +75,7 @@ def spoilt_table(draw, text: str) -> bytes:
     """CSV text with rows, columns, headings, cells, encoding or bytes spoilt, several at once."""
     rows = [line.split(",") for line in text.strip().splitlines()]
     for _ in range(draw(st.integers(0, 3))):
-        rows = draw(st.sampled_from(TABLE_FAULTS))(draw, rows)
+        rows = _faulty_table(draw, rows)
     data = "\n".join(",".join(row) for row in rows).encode(draw(st.sampled_from(ENCODINGS)), "replace")
     return draw(spoilt_bytes(data)) if draw(st.booleans()) else data
 
@@ -93,60 +94,36 @@ def spoilt_bytes(draw, data: bytes) -> bytes:
     return draw(st.sampled_from(whole))
 
 
-def _shuffled_rows(draw, rows):
-    return [rows[0], *draw(st.permutations(rows[1:]))]
-
-
-def _shuffled_columns(draw, rows):
-    order = draw(st.permutations(range(len(rows[0]))))
-    return [[row[i] for i in order] if len(row) == len(order) else row for row in rows]
-
-
-def _without_column(draw, rows):
-    at = draw(st.integers(0, len(rows[0]) - 1))
-    return [row[:at] + row[at + 1 :] or [""] for row in rows]
-
-
-def _column_twice(draw, rows):
-    at = draw(st.integers(0, len(rows[0]) - 1))
-    return [row + row[at : at + 1] for row in rows]
-
-
-def _empty_column(draw, rows):
-    at = draw(st.integers(0, len(rows[0]) - 1))
-    return [rows[0], *([*row[:at], "", *row[at + 1 :]] for row in rows[1:])]
-
-
-def _other_unit(draw, rows):
-    at = draw(st.integers(0, len(rows[0]) - 1))
-    name = rows[0][at].split("[")[0]
-    return [[*rows[0][:at], f"{name}[{draw(st.sampled_from(UNITS))}]", *rows[0][at + 1 :]], *rows[1:]]
-
-
-def _junk_cell(draw, rows):
-    row, at = draw(st.integers(0, len(rows) - 1)), draw(st.integers(0, len(rows[0]) - 1))
-    spoilt = [*rows[row][:at], draw(st.sampled_from(JUNK)), *rows[row][at + 1 :]]
-    return [*rows[:row], spoilt, *rows[row + 1 :]]
-
-
-def _ragged(draw, rows):
-    row = draw(st.integers(0, len(rows) - 1))
-    return [*rows[:row], rows[row] + ["1"], *rows[row + 1 :]]
-
-
-def _few_rows(draw, rows):
-    return rows[: draw(st.integers(1, 4))]
-
-
-TABLE_FAULTS = [
-    _shuffled_rows, _shuffled_columns, _without_column, _column_twice, _empty_column, _other_unit, _junk_cell, _ragged,
-    _few_rows,
-]  # fmt: skip
+def _faulty_table(draw, rows):
+    """Rows, columns, a heading's unit or a cell spoilt."""
+    (heading, *body), width = rows, len(rows[0])
+    at, row = draw(st.integers(0, width - 1)), draw(st.integers(0, len(rows) - 1))
+    order = draw(st.permutations(range(width)))
+    unit = f"{heading[at].split('[')[0]}[{draw(st.sampled_from(UNITS))}]"
+    cell = [*rows[row][:at], draw(st.sampled_from(JUNK)), *rows[row][at + 1 :]]
+    return draw(
+        st.sampled_from([
+            lambda: [heading, *draw(st.permutations(body))],
+            lambda: [[one[i] for i in order] if len(one) == width else one for one in rows],
+            lambda: [one[:at] + one[at + 1 :] or [""] for one in rows],
+            lambda: [one + one[at : at + 1] for one in rows],
+            lambda: [heading, *([*one[:at], "", *one[at + 1 :]] for one in body)],
+            lambda: [[*heading[:at], unit, *heading[at + 1 :]], *body],
+            lambda: [*rows[:row], cell, *rows[row + 1 :]],
+            lambda: [*rows[:row], rows[row] + ["1"], *rows[row + 1 :]],
+            lambda: rows[: draw(st.integers(1, 4))],
+        ])
+    )()  # fmt: skip
 
 
 def yaml_bytes(page) -> bytes:
     """A YAML file."""
     return yaml.safe_dump(page, allow_unicode=True).encode()
+
+
+def json_bytes(page) -> bytes:
+    """JSON with NaN and numbers of any length, keys as text."""
+    return json.dumps(page, skipkeys=True, default=str).encode()
 
 
 @st.composite

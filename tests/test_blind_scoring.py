@@ -1,10 +1,12 @@
 """Scoring a blind set: synthetic answers whose counts are known by hand, and statistics against closed forms."""
 
 import json
+from contextlib import suppress
 
-import numpy as np
 import pytest
 from command_line import run
+from fuzzing import bounded, json_bytes, spoilt_page
+from hypothesis import given, strategies as st
 
 from exodrake.core.errors import InputError
 from exodrake.reference import make
@@ -289,40 +291,21 @@ def test_score_prints_each_mix_and_leaves_out_rows_without_cases(tiny):
     assert small["shares"]["truth first"]["hits"] == 1 and small["shares"]["false alarm on healthy"]["value"] is None
 
 
-ODD = (None, True, -1, 1e300, "", "x", "\ud800", [], [[]], {}, {"id": 1}, [{"id": None}], {"value": "x"}, [1])
-
-
-def spoilt(value, rng):
-    """Plain data with one part replaced by something odd, or left out."""
-    if isinstance(value, dict | list) and value and rng.random() < 0.85:
-        copy = dict(value) if isinstance(value, dict) else list(value)
-        key = list(value)[rng.integers(len(value))] if isinstance(value, dict) else int(rng.integers(len(value)))
-        if rng.random() < 0.1:
-            copy.pop(key)
-        else:
-            copy[key] = spoilt(value[key], rng)
-        return copy
-    return ODD[rng.integers(len(ODD))]
-
-
-@pytest.mark.parametrize("what", ["answer", "labels"])
-def test_damaged_answers_and_labels_are_scored_or_refused_by_name(tiny, what):
+@bounded(4)
+@given(data=st.data(), what=st.sampled_from(["answer", "labels"]))
+def test_damaged_answers_and_labels_are_scored_or_refused_by_name(tiny, data, what):
     """Some spoilt files are whole enough to be scored; none may end in another error."""
     folder, labels = tiny
-    rng, refused = np.random.default_rng(7), 0
-    cases = read_committed(labels, folder / "seal.txt")
-    page = folder / "case_02" / "diagnosis.json"
-    for _ in range(50):
-        if what == "answer":
-            page.write_text(json.dumps(spoilt(SET["case_02"][2], rng)))
-        else:
-            write_committed(spoilt(cases, rng), labels, folder / "seal.txt")
-        try:
-            markdown(tables(score(folder, labels)))
-        except InputError as error:
-            refused += 1
-            assert (page.name if what == "answer" else labels.name) in str(error) or "configurations" in str(error)
-    assert refused > 15
+    page, whole = folder / "case_02" / "diagnosis.json", json.loads(json.dumps(SET["case_02"][2]))
+    cases = {name: {"kind": kind, "effects": truths} for name, (kind, truths, _) in SET.items()}
+    page.write_bytes(data.draw(spoilt_page(whole, json_bytes)) if what == "answer" else json_bytes(whole))
+    with suppress(AttributeError, TypeError, ValueError):  # of what is no JSON and cannot be committed
+        spoilt = json.loads(data.draw(spoilt_page(cases, json_bytes))) if what == "labels" else cases
+        write_committed(spoilt, labels, folder / "seal.txt")
+    try:
+        markdown(tables(score(folder, labels)))
+    except InputError as error:
+        assert (page.name if what == "answer" else labels.name) in str(error) or "configurations" in str(error)
 
 
 @pytest.mark.parametrize("text", ["", "{", "[" * 100_000, "\x00", '{"salt": 1, "cases": {}}', "[]", '{"salt": "a"}'])

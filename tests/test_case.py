@@ -1,6 +1,7 @@
 """A case: read back as written, keys checked, and never more read than logs."""
 
 import json
+from datetime import datetime
 
 import numpy as np
 import pytest
@@ -156,3 +157,9 @@ def test_held_out_logs_show_no_noise_and_take_no_log_from_the_fit():
     case = Case("wearer", {}, items)
     assert [[item.file for item in group] for group in case.repeat_groups] == [["d.csv", "e.csv"]]
     assert [item.file for item in case.logs if case.is_copy(item)] == ["e.csv"]
+    days = [datetime(2026, 3, day) for day in (1, 1, 2)]  # a repeat on another day may be another robot by then
+    names = ("a", "b", "c")
+    items = tuple(CaseLog(one_log(1), "a", "fit", "a" if n != "a" else None, n, d) for n, d in zip(names, days))
+    case = Case("repeats", {}, items)
+    assert [[item.file for item in group] for group in case.repeat_groups] == [["a", "b"]]
+    assert [case.is_copy(item) for item in items] == [False, True, False]

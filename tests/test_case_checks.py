@@ -235,6 +235,18 @@ def test_the_noise_of_servos_is_compared_with_the_robot_file_both_ways(factor, w
         assert shown == pytest.approx(np.degrees(factor * stated), rel=0.1)
 
 
+@pytest.mark.parametrize(("factor", "named"), [(2.0, False), (8.0, True)])
+def test_noise_counts_beside_the_stated_repeatability_of_servos_and_in_all_logs(factor, named):
+    """A diagnosis takes residuals for noise up to the larger of both; what is fast in one log alone is no noise."""
+    robot = exo.load_robot("dvrk_wrist")
+    stated = robot.with_parameters({"reading.repeatability": 4.0 * 0.002}, source="test")
+    said = suspicions(servo_case(stated, factor * 0.002), stated)
+    assert [("Set reading.sigma and reading.repeatability" in s) for s in said] == [True] * named
+    columns = [f"angle_{j}" for j in robot.machine.axes.joints]
+    case = changed(servo_case(robot, 0.002), lambda v: v + 0.01 * (-1.0) ** np.arange(len(v)), columns, [0])
+    assert not [sentence for sentence in suspicions(case, robot) if "noise in the logs" in sentence]
+
+
 @pytest.mark.parametrize("column", [TENSIONS[0], STROKES[1], ANGLES[2]])
 def test_a_log_of_a_robot_with_another_zero_is_named(column):
     case = case_of("sensor.gain")
@@ -301,7 +313,11 @@ def test_a_case_in_which_nothing_moves_says_so(effect):
     ],
 )
 def test_a_case_in_which_something_moves_does_not_say_that_nothing_does(effect, references):
-    assert "nothing_moves" not in fired(case_on(ROBOT.splice(effect) if effect else ROBOT, *references))
+    case = case_on(ROBOT.splice(effect) if effect else ROBOT, *references)
+    assert "nothing_moves" not in fired(case)
+    if len(references[0]) > 500:  # nor where no channel follows the step of the reference
+        columns = [column for column in case.logs[0].log.columns if "_ref_" not in column]
+        assert "nothing_moves" not in fired(changed(case, noisy, columns, [0]))
 
 
 def test_a_repeat_with_another_reference_is_refused_by_file_column_and_row():
@@ -321,6 +337,10 @@ def test_empty_constant_and_half_empty_columns_break_no_check():
     case = changed(case_of(), lambda v: np.full_like(v, np.nan), ANGLES[:1])
     case = changed(changed(case, np.zeros_like, STROKES), with_gap, TENSIONS[:1])
     assert fired(case) == {"gaps", "frozen_channels"}
+    compared = compare(case_of(), ROBOT.with_parameters({"finger.kappa": np.inf}))  # diverges, as a diagnosis may try
+    assert {channel.column for channel in compared.channels} == {*compared.columns} - {*ANGLES}
+    case = changed(case_of(), lambda angle: angle + 0.3, ANGLES)  # in all logs alike
+    assert not [sentence for sentence in suspicions(case, ROBOT) if "do not follow" in sentence]
 
 
 @pytest.mark.parametrize("name", machine_names())

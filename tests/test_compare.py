@@ -71,3 +71,10 @@ def test_the_nominal_robot_is_dotted_on_either_side_and_differences_stand_below(
     assert lines(figure) == [False, True] and len(figure.axes) == 4
     np.testing.assert_allclose(figure.axes[1].lines[0].get_ydata(), -0.5)  # second less first, below the tension
     assert figure.axes[-1].get_xlabel() == "Time [s]" and figure.texts[0].get_text() == "model and robot"
+
+
+def test_a_log_in_a_notebook_is_a_headline_a_table_and_a_small_figure():
+    page = log(source="<b>.csv", **{f"force_{k}": TIME for k in range(40)})._repr_html_()
+    assert page.startswith("<b>&lt;b&gt;.csv</b>: 100 rows, 0 to 1.98 s") and "and 12 more" in page
+    assert "<td>tension_AF</td><td>N</td><td>100</td><td>0</td><td>5.94</td>" in page
+    assert len(page) < 150_000 and "base64," in page and "<img" not in log(time=TIME[:0])._repr_html_()

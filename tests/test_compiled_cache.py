@@ -86,6 +86,11 @@ def test_damaged_machine_code_is_compiled_anew(folder, monkeypatch, damage):
     assert again(21.0) == 42.0 and again.stats.cache_hits
 
 
+def test_two_processes_that_compile_at_once_agree(folder):
+    for process in [ask(), ask()]:
+        answer(process)
+
+
 def test_a_full_disk_costs_the_cache_alone(folder):
     def full():
         resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))

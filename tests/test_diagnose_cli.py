@@ -187,10 +187,11 @@ def test_demo_refuses_a_folder_with_an_earlier_demo(tmp_path):
 
 @pytest.mark.parametrize(("verdict", "words"), [(NAMED, "found: the verdict was NAMED"), (UNKNOWN, "number 1 of 3")])
 def test_demo_reveals_the_label_and_says_if_it_was_found(tmp_path, capsys, verdict, words):
-    from exodrake.cli.demo import COMMITMENT, LABELS, reveal
+    from exodrake.cli.demo import COMMITMENT, LABELS, case_plan, reveal
     from exodrake.reference.answers import write_committed
 
     truth = {"id": "tendon.capstan_friction", "block": "tendon", "wires": ["AF"], "joints": [], "exact": False}
+    assert case_plan(3) == case_plan(3) and len({case_plan(seed).ids for seed in range(20)}) > 8
     truth |= {"parameters": {"mu_phi": 0.3}, "gap": 5.0}
     write_committed({"case": {"kind": "single", "effects": [truth]}}, tmp_path / LABELS, tmp_path / COMMITMENT)
     reveal(tmp_path, diagnosis(verdict))

@@ -210,6 +210,8 @@ def test_command_writes_a_reference_that_a_robot_follows(answered, few, tmp_path
 
 
 def test_command_says_why_there_is_nothing_to_do(answered, tmp_path):
+    result = run("experiment", answered, "--case", answered, "--robot", "emps", "--out", tmp_path / "reference.csv")
+    assert result.exit_code == 2 and "is a case itself" in result.output
     answer = json.loads((answered / "diagnosis.json").read_text())
     for changes, status, words in (
         ({"verdict": "NAMED", "rivals": []}, 0, "one explanation is left"),

@@ -95,6 +95,19 @@ def test_an_arm_with_effects_moves_in_mujoco_as_in_the_own_engine(arm):
     assert np.sqrt(np.mean(error**2, axis=0)).max() < 2e-3 < 0.01 * np.ptp(wanted["link_position"], axis=0).max()
 
 
+def test_friction_and_latency_of_tendons_reach_mujoco():
+    mujoco = pytest.importorskip("mujoco", reason="MuJoCo, of the group bench, is not installed")
+    robot = exo.load_robot()
+    for effect, parameters in (("tendon.coulomb_friction", {"force": 0.2}), ("finger.stiffness", {"factor": 1.5}),
+                               ("timing.command_latency", {"frames": 1.5})):  # fmt: skip
+        robot = robot.splice(effect, parameters)
+    model = mujoco.MjModel.from_xml_string(robot_as(robot, "mjcf"))
+    assert model.tendon_frictionloss == pytest.approx([0.2] * 3) and model.actuator_delay == pytest.approx([0.03] * 3)
+    stiffness = np.reshape(model.jnt_stiffness, (3, -1))[:, 0]  # the first coefficient, since MuJoCo 4
+    assert stiffness == pytest.approx(1.5 * robot.channels("finger.kappa"))
+    assert model.actuator_forcerange[0] == pytest.approx([0.0, 0.3 * 0.0115 * 69 / 0.0075])
+
+
 def test_drake_reads_the_urdf_back(arm):
     plant = MultibodyPlant(0.0)
     Parser(plant).AddModelsFromString(robot_as(arm, "urdf"), "urdf")

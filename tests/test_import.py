@@ -188,6 +188,14 @@ def test_arrays_of_structs_and_cells_have_an_index(tmp_path):
     np.testing.assert_array_equal(log["angle_wrist"], Q[:, 0])
 
 
+def test_a_square_matrix_is_read_as_the_mapping_says(tmp_path):
+    stream, square = io.BytesIO(), np.arange(9.0).reshape(3, 3)
+    np.save(stream, square)
+    for side, wanted in (("rows", square[:, 1]), ("columns", square[1])):
+        mapping = {"time": {"period": 0.02}, "columns": {"1": {"name": "force_x", "unit": "N"}}, "samples": side}
+        np.testing.assert_array_equal(imported(tmp_path, stream.getvalue(), mapping, "q.npy")["force_x"], wanted)
+
+
 @pytest.mark.parametrize("matlab", [False, True])
 def test_hdf5_and_matlab_7_3(tmp_path, matlab):
     with h5py.File(tmp_path / "made.h5", "w", userblock_size=512 if matlab else 0) as file:
@@ -334,6 +342,8 @@ def test_a_lerobot_data_set(tmp_path, version):
     one = run("import", tmp_path / "set", "--unit", "deg", "--episodes", "1", "--out", tmp_path / "one.csv")
     assert one.exit_code == 0 and len(read_log(tmp_path / "one.csv")) == N
     assert "--unit deg" in run("import", tmp_path / "set", "--out", tmp_path / "none").stderr
+    lerobot(tmp_path / "nan", {"a.parquet": [0.0, float("nan")]})
+    assert "'episode_index': wanted one number" in run("import", tmp_path / "nan").stderr
 
 
 def test_a_counter_that_starts_again_is_made_continuous_with_its_sign(tmp_path):

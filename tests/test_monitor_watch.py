@@ -2,6 +2,7 @@
 
 import io
 import os
+import signal
 import threading
 import time
 from pathlib import Path
@@ -200,7 +201,7 @@ def test_limits_have_the_stated_rate_of_false_alarms():
     assert np.mean(left_out) == pytest.approx(1 / 60, abs=0.006)
 
 
-def test_command_and_screen_summarise_and_the_status_tells_an_alarm(tmp_path, file, log):
+def test_command_and_screen_summarise_and_the_status_tells_an_alarm(tmp_path, file, monkeypatch):
     result = run(file, "--until-idle", 0)
     assert result.exit_code == 0 and "30 s" in result.stdout and "no alarm" in result.stdout
     console = Console(record=True, width=110, file=io.StringIO())
@@ -210,6 +211,10 @@ def test_command_and_screen_summarise_and_the_status_tells_an_alarm(tmp_path, fi
     console.print(draw_screen(monitor, file))
     text = console.export_text()
     assert "waiting for the file" in text and "tendon" in text and "no alarm" in text
+    with monkeypatch.context() as patch:  # an interrupt ends with a summary
+        patch.setattr("exodrake.monitor.watcher.time.sleep", lambda _: signal.raise_signal(signal.SIGINT))
+        result = run(file)
+    assert result.exit_code == 0 and "no alarm" in result.stdout and "1500 frames" in result.stdout
     loose = NOMINAL.splice("tendon.slack", channels=["MF"])
     write_log(exo.simulate(loose, draw_work(NOMINAL, 5, 30.0)), tmp_path / "slack.mcap")
     result = run(tmp_path / "slack.mcap", "--until-idle", 0)
@@ -261,6 +266,8 @@ def test_a_rise_at_86_s_is_dated(correlation, factor):
         found = date_rise(draw_powers(rng, correlation) * np.where(np.arange(60) < 46, 1.0, factor), 100)
         dated += found is not None and found[0] <= 86.0 <= found[1]
     assert binomtest(dated, 25, 0.9, alternative="less").pvalue > 0.01
+    low, high = date_rise(np.where(np.arange(60) < 46, 1.0, 20.0) * draw_powers(rng, 0.0), 200, 2.0)  # readings of 2 s
+    assert low <= 172.0 <= high and high - low <= 4.0
 
 
 def test_a_tendon_that_loosens_on_the_way_raises_a_dated_alarm(tmp_path):

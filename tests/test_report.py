@@ -298,6 +298,18 @@ def test_quantities_have_a_unit_and_as_many_digits_as_they_deserve():
     assert wording.percent(0.99953) == "99.9 %" and wording.percent(1.0) == "100 %" and wording.percent(0.5) == "50 %"
 
 
+def test_gaps_count_in_noise_standard_deviations_under_the_label_and_unit_of_the_machine():
+    robot = diagnosis().robots["nominal"]
+    columns = tuple(replace(c, label="Pull", unit="mN") if c.kind == "tension" else c for c in robot.machine.columns)
+    other = replace(robot, machine=replace(robot.machine, columns=columns))
+    found = wording.kind_gaps(replace(diagnosis(), robots=dict.fromkeys(diagnosis().robots, other)))
+    assert [g.kind for g in found] == ["tension", "stroke", "speed_cmd", "angle"]
+    gap = found[0].gap
+    assert gap.closure == pytest.approx(1 - (1.05**2 - 1) / ((gap.before / gap.noise_std) ** 2 - 1))
+    assert found[0].display.axis == "Pull [mN]"
+    assert wording.quantity(gap.noise_std, "N", found[0].display.unit) == "10.0 mN"
+
+
 def test_answer_as_json_has_the_keys_of_its_page():
     answer = diagnosis(AMBIGUOUS).to_json()
     text = (Path(__file__).parent.parent / "docs" / "explain" / "answer.md").read_text()

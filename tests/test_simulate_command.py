@@ -53,6 +53,8 @@ def test_the_folder_of_a_run_stands_for_its_log(made, tmp_path):
     assert (tmp_path / "log.csv").read_bytes() == (made[0] / "log.csv").read_bytes()
     assert run("show", made[0], "--out", tmp_path / "run.html").exit_code == 0
     assert "<title>out</title>" in (tmp_path / "run.html").read_text()
+    assert run("simulate", SHORT, "--out", tmp_path / "log.csv").exit_code == 2  # a file is no folder
+    assert (tmp_path / "log.csv").read_bytes() == (made[0] / "log.csv").read_bytes()
     refused = run("show", tmp_path / "none", "--out", tmp_path / "none.html")
     assert refused.exit_code == 2 and "none: no such file" in refused.stderr
 
