@@ -28,7 +28,7 @@ from exodrake.diagnosis.fleet import (
     sort_rows,
     table_bytes,
 )
-from exodrake.diagnosis.many import stored
+from exodrake.diagnosis.many import read_stored
 from exodrake.diagnosis.result import NAMED, NO_GAP, RETUNE, UNKNOWN
 from exodrake.report.fleet import fleet_html, members, strip
 
@@ -159,7 +159,7 @@ def test_command_reads_a_folder_writes_table_and_page_and_refuses_what_is_none(t
     for name, text in (("torn", '{"verdict": "NAMED"'), ("half", '{"verdict": "NAMED"}')):
         (answers / name).mkdir()
         (answers / name / "diagnosis.json").write_text(text)
-    assert stored(answers / "half") is None and stored(answers / "c0")["verdict"] == NAMED
+    assert read_stored(answers / "half") is None and read_stored(answers / "c0")["verdict"] == NAMED
     (answers / "lost").mkdir()
     (answers / "lost" / "failed.json").write_text('["no log"]')
 
