@@ -177,13 +177,13 @@ def fit_on(found: Isolation, best: Fitted) -> tuple[Fitted, Fitted]:
         return found.retuned, best
     likelihood, fits = found.likelihood.on(found.whole.shorten(part)).for_stage("fit on"), list[Fitted]()
     jacobian = np.zeros((best.explanation.nominal, likelihood.samples), dtype=np.float32)
-    for fitted in (best, found.retuned):
+    for fitted in dict.fromkeys((best, found.retuned)):
         e = fitted.explanation
         (e,) = replace(e, jacobian=jacobian).at_each(likelihood, [e.x])
         likelihood = likelihood.with_memory(e.residual)
         e = minimise(likelihood.scaled_to(e.residual), e) if fits else settle(likelihood, e, 1)
         jacobian, fits = e.jacobian, [*fits, Fitted.at(likelihood, e)]
-    return fits[1], fits[0]
+    return fits[-1], fits[0]
 
 
 def fitted(likelihood: Likelihood, e: Explanation) -> Explanation:
