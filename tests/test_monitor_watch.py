@@ -2,7 +2,6 @@
 
 import io
 import os
-import signal
 import threading
 import time
 from pathlib import Path
@@ -211,8 +210,12 @@ def test_command_and_screen_summarise_and_the_status_tells_an_alarm(tmp_path, fi
     console.print(draw_screen(monitor, file))
     text = console.export_text()
     assert "waiting for the file" in text and "tendon" in text and "no alarm" in text
-    with monkeypatch.context() as patch:  # an interrupt ends with a summary
-        patch.setattr("exodrake.monitor.watcher.time.sleep", lambda _: signal.raise_signal(signal.SIGINT))
+
+    def interrupt(seconds):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:  # ends with a summary
+        patch.setattr("exodrake.monitor.watcher.time.sleep", interrupt)
         result = run(file)
     assert result.exit_code == 0 and "no alarm" in result.stdout and "1500 frames" in result.stdout
     loose = NOMINAL.splice("tendon.slack", channels=["MF"])
