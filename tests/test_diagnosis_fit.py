@@ -11,7 +11,7 @@ from scipy.optimize import least_squares, lsq_linear
 from exodrake.diagnosis.fit import Explanation, minimise
 from exodrake.diagnosis.likelihood import output_error
 from exodrake.diagnosis.linear import minimise_bounded
-from exodrake.diagnosis.linearise import linearise
+from exodrake.diagnosis.linearise import nominal_jacobian
 from exodrake.diagnosis.parameter import apply, effect_parameters, nominal_parameters
 
 
@@ -79,8 +79,9 @@ def test_injected_parameters_of_a_simulated_robot_are_recovered_as_by_scipy():
     nominals = nominal_parameters(problem.robot)[:6]
     parameters = (*nominals, *effect_parameters(machine, machine.effect("tendon.capstan_friction")))
     x = np.array([p.start for p in parameters])
-    lin = linearise(likelihood, values, np.zeros(6), nominals, ())
-    start = Explanation(("tendon.capstan_friction",), parameters, x, values, lin.residual, lin.jacobian)
+    (residual,) = likelihood.residual(values[None])
+    jacobian = nominal_jacobian(likelihood, values, nominals, np.zeros(6), residual)
+    start = Explanation(("tendon.capstan_friction",), parameters, x, values, residual, jacobian)
     found = minimise(likelihood, start.at(likelihood, x), 30, 1e-7)
     coefficients = [p.value(c) for p, c in zip(parameters[6:], found.x[6:], strict=True)]
     assert coefficients == pytest.approx([INJECTED[p.channels[0]] for p in parameters[6:]], abs=0.01)

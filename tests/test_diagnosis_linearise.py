@@ -5,7 +5,7 @@ import pytest
 from diagnosis_cases import friction_problem
 
 from exodrake.diagnosis.likelihood import output_error
-from exodrake.diagnosis.linearise import PROBE, linearise, probes
+from exodrake.diagnosis.linearise import PROBE, linearise, nominal_jacobian, probes
 from exodrake.diagnosis.parameter import apply, nominal_parameters
 
 
@@ -22,7 +22,8 @@ def column_of(problem, row, name):
 def test_direction_of_a_marker_gain_is_the_angle(problem):
     """q as seen = (1 + gain) q, and nothing else sees the marker: change of the residual = -gain q / noise_std."""
     effect, values = problem.robot.machine.effect("mocap.gain"), problem.silent()
-    lin = linearise(output_error(problem), values, np.zeros(0), (), [effect])
+    likelihood = output_error(problem)
+    lin = linearise(likelihood, values, [effect], likelihood.residual(values[None])[0])
     first = lin.probes[0]
     pip = next(i for i, p in enumerate(first.parameters) if p.channels == ("PIP",))
     gain = PROBE * first.parameters[pip].start
@@ -39,7 +40,8 @@ def test_jacobian_holds_in_all_directions_those_that_hardly_show_included(proble
     """Lengths, spools and stiffness that grow together hardly show; a long step would show their curvature instead."""
     likelihood, values, nominal = output_error(problem), problem.silent(), nominal_parameters(problem.robot)
     prior_std = np.array([p.prior_std for p in nominal])
-    jacobian = linearise(likelihood, values, np.zeros(len(nominal)), nominal, ()).jacobian * prior_std[:, None]
+    (base,) = likelihood.residual(values[None])
+    jacobian = nominal_jacobian(likelihood, values, nominal, np.zeros(len(nominal)), base) * prior_std[:, None]
     seen = [k for k, row in enumerate(jacobian) if row @ row > 0.0]
     sizes, directions = np.linalg.eigh(jacobian[seen] @ jacobian[seen].T)
     assert sizes[-1] > 1e6 * sizes[0]
@@ -54,7 +56,8 @@ def test_jacobian_holds_in_all_directions_those_that_hardly_show_included(proble
 
 def test_every_direction_belongs_to_one_probe_and_simulated_time_is_counted(problem):
     likelihood, effects = output_error(problem, "here"), problem.robot.machine.effects[:6]
-    lin = linearise(likelihood, problem.silent(), np.zeros(0), (), effects)
+    values = problem.silent()
+    lin = linearise(likelihood, values, effects, likelihood.residual(values[None])[0])
     rows = np.concatenate([probe.rows for probe in lin.probes])
     np.testing.assert_array_equal(rows, np.arange(len(lin.directions)))
     assert {probe.effect for probe in lin.probes} == {effect.id for effect in effects}

@@ -35,7 +35,7 @@ FREE = (
 )
 LESS, INITIAL = (1.0, 0.5, 0.2), (1.0, 0.3)  # of the predicted and of the initial amplitude, tried where a fit begins
 HALF = 0.5  # of the best gain after two steps, with which a fit goes on
-USELESS = 1.0  # nats that a new nominal Jacobian must gain for the next one
+VISIBLE = 0.5  # standard deviations of all samples together by which a tolerance shows: a tenth of a nat. Assumed
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,6 +77,16 @@ class Explanation:
     def nominal(self) -> int:
         """Number of nominal parameters."""
         return len(self.jacobian)
+
+    @property
+    def nominal_part(self) -> tuple[np.ndarray, tuple[Parameter, ...], np.ndarray]:
+        """Flat vector with the fitted effects, the nominal parameters and their coordinates."""
+        return self.at_nominal, self.parameters[: self.nominal], self.x[: self.nominal]
+
+    def find_visible(self, likelihood: Likelihood) -> np.ndarray:
+        """Mask (nominal,) of the nominal parameters whose tolerance shows in the logs, by `VISIBLE`."""
+        size = np.linalg.norm(self.jacobian * likelihood.weights, axis=1)
+        return size * self.prior_std[: self.nominal] > VISIBLE
 
     @cached_property
     def prior_std(self) -> np.ndarray:
@@ -332,16 +342,12 @@ def fit_beside(likelihood: Likelihood, known: Explanation, predicted: Sequence[P
     return side_by_side([partial(finish, e, gain) for e, gain in zip(begun, gains, strict=True)])
 
 
-def settle(likelihood: Likelihood, e: Explanation, rounds: int = 2) -> Explanation:
-    """The explanation fitted on with new nominal Jacobians, until one gains less than `USELESS`."""
-    for _ in range(rounds if e.nominal else 0):
-        likelihood, count = likelihood.scaled_to(e.residual), e.nominal
-        before = e.cost(likelihood)
-        jacobian = nominal_jacobian(likelihood, e.at_nominal, e.parameters[:count], e.x[:count], e.residual)
-        e = minimise(likelihood, e.change(jacobian=jacobian))
-        if before - e.cost(likelihood) < USELESS:
-            break
-    return e
+def settle(likelihood: Likelihood, e: Explanation, seen: np.ndarray | None = None) -> Explanation:
+    """The explanation fitted on with new derivatives by the nominal parameters `seen` (nominal,), or by visible ones."""
+    likelihood, jacobian = likelihood.scaled_to(e.residual), e.jacobian.copy()
+    seen = e.find_visible(likelihood) if seen is None else seen
+    jacobian[seen] = nominal_jacobian(likelihood, *e.nominal_part, e.residual, seen)
+    return minimise(likelihood, e.change(jacobian=jacobian))
 
 
 def without(likelihood: Likelihood, e: Explanation, effect: str) -> Explanation:

@@ -14,7 +14,7 @@ from exodrake.diagnosis.likelihood import Likelihood, make_likelihood, output_er
 from exodrake.diagnosis.linearise import Linearisation, linearise, nominal_jacobian
 from exodrake.diagnosis.parameter import nominal_parameters
 from exodrake.diagnosis.problem import Problem, by_trial
-from exodrake.diagnosis.search import NEGLIGIBLE, Fitted, Search
+from exodrake.diagnosis.search import GAIN, NEGLIGIBLE, SCREENED, Fitted, Search
 
 USED, MOST = 20_000, 135_000  # samples that are fitted, and at most where the rest shows a gap that this part does not
 PRECISE = 40_000  # samples to which the answer is fitted on: four times as many halve an interval
@@ -129,17 +129,17 @@ def isolate(
     likelihood = likelihood.with_memory(residual)
     effects = tuple(e for e in machine.effects if e.id in short.tried)
 
-    def count_needed(robot: np.ndarray) -> float:
-        """Samples to fit instead, where the rest of the logs shows what the fitted part does not; 0 where not."""
-        if part == affordable(problem):
-            return 0.0
-        shares = np.linspace(part, affordable(problem), PARTS)
+    def count_needed(robot: np.ndarray, least: float = 0.0) -> float:
+        """Samples to fit instead, where the rest of the logs shows what the fitted part does not; 0 where not.
+
+        least: excess over all of them that counts [noise variances].
+        """
         gaps = excess(whole, robot, likelihood, shares)
-        if gaps[-1] < 0.0 or gaps[0] >= HIDDEN * gaps.max():
+        if part == shares[-1] or gaps[-1] < least or gaps[0] >= HIDDEN * gaps.max():
             return 0.0
         return float(shares[np.argmax(gaps >= SHOWN * gaps.max())]) * count_samples(problem)
 
-    zero = replace(start, x=np.zeros(len(start.x)))
+    zero, shares = replace(start, x=np.zeros(len(start.x))), np.linspace(part, affordable(problem), PARTS)
     if negligible(whole, zero.robot, likelihood):
         none = np.zeros((len(start.x), likelihood.samples), dtype=np.float32)
         (retuned,) = replace(zero, jacobian=none).at_each(likelihood, [zero.x])
@@ -154,15 +154,16 @@ def isolate(
             (retuned,) = retuned.at_each(likelihood, [by_more.x])
     (nominal,) = retuned.at_each(likelihood, [zero.x])
     progress(Stage.LINEARISE, "")
-    known = (retuned.values, retuned.x, retuned.parameters, effects, retuned.jacobian, retuned.residual)
-    lin = linearise(likelihood, *known)
+    lin = linearise(likelihood, retuned.robot, effects, retuned.residual, SCREENED)
     logs = likelihood.on(whole.shorten(affordable(whole))).for_stage("measure")
     search = Search(likelihood, effects, lin, logs, progress=progress)
     search.add([retuned])
     if before is not None:
         search.take_over(before)
-    best = search.run(max(machine.max_effects - certain, 0)) if effects else search.none
-    if best.effects and (more := count_needed(best.explanation.robot)):
+    gap = excess(whole, retuned.robot, likelihood, np.ones(1))[0]
+    most = max(machine.max_effects - certain, 0) if gap > 0.0 else 1  # an effect that stands for what retuning moves
+    best = search.run(most) if effects else search.none
+    if gap > 0.0 and best.effects and (more := count_needed(best.explanation.robot, GAIN * gap)):
         return isolate(problem, progress, more, search)
     return Isolation(short, whole, likelihood, lin, nominal, search, best)
 
@@ -179,9 +180,12 @@ def fit_on(found: Isolation, best: Fitted) -> tuple[Fitted, Fitted]:
     jacobian = np.zeros((best.explanation.nominal, likelihood.samples), dtype=np.float32)
     for fitted in dict.fromkeys((best, found.retuned)):
         e = fitted.explanation
+        seen = e.find_visible(found.likelihood.scaled_to(e.residual))
         (e,) = replace(e, jacobian=jacobian).at_each(likelihood, [e.x])
         likelihood = likelihood.with_memory(e.residual)
-        e = minimise(likelihood.scaled_to(e.residual), e) if fits else settle(likelihood, e, 1)
+        if not fits:
+            jacobian[seen] = nominal_jacobian(likelihood, *e.nominal_part, e.residual, seen)
+        e = minimise(likelihood.scaled_to(e.residual), e)
         jacobian, fits = e.jacobian, [*fits, Fitted.at(likelihood, e)]
     return fits[-1], fits[0]
 

@@ -56,23 +56,17 @@ class Probe:
 
 @dataclass(frozen=True, eq=False)
 class Linearisation:
-    """Residual, nominal Jacobian and effect directions at a robot.
+    """Effect directions at a robot.
 
     Attributes:
-        nominal: the nominal parameters.
-        x: (nominal,) coordinates.
-        residual: (samples,) whitened [noise_std].
-        jacobian: (nominal, samples) derivatives by the nominal parameters.
-        directions: (directions, samples) differences by the effects, float32.
+        directions: (directions, samples) differences of the whitened residual by the effects, float32.
         probes: sets of directions of all effects.
+        kept: (samples,) mask of the samples where they were simulated; elsewhere they are zero.
     """
 
-    nominal: tuple[Parameter, ...]
-    x: np.ndarray
-    residual: np.ndarray
-    jacobian: np.ndarray
     directions: np.ndarray
     probes: tuple[Probe, ...]
+    kept: np.ndarray
 
 
 def with_effects(values: np.ndarray, effects: Sequence[tuple[Machine, Effect]]) -> np.ndarray:
@@ -85,41 +79,35 @@ def with_effects(values: np.ndarray, effects: Sequence[tuple[Machine, Effect]]) 
 
 
 def linearise(
-    likelihood: Likelihood,
-    values: np.ndarray,
-    x: np.ndarray,
-    nominal: tuple[Parameter, ...],
-    effects: Sequence[Effect],
-    jacobian: np.ndarray | None = None,
-    base: np.ndarray | None = None,
+    likelihood: Likelihood, robot: np.ndarray, effects: Sequence[Effect], residual: np.ndarray, share: float = 1.0
 ) -> Linearisation:
     """All directions at a robot.
 
     Args:
         likelihood: views of the case.
-        values: (parameters,) flat vector of the robot at x = 0, effects that are in it included.
-        x: (nominal,) coordinates of its nominal parameters.
-        nominal: nominal parameters.
+        robot: (parameters,) flat vector.
         effects: effects to try.
-        jacobian: (nominal, samples) known derivatives by the nominal parameters; simulated if None.
-        base: (samples,) known residual of the robot; simulated if None.
+        residual: (samples,) of the robot, whitened [noise_std].
+        share: part of each log, from its beginning, on which they are simulated.
     """
-    here = apply(values, nominal, x)
-    residual: np.ndarray = likelihood.residual(here[None])[0] if base is None else base
-    if jacobian is None:
-        jacobian = nominal_jacobian(likelihood, values, nominal, x, residual)
-    found, at = [], 0
+    problem, found, at = likelihood.views[0].problem, [], 0
     for effect in effects:
-        for probe, robots in probes(likelihood.views[0].problem, effect, here, at):
+        for probe, robots in probes(problem, effect, robot, at):
             found.append((probe, robots))
             at += len(robots)
-    directions = np.empty((at, len(residual)), dtype=np.float32)
+    short = likelihood.on(problem.shorten(share)) if share < 1.0 else likelihood
+    kept = np.concatenate([
+        np.arange(whole.measured.size) < part.measured.size
+        for view, first in zip(likelihood.views, short.views, strict=True)
+        for whole, part in zip(view.problem.fit, first.problem.fit, strict=True)
+    ])  # fmt: skip
+    directions = np.zeros((at, len(residual)), dtype=np.float32)
 
     def simulate(probe: Probe, robots: np.ndarray) -> None:
-        directions[probe.rows] = likelihood.residual(robots) - residual
+        directions[np.ix_(probe.rows, kept)] = short.residual(robots) - residual[kept]
 
     side_by_side([partial(simulate, *pair) for pair in found])
-    return Linearisation(nominal, x, residual, jacobian, directions, tuple(probe for probe, _ in found))
+    return Linearisation(directions, tuple(probe for probe, _ in found), kept)
 
 
 def renew(old: Linearisation, new: Linearisation) -> Linearisation:
@@ -134,9 +122,14 @@ def renew(old: Linearisation, new: Linearisation) -> Linearisation:
 
 
 def nominal_jacobian(
-    likelihood: Likelihood, values: np.ndarray, nominal: tuple[Parameter, ...], x: np.ndarray, base: np.ndarray
+    likelihood: Likelihood,
+    values: np.ndarray,
+    nominal: tuple[Parameter, ...],
+    x: np.ndarray,
+    base: np.ndarray,
+    wanted: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Derivatives (nominal, samples), float32, of the residual by the nominal parameters.
+    """Derivatives (wanted, samples), float32, of the residual by the nominal parameters.
 
     Args:
         likelihood: views of the case.
@@ -144,12 +137,14 @@ def nominal_jacobian(
         nominal: nominal parameters.
         x: (nominal,) their coordinates.
         base: (samples,) residual at x.
+        wanted: (nominal,) mask of the parameters; all if None.
     """
-    if not nominal:
-        return np.zeros((0, len(base)))
     steps = STEP * np.array([p.scale for p in nominal])
-    rows = np.array([apply(values, nominal, x + step) for step in np.diag(steps)])
-    return likelihood.derivatives(rows, base, steps)
+    wanted = np.ones(len(nominal), dtype=bool) if wanted is None else wanted
+    if not wanted.any():
+        return np.zeros((0, len(base)), dtype=np.float32)
+    rows = np.array([apply(values, nominal, x + step) for step in np.diag(steps)[wanted]])
+    return likelihood.derivatives(rows, base, steps[wanted])
 
 
 def probes(problem: Problem, effect: Effect, here: np.ndarray, at: int) -> list[tuple[Probe, np.ndarray]]:
@@ -198,7 +193,7 @@ def fixed_points(parameters: Sequence[Parameter], start: np.ndarray, amplitudes:
     if amplitudes and parameters[amplitudes[0]].channels != ("",):
         strong = start.copy()
         strong[list(amplitudes)] *= STRONG
-        return [start, np.clip(strong, *np.array([p.bounds for p in parameters]).T)]
+        return [np.clip(strong, *np.array([p.bounds for p in parameters]).T)]
     lead = parameters[0]
     low, high = (b / 2.0 for b in lead.bounds) if lead.amplitude else lead.bounds
     return [np.concatenate([[value], start[1:]]) for value in np.linspace(low, high, GRID) if value != 0.0]

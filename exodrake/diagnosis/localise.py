@@ -52,7 +52,7 @@ def remaining(found: Isolation, fitted: Fitted) -> Where:
     beside = {next(iter(key - fitted.effects)): f for key, f in more.items()}
     gains = {i: 1.0 - search.measure_left(f) / left for i, f in beside.items()}
     if not gains:
-        cost = max(e.cost(likelihood), 1e-12)
+        cost = max(likelihood.cost(e.residual * found.lin.kept, e.x, e.prior_std), 1e-12)
         gains = {p.probe.effect: p.gain / cost for p in search.screen_beside(e, found.lin)}
     ranked = [machine.effect(i) for i in sorted(gains, key=lambda i: -gains[i])]
     shares: dict[str, float] = {}

@@ -35,7 +35,8 @@ from exodrake.diagnosis.likelihood import Likelihood
 from exodrake.diagnosis.linear import LinearModel, minimise_bounded
 from exodrake.diagnosis.linearise import Linearisation, linearise, renew
 
-SINGLES, FITTED, LOOKED = 6, 3, 10  # first effects fitted; further ones; those whose directions are taken anew
+SINGLES, FITTED, LOOKED = 4, 3, 10  # first effects fitted; further ones; those whose directions are taken anew
+SCREENED = 0.5  # of each fitted log, from its beginning, on which effects are predicted: ranks are those of all of it
 NATS = 4.0  # of evidence that one effect more must add: odds of 1 to 50, as many as a library has effects
 GAIN = 0.05  # share of what is left that one effect more must take up
 LAW = 0.15  # relative error of a law: that of another simulator or of a machine differs by as much
@@ -271,10 +272,8 @@ class Search:
         far = bool(key) and self.sets[key].excess > 1.0 and not exchange  # noise variances
         if key:
             promising = {p.probe.effect for p in self.screen_beside(e, lin)[: None if far else LOOKED]}
-            some, n = [x for x in self.effects if x.id in promising], e.nominal
-            again, nominal = likelihood.for_stage("linearise again"), e.parameters[:n]
-            new = linearise(again, e.at_nominal, e.x[:n], nominal, some, e.jacobian, e.residual)
-            lin = renew(lin, new)
+            some = [x for x in self.effects if x.id in promising]
+            lin = renew(lin, linearise(likelihood.for_stage("linearise again"), e.robot, some, e.residual, SCREENED))
         kinds = {(x.block, name_kind(x)) for x in self.effects if x.id in key and name_kind(x) in ONE}
         barred = self.barred | {x.id for x in self.effects if (x.block, name_kind(x)) in kinds}
         predicted = [p for p in self.screen_beside(e, lin) if p.probe.effect not in barred]
@@ -321,7 +320,7 @@ class Search:
             self.likelihood = self.likelihood.with_memory(best.explanation.residual)
             best = self.best
             if best.effects:
-                self.add([settle(self.likelihood.for_stage("refine again"), best.explanation, 1)])
+                self.add([settle(self.likelihood.for_stage("refine again"), best.explanation)])
                 self.reduce(best.effects)
             if self.best.effects != best.effects:
                 continue
@@ -348,7 +347,9 @@ class Search:
 def screen(likelihood: Likelihood, e: Explanation, lin: Linearisation) -> list[Predicted]:
     """Each effect that an explanation lacks, by its best probe, the one that lowers the cost most first."""
     count, width = len(e.x), len(lin.directions)
-    rows = np.concatenate([whole_jacobian(likelihood, e), lin.directions, e.residual[None].astype(np.float32)])
+    rows = (
+        np.concatenate([whole_jacobian(likelihood, e), lin.directions, e.residual[None].astype(np.float32)]) * lin.kept
+    )
     low, high = e.bounds - e.x
     flat = np.zeros(width)
     ends = (np.r_[low, flat - np.inf], np.r_[high, flat + np.inf])

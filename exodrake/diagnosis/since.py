@@ -376,7 +376,7 @@ def fit_screened(found: Isolation, sessions: tuple[Session, ...]) -> None:
     flat = np.zeros(width)
     prior = [np.r_[-none.x, flat], np.r_[none.prior_std**-2.0, flat + 1e-6],
              np.r_[none.bounds[0] - none.x, flat - np.inf], np.r_[none.bounds[1] - none.x, flat + np.inf]]  # fmt: skip
-    rows = np.concatenate([whole_jacobian(found.likelihood, none), lin.directions, none.residual[None]])
+    rows = np.concatenate([whole_jacobian(found.likelihood, none), lin.directions, none.residual[None]]) * lin.kept
     model = Logs(found.likelihood, sessions).model(rows, prior)
     best: dict[str, tuple[float, Predicted]] = {}
     for probe in (probe for probe in lin.probes if frozenset({probe.effect}) not in search.sets):

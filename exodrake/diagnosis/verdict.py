@@ -207,7 +207,8 @@ def screen_alike(found: Isolation) -> dict[str, tuple[float, Predicted]]:
         return {}
     fixed = replace(nominal, parameters=(), x=none, jacobian=nominal.jacobian[:0])
     likelihood = found.likelihood.scaled_to(nominal.residual)
-    gain = likelihood.cost(nominal.residual, none, none) - likelihood.cost(retuned.residual, none, none)
+    kept = found.lin.kept
+    gain = likelihood.cost(nominal.residual * kept, none, none) - likelihood.cost(retuned.residual * kept, none, none)
     shares = {p.probe.effect: (min(p.gain / gain, 1.0), p) for p in screen(likelihood, fixed, found.lin) if gain > 0.0}
     return {effect: one for effect, one in shares.items() if one[0] > ALIKE}
 

@@ -10,7 +10,7 @@ from exodrake.core.robot import Robot
 from exodrake.diagnosis.closure import change_robot
 from exodrake.diagnosis.fit import Explanation, minimise
 from exodrake.diagnosis.likelihood import Likelihood, output_error
-from exodrake.diagnosis.linearise import linearise, nominal_jacobian, with_effects
+from exodrake.diagnosis.linearise import nominal_jacobian, with_effects
 from exodrake.diagnosis.parameter import apply, effect_parameters, nominal_parameters
 from exodrake.diagnosis.problem import Problem
 
@@ -48,8 +48,9 @@ def growing_models(problem: Problem, steps: list[tuple[str, tuple[str, ...]]]) -
     """
     likelihood, nominal = output_error(problem), nominal_parameters(problem.robot)
     values, x = problem.silent(), np.zeros(len(nominal))
-    lin = linearise(likelihood, values, x, nominal, ())
-    point = Explanation((), nominal, x, values, lin.residual, lin.jacobian)
+    (residual,) = likelihood.residual(values[None])
+    jacobian = nominal_jacobian(likelihood, values, nominal, x, residual)
+    point = Explanation((), nominal, x, values, residual, jacobian)
     found = []
     for name, effects in steps:
         for identity in effects:

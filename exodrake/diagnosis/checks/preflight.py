@@ -33,7 +33,7 @@ from exodrake.diagnosis.checks.compare import Comparison, check_case, compare, f
 from exodrake.diagnosis.checks.suspicions import HELD, LEAST_MOTION, suspicions
 from exodrake.diagnosis.likelihood import CORRELATION, duration, output_error
 from exodrake.diagnosis.linear import LinearModel, minimise_bounded
-from exodrake.diagnosis.linearise import Linearisation, linearise
+from exodrake.diagnosis.linearise import Linearisation, linearise, nominal_jacobian
 from exodrake.diagnosis.noise import sensor_noise_std
 from exodrake.diagnosis.parameter import nominal_parameters
 from exodrake.diagnosis.problem import Problem, find_columns, list_required, make_problem
@@ -282,12 +282,15 @@ def identifiability(
     effects = [effect for effect in machine.effects if effect.id in problem.tried]
     nominal = nominal_parameters(problem.robot)
     progress(f"simulating {len(effects)} effects")
-    lin = linearise(output_error(problem), problem.silent(), np.zeros(len(nominal)), nominal, effects)
+    likelihood, values = output_error(problem), problem.silent()
+    (residual,) = likelihood.residual(values[None])
+    jacobian = nominal_jacobian(likelihood, values, nominal, np.zeros(len(nominal)), residual)
+    lin = linearise(likelihood, values, effects, residual)
     progress("telling the effects apart")
     # a linear model of nominal parameters and, last, directions, with a block for each kind of column
     kinds, known = np.array(problem.kinds), list(dict.fromkeys(problem.kinds))
     kind = np.concatenate([np.tile(kinds, len(trial.measured)) for trial in problem.fit])
-    rows = np.concatenate([lin.jacobian, lin.directions, np.zeros((1, lin.directions.shape[1]))], dtype=np.float32)
+    rows = np.concatenate([jacobian, lin.directions, np.zeros((1, lin.directions.shape[1]))], dtype=np.float32)
     places = [np.flatnonzero(kind == k) for k in known]
     ends = np.cumsum([0, *map(len, places)])
     blocks = [(0, 0, slice(int(a), int(b))) for a, b in pairwise(ends)]
@@ -351,7 +354,7 @@ def find_directions(
     every: whether all effects that could be taken for one are sought; else the first.
     """
     some = replace(model, products=model.products * blocks[:, None, None])
-    gram, found = some.eliminate(len(lin.nominal)).normal, []
+    gram, found = some.eliminate(len(some.mean) - len(lin.directions)).normal, []
     size = np.sqrt(np.maximum(np.diag(gram), 0.0))
     least = np.array([least_left(gram, probe.rows) for probe in lin.probes])
     for effect in dict.fromkeys(p.effect for p in lin.probes):

@@ -52,7 +52,7 @@ STARTED, PER_POINT = 14, 4  # laws that are simulated as predicted, and at most 
 FITTED, OTHERS = 3, 1  # laws that are fitted, inside a block and outside it
 WIDE = 1e6  # bound of a coordinate: none
 SHARES = (1.0, 0.5, 0.2, 0.05)  # of a predicted law, tried where its fit begins
-ROUNDS = 4  # new Jacobians of the best law's other parameters, on whole logs
+ROUNDS = 2  # new Jacobians of the best law's other parameters, on whole logs
 # in 90 % of robots a law in a wrong part takes up less of what the best one in the right part leaves: conformal
 # quantile of 24 of the reference simulator, rounded up (docs/missing_law.md); the largest are 0.65, 0.49 and 0.05
 LEAD = 0.5
@@ -343,7 +343,7 @@ def fit_best(
     def fit_law(begun: LawFit) -> LawFit:
         """A law fitted, its scales those of the largest evidence about a first fit."""
         first = minimise(likelihood.scaled_to(begun.explanation.residual), begun.explanation, 2)
-        fit = replace(begun, explanation=settle(likelihood, first, 1))
+        fit = replace(begun, explanation=settle(likelihood, first))
         reduced = replace(fit.model, memory=likelihood.memory).eliminate(fit.beside)
         slope = reduced.slope - reduced.normal @ fit.explanation.x[fit.beside :]
         scales = np.zeros(len(fit.scales))
@@ -405,11 +405,13 @@ def drop_needless(fit: LawFit) -> LawFit:
 
 
 def fit_whole_logs(fit: LawFit, whole: Problem) -> LawFit:
-    """A law fitted to whole logs until no step with a new Jacobian of the other parameters leads further."""
+    """A law fitted to whole logs, `ROUNDS` times with new derivatives by the other parameters."""
     likelihood = fit.likelihood.on(whole)
     e = fit.explanation.at(likelihood, fit.explanation.x)
     e = replace(e, jacobian=np.zeros((e.nominal, len(e.residual)), dtype=np.float32))
-    return replace(fit, explanation=settle(likelihood, e, ROUNDS), likelihood=likelihood)
+    for _ in range(ROUNDS):
+        e = settle(likelihood, e, np.ones(e.nominal, dtype=bool))
+    return replace(fit, explanation=e, likelihood=likelihood)
 
 
 def draw_curves(fit: LawFit, counts: np.ndarray) -> dict[str, Curve]:
