@@ -343,7 +343,7 @@ def fit_beside(likelihood: Likelihood, known: Explanation, predicted: Sequence[P
 
 
 def settle(likelihood: Likelihood, e: Explanation, seen: np.ndarray | None = None) -> Explanation:
-    """The explanation fitted on with new derivatives by the nominal parameters `seen` (nominal,), or by visible ones."""
+    """The explanation fitted on with new derivatives by nominal parameters: `seen` (nominal,), or visible ones."""
     likelihood, jacobian = likelihood.scaled_to(e.residual), e.jacobian.copy()
     seen = e.find_visible(likelihood) if seen is None else seen
     jacobian[seen] = nominal_jacobian(likelihood, *e.nominal_part, e.residual, seen)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from exodrake.diagnosis.likelihood import Likelihood, make_likelihood, output_er
 from exodrake.diagnosis.linearise import Linearisation, linearise, nominal_jacobian
 from exodrake.diagnosis.parameter import nominal_parameters
 from exodrake.diagnosis.problem import Problem, by_trial
-from exodrake.diagnosis.search import GAIN, NEGLIGIBLE, SCREENED, Fitted, Search
+from exodrake.diagnosis.search import GAIN, NEGLIGIBLE, SCREENED, SINGLES, Fitted, Search
 
 USED, MOST = 20_000, 135_000  # samples that are fitted, and at most where the rest shows a gap that this part does not
 PRECISE = 40_000  # samples to which the answer is fitted on: four times as many halve an interval
@@ -51,6 +52,19 @@ class Isolation:
     def retuned(self) -> Fitted:
         """The retuned robot without an effect."""
         return self.search.none
+
+    @cached_property
+    def beside_detections(self) -> float:
+        """Share of the gap that certain detections leave to other effects; 1 without such."""
+        whole, machine, robot = self.whole, self.whole.robot.machine, self.retuned.explanation.robot
+        without = robot.copy()
+        for name in (name for d in whole.detected for name in d.values):
+            without[machine.index[name]] = whole.robot[name]
+        if (without == robot).all():
+            return 1.0
+        rows = (replace(whole, notched=()).residual(without[None], whole.fit), whole.residual(robot[None], whole.fit))
+        before, after = (max(float(np.mean(row**2)) - 1.0, 0.0) for row in rows)
+        return float(np.clip(after / max(before, 1e-12), 1e-6, 1.0))
 
     def negligible(self, robot: np.ndarray) -> bool:
         """Whether a robot leaves less than `NEGLIGIBLE` beyond noise in each channel, over the whole logs."""
@@ -160,11 +174,13 @@ def isolate(
     search.add([retuned])
     if before is not None:
         search.take_over(before)
-    gap = excess(whole, retuned.robot, likelihood, np.ones(1))[0]
-    most = max(machine.max_effects - certain, 0) if gap > 0.0 else 1  # an effect that stands for what retuning moves
-    best = search.run(most) if effects else search.none
-    if gap > 0.0 and best.effects and (more := count_needed(best.explanation.robot, GAIN * gap)):
-        return isolate(problem, progress, more, search)
+    gap, best = excess(whole, retuned.robot, likelihood, np.ones(1))[0], search.none
+    if effects and gap < 0.0:
+        search.expand(frozenset(), SINGLES)  # effects that stand for what retuning moves
+    elif effects:
+        best = search.run(max(machine.max_effects - certain, 0))
+        if best.effects and (more := count_needed(best.explanation.robot, GAIN * gap)):
+            return isolate(problem, progress, more, search)
     return Isolation(short, whole, likelihood, lin, nominal, search, best)
 
 

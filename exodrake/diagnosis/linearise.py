@@ -110,17 +110,6 @@ def linearise(
     return Linearisation(directions, tuple(probe for probe, _ in found), kept)
 
 
-def renew(old: Linearisation, new: Linearisation) -> Linearisation:
-    """A linearisation with the directions of an older one for effects that it lacks."""
-    known = {p.effect for p in new.probes}
-    at, probes, rows = len(new.directions), list(new.probes), []
-    for probe in (p for p in old.probes if p.effect not in known):
-        probes.append(replace(probe, rows=np.arange(at, at := at + len(probe.rows))))
-        rows.append(probe.rows)
-    directions = [new.directions, *(old.directions[some] for some in rows)]
-    return replace(new, directions=np.concatenate(directions), probes=tuple(probes))
-
-
 def nominal_jacobian(
     likelihood: Likelihood,
     values: np.ndarray,

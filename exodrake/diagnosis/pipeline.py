@@ -29,7 +29,6 @@ from exodrake.diagnosis.problem import Problem, list_required, make_problem
 from exodrake.diagnosis.recorded import with_recorded_ranges
 from exodrake.diagnosis.result import (
     AMBIGUOUS,
-    NAMED,
     NO_GAP,
     PARTLY,
     RETUNE,
@@ -98,7 +97,7 @@ def diagnose(
     progress(Stage.CHECK, "")
     with one_blas_thread():
         found = isolate(make_problem(case, with_recorded_ranges(robot, case), tried), progress)
-        made = answer(found.whole, found, decide_with_detections(found), started, progress)
+        made = answer(found.whole, found, decide(found), started, progress)
         if discovers is None or not discovers(made.verdict):
             return made
         if answered is not None:
@@ -122,13 +121,6 @@ def with_law(problem: Problem, made: Diagnosis, law: MissingLaw) -> Diagnosis:
     return replace(made, where=where, missing_law=law)
 
 
-def decide_with_detections(found: Isolation) -> Decision:
-    """The verdict of an isolation; where nothing else is left, certain detections are the causes."""
-    decision, reasons = decide(found), tuple(d.reason for d in found.whole.detected if d.certain)
-    word = NAMED if reasons and decision.verdict in (NO_GAP, RETUNE) else decision.verdict
-    return replace(decision, verdict=word, reasons=(*reasons, *decision.reasons))
-
-
 def state_effects(problem: Problem, found: Isolation, decision: Decision, best: Fitted) -> tuple[NamedEffect, ...]:
     """The effects of the best set with channels, intervals, shares and rivals; certain detections last.
 
@@ -143,8 +135,8 @@ def state_effects(problem: Problem, found: Isolation, decision: Decision, best: 
         rivals = tuple(state_rival(found, decision.best, part, i) for i in part.rivals)
         stated.append(replace(named, role=part.role, share=part.share, rivals=rivals))
     certain = [d.effect for d in problem.detected if d.certain]
-    alone = len(certain) == 1 and not stated  # nothing is known of the share of one among several
-    return (*stated, *(e if alone else replace(e, share=Interval(NONE, NONE, NONE)) for e in certain))
+    taken = 1.0 - found.beside_detections if len(certain) == 1 else NONE  # nothing is known of one among several
+    return (*stated, *(replace(e, share=Interval(taken, taken, taken)) for e in certain))
 
 
 def state_rival(found: Isolation, best: Fitted, part: Part, other: str) -> EffectRival:
@@ -206,7 +198,7 @@ def answer(problem: Problem, found: Isolation, first: Decision, started: float, 
     effects = () if word in (NO_GAP, RETUNE, UNKNOWN) else effects
     others = screen_alike(found) if word == RETUNE else {}
     progress(Stage.LOCALISE, "")
-    rest = decision.remainder if decision.parts or word == UNKNOWN else Interval(NONE, NONE, NONE)
+    rest = Interval(NONE, NONE, NONE) if word in (NO_GAP, RETUNE) else decision.remainder
     place = remaining(found, best) if word in (PARTLY, UNKNOWN) else Where("")
     made = Diagnosis(
         case=case.name,

@@ -33,10 +33,10 @@ from exodrake.diagnosis.fit import (
 )
 from exodrake.diagnosis.likelihood import Likelihood
 from exodrake.diagnosis.linear import LinearModel, minimise_bounded
-from exodrake.diagnosis.linearise import Linearisation, linearise, renew
+from exodrake.diagnosis.linearise import Linearisation, linearise
 
 SINGLES, FITTED, LOOKED = 4, 3, 10  # first effects fitted; further ones; those whose directions are taken anew
-SCREENED = 0.5  # of each fitted log, from its beginning, on which effects are predicted: ranks are those of all of it
+SCREENED = 0.75  # of each fitted log, from its beginning, on which all effects are tried: ranks are those of all of it
 NATS = 4.0  # of evidence that one effect more must add: odds of 1 to 50, as many as a library has effects
 GAIN = 0.05  # share of what is left that one effect more must take up
 LAW = 0.15  # relative error of a law: that of another simulator or of a machine differs by as much
@@ -273,7 +273,7 @@ class Search:
         if key:
             promising = {p.probe.effect for p in self.screen_beside(e, lin)[: None if far else LOOKED]}
             some = [x for x in self.effects if x.id in promising]
-            lin = renew(lin, linearise(likelihood.for_stage("linearise again"), e.robot, some, e.residual, SCREENED))
+            lin = linearise(likelihood.for_stage("linearise again"), e.robot, some, e.residual)
         kinds = {(x.block, name_kind(x)) for x in self.effects if x.id in key and name_kind(x) in ONE}
         barred = self.barred | {x.id for x in self.effects if (x.block, name_kind(x)) in kinds}
         predicted = [p for p in self.screen_beside(e, lin) if p.probe.effect not in barred]

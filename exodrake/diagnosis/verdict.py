@@ -99,28 +99,32 @@ def jackknife_share(values: np.ndarray) -> Interval:
 
 
 def decide(found: Isolation) -> Decision:
-    """The verdict of an isolation."""
+    """The verdict of an isolation; certain detections are causes of what they take of the gap."""
     search, best, none = found.search, found.best, found.search.none
-    if found.negligible(found.nominal.robot):
-        return Decision(NO_GAP, none, (), jackknife_share(search.left_by_log(none)), (REASONS[NO_GAP],))
-    if found.negligible(none.explanation.robot):
-        return decide_retuned(search)
+    certain = tuple(d.reason for d in found.whole.detected if d.certain)
+    for word, explanation in ((NO_GAP, found.nominal), (RETUNE, none.explanation)):
+        if found.negligible(explanation.robot):
+            left = found.beside_detections * search.left_by_log(none)
+            one = Decision(word, none, (), jackknife_share(left), (REASONS[word],))
+            if certain:
+                return replace(one, verdict=NAMED, reasons=(*certain, *one.reasons))
+            return one if word == NO_GAP else decide_retuned(search, one)
     best, parts = drop_refinements(found)
-    causes, left = [p for p in parts if p.role == CAUSE], search.left_by_log(best)
+    causes, left = [p for p in parts if p.role == CAUSE], found.beside_detections * search.left_by_log(best)
     explained = 1.0 - float(left[0])
     if found.negligible(best.explanation.robot):
         explained = 1.0
-    if not causes or explained < MOST:
+    if not (causes or certain) or explained < MOST:
         word = UNKNOWN
     elif explained < EXPLAINED:
         word = PARTLY
     else:
         word = AMBIGUOUS if any(p.rivals for p in causes) else NAMED
-    return Decision(word, best, parts, jackknife_share(left), (REASONS[word],))
+    return Decision(word, best, parts, jackknife_share(left), (*certain, REASONS[word]))
 
 
-def decide_retuned(search: Search) -> Decision:
-    """The verdict where retuning leaves a negligible gap: `RETUNE`, unless tolerances had to move too far for it.
+def decide_retuned(search: Search, decision: Decision) -> Decision:
+    """The verdict where retuning leaves a negligible gap: `decision`, unless tolerances had to move too far for it.
 
     They cost what their priors say. An effect in their place counts if it spares `SURE` of that; the most likely does.
     """
@@ -133,10 +137,9 @@ def decide_retuned(search: Search) -> Decision:
     singles = {i: f for i, f in usable.items() if cost(retuned) - cost(f.explanation) > SURE}
     likely = {i: search.evidence(f) for i, f in singles.items()}
     one = max(likely, key=likely.__getitem__, default="")
-    none = search.left_by_log(search.none)
     if not one or likely[one] - search.evidence(search.none) < NATS:
-        return Decision(RETUNE, search.none, (), jackknife_share(none), (REASONS[RETUNE],))
-    left = search.left_by_log(singles[one])
+        return decision
+    none, left = search.left_by_log(search.none), search.left_by_log(singles[one])
     rivals = {i: 1.0 - search.measure_left(singles[i]) for i in likely if i != one and likely[one] - likely[i] < NATS}
     part = Part(one, CAUSE, jackknife_share(none - left), rivals)
     word = AMBIGUOUS if rivals else NAMED
@@ -167,8 +170,13 @@ def divide_gap(found: Isolation, best: Fitted) -> tuple[Part, ...]:
     two that stand in for each other neither is lost.
     """
     search, exact = found.search, found.negligible(best.explanation.robot)
-    none, left = search.left_by_log(search.none), search.left_by_log(best)
-    gains = {i: search.left_by_log(search.sets[best.effects - {i}]) - left for i in best.explanation.effects}
+
+    def measure(fitted: Fitted) -> np.ndarray:
+        """Share (1 + logs,) of the gap, detections in it, that a set leaves."""
+        return found.beside_detections * search.left_by_log(fitted)
+
+    none, left = measure(search.none), measure(best)
+    gains = {i: measure(search.sets[best.effects - {i}]) - left for i in best.explanation.effects}
     roles = {}
     for effect, gain in gains.items():
         others = sum(float(g[0]) for i, g in gains.items() if i != effect)
@@ -176,15 +184,14 @@ def divide_gap(found: Isolation, best: Fitted) -> tuple[Part, ...]:
         smaller = search.sets[best.effects - {effect}]
         visible = np.mean(smaller.chi2 - best.chi2) >= NEGLIGIBLE**2
         roles[effect] = CAUSE if gain[0] >= LARGE or (most and beyond and visible) else REFINEMENT
-    alone = {i: none - search.left_by_log(search.sets.get(frozenset([i]), search.none)) for i in gains}
+    alone = {i: none - measure(search.sets.get(frozenset([i]), search.none)) for i in gains}
     weight = {i: np.maximum(alone[i], 0.0) + np.maximum(gains[i], 1e-9) for i in gains if roles[i] == CAUSE}
     together = none - left - sum(np.maximum(g, 0.0) for i, g in gains.items() if roles[i] == REFINEMENT)
     parts = []
     for effect, gain in gains.items():
         share = together * weight[effect] / sum(weight.values()) if effect in weight else gain
-        mine = float(gain[0])
-        rivals = search.list_rivals(best, effect, mine)
-        lost = {i: float(share[0]) + float(left[0]) - search.measure_left(f) for i, f in rivals.items()}
+        rivals = search.list_rivals(best, effect, float(gain[0]) / found.beside_detections)
+        lost = {i: float(share[0] + left[0] - measure(f)[0]) for i, f in rivals.items()}
         parts.append(Part(effect, roles[effect], jackknife_share(share), lost))
     return tuple(sorted(parts, key=lambda p: (p.role != CAUSE, -p.share.value)))
 
