@@ -176,14 +176,15 @@ def divide_gap(found: Isolation, best: Fitted) -> tuple[Part, ...]:
         return found.beside_detections * search.left_by_log(fitted)
 
     none, left = measure(search.none), measure(best)
-    gains = {i: measure(search.sets[best.effects - {i}]) - left for i in best.explanation.effects}
+    smaller = {i: search.sets[best.effects - {i}] for i in best.explanation.effects}
+    gains = {i: measure(fitted) - left for i, fitted in smaller.items()}
     roles = {}
     for effect, gain in gains.items():
         others = sum(float(g[0]) for i, g in gains.items() if i != effect)
         most, beyond = gain[0] >= MOST * (left[0] + gain[0]), exact or gain[0] >= LAW**2 * others
-        smaller = search.sets[best.effects - {effect}]
-        visible = np.mean(smaller.chi2 - best.chi2) >= NEGLIGIBLE**2
-        roles[effect] = CAUSE if gain[0] >= LARGE or (most and beyond and visible) else REFINEMENT
+        small = gain[0] < LARGE
+        visible = small and most and beyond and not found.negligible(smaller[effect].explanation.robot)
+        roles[effect] = CAUSE if visible or not small else REFINEMENT
     alone = {i: none - measure(search.sets.get(frozenset([i]), search.none)) for i in gains}
     weight = {i: np.maximum(alone[i], 0.0) + np.maximum(gains[i], 1e-9) for i in gains if roles[i] == CAUSE}
     together = none - left - sum(np.maximum(g, 0.0) for i, g in gains.items() if roles[i] == REFINEMENT)
