@@ -77,4 +77,4 @@ def explanation(likelihood, parameters, x, jacobian, effects=()):
 def linearisation(e, directions=None, probes=()):
     """Directions beside an explanation."""
     directions = np.zeros((0, len(e.residual))) if directions is None else directions
-    return Linearisation(directions.astype(np.float32), tuple(probes), np.ones(len(e.residual), dtype=bool))
+    return Linearisation(directions.astype(np.float32), tuple(probes), *np.ones((2, len(e.residual)), dtype=bool))

@@ -35,7 +35,8 @@ class Linear:
     def screened(self, low: float = -1e3, high: float = 1e3, probes=None):
         """The predictions of all effects by their ids, the most promising first."""
         probes = probes or [probe(effect, rows, low, high) for effect, rows in PROBES.items()]
-        found = screen(self.likelihood, self.known, linearisation(self.known, self.directions, probes))
+        lin = linearisation(self.known, self.directions, probes)
+        found = screen(self.likelihood, self.known, lin, lin.kept)
         return {p.probe.effect: p for p in found}
 
     def cost(self, predicted) -> float:

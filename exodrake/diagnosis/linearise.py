@@ -62,11 +62,13 @@ class Linearisation:
         directions: (directions, samples) differences of the whitened residual by the effects, float32.
         probes: sets of directions of all effects.
         kept: (samples,) mask of the samples where they were simulated; elsewhere they are zero.
+        early: (samples,) mask of the first half of these, log by log.
     """
 
     directions: np.ndarray
     probes: tuple[Probe, ...]
     kept: np.ndarray
+    early: np.ndarray
 
 
 def with_effects(values: np.ndarray, effects: Sequence[tuple[Machine, Effect]]) -> np.ndarray:
@@ -96,18 +98,15 @@ def linearise(
             found.append((probe, robots))
             at += len(robots)
     short = likelihood.on(problem.shorten(share)) if share < 1.0 else likelihood
-    kept = np.concatenate([
-        np.arange(whole.measured.size) < part.measured.size
-        for view, first in zip(likelihood.views, short.views, strict=True)
-        for whole, part in zip(view.problem.fit, first.problem.fit, strict=True)
-    ])  # fmt: skip
+    whole, part = ([t.measured.size for v in each.views for t in v.problem.fit] for each in (likelihood, short))
+    kept, early = (np.concatenate([np.arange(n) < m // k for n, m in zip(whole, part, strict=True)]) for k in (1, 2))
     directions = np.zeros((at, len(residual)), dtype=np.float32)
 
     def simulate(probe: Probe, robots: np.ndarray) -> None:
         directions[np.ix_(probe.rows, kept)] = short.residual(robots) - residual[kept]
 
     side_by_side([partial(simulate, *pair) for pair in found])
-    return Linearisation(directions, tuple(probe for probe, _ in found), kept)
+    return Linearisation(directions, tuple(probe for probe, _ in found), kept, early)
 
 
 def nominal_jacobian(

@@ -22,7 +22,7 @@ from exodrake.diagnosis.intervals import describe, fitted_effects
 from exodrake.diagnosis.isolation import Isolation
 from exodrake.diagnosis.problem import Problem, Trial, by_trial
 from exodrake.diagnosis.result import NO_GAP, RETUNE, NamedEffect, Where
-from exodrake.diagnosis.search import Fitted, is_memory
+from exodrake.diagnosis.search import Fitted, is_memory, screen
 from exodrake.diagnosis.verdict import LARGE
 
 AFFECTED = 0.25  # share of the strongest channel's residual power, half its amplitude, from which one counts: assumed
@@ -53,7 +53,7 @@ def remaining(found: Isolation, fitted: Fitted) -> Where:
     gains = {i: 1.0 - search.measure_left(f) / left for i, f in beside.items()}
     if not gains:
         cost = max(likelihood.cost(e.residual * found.lin.kept, e.x, e.prior_std), 1e-12)
-        gains = {p.probe.effect: p.gain / cost for p in search.screen_beside(e, found.lin)}
+        gains = {p.probe.effect: p.gain / cost for p in screen(likelihood, e, found.lin, found.lin.kept)}
     ranked = [machine.effect(i) for i in sorted(gains, key=lambda i: -gains[i])]
     shares: dict[str, float] = {}
     for effect in ranked:

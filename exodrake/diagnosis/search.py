@@ -255,8 +255,16 @@ class Search:
                 self.sets[fitted.effects] = fitted
 
     def screen_beside(self, e: Explanation, lin: Linearisation) -> list[Predicted]:
-        """Each further effect beside an explanation by its best probe, the most promising first."""
-        return screen(self.likelihood.scaled_to(e.residual), e, lin)
+        """Each further effect beside an explanation by its best probe, the most promising first.
+
+        In turn by all samples and by the first of each log: later ones go far apart where a loop hunts or a finger
+        touches.
+        """
+        likelihood, found = self.likelihood.scaled_to(e.residual), dict[str, Predicted]()
+        for pair in zip(*(screen(likelihood, e, lin, some) for some in (lin.kept, lin.early)), strict=True):
+            for predicted in pair:
+                found.setdefault(predicted.probe.effect, predicted)
+        return list(found.values())
 
     def expand(self, key: frozenset[str], fitted: int = FITTED, exchange: bool = False) -> None:
         """Fit the most promising effects beside a set, which had new directions there.
@@ -344,12 +352,13 @@ class Search:
         return float(np.mean(np.log(np.maximum(np.sum(found * samples, axis=0) / samples.sum(axis=0), 1.0))))
 
 
-def screen(likelihood: Likelihood, e: Explanation, lin: Linearisation) -> list[Predicted]:
-    """Each effect that an explanation lacks, by its best probe, the one that lowers the cost most first."""
+def screen(likelihood: Likelihood, e: Explanation, lin: Linearisation, kept: np.ndarray) -> list[Predicted]:
+    """Each effect that an explanation lacks, by its best probe, the one that lowers the cost most first.
+
+    kept: (samples,) mask of the samples that count.
+    """
     count, width = len(e.x), len(lin.directions)
-    rows = (
-        np.concatenate([whole_jacobian(likelihood, e), lin.directions, e.residual[None].astype(np.float32)]) * lin.kept
-    )
+    rows = np.concatenate([whole_jacobian(likelihood, e), lin.directions, e.residual[None].astype(np.float32)]) * kept
     low, high = e.bounds - e.x
     flat = np.zeros(width)
     ends = (np.r_[low, flat - np.inf], np.r_[high, flat + np.inf])

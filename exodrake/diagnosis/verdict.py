@@ -33,7 +33,7 @@ from exodrake.diagnosis.result import (
     Moved,
     Rival,
 )
-from exodrake.diagnosis.search import LAW, NATS, NEGLIGIBLE, Fitted, Search, screen
+from exodrake.diagnosis.search import LAW, NATS, Fitted, Search, screen
 
 SURE = 8.0  # nats of the tolerances' priors that an effect in their place has to spare: on healthy robots at most 6
 LARGE = 0.1  # share of the gap from which an effect is a cause, not a refinement
@@ -217,7 +217,8 @@ def screen_alike(found: Isolation) -> dict[str, tuple[float, Predicted]]:
     likelihood = found.likelihood.scaled_to(nominal.residual)
     kept = found.lin.kept
     gain = likelihood.cost(nominal.residual * kept, none, none) - likelihood.cost(retuned.residual * kept, none, none)
-    shares = {p.probe.effect: (min(p.gain / gain, 1.0), p) for p in screen(likelihood, fixed, found.lin) if gain > 0.0}
+    predicted = screen(likelihood, fixed, found.lin, kept) if gain > 0.0 else []
+    shares = {p.probe.effect: (min(p.gain / gain, 1.0), p) for p in predicted}
     return {effect: one for effect, one in shares.items() if one[0] > ALIKE}
 
 
