@@ -183,7 +183,10 @@ class Search:
         return as_likely or self.measure_left(other) - left <= min(LAW**2 * gain, left)
 
     def bar_richer_laws(self) -> None:
-        """Bar laws with more parameters than another of their kind that leaves as much, within the error of a law."""
+        """Bar laws with more parameters than another of their kind that leaves as much, within the error of a law.
+
+        Not one that is better by as much as one effect more must be.
+        """
         known = {e.id: e for e in self.effects}
         for key, rich in self.sets.items():
             for effect in [i for i in key if i in known and self.usable(rich)]:
@@ -194,6 +197,7 @@ class Search:
                         known[other]
                     )
                     fewer = len(plain.explanation.x) < len(rich.explanation.x) and self.usable(plain)
+                    fewer &= not self.beats(rich, plain, 1)
                     if same and fewer and self.measure_left(plain) - self.measure_left(rich) <= LAW**2 * gain:
                         self.barred.add(effect)
 
@@ -232,9 +236,9 @@ class Search:
                     found = fitted
         return found
 
-    def beats(self, a: Fitted, b: Fitted) -> bool:
-        """Whether a set is better than another: more evidence, enough more if it has more effects."""
-        more = len(a.effects) - len(b.effects)
+    def beats(self, a: Fitted, b: Fitted, more: int | None = None) -> bool:
+        """Whether a set is better than another: more evidence, enough more if it has `more` effects."""
+        more = len(a.effects) - len(b.effects) if more is None else more
         memory = a.memory if more > 0 else b.memory if more < 0 else min(a.memory, b.memory)
         gain = self.evidence(a, memory) - self.evidence(b, memory)
         return gain > NATS * more and (more <= 0 or a.excess < (1.0 - GAIN) ** more * b.excess)
