@@ -15,9 +15,10 @@ from exodrake.diagnosis.likelihood import Likelihood, make_likelihood, output_er
 from exodrake.diagnosis.linearise import Linearisation, linearise, nominal_jacobian
 from exodrake.diagnosis.parameter import nominal_parameters
 from exodrake.diagnosis.problem import Problem, by_trial
-from exodrake.diagnosis.search import GAIN, NEGLIGIBLE, SCREENED, SINGLES, Fitted, Search
+from exodrake.diagnosis.search import GAIN, NEGLIGIBLE, SINGLES, Fitted, Search
 
 USED, MOST = 20_000, 135_000  # samples that are fitted, and at most where the rest shows a gap that this part does not
+SCREENED, LEAST_SCREENED = 0.75, 15_000  # part of them on which all effects are tried, and samples of it at least
 PRECISE = 40_000  # samples to which the answer is fitted on: four times as many halve an interval
 # Where the fitted part shows less than HIDDEN of the largest gap over a first part of the logs, the shortest of so many
 # PARTS is fitted that shows at least SHOWN of that gap. Assumed
@@ -168,7 +169,9 @@ def isolate(
             (retuned,) = retuned.at_each(likelihood, [by_more.x])
     (nominal,) = retuned.at_each(likelihood, [zero.x])
     progress(Stage.LINEARISE, "")
-    lin = linearise(likelihood, retuned.robot, effects, retuned.residual, SCREENED)
+    lin = linearise(
+        likelihood, retuned.robot, effects, retuned.residual, max(SCREENED, affordable(short, LEAST_SCREENED))
+    )
     logs = likelihood.on(whole.shorten(affordable(whole))).for_stage("measure")
     search = Search(likelihood, effects, lin, logs, progress=progress)
     search.add([retuned])

@@ -36,7 +36,6 @@ from exodrake.diagnosis.linear import LinearModel, minimise_bounded
 from exodrake.diagnosis.linearise import Linearisation, linearise
 
 SINGLES, FITTED, LOOKED = 4, 3, 10  # first effects fitted; further ones; those whose directions are taken anew
-SCREENED = 0.75  # of each fitted log, from its beginning, on which all effects are tried: ranks are those of all of it
 NATS = 4.0  # of evidence that one effect more must add: odds of 1 to 50, as many as a library has effects
 GAIN = 0.05  # share of what is left that one effect more must take up
 LAW = 0.15  # relative error of a law: that of another simulator or of a machine differs by as much
