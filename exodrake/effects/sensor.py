@@ -96,6 +96,7 @@ PULLEY_FRICTION = Effect(
     parameters=(per_tendon("mu", "-", null=0.0, low=0.003, high=0.15, default=0.04),
                 per_tendon("presliding", "m", null=5e-5, low=1e-5, high=2e-3, default=5e-5, transform="log")),
     states=(State("force", TENDONS, unit="N"), State("stretch_before", TENDONS, unit="m")), advances=("tendon.settle",),
+    law_std=ANY_SHAPE,
 )  # fmt: skip
 CROSSTALK = Effect(
     id="sensor.crosstalk", summary="a cell picks up the next wire's load", family="crosstalk",

@@ -299,6 +299,7 @@ STIFFENING = Effect(
     parameters=(
         per_tendon("soft_stiffness", "N/m", null=inf, low=500.0, high=2500.0, default=1200.0, transform="reciprocal"),
         per_tendon("stiffening", "1/m", null=200.0, low=30.0, high=500.0, default=200.0, transform="log")),
+    law_std=ANY_SHAPE,
 )  # fmt: skip
 BOUC_WEN = Effect(
     id="tendon.bouc_wen", summary="part of the wire's stiffness yields", family="hysteresis",
@@ -316,6 +317,7 @@ COMPLIANCE = Effect(
     signature="stroke offset proportional to tension, without a loop and at every rate; angle against tension as ever",
     source="physics.md 4.B; 0.5-10 N/mm [A]", at={"tendon.elastic": in_series},
     parameters=(per_tendon("stiffness", "N/m", null=inf, low=5e2, high=2e4, default=3e3, transform="reciprocal"),),
+    law_std=ANY_SHAPE,
 )  # fmt: skip
 SHEATH_FRICTION = Effect(
     id="tendon.sheath_friction", summary="sheath friction spread along an elastic wire", family="friction",
