@@ -18,7 +18,7 @@ from exodrake.core.robot import Robot
 from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis.fit import Explanation, minimise
 from exodrake.diagnosis.likelihood import output_error
-from exodrake.diagnosis.linearise import linearise
+from exodrake.diagnosis.linearise import nominal_jacobian
 from exodrake.diagnosis.parameter import STEP, Parameter, apply, effect_parameters, nominal_parameters
 from exodrake.diagnosis.pipeline import diagnose
 from exodrake.diagnosis.problem import Problem, make_problem
@@ -54,8 +54,9 @@ def explanation(problem: Problem) -> Explanation:
     machine, likelihood, nominal = problem.robot.machine, output_error(problem), nominal_parameters(problem.robot)
     parameters = (*nominal, *effect_parameters(machine, machine.effect(EFFECT), tuple(INJECTED)))
     start, values = np.array([p.start for p in parameters]), problem.silent()
-    lin = linearise(likelihood, values, np.zeros(len(nominal)), nominal, ())
-    return Explanation((EFFECT,), parameters, start, values, lin.residual, lin.jacobian).at(likelihood, start)
+    (residual,) = likelihood.residual(values[None])
+    jacobian = nominal_jacobian(likelihood, values, nominal, np.zeros(len(nominal)), residual)
+    return Explanation((EFFECT,), parameters, start, values, residual, jacobian).at(likelihood, start)
 
 
 def ours(problem: Problem) -> np.ndarray:

@@ -169,9 +169,8 @@ def isolate(
             (retuned,) = retuned.at_each(likelihood, [by_more.x])
     (nominal,) = retuned.at_each(likelihood, [zero.x])
     progress(Stage.LINEARISE, "")
-    lin = linearise(
-        likelihood, retuned.robot, effects, retuned.residual, max(SCREENED, affordable(short, LEAST_SCREENED))
-    )
+    share = max(SCREENED, affordable(short, LEAST_SCREENED))
+    lin = linearise(likelihood, retuned.robot, effects, retuned.residual, share)
     logs = likelihood.on(whole.shorten(affordable(whole))).for_stage("measure")
     search = Search(likelihood, effects, lin, logs, progress=progress)
     search.add([retuned])
