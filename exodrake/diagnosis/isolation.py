@@ -71,6 +71,10 @@ class Isolation:
         """Whether a robot leaves less than `NEGLIGIBLE` beyond noise in each channel, over the whole logs."""
         return negligible(self.whole, robot, self.likelihood)
 
+    def excess(self, fitted: Fitted) -> float:
+        """What a set leaves beyond that in its worst channel [noise variances]; less than 0 where it is negligible."""
+        return float(excess(self.whole, fitted.explanation.robot, self.likelihood, np.ones(1))[0])
+
 
 def negligible(problem: Problem, robot: np.ndarray, likelihood: Likelihood) -> bool:
     """Whether a robot (parameters,) leaves less than `NEGLIGIBLE` beyond noise in each column.

@@ -33,7 +33,7 @@ from exodrake.diagnosis.result import (
     Moved,
     Rival,
 )
-from exodrake.diagnosis.search import LAW, NATS, Fitted, Search, screen
+from exodrake.diagnosis.search import LAW, NATS, NEGLIGIBLE, Fitted, Search, screen
 
 SURE = 8.0  # nats of the tolerances' priors that an effect in their place has to spare: on healthy robots at most 6
 LARGE = 0.1  # share of the gap from which an effect is a cause, not a refinement
@@ -165,11 +165,11 @@ def divide_gap(found: Isolation, best: Fitted) -> tuple[Part, ...]:
     """Effects of a set, causes first, the largest first.
 
     A small effect is a cause where what is left without it is visible and no error of another one's law: it takes up
-    most of that, and more than laws err by or all of it.
+    most of that, and more than laws err by.
     What causes take up together is divided by what each takes up alone and what is left without it, in the mean: of
     two that stand in for each other neither is lost.
     """
-    search, exact = found.search, found.negligible(best.explanation.robot)
+    search = found.search
 
     def measure(fitted: Fitted) -> np.ndarray:
         """Share (1 + logs,) of the gap, detections in it, that a set leaves."""
@@ -181,10 +181,9 @@ def divide_gap(found: Isolation, best: Fitted) -> tuple[Part, ...]:
     roles = {}
     for effect, gain in gains.items():
         others = sum(float(g[0]) for i, g in gains.items() if i != effect)
-        most, beyond = gain[0] >= MOST * (left[0] + gain[0]), exact or gain[0] >= LAW**2 * others
-        small = gain[0] < LARGE
-        visible = small and most and beyond and not found.negligible(smaller[effect].explanation.robot)
-        roles[effect] = CAUSE if visible or not small else REFINEMENT
+        most, beyond = gain[0] >= MOST * (left[0] + gain[0]), gain[0] >= LAW**2 * others
+        seen = found.excess(smaller[effect]) > max(found.excess(best) + NEGLIGIBLE**2, 0.0)
+        roles[effect] = CAUSE if gain[0] >= LARGE or (most and beyond and seen) else REFINEMENT
     alone = {i: none - measure(search.sets.get(frozenset([i]), search.none)) for i in gains}
     weight = {i: np.maximum(alone[i], 0.0) + np.maximum(gains[i], 1e-9) for i in gains if roles[i] == CAUSE}
     together = none - left - sum(np.maximum(g, 0.0) for i, g in gains.items() if roles[i] == REFINEMENT)
