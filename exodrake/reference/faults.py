@@ -8,7 +8,7 @@ no gap is drawn again by the maker.
 """
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -298,11 +298,6 @@ def find_block(effect_id: str) -> str:
 def find_blocks(effect_id: str) -> tuple[str, ...]:
     """Blocks an effect acts in."""
     return ENTRIES[effect_id].blocks or (find_block(effect_id),)
-
-
-def list_channels(effect: InjectedFault, names: Iterable[str]) -> list[str]:
-    """Channels among `names` (wires or joints) that an injected effect acts on."""
-    return [name for name in (*effect.wires, *effect.joints, *ENTRIES[effect.id].channels) if name in names]
 
 
 def weaken(effect: InjectedFault, strength: float) -> InjectedFault:
