@@ -91,6 +91,11 @@ def make_label(plan: CasePlan, case: DrawnCase, each: list[float], whole: Gaps) 
     }  # fmt: skip
 
 
+def round_columns(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Round columns (n,) [SI] to the digits a real log carries; floats print short."""
+    return {name: np.round(values, DECIMALS[strip_channel(name)]) + 0.0 for name, values in columns.items()}
+
+
 def case_and_label(plan: CasePlan) -> tuple[Case, Label]:
     """Make a planned case with its logs, and its label; all of it follows from the plan's seed."""
     # drawn until the gap of the effects on the held-out motion is as wanted, or the attempts run out
@@ -117,12 +122,8 @@ def case_and_label(plan: CasePlan) -> tuple[Case, Label]:
     case, gaps, whole = best
     logs = []
     for index, (log, protocol) in enumerate(case.protocols.items()):
-        columns = simulate(case.spec, protocol, [*plan.seed, 5, index])
-        columns = {
-            name: np.round(values, DECIMALS[strip_channel(name)]) + 0.0  # floats print short
-            for name, values in columns.items()
-            if strip_channel(name) not in plan.mix.hidden
-        }
+        columns = round_columns(simulate(case.spec, protocol, [*plan.seed, 5, index]))
+        columns = {name: values for name, values in columns.items() if strip_channel(name) not in plan.mix.hidden}
         time = columns.pop("time")
         role = "holdout" if log == HELD_OUT else "fit"
         logs.append(CaseLog(Log(time, columns), log, role, REPEATS.get(log), f"{log}.csv.gz"))
