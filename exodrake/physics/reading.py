@@ -8,7 +8,7 @@ from types import ModuleType
 from typing import Annotated, NamedTuple
 
 from exodrake.core.part import JOINTS, Output, Part, Point, State, Task, Unit, module_of_file
-from exodrake.physics.arithmetic import rounded
+from exodrake.physics.arithmetic import round_to
 
 
 def mixed(e, z, j, value, other):
@@ -38,7 +38,7 @@ def read(x, z, n, e, value, noise, arrival):
     for j in range(count):
         seen = mixed(e, z, j, value[j], value[j + 1 if j + 1 < count else 0])
         noisy = shown(e, z, j, seen, x[-3], x[-3] - x[-2]) + n.sigma[j] * noise[j]
-        x[j] = delivered(e, z, j, rounded(noisy, n.step[j]), x[j], arrival[j])
+        x[j] = delivered(e, z, j, round_to(noisy, n.step[j]), x[j], arrival[j])
     x[-2], x[-1] = x[-3], 1.0
 
 

@@ -15,8 +15,8 @@ from exodrake.core.part import JOINTS, SCALAR, TENDONS, Output, Part, Point, Sta
 from exodrake.physics import finger, tendon, wire_paths
 from exodrake.physics.arithmetic import along, column, dot, solve
 from exodrake.physics.finger import coriolis, external_with_slope, inertia, mass_matrix, passive_with_slope, relax
-from exodrake.physics.tendon import at_cell, at_spool, cell_tension, finger_tension, settle, slid, stretched_by
-from exodrake.physics.wire_paths import applied_arm, heights, levers, moved, paths
+from exodrake.physics.tendon import at_cell, at_spool, cell_tension, finger_tension, move_slide, settle, stretch_wire
+from exodrake.physics.wire_paths import applied_arm, differ_from_levers, heights, levers, paths
 
 
 def newton_row(i, inertia, damping, lag, s, passive_slope, push_slope):
@@ -90,16 +90,16 @@ NUDGE = 1e-7  # of difference quotients [m]
 def wire(e, z, j, n, x, stroke, taken, dt):
     """Tension at the finger [N] and its fall with wire taken in, -dT_d/dl [N/m], for wire j at the end of a tick."""
     travel = taken - x[TAKEN + j]
-    tension = pulled(e, z, j, n, x, stroke - taken, travel, dt)
-    beyond = pulled(e, z, j, n, x, stroke - taken - NUDGE, travel + NUDGE, dt)
+    tension = pull_wire(e, z, j, n, x, stroke - taken, travel, dt)
+    beyond = pull_wire(e, z, j, n, x, stroke - taken - NUDGE, travel + NUDGE, dt)
     return tension, (tension - beyond) / NUDGE
 
 
-def pulled(e, z, j, n, x, extension, travel, dt):
+def pull_wire(e, z, j, n, x, extension, travel, dt):
     """Tension at the finger [N] of wire j, extended by `extension` [m], after a tick that took in `travel` [m]."""
-    stretched = stretched_by(e, z, j, extension, x[PULL + j])
+    stretched = stretch_wire(e, z, j, extension, x[PULL + j])
     tension = cell_tension(e, z, j, stretched, travel, n.k[j])
-    slide = slid(x[SLIDE + j], travel, n.presliding, tension)
+    slide = move_slide(x[SLIDE + j], travel, n.presliding, tension)
     return finger_tension(e, z, j, tension, stretched, slide, travel, travel / dt)
 
 
@@ -114,7 +114,7 @@ def newton_step(e, z, n, x, ends, angle, rate, rate_from, constants, high, dt, l
     cos_12, sin_12 = cosines[1] * cosines[2] - sines[1] * sines[2], sines[1] * cosines[2] + cosines[1] * sines[2]
     taken, arms, bends = paths(n, cosines, sines, high[0])
     turns = arms
-    if moved(high):
+    if differ_from_levers(high):
         _, turns, bends = paths(n, cosines, sines, high[1])
     t0, g0 = wire(e, z, 0, n, x, ends[0], taken[0], dt)
     t1, g1 = wire(e, z, 1, n, x, ends[1], taken[1], dt)
@@ -142,7 +142,7 @@ def newton_step(e, z, n, x, ends, angle, rate, rate_from, constants, high, dt, l
 
 def update(x, z, n, e, dt, stroke, wire_speed):
     """One tick of length dt [s]; signals [m], [m/s]. Before the first one, the finger may come to rest."""
-    rests = rests_before(pulled_at_start(x, z, n, e, stroke)) if x[CLOCK] == 0.0 else 0
+    rests = rests_before(pull_at_start(x, z, n, e, stroke)) if x[CLOCK] == 0.0 else 0
     for k in range(rests + 1):
         if k < rests:
             tick(x, z, n, e, RESTING, stroke, (0.0, 0.0, 0.0))
@@ -168,11 +168,11 @@ def rests_at_switch_on(tension):
     return RESTS if tension > PULLING else 0
 
 
-def pulled_at_start(x, z, n, e, stroke):
+def pull_at_start(x, z, n, e, stroke):
     """Largest tension in the wires before the finger has moved [N]; stroke [m]."""
-    t0 = cell_tension(e, z, 0, stretched_by(e, z, 0, stroke[0] - x[TAKEN], 0.0), 0.0, n.k[0])
-    t1 = cell_tension(e, z, 1, stretched_by(e, z, 1, stroke[1] - x[TAKEN + 1], 0.0), 0.0, n.k[1])
-    t2 = cell_tension(e, z, 2, stretched_by(e, z, 2, stroke[2] - x[TAKEN + 2], 0.0), 0.0, n.k[2])
+    t0 = cell_tension(e, z, 0, stretch_wire(e, z, 0, stroke[0] - x[TAKEN], 0.0), 0.0, n.k[0])
+    t1 = cell_tension(e, z, 1, stretch_wire(e, z, 1, stroke[1] - x[TAKEN + 1], 0.0), 0.0, n.k[1])
+    t2 = cell_tension(e, z, 2, stretch_wire(e, z, 2, stroke[2] - x[TAKEN + 2], 0.0), 0.0, n.k[2])
     return max(t0, t1, t2)
 
 
@@ -200,9 +200,9 @@ def tick(x, z, n, e, dt, stroke, wire_speed):
     taken = taken_in(x, n, worn)
     for j in range(3):
         travel = taken[j] - x[TAKEN + j]
-        stretched = stretched_by(e, z, j, ends[j] - taken[j], x[PULL + j])
+        stretched = stretch_wire(e, z, j, ends[j] - taken[j], x[PULL + j])
         tension = cell_tension(e, z, j, stretched, travel, n.k[j])
-        x[SLIDE + j] = slid(x[SLIDE + j], travel, n.presliding, tension)
+        x[SLIDE + j] = move_slide(x[SLIDE + j], travel, n.presliding, tension)
         x[PULL + j] = finger_tension(e, z, j, tension, stretched, x[SLIDE + j], travel, travel / dt)
         x[TAKEN + j] = taken[j]
         settle(e, z, j, dt, stretched, tension, x[PULL + j], travel)
@@ -219,7 +219,7 @@ def taken_in(x, n, high):
 def output_tension(x, z, n, e, stroke, tension, tension_spool):
     """Tension at the cell and at the spool [N], directly from the stroke [m]."""
     for j in range(3):
-        stretched = stretched_by(e, z, j, stroke[j] - x[TAKEN + j], x[PULL + j])
+        stretched = stretch_wire(e, z, j, stroke[j] - x[TAKEN + j], x[PULL + j])
         own = cell_tension(e, z, j, stretched, 0.0, n.k[j])
         tension[j], tension_spool[j] = at_cell(e, z, j, own), at_spool(e, z, j, own)
 

@@ -153,7 +153,7 @@ class Paired:
         return float(binomtest(self.first, differing).pvalue) if differing else 1.0
 
 
-def paired(first: Share, second: Share, name: str = "") -> Paired:
+def pair_shares(first: Share, second: Share, name: str = "") -> Paired:
     """Pair two shares on the cases that both count."""
     common = first.outcomes.keys() & second.outcomes
     count = Counter((bool(first.outcomes[key]), bool(second.outcomes[key])) for key in common)
@@ -405,8 +405,8 @@ def score(folder: str | Path, labels: str | Path, against: str | Path | None = N
         here, there = ([case for case in answers if case.mix == mix] for answers in (cases, others))
         shares, baselines = compute_shares(here), compute_baselines(here)
         first = next(item for item in shares if item.name == "truth first")
-        compared = [paired(first, item, f"truth first; {item.name}") for item in baselines if "names" in item.name]
-        compared += [paired(one, other) for one, other in zip(shares, compute_shares(there))] if there else []
+        compared = [pair_shares(first, item, f"truth first; {item.name}") for item in baselines if "names" in item.name]
+        compared += [pair_shares(one, other) for one, other in zip(shares, compute_shares(there))] if there else []
         groups.append(Group(mix, len(here), shares, compute_quantities(here), baselines, tuple(compared)))
     for case in cases:
         truth = " + ".join(effect["id"] for effect in case.truths) or "healthy"
