@@ -19,9 +19,8 @@ from typing import Annotated, NamedTuple
 from exodrake.core.part import JOINTS, SCALAR, Output, Part, Point, State, Task, Unit
 from exodrake.physics.arithmetic import brake_dry
 
-RIGID = (
-    1.0  # rad, of a gear's fastest oscillation in a tick; stiffer gears count as this stiff, so that they are stable
-)
+# rad, of a gear's fastest oscillation in a tick; stiffer gears count as this stiff, so that they are stable
+RIGID = 1.0
 LOSS = 0.1  # damping of a gear's oscillation over the critical one: assumed
 
 

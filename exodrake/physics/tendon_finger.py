@@ -142,16 +142,13 @@ def newton_step(e, z, n, x, ends, angle, rate, rate_from, constants, high, dt, l
 
 def update(x, z, n, e, dt, stroke, wire_speed):
     """One tick of length dt [s]; signals [m], [m/s]. Before the first one, the finger may come to rest."""
-    rests = rests_before(pull_at_start(x, z, n, e, stroke)) if x[CLOCK] == 0.0 else 0
-    for k in range(rests + 1):
-        if k < rests:
-            tick(x, z, n, e, RESTING, stroke, (0.0, 0.0, 0.0))
-            for i in range(3):  # it stands still again
-                x[RATE + i] = x[RATE_BEFORE + i] = 0.0
-                x[Q_BEFORE + i] = x[Q + i]
-            x[CLOCK] = 0.0
-        else:
-            tick(x, z, n, e, dt, stroke, wire_speed)
+    for _ in range(rests_before(pull_at_start(x, z, n, e, stroke)) if x[CLOCK] == 0.0 else 0):
+        tick(x, z, n, e, RESTING, stroke, (0.0, 0.0, 0.0))
+        for i in range(3):  # it stands still again
+            x[RATE + i] = x[RATE_BEFORE + i] = 0.0
+            x[Q_BEFORE + i] = x[Q + i]
+        x[CLOCK] = 0.0
+    tick(x, z, n, e, dt, stroke, wire_speed)
 
 
 def rests_before(tension):
