@@ -51,10 +51,6 @@ ROTOR_INERTIA = Effect(
     source="N^2 J: 0.01-3 kg m2 for gears of 50-160; range assumed", at={"arm.geared": shift},
     formula="B_j = B + J N^2", parameters=(per_joint("inertia", "kg m2", null=0.0, low=0.01, high=3.0, default=0.1),),
 )  # fmt: skip
-ENTRY = "A_jk = a_jk + share a_jj          k: the motor before or after"
-COUPLED = "a joint moves in proportion to another one's motor, without a loop, and its effort loads that motor"
-COUPLING = "Hwang et al., RA-L 2020: coupled wrist cables; range assumed"
-SHARE = per_joint("share", "-", null=0.0, low=-0.4, high=0.4, default=0.1)
 BACKLASH = Effect(
     id="cable.backlash", summary="play between the cables and the joint", family="backlash",
     signature="position of the joint against that of its motor is a loop of constant width",
@@ -62,14 +58,15 @@ BACKLASH = Effect(
     formula="d = sgn(d) max(0, |d| - half_width)          keys, gears before the capstan, ends that sit loose",
     parameters=(per_joint("half_width", "rad", null=0.0, low=0.002, high=0.2, default=0.02),),
 )  # fmt: skip
-COUPLING_TO_NEXT = Effect(
-    id="cable.coupling_to_next", summary="cables run past the next joint's axis", family="crosstalk", same_meaning=True,
-    signature=COUPLED, source=COUPLING, at={"cable.by_next": mix}, parameters=(SHARE,), formula=ENTRY,
-)  # fmt: skip
-COUPLING_TO_PREVIOUS = Effect(
-    id="cable.coupling_to_previous", summary="cables run past the previous joint's axis", family="crosstalk",
-    signature=COUPLED, source=COUPLING, at={"cable.by_previous": mix}, parameters=(SHARE,), formula=ENTRY,
-    same_meaning=True,
+COUPLING_TO_NEXT, COUPLING_TO_PREVIOUS = (
+    Effect(
+        id=f"cable.coupling_to_{side}", summary=f"cables run past the {side} joint's axis", family="crosstalk",
+        signature="a joint moves in proportion to another one's motor, without a loop, and its effort loads that motor",
+        source="Hwang et al., RA-L 2020: coupled wrist cables; range assumed", at={f"cable.by_{side}": mix},
+        formula="A_jk = a_jk + share a_jj          k: the motor before or after",
+        parameters=(per_joint("share", "-", null=0.0, low=-0.4, high=0.4, default=0.1),), same_meaning=True,
+    )
+    for side in ("next", "previous")
 )  # fmt: skip
 LOST_PRETENSION = Effect(
     id="cable.lost_pretension", summary="pretension that went", family="elasticity",

@@ -150,41 +150,34 @@ def brake_by_shared_load(speed, mobility, load, opposed, coefficient):
     return brake_dry(speed, coefficient * both * both * mobility)
 
 
-COUPLED = "cables run past another joint's axis, whose motion moves this one"
-COUPLED_SIGNATURE = "a joint that is commanded to rest moves in proportion to its neighbour's command, without a loop"
-COUPLED_SOURCE = "Hwang et al., RA-L 2020: coupled wrist cables; range assumed"
-COUPLED_SHARE = per_joint("share", "-", null=0.0, low=-0.4, high=0.4, default=0.1)
-DRAGGED = "the cables of a neighbour drag a joint along until they slip"
-DRAGGED_SIGNATURE = "a joint that is commanded to rest goes to and fro between two stops as its neighbour turns round"
-DRAGGED_SOURCE = "friction of cables that pass a joint (Hwang et al., RA-L 2020); range assumed"
-DRAGGED_PARAMETERS = (
-    per_joint("share", "-", null=0.0, low=-1.0, high=1.0, default=0.4),
-    per_joint("reach", "rad", null=0.1, low=0.02, high=0.4, default=0.1, transform="log"),
-)
-DEFLECTION = (State("deflection", JOINTS, unit="rad"),)
 BEND_LOSS = Effect(
     id="joint.bend_loss", summary="a bent sheath passes on less of the command", family="gain",
     signature="angle scales with the command by a factor that falls with the total bend",
     source="physics.md 4.B distributed elastic and friction; range assumed", at={"joint.aimed": lose_in_bends},
     parameters=(per_joint("loss", "1/rad", null=0.0, low=-0.2, high=0.2, default=0.05),),
 )  # fmt: skip
-COUPLING_TO_NEXT = Effect(
-    id="joint.coupling_to_next", summary=COUPLED, family="crosstalk", signature=COUPLED_SIGNATURE,
-    source=COUPLED_SOURCE, at={"joint.aimed": mix_next}, parameters=(COUPLED_SHARE,), same_meaning=True,
+COUPLING_TO_NEXT, COUPLING_TO_PREVIOUS = (
+    Effect(
+        id=f"joint.coupling_to_{side}", summary="cables run past another joint's axis, whose motion moves this one",
+        family="crosstalk",
+        signature="a joint that is commanded to rest moves in proportion to its neighbour's command, without a loop",
+        source="Hwang et al., RA-L 2020: coupled wrist cables; range assumed", at={"joint.aimed": law},
+        parameters=(per_joint("share", "-", null=0.0, low=-0.4, high=0.4, default=0.1),), same_meaning=True,
+    )
+    for side, law in (("next", mix_next), ("previous", mix_previous))
 )  # fmt: skip
-COUPLING_TO_PREVIOUS = Effect(
-    id="joint.coupling_to_previous", summary=COUPLED, family="crosstalk", signature=COUPLED_SIGNATURE,
-    source=COUPLED_SOURCE, at={"joint.aimed": mix_previous}, parameters=(COUPLED_SHARE,), same_meaning=True,
-)  # fmt: skip
-DRAG_BY_NEXT = Effect(
-    id="joint.drag_by_next", summary=DRAGGED, family="friction", signature=DRAGGED_SIGNATURE, source=DRAGGED_SOURCE,
-    at={"joint.shown": add_deflection, "joint.settle": drag_by_next}, advances=("joint.settle",),
-    parameters=DRAGGED_PARAMETERS, states=DEFLECTION,
-)  # fmt: skip
-DRAG_BY_PREVIOUS = Effect(
-    id="joint.drag_by_previous", summary=DRAGGED, family="friction", signature=DRAGGED_SIGNATURE, source=DRAGGED_SOURCE,
-    at={"joint.shown": add_deflection, "joint.settle": drag_by_previous}, advances=("joint.settle",),
-    parameters=DRAGGED_PARAMETERS, states=DEFLECTION,
+DRAG_BY_NEXT, DRAG_BY_PREVIOUS = (
+    Effect(
+        id=f"joint.drag_by_{side}", summary="the cables of a neighbour drag a joint along until they slip",
+        family="friction",
+        signature="a joint that is commanded to rest goes to and fro between two stops as its neighbour turns round",
+        source="friction of cables that pass a joint (Hwang et al., RA-L 2020); range assumed",
+        at={"joint.shown": add_deflection, "joint.settle": law}, advances=("joint.settle",),
+        parameters=(per_joint("share", "-", null=0.0, low=-1.0, high=1.0, default=0.4),
+                    per_joint("reach", "rad", null=0.1, low=0.02, high=0.4, default=0.1, transform="log")),
+        states=(State("deflection", JOINTS, unit="rad"),),
+    )
+    for side, law in (("next", drag_by_next), ("previous", drag_by_previous))
 )  # fmt: skip
 GAIN = Effect(
     id="joint.gain", summary="the joint goes further or less far than commanded", family="gain",

@@ -128,8 +128,8 @@ def reverse(own):
     return own[4], own[3], own[2], own[1], own[0]
 
 
-def draw_wire(stretched, travel, mu_phi, e1, e2, e3, e4, e5):
-    """Stretches [m] of the pieces from cell to finger, after finger's and spool's end have moved.
+def settle_sheath(dt, stretched, travel, mu_phi, e1, e2, e3, e4, e5):
+    """Stretches [m] of the pieces from cell to finger, after finger's and spool's end have moved, however fast.
 
     The finger's end goes first where it stretches the wire (travel < 0), so that the wire never runs slack between.
     """
@@ -153,22 +153,17 @@ def near_end(tension, stretched, travel, mu_phi, e1, e2, e3, e4, e5):
     """
     if stretched <= 0.0:
         return tension
-    return tension * PIECES * draw_wire(stretched, travel, mu_phi, e1, e2, e3, e4, e5)[0] / stretched
+    return tension * PIECES * settle_sheath(0.0, stretched, travel, mu_phi, e1, e2, e3, e4, e5)[0] / stretched
 
 
 def far_end(tension, stretched, travel, mu_phi, e1, e2, e3, e4, e5):
     """Tension at the finger's end [N], from that at the cell's end."""
-    pieces = draw_wire(stretched, travel, mu_phi, e1, e2, e3, e4, e5)
+    pieces = settle_sheath(0.0, stretched, travel, mu_phi, e1, e2, e3, e4, e5)
     return tension * pieces[4] / pieces[0] if pieces[0] > 0.0 else tension
 
 
-def settle_sheath(dt, stretched, travel, mu_phi, e1, e2, e3, e4, e5):
-    """Stretches of the pieces [m]."""
-    return draw_wire(stretched, travel, mu_phi, e1, e2, e3, e4, e5)
-
-
-def rub_sheath(tension, travel, mu_phi, force):
-    """Force of the sheath's friction [N] after a further travel [m]; tension at the cell's end [N]."""
+def settle_capstan(dt, tension, travel, mu_phi, force):
+    """Force of the sheath's friction [N] after a further travel [m], however fast; tension at the cell's end [N]."""
     low, high = tension * (1.0 - exp(mu_phi)), tension * (1.0 - exp(-mu_phi))
     return slip_spring(force, travel, find_stiffness(mu_phi, PRESLIDING), low, high)
 
@@ -180,12 +175,7 @@ def capstan(tension, travel, mu_phi, force):
 
     While the finger takes wire in T_d = T_c exp(-mu_phi), while it gives wire back T_d = T_c exp(mu_phi).
     """
-    return tension - rub_sheath(tension, travel, mu_phi, force)
-
-
-def settle_capstan(dt, tension, travel, mu_phi, force):
-    """Force of friction [N]."""
-    return rub_sheath(tension, travel, mu_phi, force)
+    return tension - settle_capstan(0.0, tension, travel, mu_phi, force)
 
 
 def coulomb(tension, slide, force):
@@ -215,14 +205,14 @@ def limit_to_grip(bristle, tension):
     return min(max(bristle, -most), most)
 
 
+def settle_dahl(dt, tension, travel, force, stiffness, bristle):
+    """Bristle [-1 .. 1] after a further travel [m], however fast."""
+    return limit_to_grip(bend_bristle(bristle, travel, force / stiffness), tension)
+
+
 def dahl(tension, travel, force, stiffness, bristle):
     """Tension at the finger [N] behind Dahl's friction: T_d = T_c - F; dF/dx = stiffness (1 - F sgn(x') / force)."""
-    return tension - force * limit_to_grip(bend_bristle(bristle, travel, force / stiffness), tension)
-
-
-def settle_dahl(dt, tension, travel, force, stiffness, bristle):
-    """Bristle [-1 .. 1]."""
-    return limit_to_grip(bend_bristle(bristle, travel, force / stiffness), tension)
+    return tension - force * settle_dahl(0.0, tension, travel, force, stiffness, bristle)
 
 
 def limit_deflection(z, tension, most):
@@ -252,8 +242,8 @@ def settle_lugre(dt, tension, travel, coulomb, ratio, stribeck_speed, stiffness,
     return limit_deflection(after, tension, ratio * coulomb / stiffness)
 
 
-def stops(tension, travel, distance, first, second, third):
-    """The stops after a further travel [m] of a wire under this tension [N]."""
+def settle_stops(dt, tension, travel, force, distance, first, second, third):
+    """The stops [-1 .. 1] after a further travel [m], however fast, of a wire under this tension [N]."""
     return (
         limit_to_grip(turn_bristle(first, travel, distance), tension),
         limit_to_grip(turn_bristle(second, travel, 2.0 * distance), tension),
@@ -263,13 +253,8 @@ def stops(tension, travel, distance, first, second, third):
 
 def prandtl_ishlinskii(tension, travel, force, distance, first, second, third):
     """Tension at the finger [N] behind stops of range i distance: T_d = T_c - force (z_1 + z_2 + z_3) / 3."""
-    after = stops(tension, travel, distance, first, second, third)
+    after = settle_stops(0.0, tension, travel, force, distance, first, second, third)
     return tension - force * ((after[0] + after[1] + after[2]) / STOPS)
-
-
-def settle_stops(dt, tension, travel, force, distance, first, second, third):
-    """The stops [-1 .. 1]."""
-    return stops(tension, travel, distance, first, second, third)
 
 
 def viscous(tension, speed, coefficient):
