@@ -142,7 +142,12 @@ def newton_step(e, z, n, x, ends, angle, rate, rate_from, constants, high, dt, l
 
 def update(x, z, n, e, dt, stroke, wire_speed):
     """One tick of length dt [s]; signals [m], [m/s]. Before the first one, the finger may come to rest."""
-    for _ in range(rests_before(pull_at_start(x, z, n, e, stroke)) if x[CLOCK] == 0.0 else 0):
+    rests = 0
+    if x[CLOCK] == 0.0:
+        for j in range(3):  # by the tension in the wires before the finger has moved
+            stretched = stretch_wire(e, z, j, stroke[j] - x[TAKEN + j], 0.0)
+            rests = max(rests, rests_before(cell_tension(e, z, j, stretched, 0.0, n.k[j])))
+    for _ in range(rests):
         tick(x, z, n, e, RESTING, stroke, (0.0, 0.0, 0.0))
         for i in range(3):  # it stands still again
             x[RATE + i] = x[RATE_BEFORE + i] = 0.0
@@ -152,25 +157,17 @@ def update(x, z, n, e, dt, stroke, wire_speed):
 
 
 def rests_before(tension):
-    """Ticks of rest before the log begins, by the tension in the wires [N]: none, it begins in q0 however they pull."""
+    """Ticks of rest before the log begins, by the tension in a wire [N]: none, it begins in q0 however it pulls."""
     return 0
 
 
 def rests_at_switch_on(tension):
-    """Ticks of rest before the log begins, by the tension in the wires [N], a variant: at rest at switch-on.
+    """Ticks of rest before the log begins, by the tension in a wire [N], a variant: at rest at switch-on.
 
     The nominal log begins in q0 at once, as that of the reference simulator does: wires homed 1 mm too far in then pull
     at the finger with 2.7 N, and it moves before the controller does.
     """
     return RESTS if tension > PULLING else 0
-
-
-def pull_at_start(x, z, n, e, stroke):
-    """Largest tension in the wires before the finger has moved [N]; stroke [m]."""
-    t0 = cell_tension(e, z, 0, stretch_wire(e, z, 0, stroke[0] - x[TAKEN], 0.0), 0.0, n.k[0])
-    t1 = cell_tension(e, z, 1, stretch_wire(e, z, 1, stroke[1] - x[TAKEN + 1], 0.0), 0.0, n.k[1])
-    t2 = cell_tension(e, z, 2, stretch_wire(e, z, 2, stroke[2] - x[TAKEN + 2], 0.0), 0.0, n.k[2])
-    return max(t0, t1, t2)
 
 
 def tick(x, z, n, e, dt, stroke, wire_speed):
