@@ -166,7 +166,7 @@ def test_stops_dissipate(amplitude: float) -> None:
     force, distance, stops = 0.4, 5e-4, [0.0, 0.0, 0.0]
 
     def step(travel: float) -> float:
-        stops[:] = tendon.stops(5.0, travel, distance, *stops)
+        stops[:] = tendon.settle_stops(0.0, 5.0, travel, force, distance, *stops)
         return 5.0 - tendon.prandtl_ishlinskii(5.0, 0.0, force, distance, *stops)
 
     work = closed_loop_work(step, amplitude)
