@@ -71,7 +71,7 @@ def test_pulley_takes_its_work_from_the_motor() -> None:
     for k, step in enumerate(np.diff(course)):
         state = sensor.settle_pulley(0.002, 0.0, tension, step, mu, 5e-5, *state)
         near = sensor.pull_at_spool(tension, mu, 5e-5, *state)
-        assert sensor.load_cell(tension, mu, 5e-5, *state) == pytest.approx(0.5 * (near + tension))
+        assert sensor.average_strands(tension, mu, 5e-5, *state) == pytest.approx(0.5 * (near + tension))
         work += near * step * (k >= 4000)
     assert work == pytest.approx(2.0 * reach * tension * (exp(mu * pi) - exp(-mu * pi)), rel=1e-2)
 

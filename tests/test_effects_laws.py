@@ -253,7 +253,7 @@ def test_two_filters_lag_by_the_time_constant_behind_a_ramp(time_constant, share
 
 def test_pulley_friction_over_half_a_turn() -> None:
     ends = [sensor.settle_pulley(DT, 0.0, 8.0, way, 0.04, 1e-4, 0.0, 0.0) for way in (0.01, -0.01)]
-    pull, release = (sensor.load_cell(8.0, 0.04, 1e-4, *state) for state in ends)
+    pull, release = (sensor.average_strands(8.0, 0.04, 1e-4, *state) for state in ends)
     assert pull == pytest.approx(4.0 * (1.0 + exp(0.04 * pi)))
     assert (release - 4.0) * (pull - 4.0) == pytest.approx(16.0)
 

@@ -29,7 +29,7 @@ def pull_at_spool(tension, mu, presliding, force, stretch_before):
     return tension + rub_pulley(tension, 0.0, mu, presliding, force)
 
 
-def load_cell(tension, mu, presliding, force, stretch_before):
+def average_strands(tension, mu, presliding, force, stretch_before):
     """Load on the cell, as tension [N]: the mean of both strands."""
     return tension + 0.5 * rub_pulley(tension, 0.0, mu, presliding, force)
 
@@ -92,7 +92,7 @@ PULLEY_FRICTION = Effect(
     family="friction",
     signature="the finger gets less than the reading says while the spool pulls and more while it gives; rate-free",
     source="physics.md 4.C; capstan equation over half a turn, 1-5 %; presliding travel assumed",
-    at={"tendon.at_spool": pull_at_spool, "tendon.at_cell": load_cell, "tendon.settle": settle_pulley},
+    at={"tendon.at_spool": pull_at_spool, "tendon.at_cell": average_strands, "tendon.settle": settle_pulley},
     parameters=(per_tendon("mu", "-", null=0.0, low=0.003, high=0.15, default=0.04),
                 per_tendon("presliding", "m", null=5e-5, low=1e-5, high=2e-3, default=5e-5, transform="log")),
     states=(State("force", TENDONS, unit="N"), State("stretch_before", TENDONS, unit="m")), advances=("tendon.settle",),

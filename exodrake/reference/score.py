@@ -292,7 +292,7 @@ def compute_shares(cases: Sequence[Answered]) -> tuple[Share, ...]:
         sets = (one["id"] for one in case.diagnosis.get("candidates") or () if one["id"] not in ("", "retune"))
         return is_truth(case.truths, named_ids(case.diagnosis) or tuple(next(sets, "").split(" + ")))
 
-    def stated(case: Answered, key: str) -> Any:
+    def read_where(case: Answered, key: str) -> Any:
         return (case.diagnosis.get("where") or {}).get(key)
 
     tests = {
@@ -312,11 +312,13 @@ def compute_shares(cases: Sequence[Answered]) -> tuple[Share, ...]:
         share("false alarm on healthy", healthy, lambda case: case.verdict not in NO_EFFECT, "0-1 cases"),
         share("missed (NO_GAP or RETUNE) though visible", nameable, lambda case: case.verdict in NO_EFFECT),
         share("another effect named, or one too many", named, names_too_much),
-        share("block right", filter(blocks, located), lambda case: stated(case, "block") in blocks(case), ">= 95 %"),
+        share(
+            "block right", filter(blocks, located), lambda case: read_where(case, "block") in blocks(case), ">= 95 %"
+        ),
     ]
     for name, key in (("tendons", "wires"), ("joints", "joints")):
         seats = {c.name: {seat for truth in c.truths for seat in truth[key]} for c in located}
-        right_seats = {c.name: set(stated(c, key) or ()) == seats[c.name] for c in located if seats[c.name]}
+        right_seats = {c.name: set(read_where(c, key) or ()) == seats[c.name] for c in located if seats[c.name]}
         rows.append(Share(f"{name} right", right_seats, ">= 95 %"))
     lower = f"C(effect given retune), lower bound > {CLOSED:g}"
     rows.append(share(lower, closed, lambda case: (closure(case, "effect", "low") or 0.0) > CLOSED, ">= 95 %"))
