@@ -86,13 +86,9 @@ PART = Part(
     module=sys.modules[__name__],
     parameters=Parameters,
     states=(
-        State("command", TENDONS, unit="m/s"),
-        State("before", TENDONS, unit="N"),
-        State("started", SCALAR),
-        State("integral", TENDONS, unit="N s"),
-        State("rate", TENDONS, unit="N/s"),
-        State("model", TENDONS, unit="N"),
+        State("command", TENDONS, unit="m/s"), State("before", TENDONS, unit="N"), State("started", SCALAR),
+        State("integral", TENDONS, unit="N s"), State("rate", TENDONS, unit="N/s"), State("model", TENDONS, unit="N"),
     ),
     tasks=(Task("control", ("tension_ref", "tension_read"), slots=(4,)),),
     outputs=(Output.of_states(command="speed_cmd"),),
-)
+)  # fmt: skip

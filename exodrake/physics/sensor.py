@@ -111,12 +111,8 @@ PART = Part(
     module=sys.modules[__name__],
     parameters=Parameters,
     states=(
-        State("cell", TENDONS, unit="N"),
-        State("load", TENDONS, unit="N"),
-        State("reading", TENDONS, unit="N"),
-        State("clock", SCALAR, unit="s"),
-        State("tick", SCALAR, unit="s"),
-        State("slide", TENDONS),
+        State("cell", TENDONS, unit="N"), State("load", TENDONS, unit="N"), State("reading", TENDONS, unit="N"),
+        State("clock", SCALAR, unit="s"), State("tick", SCALAR, unit="s"), State("slide", TENDONS),
     ),
     tasks=(
         Task("update", ("tension", "wire_speed")),
@@ -124,4 +120,4 @@ PART = Part(
     ),
     outputs=(Output("output", ("cell",), reads=("tension",)), Output.of_states(reading="tension_read")),
     points=tuple(Point(p, TENDONS, laws=FREE_LAWS[p]) for p in FREE_LAWS),
-)
+)  # fmt: skip

@@ -270,13 +270,9 @@ PART = Part(
     parameters=Parameters,
     fills_start=True,
     states=(
-        State("angle", JOINTS, unit="rad"),
-        State("rate", JOINTS, unit="rad/s"),
-        State("angle_before", JOINTS, unit="rad"),
-        State("rate_before", JOINTS, unit="rad/s"),
-        State("taken", TENDONS, unit="m"),
-        State("slide", TENDONS),
-        State("pull", TENDONS, unit="N"),
+        State("angle", JOINTS, unit="rad"), State("rate", JOINTS, unit="rad/s"),
+        State("angle_before", JOINTS, unit="rad"), State("rate_before", JOINTS, unit="rad/s"),
+        State("taken", TENDONS, unit="m"), State("slide", TENDONS), State("pull", TENDONS, unit="N"),
         State("clock", SCALAR, unit="s"),
     ),
     tasks=(Task("update", ("stroke", "wire_speed")),),
@@ -293,4 +289,4 @@ PART = Part(
         Point("external", SCALAR, finger, laws=()),
         Point("relax", JOINTS, finger, laws=()),
     ),
-)
+)  # fmt: skip

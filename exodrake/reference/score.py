@@ -157,7 +157,8 @@ def pair_shares(first: Share, second: Share, name: str = "") -> Paired:
     """Pair two shares on the cases that both count."""
     common = first.outcomes.keys() & second.outcomes
     count = Counter((bool(first.outcomes[key]), bool(second.outcomes[key])) for key in common)
-    return Paired(name or first.name, *(count[pair] for pair in product((True, False), repeat=2)))
+    cells = (True, True), (True, False), (False, True), (False, False)
+    return Paired(name or first.name, *(count[cell] for cell in cells))
 
 
 ALPHA = 0.1  # of a 90 % interval
