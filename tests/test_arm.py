@@ -169,7 +169,7 @@ def test_an_end_stop_that_a_link_leaves_does_not_pull_it(closed):
     for speed, pushes in ((0.5, False), (-0.5, True)):
         x[arm.place_of(3, arm.ANGLE, 2)] = -1.1
         x[arm.place_of(3, arm.SPEED, 2)] = speed
-        assert (arm.stopped(x, n, 2, 3) > 0.0) == pushes
+        assert (arm.push_from_stops(x, n, 2, 3) > 0.0) == pushes
 
 
 def test_both_engines_agree_to_the_last_bit(closed):

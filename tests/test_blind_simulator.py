@@ -17,8 +17,8 @@ from exodrake.reference.dynamics import (
     INPUT_SIZE,
     STATE_SIZE,
     derivative,
-    held,
     inverse_dynamics,
+    limit_force,
     mass_matrix,
     rub_rate,
 )
@@ -133,7 +133,7 @@ def test_friction_gains_no_energy_from_a_load_that_changes():
     for k in range(20000):
         there = k // 200 % 2 == 0
         tension, speed = (2.0, 0.01) if there else (10.0, -0.01)
-        work += held(force, friction * tension) * speed * dt
+        work += limit_force(force, friction * tension) * speed * dt
         force += rub_rate(force, speed, tension, friction * tension, stiffness) * dt
         least = min(least, work)
     assert least > -1e-9 and work > 1e-5

@@ -61,10 +61,10 @@ def run(matrix, q, drive, ticks, dt=1e-4, links=None, **given):
 def test_coupling_is_the_matrix_of_joints_by_motors_and_its_transpose_of_efforts():
     n, rng = transmission(A), np.random.default_rng(0)
     theta, efforts, found = rng.standard_normal(3), rng.standard_normal(3), np.zeros(3)
-    cable.believed(None, None, n, None, theta, found)
+    cable.read_positions(None, None, n, None, theta, found)
     assert found == pytest.approx(A @ theta)
-    assert [cable.held(theta, None, n, None, 0, j, 3) for j in range(3)] == pytest.approx(A @ theta)
-    cable.shared(None, None, n, None, efforts, found)
+    assert [cable.couple_motors(theta, None, n, None, 0, j, 3) for j in range(3)] == pytest.approx(A @ theta)
+    cable.share_efforts(None, None, n, None, efforts, found)
     assert found == pytest.approx(A.T @ efforts)
     assert [cable.load(efforts, None, n, None, j, 3) for j in range(3)] == pytest.approx(A.T @ efforts)
 
@@ -80,7 +80,7 @@ def test_static_stretch_is_that_of_two_strands_and_then_of_one(effort):
     """Strands carry (pretension +- K d) / 2; at |d| = pretension / K one is slack, the other carries all."""
     taut = abs(effort) <= PRETENSION
     stretch = effort / K if taut else np.sign(effort) * (2.0 * abs(effort) - PRETENSION) / K
-    assert cable.looped(stretch, K, PRETENSION) == pytest.approx(effort)
+    assert cable.pull_loop(stretch, K, PRETENSION) == pytest.approx(effort)
     motors = run(A[:1, :1], [0.1], np.array([A[0, 0] * effort]), 20_000, damping=2e-3)[-1, 0]
     assert A[0, 0] * motors[0] - 0.1 == pytest.approx(stretch, rel=1e-3)
 

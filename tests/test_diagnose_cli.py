@@ -46,6 +46,12 @@ def answered(monkeypatch):
     return put
 
 
+def test_log_of_another_machine_hints_at_the_option(tmp_path):
+    write_log(Log(0.02 * np.arange(3), {"position": np.zeros(3)}), tmp_path / "other.csv")
+    assert "--machine FOLDER or --robot NAME" in run("diagnose", tmp_path / "other.csv").output
+    assert "--machine FOLDER" not in run("diagnose", "--robot", "exo_index", tmp_path / "other.csv").output
+
+
 @pytest.mark.parametrize("verdict", VERDICTS)
 def test_exit_status_is_0_whatever_the_verdict(case, answered, verdict):
     answered(verdict)

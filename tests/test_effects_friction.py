@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from exodrake.effects import friction, motor, sensor, tendon
-from exodrake.physics.tendon import slid
+from exodrake.physics.tendon import move_slide
 
 K, MU, DT = 2700.0, 0.6, 0.002  # N/m, -, s
 
@@ -70,8 +70,8 @@ def test_pulley_takes_its_work_from_the_motor() -> None:
     work = 0.0
     for k, step in enumerate(np.diff(course)):
         state = sensor.settle_pulley(0.002, 0.0, tension, step, mu, 5e-5, *state)
-        near = sensor.at_spool(tension, mu, 5e-5, *state)
-        assert sensor.at_cell(tension, mu, 5e-5, *state) == pytest.approx(0.5 * (near + tension))
+        near = sensor.pull_at_spool(tension, mu, 5e-5, *state)
+        assert sensor.average_strands(tension, mu, 5e-5, *state) == pytest.approx(0.5 * (near + tension))
         work += near * step * (k >= 4000)
     assert work == pytest.approx(2.0 * reach * tension * (exp(mu * pi) - exp(-mu * pi)), rel=1e-2)
 
@@ -84,16 +84,16 @@ def capstan(load, travel, state):
 
 def pulley(load, travel, state):
     state = sensor.settle_pulley(DT, state[1] + travel, load, 0.0, 0.15, 5e-5, *state)
-    return sensor.at_spool(load, 0.15, 5e-5, *state) - load, state
+    return sensor.pull_at_spool(load, 0.15, 5e-5, *state) - load, state
 
 
 def gear(load, travel, state):
-    felt, *state = motor.geared(load, state[1] + travel, 0.65, *state)
+    felt, *state = motor.lose_in_gear(load, state[1] + travel, 0.65, *state)
     return felt - load, state
 
 
 def coulomb(load, travel, state):
-    slide = slid(state[0], travel, 5e-5, load)
+    slide = move_slide(state[0], travel, 5e-5, load)
     return load - tendon.coulomb(load, slide, 0.4), (slide,)
 
 
@@ -143,7 +143,7 @@ def lugre_run(speeds, dt: float) -> np.ndarray:
     """Friction [N] at the end of each step of a course of speeds [m/s]."""
     z, forces = 0.0, []
     for v in speeds:
-        after = friction.deflected(z, v * dt, friction.level(v, **LUGRE), SIGMA_0)
+        after = friction.deflect_bristle(z, v * dt, friction.level(v, **LUGRE), SIGMA_0)
         forces.append(SIGMA_0 * after + SIGMA_1 * (after - z) / dt)
         z = after
     return np.array(forces)

@@ -53,7 +53,7 @@ def test_a_delay_ends_at_eight_samples_and_starts_with_the_first_value() -> None
 
 @pytest.mark.parametrize("skew", [2e-3, -2e-3])
 def test_a_skewed_clock_stretches_time(skew: float) -> None:
-    shown = course(signal.skewed, SIGNAL, skew, states=8)
+    shown = course(signal.skew_clock, SIGNAL, skew, states=8)
     time = PERIOD * np.arange(400)
     assert shown == pytest.approx(np.sin(2 * np.pi * 0.7 * (1.0 - skew) * time), abs=6e-3)
 
@@ -77,9 +77,9 @@ def test_friction_of_the_load_is_a_share_of_the_drive() -> None:
     """A part of 2 kg driven by 10 N with a fifth of it lost moves as under 8 N, and never starts by itself."""
     mass, dt, v = 2.0, 1e-3, 0.0
     for _ in range(500):
-        v = friction.loaded(v + dt * 10.0 / mass, dt / mass, 10.0, 0.2)
+        v = friction.brake_by_drive(v + dt * 10.0 / mass, dt / mass, 10.0, 0.2)
     assert v == pytest.approx(0.5 * 8.0 / mass)
-    assert friction.loaded(1e-6, dt / mass, 10.0, 0.2) == 0.0
+    assert friction.brake_by_drive(1e-6, dt / mass, 10.0, 0.2) == 0.0
     assert friction.coulomb(-1e-6, dt / mass, 2.0) == 0.0
     slow, fast = (1.0 - friction.stribeck(1.0, 1e-3, 5.0, 2.0, s) for s in (10.0, 0.1))
     assert (slow, fast) == (pytest.approx(1e-2, rel=0.02), pytest.approx(5e-3))

@@ -8,8 +8,8 @@ import pytest
 import exodrake as exo
 from exodrake.effects import LIBRARY, finger, friction, motor, sensor, servo, signal, tendon, timing
 from exodrake.physics.finger import inertia
-from exodrake.physics.sensor import followed
-from exodrake.physics.tendon import slid
+from exodrake.physics.sensor import lag_ramp
+from exodrake.physics.tendon import move_slide
 from exodrake.physics.wire_paths import EXTENSOR, FLEXOR, path
 
 DT = 0.002
@@ -43,37 +43,40 @@ def test_an_effect_has_the_law_that_it_names(identity: str) -> None:
 FULL, HISTORY = sensor.FULL_SCALE, np.arange(36.0)
 # laws of one state of affairs: function, arguments, result
 LAWS = [
-    (motor.drooped, (0.2, 10.0, 0.1, 0.002), 0.08), (motor.drooped, (0.2, 60.0, 0.1, 0.002), 0.0),
-    (motor.drooped, (-0.2, 60.0, 0.1, 0.002), -0.2), (motor.drooped, (-0.3, 60.0, 0.1, 0.002), -0.22),
+    (motor.limit_by_load, (0.2, 10.0, 0.1, 0.002), 0.08), (motor.limit_by_load, (0.2, 60.0, 0.1, 0.002), 0.0),
+    (motor.limit_by_load, (-0.2, 60.0, 0.1, 0.002), -0.2), (motor.limit_by_load, (-0.3, 60.0, 0.1, 0.002), -0.22),
     (motor.current_limit, (0.3, 0.1, 0.1), 0.1), (motor.current_limit, (0.3, 0.5, 0.1), 0.3),
     (tendon.capstan, (6.0, 0.01, 0.3, 0.0), 6.0 * exp(-0.3)), (tendon.capstan, (6.0, -0.01, 0.3, 0.0), 6.0 * exp(0.3)),
     (tendon.coulomb, (4.0, 1.0, 0.4), 3.6), (tendon.coulomb, (12.0, -1.0, 0.4), 12.4),
-    (tendon.coulomb, (0.0, slid(-1.0, 0.0, 5e-5, 0.0), 0.4), 0.0), (tendon.viscous, (5.0, 0.04, 5.0), 4.8),
+    (tendon.coulomb, (0.0, move_slide(-1.0, 0.0, 5e-5, 0.0), 0.4), 0.0), (tendon.viscous, (5.0, 0.04, 5.0), 4.8),
     (tendon.plastic, (0.0, 1.0, 5e-4), 5e-4), (tendon.plastic, (4e-4, -3e-4, 5e-4), 1e-4),
-    (tendon.in_series, (10.8, 2700.0, 3000.0), 0.004 / (1.0 / 2700.0 + 1.0 / 3000.0)),
-    (tendon.slack, (0.003, 0.001, 1e-4), 0.002), (tendon.slack, (0.0, 0.0, 1e-4), 0.0),
-    (tendon.slack, (0.003, 0.0, 1e-4), 0.003), (tendon.slack, (-1e-5, 0.0, 1e-4), -1e-5),
+    (tendon.add_garment, (10.8, 2700.0, 3000.0), 0.004 / (1.0 / 2700.0 + 1.0 / 3000.0)),
+    (tendon.take_up_slack, (0.003, 0.001, 1e-4), 0.002), (tendon.take_up_slack, (0.0, 0.0, 1e-4), 0.0),
+    (tendon.take_up_slack, (0.003, 0.0, 1e-4), 0.003), (tendon.take_up_slack, (-1e-5, 0.0, 1e-4), -1e-5),
     (friction.level, (0.0, 0.3, 2.0, 0.005), 0.6), (friction.level, (1.0, 0.3, 2.0, 0.005), 0.3),
     (friction.level, (-0.005, 0.3, 2.0, 0.005), 0.3 * (1.0 + exp(-1.0))), (friction.viscous, (10.0, 0.1, 50.0), 5.0),
-    (friction.opposed, (10.0, -3.0), 13.0), (friction.directed, (0.0, 0.2, 30.0), -6.0),
-    (friction.directed, (0.0, -0.2, 30.0), -6.0),
-    (sensor.lag, (0.0016, 0.02, 0.25, 0.0, 0.0, 0.0), 0.015), (sensor.bowed, (0.0, 0.2), 0.0),
-    (sensor.bowed, (FULL, 0.2), FULL), (sensor.bowed, (0.5 * FULL, 0.2), 0.5 * FULL + 0.2),
-    (finger.stiffer, (0.056, 0.056, 1.4), 1.4 * 0.056), (finger.hardened, (0.0, 0.7, 0.04), 0.04 * 0.7**3),
+    (friction.subtract_force, (10.0, -3.0), 13.0), (friction.resist_by_direction, (0.0, 0.2, 30.0), -6.0),
+    (friction.resist_by_direction, (0.0, -0.2, 30.0), -6.0),
+    (sensor.lag, (0.0016, 0.02, 0.25, 0.0, 0.0, 0.0), 0.015), (sensor.bend_reading, (0.0, 0.2), 0.0),
+    (sensor.bend_reading, (FULL, 0.2), FULL), (sensor.bend_reading, (0.5 * FULL, 0.2), 0.5 * FULL + 0.2),
+    (finger.scale_stiffness, (0.056, 0.056, 1.4), 1.4 * 0.056), (finger.harden_joint, (0.0, 0.7, 0.04), 0.04 * 0.7**3),
     (finger.spastic, (0.0, -5.0, 0.01, 0.5), 0.0), (finger.spastic, (0.0, 0.5, 0.01, 0.5), 0.0),
     (finger.spastic, (0.0, 2.5, 0.01, 0.5), 0.02),  # in fast flexion only
-    (finger.tensed, (0.05, 0.05, 2.5, 0.5, 0.2), 0.075), (finger.tensed, (0.05, 0.05, 5.0, 0.5, 0.2), 0.05),
-    (finger.trembling, ((0.0, 0.0, 0.0), 0.125, (0.006, 0.0, 0.002), 2.0), (0.006, 0.0, 0.002)),
-    (finger.pushing, ((0.0, 0.0, 0.0), 10.0, (0.01, 0.0, 0.0), (0.1, 0.0, 0.0)), (0.02, 0.0, 0.0)),
-    (signal.clipped, (-1.0, 0.4), -0.4), (signal.clipped, (0.3, 0.4), 0.3), (signal.beyond, (-1.0, 0.25), -0.75),
-    (signal.beyond, (0.2, 0.25), 0.0), (signal.rounded, (-0.3, 0.25), -0.25), (signal.rounded, (0.2, 0.25), 0.25),
-    (signal.lost, (2.0, 1.0, 0.05, 0.1), 1.0), (signal.lost, (2.0, 1.0, 0.15, 0.1), 2.0),
-    (signal.slipped, (pi / 4, 0.03), pi / 4 + 0.03),  # skin slides most at half flexion
-    (timing.jittered, (1.0, (1.0, 0.0), 0, 0.5, 0.5), 0.75), (timing.late, (12.0, HISTORY, 12, 1.0), 13.0),
-    (timing.late, (12.0, HISTORY, 12, 2.5), 14.5), (timing.late, (12.0, HISTORY, 12, 99.0), 22.0),
-    (servo.lost_in_bends, (0.5, pi, 0.1), 0.5 * exp(-0.1 * pi)), (servo.sagging, (0.0, 0.03), 0.03),
-    (servo.sagging, (pi / 2, 0.03), pi / 2), (servo.moved_by_next, (0.1, 1.0, 0.2), 0.3),
-    (servo.moved_by_previous, (0.1, 1.0, 0.2), 0.3), (servo.drag_by_next, (0.01, 0.1, 0.2, 0.1, 0.05), 0.07),
+    (finger.stiffen_in_bouts, (0.05, 0.05, 2.5, 0.5, 0.2), 0.075),
+    (finger.stiffen_in_bouts, (0.05, 0.05, 5.0, 0.5, 0.2), 0.05),
+    (finger.add_tremor, ((0.0, 0.0, 0.0), 0.125, (0.006, 0.0, 0.002), 2.0), (0.006, 0.0, 0.002)),
+    (finger.add_voluntary_torque, ((0.0, 0.0, 0.0), 10.0, (0.01, 0.0, 0.0), (0.1, 0.0, 0.0)), (0.02, 0.0, 0.0)),
+    (signal.clip, (-1.0, 0.4), -0.4), (signal.clip, (0.3, 0.4), 0.3), (signal.cut_dead_zone, (-1.0, 0.25), -0.75),
+    (signal.cut_dead_zone, (0.2, 0.25), 0.0), (signal.round_to, (-0.3, 0.25), -0.25),
+    (signal.round_to, (0.2, 0.25), 0.25),
+    (signal.lose_sample, (2.0, 1.0, 0.05, 0.1), 1.0), (signal.lose_sample, (2.0, 1.0, 0.15, 0.1), 2.0),
+    (signal.slip_skin, (pi / 4, 0.03), pi / 4 + 0.03),  # skin slides most at half flexion
+    (timing.jitter_command, (1.0, (1.0, 0.0), 0, 0.5, 0.5), 0.75),
+    (timing.delay_command, (12.0, HISTORY, 12, 1.0), 13.0),
+    (timing.delay_command, (12.0, HISTORY, 12, 2.5), 14.5), (timing.delay_command, (12.0, HISTORY, 12, 99.0), 22.0),
+    (servo.lose_in_bends, (0.5, pi, 0.1), 0.5 * exp(-0.1 * pi)), (servo.sag_level, (0.0, 0.03), 0.03),
+    (servo.sag_level, (pi / 2, 0.03), pi / 2), (servo.mix_next, (0.1, 1.0, 0.2), 0.3),
+    (servo.mix_previous, (0.1, 1.0, 0.2), 0.3), (servo.drag_by_next, (0.01, 0.1, 0.2, 0.1, 0.05), 0.07),
     (servo.drag_by_previous, (0.01, -1.0, 0.2, 0.1, 0.05), -0.1), (servo.half_width, (0.0, 0.3, 0.17), 0.3),
     (servo.half_width, (pi, 0.3, 0.17), 0.3 * exp(0.17 * pi)),  # round a capstan
     (servo.drop_voltage, (7.4, 0.8, 2.0, 2.75, 0.5), (7.4 + 0.5 * 0.8 * 2.0 / 2.75) / (1.0 + 0.5 * 0.64 / 2.75)),
@@ -90,7 +93,7 @@ def test_laws_of_one_state_have_their_closed_forms() -> None:
 def test_dead_zone_starts_above_its_width_and_stops_below_its_release() -> None:
     moving, followed = 0.0, []
     for speed in (0.9e-3, -1.1e-3, -0.9e-3, 0.7e-3, 0.9e-3):
-        moving = motor.let_go(DT, speed, 1e-3, 0.8, moving)
+        moving = motor.release_drive(DT, speed, 1e-3, 0.8, moving)
         followed.append(motor.moving_command(speed, 1e-3, 0.8, moving))
     assert followed == [0.0, -1.1e-3, -0.9e-3, 0.0, 0.0]
 
@@ -127,8 +130,8 @@ def test_motor_friction_saturates_at_its_torque() -> None:
 
 
 def test_gear_loop_is_the_square_of_efficiency() -> None:
-    winding, *wound = motor.geared(8.0, 0.01, 0.65, 0.0, 0.0)
-    unwinding, *_ = motor.geared(8.0, 0.0, 0.65, *wound)
+    winding, *wound = motor.lose_in_gear(8.0, 0.01, 0.65, 0.0, 0.0)
+    unwinding, *_ = motor.lose_in_gear(8.0, 0.0, 0.65, *wound)
     assert winding == pytest.approx(8.0 / 0.65)
     assert unwinding / winding == pytest.approx(0.65**2)
 
@@ -163,7 +166,7 @@ def test_stops_dissipate(amplitude: float) -> None:
     force, distance, stops = 0.4, 5e-4, [0.0, 0.0, 0.0]
 
     def step(travel: float) -> float:
-        stops[:] = tendon.stops(5.0, travel, distance, *stops)
+        stops[:] = tendon.settle_stops(0.0, 5.0, travel, force, distance, *stops)
         return 5.0 - tendon.prandtl_ishlinskii(5.0, 0.0, force, distance, *stops)
 
     work = closed_loop_work(step, amplitude)
@@ -192,7 +195,7 @@ def test_creep_asymptote_and_time() -> None:
         y = tendon.settle_creep(DT, 6.0, 8000.0, 10.0, y)
     assert y == pytest.approx(6.0 / 8000.0 * (1.0 - exp(-1.0)))
     assert tendon.settle_creep(1e3, 6.0, 8000.0, 10.0, y) == pytest.approx(6.0 / 8000.0)
-    assert tendon.crept(0.003, 8000.0, 10.0, y) == pytest.approx(0.003 - y)
+    assert tendon.subtract_creep(0.003, 8000.0, 10.0, y) == pytest.approx(0.003 - y)
 
 
 def test_slack_comes_taut_smoothly() -> None:
@@ -200,23 +203,23 @@ def test_slack_comes_taut_smoothly() -> None:
     length, toe, h = 0.001, 4e-4, 1e-9
     for share in (0.05, 0.25, 0.5, 0.75, 0.95):
         x = length + (share - 0.5) * toe
-        around = [tendon.slack(x + d, length, toe) for d in (-h, h)]
+        around = [tendon.take_up_slack(x + d, length, toe) for d in (-h, h)]
         assert (around[1] - around[0]) / (2.0 * h) == pytest.approx(share, abs=1e-5)
     for end in (-0.5, 0.5):
-        below, above = (tendon.slack(length + end * toe + d, length, toe) for d in (-h, h))
+        below, above = (tendon.take_up_slack(length + end * toe + d, length, toe) for d in (-h, h))
         assert below == pytest.approx(above, abs=3e-9)
-    assert tendon.slack(1e-3, 1e-3, 1.0) == tendon.slack(1e-3, 1e-3, 1e-3)
+    assert tendon.take_up_slack(1e-3, 1e-3, 1.0) == tendon.take_up_slack(1e-3, 1e-3, 1e-3)
 
 
 def test_stiffening_tangent() -> None:
     """dT/dx = soft + stiffening T, and the curve goes on straight and smoothly beyond its limit."""
     soft, grows, h = 1200.0, 200.0, 1e-8
     for x in (0.0, 0.002, 0.01):
-        here = tendon.stiffened(0.0, x, 2700.0, soft, grows)
-        slope = (tendon.stiffened(0.0, x + h, 2700.0, soft, grows) - here) / h
+        here = tendon.stiffen_wire(0.0, x, 2700.0, soft, grows)
+        slope = (tendon.stiffen_wire(0.0, x + h, 2700.0, soft, grows) - here) / h
         assert slope == pytest.approx(soft + grows * here, rel=1e-4)
     edge = tendon.LIMIT / grows
-    around = [tendon.stiffened(0.0, edge + d, 2700.0, soft, grows) for d in (-1e-6, 0.0, 1e-6)]
+    around = [tendon.stiffen_wire(0.0, edge + d, 2700.0, soft, grows) for d in (-1e-6, 0.0, 1e-6)]
     assert around[2] - around[1] == pytest.approx(around[1] - around[0], rel=1e-3)
 
 
@@ -226,7 +229,7 @@ def test_stiffening_comes_to_the_nominal_wire_as_it_fades(stretch) -> None:
     wire, nominal = 2700.0, 2700.0 * stretch
 
     def tension(soft):
-        return tendon.stiffened(nominal, stretch, wire, soft, 200.0)
+        return tendon.stiffen_wire(nominal, stretch, wire, soft, 200.0)
 
     assert tension(float("inf")) == tension(1e6) == tension(wire) == nominal
     assert tension(wire * (1.0 - 1e-7)) == pytest.approx(nominal, rel=1e-6)
@@ -241,7 +244,7 @@ def test_two_filters_lag_by_the_time_constant_behind_a_ramp(time_constant, share
     first = sensor.lag(0.0, time_constant, share, *states)
     for k in range(400):
         load = slope * (k + 1) * DT
-        reading = followed(cell, slope * k * DT, load, DT, first)  # of this instant; the states are a tick behind
+        reading = lag_ramp(cell, slope * k * DT, load, DT, first)  # of this instant; the states are a tick behind
         behind = (load - sensor.filtered_reading(reading, time_constant, share, *states)) / slope
         cell = reading
         states = sensor.settle_filter(DT, cell, time_constant, share, *states)
@@ -250,7 +253,7 @@ def test_two_filters_lag_by_the_time_constant_behind_a_ramp(time_constant, share
 
 def test_pulley_friction_over_half_a_turn() -> None:
     ends = [sensor.settle_pulley(DT, 0.0, 8.0, way, 0.04, 1e-4, 0.0, 0.0) for way in (0.01, -0.01)]
-    pull, release = (sensor.at_cell(8.0, 0.04, 1e-4, *state) for state in ends)
+    pull, release = (sensor.average_strands(8.0, 0.04, 1e-4, *state) for state in ends)
     assert pull == pytest.approx(4.0 * (1.0 + exp(0.04 * pi)))
     assert (release - 4.0) * (pull - 4.0) == pytest.approx(16.0)
 
@@ -294,10 +297,10 @@ def test_gravity_of_the_straight_horizontal_finger() -> None:
     third = own[2] * LENGTH[2] / 2
     second = own[1] * LENGTH[1] / 2 + own[2] * LENGTH[1] + third
     first = own[0] * LENGTH[0] / 2 + (own[1] + own[2]) * LENGTH[0] + second
-    down = finger.weighed(NOTHING, NOTHING, BONES, 9.81, 0.0)
+    down = finger.add_weight(NOTHING, NOTHING, BONES, 9.81, 0.0)
     assert down == pytest.approx((first, second, third))
-    assert finger.weighed(NOTHING, NOTHING, BONES, 9.81, pi) == pytest.approx([-x for x in down])
-    assert finger.weighed(NOTHING, NOTHING, BONES, 9.81, pi / 2) == pytest.approx(NOTHING)
+    assert finger.add_weight(NOTHING, NOTHING, BONES, 9.81, pi) == pytest.approx([-x for x in down])
+    assert finger.add_weight(NOTHING, NOTHING, BONES, 9.81, pi / 2) == pytest.approx(NOTHING)
 
 
 def energy_slope(energy, angle: tuple[float, ...]) -> list[float]:
@@ -319,20 +322,20 @@ def height(angle) -> float:
 def test_contact_pushes_by_virtual_work_and_the_power_of_its_depth() -> None:
     angle, stiffness = (0.5, 0.7, 0.4), 2000.0
     distance = height(angle) - 0.001
-    torque = finger.met(NOTHING, angle, BONES, distance, stiffness, 1.5)
-    force = finger.pressed(0.001, stiffness, 1.5)
+    torque = finger.meet_object(NOTHING, angle, BONES, distance, stiffness, 1.5)
+    force = finger.press_object(0.001, stiffness, 1.5)
     assert force == pytest.approx(2.0, rel=0.03)
     assert torque == pytest.approx(energy_slope(lambda q: force * height(q), angle), rel=1e-5)
-    assert finger.met(NOTHING, angle, BONES, distance + 0.002, stiffness, 1.5) == NOTHING
-    deep = [finger.pressed(depth, stiffness, 1.5) for depth in (0.01, 0.04)]
+    assert finger.meet_object(NOTHING, angle, BONES, distance + 0.002, stiffness, 1.5) == NOTHING
+    deep = [finger.press_object(depth, stiffness, 1.5) for depth in (0.01, 0.04)]
     assert deep[1] / deep[0] == pytest.approx(8.0, rel=0.01)  # Hertz's exponent 3/2
-    onset = [finger.pressed(finger.ONSET + d, stiffness, 1.3) for d in (-1e-9, 0.0, 1e-9)]
+    onset = [finger.press_object(finger.ONSET + d, stiffness, 1.3) for d in (-1e-9, 0.0, 1e-9)]
     assert onset[2] - onset[1] == pytest.approx(onset[1] - onset[0], rel=1e-3)  # is smooth
 
 
 def test_coupling_is_a_spring() -> None:
     angle, stiffness, ratio = (0.5, 0.7, 0.2), 0.02, 0.67
-    torque = finger.tied(NOTHING, angle, stiffness, ratio)
+    torque = finger.tie_joints(NOTHING, angle, stiffness, ratio)
     assert torque == pytest.approx(
         energy_slope(lambda q: 0.5 * stiffness * (q[2] - ratio * q[1]) ** 2, angle), rel=1e-6
     )

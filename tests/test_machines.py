@@ -115,7 +115,7 @@ def test_play_in_a_sheath_is_the_mean_of_three_plays(spread):
     plays, stops, before = np.zeros(3), (0.0, 0.0, 0.0), 0.0
     for aim in aims:
         stops = servo.settle_strands(0.01, aim - before, bend, width, mu, spread, *stops)
-        angle = servo.behind_sheath(aim, bend, width, mu, spread, *stops)
+        angle = servo.follow_sheath(aim, bend, width, mu, spread, *stops)
         half = middle * np.array([1.0 - spread, 1.0, 1.0 + spread])
         plays, before = np.clip(plays, aim - half, aim + half), aim
         assert angle == pytest.approx(np.mean(plays), abs=1e-12)

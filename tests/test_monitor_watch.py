@@ -19,6 +19,7 @@ import exodrake as exo
 from exodrake.cli.main import cli
 from exodrake.data.formats import write_log
 from exodrake.data.formats.csv import write
+from exodrake.data.import_log import read_mapping
 from exodrake.data.log import Log
 from exodrake.diagnosis.healthy import healthy_robot
 from exodrake.monitor.alarm import choose_limits, date_rise, draw_work, measure_noise, share_at_most
@@ -52,6 +53,31 @@ def rows_of(pieces):
 
 def run(*arguments):
     return CliRunner().invoke(cli, ["watch", *(str(a) for a in arguments)])
+
+
+def test_mapping_file_gives_the_rows_of_a_foreign_file(tmp_path, file, log):
+    mapping, path = tmp_path / "map.yaml", tmp_path / "foreign.csv"
+    names = [*log.columns]
+    columns = "".join(f"  c{k}: {{name: {name}, unit: {log.units[name]}}}\n" for k, name in enumerate(names))
+    first = f"  c0: {{name: {names[0]}, unit: mN, scale: 500, offset: -1000}}\n"
+    mapping.write_text("separator: ';'\ntime: {column: t, unit: ms}\ncolumns:\n" + first + columns.partition("\n")[2])
+    rows = np.column_stack([1e3 * log.time, *(log[name] for name in names)])
+    rows[:, 1] = (1e3 * rows[:, 1] + 1000) / 500
+    np.savetxt(
+        path,
+        rows,
+        fmt="%.15g",
+        delimiter=";",
+        comments="",
+        header=";".join(["t", *(f"c{k}" for k in range(len(names)))]),
+    )
+    (found,), (wanted,) = (
+        list(Tail(p, NOMINAL.machine, m).poll()) for p, m in ((path, read_mapping(mapping)), (file, None))
+    )
+    assert found.values == pytest.approx(wanted.values, rel=1e-9, abs=1e-9, nan_ok=True)
+    mapping.write_text(mapping.read_text().replace("offset: -1000", "filter: 5"))
+    with pytest.raises(exo.InputError, match="exodrake import"):
+        Tail(path, NOMINAL.machine, read_mapping(mapping))
 
 
 def test_half_lines_wait_and_units_are_converted(tmp_path, file, log):

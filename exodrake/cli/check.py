@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
 from exodrake.cli import options
-
-if TYPE_CHECKING:
-    from exodrake.diagnosis.checks.preflight import Direction
 
 TOP, FEW = 3, 4  # effects that are listed for each; for fewer sensors
 
@@ -20,9 +16,7 @@ TOP, FEW = 3, 4  # effects that are listed for each; for fewer sensors
 @options.robot_option()
 @click.option("--effects", "only", default="", metavar="ID,...", help="These effects only.")
 @click.option("--without", default="", metavar="ID,...", help="Not these effects.")
-@click.option(
-    "--out", "--figure", "figure", type=options.OutputFile("check.png"), help="Write the figure, or a folder for it."
-)
+@click.option("--out", "--figure", "figure", type=options.OutputFile("check.png"), help="Figure, or a folder for it.")
 @click.option("--allow-outside", is_flag=True, help="Read logs that lie outside the folder of their case, too.")
 def command(case: Path, robot: str, only: str, without: str, figure: Path | None, allow_outside: bool) -> None:
     """Say what CASE is good for: clocks, gaps, saturation, excitation, and which effects it could not tell apart.
@@ -43,27 +37,25 @@ def command(case: Path, robot: str, only: str, without: str, figure: Path | None
     with options.waiting("reading") as say, one_blas_thread():
         found = preflight(case, nominal, options.choose_effects(robot, only, without), allow_outside, say)
 
-    def shown(column: str, value: float) -> str:
+    def show(column: str, value: float) -> str:
         display = find_display(column.rsplit("_", 1)[0], nominal.machine)
         return f"{display.factor * value:.3g} {display.unit}"
 
-    clocks = []
-    for c in found.clocks:
-        step = f"{1e3 * c.step:.4g} ms"
-        clocks.append((escape(c.file), str(c.rows), f"{c.duration:.4g} s", step, f"{c.jitter:.1%}", str(c.missing)))
-    channels = [
-        (c.column, shown(c.column, c.motion), shown(c.column, c.noise), f"{c.missing:.1%}", f"{c.saturated:.1%}")
-        for c in found.channels
-    ]
-    references = []
-    for e in found.excitations:
-        span, share = shown(e.column, e.span), "" if e.share != e.share else f"{e.share:.0%}"
-        references.append((e.column, span, share, f"{e.band:.2g} Hz", str(e.reversals), f"{e.rest:.0%}"))
-    for titles, rows in (
-        (("log", ">rows", ">duration", ">step", ">jitter", ">missing frames"), clocks),
-        (("channel", ">motion (std)", ">fast noise (std)", ">missing", ">at its ends"), channels),
-        (("reference", ">span", ">of its limits", ">95 % below", ">turns", ">at rest"), references),
-    ):
+    tables = {
+        ("log", ">rows", ">duration", ">step", ">jitter", ">missing frames"): [
+            (escape(c.file), str(c.rows), f"{c.duration:.4g} s", f"{1e3 * c.step:.4g} ms", f"{c.jitter:.1%}",
+             str(c.missing)) for c in found.clocks
+        ],
+        ("channel", ">motion (std)", ">fast noise (std)", ">missing", ">at its ends"): [
+            (c.column, show(c.column, c.motion), show(c.column, c.noise), f"{c.missing:.1%}", f"{c.saturated:.1%}")
+            for c in found.channels
+        ],
+        ("reference", ">span", ">of its limits", ">95 % below", ">turns", ">at rest"): [
+            (e.column, show(e.column, e.span), "" if e.share != e.share else f"{e.share:.0%}", f"{e.band:.2g} Hz",
+             str(e.reversals), f"{e.rest:.0%}") for e in found.excitations
+        ],
+    }  # fmt: skip
+    for titles, rows in tables.items():
         options.print_table(titles, rows)
         click.echo()
     for problem in found.problems:
@@ -77,7 +69,13 @@ def command(case: Path, robot: str, only: str, without: str, figure: Path | None
         seen = [d for d in own if d.seen >= SEEN]
         hidden = ", ".join(d.channel or "everywhere" for d in own if d.seen < SEEN)
         taken = list_few((name for d in seen for name in d.taken_for), TOP)
-        rows.append((f"[bold]{effect}[/bold]", find_smallest(seen), hidden, taken))
+        size = ""  # the smallest that is seen on every channel that shows the effect; else the one that was tried
+        if seen:
+            worst = max((d.smallest for d in seen), key=abs)
+            known = all(d.smallest == d.smallest for d in seen)
+            size = f"{worst:.2g}" if known else f"at {seen[0].typical:.2g}"
+            size = f"{size} {seen[0].unit}".removesuffix(" -")
+        rows.append((f"[bold]{effect}[/bold]", size, hidden, taken))
     options.print_table(("effect", ">seen from", "not seen at typical size", "could be taken for"), rows, wrapped=3)
     click.echo(
         f"\n{len(result.clear)} of {len(result.directions)} effects and channels are seen and distinguished, "
@@ -88,25 +86,17 @@ def command(case: Path, robot: str, only: str, without: str, figure: Path | None
             f"{sensor.signal} would help most: measured with a noise of {sensor.noise:.2g} {sensor.unit}, "
             f"{sensor.mistaken} could be mistaken and {sensor.hidden} not seen"
         )
-    rows = []
-    for item in result.fewer:
-        counts = (str(len(group)) for group in (item.left.clear, item.left.mistaken, item.left.hidden))
-        rows.append((", ".join(item.kinds), *counts, list_few(item.lost, FEW)))
-    if rows:
-        click.echo()
-        lost = "effects no longer distinguished"
-        options.print_table(
-            ("with these columns alone", ">distinguished", ">mistaken", ">not seen", lost), rows, wrapped=4
+    if result.fewer:
+        groups = ((item, (item.left.clear, item.left.mistaken, item.left.hidden)) for item in result.fewer)
+        rows = [(", ".join(i.kinds), *(str(len(g)) for g in own), list_few(i.lost, FEW)) for i, own in groups]
+        titles = (
+            "with these columns alone",
+            ">distinguished",
+            ">mistaken",
+            ">not seen",
+            "effects no longer distinguished",
         )
+        click.echo()
+        options.print_table(titles, rows, wrapped=4)
     if figure:
         options.write_files({figure: draw_figure(found)})
-
-
-def find_smallest(seen: list[Direction]) -> str:
-    """Smallest size that is seen on every channel that shows the effect; else the one that was tried."""
-    if not seen:
-        return ""
-    if any(d.smallest != d.smallest for d in seen):
-        return f"at {seen[0].typical:.2g} {seen[0].unit}".removesuffix(" -")
-    worst = max((d.smallest for d in seen), key=abs)
-    return f"{worst:.2g} {seen[0].unit}".removesuffix(" -")

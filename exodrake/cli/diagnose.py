@@ -97,7 +97,7 @@ def diagnose_case(
     from exodrake.machines.robot_file import load_robot
     from exodrake.report.terminal import print_profile, print_summary
 
-    nominal = load_robot(robot) if robot else load_robot()
+    nominal = load_robot(robot or options.DEFAULT)
     read = read_case(case, list_required(nominal.machine), nominal.machine.frame, allow_outside)
     known: list[Diagnosis] = []
     written: dict[Path, None] = {}
@@ -126,8 +126,9 @@ def diagnose_case(
             from exodrake.diagnosis.pipeline import diagnose
             from exodrake.diagnosis.result import UNKNOWN
 
-            wanted = (lambda verdict: verdict == UNKNOWN) if discover is None else (lambda _: bool(discover))
-            found = diagnose(read, nominal, progress, tried, wanted, answered=keep)
+            found = diagnose(
+                read, nominal, progress, tried, lambda v: v == UNKNOWN if discover is None else discover, answered=keep
+            )
         keep(found)
         law = found.missing_law
         if targets.law is not None and law is not None and law.robot is not None:
@@ -241,13 +242,7 @@ def summarise_fleet(sources: tuple[Path, ...], out: Path | None, table: Path | N
 @click.option("--minutes", default=9.0, show_default=True, type=click.FloatRange(min=0.0), help="Time for them.")
 @click.option("--seed", default=0, show_default=True, type=click.IntRange(min=0), help="Of everything that is drawn.")
 @where_to_run
-@click.option(
-    "--out",
-    "--write",
-    "out",
-    type=options.OutputFile("calibration.yaml"),
-    help="The machine's folder, for calibration.yaml.",
-)
+@click.option("--out", "--write", "out", type=options.OutputFile("calibration.yaml"), help="The machine's folder.")
 def count_errors(
     robot: str, folder: str | None, cases: int, minutes: float, seed: int, jobs: int, cluster: str | None,
     out: Path | None,

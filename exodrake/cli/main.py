@@ -58,6 +58,8 @@ GROUPS = {
         "grasp": ("grasp", "From grasp mode and object size to joint targets and tensions."),
     },
 }
+OF_ANY_MACHINE = ("check", "diagnose", "fit", "watch", "analyse", "response", "experiment", "calibrate")
+OTHER_MACHINE = "; a log of another machine? --machine FOLDER or --robot NAME says which"
 COMMANDS = {name: command for group in GROUPS.values() for name, command in group.items()}
 
 
@@ -72,12 +74,14 @@ class InputProblem(click.ClickException):
 
 
 @contextmanager
-def in_one_line() -> Iterator[None]:
-    """Report a user's error or a full machine in one line, without a traceback."""
+def in_one_line(arguments: tuple[str, ...] = ()) -> Iterator[None]:
+    """Report a user's error or a full machine in one line, without a traceback; arguments: as they were typed."""
     try:
         yield
     except InputError as problem:
-        raise InputProblem(str(problem)) from None
+        given = any(word.startswith(("--machine", "--robot")) for word in arguments)
+        foreign = "required column" in str(problem) and arguments and arguments[0] in OF_ANY_MACHINE and not given
+        raise InputProblem(f"{problem}{OTHER_MACHINE if foreign else ''}") from None
     except click.NoSuchOption as problem:
         name = [*(problem.ctx.command_path if problem.ctx else "").split(), ""][1]
         if problem.option_name != "--machine" or name not in OTHERS:
@@ -108,7 +112,7 @@ class OneLineErrors(click.Command):
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command."""
-        with in_one_line():
+        with in_one_line(ctx.meta.get(ARGUMENTS, ())):
             return super().invoke(ctx)
 
 

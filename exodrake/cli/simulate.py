@@ -26,9 +26,7 @@ if TYPE_CHECKING:
 @click.option("--seed", type=int, help="Seed of the noise [0].")
 @click.option("--no-noise", is_flag=True, help="Sensors without noise, a bus that loses nothing.")
 @click.option("--no-quantisation", is_flag=True, help="Readings unrounded.")
-@click.option(
-    "--engine", default="", metavar="NAME", help="compiled (the default) or drake: the same log to the last bit."
-)
+@click.option("--engine", default="", metavar="NAME", help="compiled (default) or drake: the same log to the last bit.")
 @click.option("--out", type=OutputFolder(), help="Folder for the files [simulated/PROTOCOL].")
 def command(protocol: str, reference: str, file: str, robot: str, out: Path | None, **options) -> None:
     """Run a robot on PROTOCOL and write log.csv, scenario.yaml, figure.png and recording.html.
@@ -103,14 +101,10 @@ def scenario_from(
         raise InputError("nothing to follow: name a protocol or grasp mode (see --help), a --reference or a --scenario")
     scenario = read_scenario(file) if file else Scenario(protocol, reference)
     given: dict[str, Any] = {"protocol": protocol, "reference": reference} if protocol or reference else {}
-    if robot:
-        given["robot"] = embed_robot(robot)
-    if seed is not None or no_noise:
-        given["seed"] = None if no_noise else seed
-    if no_quantisation:
-        given["quantisation"] = False
-    if engine:
-        given["engine"] = engine
+    given |= {"robot": embed_robot(robot)} if robot else {}
+    given |= {"seed": None if no_noise else seed} if seed is not None or no_noise else {}
+    given |= {"quantisation": False} if no_quantisation else {}
+    given |= {"engine": engine} if engine else {}
     scenario = replace(scenario, parts=list(dict.fromkeys([*scenario.parts, *parts])), **given)
     built = scenario.build_robot()
     changes = dict(parse_number(text, built) for text in parameters)
@@ -122,13 +116,9 @@ def scenario_from(
 
 
 def make_files(
-    scenario: Scenario,
-    robot: exo.Robot,
-    log: exo.Log,
-    name: str,
-    say: Callable[[str], None],
+    scenario: Scenario, robot: exo.Robot, log: exo.Log, name: str, say: Callable[[str], None],
     nominal: exo.Log | None = None,
-) -> dict[str, bytes]:
+) -> dict[str, bytes]:  # fmt: skip
     """Contents of all files but the logs. A scenario that followed a log refers to the log written beside it."""
     from exodrake.data.plot import remarks, render_png
     from exodrake.diagrams.meshcat import recording_html

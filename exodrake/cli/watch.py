@@ -20,31 +20,35 @@ EVERY = 10  # s of the log between plain lines
 @robot_option()
 @click.option("--until-idle", type=click.FloatRange(min=0), default=None, metavar="TIME",
               help="End when no row has come for this time [s; never]; 0 reads a complete log to its end.")  # fmt: skip
-def command(log: Path, robot: str, until_idle: float | None) -> None:
+@click.option("--map", "map_file", type=AnyPath(), metavar="FILE", help="Mapping file of a foreign recording.")
+def command(log: Path, robot: str, until_idle: float | None, map_file: Path | None) -> None:
     """Follow LOG, a CSV file that a robot is writing, and show the gap between each of its segments and the model.
 
     The model runs beside the robot, frame by frame. Ctrl-C ends with a summary. The exit status is 1 if there was an
-    alarm. For the cause: `exodrake diagnose LOG`; for an animation: `exodrake show LOG`.
+    alarm. For the cause: `exodrake diagnose LOG`; for an animation: `exodrake show LOG`. A mapping file is that of
+    `exodrake import`, of a growing file with names, units, scales, offsets and signs alone.
     """
     from rich.console import Console
     from rich.live import Live
 
+    from exodrake.data.import_log import read_mapping
     from exodrake.machines.robot_file import load_robot
     from exodrake.monitor.display import describe_alarm, describe_reading, draw_screen, summarise
     from exodrake.monitor.watcher import Monitor, follow
 
     click.echo("loading the model (the first run compiles for half a minute)", err=True)
     monitor, printed = Monitor(load_robot(robot)), 0
+    readings = follow(monitor, log, until_idle, None if map_file is None else read_mapping(map_file))
     if not log.exists():
         click.echo(f"waiting for {log}", err=True)
     with suppress(KeyboardInterrupt):
         if sys.stdout.isatty():  # a display that is redrawn in place
             console = Console(highlight=False)
             with Live(draw_screen(monitor, log), console=console, refresh_per_second=REDRAW, transient=True) as live:
-                for _ in follow(monitor, log, until_idle):
+                for _ in readings:
                     live.update(draw_screen(monitor, log))
         else:
-            for reading in follow(monitor, log, until_idle):
+            for reading in readings:
                 if reading is not None and reading.second % EVERY == 0:
                     click.echo(describe_reading(monitor, reading))
                 for alarm in monitor.alarms[printed:]:

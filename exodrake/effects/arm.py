@@ -4,15 +4,15 @@ The motors of a cable-driven arm feel the joints' efforts by the same matrix A a
 """
 
 from exodrake.core.effect import Effect, EffectParameter, per_joint
-from exodrake.effects.signal import beyond, mixed, scaled, shifted
+from exodrake.effects.signal import cut_dead_zone, mix, scale, shift
 
 
-def softer(stiffness, share):
+def soften_loop(stiffness, share):
     """Stiffness [N m/rad] of a loop of softer cables, both strands taut: k_j = k / (1 + share)."""
     return stiffness / (1.0 + share)
 
 
-def looser(pretension, share):
+def loosen_loop(pretension, share):
     """Pretension that is left, as the effort of one strand [N m]: pretension_j = (1 - share) pretension."""
     return (1.0 - share) * pretension
 
@@ -20,7 +20,7 @@ def looser(pretension, share):
 ENCODER_OFFSET = Effect(
     id="arm.encoder_offset", summary="zero of a joint's encoder in the wrong place", family="offset",
     signature="efforts of gravity off by a constant angle: a sine of the posture, on this joint and those before it",
-    source="homing; range assumed", at={"arm.seen": shifted},
+    source="homing; range assumed", at={"arm.seen": shift},
     formula="q_j = measured + offset          the arm stands elsewhere than measured",
     parameters=(per_joint("offset", "rad", null=0.0, low=-0.3, high=0.3, default=0.05),),
 )  # fmt: skip
@@ -28,71 +28,68 @@ JOINT_COMPLIANCE = Effect(
     id="arm.joint_compliance", summary="elastic transmission between motor and joint", family="elasticity",
     signature="position at the motor off in proportion to the effort; a resonance of rotor against link",
     source="harmonic drives 1e4-1e5 N m/rad, cables and belts 3e2-1e4 N m/rad; range assumed",
-    at={"arm.sprung": shifted},
+    at={"arm.sprung": shift},
     formula="theta - q = (c + compliance) tau          of cable, belt or harmonic drive; needs an inertia of the rotor",
     parameters=(per_joint("compliance", "rad/(N m)", null=0.0, low=3e-5, high=3e-3, default=5e-4),),
 )  # fmt: skip
 LINK_MASS = Effect(
     id="arm.link_mass", summary="mass of a link other than stated", family="inertia",
     signature="efforts of gravity and acceleration off on this joint and on those before it",
-    source="CAD masses lack cables and covers, 5-50 %; range assumed", at={"arm.weighed": scaled},
+    source="CAD masses lack cables and covers, 5-50 %; range assumed", at={"arm.weighed": scale},
     formula="m_j = (1 + share) m          its centre and its inertia about that stay",
     parameters=(per_joint("share", "-", null=0.0, low=-0.6, high=1.0, default=0.2),),
 )  # fmt: skip
 PAYLOAD = Effect(
     id="arm.payload", summary="a mass at the tip", family="inertia",
     signature="efforts of gravity and acceleration as of a mass at the tip, largest at the base's joints",
-    source="Newton's law; range assumed: what arms of some 10 kg hold", at={"arm.carried": shifted},
+    source="Newton's law; range assumed: what arms of some 10 kg hold", at={"arm.carried": shift},
     formula="m_tip = m + mass", parameters=(EffectParameter("mass", "kg", null=0.0, low=0.02, high=5.0, default=0.5),),
 )  # fmt: skip
 ROTOR_INERTIA = Effect(
     id="arm.rotor_inertia", summary="inertia of the rotor behind its gear", family="inertia",
     signature="effort off in proportion to the joint's own acceleration, whatever the posture",
-    source="N^2 J: 0.01-3 kg m2 for gears of 50-160; range assumed", at={"arm.geared": shifted},
+    source="N^2 J: 0.01-3 kg m2 for gears of 50-160; range assumed", at={"arm.geared": shift},
     formula="B_j = B + J N^2", parameters=(per_joint("inertia", "kg m2", null=0.0, low=0.01, high=3.0, default=0.1),),
 )  # fmt: skip
-ENTRY = "A_jk = a_jk + share a_jj          k: the motor before or after"
-COUPLED = "a joint moves in proportion to another one's motor, without a loop, and its effort loads that motor"
-COUPLING = "Hwang et al., RA-L 2020: coupled wrist cables; range assumed"
-SHARE = per_joint("share", "-", null=0.0, low=-0.4, high=0.4, default=0.1)
 BACKLASH = Effect(
     id="cable.backlash", summary="play between the cables and the joint", family="backlash",
     signature="position of the joint against that of its motor is a loop of constant width",
-    source="physics.md 4.A gear backlash 0.2-4 deg; range assumed", at={"cable.taken": beyond},
+    source="physics.md 4.A gear backlash 0.2-4 deg; range assumed", at={"cable.taken": cut_dead_zone},
     formula="d = sgn(d) max(0, |d| - half_width)          keys, gears before the capstan, ends that sit loose",
     parameters=(per_joint("half_width", "rad", null=0.0, low=0.002, high=0.2, default=0.02),),
 )  # fmt: skip
-COUPLING_TO_NEXT = Effect(
-    id="cable.coupling_to_next", summary="cables run past the next joint's axis", family="crosstalk", same_meaning=True,
-    signature=COUPLED, source=COUPLING, at={"cable.by_next": mixed}, parameters=(SHARE,), formula=ENTRY,
-)  # fmt: skip
-COUPLING_TO_PREVIOUS = Effect(
-    id="cable.coupling_to_previous", summary="cables run past the previous joint's axis", family="crosstalk",
-    signature=COUPLED, source=COUPLING, at={"cable.by_previous": mixed}, parameters=(SHARE,), formula=ENTRY,
-    same_meaning=True,
+COUPLING_TO_NEXT, COUPLING_TO_PREVIOUS = (
+    Effect(
+        id=f"cable.coupling_to_{side}", summary=f"cables run past the {side} joint's axis", family="crosstalk",
+        signature="a joint moves in proportion to another one's motor, without a loop, and its effort loads that motor",
+        source="Hwang et al., RA-L 2020: coupled wrist cables; range assumed", at={f"cable.by_{side}": mix},
+        formula="A_jk = a_jk + share a_jj          k: the motor before or after",
+        parameters=(per_joint("share", "-", null=0.0, low=-0.4, high=0.4, default=0.1),), same_meaning=True,
+    )
+    for side in ("next", "previous")
 )  # fmt: skip
 LOST_PRETENSION = Effect(
     id="cable.lost_pretension", summary="pretension that went", family="elasticity",
     signature="half the stiffness beyond the effort at which one strand goes slack",
-    source="creep of cables and their ends; range assumed", at={"cable.tensioned": looser},
+    source="creep of cables and their ends; range assumed", at={"cable.tensioned": loosen_loop},
     parameters=(per_joint("share", "-", null=0.0, low=0.1, high=1.0, default=0.5),),
 )  # fmt: skip
 RATIO_ERROR = Effect(
     id="cable.ratio_error", summary="the joint goes further or less far than its motor's angle says", family="gain",
     signature="position of the joint off in proportion to that of its motor, no loop",
-    source="radii of capstans and cables; range assumed", at={"cable.ratio": scaled}, formula="A_jj = (1 + gain) a_jj",
+    source="radii of capstans and cables; range assumed", at={"cable.ratio": scale}, formula="A_jj = (1 + gain) a_jj",
     parameters=(per_joint("gain", "-", null=0.0, low=-0.3, high=0.3, default=0.05),), same_meaning=True,
 )  # fmt: skip
 SOFTENING = Effect(
     id="cable.softening", summary="cables softer than stated", family="elasticity",
     signature="position of the joint off in proportion to its effort; a lower resonance of link against motor",
     source="steel cables lose up to half of their stiffness with layers and wear; range assumed",
-    at={"cable.stiff": softer}, parameters=(per_joint("share", "-", null=0.0, low=-0.6, high=5.0, default=0.5),),
+    at={"cable.stiff": soften_loop}, parameters=(per_joint("share", "-", null=0.0, low=-0.6, high=5.0, default=0.5),),
 )  # fmt: skip
 TORQUE_GAIN = Effect(
     id="gear_motor.torque_gain", summary="torque constant or gear ratio other than stated", family="gain",
     signature="effort needed off in proportion to itself on one joint, at rest as in motion",
-    source="magnets and their temperature, 5-20 %; range assumed", at={"gear_motor.driven": scaled},
+    source="magnets and their temperature, 5-20 %; range assumed", at={"gear_motor.driven": scale},
     formula="tau_j = (1 + gain) k_t N i",
     parameters=(per_joint("gain", "-", null=0.0, low=-0.4, high=0.4, default=-0.1),),
 )  # fmt: skip

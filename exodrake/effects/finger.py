@@ -7,8 +7,8 @@ from math import cos, inf, pi, sin
 
 from exodrake.core.effect import ANY_SHAPE, Effect, EffectParameter, per_joint, per_tendon
 from exodrake.core.part import JOINTS, TENDONS, State
-from exodrake.effects.friction import bent
-from exodrake.effects.signal import relaxed, shifted
+from exodrake.effects.friction import bend_bristle
+from exodrake.effects.signal import relax, shift
 
 SETTLING = 0.01  # time in which the garment follows the tension [s]; assumed
 TAUT = 15.0  # tension above which the garment is taut and lifts no further [N]; beyond all references; assumed
@@ -37,20 +37,20 @@ def lever_height(height, migration, stored, felt):
 
 def settle_garment(dt, tension_finger, migration, stored, felt):
     """Tension that the garment has relaxed under [N]."""
-    return relaxed(felt, min(tension_finger, TAUT), dt, SETTLING)
+    return relax(felt, min(tension_finger, TAUT), dt, SETTLING)
 
 
-def stiffer(torque, elastic, factor):
+def scale_stiffness(torque, elastic, factor):
     """Passive torque [N m] of joints whose stiffness is scaled: tau_p = factor kappa (q - q0) + end stops."""
     return torque + (factor - 1.0) * elastic
 
 
-def hardened(torque, bend, coefficient):
+def harden_joint(torque, bend, coefficient):
     """Passive torque [N m] with cubic stiffening: tau_p = kappa (q - q0) + coefficient (q - q0)^3 + end stops."""
     return torque + coefficient * bend * bend * bend
 
 
-def tensed(torque, elastic, clock, gain, frequency):
+def stiffen_in_bouts(torque, elastic, clock, gain, frequency):
     """Passive torque [N m] in bouts: tau_p = kappa (q - q0) (1 + gain (1 - cos(2 pi frequency t)) / 2) + end stops."""
     return torque + 0.5 * gain * elastic * (1.0 - cos(2.0 * pi * frequency * clock))
 
@@ -66,17 +66,17 @@ def viscoelastic(torque, elastic, fraction, time_constant, relaxed_torque):
 
 def relax_tissue(dt, elastic, fraction, time_constant, relaxed_torque):
     """Elastic torque that has relaxed [N m]."""
-    return relaxed(relaxed_torque, elastic, dt, time_constant)
+    return relax(relaxed_torque, elastic, dt, time_constant)
 
 
 def hysteretic(passive_torque, bend, torque, width, bristle, bend_before):
     """Passive torque [N m] with a bristle: tau_p = elastic + torque z + end stops; dz/dq = (1 - z sgn(q')) / width."""
-    return passive_torque + torque * bent(bristle, bend - bend_before, width)
+    return passive_torque + torque * bend_bristle(bristle, bend - bend_before, width)
 
 
 def relax_bristle(dt, bend, torque, width, bristle, bend_before):
     """Bristle [-1 .. 1] and the bend it has seen [rad]."""
-    return bent(bristle, bend - bend_before, width), bend
+    return bend_bristle(bristle, bend - bend_before, width), bend
 
 
 def spastic(torque, rate, gain, threshold):
@@ -84,7 +84,7 @@ def spastic(torque, rate, gain, threshold):
     return torque + gain * max(0.0, rate - threshold)
 
 
-def tied(torque, angle, stiffness, ratio):
+def tie_joints(torque, angle, stiffness, ratio):
     """Torques on the joints [N m] with DIP tied to PIP by the digital tendons, as a spring between the two.
 
     E = stiffness (q_DIP - ratio q_PIP)^2 / 2          tau = -dE/dq
@@ -93,7 +93,7 @@ def tied(torque, angle, stiffness, ratio):
     return torque[0], torque[1] + ratio * tie, torque[2] - tie
 
 
-def weighed(torque, angle, bones, acceleration, pitch):
+def add_weight(torque, angle, bones, acceleration, pitch):
     """Torques on the joints [N m] with the weight of the phalanges.
 
         Q_i = acceleration moment_i cos(phi_i + pitch)          tau_i = Q_i + .. + Q_3          phi_i = q_1 + .. + q_i
@@ -108,7 +108,7 @@ def weighed(torque, angle, bones, acceleration, pitch):
     return torque[0] + middle + acceleration * moments[0] * cos(phi_1), torque[1] + middle, torque[2] + distal
 
 
-def pressed(depth, stiffness, exponent):
+def press_object(depth, stiffness, exponent):
     """Force of the object [N] at this depth [m]."""
     if depth <= 0.0:
         return 0.0
@@ -118,7 +118,7 @@ def pressed(depth, stiffness, exponent):
     return stiffness * (depth - 0.5 * ONSET) * steeper
 
 
-def met(torque, angle, bones, distance, stiffness, exponent):
+def meet_object(torque, angle, bones, distance, stiffness, exponent):
     """Torques on the joints [N m] as the fingertip meets a flat object parallel to the palm.
 
         y = sum L_i sin(phi_i)          F = stiffness (y - distance) beyond the surface          tau_i = -F dy/dq_i
@@ -130,20 +130,20 @@ def met(torque, angle, bones, distance, stiffness, exponent):
     phi_2 = angle[0] + angle[1]
     phi_3 = phi_2 + angle[2]
     tip = length[0] * sin(angle[0]) + length[1] * sin(phi_2) + length[2] * sin(phi_3)
-    force = pressed(tip - distance, stiffness, exponent)
+    force = press_object(tip - distance, stiffness, exponent)
     third = length[2] * cos(phi_3)
     second = third + length[1] * cos(phi_2)
     first = second + length[0] * cos(angle[0])
     return torque[0] - force * first, torque[1] - force * second, torque[2] - force * third
 
 
-def trembling(outside, clock, torque, frequency):
+def add_tremor(outside, clock, torque, frequency):
     """Torques on the joints [N m] with an oscillating one of the wearer's: tau_i = torque_i sin(2 pi frequency t)."""
     wave = sin(2.0 * pi * frequency * clock)
     return outside[0] + torque[0] * wave, outside[1] + torque[1] * wave, outside[2] + torque[2] * wave
 
 
-def pushing(outside, clock, torque, growth):
+def add_voluntary_torque(outside, clock, torque, growth):
     """Torques on the joints [N m] with the wearer's, steady or more and more: tau_i = torque_i (1 + growth_i t)."""
     first = torque[0] * (1.0 + growth[0] * clock)
     second = torque[1] * (1.0 + growth[1] * clock)
@@ -153,7 +153,7 @@ def pushing(outside, clock, torque, growth):
 ROUTER_HEIGHT = Effect(
     id="finger.router_height", summary="routers sit higher or lower than drawn", family="geometry",
     signature="wrong moment arms: angle against stroke has another slope, angle against tension another gain; no loop",
-    source="physics.md 4.D; 0.5-2 mm", at={"wire_paths.router_height": shifted},
+    source="physics.md 4.D; 0.5-2 mm", at={"wire_paths.router_height": shift},
     formula="h = h_drawn + height          on both sides of the joint",
     parameters=(per_joint("height", "m", null=0.0, low=-1.5e-3, high=2e-3, default=5e-4),),
 )  # fmt: skip
@@ -170,20 +170,20 @@ ROUTER_MIGRATION = Effect(
 STIFFNESS = Effect(
     id="finger.stiffness", summary="passive stiffness scaled (another wearer, another day)", family="elasticity",
     signature="angle error proportional to deflection, without a loop; tension and stroke at given angle are off alike",
-    source="physics.md 4.D; +-30 % between wearers and more with spasticity [S:SECA]", at={"finger.passive": stiffer},
+    source="physics.md 4.D; +-30 % between wearers and more with spasticity [S:SECA]",
+    at={"finger.passive": scale_stiffness}, same_meaning=True,
     parameters=(per_joint("factor", "-", null=1.0, low=0.4, high=2.5, default=1.4, transform="log"),),
-    same_meaning=True,
 )  # fmt: skip
 HARDENING = Effect(
     id="finger.hardening", summary="cubic stiffening of the joints", family="elasticity",
     signature="angle falls short at large flexion only, without a loop",
-    source="physics.md 4.D, k0 + k1 (q - q0)^2 [A]", at={"finger.passive": hardened},
+    source="physics.md 4.D, k0 + k1 (q - q0)^2 [A]", at={"finger.passive": harden_joint},
     parameters=(per_joint("coefficient", "N m/rad3", null=0.0, low=0.003, high=0.2, default=0.04),),
 )  # fmt: skip
 CO_ACTIVATION = Effect(
     id="finger.co_activation", summary="the wearer tenses flexors and extensors in bouts", family="disturbance",
     signature="angle error proportional to deflection that comes and goes at a slow frequency of its own",
-    source="physics.md 4.D; stiffness up to threefold in activity", at={"finger.passive": tensed},
+    source="physics.md 4.D; stiffness up to threefold in activity", at={"finger.passive": stiffen_in_bouts},
     parameters=(per_joint("gain", "-", null=0.0, low=0.05, high=2.0, default=0.5),
                 EffectParameter("frequency", "Hz", null=0.2, low=0.02, high=2.0, default=0.2, transform="log")),
     not_tried="rare: the wearer's own course of stiffness; finger.stiffness is tried",
@@ -215,23 +215,23 @@ SPASTICITY = Effect(
 COUPLING = Effect(
     id="finger.coupling", summary="DIP tied to PIP by the digital tendons", family="elasticity",
     signature="DIP follows PIP whatever pulls it; errors of the two joints go together",
-    source="physics.md 4.D; ratio about 0.67, 0-0.03 N m/rad", at={"finger.external": tied},
+    source="physics.md 4.D; ratio about 0.67, 0-0.03 N m/rad", at={"finger.external": tie_joints},
     parameters=(EffectParameter("stiffness", "N m/rad", null=0.0, low=0.002, high=0.1, default=0.02),
                 EffectParameter("ratio", "-", null=0.67, low=0.3, high=1.2, default=0.67)),
 )  # fmt: skip
 GRAVITY = Effect(
     id="finger.gravity", summary="weight of the phalanges", family="load",
     signature="angle offset that does not depend on tension, largest at the MCP, and turns round with the palm",
-    source="physics.md 4.D; 7, 1.4, 0.3 mN m with the finger straight and horizontal", at={"finger.external": weighed},
+    source="physics.md 4.D; 7, 1.4, 0.3 mN m with the finger straight and horizontal",
+    at={"finger.external": add_weight}, same_meaning=True,
     parameters=(EffectParameter("acceleration", "m/s2", null=0.0, low=9.78, high=9.84, default=9.81, fitted=False),
                 EffectParameter("pitch", "rad", null=0.0, low=-pi / 2, high=3 * pi / 2, default=0.0, period=2 * pi)),
-    same_meaning=True,
 )  # fmt: skip
 CONTACT = Effect(
     id="finger.contact", summary="fingertip meets a flat object parallel to the palm", family="contact",
     signature="angles stop short beyond a posture while tension goes on rising; nothing before that posture",
     source="physics.md 4.D; 1-10 N/mm; motions up to 12 N reach 58-80 mm; exponent: Hertz 3/2",
-    at={"finger.external": met},
+    at={"finger.external": meet_object},
     parameters=(EffectParameter("distance", "m", null=inf, low=0.03, high=0.055, default=0.045, transform="reciprocal"),
                 EffectParameter("stiffness", "N/m", null=2000.0, low=100.0, high=1e4, default=2000.0, transform="log"),
                 EffectParameter("exponent", "-", null=1.0, low=1.0, high=2.0, default=1.2)),
@@ -240,7 +240,7 @@ TREMOR = Effect(
     id="finger.tremor", summary="oscillating voluntary torque", family="disturbance",
     signature="spectral line in angle and tension at one frequency, whatever the reference does",
     source="physics.md 4.D; 6-12 Hz [S:Lakie], displacement mostly 1-3.5 Hz [S:Carignan]",
-    at={"finger.external": trembling},
+    at={"finger.external": add_tremor},
     parameters=(per_joint("torque", "N m", null=0.0, low=5e-4, high=3e-2, default=6e-3),
                 EffectParameter("frequency", "Hz", null=4.0, low=1.0, high=12.0, default=4.0, transform="log")),
     detector="spectral_peak",
@@ -248,7 +248,7 @@ TREMOR = Effect(
 VOLUNTARY_TORQUE = Effect(
     id="finger.voluntary_torque", summary="the wearer pushes along", family="disturbance",
     signature="angle offset that depends neither on tension nor on rate, steady or growing along the log",
-    source="physics.md 4.D; 1-50 mN m", at={"finger.external": pushing},
+    source="physics.md 4.D; 1-50 mN m", at={"finger.external": add_voluntary_torque},
     parameters=(per_joint("torque", "N m", null=0.0, low=-0.02, high=0.02, default=6e-3),
                 per_joint("growth", "1/s", null=0.0, low=-0.03, high=0.1, default=0.0)),
     not_tried="rare: the wearer's own course of torque, which takes up any slow error; finger.gravity is tried",

@@ -1,25 +1,25 @@
 """Friction: the laws that several parts share, then `sliding.*`, those of any sliding or turning part.
 
-A bristle is what stands between two rubbing surfaces and turns round over a width of travel. `bent` is Dahl's law:
-rate-free, never beyond 1, and dissipative in every closed loop.
+A bristle is what stands between two rubbing surfaces and turns round over a width of travel. `bend_bristle` is Dahl's
+law: rate-free, never beyond 1, and dissipative in every closed loop.
 """
 
 from math import exp
 
 from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.part import State
-from exodrake.physics.arithmetic import slowed
+from exodrake.physics.arithmetic import brake_dry
 
 LOAD = 4.0  # tension at which a presliding travel is stated [N]: in the middle of the wires' ranges
 
 
-def bent(bristle, travel, width):
+def bend_bristle(bristle, travel, width):
     """Bristle [-1 .. 1] after a further travel [same unit as width], exact: dz/dx = (1 - z sgn(x')) / width."""
     end = 1.0 if travel > 0.0 else -1.0
     return end + (bristle - end) * exp(-abs(travel) / width)
 
 
-def turned(bristle, travel, width):
+def turn_bristle(bristle, travel, width):
     """The same with a straight rise: stiff up to the end, then sliding [-1 .. 1]."""
     return min(max(bristle + travel / width, -1.0), 1.0)
 
@@ -34,7 +34,7 @@ def level(speed, coulomb, ratio, stribeck_speed):
     return coulomb * (1.0 + (ratio - 1.0) * exp(-(speed / stribeck_speed) * (speed / stribeck_speed)))
 
 
-def deflected(z, travel, steady, stiffness):
+def deflect_bristle(z, travel, steady, stiffness):
     """Deflection of LuGre's bristle [m] after a travel [m]; steady: g(v) [N]; stiffness: sigma_0 [N/m].
 
         z' = v - sigma_0 |v| z / g(v)          g(v) of `level`
@@ -46,12 +46,12 @@ def deflected(z, travel, steady, stiffness):
     return end + (z - end) * exp(-abs(travel) * stiffness / steady)
 
 
-def spring(friction, presliding):
+def find_stiffness(friction, presliding):
     """Stiffness [N/m] of friction of `friction` times the load that builds up over `presliding` [m] at LOAD."""
     return friction * LOAD / presliding
 
 
-def yielded(force, travel, stiffness, low, high):
+def slip_spring(force, travel, stiffness, low, high):
     """Force [N] after a further travel [m] of a spring that slips; low <= 0 <= high: limits of the present load [N].
 
         dF = stiffness dx          low <= F <= high          the limits follow the load, the stiffness does not
@@ -69,29 +69,29 @@ def viscous(force, speed, coefficient):
     return force - coefficient * speed
 
 
-def directed(force, speed, coefficient):
+def resist_by_direction(force, speed, coefficient):
     """Force on the part [N] with more viscous friction forwards than back: F_net = F - coefficient |v|."""
     return force - coefficient * abs(speed)
 
 
-def opposed(drive_force, force):
+def subtract_force(drive_force, force):
     """Force on the part [N] against a constant one, as of tilt or a spring: F_net = F - force."""
     return drive_force - force
 
 
 def coulomb(speed, mobility, force):
     """Speed [m/s] after a tick of dry friction: v <- v - sgn(v) min(|v|, force dt / M); mobility = dt / M."""
-    return slowed(speed, force * mobility)
+    return brake_dry(speed, force * mobility)
 
 
-def loaded(speed, mobility, load, coefficient):
+def brake_by_drive(speed, mobility, load, coefficient):
     """Speed [m/s] after a tick of friction by the drive's load: v <- v - sgn(v) min(|v|, coefficient |F| dt / M)."""
-    return slowed(speed, coefficient * load * mobility)
+    return brake_dry(speed, coefficient * load * mobility)
 
 
 def stribeck(speed, mobility, force, ratio, stribeck_speed):
     """Speed [m/s] after a tick of dry friction g(v) (`level`): v <- v - sgn(v) min(|v|, g(v) dt / M)."""
-    return slowed(speed, level(speed, force, ratio, stribeck_speed) * mobility)
+    return brake_dry(speed, level(speed, force, ratio, stribeck_speed) * mobility)
 
 
 def presliding_force(drive_force, force, presliding, slide):
@@ -101,13 +101,13 @@ def presliding_force(drive_force, force, presliding, slide):
 
 def settle_presliding(dt, travel, force, presliding, slide):
     """How far the contact has yielded, -1 .. 1, sliding at both ends."""
-    return turned(slide, travel, presliding)
+    return turn_bristle(slide, travel, presliding)
 
 
 def lugre_force(drive_force, speed, force, ratio, stribeck_speed, presliding, damping, z):
     """Force on the part [N] under LuGre friction: presliding, break-away, Stribeck's fall, damping of the bristle.
 
-        F_net = F - sigma_0 z - sigma_1 z'          sigma_0 = force / presliding          z of `friction.deflected`
+        F_net = F - sigma_0 z - sigma_1 z'          sigma_0 = force / presliding          z of `deflect_bristle`
 
     The part sigma_2 v is `sliding.viscous_friction`.
     """
@@ -118,7 +118,7 @@ def lugre_force(drive_force, speed, force, ratio, stribeck_speed, presliding, da
 
 def settle_lugre(dt, travel, force, ratio, stribeck_speed, presliding, damping, z):
     """Deflection of the bristle [m]."""
-    return deflected(z, travel, level(travel / dt, force, ratio, stribeck_speed), force / presliding)
+    return deflect_bristle(z, travel, level(travel / dt, force, ratio, stribeck_speed), force / presliding)
 
 
 VISCOUS_FRICTION = Effect(
@@ -132,13 +132,13 @@ DIRECTION = Effect(
     id="sliding.direction", summary="viscous friction differs from one direction to the other", family="friction",
     signature="the drive needs more force one way than the other, the more the faster",
     source="Janot, Gautier, Brunot 2019 (EMPS): asymmetric friction lowers the error from 4.08 to 3.11 %",
-    at={"sliding.pushed": directed},
+    at={"sliding.pushed": resist_by_direction},
     parameters=(EffectParameter("coefficient", "force/speed", null=0.0, low=-1.0, high=1.0, default=0.13),),
 )  # fmt: skip
 OFFSET = Effect(
     id="sliding.offset", summary="a constant force: tilt, or the zero of the amplifier", family="offset",
     signature="the drive needs more force one way than the other, by the same amount at every speed",
-    source="Janot, Gautier, Brunot 2019 (EMPS): -3.16 N of 200 N; range assumed", at={"sliding.pushed": opposed},
+    source="Janot, Gautier, Brunot 2019 (EMPS): -3.16 N of 200 N; range assumed", at={"sliding.pushed": subtract_force},
     parameters=(EffectParameter("force", "force", null=0.0, low=-1.0, high=1.0, default=0.2),), same_meaning=True,
 )  # fmt: skip
 COULOMB_FRICTION = Effect(
@@ -151,7 +151,7 @@ LOAD_FRICTION = Effect(
     id="sliding.load_friction", summary="dry friction proportional to the drive's force", family="friction",
     signature="the drive needs more force in proportion to the force it gives, accelerating as braking",
     source="gear and screw efficiency 0.5-0.98; Duclusaud et al., ICRA 2025 (load-dependent friction of servos)",
-    at={"sliding.braked": loaded},
+    at={"sliding.braked": brake_by_drive},
     parameters=(EffectParameter("coefficient", "-", null=0.0, low=0.02, high=0.6, default=0.15),),
 )  # fmt: skip
 STRIBECK_FRICTION = Effect(

@@ -4,7 +4,7 @@ from math import copysign, floor, inf
 
 from exodrake.core.effect import Effect, EffectParameter, per_tendon
 from exodrake.core.part import TENDONS, State
-from exodrake.effects.friction import bent, spring, yielded
+from exodrake.effects.friction import bend_bristle, find_stiffness, slip_spring
 
 HARD = 0.01  # knee below which the current is clipped [-]
 NONE = 1e-3  # share of the limit below which the knee does not show [-]
@@ -40,7 +40,7 @@ def integral_gain(gain, factor, share, order, filtered):
     return gain * factor ** (order * (1.0 - share))
 
 
-def let_go(dt, speed, width, release, moving):
+def release_drive(dt, speed, width, release, moving):
     """1 while the drive moves, else 0: it ignores small speed commands.
 
         v = v_ref from where |v_ref| exceeds width, until |v_ref| falls below release width; 0 else
@@ -57,7 +57,7 @@ def moving_command(speed, width, release, moving):
     return speed * moving
 
 
-def drooped(speed, tension, limit, coefficient):
+def limit_by_load(speed, tension, limit, coefficient):
     """Speed [m/s] that the supply allows, which falls with load; a load that pulls the wire out helps it.
 
     -(limit + coefficient T_c) <= v <= max(0, limit - coefficient T_c)          v > 0 while the spool takes wire in
@@ -89,22 +89,22 @@ def drag(load, torque, bristle):
 
 def settle_rotor(dt, rotor_speed, torque, bristle):
     """Bristle [-1 .. 1]."""
-    return bent(bristle, rotor_speed * dt, WIDTH)
+    return bend_bristle(bristle, rotor_speed * dt, WIDTH)
 
 
-def geared(tension, spool, efficiency, force, spool_before):
+def lose_in_gear(tension, spool, efficiency, force, spool_before):
     """Tension that the rotor feels [N], then the force of the losses [N] and the spool it has seen [m].
 
-        felt = T_c + F          T_c (efficiency - 1) <= F <= T_c (1 / efficiency - 1)          F of `friction.yielded`
+        felt = T_c + F          T_c (efficiency - 1) <= F <= T_c (1 / efficiency - 1)      F of `friction.slip_spring`
 
     The rotor feels more when it winds, felt = T_c / efficiency, less when it is driven back, felt = T_c efficiency.
     """
     low, high = tension * (efficiency - 1.0), tension * (1.0 / efficiency - 1.0)
-    after = yielded(force, spool - spool_before, spring(1.0 / efficiency - 1.0, PRESLIDING), low, high)
+    after = slip_spring(force, spool - spool_before, find_stiffness(1.0 / efficiency - 1.0, PRESLIDING), low, high)
     return tension + after, after, spool
 
 
-def growing_wound(spool, growth):
+def wind_on_growing(spool, growth):
     """Wire on a spool that grows [m], from r theta [m], with which the encoder still counts.
 
     r(s) = r (1 + growth s)          s = spool (1 + growth spool / 2)          torque = r(s) T
@@ -112,28 +112,28 @@ def growing_wound(spool, growth):
     return spool * (1.0 + 0.5 * growth * spool)
 
 
-def growing(value, spool, growth):
+def grow_radius(value, spool, growth):
     """Speed of the wire [m/s] from r theta', or tension felt at the nominal radius [N]."""
     return value * (1.0 + growth * spool)
 
 
-def layers(spool, pitch):
+def count_layers(spool, pitch):
     """Full layers on the spool [-]."""
     return max(floor(spool / pitch), 0.0)
 
 
-def layered_wound(spool, growth, pitch):
+def wind_in_layers(spool, growth, pitch):
     """Wire on a spool whose radius each full layer raises by a step [m], from r theta [m].
 
     r = r0 (1 + growth m)        s = spool + growth (m spool - pitch m (m + 1) / 2)        m = floor(spool / pitch) >= 0
     """
-    full = layers(spool, pitch)
+    full = count_layers(spool, pitch)
     return spool + growth * full * (spool - 0.5 * pitch * (full + 1.0))
 
 
-def layered(value, spool, growth, pitch):
+def grow_by_layers(value, spool, growth, pitch):
     """Speed of the wire [m/s] from r theta', or tension felt at the nominal radius [N]."""
-    return value * (1.0 + growth * layers(spool, pitch))
+    return value * (1.0 + growth * count_layers(spool, pitch))
 
 
 SLOW_VELOCITY_LOOP = Effect(
@@ -151,7 +151,7 @@ DEAD_ZONE = Effect(
     id="motor.dead_zone", summary="drive ignores small speed commands", family="dead zone",
     signature="tension stays off its reference by up to width over kp; no motion below the threshold, limit cycles",
     source="physics.md 4.A; 0-2 mm/s [A]; release: 4.B, static over sliding friction 1-1.5",
-    at={"motor.follow": let_go, "motor.command": moving_command},
+    at={"motor.follow": release_drive, "motor.command": moving_command},
     parameters=(per_tendon("width", "m/s", null=0.0, low=2e-4, high=4e-3, default=1e-3),
                 per_tendon("release", "-", null=1.0, low=0.5, high=1.0, default=0.8)),
     states=(State("moving", TENDONS),), advances=("motor.follow",),
@@ -162,7 +162,7 @@ SPEED_DROOP = Effect(
     family="saturation",
     signature="stroke rate levels off in large steps, under load at a lower level inwards; slow motion untouched",
     source="physics.md 4.A; 70-150 mm/s no-load, stall at 42 N gives 2-3 mm/s per N; above 50 mm/s it hardly shows",
-    at={"motor.command": drooped},
+    at={"motor.command": limit_by_load},
     parameters=(per_tendon("limit", "m/s", null=inf, low=0.005, high=0.05, default=0.03, transform="reciprocal"),
                 per_tendon("coefficient", "m/(s N)", null=0.0, low=0.0, high=0.005, default=0.002)),
     not_tried="rare: a drive this far below its no-load speed hardly droops; motor.current_limit is tried",
@@ -187,7 +187,7 @@ FRICTION = Effect(
 GEAR_EFFICIENCY = Effect(
     id="motor.gear_efficiency", summary="gear losses proportional to load", family="friction",
     signature="speed error against the command jumps with direction under load; the finger's loops untouched",
-    source="physics.md 3.1, 4.A; 0.5-0.85 [S:FFAQ]", at={"motor.load": geared},
+    source="physics.md 3.1, 4.A; 0.5-0.85 [S:FFAQ]", at={"motor.load": lose_in_gear},
     parameters=(per_tendon("efficiency", "-", null=1.0, low=0.4, high=0.95, default=0.65),),
     states=(State("force", TENDONS, unit="N"), State("spool_before", TENDONS, unit="m")), filters=("motor.load",),
     not_tried="the drive's speed loop hides it until the current clips; motor.current_limit is tried",
@@ -196,14 +196,14 @@ SPOOL_GROWTH = Effect(
     id="motor.spool_growth", summary="spool radius grows as wire winds up", family="geometry",
     signature="stroke reads short by a term that grows with the square of the winding, in both directions alike",
     source="physics.md 4.A; 3-7 % per layer, a layer a turn (47 mm) or a few",
-    at={"motor.wound": growing_wound, "motor.winding": growing, "motor.load": growing},
+    at={"motor.wound": wind_on_growing, "motor.winding": grow_radius, "motor.load": grow_radius},
     parameters=(per_tendon("growth", "1/m", null=0.0, low=0.2, high=6.0, default=2.0),),
 )  # fmt: skip
 SPOOL_LAYERS = Effect(
     id="motor.spool_layers", summary="each full layer of wire raises the spool's radius by a step", family="geometry",
     signature="slope of true against counted stroke steps up where a layer is full, in both directions alike",
     source="physics.md 4.A; 3-7 % per layer; a finger takes in 22 mm at most",
-    at={"motor.wound": layered_wound, "motor.winding": layered, "motor.load": layered},
+    at={"motor.wound": wind_in_layers, "motor.winding": grow_by_layers, "motor.load": grow_by_layers},
     parameters=(per_tendon("growth", "-", null=0.0, low=0.01, high=0.15, default=0.06),
                 per_tendon("pitch", "m", null=0.008, low=0.003, high=0.012, default=0.008, transform="log")),
     not_tried="another law of motor.spool_growth, which is tried",

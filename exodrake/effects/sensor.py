@@ -4,39 +4,39 @@ from math import exp, pi
 
 from exodrake.core.effect import ANY_SHAPE, Effect, per_tendon
 from exodrake.core.part import TENDONS, State
-from exodrake.effects.friction import bent, spring, yielded
-from exodrake.effects.signal import drifted, mixed, relaxed, scaled, shifted
-from exodrake.physics.sensor import followed
+from exodrake.effects.friction import bend_bristle, find_stiffness, slip_spring
+from exodrake.effects.signal import drift, mix, relax, scale, shift
+from exodrake.physics.sensor import lag_ramp
 
 FULL_SCALE = 20.0  # tension at which the cell is full [N]; effects.md
 
 
-def rubbed(tension, travel, mu, presliding, force):
+def rub_pulley(tension, travel, mu, presliding, force):
     """Force of friction at the sensing pulley [N] after the spool took in a further travel [m]."""
     low, high = tension * (exp(-mu * pi) - 1.0), tension * (exp(mu * pi) - 1.0)
-    return yielded(force, travel, spring(mu * pi, presliding), low, high)
+    return slip_spring(force, travel, find_stiffness(mu * pi, presliding), low, high)
 
 
-def at_spool(tension, mu, presliding, force, stretch_before):
+def pull_at_spool(tension, mu, presliding, force, stretch_before):
     """Tension at the spool [N]: the wire turns round the sensing pulley by pi, and the motor does friction's work.
 
-        T_spool = T + F          T (exp(-mu pi) - 1) <= F <= T (exp(mu pi) - 1)          F of `friction.yielded`
+        T_spool = T + F          T (exp(-mu pi) - 1) <= F <= T (exp(mu pi) - 1)          F of `friction.slip_spring`
         reading = (T_spool + T) / 2
 
     T is the tension of the wire beyond the pulley. While the spool takes wire in T_spool = T exp(mu pi), while it gives
     wire back T_spool = T exp(-mu pi): the finger gets less than the reading says, then more.
     """
-    return tension + rubbed(tension, 0.0, mu, presliding, force)
+    return tension + rub_pulley(tension, 0.0, mu, presliding, force)
 
 
-def at_cell(tension, mu, presliding, force, stretch_before):
+def average_strands(tension, mu, presliding, force, stretch_before):
     """Load on the cell, as tension [N]: the mean of both strands."""
-    return tension + 0.5 * rubbed(tension, 0.0, mu, presliding, force)
+    return tension + 0.5 * rub_pulley(tension, 0.0, mu, presliding, force)
 
 
 def settle_pulley(dt, stretched, tension, travel, mu, presliding, force, stretch_before):
     """Force of friction [N] after the wire at the spool moved, and the stretch it has seen [m]."""
-    return rubbed(tension, travel + stretched - stretch_before, mu, presliding, force), stretched
+    return rub_pulley(tension, travel + stretched - stretch_before, mu, presliding, force), stretched
 
 
 def lag(nominal, time_constant, filtering, filtered, amplified, tick):
@@ -53,12 +53,12 @@ def lag(nominal, time_constant, filtering, filtered, amplified, tick):
 
 def filtered_reading(tension, time_constant, filtering, filtered, amplified, tick):
     """Filtered tension of this instant [N]: a tick after that of the states."""
-    return followed(filtered, amplified, tension, tick, filtering * time_constant) if tick > 0.0 else tension
+    return lag_ramp(filtered, amplified, tension, tick, filtering * time_constant) if tick > 0.0 else tension
 
 
 def settle_filter(dt, cell, time_constant, filtering, filtered, amplified, tick):
     """Filtered and amplified tension [N] at the end of a tick [s]."""
-    return followed(filtered, amplified, cell, dt, filtering * time_constant), cell, dt
+    return lag_ramp(filtered, amplified, cell, dt, filtering * time_constant), cell, dt
 
 
 def crept_reading(tension, fraction, time_constant, crept):
@@ -68,7 +68,7 @@ def crept_reading(tension, fraction, time_constant, crept):
 
 def settle_creep(dt, load, fraction, time_constant, crept):
     """Reading by creep [N]."""
-    return relaxed(crept, fraction * load, dt, time_constant)
+    return relax(crept, fraction * load, dt, time_constant)
 
 
 def hysteretic_reading(tension, error, width, bristle, load_before):
@@ -78,10 +78,10 @@ def hysteretic_reading(tension, error, width, bristle, load_before):
 
 def settle_hysteresis(dt, load, error, width, bristle, load_before):
     """Bristle [-1 .. 1] and the load it has seen [N]."""
-    return bent(bristle, load - load_before, width), load
+    return bend_bristle(bristle, load - load_before, width), load
 
 
-def bowed(tension, error):
+def bend_reading(tension, error):
     """Tension as read [N] with a parabolic error: F = T + error T (T_s - T) / (T_s / 2)^2; T_s = 20 N full scale."""
     half = 0.5 * FULL_SCALE
     return tension + error * tension * (FULL_SCALE - tension) / (half * half)
@@ -92,7 +92,7 @@ PULLEY_FRICTION = Effect(
     family="friction",
     signature="the finger gets less than the reading says while the spool pulls and more while it gives; rate-free",
     source="physics.md 4.C; capstan equation over half a turn, 1-5 %; presliding travel assumed",
-    at={"tendon.at_spool": at_spool, "tendon.at_cell": at_cell, "tendon.settle": settle_pulley},
+    at={"tendon.at_spool": pull_at_spool, "tendon.at_cell": average_strands, "tendon.settle": settle_pulley},
     parameters=(per_tendon("mu", "-", null=0.0, low=0.003, high=0.15, default=0.04),
                 per_tendon("presliding", "m", null=5e-5, low=1e-5, high=2e-3, default=5e-5, transform="log")),
     states=(State("force", TENDONS, unit="N"), State("stretch_before", TENDONS, unit="m")), advances=("tendon.settle",),
@@ -101,7 +101,7 @@ PULLEY_FRICTION = Effect(
 CROSSTALK = Effect(
     id="sensor.crosstalk", summary="a cell picks up the next wire's load", family="crosstalk",
     signature="reading error proportional to the tension of another wire", source="physics.md 4.C; 0.1-2 %",
-    at={"sensor.mixed": mixed},
+    at={"sensor.mixed": mix},
     formula="F_j = T_j + coefficient T_(j+1)          the last wire is followed by the first",
     parameters=(per_tendon("coefficient", "-", null=0.0, low=-0.15, high=0.15, default=0.03),), same_meaning=True,
 )  # fmt: skip
@@ -139,25 +139,25 @@ HYSTERESIS = Effect(
 NONLINEARITY = Effect(
     id="sensor.nonlinearity", summary="parabolic error of the load cell, zero at 0 and full scale (20 N)",
     family="nonlinearity", signature="reading error curved over tension, greatest at mid range, without a loop",
-    source="physics.md 4.C; 0.1 N at mid range", at={"sensor.reading": bowed},
+    source="physics.md 4.C; 0.1 N at mid range", at={"sensor.reading": bend_reading},
     parameters=(per_tendon("error", "N", null=0.0, low=-1.0, high=1.0, default=0.2),), law_std=ANY_SHAPE,
 )  # fmt: skip
 GAIN = Effect(
     id="sensor.gain", summary="scale error of the load cell", family="gain",
     signature="reading off in proportion to tension, without a loop", source="physics.md 4.C; 1-5 %",
-    at={"sensor.reading": scaled}, formula="F = (1 + gain) T",
+    at={"sensor.reading": scale}, formula="F = (1 + gain) T",
     parameters=(per_tendon("gain", "-", null=0.0, low=-0.2, high=0.2, default=0.05),), same_meaning=True,
 )  # fmt: skip
 OFFSET = Effect(
     id="sensor.offset", summary="zero error of the load cell", family="offset",
     signature="reading off by the same amount at every tension, a slack wire included",
-    source="physics.md 4.C; 0.05-0.5 N", at={"sensor.reading": shifted}, formula="F = T + offset",
+    source="physics.md 4.C; 0.05-0.5 N", at={"sensor.reading": shift}, formula="F = T + offset",
     parameters=(per_tendon("offset", "N", null=0.0, low=-1.5, high=1.5, default=0.2),), same_meaning=True,
 )  # fmt: skip
 DRIFT = Effect(
     id="sensor.drift", summary="zero of the load cell wanders with time", family="drift",
     signature="reading error grows with time, not with tension or stroke",
-    source="physics.md 4.C; temperature and creep, 0.05 % of full scale per 10 K", at={"sensor.reading": drifted},
+    source="physics.md 4.C; temperature and creep, 0.05 % of full scale per 10 K", at={"sensor.reading": drift},
     formula="F = T + rate t          t from the start of the log",
     parameters=(per_tendon("rate", "N/s", null=0.0, low=-0.03, high=0.03, default=0.005),), law_std=ANY_SHAPE,
 )  # fmt: skip

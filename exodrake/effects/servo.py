@@ -4,14 +4,14 @@ from math import cos, exp, inf
 
 from exodrake.core.effect import Effect, per_joint
 from exodrake.core.part import JOINTS, State
-from exodrake.effects.friction import bent, turned
-from exodrake.effects.signal import beyond, clipped, mixed, rests, scaled, shifted
-from exodrake.physics.arithmetic import slowed
+from exodrake.effects.friction import bend_bristle, turn_bristle
+from exodrake.effects.signal import clip, cut_dead_zone, mix, scale, shift, take_up_play
+from exodrake.physics.arithmetic import brake_dry
 
 STRANDS = 3.0
 
 
-def lost_in_bends(aim, setting, loss):
+def lose_in_bends(aim, setting, loss):
     """Angle aimed at [rad]: a compliant cable passes on less of the command, the more so the more its sheath is bent.
 
     aim = command exp(-loss bend)          bend: the setting of the joint [rad]
@@ -19,23 +19,23 @@ def lost_in_bends(aim, setting, loss):
     return aim * exp(-loss * setting)
 
 
-def moved_by_next(aim, ahead, share):
+def mix_next(aim, ahead, share):
     """Angle aimed at [rad], as the cables of the next joint along the chain run past this one's axis.
 
     aim_j = command_j + share command_k          k: the next joint along the chain
     """
-    return mixed(aim, ahead, share)
+    return mix(aim, ahead, share)
 
 
-def moved_by_previous(aim, behind, share):
+def mix_previous(aim, behind, share):
     """Angle aimed at [rad], as the cables of the previous joint run past this one's axis.
 
     aim_j = command_j + share command_k          k: the previous joint
     """
-    return mixed(aim, behind, share)
+    return mix(aim, behind, share)
 
 
-def dragged(angle, share, reach, deflection):
+def add_deflection(angle, share, reach, deflection):
     """Angle at the joint [rad], which the cables that pass it drag along until they slip.
 
     shown_j = angle_j + d          d <- min(max(d + share (change of the neighbour's aim), -reach), reach)
@@ -45,15 +45,15 @@ def dragged(angle, share, reach, deflection):
 
 def drag_by_next(dt, ahead, share, reach, deflection):
     """Deflection [rad] after the aim of the next joint along the chain moved."""
-    return clipped(deflection + share * ahead, reach)
+    return clip(deflection + share * ahead, reach)
 
 
 def drag_by_previous(dt, behind, share, reach, deflection):
     """Deflection [rad] after the aim of the previous joint moved."""
-    return clipped(deflection + share * behind, reach)
+    return clip(deflection + share * behind, reach)
 
 
-def sagging(aim, sag):
+def sag_level(aim, sag):
     """Angle aimed at [rad] by a servo that holds a weight by an angle error times its stiffness.
 
     aim = command + sag cos(command)          sag: weight's torque of the level link over the servo's stiffness
@@ -61,7 +61,7 @@ def sagging(aim, sag):
     return aim + sag * cos(aim)
 
 
-def lagging(aim, before, dt, time_constant):
+def lag_behind(aim, before, dt, time_constant):
     """Angle after a tick [rad] behind a first-order lag, exact over a tick.
 
     time_constant angle' = aim - angle
@@ -69,15 +69,15 @@ def lagging(aim, before, dt, time_constant):
     return before + (aim - before) * (1.0 - exp(-dt / time_constant)) if time_constant > 0.0 else aim
 
 
-def limited(aim, before, dt, speed):
+def limit_speed(aim, before, dt, speed):
     """Angle after a tick [rad] of a drive that turns no faster than a speed [rad/s].
 
     angle <- angle + min(max(aim - angle, -speed dt), speed dt)
     """
-    return before + clipped(aim - before, speed * dt)
+    return before + clip(aim - before, speed * dt)
 
 
-def short_of(angle, error, width, bristle):
+def stop_short(angle, error, width, bristle):
     """Angle at the joint [rad] that dry friction in the gear holds back, on the side that it came from.
 
     shown = angle - error z          z: bristle [-1 .. 1], which turns with the aim
@@ -87,7 +87,7 @@ def short_of(angle, error, width, bristle):
 
 def settle_bristle(dt, moved, error, width, bristle):
     """The bristle [-1 .. 1] after the aim moved [rad]: dz/daim = (1 - z sgn(aim')) / width."""
-    return bent(bristle, moved, width)
+    return bend_bristle(bristle, moved, width)
 
 
 def half_width(bend, width, mu):
@@ -95,12 +95,12 @@ def half_width(bend, width, mu):
     return width * exp(mu * bend)
 
 
-def strand(stop, moved, width):
+def turn_strand(stop, moved, width):
     """A stop [-1 .. 1] after the drive moved on [rad]; 0 for no width."""
-    return turned(stop, moved, width) if width > 0.0 else 0.0
+    return turn_bristle(stop, moved, width) if width > 0.0 else 0.0
 
 
-def behind_sheath(aim, setting, width, mu, spread, first, second, third):
+def follow_sheath(aim, setting, width, mu, spread, first, second, third):
     """Angle after a tick [rad] behind play in a sheath: stop operators whose width grows with the sheath's bend.
 
     Friction holds the cable until it has stretched and lets go of it strand by strand; the joint follows the mean of
@@ -119,9 +119,9 @@ def settle_strands(dt, moved, setting, width, mu, spread, first, second, third):
     """The stops [-1 .. 1] of the three strands."""
     middle = half_width(setting, width, mu)
     return (
-        strand(first, moved, middle * (1.0 - spread)),
-        strand(second, moved, middle),
-        strand(third, moved, middle * (1.0 + spread)),
+        turn_strand(first, moved, middle * (1.0 - spread)),
+        turn_strand(second, moved, middle),
+        turn_strand(third, moved, middle * (1.0 + spread)),
     )
 
 
@@ -138,7 +138,7 @@ def brake_by_load(speed, mobility, opposed, coefficient):
 
     q' after the tick = q' - sgn(q') min(|q'|, coefficient |tau_load| dt / J)
     """
-    return slowed(speed, coefficient * abs(opposed) * mobility)
+    return brake_dry(speed, coefficient * abs(opposed) * mobility)
 
 
 def brake_by_shared_load(speed, mobility, load, opposed, coefficient):
@@ -147,55 +147,48 @@ def brake_by_shared_load(speed, mobility, load, opposed, coefficient):
     q' after the tick = q' - sgn(q') min(|q'|, coefficient T^2 dt / J)          T = min(|tau|, tau_load against tau)
     """
     both = min(load, max(opposed, 0.0))
-    return slowed(speed, coefficient * both * both * mobility)
+    return brake_dry(speed, coefficient * both * both * mobility)
 
 
-COUPLED = "cables run past another joint's axis, whose motion moves this one"
-COUPLED_SIGNATURE = "a joint that is commanded to rest moves in proportion to its neighbour's command, without a loop"
-COUPLED_SOURCE = "Hwang et al., RA-L 2020: coupled wrist cables; range assumed"
-COUPLED_SHARE = per_joint("share", "-", null=0.0, low=-0.4, high=0.4, default=0.1)
-DRAGGED = "the cables of a neighbour drag a joint along until they slip"
-DRAGGED_SIGNATURE = "a joint that is commanded to rest goes to and fro between two stops as its neighbour turns round"
-DRAGGED_SOURCE = "friction of cables that pass a joint (Hwang et al., RA-L 2020); range assumed"
-DRAGGED_PARAMETERS = (
-    per_joint("share", "-", null=0.0, low=-1.0, high=1.0, default=0.4),
-    per_joint("reach", "rad", null=0.1, low=0.02, high=0.4, default=0.1, transform="log"),
-)
-DEFLECTION = (State("deflection", JOINTS, unit="rad"),)
 BEND_LOSS = Effect(
     id="joint.bend_loss", summary="a bent sheath passes on less of the command", family="gain",
     signature="angle scales with the command by a factor that falls with the total bend",
-    source="physics.md 4.B distributed elastic and friction; range assumed", at={"joint.aimed": lost_in_bends},
+    source="physics.md 4.B distributed elastic and friction; range assumed", at={"joint.aimed": lose_in_bends},
     parameters=(per_joint("loss", "1/rad", null=0.0, low=-0.2, high=0.2, default=0.05),),
 )  # fmt: skip
-COUPLING_TO_NEXT = Effect(
-    id="joint.coupling_to_next", summary=COUPLED, family="crosstalk", signature=COUPLED_SIGNATURE,
-    source=COUPLED_SOURCE, at={"joint.aimed": moved_by_next}, parameters=(COUPLED_SHARE,), same_meaning=True,
+COUPLING_TO_NEXT, COUPLING_TO_PREVIOUS = (
+    Effect(
+        id=f"joint.coupling_to_{side}", summary="cables run past another joint's axis, whose motion moves this one",
+        family="crosstalk",
+        signature="a joint that is commanded to rest moves in proportion to its neighbour's command, without a loop",
+        source="Hwang et al., RA-L 2020: coupled wrist cables; range assumed", at={"joint.aimed": law},
+        parameters=(per_joint("share", "-", null=0.0, low=-0.4, high=0.4, default=0.1),), same_meaning=True,
+    )
+    for side, law in (("next", mix_next), ("previous", mix_previous))
 )  # fmt: skip
-COUPLING_TO_PREVIOUS = Effect(
-    id="joint.coupling_to_previous", summary=COUPLED, family="crosstalk", signature=COUPLED_SIGNATURE,
-    source=COUPLED_SOURCE, at={"joint.aimed": moved_by_previous}, parameters=(COUPLED_SHARE,), same_meaning=True,
-)  # fmt: skip
-DRAG_BY_NEXT = Effect(
-    id="joint.drag_by_next", summary=DRAGGED, family="friction", signature=DRAGGED_SIGNATURE, source=DRAGGED_SOURCE,
-    at={"joint.shown": dragged, "joint.settle": drag_by_next}, advances=("joint.settle",),
-    parameters=DRAGGED_PARAMETERS, states=DEFLECTION,
-)  # fmt: skip
-DRAG_BY_PREVIOUS = Effect(
-    id="joint.drag_by_previous", summary=DRAGGED, family="friction", signature=DRAGGED_SIGNATURE, source=DRAGGED_SOURCE,
-    at={"joint.shown": dragged, "joint.settle": drag_by_previous}, advances=("joint.settle",),
-    parameters=DRAGGED_PARAMETERS, states=DEFLECTION,
+DRAG_BY_NEXT, DRAG_BY_PREVIOUS = (
+    Effect(
+        id=f"joint.drag_by_{side}", summary="the cables of a neighbour drag a joint along until they slip",
+        family="friction",
+        signature="a joint that is commanded to rest goes to and fro between two stops as its neighbour turns round",
+        source="friction of cables that pass a joint (Hwang et al., RA-L 2020); range assumed",
+        at={"joint.shown": add_deflection, "joint.settle": law}, advances=("joint.settle",),
+        parameters=(per_joint("share", "-", null=0.0, low=-1.0, high=1.0, default=0.4),
+                    per_joint("reach", "rad", null=0.1, low=0.02, high=0.4, default=0.1, transform="log")),
+        states=(State("deflection", JOINTS, unit="rad"),),
+    )
+    for side, law in (("next", drag_by_next), ("previous", drag_by_previous))
 )  # fmt: skip
 GAIN = Effect(
     id="joint.gain", summary="the joint goes further or less far than commanded", family="gain",
     signature="error proportional to the command, no loop", source="pulley radii and elastic cables; range assumed",
-    at={"joint.aimed": scaled}, formula="aim = (1 + gain) command          gear or pulley ratio",
+    at={"joint.aimed": scale}, formula="aim = (1 + gain) command          gear or pulley ratio",
     parameters=(per_joint("gain", "-", null=0.0, low=-0.3, high=0.3, default=-0.1),), same_meaning=True,
 )  # fmt: skip
 GRAVITY_SAG = Effect(
     id="joint.gravity_sag", summary="the servo gives way under the weight that it carries", family="load",
     signature="constant error near one posture, largest with the link level; none in joints with an upright axis",
-    source="proportional servos hold by their error; 1-5 deg; range assumed", at={"joint.aimed": sagging},
+    source="proportional servos hold by their error; 1-5 deg; range assumed", at={"joint.aimed": sag_level},
     parameters=(per_joint("sag", "rad", null=0.0, low=-0.1, high=0.1, default=0.02),),
 )  # fmt: skip
 HYSTERESIS = Effect(
@@ -203,7 +196,7 @@ HYSTERESIS = Effect(
     family="hysteresis",
     signature="angle against command is a loop with rounded corners, rate-free, which a small motion does not fill",
     source="friction over stiffness of a proportional servo (Rhoban/bam), 0.2-5 deg; Dahl 1968; range assumed",
-    at={"joint.shown": short_of, "joint.settle": settle_bristle}, advances=("joint.settle",),
+    at={"joint.shown": stop_short, "joint.settle": settle_bristle}, advances=("joint.settle",),
     parameters=(per_joint("error", "rad", null=0.0, low=0.002, high=0.3, default=0.02),
                 per_joint("width", "rad", null=0.05, low=0.005, high=0.5, default=0.05, transform="log")),
     states=(State("bristle", JOINTS),),
@@ -211,27 +204,27 @@ HYSTERESIS = Effect(
 LAG = Effect(
     id="joint.lag", summary="the drive follows as a first-order lag", family="lag",
     signature="angle behind the command, and smaller in fast motion",
-    source="position loops of geared servos, 20-200 ms; range assumed", at={"joint.followed": lagging},
+    source="position loops of geared servos, 20-200 ms; range assumed", at={"joint.followed": lag_behind},
     parameters=(per_joint("time_constant", "s", null=0.0, low=0.01, high=0.3, default=0.06),),
 )  # fmt: skip
 OFFSET = Effect(
     id="joint.offset", summary="zero of the joint in the wrong place", family="offset",
     signature="constant error at every angle", source="homing and marker frames; range assumed",
-    at={"joint.aimed": shifted}, formula="aim = command + offset",
+    at={"joint.aimed": shift}, formula="aim = command + offset",
     parameters=(per_joint("offset", "rad", null=0.0, low=-0.3, high=0.3, default=0.05),), same_meaning=True,
 )  # fmt: skip
 PLAY = Effect(
     id="joint.play", summary="play: the joint rests until the drive has taken up the slack", family="backlash",
     signature="angle against command is a loop of constant width, rate-free, with flat pieces after each reversal",
     source="physics.md 4.A gear backlash 0.2-4 deg; cables more (Hwang et al., RA-L 2020)",
-    at={"joint.followed": rests}, formula="angle <- min(max(angle, aim - half_width), aim + half_width)",
+    at={"joint.followed": take_up_play}, formula="angle <- min(max(angle, aim - half_width), aim + half_width)",
     parameters=(per_joint("half_width", "rad", null=0.0, low=0.002, high=0.6, default=0.05),),
 )  # fmt: skip
 SPEED_LIMIT = Effect(
     id="joint.speed_limit", summary="the drive turns no faster than its supply allows", family="speed limit",
     signature="angle ramps at one slope after large steps of the command; slow motion untouched",
     source="no-load speeds of hobby servos, 1-10 rad/s, less with a low supply; range assumed",
-    at={"joint.followed": limited},
+    at={"joint.followed": limit_speed},
     parameters=(per_joint("speed", "rad/s", null=inf, low=0.1, high=2.0, default=0.5, transform="reciprocal"),),
 )  # fmt: skip
 SHEATH_PLAY = Effect(
@@ -240,7 +233,7 @@ SHEATH_PLAY = Effect(
     family="backlash",
     signature="as play with rounded corners; over configurations the width grows exponentially with the total bend",
     source="physics.md 4.B capstan, Prandtl-Ishlinskii; Nho et al., RA-L 2021",
-    at={"joint.followed": behind_sheath, "joint.settle": settle_strands},
+    at={"joint.followed": follow_sheath, "joint.settle": settle_strands},
     parameters=(per_joint("width", "rad", null=0.0, low=0.02, high=1.0, default=0.3),
                 per_joint("mu", "1/rad", null=0.0, low=0.0, high=0.5, default=0.1),
                 per_joint("spread", "-", null=0.0, low=0.0, high=0.8, default=0.2)),
@@ -250,49 +243,49 @@ DEAD_BAND = Effect(
     id="servo.dead_band", summary="the firmware leaves small errors alone", family="dead zone",
     signature="the joint rests up to a width from where it is told, on the side that it came from",
     source="dead band registers of bus servos, 1-3 counts, more of hobby servos; range assumed",
-    at={"servo.firmware_error": beyond}, formula="e = sgn(e) max(0, |e| - width)          e = q_ref - q",
+    at={"servo.firmware_error": cut_dead_zone}, formula="e = sgn(e) max(0, |e| - width)          e = q_ref - q",
     parameters=(per_joint("width", "rad", null=0.0, low=0.002, high=0.1, default=0.02),),
 )  # fmt: skip
 GEAR_COMPLIANCE = Effect(
     id="servo.gear_compliance", summary="elastic gear between motor and joint", family="elasticity",
     signature="a resonance of rotor against load, within the position loop",
     source="plastic and metal gears of small servos, 3-300 N m/rad; range assumed",
-    at={"servo.gear_compliance": shifted},
+    at={"servo.gear_compliance": shift},
     formula="q_rotor - q = (c + compliance) torque of the gear",
     parameters=(per_joint("compliance", "rad/(N m)", null=0.0, low=0.003, high=0.3, default=0.03),),
 )  # fmt: skip
 GEAR_PLAY = Effect(
     id="servo.gear_play", summary="play of the gear between motor and joint", family="backlash",
     signature="the load rattles where its torque changes sign; at rest under weight nothing",
-    source="physics.md 4.A gear backlash 0.2-4 deg; range assumed", at={"servo.gear_play": shifted},
+    source="physics.md 4.A gear backlash 0.2-4 deg; range assumed", at={"servo.gear_play": shift},
     formula="no torque where |q_rotor - q| < half_width",
     parameters=(per_joint("half_width", "rad", null=0.0, low=0.002, high=0.1, default=0.02),),
 )  # fmt: skip
 GRAVITY_MOMENT = Effect(
     id="servo.gravity_moment", summary="the weight of the load other than stated", family="load",
     signature="an error of posture: largest with the load level, none with it upright or hanging",
-    source="weight times lever; range assumed", at={"servo.load_moment": shifted},
+    source="weight times lever; range assumed", at={"servo.load_moment": shift},
     formula="gravity = (m g l + moment) sin(q - hanging)",
     parameters=(per_joint("moment", "N m", null=0.0, low=-1.0, high=1.0, default=0.1),),
 )  # fmt: skip
 LOAD_INERTIA = Effect(
     id="servo.load_inertia", summary="inertia of the load other than stated", family="inertia",
     signature="slower and with more overshoot, or the other way round; nothing at rest",
-    source="payloads and CAD without cables; range assumed", at={"servo.load_inertia": scaled},
+    source="payloads and CAD without cables; range assumed", at={"servo.load_inertia": scale},
     formula="J_j = (1 + share) J",
     parameters=(per_joint("share", "-", null=0.0, low=-0.8, high=4.0, default=0.5),),
 )  # fmt: skip
 LOOP_GAIN = Effect(
     id="servo.loop_gain", summary="gain of the firmware other than stated", family="gain",
     signature="stiffness off: sag, dead band of friction and speed of approach change, the fastest motion does not",
-    source="registers and their units; range assumed", at={"servo.firmware_gain": scaled},
+    source="registers and their units; range assumed", at={"servo.firmware_gain": scale},
     formula="kp_j = (1 + share) kp",
     parameters=(per_joint("share", "-", null=0.0, low=-0.7, high=2.0, default=-0.3),), same_meaning=True,
 )  # fmt: skip
 SUPPLY = Effect(
     id="servo.supply", summary="voltage of the supply other than stated", family="supply",
     signature="fastest motion and stiffness off by the same share", source="batteries, 6-8.4 V; range assumed",
-    at={"servo.supply_voltage": scaled}, formula="V = (1 + share) V_0",
+    at={"servo.supply_voltage": scale}, formula="V = (1 + share) V_0",
     parameters=(per_joint("share", "-", null=0.0, low=-0.6, high=0.6, default=-0.2),), same_meaning=True,
 )  # fmt: skip
 SUPPLY_SAG = Effect(
@@ -304,7 +297,7 @@ SUPPLY_SAG = Effect(
 TORQUE_CONSTANT = Effect(
     id="servo.torque_constant", summary="torque constant of the motor other than stated", family="gain",
     signature="torque and fastest motion off, one up and the other down", source="hot magnets, data sheets; assumed",
-    at={"servo.torque_constant": scaled}, formula="kt_j = (1 + share) kt",
+    at={"servo.torque_constant": scale}, formula="kt_j = (1 + share) kt",
     parameters=(per_joint("share", "-", null=0.0, low=-0.5, high=0.5, default=-0.15),), same_meaning=True,
 )  # fmt: skip
 BACKDRIVING_FRICTION = Effect(

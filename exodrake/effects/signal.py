@@ -9,53 +9,53 @@ from math import exp, inf, sin
 
 from exodrake.core.effect import ANY_SHAPE, Effect, EffectParameter, per_joint, per_tendon
 from exodrake.core.part import State
-from exodrake.effects.friction import bent
-from exodrake.physics.arithmetic import rounded
+from exodrake.effects.friction import bend_bristle
+from exodrake.physics.arithmetic import round_to
 
 DEPTH = 8  # samples that a late signal remembers
 
 
-def scaled(value, gain):
+def scale(value, gain):
     """Value times a factor near 1: shown = (1 + gain) value."""
     return (1.0 + gain) * value
 
 
-def shifted(value, offset):
+def shift(value, offset):
     """Value plus a constant: shown = value + offset."""
     return value + offset
 
 
-def drifted(value, clock, rate):
+def drift(value, clock, rate):
     """Value plus an amount that grows with time: shown = value + rate t; t from the first sample."""
     return value + rate * clock
 
 
-def mixed(value, other, coefficient):
+def mix(value, other, coefficient):
     """Value plus a share of another one: shown_j = value_j + coefficient value_(j+1); the last one meets the first."""
     return value + coefficient * other
 
 
-def beyond(value, width):
+def cut_dead_zone(value, width):
     """Value by how much it lies beyond a width: shown = value - min(max(value, -width), width)."""
     return value - min(max(value, -width), width)
 
 
-def clipped(value, limit):
+def clip(value, limit):
     """Value clipped at both ends: shown = min(max(value, -limit), limit)."""
     return min(max(value, -limit), limit)
 
 
-def rests(value, before, half_width):
+def take_up_play(value, before, half_width):
     """Value behind play: shown <- min(max(shown, value - half_width), value + half_width)."""
     return min(max(before, value - half_width), value + half_width)
 
 
-def lost(value, held, arrival, probability):
+def lose_sample(value, held, arrival, probability):
     """Value of which samples are lost: shown(n) = shown(n - 1) where arrival < probability; arrival in 0 .. 1."""
     return held if arrival < probability else value
 
 
-def relaxed(state, target, dt, time_constant):
+def relax(state, target, dt, time_constant):
     """First-order relaxation: state after dt [s] on its way to a target held meanwhile, exact."""
     return target + (state - target) * exp(-dt / time_constant)
 
@@ -65,13 +65,13 @@ def hysteresis(value, clock, error, width, bristle, before):
 
     shown = value + error z          dz/dvalue = (1 - z sgn(value')) / width
     """
-    after = bent(bristle, value - before, width) if clock > 0.0 else 0.0
+    after = bend_bristle(bristle, value - before, width) if clock > 0.0 else 0.0
     return value + error * after, after, value
 
 
 def backlash(value, clock, half_width, held):
     """Value behind play, then its state: shown <- min(max(shown, value - half_width), value + half_width)."""
-    after = rests(value, held, half_width) if clock > 0.0 else value
+    after = take_up_play(value, held, half_width) if clock > 0.0 else value
     return after, after
 
 
@@ -80,11 +80,11 @@ def low_pass(value, clock, period, time_constant, filtered):
 
     time_constant shown' = value - shown
     """
-    after = relaxed(filtered, value, period, time_constant) if clock > 0.0 else value
+    after = relax(filtered, value, period, time_constant) if clock > 0.0 else value
     return after, after
 
 
-def delayed(value, clock, samples, history):
+def delay_samples(value, clock, samples, history):
     """Value that many samples ago, then the history that the next sample will see, the newest first.
 
     At most `DEPTH` samples; for a clock that is ahead (< 0) the line through the last two. Before the first sample the
@@ -109,16 +109,16 @@ def delay(value, clock, period, lateness, h0, h1, h2, h3, h4, h5, h6, h7):
     shown(n) = value(n - delay / period)          between samples the two neighbours are mixed
     """
     samples = lateness / period if period > 0.0 else 0.0
-    return delayed(value, clock, samples, (h0, h1, h2, h3, h4, h5, h6, h7))
+    return delay_samples(value, clock, samples, (h0, h1, h2, h3, h4, h5, h6, h7))
 
 
-def skewed(value, clock, period, skew, h0, h1, h2, h3, h4, h5, h6, h7):
+def skew_clock(value, clock, period, skew, h0, h1, h2, h3, h4, h5, h6, h7):
     """Value by a clock that runs fast (> 0) or slow, then the samples remembered: shown(t) = value(t - skew t)."""
     samples = skew * clock / period if period > 0.0 else 0.0
-    return delayed(value, clock, samples, (h0, h1, h2, h3, h4, h5, h6, h7))
+    return delay_samples(value, clock, samples, (h0, h1, h2, h3, h4, h5, h6, h7))
 
 
-def slipped(angle, slip):
+def slip_skin(angle, slip):
     """Angle as the markers show it [rad], as skin slides over the bone: q as seen = q + slip sin(2 q)."""
     return angle + slip * sin(2.0 * angle)
 
@@ -132,33 +132,33 @@ ENCODER_OFFSET = Effect(
     id="encoder.homing_offset", summary="stroke zero in the wrong place", family="offset",
     signature="constant stroke offset at every tension; a negative one is the same as a slack wire",
     source="physics.md 4.A; 0-2 mm; from 3 mm on two wires would start beyond their maximum tension of 8 N",
-    at={"motor.wound": shifted}, formula=HOMING,
+    at={"motor.wound": shift}, formula=HOMING,
     parameters=(per_tendon("offset", "m", null=0.0, low=-5e-3, high=2.5e-3, default=1e-3),), same_meaning=True,
 )  # fmt: skip
 MOCAP_GAIN = Effect(
     id="mocap.gain", summary="skin-marker artefact: angles scaled", family="gain",
     signature="angle error proportional to angle; tension and stroke untouched",
-    source="physics.md 4.G; slopes 0.98 PIP, 0.892 DIP against CT [S:Metcalf]", at={"mocap.seen": scaled},
+    source="physics.md 4.G; slopes 0.98 PIP, 0.892 DIP against CT [S:Metcalf]", at={"mocap.seen": scale},
     formula="q as seen = (1 + gain) q",
     parameters=(per_joint("gain", "-", null=0.0, low=-0.25, high=0.25, default=-0.1),), same_meaning=True,
 )  # fmt: skip
 MOCAP_SKIN = Effect(
     id="mocap.skin_artefact", summary="skin slides over the bone most at half flexion", family="nonlinearity",
     signature="angle error curved over angle, greatest near 45 degrees; tension and stroke untouched",
-    source="physics.md 4.G; below 4 deg [S:Metcalf]", at={"mocap.seen": slipped},
+    source="physics.md 4.G; below 4 deg [S:Metcalf]", at={"mocap.seen": slip_skin},
     parameters=(per_joint("slip", "rad", null=0.0, low=-0.1, high=0.1, default=0.03),), law_std=ANY_SHAPE,
     not_tried="another law of mocap.gain, which is tried",
 )  # fmt: skip
 MOCAP_OFFSET = Effect(
     id="mocap.offset", summary="marker frames misaligned", family="offset",
     signature="constant angle error; tension and stroke untouched", source="physics.md 4.G; 1-5 deg",
-    at={"mocap.seen": shifted}, formula="q as seen = q + offset",
+    at={"mocap.seen": shift}, formula="q as seen = q + offset",
     parameters=(per_joint("offset", "rad", null=0.0, low=-0.2, high=0.2, default=0.05),), same_meaning=True,
 )  # fmt: skip
 CROSSTALK = Effect(
     id="signal.crosstalk", summary="a sensor picks up its neighbour's value", family="crosstalk",
     signature="reading error proportional to another channel",
-    source="cables, shared supplies, structures; 0.1-10 %; range assumed", at={"signal.mixed": mixed},
+    source="cables, shared supplies, structures; 0.1-10 %; range assumed", at={"signal.mixed": mix},
     parameters=(EffectParameter("coefficient", "-", null=0.0, low=-0.3, high=0.3, default=0.05),), same_meaning=True,
 )  # fmt: skip
 HYSTERESIS = Effect(
@@ -179,31 +179,32 @@ BACKLASH = Effect(
 GAIN = Effect(
     id="signal.gain", summary="scale error of the reading", family="gain",
     signature="reading off in proportion to its value, without a loop",
-    source="calibration of a sensor, 1-20 %; range assumed", at={"signal.shown": scaled},
+    source="calibration of a sensor, 1-20 %; range assumed", at={"signal.shown": scale},
     parameters=(EffectParameter("gain", "-", null=0.0, low=-0.3, high=0.3, default=-0.1),), same_meaning=True,
 )  # fmt: skip
 OFFSET = Effect(
     id="signal.offset", summary="zero error of the reading", family="offset",
     signature="reading off by the same amount at every value",
-    source="homing, marker frames, amplifiers; range assumed", at={"signal.shown": shifted},
+    source="homing, marker frames, amplifiers; range assumed", at={"signal.shown": shift},
     parameters=(EffectParameter("offset", "value", null=0.0, low=-0.3, high=0.3, default=0.05),), same_meaning=True,
 )  # fmt: skip
 DRIFT = Effect(
     id="signal.drift", summary="zero of the reading wanders with time", family="drift",
     signature="reading error that grows with time, not with value or rate",
-    source="temperature of sensors and amplifiers; range assumed", at={"signal.shown": drifted},
+    source="temperature of sensors and amplifiers; range assumed", at={"signal.shown": drift},
     parameters=(EffectParameter("rate", "value/s", null=0.0, low=-0.05, high=0.05, default=0.01),), law_std=ANY_SHAPE,
 )  # fmt: skip
 DEAD_ZONE = Effect(
     id="signal.dead_zone", summary="reading starts only from a width on", family="dead zone",
     signature="reading 0 near 0, and short by the width beyond",
-    source="threshold in a driver, a loose coupling centred by a spring; range assumed", at={"signal.shown": beyond},
+    source="threshold in a driver, a loose coupling centred by a spring; range assumed",
+    at={"signal.shown": cut_dead_zone},
     parameters=(EffectParameter("width", "value", null=0.0, low=0.005, high=0.3, default=0.05),),
 )  # fmt: skip
 SATURATION = Effect(
     id="signal.saturation", summary="reading clips at both ends", family="saturation",
     signature="reading levels off at one value, alike in both directions",
-    source="range of a sensor or converter; range assumed", at={"signal.shown": clipped},
+    source="range of a sensor or converter; range assumed", at={"signal.shown": clip},
     parameters=(EffectParameter("limit", "value", null=inf, low=0.05, high=0.35, default=0.2, transform="reciprocal"),),
 )  # fmt: skip
 LOW_PASS = Effect(
@@ -223,14 +224,14 @@ DELAY = Effect(
 CLOCK_SKEW = Effect(
     id="signal.clock_skew", summary="the sensor's clock runs fast or slow", family="delay",
     signature="reading error proportional to rate and growing along the log",
-    source="1-100 ppm for crystals, far more for a software clock; range assumed", at={"signal.shown": skewed},
+    source="1-100 ppm for crystals, far more for a software clock; range assumed", at={"signal.shown": skew_clock},
     parameters=(EffectParameter("skew", "s/s", null=0.0, low=-5e-3, high=5e-3, default=2e-3),),
     states=(State("history", width=DEPTH, unit="value"),), filters=("signal.shown",), same_meaning=True,
 )  # fmt: skip
 QUANTISATION = Effect(
     id="signal.quantisation", summary="reading in coarser steps than stated", family="quantisation",
     signature="readings are multiples of one step; error uniform within half of it",
-    source="resolution of encoders and converters; range assumed", at={"signal.delivered": rounded},
+    source="resolution of encoders and converters; range assumed", at={"signal.delivered": round_to},
     formula="shown = step round(value / step)",
     parameters=(EffectParameter("step", "value", null=0.0, low=0.005, high=0.1, default=0.02),),
     not_tried="rounding is noise to a fit; the values of the readings show it, and the resolution is a parameter",
@@ -238,7 +239,7 @@ QUANTISATION = Effect(
 PACKET_LOSS = Effect(
     id="signal.packet_loss", summary="some readings are lost", family="packet loss",
     signature="readings repeat themselves while the signal moves; on average a small delay",
-    source="wireless and shared buses, 1e-3-0.1; range assumed", at={"signal.delivered": lost},
+    source="wireless and shared buses, 1e-3-0.1; range assumed", at={"signal.delivered": lose_sample},
     parameters=(EffectParameter("probability", "-", null=0.0, low=0.005, high=0.6, default=0.1),),
     not_tried="which readings are lost is drawn anew, so a fit sees the mean delay only; signal.delay is tried",
 )  # fmt: skip

@@ -2,15 +2,15 @@
 
 Friction that does not depend on load still needs a taut wire: it fades as the wire goes slack (`grip`). The fading
 makes the tension at the finger a continuous function of stretch, which the plant's Newton steps need. What a bristle
-stores is let go as its wire goes slack and must be wound up again: its deflection is kept within the grip (`kept`).
+stores is let go as its wire goes slack and must be wound up again: `limit_to_grip` keeps its deflection.
 """
 
 from math import exp, expm1, inf
 
 from exodrake.core.effect import ANY_SHAPE, Effect, per_tendon
 from exodrake.core.part import TENDONS, State
-from exodrake.effects.friction import bent, deflected, level, spring, turned, yielded
-from exodrake.effects.signal import relaxed
+from exodrake.effects.friction import bend_bristle, deflect_bristle, find_stiffness, level, slip_spring, turn_bristle
+from exodrake.effects.signal import relax
 from exodrake.physics.tendon import grip
 
 LIMIT = 3.0  # exponent from which a stiffening wire's curve is straight [-]
@@ -21,7 +21,7 @@ PIECES, BENDS = 5, 4.0  # of the wire in its sheath
 STOPS = 3.0
 
 
-def slack(extension, length, toe):
+def take_up_slack(extension, length, toe):
     """Elastic stretch [m] of a wire longer than assumed, which comes taut over a toe; what is left of it below 0.
 
         x = s - l - length          stretch = max(0, x)                   |x| > toe / 2
@@ -38,17 +38,17 @@ def slack(extension, length, toe):
     return 0.25 * (beyond + half) * (beyond + half) / half
 
 
-def crept(extension, stiffness, time_constant, elongation):
+def subtract_creep(extension, stiffness, time_constant, elongation):
     """Stretch [m] of a standard linear solid: T_c = k (s - l - y); time_constant y' = T_c / stiffness - y."""
     return extension - elongation
 
 
 def settle_creep(dt, tension, stiffness, time_constant, elongation):
     """Delayed elongation [m]."""
-    return relaxed(elongation, tension / stiffness, dt, time_constant)
+    return relax(elongation, tension / stiffness, dt, time_constant)
 
 
-def stiffened(tension, stretch, stiffness, soft_stiffness, stiffening):
+def stiffen_wire(tension, stretch, stiffness, soft_stiffness, stiffening):
     """Tension [N] of a wire that stiffens as it is stretched (toe region of a braid).
 
         T_c = soft / grows (exp(grows x) - 1)          x = s - l          tangent stiffness soft + grows T_c
@@ -90,12 +90,12 @@ def settle_bouc_wen(dt, stretched, fraction, width, z, stretch_before):
     return plastic(z, stretched - stretch_before, width), stretched
 
 
-def in_series(tension, stiffness, garment):
+def add_garment(tension, stiffness, garment):
     """Tension [N] of wire and garment in series: T_c = k_s (s - l); 1 / k_s = 1 / k + 1 / stiffness."""
     return tension * garment / (stiffness + garment)
 
 
-def moved(own, change, cone):
+def move_end(own, change, cone):
     """Stretches [m] of the pieces, in order from the end that moves, after it moved by `change` [m] (> 0 stretches)."""
     ratio = cone if change > 0.0 else 1.0 / cone  # of the stretches beside a bend that slips
     first, count, sum_slipping = own[0] + change, 1, own[0] + change
@@ -123,21 +123,21 @@ def piece(i, own, first, ratio, count):
     return max(0.0, first) * ratio**i if i < count else own[i]
 
 
-def turned_round(own):
+def reverse(own):
     """Pieces in reverse order."""
     return own[4], own[3], own[2], own[1], own[0]
 
 
-def drawn(stretched, travel, mu_phi, e1, e2, e3, e4, e5):
-    """Stretches [m] of the pieces from cell to finger, after finger's and spool's end have moved.
+def settle_sheath(dt, stretched, travel, mu_phi, e1, e2, e3, e4, e5):
+    """Stretches [m] of the pieces from cell to finger, after finger's and spool's end have moved, however fast.
 
     The finger's end goes first where it stretches the wire (travel < 0), so that the wire never runs slack between.
     """
     cone, own = exp(-mu_phi / BENDS), (e1, e2, e3, e4, e5)
     change = stretched + travel - (e1 + e2 + e3 + e4 + e5)
     if travel < 0.0:
-        return moved(turned_round(moved(turned_round(own), -travel, cone)), change, cone)
-    return turned_round(moved(turned_round(moved(own, change, cone)), -travel, cone))
+        return move_end(reverse(move_end(reverse(own), -travel, cone)), change, cone)
+    return reverse(move_end(reverse(move_end(own, change, cone)), -travel, cone))
 
 
 def near_end(tension, stretched, travel, mu_phi, e1, e2, e3, e4, e5):
@@ -153,39 +153,29 @@ def near_end(tension, stretched, travel, mu_phi, e1, e2, e3, e4, e5):
     """
     if stretched <= 0.0:
         return tension
-    return tension * PIECES * drawn(stretched, travel, mu_phi, e1, e2, e3, e4, e5)[0] / stretched
+    return tension * PIECES * settle_sheath(0.0, stretched, travel, mu_phi, e1, e2, e3, e4, e5)[0] / stretched
 
 
 def far_end(tension, stretched, travel, mu_phi, e1, e2, e3, e4, e5):
     """Tension at the finger's end [N], from that at the cell's end."""
-    pieces = drawn(stretched, travel, mu_phi, e1, e2, e3, e4, e5)
+    pieces = settle_sheath(0.0, stretched, travel, mu_phi, e1, e2, e3, e4, e5)
     return tension * pieces[4] / pieces[0] if pieces[0] > 0.0 else tension
 
 
-def settle_sheath(dt, stretched, travel, mu_phi, e1, e2, e3, e4, e5):
-    """Stretches of the pieces [m]."""
-    return drawn(stretched, travel, mu_phi, e1, e2, e3, e4, e5)
-
-
-def rubbed(tension, travel, mu_phi, force):
-    """Force of the sheath's friction [N] after a further travel [m]; tension at the cell's end [N]."""
+def settle_capstan(dt, tension, travel, mu_phi, force):
+    """Force of the sheath's friction [N] after a further travel [m], however fast; tension at the cell's end [N]."""
     low, high = tension * (1.0 - exp(mu_phi)), tension * (1.0 - exp(-mu_phi))
-    return yielded(force, travel, spring(mu_phi, PRESLIDING), low, high)
+    return slip_spring(force, travel, find_stiffness(mu_phi, PRESLIDING), low, high)
 
 
 def capstan(tension, travel, mu_phi, force):
     """Tension at the finger [N] behind sheath friction proportional to load (capstan law).
 
-        T_d = T_c - F          T_c (1 - exp(mu_phi)) <= F <= T_c (1 - exp(-mu_phi))          F of `friction.yielded`
+        T_d = T_c - F          T_c (1 - exp(mu_phi)) <= F <= T_c (1 - exp(-mu_phi))          F of `friction.slip_spring`
 
     While the finger takes wire in T_d = T_c exp(-mu_phi), while it gives wire back T_d = T_c exp(mu_phi).
     """
-    return tension - rubbed(tension, travel, mu_phi, force)
-
-
-def settle_capstan(dt, tension, travel, mu_phi, force):
-    """Force of friction [N]."""
-    return rubbed(tension, travel, mu_phi, force)
+    return tension - settle_capstan(0.0, tension, travel, mu_phi, force)
 
 
 def coulomb(tension, slide, force):
@@ -206,68 +196,65 @@ def stribeck(tension, slide, force, ratio, stribeck_speed, remembered):
 
 def settle_stribeck(dt, travel, force, ratio, stribeck_speed, remembered):
     """Remembered speed [m/s]."""
-    return relaxed(remembered, travel / dt, dt, MEMORY)
+    return relax(remembered, travel / dt, dt, MEMORY)
 
 
-def kept(bristle, tension):
+def limit_to_grip(bristle, tension):
     """Bristle [-1 .. 1], no further bent than a wire under this tension [N] can hold it."""
     most = grip(tension)
     return min(max(bristle, -most), most)
 
 
+def settle_dahl(dt, tension, travel, force, stiffness, bristle):
+    """Bristle [-1 .. 1] after a further travel [m], however fast."""
+    return limit_to_grip(bend_bristle(bristle, travel, force / stiffness), tension)
+
+
 def dahl(tension, travel, force, stiffness, bristle):
     """Tension at the finger [N] behind Dahl's friction: T_d = T_c - F; dF/dx = stiffness (1 - F sgn(x') / force)."""
-    return tension - force * kept(bent(bristle, travel, force / stiffness), tension)
+    return tension - force * settle_dahl(0.0, tension, travel, force, stiffness, bristle)
 
 
-def settle_dahl(dt, tension, travel, force, stiffness, bristle):
-    """Bristle [-1 .. 1]."""
-    return kept(bent(bristle, travel, force / stiffness), tension)
-
-
-def gripped_to(z, tension, most):
+def limit_deflection(z, tension, most):
     """Deflection [m] that a wire under this tension [N] holds, `most` of a taut one."""
-    return most * kept(z / most, tension)
+    return most * limit_to_grip(z / most, tension)
 
 
 def lugre(tension, travel, speed, coulomb, ratio, stribeck_speed, stiffness, damping, z):
     """Tension at the finger [N] behind LuGre friction: presliding, break-away, Stribeck's fall and damping in one law.
 
-        T_d = T_c - F(v, z)          F of `friction.deflected`, v > 0 while the finger takes wire in
+        T_d = T_c - F(v, z)          F of `friction.deflect_bristle`, v > 0 while the finger takes wire in
 
     The part sigma_2 v is `tendon.viscous_friction`.
     """
-    after = deflected(z, travel, level(speed, coulomb, ratio, stribeck_speed), stiffness)
+    after = deflect_bristle(z, travel, level(speed, coulomb, ratio, stribeck_speed), stiffness)
     rate = speed * (after - z) / travel if travel != 0.0 else 0.0  # of the deflection, its mean over the tick
     return (
-        tension - damping * grip(tension) * rate - stiffness * gripped_to(after, tension, ratio * coulomb / stiffness)
+        tension
+        - damping * grip(tension) * rate
+        - stiffness * limit_deflection(after, tension, ratio * coulomb / stiffness)
     )
 
 
 def settle_lugre(dt, tension, travel, coulomb, ratio, stribeck_speed, stiffness, damping, z):
     """Deflection of the bristle [m]."""
-    after = deflected(z, travel, level(travel / dt, coulomb, ratio, stribeck_speed), stiffness)
-    return gripped_to(after, tension, ratio * coulomb / stiffness)
+    after = deflect_bristle(z, travel, level(travel / dt, coulomb, ratio, stribeck_speed), stiffness)
+    return limit_deflection(after, tension, ratio * coulomb / stiffness)
 
 
-def stops(tension, travel, distance, first, second, third):
-    """The stops after a further travel [m] of a wire under this tension [N]."""
+def settle_stops(dt, tension, travel, force, distance, first, second, third):
+    """The stops [-1 .. 1] after a further travel [m], however fast, of a wire under this tension [N]."""
     return (
-        kept(turned(first, travel, distance), tension),
-        kept(turned(second, travel, 2.0 * distance), tension),
-        kept(turned(third, travel, STOPS * distance), tension),
+        limit_to_grip(turn_bristle(first, travel, distance), tension),
+        limit_to_grip(turn_bristle(second, travel, 2.0 * distance), tension),
+        limit_to_grip(turn_bristle(third, travel, STOPS * distance), tension),
     )
 
 
 def prandtl_ishlinskii(tension, travel, force, distance, first, second, third):
     """Tension at the finger [N] behind stops of range i distance: T_d = T_c - force (z_1 + z_2 + z_3) / 3."""
-    after = stops(tension, travel, distance, first, second, third)
+    after = settle_stops(0.0, tension, travel, force, distance, first, second, third)
     return tension - force * ((after[0] + after[1] + after[2]) / STOPS)
-
-
-def settle_stops(dt, tension, travel, force, distance, first, second, third):
-    """The stops [-1 .. 1]."""
-    return stops(tension, travel, distance, first, second, third)
 
 
 def viscous(tension, speed, coefficient):
@@ -278,7 +265,7 @@ def viscous(tension, speed, coefficient):
 SLACK = Effect(
     id="tendon.slack", summary="wire longer than assumed", family="offset",
     signature="constant stroke offset at every tension; tension stays 0 while the first stroke is taken in",
-    source="physics.md 4.B; 0.5-5 mm; toe of the braid and its anchor assumed", at={"tendon.stretch": slack},
+    source="physics.md 4.B; 0.5-5 mm; toe of the braid and its anchor assumed", at={"tendon.stretch": take_up_slack},
     parameters=(per_tendon("length", "m", null=0.0, low=1e-4, high=5e-3, default=1e-3),
                 per_tendon("toe", "m", null=1e-4, low=2e-5, high=1e-3, default=1e-4, transform="log")),
     same_meaning=True,
@@ -287,7 +274,7 @@ CREEP = Effect(
     id="tendon.creep", summary="delayed elongation of the wire (standard linear solid)", family="viscoelasticity",
     signature="stroke drifts at held tension and remembers load; loop of angle against stroke, smaller in fast motion",
     source="physics.md 4.B; 10-40 % of the elastic stretch, 1-300 s",
-    at={"tendon.stretch": crept, "tendon.settle": settle_creep},
+    at={"tendon.stretch": subtract_creep, "tendon.settle": settle_creep},
     parameters=(per_tendon("stiffness", "N/m", null=inf, low=1500.0, high=6e4, default=8000.0, transform="reciprocal"),
                 per_tendon("time_constant", "s", null=10.0, low=0.5, high=100.0, default=10.0, transform="log")),
     states=(State("elongation", TENDONS, unit="m"),), advances=("tendon.settle",), law_std=ANY_SHAPE,
@@ -295,7 +282,8 @@ CREEP = Effect(
 STIFFENING = Effect(
     id="tendon.stiffening", summary="wire stiffens as it is stretched", family="elasticity",
     signature="stroke offset is a curved function of tension, steep at low tension, without a loop",
-    source="physics.md 4.B, garment k0 + k1 T [A]; softer than the wire of 2700 N/m", at={"tendon.elastic": stiffened},
+    source="physics.md 4.B, garment k0 + k1 T [A]; softer than the wire of 2700 N/m",
+    at={"tendon.elastic": stiffen_wire},
     parameters=(
         per_tendon("soft_stiffness", "N/m", null=inf, low=500.0, high=2500.0, default=1200.0, transform="reciprocal"),
         per_tendon("stiffening", "1/m", null=200.0, low=30.0, high=500.0, default=200.0, transform="log")),
@@ -315,7 +303,7 @@ COMPLIANCE = Effect(
     id="tendon.compliance", summary="garment or anchor yields at the finger, in series with the wire",
     family="elasticity",
     signature="stroke offset proportional to tension, without a loop and at every rate; angle against tension as ever",
-    source="physics.md 4.B; 0.5-10 N/mm [A]", at={"tendon.elastic": in_series},
+    source="physics.md 4.B; 0.5-10 N/mm [A]", at={"tendon.elastic": add_garment},
     parameters=(per_tendon("stiffness", "N/m", null=inf, low=5e2, high=2e4, default=3e3, transform="reciprocal"),),
     law_std=ANY_SHAPE,
 )  # fmt: skip

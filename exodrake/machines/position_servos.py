@@ -12,9 +12,9 @@ from exodrake.core.mechanism import GRAVITY, Body, Chain, Drive, Joint, Mechanis
 from exodrake.core.part import JOINTS, NORMAL, SCALAR, UNIFORM, Axes, Signal
 from exodrake.core.robot import Robot
 from exodrake.effects import LIBRARY, effects_of, for_machine, generic_effects, in_order, plugin_effects
-from exodrake.effects.servo import lagging, limited
-from exodrake.effects.signal import rests, scaled, shifted
-from exodrake.effects.timing import late
+from exodrake.effects.servo import lag_behind, limit_speed
+from exodrake.effects.signal import scale, shift, take_up_play
+from exodrake.effects.timing import delay_command
 from exodrake.physics import joint, joint_command, joint_loop, servo
 from exodrake.physics.reading import sensor
 
@@ -55,9 +55,9 @@ PROMPT = (
 )
 # law at the joint or its command -> field of a drive, and how it follows from the law's parameter
 STATED: dict[Callable, tuple[str, Callable[[float, float], float]]] = {
-    late: ("delay", lambda frames, frame: frames * frame), lagging: ("lag", lambda time, frame: time),
-    rests: ("backlash", lambda width, frame: width), limited: ("speed", lambda speed, frame: speed),
-    shifted: ("offset", lambda offset, frame: offset), scaled: ("gain", lambda gain, frame: 1.0 + gain),
+    delay_command: ("delay", lambda frames, frame: frames * frame), lag_behind: ("lag", lambda time, frame: time),
+    take_up_play: ("backlash", lambda width, frame: width), limit_speed: ("speed", lambda speed, frame: speed),
+    shift: ("offset", lambda offset, frame: offset), scale: ("gain", lambda gain, frame: 1.0 + gain),
 }  # fmt: skip
 
 

@@ -79,8 +79,7 @@ def draw_work(robot: Robot, seed: int, duration: float) -> Reference:
             mode, share = str(rng.choice(list(robot.grasps))), rng.uniform(0.5, 1.0)
             targets = {channel: share * value for channel, value in robot.grasps[mode].items()}
             pace = {"rest": rng.uniform(0.2, 2.0), "approach": rng.uniform(0.5, 2.0), "hold": rng.uniform(1.0, 6.0)}
-            made = protocols.grasp(mode, robot, targets, release=rng.uniform(0.5, 2.0), **pace)
-            parts.append(made.values)
+            parts.append(protocols.grasp(mode, robot, targets, release=rng.uniform(0.5, 2.0), **pace).values)
             continue
         own = int(rng.integers(1 << 31))
         if task == "random":

@@ -23,8 +23,11 @@ from exodrake.core.errors import InputError
 from exodrake.core.files import refuse_special
 from exodrake.core.machine import Machine
 from exodrake.core.robot import Robot
+from exodrake.core.units import to_si
 from exodrake.data.formats import ending, read_table
-from exodrake.data.log import STRETCH, check_columns, columns_in_si, other_rate, refuse_separator
+from exodrake.data.import_log import Mapped, import_recording
+from exodrake.data.log import STRETCH, check_columns, columns_in_si, other_rate, refuse_doubled, refuse_separator
+from exodrake.data.tables import TextLayout
 from exodrake.monitor.alarm import BEFORE, Alarm, Gap, Reading, date_rise, judge, measure_noise, read_limits
 from exodrake.monitor.online_replay import LOOP, OnlineReplay, list_channels, replayed_segments
 
@@ -52,10 +55,15 @@ class Rows:
 
 
 class Tail:
-    """The rows of a file that have come since the last look."""
+    """The rows of a file that have come since the last look; of a foreign file by a mapping of names and units."""
 
-    def __init__(self, path: Path, machine: Machine) -> None:
-        self.path, self.wanted = path, log_columns(machine)
+    def __init__(self, path: Path, machine: Machine, mapped: Mapped | None = None) -> None:
+        self.path, self.wanted, self.mapped = path, log_columns(machine), mapped
+        self.layout = mapped or TextLayout()
+        if mapped is not None and not is_affine(mapped):
+            raise InputError(
+                f"{path}: a growing file is mapped by name, unit, scale, offset, sign; else `exodrake import`"
+            )
         self.stream: io.BufferedReader | None = None
 
     def poll(self) -> Iterator[Rows]:
@@ -104,7 +112,8 @@ class Tail:
             return
         found: dict[int, np.ndarray] = {}
         try:
-            for cells in csv.reader(io.StringIO(whole.decode("utf-8-sig"), newline=""), strict=True):
+            text = io.StringIO(whole.decode("utf-8-sig"), newline="")
+            for cells in csv.reader(text, delimiter=self.layout.separator, strict=True):
                 if not self.heading or cells == self.heading:
                     yield from self.take(found)
                     self.read_heading(cells)
@@ -113,11 +122,12 @@ class Tail:
                 self.row += 1  # an empty line counts, so that a row is named by its place in the file
                 if cells:
                     found[self.row] = self.read_row(cells)
-        except (UnicodeDecodeError, csv.Error) as error:
-            fault, reason = "not a CSV file", f" ({error})"
-            if isinstance(error, UnicodeDecodeError):
-                fault, reason = "not a text file", "; a growing log must be CSV"
-            raise InputError(f"{self.path}: {fault} near row {self.row + 1}{reason}") from None
+        except UnicodeDecodeError:
+            raise InputError(
+                f"{self.path}: not a text file near row {self.row + 1}; a growing log must be CSV"
+            ) from None
+        except csv.Error as error:
+            raise InputError(f"{self.path}: not a CSV file near row {self.row + 1} ({error})") from None
         yield from self.take(found)
 
     def take(self, found: dict[int, np.ndarray]) -> Iterator[Rows]:
@@ -128,14 +138,26 @@ class Tail:
 
     def read_heading(self, cells: list[str]) -> None:
         """Finds the columns of a heading; InputError naming a missing or doubled one or an unsuitable unit."""
-        refuse_separator(cells, str(self.path))
-        factors, _ = columns_in_si([(text, np.ones(1)) for text in cells], str(self.path))
+        source, line = str(self.path), np.arange(2.0)  # values of a cell by which its conversion to SI is known
+        if self.mapped is None:
+            refuse_separator(cells, source)
+            ends, _ = columns_in_si([(text, line) for text in cells], source)
+            names = [*ends]
+        else:
+            names = [cell.strip() for cell in cells]
+            refuse_doubled(names, source)
+            ends = {"time": to_si(line, self.mapped.time_unit, source)}
+            foreign = {self.mapped.time: "time"} | {column.foreign: column.name for column in self.mapped.columns}
+            names = [foreign.get(name, f"{name} (unmapped)") for name in names]
+            for c in self.mapped.columns:
+                ends[c.name] = to_si(c.sign * (c.scale * line + c.offset), c.unit, source)
         for name, required in self.wanted.items():
-            if required and name not in factors:
-                raise InputError(f"{self.path}: required column {name!r} is missing (found {', '.join(factors)})")
-        self.heading, names = cells, [*factors]
-        self.places = [names.index(name) if name in factors else None for name in self.wanted]
-        self.factors = np.array([factors.get(name, np.ones(1))[0] for name in self.wanted])
+            if required and name not in names:
+                raise InputError(f"{self.path}: required column {name!r} is missing (found {', '.join(names)})")
+        self.heading = cells
+        self.places = [names.index(name) if name in names else None for name in self.wanted]
+        self.shifts, second = np.transpose([ends.get(name, line) for name in self.wanted])
+        self.factors = second - self.shifts
 
     def read_row(self, cells: list[str]) -> np.ndarray:
         """Values (columns,) [SI], NaN where a cell is empty or missing. InputError naming file, column and row."""
@@ -145,12 +167,13 @@ class Tail:
         for name, place in zip(self.wanted, self.places):
             cell, where = "" if place is None else cells[place], f"{self.path}: column {name!r}, row {self.row}"
             try:
-                values.append(float(cell if "_" not in cell else "text") if cell.strip() else nan)  # no 1_000
+                number = "text" if "_" in cell else cell.replace(self.layout.decimal, ".")  # no 1_000
+                values.append(float(number) if cell.strip() else nan)
             except ValueError:
                 raise InputError(f"{where}: {cell[:40]!r} is not a number") from None
             if isinf(values[-1]) or (name == "time" and values[-1] != values[-1]):
                 raise InputError(f"{where}: {'infinite' if isinf(values[-1]) else 'empty'}")
-        return np.array(values) * self.factors
+        return np.array(values) * self.factors + self.shifts
 
 
 class Grid:
@@ -174,8 +197,13 @@ class Grid:
                 continue
             frame = self.stretch[-1][1] + steps if self.stretch and self.last is not None else 0
             self.stretch = [*self.stretch, (row[0], frame)] if frame else [(row[0], 0)]
-            if len(self.stretch) == STRETCH:
-                self.check_rate()
+            if len(self.stretch) == STRETCH:  # some hundred rows show a clock that is fast or slow, or another rate
+                other, self.stretch = other_rate(*np.transpose(self.stretch), self.frame), []
+                if other is not None:
+                    raise InputError(
+                        f"{self.source}: from {other[0]:g} s on a frame takes {other[1] * 1e3:.4g} ms by its clock, "
+                        f"not {self.frame * 1e3:g} ms"
+                    )
             if self.last is not None and (steps - 1) * self.frame > self.bridged:
                 if found:
                     yield Rows(np.array(found), restart, note=note)
@@ -187,16 +215,6 @@ class Grid:
             self.last = row
         if found:
             yield Rows(np.array(found), restart, note=note)
-
-    def check_rate(self) -> None:
-        """InputError where some hundred rows show a clock that is fast or slow, or a log of another rate."""
-        times, numbers = np.transpose(self.stretch)
-        found, self.stretch = other_rate(times, numbers, self.frame), []
-        if found is not None:
-            raise InputError(
-                f"{self.source}: from {found[0]:g} s on a frame takes {found[1] * 1e3:.4g} ms by its clock, not "
-                f"{self.frame * 1e3:g} ms"
-            )
 
     def count_steps(self, last: np.ndarray, values: np.ndarray, row: int) -> int:
         """Frames since the last row: 1 for the next, 0 for the same row again."""
@@ -217,15 +235,16 @@ class Monitor:
     """State of the monitor of one log. `push` takes frames and yields a reading for each second."""
 
     def __init__(self, robot: Robot) -> None:
-        self.robot, self.machine = robot, (machine := robot.machine)
+        self.robot, self.machine = robot, robot.machine
         self.reading: Reading | None = None  # the last one
         self.alarm: Alarm | None = None  # of the last reading
         self.alarms: list[Alarm] = []  # the first of each episode
         self.notes: list[str] = []  # restarts of the model
         self.frames, self.busy = 0, 0.0  # frames taken, and time spent on them [s]
-        self.noise, self.limit, self.channels = measure_noise(robot), read_limits(machine), list_channels(machine)
-        segments = {s.name for s in replayed_segments(machine).values()}
-        self.segments = (*(s.name for s in machine.segments if s.name in segments), LOOP)
+        self.noise, self.limit = measure_noise(robot), read_limits(self.machine)
+        self.channels = list_channels(self.machine)
+        replayed = list(replayed_segments(self.machine).values())
+        self.segments = (*(s.name for s in self.machine.segments if s in replayed), LOOP)
         self.replay: OnlineReplay | None = None
 
     def push(self, frames: Rows) -> Iterator[Reading]:
@@ -268,7 +287,13 @@ class Monitor:
         return float(np.sqrt(np.mean(own[np.isfinite(own)] ** 2))) if np.isfinite(own).any() else float("nan")
 
 
-def follow(monitor: Monitor, path: Path, idle: float | None) -> Iterator[Reading | None]:
+def is_affine(mapped: Mapped) -> bool:
+    """Whether a mapping converts each cell for itself, of a table with a heading and a column of the time."""
+    alone = all(c.filter is None and c.wrap is None for c in mapped.columns) and not mapped.derived and not mapped.sync
+    return alone and mapped.time is not None and mapped.heading and not mapped.skip
+
+
+def follow(monitor: Monitor, path: Path, idle: float | None, mapped: Mapped | None = None) -> Iterator[Reading | None]:
     """Follows a file, which is read as it is if it is no CSV; yields each reading, and None after every look at it.
 
     The log ends after an `idle` time without a new row [s]; None: never. InputError for a file that cannot be a log,
@@ -281,13 +306,13 @@ def follow(monitor: Monitor, path: Path, idle: float | None) -> Iterator[Reading
             yield from monitor.push(frames)
 
     if ending(path) not in (".csv", None) and path.exists():
-        log = read_table(path)
+        log = read_table(path) if mapped is None else import_recording(path, mapped).log
         check_columns(log, [name for name, required in wanted.items() if required])
         columns = [log.time, *(log[n] if log.has(n) else np.full(len(log), np.nan) for n in [*wanted][1:])]
         yield from take(Rows(np.column_stack(columns), True, range(1, len(log) + 1)))
         yield from monitor.end()
         return
-    tail, changed = Tail(path, monitor.machine), time.monotonic()
+    tail, changed = Tail(path, monitor.machine, mapped), time.monotonic()
     while True:
         for rows in tail.poll():
             yield from take(rows)

@@ -6,22 +6,22 @@ Vectors are tuples of floats, which numba keeps in registers.
 from math import floor
 
 
-def rounded(value, step):
+def round_to(value, step):
     """Value rounded to the nearest multiple of step; unchanged where step is 0."""
     return floor(value / step + 0.5) * step if step > 0.0 else value
 
 
-def slowed(speed, loss):
+def brake_dry(speed, loss):
     """Speed after dry friction took `loss` from it, which never turns motion round."""
     return speed - loss if speed > loss else speed + loss if speed < -loss else 0.0
 
 
-def plus(a, b):
+def add(a, b):
     """Sum a + b."""
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
-def scaled(s, a):
+def multiply(s, a):
     """Product s a."""
     return s * a[0], s * a[1], s * a[2]
 

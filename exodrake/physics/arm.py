@@ -16,7 +16,7 @@ from math import cos, sin
 from typing import Annotated, NamedTuple
 
 from exodrake.core.part import JOINTS, SCALAR, Output, Part, Point, State, Task, Unit
-from exodrake.physics.arithmetic import cross, dot, plus, scaled, slowed
+from exodrake.physics.arithmetic import add, brake_dry, cross, dot, multiply
 
 ROTATION, ORIGIN, SCREW, INERTIA, MOTION, CHANGE, WRENCH, WIDTH = 0, 9, 12, 18, 28, 34, 40, 46
 EYE = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
@@ -41,14 +41,14 @@ def put(w, i, values):
         w[i + k] = values[k]
 
 
-def turned(r, a):
+def rotate(r, a):
     """R a."""
     return dot((r[0], r[1], r[2]), a), dot((r[3], r[4], r[5]), a), dot((r[6], r[7], r[8]), a)
 
 
 def times(r, s):
     """R S, matrices by rows."""
-    x, y, z = turned(r, (s[0], s[3], s[6])), turned(r, (s[1], s[4], s[7])), turned(r, (s[2], s[5], s[8]))
+    x, y, z = rotate(r, (s[0], s[3], s[6])), rotate(r, (s[1], s[4], s[7])), rotate(r, (s[2], s[5], s[8]))
     return x[0], y[0], z[0], x[1], y[1], z[1], x[2], y[2], z[2]
 
 
@@ -82,9 +82,9 @@ def place(w, j, origin, angles, axis, sliding, q):
     if j > 0:
         upper, point = nine(w, up + ROTATION), three(w, up + ORIGIN)
     rotation = times(upper, roll_pitch_yaw(angles[0], angles[1], angles[2]))
-    point, line = plus(point, turned(upper, origin)), turned(rotation, axis)
+    point, line = add(point, rotate(upper, origin)), rotate(rotation, axis)
     if sliding > 0.0:
-        point = plus(point, scaled(q, line))
+        point = add(point, multiply(q, line))
         put(w, at + SCREW, ZERO)
         put(w, at + SCREW + 3, line)
     else:
@@ -112,7 +112,7 @@ def add_point(w, j, mass, centre):
 
 def in_base(w, j, point):
     """A point of link j's frame in the base's axes [m]."""
-    return plus(three(w, WIDTH * j + ORIGIN), turned(nine(w, WIDTH * j + ROTATION), point))
+    return add(three(w, WIDTH * j + ORIGIN), rotate(nine(w, WIDTH * j + ROTATION), point))
 
 
 def load(w, j, mass, centre, inertia):
@@ -131,30 +131,30 @@ def momentum(w, j, spin, shift):
     at = WIDTH * j + INERTIA
     mass, first = w[at], three(w, at + 1)
     second = (w[at + 4], w[at + 5], w[at + 6], w[at + 5], w[at + 7], w[at + 8], w[at + 6], w[at + 8], w[at + 9])
-    moment = plus(turned(second, spin), cross(first, shift))
-    return moment, plus(scaled(mass, shift), cross(spin, first))
+    moment = add(rotate(second, spin), cross(first, shift))
+    return moment, add(multiply(mass, shift), cross(spin, first))
 
 
 def move(w, j, rate, acceleration, gravity):
     """Motion of link j from that of the link before it, and the wrench that it needs; gravity [m/s2] as a vector."""
     at, up = WIDTH * j, WIDTH * (j - 1)
-    spin, shift, turn, push = ZERO, ZERO, ZERO, scaled(-1.0, gravity)
+    spin, shift, turn, push = ZERO, ZERO, ZERO, multiply(-1.0, gravity)
     if j > 0:
         spin, shift = three(w, up + MOTION), three(w, up + MOTION + 3)
         turn, push = three(w, up + CHANGE), three(w, up + CHANGE + 3)
     about_axis, along = three(w, at + SCREW), three(w, at + SCREW + 3)
-    spin, shift = plus(spin, scaled(rate, about_axis)), plus(shift, scaled(rate, along))
-    carried = plus(cross(spin, along), cross(shift, about_axis))
-    turn = plus(turn, plus(scaled(acceleration, about_axis), scaled(rate, cross(spin, about_axis))))
-    push = plus(push, plus(scaled(acceleration, along), scaled(rate, carried)))
+    spin, shift = add(spin, multiply(rate, about_axis)), add(shift, multiply(rate, along))
+    carried = add(cross(spin, along), cross(shift, about_axis))
+    turn = add(turn, add(multiply(acceleration, about_axis), multiply(rate, cross(spin, about_axis))))
+    push = add(push, add(multiply(acceleration, along), multiply(rate, carried)))
     moment, force = momentum(w, j, turn, push)
     swing, drift = momentum(w, j, spin, shift)
     put(w, at + MOTION, spin)
     put(w, at + MOTION + 3, shift)
     put(w, at + CHANGE, turn)
     put(w, at + CHANGE + 3, push)
-    put(w, at + WRENCH, plus(moment, plus(cross(spin, swing), cross(shift, drift))))
-    put(w, at + WRENCH + 3, plus(force, cross(spin, drift)))
+    put(w, at + WRENCH, add(moment, add(cross(spin, swing), cross(shift, drift))))
+    put(w, at + WRENCH + 3, add(force, cross(spin, drift)))
 
 
 def gather(w, count, first, size):
@@ -276,7 +276,7 @@ def compute_efforts(x, z, n, e, dt, position, velocity, acceleration):
     for j in range(count):
         speed = velocity[j]
         torque = effort(x, j) + geared(e, z, j, n.rotor_inertia[j]) * acceleration[j] + n.damping[j] * speed
-        rest = braked(e, z, j, slowed(speed, n.dry_friction[j] * n.mobility), n.mobility, abs(torque))
+        rest = braked(e, z, j, brake_dry(speed, n.dry_friction[j] * n.mobility), n.mobility, abs(torque))
         drag = torque - pushed(e, z, j, torque, speed)
         x[WIDTH * count + j] = torque + drag + (speed - rest) / n.mobility
         settle(e, z, j, dt, dt * speed)
@@ -333,15 +333,15 @@ def drive(x, z, n, e, j, count, dt, given):
     if compliance > 0.0:
         spring = (x[rotor] - x[place_of(count, ANGLE, j)]) / compliance
         free, mobility = speed + dt * (push - spring) / inertia, dt / inertia
-        free = slowed(free, n.dry_friction[j] * mobility)
+        free = brake_dry(free, n.dry_friction[j] * mobility)
         x[place_of(count, ROTOR_SPEED, j)] = braked(e, z, j, free, mobility, abs(given))
         push = spring
     else:
         x[WIDTH * count + count * j + j] += inertia
-    x[place_of(count, PUSH, j)] = push + stopped(x, n, j, count) - effort(x, j)
+    x[place_of(count, PUSH, j)] = push + push_from_stops(x, n, j, count) - effort(x, j)
 
 
-def stopped(x, n, j, count):
+def push_from_stops(x, n, j, count):
     """Effort of the end stops on link j [N m]: spring and damper, which push and do not pull."""
     place, speed = x[place_of(count, ANGLE, j)], x[place_of(count, SPEED, j)]
     above, below = place - n.stop_high[j], n.stop_low[j] - place
@@ -361,7 +361,7 @@ def brake(x, z, n, e, count, dt, efforts):
                 continue
             own, at = x[WIDTH * count + count * j + j], place_of(count, IMPULSE, j)
             free = x[place_of(count, SPEED, j)] - own * x[at]
-            after = slowed(free, n.dry_friction[j] * dt * own)
+            after = brake_dry(free, n.dry_friction[j] * dt * own)
             after = braked(e, z, j, after, dt * own, abs(efforts[j]))
             more = (after - free) / own - x[at]
             x[at] += more

@@ -16,7 +16,11 @@ def control(x, z, n, e, position_ref, position_read):
     """The law; signals [rad]. x: memory of the links, efforts [N m], errors before [rad], started."""
     count = position_ref.shape[0]
     held, before, started = WIDTH * count, (WIDTH + 1) * count, (WIDTH + 2) * count
-    weigh(x, n, count, position_read)
+    gravity = downwards(n.gravity, n.base_roll, n.base_pitch)
+    for j in range(count):  # wrenches on the links at rest
+        body(x, n, j, count, position_read[j], n.mass[j], n.tip_mass)
+        move(x, j, 0.0, 0.0, gravity)
+    gather(x, count, WRENCH, WIDTH - WRENCH)
     for j in range(count):
         error = position_ref[j] - position_read[j]
         rate = (error - x[before + j]) / n.period if x[started] > 0.0 else 0.0
@@ -24,15 +28,6 @@ def control(x, z, n, e, position_ref, position_read):
         x[held + j] = law + n.feedforward[j] * effort(x, j)
         x[before + j] = error
     x[started] = 1.0
-
-
-def weigh(x, n, count, position):
-    """Wrenches on the links at rest."""
-    gravity = downwards(n.gravity, n.base_roll, n.base_pitch)
-    for j in range(count):
-        body(x, n, j, count, position[j], n.mass[j], n.tip_mass)
-        move(x, j, 0.0, 0.0, gravity)
-    gather(x, count, WRENCH, WIDTH - WRENCH)
 
 
 def part(slot: int, unit: dict[str, str]) -> Part:

@@ -18,7 +18,7 @@ import sys
 from typing import Annotated, NamedTuple
 
 from exodrake.core.part import JOINTS, Output, Part, Point, State, Task, Unit
-from exodrake.physics.arithmetic import slowed
+from exodrake.physics.arithmetic import brake_dry
 
 ANGLE, SPEED, STRETCH, STATES = 0, 1, 2, 3
 
@@ -67,7 +67,7 @@ def settle(e, z, j, dt, travel):
     """Point: after a tick, states of the effects on motor j advance by dt [s]; travel [rad]."""
 
 
-def held(angle, z, n, e, first, j, count):
+def couple_motors(angle, z, n, e, first, j, count):
     """Psi of joint j [rad] for motors at the angles from `first` on."""
     found = ratio(e, z, j, n.ratio[j]) * angle[first + j]
     if j > 0:
@@ -87,14 +87,14 @@ def load(effort, z, n, e, j, count):
     return found
 
 
-def looped(stretch, stiffness, pretension):
+def pull_loop(stretch, stiffness, pretension):
     """Effort of a cable loop [N m] at a stretch [rad]."""
     return 0.5 * (max(0.0, pretension + stiffness * stretch) - max(0.0, pretension - stiffness * stretch))
 
 
-def stretched(x, z, n, e, j, count, position):
+def stretch_loop(x, z, n, e, j, count, position):
     """Stretch d of the loop of joint j [rad], its play taken up."""
-    return taken(e, z, j, held(x, z, n, e, ANGLE * count, j, count) - position)
+    return taken(e, z, j, couple_motors(x, z, n, e, ANGLE * count, j, count) - position)
 
 
 def update(x, z, n, e, dt, motor_effort_true, effort_true, position):
@@ -102,13 +102,13 @@ def update(x, z, n, e, dt, motor_effort_true, effort_true, position):
     count = effort_true.shape[0]
     if x[STATES * count] > 0.0:
         for j in range(count):
-            x[STRETCH * count + j] = stretched(x, z, n, e, j, count, position[j])
+            x[STRETCH * count + j] = stretch_loop(x, z, n, e, j, count, position[j])
         x[STATES * count + 1] = dt
         for j in range(count):
             speed, given = x[SPEED * count + j], motor_effort_true[j]
             push = pushed(e, z, j, given, speed) - n.damping[j] * speed - load(effort_true, z, n, e, j, count)
             mobility = dt / n.inertia[j]
-            free = slowed(speed + mobility * push, n.dry_friction[j] * mobility)
+            free = brake_dry(speed + mobility * push, n.dry_friction[j] * mobility)
             after = braked(e, z, j, free, mobility, abs(given))
             x[SPEED * count + j] = after
             x[ANGLE * count + j] += dt * after
@@ -135,7 +135,7 @@ def begin(x, z, n, e, position_start, motor_start, link_start):
     for j in range(count - 2, -1, -1):
         motor_start[j] -= link_start[j] * motor_start[j + 1]
     for j in range(count):
-        link_start[j] = held(motor_start, z, n, e, 0, j, count)
+        link_start[j] = couple_motors(motor_start, z, n, e, 0, j, count)
 
 
 def output(x, z, n, e, position, motor_position, effort_true):
@@ -144,12 +144,12 @@ def output(x, z, n, e, position, motor_position, effort_true):
     for j in range(count):
         motor_position[j], effort_true[j] = x[ANGLE * count + j], 0.0
         if x[STATES * count] > 0.0:
-            stretch, dt = stretched(x, z, n, e, j, count, position[j]), x[STATES * count + 1]
+            stretch, dt = stretch_loop(x, z, n, e, j, count, position[j]), x[STATES * count + 1]
             stretch += n.loss[j] * (stretch - x[STRETCH * count + j]) / dt if dt > 0.0 else 0.0
-            effort_true[j] = looped(stretch, stiff(e, z, j, n.stiffness[j]), tensioned(e, z, j, n.pretension[j]))
+            effort_true[j] = pull_loop(stretch, stiff(e, z, j, n.stiffness[j]), tensioned(e, z, j, n.pretension[j]))
 
 
-def believed(x, z, n, e, motor_position_read, position_read):
+def read_positions(x, z, n, e, motor_position_read, position_read):
     """Positions of the joints [rad] as the software takes them from those of the motors, by the nominal A."""
     count = position_read.shape[0]
     for j in range(count):
@@ -160,7 +160,7 @@ def believed(x, z, n, e, motor_position_read, position_read):
             position_read[j] += n.by_next[j] * motor_position_read[j + 1]
 
 
-def shared(x, z, n, e, effort_ref, motor_effort_ref):
+def share_efforts(x, z, n, e, effort_ref, motor_effort_ref):
     """Efforts that the software asks of the motors for those of the joints [N m], by the nominal A."""
     count = effort_ref.shape[0]
     for j in range(count):
@@ -201,8 +201,8 @@ def part(slot: int, friction: float, speed: float, unit: dict[str, str]) -> Part
         outputs=(
             Output("begin", ("motor_start", "link_start"), reads=("position_start",)),
             Output("output", ("motor_position", "effort_true"), reads=("position",)),
-            Output("believed", ("position_read",), reads=("motor_position_read",)),
-            Output("shared", ("motor_effort_ref",), reads=("effort_ref",)),
+            Output("read_positions", ("position_read",), reads=("motor_position_read",)),
+            Output("share_efforts", ("motor_effort_ref",), reads=("effort_ref",)),
         ),
         points=(
             *(Point(name, JOINTS) for name in points),

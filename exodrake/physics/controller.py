@@ -45,7 +45,7 @@ def damping_as_printed(rate, kd):
     return kd * rate
 
 
-def lagged(before, value, period, tau):
+def lag(before, value, period, tau):
     """First-order lag of a value after a frame."""
     share = period / (period + tau)
     return share * value + (1.0 - share) * before
@@ -57,9 +57,9 @@ def control(x, z, n, e, tension_ref, tension_read):
         for j in range(3):
             x[MODEL + j] = tension_ref[j]
     models = (
-        lagged(x[MODEL], tension_ref[0], n.period, n.tau_R),
-        lagged(x[MODEL + 1], tension_ref[1], n.period, n.tau_R),
-        lagged(x[MODEL + 2], tension_ref[2], n.period, n.tau_R),
+        lag(x[MODEL], tension_ref[0], n.period, n.tau_R),
+        lag(x[MODEL + 1], tension_ref[1], n.period, n.tau_R),
+        lag(x[MODEL + 2], tension_ref[2], n.period, n.tau_R),
     )
     climb = (
         n.feed * (models[0] - x[MODEL]) / n.period,
@@ -68,7 +68,7 @@ def control(x, z, n, e, tension_ref, tension_read):
     )
     for j in range(3):
         rate = (tension_read[j] - x[BEFORE + j]) / n.period if x[STARTED] > 0.0 else 0.0
-        x[RATE + j] = lagged(x[RATE + j], rate, n.period, n.tau_D)
+        x[RATE + j] = lag(x[RATE + j], rate, n.period, n.tau_D)
         error = models[j] - tension_read[j]
         area = x[INTEGRAL + j] + n.period * error
         feed = n.compliance_1[j] * climb[0] + n.compliance_2[j] * climb[1] + n.compliance_3[j] * climb[2]
@@ -86,13 +86,9 @@ PART = Part(
     module=sys.modules[__name__],
     parameters=Parameters,
     states=(
-        State("command", TENDONS, unit="m/s"),
-        State("before", TENDONS, unit="N"),
-        State("started", SCALAR),
-        State("integral", TENDONS, unit="N s"),
-        State("rate", TENDONS, unit="N/s"),
-        State("model", TENDONS, unit="N"),
+        State("command", TENDONS, unit="m/s"), State("before", TENDONS, unit="N"), State("started", SCALAR),
+        State("integral", TENDONS, unit="N s"), State("rate", TENDONS, unit="N/s"), State("model", TENDONS, unit="N"),
     ),
     tasks=(Task("control", ("tension_ref", "tension_read"), slots=(4,)),),
     outputs=(Output.of_states(command="speed_cmd"),),
-)
+)  # fmt: skip

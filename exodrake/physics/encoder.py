@@ -4,7 +4,7 @@ import sys
 from typing import Annotated, NamedTuple
 
 from exodrake.core.part import TENDONS, Output, Part, Point, State, Task, Unit, free_curve
-from exodrake.physics.arithmetic import rounded
+from exodrake.physics.arithmetic import round_to
 
 
 class Parameters(NamedTuple):
@@ -21,7 +21,7 @@ def homed(e, z, j, stroke):
 
 def read(x, z, n, e, j, spool_angle):
     """The bus reads encoder j; signal [rad]."""
-    x[j] = rounded(homed(e, z, j, n.radius * spool_angle[j]), n.q_theta * n.radius)
+    x[j] = round_to(homed(e, z, j, n.radius * spool_angle[j]), n.q_theta * n.radius)
 
 
 def start(x, z, n, e, start_stroke):

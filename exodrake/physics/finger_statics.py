@@ -82,18 +82,6 @@ def settle_rows(tension, n, keep):
     return angle
 
 
-@compiled
-def arm_rows(angle, n):
-    """As `arms`."""
-    found = np.zeros((len(angle), 3, 3))
-    for row in range(len(angle)):
-        for i in range(3):
-            flexor, extensor = joint_paths(i, angle[row, i], n)
-            found[row, 0, i], found[row, 1, i] = flexor[1], flexor[1] if i < MF_JOINTS else 0.0
-            found[row, 2, i] = extensor[1]
-    return found
-
-
 def posture(tension: np.ndarray, n: Parameters) -> np.ndarray:
     """Joint angles at rest, (rows, 3) rad, under wire tensions (rows, 3) N: where a slow finger from q0 ends up.
 
@@ -108,6 +96,13 @@ def follow(tension: np.ndarray, n: Parameters) -> np.ndarray:
     return settle_rows(np.ascontiguousarray(tension, dtype=float), n, True)
 
 
-def arms(angle: np.ndarray, n: Parameters) -> np.ndarray:
+@compiled
+def arms(angle, n):
     """P = dl/dq at joint angles (rows, 3) rad: (rows, 3 wires, 3 joints) m, extensors negative."""
-    return arm_rows(np.ascontiguousarray(angle, dtype=float), n)
+    found = np.zeros((len(angle), 3, 3))
+    for row in range(len(angle)):
+        for i in range(3):
+            flexor, extensor = joint_paths(i, angle[row, i], n)
+            found[row, 0, i], found[row, 1, i] = flexor[1], flexor[1] if i < MF_JOINTS else 0.0
+            found[row, 2, i] = extensor[1]
+    return found

@@ -42,11 +42,10 @@ PART = Part(
     module=sys.modules[__name__],
     parameters=Parameters,
     states=(
-        State("current", JOINTS, unit="A"),
-        State("effort", JOINTS, unit="N m"),
+        State("current", JOINTS, unit="A"), State("effort", JOINTS, unit="N m"),
         State("effort_true", JOINTS, unit="N m"),
     ),
     tasks=(Task("update", ("effort_ref",)),),
     outputs=(Output.of_states(effort="effort", effort_true="effort_true"),),
     points=(Point("driven", JOINTS),),
-)
+)  # fmt: skip

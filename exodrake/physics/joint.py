@@ -94,12 +94,10 @@ PART = Part(
     module=sys.modules[__name__],
     parameters=Parameters,
     states=(
-        State("angle", JOINTS, unit="rad"),
-        State("aim", JOINTS, unit="rad"),
-        State("moved", JOINTS, unit="rad"),
+        State("angle", JOINTS, unit="rad"), State("aim", JOINTS, unit="rad"), State("moved", JOINTS, unit="rad"),
         State("started", SCALAR),
     ),
     tasks=(Task("update", ("command", "origin", "setting", "ready")),),
     outputs=(Output("output", ("angle",)),),
     points=tuple(Point(p, JOINTS, laws=laws) for p, laws in FREE_LAWS.items()),
-)
+)  # fmt: skip

@@ -156,11 +156,9 @@ PART = Part(
     module=sys.modules[__name__],
     parameters=Parameters,
     states=(
-        State("w", TENDONS, unit="rad/s"),
-        State("integral", TENDONS, unit="A"),
-        State("theta", TENDONS, unit="rad"),
+        State("w", TENDONS, unit="rad/s"), State("integral", TENDONS, unit="A"), State("theta", TENDONS, unit="rad"),
     ),
     tasks=(Task("update", ("speed_applied", "tension_spool")),),
     outputs=(Output("output", ("stroke", "wire_speed", "spool_angle")),),
     points=tuple(Point(p, TENDONS, laws=None if p == "current" else FREE_LAWS.get(p, ())) for p in POINTS),
-)
+)  # fmt: skip

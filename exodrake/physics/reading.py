@@ -4,11 +4,10 @@ The generic effects of a signal (`signal.*`: gain, delay, backlash, packet loss,
 of its own for each signal that it measures: `sensor("reading", "angle", unit="rad", ...)`.
 """
 
-from types import ModuleType
 from typing import Annotated, NamedTuple
 
 from exodrake.core.part import JOINTS, Output, Part, Point, State, Task, Unit, module_of_file
-from exodrake.physics.arithmetic import rounded
+from exodrake.physics.arithmetic import round_to
 
 
 def mixed(e, z, j, value, other):
@@ -38,13 +37,8 @@ def read(x, z, n, e, value, noise, arrival):
     for j in range(count):
         seen = mixed(e, z, j, value[j], value[j + 1 if j + 1 < count else 0])
         noisy = shown(e, z, j, seen, x[-3], x[-3] - x[-2]) + n.sigma[j] * noise[j]
-        x[j] = delivered(e, z, j, rounded(noisy, n.step[j]), x[j], arrival[j])
+        x[j] = delivered(e, z, j, round_to(noisy, n.step[j]), x[j], arrival[j])
     x[-2], x[-1] = x[-3], 1.0
-
-
-def own_module(name: str) -> ModuleType:
-    """This module once more under a name of its own, since the points of two parts cannot share one."""
-    return module_of_file(f"{__name__}_{name}", __file__)
 
 
 def sensor(
@@ -63,15 +57,18 @@ def sensor(
     """
     quantity = Annotated[tuple, Unit(unit, JOINTS)]
     fields = [("sigma", quantity), ("step", quantity), ("repeatability", Annotated[float, Unit(unit)])]
-    points = (Point("mixed", JOINTS, standard="signal.mixed" if channels > 1 else ""),)
-    points += tuple(Point(p, JOINTS, standard=f"signal.{p}") for p in ("shown", "delivered"))
+    standard = {
+        "mixed": "signal.mixed" if channels > 1 else "",
+        "shown": "signal.shown",
+        "delivered": "signal.delivered",
+    }
     return Part(
         name=name,
-        module=own_module(name),
+        module=module_of_file(f"{__name__}_{name}", __file__),  # its own, since points of two parts cannot share one
         parameters=NamedTuple("Parameters", fields),
         states=(State("reading", JOINTS, unit=unit), State("clock", unit="s", width=2), State("started")),
         tasks=(Task("age", ()), Task("read", signals[:3], slots=(slot,))),
         outputs=(Output.of_states(reading=signals[3]),),
-        points=points,
+        points=tuple(Point(name, JOINTS, standard=of) for name, of in standard.items()),
         scales={"value": (size, unit), "value/s": (size, f"{unit}/s"), "period": (frame, "s")},
     )

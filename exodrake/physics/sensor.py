@@ -10,7 +10,7 @@ from math import exp
 from typing import Annotated, NamedTuple
 
 from exodrake.core.part import SCALAR, TENDONS, Output, Part, Point, State, Task, Unit, free_curve, free_memory
-from exodrake.physics.arithmetic import rounded
+from exodrake.physics.arithmetic import round_to
 
 
 class Parameters(NamedTuple):
@@ -52,7 +52,7 @@ def reading(e, z, j, tension, clock):
     return tension
 
 
-def followed(cell, before, now, dt, tau):
+def lag_ramp(cell, before, now, dt, tau):
     """First-order lag over a tick whose input runs straight from `before` to `now`."""
     if tau <= 0.0:
         return now
@@ -70,7 +70,7 @@ def update(x, z, n, e, dt, tension, wire_speed):
     """One tick of the amplifiers; signals [N], [m/s]."""
     for j in range(3):
         load = load_on(x, z, e, j, tension)
-        x[CELL + j] = followed(x[CELL + j], x[LOAD + j], load, dt, lag(e, z, j, n.tau_F))
+        x[CELL + j] = lag_ramp(x[CELL + j], x[LOAD + j], load, dt, lag(e, z, j, n.tau_F))
         x[LOAD + j] = load
         travel = wire_speed[j] * dt
         x[SLIDE + j] = min(max(x[SLIDE + j] + travel / PRESLIDING, -1.0), 1.0)
@@ -84,14 +84,14 @@ def output(x, z, n, e, tension, cell):
     for j in range(3):
         load = load_on(x, z, e, j, tension)
         if x[TICK] > 0.0:
-            cell[j] = followed(x[CELL + j], x[LOAD + j], load, x[TICK], lag(e, z, j, n.tau_F))
+            cell[j] = lag_ramp(x[CELL + j], x[LOAD + j], load, x[TICK], lag(e, z, j, n.tau_F))
         else:
             cell[j] = x[CELL + j]
 
 
 def read(x, z, n, e, j, cell, noise_tension):
     """The bus reads cell j: signals [N], standard normal noise."""
-    x[READING + j] = rounded(reading(e, z, j, cell[j], x[CLOCK]) + n.sigma_F * noise_tension[j], n.q_F)
+    x[READING + j] = round_to(reading(e, z, j, cell[j], x[CLOCK]) + n.sigma_F * noise_tension[j], n.q_F)
 
 
 FREE_LAWS = {
@@ -111,12 +111,8 @@ PART = Part(
     module=sys.modules[__name__],
     parameters=Parameters,
     states=(
-        State("cell", TENDONS, unit="N"),
-        State("load", TENDONS, unit="N"),
-        State("reading", TENDONS, unit="N"),
-        State("clock", SCALAR, unit="s"),
-        State("tick", SCALAR, unit="s"),
-        State("slide", TENDONS),
+        State("cell", TENDONS, unit="N"), State("load", TENDONS, unit="N"), State("reading", TENDONS, unit="N"),
+        State("clock", SCALAR, unit="s"), State("tick", SCALAR, unit="s"), State("slide", TENDONS),
     ),
     tasks=(
         Task("update", ("tension", "wire_speed")),
@@ -124,4 +120,4 @@ PART = Part(
     ),
     outputs=(Output("output", ("cell",), reads=("tension",)), Output.of_states(reading="tension_read")),
     points=tuple(Point(p, TENDONS, laws=FREE_LAWS[p]) for p in FREE_LAWS),
-)
+)  # fmt: skip

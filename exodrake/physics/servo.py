@@ -17,11 +17,10 @@ from math import exp, sin, sqrt
 from typing import Annotated, NamedTuple
 
 from exodrake.core.part import JOINTS, SCALAR, Output, Part, Point, State, Task, Unit
-from exodrake.physics.arithmetic import slowed
+from exodrake.physics.arithmetic import brake_dry
 
-RIGID = (
-    1.0  # rad, of a gear's fastest oscillation in a tick; stiffer gears count as this stiff, so that they are stable
-)
+# rad, of a gear's fastest oscillation in a tick; stiffer gears count as this stiff, so that they are stable
+RIGID = 1.0
 LOSS = 0.1  # damping of a gear's oscillation over the critical one: assumed
 
 
@@ -146,7 +145,7 @@ def turn(x, z, n, e, j, count, dt):
     decay = exp(-drag * dt / moved)
     mobility = (1.0 - decay) / drag
     free = rotor_speed * decay + mobility * (pushed(e, z, j, given, rotor_speed) - external)
-    free = slowed(free, n.dry_friction[j] * mobility)
+    free = brake_dry(free, n.dry_friction[j] * mobility)
     opposed = external if torque > 0.0 else -external
     after = braked(e, z, j, free, mobility, abs(torque), opposed)
     x[3 * count + j], x[2 * count + j] = after, rotor + dt * after

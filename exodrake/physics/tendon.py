@@ -58,7 +58,7 @@ def settle(e, z, j, dt, stretched, tension, tension_finger, travel):
     """Point: after a tick, states of the effects on the wire advance by dt [s]; stretched, travel [m], tensions [N]."""
 
 
-def stretched_by(e, z, j, extension, tension_finger):
+def stretch_wire(e, z, j, extension, tension_finger):
     """Stretch of the wire, 0 or more [m], for s - l = extension [m]; tension_finger [N] is that of the tick before."""
     return max(0.0, stretch(e, z, j, extension, tension_finger))
 
@@ -74,7 +74,7 @@ def grip(tension):
     return min(1.0, tension / TAUT)
 
 
-def slid(slide, travel, presliding, tension):
+def move_slide(slide, travel, presliding, tension):
     """Slide [-1 .. 1] after the finger took in `travel` more wire [m]; tension at the cell's end, 0 or more [N]."""
     most = grip(tension)
     return min(max(slide + travel / presliding, -most), most)

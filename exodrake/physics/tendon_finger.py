@@ -15,8 +15,8 @@ from exodrake.core.part import JOINTS, SCALAR, TENDONS, Output, Part, Point, Sta
 from exodrake.physics import finger, tendon, wire_paths
 from exodrake.physics.arithmetic import along, column, dot, solve
 from exodrake.physics.finger import coriolis, external_with_slope, inertia, mass_matrix, passive_with_slope, relax
-from exodrake.physics.tendon import at_cell, at_spool, cell_tension, finger_tension, settle, slid, stretched_by
-from exodrake.physics.wire_paths import applied_arm, heights, levers, moved, paths
+from exodrake.physics.tendon import at_cell, at_spool, cell_tension, finger_tension, move_slide, settle, stretch_wire
+from exodrake.physics.wire_paths import applied_arm, differ_from_levers, heights, levers, paths
 
 
 def newton_row(i, inertia, damping, lag, s, passive_slope, push_slope):
@@ -90,16 +90,16 @@ NUDGE = 1e-7  # of difference quotients [m]
 def wire(e, z, j, n, x, stroke, taken, dt):
     """Tension at the finger [N] and its fall with wire taken in, -dT_d/dl [N/m], for wire j at the end of a tick."""
     travel = taken - x[TAKEN + j]
-    tension = pulled(e, z, j, n, x, stroke - taken, travel, dt)
-    beyond = pulled(e, z, j, n, x, stroke - taken - NUDGE, travel + NUDGE, dt)
+    tension = pull_wire(e, z, j, n, x, stroke - taken, travel, dt)
+    beyond = pull_wire(e, z, j, n, x, stroke - taken - NUDGE, travel + NUDGE, dt)
     return tension, (tension - beyond) / NUDGE
 
 
-def pulled(e, z, j, n, x, extension, travel, dt):
+def pull_wire(e, z, j, n, x, extension, travel, dt):
     """Tension at the finger [N] of wire j, extended by `extension` [m], after a tick that took in `travel` [m]."""
-    stretched = stretched_by(e, z, j, extension, x[PULL + j])
+    stretched = stretch_wire(e, z, j, extension, x[PULL + j])
     tension = cell_tension(e, z, j, stretched, travel, n.k[j])
-    slide = slid(x[SLIDE + j], travel, n.presliding, tension)
+    slide = move_slide(x[SLIDE + j], travel, n.presliding, tension)
     return finger_tension(e, z, j, tension, stretched, slide, travel, travel / dt)
 
 
@@ -114,7 +114,7 @@ def newton_step(e, z, n, x, ends, angle, rate, rate_from, constants, high, dt, l
     cos_12, sin_12 = cosines[1] * cosines[2] - sines[1] * sines[2], sines[1] * cosines[2] + cosines[1] * sines[2]
     taken, arms, bends = paths(n, cosines, sines, high[0])
     turns = arms
-    if moved(high):
+    if differ_from_levers(high):
         _, turns, bends = paths(n, cosines, sines, high[1])
     t0, g0 = wire(e, z, 0, n, x, ends[0], taken[0], dt)
     t1, g1 = wire(e, z, 1, n, x, ends[1], taken[1], dt)
@@ -142,38 +142,32 @@ def newton_step(e, z, n, x, ends, angle, rate, rate_from, constants, high, dt, l
 
 def update(x, z, n, e, dt, stroke, wire_speed):
     """One tick of length dt [s]; signals [m], [m/s]. Before the first one, the finger may come to rest."""
-    rests = rests_before(pulled_at_start(x, z, n, e, stroke)) if x[CLOCK] == 0.0 else 0
-    for k in range(rests + 1):
-        if k < rests:
-            tick(x, z, n, e, RESTING, stroke, (0.0, 0.0, 0.0))
-            for i in range(3):  # it stands still again
-                x[RATE + i] = x[RATE_BEFORE + i] = 0.0
-                x[Q_BEFORE + i] = x[Q + i]
-            x[CLOCK] = 0.0
-        else:
-            tick(x, z, n, e, dt, stroke, wire_speed)
+    rests = 0
+    if x[CLOCK] == 0.0:
+        for j in range(3):  # by the tension in the wires before the finger has moved
+            stretched = stretch_wire(e, z, j, stroke[j] - x[TAKEN + j], 0.0)
+            rests = max(rests, rests_before(cell_tension(e, z, j, stretched, 0.0, n.k[j])))
+    for _ in range(rests):
+        tick(x, z, n, e, RESTING, stroke, (0.0, 0.0, 0.0))
+        for i in range(3):  # it stands still again
+            x[RATE + i] = x[RATE_BEFORE + i] = 0.0
+            x[Q_BEFORE + i] = x[Q + i]
+        x[CLOCK] = 0.0
+    tick(x, z, n, e, dt, stroke, wire_speed)
 
 
 def rests_before(tension):
-    """Ticks of rest before the log begins, by the tension in the wires [N]: none, it begins in q0 however they pull."""
+    """Ticks of rest before the log begins, by the tension in a wire [N]: none, it begins in q0 however it pulls."""
     return 0
 
 
 def rests_at_switch_on(tension):
-    """Ticks of rest before the log begins, by the tension in the wires [N], a variant: at rest at switch-on.
+    """Ticks of rest before the log begins, by the tension in a wire [N], a variant: at rest at switch-on.
 
     The nominal log begins in q0 at once, as that of the reference simulator does: wires homed 1 mm too far in then pull
     at the finger with 2.7 N, and it moves before the controller does.
     """
     return RESTS if tension > PULLING else 0
-
-
-def pulled_at_start(x, z, n, e, stroke):
-    """Largest tension in the wires before the finger has moved [N]; stroke [m]."""
-    t0 = cell_tension(e, z, 0, stretched_by(e, z, 0, stroke[0] - x[TAKEN], 0.0), 0.0, n.k[0])
-    t1 = cell_tension(e, z, 1, stretched_by(e, z, 1, stroke[1] - x[TAKEN + 1], 0.0), 0.0, n.k[1])
-    t2 = cell_tension(e, z, 2, stretched_by(e, z, 2, stroke[2] - x[TAKEN + 2], 0.0), 0.0, n.k[2])
-    return max(t0, t1, t2)
 
 
 def tick(x, z, n, e, dt, stroke, wire_speed):
@@ -200,9 +194,9 @@ def tick(x, z, n, e, dt, stroke, wire_speed):
     taken = taken_in(x, n, worn)
     for j in range(3):
         travel = taken[j] - x[TAKEN + j]
-        stretched = stretched_by(e, z, j, ends[j] - taken[j], x[PULL + j])
+        stretched = stretch_wire(e, z, j, ends[j] - taken[j], x[PULL + j])
         tension = cell_tension(e, z, j, stretched, travel, n.k[j])
-        x[SLIDE + j] = slid(x[SLIDE + j], travel, n.presliding, tension)
+        x[SLIDE + j] = move_slide(x[SLIDE + j], travel, n.presliding, tension)
         x[PULL + j] = finger_tension(e, z, j, tension, stretched, x[SLIDE + j], travel, travel / dt)
         x[TAKEN + j] = taken[j]
         settle(e, z, j, dt, stretched, tension, x[PULL + j], travel)
@@ -219,7 +213,7 @@ def taken_in(x, n, high):
 def output_tension(x, z, n, e, stroke, tension, tension_spool):
     """Tension at the cell and at the spool [N], directly from the stroke [m]."""
     for j in range(3):
-        stretched = stretched_by(e, z, j, stroke[j] - x[TAKEN + j], x[PULL + j])
+        stretched = stretch_wire(e, z, j, stroke[j] - x[TAKEN + j], x[PULL + j])
         own = cell_tension(e, z, j, stretched, 0.0, n.k[j])
         tension[j], tension_spool[j] = at_cell(e, z, j, own), at_spool(e, z, j, own)
 
@@ -276,13 +270,9 @@ PART = Part(
     parameters=Parameters,
     fills_start=True,
     states=(
-        State("angle", JOINTS, unit="rad"),
-        State("rate", JOINTS, unit="rad/s"),
-        State("angle_before", JOINTS, unit="rad"),
-        State("rate_before", JOINTS, unit="rad/s"),
-        State("taken", TENDONS, unit="m"),
-        State("slide", TENDONS),
-        State("pull", TENDONS, unit="N"),
+        State("angle", JOINTS, unit="rad"), State("rate", JOINTS, unit="rad/s"),
+        State("angle_before", JOINTS, unit="rad"), State("rate_before", JOINTS, unit="rad/s"),
+        State("taken", TENDONS, unit="m"), State("slide", TENDONS), State("pull", TENDONS, unit="N"),
         State("clock", SCALAR, unit="s"),
     ),
     tasks=(Task("update", ("stroke", "wire_speed")),),
@@ -299,4 +289,4 @@ PART = Part(
         Point("external", SCALAR, finger, laws=()),
         Point("relax", JOINTS, finger, laws=()),
     ),
-)
+)  # fmt: skip

@@ -70,7 +70,7 @@ def lever(e, z, j, height):
     return lever_height(e, z, j, height[0]), lever_height(e, z, j, height[1])
 
 
-def moved(high):
+def differ_from_levers(high):
     """Whether any wire turns the joints with other heights than those of its path; high: `heights`, `levers`."""
     path, turn = high
     return path[0][0][0] != turn[0][0][0] or path[1][0] != turn[1][0] or path[2][0][0] != turn[2][0][0]

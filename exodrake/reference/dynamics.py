@@ -201,11 +201,11 @@ def rub_rate(force, speed, tension, level, stiffness):
         return -force / SLIP_TIME
     left = 1.0 - (force if speed > 0.0 else -force) / level
     rate = stiffness * speed * left * sqrt(left) if left > 0.0 else 0.0
-    return rate - (force - held(force, level)) / SLIP_TIME
+    return rate - (force - limit_force(force, level)) / SLIP_TIME
 
 
 @njit(cache=True)
-def held(force, level):
+def limit_force(force, level):
     """What of a force acts [N] where friction holds no more than `level` [N]."""
     return min(max(force, -level), level)
 
@@ -222,7 +222,7 @@ def through_sheath(p, y, dy, wire, tension, taken, speed):
         level = tension * (1.0 - exp(-angle) if force > 0.0 else exp(angle) - 1.0)
         stiffness = p.capstan[wire] * TYPICAL_LOAD / p.capstan_travel
         dy[CAPSTAN + wire] = rub_rate(force, speed, tension, level, stiffness)
-        tension -= held(force, level)
+        tension -= limit_force(force, level)
     loss = 0.0
     if p.coulomb[wire] > 0.0:
         z = y[BRISTLE + wire]
@@ -247,7 +247,7 @@ def at_pulley(p, y, wire, tension):
 
     The pulley turns on a plain bearing: the friction is proportional to the load, alike both ways.
     """
-    return held(y[PULLEY + wire], 0.5 * FULL_TURN * p.pulley[wire] * tension)
+    return limit_force(y[PULLEY + wire], 0.5 * FULL_TURN * p.pulley[wire] * tension)
 
 
 @njit(cache=True)

@@ -8,7 +8,7 @@ no gap is drawn again by the maker.
 """
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -33,23 +33,6 @@ def slow_loop(build, where, p, rng):
     record["command_lag"][where] = (1.0 / p["factor"] - 1.0) / bandwidth[where]
 
 
-def stribeck(build, where, p, rng):
-    """LuGre friction whose static level exceeds the Coulomb level by the ratio."""
-    build.record["coulomb"][where], build.record["static"][where] = p["force"], p["force"] * p["ratio"]
-    build.record["stribeck_speed"] = p["speed"]
-
-
-def compliance(build, where, p, rng):
-    """Kelvin-Voigt, mildly stiffening; the stated stiffness is the secant at MIDDLE_LOAD."""
-    build.record["garment"][where] = p["stiffness"] / 1.25
-    build.record["garment_stiffening"][where] = 0.25 * p["stiffness"] / MIDDLE_LOAD
-
-
-def slack(build, where, p, rng):
-    """Wire too long, that comes taut over a toe."""
-    build.record["slack"][where], build.record["toe"][where] = p["length"], TOE
-
-
 def drift(build, where, p, rng):
     """Trend plus a random walk that ends, typically, a seventh of the trend off."""
     rate, time = p["rate"], build.time
@@ -63,12 +46,6 @@ def router_height(build, where, p, rng):
     build.record["height_distal"][:, where] += 1.25 * p["height"]
     build.record["height_proximal"][:, where] += 0.75 * p["height"]
     settle_routing(build.record)
-
-
-def gravity(build, where, p, rng):
-    """Pitch turns the base the way flexion turns a joint: x distal sinks, palm down at 0."""
-    build.record["gravity_x"] = GRAVITY * np.sin(p["pitch"])
-    build.record["gravity_y"] = -GRAVITY * np.cos(p["pitch"])
 
 
 def tremor(build, where, p, rng):
@@ -118,11 +95,6 @@ def torque_bursts(build, where, p, rng):
     build.inputs[:, dynamics.VOLUNTARY : dynamics.VOLUNTARY + 3] += np.outer(course, (1.0, 0.6, 0.25))
 
 
-def posture_friction(build, where, p, rng):
-    """Joint friction that grows with the square of flexion."""
-    build.record["loss_by_angle"], build.record["loss_width"] = p["torque"], 0.04
-
-
 def redonning(build, where, p, rng):
     """The glove slips at one moment: routers and wires sit elsewhere from then on."""
     after = np.clip((build.time - rng.uniform(0.3, 0.7) * build.time[-1]) / 0.2, 0.0, 1.0)
@@ -163,8 +135,9 @@ class Entry:
     """Distribution of one injected effect: ranges of its parameters and its seat."""
 
     seat: str  # "wire", "joint", "one joint", or "" (whole robot)
-    # Writes the fault into the robot that is being assembled; or record field -> parameter, of its channels
-    inject: Callable | dict[str, str]
+    # Writes the fault into the robot that is being assembled; or record field, of its channels -> parameter, or a
+    # function of all parameters
+    inject: Callable | dict[str, str | Callable]
     ranges: dict[str, tuple[float, float]]  # Parameter -> (low, high), drawn log-uniformly if low > 0
     # Blocks it acts in, of a fault outside the library (a spool is where motor and tendon meet); an effect of the
     # library says it in its id
@@ -184,12 +157,16 @@ LIBRARY = {
     "tendon.capstan_friction": Entry("wire", {"capstan": "mu_phi"}, {"mu_phi": (0.1, 0.6)}),
     "tendon.coulomb_friction": Entry("wire", {"coulomb": "force"}, {"force": (0.15, 0.8)}),
     "tendon.stribeck_friction": Entry(
-        "wire", stribeck, {"force": (0.2, 0.7), "ratio": (1.25, 1.8), "speed": (1e-3, 5e-3)}),
+        "wire", {"coulomb": "force", "static": lambda p: p["force"] * p["ratio"], "stribeck_speed": "speed"},
+        {"force": (0.2, 0.7), "ratio": (1.25, 1.8), "speed": (1e-3, 5e-3)}),
     "tendon.viscous_friction": Entry("wire", {"viscous": "coefficient"}, {"coefficient": (4.0, 25.0)}),
-    "tendon.compliance": Entry("wire", compliance, {"stiffness": (700.0, 6000.0)}),
+    # Kelvin-Voigt, mildly stiffening; the stated stiffness is the secant at MIDDLE_LOAD
+    "tendon.compliance": Entry(
+        "wire", {"garment": lambda p: p["stiffness"] / 1.25,
+                 "garment_stiffening": lambda p: 0.25 * p["stiffness"] / MIDDLE_LOAD}, {"stiffness": (700.0, 6000.0)}),
     "tendon.creep": Entry("wire", {"creep": "stiffness", "creep_time": "time_constant"},
                           {"stiffness": (4000.0, 15000.0), "time_constant": (2.0, 30.0)}),
-    "tendon.slack": Entry("wire", slack, {"length": (0.5e-3, 3e-3)}),
+    "tendon.slack": Entry("wire", {"slack": "length", "toe": lambda p: TOE}, {"length": (0.5e-3, 3e-3)}),
     # the parabola k e (1 + stiffening e / 2) is the start of an exponential k (exp(stiffening e) - 1) / stiffening
     "tendon.stiffening": Entry("wire", {"wire_stiffness": "soft_stiffness", "stiffening": "stiffening"},
                                {"soft_stiffness": (700.0, 1600.0), "stiffening": (80.0, 400.0)}),
@@ -210,7 +187,10 @@ LIBRARY = {
                              {"stiffness": (5e-3, 3e-2), "ratio": (0.5, 0.8)}),
     "finger.router_height": Entry("joint", router_height, {"height": (0.3e-3, 1.4e-3)}, signed=("height",)),
     "finger.router_migration": Entry("wire", {"router_give": "migration"}, {"migration": (3e-5, 1.5e-4)}),
-    "finger.gravity": Entry("", gravity, {"pitch": (-0.3, 0.3)}, exact=True),
+    # the pitch turns the base the way flexion turns a joint: x distal sinks, palm down at 0
+    "finger.gravity": Entry("", {"gravity_x": lambda p: GRAVITY * np.sin(p["pitch"]),
+                                 "gravity_y": lambda p: -GRAVITY * np.cos(p["pitch"])},
+                            {"pitch": (-0.3, 0.3)}, exact=True),
     "finger.contact": Entry("", {"contact_depth": "distance", "contact_stiffness": "stiffness"},
                             {"distance": (0.034, 0.055), "stiffness": (1000.0, 8000.0)}),
     "finger.tremor": Entry("one joint", tremor, {"torque": (2e-3, 1e-2), "frequency": (4.0, 10.0)}),
@@ -239,7 +219,9 @@ OUTSIDE = {
         "", wandering_rest, {"size": (0.08, 0.2), "memory": (2.0, 10.0)}, ("finger",), JOINTS),
     "outside.torque_bursts": Entry(
         "", torque_bursts, {"torque": (0.008, 0.03), "length": (0.8, 2.0)}, ("finger",), JOINTS, signed=("torque",)),
-    "outside.posture_friction": Entry("", posture_friction, {"torque": (5e-3, 2e-2)}, ("finger",), JOINTS),
+    # grows with the square of flexion
+    "outside.posture_friction": Entry("", {"loss_by_angle": "torque", "loss_width": lambda p: 0.04},
+                                      {"torque": (5e-3, 2e-2)}, ("finger",), JOINTS),
     "outside.redonning": Entry("", redonning, {"height": (0.6e-3, 1.5e-3), "length": (1e-3, 2e-3)},
                                ("finger", "tendon"), WIRES, signed=("height",)),
     "outside.tendon_jump": Entry("", tendon_jump, {"shift": (1e-3, 3e-3), "length": (1.0, 3.0)}, ("tendon",), ("AF",)),
@@ -284,10 +266,11 @@ def inject(build, effect: InjectedFault, rng: np.random.Generator) -> None:
     if not isinstance(write, dict):
         return write(build, where, effect.parameters, rng)
     for name, parameter in write.items():
+        value = effect.parameters[parameter] if isinstance(parameter, str) else parameter(effect.parameters)
         if build.record[name].ndim:
-            build.record[name][where] = effect.parameters[parameter]
+            build.record[name][where] = value
         else:
-            build.record[name] = effect.parameters[parameter]
+            build.record[name] = value
 
 
 def find_block(effect_id: str) -> str:
@@ -298,11 +281,6 @@ def find_block(effect_id: str) -> str:
 def find_blocks(effect_id: str) -> tuple[str, ...]:
     """Blocks an effect acts in."""
     return ENTRIES[effect_id].blocks or (find_block(effect_id),)
-
-
-def list_channels(effect: InjectedFault, names: Iterable[str]) -> list[str]:
-    """Channels among `names` (wires or joints) that an injected effect acts on."""
-    return [name for name in (*effect.wires, *effect.joints, *ENTRIES[effect.id].channels) if name in names]
 
 
 def weaken(effect: InjectedFault, strength: float) -> InjectedFault:

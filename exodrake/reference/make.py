@@ -23,7 +23,7 @@ from exodrake.data.case import FILE, Case, CaseLog, write_case
 from exodrake.data.log import Log
 from exodrake.reference.answers import COMMITMENT, write_committed
 from exodrake.reference.cases import MIXES, CaseMix, CasePlan, DrawnCase, draw_case, plan
-from exodrake.reference.faults import ENTRIES, find_blocks, list_channels, weaken
+from exodrake.reference.faults import ENTRIES, find_blocks, weaken
 from exodrake.reference.robot import JOINTS, WIRES, RobotSpec
 from exodrake.reference.simulator import simulate, warm_up
 
@@ -69,7 +69,7 @@ def parts_gaps(case: DrawnCase, seed: list[int], hidden: tuple[str, ...] = ()) -
 
 
 Label = dict[str, Any]
-# as in the practice data
+# digits that a real log carries, as in the practice data
 DECIMALS = {"time": 2, "tension_ref": 3, "tension": 3, "stroke": 6, "speed_cmd": 5, "angle": 4}
 HELD_OUT, REPEATS = "grasps", {"sweeps_2": "sweeps_1.csv.gz"}  # the other logs are fitted
 MARK = ".incomplete"  # of a set that is not complete
@@ -77,14 +77,13 @@ MARK = ".incomplete"  # of a set that is not complete
 
 def make_label(plan: CasePlan, case: DrawnCase, each: list[float], whole: Gaps) -> Label:
     """Label of a case: kind, mix, true effects with the channels they act on, gaps and nominal parameters."""
-    effects = [
-        {
-            "id": effect.id, "block": find_blocks(effect.id)[0], "blocks": list(find_blocks(effect.id)),
-            "wires": list_channels(effect, WIRES), "joints": list_channels(effect, JOINTS),
-            "parameters": effect.parameters, "exact": ENTRIES[effect.id].exact, "gap": gap,
-        }
-        for effect, gap in zip(case.spec.effects, each)
-    ]  # fmt: skip
+    effects = []
+    for effect, gap in zip(case.spec.effects, each):
+        entry, blocks = ENTRIES[effect.id], find_blocks(effect.id)
+        channels = (*effect.wires, *effect.joints, *entry.channels)
+        seats = {key: [c for c in channels if c in names] for key, names in (("wires", WIRES), ("joints", JOINTS))}
+        label = {"id": effect.id, "block": blocks[0], "blocks": list(blocks), **seats}
+        effects.append(label | {"parameters": effect.parameters, "exact": entry.exact, "gap": gap})
     parameters = {name: np.asarray(value).tolist() for name, value in case.spec.parameters.items()}
     return {
         "kind": plan.kind, "mix": plan.mix.name, "effects": effects, "gap": max(whole.values(), default=0.0),
@@ -124,8 +123,8 @@ def case_and_label(plan: CasePlan) -> tuple[Case, Label]:
     logs = []
     for index, (log, protocol) in enumerate(case.protocols.items()):
         columns = round_columns(simulate(case.spec, protocol, [*plan.seed, 5, index]))
-        time = columns.pop("time")
         columns = {name: values for name, values in columns.items() if strip_channel(name) not in plan.mix.hidden}
+        time = columns.pop("time")
         role = "holdout" if log == HELD_OUT else "fit"
         logs.append(CaseLog(Log(time, columns), log, role, REPEATS.get(log), f"{log}.csv.gz"))
     return Case(plan.name, {}, tuple(logs)), make_label(plan, case, gaps, whole)
@@ -140,15 +139,9 @@ def make_case(plan: CasePlan, folder: str | Path) -> Label:
 
 
 def make(
-    folder: str | Path,
-    seed: int,
-    cases: int,
-    labels: str | Path | None = None,
-    jobs: int = 1,
-    mixes: Sequence[CaseMix] = (MIXES["standard"],),
-    cluster: str | None = None,
-    progress: Count = no_progress,
-) -> Path:
+    folder: str | Path, seed: int, cases: int, labels: str | Path | None = None, jobs: int = 1,
+    mixes: Sequence[CaseMix] = (MIXES["standard"],), cluster: str | None = None, progress: Count = no_progress,
+) -> Path:  # fmt: skip
     """Make a set: case folders, the commitment, and the labels file outside the folder.
 
     A case's folder appears whole, then its label in `labels`.part; the labels file and the commitment when all are

@@ -10,7 +10,7 @@ Interval score of (l, u) for the true value x at level 1 - alpha (Gneiting & Raf
 import math
 from collections import Counter
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from functools import cache
 from itertools import permutations, product
 from pathlib import Path
@@ -153,13 +153,12 @@ class Paired:
         return float(binomtest(self.first, differing).pvalue) if differing else 1.0
 
 
-def paired(first: Share, second: Share, name: str = "") -> Paired:
+def pair_shares(first: Share, second: Share, name: str = "") -> Paired:
     """Pair two shares on the cases that both count."""
-    pairs = [
-        (bool(first.outcomes[key]), bool(second.outcomes[key])) for key in first.outcomes if key in second.outcomes
-    ]
-    cells = (pairs.count(cell) for cell in ((True, True), (True, False), (False, True), (False, False)))
-    return Paired(name or first.name, *cells)
+    common = first.outcomes.keys() & second.outcomes
+    count = Counter((bool(first.outcomes[key]), bool(second.outcomes[key])) for key in common)
+    cells = (True, True), (True, False), (False, True), (False, False)
+    return Paired(name or first.name, *(count[cell] for cell in cells))
 
 
 ALPHA = 0.1  # of a 90 % interval
@@ -176,9 +175,8 @@ class ParameterInterval(NamedTuple):
     key: tuple[str, str, str, str | None]  # Case, effect, parameter, and channel or None
     exact: bool  # Whether the parameter means the same in the law of the reference simulator
     covers: bool  # Whether the interval holds the true value
-    # half_width, score: Half width and interval score, relative to the parameter
-    half_width: float
-    score: float
+    half_width: float  # Relative to the parameter
+    score: float  # Interval score relative to the parameter
 
 
 def list_intervals(case: Answered) -> Iterator[ParameterInterval]:
@@ -262,11 +260,6 @@ def blocks(case: Answered) -> set[str]:
     return stated.union(name.split(".")[0] for name in ids) - {"outside"}
 
 
-def channels(case: Answered, key: str) -> set[str]:
-    """Wires or joints on which the true effects act."""
-    return {channel for truth in case.truths for channel in truth[key]}
-
-
 def closure(case: Answered, part: str, bound: str) -> float | None:
     """Bound of the closure of a part (overall, retune, effect), or None."""
     return ((case.diagnosis.get("closure") or {}).get(part) or {}).get(bound)
@@ -289,29 +282,29 @@ def compute_shares(cases: Sequence[Answered]) -> tuple[Share, ...]:
     healthy = [case for case in cases if case.kind == "healthy"]
     named = [case for case in nameable if case.verdict == "NAMED"]
     closed = [case for case in named if (case.diagnosis.get("closure") or {}).get("effect") is not None]
-    rows = [share(f"exactly named, {kind}", visible(cases, [kind]), exactly_named, NAMEABLE[kind]) for kind in NAMEABLE]
-    rows += [share(f"truth named or in its class, {kind}", visible(cases, [kind]), in_class) for kind in NAMEABLE]
-    rows += [
-        share(
-            f"kind and block right, {kind}",
-            visible(cases, [kind]),
-            lambda case: case.verdict in ("NAMED", "AMBIGUOUS") and is_kind_right(case.truths, case.diagnosis),
-        )
-        for kind in NAMEABLE
-    ]
     located = [case for case in nameable + outside if "where" in case.diagnosis or case.verdict == FAILURE]
     partly = [case for case in nameable if case.verdict == "PARTLY"]
+
+    def kind_right(case: Answered) -> bool:
+        return case.verdict in ("NAMED", "AMBIGUOUS") and is_kind_right(case.truths, case.diagnosis)
 
     def is_first(case: Answered) -> bool:
         """The truth comes first, whatever the verdict: among the causes, else in the best fitted set."""
         sets = (one["id"] for one in case.diagnosis.get("candidates") or () if one["id"] not in ("", "retune"))
         return is_truth(case.truths, named_ids(case.diagnosis) or tuple(next(sets, "").split(" + ")))
 
-    def where(case: Answered) -> dict[str, Any]:
-        return case.diagnosis.get("where") or {}
+    def read_where(case: Answered, key: str) -> Any:
+        return (case.diagnosis.get("where") or {}).get(key)
 
-    return (
-        *rows,
+    tests = {
+        "exactly named": exactly_named,
+        "truth named or in its class": in_class,
+        "kind and block right": kind_right,
+    }
+    wanted = {f"exactly named, {kind}": goal for kind, goal in NAMEABLE.items()}
+    named_kinds = ((f"{name}, {kind}", kind, holds) for name, holds in tests.items() for kind in NAMEABLE)
+    rows = [share(name, visible(cases, [kind]), holds, wanted.get(name, "")) for name, kind, holds in named_kinds]
+    rows += [
         share("PARTLY, and its causes hold the truth", partly, lambda case: is_in_class(case.truths, case.diagnosis)),
         share("truth first", nameable, is_first, ">= 95 %"),
         share("UNKNOWN outside the library", outside, lambda case: case.verdict == "UNKNOWN", ">= 90 %"),
@@ -320,27 +313,20 @@ def compute_shares(cases: Sequence[Answered]) -> tuple[Share, ...]:
         share("false alarm on healthy", healthy, lambda case: case.verdict not in NO_EFFECT, "0-1 cases"),
         share("missed (NO_GAP or RETUNE) though visible", nameable, lambda case: case.verdict in NO_EFFECT),
         share("another effect named, or one too many", named, names_too_much),
-        share("block right", filter(blocks, located), lambda case: where(case).get("block") in blocks(case), ">= 95 %"),
-        *(
-            share(
-                f"{name} right",
-                (case for case in located if channels(case, key)),
-                lambda case, key=key: set(where(case).get(key) or ()) == channels(case, key),
-                ">= 95 %",
-            )
-            for name, key in (("tendons", "wires"), ("joints", "joints"))
-        ),
         share(
-            f"C(effect given retune), lower bound > {CLOSED:g}",
-            closed,
-            lambda case: (closure(case, "effect", "low") or 0.0) > CLOSED,
-            ">= 95 %",
+            "block right", filter(blocks, located), lambda case: read_where(case, "block") in blocks(case), ">= 95 %"
         ),
-        *(
-            Share(f"90 % interval covers, {law}", {i.key: i.covers for i in intervals(cases, exact)}, "85-95 %")
-            for law, exact, _ in LAWS
-        ),
-    )
+    ]
+    for name, key in (("tendons", "wires"), ("joints", "joints")):
+        seats = {c.name: {seat for truth in c.truths for seat in truth[key]} for c in located}
+        right_seats = {c.name: set(read_where(c, key) or ()) == seats[c.name] for c in located if seats[c.name]}
+        rows.append(Share(f"{name} right", right_seats, ">= 95 %"))
+    lower = f"C(effect given retune), lower bound > {CLOSED:g}"
+    rows.append(share(lower, closed, lambda case: (closure(case, "effect", "low") or 0.0) > CLOSED, ">= 95 %"))
+    for law, exact, _ in LAWS:
+        covered = {interval.key: interval.covers for interval in intervals(cases, exact)}
+        rows.append(Share(f"90 % interval covers, {law}", covered, "85-95 %"))
+    return tuple(rows)
 
 
 def compute_quantities(cases: Sequence[Answered]) -> tuple[Quantity, ...]:
@@ -388,10 +374,8 @@ def compute_baselines(cases: Sequence[Answered]) -> tuple[Share, ...]:
 class Group:
     """Measures of the cases of one mix."""
 
-    # name, cases: Of the mix, and how many there are
-    name: str
-    cases: int
-    # shares, quantities: Measures that are shares of cases, and others
+    name: str  # Name of the mix
+    cases: int  # How many there are
     shares: tuple[Share, ...]
     quantities: tuple[Quantity, ...]
     baselines: tuple[Share, ...]  # Trivial answers to the cases with one effect
@@ -406,10 +390,9 @@ class Score:
     # (truth, answer, whether it is right) -> number of cases; several effects are joined by +, an answer without a name
     # is its verdict
     confusion: dict[tuple[str, str, bool], int]
-    # missing, failed: Names of the cases without a diagnosis, and of those that failed
-    missing: tuple[str, ...]
+    missing: tuple[str, ...]  # Names of the cases without a diagnosis
     cases: int  # Number of cases that were answered, or failed
-    failed: tuple[str, ...] = ()
+    failed: tuple[str, ...] = ()  # Names of those that failed
 
 
 def score(folder: str | Path, labels: str | Path, against: str | Path | None = None) -> Score:
@@ -425,8 +408,8 @@ def score(folder: str | Path, labels: str | Path, against: str | Path | None = N
         here, there = ([case for case in answers if case.mix == mix] for answers in (cases, others))
         shares, baselines = compute_shares(here), compute_baselines(here)
         first = next(item for item in shares if item.name == "truth first")
-        compared = [paired(first, item, f"truth first; {item.name}") for item in baselines if "names" in item.name]
-        compared += [paired(one, other) for one, other in zip(shares, compute_shares(there))] if there else []
+        compared = [pair_shares(first, item, f"truth first; {item.name}") for item in baselines if "names" in item.name]
+        compared += [pair_shares(one, other) for one, other in zip(shares, compute_shares(there))] if there else []
         groups.append(Group(mix, len(here), shares, compute_quantities(here), baselines, tuple(compared)))
     for case in cases:
         truth = " + ".join(effect["id"] for effect in case.truths) or "healthy"
@@ -459,18 +442,11 @@ def tables(score: Score) -> Iterator[tuple[str, Row, list[Row]]]:
     """Title, headings and rows of each table; rows that count no case are left out."""
     for group in score.groups:
         rows = share_rows(group.shares)
-        rows += [
-            (item.name, item.wanted, f"{item.value:.3g}", "", str(item.count))
-            for item in group.quantities
-            if item.count
-        ]
+        rows += [(q.name, q.wanted, f"{q.value:.3g}", "", str(q.count)) for q in group.quantities if q.count]
         rows += share_rows(group.baselines, "baseline: ")
         yield f"{group.name}, {count_cases(group.cases)}", HEADINGS, rows
-        compared = [
-            (item.name, *map(str, (item.both, item.first, item.second, item.neither)), f"{item.p:.2g}")
-            for item in group.paired
-            if item.both or item.first or item.second or item.neither
-        ]
+        compared = [(name, *map(str, cells), f"{one.p:.2g}") for one in group.paired for name, *cells in [astuple(one)]
+                    if any(cells)]  # fmt: skip
         if compared:
             yield f"{group.name}, paired", PAIRED, compared
     failed = f", {len(score.failed)} of them failed" if score.failed else ""
@@ -499,24 +475,18 @@ def as_json(score: Score) -> dict[str, Any]:
             for item in shares
         }
 
+    def quantities_json(quantities: Iterable[Quantity]) -> dict[str, Any]:
+        return {q.name: {"value": None if math.isnan(q.value) else q.value, "cases": q.count} for q in quantities}
+
     mixes = {
         group.name: {
-            "cases": group.cases,
-            "shares": shares_json(group.shares),
-            "quantities": {
-                item.name: {"value": None if math.isnan(item.value) else item.value, "cases": item.count}
-                for item in group.quantities
-            },
+            "cases": group.cases, "shares": shares_json(group.shares), "quantities": quantities_json(group.quantities),
             "baselines": shares_json(group.baselines),
             "paired": {item.name: vars(item) | {"p": item.p} for item in group.paired},
         }
         for group in score.groups
-    }
-    confusion = [
-        {"truth": truth, "answer": answer, "right": right, "cases": many}
-        for (truth, answer, right), many in score.confusion.items()
-    ]
+    }  # fmt: skip
     return {
         "cases": score.cases, "missing": list(score.missing), "failed": list(score.failed), "mixes": mixes,
-        "confusion": confusion,
+        "confusion": [dict(zip(CONFUSION, (*row, count))) for row, count in score.confusion.items()],
     }  # fmt: skip

@@ -347,7 +347,7 @@ def condition_figure(diagnosis: Diagnosis, runs: SimulatedLogs) -> Drawing | Non
 def which(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
     """Values of the section's template."""
 
-    def described(effects: list[NamedEffect]) -> list[tuple[Any, ...]]:
+    def describe(effects: list[NamedEffect]) -> list[tuple[Any, ...]]:
         found = []
         for effect in effects:
             rows = []
@@ -383,8 +383,8 @@ def which(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
     header = ("Effects", "Explains", "chi-square, closed loop", "chi-square, prediction error", "Evidence [nats]")
     return {
         "shares": Bars(bars, caption) if len(bars) > 1 else None,
-        "causes": described(w.causes(diagnosis)),
-        "refinements": described(w.refinements(diagnosis)),
+        "causes": describe(w.causes(diagnosis)),
+        "refinements": describe(w.refinements(diagnosis)),
         "sets": Table(header, sets, folded=f"All {len(sets)} fitted sets in numbers") if sets else None,
         "retuned": retuned_tables(diagnosis, runs),
     }
