@@ -108,18 +108,9 @@ class ClosedLoop:
         ratio.update_names(name=f"L_{command}", inputs=[command], outputs=[command], states=self.opened.state_labels)
         return ratio
 
-    def to_control(self, *kinds: str) -> control.StateSpace:
-        """The closed loop from the references, as python-control's `StateSpace` with dt = one frame.
-
-        Outputs are of kinds such as "tension" and "stroke", or all. InputError for an unknown kind.
-        """
-        machine, labels = self.robot.machine, self.model.system.output_labels
-        known = {kind: machine.channels(signal) for signal, kind in FrameMap.from_robot(self.robot).kinds.items()}
-        for kind in kinds:
-            if kind not in known:
-                raise InputError(f"the model has no output {kind!r}{nearest(kind, list(known))}")
-        names = {"_".join(filter(None, (k, c))) for k in kinds for c in known[k]} or set(labels)
-        return self.model.system[[name for name in labels if name in names], :]
+    def to_control(self) -> control.StateSpace:
+        """The closed loop from the references to all signals, as python-control's `StateSpace` with dt = one frame."""
+        return self.model.system
 
 
 def analyse(robot: Robot, at: Mapping[str, float] | str | None = None, seed: int | None = None) -> ClosedLoop:
@@ -140,11 +131,10 @@ def analyse(robot: Robot, at: Mapping[str, float] | str | None = None, seed: int
     """
     loop, point, model = linearise_robot(argument("robot", robot, Robot), at)
     whole, system = mg.open_loop(loop, model), model.system
-    channels = range(len(loop.channels))
+    channels, v = range(len(loop.channels)), model.rows(loop.kinds[loop.loop.command], loop.channels)
     steps = tuple(step_response(loop, point, i) for i in channels)
     found = tuple(mg.margins(whole, i, loop.channels[i]) for i in channels)
     responses = tuple(frequency_response(loop, point, model, i, seed=seed) for i in channels)
-    v = model.rows(loop.kinds[loop.loop.command], loop.channels)
     b, d = mg.disturb(system, loop.own[model.keep], v)
     connected = System(
         system.A, np.hstack([system.B, model.N, b]), system.C, np.hstack([system.D, model.M, d]), system.dt,
@@ -203,8 +193,7 @@ def list_remarks(
 
 def name_fields(result: Any, *without: str) -> dict[str, Any]:
     """Fields of a result, units in their names, some left out."""
-    fields: dict[str, Any] = vars(result)
-    return {UNITS.get(k, k): v for k, v in fields.items() if k not in without}
+    return {UNITS.get(k, k): v for k, v in vars(result).items() if k not in without}
 
 
 def to_plain(result: ClosedLoop, cycles: tuple[LimitCycles, ...] = ()) -> dict[str, Any]:
@@ -233,12 +222,8 @@ def to_plain(result: ClosedLoop, cycles: tuple[LimitCycles, ...] = ()) -> dict[s
             "delays": {
                 d.channel: {
                     "slots": {"read": d.read_slot, "control": d.control_slot, "write": d.write_slot},
-                    "reading to law [s]": d.to_control,
-                    "law to plant [s]": d.to_write,
-                    "hold [s]": d.hold,
-                    "total [s]": d.total,
-                    "margin [s]": d.margin,
-                    "margin [slots]": d.spare_slots,
+                    "reading to law [s]": d.to_control, "law to plant [s]": d.to_write, "hold [s]": d.hold,
+                    "total [s]": d.total, "margin [s]": d.margin, "margin [slots]": d.spare_slots,
                 }
                 for d in result.delays
             },
@@ -259,16 +244,13 @@ def to_plain(result: ClosedLoop, cycles: tuple[LimitCycles, ...] = ()) -> dict[s
             "uncertainty": result.uncertainty and result.uncertainty.to_dict(),
             "stability_map": {
                 "gains": {name: machine.parameters[robot.indices(name)[0]].unit for name in gains.names},
-                "first": gains.first,
-                "second": gains.second,
-                "spectral_radius": gains.radius,
-                "limit of the first": gains.limit,
-                "nominal": gains.nominal,
+                "first": gains.first, "second": gains.second, "spectral_radius": gains.radius,
+                "limit of the first": gains.limit, "nominal": gains.nominal,
             },
             "latency": latency
             and {"frames": latency.frames, "spectral_radius": latency.radius, "limit [frames]": latency.limit},
         }
-    )
+    )  # fmt: skip
 
 
 def model_arrays(result: ClosedLoop) -> dict[str, Any]:

@@ -31,32 +31,21 @@ FAINT = 1e-3  # amplitude below which nothing oscillates, in units of the smalle
 
 @dataclass(frozen=True, eq=False)
 class LimitCycles:
-    """Limit cycles of one nonlinearity, its `label`, in the loop of one channel; `unit` is that of the command.
-
-    Attributes:
-        limit: linear gain margin of that loop without the nonlinearity.
-        amplitude: (k,) amplitudes of the command [SI] for which a limit cycle is predicted.
-        factor, frequency: (k,) factor on the loop gain [-] and frequency [Hz]; nan where L never turns by 180 degrees.
-        phase_margin_deg: (k,) of the loop with the describing function of each amplitude; inf without crossover.
-        measured: (k, lines) describing functions from command to reading at line_frequency (lines,) [Hz].
-        factors: (m,) factors on the loop gain that are simulated [-].
-        swing, swing_frequency: (m,) simulated amplitude of the command [SI] and its frequency [Hz]; 0 at rest, inf and
-            nan where it grows without bound.
-    """
+    """Limit cycles of one nonlinearity, its `label`, in the loop of one channel."""
 
     label: str
     channel: str
-    unit: str
-    limit: float
-    amplitude: np.ndarray
-    factor: np.ndarray
+    unit: str  # of the command
+    limit: float  # linear gain margin of that loop without the nonlinearity
+    amplitude: np.ndarray  # (k,) of the command [SI], for which a limit cycle is predicted
+    factor: np.ndarray  # (k,) on the loop gain [-], and frequency (k,) [Hz]; nan where L never turns by 180 degrees
     frequency: np.ndarray
-    phase_margin_deg: np.ndarray
-    measured: np.ndarray
-    line_frequency: np.ndarray
-    factors: np.ndarray
-    swing: np.ndarray
-    swing_frequency: np.ndarray
+    phase_margin_deg: np.ndarray  # (k,) with the describing function of each amplitude; inf without crossover
+    measured: np.ndarray  # (k, lines) describing functions from command to reading
+    line_frequency: np.ndarray  # (lines,) [Hz]
+    factors: np.ndarray  # (m,) on the loop gain that are simulated [-]
+    swing: np.ndarray  # (m,) simulated amplitude of the command [SI]; 0 at rest, inf where it grows without bound
+    swing_frequency: np.ndarray  # (m,) [Hz]; 0 at rest, nan where it grows without bound
 
     def __repr__(self) -> str:
         size, frequency = self.read_simulation()
@@ -88,14 +77,11 @@ class LimitCycles:
 
 @dataclass(frozen=True, eq=False)
 class CommandedLoop:
-    """The frame map with the command of one channel set from outside; the controller goes on as if it were its own.
-
-    The loop rests under references (channels,) [SI]; `direct` (channels, channels) is dv/dr of its controller.
-    """
+    """The frame map with the command of one channel set from outside; the controller goes on as if it were its own."""
 
     loop: FrameMap
-    references: np.ndarray
-    direct: np.ndarray
+    references: np.ndarray  # (channels,) under which it rests [SI]
+    direct: np.ndarray  # (channels, channels) dv/dr of its controller
     channel: int
 
     def run(self, state: np.ndarray, frames: int, rule: Callable[[int, float], float]) -> tuple[np.ndarray, np.ndarray]:
