@@ -153,37 +153,28 @@ def list_remarks(
     steps: tuple[StepResponse, ...] = (), found: tuple[mg.Margins, ...] = (),
 ) -> tuple[str, ...]:  # fmt: skip
     """Conditions under which the results mean little, a sentence each."""
-    notes = []
-    if not point.steady:
-        notes.append("the robot's own gains do not bring it to rest; the operating point was reached with gentler ones")
-    if point.residual > 1e-6:
-        notes.append(f"something slow still moves ({point.residual:.1g} of its excursion a frame)")
-    if model.marginal:
-        notes.append(
-            f"a pole lies on the unit circle (radius 1 {model.spectral_radius - 1.0:+.0e}), as in a loop that rests "
-            "within a dead zone or does not act: only the simulated kick says whether it is stable"
-        )
-    elif model.spectral_radius > 1.0 and model.kink <= KINK:
-        notes.append(
-            "the loop is unstable here: its step and frequency responses are those of a growing oscillation, "
-            "and it has no margins"
-        )
-    if point.slack:
-        notes.append(f"slack at rest: {', '.join(point.slack)}; poles hold for slack channels, not for taut ones")
-    if model.kink > KINK:
-        notes.append(
-            f"one-sided slopes differ ({model.where}, {model.kink:.2g}): a kink such as friction; "
-            "poles, margins and maps mean little, steps and multisine do"
-        )
-    if model.convergence > ROUGH:
-        notes.append(f"difference quotients depend on their step ({model.convergence:.2g}): rounding or a kink nearby")
-    unit = loop.robot.machine.signal[loop.loop.output].unit
-    for step in steps:
-        if abs(step.steady_error) > STEADY_ERROR * abs(step.size):
-            notes.append(
-                f"{step.channel} ends {step.steady_error:+.3g} {unit} off its reference after {step.time[-1]:.3g} s"
-            )
-    if idle := [m.channel for m in found if not np.abs(m.loop).max() > 0.0]:
+    unit, idle = loop.robot.machine.signal[loop.loop.output].unit, [m.channel for m in found if not m.loop.any()]
+    remarks = {
+        "the robot's own gains do not bring it to rest; the operating point was reached with gentler ones": (
+            not point.steady
+        ),
+        f"something slow still moves ({point.residual:.1g} of its excursion a frame)": point.residual > 1e-6,
+        f"a pole lies on the unit circle (radius 1 {model.spectral_radius - 1.0:+.0e}), as in a loop that rests "
+        "within a dead zone or does not act: only the simulated kick says whether it is stable": model.marginal,
+        "the loop is unstable here: its step and frequency responses are those of a growing oscillation, "
+        "and it has no margins": not model.marginal and model.spectral_radius > 1.0 and model.kink <= KINK,
+        f"slack at rest: {', '.join(point.slack)}; poles hold for slack channels, not for taut ones": point.slack,
+        f"one-sided slopes differ ({model.where}, {model.kink:.2g}): a kink such as friction; "
+        "poles, margins and maps mean little, steps and multisine do": model.kink > KINK,
+        f"difference quotients depend on their step ({model.convergence:.2g}): rounding or a kink nearby": (
+            model.convergence > ROUGH
+        ),
+    }
+    notes = [words for words, holds in remarks.items() if holds]
+    for s in steps:
+        if abs(s.steady_error) > STEADY_ERROR * abs(s.size):
+            notes.append(f"{s.channel} ends {s.steady_error:+.3g} {unit} off its reference after {s.time[-1]:.3g} s")
+    if idle:
         notes.append(f"the command of {', '.join(idle)} does not act on its reading here: no margins")
     for m in found:
         if np.isfinite(m.gain_low_db):
