@@ -9,6 +9,7 @@ a, it is stable. The closed loop with that factor is then simulated after a kick
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import control
 import numpy as np
@@ -142,36 +143,33 @@ def limit_cycles(
     answer = mg.plant_response(mg.single(whole, channel), np.array(CYCLES) / (WINDOW * whole.dt))
     if not np.isfinite(margins[channel]) or not np.abs(answer).min() > 0.0:
         return ()
-    given = (point, whole, direct, channel, margins[channel])  # of the linear loop
+    linear = LinearLoop(point, whole, direct, channel, margins[channel])
     found, own = [], robot.effects()
     if own and plain is not robot:
-        found.append(compare_cycles(" + ".join(own), robot, *given))
+        found.append(compare_cycles(" + ".join(own), robot, linear))
     if own_only:
         return tuple(found)
     if loop.loop.resolution and plain.channels(loop.loop.resolution).max() > 0.0:
-        found.append(compare_cycles(f"rounding, {loop.loop.resolution}", plain, *given, rounded=True))
+        found.append(compare_cycles(f"rounding, {loop.loop.resolution}", plain, linear, rounded=True))
     for identity, values in loop.loop.nonlinear.items():
         if identity not in own:
-            found.append(compare_cycles(identity, plain.splice(identity, values), *given))
+            found.append(compare_cycles(identity, plain.splice(identity, values), linear))
     return tuple(found)
 
 
-def compare_cycles(
-    label: str,
-    robot: Robot,
-    point: OperatingPoint,
-    whole: System,
-    direct: np.ndarray,
-    channel: int,
-    limit: float,
-    rounded: bool = False,
-) -> LimitCycles:
-    """Predicted and simulated limit cycles of a robot with a nonlinearity, whose readings may be rounded.
+class LinearLoop(NamedTuple):
+    """The loop without the nonlinearity."""
 
-    The linear loop is without it: where it rests, `whole` opened, dv/dr (channels, channels) [command / reference] of
-    its controller, and the gain margin of the channel.
-    """
-    loop = FrameMap.from_robot(robot)
+    point: OperatingPoint  # where it rests
+    whole: System  # opened at its commands
+    direct: np.ndarray  # (channels, channels) dv/dr of its controller [command / reference]
+    channel: int
+    limit: float  # gain margin of the channel
+
+
+def compare_cycles(label: str, robot: Robot, linear: LinearLoop, rounded: bool = False) -> LimitCycles:
+    """Predicted and simulated limit cycles of a robot with a nonlinearity, whose readings may be rounded."""
+    loop, (point, whole, direct, channel, limit) = FrameMap.from_robot(robot), linear
     loop = replace(loop, parameters=prepare_values(robot, quantisation=rounded))
     references, state = point.references, point.state
     if rounded:
