@@ -385,7 +385,7 @@ def find_observed(a: np.ndarray, c: np.ndarray) -> np.ndarray:
     return np.flatnonzero(observed)
 
 
-def observed_states(loop: FrameMap, state: np.ndarray, references: np.ndarray, size: np.ndarray) -> np.ndarray:
+def find_observed_states(loop: FrameMap, state: np.ndarray, references: np.ndarray, size: np.ndarray) -> np.ndarray:
     """Indices of the states on which the log depends, at once or later; size: excursions (states,) [SI]."""
     n = len(state)
     central, _ = differentiate(loop, state, references, size, FRACTION, np.arange(n))
@@ -435,7 +435,7 @@ def measure_drift(loop: FrameMap, state: np.ndarray, references: np.ndarray) -> 
     """Largest change [excursions] over a frame from a state (states,), of the states on which the log depends."""
     after, _ = loop.run(state, references[None, :])
     size = measure_excursions(loop, state, references)
-    keep = observed_states(loop, state, references, size)
+    keep = find_observed_states(loop, state, references, size)
     return float(np.max(np.abs(after - state)[keep] / size[keep], initial=0.0))
 
 

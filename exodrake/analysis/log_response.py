@@ -164,7 +164,11 @@ def block_responses(case: LogSource, robots: Mapping[str, Robot], segment: float
     before, found = machine.references[0].kind, []
     for block in machine.segments:
         inputs, outputs = (
-            [c for c in machine.log_names([machine.column(kind)]) if all(log.has(c) and moves(log[c]) for log in logs)]
+            [
+                c
+                for c in machine.log_names([machine.column(kind)])
+                if all(log.has(c) and is_moving(log[c]) for log in logs)
+            ]
             for kind in (before, block.output)
         )
         before = block.output
@@ -177,7 +181,7 @@ def block_responses(case: LogSource, robots: Mapping[str, Robot], segment: float
     return found
 
 
-def moves(values: np.ndarray) -> bool:
+def is_moving(values: np.ndarray) -> bool:
     """Whether a signal (n,) [any unit] has two different samples."""
     return len(np.unique(values[np.isfinite(values)])) > 1
 
@@ -216,7 +220,7 @@ def estimate_response(
         for name in (input, output):
             if np.ndim(log[name]) != 1:
                 raise InputError(f"{log.label}: {name!r} is no column; name one of {', '.join(log.columns)}")
-            if not moves(log[name]):
+            if not is_moving(log[name]):
                 raise InputError(f"{log.label}: column {name!r} stands still, so it has no frequency response")
     usual = min(sum(map(len, logs)) // SEGMENTS, shortest // QUARTERS)
     length = usual if segment is None else int(min(segment / dt, 1e9) + 0.5)

@@ -319,7 +319,7 @@ def stability_map(
     y = np.linspace(up.low, up.high, GAINS) if second is None else np.asarray(second, float)
     size = lm.measure_excursions(loop, point.state, point.references)
     largest = loop.with_values({names[0]: x.max(), names[1]: np.abs(y).max()})
-    keep = lm.observed_states(largest, point.state, point.references, size)
+    keep = lm.find_observed_states(largest, point.state, point.references, size)
     radius = np.array(
         [[radius_at(loop.with_values({names[0]: a, names[1]: b}), point, size, keep) for a in x] for b in y]
     )
@@ -335,6 +335,6 @@ def latency_sweep(loop: lm.FrameMap, point: lm.OperatingPoint, frames: np.ndarra
     size = lm.measure_excursions(loop, point.state, point.references)
     own = loop.parameters[loop.robot.indices(name)[0]]
     late = [loop.with_values({name: own + f}) for f in frames]
-    keeps = [lm.observed_states(one, point.state, point.references, size) for one in late]
+    keeps = [lm.find_observed_states(one, point.state, point.references, size) for one in late]
     radius = np.array([radius_at(one, point, size, keep) for one, keep in zip(late, keeps)])
     return LatencySweep(np.asarray(frames, dtype=float), radius, stability_limit(frames, radius))

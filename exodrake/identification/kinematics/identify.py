@@ -361,7 +361,7 @@ def measures(finger: Finger, tip: int) -> np.ndarray:
     reach = rigid.across(distal[tip] - far, normal) @ along
     values = [[np.linalg.norm(end - start), np.linalg.norm(far - near), reach]]
     for triad, axis in zip(finger.markers, finger.axes[1:]):
-        seen = axis.seen_from(rigid.triad_pose(triad))
+        seen = axis.express_in(rigid.triad_pose(triad))
         values += [seen.slope, seen.point]
     return np.concatenate(values)
 
@@ -445,14 +445,14 @@ def identify(recording: Recording, layout: Layout | None = None, cutoff: float |
         if k == 0:
             turns = rigid.inverse(finger.axes[0].pose(side)) @ turns
         pose = rigid.triad_pose(finger.markers[k])
-        own = axis.seen_from(pose)
+        own = axis.express_in(pose)
         centre = rigid.centres(turns, axis.direction, angle, finger.markers[k + 1].mean(axis=0))
         centre = rigid.across(rigid.apply(rigid.inverse(pose), centre), own.direction)
         part = slice(3 + 6 * k, 9 + 6 * k)
         (gradient, intercept), used = np.split(values[part], 2), np.abs(np.nan_to_num(angle)) >= SMALLEST_ANGLE
         rmse = np.sqrt(np.mean((centre[used] - intercept - gradient * angle[used, None]) ** 2, axis=0))
         line = CentreLine(gradient, intercept, covariance[part, part], rmse, int(used.sum()))
-        abduction_axis, abduction = (None, None) if k else (finger.axes[0].seen_from(pose), side)
+        abduction_axis, abduction = (None, None) if k else (finger.axes[0].express_in(pose), side)
         joints.append(Joint(name, own, angle, centre, line, abduction_axis, abduction))
     residuals = tuple(float(np.nanmedian(residual)) for _, residual in fits)
     return Kinematics(

@@ -305,8 +305,8 @@ class LabelCheck(NamedTuple):
 def check_labels(recording: Recording, layout: Layout) -> LabelCheck:
     """Compare every frame with the shapes of the triads. InputError for missing markers, collinear or loose triads."""
     points = recording.of(layout.finger)
-    shapes = _shapes(points, layout, recording.source)
-    residual = _residuals(shapes, points)
+    shapes = measure_triads(points, layout, recording.source)
+    residual = measure_residuals(shapes, points)
     change = np.nanquantile(residual, 0.9, axis=1)
     k = int(np.argmax(change))
     loose = (
@@ -317,9 +317,9 @@ def check_labels(recording: Recording, layout: Layout) -> LabelCheck:
     for a, b in PAIRS if change[k] >= SUSPECT else ():  # one marker may carry another's name throughout
         if a // 3 == b // 3 or k not in (a // 3, b // 3):
             continue
-        swapped = _exchanged(some, (a, b))
+        swapped = exchange_pair(some, (a, b))
         try:
-            residuals = _residuals(_shapes(swapped, layout, "recording"), swapped)
+            residuals = measure_residuals(measure_triads(swapped, layout, "recording"), swapped)
         except InputError:  # collinear
             continue
         if np.nanquantile(residuals, 0.9, axis=1).max() < change[k] / 2:
@@ -335,13 +335,13 @@ def check_labels(recording: Recording, layout: Layout) -> LabelCheck:
     for number, (a, b) in enumerate(PAIRS if len(suspects) else ()):
         touched = bad[a // 3, suspects] | bad[b // 3, suspects]
         if touched.any():
-            swapped = np.nan_to_num(_residuals(shapes, _exchanged(points[suspects], (a, b))) / limit)
+            swapped = np.nan_to_num(measure_residuals(shapes, exchange_pair(points[suspects], (a, b))) / limit)
             worst = np.where(touched, swapped.max(axis=0), np.inf)
             pairs[suspects[worst < best]] = number
             best = np.minimum(best, worst)
     # neighbouring frames whose residual is smaller with the exchange: noise hides single frames
     for pair in np.unique(pairs[pairs >= 0]).tolist():
-        swapped = _residuals(shapes, _exchanged(points, PAIRS[pair]))
+        swapped = measure_residuals(shapes, exchange_pair(points, PAIRS[pair]))
         better = (np.nansum(swapped, axis=0) < np.nansum(residual, axis=0)) | (pairs == pair)
         for first, stop in np.flatnonzero(np.diff(np.r_[False, better, False])).reshape(-1, 2):
             if np.mean(pairs[first:stop] == pair) > 1 / 4:
@@ -367,16 +367,16 @@ def exchange_labels(recording: Recording, swaps: tuple[Swap, ...]) -> Recording:
     positions = recording.positions.copy()
     for swap in swaps:
         pair, span = [recording.names.index(name) for name in swap.names], slice(swap.first, swap.last + 1)
-        positions[span] = _exchanged(positions[span], (pair[0], pair[1]))
+        positions[span] = exchange_pair(positions[span], (pair[0], pair[1]))
     return replace(recording, positions=positions)
 
 
-def _residuals(shapes: np.ndarray, points: np.ndarray) -> np.ndarray:
+def measure_residuals(shapes: np.ndarray, points: np.ndarray) -> np.ndarray:
     """RMS residual (4, frames) [m] of points (frames, 12, 3) [m], NaN where a marker is missing."""
     return np.stack([rigid.fit_pose(shape, points[:, 3 * k : 3 * k + 3])[1] for k, shape in enumerate(shapes)])
 
 
-def _shapes(points: np.ndarray, layout: Layout, source: str) -> np.ndarray:
+def measure_triads(points: np.ndarray, layout: Layout, source: str) -> np.ndarray:
     """Triads (4, 3, 3) [m] in their own frames from points (frames, 12, 3) [m]. InputError for a collinear one."""
     shapes = []
     for k, names in enumerate(layout.segments):
@@ -394,7 +394,7 @@ def _shapes(points: np.ndarray, layout: Layout, source: str) -> np.ndarray:
     return np.stack(shapes)
 
 
-def _exchanged(points: np.ndarray, pair: tuple[int, int]) -> np.ndarray:
+def exchange_pair(points: np.ndarray, pair: tuple[int, int]) -> np.ndarray:
     """Points (frames, markers, 3) [m] with a pair of markers exchanged."""
     swapped = points.copy()
     swapped[:, pair] = points[:, pair[::-1]]
@@ -476,7 +476,7 @@ def synthesise(hand: Hand, faults: Faults, duration: float, rate: float, seed: i
             positions[first : first + gap, marker] = np.nan
     layout = Layout()
     recording = Recording((*layout.finger, *layout.thumb), time, positions, f"synthetic, seed {seed}")
-    seen = [a.seen_from(rigid.triad_pose(rest[n])) for a, n in zip(axes, ("base", *SEGMENTS[:3]), strict=True)]
+    seen = [a.express_in(rigid.triad_pose(rest[n])) for a, n in zip(axes, ("base", *SEGMENTS[:3]), strict=True)]
     return recording, Truth(angles, tuple(seen), hand.lengths)  # type: ignore[arg-type]
 
 

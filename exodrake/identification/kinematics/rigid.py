@@ -93,7 +93,7 @@ class Axis:
         v = np.cross(self.centre(angle), self.direction) + self.slope - self.turn(angle) @ self.slope
         return np.concatenate([np.broadcast_to(self.direction, v.shape), v], axis=-1)
 
-    def seen_from(self, pose: np.ndarray) -> Axis:
+    def express_in(self, pose: np.ndarray) -> Axis:
         """The axis in the frame of a pose (4, 4) [m], centre and slope normal to it."""
         into = inverse(pose)
         w = into[:3, :3] @ self.direction
