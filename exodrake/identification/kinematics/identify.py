@@ -235,26 +235,24 @@ def first_guess(
         still = relative[seen[rest[seen]]]
         if not len(still):
             raise InputError(f"{source}: {name} is not seen in the rest at the start, the posture all angles refer to")
-        mean = Rotation.from_matrix(still[:, :3, :3]).mean().as_matrix()
-        if (stir := np.sqrt(np.mean(np.sum((mean.T @ still[:, :3, :3] - np.eye(3)) ** 2, axis=(1, 2))) / 2)) > UNSTEADY:
+        turned = Rotation.from_matrix(still[:, :3, :3])
+        mean = turned.mean()
+        if (stir := np.sqrt(np.mean((mean.inv() * turned).magnitude() ** 2))) > UNSTEADY:
             raise InputError(
                 f"{source}: {name} moves by {np.rad2deg(stir):.1f} deg RMS in the rest at the start,"
                 " which must show the finger straight and still"
             )
-        before, rested = rested, rested @ rigid.motion(mean, still[:, :3, 3].mean(axis=0))
+        before, rested = rested, rested @ rigid.motion(mean.as_matrix(), still[:, :3, 3].mean(axis=0))
         markers.append(rigid.apply(rested, shapes[k + 1]))
         turns, about = before @ relative[seen] @ rigid.inverse(rested), markers[-1].mean(axis=0)
-        turned = Rotation.from_matrix(turns[:, :3, :3])
-        # the principal direction of w sin theta, where small angles weigh little; flexion is the larger excursion
-        quaternion = turned.as_quat(canonical=True)
-        sines = 2 * quaternion[:, 3:] * quaternion[:, :3]
-        direction = np.linalg.eigh(sines.T @ sines)[1][:, -1]
-        along = sines @ direction
-        direction = direction if np.sum(along * np.abs(along)) >= 0 else -direction
-        angle = 2 * np.arctan2(quaternion[:, :3] @ direction, quaternion[:, 3])  # of the nearest rotation about it
-        beyond = np.count_nonzero(np.abs(angle) >= SMALLEST_ANGLE)
-        if beyond < FEWEST:
-            most = np.rad2deg(np.nanmax(np.abs(angle)))
+        # the principal direction of w theta, where small angles weigh little; flexion is the larger excursion
+        vectors = Rotation.from_matrix(turns[:, :3, :3]).as_rotvec()
+        direction = np.linalg.eigh(vectors.T @ vectors)[1][:, -1]
+        angle = vectors @ direction
+        if np.sum(angle * np.abs(angle)) < 0:
+            direction, angle = -direction, -angle
+        if (beyond := np.count_nonzero(np.abs(angle) >= SMALLEST_ANGLE)) < FEWEST:
+            most = np.rad2deg(np.max(np.abs(angle)))
             raise InputError(
                 f"{source}: {name} turns {most:.1f} deg at most and is beyond"
                 f" {np.rad2deg(SMALLEST_ANGLE):.0f} deg in {beyond} frames; its centre needs {FEWEST} such frames"
@@ -265,7 +263,7 @@ def first_guess(
             dorsal = np.cross(about - centre, direction)
             dorsal /= np.linalg.norm(dorsal)
             axes.append(rigid.Axis(dorsal, rigid.across(centre + direction * (about @ direction), dorsal), np.zeros(3)))
-            angles.append(np.interp(count, seen, turned.as_rotvec() @ dorsal))
+            angles.append(np.interp(count, seen, vectors @ dorsal))
         axes.append(rigid.Axis(direction, centre, np.zeros(3)))
         angles.append(np.interp(count, seen, angle))
     whole = np.flatnonzero(np.isfinite(poses[0]).all(axis=(1, 2)))

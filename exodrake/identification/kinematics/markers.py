@@ -115,8 +115,7 @@ def read_layout(path: str | Path) -> Layout:
     return layout
 
 
-HEADING = re.compile(r"^(?P<marker>.+)_(?P<axis>[xyz])\s*\[(?P<unit>[^\]]*)\]$")
-TIME = re.compile(r"^time\s*\[(?P<unit>[^\]]*)\]$")
+HEADING = re.compile(r"^(time|(?P<marker>.+)_(?P<axis>[xyz]))\s*\[(?P<unit>[^\]]*)\]$")
 
 
 @dataclass(frozen=True)
@@ -143,30 +142,27 @@ def parse_csv(data: bytes, source: str) -> Recording:
 
     lines = data.splitlines(keepends=True)
     headings, values = read_cells(b"".join(line for line in lines if not line.lstrip().startswith(b"#")), source)
-    time, columns = None, {}
+    columns: dict[tuple[str | None, str | None], np.ndarray] = {}  # by marker and axis, neither for time
     for heading, column in zip(headings, values.T):
-        if found := TIME.match(heading):
-            if si_unit(found["unit"], f"{source}, time") != "s":
-                raise InputError(f"{source}: time is in [{found['unit']}], wanted [s] or [ms]")
-            time = to_si(column, found["unit"]) if time is None else time
-        elif found := HEADING.match(heading):
-            if si_unit(found["unit"], f"{source}, column {heading!r}") != "m":
-                raise InputError(f"{source}: column {heading!r} is not a length")
-            axes = columns.setdefault(found["marker"], {})
-            if found["axis"] in axes:
+        if found := HEADING.match(heading):
+            wanted = ("m", "a length") if found["marker"] else ("s", "a time, wanted [s] or [ms]")
+            if si_unit(found["unit"], f"{source}, column {heading!r}") != wanted[0]:
+                raise InputError(f"{source}: column {heading!r} is not {wanted[1]}")
+            if (key := (found["marker"], found["axis"])) in columns:
                 raise InputError(f"{source}: column {heading!r} occurs twice")
-            axes[found["axis"]] = to_si(column, found["unit"])
+            columns[key] = to_si(column, found["unit"])
         elif re.search(r"_[xyz]$", heading):
             raise InputError(f"{source}: column {heading!r} has no unit, wanted '{heading} [mm]'")
-    for name, axes in columns.items():
-        if lost := [axis for axis in "xyz" if axis not in axes]:
+    names = tuple(dict.fromkeys(name for name, _ in columns if name))
+    for name in names:
+        if lost := [axis for axis in "xyz" if (name, axis) not in columns]:
             raise InputError(f"{source}: marker {name} lacks its {', '.join(lost)} column")
-    if not columns:
+    if not names:
         raise InputError(f"{source}: no marker columns such as 'B1_x [mm]'")
-    if time is None:
+    if (None, None) not in columns:
         raise InputError(f"{source}: no column 'time [s]'")
-    places = [np.stack([axes[axis] for axis in "xyz"], axis=1) for axes in columns.values()]
-    return check_recording(Recording(tuple(columns), time, np.stack(places, axis=1), source))
+    positions = np.transpose([[columns[name, axis] for axis in "xyz"] for name in names], (2, 0, 1))
+    return check_recording(Recording(names, columns[None, None], positions, source))
 
 
 def check_recording(recording: Recording) -> Recording:
