@@ -296,7 +296,7 @@ def assess(name: str, robot: Robot, gains: dict[str, float], wanted: Requirement
         missed = (f"poles mean little in {undecided} robots",)
     if failures := sum(len(b.failures) for b in bands):
         missed = (*missed, f"{failures} robots without rest")
-    return Tuned(name, robot, gains, steps, bands, *astuple(found)[1:], missed)
+    return Tuned(name, robot, gains, steps, bands, *astuple(found)[1:], missed=missed)
 
 
 def list_missed(wanted: Requirements, found: Performance, unit: str) -> tuple[str, ...]:
