@@ -86,10 +86,11 @@ def check(lengths, ranges: Ranges) -> None:
 
 
 class Area(NamedTuple):
-    """Area and its standard error [m2]."""
+    """Area, its standard error, and the area of the bounding box [m2]."""
 
     value: float
     error: float
+    box: float
 
 
 def reach(lengths, ranges: Ranges, what: str = FINGERTIP, steps: int = 60):
@@ -143,7 +144,7 @@ def monte_carlo(lengths, ranges: Ranges, what: str = FINGERTIP, samples: int = 4
         for along in bones:
             outside = outside[~reachable(outside, lengths, ranges, dip, along)]
     share, box = 1 - len(outside) / samples, float(np.prod(high - low))
-    return Area(box * share, box * float(np.sqrt(share * (1 - share) / samples)))
+    return Area(box * share, box * float(np.sqrt(share * (1 - share) / samples)), box)
 
 
 class Assisted(NamedTuple):
@@ -195,7 +196,7 @@ def areas(lengths, ranges: Ranges, wired: Assisted | None, samples: int, seed: i
     rows = []
     for what in (FINGERTIP, DISTAL):
         exact, drawn = reach(lengths, ranges, what).area, monte_carlo(lengths, ranges, what, samples, seed)
-        rows.append(("K.M.", what, f"{1e6 * exact:.1f}", *(f"{1e6 * x:.0f}" for x in drawn), str(samples)))
+        rows.append(("K.M.", what, f"{1e6 * exact:.1f}", *(f"{1e6 * x:.0f}" for x in drawn[:2]), str(samples)))
     for what in (FINGERTIP, DISTAL) if wired is not None else ():
         rows.append(("A.M.", what, f"{1e6 * wired.region(lengths, what).area:.1f}", "", "", ""))
     return rows
