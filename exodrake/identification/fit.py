@@ -341,8 +341,8 @@ def compare_signals(problem: Problem, rows: np.ndarray) -> tuple[SignalFit, ...]
         errors = [[y - f for y, f in zip(*pair, strict=True)] for pair in zip(measured, after, strict=True)]
         robots = [list(map(fit_percent, measured, runs)) for runs in (before, after)]
         percents = np.transpose([*robots, arx_percents(inputs, measured)]).ravel().tolist()
-        left = arx_percents(inputs, errors)[0]
-        found.append(SignalFit(column, *percents, left, *check_residual(errors[0], inputs[0])))
+        left, (white, independent) = arx_percents(inputs, errors)[0], check_residual(errors[0], inputs[0])
+        found.append(SignalFit(column, *percents, left=left, whiteness=white, independence=independent))
     return tuple(found)
 
 

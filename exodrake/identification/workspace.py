@@ -197,8 +197,9 @@ def areas(lengths, ranges: Ranges, wired: Assisted | None, samples: int, seed: i
     for what in (FINGERTIP, DISTAL):
         exact, drawn = reach(lengths, ranges, what).area, monte_carlo(lengths, ranges, what, samples, seed)
         rows.append(("K.M.", what, f"{1e6 * exact:.1f}", *(f"{1e6 * x:.0f}" for x in drawn[:2]), str(samples)))
-    for what in (FINGERTIP, DISTAL) if wired is not None else ():
-        rows.append(("A.M.", what, f"{1e6 * wired.region(lengths, what).area:.1f}", "", "", ""))
+    if wired is not None:
+        for what in (FINGERTIP, DISTAL):
+            rows.append(("A.M.", what, f"{1e6 * wired.region(lengths, what).area:.1f}", "", "", ""))
     return rows
 
 
