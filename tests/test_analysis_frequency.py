@@ -81,12 +81,10 @@ def test_python_control_has_the_loop_between_any_two_signals(analysed):
 
 
 def test_python_control_reads_the_same_model(analysed):
-    system = analysed.to_control("tension", "stroke")
-    assert system.dt == 0.02 and system.output_labels[:3] == ["tension_AF", "tension_MF", "tension_AE"]
+    system = analysed.to_control()
+    assert system.dt == 0.02 and {"tension_AF", "stroke_MF", "angle_DIP"} <= set(system.output_labels)
     here = evaluate(system, np.array([1.5]))[0]
     assert system(np.exp(2j * np.pi * 1.5 * 0.02)) == pytest.approx(here, abs=1e-9)
-    with pytest.raises(exo.InputError, match="colour"):
-        analysed.to_control("colour")
 
 
 def test_bandwidth_of_a_first_order_lag():

@@ -90,10 +90,10 @@ def test_a_controller_with_feed_forward_runs_on_both_engines():
 
 
 def test_missed_requirements_are_phrases():
-    wanted = Requirements(0.5, 0.05, 0.6, 1e-4)
-    assert list_missed(wanted, 0.4, 0.04, 0.7, 1e-5, "m/s") == ()
-    assert len(list_missed(wanted, 0.6, 0.06, 0.5, 2e-4, "m/s")) == 4
-    assert list_missed(wanted, np.nan, np.nan, np.nan, np.nan, "m/s") == ("does not settle",)
+    wanted, none = Requirements(0.5, 0.05, 0.6, 1e-4), (np.nan,) * 5
+    assert list_missed(wanted, Performance(0.9, 0.4, 0.04, 0.7, 1e-5), "m/s") == ()
+    assert len(list_missed(wanted, Performance(0.9, 0.6, 0.06, 0.5, 2e-4), "m/s")) == 4
+    assert list_missed(wanted, Performance(*none), "m/s") == ("does not settle",)
 
 
 def test_what_cannot_be_held_writes_no_robot(tmp_path):

@@ -108,18 +108,9 @@ class ClosedLoop:
         ratio.update_names(name=f"L_{command}", inputs=[command], outputs=[command], states=self.opened.state_labels)
         return ratio
 
-    def to_control(self, *kinds: str) -> control.StateSpace:
-        """The closed loop from the references, as python-control's `StateSpace` with dt = one frame.
-
-        Outputs are of kinds such as "tension" and "stroke", or all. InputError for an unknown kind.
-        """
-        machine, labels = self.robot.machine, self.model.system.output_labels
-        known = {kind: machine.channels(signal) for signal, kind in FrameMap.from_robot(self.robot).kinds.items()}
-        for kind in kinds:
-            if kind not in known:
-                raise InputError(f"the model has no output {kind!r}{nearest(kind, list(known))}")
-        names = {"_".join(filter(None, (k, c))) for k in kinds for c in known[k]} or set(labels)
-        return self.model.system[[name for name in labels if name in names], :]
+    def to_control(self) -> control.StateSpace:
+        """The closed loop from the references to all signals, as python-control's `StateSpace` with dt = one frame."""
+        return self.model.system
 
 
 def analyse(robot: Robot, at: Mapping[str, float] | str | None = None, seed: int | None = None) -> ClosedLoop:
@@ -140,11 +131,10 @@ def analyse(robot: Robot, at: Mapping[str, float] | str | None = None, seed: int
     """
     loop, point, model = linearise_robot(argument("robot", robot, Robot), at)
     whole, system = mg.open_loop(loop, model), model.system
-    channels = range(len(loop.channels))
+    channels, v = range(len(loop.channels)), model.rows(loop.kinds[loop.loop.command], loop.channels)
     steps = tuple(step_response(loop, point, i) for i in channels)
     found = tuple(mg.margins(whole, i, loop.channels[i]) for i in channels)
     responses = tuple(frequency_response(loop, point, model, i, seed=seed) for i in channels)
-    v = model.rows(loop.kinds[loop.loop.command], loop.channels)
     b, d = mg.disturb(system, loop.own[model.keep], v)
     connected = System(
         system.A, np.hstack([system.B, model.N, b]), system.C, np.hstack([system.D, model.M, d]), system.dt,
@@ -163,37 +153,28 @@ def list_remarks(
     steps: tuple[StepResponse, ...] = (), found: tuple[mg.Margins, ...] = (),
 ) -> tuple[str, ...]:  # fmt: skip
     """Conditions under which the results mean little, a sentence each."""
-    notes = []
-    if not point.steady:
-        notes.append("the robot's own gains do not bring it to rest; the operating point was reached with gentler ones")
-    if point.residual > 1e-6:
-        notes.append(f"something slow still moves ({point.residual:.1g} of its excursion a frame)")
-    if model.marginal:
-        notes.append(
-            f"a pole lies on the unit circle (radius 1 {model.spectral_radius - 1.0:+.0e}), as in a loop that rests "
-            "within a dead zone or does not act: only the simulated kick says whether it is stable"
-        )
-    elif model.spectral_radius > 1.0 and model.kink <= KINK:
-        notes.append(
-            "the loop is unstable here: its step and frequency responses are those of a growing oscillation, "
-            "and it has no margins"
-        )
-    if point.slack:
-        notes.append(f"slack at rest: {', '.join(point.slack)}; poles hold for slack channels, not for taut ones")
-    if model.kink > KINK:
-        notes.append(
-            f"one-sided slopes differ ({model.where}, {model.kink:.2g}): a kink such as friction; "
-            "poles, margins and maps mean little, steps and multisine do"
-        )
-    if model.convergence > ROUGH:
-        notes.append(f"difference quotients depend on their step ({model.convergence:.2g}): rounding or a kink nearby")
-    unit = loop.robot.machine.signal[loop.loop.output].unit
-    for step in steps:
-        if abs(step.steady_error) > STEADY_ERROR * abs(step.size):
-            notes.append(
-                f"{step.channel} ends {step.steady_error:+.3g} {unit} off its reference after {step.time[-1]:.3g} s"
-            )
-    if idle := [m.channel for m in found if not np.abs(m.loop).max() > 0.0]:
+    unit, idle = loop.robot.machine.signal[loop.loop.output].unit, [m.channel for m in found if not m.loop.any()]
+    remarks = {
+        "the robot's own gains do not bring it to rest; the operating point was reached with gentler ones": (
+            not point.steady
+        ),
+        f"something slow still moves ({point.residual:.1g} of its excursion a frame)": point.residual > 1e-6,
+        f"a pole lies on the unit circle (radius 1 {model.spectral_radius - 1.0:+.0e}), as in a loop that rests "
+        "within a dead zone or does not act: only the simulated kick says whether it is stable": model.marginal,
+        "the loop is unstable here: its step and frequency responses are those of a growing oscillation, "
+        "and it has no margins": not model.marginal and model.spectral_radius > 1.0 and model.kink <= KINK,
+        f"slack at rest: {', '.join(point.slack)}; poles hold for slack channels, not for taut ones": point.slack,
+        f"one-sided slopes differ ({model.where}, {model.kink:.2g}): a kink such as friction; "
+        "poles, margins and maps mean little, steps and multisine do": model.kink > KINK,
+        f"difference quotients depend on their step ({model.convergence:.2g}): rounding or a kink nearby": (
+            model.convergence > ROUGH
+        ),
+    }
+    notes = [words for words, holds in remarks.items() if holds]
+    for s in steps:
+        if abs(s.steady_error) > STEADY_ERROR * abs(s.size):
+            notes.append(f"{s.channel} ends {s.steady_error:+.3g} {unit} off its reference after {s.time[-1]:.3g} s")
+    if idle:
         notes.append(f"the command of {', '.join(idle)} does not act on its reading here: no margins")
     for m in found:
         if np.isfinite(m.gain_low_db):
@@ -233,12 +214,8 @@ def to_plain(result: ClosedLoop, cycles: tuple[LimitCycles, ...] = ()) -> dict[s
             "delays": {
                 d.channel: {
                     "slots": {"read": d.read_slot, "control": d.control_slot, "write": d.write_slot},
-                    "reading to law [s]": d.to_control,
-                    "law to plant [s]": d.to_write,
-                    "hold [s]": d.hold,
-                    "total [s]": d.total,
-                    "margin [s]": d.margin,
-                    "margin [slots]": d.spare_slots,
+                    "reading to law [s]": d.to_control, "law to plant [s]": d.to_write, "hold [s]": d.hold,
+                    "total [s]": d.total, "margin [s]": d.margin, "margin [slots]": d.spare_slots,
                 }
                 for d in result.delays
             },
@@ -259,16 +236,13 @@ def to_plain(result: ClosedLoop, cycles: tuple[LimitCycles, ...] = ()) -> dict[s
             "uncertainty": result.uncertainty and result.uncertainty.to_dict(),
             "stability_map": {
                 "gains": {name: machine.parameters[robot.indices(name)[0]].unit for name in gains.names},
-                "first": gains.first,
-                "second": gains.second,
-                "spectral_radius": gains.radius,
-                "limit of the first": gains.limit,
-                "nominal": gains.nominal,
+                "first": gains.first, "second": gains.second, "spectral_radius": gains.radius,
+                "limit of the first": gains.limit, "nominal": gains.nominal,
             },
             "latency": latency
             and {"frames": latency.frames, "spectral_radius": latency.radius, "limit [frames]": latency.limit},
         }
-    )
+    )  # fmt: skip
 
 
 def model_arrays(result: ClosedLoop) -> dict[str, Any]:

@@ -24,15 +24,12 @@ LATEST = 25  # frames of delay at most
 @short_repr
 @dataclass(frozen=True, eq=False)
 class Feedforward:
-    """Commands to be sent, and RMS tracking errors (channels,) [SI] on the model without and with them.
-
-    `before` is the error if the wanted motion, columns of a `kind`, is sent as it is.
-    """
+    """Commands to be sent, and what they change on the model."""
 
     commands: Reference
-    before: np.ndarray
-    after: np.ndarray
-    kind: str
+    before: np.ndarray  # (channels,) RMS tracking error if the wanted motion is sent as it is [SI]
+    after: np.ndarray  # (channels,) with the commands [SI]
+    kind: str  # of the columns of the motion
 
 
 def feedforward(robot: Robot, reference: Reference) -> Feedforward:
@@ -70,9 +67,9 @@ def feedforward(robot: Robot, reference: Reference) -> Feedforward:
             error[: len(wanted) - d, k] = wanted[d:, k] - moved[d:, k]
         commands = np.clip(commands + GAIN * error, low, high)
         moved = simulate_motion(commands)
-        found = rms(wanted - moved)
-        if np.mean(found / np.maximum(before, TINY)) < least:  # of all channels together, since they may be coupled
-            best, least = commands, float(np.mean(found / np.maximum(before, TINY)))
+        share = float(np.mean(rms(wanted - moved) / np.maximum(before, TINY)))
+        if share < least:  # of all channels together, since they may be coupled
+            best, least = commands, share
     return Feedforward(to_reference(best), before, rms(wanted - simulate_motion(best)), kind)
 
 

@@ -51,9 +51,19 @@ def plot_steps(result: ClosedLoop) -> Figure:
             axes.plot(step.time, change[:, j], color=choose_colour(name, j, result.robot.machine), label=name, **look)
         axes.plot([step.time[0], 0, 0, step.time[-1]], [0, 0, 1, 1], color="#444", lw=0.8, ls=(0, (4, 2)))
         axes.set(xlim=(-0.04 * shown, shown), xlabel="Time [s]", title=f"Step on {step.channel}")
-        words = f"rise {step.rise:.3g} s\novershoot {100 * step.overshoot:.1f} %\nsettles in {step.settling:.3g} s"
-        words = "\n".join(line for line in words.splitlines() if "nan" not in line)
-        axes.text(0.97, 0.55, words, transform=axes.transAxes, ha="right", **NOTE)
+        words = (
+            f"rise {step.rise:.3g} s",
+            f"overshoot {100 * step.overshoot:.1f} %",
+            f"settles in {step.settling:.3g} s",
+        )
+        axes.text(
+            0.97,
+            0.55,
+            "\n".join(line for line in words if "nan" not in line),
+            transform=axes.transAxes,
+            ha="right",
+            **NOTE,
+        )
     low, high = np.min(changes), np.max(changes)  # an unstable step must not hide the rest
     panels[0].set_ylim(max(low - 0.05, -1.0), min(max(high, 1.0) + 0.12, 2.5))
     panels[0].set_ylabel(f"{find_display(output_kind(result), result.robot.machine).label} / step [-]")
@@ -231,16 +241,14 @@ def plot_root_locus(result: ClosedLoop) -> Figure:
     for damping in (0.1, 0.2, 0.4, 0.6, 0.8):
         end = np.pi / np.sqrt(1.0 - damping**2)
         z = np.exp(np.linspace(0.0, end, 200) * (-damping + 1j * np.sqrt(1.0 - damping**2)))
-        for side in (z, z.conj()):
-            axes.plot(np.real(side), np.imag(side), color=FAINT, lw=0.5)
+        axes.plot(np.real([z, z]).T, np.imag([z, z.conj()]).T, color=FAINT, lw=0.5)
         tag = z[np.argmin(np.abs(np.angle(z) - 0.82 * np.pi))]
         if damping < 0.7:  # further in, poles crowd the tag
             axes.text(tag.real, tag.imag, f"ζ {damping:g}", bbox=PLATE, **TAG)
     for share in (0.1, 0.2, 0.3, 0.4, 0.6, 0.8):  # of the Nyquist frequency
         s = share * np.pi * np.exp(1j * np.linspace(np.pi / 2.0, np.pi, 100))
         z = np.exp(s[np.abs(s.imag) <= np.pi])
-        for side in (z, z.conj()):
-            axes.plot(np.real(side), np.imag(side), color=FAINT, lw=0.5, ls=(0, (1, 1.5)))
+        axes.plot(np.real([z, z]).T, np.imag([z, z.conj()]).T, color=FAINT, lw=0.5, ls=(0, (1, 1.5)))
         axes.text(1.08 * z[0].real, 1.06 * z[0].imag, f"{share * 0.5 / result.model.system.dt:g} Hz", **TAG)
     factors = np.geomspace(*FACTORS, 240)
     roots = [np.linalg.eigvals(close(result.opened, g)) for g in factors]
@@ -276,20 +284,17 @@ def plot_delays(result: ClosedLoop) -> Figure:
         ("to_control", "reading to law", "#1f6f8b"), ("to_write", "law to plant", "#68a6b9"),
         ("hold", "half a held frame", "#c8e0e5"), ("margin", "margin left", "#e3e6ea"),
     )  # fmt: skip
-    longest = 0.0
+    left = np.zeros(len(result.delays))
+    for name, label, colour in parts:
+        widths = np.nan_to_num([1e3 * getattr(d, name) for d in result.delays], posinf=0.0)
+        axes.barh(range(len(left)), widths, left=left, color=colour, label=label, height=0.6)
+        left = left + widths
     for i, d in enumerate(result.delays):
-        left = 0.0
-        for name, label, colour in parts:
-            width = 1e3 * getattr(d, name)
-            if np.isfinite(width):
-                axes.barh(i, width, left=left, color=colour, label=label if i == 0 else None, height=0.6)
-                left += width
-        longest = max(longest, left)
         slots = f"slots {d.read_slot} → {d.control_slot} → {d.write_slot}"
         rest = f", {d.spare_slots:.0f} slots to spare" if np.isfinite(d.spare_slots) else ""
-        axes.text(left, i, f"  {slots}{rest}", va="center", fontsize=7.5, color=DARK)
+        axes.text(left[i], i, f"  {slots}{rest}", va="center", fontsize=7.5, color=DARK)
     axes.set(yticks=range(len(result.delays)), yticklabels=[d.channel for d in result.delays], xlabel="Delay [ms]")
-    axes.set_xlim(0.0, 1.45 * longest)
+    axes.set_xlim(0.0, 1.45 * left.max())
     axes.invert_yaxis()
     axes.grid(axis="y", visible=False)
     figure.legend(loc="outside upper center", ncols=4)

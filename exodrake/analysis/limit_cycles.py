@@ -9,6 +9,7 @@ a, it is stable. The closed loop with that factor is then simulated after a kick
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import control
 import numpy as np
@@ -31,32 +32,21 @@ FAINT = 1e-3  # amplitude below which nothing oscillates, in units of the smalle
 
 @dataclass(frozen=True, eq=False)
 class LimitCycles:
-    """Limit cycles of one nonlinearity, its `label`, in the loop of one channel; `unit` is that of the command.
-
-    Attributes:
-        limit: linear gain margin of that loop without the nonlinearity.
-        amplitude: (k,) amplitudes of the command [SI] for which a limit cycle is predicted.
-        factor, frequency: (k,) factor on the loop gain [-] and frequency [Hz]; nan where L never turns by 180 degrees.
-        phase_margin_deg: (k,) of the loop with the describing function of each amplitude; inf without crossover.
-        measured: (k, lines) describing functions from command to reading at line_frequency (lines,) [Hz].
-        factors: (m,) factors on the loop gain that are simulated [-].
-        swing, swing_frequency: (m,) simulated amplitude of the command [SI] and its frequency [Hz]; 0 at rest, inf and
-            nan where it grows without bound.
-    """
+    """Limit cycles of one nonlinearity, its `label`, in the loop of one channel."""
 
     label: str
     channel: str
-    unit: str
-    limit: float
-    amplitude: np.ndarray
-    factor: np.ndarray
+    unit: str  # of the command
+    limit: float  # linear gain margin of that loop without the nonlinearity
+    amplitude: np.ndarray  # (k,) of the command [SI], for which a limit cycle is predicted
+    factor: np.ndarray  # (k,) on the loop gain [-], and frequency (k,) [Hz]; nan where L never turns by 180 degrees
     frequency: np.ndarray
-    phase_margin_deg: np.ndarray
-    measured: np.ndarray
-    line_frequency: np.ndarray
-    factors: np.ndarray
-    swing: np.ndarray
-    swing_frequency: np.ndarray
+    phase_margin_deg: np.ndarray  # (k,) with the describing function of each amplitude; inf without crossover
+    measured: np.ndarray  # (k, lines) describing functions from command to reading
+    line_frequency: np.ndarray  # (lines,) [Hz]
+    factors: np.ndarray  # (m,) on the loop gain that are simulated [-]
+    swing: np.ndarray  # (m,) simulated amplitude of the command [SI]; 0 at rest, inf where it grows without bound
+    swing_frequency: np.ndarray  # (m,) [Hz]; 0 at rest, nan where it grows without bound
 
     def __repr__(self) -> str:
         size, frequency = self.read_simulation()
@@ -88,14 +78,11 @@ class LimitCycles:
 
 @dataclass(frozen=True, eq=False)
 class CommandedLoop:
-    """The frame map with the command of one channel set from outside; the controller goes on as if it were its own.
-
-    The loop rests under references (channels,) [SI]; `direct` (channels, channels) is dv/dr of its controller.
-    """
+    """The frame map with the command of one channel set from outside; the controller goes on as if it were its own."""
 
     loop: FrameMap
-    references: np.ndarray
-    direct: np.ndarray
+    references: np.ndarray  # (channels,) under which it rests [SI]
+    direct: np.ndarray  # (channels, channels) dv/dr of its controller
     channel: int
 
     def run(self, state: np.ndarray, frames: int, rule: Callable[[int, float], float]) -> tuple[np.ndarray, np.ndarray]:
@@ -156,36 +143,33 @@ def limit_cycles(
     answer = mg.plant_response(mg.single(whole, channel), np.array(CYCLES) / (WINDOW * whole.dt))
     if not np.isfinite(margins[channel]) or not np.abs(answer).min() > 0.0:
         return ()
-    given = (point, whole, direct, channel, margins[channel])  # of the linear loop
+    linear = LinearLoop(point, whole, direct, channel, margins[channel])
     found, own = [], robot.effects()
     if own and plain is not robot:
-        found.append(compare_cycles(" + ".join(own), robot, *given))
+        found.append(compare_cycles(" + ".join(own), robot, linear))
     if own_only:
         return tuple(found)
     if loop.loop.resolution and plain.channels(loop.loop.resolution).max() > 0.0:
-        found.append(compare_cycles(f"rounding, {loop.loop.resolution}", plain, *given, rounded=True))
+        found.append(compare_cycles(f"rounding, {loop.loop.resolution}", plain, linear, rounded=True))
     for identity, values in loop.loop.nonlinear.items():
         if identity not in own:
-            found.append(compare_cycles(identity, plain.splice(identity, values), *given))
+            found.append(compare_cycles(identity, plain.splice(identity, values), linear))
     return tuple(found)
 
 
-def compare_cycles(
-    label: str,
-    robot: Robot,
-    point: OperatingPoint,
-    whole: System,
-    direct: np.ndarray,
-    channel: int,
-    limit: float,
-    rounded: bool = False,
-) -> LimitCycles:
-    """Predicted and simulated limit cycles of a robot with a nonlinearity, whose readings may be rounded.
+class LinearLoop(NamedTuple):
+    """The loop without the nonlinearity."""
 
-    The linear loop is without it: where it rests, `whole` opened, dv/dr (channels, channels) [command / reference] of
-    its controller, and the gain margin of the channel.
-    """
-    loop = FrameMap.from_robot(robot)
+    point: OperatingPoint  # where it rests
+    whole: System  # opened at its commands
+    direct: np.ndarray  # (channels, channels) dv/dr of its controller [command / reference]
+    channel: int
+    limit: float  # gain margin of the channel
+
+
+def compare_cycles(label: str, robot: Robot, linear: LinearLoop, rounded: bool = False) -> LimitCycles:
+    """Predicted and simulated limit cycles of a robot with a nonlinearity, whose readings may be rounded."""
+    loop, (point, whole, direct, channel, limit) = FrameMap.from_robot(robot), linear
     loop = replace(loop, parameters=prepare_values(robot, quantisation=rounded))
     references, state = point.references, point.state
     if rounded:

@@ -27,7 +27,7 @@ import control
 import numpy as np
 
 from exodrake.compiled.compose import compile_machine
-from exodrake.compiled.inputs import NOTHING, NoiseInputs, input_rows, prepare_values, reference_width
+from exodrake.compiled.inputs import NOTHING, NoiseInputs, input_rows, prepare_values
 from exodrake.core.errors import InputError, nearest
 from exodrake.core.machine import Loop, Machine, full_name, signal_count, state_size
 from exodrake.core.part import NORMAL
@@ -98,8 +98,8 @@ class FrameMap:
     def noises(self) -> tuple[str, ...]:
         """Names of the elements of e: sensor noise."""
         machine = self.robot.machine
-        signals = [machine.signal[n] for n in machine.inputs if machine.signal[n].distribution == NORMAL]
-        return tuple(f"{s.name}_{channel}" for s in signals for channel in machine.axes.of(s.axis))
+        names = [n for n in machine.inputs if machine.signal[n].distribution == NORMAL]
+        return tuple(f"{name}_{channel}" for name in names for channel in machine.channels(name))
 
     @cached_property
     def kinds(self) -> dict[str, str]:
@@ -139,15 +139,10 @@ class FrameMap:
     def run(
         self, state: np.ndarray, references: np.ndarray, seed: int | None = None, ticks: np.ndarray | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Runs some frames; `state` is left as it is.
+        """State (states,) [SI] after some frames from a state, and all signals (frames, w) [SI] at the end of each.
 
-        Args:
-            state: (states,) array at the first frame's start.
-            references: (frames, channels) array of the loop's references [SI].
-            seed: of the sensors' noise; None runs without.
-            ticks: (slots, w) array that takes all signals at the end of each slot.
-
-        Returns the state (states,) after the frames, and all signals (frames, w) at the end of each.
+        The loop's references are (frames, channels) [SI], the seed is of the sensors' noise, none without. `ticks`
+        (slots, w) takes all signals at the end of each slot.
         """
         machine, frames = self.robot.machine, len(references)
         x, w, rows = state.copy(), np.zeros(signal_count(machine)), np.zeros((frames, signal_count(machine)))
@@ -158,14 +153,10 @@ class FrameMap:
 
     def _all_references(self, references: np.ndarray) -> np.ndarray:
         """References of the machine, (frames, all) [SI], from the loop's (frames, channels); the others are 0."""
-        machine, at = self.robot.machine, 0
-        for column in machine.references:
-            if column.signal == self.loop.reference:
-                break
-            at += len(machine.channels(column.signal))
-        whole = np.zeros((len(references), reference_width(machine)))
-        whole[:, at : at + len(self.channels)] = references
-        return whole
+        machine = self.robot.machine
+        widths = {column.signal: len(machine.channels(column.signal)) for column in machine.references}
+        rows = {signal: np.zeros((len(references), width)) for signal, width in widths.items()}
+        return np.hstack(list((rows | {self.loop.reference: references}).values()))
 
     def stepper(self):
         """A function (x, r, e = 0) -> (x', w) of one frame, with its buffers made once; arguments are left alone."""
@@ -269,22 +260,16 @@ class FrameModel:
     """Linear model of the closed loop with one step per frame, from the references to all signals, SI.
 
     Signals of the log have their columns' names; of two signals that share one, the one not in the log ends in `_true`.
-
-    Attributes:
-        N (n, noises), M (outputs, noises): answer to sensor noise of unit variance.
-        step: fraction of the excursions used; convergence: change of A, in excursions, against the next fraction.
-        kink: largest difference of one-sided slopes, in excursions; where: name of the state that shows it.
-        keep: indices of its states among those of the frame map.
     """
 
     system: System
-    N: np.ndarray
+    N: np.ndarray  # (n, noises) and M (outputs, noises): answer to sensor noise of unit variance
     M: np.ndarray
-    step: float = 0.0
-    convergence: float = 0.0
-    kink: float = 0.0
-    where: str = ""
-    keep: list[int] = field(default_factory=list)
+    step: float = 0.0  # fraction of the excursions used
+    convergence: float = 0.0  # change of A against the next fraction [excursions]
+    kink: float = 0.0  # largest difference of one-sided slopes [excursions]
+    where: str = ""  # state that shows it
+    keep: list[int] = field(default_factory=list)  # indices of its states among those of the frame map
 
     def __repr__(self) -> str:
         s = self.system
@@ -358,11 +343,9 @@ def measure_excursions(loop: FrameMap, state: np.ndarray, references: np.ndarray
             stepped, _ = loop.run(stepped, rows[None, :])
             still, _ = loop.run(still, references[None, :])
             size = np.maximum(size, np.abs(stepped - still))
-    groups: dict[str, list[int]] = {}
-    for i, (group, _) in enumerate(name_states(loop.robot.machine)):
-        groups.setdefault(group, []).append(i)
-    for indices in groups.values():
-        size[indices] = size[indices].max()
+    groups = np.array([group for group, _ in name_states(loop.robot.machine)])
+    for group in set(groups):
+        size[groups == group] = size[groups == group].max()
     size[size < 1e-12] = UNMOVED
     return size
 
@@ -370,11 +353,10 @@ def measure_excursions(loop: FrameMap, state: np.ndarray, references: np.ndarray
 def differentiate(
     loop: FrameMap, state: np.ndarray, references: np.ndarray, size: np.ndarray, fraction: float, columns: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Difference quotients of the frame map [SI]: rows x' then all signals w, columns x, r, e.
+    """Central difference quotients of the frame map [SI]: rows x' then all signals w, columns x, r, e.
 
-    They are taken at state (states,) and references (channels,) [SI]. Each state moves by a fraction of its excursion
-    `size` (states,) [SI]; columns that are not in `columns` stay zero. Returns the central quotients (states + w,
-    states + channels + noises), and (forward - backward) / 2 of the same shape, which is zero where the map is smooth.
+    Each state moves by a fraction of its excursion `size` (states,) [SI]; columns that are not in `columns` stay zero.
+    The second result is (forward - backward) / 2 of the same shape: zero where the map is smooth.
     """
     step, n, noises = loop.stepper(), len(state), len(loop.noises)
     after = n + len(references)
@@ -395,32 +377,15 @@ def differentiate(
     return central, bend
 
 
-def differentiate_best(
-    loop: FrameMap, state: np.ndarray, references: np.ndarray, size: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, float, float]:
-    """Quotients (states + w, columns) [SI] with the fraction of best agreement, it, and the disagreement [excursions].
-
-    Arguments and the first two results as in `differentiate`.
-    """
-    n, columns = len(state), np.arange(len(state) + len(references) + len(loop.noises))
-    tried = [differentiate(loop, state, references, size, f, columns) for f in FRACTIONS]
-    scaled = [central[:n, :n] * size / size[:, None] for central, _ in tried]
-    gaps = [float(np.abs(a - b).max()) for a, b in pairwise(scaled)]
-    best = int(np.argmin(gaps)) + 1
-    return *tried[best], FRACTIONS[best], gaps[best - 1]
-
-
 def find_observed(a: np.ndarray, c: np.ndarray) -> np.ndarray:
     """Indices of the states on which outputs y = C x depend, at once or later; a (n, n) and c (outputs, n) [SI]."""
     observed = np.any(c != 0.0, axis=0)
-    while True:
-        more = observed | np.any(a[observed] != 0.0, axis=0)
-        if (more == observed).all():
-            return np.flatnonzero(observed)
-        observed = more
+    for _ in a:
+        observed = observed | np.any(a[observed] != 0.0, axis=0)
+    return np.flatnonzero(observed)
 
 
-def observed_states(loop: FrameMap, state: np.ndarray, references: np.ndarray, size: np.ndarray) -> np.ndarray:
+def find_observed_states(loop: FrameMap, state: np.ndarray, references: np.ndarray, size: np.ndarray) -> np.ndarray:
     """Indices of the states on which the log depends, at once or later; size: excursions (states,) [SI]."""
     n = len(state)
     central, _ = differentiate(loop, state, references, size, FRACTION, np.arange(n))
@@ -429,9 +394,13 @@ def observed_states(loop: FrameMap, state: np.ndarray, references: np.ndarray, s
 
 def linearise(loop: FrameMap, state: np.ndarray, references: np.ndarray) -> FrameModel:
     """The linear model at a state of rest (states,), from references (channels,) [SI] to all signals."""
-    machine, n = loop.robot.machine, len(state)
-    size = measure_excursions(loop, state, references)
-    central, bend, fraction, gap = differentiate_best(loop, state, references, size)
+    machine, n, size = loop.robot.machine, len(state), measure_excursions(loop, state, references)
+    columns = np.arange(n + len(references) + len(loop.noises))
+    tried = [differentiate(loop, state, references, size, f, columns) for f in FRACTIONS]
+    scaled = [central[:n, :n] * size / size[:, None] for central, _ in tried]
+    gaps = [float(np.abs(a - b).max()) for a, b in pairwise(scaled)]
+    best = int(np.argmin(gaps)) + 1  # of two fractions that agree, the smaller
+    central, bend = tried[best]
     a, b, e = np.split(central[:n], [n, n + len(references)], axis=1)
     keep = find_observed(a, central[n + loop.shown_rows, :n])
     left_out = np.setdiff1d(np.arange(n), keep)
@@ -445,37 +414,28 @@ def linearise(loop: FrameMap, state: np.ndarray, references: np.ndarray) -> Fram
         inputs=[f"{loop.loop.reference}_{channel}" for channel in loop.channels],
     )  # fmt: skip
     kink, where = float(bends.max()), names[int(bends.argmax())]
-    return FrameModel(system, e[keep], m, fraction, gap, kink, where, keep.tolist())
+    return FrameModel(system, e[keep], m, FRACTIONS[best], gaps[best - 1], kink, where, keep.tolist())
 
 
 @dataclass(frozen=True, eq=False)
 class OperatingPoint:
-    """State of rest (states,) of a loop at a frame's start, under constant references (channels,) [SI].
+    """State of rest of a loop at a frame's start, under constant references."""
 
-    Attributes:
-        output: (channels,) the controlled quantity [SI].
-        readings: column kind -> reading of each of its channels [SI].
-        frames: simulated until rest.
-        residual: largest change over one frame, in units of each state's excursion.
-        steady: whether the robot's own gains brought it there, rather than gentler ones.
-        slack: names of channels whose reference is above 0 and whose output is not, such as slack tendons.
-    """
-
-    references: np.ndarray
-    state: np.ndarray
-    output: np.ndarray
-    readings: dict[str, np.ndarray]
-    frames: int
-    residual: float
-    steady: bool
-    slack: tuple[str, ...]
+    references: np.ndarray  # (channels,) [SI]
+    state: np.ndarray  # (states,) [SI]
+    output: np.ndarray  # (channels,) the controlled quantity [SI]
+    readings: dict[str, np.ndarray]  # column kind -> reading of each of its channels [SI]
+    frames: int  # simulated until rest
+    residual: float  # largest change over one frame, in units of each state's excursion
+    steady: bool  # the robot's own gains brought it there, rather than gentler ones
+    slack: tuple[str, ...]  # channels whose reference is above 0 and whose output is not, such as slack tendons
 
 
 def measure_drift(loop: FrameMap, state: np.ndarray, references: np.ndarray) -> float:
     """Largest change [excursions] over a frame from a state (states,), of the states on which the log depends."""
     after, _ = loop.run(state, references[None, :])
     size = measure_excursions(loop, state, references)
-    keep = observed_states(loop, state, references, size)
+    keep = find_observed_states(loop, state, references, size)
     return float(np.max(np.abs(after - state)[keep] / size[keep], initial=0.0))
 
 

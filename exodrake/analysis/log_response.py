@@ -46,25 +46,19 @@ TICKS = [digit * 10.0**power for power in range(-4, 4) for digit in (1, 2, 5)]  
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LogResponse:
-    """Frequency response from one signal to another, measured and of robots on the same references.
-
-    At Fourier frequencies (f,) [Hz] of a segment above 0: response (f,) complex, measured [unit]; coherence (f,); ends
-    `low` and `high` (f,) of the 90 % band of its magnitude [unit]; of each robot in `models` the complex response (f,)
-    of its log [unit]; and power density (f,) of the output [its unit^2/Hz]. `segments` is the number of independent
-    ones.
-    """
+    """Frequency response from one signal to another, measured and of robots on the same references."""
 
     input: str
     output: str
     unit: str
-    frequency: np.ndarray
-    response: np.ndarray
-    coherence: np.ndarray
-    low: np.ndarray
+    frequency: np.ndarray  # (f,) Fourier frequencies of a segment above 0 [Hz]
+    response: np.ndarray  # (f,) complex, measured [unit]
+    coherence: np.ndarray  # (f,)
+    low: np.ndarray  # (f,) ends of the 90 % band of its magnitude [unit]
     high: np.ndarray
-    models: dict[str, np.ndarray]
-    power: np.ndarray
-    segments: float
+    models: dict[str, np.ndarray]  # robot -> complex response (f,) of its log [unit]
+    power: np.ndarray  # (f,) density of the output [its unit^2/Hz]
+    segments: float  # number of independent ones
     logs: tuple[str, ...]
 
     def __repr__(self) -> str:
@@ -170,7 +164,11 @@ def block_responses(case: LogSource, robots: Mapping[str, Robot], segment: float
     before, found = machine.references[0].kind, []
     for block in machine.segments:
         inputs, outputs = (
-            [c for c in machine.log_names([machine.column(kind)]) if all(log.has(c) and moves(log[c]) for log in logs)]
+            [
+                c
+                for c in machine.log_names([machine.column(kind)])
+                if all(log.has(c) and is_moving(log[c]) for log in logs)
+            ]
             for kind in (before, block.output)
         )
         before = block.output
@@ -183,10 +181,9 @@ def block_responses(case: LogSource, robots: Mapping[str, Robot], segment: float
     return found
 
 
-def moves(values: np.ndarray) -> bool:
+def is_moving(values: np.ndarray) -> bool:
     """Whether a signal (n,) [any unit] has two different samples."""
-    known = values[np.isfinite(values)]
-    return bool(len(known)) and bool(known.max() > known.min())
+    return len(np.unique(values[np.isfinite(values)])) > 1
 
 
 def simulate_references(robot: Robot, logs: Sequence[Log]) -> list[Log]:
@@ -207,14 +204,9 @@ def check_clock(log: Log, period: float, other: str) -> None:
 
 def fill_gaps(values: np.ndarray, where: str) -> np.ndarray:
     """A signal (n,) [any unit] with missing samples read between their neighbours; InputError if many are missing."""
-    known = np.isfinite(values)
-    if known.all():
-        return values
-    if 1.0 - known.mean() > MOST_MISSING:
-        raise InputError(
-            f"{where}: {1.0 - known.mean():.0%} of the samples are missing, at most {MOST_MISSING:.0%} may"
-        )
-    at = np.arange(len(values))
+    known, at = np.isfinite(values), np.arange(len(values))
+    if (lost := 1.0 - known.mean()) > MOST_MISSING:
+        raise InputError(f"{where}: {lost:.0%} of the samples are missing, at most {MOST_MISSING:.0%} may")
     return np.interp(at, at[known], values[known])
 
 
@@ -228,7 +220,7 @@ def estimate_response(
         for name in (input, output):
             if np.ndim(log[name]) != 1:
                 raise InputError(f"{log.label}: {name!r} is no column; name one of {', '.join(log.columns)}")
-            if not moves(log[name]):
+            if not is_moving(log[name]):
                 raise InputError(f"{log.label}: column {name!r} stands still, so it has no frequency response")
     usual = min(sum(map(len, logs)) // SEGMENTS, shortest // QUARTERS)
     length = usual if segment is None else int(min(segment / dt, 1e9) + 0.5)
@@ -242,11 +234,9 @@ def estimate_response(
     frequency, uu, uy, yy = cross_spectra(logs, counts, input, output, length)
     h, coherence = uy / uu, np.minimum(np.abs(uy) ** 2 / (uu * yy), 1.0)
     radius = np.sqrt((1.0 - coherence) * yy / uu * ((1.0 - CONFIDENCE) ** (-1.0 / (count - 1.0)) - 1.0))
-    models = {}
-    for name, found in runs.items():
-        _, own, cross, _ = cross_spectra(found, counts, input, output, length)
-        with np.errstate(divide="ignore", invalid="ignore"):  # a robot whose input stands still has no response
-            models[name] = cross / own
+    spectra = {name: cross_spectra(found, counts, input, output, length) for name, found in runs.items()}
+    with np.errstate(divide="ignore", invalid="ignore"):  # a robot whose input stands still has no response
+        models = {name: cross / own for name, (_, own, cross, _) in spectra.items()}
     above, below = (logs[0].units.get(name, "s") for name in (output, input))
     below = f"({below})" if set(below) & set("/ ") else below
     unit = above if below == "-" else f"{'1' if above == '-' else above}/{below}"
@@ -303,8 +293,7 @@ def plot_responses(responses: Sequence[LogResponse], style: Mapping[Any, Any] = 
             level.fill_between(f, low, high, where=known, **look)
             spread = np.degrees(np.arcsin(np.minimum(one.radius[one.band] / np.abs(h), 1.0)))
             phase.fill_between(f, angle - spread, angle + spread, where=known, **look)
-            for name, found in one.models.items():
-                # above what was measured, so that it is seen where it lies on that
+            for name, found in one.models.items():  # above what was measured: visible where it lies on that
                 line = STYLES.get(name, {"color": "#009e73"}) | {"label": name, "zorder": 3}
                 level.plot(f, 20.0 * np.log10(np.abs(found[one.band])), **line)
                 turn = np.degrees(np.unwrap(np.angle(found[one.band] / np.exp(1j * np.radians(angle)))))

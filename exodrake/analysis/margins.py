@@ -99,29 +99,19 @@ def frequency_grid(whole: lm.System) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Margins:
-    """Margins of one channel's open loop L (n,) at frequency (n,) [Hz]; NaN where the closed loop is unstable.
-
-    Attributes:
-        gain_margin_db: gain above 0 dB at the limit of stability, from L.
-        gain_low_db: gain below 0 dB at which a conditionally stable loop loses stability, from L; -inf without.
-        phase_margin_deg: and crossover: [Hz], at the crossover with the least delay margin.
-        delay_margin: extra delay at the limit [s], from L.
-        disk_margin: gain and phase at once, balanced (`disk_margin`).
-        peak_sensitivity: largest |S|; its inverse is the distance of L from -1.
-        open_unstable, closed_unstable: poles outside the unit circle.
-    """
+    """Margins of one channel's open loop L; NaN where the closed loop is unstable."""
 
     channel: str
-    frequency: np.ndarray
-    loop: np.ndarray
-    gain_margin_db: float
-    gain_low_db: float
-    phase_margin_deg: float
-    crossover: float
-    delay_margin: float
-    disk_margin: float
-    peak_sensitivity: float
-    open_unstable: int
+    frequency: np.ndarray  # (n,) [Hz]
+    loop: np.ndarray  # L (n,) [-]
+    gain_margin_db: float  # gain above 0 dB at the limit of stability
+    gain_low_db: float  # gain below 0 dB at which a conditionally stable loop loses stability; -inf without
+    phase_margin_deg: float  # at the crossover with the least delay margin
+    crossover: float  # [Hz]
+    delay_margin: float  # extra delay at the limit [s]
+    disk_margin: float  # gain and phase at once, balanced (`disk_margin`)
+    peak_sensitivity: float  # largest |S|; its inverse is the distance of L from -1
+    open_unstable: int  # poles outside the unit circle
     closed_unstable: int
 
     def __repr__(self) -> str:
@@ -208,14 +198,11 @@ def disk_margin(sensitivity: np.ndarray) -> np.ndarray:
         return float(np.linalg.norm(scale[:, None] * m / scale, 2))
 
     while (worst := int(bound.argmax())) not in done:
-        logs, found = np.log(scales[worst, 1:] / scales[worst, 0]), np.inf
+        logs = np.log(scales[worst, 1:] / scales[worst, 0])
         for _ in range(3):  # the largest singular value has kinks: start again where the simplex ended
             options = {"xatol": TIGHT, "fatol": TIGHT}
-            result = minimize(size, logs, (balanced[worst],), method="Nelder-Mead", options=options)
-            logs, before, found = result.x, found, min(found, float(result.fun))
-            if found > before * (1.0 - 10.0 * TIGHT):
-                break
-        bound[worst] = min(found, bound[worst])
+            found = minimize(size, logs, (balanced[worst],), method="Nelder-Mead", options=options)
+            logs, bound[worst] = found.x, min(bound[worst], found.fun)
         done.add(worst)
     return 1.0 / np.maximum(bound, np.finfo(float).tiny)
 
@@ -237,8 +224,7 @@ def structured_bound(m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 class DelayBudget:
     """Delays of one channel between a reading and its command [s], and the further delay that is allowed.
 
-    A task runs in the middle of its slot. One that comes before what it reads has the value of the frame before. Half a
-    frame is for the hold of a command. The margin is nan if the loop is unstable, inf if there is none.
+    A task runs in the middle of its slot. One that comes before what it reads has the value of the frame before.
     """
 
     channel: str
@@ -248,8 +234,8 @@ class DelayBudget:
     write_slot: int
     to_control: float
     to_write: float
-    hold: float
-    margin: float
+    hold: float  # half a frame, of a command
+    margin: float  # nan if the loop is unstable, inf if there is none
 
     @property
     def total(self) -> float:
@@ -266,20 +252,20 @@ def delay_budget(loop: lm.FrameMap, margins: tuple[Margins, ...]) -> tuple[Delay
     """The delay budget of every channel."""
     machine, kinds = loop.robot.machine, loop.loop
 
-    def find_slot(part: Part, channel: int, reads: str = "") -> int | None:
-        tasks = (t for t in part.tasks if t.slots and (not reads or reads in t.reads))
-        return next((t.slots[channel] if t.per_channel else t.slots[0] for t in tasks), None)
+    def find_slot(parts: list[Part], channel: int, default: int, reads: str = "") -> int:
+        """Slot of the first task of the parts that has one, and reads a signal."""
+        tasks = (t for part in parts for t in part.tasks if t.slots and (not reads or reads in t.reads))
+        return next((t.slots[channel] if t.per_channel else t.slots[0] for t in tasks), default)
 
-    def find_writer(signal: str) -> Part:
-        return next(p for p in machine.parts if any(signal in output.writes for output in p.outputs))
-
-    budgets = []
+    law, sensor = (
+        [next(p for p in machine.parts if any(signal in output.writes for output in p.outputs))]
+        for signal in (kinds.command, kinds.measured)
+    )
+    others, budgets = [part for part in machine.parts if part.name != kinds.part], []
     for k, m in enumerate(margins):
-        control = find_slot(find_writer(kinds.command), k) or 0
-        read = find_slot(find_writer(kinds.measured), k)
-        read = control if read is None else read
-        writes = (find_slot(part, k, kinds.command) for part in machine.parts if part.name != kinds.part)
-        write = next((slot for slot in writes if slot is not None), control)  # a plant that reads the command at once
+        control = find_slot(law, k, 0)
+        read = find_slot(sensor, k, control)
+        write = find_slot(others, k, control, kinds.command)  # the default: a plant that reads the command at once
         to_control, to_write = ((b - a) % machine.slots * machine.slot for a, b in ((read, control), (control, write)))
         slots = machine.slot, read, control, write
         budgets.append(DelayBudget(m.channel, *slots, to_control, to_write, 0.5 * machine.frame, m.delay_margin))
@@ -288,26 +274,23 @@ def delay_budget(loop: lm.FrameMap, margins: tuple[Margins, ...]) -> tuple[Delay
 
 @dataclass(frozen=True, eq=False)
 class StabilityMap:
-    """Spectral radius (n, m) [-] over two gains, first (m,) and second (n,) [SI], and the robot's own values.
-
-    `limit` (n,) is the first gain up to which the loop is stable at that second; nan beyond the map, 0 where none is.
-    """
+    """Spectral radius over two gains, and the robot's own values."""
 
     names: tuple[str, str]
-    first: np.ndarray
-    second: np.ndarray
-    radius: np.ndarray
+    first: np.ndarray  # (m,) [SI]
+    second: np.ndarray  # (n,) [SI]
+    radius: np.ndarray  # (n, m) [-]
     nominal: tuple[float, float]
-    limit: np.ndarray
+    limit: np.ndarray  # (n,) first gain up to which the loop is stable; nan beyond the map, 0 where none is
 
 
 @dataclass(frozen=True, eq=False)
 class LatencySweep:
-    """Spectral radius (n,) over `frames` (n,) of command latency added on all channels; `limit` [frames] or nan."""
+    """Spectral radius over command latency that is added on all channels."""
 
-    frames: np.ndarray
-    radius: np.ndarray
-    limit: float
+    frames: np.ndarray  # (n,)
+    radius: np.ndarray  # (n,) [-]
+    limit: float  # [frames] or nan
 
 
 def stability_limit(x: np.ndarray, radius: np.ndarray) -> float:
@@ -336,7 +319,7 @@ def stability_map(
     y = np.linspace(up.low, up.high, GAINS) if second is None else np.asarray(second, float)
     size = lm.measure_excursions(loop, point.state, point.references)
     largest = loop.with_values({names[0]: x.max(), names[1]: np.abs(y).max()})
-    keep = lm.observed_states(largest, point.state, point.references, size)
+    keep = lm.find_observed_states(largest, point.state, point.references, size)
     radius = np.array(
         [[radius_at(loop.with_values({names[0]: a, names[1]: b}), point, size, keep) for a in x] for b in y]
     )
@@ -352,6 +335,6 @@ def latency_sweep(loop: lm.FrameMap, point: lm.OperatingPoint, frames: np.ndarra
     size = lm.measure_excursions(loop, point.state, point.references)
     own = loop.parameters[loop.robot.indices(name)[0]]
     late = [loop.with_values({name: own + f}) for f in frames]
-    keeps = [lm.observed_states(one, point.state, point.references, size) for one in late]
+    keeps = [lm.find_observed_states(one, point.state, point.references, size) for one in late]
     radius = np.array([radius_at(one, point, size, keep) for one, keep in zip(late, keeps)])
     return LatencySweep(np.asarray(frames, dtype=float), radius, stability_limit(frames, radius))

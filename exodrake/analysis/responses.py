@@ -41,24 +41,18 @@ def first_crossing(x: np.ndarray, y: np.ndarray, level: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class StepResponse:
-    """Response (n, channels) [SI] of the controlled quantity to a step of one channel's reference, without noise.
-
-    There is a sample per slot; the frame with the new reference starts at time 0. Rise is from 10 to 90 % [s]; settling
-    the last time outside +-2 % [s], nan if never inside; overshoot and crosstalk, the largest change of another
-    channel, are fractions of the step; the steady error is reference minus output at the end [SI]; the peak the largest
-    change of a command [SI].
-    """
+    """Response of the controlled quantity to a step of one channel's reference, without noise."""
 
     channel: str
-    size: float
-    time: np.ndarray
-    output: np.ndarray
-    rise: float
-    overshoot: float
-    settling: float
-    steady_error: float
-    crosstalk: float
-    command_peak: float
+    size: float  # [SI]
+    time: np.ndarray  # (n,) one per slot [s]; the frame with the new reference starts at 0
+    output: np.ndarray  # (n, channels) [SI]
+    rise: float  # from 10 to 90 % [s]
+    overshoot: float  # as a fraction of the step
+    settling: float  # last time outside +-2 % [s], nan if never inside
+    steady_error: float  # reference minus output at the end [SI]
+    crosstalk: float  # largest change of another channel, as a fraction of the step
+    command_peak: float  # largest change of a command [SI]
 
     def __repr__(self) -> str:
         return (
@@ -112,24 +106,16 @@ def returns(loop: FrameMap, point: OperatingPoint) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class FrequencyResponse:
-    """Frequency response (lines,) from reference to reading of one channel, at frequency (lines,) [Hz].
-
-    Attributes:
-        measured: complex mean over the draws; spread: standard deviation over them.
-        coherence: share of the reading's power that the reference explains, over the draws.
-        linear: complex, from the frame map.
-        bandwidth: -3 dB against the frame map's static gain [Hz], from the frame map; nan if none.
-        bandwidth_measured: from the multisine, against the same static gain [Hz]; nan if none.
-    """
+    """Frequency response from reference to reading of one channel; arrays are (lines,)."""
 
     channel: str
-    frequency: np.ndarray
-    measured: np.ndarray
-    spread: np.ndarray
-    coherence: np.ndarray
-    linear: np.ndarray
-    bandwidth: float
-    bandwidth_measured: float
+    frequency: np.ndarray  # [Hz]
+    measured: np.ndarray  # complex mean over the draws
+    spread: np.ndarray  # standard deviation over them
+    coherence: np.ndarray  # share of the reading's power that the reference explains, over the draws
+    linear: np.ndarray  # complex, from the frame map
+    bandwidth: float  # -3 dB against the frame map's static gain [Hz], from the frame map; nan if none
+    bandwidth_measured: float  # the same from the multisine
 
     def __repr__(self) -> str:
         return (

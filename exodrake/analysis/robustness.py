@@ -37,23 +37,17 @@ LESS = 0.9  # second order is taken where it covers the deviation with less than
 
 @dataclass(frozen=True, eq=False)
 class Robustness:
-    """Robustness of one robot at one operating point, over frequency (f,) [Hz].
-
-    It is stable if all poles lie inside the unit circle; None where they do not decide (`FrameModel.decides`). `loops`
-    (f, channels) are the open loops of each channel, the others closed; sigma (f,) the largest singular values of S and
-    T = I - S at the commands; `disk` (f,) the disk margin for all commands at once; `gain_array` (f, channels) the
-    diagonal of the relative gain array; `numbers` are by name [SI], NaN where the loop is not stable.
-    """
+    """Robustness of one robot at one operating point."""
 
     label: str
-    stable: bool | None
-    frequency: np.ndarray
-    loops: np.ndarray
-    sigma_s: np.ndarray
+    stable: bool | None  # all poles lie inside the unit circle; None where they do not decide (`FrameModel.decides`)
+    frequency: np.ndarray  # (f,) [Hz]
+    loops: np.ndarray  # (f, channels) open loop of each channel, the others closed
+    sigma_s: np.ndarray  # (f,) largest singular value of S at the commands, and of T = I - S
     sigma_t: np.ndarray
-    disk: np.ndarray
-    gain_array: np.ndarray
-    numbers: dict[str, float]
+    disk: np.ndarray  # (f,) disk margin for all commands at once
+    gain_array: np.ndarray  # (f, channels) diagonal of the relative gain array
+    numbers: dict[str, float]  # by name [SI], NaN where the loop is not stable
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,22 +155,21 @@ def within_intervals(
         raise InputError("the diagnosis holds no list of effects: not an answer of exodrake diagnose --json")
     if not effects:
         raise InputError("the diagnosis names no effect, so there are no intervals to draw from")
+
+    def draw(interval: Mapping[str, Any], end: float | None, rng: np.random.Generator) -> float:
+        # inside its 90 % interval, since tails could leave what a robot can be; an unknown end is the estimate
+        x = float(ndtri(rng.uniform(0.05, 0.95))) / NORMAL_90 if end is None else end
+        value, other = interval["value"], interval["high" if x > 0.0 else "low"]
+        return value if other is None else value + abs(x) * (other - value)
+
     for k in range(draws):
         drawn, end, rng = robot, ends[k] if k < len(ends) else None, np.random.default_rng([seed, k])
-
-        def draw(interval: Mapping[str, Any], end=end, rng=rng) -> float:
-            # inside its 90 % interval, since tails could leave what a robot can be; an unknown end is the estimate
-            x = float(ndtri(rng.uniform(0.05, 0.95))) / NORMAL_90 if end is None else end
-            value, other = interval["value"], interval["high" if x > 0.0 else "low"]
-            return value if other is None else value + abs(x) * (other - value)
-
         for effect in effects:
             try:
                 stated = {n: i for n, i in effect["parameters"].items() if i["value"] is not None}
-                values: dict[str, Any] = {n: draw(i) for n, i in stated.items()}
-                values |= {n: {c: draw(i) for c, i in at.items()} for n, at in effect["channels"].items()}
-                channels = [*effect["wires"], *effect["joints"]]
-                drawn = drawn.splice(effect["id"], values, channels)
+                values: dict[str, Any] = {n: draw(i, end, rng) for n, i in stated.items()}
+                values |= {n: {c: draw(i, end, rng) for c, i in at.items()} for n, at in effect["channels"].items()}
+                drawn = drawn.splice(effect["id"], values, [*effect["wires"], *effect["joints"]])
             except (KeyError, TypeError, AttributeError):
                 raise InputError("the diagnosis states an effect without id, parameters and intervals") from None
         yield f"draw {k + 1}" if end is None else ("lower ends", "estimate", "upper ends")[int(end) + 1], drawn
@@ -184,29 +177,18 @@ def within_intervals(
 
 @dataclass(frozen=True, eq=False)
 class Uncertainty:
-    """The robots of a diagnosis' answer in the loop.
-
-    Attributes:
-        unstable: labels of those whose loop is not stable.
-        kicked: number of those that a simulated kick decides, because their poles mean little.
-        failures: why others have no operating point, a sentence each.
-        dead_band: log column -> half the range in which it may rest [SI], the worst of the robots.
-        cycles: of the improved robot and of the intervals' ends; empty for a robot that is smooth at rest.
-        deviation: (f,) largest relative deviation of a plant from the improved one's [-], at frequency (f,) [Hz].
-        weight: python-control's transfer function in s, of order 1 or 2, that covers the deviation.
-        peak: largest |weight| max sigma(T); below 1 every plant within the weight is stable. nan where T means little.
-    """
+    """The robots of a diagnosis' answer in the loop."""
 
     robots: int
-    unstable: tuple[str, ...]
-    kicked: int
-    failures: tuple[str, ...]
-    dead_band: dict[str, float]
-    cycles: tuple[LimitCycles, ...]
-    frequency: np.ndarray
-    deviation: np.ndarray
-    weight: control.TransferFunction
-    peak: float
+    unstable: tuple[str, ...]  # labels of those whose loop is not stable
+    kicked: int  # number of those that a simulated kick decides, because their poles mean little
+    failures: tuple[str, ...]  # why others have no operating point, a sentence each
+    dead_band: dict[str, float]  # log column -> half the range in which it may rest [SI], the worst of the robots
+    cycles: tuple[LimitCycles, ...]  # of the improved robot and the intervals' ends; empty if it is smooth at rest
+    frequency: np.ndarray  # (f,) [Hz]
+    deviation: np.ndarray  # (f,) largest relative deviation of a plant from the improved one's [-]
+    weight: control.TransferFunction  # in s, of order 1 or 2, covers the deviation
+    peak: float  # largest |weight| max sigma(T): below 1 every plant within the weight is stable; nan if T means little
 
     def __repr__(self) -> str:
         return (
@@ -293,11 +275,10 @@ def fit_weight(frequency: np.ndarray, deviation: np.ndarray) -> control.Transfer
     def measure_slack(x: np.ndarray, order: int) -> float:
         return float(np.mean(excess(x, order) - excess(x, order).min()))
 
-    middle, ends = np.log(np.sqrt(w[0] * w[-1])), np.log([w[0] / 10.0, 10.0 * w[-1]])
+    middle, (low, high) = np.log(np.sqrt(w[0] * w[-1])), np.log([w[0] / 10.0, 10.0 * w[-1]])
     starts = [(log_size[0], middle + a, middle + b) for a, b in ((-1.0, 1.0), (1.0, -1.0), (1.0, 3.0), (-3.0, 0.0))]
-    tried = []
+    bounds, tried = ([-20.0, low, low], [20.0, high, high]), []
     for order in (1, 2):
-        bounds = ([-20.0, ends[0], ends[0]], [20.0, ends[1], ends[1]])
         fits = [least_squares(excess, start, args=(order,), bounds=bounds) for start in starts]
         x = min(fits, key=lambda fit: fit.cost).x
         found = minimize(measure_slack, x, args=(order,), method="Nelder-Mead", bounds=np.transpose(bounds))

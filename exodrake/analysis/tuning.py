@@ -26,12 +26,13 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import astuple, dataclass, field, replace
 from itertools import chain
 from typing import Any
 
 import control
 import numpy as np
+from scipy.linalg import block_diag
 
 from exodrake.analysis import linear_model as lm
 from exodrake.analysis.closed_loop import list_remarks
@@ -85,43 +86,34 @@ class Requirements:
 @short_repr
 @dataclass(frozen=True, eq=False)
 class Tuned:
-    """A tuned controller with its assessment on the robot, of which `gains` [SI] were searched.
-
-    The steps are nonlinear, of the robot itself at its own operating point; bands are over tolerances and operating
-    points; settling [s], overshoot, disk margin and noise [SI] are the worst of these, nan where one is unstable.
-    `missed` are the requirements that it does not hold, a phrase each.
-    """
+    """A tuned controller with its assessment: numbers are the worst of the bands, nan where one robot is unstable."""
 
     name: str
     robot: Robot
-    gains: dict[str, float]
-    steps: tuple[StepResponse, ...]
-    bands: tuple[Band, ...]
-    settling: float
+    gains: dict[str, float]  # that were searched [SI]
+    steps: tuple[StepResponse, ...]  # nonlinear, of the robot itself at its own operating point
+    bands: tuple[Band, ...]  # over operating points and tolerances
+    settling: float  # [s]
     overshoot: float
     disk_margin: float
-    noise: float
-    missed: tuple[str, ...]
+    noise: float  # [SI]
+    missed: tuple[str, ...]  # requirements that it does not hold, a phrase each
 
 
 @dataclass(frozen=True, eq=False)
 class Limit:
-    """How fast a loop could be, beside the best tuned one.
+    """How fast a loop could be, beside the best tuned controller, or the robot as it is without one.
 
-    `settling` bounds [s] any controller on the linear plant at the machine's own point, without noise, with commands,
-    overshoot and crosstalk up to those below; the slowest channel's. `tuned` is that of the best tuned controller
-    there, else of the robot as it is, with the largest change of a command in its steps [command / reference] and of
-    another channel, as a fraction of the step. `lqg` is the worst of the LQG design `law` over all plants that the
-    search sees, None if it stabilises not all of them; `missed` what it does not hold.
+    The bound holds for any controller on the linear plant at the machine's own point, without noise.
     """
 
-    settling: float
-    tuned: float
-    command_peak: float
-    crosstalk: float
-    lqg: Performance | None
-    missed: tuple[str, ...]
-    law: lm.System
+    settling: float  # bound for commands, overshoot and crosstalk up to those of the tuned controller [s]
+    tuned: float  # the tuned controller there [s]; the slowest channel's, as above
+    command_peak: float  # largest change of a command in its steps [command / reference]
+    crosstalk: float  # largest change of another channel, as a fraction of the step
+    lqg: Performance | None  # worst of the LQG design over all plants of the search; None if it destabilises one
+    missed: tuple[str, ...]  # what LQG does not hold
+    law: lm.System  # the LQG design
 
     def __repr__(self) -> str:
         lqg = f"LQG settles in {self.lqg.settling:.3g} s" if self.lqg else "LQG does not stabilise all plants"
@@ -222,15 +214,11 @@ def tune(
             if progress is not None:
                 progress(structure.name)
             fixed = {**structure.fixed, **compliance(plants[0], structure)}
-            gains = search_gains(plants, structure, fixed, wanted)
-            source = f"tuned by exodrake as {structure.name}"
-            places = [(name, value, robot.indices(name)) for name, value in {**fixed, **gains}.items()]
-            named = {
-                robot.machine.parameters[i].name: float(one)
-                for _, value, at in places
-                for i, one in zip(at, np.broadcast_to(value, len(at)), strict=True)
-            }
-            changed = robot.with_parameters(named, source)
+            gains, named = search_gains(plants, structure, fixed, wanted), {}
+            for name, value in {**fixed, **gains}.items():
+                places = [robot.machine.parameters[i].name for i in robot.indices(name)]
+                named |= dict(zip(places, np.broadcast_to(value, len(places)).tolist(), strict=True))
+            changed = robot.with_parameters(named, f"tuned by exodrake as {structure.name}")
             compared.append(assess(structure.name, changed, gains, wanted, judges))
     plant = plants[0]
     tuning = Tuning(robot, wanted, tuple(compared), list_remarks(plant.loop, plant.point, plant.model))
@@ -266,13 +254,11 @@ def find_limit(plants: list[Plant], tuned: Tuned, wanted: Requirements) -> Limit
     first = differential_evolution(cost, LQG_BOUNDS, (nominal,), **SEARCH)
     found = minimize(cost, first.x, (plants,), method="Nelder-Mead", options={"maxfev": LQG_RUNS, "xatol": 0.05})
     law = design(found.x)
-    each = [predict_performance(one, law) for one in plants]
-    columns = [[getattr(p, name) for p in each] for name in vars(each[0])]
-    stable = max(columns[0]) < 1.0
-    lqg = Performance(*(min(c) if n == "disk_margin" else max(c) for n, c in zip(vars(each[0]), columns, strict=True)))
-    unit = plant.loop.robot.machine.signal[plant.loop.loop.command].unit
-    missed = list_missed(wanted, lqg.settling, lqg.overshoot, lqg.disk_margin, lqg.noise, unit)
-    return Limit(min(max(limits), settling), settling, peak, crosstalk, lqg if stable else None, missed, law)
+    radii, settlings, overshoots, disks, noises = zip(*(astuple(predict_performance(one, law)) for one in plants))
+    lqg = Performance(max(radii), max(settlings), max(overshoots), min(disks), max(noises))
+    missed = list_missed(wanted, lqg, plant.loop.robot.machine.signal[plant.loop.loop.command].unit)
+    bound = min(max(limits), settling)
+    return Limit(bound, settling, peak, crosstalk, lqg if lqg.radius < 1.0 else None, missed, law)
 
 
 def schedule_gains(plants: list[Plant], tuning: Tuning) -> dict[str, tuple[dict[str, float], float]]:
@@ -299,60 +285,48 @@ def assess(name: str, robot: Robot, gains: dict[str, float], wanted: Requirement
     members = list(chain.from_iterable(b.members for b in bands))
     kind, unit = loop.kinds[loop.loop.command], robot.machine.signal[loop.loop.command].unit
 
-    def worst(prefix: str, suffix: str, most: bool = True) -> float:
-        names = [f"{prefix} {c}{suffix}" if prefix else suffix for c in loop.channels]
-        found = [m.numbers.get(n, np.nan) for m in members for n in names]
-        return float(np.max(found) if most else np.min(found))
+    def collect(name: str) -> list[float]:
+        return [m.numbers.get(name.format(c), np.nan) for m in members for c in loop.channels]
 
-    settling, overshoot = worst("settling", " [s]"), worst("overshoot", "")
-    disk, noise = worst("", "disk margin", most=False), worst(f"noise of {kind}", f" [{unit}]")
-    missed = list_missed(wanted, settling, overshoot, disk, noise, unit)
+    settling, overshoot = float(np.max(collect("settling {} [s]"))), float(np.max(collect("overshoot {}")))
+    noise = float(np.max(collect(f"noise of {kind} {{}} [{unit}]")))
+    found = Performance(np.nan, settling, overshoot, float(np.min(collect("disk margin"))), noise)
+    missed = list_missed(wanted, found, unit)
     if not np.isfinite(settling) and (undecided := sum(b.undecided for b in bands)):
         missed = (f"poles mean little in {undecided} robots",)
     if failures := sum(len(b.failures) for b in bands):
         missed = (*missed, f"{failures} robots without rest")
-    return Tuned(name, robot, gains, steps, bands, settling, overshoot, disk, noise, missed)
+    return Tuned(name, robot, gains, steps, bands, *astuple(found)[1:], missed=missed)
 
 
-def list_missed(
-    wanted: Requirements, settling: float, overshoot: float, disk: float, noise: float, unit: str
-) -> tuple[str, ...]:
+def list_missed(wanted: Requirements, found: Performance, unit: str) -> tuple[str, ...]:
     """The requirements that are not held, a phrase each; nan holds nothing."""
-    missed = []
-    if not np.isfinite(settling):
+    if not np.isfinite(found.settling):
         return ("does not settle",)
-    if wanted.settling is not None and settling > wanted.settling:
-        missed.append(f"settles in {settling:.3g} s")
-    if not overshoot <= wanted.overshoot:
-        missed.append(f"overshoots {100.0 * overshoot:.2g} %")
-    if not disk >= wanted.disk_margin:
-        missed.append(f"disk margin {disk:.2g}")
-    if wanted.noise is not None and not noise <= wanted.noise:
-        missed.append(f"command noise {noise:.2g} {unit}")
-    return tuple(missed)
+    held = {
+        f"settles in {found.settling:.3g} s": wanted.settling is None or found.settling <= wanted.settling,
+        f"overshoots {100.0 * found.overshoot:.2g} %": found.overshoot <= wanted.overshoot,
+        f"disk margin {found.disk_margin:.2g}": found.disk_margin >= wanted.disk_margin,
+        f"command noise {found.noise:.2g} {unit}": wanted.noise is None or found.noise <= wanted.noise,
+    }
+    return tuple(phrase for phrase, holds in held.items() if not holds)
 
 
 @dataclass(frozen=True, eq=False)
 class Plant:
-    """A robot's plant from commands to readings at an operating point, linear, without the controller's states.
-
-    The model is that of the closed loop with the robot's own controller. N (n, noises) and M (channels, noises) are the
-    plant's answer to sensor noise of unit variance, `response` (f, channels, channels) that of the readings to the
-    commands at `frequency` (f,) [Hz]. `index` (channels,) names a state that moves each reading, `size` by how far.
-    A controller that acts before the sensor reads sees the reading that is `held` from the frame before.
-    """
+    """A robot's plant from commands to readings at an operating point, linear, without the controller's states."""
 
     loop: lm.FrameMap
     point: lm.OperatingPoint
-    model: lm.FrameModel
+    model: lm.FrameModel  # of the closed loop with the robot's own controller
     plant: lm.System
-    N: np.ndarray
+    N: np.ndarray  # (n, noises) and M (channels, noises): the plant's answer to sensor noise of unit variance
     M: np.ndarray
-    frequency: np.ndarray
-    response: np.ndarray
-    index: np.ndarray
-    size: np.ndarray
-    held: bool
+    frequency: np.ndarray  # (f,) [Hz]
+    response: np.ndarray  # (f, channels, channels) of the readings to the commands
+    index: np.ndarray  # (channels,) a state that moves each reading
+    size: np.ndarray  # (channels,) by how far it is moved
+    held: bool  # the controller acts before the sensor reads: it sees the reading of the frame before
 
 
 def linearise_plant(robot: Robot, at: Mapping[str, float] | str | None = None) -> Plant:
@@ -389,22 +363,15 @@ def linearise_law(plant: Plant, values: Mapping[str, Any]) -> lm.System:
         after, signals = step(x, r)
         return np.append(after[own], signals[command]), x[plant.index] if plant.held else signals[reading]
 
+    n, q, nudge = len(point.state), len(own), 1e-3 * loop.loop.step
+    moves = np.zeros((q + 2 * m, n + m))  # of the controller's states, the references and the readings, one at a time
+    moves[np.arange(q + m), [*own, *range(n, n + m)]] = nudge
+    moves[np.arange(q + m, q + 2 * m), plant.index] = plant.size
     rest, y = image(point.state, point.references)
-    q, nudge = len(own), 1e-3 * loop.loop.step
-    inner, outer, read = np.zeros((q + m, q)), np.zeros((q + m, m)), np.zeros((q + m, m))
-    change = np.zeros((m, m))
-    for i, state in enumerate(own):
-        x = point.state.copy()
-        x[state] += nudge
-        inner[:, i] = (image(x, point.references)[0] - rest) / nudge
-    for j in range(m):
-        r, x = point.references.copy(), point.state.copy()
-        r[j] += nudge
-        outer[:, j] = (image(point.state, r)[0] - rest) / nudge
-        x[plant.index[j]] += plant.size[j]
-        sent, measured = image(x, point.references)
-        read[:, j], change[:, j] = sent - rest, measured - y
-    driven = np.hstack([read @ np.linalg.inv(change), outer])
+    sent, measured = zip(*(image(point.state + move[:n], point.references + move[n:]) for move in moves))
+    inner, outer, read = np.split(np.transpose(sent) - rest[:, None], [q, q + m], axis=1)
+    inner = inner / nudge
+    driven = np.hstack([read @ np.linalg.inv(np.transpose(measured[q + m :]) - y[:, None]), outer / nudge])
     keep = lm.find_observed(inner[:q], inner[q:])
     matrices = inner[np.ix_(keep, keep)], driven[keep], inner[q:][:, keep], driven[q:]
     return lm.System(*matrices, plant.plant.dt)
@@ -412,17 +379,13 @@ def linearise_law(plant: Plant, values: Mapping[str, Any]) -> lm.System:
 
 @dataclass(frozen=True)
 class Performance:
-    """Performance of a controller on one linear plant; the worst over channels.
+    """Performance of a controller on one linear plant; the worst over channels."""
 
-    Settling [s] is to 2 %, beyond the horizon by what is missing; overshoot a fraction; the disk margin that of all
-    commands at once, never overstated; the noise the largest standard deviation of a command [SI].
-    """
-
-    radius: float
-    settling: float
-    overshoot: float
-    disk_margin: float
-    noise: float
+    radius: float  # spectral
+    settling: float  # to 2 % [s], beyond the horizon by what is missing
+    overshoot: float  # as a fraction of a step
+    disk_margin: float  # of all commands at once, never overstated
+    noise: float  # largest standard deviation of a command [SI]
 
 
 def predict_performance(plant: Plant, law: lm.System) -> Performance:
@@ -469,6 +432,19 @@ def worst_cost(plants: list[Plant], law: Callable[[Plant], lm.System], wanted: R
     return worst
 
 
+def compute_cost(p: Performance, wanted: Requirements, frame: float) -> float:
+    """Settling time in frames, plus what each missed requirement costs; far above for an unstable loop."""
+    if p.radius >= 1.0:
+        return UNSTABLE * (1.0 + p.radius)
+    most = wanted.noise if wanted.noise is not None else np.inf
+    missed = (
+        max(0.0, p.overshoot - wanted.overshoot * (1.0 - SLACK)) / max(wanted.overshoot, 0.01),
+        max(0.0, 1.0 - p.disk_margin / max(wanted.disk_margin * (1.0 + SLACK), LEAST)),
+        max(0.0, p.noise / max(most * (1.0 - SLACK), LEAST) - 1.0),
+    )
+    return p.settling / frame + FRAMES * PENALTY * sum(missed)
+
+
 def search_gains(
     plants: list[Plant],
     structure: Controller,
@@ -502,19 +478,6 @@ def search_gains(
     options = {"maxfev": 40 * len(names), "xatol": 1e-2, "fatol": 0.1, "initial_simplex": simplex}
     found = minimize(cost, x, (plants,), method="Nelder-Mead", options=options)
     return values(np.clip(found.x, *np.array(bounds).T))
-
-
-def compute_cost(p: Performance, wanted: Requirements, frame: float) -> float:
-    """Settling time in frames, plus what each missed requirement costs; far above for an unstable loop."""
-    if p.radius >= 1.0:
-        return UNSTABLE * (1.0 + p.radius)
-    most = wanted.noise if wanted.noise is not None else np.inf
-    missed = (
-        max(0.0, p.overshoot - wanted.overshoot * (1.0 - SLACK)) / max(wanted.overshoot, 0.01),
-        max(0.0, 1.0 - p.disk_margin / max(wanted.disk_margin * (1.0 + SLACK), LEAST)),
-        max(0.0, p.noise / max(most * (1.0 - SLACK), LEAST) - 1.0),
-    )
-    return p.settling / frame + FRAMES * PENALTY * sum(missed)
 
 
 def bound_settling(
@@ -565,10 +528,8 @@ def design_lqg(
         LinAlgError: where the Riccati equations have no solution.
     """
     a, b, c, n, m = plant.A, plant.B, plant.C, plant.nstates, plant.ninputs
-    weights = np.zeros((n + m, n + m))
-    weights[:n, :n], weights[n:, n:] = c.T @ c, integral * np.eye(m)
-    whole = np.block([[a, np.zeros((n, m))], [c, np.eye(m)]])
-    gain = control.dlqr(whole, np.vstack([b, np.zeros((m, m))]), weights, effort * np.eye(m))[0]
+    weights = block_diag(c.T @ c, integral * np.eye(m))
+    gain = control.dlqr(a, b, weights, effort * np.eye(m), integral_action=c)[0]
     process = noise[0] @ noise[0].T + disturbance**2 * b @ b.T
     kalman = control.dlqe(a, np.eye(n), c, 0.5 * (process + process.T), noise[1] @ noise[1].T)[0]
     hold = np.linalg.lstsq(np.block([[a - np.eye(n), b], [c, np.zeros((m, m))]]),

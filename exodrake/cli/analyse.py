@@ -42,37 +42,27 @@ def command(file, parameters, effects, parts, at, draws, diagnosis, seed, out, j
     Linearises the whole sampled loop at an operating point, and measures the full nonlinear one by steps and multisine.
     Bands are over robots within the tolerances and over the machine's operating points.
     """
+    from exodrake.analysis import robustness
     from exodrake.analysis.closed_loop import model_bytes, to_plain
     from exodrake.analysis.figures import draw_figures
     from exodrake.analysis.limit_cycles import limit_cycles
     from exodrake.analysis.linear_model import add_controller
-    from exodrake.analysis.robustness import (
-        assess_answer,
-        band,
-        points_band,
-        read_diagnosis,
-        within_intervals,
-        within_tolerances,
-    )
     from exodrake.cli.simulate import warn
 
-    answer, improved = read_diagnosis(diagnosis) if diagnosis else (None, None)
+    answer, improved = robustness.read_diagnosis(diagnosis) if diagnosis else (None, None)
     if improved and click.get_current_context().get_parameter_source("file") == ParameterSource.DEFAULT:
         file = str(improved)
-    robot, point = (
-        options.change_robot(add_controller(exo.load_robot(file)), parameters, effects, parts),
-        parse_point(at),
-    )
+    robot = options.change_robot(add_controller(exo.load_robot(file)), parameters, effects, parts)
+    point, bands, uncertainty = parse_point(at), [], None
     with options.waiting("analysing (the first run after a change compiles for half a minute)"):
         result = exo.analyse(robot, point, seed)
-        uncertainty = None if answer is None else assess_answer(robot, answer, point, draws or 12)
-        bands = []
         if draws and robot.machine.tolerances:
-            bands.append(band("tolerances", within_tolerances(robot, draws), point))
+            bands.append(robustness.band("tolerances", robustness.within_tolerances(robot, draws), point))
         if answer is not None:
-            bands.append(band("diagnosis", within_intervals(robot, answer, draws or 12), point))
+            uncertainty = robustness.assess_answer(robot, answer, point, draws or 12)
+            bands.append(robustness.band("diagnosis", robustness.within_intervals(robot, answer, draws or 12), point))
         if robot.machine.loop and len(robot.machine.loop.points) > 1:
-            bands.append(points_band(robot))
+            bands.append(robustness.points_band(robot))
         result = replace(result, bands=tuple(bands), uncertainty=uncertainty)
         cycles = limit_cycles(robot, point) if out or json_file else ()
         figures, numbers = draw_figures(result, cycles) if out else {}, to_plain(result, cycles)
@@ -96,9 +86,8 @@ def parse_point(text: str) -> dict[str, float] | str | None:
                 raise ValueError
             found[name] = float(value)
         except ValueError:
-            raise InputError(
-                f"--at: {item!r} is not CHANNEL=NUMBER, each channel once, nor the name of a point"
-            ) from None
+            words = "is not CHANNEL=NUMBER, each channel once, nor the name of a point"
+            raise InputError(f"--at: {item!r} {words}") from None
     return found or None
 
 
@@ -148,13 +137,9 @@ def uncertainty_lines(result: exo.ClosedLoop) -> list[str]:
     u, machine = result.uncertainty, result.robot.machine
     if u is None:
         return []
-    stable = u.robots - len(u.unstable)
-    found = [
-        f"robots of the diagnosis: {stable} of {u.robots} stable"
-        + (f", {u.kicked} by a simulated kick" * (u.kicked > 0))
-    ]
-    if u.unstable:
-        found[0] += "; unstable: " + ", ".join(u.unstable)
+    words = f"robots of the diagnosis: {u.robots - len(u.unstable)} of {u.robots} stable"
+    words += f", {u.kicked} by a simulated kick" if u.kicked else ""
+    found = [words + (f"; unstable: {', '.join(u.unstable)}" if u.unstable else "")]
     if u.cycles:
         found.append(
             f"describing functions, worst amplitude and interval: gain margin {u.gain_margin_db:.3g} dB, phase margin "
@@ -180,9 +165,8 @@ def verdict(result: exo.ClosedLoop) -> str:
     """Stable or not, by the poles, by the simulation where these mean little, and up to which latency."""
     radius, word = result.model.spectral_radius, "stable" if result.stable else "UNSTABLE"
     if not result.model.decides:
-        return (
-            f"{word}: simulated, a kick {'dies' if result.returns else 'does not die'} out; poles mean little, see note"
-        )
+        dies = "dies" if result.returns else "does not die"
+        return f"{word}: simulated, a kick {dies} out; poles mean little, see note"
     text = f"spectral radius {radius:.4f} per frame: {word}"
     if result.stable and not result.returns:
         text += ", yet a kick does not die out"

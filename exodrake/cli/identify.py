@@ -24,32 +24,26 @@ def command() -> None:
 @click.option(
     "--out", type=options.OutputFolder(), default=Path("kinematics"), show_default=True, help="Folder for the files."
 )
-@click.option("--markers", type=options.AnyPath(), help="YAML with the marker names of each segment.")
+@click.option("--markers", "names", type=options.AnyPath(), help="YAML with the marker names of each segment.")
 @click.option(
     "--cutoff", type=float, default=4.0, show_default=True, help="Smoothing of marker paths [Hz]; 0 for none."
 )
 @click.option("--repair", is_flag=True, help="Exchange swapped markers back instead of refusing the file.")
-def kinematics(file: Path, out: Path, markers: Path | None, cutoff: float, repair: bool) -> None:
+def kinematics(file: Path, out: Path, names: Path | None, cutoff: float, repair: bool) -> None:
     """Joint axes, moving joint centres, angles and phalanx lengths from a marker recording, CSV or C3D.
 
     Writes kinematics.csv, kinematics.md, kinematics.png and robot.yaml. The recording begins with the finger straight
     and still for 1 s.
     """
+    from exodrake.identification.kinematics import markers
     from exodrake.identification.kinematics.identify import identify
-    from exodrake.identification.kinematics.markers import (
-        Layout,
-        check_labels,
-        exchange_labels,
-        read_layout,
-        read_markers,
-    )
     from exodrake.identification.kinematics.report import length_rows, table_rows, write_report
 
-    recording = read_markers(file)
-    layout = read_layout(markers) if markers else Layout()
+    recording = markers.read_markers(file)
+    layout = markers.read_layout(names) if names else markers.Layout()
     if repair:
-        swaps = check_labels(recording, layout).swaps
-        recording = exchange_labels(recording, swaps)
+        swaps = markers.check_labels(recording, layout).swaps
+        recording = markers.exchange_labels(recording, swaps)
         for swap in swaps:
             click.echo(f"exchanged {swap.names[0]} and {swap.names[1]} in frames {swap.first} to {swap.last}")
     with options.waiting("adjusting axes to the markers"):
@@ -83,26 +77,19 @@ def synthesise(
     swap: tuple[str, str] | None, seed: int,
 ) -> None:  # fmt: skip
     """Write a synthetic 14-marker recording, CSV or C3D by its name, and its truth into FILE.truth.yaml."""
-    from exodrake.identification.kinematics.markers import (
-        Faults,
-        Hand,
-        Swap,
-        c3d_bytes,
-        csv_bytes,
-        exchange_labels,
-        synthesise,
-        truth_yaml,
-    )
+    from exodrake.identification.kinematics import markers
 
-    recording, truth = synthesise(Hand(), Faults(1e-3 * noise, 1e-3 * artefact, dropouts), duration, rate, seed)
+    faults = markers.Faults(1e-3 * noise, 1e-3 * artefact, dropouts)
+    recording, truth = markers.synthesise(markers.Hand(), faults, duration, rate, seed)
     if swap:
         if len(set(swap) & set(recording.names)) < 2:
             raise InputError(f"--swap {' '.join(swap)}: wanted two of {', '.join(recording.names)}")
         middle = len(recording.time) // 2
-        recording = exchange_labels(recording, (Swap(swap, middle, middle + round(rate / 2)),))
+        recording = markers.exchange_labels(recording, (markers.Swap(swap, middle, middle + round(rate / 2)),))
     source = f"Synthetic, nobody was measured: exodrake identify synthesise, seed {seed}."
-    data = c3d_bytes(recording) if file.suffix.lower() == ".c3d" else csv_bytes(recording, (source,))
-    options.write_files({file: data, file.with_name(file.name + ".truth.yaml"): truth_yaml(truth)})
+    binary = file.suffix.lower() == ".c3d"
+    data = markers.c3d_bytes(recording) if binary else markers.csv_bytes(recording, (source,))
+    options.write_files({file: data, file.with_name(file.name + ".truth.yaml"): markers.truth_yaml(truth)})
     click.echo(f"{len(recording.time)} frames, {len(recording.names)} markers")
 
 

@@ -54,79 +54,54 @@ ALIKE = 1e6  # condition of the scaled Jacobian from which parameters act alike;
 
 @dataclass(frozen=True)
 class FittedParameter:
-    """A fitted parameter: value before and after the fit, 90 % interval and standard deviation in its SI unit.
+    """A fitted parameter: value before and after the fit, 90 % interval and standard deviations in its SI unit."""
 
-    Attributes:
-        name: full name; several, separated by blanks, of those that move together: the first one's value is stated.
-        std_white: standard deviation of white residuals alone, as most programs state it [unit].
-        std_others: from the tolerances of all parameters that are not free [unit].
-        at_bound: whether the fit ended at a bound; an interval then says little.
-    """
-
-    name: str
+    name: str  # of several that move together, separated by blanks, the first one's value is stated
     unit: str
     start: float
     value: float
     low: float
     high: float
     std: float
-    std_white: float
-    std_others: float
-    at_bound: bool
+    std_white: float  # of white residuals alone, as most programs state it
+    std_others: float  # from the tolerances of all parameters that are not free
+    at_bound: bool  # the fit ended at a bound: an interval then says little
 
 
 @dataclass(frozen=True)
 class SignalFit:
-    """Fit percent of one column, 100 (1 - |y - f| / |y - mean|) as of MATLAB's `compare`, and tests of its residual.
-
-    Of the robot before and after, and of a linear model simulated on the references, on fitted and on held-out logs
-    [%]. `left` is that of a linear model of the fitted robot's residual, of noise alone 1 or 2. The p-values are of
-    white residuals (Ljung & Box 1978), and of independence of the references (Ljung 1999, sec. 16.6).
-    """
+    """Fit percent of one column, 100 (1 - |y - f| / |y - mean|) as of MATLAB's `compare`, and tests of its residual."""
 
     column: str
-    start: float
+    start: float  # of the robot before and after, and of a linear model simulated on the references [%]
     fitted: float
     arx: float
-    held_start: float
+    held_start: float  # the same on held-out logs [%]
     held_fitted: float
     held_arx: float
-    left: float
-    whiteness: float
-    independence: float
+    left: float  # of a linear model of the fitted robot's residual [%]; of noise alone 1 or 2
+    whiteness: float  # p-value of white residuals (Ljung & Box 1978)
+    independence: float  # p-value of independence of the references (Ljung 1999, sec. 16.6)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Fit:
-    """A robot fitted to logs.
+    """A robot fitted to logs."""
 
-    Attributes:
-        case: name of what it was fitted to.
-        robot: the fitted robot.
-        parameters: fitted parameters.
-        covariance: (parameters, parameters) of their values [SI].
-        signals: fit and tests of each column.
-        directions: (parameters, n) change of the flat parameter vector by one unit of each value.
-        chi2: mean square of the residual before and after [noise variances].
-        frames: frames of the fitted logs.
-        blocks: stretches of time that the intervals rest on.
-        notes: remarks, a sentence each.
-    """
-
-    case: str
+    case: str  # name of what it was fitted to
     robot: Robot
     parameters: tuple[FittedParameter, ...]
-    covariance: np.ndarray
-    signals: tuple[SignalFit, ...]
-    directions: np.ndarray
-    chi2: tuple[float, float]
-    frames: int
-    blocks: int
-    notes: tuple[str, ...] = ()
+    covariance: np.ndarray  # (parameters, parameters) of their values [SI]
+    signals: tuple[SignalFit, ...]  # fit and tests of each column
+    directions: np.ndarray  # (parameters, n) change of the flat parameter vector by one unit of each value
+    chi2: tuple[float, float]  # mean square of the residual before and after [noise variances]
+    frames: int  # of the fitted logs
+    blocks: int  # stretches of time that the intervals rest on
+    notes: tuple[str, ...] = ()  # remarks, a sentence each
 
     def __repr__(self) -> str:
-        words = [f"{p.name} {p.value:.4g} ({p.low:.4g} to {p.high:.4g}) {p.unit}" for p in self.parameters[:3]]
-        words = [one.removesuffix(" -") for one in words]
+        shown = self.parameters[:3]
+        words = [f"{p.name} {p.value:.4g} ({p.low:.4g} to {p.high:.4g}) {p.unit}".removesuffix(" -") for p in shown]
         more = f"; {len(self.parameters) - 3} more" if len(self.parameters) > 3 else ""
         before, after = (np.median([getattr(s, name) for s in self.signals]) for name in ("start", "fitted"))
         head = f"Fit({self.case}: {'; '.join(words)}{more})"
@@ -364,11 +339,10 @@ def compare_signals(problem: Problem, rows: np.ndarray) -> tuple[SignalFit, ...]
         measured = [[trial.measured[:, j] for trial, _ in one] for one in sets]
         before, after = ([[run[k, :, j] for _, run in one] for one in sets] for k in (0, 1))
         errors = [[y - f for y, f in zip(*pair, strict=True)] for pair in zip(measured, after, strict=True)]
-        robots = [[fit_percent(*pair) for pair in zip(measured, runs, strict=True)] for runs in (before, after)]
+        robots = [list(map(fit_percent, measured, runs)) for runs in (before, after)]
         percents = np.transpose([*robots, arx_percents(inputs, measured)]).ravel().tolist()
-        tests = check_residual(errors[0], inputs[0])
-        left = arx_percents(inputs, errors)[0]
-        found.append(SignalFit(column, *percents, left=left, whiteness=tests[0], independence=tests[1]))
+        left, (white, independent) = arx_percents(inputs, errors)[0], check_residual(errors[0], inputs[0])
+        found.append(SignalFit(column, *percents, left=left, whiteness=white, independence=independent))
     return tuple(found)
 
 
@@ -390,25 +364,25 @@ def arx_percents(inputs: Sequence[Sequence[np.ndarray]], outputs: Sequence[Seque
 
     known = [[filled_columns(y[:, None])[:, 0] for y in ys] for ys in outputs]
 
-    def forced(u: np.ndarray, order: int) -> np.ndarray:
-        """Regressors (n, ...) that are known beforehand: 1 and inputs."""
-        return np.column_stack([np.ones(len(u)), *(np.roll(u, k, axis=0) for k in range(order + 1))])[order:]
+    def delay(rows: np.ndarray, delays: range, order: int) -> np.ndarray:
+        """Columns (n - order, ...) of rows (n, ...) that are so many samples late."""
+        return np.column_stack([np.roll(rows, k, axis=0) for k in delays])[order:]
 
-    def simulated(u: np.ndarray, y: np.ndarray, order: int, weights: np.ndarray) -> np.ndarray:
+    def simulate_log(u: np.ndarray, y: np.ndarray, order: int, weights: np.ndarray) -> np.ndarray:
         """Output (n,) from the first samples on."""
-        fading, driven = [1.0, *weights[-order:]], forced(u, order) @ weights[:-order]
+        driven = weights[0] + delay(u, range(order + 1), order) @ weights[1:-order]
+        fading = [1.0, *weights[-order:]]
         later = lfilter([1.0], fading, driven, zi=lfiltic([1.0], fading, y[:order][::-1]))[0]
         return np.concatenate([y[:order], later])
 
     found = []
     for order in ORDERS:
-        tables = [
-            np.column_stack([forced(u, order), *(-np.roll(y, k)[order:] for k in range(1, order + 1))])
-            for u, y in zip(inputs[0], known[0], strict=True)
-        ]
-        weights = np.linalg.lstsq(np.vstack(tables), np.concatenate([y[order:] for y in known[0]]), rcond=None)[0]
+        own = zip(inputs[0], known[0], strict=True)
+        tables = [np.hstack([delay(u, range(order + 1), order), -delay(y, range(1, order + 1), order)]) for u, y in own]
+        table = np.insert(np.vstack(tables), 0, 1.0, axis=1)
+        weights = np.linalg.lstsq(table, np.concatenate([y[order:] for y in known[0]]), rcond=None)[0]
         with np.errstate(over="ignore", invalid="ignore"):
-            runs = [[simulated(u, y, order, weights) for u, y in zip(*one, strict=True)] for one in zip(inputs, known)]
+            runs = [[simulate_log(u, y, order, weights) for u, y in zip(*one)] for one in zip(inputs, known)]
             found.append([fit_percent(ys, own) for ys, own in zip(outputs, runs, strict=True)])
     return max(found, key=lambda percents: percents[0] if np.isfinite(percents[0]) else -np.inf)
 

@@ -49,17 +49,16 @@ Statics = Callable[[np.ndarray, Parameters], np.ndarray]
 
 @dataclass(frozen=True)
 class Stiffness:
-    """Stiffness kappa (3,) [N m/rad] and rest posture q0 (3,) [rad] of MCP, PIP, DIP, with their standard errors.
+    """Stiffness and rest posture of MCP, PIP, DIP.
 
-    `rmse` (3,) is the root mean square error on the rows of the fit [rad]. Standard errors assume independent residuals
-    in neighbouring rows, so they are lower bounds for a wearer.
+    Standard errors assume independent residuals in neighbouring rows, so they are lower bounds for a wearer.
     """
 
-    kappa: tuple[float, ...]
-    q0: tuple[float, ...]
+    kappa: tuple[float, ...]  # [N m/rad]
+    q0: tuple[float, ...]  # [rad]
     kappa_error: tuple[float, ...]
     q0_error: tuple[float, ...]
-    rmse: tuple[float, ...]
+    rmse: tuple[float, ...]  # on the rows of the fit [rad]
 
     def parameters(self, n: Parameters) -> Parameters:
         """Replace stiffness and rest posture of the parameters by the fitted ones."""
@@ -96,10 +95,8 @@ def fit_stiffness(tension: np.ndarray, angle: np.ndarray, n: Parameters, statics
         return np.where(np.isfinite(found), found - angle[kept, joint], 1.0)
 
     for joint, q in enumerate(angle[kept].T):
-        if np.ptp(q) < MIN_SPAN:
-            raise InputError(
-                f"stiffness: joint {joint + 1} moved {np.ptp(q):.3f} rad, at least {MIN_SPAN} rad are needed"
-            )
+        if (span := np.ptp(q)) < MIN_SPAN:
+            raise InputError(f"stiffness: joint {joint + 1} moved {span:.3f} rad, at least {MIN_SPAN} rad are needed")
         start = [np.log(n.kappa[joint]), n.q0[joint]]
         inside = (q > n.q_e[joint]) & (q < n.q_f[joint])
         if inside.sum() >= 10:  # the line through torque against angle between the end stops, if it rises
@@ -139,16 +136,12 @@ def tension_map(r: np.ndarray, kappa: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class MaximumTension:
-    """The tension of a tendon that maximises the movement.
-
-    The joints have all but stopped at the tension [N], the largest one held where they are not `saturated`. `travel` is
-    by joint its angle at that tension less the one at the start of the ramp [rad].
-    """
+    """The tension of a tendon that maximises the movement."""
 
     tendon: str
-    tension: float
-    saturated: bool
-    travel: dict[str, float]
+    tension: float  # at which the joints have all but stopped, or the largest one held [N]
+    saturated: bool  # whether they have stopped
+    travel: dict[str, float]  # by joint its angle at that tension less the one at the start of the ramp [rad]
 
 
 def find_maximum_tension(log: Log, robot: Robot | None = None) -> tuple[MaximumTension, ...]:
@@ -162,28 +155,26 @@ def find_maximum_tension(log: Log, robot: Robot | None = None) -> tuple[MaximumT
     Raises:
         InputError: a column is missing, or a tendon does not ramp up alone.
     """
+    from scipy.stats import binned_statistic
+
     log, axes = argument("log", log, Log), robot_or_default(robot).machine.axes
     reference, tension = log.array("tension_ref", axes.tendons), log.array("tension", axes.tendons)
     angle = log.array("angle", axes.joints)
     steps = np.diff(reference, axis=0, prepend=reference[:1])
     lowest, found = np.nanmin(reference, axis=0), []
     for i, tendon in enumerate(axes.tendons):
-        others = np.delete(np.arange(len(axes.tendons)), i)
-        alone = (reference[:, others] <= lowest[others]).all(axis=1)
+        alone = (np.delete(reference - lowest, i, axis=1) <= 0.0).all(axis=1)
         whole = np.isfinite(tension[:, i]) & np.isfinite(angle).all(axis=1)
-        up = (steps[:, i] >= 0.0) & (reference[:, i] > lowest[i])
-        rows = np.flatnonzero(up & alone & whole)
+        rows = np.flatnonzero((steps[:, i] >= 0.0) & (reference[:, i] > lowest[i]) & alone & whole)
         if len(rows) < RAMP_ROWS:
             raise InputError(
                 f"{log.label}: {tendon} ramps up alone in {len(rows)} complete rows, wanted {RAMP_ROWS}; "
                 "see the protocol maximum-tension"
             )
-        pull, edges = tension[rows, i], np.linspace(tension[rows, i].min(), tension[rows, i].max(), BINS + 1)
-        place = np.clip(np.searchsorted(edges, pull, side="right") - 1, 0, BINS - 1)
-        kept = np.unique(place)
-        level = np.array([pull[place == k].mean() for k in kept])
-        posture = np.array([angle[rows][place == k].mean(axis=0) for k in kept])
-        travel = posture - posture[0]
+        pull = tension[rows, i]
+        averages = binned_statistic(pull, [pull, *angle[rows].T], bins=BINS).statistic
+        level, *posture = averages[:, np.isfinite(averages[0])]
+        travel = np.transpose(posture) - np.transpose(posture)[0]
         gain = np.gradient(np.abs(travel).sum(axis=1), level)
         first = int(np.flatnonzero(gain >= SHARE * gain.max())[-1]) + 1
         at = min(first, len(level) - 1)

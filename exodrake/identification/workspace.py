@@ -86,11 +86,10 @@ def check(lengths, ranges: Ranges) -> None:
 
 
 class Area(NamedTuple):
-    """Area [m2], its standard error [m2], number of points, and area of the bounding box [m2]."""
+    """Area, its standard error, and the area of the bounding box [m2]."""
 
     value: float
     error: float
-    samples: int
     box: float
 
 
@@ -145,7 +144,7 @@ def monte_carlo(lengths, ranges: Ranges, what: str = FINGERTIP, samples: int = 4
         for along in bones:
             outside = outside[~reachable(outside, lengths, ranges, dip, along)]
     share, box = 1 - len(outside) / samples, float(np.prod(high - low))
-    return Area(box * share, box * float(np.sqrt(share * (1 - share) / samples)), samples, box)
+    return Area(box * share, box * float(np.sqrt(share * (1 - share) / samples)), box)
 
 
 class Assisted(NamedTuple):
@@ -196,12 +195,11 @@ def areas(lengths, ranges: Ranges, wired: Assisted | None, samples: int, seed: i
     """Rows under HEAD: areas of the full range of motion (K.M.) and, if given, of the assisted motion (A.M.)."""
     rows = []
     for what in (FINGERTIP, DISTAL):
-        drawn, exact = monte_carlo(lengths, ranges, what, samples, seed), reach(lengths, ranges, what).area
-        values = (f"{1e6 * exact:.1f}", f"{1e6 * drawn.value:.0f}", f"{1e6 * drawn.error:.0f}", str(samples))
-        rows.append(("K.M.", what, *values))
+        exact, drawn = reach(lengths, ranges, what).area, monte_carlo(lengths, ranges, what, samples, seed)
+        rows.append(("K.M.", what, f"{1e6 * exact:.1f}", *(f"{1e6 * x:.0f}" for x in drawn[:2]), str(samples)))
     if wired is not None:
-        measured = ((what, 1e6 * wired.region(lengths, what).area) for what in (FINGERTIP, DISTAL))
-        rows += [("A.M.", what, f"{area:.1f}", "", "", "") for what, area in measured]
+        for what in (FINGERTIP, DISTAL):
+            rows.append(("A.M.", what, f"{1e6 * wired.region(lengths, what).area:.1f}", "", "", ""))
     return rows
 
 
@@ -230,11 +228,8 @@ def workspace_figure(lengths, ranges: Ranges, assisted=None) -> bytes:
         x, y = 1e3 * np.array(joints).T
         panel.plot(x, y, "-o", color="#1f4f7a", lw=3, ms=6, mfc="white", zorder=5, label="finger, mid range")
         panel.set_title(f"{what} workspace", fontsize=11)
-        panel.set_xlabel("x, along the proximal phalanx at MCP 0 [mm]")
+        panel.set(xlabel="x, along the proximal phalanx at MCP 0 [mm]", aspect="equal", axisbelow=True)
         panel.legend(loc="upper left", fontsize=8, framealpha=0.95)
-        panel.set_aspect("equal")
         panel.grid(color="0.9", lw=0.6)
-        panel.set_axisbelow(True)
-    panels[0].set_ylabel("y, palmar [mm]")
-    panels[0].set_ylim(90, -55)  # palmar down, as the hand lies
+    panels[0].set(ylabel="y, palmar [mm]", ylim=(90, -55))  # palmar down, as the hand lies
     return render_png(figure, dpi=130)

@@ -19,7 +19,7 @@ from typing import Any
 
 from exodrake import __version__
 from exodrake.compiled.inputs import Reference
-from exodrake.core.errors import InputError, nearest
+from exodrake.core.errors import InputError
 from exodrake.core.files import is_file, read_bytes
 from exodrake.core.robot import Robot
 from exodrake.core.schema import anything, dump_yaml, mapping, optional, parse_yaml, read_yaml, text
@@ -27,9 +27,8 @@ from exodrake.core.units import quantity
 from exodrake.data.log import CHANGED, MODEL, Log
 from exodrake.machines.robot_file import EFFECTS, PARAMETERS, VARIANTS, build, load_robot
 from exodrake.simulation.references import from_log, protocol, split_options
-from exodrake.simulation.simulate import simulate
+from exodrake.simulation.simulate import ENGINES, simulate
 
-ENGINES = ("compiled", "drake")
 SCHEMA = mapping(
     {
         "exodrake": anything,
@@ -61,9 +60,6 @@ class Scenario:
     engine: str = "compiled"
 
     def __post_init__(self) -> None:
-        if self.engine not in ENGINES:
-            hint = nearest(self.engine, list(ENGINES))
-            raise InputError(f"unknown engine {self.engine!r}{hint}; there are compiled, drake")
         if self.seed is not None and (isinstance(self.seed, bool) or not isinstance(self.seed, int) or self.seed < 0):
             raise InputError(f"seed is {self.seed!r}, wanted a whole number from 0, or null for no noise")
         if not isinstance(self.quantisation, bool):

@@ -10,7 +10,7 @@ import numpy as np
 
 from exodrake.compiled.inputs import NoiseInputs, Reference, prepare_values, reference_width
 from exodrake.compiled.run import run_compiled
-from exodrake.core.errors import InputError, argument, short_repr
+from exodrake.core.errors import InputError, argument, nearest, short_repr
 from exodrake.core.machine import Machine
 from exodrake.core.robot import Robot
 from exodrake.data.log import CHANGED, MODEL, Log
@@ -18,6 +18,9 @@ from exodrake.simulation.references import protocol
 
 if TYPE_CHECKING:
     from pydrake.systems.framework import Context, Diagram
+
+
+ENGINES = ["compiled", "drake"]
 
 
 def cubic(values: np.ndarray, at: np.ndarray) -> np.ndarray:
@@ -127,8 +130,8 @@ def run(
         raise InputError(f"{reference.name}: {reference.values.shape[1]} references, {machine.name} has {width}")
     noise_inputs = NoiseInputs.draw(frames, seed, machine)
     values = prepare_values(robot, quantisation)
-    if engine not in ("compiled", "drake"):
-        raise InputError(f"unknown engine {engine!r}; there are compiled, drake")
+    if engine not in ENGINES:
+        raise InputError(f"unknown engine {engine!r}{nearest(engine, ENGINES)}; there are {', '.join(ENGINES)}")
     try:
         if engine == "drake":
             from exodrake.diagrams.diagram import run_diagram

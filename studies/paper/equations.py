@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from exodrake.grasping.plan import at_hold
-from exodrake.identification.kinematics.rigid import Axis, chain_pose, joint_angles
+from exodrake.identification.kinematics.rigid import Axis, chain_poses, joint_angles
 from exodrake.identification.statics import compliance, find_maximum_tension, router_arms, tension_map
 from exodrake.machines.robot_file import load_robot
 from exodrake.physics.finger_statics import parameters_of, posture
@@ -85,7 +85,7 @@ def newton_left() -> float:
     still = np.zeros(3)
     axes = (Axis(np.array([0.0, 1, 0]), still, still), Axis(np.array([0.0, 0, -1]), CENTRE, still))
     wanted = np.random.default_rng(0).uniform((-0.25, -0.3), (0.25, 1.3), (50, 2))
-    return float(np.abs(joint_angles(axes, chain_pose(axes, wanted)) - wanted).max())
+    return float(np.abs(joint_angles(axes, chain_poses(axes, wanted)[-1]) - wanted).max())
 
 
 def screws() -> tuple[Claim, ...]:

@@ -34,18 +34,17 @@ In the frame of the base triad, a marker X of segment k is carried by the joints
     x = T_abduction(theta_1) T_MCP(theta_2) T_PIP(theta_3) T_DIP(theta_4) X       (as many factors as joints before it)
     T(theta) X = R (X - Q) + Q,  R = e^{[w] theta},  Q = Y + G theta
 
-and X is its place at rest, where all angles are 0. Derivatives of one factor, with d = X - Q:
-
-    dx/dtheta = w x R d + (I - R) G      dx/dY = I - R      dx/dG = theta (I - R)      dx/dw: R [d] - [R d]
-
-The last is for a small rotation of w. `Finger.free` lists the changes that markers can show: the base triad keeps its
-frame, centres and slopes stay normal to their axes, and the two axes of the MCP perpendicular. (A component of the
-abduction axis along the flexion axis is, to first order, a change of the flexion angle.)
+and X is its place at rest, where all angles are 0. Its velocity by an angle is that of the joint's space Jacobian, and
+its derivatives by the finger are central differences. `Finger.free` lists the changes that markers can show: the base
+triad keeps its frame, centres and slopes stay normal to their axes, and the two axes of the MCP perpendicular. (A
+component of the abduction axis along the flexion axis is, to first order, a change of the flexion angle.)
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -65,7 +64,7 @@ STEPS = 60  # a finger needs 5 to 15
 CONVERGED = 1e-10  # relative decrease of the cost
 ROUNDING = 1e-14  # m; errors as small are rounding
 FRAME_STEPS, STILL = 20, 1e-12  # of a frame with the finger known; last step [rad, m]
-CHUNK = 400  # frames at a time, for memory
+CARRIES = np.repeat(np.tri(len(SEGMENTS), dtype=bool) & (np.arange(4) > 0)[:, None], TRIAD, axis=0)  # (12, 4) by joint
 HELD = 1e-9  # m2; holds what missing markers leave open in a frame
 PRIOR = np.r_[np.full(COUNT, 0.03), np.tile(np.repeat([0.5, 0.03, 0.03], 3), 4)] ** -2  # m, rad, m/rad; assumed, wide
 FEWEST = 50  # frames in which a joint must be seen
@@ -89,21 +88,16 @@ class Finger:
 
     def free(self) -> np.ndarray:
         """Changes that markers can show, as columns (72, 51) [m, rad, m/rad] of markers, then w, Y, G of each axis."""
-        blocks = np.zeros((ALL, 3 + COUNT - 9))
-        blocks[:9, :3] = rigid.corners().reshape(9, 3)
-        blocks[9:COUNT, 3:] = np.eye(COUNT - 9)
-        pair = np.zeros((ALL, 3))
+        triad, others, pair = np.zeros((ALL, 3)), np.eye(ALL)[:, 9:COUNT], np.zeros((ALL, 3))
+        triad[:9] = rigid.corners().reshape(9, 3)
         pair[COUNT : COUNT + 3] = pair[COUNT + PER_AXIS : COUNT + PER_AXIS + 3] = np.eye(3)
-        columns = [blocks, pair]
+        columns = [triad, others, pair]
         for number, axis in enumerate(self.axes):
-            plane = np.linalg.svd(axis.direction[None])[2][1:].T
             for part in range(3):
-                if (number, part) in ((0, 0), (1, 0), (0, 2)):
-                    continue  # the two MCP axes turn together, and the abduction axis stays in place
-                column = np.zeros((ALL, 2))
-                start = COUNT + PER_AXIS * number + 3 * part
-                column[start : start + 3] = plane
-                columns.append(column)
+                if (number, part) not in ((0, 0), (1, 0), (0, 2)):  # the two MCP axes turn together; abduction stays
+                    start = COUNT + PER_AXIS * number + 3 * part
+                    plane = np.linalg.svd(axis.direction[None])[2][1:].T
+                    columns.append(np.eye(ALL)[:, start : start + 3] @ plane)
         return np.hstack(columns)
 
     def shift(self, change: np.ndarray) -> Finger:
@@ -114,59 +108,33 @@ class Finger:
             axes.append(rigid.Axis(w, rigid.across(axis.point + shift, w), rigid.across(axis.slope + slope, w)))
         return Finger(self.markers + change[:COUNT].reshape(self.markers.shape), tuple(axes))  # type: ignore[arg-type]
 
+    def differentiate(self, function: Callable[..., np.ndarray], *given: Any) -> np.ndarray:
+        """Derivatives (..., 51) [SI] of a function of the finger by its `free` changes, by central differences."""
+        sides = [(self.shift(NUDGE * way), self.shift(-NUDGE * way)) for way in self.free().T]
+        return np.stack([function(up, *given) - function(down, *given) for up, down in sides], axis=-1) / (2 * NUDGE)
+
     def places(self, angles: np.ndarray) -> np.ndarray:
         """Markers (frames, 12, 3) [m] in the frame of the base triad at angles (frames, 4) [rad]."""
-        return self.linearise(angles, derivatives=False)[0]
+        poses = rigid.chain_poses(self.axes, angles)
+        triads = [rigid.apply(poses[k + 1 if k else 0], triad) for k, triad in enumerate(self.markers)]
+        return np.concatenate(triads, axis=1)
 
-    def linearise(self, angles: np.ndarray, derivatives: bool = True) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Places of the markers (frames, 12, 3) [m] at angles (frames, 4) [rad], and their derivatives.
-
-        Derivatives with respect to the angles are (frames, 12, 3, 4) [m/rad], to a change of the finger (frames, 12, 3,
-        72), of no columns without `derivatives`. Angles are abduction, MCP, PIP, DIP.
-        """
-        frames, size = len(angles), ALL if derivatives else 0
-        turns = [axis.turn(angles[:, k]) for k, axis in enumerate(self.axes)]
-        place = np.empty((frames, *self.markers.shape))
-        by_angle = np.zeros((*place.shape, 4))
-        by_change = np.zeros((*place.shape, size))
-        for k in range(len(SEGMENTS)):
-            x = np.broadcast_to(self.markers[k], (frames, TRIAD, 3))
-            angle, change, whole = by_angle[:, k], by_change[:, k], np.broadcast_to(np.eye(3), (frames, 3, 3))
-            for number in reversed(range(k + 1 if k else 0)):  # carry markers and derivatives by one joint
-                axis, turn, theta = self.axes[number], turns[number], angles[:, number]
-                centre, rotate = axis.centre(theta)[:, None], turn[:, None]
-                lever = x - centre
-                turned = lever @ np.swapaxes(turn, 1, 2)
-                still = (np.eye(3) - turn)[:, None]
-                angle[:] = rotate @ angle
-                angle[..., number] = np.cross(axis.direction, turned) + still @ axis.slope
-                if derivatives:
-                    start = COUNT + PER_AXIS * number
-                    beyond = slice(start + PER_AXIS, ALL)  # of the joints between this one and the markers
-                    change[..., beyond] = rotate @ change[..., beyond]
-                    change[..., start : start + 3] = rotate @ rigid.hat(lever) - rigid.hat(turned)
-                    change[..., start + 3 : start + 6] = still
-                    change[..., start + 6 : start + 9] = theta[:, None, None, None] * still
-                x, whole = turned + centre, turn @ whole
-            place[:, k] = x
-            for marker in range(TRIAD if derivatives else 0):
-                start = 9 * k + 3 * marker
-                change[:, marker, :, start : start + 3] = whole
-        flat = (frames, COUNT // 3, 3)
-        return place.reshape(flat), by_angle.reshape(*flat, 4), by_change.reshape(*flat, size)
+    def differentiate_angles(self, place: np.ndarray, angles: np.ndarray) -> np.ndarray:
+        """Derivatives (frames, 12, 3, 4) [m/rad] of places (frames, 12, 3) [m] by abduction, MCP, PIP, DIP [rad]."""
+        velocity = np.swapaxes(rigid.space_jacobian(self.axes, angles), 1, 2)[
+            :, None
+        ]  # of each joint (frames, 1, 4, 6)
+        moves = np.cross(velocity[..., :3], place[:, :, None]) + velocity[..., 3:]
+        return np.swapaxes(moves * CARRIES[:, :, None], 2, 3)
 
 
-@dataclass(frozen=True)
-class Adjusted:
-    """Adjusted finger, covariance (51, 51) of the coefficients of its `free` changes, RMS noise of a marker [m].
-
-    `inflation` is the factor by which correlated errors enlarge the covariance; 1 for white noise.
-    """
+class Adjusted(NamedTuple):
+    """Result of the bundle adjustment."""
 
     finger: Finger
-    covariance: np.ndarray
-    noise: float
-    inflation: float
+    covariance: np.ndarray  # (51, 51) of the coefficients of the finger's `free` changes
+    noise: float  # RMS of a marker per axis [m]
+    inflation: float  # factor by which correlated errors enlarge the covariance; 1 for white noise
 
 
 def adjust(
@@ -178,35 +146,29 @@ def adjust(
     triad (frames, 4, 4) [m] and angles (frames, 4) [rad]; errors may be correlated within `block` frames.
     """
     finger, offset, change, before = start, np.zeros(ALL), np.zeros(ALL), np.inf
+    seen = np.isfinite(points)
+    left = np.count_nonzero(seen) * (1 - LOCAL / COUNT) - FREE  # a whole frame fits ten unknowns
     for _ in range(STEPS):
         trial = finger.shift(change)
         poses, angles = fit_frames(points, trial, poses, angles)
         error = compare_markers(points, trial.places(angles), poses)
-        left = np.count_nonzero(np.isfinite(points)) * (1 - LOCAL / COUNT) - FREE  # a whole frame fits ten unknowns
         variance = float(np.sum(error**2) / max(left, 1))
         prior = variance * PRIOR
         if (cost := np.sum(error**2) + prior @ (offset + change) ** 2) > before * (1 + CONVERGED):
             change = change / 2
             continue
         finger, offset, free = trial, offset + change, trial.free()
-        normal, gradient = np.zeros((FREE, FREE)), np.zeros(FREE)
-        mean, held = np.zeros((4, FREE)), np.zeros((4, 4))  # of the constraint
-        for part in (slice(at, at + CHUNK) for at in range(0, len(points), CHUNK)):
-            place, by_angle, by_change = finger.linearise(angles[part])
-            by_change *= np.isfinite(points[part])[..., None]
-            wide = by_change.reshape(-1, COUNT, ALL) @ free
-            own = differentiate_frames(place, by_angle, points[part])
-            inverses = np.linalg.inv(np.swapaxes(own, 1, 2) @ own + HELD * np.eye(LOCAL))
-            moves = inverses @ np.swapaxes(own, 1, 2) @ wide  # of the frames, by those of the finger
-            normal += np.tensordot(wide, wide - own @ moves, axes=((0, 1), (0, 1)))
-            gradient += np.tensordot(wide, error[part].reshape(-1, COUNT), axes=((0, 1), (0, 1)))
-            mean -= moves[rest[part], 6:].sum(axis=0)
-            held -= inverses[rest[part], 6:, 6:].sum(axis=0)
-        matrix = np.block([[normal + (free.T * prior) @ free, mean.T], [mean, held]])
+        wide = (finger.differentiate(Finger.places, angles) * seen[..., None]).reshape(-1, COUNT, FREE)
+        own = differentiate_frames(finger, angles, finger.places(angles), points)
+        inverses = np.linalg.inv(np.swapaxes(own, 1, 2) @ own + HELD * np.eye(LOCAL))
+        moves = inverses @ np.swapaxes(own, 1, 2) @ wide  # of the frames, by those of the finger
+        normal = np.tensordot(wide, wide - own @ moves, axes=((0, 1), (0, 1))) + (free.T * prior) @ free
+        mean, held = -moves[rest, 6:].sum(axis=0), -inverses[rest, 6:, 6:].sum(axis=0)  # of the constraint
+        matrix = np.block([[normal, mean.T], [mean, held]])
         if before - cost <= CONVERGED * cost or cost < error.size * ROUNDING**2:
             break
-        right = np.r_[gradient - free.T @ (prior * offset), -angles[rest].sum(axis=0)]
-        before, change = cost, free @ np.linalg.solve(matrix, right)[:FREE]
+        gradient = np.tensordot(wide, error.reshape(-1, COUNT), axes=((0, 1), (0, 1))) - free.T @ (prior * offset)
+        before, change = cost, free @ np.linalg.solve(matrix, np.r_[gradient, -angles[rest].sum(axis=0)])[:FREE]
     covariance = np.linalg.inv(matrix)[:FREE, :FREE]
     # variance of sums over blocks of frames, relative to that of independent errors
     whole = error[: len(error) // block * block].reshape(-1, block, COUNT)
@@ -220,8 +182,8 @@ def fit_frames(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Pose (frames, 4, 4) [m] and angles (frames, 4) [rad] of each frame by Gauss-Newton; arguments as of `adjust`."""
     for _ in range(FRAME_STEPS):
-        place, by_angle, _ = finger.linearise(angles, derivatives=False)
-        own = differentiate_frames(place, by_angle, points)
+        place = finger.places(angles)
+        own = differentiate_frames(finger, angles, place, points)
         pull = np.swapaxes(own, 1, 2) @ compare_markers(points, place, poses).reshape(-1, COUNT, 1)
         moves = np.linalg.solve(np.swapaxes(own, 1, 2) @ own + HELD * np.eye(LOCAL), pull)[..., 0]
         poses, angles = shift_poses(poses, moves), angles + moves[:, 6:]
@@ -230,9 +192,9 @@ def fit_frames(
     return poses, angles
 
 
-def differentiate_frames(place: np.ndarray, by_angle: np.ndarray, points: np.ndarray) -> np.ndarray:
+def differentiate_frames(finger: Finger, angles: np.ndarray, place: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Derivatives (frames, 36, 10) of places [m] by rotation, shift and angles of their frame [rad, m]; 0 unseen."""
-    shift = np.broadcast_to(np.eye(3), (*place.shape, 3))
+    shift, by_angle = np.broadcast_to(np.eye(3), (*place.shape, 3)), finger.differentiate_angles(place, angles)
     own = np.concatenate([-rigid.hat(place), shift, by_angle], axis=3) * np.isfinite(points)[..., None]
     return own.reshape(-1, COUNT, LOCAL)
 
@@ -273,27 +235,24 @@ def first_guess(
         still = relative[seen[rest[seen]]]
         if not len(still):
             raise InputError(f"{source}: {name} is not seen in the rest at the start, the posture all angles refer to")
-        mean = Rotation.from_matrix(still[:, :3, :3]).mean().as_matrix()
-        stir = float(np.sqrt(np.mean(np.sum((mean.T @ still[:, :3, :3] - np.eye(3)) ** 2, axis=(1, 2))) / 2))
-        if stir > UNSTEADY:
+        turned = Rotation.from_matrix(still[:, :3, :3])
+        mean = turned.mean()
+        if (stir := np.sqrt(np.mean((mean.inv() * turned).magnitude() ** 2))) > UNSTEADY:
             raise InputError(
                 f"{source}: {name} moves by {np.rad2deg(stir):.1f} deg RMS in the rest at the start,"
                 " which must show the finger straight and still"
             )
-        before, rested = rested, rested @ rigid.motion(mean, still[:, :3, 3].mean(axis=0))
+        before, rested = rested, rested @ rigid.motion(mean.as_matrix(), still[:, :3, 3].mean(axis=0))
         markers.append(rigid.apply(rested, shapes[k + 1]))
         turns, about = before @ relative[seen] @ rigid.inverse(rested), markers[-1].mean(axis=0)
-        turned = Rotation.from_matrix(turns[:, :3, :3])
-        # the principal direction of w sin theta, where small angles weigh little; flexion is the larger excursion
-        quaternion = turned.as_quat(canonical=True)
-        sines = 2 * quaternion[:, 3:] * quaternion[:, :3]
-        direction = np.linalg.eigh(sines.T @ sines)[1][:, -1]
-        along = sines @ direction
-        direction = direction if np.sum(along * np.abs(along)) >= 0 else -direction
-        angle = 2 * np.arctan2(quaternion[:, :3] @ direction, quaternion[:, 3])  # of the nearest rotation about it
-        beyond = np.count_nonzero(np.abs(angle) >= SMALLEST_ANGLE)
-        if beyond < FEWEST:
-            most = np.rad2deg(np.nanmax(np.abs(angle)))
+        # the principal direction of w theta, where small angles weigh little; flexion is the larger excursion
+        vectors = Rotation.from_matrix(turns[:, :3, :3]).as_rotvec()
+        direction = np.linalg.eigh(vectors.T @ vectors)[1][:, -1]
+        angle = vectors @ direction
+        if np.sum(angle * np.abs(angle)) < 0:
+            direction, angle = -direction, -angle
+        if (beyond := np.count_nonzero(np.abs(angle) >= SMALLEST_ANGLE)) < FEWEST:
+            most = np.rad2deg(np.max(np.abs(angle)))
             raise InputError(
                 f"{source}: {name} turns {most:.1f} deg at most and is beyond"
                 f" {np.rad2deg(SMALLEST_ANGLE):.0f} deg in {beyond} frames; its centre needs {FEWEST} such frames"
@@ -304,7 +263,7 @@ def first_guess(
             dorsal = np.cross(about - centre, direction)
             dorsal /= np.linalg.norm(dorsal)
             axes.append(rigid.Axis(dorsal, rigid.across(centre + direction * (about @ direction), dorsal), np.zeros(3)))
-            angles.append(np.interp(count, seen, turned.as_rotvec() @ dorsal))
+            angles.append(np.interp(count, seen, vectors @ dorsal))
         axes.append(rigid.Axis(direction, centre, np.zeros(3)))
         angles.append(np.interp(count, seen, angle))
     whole = np.flatnonzero(np.isfinite(poses[0]).all(axis=(1, 2)))
@@ -329,35 +288,28 @@ def smooth(time: np.ndarray, positions: np.ndarray, cutoff: float, source: str =
     if not 0 < cutoff < (top := 0.5 / step):
         raise InputError(f"{source}: cut-off {cutoff:g} Hz must lie between 0 and half the frame rate, {top:g} Hz")
     stiffness = (2 * np.sin(np.pi * cutoff * step)) ** (-2 * ORDER)
-    result = np.full_like(positions, np.nan)
-    for number, path in enumerate(np.moveaxis(positions, 1, 0)):
+    result = positions.copy()
+    for path in np.moveaxis(result, 1, 0):
         seen = np.isfinite(path).all(axis=1)
         frames = np.flatnonzero(seen)
         for run in np.split(frames, np.flatnonzero(np.diff(frames) > round(LONGEST_GAP / step) + 1) + 1):
-            part = slice(run[0], run[-1] + 1) if len(run) else slice(0)
-            if len(run) <= ORDER:
-                result[part, number] = path[part]
-                continue
-            weights = seen[part].astype(float)
-            for axis, column in enumerate(np.nan_to_num(path[part]).T):
-                fit = whittaker_henderson(column, lamb=stiffness, order=ORDER, weights=weights)
-                result[part, number, axis] = fit.x
+            if len(run) > ORDER:
+                part = slice(run[0], run[-1] + 1)
+                options: dict[str, Any] = {"lamb": stiffness, "order": ORDER, "weights": seen[part].astype(float)}
+                for column in path[part].T:
+                    column[:] = whittaker_henderson(np.nan_to_num(column), **options).x
     return result
 
 
 @dataclass(frozen=True)
 class CentreLine:
-    """Centre = gradient (3,) [m/rad] theta + intercept (3,) [m], per axis of the frame proximal to the joint.
+    """Centre = gradient theta + intercept, per axis of the frame proximal to the joint."""
 
-    The covariance (6, 6) is of gradient, then intercept; `rmse` (3,) [m] is the scatter about the line of the centres
-    of those single frames, `frames` in number, whose angle is large enough.
-    """
-
-    gradient: np.ndarray
-    intercept: np.ndarray
-    covariance: np.ndarray
-    rmse: np.ndarray
-    frames: int
+    gradient: np.ndarray  # (3,) [m/rad]
+    intercept: np.ndarray  # (3,) [m]
+    covariance: np.ndarray  # (6, 6) of gradient, then intercept
+    rmse: np.ndarray  # (3,) scatter about the line of the centres of single frames [m]
+    frames: int  # in number, whose angle is large enough for that
 
     @property
     def gradient_interval(self) -> np.ndarray:
@@ -380,9 +332,9 @@ class CentreLine:
 
     def band(self, angle: np.ndarray) -> np.ndarray:
         """95 % half width of the line (..., 3) [m] at angles (...) [rad]."""
-        theta = np.asarray(angle)[..., None]
-        slope, shared, level = np.diag(self.covariance)[:3], np.diag(self.covariance, 3), np.diag(self.covariance)[3:]
-        return NORMAL_95 * np.sqrt(np.maximum(theta**2 * slope + 2 * theta * shared + level, 0.0))
+        theta, shared = np.asarray(angle)[..., None], np.diag(self.covariance, 3)
+        variance = (theta * self.gradient_interval) ** 2 + self.intercept_interval**2
+        return np.sqrt(np.maximum(variance + 2 * theta * shared * NORMAL_95**2, 0.0))
 
 
 def measures(finger: Finger, tip: int) -> np.ndarray:
@@ -407,7 +359,7 @@ def measures(finger: Finger, tip: int) -> np.ndarray:
     reach = rigid.across(distal[tip] - far, normal) @ along
     values = [[np.linalg.norm(end - start), np.linalg.norm(far - near), reach]]
     for triad, axis in zip(finger.markers, finger.axes[1:]):
-        seen = axis.seen_from(rigid.triad_pose(triad))
+        seen = axis.express_in(rigid.triad_pose(triad))
         values += [seen.slope, seen.point]
     return np.concatenate(values)
 
@@ -415,30 +367,21 @@ def measures(finger: Finger, tip: int) -> np.ndarray:
 def measure(adjusted: Adjusted, tip: int) -> tuple[np.ndarray, np.ndarray]:
     """Values (21,) of `measures` and their covariance (21, 21) [SI]."""
     finger = adjusted.finger
-    ends = [[measures(finger.shift(side * way), tip) for way in finger.free().T] for side in (-NUDGE, NUDGE)]
-    slope = np.diff(ends, axis=0)[0].T / (2 * NUDGE)
+    slope = finger.differentiate(measures, tip)
     return measures(finger, tip), slope @ adjusted.covariance @ slope.T
 
 
 @dataclass(frozen=True)
 class Joint:
-    """Joint in the frame of the segment proximal to it; frames without markers hold NaN.
+    """Joint in the frame of the segment proximal to it; frames without markers hold NaN."""
 
-    Attributes:
-        name: MCP, PIP or DIP.
-        axis: of flexion; abduction_axis: of the MCP.
-        angle: (frames,) flexion [rad]; abduction: (frames,) of the MCP [rad].
-        centre: (frames, 3) centre normal to the axis, from each frame alone [m].
-        line: Line of the centre over the angle.
-    """
-
-    name: str
-    axis: rigid.Axis
-    angle: np.ndarray
-    centre: np.ndarray
-    line: CentreLine
-    abduction_axis: rigid.Axis | None = None
-    abduction: np.ndarray | None = None
+    name: str  # MCP, PIP or DIP
+    axis: rigid.Axis  # of flexion
+    angle: np.ndarray  # (frames,) flexion [rad]
+    centre: np.ndarray  # (frames, 3) normal to the axis, from each frame alone [m]
+    line: CentreLine  # of the centre over the angle
+    abduction_axis: rigid.Axis | None = None  # of the MCP
+    abduction: np.ndarray | None = None  # (frames,) [rad]
 
     @property
     def range(self) -> tuple[float, float]:
@@ -448,23 +391,16 @@ class Joint:
 
 @dataclass(frozen=True)
 class Kinematics:
-    """Identified finger in a recording: joints, phalanx lengths (3,) [m] and their 95 % half widths.
-
-    Attributes:
-        residuals: (4,) median residual of each triad after smoothing [m].
-        noise: RMS noise per axis of a marker [m].
-        inflation: Factor by which errors that last for several frames enlarge the variances.
-        remarks: Warnings of the label check.
-    """
+    """Identified finger in a recording."""
 
     joints: tuple[Joint, Joint, Joint]
-    lengths: tuple[float, float, float]
-    intervals: tuple[float, float, float]
-    residuals: tuple[float, ...]
-    noise: float
-    inflation: float
+    lengths: tuple[float, float, float]  # of the phalanges [m]
+    intervals: tuple[float, float, float]  # their 95 % half widths [m]
+    residuals: tuple[float, ...]  # (4,) median of each triad after smoothing [m]
+    noise: float  # RMS per axis of a marker [m]
+    inflation: float  # factor by which errors that last for several frames enlarge the variances
     time: np.ndarray
-    remarks: tuple[str, ...]
+    remarks: tuple[str, ...]  # warnings of the label check
     source: str
 
 
@@ -507,14 +443,14 @@ def identify(recording: Recording, layout: Layout | None = None, cutoff: float |
         if k == 0:
             turns = rigid.inverse(finger.axes[0].pose(side)) @ turns
         pose = rigid.triad_pose(finger.markers[k])
-        own = axis.seen_from(pose)
+        own = axis.express_in(pose)
         centre = rigid.centres(turns, axis.direction, angle, finger.markers[k + 1].mean(axis=0))
         centre = rigid.across(rigid.apply(rigid.inverse(pose), centre), own.direction)
         part = slice(3 + 6 * k, 9 + 6 * k)
         (gradient, intercept), used = np.split(values[part], 2), np.abs(np.nan_to_num(angle)) >= SMALLEST_ANGLE
         rmse = np.sqrt(np.mean((centre[used] - intercept - gradient * angle[used, None]) ** 2, axis=0))
         line = CentreLine(gradient, intercept, covariance[part, part], rmse, int(used.sum()))
-        abduction_axis, abduction = (None, None) if k else (finger.axes[0].seen_from(pose), side)
+        abduction_axis, abduction = (None, None) if k else (finger.axes[0].express_in(pose), side)
         joints.append(Joint(name, own, angle, centre, line, abduction_axis, abduction))
     residuals = tuple(float(np.nanmedian(residual)) for _, residual in fits)
     return Kinematics(

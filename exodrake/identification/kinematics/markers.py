@@ -31,9 +31,9 @@ import re
 import struct
 import tempfile
 from dataclasses import dataclass, replace
-from itertools import combinations
+from itertools import combinations, pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -115,8 +115,7 @@ def read_layout(path: str | Path) -> Layout:
     return layout
 
 
-HEADING = re.compile(r"^(?P<marker>.+)_(?P<axis>[xyz])\s*\[(?P<unit>[^\]]*)\]$")
-TIME = re.compile(r"^time\s*\[(?P<unit>[^\]]*)\]$")
+HEADING = re.compile(r"^(time|(?P<marker>.+)_(?P<axis>[xyz]))\s*\[(?P<unit>[^\]]*)\]$")
 
 
 @dataclass(frozen=True)
@@ -143,30 +142,27 @@ def parse_csv(data: bytes, source: str) -> Recording:
 
     lines = data.splitlines(keepends=True)
     headings, values = read_cells(b"".join(line for line in lines if not line.lstrip().startswith(b"#")), source)
-    time, columns = None, {}
+    columns: dict[tuple[str | None, str | None], np.ndarray] = {}  # by marker and axis, neither for time
     for heading, column in zip(headings, values.T):
-        if found := TIME.match(heading):
-            if si_unit(found["unit"], f"{source}, time") != "s":
-                raise InputError(f"{source}: time is in [{found['unit']}], wanted [s] or [ms]")
-            time = to_si(column, found["unit"]) if time is None else time
-        elif found := HEADING.match(heading):
-            if si_unit(found["unit"], f"{source}, column {heading!r}") != "m":
-                raise InputError(f"{source}: column {heading!r} is not a length")
-            axes = columns.setdefault(found["marker"], {})
-            if found["axis"] in axes:
+        if found := HEADING.match(heading):
+            wanted = ("m", "a length") if found["marker"] else ("s", "a time, wanted [s] or [ms]")
+            if si_unit(found["unit"], f"{source}, column {heading!r}") != wanted[0]:
+                raise InputError(f"{source}: column {heading!r} is not {wanted[1]}")
+            if (key := (found["marker"], found["axis"])) in columns:
                 raise InputError(f"{source}: column {heading!r} occurs twice")
-            axes[found["axis"]] = to_si(column, found["unit"])
+            columns[key] = to_si(column, found["unit"])
         elif re.search(r"_[xyz]$", heading):
             raise InputError(f"{source}: column {heading!r} has no unit, wanted '{heading} [mm]'")
-    for name, axes in columns.items():
-        if lost := [axis for axis in "xyz" if axis not in axes]:
+    names = tuple(dict.fromkeys(name for name, _ in columns if name))
+    for name in names:
+        if lost := [axis for axis in "xyz" if (name, axis) not in columns]:
             raise InputError(f"{source}: marker {name} lacks its {', '.join(lost)} column")
-    if not columns:
+    if not names:
         raise InputError(f"{source}: no marker columns such as 'B1_x [mm]'")
-    if time is None:
+    if (None, None) not in columns:
         raise InputError(f"{source}: no column 'time [s]'")
-    places = [np.stack([axes[axis] for axis in "xyz"], axis=1) for axes in columns.values()]
-    return check_recording(Recording(tuple(columns), time, np.stack(places, axis=1), source))
+    positions = np.transpose([[columns[name, axis] for axis in "xyz"] for name in names], (2, 0, 1))
+    return check_recording(Recording(names, columns[None, None], positions, source))
 
 
 def check_recording(recording: Recording) -> Recording:
@@ -285,8 +281,7 @@ def clock_from_pulses(time: np.ndarray, level: np.ndarray, frame: float) -> tupl
     return float(start), float(slope / frame - 1.0)
 
 
-@dataclass(frozen=True)
-class Swap:
+class Swap(NamedTuple):
     """Two markers that carry each other's name from `first` through `last` (frames)."""
 
     names: tuple[str, str]
@@ -294,8 +289,7 @@ class Swap:
     last: int
 
 
-@dataclass(frozen=True)
-class LabelCheck:
+class LabelCheck(NamedTuple):
     """Result of `check_labels`: shapes (4, 3, 3) [m], swaps, unusable frames `spoilt` (4, frames), and remarks."""
 
     shapes: np.ndarray
@@ -307,9 +301,8 @@ class LabelCheck:
 def check_labels(recording: Recording, layout: Layout) -> LabelCheck:
     """Compare every frame with the shapes of the triads. InputError for missing markers, collinear or loose triads."""
     points = recording.of(layout.finger)
-    shapes = _shapes(points, layout, recording.source)
-    residual = _residuals(shapes, points)
-    median = np.nanmedian(residual, axis=1)
+    shapes = measure_triads(points, layout, recording.source)
+    residual = measure_residuals(shapes, points)
     change = np.nanquantile(residual, 0.9, axis=1)
     k = int(np.argmax(change))
     loose = (
@@ -320,9 +313,9 @@ def check_labels(recording: Recording, layout: Layout) -> LabelCheck:
     for a, b in PAIRS if change[k] >= SUSPECT else ():  # one marker may carry another's name throughout
         if a // 3 == b // 3 or k not in (a // 3, b // 3):
             continue
-        swapped = _exchanged(some, (a, b))
+        swapped = exchange_pair(some, (a, b))
         try:
-            residuals = _residuals(_shapes(swapped, layout, "recording"), swapped)
+            residuals = measure_residuals(measure_triads(swapped, layout, "recording"), swapped)
         except InputError:  # collinear
             continue
         if np.nanquantile(residuals, 0.9, axis=1).max() < change[k] / 2:
@@ -330,42 +323,39 @@ def check_labels(recording: Recording, layout: Layout) -> LabelCheck:
             raise InputError(f"{loose}; with {a} and {b} exchanged they do not: look at these labels")
     if change[k] > LOOSE:
         raise InputError(loose)
-    limit = np.maximum(OUTLIER * median, EXACT)[:, None]
+    limit = np.maximum(OUTLIER * np.nanmedian(residual, axis=1), EXACT)[:, None]
     bad = residual > limit
     # in each suspect frame the pair whose exchange gives the smallest residual, or -1
     suspects, pairs = np.flatnonzero(bad.any(axis=0)), np.full(len(points), -1)
-    best, answer = np.full(len(suspects), np.inf), np.full(len(suspects), -1)
+    best = np.full(len(suspects), 1 / 2)  # of the limit
     for number, (a, b) in enumerate(PAIRS if len(suspects) else ()):
         touched = bad[a // 3, suspects] | bad[b // 3, suspects]
         if touched.any():
-            swapped = np.nan_to_num(_residuals(shapes, _exchanged(points[suspects], (a, b))) / limit)
+            swapped = np.nan_to_num(measure_residuals(shapes, exchange_pair(points[suspects], (a, b))) / limit)
             worst = np.where(touched, swapped.max(axis=0), np.inf)
-            better = (worst < 1 / 2) & (worst < best)
-            best[better], answer[better] = worst[better], number
-    pairs[suspects] = answer
+            pairs[suspects[worst < best]] = number
+            best = np.minimum(best, worst)
     # neighbouring frames whose residual is smaller with the exchange: noise hides single frames
     for pair in np.unique(pairs[pairs >= 0]).tolist():
-        swapped = _residuals(shapes, _exchanged(points, PAIRS[pair]))
+        swapped = measure_residuals(shapes, exchange_pair(points, PAIRS[pair]))
         better = (np.nansum(swapped, axis=0) < np.nansum(residual, axis=0)) | (pairs == pair)
         for first, stop in np.flatnonzero(np.diff(np.r_[False, better, False])).reshape(-1, 2):
             if np.mean(pairs[first:stop] == pair) > 1 / 4:
                 pairs[first:stop] = pair
-    runs = np.split(np.arange(len(pairs)), np.flatnonzero(np.diff(pairs)) + 1)
-    swaps = []
-    for run in runs:
-        if len(run) and (pair := pairs[run[0]]) >= 0:
-            names = layout.finger[PAIRS[pair][0]], layout.finger[PAIRS[pair][1]]
-            swaps.append(Swap(names, int(run[0]), int(run[-1])))
-    spoilt = bad & (pairs < 0)
-    remarks = []
-    for name, shape, level, lost in zip(SEGMENTS, shapes, median, spoilt):
+    starts = np.flatnonzero(np.diff(pairs, prepend=-1))
+    swaps = tuple(
+        Swap((layout.finger[PAIRS[pairs[first]][0]], layout.finger[PAIRS[pairs[first]][1]]), int(first), int(stop) - 1)
+        for first, stop in pairwise([*starts, len(pairs)])
+        if pairs[first] >= 0
+    )
+    spoilt, remarks = bad & (pairs < 0), []
+    for name, shape, level, lost in zip(SEGMENTS, shapes, limit[:, 0], spoilt):
         sides = np.sort(np.linalg.norm(shape - np.roll(shape, -1, axis=0), axis=1))
-        if (near := np.diff(sides).min()) < 2 * max(OUTLIER * level, EXACT):
+        if (near := np.diff(sides).min()) < 2 * level:
             remarks.append(f"{name} triad: two sides differ by {1e3 * near:.1f} mm only, some swaps would not be seen")
-        if lost.any():
-            count = np.count_nonzero(lost)
+        if count := np.count_nonzero(lost):
             remarks.append(f"{name} triad: {count} frames left out: wrong shape that no exchange corrects")
-    return LabelCheck(shapes, tuple(swaps), spoilt, tuple(remarks))
+    return LabelCheck(shapes, swaps, spoilt, tuple(remarks))
 
 
 def exchange_labels(recording: Recording, swaps: tuple[Swap, ...]) -> Recording:
@@ -373,16 +363,16 @@ def exchange_labels(recording: Recording, swaps: tuple[Swap, ...]) -> Recording:
     positions = recording.positions.copy()
     for swap in swaps:
         pair, span = [recording.names.index(name) for name in swap.names], slice(swap.first, swap.last + 1)
-        positions[span] = _exchanged(positions[span], (pair[0], pair[1]))
+        positions[span] = exchange_pair(positions[span], (pair[0], pair[1]))
     return replace(recording, positions=positions)
 
 
-def _residuals(shapes: np.ndarray, points: np.ndarray) -> np.ndarray:
+def measure_residuals(shapes: np.ndarray, points: np.ndarray) -> np.ndarray:
     """RMS residual (4, frames) [m] of points (frames, 12, 3) [m], NaN where a marker is missing."""
     return np.stack([rigid.fit_pose(shape, points[:, 3 * k : 3 * k + 3])[1] for k, shape in enumerate(shapes)])
 
 
-def _shapes(points: np.ndarray, layout: Layout, source: str) -> np.ndarray:
+def measure_triads(points: np.ndarray, layout: Layout, source: str) -> np.ndarray:
     """Triads (4, 3, 3) [m] in their own frames from points (frames, 12, 3) [m]. InputError for a collinear one."""
     shapes = []
     for k, names in enumerate(layout.segments):
@@ -400,49 +390,38 @@ def _shapes(points: np.ndarray, layout: Layout, source: str) -> np.ndarray:
     return np.stack(shapes)
 
 
-def _exchanged(points: np.ndarray, pair: tuple[int, int]) -> np.ndarray:
+def exchange_pair(points: np.ndarray, pair: tuple[int, int]) -> np.ndarray:
     """Points (frames, markers, 3) [m] with a pair of markers exchanged."""
     swapped = points.copy()
     swapped[:, pair] = points[:, pair[::-1]]
     return swapped
 
 
-@dataclass(frozen=True)
-class Hand:
-    """True parameters of a synthetic hand: phalanx lengths (3,) [m], ranges of motion [rad], and centres.
+class Hand(NamedTuple):
+    """True parameters of a synthetic hand."""
 
-    `slopes` (3, 3) are those of the MCP, PIP, DIP centres along x, y, z at rest [m/rad].
-    """
-
-    lengths: tuple[float, float, float] = LENGTHS
+    lengths: tuple[float, float, float] = LENGTHS  # of the phalanges [m]
+    # of the MCP, PIP, DIP centres along x, y, z at rest [m/rad]
     slopes: tuple[tuple[float, ...], ...] = ((-1.0e-3, -1.5e-3, 0), (-2.72e-3, 1.91e-3, 0), (-0.71e-3, 0.26e-3, 0))
-    flexion: tuple[tuple[float, float], ...] = SPONTANEOUS
+    flexion: tuple[tuple[float, float], ...] = SPONTANEOUS  # ranges of motion [rad]
     abduction: tuple[float, float] = (-0.26, 0.26)
 
 
-@dataclass(frozen=True)
-class Faults:
-    """Faults of a synthetic recording: RMS noise per axis [m], gaps per marker and minute, and their duration [s].
+class Faults(NamedTuple):
+    """Faults of a synthetic recording."""
 
-    `artefact` is the skin motion of each marker, in a random direction [m/rad].
-    """
-
-    noise: float = 0.0
-    artefact: float = 0.0
-    dropouts: float = 0.0
-    gap: float = 0.05
+    noise: float = 0.0  # RMS per axis [m]
+    artefact: float = 0.0  # skin motion of each marker, in a random direction [m/rad]
+    dropouts: float = 0.0  # gaps per marker and minute
+    gap: float = 0.05  # their duration [s]
 
 
-@dataclass(frozen=True)
-class Truth:
-    """Truth of a synthetic recording: angles (frames, 4) of abduction, MCP, PIP, DIP [rad], their axes and lengths [m].
+class Truth(NamedTuple):
+    """Truth of a synthetic recording; each axis is in the frame of the triad before it, its centre normal to it."""
 
-    Each axis is in the frame of the triad proximal to it, with a centre normal to it.
-    """
-
-    angles: np.ndarray
+    angles: np.ndarray  # (frames, 4) of abduction, MCP, PIP, DIP [rad]
     axes: tuple[rigid.Axis, rigid.Axis, rigid.Axis, rigid.Axis]
-    lengths: tuple[float, float, float]
+    lengths: tuple[float, float, float]  # [m]
 
 
 def synthesise(hand: Hand, faults: Faults, duration: float, rate: float, seed: int) -> tuple[Recording, Truth]:
@@ -453,35 +432,33 @@ def synthesise(hand: Hand, faults: Faults, duration: float, rate: float, seed: i
     """
     if not (3 <= duration <= 3600 and 5 <= rate <= 1000):
         raise InputError(f"synthesise: {duration:g} s at {rate:g} Hz, wanted 3 to 3600 s at 5 to 1000 Hz")
-    for name, value in vars(faults).items():
+    for name, value in faults._asdict().items():
         if not 0 <= value < np.inf:
             raise InputError(f"synthesise: {name} is {value:g}, wanted a number from 0")
     rng = np.random.default_rng(seed)
     time = np.arange(round(duration * rate)) / rate
     # angles: rest, then sines
-    rise, columns = smooth((time - 1.0) / 1.5), []
-    for number, (low, high) in enumerate((hand.abduction, *hand.flexion)):
-        phase = 2 * np.pi * (0.19 + 0.06 * number) * time + 0.7 * number
-        columns.append(rise * ((low + high) / 2 + (high - low) / 2 * np.sin(phase)))
-    angles = np.stack(columns, axis=1)
+    (low, high), number = np.transpose([hand.abduction, *hand.flexion]), np.arange(4)
+    phase = 2 * np.pi * (0.19 + 0.06 * number) * time[:, None] + 0.7 * number
+    angles = smooth((time - 1.0) / 1.5)[:, None] * ((low + high) / 2 + (high - low) / 2 * np.sin(phase))
     # finger at rest, the tip marker at its end
-    joints = np.cumsum([0.0, hand.lengths[0], hand.lengths[1]])
-    palmar, still = np.array([0.0, 0, -1]), np.zeros(3)
-    bends = [rigid.Axis(palmar, np.array([x, 0, 0]), np.array(g, dtype=float)) for x, g in zip(joints, hand.slopes)]
-    axes = (rigid.Axis(np.array([0.0, 1, 0]), still, still), *bends)
+    joints = np.outer(np.cumsum([0.0, hand.lengths[0], hand.lengths[1]]), [1, 0, 0])
+    palmar, dorsal, still = np.array([0.0, 0, -1]), np.array([0.0, 1, 0]), np.zeros(3)
+    bends = [rigid.Axis(palmar, place, np.array(g, dtype=float)) for place, g in zip(joints, hand.slopes)]
+    axes = (rigid.Axis(dorsal, still, still), *bends)
     rest = {name: MM * np.array(places, dtype=float) for name, places in PLACES.items()}
     rest["distal"][1, 0] = hand.lengths[2]
-    for name, x in zip(SEGMENTS[1:], joints):
-        rest[name] = rest[name] + np.array([x, 0, 0])
+    for name, place in zip(SEGMENTS[1:], joints):
+        rest[name] += place
     # skin drags each marker along with the angle of the proximal joint
-    places = []
+    places, poses = [], rigid.chain_poses(axes, angles)
     for number, name in enumerate((*SEGMENTS, "thumb")):
         before = number + 1 if 0 < number < 4 else 0
-        carried = rigid.chain_pose(axes[:before], angles) if before else np.broadcast_to(np.eye(4), (len(time), 4, 4))
         nearest = angles[:, before - 1] if before else np.zeros(len(time))
         ways = rng.standard_normal((len(rest[name]), 3))
         ways /= np.linalg.norm(ways, axis=1, keepdims=True)
-        places.append(rigid.apply(carried, rest[name] + faults.artefact * nearest[:, None, None] * ways))
+        dragged = rest[name] + faults.artefact * nearest[:, None, None] * ways
+        places.append(rigid.apply(poses[before], dragged))
     # the hand drifts and turns slowly
     turn = np.array([0.48, 0.6, 0.64]) * (0.7 + 0.25 * np.sin(0.7 * time))[:, None]
     waves = (0.03 * np.sin(0.6 * time), 0.02 * np.sin(0.9 * time), 0.02 * np.cos(0.5 * time))
@@ -495,7 +472,7 @@ def synthesise(hand: Hand, faults: Faults, duration: float, rate: float, seed: i
             positions[first : first + gap, marker] = np.nan
     layout = Layout()
     recording = Recording((*layout.finger, *layout.thumb), time, positions, f"synthetic, seed {seed}")
-    seen = [a.seen_from(rigid.triad_pose(rest[n])) for a, n in zip(axes, ("base", *SEGMENTS[:3]), strict=True)]
+    seen = [a.express_in(rigid.triad_pose(rest[n])) for a, n in zip(axes, ("base", *SEGMENTS[:3]), strict=True)]
     return recording, Truth(angles, tuple(seen), hand.lengths)  # type: ignore[arg-type]
 
 

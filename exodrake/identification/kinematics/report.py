@@ -27,8 +27,9 @@ def table_rows(found: Kinematics) -> list[tuple[str, ...]]:
     for joint in found.joints:
         line = joint.line
         columns = (line.gradient, line.gradient_interval, line.intercept, line.intercept_interval, line.rmse)
-        for number, axis in enumerate("XYZ"):
-            rows.append((joint.name, axis, *(f"{1e3 * column[number]:.3f}" for column in columns)))
+        rows += [
+            (joint.name, axis, *(f"{1e3 * x:.3f}" for x in row)) for axis, row in zip("XYZ", np.transpose(columns))
+        ]
     return rows
 
 
@@ -85,13 +86,13 @@ def robot_yaml(found: Kinematics) -> str:
 
 def write_report(found: Kinematics, folder: str | Path) -> list[Path]:
     """Write kinematics.csv, .md, .png and robot.yaml into a folder and return the files. InputError if it cannot."""
-    contents = {
-        "kinematics.csv": table_csv(found).encode(),
-        "kinematics.md": table_markdown(found).encode(),
-        "robot.yaml": robot_yaml(found).encode(),
-        "kinematics.png": centre_figure(found),
+    texts = {
+        "kinematics.csv": table_csv(found),
+        "kinematics.md": table_markdown(found),
+        "robot.yaml": robot_yaml(found),
     }
-    return write_folder(folder, contents)
+    contents = {name: text.encode() for name, text in texts.items()}
+    return write_folder(folder, {**contents, "kinematics.png": centre_figure(found)})
 
 
 def centre_figure(found: Kinematics) -> bytes:
@@ -113,15 +114,13 @@ def centre_figure(found: Kinematics) -> bytes:
             panel.plot(span, middle, color="0.15", lw=1.4, label="line, of all frames together")
             left_out = {"color": "0.93", "lw": 0, "zorder": 0, "label": "angle too small, left out"}
             panel.axvspan(max(joint.range[0], -SMALLEST_ANGLE), SMALLEST_ANGLE, **left_out)
-            panel.set_ylim(np.mean(middle) - height / 2, np.mean(middle) + height / 2)
             gradient, intercept, rmse = (1e3 * v[row] for v in (line.gradient, line.intercept, line.rmse))
             equation = f"{gradient:+.2f} θ {intercept:+.2f},  RMSE {rmse:.2f} mm"
             box = {"fc": "white", "ec": "none", "pad": 1.5}
             panel.text(0.03, 0.97, equation, transform=panel.transAxes, va="top", fontsize=8, bbox=box)
             panel.grid(color="0.88", lw=0.6)
-            panel.set_axisbelow(True)
-            if column == 0:
-                panel.set_ylabel(f"{axis} [mm]")
+            panel.set(ylim=np.mean(middle) + height * np.array([-0.5, 0.5]), axisbelow=True)
+            panel.set_ylabel("" if column else f"{axis} [mm]")
         panels[0, column].set_title(f"{joint.name} centre, seen from the\n{frame}", fontsize=10)
         panels[2, column].set_xlabel(f"{joint.name} flexion [rad]")
     handles, labels = panels[0, 0].get_legend_handles_labels()

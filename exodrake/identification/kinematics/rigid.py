@@ -22,6 +22,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -92,19 +93,27 @@ class Axis:
         v = np.cross(self.centre(angle), self.direction) + self.slope - self.turn(angle) @ self.slope
         return np.concatenate([np.broadcast_to(self.direction, v.shape), v], axis=-1)
 
-    def seen_from(self, pose: np.ndarray) -> Axis:
+    def express_in(self, pose: np.ndarray) -> Axis:
         """The axis in the frame of a pose (4, 4) [m], centre and slope normal to it."""
         into = inverse(pose)
         w = into[:3, :3] @ self.direction
         return Axis(w, across(apply(into, self.point[None])[0], w), across(into[:3, :3] @ self.slope, w))
 
 
-def chain_pose(axes: Sequence[Axis], angles: np.ndarray) -> np.ndarray:
-    """Product (frames, 4, 4) of the motions of the axes at angles (frames, axes) [rad] (Eq. 14 without M)."""
-    pose = axes[0].pose(angles[:, 0])
-    for number, axis in enumerate(axes[1:], start=1):
-        pose = pose @ axis.pose(angles[:, number])
-    return pose
+def chain_poses(axes: Sequence[Axis], angles: np.ndarray) -> list[np.ndarray]:
+    """Poses (frames, 4, 4) before the first axis and after each, at angles (frames, axes) [rad] (Eq. 14 without M)."""
+    motions = (axis.pose(angles[:, number]) for number, axis in enumerate(axes))
+    return list(accumulate(motions, np.matmul, initial=np.broadcast_to(np.eye(4), (len(angles), 4, 4))))
+
+
+def space_jacobian(axes: Sequence[Axis], angles: np.ndarray) -> np.ndarray:
+    """Spatial velocity (frames, 6, axes) [-, m/rad] of each axis at angles (frames, axes) [rad] (Eq. 16)."""
+    columns = []
+    for number, (axis, pose) in enumerate(zip(axes, chain_poses(axes, angles))):
+        w, v = np.split(axis.velocity(angles[:, number]), 2, axis=-1)
+        w, v = (np.einsum("fij,fj->fi", pose[:, :3, :3], part) for part in (w, v))
+        columns.append(np.concatenate([w, v + np.cross(pose[:, :3, 3], w)], axis=1))
+    return np.stack(columns, axis=2)
 
 
 def centres(turns: np.ndarray, axis: np.ndarray, angle: np.ndarray, about: np.ndarray) -> np.ndarray:
@@ -149,14 +158,9 @@ def joint_angles(axes: Sequence[Axis], turns: np.ndarray, start: np.ndarray | No
     for _ in range(NEWTON_STEPS):
         if not len(left):
             return angles
-        columns, pose = [], np.broadcast_to(np.eye(4), (len(left), 4, 4))
-        for number, axis in enumerate(axes):
-            w, v = np.split(axis.velocity(angles[left, number]), 2, axis=-1)
-            w, v = (np.einsum("fij,fj->fi", pose[:, :3, :3], part) for part in (w, v))
-            columns.append(np.concatenate([w, v + np.cross(pose[:, :3, 3], w)], axis=1))
-            pose = pose @ axis.pose(angles[left, number])
+        pose = chain_poses(axes, angles[left])[-1]
         error = RigidTransform.from_matrix(pose @ inverse(turns[left])).as_exp_coords()
-        step = -np.einsum("fai,fi->fa", np.linalg.pinv(np.stack(columns, axis=2)), error)
+        step = -np.einsum("fai,fi->fa", np.linalg.pinv(space_jacobian(axes, angles[left])), error)
         angles[left] += step
         left = left[np.abs(step).max(axis=1) > CONVERGED]
     raise InputError(f"joint angles: Newton's iteration does not converge in {len(left)} of {len(turns)} frames")
