@@ -36,6 +36,7 @@ from exodrake.data.log import (
     check_clock,
     check_columns,
     clock_frame,
+    find_first,
     heading,
     log_from_columns,
     other_rate,
@@ -133,8 +134,7 @@ class Mapped(TextLayout):
     """Content of a mapping file, with its keys."""
 
     columns: tuple[Column, ...]
-    # time, time_unit: foreign column of the time and its unit; None where `time_period` counts rows
-    time: str | None = None
+    time: str | None = None  # foreign column of the time; None where `time_period` counts rows
     time_unit: str = "s"
     time_period: float | None = None  # time between two rows [s]; None where there is a column of the time
     start: float | None = None  # time at which the log starts [s]; None: as recorded
@@ -148,7 +148,7 @@ class Mapped(TextLayout):
     @property
     def foreign(self) -> list[str]:
         """Foreign columns that must be there."""
-        return [*(column.foreign for column in self.columns), *([self.time] if self.time is not None else [])]
+        return [*(column.foreign for column in self.columns), *([] if self.time is None else [self.time])]
 
 
 def read_mapping(path: str | Path) -> Mapped:
@@ -189,16 +189,10 @@ def read_mapping(path: str | Path) -> Mapped:
             raise schema.refusal(where, "`by` is one of the columns that are moved, and `with` is none of them")
         syncs.append(Sync(tuple(item["columns"]), item["by"], item["with"], item["within"]))
     return Mapped(
-        columns=tuple(columns),
-        time=time.get("column"),
-        time_unit=time.get("unit", "s"),
-        time_period=time.get("period"),
-        start=time.get("start"),
-        period=content.get("period"),
-        derived=tuple(derived),
-        sync=tuple(syncs),
+        tuple(columns), time.get("column"), time.get("unit", "s"), time.get("period"), time.get("start"),
+        content.get("period"), derived=tuple(derived), sync=tuple(syncs),
         **{key: content[key] for key in PLAIN if key in content},
-    )
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -233,8 +227,7 @@ def import_all(
     Without a mapping by that of joint states, or of actions and states with the unit of their joints.
     """
     if is_dataset(path):
-        mapped = mapped or default_dataset_mapping(path, unit)
-        found = {}
+        mapped, found = mapped or default_dataset_mapping(path, unit), {}
         for number, (name, columns) in enumerate(episodes(path)):
             if number in chosen or not chosen:
                 where = f"{path}, {name}"
@@ -246,10 +239,10 @@ def import_all(
     if unit or chosen:
         raise InputError(f"{path}: no LeRobot data set, so neither --unit nor --episodes says anything")
     refuse_folder(path)
-    if mapped is None and ending(path) and not is_bag(path):
-        return {stem(path): Imported(read_log(path), ())}
     if mapped is None and not is_bag(path):
-        raise InputError(f"{path}: wanted --map FILE; without --out, import lists the columns")
+        if not ending(path):
+            raise InputError(f"{path}: wanted --map FILE; without --out, import lists the columns")
+        return {stem(path): Imported(read_log(path), ())}
     return {stem(path): import_recording(path, mapped or default_bag_mapping(path))}
 
 
@@ -310,30 +303,27 @@ def make_log(tracks: dict[str, Track], mapped: Mapped, source: str, notes: Seque
             values[column.name] = low_pass(time, values[column.name], column.filter, f"{source}: {column.name}")
     for column in mapped.derived:
         found, unit = values[column.of], units[column.of]
+        where = f"{source}: {column.name}"
         if column.minus:
             if units[column.minus] != unit:
-                raise InputError(
-                    f"{source}: {column.name}: {column.of} is in {unit}, {column.minus} in {units[column.minus]}"
-                )
+                raise InputError(f"{where}: {column.of} is in {unit}, {column.minus} in {units[column.minus]}")
             found = found - values[column.minus]
         if column.take == "first":
-            known = found[np.isfinite(found)]
-            if not len(known):
-                raise InputError(f"{source}: {column.name}: {column.of} is empty")
-            found = np.full(len(found), known[0])
+            if (first := find_first(np.isfinite(found))) is None:
+                raise InputError(f"{where}: {column.of} is empty")
+            found = np.full(len(found), found[first])
         if column.filter is not None:
-            found = low_pass(time, found, column.filter, f"{source}: {column.name}")
+            found = low_pass(time, found, column.filter, where)
         if column.take == "rate":
             if len(time) < 3:
-                raise InputError(f"{source}: {column.name}: {len(time)} rows, too few for a derivative")
+                raise InputError(f"{where}: {len(time)} rows, too few for a derivative")
             found, unit = np.gradient(found, time), RATES.get(unit, "")
         unit = si_unit(column.unit) if column.unit else unit
         if not unit:
-            raise InputError(f"{source}: {column.name}: state its SI unit, `unit: ...`")
+            raise InputError(f"{where}: state its SI unit, `unit: ...`")
         values[column.name], units[column.name] = found * column.scale + column.offset, unit
-    log = log_from_columns(
-        [("time [s]", time), *((heading(name, units[name]), values[name]) for name in units)], source
-    )
+    ours = ((heading(name, unit), values[name]) for name, unit in units.items())
+    log = log_from_columns([("time [s]", time), *ours], source)
     check_columns(log, log.columns)
     check_clock(log)
     notes += filter(None, map(describe_conversion, (*mapped.columns, *mapped.derived)))
@@ -346,22 +336,19 @@ def sort_tracks(tracks: dict[str, Track], period: float, source: str) -> tuple[d
     for name, track in tracks.items():
         topic, times = f"topic {name.partition(':')[0]!r}", track.time
         if len(times) > 1 and times.min() == times.max():
+            still = f"its clock stands still, all {len(times)} messages at {times[0]:.10g} s"
+            raise InputError(f"{source}: {topic}: {still}")
+        latest = np.maximum.accumulate(times)
+        back, count = latest - times, int(np.sum(times < latest))
+        if (at := find_first(back > period)) is not None:
             raise InputError(
-                f"{source}: {topic}: its clock stands still, all {len(times)} messages at {times[0]:.10g} s"
+                f"{source}: {topic}: the clock steps backwards by {back.max():.6g} s, at message {at + 1}, "
+                f"{times[at]:.10g} s after {latest[at]:.10g} s; cut the bag there"
             )
-        latest = np.maximum.accumulate(times) if len(times) else times
-        late = np.flatnonzero(times < latest)
-        if len(late):
-            at = int(np.argmax(latest - times))
-            if latest[at] - times[at] > period:
-                first = int(np.flatnonzero(latest - times > period)[0])
-                raise InputError(
-                    f"{source}: {topic}: the clock steps backwards by {latest[at] - times[at]:.6g} s, at message "
-                    f"{first + 1}, {times[first]:.10g} s after {latest[first]:.10g} s; cut the bag there"
-                )
-            count = f"{len(late)} {plural(len(late), 'message')}"
-            first = f"the first is message {late[0] + 1} at {times[late[0]]:.10g} s"
-            notes[f"{topic}: {count} out of order, {first}, sorted by their stamps"] = None
+        if (at := find_first(times < latest)) is not None:
+            first = f"the first is message {at + 1} at {times[at]:.10g} s"
+            note = f"{topic}: {count} {plural(count, 'message')} out of order, {first}, sorted by their stamps"
+            notes[note] = None
         order = np.argsort(times, kind="stable")
         ordered[name] = Track(times[order], track.values[order])
     return ordered, list(notes)
@@ -369,43 +356,34 @@ def sort_tracks(tracks: dict[str, Track], period: float, source: str) -> tuple[d
 
 def _one_clock(table: dict[str, np.ndarray], mapped: Mapped, source: str) -> tuple[dict[str, Track], list[str]]:
     """Mapped columns of a table, on its time column or, without one, on its row number; notes on rows left out."""
-    wanted = [column.foreign for column in mapped.columns] + ([mapped.time] if mapped.time else [])
-    names = {name: resolve(name, table) for name in wanted}
+    names = {name: resolve(name, table) for name in mapped.foreign}
     for name, found in names.items():
         if found not in table:
-            raise InputError(
-                f"{source}: no column {name!r}, which the mapping file names (it has {', '.join(table)[:400]})"
-            )
+            there = ", ".join(table)[:400]
+            raise InputError(f"{source}: no column {name!r}, which the mapping file names (it has {there})")
+    where = f"{source}: time column {mapped.time!r}"
     if mapped.time is not None:
         time = to_si(table[names[mapped.time]], mapped.time_unit, source)
     elif mapped.time_period is not None:
         time = mapped.time_period * np.arange(len(table[names[mapped.columns[0].foreign]]))
     else:
         raise InputError(f"{source}: the mapping file names no time: wanted time: {{column: ..., unit: s}}")
-    missing = np.flatnonzero(~np.isfinite(time))
-    if len(missing):
-        raise InputError(f"{source}: time column {mapped.time!r}, row {int(missing[0]) + 1}: empty or not finite")
+    if (row := find_first(~np.isfinite(time))) is not None:
+        raise InputError(f"{where}, row {row + 1}: empty or not finite")
     lengths = {column.foreign: len(table[names[column.foreign]]) for column in mapped.columns}
     for name, length in lengths.items():
         if length != len(time):
             raise InputError(f"{source}: column {name!r} has {length} samples, time has {len(time)}")
-    backward = np.flatnonzero(np.diff(time) < 0)
-    if len(backward):
-        row = int(backward[0])
+    if (row := find_first(np.diff(time) < 0)) is not None:
         after = f"{time[row + 1]:.10g} s does not come after {time[row]:.10g} s"
-        raise InputError(f"{source}: time column {mapped.time!r}, row {row + 2}: {after}; cut the recording there")
+        raise InputError(f"{where}, row {row + 2}: {after}; cut the recording there")
     fresh = np.concatenate([np.ones(min(1, len(time)), dtype=bool), np.diff(time) != 0])
     if len(time) > 1 and fresh.sum() == 1:
-        raise InputError(
-            f"{source}: time column {mapped.time!r}: the clock stands still, all {len(time)} rows at {time[0]:.10g} s"
-        )
+        raise InputError(f"{where}: the clock stands still, all {len(time)} rows at {time[0]:.10g} s")
     notes = []
-    if not fresh.all():
-        row = int(np.flatnonzero(~fresh)[0])
-        notes.append(
-            f"{int((~fresh).sum())} of {len(time)} rows have the time of the row before and are dropped, the first is "
-            f"row {row + 1} at {time[row]:.10g} s"
-        )
+    if (row := find_first(~fresh)) is not None:
+        share = f"{int((~fresh).sum())} of {len(time)} rows have the time of the row before and are dropped"
+        notes = [f"{share}, the first is row {row + 1} at {time[row]:.10g} s"]
     return {name: Track(time[fresh], table[names[name]][fresh]) for name in lengths}, notes
 
 
@@ -420,14 +398,12 @@ def lay_on_frames(
     start = min(track.time.min() for track in tracks.values())
     end = max(track.time.max() for track in tracks.values())
     if (end - start) / period > 1e7:
-        raise InputError(
-            f"{source}: {end - start:.6g} s are too many frames of {period:g} s; is the unit of time right?"
-        )
+        many = f"{end - start:.6g} s are too many frames of {period:g} s"
+        raise InputError(f"{source}: {many}; is the unit of time right?")
     count = int(np.floor((end - start) / period + ROUNDED)) + 1
     if count > LONGEST * (max(len(track.time) for track in tracks.values()) + LONGEST):
-        raise InputError(
-            f"{source}: {count} frames of {period:g} s, far more than samples; cut it where its clock jumps"
-        )
+        many = f"{count} frames of {period:g} s, far more than samples"
+        raise InputError(f"{source}: {many}; cut it where its clock jumps")
     time = start + period * np.arange(count)
     step = median_step(np.unique(np.concatenate([track.time for track in tracks.values()])))
     begin = time - 0.5 * period if abs(step / period - 1.0) < ALIKE else time
@@ -440,16 +416,11 @@ def lay_on_frames(
         left = np.setdiff1d(np.arange(len(track.time)), taken)
         again = np.flatnonzero((np.diff(taken) == 0) & (taken[1:] >= 0)) + 1
         empty = np.flatnonzero(taken < 0)
-        parts = [
-            f"{what}, the first at {at[0]:.10g} s"
-            for what, at in (
-                (f"{len(left)} dropped for a newer one in the same frame", track.time[left]),
-                (f"the sample before again in {len(again)}", time[again]),
-                (f"{len(empty)} left empty", time[empty]),
-            )
-            if len(at)
-        ]
-        if parts:
+        kinds = {
+            f"{len(left)} dropped for a newer one in the same frame": track.time[left],
+            f"the sample before again in {len(again)}": time[again], f"{len(empty)} left empty": time[empty],
+        }  # fmt: skip
+        if parts := [f"{what}, the first at {at[0]:.10g} s" for what, at in kinds.items() if len(at)]:
             frames = f"{len(track.time)} samples on {len(time)} frames of {period * 1e3:g} ms"
             said.setdefault(f"{frames}: {'; '.join(parts)}", []).append(name)
     return time, values, [f"{', '.join(names)}: {note}" for note, names in said.items()]
@@ -523,8 +494,7 @@ def describe_conversion(column: Column | Derived) -> str | None:
     done = []
     if isinstance(column, Derived) and column.take != "first":
         minus = f" minus {column.minus}" if column.minus else ""
-        word = "the derivative of " if column.take else ""
-        done.append(f"{word}{column.of}{minus}")
+        done.append(f"{'the derivative of ' if column.take else ''}{column.of}{minus}")
     elif isinstance(column, Column) and column.wrap is not None:
         done.append(f"made continuous where readings start again after {column.wrap:g}")
     if getattr(column, "sign", 1.0) < 0.0:
@@ -548,19 +518,13 @@ def default_bag_mapping(path: str | Path) -> Mapped:
             ours = f"{KINDS[what]}{'_ref' if commanded and what != 'velocity' else ''}_{joint_name(joint)}"
             found = Column(f"{topic}:{field}", ours, UNITS[what])
             if (other := columns.setdefault(ours, found)) is not found:
-                raise InputError(
-                    f"{path}: {other.foreign!r} and {found.foreign!r} are both {ours}; write a mapping file that takes "
-                    "one of them"
-                )
+                both = f"{other.foreign!r} and {found.foreign!r} are both {ours}"
+                raise InputError(f"{path}: {both}; write a mapping file that takes one of them")
     if not columns:
-        raise InputError(
-            f"{path}: no topic of {STATE} with positions; write a mapping file (import without --out lists)"
-        )
-    starts = tuple(
-        Derived(name.replace("angle_", "angle_start_", 1), name, take="first")
-        for name in columns
-        if name.startswith("angle_") and not name.startswith(("angle_ref_", "angle_speed_"))
-    )
+        advice = "write a mapping file (import without --out lists)"
+        raise InputError(f"{path}: no topic of {STATE} with positions; {advice}")
+    angles = [n for n in columns if n.startswith("angle_") and not n.startswith(("angle_ref_", "angle_speed_"))]
+    starts = tuple(Derived(n.replace("angle_", "angle_start_", 1), n, take="first") for n in angles)
     first = next(iter(columns.values())).foreign
     steps = np.diff(read_bag(path, [first], "header")[first].time)
     period = float(f"{np.median(steps):.3g}") if len(steps) and np.median(steps) > 0.0 else None
@@ -588,9 +552,7 @@ def default_dataset_mapping(path: Path, unit: str) -> Mapped:
 
 def joint_name(name: str) -> str:
     """`shoulder_pan.pos` as a channel: `shoulderPan`."""
-    bare = name
-    for suffix in (".pos", "_pos", ".position"):
-        bare = bare.removesuffix(suffix)
+    bare = name.removesuffix(".pos").removesuffix("_pos").removesuffix(".position")
     words = [word for word in re.split("[-._]", bare) if word]
     if not words:
         raise InputError(f"{name!r} is no name of a joint; write a mapping file")
