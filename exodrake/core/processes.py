@@ -27,16 +27,14 @@ from typing import Any
 from exodrake.core.errors import InputError
 
 ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA", "VECLIB_MAXIMUM")}
-
-
+SAFE_PATH = {"PYTHONSAFEPATH": "1"}  # `python -m` and `-c` would look for modules in the current folder first
+LOOK = 0.5  # s between two looks at whether the parent is there: assumed
 CPU_TIME = 6.0  # s, assumed: of the processor, for a small file; readers take milliseconds
 PATIENCE = 20.0  # assumed: of the clock for one of those, on a busy machine or in a reader that waits
 BYTES_PER_SECOND = 2e6  # assumed: a tenth of what the slowest reader does
 MEMORY = 2 << 30  # bytes of address space; a log of the size that is read takes a tenth
 _lock = Lock()
 _child: Child | None = None
-SAFE_PATH = {"PYTHONSAFEPATH": "1"}  # `python -m` and `-c` would look for modules in the current folder first
-LOOK = 0.5  # s between two looks at whether the parent is there: assumed
 
 
 def in_child[T](function: Callable[..., T], *arguments: Any, source: str, size: int) -> T:
@@ -132,16 +130,14 @@ def python_environment() -> dict[str, str]:
 @contextmanager
 def safe_path() -> Iterator[None]:
     """Processes that a library starts meanwhile import nothing from the current folder."""
-    before = {name: os.environ.get(name) for name in SAFE_PATH}
+    before = dict(os.environ)
     os.environ.update(SAFE_PATH)
     try:
         yield
     finally:
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
+        for name in SAFE_PATH.keys() - before.keys():
+            del os.environ[name]
+        os.environ.update({name: before[name] for name in SAFE_PATH.keys() & before.keys()})
 
 
 def end_with(parent: int) -> None:

@@ -71,18 +71,14 @@ def alike(robot: Robot) -> Iterator[tuple[str, tuple[str, ...], StatedParameter]
 def effect_in_words(robot: Robot, identity: str) -> str:
     """An effect with its values and channels: `tendon.slack: length 2 mm on AF, MF`."""
     effect = robot.machine.effect(identity)
-    values = robot.effect_values(effect)
-    first = effect.parameters[0]
+    values, first, said = robot.effect_values(effect), effect.parameters[0], []
     seats = [channel for channel, value in values[first.name].items() if value != first.null]
-    said = []
     for p in effect.parameters:
         at: dict[float, list[str]] = {}
         for channel in seats if p.axis == effect.axis else values[p.name]:
             at.setdefault(values[p.name][channel], []).append(channel)
-        said += [
-            f"{p.name} {in_words(value, p.unit)}" + (f" ({', '.join(channels)})" if len(at) > 1 else "")
-            for value, channels in at.items()
-        ]
+        for value, channels in at.items():
+            said.append(f"{p.name} {in_words(value, p.unit)}" + (f" ({', '.join(channels)})" if len(at) > 1 else ""))
     on = f" on {', '.join(seats)}" if effect.axis else ""
     return f"{identity}: {', '.join(said)}{on}"
 
@@ -148,27 +144,17 @@ class Robot:
 
     def parameters(self) -> dict[str, StatedParameter]:
         """Value, unit, plausible range, tolerance and source of each parameter, and of the effects present, by name."""
-        machine = self.machine
-        tolerances = {
-            name: tolerance
-            for tolerance in machine.tolerances
-            for pattern in tolerance.parameters
-            for names in expand_pattern(pattern, machine.axes)
-            for name in names.split()
-        }
-        found = {
-            p.name: StatedParameter(
-                p.name, self[p.name], p.unit, *self.ranges.get(p.name, (-math.inf, math.inf)),
-                tolerances.get(p.name), self.sources.get(p.name, ""),
-            )
-            for p in machine.parameters if p.null is None
-        }  # fmt: skip
+        machine, free, found = self.machine, (-math.inf, math.inf), dict[str, StatedParameter]()
+        tolerances = {name: group for group, names in list_tolerances(machine) for name in names.split()}
+        for p in (p for p in machine.parameters if p.null is None):
+            ends, source = self.ranges.get(p.name, free), self.sources.get(p.name, "")
+            found[p.name] = StatedParameter(p.name, self[p.name], p.unit, *ends, tolerances.get(p.name), source)
         for identity in self.effects():
             effect = machine.effect(identity)
             for p in effect.parameters:
                 for i in machine.effect_indices(identity, p.name).values():
                     name, value = machine.parameters[i].name, float(self.values[i])
-                    low, high = (p.low, p.high) if value != p.null else (-math.inf, math.inf)
+                    low, high = (p.low, p.high) if value != p.null else free
                     source = self.sources.get(name) or effect.source
                     found[name] = StatedParameter(name, value, p.unit, low, high, None, source, identity)
         return found
@@ -266,8 +252,7 @@ class Robot:
 
     def reference_limits(self) -> tuple[np.ndarray, np.ndarray]:
         """Lowest and highest reference, (channels,) arrays [SI]; without stated limits 0 and infinity."""
-        column = self.machine.references[0]
-        channels = self.machine.channels(column.signal)
+        channels = self.machine.channels(self.machine.references[0].signal)
         low, high = self.machine.reference_limits or ("", "")
         for channel in channels if high else ():
             if channel not in self.limits.get(high, {}):
@@ -310,21 +295,20 @@ def check_channels(machine: Machine, effect: Effect, channels: Iterable[str]) ->
     return wanted or known
 
 
+def list_tolerances(machine: Machine) -> list[tuple[Tolerance, str]]:
+    """Each tolerance with the names, between blanks, of parameters that err together."""
+    groups = ((group, pattern) for group in machine.tolerances for pattern in group.parameters)
+    return [(group, names) for group, pattern in groups for names in expand_pattern(pattern, machine.axes)]
+
+
 def drawn_robot(robot: Robot, rng: np.random.Generator) -> Robot:
     """The robot with each parameter that has a tolerance drawn anew, normal and clipped to its largest deviation."""
-    machine, values = robot.machine, robot.values.copy()
-    groups = [
-        (g, n) for g in machine.tolerances for pattern in g.parameters for n in expand_pattern(pattern, machine.axes)
-    ]
+    values, groups = robot.values.copy(), list_tolerances(robot.machine)
     for (group, names), drawn in zip(groups, rng.standard_normal(len(groups)), strict=True):
         x = float(np.clip(drawn * group.prior_std, -group.max_deviation, group.max_deviation))
-        for name in names.split():
-            i = position(machine, name)
-            values[i] = {
-                "log": robot.values[i] * math.exp(x),
-                "additive": robot.values[i] + x,
-                "relative": robot.values[i] * (1.0 + x),
-            }[group.transform]
+        for i in (position(robot.machine, name) for name in names.split()):
+            v = robot.values[i]
+            values[i] = {"log": v * math.exp(x), "additive": v + x, "relative": v * (1.0 + x)}[group.transform]
     return replace(robot, values=values)
 
 

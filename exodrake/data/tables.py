@@ -69,12 +69,9 @@ def list_columns(data: bytes, source: str) -> dict[str, np.ndarray]:
     data, tree = _opened(data, source)
     if tree is None:
         guess = guess_layout(data)
-        cells = text_cells(data, source, guess, ragged=True)
-        found = {
-            name: _numbers(column, name, source, guess.decimal)
-            for name, column in cells.items()
-            if all(_is_number(cell, guess.decimal) for cell in column)
-        }
+        cells = text_cells(data, source, guess, ragged=True).items()
+        whole = {name: column for name, column in cells if all(_is_number(cell, guess.decimal) for cell in column)}
+        found = {name: _numbers(column, name, source, guess.decimal) for name, column in whole.items()}
     else:
         found = flatten(tree, source)
     if not found:
@@ -246,9 +243,9 @@ def _is_number(cell: str, decimal: str) -> bool:
 def _hint(data: bytes, layout: TextLayout) -> str:
     """What a mapping lacks whose separator leaves all cells of the first lines in one."""
     guess = guess_layout(data)
-    marks = {"separator": guess.separator, "decimal": guess.decimal}
-    other = [f"{key}: {json.dumps(mark)}" for key, mark in marks.items() if mark != getattr(layout, key)]
-    return f"; the mapping file lacks {' and '.join(other)}" if layout.separator != guess.separator else ""
+    other = [key for key in ("separator", "decimal") if getattr(guess, key) != getattr(layout, key)]
+    lacks = " and ".join(f"{key}: {json.dumps(getattr(guess, key))}" for key in other)
+    return f"; the mapping file lacks {lacks}" if "separator" in other else ""
 
 
 def guess_layout(data: bytes) -> TextLayout:
@@ -312,10 +309,9 @@ def episodes(path: Path) -> Iterator[tuple[str, dict[str, np.ndarray]]]:
         if table[EPISODE].ndim > 1 or not np.isfinite(table[EPISODE]).all():
             raise InputError(f"{file}: column {EPISODE!r}: wanted one number in each row")
         for number in np.unique(table[EPISODE]):
-            if number in place_of:
-                other = place_of[number].relative_to(path)
-                raise InputError(f"{file}: episode {int(number)} is also in {other}, so one of them would be lost")
-            place_of[number] = file
+            if (other := place_of.setdefault(number, file)) is not file:
+                there = other.relative_to(path)
+                raise InputError(f"{file}: episode {int(number)} is also in {there}, so one of them would be lost")
             columns: dict[str, np.ndarray] = {}
             for name, values in table.items():
                 values = values[table[EPISODE] == number]
