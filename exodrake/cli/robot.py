@@ -26,7 +26,9 @@ def list_parameters(name: str, robot: str, only: str, json_file: Path | None) ->
 
     NAME is a machine or a robot file, as for --robot, or part of a parameter's name, as for --only.
     """
-    from exodrake.core.robot import effect_in_words
+    from rich.markup import escape
+
+    from exodrake.core.robot import alike, effect_in_words, implausible
     from exodrake.machines.library import robot_yaml
 
     named = bool(name) and (Path(name).exists() or robot_yaml(name) is not None)
@@ -40,7 +42,17 @@ def list_parameters(name: str, robot: str, only: str, json_file: Path | None) ->
     content = exo.to_dict(found) if json_file else {}
     content |= {"parameters": {one: content["parameters"][one] for one in names}} if json_file else {}
     if not write_json(content, json_file):
-        print_parameters(found, names)
+        rows, group = [], ""
+        for full, channels, one in alike(found):
+            if one.name in names or any(f"{full}.{channel}" in names for channel in channels):
+                rows += [()] if group and full.split(".")[0] != group else []
+                group, texts, at = full.split(".")[0], one.texts, ", ".join(channels)
+                values = texts["value"], texts["range"], texts["tolerance"], escape(one.source)
+                rows.append((f"[bold]{escape(full)}[/bold] {at}".rstrip(), *values))
+        click.echo(f"{found.source or found.machine.name}: machine {found.machine.name}, {len(names)} parameters")
+        print_table(("parameter", ">value", "plausible", "tolerance", "source"), rows, wrapped=4)
+        for sentence in implausible(found):
+            click.echo(f"note  {sentence}")
     if not only and json_file != "-":
         machine, unit = found.machine, found.machine.signal[found.machine.references[0].signal].unit
         for identity in found.effects():
@@ -51,25 +63,6 @@ def list_parameters(name: str, robot: str, only: str, json_file: Path | None) ->
                 click.echo(f"{title} {key}  {listed} {unit}")
         click.echo(f"variants of parts: {', '.join(machine.variants_available) or 'none'}")
         click.echo(f"set one: exodrake simulate ... --set '{names[0]}=VALUE UNIT'")
-
-
-def print_parameters(robot: exo.Robot, names: list[str]) -> None:
-    """Prints a table of parameters, a group apart from the next, and those outside of their range."""
-    from rich.markup import escape
-
-    from exodrake.core.robot import alike, implausible
-
-    rows, group = [], ""
-    for name, channels, one in alike(robot):
-        if one.name in names or any(f"{name}.{channel}" in names for channel in channels):
-            rows += [()] if group and name.split(".")[0] != group else []
-            group, texts, at = name.split(".")[0], one.texts, ", ".join(channels)
-            values = texts["value"], texts["range"], texts["tolerance"], escape(one.source)
-            rows.append((f"[bold]{escape(name)}[/bold] {at}".rstrip(), *values))
-    click.echo(f"{robot.source or robot.machine.name}: machine {robot.machine.name}, {len(names)} parameters")
-    print_table(("parameter", ">value", "plausible", "tolerance", "source"), rows, wrapped=4)
-    for sentence in implausible(robot):
-        click.echo(f"note  {sentence}")
 
 
 @click.command()
@@ -114,15 +107,11 @@ def list_effects(identity: str, json_file: Path | None, robot: str) -> None:
 
 def describe(machine: exo.Machine, effect: Effect) -> dict[str, Any]:
     """Everything about an effect as plain data."""
-
-    def finite(value: float) -> float | str:
-        return value if math.isfinite(value) else str(value)
-
     parameters = [
         {
-            "name": n.name, "unit": n.unit, "null": finite(n.null),
-            "range": [n.low, n.high], "initial": finite(n.initial), "axis": n.axis or "scalar",
-            "channels": [channel for channel in machine.axes.of(n.axis) if channel], "fitted": n.fitted,
+            "name": n.name, "unit": n.unit, "null": n.null if math.isfinite(n.null) else str(n.null),
+            "range": [n.low, n.high], "initial": n.initial if math.isfinite(n.initial) else str(n.initial),
+            "axis": n.axis or "scalar", "channels": list(filter(None, machine.axes.of(n.axis))), "fitted": n.fitted,
         }
         for n in effect.parameters
     ]  # fmt: skip
