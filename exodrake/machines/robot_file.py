@@ -24,25 +24,13 @@ from typing import Any
 
 import numpy as np
 
-from exodrake.core import plugins
+from exodrake.core import plugins, schema
 from exodrake.core.errors import InputError, argument, nearest
 from exodrake.core.files import is_file, read_bytes, write_text
 from exodrake.core.machine import Machine, Tolerance
 from exodrake.core.part import TENDONS
 from exodrake.core.robot import Robot, flatten, refuse_negative
-from exodrake.core.schema import (
-    Schema,
-    anything,
-    dump_yaml,
-    either,
-    listing,
-    mapping,
-    names,
-    number,
-    optional,
-    parse_yaml,
-    text,
-)
+from exodrake.core.schema import Schema, anything, dump_yaml, either, listing, mapping, names, number, optional, text
 from exodrake.core.units import quantity
 from exodrake.machines.library import machine_named, robot_files, robot_yaml
 
@@ -112,7 +100,7 @@ def load_robot(path: str | Path = "exo_index", above: tuple[str, ...] = ()) -> R
             raise InputError(f"no robot file {str(path)!r}, nor a machine of that name{near or f'; there are {there}'}")
         source, data = file.name, read_bytes(file)
         place = file.parent
-    return build(parse_yaml(data, source), source, above or (str(path),), place)
+    return build(schema.parse_yaml(data, source), source, above or (str(path),), place)
 
 
 def robot_or_default(robot: Robot | None) -> Robot:

@@ -25,8 +25,7 @@ KINDS = ("revolute", "continuous", "prismatic", "fixed")
 
 def read_attribute(element: ElementTree.Element, name: str, source: str) -> str:
     """An attribute that must be there."""
-    found = element.get(name)
-    if not found:
+    if not (found := element.get(name)):
         raise InputError(f"{source}: a <{element.tag}> without {name}")
     return found
 
@@ -90,10 +89,9 @@ def read_joint(element: ElementTree.Element, source: str) -> Joint:
     axis = numbers(element.find("axis"), "xyz", [1.0, 0.0, 0.0], where)
     if kind != "fixed" and not np.linalg.norm(axis) > 0.0:
         raise InputError(f"{where}: its axis has no length")
-    free = (-math.inf, math.inf) if kind == "continuous" or limit is None else (0.0, 0.0)
-    given = [free[0], free[1], math.inf]
-    stated = zip(("lower", "upper", "effort"), given, strict=True)
-    ends = [numbers(limit, n, [d], where, math.inf)[0] for n, d in stated]
+    free = math.inf if kind == "continuous" or limit is None else 0.0
+    stated = {"lower": -free, "upper": free, "effort": math.inf}
+    ends = [numbers(limit, n, [d], where, math.inf)[0] for n, d in stated.items()]
     ends = [end if abs(end) < LARGEST else math.copysign(math.inf, end) for end in ends]  # as some programs write none
     if ends[0] > ends[1] or ends[0] == math.inf or ends[1] == -math.inf:
         raise InputError(f"{where}: its lower limit {ends[0]:g} exceeds its upper one {ends[1]:g}")
