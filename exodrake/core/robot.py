@@ -193,10 +193,10 @@ class Robot:
             source: where the values come from, for `sources` and messages.
         """
         values, sources = self.values.copy(), dict(self.sources)
-        for indices, (name, value, unit) in self.general_first(flatten(parameters)):
-            for i in indices:
-                info = self.machine.parameters[i]
-                values[i] = quantity(value, info.unit, f"{source or 'parameters'}: {name}", unit)
+        for indices, (name, value, stated) in self.general_first(flatten(parameters)):
+            where, unit = f"{source or 'parameters'}: {name}", (stated or {}).get("unit", "")
+            for info in (self.machine.parameters[i] for i in indices):
+                values[self.machine.index[info.name]] = quantity(value, info.unit, where, unit)
                 if source:
                     sources[info.name] = source
         return refuse_negative(replace(self, values=values, sources=sources))
@@ -274,14 +274,14 @@ def refuse_negative(robot: Robot) -> Robot:
     return robot
 
 
-def flatten(parameters: Mapping[str, Any], prefix: str = "", unit: str = "") -> list[tuple[str, Any, str]]:
-    """Nested mappings as dotted names, values and units ("" for SI); one with a `value` key counts as that value."""
+def flatten(parameters: Mapping[str, Any], prefix: str = "", stated: Any = None) -> list[tuple[str, Any, Any]]:
+    """Nested mappings as dotted names, values, and the mapping that states a value under its key `value`, or None."""
     found = []
     for key, value in parameters.items():
-        name, inner = f"{prefix}.{key}" if prefix else str(key), unit
+        name, beside = f"{prefix}.{key}" if prefix else str(key), stated
         if isinstance(value, Mapping) and "value" in value:
-            value, inner = value["value"], value.get("unit", unit)
-        found += flatten(value, name, inner) if isinstance(value, Mapping) else [(name, value, inner)]
+            value, beside = value["value"], value
+        found += flatten(value, name, beside) if isinstance(value, Mapping) else [(name, value, beside)]
     return found
 
 

@@ -29,13 +29,9 @@ STEP = 0.02  # rad, of a reference for the analysis: assumed
 SWING = 1.0  # rad, by which a joint typically moves; ranges of the generic effects scale with it; assumed
 DRAWN = (Signal("noise_angle", "-", JOINTS, NORMAL), Signal("reading_arrival", "-", JOINTS, UNIFORM))
 COMPUTED = (
-    Signal("command", "rad", JOINTS),
-    Signal("origin", "rad", JOINTS),
-    Signal("setting", "rad", JOINTS),
-    Signal("ready", "-", SCALAR),
-    Signal("angle", "rad", JOINTS),
-    Signal("angle_read", "rad", JOINTS),
-)
+    Signal("command", "rad", JOINTS), Signal("origin", "rad", JOINTS), Signal("setting", "rad", JOINTS),
+    Signal("ready", "-", SCALAR), Signal("angle", "rad", JOINTS), Signal("angle_read", "rad", JOINTS),
+)  # fmt: skip
 
 
 def add_generic(generic: tuple[Effect, ...], library: tuple[Effect, ...]) -> tuple[Effect, ...]:
@@ -50,9 +46,7 @@ def add_generic(generic: tuple[Effect, ...], library: tuple[Effect, ...]) -> tup
 INERTIA = 1e-3  # kg m2 of each rotor: assumed, since the model has none; links have TINY of it
 TINY = 1e-4  # so that a link that play sets free stands still at once, with a friction of BRAKE times the inertia
 BRAKE = 20.0  # rad/s2: 2e-5 rad of error at the position loop of a frame of 20 ms
-PROMPT = (
-    20.0  # 1/frames, critically damped: the assumed loop settles in a fraction of a frame, as the servos of the model
-)
+PROMPT = 20.0  # 1/frames, critically damped: the assumed loop settles in a fraction of a frame, as the model's servos
 # law at the joint or its command -> field of a drive, and how it follows from the law's parameter
 STATED: dict[Callable, tuple[str, Callable[[float, float], float]]] = {
     late: ("delay", lambda frames, frame: frames * frame), lagging: ("lag", lambda time, frame: time),
@@ -111,27 +105,15 @@ def joint_machine(
     reading = sensor("reading", ANGLE, unit="rad", slot=3, frame=frame, size=SWING, channels=len(joints))
     parts = (replace(joint.PART, name=part), command, reading)
     return Machine(
-        name=name,
-        axes=Axes((), joints),
-        signals=(*given, *DRAWN, *COMPUTED),
-        parts=parts,
-        inputs=tuple(s.name for s in (*given, *DRAWN)),
-        columns=(*(Column(s.name, s.name) for s in given), COLUMN),
+        name=name, axes=Axes((), joints), signals=(*given, *DRAWN, *COMPUTED), parts=parts, frame=frame, slots=4,
+        inputs=tuple(s.name for s in (*given, *DRAWN)), columns=(*(Column(s.name, s.name) for s in given), COLUMN),
         effects=(*library, *add_generic(generic_effects(reading), library), *plugin_effects(parts, library)),
-        frame=frame,
-        slots=4,
-        noise=tuple(f"reading.sigma.{j}" for j in joints),
-        resolution=tuple(f"reading.step.{j}" for j in joints),
-        compared=("angle",),
-        noise_std=lambda parameter: {"angle": parameter("reading.repeatability")},
-        segments=(Segment(part, "angle"),),
-        max_effects=max_effects,
-        reference_limits=("angle_min", "angle_max"),
-        separate=True,
-        loop=make_loop(joints, frame, library),
+        noise=tuple(f"reading.sigma.{j}" for j in joints), resolution=tuple(f"reading.step.{j}" for j in joints),
+        compared=("angle",), noise_std=lambda parameter: {"angle": parameter("reading.repeatability")},
+        segments=(Segment(part, "angle"),), max_effects=max_effects, reference_limits=("angle_min", "angle_max"),
+        separate=True, loop=make_loop(joints, frame, library), mechanism=mechanism,
         skeleton=lambda robot: axes_side_by_side(robot.machine.axes.joints, "angle", "angle"),
-        mechanism=mechanism,
-    )
+    )  # fmt: skip
 
 
 TICK = 5e-4  # s, of the motors' equation of motion at most

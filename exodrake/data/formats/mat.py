@@ -39,8 +39,7 @@ def write(log: Log) -> bytes:
     """The log as MAT in SI. InputError for a column whose name is none in MATLAB."""
     from scipy.io import savemat
 
-    columns = {"time": log.time, **log.signals}
-    units = {"time": "s", **log.units}
+    columns, units = {"time": log.time, **log.signals}, {"time": "s", **log.units}
     for name in columns:
         if not NAME.fullmatch(name) or name == "units":
             raise InputError(f"{log.label}: column {name!r} cannot be a MATLAB variable")
@@ -89,9 +88,8 @@ def column(values: object, name: str, source: str) -> np.ndarray:
     """A variable as (n,) float64. InputError unless it is a real numeric vector."""
     array = np.asarray(values)
     if array.dtype.kind not in "fiub" or array.ndim > 2 or (array.ndim == 2 and 1 not in array.shape):
-        raise InputError(
-            f"{source}: variable {name!r} is {array.dtype} of shape {array.shape}, wanted a vector of numbers"
-        )
+        found = f"{array.dtype} of shape {array.shape}"
+        raise InputError(f"{source}: variable {name!r} is {found}, wanted a vector of numbers")
     return array.ravel().astype(float)
 
 
