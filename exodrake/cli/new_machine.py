@@ -46,12 +46,12 @@ def command(
     """
     from exodrake import machines
     from exodrake.core.files import write_folder
-    from exodrake.machines.library import machine_names
+    from exodrake.machines.library import machine_folders
 
     name, step = folder.resolve().name, FRAME if frame is None else frame
     if not NAME.fullmatch(name):
         raise InputError(f"{folder}: the folder's name is the machine's: small letters, digits and _, like my_arm")
-    if name in machine_names():
+    if name in machine_folders():
         raise InputError(f"{folder}: there is a machine {name} already; name the folder otherwise")
     if not urdf and Path(machines.__path__[0], f"{name}.py").is_file():
         raise InputError(f"{folder}: exodrake.machines has a module {name}; name the folder otherwise")
