@@ -68,10 +68,12 @@ class Child:
     def __init__(self) -> None:
         self.pipe, theirs = Pipe()
         self.owner = os.getpid()
-        command = python_command("-m", "exodrake.core.processes", str(theirs.fileno()), str(self.owner))
+        number = theirs.fileno()
+        command = [sys.executable, "-P", "-m", "exodrake.core.processes", str(number), str(self.owner)]
+        modules = {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}  # come from where those of this process do
         silent: dict[str, Any] = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
-        environment = python_environment() | ONE_THREAD
-        self.process = subprocess.Popen(command, pass_fds=[theirs.fileno()], env=environment, **silent)
+        environment = os.environ | SAFE_PATH | modules | ONE_THREAD
+        self.process = subprocess.Popen(command, pass_fds=[number], env=environment, **silent)
         theirs.close()
 
     def usable(self) -> bool:
@@ -115,16 +117,6 @@ def serve(pipe: Connection) -> None:
             except Exception as error:
                 answer = error
             pipe.send(answer)
-
-
-def python_command(*arguments: str) -> list[str]:
-    """The command of a Python whose modules come from where this one's do."""
-    return [sys.executable, "-P", *arguments]
-
-
-def python_environment() -> dict[str, str]:
-    """The environment of `python_command`, and of what it starts in turn."""
-    return os.environ | SAFE_PATH | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
 
 
 @contextmanager

@@ -22,6 +22,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -120,16 +121,6 @@ class Derived:
 
 
 @dataclass(frozen=True)
-class Sync:
-    """Columns that are moved in time, at most `within` [s], until column `by` of them correlates best with `to`."""
-
-    columns: tuple[str, ...]
-    by: str
-    to: str
-    within: float
-
-
-@dataclass(frozen=True)
 class Mapped(TextLayout):
     """Content of a mapping file, with its keys."""
 
@@ -143,7 +134,7 @@ class Mapped(TextLayout):
     stamp: str = "log"
     samples: str | None = None  # "rows" or "columns" of a matrix; None: by its shape
     derived: tuple[Derived, ...] = ()
-    sync: tuple[Sync, ...] = ()
+    sync: tuple[dict[str, Any], ...] = ()  # each with the keys of `SYNC`
 
     @property
     def foreign(self) -> list[str]:
@@ -156,7 +147,7 @@ def read_mapping(path: str | Path) -> Mapped:
     content = SCHEMA(schema.read_yaml(path), str(path))
     time = content.get("time") or {}
     check_unit("time", time.get("unit", "s"), f"{path}, 'time'")
-    columns, derived, syncs, known = [], [], [], ["time"]
+    columns, derived, known = [], [], ["time"]
     for foreign, item in content["columns"].items():
         where, name = schema.inside(f"{path}, 'columns'", foreign), item["name"].strip()
         if not name or not item["unit"].strip():
@@ -187,10 +178,9 @@ def read_mapping(path: str | Path) -> Mapped:
                 raise schema.refusal(where, f"{name!r} is no column{nearest(name, ours)}")
         if item["by"] not in item["columns"] or item["with"] in item["columns"]:
             raise schema.refusal(where, "`by` is one of the columns that are moved, and `with` is none of them")
-        syncs.append(Sync(tuple(item["columns"]), item["by"], item["with"], item["within"]))
     return Mapped(
         tuple(columns), time.get("column"), time.get("unit", "s"), time.get("period"), time.get("start"),
-        content.get("period"), derived=tuple(derived), sync=tuple(syncs),
+        content.get("period"), derived=tuple(derived), sync=tuple(content.get("sync") or ()),
         **{key: content[key] for key in PLAIN if key in content},
     )  # fmt: skip
 
@@ -279,18 +269,16 @@ def make_log(tracks: dict[str, Track], mapped: Mapped, source: str, notes: Seque
         ours = {name: Track(track.time - first + mapped.start, track.values) for name, track in ours.items()}
     notes = [*notes]
     for entry in mapped.sync:
-        where = f"{source}: sync of {entry.by} with {entry.to}"
-        lag, correlation = find_lag(ours[entry.by], ours[entry.to], entry.within, where)
-        ours |= {name: Track(ours[name].time - lag, ours[name].values) for name in entry.columns}
-        notes.append(
-            f"{', '.join(entry.columns)}: moved by {-1e3 * lag:+.3g} ms to fit {entry.to} (correlation "
-            f"{correlation:.3f}), so a delay between them, of a clock or real, is gone"
-        )
+        by, to, within = entry["by"], entry["with"], entry["within"]
+        lag, correlation = find_lag(ours[by], ours[to], within, f"{source}: sync of {by} with {to}")
+        ours |= {name: Track(ours[name].time - lag, ours[name].values) for name in entry["columns"]}
+        moved = f"{', '.join(entry['columns'])}: moved by {-1e3 * lag:+.3g} ms to fit {to}"
+        notes.append(f"{moved} (correlation {correlation:.3f}), so a delay between them, of a clock or real, is gone")
     if mapped.period is not None:
         time, values, lost = lay_on_frames(ours, mapped.period, mapped.hold, source)
         notes += lost
     else:
-        late = {name for entry in mapped.sync for name in entry.columns}  # interpolated on the clock of the others
+        late = {name for entry in mapped.sync for name in entry["columns"]}  # interpolated on the clock of the others
         time = next(track.time for name, track in ours.items() if name not in late)
         if not len(time):
             raise InputError(f"{source}: no rows")
@@ -455,12 +443,9 @@ def find_lag(moved: Track, fixed: Track, within: float, where: str) -> tuple[flo
     """Lag of `moved` behind `fixed` [s] with the largest correlation, `within` [s] either way, and that correlation."""
     from scipy.signal import correlate
 
-    def known(track: Track) -> Track:
-        order = np.argsort(track.time, kind="stable")
-        order = order[np.isfinite(track.values[order])]
-        return Track(track.time[order], track.values[order])
-
-    a, b = known(moved), known(fixed)
+    ordered = (np.argsort(track.time, kind="stable") for track in (moved, fixed))
+    known = [order[np.isfinite(t.values[order])] for t, order in zip((moved, fixed), ordered)]
+    a, b = (Track(t.time[rows], t.values[rows]) for t, rows in zip((moved, fixed), known))
     step = min(median_step(t.time) for t in (a, b))
     start = max(a.time[0] + within, b.time[0]) if len(a.time) and len(b.time) else np.inf
     end = min(a.time[-1] - within, b.time[-1]) if start < np.inf else -np.inf
