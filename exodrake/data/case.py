@@ -240,7 +240,6 @@ def read_case(
         table = entry["table"] if "table" in entry else read_table(path)
         check_columns(table, required)
         log, faults = regularise(table, frame)
-        log = replace(log, simulated=table.simulated)
         hashes[file] = hash_file(path)
         if is_file(beside := path.with_name(notes_name(path))):
             lines = read_bytes(beside).decode(errors="replace").splitlines()[:MOST_NOTES]
@@ -286,8 +285,8 @@ def gather_logs(
             log = Log.from_pandas(one) if hasattr(one, "iloc") else one
             log = read_log(log, required) if isinstance(log, str | Path) else argument("logs", log, Log, str, Path)
             check_columns(log, required)
-            whole, faults = regularise(log, period or log.dt)
-            notes, log = [*notes, *faults], replace(whole, simulated=log.simulated)
+            log, faults = regularise(log, period or log.dt)
+            notes += faults
             items.append(CaseLog(log, "", role, None, f"{Path(log.label).name} ({len(items) + 1})"))
     if case:
         return replace(case, logs=tuple(items))

@@ -430,13 +430,13 @@ def regularise(log: Log, period: float = 0.02) -> tuple[Log, list[str]]:
         grid[frames] = time
     absent, holes = len(grid) - len(single), np.diff(frames)
     if not absent:
-        return single if deviation <= EXACT else Log(grid, single.signals, single.units, single.source), notes
+        return single if deviation <= EXACT else replace(single, time=grid), notes
     gap = f"the first at {grid[frames[np.argmax(holes > 1)] + 1]:g} s (longest gap {holes.max() - 1} frames)"
     notes.append(f"{name}: {absent} missing frames, {gap}, left empty")
     signals = {column: np.full(len(grid), np.nan) for column in single.signals}
     for column, values in single.signals.items():
         signals[column][frames] = values
-    return Log(grid, signals, single.units, single.source), notes
+    return replace(single, time=grid, signals=signals), notes
 
 
 def other_rate(time: np.ndarray, frames: np.ndarray, period: float) -> tuple[float, float] | None:

@@ -212,13 +212,11 @@ def drawn(*names: str) -> tuple[Signal, ...]:
 def columns(chain: Chain, shown: Mapping[str, str], rates: Mapping[str, str]) -> tuple[Column, ...]:
     """Log columns: kind -> signal; rates: kind -> the one whose rate it is. Kinds of mixed joints say so."""
     before, unit = "joint_" if len(set(chain.sliding)) > 1 else "", units(chain)
-    return tuple(
-        Column(
-            before + kind, signal, required=kind != "effort_ref", unit=unit["effort"] if "effort" in kind else "",
-            rate_of=before + rates[kind] if kind in rates else "",
-        )
-        for kind, signal in shown.items()
-    )  # fmt: skip
+    found = []
+    for kind, signal in shown.items():
+        rate, own = before + rates[kind] if kind in rates else "", unit["effort"] if "effort" in kind else ""
+        found.append(Column(before + kind, signal, required=kind != "effort_ref", unit=own, rate_of=rate))
+    return tuple(found)
 
 
 def reading(name: str, signal: str, unit: Mapping[str, str], slot: int, frame: float, size: float, count: int) -> Part:
@@ -230,26 +228,21 @@ def reading(name: str, signal: str, unit: Mapping[str, str], slot: int, frame: f
 def effects_in(unit: Mapping[str, str], parts: tuple[Part, ...], without: tuple[str, ...]) -> tuple[Effect, ...]:
     """The effects of the parts but for some, those that are made for turning joints in the units of these."""
     own = {TURNS["position"]: unit["position"], TURNS["inertia"]: unit["inertia"], "rad/(N m)": unit["position/effort"]}
-    return tuple(
-        replace(e, parameters=tuple(replace(p, unit=own.get(p.unit, p.unit)) for p in e.parameters))
-        for e in effects_of(parts)
-        if e.id not in without
-    )
+
+    def fit_units(effect: Effect) -> Effect:
+        return replace(effect, parameters=tuple(replace(p, unit=own.get(p.unit, p.unit)) for p in effect.parameters))
+
+    return tuple(fit_units(effect) for effect in effects_of(parts) if effect.id not in without)
 
 
 def shape(robot: Robot) -> Shape:
     """Geometry that a recording draws: the joints of the robot's parameters, in order."""
-
-    def rows(*names: str) -> np.ndarray:
-        return np.column_stack([robot.channels(f"arm.{name}") for name in names])
-
-    tip, origins = np.array([robot[f"arm.tip_{axis}"] for axis in "xyz"]), rows("x", "y", "z")
+    found = mechanism(robot)
+    chain, tilt = found.chain, np.array(found.tilt)
+    origins, angles, axes = (np.array([getattr(j, n) for j in chain.joints]) for n in ("origin", "angles", "axis"))
     column = next(c for c in robot.machine.columns if c.kind.endswith("position") and c.signal != "position_ref")
-    return Shape(
-        robot.machine.axes.joints, origins, rows("roll", "pitch", "yaw"), rows("axis_x", "axis_y", "axis_z"),
-        robot.channels("arm.sliding"), np.vstack([origins[1:], tip]),
-        np.array([robot["arm.base_roll"], robot["arm.base_pitch"]]), column.kind, robot.machine.compared[-1],
-    )  # fmt: skip
+    ends, load = np.vstack([origins[1:], chain.tip]), robot.machine.compared[-1]
+    return Shape(chain.names, origins, angles, axes, chain.sliding, ends, tilt, column.kind, load)
 
 
 def mechanism(robot: Robot) -> Mechanism:
@@ -297,10 +290,8 @@ def mechanism(robot: Robot) -> Mechanism:
     if "cable.ratio" in {name.rsplit(".", 1)[0] for name in known}:
         notes.append("motors act on the joints without the elasticity and the coupling of the cables")
     if any(drive.kp for drive in drives):
-        notes.append(
-            f"the robot's controller computes once in {robot.machine.frame:g} s and differentiates the error: "
-            "send q_ref + (kv / kp) dq_ref/dt"
-        )
+        once = f"the robot's controller computes once in {robot.machine.frame:g} s and differentiates the error"
+        notes.append(f"{once}: send q_ref + (kv / kp) dq_ref/dt")
         if any(robot.channels("motor.time_constant")):
             notes.append("the time constant of the motors' current loops is left out")
     stated = ("payload", "link_mass", "rotor_inertia", "viscous_friction", "coulomb_friction", "joint_compliance")
