@@ -13,7 +13,7 @@ from exodrake.cli.options import DEFAULT, OutputFile, json_option, print_table, 
 from exodrake.core.errors import InputError, nearest
 
 if TYPE_CHECKING:
-    from exodrake.core.effect import Effect, EffectParameter
+    from exodrake.core.effect import Effect
 
 
 @click.command()
@@ -93,14 +93,16 @@ def list_effects(identity: str, json_file: Path | None, robot: str) -> None:
             rows.append((n.name, n.unit, ends, f"{n.initial:.4g}", null, channels, "yes" if n.fitted else "no"))
         print_table(("parameter", "unit", "plausible", ">initial", ">null value", "one per", "fitted"), rows)
         texts = {"shows as": effect.signature, "acts at": ", ".join(effect.at), "source": effect.source}
-        for title, text in (*texts.items(), ("try", example(machine, effect))):
+        for title, text in (texts | {"try": example(machine, effect)}).items():
             click.echo(f"\n{click.style(title, bold=True)}\n{text}")
         return
     for effect in chosen:
         rows += [()] if block and effect.block != block else []
         block = effect.block
-        parameters = "\n".join(f"{n.name}  {plausible(n)}" for n in effect.parameters)
-        rows.append((f"[bold]{effect.id}[/bold]", effect.summary, parameters, effect.axis.removesuffix("s") or "robot"))
+        ends = (f"{n.name}  {n.low:g} to {n.high:g} {n.unit}".removesuffix(" -") for n in effect.parameters)
+        rows.append(
+            (f"[bold]{effect.id}[/bold]", effect.summary, "\n".join(ends), effect.axis.removesuffix("s") or "robot")
+        )
     print_table(("effect", "what it is", "parameters", "per"), rows, wrapped=1)
     click.echo(f"\n{len(chosen)} effects. `exodrake effects ID` describes one.")
 
@@ -128,11 +130,6 @@ def example(machine: exo.Machine, effect: Effect) -> str:
     what = "caging" if machine.name == DEFAULT else f"chirp --robot {machine.name}"
     at = f"@{channel}" if channel else ""
     return f"exodrake simulate {what} --effect {effect.id}:{parameter.name}={parameter.initial:.3g}{at}"
-
-
-def plausible(parameter: EffectParameter) -> str:
-    """Plausible range with unit."""
-    return f"{parameter.low:g} to {parameter.high:g} {parameter.unit}".removesuffix(" -")
 
 
 @click.command()

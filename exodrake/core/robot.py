@@ -57,11 +57,10 @@ class StatedParameter:
 
 def alike(robot: Robot) -> Iterator[tuple[str, tuple[str, ...], StatedParameter]]:
     """Parameters in rows: name without channel, the channels of this value (() if it has none), and one of them."""
-    known = (*robot.machine.axes.tendons, *robot.machine.axes.joints)
     rows: dict[tuple, tuple[list[str], StatedParameter]] = {}
     for one in robot.parameters().values():
         name, _, channel = one.name.rpartition(".")
-        own = channel in known
+        own = any(channel in axis for axis in robot.machine.axes)
         key = (name if own else one.name, one.value, one.low, one.high, one.source)
         rows.setdefault(key, ([], one))[0].extend([channel] * own)
     for (name, *_), (channels, one) in rows.items():

@@ -13,6 +13,7 @@ import json
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import chain, islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,9 +22,8 @@ import numpy as np
 
 from exodrake.core.errors import InputError
 from exodrake.core.files import is_file, read_bytes
-from exodrake.core.processes import in_child
 from exodrake.core.schema import parse_json, read_json
-from exodrake.data.formats import mat, mcap, npz, parquet
+from exodrake.data.formats import mat, mcap, npz, parquet, read_apart
 from exodrake.data.formats.csv import unpack
 from exodrake.data.log import MAX_COLUMNS, check_size, refuse_doubled
 
@@ -86,7 +86,8 @@ def _opened(data: bytes, source: str) -> tuple[bytes, Any]:
         data, name = unpack(data, source), name.removesuffix(".gz")
     readers = {
         (".mat",): mat.read_variables, (".npy", ".npz"): npz.read_arrays, (".parquet",): parquet.read_columns,
-        (".mcap",): mcap.read_columns, JSON: read_records, HDF5: mat.read_hdf5,
+        (".mcap",): mcap.read_columns, JSON: partial(read_apart, parse_records, what="JSON"),
+        HDF5: partial(read_apart, mat.parse_hdf5, what="HDF5"),
     }  # fmt: skip
     reader = next((reader for endings, reader in readers.items() if name.endswith(endings)), None)
     return data, None if reader is None else reader(data, source)
@@ -97,14 +98,9 @@ def resolve(name: str, columns: Mapping[str, Any]) -> str:
     return name if name in columns else name.strip("/").replace("/", ".")
 
 
-def read_records(data: bytes, source: str) -> Any:
-    """The content of a JSON file. InputError for a damaged or too large one."""
-    check_size(data.count(b","), source)
-    return in_child(parse_records, data, source, source=source, size=len(data))
-
-
 def parse_records(data: bytes, source: str) -> Any:
-    """`read_records` in this process."""
+    """The content of a JSON file, in this process. InputError for a damaged or too large one."""
+    check_size(data.count(b","), source)
     if not source.lower().endswith(".json"):
         lines = enumerate(data.removeprefix(b"\xef\xbb\xbf").splitlines(), 1)
         return [parse_json(line, f"{source}, record {number}") for number, line in lines if line.strip()]

@@ -86,17 +86,10 @@ def joint_machine(
     name: str, part: str, joints: tuple[str, ...], library: tuple[Effect, ...], frame: float, max_effects: int,
     settings: tuple[Signal, ...] = (),
 ) -> Machine:  # fmt: skip
-    """A machine of position servos.
+    """A machine of position servos, whose joints are moved by a part of the name `part`; frame: its period [s].
 
-    Args:
-        name: of the machine.
-        part: name of the part that moves the joints.
-        joints: their names.
-        library: its effects; the `STANDARD` laws and the generic ones of its sensors join those whose family is
-            not among them.
-        frame: its period [s].
-        max_effects: that a diagnosis may name together.
-        settings: `BEND` if logs state the bend of each joint's sheath.
+    `STANDARD` laws and the generic ones of its sensors join the effects of the library, if of another family.
+    `max_effects`: that a diagnosis may name together; `settings`: `BEND` if logs state the bend of each joint's sheath.
     """
     laws = STANDARD if frame < SLOW else STANDARD[1:]
     standard = (for_machine(f"joint.{law}", f"{part}.{law}") for law in laws)
@@ -134,12 +127,7 @@ def motor_machine(
 ) -> Machine:
     """A machine of servos with motor, gear and supply (`physics/servo.py`); the sensor reads as a command arrives.
 
-    Args:
-        name: of the machine.
-        joints: their names.
-        frame: its period [s].
-        max_effects: that a diagnosis may name together.
-        friction: of the gears [N m], about; ranges of the friction family scale with it.
+    frame: its period [s]; friction: of the gears [N m], about, with which ranges of the friction family scale.
     """
     scales = {
         "force": (friction, "N m"), "speed": (TURNING, "rad/s"), "length": (SWING, "rad"),
@@ -166,8 +154,7 @@ def motor_mechanism(robot: Robot) -> Mechanism:
 
     kt, volts = with_share("kt", "torque_constant"), with_share("supply", "supply")
     load, moment = with_share("inertia", "load_inertia"), with_amount("moment", "gravity_moment.moment")
-    resistance = robot.channels("servo.R")
-    stall, hangs = kt * volts / resistance, moment != 0.0
+    stall, hangs = kt * volts / (resistance := robot.channels("servo.R")), moment != 0.0
     lever = np.divide(0.5 * GRAVITY * load, moment, out=np.zeros(len(joints)), where=hangs)
     mass = np.where(hangs, 2.0 * moment**2 / (GRAVITY**2 * load), load)
     own, low = np.where(hangs, 0.5, 1.0) * load, robot.channels("servo.hanging")

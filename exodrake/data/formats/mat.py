@@ -93,13 +93,8 @@ def column(values: object, name: str, source: str) -> np.ndarray:
     return array.ravel().astype(float)
 
 
-def read_hdf5(data: bytes, source: str) -> dict[str, Any]:
-    """Groups of an HDF5 file as mappings, data sets of numbers as arrays; nothing that lies in another file."""
-    return read_apart(parse_hdf5, data, source, "HDF5")
-
-
 def parse_hdf5(data: bytes, source: str) -> dict[str, Any]:
-    """`read_hdf5` in this process."""
+    """Groups of an HDF5 file as mappings, data sets of numbers as arrays; nothing that lies in another file."""
     try:
         import h5py  # pyright: ignore[reportMissingImports]
     except ImportError:
