@@ -275,15 +275,14 @@ class Machine:
                 raise InputError(f"{self.name}: {part.name} reads signal {unknown[0]!r}, which nothing writes")
         feedthrough_order(self)
         taken: dict[int, tuple[str, Task]] = {}  # each slot holds one task, or tasks of the same channels
-        for part, task in [(p, t) for p in self.parts for t in p.tasks]:
+        for part, task, slot in ((p, t, slot) for p in self.parts for t in p.tasks for slot in t.slots):
             own = f"{part.name}.{task.function}"
-            for slot in task.slots:
-                if not 0 <= slot < self.slots:
-                    raise InputError(f"{self.name}: {own} runs in slot {slot}, but a frame has {self.slots}")
-                name, other = taken.setdefault(slot, (part.name, task))
-                shared = other.per_channel and task.per_channel and other.slots == task.slots
-                if other is not task and not shared:
-                    raise InputError(f"{self.name}: slot {slot} holds both {name}.{other.function} and {own}")
+            if not 0 <= slot < self.slots:
+                raise InputError(f"{self.name}: {own} runs in slot {slot}, but a frame has {self.slots}")
+            name, other = taken.setdefault(slot, (part.name, task))
+            shared = other.per_channel and task.per_channel and other.slots == task.slots
+            if other is not task and not shared:
+                raise InputError(f"{self.name}: slot {slot} holds both {name}.{other.function} and {own}")
         homes: dict[str, object] = {}  # names are unique, and each effect acts at known points of one part
         for module in (m for part in self.parts for m in part_modules(part)):
             if homes.setdefault(module_name(module), module) is not module:
@@ -292,10 +291,9 @@ class Machine:
         for effect in self.effects:
             if ids.count(effect.id) > 1:
                 raise InputError(f"{self.name}: two effects have the id {effect.id!r}")
-            for point in effect.at:
-                if point not in points:
-                    hint = nearest(point, list(points))
-                    raise InputError(f"{effect.id} acts at {point!r}, which {self.name} lacks{hint}")
+            for point in (point for point in effect.at if point not in points):
+                hint = nearest(point, list(points))
+                raise InputError(f"{effect.id} acts at {point!r}, which {self.name} lacks{hint}")
             parts = sorted({points[point].name for point in effect.at})
             if len(parts) > 1:
                 raise InputError(f"{effect.id} acts on {' and '.join(parts)}; an effect acts on one part only")

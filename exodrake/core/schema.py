@@ -48,8 +48,7 @@ def parse_json(data: bytes | str, source: str) -> Any:
 
     def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         """An object by its keys and values; of a key that comes twice, Python would keep the last."""
-        found = dict(pairs)
-        if len(found) < len(pairs):
+        if len(found := dict(pairs)) < len(pairs):
             keys = [key for key, _ in pairs]
             raise InputError(f"key {shown(next(key for key in keys if keys.count(key) > 1))} comes twice")
         return found

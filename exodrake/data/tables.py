@@ -89,8 +89,8 @@ def _opened(data: bytes, source: str) -> tuple[bytes, Any]:
         (".mcap",): mcap.read_columns, JSON: partial(read_apart, parse_records, what="JSON"),
         HDF5: partial(read_apart, mat.parse_hdf5, what="HDF5"),
     }  # fmt: skip
-    reader = next((reader for endings, reader in readers.items() if name.endswith(endings)), None)
-    return data, None if reader is None else reader(data, source)
+    reader = next((reader for endings, reader in readers.items() if name.endswith(endings)), lambda *_: None)
+    return data, reader(data, source)
 
 
 def resolve(name: str, columns: Mapping[str, Any]) -> str:
@@ -101,7 +101,7 @@ def resolve(name: str, columns: Mapping[str, Any]) -> str:
 def parse_records(data: bytes, source: str) -> Any:
     """The content of a JSON file, in this process. InputError for a damaged or too large one."""
     check_size(data.count(b","), source)
-    if not source.lower().endswith(".json"):
+    if not source.lower().removesuffix(".gz").endswith(".json"):
         lines = enumerate(data.removeprefix(b"\xef\xbb\xbf").splitlines(), 1)
         return [parse_json(line, f"{source}, record {number}") for number, line in lines if line.strip()]
     found = parse_json(data, source)
@@ -152,9 +152,8 @@ def _is_simple(value: Any, nested: bool = False) -> bool:
     """Whether a value is a number, text or a list of them; `nested`: or a mapping of such."""
     if isinstance(value, Mapping):
         return nested and all(_is_simple(one, True) for one in value.values())
-    if isinstance(value, list | tuple):
-        return not any(isinstance(one, Mapping | list | tuple) for one in value)
-    return np.ndim(value) == 0
+    several = isinstance(value, list | tuple)
+    return not any(isinstance(one, Mapping | list | tuple) for one in value) if several else np.ndim(value) == 0
 
 
 def _array(value: Any) -> np.ndarray | None:
@@ -252,9 +251,9 @@ def guess_layout(data: bytes) -> TextLayout:
     def cells(line: str, separator: str) -> list[str]:
         try:
             found = line.split() if separator == " " else next(csv.reader([line], delimiter=separator), [])
+            return [cell.strip() for cell in found]
         except csv.Error:
-            found = [line]
-        return [cell.strip() for cell in found]
+            return [line.strip()]
 
     def fit(marks: tuple[str, str]) -> int:
         first, *rows = [cells(line, marks[0]) for line in lines] or [[]]
@@ -284,9 +283,8 @@ def element_names(info: dict[str, Any], column: str) -> list[str]:
     """Names of the elements of a column, as the data set states them; none if it does not."""
     feature = info["features"].get(column)
     names = feature.get("names") if isinstance(feature, dict) else None
-    if isinstance(names, dict):
-        names = next((item for item in names.values() if isinstance(item, list)), None)
-    found = [str(name) for name in names] if isinstance(names, list) else []
+    lists = names.values() if isinstance(names, dict) else [names]
+    found = [str(name) for name in next((item for item in lists if isinstance(item, list)), [])]
     refuse_doubled(found, f"the names of {column!r} in {INFO}")
     return found
 

@@ -71,8 +71,7 @@ def parse(data: bytes, source: str) -> dict[str, Any]:
 
 def plain(value: Any) -> Any:
     """A MATLAB value as mappings, lists, text and arrays."""
-    fields = getattr(value, "_fieldnames", None)
-    if fields is not None:
+    if (fields := getattr(value, "_fieldnames", None)) is not None:
         return {name: plain(getattr(value, name)) for name in fields}
     if not isinstance(value, np.ndarray):
         return None if value.__class__.__module__.startswith("scipy") else value
