@@ -128,7 +128,7 @@ def safe_path() -> Iterator[None]:
         yield
     finally:
         for name in SAFE_PATH.keys() - before.keys():
-            del os.environ[name]
+            os.environ.pop(name, None)
         os.environ.update({name: before[name] for name in SAFE_PATH.keys() & before.keys()})
 
 

@@ -290,8 +290,7 @@ def make_log(tracks: dict[str, Track], mapped: Mapped, source: str, notes: Seque
         if column.filter is not None:
             values[column.name] = low_pass(time, values[column.name], column.filter, f"{source}: {column.name}")
     for column in mapped.derived:
-        found, unit = values[column.of], units[column.of]
-        where = f"{source}: {column.name}"
+        found, unit, where = values[column.of], units[column.of], f"{source}: {column.name}"
         if column.minus:
             if units[column.minus] != unit:
                 raise InputError(f"{where}: {column.of} is in {unit}, {column.minus} in {units[column.minus]}")

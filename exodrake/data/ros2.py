@@ -88,8 +88,8 @@ def read_topics(path: str | Path) -> dict[str, Topic]:
     for file in bag_files(path):
         topics = read_apart(list_topics, read_bytes(file), str(file), "MCAP or SQLite")
         for topic, (kind, count, fields) in topics.items():
-            before = found.get(topic, (kind, 0, fields))
-            found[topic] = kind, before[1] + count, before[2] or fields
+            _, before, known = found.get(topic, (kind, 0, fields))
+            found[topic] = kind, before + count, known or fields
     return found
 
 
@@ -101,7 +101,7 @@ def read_tracks(data: bytes, source: str, columns: Sequence[str], stamp: str) ->
         if not field:
             raise InputError(f"{source}: column {column!r}: wanted TOPIC:FIELD, like '/joint_states:position[MCP]'")
         wanted.setdefault(topic, []).append(field)
-    samples: dict[str, tuple[list[float], list[float]]] = {column: ([], []) for column in columns}
+    samples: dict[str, list[tuple[float, float]]] = {column: [] for column in columns}
     for topic, _, message, log_time in messages(data, source, set(wanted)):
         where, time = f"{source}: topic {topic!r}", log_time * 1e-9
         if stamp == "header":
@@ -113,12 +113,9 @@ def read_tracks(data: bytes, source: str, columns: Sequence[str], stamp: str) ->
             if not math.isfinite(time):
                 raise InputError(f"{where} has no header stamp; leave `stamp: header` out")
         for field in wanted[topic]:
-            value = _field(message, field, where)
-            if value is not None:
-                times, values = samples[f"{topic}:{field}"]
-                times.append(time)
-                values.append(value)
-    return {column: Track(np.array(times), np.array(values)) for column, (times, values) in samples.items()}
+            if (value := _field(message, field, where)) is not None:
+                samples[f"{topic}:{field}"].append((time, value))
+    return {column: Track(*np.array(rows).reshape(-1, 2).T.copy()) for column, rows in samples.items()}
 
 
 def list_topics(data: bytes, source: str) -> dict[str, Topic]:

@@ -143,16 +143,15 @@ def read_urdf(path: str | Path, tip: str = "") -> Chain:
     leaves = [link for link in bodies if all(joint.parent != link for joint in joints)]
     if not tip and not (count and leaves):
         raise InputError(f"{source}: no joint moves, so there is no arm")
-    ways = []  # from the base to the tip, or to each leaf
+    whole = []  # ways from the base to the tip, or to each leaf
     for link in [tip] if tip else leaves:
         way: list[Joint] = []
         while link in by_child:
-            way.append(by_child[link])
-            link = way[-1].parent
+            way.insert(0, by_child[link])
+            link = way[0].parent
             if len(way) > len(by_child):
                 raise InputError(f"{source}: its links form a ring")
-        ways.append(way[::-1])
-    whole = [way for way in ways if tip or sum(joint.kind != "fixed" for joint in way) == count]
+        whole += [way] if tip or sum(joint.kind != "fixed" for joint in way) == count else []
     if not whole:
         raise InputError(f"{source}: its moving joints branch; name the last link, `tip`: {', '.join(leaves[:8])}")
     return make_chain(max(whole, key=len), joints, bodies, source)
