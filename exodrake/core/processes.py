@@ -22,7 +22,7 @@ from contextlib import contextmanager, suppress
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from threading import Lock
-from typing import Any
+from typing import Any, NamedTuple
 
 from exodrake.core.errors import InputError
 
@@ -43,14 +43,23 @@ def in_child[T](function: Callable[..., T], *arguments: Any, source: str, size: 
     InputError as the function raises, or naming the file if the call crashes, takes too long or too much memory.
     """
     global _child
+    time_limit = CPU_TIME + size / BYTES_PER_SECOND
     with _lock:
-        if _child is None or not _child.usable():
-            _child = Child()
+        if _child is None or _child.owner != os.getpid() or _child.process.poll() is not None:
+            _child = start_child()
+        pipe, process, _ = _child
         try:
-            answer = _child.call(function, arguments, CPU_TIME + size / BYTES_PER_SECOND)
+            pipe.send((function, arguments, time_limit))
+            if not pipe.poll(PATIENCE * time_limit):
+                raise TimeoutError
+            answer = pipe.recv()
         except BaseException as error:
-            _child.end()
-            if isinstance(error, TimeoutError):
+            endless = isinstance(error, TimeoutError)
+            endless = endless or (isinstance(error, EOFError) and process.wait() == -signal.SIGXCPU)
+            process.kill()
+            process.wait()
+            pipe.close()
+            if endless:
                 raise InputError(f"{source}: not read: its reader does not come to an end") from None
             if isinstance(error, EOFError | OSError):
                 raise InputError(f"{source}: not read: its reader crashes on it, so the file is damaged") from None
@@ -62,41 +71,23 @@ def in_child[T](function: Callable[..., T], *arguments: Any, source: str, size: 
     return answer
 
 
-class Child:
-    """A process that takes calls one by one."""
+class Child(NamedTuple):
+    """A process that takes calls one by one from the process that owns it; after a fork that is the parent."""
 
-    def __init__(self) -> None:
-        self.pipe, theirs = Pipe()
-        self.owner = os.getpid()
-        number = theirs.fileno()
-        command = [sys.executable, "-P", "-m", "exodrake.core.processes", str(number), str(self.owner)]
-        modules = {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}  # come from where those of this process do
-        silent: dict[str, Any] = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
-        environment = os.environ | SAFE_PATH | modules | ONE_THREAD
-        self.process = subprocess.Popen(command, pass_fds=[number], env=environment, **silent)
-        theirs.close()
+    pipe: Connection
+    process: subprocess.Popen
+    owner: int
 
-    def usable(self) -> bool:
-        """Whether it runs, and belongs to this process: after a fork it is the parent's."""
-        return self.owner == os.getpid() and self.process.poll() is None
 
-    def call(self, function: Callable[..., Any], arguments: tuple, time_limit: float) -> Any:
-        """The result of a call, or the exception it raised. TimeoutError; EOFError or OSError if the process ends."""
-        self.pipe.send((function, arguments, time_limit))
-        if not self.pipe.poll(PATIENCE * time_limit):
-            raise TimeoutError
-        try:
-            return self.pipe.recv()
-        except EOFError:
-            if self.process.wait() == -signal.SIGXCPU:
-                raise TimeoutError from None
-            raise
-
-    def end(self) -> None:
-        """Ends the process at once."""
-        self.process.kill()
-        self.process.wait()
-        self.pipe.close()
+def start_child() -> Child:
+    """A new child process; its modules come from where those of this process do."""
+    pipe, theirs = Pipe()
+    command = [sys.executable, "-P", "-m", "exodrake.core.processes", str(theirs.fileno()), str(os.getpid())]
+    silent: dict[str, Any] = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
+    environment = os.environ | SAFE_PATH | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))} | ONE_THREAD
+    process = subprocess.Popen(command, pass_fds=[theirs.fileno()], env=environment, **silent)
+    theirs.close()
+    return Child(pipe, process, os.getpid())
 
 
 def serve(pipe: Connection) -> None:
