@@ -1,17 +1,8 @@
 """A foreign recording as a log, by a mapping file or, of joint states, by their names.
 
 Text, MAT, HDF5, JSON, NPY, NPZ, Parquet, ROS 2 bags (MCAP or SQLite), MCAP with JSON messages and LeRobot data sets.
-The mapping file says what the columns are called, and in which units, by us (`docs/howto/import.md` has all its keys):
-
-    time: {column: timestamp, unit: us, start: 0}     # start [s]: shift the clock so that the first row has this time
-    columns:                                          # foreign column: ours; SI value is value * scale + offset
-      load_cell_1: {name: tension_AF, unit: mN, scale: 0.5, offset: -12}
-      "/joint_states:position[MCP]": {name: angle_MCP, unit: rad}      # bag: topic, field, element by joint name
-    derived:              # of our columns; names and units are ours, in SI
-      angle_speed_MCP: {of: angle_MCP, take: rate, filter: 8}           # derivative
-    sync:                 # clocks that differ: move `columns` in time until `by` fits `with` best
-      - {columns: [angle_MCP], by: angle_MCP, with: angle_ref_MCP, within: 0.5}
-    period: 0.02          # s: put the rows on frames of this length; left out, they stay as recorded
+The mapping file says what the columns are called, and in which units, by us: SI value is value * scale + offset. It can
+derive columns, move clocks that differ and put rows on frames; `docs/howto/import.md` has all its keys, with examples.
 
 What it changes beyond names and units is noted beside the log.
 """
