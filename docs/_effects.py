@@ -11,7 +11,7 @@ from exodrake.core.display import find_display
 from exodrake.core.effect import Effect
 from exodrake.core.machine import Machine
 from exodrake.core.robot import Robot
-from exodrake.machines.library import machine_names
+from exodrake.machines.library import machine_folders
 from exodrake.machines.position_servos import motor_machine
 from exodrake.machines.robot_file import load_robot
 from exodrake.machines.serial_arm import FORMS, arm_machine
@@ -38,7 +38,7 @@ Their sensors have the errors of any signal as well. `exodrake effects --machine
 
 def effect_paths() -> dict[str, list[str]]:
     """Machine -> paths of the pages of its effects."""
-    found = {name: [path_of(name, effect) for effect in load_robot(name).machine.effects] for name in machine_names()}
+    found = {name: [path_of(name, effect) for effect in load_robot(name).machine.effects] for name in machine_folders()}
     return found | {"serial arms": [ARMS_PATH]}
 
 
@@ -50,7 +50,7 @@ def path_of(machine: str, effect: Effect) -> str:
 def effect_pages() -> Iterator[tuple[str, str | bytes]]:
     """Generate (path, content) of the index, and of the page and figure of each effect."""
     index = INDEX
-    for name in machine_names():
+    for name in machine_folders():
         robot = load_robot(name)
         index += f"\n## {name}\n\n| effect | what it is | clearest in |\n|---|---|---|\n"
         for effect in robot.machine.effects:

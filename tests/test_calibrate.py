@@ -30,7 +30,7 @@ from exodrake.diagnosis.calibration import (
 )
 from exodrake.diagnosis.healthy import drawn_value, follow_case
 from exodrake.diagnosis.result import REFINEMENT, EffectRival, Interval, NamedEffect
-from exodrake.machines.library import machine_names
+from exodrake.machines.library import machine_folders
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation.simulate import simulate
 
@@ -168,7 +168,7 @@ def test_command_prints_and_writes_the_rates(tmp_path):
     assert result.exit_code == 2 and "--case CASE" in result.stderr
 
 
-@pytest.mark.parametrize("name", machine_names())
+@pytest.mark.parametrize("name", machine_folders())
 def test_shipped_calibration_is_well_formed(name):
     machine = load_robot(name).machine
     found = read_calibration(machine)

@@ -13,7 +13,7 @@ from exodrake.diagnosis.checks.suspicions import (
     CHECKS,
     suspicions as suspicions_in,
 )
-from exodrake.machines.library import machine_names
+from exodrake.machines.library import machine_folders
 
 ROBOT = exo.load_robot()
 REPEAT, SECOND, HELD = 1, 2, 3  # logs of the case below
@@ -343,7 +343,7 @@ def test_empty_constant_and_half_empty_columns_break_no_check():
     assert not [sentence for sentence in suspicions(case, ROBOT) if "do not follow" in sentence]
 
 
-@pytest.mark.parametrize("name", machine_names())
+@pytest.mark.parametrize("name", machine_folders())
 def test_every_machine_is_checked(name):
     """Sums of sines on each reference, initial values at rest; the unit of the first compared kind is then wrong."""
     robot = exo.load_robot(name)

@@ -7,7 +7,7 @@ import pytest
 
 from exodrake.diagnosis.healthy import healthy_case, healthy_robot
 from exodrake.diagnosis.parameter import Parameter, apply, effect_parameters, nominal_parameters
-from exodrake.machines.library import machine_names
+from exodrake.machines.library import machine_folders
 from exodrake.machines.robot_file import load_robot
 
 LAWS = {
@@ -40,7 +40,7 @@ def test_nominal_parameters_start_from_the_robots_values(robot):
     assert np.sum(moved != robot.values) == 1
 
 
-@pytest.mark.parametrize("name", machine_names())
+@pytest.mark.parametrize("name", machine_folders())
 def test_effects_at_null_coordinates_leave_the_robot_as_it_is(name):
     """x = 0 of an amplitude is its null value, and lies within the bounds of the fit, as the start does."""
     machine = load_robot(name).machine

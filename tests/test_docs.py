@@ -16,7 +16,7 @@ import exodrake as exo
 from exodrake.cli.main import cli
 from exodrake.core import plugins
 from exodrake.data.import_log import import_log
-from exodrake.machines.library import machine_names
+from exodrake.machines.library import machine_folders
 
 ROOT = Path(__file__).parent.parent
 sys.path.insert(0, str(ROOT / "docs"))
@@ -159,10 +159,10 @@ def test_pages_are_in_the_nav_and_every_command_and_effect_has_one():
     for name in cli.list_commands(click.Context(cli)):
         assert f"exodrake {name}" in made[f"reference/commands/{name}.md"]
     found = effect_paths()
-    paths = [path for name in machine_names() for path in found[name]]
-    robots = [exo.load_robot(name) for name in machine_names()]
+    paths = [path for name in machine_folders() for path in found[name]]
+    robots = [exo.load_robot(name) for name in machine_folders()]
     assert len(set(paths)) == len(paths) == sum(len(robot.machine.effects) for robot in robots)
-    assert found.keys() - machine_names() == {"serial arms"}
+    assert found.keys() - machine_folders() == {"serial arms"}
     for robot in robots:  # a figure shows an effect beyond the noise
         shown, svg = _figures.effect_figure(robot, robot.machine.effects[0])
         assert shown.size > 2.0 and b"<svg" in svg
@@ -171,7 +171,7 @@ def test_pages_are_in_the_nav_and_every_command_and_effect_has_one():
 def test_sources_of_effects_lead_into_the_page_on_physics():
     physics = (ROOT / "docs" / "explain" / "physics.md").read_text()
     anchors = set(re.findall(r"\{ #([\w-]+) \}", physics))
-    sources = [effect.source for name in machine_names() for effect in exo.load_robot(name).machine.effects]
+    sources = [effect.source for name in machine_folders() for effect in exo.load_robot(name).machine.effects]
     assert sum("physics.md" in source for source in sources) > 30
     for source in sources:
         found = re.findall(r"physics\.md#([\w-]+)\)", linked(source))

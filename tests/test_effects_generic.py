@@ -15,7 +15,7 @@ from exodrake.core.effect import Effect
 from exodrake.core.errors import InputError
 from exodrake.core.part import Part
 from exodrake.effects import LIBRARY, friction, generic_effects, signal
-from exodrake.machines.library import machine_names
+from exodrake.machines.library import machine_folders
 from exodrake.simulation.simulate import record
 
 PERIOD = 0.02
@@ -100,7 +100,7 @@ def test_lugre_of_a_part_slides_at_its_level_and_holds_below_it() -> None:
     assert moved[0] == pytest.approx((30.0 - 15.0) / mass * 1.95, rel=0.02)
 
 
-MACHINES = [name for name in machine_names() if name != "exo_index"]
+MACHINES = [name for name in machine_folders() if name != "exo_index"]
 EVERY = [(name, effect) for name in MACHINES for effect in exo.load_robot(name).machine.effects]
 every = pytest.mark.parametrize("name, effect", EVERY, ids=[f"{name}-{effect.id}" for name, effect in EVERY])
 

@@ -10,7 +10,7 @@ from scipy.optimize import least_squares
 import exodrake as exo
 from exodrake.core.effect import EffectParameter
 from exodrake.effects import LIBRARY
-from exodrake.machines.library import machine_names
+from exodrake.machines.library import machine_folders
 
 SEED = 20  # of the packets that arrive; the noise itself is switched off
 MOTIONS = {"tendon_sheath": (1, 3)}  # seeds: play that grows with the bend shows at two bends only
@@ -49,7 +49,7 @@ NEAR = {"reading.quantisation": 0.03}
 
 def every() -> list[tuple[str, str]]:
     """Machine and effect; a generic effect once, on the machine with the fewest channels."""
-    machines = [exo.load_robot(name).machine for name in machine_names()]
+    machines = [exo.load_robot(name).machine for name in machine_folders()]
     machines.sort(key=lambda machine: (len(machine.axes.joints), machine.frame < 0.01))
     generic = {e.signature for e in LIBRARY.values() if e.block == "signal"}
     found = {

@@ -13,7 +13,7 @@ from exodrake.cli.options import OTHERS
 from exodrake.core import plugins
 from exodrake.core.errors import MAX_MESSAGE
 from exodrake.diagnosis import pipeline
-from exodrake.machines.library import machine_folders, machine_names
+from exodrake.machines.library import machine_folders
 
 SHORT = "steps:dwell=2"
 # command -> its arguments besides --robot; {} is a folder with a log of the machine
@@ -54,7 +54,7 @@ ARMS = {
     "mixed_loop": ["--urdf", "{}", "--form", "closed-loop"],
     "motor_servos": ["--servo", "motor"],
 }  # from `new-machine`
-EVERY = (*machine_names(), *ARMS)
+EVERY = (*machine_folders(), *ARMS)
 
 
 @pytest.fixture(scope="module")

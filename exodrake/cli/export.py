@@ -73,21 +73,20 @@ def owner_table(log: exo.Log, mapped: Mapped, source: str) -> bytes:
 
     from exodrake.core.units import to_si
 
-    def foreign(values: np.ndarray, unit: str) -> np.ndarray:
-        return values / to_si(np.ones(1), unit, source)
-
     columns = [column for column in mapped.columns if column.name in log.columns]
     if not columns:
         raise InputError(f"{source}: names no column of {log.source or 'the log'} ({', '.join(log.columns[:6])} ...)")
-    cells = [] if mapped.time is None else [foreign(log.time, mapped.time_unit)]
+    names = [] if mapped.time is None else [mapped.time]
+    cells = [log.time / to_si(np.ones(1), mapped.time_unit, source)] * len(names)
     for column in columns:
         if not column.scale * column.sign:
             raise InputError(f"{source}: column {column.foreign!r} has a scale of 0, which has no inverse")
-        cells.append((foreign(log[column.name], column.unit) / column.sign - column.offset) / column.scale)
+        values = log[column.name] / to_si(np.ones(1), column.unit, source)
+        cells.append((values / column.sign - column.offset) / column.scale)
     stream = io.StringIO(newline="")
     writer = csv.writer(stream, delimiter=mapped.separator, lineterminator="\n")
     if mapped.heading:
-        writer.writerow([*([] if mapped.time is None else [mapped.time]), *(column.foreign for column in columns)])
+        writer.writerow([*names, *(column.foreign for column in columns)])
     for row in np.column_stack(cells).tolist():
         writer.writerow(["" if cell != cell else f"{cell:.12g}".replace(".", mapped.decimal) for cell in row])
     return stream.getvalue().encode()

@@ -68,9 +68,9 @@ def command(
         click.echo(f"{out}: {len(case.logs)} logs; exodrake diagnose {out} --robot {known}")
         return
     machine = context.meta.get(MACHINE)
-    own = None if machine is None else machine_folders()[machine] / MAPPING
-    file = map_file or (own if own is not None and own.is_file() else None)
-    mapped = None if file is None else read_mapping(file)
+    if map_file is None and machine is not None and (own := machine_folders()[machine] / MAPPING).is_file():
+        map_file = own
+    mapped = None if map_file is None else read_mapping(map_file)
     try:
         chosen = frozenset(int(word) for word in episodes.split(",") if word.strip())
     except ValueError:
@@ -81,23 +81,22 @@ def command(
             if name in logs:
                 raise InputError(f"{recording}: there is a log {name!r} already")
             logs[name] = item
+    first = next(iter(logs.values()))
     if ending(out) or out.suffix:
         find_format(out)
         if len(logs) > 1:
             raise InputError(f"{out}: {len(logs)} logs, wanted the folder of a case, or --episodes with one number")
-        item = next(iter(logs.values()))
-        notes = {out.with_name(notes_name(out)): "\n".join((*item.notes, ""))} if item.notes else {}
-        write_files({out: log_bytes(item.log, out), **notes}, announce=False)
+        notes = {out.with_name(notes_name(out)): "\n".join((*first.notes, ""))} if first.notes else {}
+        write_files({out: log_bytes(first.log, out), **notes}, announce=False)
     else:
         roles = dict.fromkeys(logs, "fit") | ({list(logs)[-1]: "holdout"} if len(logs) > 1 else {})
         items = tuple(exo.CaseLog(logs[n].log, n, role, None, f"{n}.csv.gz") for n, role in roles.items())
         period = frame_period([item.log for item in items], mapped, machine_named(machine or DEFAULT).frame)
         notes = {item.file: logs[item.protocol].notes for item in items}
         exo.write_case(exo.Case(out.resolve().name, {}, items, period), out, notes)
-    first = next(iter(logs.values())).log
-    size = f"{sum(len(item.log) for item in logs.values())} rows, {len(first.columns)} columns"
+    size = f"{sum(len(item.log) for item in logs.values())} rows, {len(first.log.columns)} columns"
     several = f"{len(logs)} logs, " if len(logs) > 1 else ""
-    click.echo(f"{out}: {several}{size}: {', '.join(first.columns)}")
+    click.echo(f"{out}: {several}{size}: {', '.join(first.log.columns)}")
     for name, item in logs.items():
         for note in item.notes:
             click.echo(f"note: {name}: {note}" if several else f"note: {note}")
@@ -114,10 +113,9 @@ def list_contents(recording: Path) -> None:
 
     rows = []
     if is_bag(recording):
-        unknown = ["cannot be decoded: neither JSON nor a ROS 2 message with its definition"]
+        unknown = "cannot be decoded: neither JSON nor a ROS 2 message with its definition"
         for topic, (kind, count, fields) in read_topics(recording).items():
-            named = ", ".join(unknown if fields is None else fields)
-            rows.append((escape(topic), kind, str(count), escape(named)))
+            rows.append((escape(topic), kind, str(count), unknown if fields is None else escape(", ".join(fields))))
         print_table(("topic", "type", ">messages", "fields: column is TOPIC:FIELD"), rows, wrapped=3)
         return
     if is_dataset(recording):

@@ -60,9 +60,8 @@ def compare_logs(first: Path, second: Path, robot: str, out: Path, json_file: Pa
     rows = []
     for name, one in found.signals.items():
         kind = find_kind(name) or name
-        display = find_display(kind, machine, one.unit)
+        display, channel = find_display(kind, machine, one.unit), name.removeprefix(kind).strip("_")
         cells = (f"{display.factor * x:.3g}" for x in (one.rms, one.mean, one.largest))
-        channel = name.removeprefix(kind).strip("_")
         rows.append((f"{kind} {channel}".rstrip(), display.unit, *cells, f"{one.at:.2f} s"))
     if json_file != "-":
         click.echo(f"B less A, {found.start:g} to {found.end:g} s; A is {found.names[0]}, B {found.names[1]}")

@@ -44,48 +44,41 @@ def command(
     The folder's name is the machine's. It runs as it is, for instance `exodrake simulate chirp --machine FOLDER`; then
     make it yours. Nothing that exists is overwritten.
     """
+    from exodrake import machines
     from exodrake.core.files import write_folder
+    from exodrake.machines.library import machine_folders
 
-    names = check_names(folder, joints, FRAME if frame is None else frame, code=not urdf)
+    name, step = folder.resolve().name, FRAME if frame is None else frame
+    if not NAME.fullmatch(name):
+        raise InputError(f"{folder}: the folder's name is the machine's: small letters, digits and _, like my_arm")
+    if name in machine_folders():
+        raise InputError(f"{folder}: there is a machine {name} already; name the folder otherwise")
+    if not urdf and Path(machines.__path__[0], f"{name}.py").is_file():
+        raise InputError(f"{folder}: exodrake.machines has a module {name}; name the folder otherwise")
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise InputError(f"{folder}: is there already, and not empty")
+    names = tuple(joint.strip() for joint in joints.split(","))
+    for joint in names:
+        if not CHANNEL.fullmatch(joint) or names.count(joint) > 1:
+            raise InputError(f"--joints: {joint!r} is no name of its own: letters and digits, like shoulder or J1")
+    if not 0.0 < step <= SLOWEST:
+        raise InputError(f"--frame: {step:g} s, wanted above 0 and up to {SLOWEST:g} s")
     if (form or tip) and not urdf:
         raise InputError("--form and --tip are of an arm, which --urdf describes")
     if servo and urdf:
         raise InputError("--servo is of a machine of position servos, --urdf of an arm; name one of them")
-    values: dict[str, Any] = {"name": folder.resolve().name, "folder": str(folder)}
+    values: dict[str, Any] = {"name": name, "folder": str(folder)}
     if urdf:
         texts = arm_files(values, urdf, form or "inverse", tip, frame)
     else:
-        values |= {"joints": names, "frame": f"{frame or FRAME:g}"}
-        values |= {"lowest": by_joint(names, [-TURN] * len(names)), "highest": by_joint(names, [TURN] * len(names))}
+        ends = {key: by_joint(names, [turn] * len(names)) for key, turn in (("lowest", -TURN), ("highest", TURN))}
+        values |= {"joints": names, "frame": f"{step:g}", **ends}
         texts = fill_templates(values, *[MOTOR_SCAFFOLD] * (servo == "motor"), SCAFFOLD)
     files = write_folder(folder, texts)
     click.echo(f"{folder}: {', '.join(file.name for file in files)}")
     click.echo(f"try it: exodrake simulate chirp --machine {folder}")
     click.echo(f"your own logs: exodrake import RECORDING lists their columns, for {folder}/mapping.yaml")
     click.echo(f"then import, check, response, fit, diagnose, analyse, tune, export: as {folder}/README.md has them")
-
-
-def check_names(folder: Path, joints: str, frame: float, code: bool) -> tuple[str, ...]:
-    """Names of the joints; code: whether the folder gets some. InputError for a name that is none or taken."""
-    from exodrake import machines
-    from exodrake.machines.library import machine_names
-
-    name = folder.resolve().name
-    if not NAME.fullmatch(name):
-        raise InputError(f"{folder}: the folder's name is the machine's: small letters, digits and _, like my_arm")
-    if name in machine_names():
-        raise InputError(f"{folder}: there is a machine {name} already; name the folder otherwise")
-    if code and Path(machines.__path__[0], f"{name}.py").is_file():
-        raise InputError(f"{folder}: exodrake.machines has a module {name}; name the folder otherwise")
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise InputError(f"{folder}: is there already, and not empty")
-    found = tuple(joint.strip() for joint in joints.split(","))
-    for joint in found:
-        if not CHANNEL.fullmatch(joint) or found.count(joint) > 1:
-            raise InputError(f"--joints: {joint!r} is no name of its own: letters and digits, like shoulder or J1")
-    if not 0.0 < frame <= SLOWEST:
-        raise InputError(f"--frame: {frame:g} s, wanted above 0 and up to {SLOWEST:g} s")
-    return found
 
 
 def fill_templates(values: dict[str, Any], *folders: Path) -> dict[str, bytes]:

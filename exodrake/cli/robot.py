@@ -13,7 +13,7 @@ from exodrake.cli.options import DEFAULT, OutputFile, json_option, print_table, 
 from exodrake.core.errors import InputError, nearest
 
 if TYPE_CHECKING:
-    from exodrake.core.effect import Effect, EffectParameter
+    from exodrake.core.effect import Effect
 
 
 @click.command()
@@ -26,7 +26,9 @@ def list_parameters(name: str, robot: str, only: str, json_file: Path | None) ->
 
     NAME is a machine or a robot file, as for --robot, or part of a parameter's name, as for --only.
     """
-    from exodrake.core.robot import effect_in_words
+    from rich.markup import escape
+
+    from exodrake.core.robot import alike, effect_in_words, implausible
     from exodrake.machines.library import robot_yaml
 
     named = bool(name) and (Path(name).exists() or robot_yaml(name) is not None)
@@ -40,7 +42,17 @@ def list_parameters(name: str, robot: str, only: str, json_file: Path | None) ->
     content = exo.to_dict(found) if json_file else {}
     content |= {"parameters": {one: content["parameters"][one] for one in names}} if json_file else {}
     if not write_json(content, json_file):
-        print_parameters(found, names)
+        rows, group = [], ""
+        for full, channels, one in alike(found):
+            if one.name in names or any(f"{full}.{channel}" in names for channel in channels):
+                rows += [()] if group and full.split(".")[0] != group else []
+                group, texts, at = full.split(".")[0], one.texts, ", ".join(channels)
+                values = texts["value"], texts["range"], texts["tolerance"], escape(one.source)
+                rows.append((f"[bold]{escape(full)}[/bold] {at}".rstrip(), *values))
+        click.echo(f"{found.source or found.machine.name}: machine {found.machine.name}, {len(names)} parameters")
+        print_table(("parameter", ">value", "plausible", "tolerance", "source"), rows, wrapped=4)
+        for sentence in implausible(found):
+            click.echo(f"note  {sentence}")
     if not only and json_file != "-":
         machine, unit = found.machine, found.machine.signal[found.machine.references[0].signal].unit
         for identity in found.effects():
@@ -51,25 +63,6 @@ def list_parameters(name: str, robot: str, only: str, json_file: Path | None) ->
                 click.echo(f"{title} {key}  {listed} {unit}")
         click.echo(f"variants of parts: {', '.join(machine.variants_available) or 'none'}")
         click.echo(f"set one: exodrake simulate ... --set '{names[0]}=VALUE UNIT'")
-
-
-def print_parameters(robot: exo.Robot, names: list[str]) -> None:
-    """Prints a table of parameters, a group apart from the next, and those outside of their range."""
-    from rich.markup import escape
-
-    from exodrake.core.robot import alike, implausible
-
-    rows, group = [], ""
-    for name, channels, one in alike(robot):
-        if one.name in names or any(f"{name}.{channel}" in names for channel in channels):
-            rows += [()] if group and name.split(".")[0] != group else []
-            group, texts, at = name.split(".")[0], one.texts, ", ".join(channels)
-            values = texts["value"], texts["range"], texts["tolerance"], escape(one.source)
-            rows.append((f"[bold]{escape(name)}[/bold] {at}".rstrip(), *values))
-    click.echo(f"{robot.source or robot.machine.name}: machine {robot.machine.name}, {len(names)} parameters")
-    print_table(("parameter", ">value", "plausible", "tolerance", "source"), rows, wrapped=4)
-    for sentence in implausible(robot):
-        click.echo(f"note  {sentence}")
 
 
 @click.command()
@@ -100,29 +93,27 @@ def list_effects(identity: str, json_file: Path | None, robot: str) -> None:
             rows.append((n.name, n.unit, ends, f"{n.initial:.4g}", null, channels, "yes" if n.fitted else "no"))
         print_table(("parameter", "unit", "plausible", ">initial", ">null value", "one per", "fitted"), rows)
         texts = {"shows as": effect.signature, "acts at": ", ".join(effect.at), "source": effect.source}
-        for title, text in (*texts.items(), ("try", example(machine, effect))):
+        for title, text in (texts | {"try": example(machine, effect)}).items():
             click.echo(f"\n{click.style(title, bold=True)}\n{text}")
         return
     for effect in chosen:
         rows += [()] if block and effect.block != block else []
         block = effect.block
-        parameters = "\n".join(f"{n.name}  {plausible(n)}" for n in effect.parameters)
-        rows.append((f"[bold]{effect.id}[/bold]", effect.summary, parameters, effect.axis.removesuffix("s") or "robot"))
+        ends = (f"{n.name}  {n.low:g} to {n.high:g} {n.unit}".removesuffix(" -") for n in effect.parameters)
+        rows.append(
+            (f"[bold]{effect.id}[/bold]", effect.summary, "\n".join(ends), effect.axis.removesuffix("s") or "robot")
+        )
     print_table(("effect", "what it is", "parameters", "per"), rows, wrapped=1)
     click.echo(f"\n{len(chosen)} effects. `exodrake effects ID` describes one.")
 
 
 def describe(machine: exo.Machine, effect: Effect) -> dict[str, Any]:
     """Everything about an effect as plain data."""
-
-    def finite(value: float) -> float | str:
-        return value if math.isfinite(value) else str(value)
-
     parameters = [
         {
-            "name": n.name, "unit": n.unit, "null": finite(n.null),
-            "range": [n.low, n.high], "initial": finite(n.initial), "axis": n.axis or "scalar",
-            "channels": [channel for channel in machine.axes.of(n.axis) if channel], "fitted": n.fitted,
+            "name": n.name, "unit": n.unit, "null": n.null if math.isfinite(n.null) else str(n.null),
+            "range": [n.low, n.high], "initial": n.initial if math.isfinite(n.initial) else str(n.initial),
+            "axis": n.axis or "scalar", "channels": list(filter(None, machine.axes.of(n.axis))), "fitted": n.fitted,
         }
         for n in effect.parameters
     ]  # fmt: skip
@@ -139,11 +130,6 @@ def example(machine: exo.Machine, effect: Effect) -> str:
     what = "caging" if machine.name == DEFAULT else f"chirp --robot {machine.name}"
     at = f"@{channel}" if channel else ""
     return f"exodrake simulate {what} --effect {effect.id}:{parameter.name}={parameter.initial:.3g}{at}"
-
-
-def plausible(parameter: EffectParameter) -> str:
-    """Plausible range with unit."""
-    return f"{parameter.low:g} to {parameter.high:g} {parameter.unit}".removesuffix(" -")
 
 
 @click.command()

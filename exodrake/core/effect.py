@@ -21,11 +21,11 @@ class EffectParameter:
     low: float  # lower end of the plausible range, used to draw values and to bound fits [unit]
     high: float  # upper end of the plausible range [unit]
     axis: str = SCALAR  # `TENDONS`, `JOINTS` or `SCALAR`
-    # value of an effect that is added without parameters [unit]; the middle of the range if None
-    default: float | None = None
+    default: float | None = None  # of an effect added without parameters [unit]; the middle of the range if None
     fitted: bool = True  # whether a fit may change it
-    # how a fit sees it: "linear", "log" or "reciprocal" (for a stiffness whose null value is infinite)
-    transform: str = "linear"
+    transform: str = (
+        "linear"  # how a fit sees it; or "log", or "reciprocal" of a stiffness whose null value is infinite
+    )
     period: float = 0.0  # values that differ by it mean the same and are reported from `low` on [unit]; 0 for none
 
     def __post_init__(self) -> None:
@@ -35,11 +35,9 @@ class EffectParameter:
     @property
     def initial(self) -> float:
         """Plausible value to start a fit from [unit]."""
-        if self.default is not None:
-            return self.default
-        if self.transform != "linear" and self.low > 0:
-            return (self.low * self.high) ** 0.5
-        return 0.5 * (self.low + self.high)
+        logarithmic = self.transform != "linear" and self.low > 0
+        middle = (self.low * self.high) ** 0.5 if logarithmic else 0.5 * (self.low + self.high)
+        return middle if self.default is None else self.default
 
     def wrapped(self, value: float) -> float:
         """Value as reports state it: the equivalent one within a period from `low` [unit]."""
@@ -67,8 +65,7 @@ class Effect:
     at: dict[str, Callable]  # mapping from point ("module.point") to the function that acts there
     parameters: tuple[EffectParameter, ...]  # the effect is absent where the first one has its null value
     states: tuple[State, ...] = ()  # own states, zero at start, updated at the points in `advances` or `filters`
-    # points (of those in `at`) where the function returns the effect's new states instead of a value
-    advances: tuple[str, ...] = ()
+    advances: tuple[str, ...] = ()  # points of `at` where the function returns the effect's new states, not a value
     family: str = ""  # kind of law, e.g. "friction", "backlash", "elasticity"
     # whether the parameters mean the same in every law of this effect, such as a gain, an offset or a delay; those of
     # friction or creep belong to the fitted law, and reality follows another. What `shapes` such a law belongs to it
@@ -82,8 +79,7 @@ class Effect:
     # where several effects act at one point, those of lower order act first; equal ones by id. Those of the library are
     # numbered in the order in which their files define them
     order: int = LAST
-    # points where it returns the value, then the new states: a filter of a signal that is sampled there
-    filters: tuple[str, ...] = ()
+    filters: tuple[str, ...] = ()  # points where it returns the value, then the new states: of a sampled signal
     formula: str = ""  # equation in this effect's own letters, where its law serves several
 
     @property

@@ -74,7 +74,7 @@ def nearest(word: str, words: list[str]) -> str:
 
     def holding(part: str) -> list[str]:
         found: list[str] = []
-        within = [name for name in words if len(part) > 1 and part.lower() in name.lower()]
+        within = (name for name in words if len(part) > 1 and part.lower() in name.lower())
         for name in sorted(within, key=lambda name: (part not in name, len(name))):
             if not name.startswith(tuple(f"{one}." for one in found)):  # finger.kappa stands for finger.kappa.MCP
                 found.append(name)

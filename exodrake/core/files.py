@@ -55,10 +55,7 @@ def write_bytes(path: str | Path, data: bytes) -> None:
     """
     target = Path(path)
     try:
-        if target.exists() and not target.is_file():
-            target.write_bytes(data)
-            return
-        write_whole(target, data)
+        (Path.write_bytes if target.exists() and not target.is_file() else write_whole)(target, data)
     except (OSError, ValueError) as error:
         raise InputError(f"{path}: cannot be written ({_reason(error)})") from None
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from exodrake.core.effect import Effect
 from exodrake.core.errors import InputError, nearest
-from exodrake.core.part import Axes, Delay, Field, Part, Signal, State, Task, map_points, module_name, part_modules
+from exodrake.core.part import Axes, Delay, Part, Signal, State, Task, map_points, module_name, part_modules
 
 if TYPE_CHECKING:
     from exodrake.core.mechanism import Mechanism, Shape, Skeleton
@@ -87,17 +87,14 @@ class Segment:
     name: str  # name in reports
     output: str  # column kind in which the segment ends
     inputs: tuple[str, ...] = ()  # column kinds from which the output follows
-    # signals that carry the measured output while the segment is fixed; the column's signal if empty
-    imposed: tuple[Imposed, ...] = ()
+    imposed: tuple[Imposed, ...] = ()  # what carries the measured output of a fixed one; the column's signal if empty
     # values [SI] that parameters (names without channel) take while the segment is fixed
     parameters: Mapping[str, float] = field(default_factory=dict)
     # part and function `f(x, z, n, e, output)` that moves its state to the measured output after each tick
     hold: tuple[str, str] | None = None
-    # time of the reading after the start of its frame [s]; the output runs straight through it at its rate. None: the
-    # output is held over the frame
+    # time of the reading after the start of its frame [s], through which the output runs at its rate; None: it is held
     sampled: float | None = None
-    # whether the segment is software of known law: never a suspect, and fed with unsmoothed readings
-    exact: bool = False
+    exact: bool = False  # whether it is software of known law: never a suspect, and fed with unsmoothed readings
     contents: str = ""  # parts that it holds, for reports
 
 
@@ -116,9 +113,8 @@ class Regime:
 class CommandLink:
     """A link on which speed commands may be lost, and the drive whose output shows a loss."""
 
-    # command, output: column kinds of the command and of the position that the drive moves
-    command: str
-    output: str
+    command: str  # column kind of the command
+    output: str  # column kind of the position that the drive moves
     received: str  # signal that the drive reads: the last command that arrived
     part: str  # the drive; its other inputs are measured, as the segments impose them
     moved: str  # signal of the position
@@ -139,22 +135,18 @@ class Controller:
 
     name: str  # as in reports
     gains: tuple[Gain, ...]  # searched on logarithmic scales, between bounds above 0
-    # values [SI] of further parameters, by name without channel
-    fixed: Mapping[str, float] = field(default_factory=dict)
-    # parameters that take the columns of the loop's static compliance d(actuated)/d(output), or ()
-    compliance: tuple[str, ...] = ()
+    fixed: Mapping[str, float] = field(default_factory=dict)  # values [SI] of further ones, by name without channel
+    compliance: tuple[str, ...] = ()  # parameters that take the columns of d(actuated)/d(output) at rest
 
 
 @dataclass(frozen=True)
 class Loop:
     """The closed loop of a machine: one controller, run once a frame, with a command and a reading for each channel."""
 
-    # reference, command: signals into and out of the controller
-    reference: str
-    command: str
-    # output, measured: signals of the controlled quantity itself and of its reading
-    output: str
-    measured: str
+    reference: str  # signal into the controller
+    command: str  # signal out of the controller
+    output: str  # signal of the controlled quantity
+    measured: str  # signal of its reading
     part: str  # name of the controller among the parts
     held: str  # its state that holds the command until the next
     gains: tuple[Gain, Gain]  # the two of the stability map
@@ -272,28 +264,25 @@ class Machine:
     def __post_init__(self) -> None:
         """Checks signals, schedule and effects. InputError names the machine and what is wrong."""
         written: dict[str, str] = dict.fromkeys(self.inputs, "outside")  # each signal that is read has one writer
-        for part in self.parts:
-            for name in (name for output in part.outputs for name in output.writes):
-                if name not in self.signal:
-                    raise InputError(f"{self.name}: {part.name} writes unknown signal {name!r}")
-                if name in written:
-                    raise InputError(f"{self.name}: signal {name!r} is written by {written[name]} and by {part.name}")
-                written[name] = part.name
-        for part in self.parts:
-            for name in (name for task in (*part.tasks, *part.outputs) for name in task.reads):
-                if name not in written:
-                    raise InputError(f"{self.name}: {part.name} reads signal {name!r}, which nothing writes")
+        for part, name in ((p, name) for p in self.parts for output in p.outputs for name in output.writes):
+            if name not in self.signal:
+                raise InputError(f"{self.name}: {part.name} writes unknown signal {name!r}")
+            if name in written:
+                raise InputError(f"{self.name}: signal {name!r} is written by {written[name]} and by {part.name}")
+            written[name] = part.name
+        for part, task in ((p, task) for p in self.parts for task in (*p.tasks, *p.outputs)):
+            if unknown := [name for name in task.reads if name not in written]:
+                raise InputError(f"{self.name}: {part.name} reads signal {unknown[0]!r}, which nothing writes")
         feedthrough_order(self)
         taken: dict[int, tuple[str, Task]] = {}  # each slot holds one task, or tasks of the same channels
-        for part, task in [(p, t) for p in self.parts for t in p.tasks]:
+        for part, task, slot in ((p, t, slot) for p in self.parts for t in p.tasks for slot in t.slots):
             own = f"{part.name}.{task.function}"
-            for slot in task.slots:
-                if not 0 <= slot < self.slots:
-                    raise InputError(f"{self.name}: {own} runs in slot {slot}, but a frame has {self.slots}")
-                name, other = taken.setdefault(slot, (part.name, task))
-                shared = other.per_channel and task.per_channel and other.slots == task.slots
-                if other is not task and not shared:
-                    raise InputError(f"{self.name}: slot {slot} holds both {name}.{other.function} and {own}")
+            if not 0 <= slot < self.slots:
+                raise InputError(f"{self.name}: {own} runs in slot {slot}, but a frame has {self.slots}")
+            name, other = taken.setdefault(slot, (part.name, task))
+            shared = other.per_channel and task.per_channel and other.slots == task.slots
+            if other is not task and not shared:
+                raise InputError(f"{self.name}: slot {slot} holds both {name}.{other.function} and {own}")
         homes: dict[str, object] = {}  # names are unique, and each effect acts at known points of one part
         for module in (m for part in self.parts for m in part_modules(part)):
             if homes.setdefault(module_name(module), module) is not module:
@@ -302,10 +291,9 @@ class Machine:
         for effect in self.effects:
             if ids.count(effect.id) > 1:
                 raise InputError(f"{self.name}: two effects have the id {effect.id!r}")
-            for point in effect.at:
-                if point not in points:
-                    hint = nearest(point, list(points))
-                    raise InputError(f"{effect.id} acts at {point!r}, which {self.name} lacks{hint}")
+            for point in (point for point in effect.at if point not in points):
+                hint = nearest(point, list(points))
+                raise InputError(f"{effect.id} acts at {point!r}, which {self.name} lacks{hint}")
             parts = sorted({points[point].name for point in effect.at})
             if len(parts) > 1:
                 raise InputError(f"{effect.id} acts on {' and '.join(parts)}; an effect acts on one part only")
@@ -359,17 +347,12 @@ class Machine:
         """All parameters in the order of the flat parameter vector."""
         found: list[ParameterInfo] = []
         for part in self.parts:
-            for f in part.fields:
-                found += [ParameterInfo(n, f.unit, part.name) for n in self.names(f)]
-            for effect in self.effects_on(part):
-                for p in effect.parameters:
-                    names = self.names(Field(effect.id, p.name, p.unit, p.axis))
-                    found += [ParameterInfo(n, p.unit, part.name, p.null) for n in names]
+            rows = [(f.group, f.name, f.unit, f.axis, None) for f in part.fields]
+            rows += [(e.id, p.name, p.unit, p.axis, p.null) for e in self.effects_on(part) for p in e.parameters]
+            for group, name, unit, axis, null in rows:
+                names = (full_name(group, name, channel) for channel in self.axes.of(axis))
+                found += [ParameterInfo(full, unit, part.name, null) for full in names]
         return tuple(found)
-
-    def names(self, f: Field) -> list[str]:
-        """Full names of a field, one per channel."""
-        return [full_name(f.group, f.name, channel) for channel in self.axes.of(f.axis)]
 
     @cached_property
     def index(self) -> dict[str, int]:
@@ -387,10 +370,10 @@ class Machine:
 
     def effect(self, identity: str) -> Effect:
         """The effect of that id; raises InputError with the nearest ids."""
-        for effect in self.effects:
-            if effect.id == identity:
-                return effect
-        raise InputError(f"unknown effect {identity!r}{nearest(identity, [e.id for e in self.effects])}")
+        known = {effect.id: effect for effect in self.effects}
+        if identity not in known:
+            raise InputError(f"unknown effect {identity!r}{nearest(identity, list(known))}")
+        return known[identity]
 
     def column(self, kind: str) -> Column:
         """The column family of that kind."""
@@ -436,9 +419,8 @@ class Machine:
         """The machine with one more variant of a part; raises InputError with the names that exist."""
         known = list(self.variants_available)
         if name not in known:
-            raise InputError(
-                f"unknown part {name!r}{nearest(name, known)}; {self.name} has {', '.join(known) or 'none'}"
-            )
+            there = f"{self.name} has {', '.join(known) or 'none'}"
+            raise InputError(f"unknown part {name!r}{nearest(name, known)}; {there}")
         base = self.nominal or self
         chosen = tuple(n for n in known if n == name or n in self.variant_names)
         if chosen not in base.varied:

@@ -40,22 +40,18 @@ class Body:
 class Joint:
     """A joint as URDF has it."""
 
-    # name, kind, parent, child: as the file says; kind: revolute, continuous, prismatic or fixed
     name: str
-    kind: str
+    kind: str  # revolute, continuous, prismatic or fixed
     parent: str
     child: str
-    # origin, angles, axis: (3,) [m], (3,) roll, pitch, yaw [rad], (3,) unit vector
-    origin: np.ndarray
-    angles: np.ndarray
-    axis: np.ndarray
-    # lower, upper, effort: limits [rad] or [m], [N m] or [N]; infinite where there is none
-    lower: float = -inf
+    origin: np.ndarray  # (3,) [m]
+    angles: np.ndarray  # (3,) roll, pitch, yaw [rad]
+    axis: np.ndarray  # (3,) unit vector
+    lower: float = -inf  # limit [rad] or [m]
     upper: float = inf
-    effort: float = inf
-    # damping, friction: viscous [N m s/rad] or [N s/m], dry [N m] or [N]
-    damping: float = 0.0
-    friction: float = 0.0
+    effort: float = inf  # limit [N m] or [N]
+    damping: float = 0.0  # viscous [N m s/rad] or [N s/m]
+    friction: float = 0.0  # dry [N m] or [N]
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,8 +59,7 @@ class Chain:
     """A serial arm: its moving joints from the base to the tip, and the body that each moves."""
 
     names: tuple[str, ...]  # of the joints, letters and digits alone, as log columns have them
-    # in the same order; `origin` and `angles` are those in the frame of the moving joint before
-    joints: tuple[Joint, ...]
+    joints: tuple[Joint, ...]  # `origin` and `angles` in the frame of the moving joint before
     bodies: tuple[Body, ...]  # of the links, with all that is fixed to them
     tip: np.ndarray  # (3,) [m] where the tool is, in the frame of the last joint
 
@@ -81,36 +76,30 @@ class Drive:
     effort = kp (gain command + offset - q) - kv q'          within the joint's limit of effort
     """
 
-    # kp, kv: gains [N m/rad], [N m s/rad]; no position loop if both are 0
-    kp: float = 0.0
-    kv: float = 0.0
-    # gain, offset: joint over command [-], angle at command 0 [rad]
-    gain: float = 1.0
-    offset: float = 0.0
-    # delay, lag: dead time and time constant of a first-order lag of the command [s]
-    delay: float = 0.0
-    lag: float = 0.0
+    kp: float = 0.0  # gain [N m/rad]; no position loop if kv is 0, too
+    kv: float = 0.0  # gain [N m s/rad]
+    gain: float = 1.0  # joint over command [-]
+    offset: float = 0.0  # angle at command 0 [rad]
+    delay: float = 0.0  # dead time of the command [s]
+    lag: float = 0.0  # time constant of a first-order lag of the command [s]
     gravity: float = 0.0  # share of the link's weight that the controller bears [-]
     speed: float = inf  # limit [rad/s]
     armature: float = 0.0  # inertia of the rotor as the joint feels it [kg m2]
     compliance: float = 0.0  # between rotor and link [rad/(N m)]
     backlash: float = 0.0  # half its width, between rotor and link [rad]
-    # spring, rest: stiffness of a passive joint [N m/rad], and where it rests [rad]
-    spring: float = 0.0
-    rest: float = 0.0
+    spring: float = 0.0  # stiffness of a passive joint [N m/rad]
+    rest: float = 0.0  # where a passive joint rests [rad]
 
 
 @dataclass(frozen=True, eq=False)
 class Tendon:
     """An elastic tendon that a motor winds in at a commanded speed, and that pulls only."""
 
-    name: str  # of the tendon
-    # what it runs through: (link, point (3,) [m]); link 0 is the base, link i the one that joint i moves
-    points: tuple[tuple[int, np.ndarray], ...]
-    # stiffness, damping, friction: [N/m], [N s/m], [N]
-    stiffness: float
-    damping: float = 0.0
-    friction: float = 0.0
+    name: str
+    points: tuple[tuple[int, np.ndarray], ...]  # on its way: (link, point (3,) [m]); 0 the base, i moved by joint i
+    stiffness: float  # [N/m]
+    damping: float = 0.0  # [N s/m]
+    friction: float = 0.0  # [N]
     limit: float = inf  # largest tension [N]
     delay: float = 0.0  # of the command [s]
 
@@ -124,9 +113,8 @@ class Mechanism:
     step: float  # with which the robot is well simulated [s]
     stated: frozenset[str]  # ids of the effects that chain, drives and tendons state
     tendons: tuple[Tendon, ...] = ()  # that move the joints, if any
-    # payload, borne: mass at the tip [kg], and the share of its weight that the controller bears
-    payload: float = 0.0
-    borne: float = 0.0
+    payload: float = 0.0  # mass at the tip [kg]
+    borne: float = 0.0  # share of the payload's weight that the controller bears [-]
     radii: np.ndarray | None = None  # (joints,) of the links, to draw them [m]
     tilt: tuple[float, float] = (0.0, 0.0)  # (2,) roll and pitch of the base [rad]
     gravity: float = GRAVITY  # [m/s2]
@@ -186,11 +174,9 @@ class Shape:
     """
 
     joints: tuple[str, ...]  # their names, from the base to the tip
-    # origins, angles, axes: (joints, 3) of each joint in the frame of the one before: place [m], roll, pitch, yaw
-    # [rad], unit vector
-    origins: np.ndarray
-    angles: np.ndarray
-    axes: np.ndarray
+    origins: np.ndarray  # (joints, 3) in the frame of the joint before [m]
+    angles: np.ndarray  # (joints, 3) roll, pitch, yaw in that frame [rad]
+    axes: np.ndarray  # (joints, 3) unit vectors
     sliding: np.ndarray  # (joints,) 1 for a prismatic joint, else 0
     ends: np.ndarray  # (joints, 3) where what each joint moves ends, in its frame [m]
     tilt: np.ndarray  # (2,) roll and pitch of the base [rad]

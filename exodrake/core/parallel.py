@@ -80,9 +80,9 @@ def side_by_side[T](tasks: Sequence[Callable[[], T]]) -> list[T]:
                 results[k] = tasks[k]()
         finally:
             list(waiting)  # after an error no task begins
-            HELPERS.leave()  # this thread waits from here on: tasks within the last ones may have its core
+            HELPERS.enter(-1)  # this thread waits from here on: tasks within the last ones may have its core
 
-    count = HELPERS.enter(min(len(tasks), limit) - 1, limit - 1)
+    count = HELPERS.enter(max(0, min(len(tasks), limit) - 1), limit - 1)
     if not count:
         return [task() for task in tasks]
     try:
@@ -103,16 +103,11 @@ class Helpers:
         self.lock, self.busy = Lock(), 0
 
     def enter(self, wanted: int, most: float = inf) -> int:
-        """Number of the wanted helpers that may begin, where `most` may be busy at once."""
+        """Number of the wanted helpers that may begin, where `most` may be busy; -1: one has ended, or waits."""
         with self.lock:
-            count = int(max(0, min(wanted, most - self.busy)))
+            count = int(min(wanted, max(0, most - self.busy)))
             self.busy += count
             return count
-
-    def leave(self) -> None:
-        """One helper has ended, or waits."""
-        with self.lock:
-            self.busy -= 1
 
 
 HELPERS = Helpers()

@@ -112,11 +112,9 @@ class Field:
 
 def list_fields(parameters: type, group: str) -> tuple[Field, ...]:
     """Fields of a module's `Parameters` class (a NamedTuple whose fields are annotated with `Unit`), in order."""
-    found = []
-    for name, hint in get_type_hints(parameters, include_extras=True).items():
-        unit: Unit = get_args(hint)[1]
-        found.append(Field(unit.group or group, name, unit.unit, unit.axis))
-    return tuple(found)
+    hints = get_type_hints(parameters, include_extras=True)
+    units: dict[str, Unit] = {name: get_args(hint)[1] for name, hint in hints.items()}
+    return tuple(Field(unit.group or group, name, unit.unit, unit.axis) for name, unit in units.items())
 
 
 @dataclass(frozen=True)

@@ -29,12 +29,11 @@ def plain(value: Any) -> Any:
     Dataclasses become mappings, arrays lists, complex numbers [real, imaginary], and what is not finite null;
     functions are left out. A class with a method `to_json` says itself what it is.
     """
+
+    def list_array(array: np.ndarray, _: str = "") -> list[Any]:
+        return array.tolist() if np.isfinite(array).all() else [plain(one) for one in array]
+
     return _plain(value, list_array, "")
-
-
-def list_array(array: np.ndarray, _: str = "") -> list[Any]:
-    """An array (n, ...) [any unit] as lists, null where it is not finite."""
-    return array.tolist() if np.isfinite(array).all() else [_plain(one, list_array, "") for one in array]
 
 
 def to_dict(result: Any) -> dict[str, Any]:
@@ -70,12 +69,10 @@ def save(result: Any, path: str | PurePath) -> None:
 def _plain(value: Any, array: Any, name: str) -> Any:
     """Plain data of a value; array: makes plain data of a numeric array (n, ...) and its dotted name."""
     parts = value
-    if hasattr(value, "to_json"):
-        parts = value.to_json()
+    if own := getattr(value, "to_json", getattr(value, "_asdict", None)):
+        parts = own()
     elif is_dataclass(value) and not isinstance(value, type):
         parts = {f.name: getattr(value, f.name) for f in fields(value)}
-    elif (mapped := getattr(value, "_asdict", None)) is not None:
-        parts = mapped()
     if isinstance(parts, Mapping):
         kept = {str(k): v for k, v in parts.items() if not callable(v)}
         return {k: _plain(v, array, f"{name}.{k}" if name else k) for k, v in kept.items()}

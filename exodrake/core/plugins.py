@@ -62,8 +62,7 @@ def is_machine(folder: Path) -> bool:
 
 def folders() -> list[Path]:
     """Plugin folders: those of EXODRAKE_PLUGINS, then those of installed packages."""
-    named = [Path(item) for item in os.environ.get(VARIABLE, "").split(os.pathsep) if item]
-    return [*named, *find_installed()]
+    return [*map(Path, filter(None, os.environ.get(VARIABLE, "").split(os.pathsep))), *find_installed()]
 
 
 @cache
@@ -73,10 +72,9 @@ def find_installed() -> list[Path]:
     from importlib.util import find_spec
 
     found = []
-    for entry in entry_points(group=GROUP):
-        top, *rest = entry.value.split(".")
-        spec = find_spec(top)
-        found += [Path(place, *rest) for place in (spec.submodule_search_locations or ())] if spec else []
+    for top, *rest in (entry.value.split(".") for entry in entry_points(group=GROUP)):
+        if spec := find_spec(top):
+            found += [Path(place, *rest) for place in spec.submodule_search_locations or ()]
     return found
 
 

@@ -22,21 +22,19 @@ from contextlib import contextmanager, suppress
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from threading import Lock
-from typing import Any
+from typing import Any, NamedTuple
 
 from exodrake.core.errors import InputError
 
 ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA", "VECLIB_MAXIMUM")}
-
-
+SAFE_PATH = {"PYTHONSAFEPATH": "1"}  # `python -m` and `-c` would look for modules in the current folder first
+LOOK = 0.5  # s between two looks at whether the parent is there: assumed
 CPU_TIME = 6.0  # s, assumed: of the processor, for a small file; readers take milliseconds
 PATIENCE = 20.0  # assumed: of the clock for one of those, on a busy machine or in a reader that waits
 BYTES_PER_SECOND = 2e6  # assumed: a tenth of what the slowest reader does
 MEMORY = 2 << 30  # bytes of address space; a log of the size that is read takes a tenth
 _lock = Lock()
 _child: Child | None = None
-SAFE_PATH = {"PYTHONSAFEPATH": "1"}  # `python -m` and `-c` would look for modules in the current folder first
-LOOK = 0.5  # s between two looks at whether the parent is there: assumed
 
 
 def in_child[T](function: Callable[..., T], *arguments: Any, source: str, size: int) -> T:
@@ -45,14 +43,23 @@ def in_child[T](function: Callable[..., T], *arguments: Any, source: str, size: 
     InputError as the function raises, or naming the file if the call crashes, takes too long or too much memory.
     """
     global _child
+    time_limit = CPU_TIME + size / BYTES_PER_SECOND
     with _lock:
-        if _child is None or not _child.usable():
-            _child = Child()
+        if _child is None or _child.owner != os.getpid() or _child.process.poll() is not None:
+            _child = start_child()
+        pipe, process, _ = _child
         try:
-            answer = _child.call(function, arguments, CPU_TIME + size / BYTES_PER_SECOND)
+            pipe.send((function, arguments, time_limit))
+            if not pipe.poll(PATIENCE * time_limit):
+                raise TimeoutError
+            answer = pipe.recv()
         except BaseException as error:
-            _child.end()
-            if isinstance(error, TimeoutError):
+            endless = isinstance(error, TimeoutError)
+            endless = endless or (isinstance(error, EOFError) and process.wait() == -signal.SIGXCPU)
+            process.kill()
+            process.wait()
+            pipe.close()
+            if endless:
                 raise InputError(f"{source}: not read: its reader does not come to an end") from None
             if isinstance(error, EOFError | OSError):
                 raise InputError(f"{source}: not read: its reader crashes on it, so the file is damaged") from None
@@ -64,39 +71,23 @@ def in_child[T](function: Callable[..., T], *arguments: Any, source: str, size: 
     return answer
 
 
-class Child:
-    """A process that takes calls one by one."""
+class Child(NamedTuple):
+    """A process that takes calls one by one from the process that owns it; after a fork that is the parent."""
 
-    def __init__(self) -> None:
-        self.pipe, theirs = Pipe()
-        self.owner = os.getpid()
-        command = python_command("-m", "exodrake.core.processes", str(theirs.fileno()), str(self.owner))
-        silent: dict[str, Any] = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
-        environment = python_environment() | ONE_THREAD
-        self.process = subprocess.Popen(command, pass_fds=[theirs.fileno()], env=environment, **silent)
-        theirs.close()
+    pipe: Connection
+    process: subprocess.Popen
+    owner: int
 
-    def usable(self) -> bool:
-        """Whether it runs, and belongs to this process: after a fork it is the parent's."""
-        return self.owner == os.getpid() and self.process.poll() is None
 
-    def call(self, function: Callable[..., Any], arguments: tuple, time_limit: float) -> Any:
-        """The result of a call, or the exception it raised. TimeoutError; EOFError or OSError if the process ends."""
-        self.pipe.send((function, arguments, time_limit))
-        if not self.pipe.poll(PATIENCE * time_limit):
-            raise TimeoutError
-        try:
-            return self.pipe.recv()
-        except EOFError:
-            if self.process.wait() == -signal.SIGXCPU:
-                raise TimeoutError from None
-            raise
-
-    def end(self) -> None:
-        """Ends the process at once."""
-        self.process.kill()
-        self.process.wait()
-        self.pipe.close()
+def start_child() -> Child:
+    """A new child process; its modules come from where those of this process do."""
+    pipe, theirs = Pipe()
+    command = [sys.executable, "-P", "-m", "exodrake.core.processes", str(theirs.fileno()), str(os.getpid())]
+    silent: dict[str, Any] = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
+    environment = os.environ | SAFE_PATH | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))} | ONE_THREAD
+    process = subprocess.Popen(command, pass_fds=[theirs.fileno()], env=environment, **silent)
+    theirs.close()
+    return Child(pipe, process, os.getpid())
 
 
 def serve(pipe: Connection) -> None:
@@ -119,29 +110,17 @@ def serve(pipe: Connection) -> None:
             pipe.send(answer)
 
 
-def python_command(*arguments: str) -> list[str]:
-    """The command of a Python whose modules come from where this one's do."""
-    return [sys.executable, "-P", *arguments]
-
-
-def python_environment() -> dict[str, str]:
-    """The environment of `python_command`, and of what it starts in turn."""
-    return os.environ | SAFE_PATH | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-
-
 @contextmanager
 def safe_path() -> Iterator[None]:
     """Processes that a library starts meanwhile import nothing from the current folder."""
-    before = {name: os.environ.get(name) for name in SAFE_PATH}
+    before = dict(os.environ)
     os.environ.update(SAFE_PATH)
     try:
         yield
     finally:
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
+        for name in SAFE_PATH.keys() - before.keys():
+            os.environ.pop(name, None)
+        os.environ.update({name: before[name] for name in SAFE_PATH.keys() & before.keys()})
 
 
 def end_with(parent: int) -> None:

@@ -48,7 +48,7 @@ def show_bar(*columns: str, transient: bool = False) -> Any:
         "spinner": rich.SpinnerColumn, "bar": rich.BarColumn, "short bar": partial(rich.BarColumn, bar_width=28),
         "count": rich.MofNCompleteColumn, "elapsed": rich.TimeElapsedColumn, "remaining": rich.TimeRemainingColumn,
     }  # fmt: skip
-    made = [known[name]() if name in known else rich.TextColumn(name) for name in columns]
+    made = [known.get(name, partial(rich.TextColumn, name))() for name in columns]
     console = Console(stderr=True)
     return rich.Progress(*made, console=console, transient=transient, disable=not sys.stderr.isatty())
 

@@ -40,10 +40,8 @@ def shorten_path(file: Path) -> str:
 @cache
 def digest(files: tuple[Path, ...]) -> str:
     """First 12 hexadecimal digits of the SHA-256 of names and contents."""
-    whole = hashlib.sha256()
-    for file in files:
-        whole.update(shorten_path(file).encode() + b"\0" + file.read_bytes() + b"\0")
-    return whole.hexdigest()[:DIGITS]
+    whole = b"".join(shorten_path(file).encode() + b"\0" + file.read_bytes() + b"\0" for file in files)
+    return hashlib.sha256(whole).hexdigest()[:DIGITS]
 
 
 def robot_digest(robot: Robot) -> str:

@@ -57,11 +57,10 @@ class StatedParameter:
 
 def alike(robot: Robot) -> Iterator[tuple[str, tuple[str, ...], StatedParameter]]:
     """Parameters in rows: name without channel, the channels of this value (() if it has none), and one of them."""
-    known = (*robot.machine.axes.tendons, *robot.machine.axes.joints)
     rows: dict[tuple, tuple[list[str], StatedParameter]] = {}
     for one in robot.parameters().values():
         name, _, channel = one.name.rpartition(".")
-        own = channel in known
+        own = any(channel in axis for axis in robot.machine.axes)
         key = (name if own else one.name, one.value, one.low, one.high, one.source)
         rows.setdefault(key, ([], one))[0].extend([channel] * own)
     for (name, *_), (channels, one) in rows.items():
@@ -71,18 +70,14 @@ def alike(robot: Robot) -> Iterator[tuple[str, tuple[str, ...], StatedParameter]
 def effect_in_words(robot: Robot, identity: str) -> str:
     """An effect with its values and channels: `tendon.slack: length 2 mm on AF, MF`."""
     effect = robot.machine.effect(identity)
-    values = robot.effect_values(effect)
-    first = effect.parameters[0]
+    values, first, said = robot.effect_values(effect), effect.parameters[0], []
     seats = [channel for channel, value in values[first.name].items() if value != first.null]
-    said = []
     for p in effect.parameters:
         at: dict[float, list[str]] = {}
         for channel in seats if p.axis == effect.axis else values[p.name]:
             at.setdefault(values[p.name][channel], []).append(channel)
-        said += [
-            f"{p.name} {in_words(value, p.unit)}" + (f" ({', '.join(channels)})" if len(at) > 1 else "")
-            for value, channels in at.items()
-        ]
+        for value, channels in at.items():
+            said.append(f"{p.name} {in_words(value, p.unit)}" + (f" ({', '.join(channels)})" if len(at) > 1 else ""))
     on = f" on {', '.join(seats)}" if effect.axis else ""
     return f"{identity}: {', '.join(said)}{on}"
 
@@ -148,27 +143,17 @@ class Robot:
 
     def parameters(self) -> dict[str, StatedParameter]:
         """Value, unit, plausible range, tolerance and source of each parameter, and of the effects present, by name."""
-        machine = self.machine
-        tolerances = {
-            name: tolerance
-            for tolerance in machine.tolerances
-            for pattern in tolerance.parameters
-            for names in expand_pattern(pattern, machine.axes)
-            for name in names.split()
-        }
-        found = {
-            p.name: StatedParameter(
-                p.name, self[p.name], p.unit, *self.ranges.get(p.name, (-math.inf, math.inf)),
-                tolerances.get(p.name), self.sources.get(p.name, ""),
-            )
-            for p in machine.parameters if p.null is None
-        }  # fmt: skip
+        machine, free, found = self.machine, (-math.inf, math.inf), dict[str, StatedParameter]()
+        tolerances = {name: group for group, names in list_tolerances(machine) for name in names.split()}
+        for p in (p for p in machine.parameters if p.null is None):
+            ends, source = self.ranges.get(p.name, free), self.sources.get(p.name, "")
+            found[p.name] = StatedParameter(p.name, self[p.name], p.unit, *ends, tolerances.get(p.name), source)
         for identity in self.effects():
             effect = machine.effect(identity)
             for p in effect.parameters:
                 for i in machine.effect_indices(identity, p.name).values():
                     name, value = machine.parameters[i].name, float(self.values[i])
-                    low, high = (p.low, p.high) if value != p.null else (-math.inf, math.inf)
+                    low, high = (p.low, p.high) if value != p.null else free
                     source = self.sources.get(name) or effect.source
                     found[name] = StatedParameter(name, value, p.unit, low, high, None, source, identity)
         return found
@@ -207,10 +192,10 @@ class Robot:
             source: where the values come from, for `sources` and messages.
         """
         values, sources = self.values.copy(), dict(self.sources)
-        for indices, (name, value, unit) in self.general_first(flatten(parameters)):
-            for i in indices:
-                info = self.machine.parameters[i]
-                values[i] = quantity(value, info.unit, f"{source or 'parameters'}: {name}", unit)
+        for indices, (name, value, stated) in self.general_first(flatten(parameters)):
+            where, unit = f"{source or 'parameters'}: {name}", (stated or {}).get("unit", "")
+            for info in (self.machine.parameters[i] for i in indices):
+                values[self.machine.index[info.name]] = quantity(value, info.unit, where, unit)
                 if source:
                     sources[info.name] = source
         return refuse_negative(replace(self, values=values, sources=sources))
@@ -266,8 +251,7 @@ class Robot:
 
     def reference_limits(self) -> tuple[np.ndarray, np.ndarray]:
         """Lowest and highest reference, (channels,) arrays [SI]; without stated limits 0 and infinity."""
-        column = self.machine.references[0]
-        channels = self.machine.channels(column.signal)
+        channels = self.machine.channels(self.machine.references[0].signal)
         low, high = self.machine.reference_limits or ("", "")
         for channel in channels if high else ():
             if channel not in self.limits.get(high, {}):
@@ -289,14 +273,14 @@ def refuse_negative(robot: Robot) -> Robot:
     return robot
 
 
-def flatten(parameters: Mapping[str, Any], prefix: str = "", unit: str = "") -> list[tuple[str, Any, str]]:
-    """Nested mappings as dotted names, values and units ("" for SI); one with a `value` key counts as that value."""
+def flatten(parameters: Mapping[str, Any], prefix: str = "", stated: Any = None) -> list[tuple[str, Any, Any]]:
+    """Nested mappings as dotted names, values, and the mapping that states a value under its key `value`, or None."""
     found = []
     for key, value in parameters.items():
-        name, inner = f"{prefix}.{key}" if prefix else str(key), unit
+        name, beside = f"{prefix}.{key}" if prefix else str(key), stated
         if isinstance(value, Mapping) and "value" in value:
-            value, inner = value["value"], value.get("unit", unit)
-        found += flatten(value, name, inner) if isinstance(value, Mapping) else [(name, value, inner)]
+            value, beside = value["value"], value
+        found += flatten(value, name, beside) if isinstance(value, Mapping) else [(name, value, beside)]
     return found
 
 
@@ -310,21 +294,20 @@ def check_channels(machine: Machine, effect: Effect, channels: Iterable[str]) ->
     return wanted or known
 
 
+def list_tolerances(machine: Machine) -> list[tuple[Tolerance, str]]:
+    """Each tolerance with the names, between blanks, of parameters that err together."""
+    groups = ((group, pattern) for group in machine.tolerances for pattern in group.parameters)
+    return [(group, names) for group, pattern in groups for names in expand_pattern(pattern, machine.axes)]
+
+
 def drawn_robot(robot: Robot, rng: np.random.Generator) -> Robot:
     """The robot with each parameter that has a tolerance drawn anew, normal and clipped to its largest deviation."""
-    machine, values = robot.machine, robot.values.copy()
-    groups = [
-        (g, n) for g in machine.tolerances for pattern in g.parameters for n in expand_pattern(pattern, machine.axes)
-    ]
+    values, groups = robot.values.copy(), list_tolerances(robot.machine)
     for (group, names), drawn in zip(groups, rng.standard_normal(len(groups)), strict=True):
         x = float(np.clip(drawn * group.prior_std, -group.max_deviation, group.max_deviation))
-        for name in names.split():
-            i = position(machine, name)
-            values[i] = {
-                "log": robot.values[i] * math.exp(x),
-                "additive": robot.values[i] + x,
-                "relative": robot.values[i] * (1.0 + x),
-            }[group.transform]
+        for i in (position(robot.machine, name) for name in names.split()):
+            v = robot.values[i]
+            values[i] = {"log": v * math.exp(x), "additive": v + x, "relative": v * (1.0 + x)}[group.transform]
     return replace(robot, values=values)
 
 

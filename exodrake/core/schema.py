@@ -16,6 +16,7 @@ import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -47,8 +48,7 @@ def parse_json(data: bytes | str, source: str) -> Any:
 
     def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         """An object by its keys and values; of a key that comes twice, Python would keep the last."""
-        found = dict(pairs)
-        if len(found) < len(pairs):
+        if len(found := dict(pairs)) < len(pairs):
             keys = [key for key, _ in pairs]
             raise InputError(f"key {shown(next(key for key in keys if keys.count(key) > 1))} comes twice")
         return found
@@ -108,9 +108,7 @@ def dump_yaml(content: Any) -> str:
     for kind, pattern in (("int", INTEGER), ("float", FLOAT)):
         Dumper.add_implicit_resolver(f"tag:yaml.org,2002:{kind}", re.compile(f"^(?:{pattern.pattern})$"), None)
     written = yaml.dump(content, Dumper=Dumper, sort_keys=False, allow_unicode=True)
-    if any(c in written for c in BREAKS):
-        return yaml.dump(content, Dumper=Dumper, sort_keys=False)
-    return written
+    return yaml.dump(content, Dumper=Dumper, sort_keys=False) if any(c in written for c in BREAKS) else written
 
 
 def _node(event: Any, events: Iterator[Any], source: str, depth: int) -> Any:
@@ -127,10 +125,8 @@ def _node(event: Any, events: Iterator[Any], source: str, depth: int) -> Any:
     if isinstance(event, yaml.ScalarEvent):
         return _scalar(event.value) if event.style in (None, "") else event.value
     if isinstance(event, yaml.SequenceStartEvent):
-        items = []
-        while not isinstance(event := next(events), yaml.SequenceEndEvent):
-            items.append(_node(event, events, source, depth + 1))
-        return items
+        within = takewhile(lambda one: not isinstance(one, yaml.SequenceEndEvent), events)
+        return [_node(one, events, source, depth + 1) for one in within]
     content: dict[str, Any] = {}
     while not isinstance(event := next(events), yaml.MappingEndEvent):
         where = f"{source}, line {event.start_mark.line + 1}"

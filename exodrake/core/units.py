@@ -9,6 +9,7 @@ import re
 from collections.abc import Mapping
 from difflib import get_close_matches
 from functools import cache
+from itertools import accumulate
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -123,9 +124,7 @@ def si_unit(unit: str, where: str = "") -> str:
 def to_si[T: (float, np.ndarray)](values: T, unit: str, where: str = "") -> T:
     """Values in SI, same shape; bit-equal to the input when the unit is SI already. InputError for an unknown unit."""
     _, numerator, denominator, _ = known(unit, where)
-    if numerator == denominator:
-        return values
-    return values * numerator / denominator
+    return values if numerator == denominator else values * numerator / denominator
 
 
 def quantity(value: Any, unit: str, where: str, given: str = "") -> float:
@@ -153,21 +152,16 @@ def quantity(value: Any, unit: str, where: str, given: str = "") -> float:
 
 def find_kind(column: str) -> str | None:
     """The longest known kind that heads a column name (`tension_ref` for `tension_ref_AF`), or None."""
-    parts = column.split("_")
-    for length in range(len(parts), 0, -1):
-        kind = "_".join(parts[:length])
-        if kind in KINDS:
-            return kind
-    return None
+    heads = accumulate(column.split("_"), "{}_{}".format)
+    return next((head for head in reversed(list(heads)) if head in KINDS), None)
 
 
 def default_unit(column: str) -> str:
     """SI unit of a column by its kind. InputError for a kind that is not in the table."""
     kind = find_kind(column)
     if kind is None:
-        raise InputError(
-            f"column {column!r}: kind unknown, so its unit must be given (known kinds: {', '.join(KINDS)})"
-        )
+        listed = ", ".join(KINDS)
+        raise InputError(f"column {column!r}: kind unknown, so its unit must be given (known kinds: {listed})")
     return KINDS[kind][0]
 
 

@@ -94,14 +94,13 @@ class Case:
     def __post_init__(self) -> None:
         files = [item.file for item in self.logs]
         for item in self.logs:
+            where = f"{self.name}: log {item.file!r}"
             if item.role not in ROLES:
-                raise InputError(f"{self.name}: log {item.file!r}: role {item.role!r} is none of {', '.join(ROLES)}")
+                raise InputError(f"{where}: role {item.role!r} is none of {', '.join(ROLES)}")
             if files.count(item.file) > 1:
-                raise InputError(f"{self.name}: log {item.file!r} comes twice")
+                raise InputError(f"{where} comes twice")
             if item.repeats is not None and (item.repeats == item.file or item.repeats not in files):
-                raise InputError(
-                    f"{self.name}: log {item.file!r}: repeats {item.repeats!r}, which is no other log of the case"
-                )
+                raise InputError(f"{where}: repeats {item.repeats!r}, which is no other log of the case")
         if not self.fit_logs:
             raise InputError(f"{self.name}: no log has the role 'fit'")
 
@@ -152,16 +151,8 @@ def moment(value: Any, where: str) -> datetime:
 
 
 DATE, TEXT = schema.optional(moment), schema.optional(schema.text())
-LOG = schema.mapping(
-    {
-        "file": schema.text(),
-        "role": schema.optional(schema.text(ROLES)),
-        "protocol": TEXT,
-        "repeats": TEXT,
-        "date": DATE,
-    },
-    required=("file",),
-)
+KEYS = {"file": schema.text(), "role": schema.optional(schema.text(ROLES))}
+LOG = schema.mapping(KEYS | {"protocol": TEXT, "repeats": TEXT, "date": DATE}, required=("file",))
 SCHEMA = schema.mapping(
     {
         "name": schema.anything, "serial": schema.anything, "date": DATE,
@@ -196,10 +187,8 @@ def find_logs(folder: Path) -> tuple[list[dict[str, Any]], list[str]]:
     tables = {name: read_table(folder / name) for name in files}
     wanted = max(log.simulated for log in tables.values()) if all(log.simulated for log in tables.values()) else 0
     if wanted == MODEL:
-        raise InputError(
-            f"{folder}: exodrake simulated all its logs with a robot as its file states it: they are the model, not the"
-            " robot; name a log itself to read it anyway"
-        )
+        model = "exodrake simulated all its logs with a robot as its file states it: they are the model, not the robot"
+        raise InputError(f"{folder}: {model}; name a log itself to read it anyway")
     left_out = [name for name in files if tables[name].simulated != wanted]
     notes = [f"{', '.join(left_out)}: left out, simulated by exodrake and not a log of the robot"] if left_out else []
     files = [name for name in files if name not in left_out]
@@ -207,17 +196,6 @@ def find_logs(folder: Path) -> tuple[list[dict[str, Any]], list[str]]:
     logs = [{"file": name, "role": "holdout" if name == held_out else "fit", "table": tables[name]} for name in files]
     roles = f"{len(files)} logs, held out: {held_out}, the others to fit" if held_out else "one log, to fit"
     return logs, [f"{folder.resolve().name}: no case.yaml; {roles}", *notes]
-
-
-def case_text(case: Case) -> str:
-    """case.yaml of a case."""
-    logs = []
-    for item in case.logs:
-        log = {"file": item.file, "role": item.role, "protocol": item.protocol, "repeats": item.repeats}
-        log["date"] = None if item.date is None else written_date(item.date)
-        logs.append({key: value for key, value in log.items() if value is not None})
-    head = {"name": case.name} | ({"serial": case.serial} if case.serial else {})
-    return schema.dump_yaml(head | {"robot": plain(case.robot), "period": float(case.period), "logs": logs})
 
 
 def written_date(date: datetime) -> str:
@@ -262,7 +240,6 @@ def read_case(
         table = entry["table"] if "table" in entry else read_table(path)
         check_columns(table, required)
         log, faults = regularise(table, frame)
-        log = replace(log, simulated=table.simulated)
         hashes[file] = hash_file(path)
         if is_file(beside := path.with_name(notes_name(path))):
             lines = read_bytes(beside).decode(errors="replace").splitlines()[:MOST_NOTES]
@@ -299,19 +276,20 @@ def gather_logs(
     """
     if isinstance(logs, str | Path) and is_folder(logs):
         logs = read_case(logs, required, period)
-    items, notes = list(logs.logs) if isinstance(logs, Case) else [], list(logs.notes) if isinstance(logs, Case) else []
-    fitted = [] if isinstance(logs, Case) else [*logs] if isinstance(logs, Sequence) else [logs]
-    fitted = [logs] if isinstance(logs, str | Path) else fitted
+    case = logs if isinstance(logs, Case) else None
+    items, notes = (list(case.logs), list(case.notes)) if case else ([], [])
+    several = isinstance(logs, Sequence) and not isinstance(logs, str)
+    fitted: Any = [] if case else logs if several else [logs]
     for role, given in (("fit", fitted), ("holdout", held_out)):
         for one in given:
             log = Log.from_pandas(one) if hasattr(one, "iloc") else one
             log = read_log(log, required) if isinstance(log, str | Path) else argument("logs", log, Log, str, Path)
             check_columns(log, required)
-            whole, faults = regularise(log, period or log.dt)
-            notes, log = [*notes, *faults], replace(whole, simulated=log.simulated)
+            log, faults = regularise(log, period or log.dt)
+            notes += faults
             items.append(CaseLog(log, "", role, None, f"{Path(log.label).name} ({len(items) + 1})"))
-    if isinstance(logs, Case):
-        return replace(logs, logs=tuple(items))
+    if case:
+        return replace(case, logs=tuple(items))
     name = Path(items[0].log.label).name if items else "logs"
     return Case(name, {}, tuple(items), period or (items[0].log.dt if items else PERIOD), tuple(notes))
 
@@ -321,11 +299,18 @@ def write_case(case: Case, folder: str | Path, notes: Mapping[str, Sequence[str]
 
     notes: what was done to the signals of a log before, by its file.
     """
+    contents, logs = dict[str, bytes](), []
     for item in argument("case", case, Case).logs:
         check_inside(folder, item.file, case.name)
-    contents = {item.file: log_bytes(item.log, Path(folder) / item.file) for item in case.logs}
+    for item in case.logs:
+        contents[item.file] = log_bytes(item.log, Path(folder) / item.file)
+        log = {"file": item.file, "role": item.role, "protocol": item.protocol, "repeats": item.repeats}
+        log["date"] = None if item.date is None else written_date(item.date)
+        logs.append({key: value for key, value in log.items() if value is not None})
+    head = {"name": case.name} | ({"serial": case.serial} if case.serial else {})
+    text = schema.dump_yaml(head | {"robot": plain(case.robot), "period": float(case.period), "logs": logs})
     contents |= {notes_name(file): "\n".join((*lines, "")).encode() for file, lines in (notes or {}).items() if lines}
-    write_folder(folder, contents | {FILE: case_text(case).encode()})
+    write_folder(folder, contents | {FILE: text.encode()})
 
 
 def check_inside(folder: str | Path, file: str, where: str) -> None:

@@ -1,17 +1,8 @@
 """A foreign recording as a log, by a mapping file or, of joint states, by their names.
 
 Text, MAT, HDF5, JSON, NPY, NPZ, Parquet, ROS 2 bags (MCAP or SQLite), MCAP with JSON messages and LeRobot data sets.
-The mapping file says what the columns are called, and in which units, by us (`docs/howto/import.md` has all its keys):
-
-    time: {column: timestamp, unit: us, start: 0}     # start [s]: shift the clock so that the first row has this time
-    columns:                                          # foreign column: ours; SI value is value * scale + offset
-      load_cell_1: {name: tension_AF, unit: mN, scale: 0.5, offset: -12}
-      "/joint_states:position[MCP]": {name: angle_MCP, unit: rad}      # bag: topic, field, element by joint name
-    derived:              # of our columns; names and units are ours, in SI
-      angle_speed_MCP: {of: angle_MCP, take: rate, filter: 8}           # derivative
-    sync:                 # clocks that differ: move `columns` in time until `by` fits `with` best
-      - {columns: [angle_MCP], by: angle_MCP, with: angle_ref_MCP, within: 0.5}
-    period: 0.02          # s: put the rows on frames of this length; left out, they stay as recorded
+The mapping file says what the columns are called, and in which units, by us: SI value is value * scale + offset. It can
+derive columns, move clocks that differ and put rows on frames; `docs/howto/import.md` has all its keys, with examples.
 
 What it changes beyond names and units is noted beside the log.
 """
@@ -22,6 +13,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -36,6 +28,7 @@ from exodrake.data.log import (
     check_clock,
     check_columns,
     clock_frame,
+    find_first,
     heading,
     log_from_columns,
     other_rate,
@@ -119,22 +112,11 @@ class Derived:
 
 
 @dataclass(frozen=True)
-class Sync:
-    """Columns that are moved in time, at most `within` [s], until column `by` of them correlates best with `to`."""
-
-    columns: tuple[str, ...]
-    by: str
-    to: str
-    within: float
-
-
-@dataclass(frozen=True)
 class Mapped(TextLayout):
     """Content of a mapping file, with its keys."""
 
     columns: tuple[Column, ...]
-    # time, time_unit: foreign column of the time and its unit; None where `time_period` counts rows
-    time: str | None = None
+    time: str | None = None  # foreign column of the time; None where `time_period` counts rows
     time_unit: str = "s"
     time_period: float | None = None  # time between two rows [s]; None where there is a column of the time
     start: float | None = None  # time at which the log starts [s]; None: as recorded
@@ -143,12 +125,12 @@ class Mapped(TextLayout):
     stamp: str = "log"
     samples: str | None = None  # "rows" or "columns" of a matrix; None: by its shape
     derived: tuple[Derived, ...] = ()
-    sync: tuple[Sync, ...] = ()
+    sync: tuple[dict[str, Any], ...] = ()  # each with the keys of `SYNC`
 
     @property
     def foreign(self) -> list[str]:
         """Foreign columns that must be there."""
-        return [*(column.foreign for column in self.columns), *([self.time] if self.time is not None else [])]
+        return [*(column.foreign for column in self.columns), *([] if self.time is None else [self.time])]
 
 
 def read_mapping(path: str | Path) -> Mapped:
@@ -156,7 +138,7 @@ def read_mapping(path: str | Path) -> Mapped:
     content = SCHEMA(schema.read_yaml(path), str(path))
     time = content.get("time") or {}
     check_unit("time", time.get("unit", "s"), f"{path}, 'time'")
-    columns, derived, syncs, known = [], [], [], ["time"]
+    columns, derived, known = [], [], ["time"]
     for foreign, item in content["columns"].items():
         where, name = schema.inside(f"{path}, 'columns'", foreign), item["name"].strip()
         if not name or not item["unit"].strip():
@@ -187,18 +169,11 @@ def read_mapping(path: str | Path) -> Mapped:
                 raise schema.refusal(where, f"{name!r} is no column{nearest(name, ours)}")
         if item["by"] not in item["columns"] or item["with"] in item["columns"]:
             raise schema.refusal(where, "`by` is one of the columns that are moved, and `with` is none of them")
-        syncs.append(Sync(tuple(item["columns"]), item["by"], item["with"], item["within"]))
     return Mapped(
-        columns=tuple(columns),
-        time=time.get("column"),
-        time_unit=time.get("unit", "s"),
-        time_period=time.get("period"),
-        start=time.get("start"),
-        period=content.get("period"),
-        derived=tuple(derived),
-        sync=tuple(syncs),
+        tuple(columns), time.get("column"), time.get("unit", "s"), time.get("period"), time.get("start"),
+        content.get("period"), derived=tuple(derived), sync=tuple(content.get("sync") or ()),
         **{key: content[key] for key in PLAIN if key in content},
-    )
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -233,8 +208,7 @@ def import_all(
     Without a mapping by that of joint states, or of actions and states with the unit of their joints.
     """
     if is_dataset(path):
-        mapped = mapped or default_dataset_mapping(path, unit)
-        found = {}
+        mapped, found = mapped or default_dataset_mapping(path, unit), {}
         for number, (name, columns) in enumerate(episodes(path)):
             if number in chosen or not chosen:
                 where = f"{path}, {name}"
@@ -246,10 +220,10 @@ def import_all(
     if unit or chosen:
         raise InputError(f"{path}: no LeRobot data set, so neither --unit nor --episodes says anything")
     refuse_folder(path)
-    if mapped is None and ending(path) and not is_bag(path):
-        return {stem(path): Imported(read_log(path), ())}
     if mapped is None and not is_bag(path):
-        raise InputError(f"{path}: wanted --map FILE; without --out, import lists the columns")
+        if not ending(path):
+            raise InputError(f"{path}: wanted --map FILE; without --out, import lists the columns")
+        return {stem(path): Imported(read_log(path), ())}
     return {stem(path): import_recording(path, mapped or default_bag_mapping(path))}
 
 
@@ -286,18 +260,16 @@ def make_log(tracks: dict[str, Track], mapped: Mapped, source: str, notes: Seque
         ours = {name: Track(track.time - first + mapped.start, track.values) for name, track in ours.items()}
     notes = [*notes]
     for entry in mapped.sync:
-        where = f"{source}: sync of {entry.by} with {entry.to}"
-        lag, correlation = find_lag(ours[entry.by], ours[entry.to], entry.within, where)
-        ours |= {name: Track(ours[name].time - lag, ours[name].values) for name in entry.columns}
-        notes.append(
-            f"{', '.join(entry.columns)}: moved by {-1e3 * lag:+.3g} ms to fit {entry.to} (correlation "
-            f"{correlation:.3f}), so a delay between them, of a clock or real, is gone"
-        )
+        by, to, within = entry["by"], entry["with"], entry["within"]
+        lag, correlation = find_lag(ours[by], ours[to], within, f"{source}: sync of {by} with {to}")
+        ours |= {name: Track(ours[name].time - lag, ours[name].values) for name in entry["columns"]}
+        moved = f"{', '.join(entry['columns'])}: moved by {-1e3 * lag:+.3g} ms to fit {to}"
+        notes.append(f"{moved} (correlation {correlation:.3f}), so a delay between them, of a clock or real, is gone")
     if mapped.period is not None:
         time, values, lost = lay_on_frames(ours, mapped.period, mapped.hold, source)
         notes += lost
     else:
-        late = {name for entry in mapped.sync for name in entry.columns}  # interpolated on the clock of the others
+        late = {name for entry in mapped.sync for name in entry["columns"]}  # interpolated on the clock of the others
         time = next(track.time for name, track in ours.items() if name not in late)
         if not len(time):
             raise InputError(f"{source}: no rows")
@@ -309,31 +281,27 @@ def make_log(tracks: dict[str, Track], mapped: Mapped, source: str, notes: Seque
         if column.filter is not None:
             values[column.name] = low_pass(time, values[column.name], column.filter, f"{source}: {column.name}")
     for column in mapped.derived:
-        found, unit = values[column.of], units[column.of]
+        found, unit, where = values[column.of], units[column.of], f"{source}: {column.name}"
         if column.minus:
             if units[column.minus] != unit:
-                raise InputError(
-                    f"{source}: {column.name}: {column.of} is in {unit}, {column.minus} in {units[column.minus]}"
-                )
+                raise InputError(f"{where}: {column.of} is in {unit}, {column.minus} in {units[column.minus]}")
             found = found - values[column.minus]
         if column.take == "first":
-            known = found[np.isfinite(found)]
-            if not len(known):
-                raise InputError(f"{source}: {column.name}: {column.of} is empty")
-            found = np.full(len(found), known[0])
+            if (first := find_first(np.isfinite(found))) is None:
+                raise InputError(f"{where}: {column.of} is empty")
+            found = np.full(len(found), found[first])
         if column.filter is not None:
-            found = low_pass(time, found, column.filter, f"{source}: {column.name}")
+            found = low_pass(time, found, column.filter, where)
         if column.take == "rate":
             if len(time) < 3:
-                raise InputError(f"{source}: {column.name}: {len(time)} rows, too few for a derivative")
+                raise InputError(f"{where}: {len(time)} rows, too few for a derivative")
             found, unit = np.gradient(found, time), RATES.get(unit, "")
         unit = si_unit(column.unit) if column.unit else unit
         if not unit:
-            raise InputError(f"{source}: {column.name}: state its SI unit, `unit: ...`")
+            raise InputError(f"{where}: state its SI unit, `unit: ...`")
         values[column.name], units[column.name] = found * column.scale + column.offset, unit
-    log = log_from_columns(
-        [("time [s]", time), *((heading(name, units[name]), values[name]) for name in units)], source
-    )
+    ours = ((heading(name, unit), values[name]) for name, unit in units.items())
+    log = log_from_columns([("time [s]", time), *ours], source)
     check_columns(log, log.columns)
     check_clock(log)
     notes += filter(None, map(describe_conversion, (*mapped.columns, *mapped.derived)))
@@ -346,22 +314,19 @@ def sort_tracks(tracks: dict[str, Track], period: float, source: str) -> tuple[d
     for name, track in tracks.items():
         topic, times = f"topic {name.partition(':')[0]!r}", track.time
         if len(times) > 1 and times.min() == times.max():
+            still = f"its clock stands still, all {len(times)} messages at {times[0]:.10g} s"
+            raise InputError(f"{source}: {topic}: {still}")
+        latest = np.maximum.accumulate(times)
+        back, count = latest - times, int(np.sum(times < latest))
+        if (at := find_first(back > period)) is not None:
             raise InputError(
-                f"{source}: {topic}: its clock stands still, all {len(times)} messages at {times[0]:.10g} s"
+                f"{source}: {topic}: the clock steps backwards by {back.max():.6g} s, at message {at + 1}, "
+                f"{times[at]:.10g} s after {latest[at]:.10g} s; cut the bag there"
             )
-        latest = np.maximum.accumulate(times) if len(times) else times
-        late = np.flatnonzero(times < latest)
-        if len(late):
-            at = int(np.argmax(latest - times))
-            if latest[at] - times[at] > period:
-                first = int(np.flatnonzero(latest - times > period)[0])
-                raise InputError(
-                    f"{source}: {topic}: the clock steps backwards by {latest[at] - times[at]:.6g} s, at message "
-                    f"{first + 1}, {times[first]:.10g} s after {latest[first]:.10g} s; cut the bag there"
-                )
-            count = f"{len(late)} {plural(len(late), 'message')}"
-            first = f"the first is message {late[0] + 1} at {times[late[0]]:.10g} s"
-            notes[f"{topic}: {count} out of order, {first}, sorted by their stamps"] = None
+        if (at := find_first(times < latest)) is not None:
+            first = f"the first is message {at + 1} at {times[at]:.10g} s"
+            note = f"{topic}: {count} {plural(count, 'message')} out of order, {first}, sorted by their stamps"
+            notes[note] = None
         order = np.argsort(times, kind="stable")
         ordered[name] = Track(times[order], track.values[order])
     return ordered, list(notes)
@@ -369,43 +334,34 @@ def sort_tracks(tracks: dict[str, Track], period: float, source: str) -> tuple[d
 
 def _one_clock(table: dict[str, np.ndarray], mapped: Mapped, source: str) -> tuple[dict[str, Track], list[str]]:
     """Mapped columns of a table, on its time column or, without one, on its row number; notes on rows left out."""
-    wanted = [column.foreign for column in mapped.columns] + ([mapped.time] if mapped.time else [])
-    names = {name: resolve(name, table) for name in wanted}
+    names = {name: resolve(name, table) for name in mapped.foreign}
     for name, found in names.items():
         if found not in table:
-            raise InputError(
-                f"{source}: no column {name!r}, which the mapping file names (it has {', '.join(table)[:400]})"
-            )
+            there = ", ".join(table)[:400]
+            raise InputError(f"{source}: no column {name!r}, which the mapping file names (it has {there})")
+    where = f"{source}: time column {mapped.time!r}"
     if mapped.time is not None:
         time = to_si(table[names[mapped.time]], mapped.time_unit, source)
     elif mapped.time_period is not None:
         time = mapped.time_period * np.arange(len(table[names[mapped.columns[0].foreign]]))
     else:
         raise InputError(f"{source}: the mapping file names no time: wanted time: {{column: ..., unit: s}}")
-    missing = np.flatnonzero(~np.isfinite(time))
-    if len(missing):
-        raise InputError(f"{source}: time column {mapped.time!r}, row {int(missing[0]) + 1}: empty or not finite")
+    if (row := find_first(~np.isfinite(time))) is not None:
+        raise InputError(f"{where}, row {row + 1}: empty or not finite")
     lengths = {column.foreign: len(table[names[column.foreign]]) for column in mapped.columns}
     for name, length in lengths.items():
         if length != len(time):
             raise InputError(f"{source}: column {name!r} has {length} samples, time has {len(time)}")
-    backward = np.flatnonzero(np.diff(time) < 0)
-    if len(backward):
-        row = int(backward[0])
+    if (row := find_first(np.diff(time) < 0)) is not None:
         after = f"{time[row + 1]:.10g} s does not come after {time[row]:.10g} s"
-        raise InputError(f"{source}: time column {mapped.time!r}, row {row + 2}: {after}; cut the recording there")
+        raise InputError(f"{where}, row {row + 2}: {after}; cut the recording there")
     fresh = np.concatenate([np.ones(min(1, len(time)), dtype=bool), np.diff(time) != 0])
     if len(time) > 1 and fresh.sum() == 1:
-        raise InputError(
-            f"{source}: time column {mapped.time!r}: the clock stands still, all {len(time)} rows at {time[0]:.10g} s"
-        )
+        raise InputError(f"{where}: the clock stands still, all {len(time)} rows at {time[0]:.10g} s")
     notes = []
-    if not fresh.all():
-        row = int(np.flatnonzero(~fresh)[0])
-        notes.append(
-            f"{int((~fresh).sum())} of {len(time)} rows have the time of the row before and are dropped, the first is "
-            f"row {row + 1} at {time[row]:.10g} s"
-        )
+    if (row := find_first(~fresh)) is not None:
+        share = f"{int((~fresh).sum())} of {len(time)} rows have the time of the row before and are dropped"
+        notes = [f"{share}, the first is row {row + 1} at {time[row]:.10g} s"]
     return {name: Track(time[fresh], table[names[name]][fresh]) for name in lengths}, notes
 
 
@@ -420,14 +376,12 @@ def lay_on_frames(
     start = min(track.time.min() for track in tracks.values())
     end = max(track.time.max() for track in tracks.values())
     if (end - start) / period > 1e7:
-        raise InputError(
-            f"{source}: {end - start:.6g} s are too many frames of {period:g} s; is the unit of time right?"
-        )
+        many = f"{end - start:.6g} s are too many frames of {period:g} s"
+        raise InputError(f"{source}: {many}; is the unit of time right?")
     count = int(np.floor((end - start) / period + ROUNDED)) + 1
     if count > LONGEST * (max(len(track.time) for track in tracks.values()) + LONGEST):
-        raise InputError(
-            f"{source}: {count} frames of {period:g} s, far more than samples; cut it where its clock jumps"
-        )
+        many = f"{count} frames of {period:g} s, far more than samples"
+        raise InputError(f"{source}: {many}; cut it where its clock jumps")
     time = start + period * np.arange(count)
     step = median_step(np.unique(np.concatenate([track.time for track in tracks.values()])))
     begin = time - 0.5 * period if abs(step / period - 1.0) < ALIKE else time
@@ -440,16 +394,11 @@ def lay_on_frames(
         left = np.setdiff1d(np.arange(len(track.time)), taken)
         again = np.flatnonzero((np.diff(taken) == 0) & (taken[1:] >= 0)) + 1
         empty = np.flatnonzero(taken < 0)
-        parts = [
-            f"{what}, the first at {at[0]:.10g} s"
-            for what, at in (
-                (f"{len(left)} dropped for a newer one in the same frame", track.time[left]),
-                (f"the sample before again in {len(again)}", time[again]),
-                (f"{len(empty)} left empty", time[empty]),
-            )
-            if len(at)
-        ]
-        if parts:
+        kinds = {
+            f"{len(left)} dropped for a newer one in the same frame": track.time[left],
+            f"the sample before again in {len(again)}": time[again], f"{len(empty)} left empty": time[empty],
+        }  # fmt: skip
+        if parts := [f"{what}, the first at {at[0]:.10g} s" for what, at in kinds.items() if len(at)]:
             frames = f"{len(track.time)} samples on {len(time)} frames of {period * 1e3:g} ms"
             said.setdefault(f"{frames}: {'; '.join(parts)}", []).append(name)
     return time, values, [f"{', '.join(names)}: {note}" for note, names in said.items()]
@@ -484,12 +433,9 @@ def find_lag(moved: Track, fixed: Track, within: float, where: str) -> tuple[flo
     """Lag of `moved` behind `fixed` [s] with the largest correlation, `within` [s] either way, and that correlation."""
     from scipy.signal import correlate
 
-    def known(track: Track) -> Track:
-        order = np.argsort(track.time, kind="stable")
-        order = order[np.isfinite(track.values[order])]
-        return Track(track.time[order], track.values[order])
-
-    a, b = known(moved), known(fixed)
+    ordered = (np.argsort(track.time, kind="stable") for track in (moved, fixed))
+    known = [order[np.isfinite(t.values[order])] for t, order in zip((moved, fixed), ordered)]
+    a, b = (Track(t.time[rows], t.values[rows]) for t, rows in zip((moved, fixed), known))
     step = min(median_step(t.time) for t in (a, b))
     start = max(a.time[0] + within, b.time[0]) if len(a.time) and len(b.time) else np.inf
     end = min(a.time[-1] - within, b.time[-1]) if start < np.inf else -np.inf
@@ -523,8 +469,7 @@ def describe_conversion(column: Column | Derived) -> str | None:
     done = []
     if isinstance(column, Derived) and column.take != "first":
         minus = f" minus {column.minus}" if column.minus else ""
-        word = "the derivative of " if column.take else ""
-        done.append(f"{word}{column.of}{minus}")
+        done.append(f"{'the derivative of ' if column.take else ''}{column.of}{minus}")
     elif isinstance(column, Column) and column.wrap is not None:
         done.append(f"made continuous where readings start again after {column.wrap:g}")
     if getattr(column, "sign", 1.0) < 0.0:
@@ -548,19 +493,13 @@ def default_bag_mapping(path: str | Path) -> Mapped:
             ours = f"{KINDS[what]}{'_ref' if commanded and what != 'velocity' else ''}_{joint_name(joint)}"
             found = Column(f"{topic}:{field}", ours, UNITS[what])
             if (other := columns.setdefault(ours, found)) is not found:
-                raise InputError(
-                    f"{path}: {other.foreign!r} and {found.foreign!r} are both {ours}; write a mapping file that takes "
-                    "one of them"
-                )
+                both = f"{other.foreign!r} and {found.foreign!r} are both {ours}"
+                raise InputError(f"{path}: {both}; write a mapping file that takes one of them")
     if not columns:
-        raise InputError(
-            f"{path}: no topic of {STATE} with positions; write a mapping file (import without --out lists)"
-        )
-    starts = tuple(
-        Derived(name.replace("angle_", "angle_start_", 1), name, take="first")
-        for name in columns
-        if name.startswith("angle_") and not name.startswith(("angle_ref_", "angle_speed_"))
-    )
+        advice = "write a mapping file (import without --out lists)"
+        raise InputError(f"{path}: no topic of {STATE} with positions; {advice}")
+    angles = [n for n in columns if n.startswith("angle_") and not n.startswith(("angle_ref_", "angle_speed_"))]
+    starts = tuple(Derived(n.replace("angle_", "angle_start_", 1), n, take="first") for n in angles)
     first = next(iter(columns.values())).foreign
     steps = np.diff(read_bag(path, [first], "header")[first].time)
     period = float(f"{np.median(steps):.3g}") if len(steps) and np.median(steps) > 0.0 else None
@@ -588,9 +527,7 @@ def default_dataset_mapping(path: Path, unit: str) -> Mapped:
 
 def joint_name(name: str) -> str:
     """`shoulder_pan.pos` as a channel: `shoulderPan`."""
-    bare = name
-    for suffix in (".pos", "_pos", ".position"):
-        bare = bare.removesuffix(suffix)
+    bare = name.removesuffix(".pos").removesuffix("_pos").removesuffix(".position")
     words = [word for word in re.split("[-._]", bare) if word]
     if not words:
         raise InputError(f"{name!r} is no name of a joint; write a mapping file")

@@ -232,11 +232,14 @@ class Log:
         return log_html(self)
 
 
+def find_first(rows: np.ndarray) -> int | None:
+    """The first index at which a mask (n,) [-] is true; None if there is none."""
+    return int(np.argmax(rows)) if rows.any() else None
+
+
 def check_clock(log: Log) -> None:
     """InputError, naming row and times, unless time strictly increases."""
-    backward = np.flatnonzero(~(np.diff(log.time) > 0))
-    if len(backward):
-        row = int(backward[0])
+    if (row := find_first(~(np.diff(log.time) > 0))) is not None:
         here, after = log.time[row], log.time[row + 1]
         raise InputError(f"{log.label}: column 'time', row {row + 2}: {after:g} s does not come after {here:g} s")
 
@@ -272,11 +275,9 @@ def refuse_doubled(names: Iterable[str], source: str) -> None:
 
 def refuse_separator(cells: list[str], source: str) -> None:
     """InputError for a heading that other separators than commas leave in one cell."""
-    found = next((said for sign, said in SEPARATORS.items() if len(cells) == 1 and sign in cells[0].strip()), None)
-    if found:
-        raise InputError(
-            f"{source}: cells are separated by {found}, wanted ','; `exodrake import` converts such a file"
-        )
+    for sign, said in SEPARATORS.items():
+        if len(cells) == 1 and sign in cells[0].strip():
+            raise InputError(f"{source}: cells are separated by {said}, wanted ','; `exodrake import` converts it")
 
 
 def columns_in_si(
@@ -294,20 +295,16 @@ def columns_in_si(
         if units is not None and not bracket:
             unit = units.get(name) or default_unit(name)
         elif not closing or tail.strip() or not name:
-            raise InputError(
-                f"{source}: column heading {text.strip()!r}: wanted a name and a unit in brackets, like "
-                "'tension_AF [N]'"
-            )
+            wanted = "wanted a name and a unit in brackets, like 'tension_AF [N]'"
+            raise InputError(f"{source}: column heading {text.strip()!r}: {wanted}")
         if name in signals:
             raise InputError(f"{source}: column {name!r} comes twice")
         where = f"{source}, column {name!r}"
-        known[name] = check_unit(name, unit, where)
-        signals[name] = to_si(values, unit, where)
-        wrong = np.flatnonzero(np.abs(signals[name]) > LARGEST)
-        if len(wrong):
-            value = signals[name][wrong[0]]
+        known[name], signals[name] = check_unit(name, unit, where), to_si(values, unit, where)
+        if (row := find_first(np.abs(signals[name]) > LARGEST)) is not None:
+            value = signals[name][row]
             reason = "infinite" if np.isinf(value) else f"{value:g} in SI is beyond any signal"
-            raise InputError(f"{where}, row {int(wrong[0]) + 1}: {reason}")
+            raise InputError(f"{where}, row {row + 1}: {reason}")
     plain: dict[str, str] = {}  # letters are others in capitals and in other forms of Unicode
     for name in signals:
         if not name.isprintable():
@@ -326,13 +323,11 @@ def check_writable(log: Log, target: str) -> None:
     if not len(log):
         raise InputError(f"{target}: the log has no rows, it is not written")
     for name, values in {"time": log.time, **log.signals}.items():
-        wrong = np.flatnonzero((np.abs(values) > LARGEST) | (np.isnan(values) if name == "time" else False))
-        if len(wrong):
-            row = int(wrong[0])
+        row = find_first((np.abs(values) > LARGEST) | (np.isnan(values) if name == "time" else False))
+        if row is not None:
             raise InputError(f"{target}: column {name!r}, row {row + 1}: {values[row]:g}; the log is not written")
     for name in log.columns:
-        bare = name.isprintable() and name == name.strip() and not set(name) & set("[]") and name
-        if not bare or name == "time":
+        if not name.isprintable() or name in ("", "time") or name != name.strip() or set(name) & set("[]"):
             raise InputError(f"{target}: {name!r} cannot be the name of a column; the log is not written")
 
 
@@ -345,15 +340,14 @@ def log_from_columns(columns: Iterable[tuple[str, np.ndarray]], source: str) -> 
     """A log from pairs of heading and values (n,) [its unit]; refuses doubled columns, no time and no rows."""
     signals, units = columns_in_si(columns, source)
     if "time" not in signals:
-        raise InputError(
-            f"{source}: required column 'time [s]' is missing (found {', '.join(signals) or 'no columns'})"
-        )
+        found = ", ".join(signals) or "no columns"
+        raise InputError(f"{source}: required column 'time [s]' is missing (found {found})")
     time = signals.pop("time")
     units.pop("time")
     if not len(time):
         raise InputError(f"{source}: no rows")
-    if np.isnan(time).any():
-        raise InputError(f"{source}: column 'time', row {int(np.flatnonzero(np.isnan(time))[0]) + 1}: empty")
+    if (row := find_first(np.isnan(time))) is not None:
+        raise InputError(f"{source}: column 'time', row {row + 1}: empty")
     return Log(time, signals, units, source)
 
 
@@ -362,24 +356,19 @@ def check_columns(log: Log, required: Sequence[str], complete: Sequence[str] = (
     names = list(dict.fromkeys(name for kind in required for name in log.names(kind)))
     wanted: list[str] = []
     for item in required:
-        if item not in KINDS or item in log.signals or item == "time":
-            wanted.append(item)
-        else:
-            wanted += [f"{item}_{name}" for name in names] or [f"{item}_..."]
+        alone = item not in KINDS or item in log.signals or item == "time"
+        wanted += [item] if alone else [f"{item}_{name}" for name in names] or [f"{item}_..."]
     for column in wanted:
+        where = f"{log.label}: required column {column!r} is"
         if column != "time" and column not in log.signals:
-            raise InputError(
-                f"{log.label}: required column {column!r} is missing (found time, {', '.join(log.columns)})"
-            )
+            raise InputError(f"{where} missing (found time, {', '.join(log.columns)})")
         if np.isnan(log[column]).all():
-            raise InputError(f"{log.label}: required column {column!r} is empty")
+            raise InputError(f"{where} empty")
     for item in complete:
         for column in [item] if item in log.signals else [f"{item}_{name}" for name in log.names(item)]:
-            missing = np.flatnonzero(~np.isfinite(log[column]))
-            if len(missing):
-                raise InputError(
-                    f"{log.label}: column {column!r}, row {int(missing[0]) + 1}: a missing sample is not allowed here"
-                )
+            if (row := find_first(~np.isfinite(log[column]))) is not None:
+                where = f"{log.label}: column {column!r}, row {row + 1}"
+                raise InputError(f"{where}: a missing sample is not allowed here")
 
 
 def check_size(samples: int, source: str) -> None:
@@ -401,69 +390,53 @@ def regularise(log: Log, period: float = 0.02) -> tuple[Log, list[str]]:
     """
     if not (np.isfinite(period) and period > 0):
         raise InputError(f"frame period {period!r} s: wanted a positive number")
-    table = np.column_stack([argument("log", log, Log).time, *log.signals.values()])
+    table, name = np.column_stack([argument("log", log, Log).time, *log.signals.values()]), log.label
     same = ((table[1:] == table[:-1]) | (np.isnan(table[1:]) & np.isnan(table[:-1]))).all(axis=1)
-    wrong = np.flatnonzero(~(np.diff(log.time) > 0) & ~same)
-    if len(wrong):
-        row = int(wrong[0])
+    if (row := find_first(~(np.diff(log.time) > 0) & ~same)) is not None:
         here, after = log.time[row], log.time[row + 1]
-        fault = (
-            f"the clock steps backwards by {here - after:.6g} s" if here != after else "the same time with other values"
-        )
-        raise InputError(f"{log.label}: at row {row + 2}, {after:g} s after {here:g} s: {fault}; cut the log there")
+        back = f"the clock steps backwards by {here - after:.6g} s"
+        fault = back if here != after else "the same time with other values"
+        raise InputError(f"{name}: at row {row + 2}, {after:g} s after {here:g} s: {fault}; cut the log there")
     notes, single = [], log
-    if same.any():
-        single, row = log.rows(np.concatenate([[True], ~same])), int(np.flatnonzero(same)[0]) + 1
-        notes = [f"{log.label}: {same.sum()} repeated rows dropped, the first is row {row + 1} at {log.time[row]:g} s"]
-    gaps = np.diff(single.time)
+    if (row := find_first(same)) is not None:
+        single, at = log.rows(np.concatenate([[True], ~same])), log.time[row + 1]
+        notes = [f"{name}: {same.sum()} repeated rows dropped, the first is row {row + 2} at {at:g} s"]
+    time, gaps = single.time, np.diff(single.time)
     middle = float(np.quantile(gaps, 0.5, method="lower")) if len(gaps) else 0.0
     if middle > LONGEST * period:  # its unit is a smaller one, in which the median step is nearest to the period
         unit = min(SMALLER, key=lambda unit: abs(np.log(to_si(middle, unit) / period)))
-        raise InputError(
-            f"{log.label}: column 'time' looks like {SMALLER[unit]}, not seconds: its rows are {middle:g} apart, a "
-            f"frame is {period:g} s; say 'time [{unit}]'"
-        )
+        apart = f"its rows are {middle:g} apart, a frame is {period:g} s; say 'time [{unit}]'"
+        raise InputError(f"{name}: column 'time' looks like {SMALLER[unit]}, not seconds: {apart}")
     steps = np.rint(gaps / period)  # one by one, so that a clock 0.1 % fast does not lose a frame in a minute
-    if (steps < 1).any():
-        at = int(np.argmax(steps < 1))
-        raise InputError(
-            f"{log.label}: two rows {gaps[at]:.3g} s apart at {single.time[at]:g} s, but a frame is {period:g} s"
-        )
+    if (at := find_first(steps < 1)) is not None:
+        raise InputError(f"{name}: two rows {gaps[at]:.3g} s apart at {time[at]:g} s, but a frame is {period:g} s")
     if steps.sum() > LONGEST * (len(single) + LONGEST):
         at = int(np.argmax(gaps))
-        raise InputError(
-            f"{log.label}: a gap of {gaps[at]:.6g} s at {single.time[at]:g} s is no missing frame; cut the log there"
-        )
+        raise InputError(f"{name}: a gap of {gaps[at]:.6g} s at {time[at]:g} s is no missing frame; cut the log there")
     frames = np.concatenate([[0], np.cumsum(steps.astype(int))]) if len(single) else np.zeros(0, dtype=int)
-    found = other_rate(single.time, frames, period)
-    if found is not None:
+    if (found := other_rate(time, frames, period)) is not None:
         apart = found[1] * float(np.median(np.diff(frames)))
         raise InputError(
-            f"{log.label}: from {found[0]:g} s on its rows are {apart * 1e3:.4g} ms apart, no multiple of the frame of "
+            f"{name}: from {found[0]:g} s on its rows are {apart * 1e3:.4g} ms apart, no multiple of the frame of "
             f"{period * 1e3:g} ms: its clock or the `period` is wrong; `exodrake import` puts another rate on frames"
         )
     if not len(single):
         return single, notes
-    grid = single.time[0] + period * np.arange(frames[-1] + 1)
-    deviation = float(np.max(np.abs(single.time - grid[frames])))
+    grid = time[0] + period * np.arange(frames[-1] + 1)
+    deviation = float(np.max(np.abs(time - grid[frames])))
     if deviation > max(EXACT, period * 1e-3):
-        notes.append(
-            f"{log.label}: frame times up to {deviation * 1e3:.3g} ms off the {period * 1e3:g} ms grid, set on it"
-        )
+        notes.append(f"{name}: frame times up to {deviation * 1e3:.3g} ms off the {period * 1e3:g} ms grid, set on it")
     if deviation <= EXACT:  # times that are on the grid keep their bits
-        grid[frames] = single.time
-    absent = len(grid) - len(single)
+        grid[frames] = time
+    absent, holes = len(grid) - len(single), np.diff(frames)
     if not absent:
-        return single if deviation <= EXACT else Log(grid, single.signals, single.units, single.source), notes
-    holes = np.diff(frames)
-    first, longest = grid[frames[np.flatnonzero(holes > 1)[0]] + 1], holes.max() - 1
-    notes.append(
-        f"{log.label}: {absent} missing frames, the first at {first:g} s (longest gap {longest} frames), left empty"
-    )
-    signals = {name: np.full(len(grid), np.nan) for name in single.signals}
-    for name, values in single.signals.items():
-        signals[name][frames] = values
-    return Log(grid, signals, single.units, single.source), notes
+        return single if deviation <= EXACT else replace(single, time=grid), notes
+    gap = f"the first at {grid[frames[np.argmax(holes > 1)] + 1]:g} s (longest gap {holes.max() - 1} frames)"
+    notes.append(f"{name}: {absent} missing frames, {gap}, left empty")
+    signals = {column: np.full(len(grid), np.nan) for column in single.signals}
+    for column, values in single.signals.items():
+        signals[column][frames] = values
+    return replace(single, time=grid, signals=signals), notes
 
 
 def other_rate(time: np.ndarray, frames: np.ndarray, period: float) -> tuple[float, float] | None:
@@ -537,11 +510,10 @@ def compare(first: Log, second: Log) -> Comparison:
     if not common or not inside.any():
         lack = "column" if not common else "time"
         raise InputError(f"{first.label} and {second.label}: no {lack} in common, so there is nothing to compare")
-    notes = [
-        f"{', '.join(alone)} only in {one.label}"
-        for one, other in ((first, second), (second, first))
-        if (alone := [name for name in one.columns if name not in other.signals])
-    ]
+    notes = []
+    for one, other in ((first, second), (second, first)):
+        alone = ", ".join(name for name in one.columns if name not in other.signals)
+        notes += [f"{alone} only in {one.label}"] if alone else []
     if not inside.all() or second.time[0] < start - ALIKE or second.time[-1] > end + ALIKE:
         notes.append(f"compared from {start:g} to {end:g} s, which both cover")
     time, found = first.time[inside], {}

@@ -72,16 +72,14 @@ def bag_files(path: str | Path) -> list[Path]:
 def read_bag(path: str | Path, columns: Sequence[str], stamp: str) -> dict[str, Track]:
     """Column -> samples with their times [s] of a bag; a bag of several files as one."""
     read = partial(read_tracks, columns=list(columns), stamp=stamp)
-    parts = [read_apart(read, read_bytes(file), str(file), "MCAP or SQLite") for file in bag_files(path)]
+    parts, found = [read_apart(read, read_bytes(f), str(f), "MCAP or SQLite") for f in bag_files(path)], {}
     for column in columns:
-        if not any(len(part[column].time) for part in parts):
-            raise InputError(
-                f"{path}: no message on topic {column.partition(':')[0]!r} gives column {column!r}, which is empty"
-            )
-    return {
-        column: Track(*(np.concatenate([getattr(p[column], key) for p in parts]) for key in ("time", "values")))
-        for column in columns
-    }
+        tracks = [part[column] for part in parts]
+        found[column] = Track(*(np.concatenate(item) for item in zip(*((t.time, t.values) for t in tracks))))
+        if not len(found[column].time):
+            topic = column.partition(":")[0]
+            raise InputError(f"{path}: no message on topic {topic!r} gives column {column!r}, which is empty")
+    return found
 
 
 def read_topics(path: str | Path) -> dict[str, Topic]:
@@ -90,8 +88,8 @@ def read_topics(path: str | Path) -> dict[str, Topic]:
     for file in bag_files(path):
         topics = read_apart(list_topics, read_bytes(file), str(file), "MCAP or SQLite")
         for topic, (kind, count, fields) in topics.items():
-            before = found.get(topic, (kind, 0, fields))
-            found[topic] = kind, before[1] + count, before[2] or fields
+            _, before, known = found.get(topic, (kind, 0, fields))
+            found[topic] = kind, before + count, known or fields
     return found
 
 
@@ -103,7 +101,7 @@ def read_tracks(data: bytes, source: str, columns: Sequence[str], stamp: str) ->
         if not field:
             raise InputError(f"{source}: column {column!r}: wanted TOPIC:FIELD, like '/joint_states:position[MCP]'")
         wanted.setdefault(topic, []).append(field)
-    samples: dict[str, tuple[list[float], list[float]]] = {column: ([], []) for column in columns}
+    samples: dict[str, list[tuple[float, float]]] = {column: [] for column in columns}
     for topic, _, message, log_time in messages(data, source, set(wanted)):
         where, time = f"{source}: topic {topic!r}", log_time * 1e-9
         if stamp == "header":
@@ -115,12 +113,9 @@ def read_tracks(data: bytes, source: str, columns: Sequence[str], stamp: str) ->
             if not math.isfinite(time):
                 raise InputError(f"{where} has no header stamp; leave `stamp: header` out")
         for field in wanted[topic]:
-            value = _field(message, field, where)
-            if value is not None:
-                times, values = samples[f"{topic}:{field}"]
-                times.append(time)
-                values.append(value)
-    return {column: Track(np.array(times), np.array(values)) for column, (times, values) in samples.items()}
+            if (value := _field(message, field, where)) is not None:
+                samples[f"{topic}:{field}"].append((time, value))
+    return {column: Track(*np.array(rows).reshape(-1, 2).T.copy()) for column, rows in samples.items()}
 
 
 def list_topics(data: bytes, source: str) -> dict[str, Topic]:
@@ -229,9 +224,7 @@ def _field(message: Any, path: str, where: str) -> float | None:
     """`wrench.force.z`, `position[0]` or `position[MCP]` of a message, as a number; None if it lacks the element."""
     whole = isinstance(message, dict) and path in message  # keys of JSON may hold dots
     value: Any = message[path] if whole else message
-    steps = re.findall(
-        r"[^.\[]+(?:\[[^\]]*\]?)*|\[[^\]]*\]?", path
-    )  # `a.b[0][MCP]`: names with the indices behind them
+    steps = re.findall(r"[^.\[]+(?:\[[^\]]*\]?)*|\[[^\]]*\]?", path)  # `a.b[0][MCP]`: names, indices behind them
     for name, *indices in () if whole else (step.replace("]", "").split("[") for step in steps):
         if name and _get(value, name, _get) is _get:
             raise InputError(f"{where} has no field {path!r}")

@@ -13,6 +13,7 @@ import json
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import chain, islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,9 +22,8 @@ import numpy as np
 
 from exodrake.core.errors import InputError
 from exodrake.core.files import is_file, read_bytes
-from exodrake.core.processes import in_child
 from exodrake.core.schema import parse_json, read_json
-from exodrake.data.formats import mat, mcap, npz, parquet
+from exodrake.data.formats import mat, mcap, npz, parquet, read_apart
 from exodrake.data.formats.csv import unpack
 from exodrake.data.log import MAX_COLUMNS, check_size, refuse_doubled
 
@@ -69,12 +69,9 @@ def list_columns(data: bytes, source: str) -> dict[str, np.ndarray]:
     data, tree = _opened(data, source)
     if tree is None:
         guess = guess_layout(data)
-        cells = text_cells(data, source, guess, ragged=True)
-        found = {
-            name: _numbers(column, name, source, guess.decimal)
-            for name, column in cells.items()
-            if all(_is_number(cell, guess.decimal) for cell in column)
-        }
+        cells = text_cells(data, source, guess, ragged=True).items()
+        whole = {name: column for name, column in cells if all(_is_number(cell, guess.decimal) for cell in column)}
+        found = {name: _numbers(column, name, source, guess.decimal) for name, column in whole.items()}
     else:
         found = flatten(tree, source)
     if not found:
@@ -89,10 +86,11 @@ def _opened(data: bytes, source: str) -> tuple[bytes, Any]:
         data, name = unpack(data, source), name.removesuffix(".gz")
     readers = {
         (".mat",): mat.read_variables, (".npy", ".npz"): npz.read_arrays, (".parquet",): parquet.read_columns,
-        (".mcap",): mcap.read_columns, JSON: read_records, HDF5: mat.read_hdf5,
+        (".mcap",): mcap.read_columns, JSON: partial(read_apart, parse_records, what="JSON"),
+        HDF5: partial(read_apart, mat.parse_hdf5, what="HDF5"),
     }  # fmt: skip
-    reader = next((reader for endings, reader in readers.items() if name.endswith(endings)), None)
-    return data, None if reader is None else reader(data, source)
+    reader = next((reader for endings, reader in readers.items() if name.endswith(endings)), lambda *_: None)
+    return data, reader(data, source)
 
 
 def resolve(name: str, columns: Mapping[str, Any]) -> str:
@@ -100,15 +98,10 @@ def resolve(name: str, columns: Mapping[str, Any]) -> str:
     return name if name in columns else name.strip("/").replace("/", ".")
 
 
-def read_records(data: bytes, source: str) -> Any:
-    """The content of a JSON file. InputError for a damaged or too large one."""
-    check_size(data.count(b","), source)
-    return in_child(parse_records, data, source, source=source, size=len(data))
-
-
 def parse_records(data: bytes, source: str) -> Any:
-    """`read_records` in this process."""
-    if not source.lower().endswith(".json"):
+    """The content of a JSON file, in this process. InputError for a damaged or too large one."""
+    check_size(data.count(b","), source)
+    if not source.lower().removesuffix(".gz").endswith(".json"):
         lines = enumerate(data.removeprefix(b"\xef\xbb\xbf").splitlines(), 1)
         return [parse_json(line, f"{source}, record {number}") for number, line in lines if line.strip()]
     found = parse_json(data, source)
@@ -159,9 +152,8 @@ def _is_simple(value: Any, nested: bool = False) -> bool:
     """Whether a value is a number, text or a list of them; `nested`: or a mapping of such."""
     if isinstance(value, Mapping):
         return nested and all(_is_simple(one, True) for one in value.values())
-    if isinstance(value, list | tuple):
-        return not any(isinstance(one, Mapping | list | tuple) for one in value)
-    return np.ndim(value) == 0
+    several = isinstance(value, list | tuple)
+    return not any(isinstance(one, Mapping | list | tuple) for one in value) if several else np.ndim(value) == 0
 
 
 def _array(value: Any) -> np.ndarray | None:
@@ -246,9 +238,9 @@ def _is_number(cell: str, decimal: str) -> bool:
 def _hint(data: bytes, layout: TextLayout) -> str:
     """What a mapping lacks whose separator leaves all cells of the first lines in one."""
     guess = guess_layout(data)
-    marks = {"separator": guess.separator, "decimal": guess.decimal}
-    other = [f"{key}: {json.dumps(mark)}" for key, mark in marks.items() if mark != getattr(layout, key)]
-    return f"; the mapping file lacks {' and '.join(other)}" if layout.separator != guess.separator else ""
+    other = [key for key in ("separator", "decimal") if getattr(guess, key) != getattr(layout, key)]
+    lacks = " and ".join(f"{key}: {json.dumps(getattr(guess, key))}" for key in other)
+    return f"; the mapping file lacks {lacks}" if "separator" in other else ""
 
 
 def guess_layout(data: bytes) -> TextLayout:
@@ -259,9 +251,9 @@ def guess_layout(data: bytes) -> TextLayout:
     def cells(line: str, separator: str) -> list[str]:
         try:
             found = line.split() if separator == " " else next(csv.reader([line], delimiter=separator), [])
+            return [cell.strip() for cell in found]
         except csv.Error:
-            found = [line]
-        return [cell.strip() for cell in found]
+            return [line.strip()]
 
     def fit(marks: tuple[str, str]) -> int:
         first, *rows = [cells(line, marks[0]) for line in lines] or [[]]
@@ -291,9 +283,8 @@ def element_names(info: dict[str, Any], column: str) -> list[str]:
     """Names of the elements of a column, as the data set states them; none if it does not."""
     feature = info["features"].get(column)
     names = feature.get("names") if isinstance(feature, dict) else None
-    if isinstance(names, dict):
-        names = next((item for item in names.values() if isinstance(item, list)), None)
-    found = [str(name) for name in names] if isinstance(names, list) else []
+    lists = names.values() if isinstance(names, dict) else [names]
+    found = [str(name) for name in next((item for item in lists if isinstance(item, list)), [])]
     refuse_doubled(found, f"the names of {column!r} in {INFO}")
     return found
 
@@ -312,10 +303,9 @@ def episodes(path: Path) -> Iterator[tuple[str, dict[str, np.ndarray]]]:
         if table[EPISODE].ndim > 1 or not np.isfinite(table[EPISODE]).all():
             raise InputError(f"{file}: column {EPISODE!r}: wanted one number in each row")
         for number in np.unique(table[EPISODE]):
-            if number in place_of:
-                other = place_of[number].relative_to(path)
-                raise InputError(f"{file}: episode {int(number)} is also in {other}, so one of them would be lost")
-            place_of[number] = file
+            if (other := place_of.setdefault(number, file)) is not file:
+                there = other.relative_to(path)
+                raise InputError(f"{file}: episode {int(number)} is also in {there}, so one of them would be lost")
             columns: dict[str, np.ndarray] = {}
             for name, values in table.items():
                 values = values[table[EPISODE] == number]

@@ -37,7 +37,7 @@ from exodrake.data.formats.parquet import import_pyarrow, parse_rows
 from exodrake.diagnosis.change_point import DAY, DRAWS, LEAST, Change, ChangePoint
 from exodrake.diagnosis.many import ANSWER, FAILED, check_answer
 from exodrake.diagnosis.result import NAMED, NO_GAP, RETUNE
-from exodrake.machines.library import machine_named, machine_names
+from exodrake.machines.library import machine_folders, machine_named
 
 FAILURE = "FAILED"  # verdict of a case without an answer
 MAGIC = b"PAR1"  # a Parquet file begins so
@@ -258,7 +258,7 @@ def find_trends(rows: Sequence[Row]) -> list[Trend]:
 @cache
 def null_value(effect: str, parameter: str) -> float:
     """Value of an effect's parameter where the effect is absent; 0 of an effect that no machine has."""
-    effects = (known for name in machine_names() for known in machine_named(name).effects if known.id == effect)
+    effects = (known for name in machine_folders() for known in machine_named(name).effects if known.id == effect)
     return next((p.null for known in effects for p in known.parameters if p.name == parameter), 0.0)
 
 

@@ -60,17 +60,16 @@ def robot_as(robot: Robot, form: str) -> str:
 
 def head(robot: Robot, mechanism: Mechanism, form: str) -> list[str]:
     """Sentences at the head of a file: what it is, what is assumed, and what the format does not state."""
-    lines = [f"{robot.machine.name} from {robot.source or 'Python'}, written by exodrake; SI units.", *mechanism.notes]
-    nothing = Drive()
+    lost, nothing = [], Drive()
     for name, unit in LEFT_OUT[form].items():
         values = {j: getattr(drive, name) for j, drive in zip(mechanism.chain.names, mechanism.drives, strict=True)}
         listed = ", ".join(f"{j} {value:.6g}" for j, value in values.items() if value != getattr(nothing, name))
-        if listed:
-            lines.append(f"not stated here: {name} [{unit}] {listed}")
+        lost += [f"{name} [{unit}] {listed}"] if listed else []
     if form != "mjcf" and mechanism.tendons:
-        lines.append(f"not stated here: tendons {', '.join(t.name for t in mechanism.tendons)}")
-    lost = [effect_in_words(robot, e) for e in robot.effects() if e not in mechanism.stated]
-    return lines + [f"not stated here: effect {effect}" for effect in lost]
+        lost.append(f"tendons {', '.join(t.name for t in mechanism.tendons)}")
+    lost += [f"effect {effect_in_words(robot, e)}" for e in robot.effects() if e not in mechanism.stated]
+    first = f"{robot.machine.name} from {robot.source or 'Python'}, written by exodrake; SI units."
+    return [first, *mechanism.notes, *(f"not stated here: {one}" for one in lost)]
 
 
 def text(*values: Any) -> str:
@@ -129,10 +128,8 @@ def mjcf(mechanism: Mechanism) -> Element:
             SubElement(link, "joint", moving | limits | rotor | drag | spring, name=joint.name)
         radius = thin if mechanism.radii is None else mechanism.radii[i]
         end = chain.tip if mechanism.beside else ends[i]
-        if np.linalg.norm(end) > radius:
-            SubElement(link, "geom", type="capsule", fromto=text([0.0] * 3, end), size=text(radius))
-        else:
-            SubElement(link, "geom", size=text(radius))
+        capsule = {"type": "capsule", "fromto": text([0.0] * 3, end)} if np.linalg.norm(end) > radius else {}
+        SubElement(link, "geom", capsule, size=text(radius))
         bodies.append(link)
         if not mechanism.tendons:
             actuators.append(actuator(drive, joint.name, driven, joint.effort, mechanism.step))
@@ -167,10 +164,8 @@ def mjcf(mechanism: Mechanism) -> Element:
 
 def inertial(element: Element, body: Body) -> None:
     """Mass and inertia of a link as MJCF."""
-    (xx, xy, xz), (_, yy, yz), (_, _, zz) = body.inertia
-    SubElement(
-        element, "inertial", pos=text(body.centre), mass=text(body.mass), fullinertia=text([xx, yy, zz, xy, xz, yz])
-    )
+    tensor = text(np.diag(body.inertia), body.inertia[np.triu_indices(3, 1)])
+    SubElement(element, "inertial", pos=text(body.centre), mass=text(body.mass), fullinertia=tensor)
 
 
 def actuator(drive: Drive, name: str, joint: str, effort: float, step: float) -> Element:
@@ -181,9 +176,8 @@ def actuator(drive: Drive, name: str, joint: str, effort: float, step: float) ->
     if not drive.kp:
         return Element("motor", common)
     if drive.gain == 1.0 and drive.offset == 0.0:
-        return Element(
-            "position", common | {"kp": text(drive.kp), "kv": text(drive.kv)} | attributes(timeconst=drive.lag)
-        )
+        gains = {"kp": text(drive.kp), "kv": text(drive.kv)}
+        return Element("position", common | gains | attributes(timeconst=drive.lag))
     lag = {"dyntype": "filterexact", "dynprm": text(drive.lag)} if drive.lag else {}
     return Element("general", common | lag | {
         "gaintype": "fixed", "gainprm": text(drive.kp * drive.gain), "biastype": "affine",
@@ -221,9 +215,8 @@ def urdf(mechanism: Mechanism) -> Element:
         SubElement(moving, "axis", xyz=text(joint.axis))
         effort, speed = (text(min(limit, 1e9)) for limit in (joint.effort, drive.speed))  # 1e9: no limit
         ends = {"lower": text(max(joint.lower, -1e9)), "upper": text(min(joint.upper, 1e9))}
-        SubElement(
-            moving, "limit", (ends if joint.kind != "continuous" else {}) | {"effort": effort, "velocity": speed}
-        )
+        ends = {} if joint.kind == "continuous" else ends
+        SubElement(moving, "limit", ends | {"effort": effort, "velocity": speed})
         SubElement(moving, "dynamics", damping=text(joint.damping), friction=text(joint.friction))
         if not mechanism.tendons:
             driven = SubElement(root, "transmission", name=joint.name)

@@ -31,11 +31,6 @@ def machine_folders() -> dict[str, Path]:
     return {**plugins.single_machines(), **found}
 
 
-def machine_names() -> tuple[str, ...]:
-    """Names of all machines."""
-    return tuple(machine_folders())
-
-
 def recorded_machines() -> tuple[str, ...]:
     """Names of the machines that have recordings to import."""
     return tuple(name for name, folder in machine_folders().items() if (folder / "recordings.py").is_file())

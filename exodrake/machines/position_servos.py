@@ -29,13 +29,9 @@ STEP = 0.02  # rad, of a reference for the analysis: assumed
 SWING = 1.0  # rad, by which a joint typically moves; ranges of the generic effects scale with it; assumed
 DRAWN = (Signal("noise_angle", "-", JOINTS, NORMAL), Signal("reading_arrival", "-", JOINTS, UNIFORM))
 COMPUTED = (
-    Signal("command", "rad", JOINTS),
-    Signal("origin", "rad", JOINTS),
-    Signal("setting", "rad", JOINTS),
-    Signal("ready", "-", SCALAR),
-    Signal("angle", "rad", JOINTS),
-    Signal("angle_read", "rad", JOINTS),
-)
+    Signal("command", "rad", JOINTS), Signal("origin", "rad", JOINTS), Signal("setting", "rad", JOINTS),
+    Signal("ready", "-", SCALAR), Signal("angle", "rad", JOINTS), Signal("angle_read", "rad", JOINTS),
+)  # fmt: skip
 
 
 def add_generic(generic: tuple[Effect, ...], library: tuple[Effect, ...]) -> tuple[Effect, ...]:
@@ -50,9 +46,7 @@ def add_generic(generic: tuple[Effect, ...], library: tuple[Effect, ...]) -> tup
 INERTIA = 1e-3  # kg m2 of each rotor: assumed, since the model has none; links have TINY of it
 TINY = 1e-4  # so that a link that play sets free stands still at once, with a friction of BRAKE times the inertia
 BRAKE = 20.0  # rad/s2: 2e-5 rad of error at the position loop of a frame of 20 ms
-PROMPT = (
-    20.0  # 1/frames, critically damped: the assumed loop settles in a fraction of a frame, as the servos of the model
-)
+PROMPT = 20.0  # 1/frames, critically damped: the assumed loop settles in a fraction of a frame, as the model's servos
 # law at the joint or its command -> field of a drive, and how it follows from the law's parameter
 STATED: dict[Callable, tuple[str, Callable[[float, float], float]]] = {
     delay_command: ("delay", lambda frames, frame: frames * frame), lag_behind: ("lag", lambda time, frame: time),
@@ -92,17 +86,10 @@ def joint_machine(
     name: str, part: str, joints: tuple[str, ...], library: tuple[Effect, ...], frame: float, max_effects: int,
     settings: tuple[Signal, ...] = (),
 ) -> Machine:  # fmt: skip
-    """A machine of position servos.
+    """A machine of position servos, whose joints are moved by a part of the name `part`; frame: its period [s].
 
-    Args:
-        name: of the machine.
-        part: name of the part that moves the joints.
-        joints: their names.
-        library: its effects; the `STANDARD` laws and the generic ones of its sensors join those whose family is
-            not among them.
-        frame: its period [s].
-        max_effects: that a diagnosis may name together.
-        settings: `BEND` if logs state the bend of each joint's sheath.
+    `STANDARD` laws and the generic ones of its sensors join the effects of the library, if of another family.
+    `max_effects`: that a diagnosis may name together; `settings`: `BEND` if logs state the bend of each joint's sheath.
     """
     laws = STANDARD if frame < SLOW else STANDARD[1:]
     standard = (for_machine(f"joint.{law}", f"{part}.{law}") for law in laws)
@@ -111,27 +98,15 @@ def joint_machine(
     reading = sensor("reading", ANGLE, unit="rad", slot=3, frame=frame, size=SWING, channels=len(joints))
     parts = (replace(joint.PART, name=part), command, reading)
     return Machine(
-        name=name,
-        axes=Axes((), joints),
-        signals=(*given, *DRAWN, *COMPUTED),
-        parts=parts,
-        inputs=tuple(s.name for s in (*given, *DRAWN)),
-        columns=(*(Column(s.name, s.name) for s in given), COLUMN),
+        name=name, axes=Axes((), joints), signals=(*given, *DRAWN, *COMPUTED), parts=parts, frame=frame, slots=4,
+        inputs=tuple(s.name for s in (*given, *DRAWN)), columns=(*(Column(s.name, s.name) for s in given), COLUMN),
         effects=(*library, *add_generic(generic_effects(reading), library), *plugin_effects(parts, library)),
-        frame=frame,
-        slots=4,
-        noise=tuple(f"reading.sigma.{j}" for j in joints),
-        resolution=tuple(f"reading.step.{j}" for j in joints),
-        compared=("angle",),
-        noise_std=lambda parameter: {"angle": parameter("reading.repeatability")},
-        segments=(Segment(part, "angle"),),
-        max_effects=max_effects,
-        reference_limits=("angle_min", "angle_max"),
-        separate=True,
-        loop=make_loop(joints, frame, library),
+        noise=tuple(f"reading.sigma.{j}" for j in joints), resolution=tuple(f"reading.step.{j}" for j in joints),
+        compared=("angle",), noise_std=lambda parameter: {"angle": parameter("reading.repeatability")},
+        segments=(Segment(part, "angle"),), max_effects=max_effects, reference_limits=("angle_min", "angle_max"),
+        separate=True, loop=make_loop(joints, frame, library), mechanism=mechanism,
         skeleton=lambda robot: axes_side_by_side(robot.machine.axes.joints, "angle", "angle"),
-        mechanism=mechanism,
-    )
+    )  # fmt: skip
 
 
 TICK = 5e-4  # s, of the motors' equation of motion at most
@@ -152,12 +127,7 @@ def motor_machine(
 ) -> Machine:
     """A machine of servos with motor, gear and supply (`physics/servo.py`); the sensor reads as a command arrives.
 
-    Args:
-        name: of the machine.
-        joints: their names.
-        frame: its period [s].
-        max_effects: that a diagnosis may name together.
-        friction: of the gears [N m], about; ranges of the friction family scale with it.
+    frame: its period [s]; friction: of the gears [N m], about, with which ranges of the friction family scale.
     """
     scales = {
         "force": (friction, "N m"), "speed": (TURNING, "rad/s"), "length": (SWING, "rad"),
@@ -184,8 +154,7 @@ def motor_mechanism(robot: Robot) -> Mechanism:
 
     kt, volts = with_share("kt", "torque_constant"), with_share("supply", "supply")
     load, moment = with_share("inertia", "load_inertia"), with_amount("moment", "gravity_moment.moment")
-    resistance = robot.channels("servo.R")
-    stall, hangs = kt * volts / resistance, moment != 0.0
+    stall, hangs = kt * volts / (resistance := robot.channels("servo.R")), moment != 0.0
     lever = np.divide(0.5 * GRAVITY * load, moment, out=np.zeros(len(joints)), where=hangs)
     mass = np.where(hangs, 2.0 * moment**2 / (GRAVITY**2 * load), load)
     own, low = np.where(hangs, 0.5, 1.0) * load, robot.channels("servo.hanging")

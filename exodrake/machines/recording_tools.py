@@ -15,21 +15,17 @@ from exodrake.data.log import Log
 def joint_log(joints: Sequence[str], command: np.ndarray, angle: np.ndarray, frame: float, source: str) -> Log:
     """A log of joints from commands and angles (n, joints) [rad], a row a frame [s]; it starts at the first reading."""
     signals = {}
-    for i, joint in enumerate(joints):
-        signals[f"angle_ref_{joint}"] = command[:, i]
-        signals[f"angle_start_{joint}"] = np.full(len(angle), angle[0, i])
-        signals[f"angle_{joint}"] = angle[:, i]
+    for joint, wanted, found in zip(joints, command.T, angle.T, strict=True):
+        start = np.full(len(found), found[0])
+        signals |= {f"angle_ref_{joint}": wanted, f"angle_start_{joint}": start, f"angle_{joint}": found}
     return Log(frame * np.arange(len(angle)), signals, source=source)
 
 
 def halve_log(log: Log, name: str) -> list[CaseLog]:
     """The first half to fit and the second held out, each from its own first reading on."""
     middle = len(log) // 2
-    parts = (
-        (f"{name}_first", "fit", log.rows(slice(0, middle))),
-        (f"{name}_second", "holdout", log.rows(slice(middle, None))),
-    )
-    return [CaseLog(restart_log(part), name, role, None, f"{file}.csv.gz") for file, role, part in parts]
+    parts = (("first", "fit", slice(0, middle)), ("second", "holdout", slice(middle, None)))
+    return [CaseLog(restart_log(log.rows(s)), name, role, None, f"{name}_{p}.csv.gz") for p, role, s in parts]
 
 
 def restart_log(log: Log) -> Log:

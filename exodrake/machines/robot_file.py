@@ -17,32 +17,20 @@ and no machine.py is a machine, too (`machines.serial_arm`).
 """
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from exodrake.core import plugins
+from exodrake.core import plugins, schema
 from exodrake.core.errors import InputError, argument, nearest
 from exodrake.core.files import is_file, read_bytes, write_text
 from exodrake.core.machine import Machine, Tolerance
 from exodrake.core.part import TENDONS
 from exodrake.core.robot import Robot, flatten, refuse_negative
-from exodrake.core.schema import (
-    Schema,
-    anything,
-    dump_yaml,
-    either,
-    listing,
-    mapping,
-    names,
-    number,
-    optional,
-    parse_yaml,
-    text,
-)
+from exodrake.core.schema import Schema, anything, dump_yaml, either, listing, mapping, names, number, optional, text
 from exodrake.core.units import quantity
 from exodrake.machines.library import machine_named, robot_files, robot_yaml
 
@@ -112,7 +100,7 @@ def load_robot(path: str | Path = "exo_index", above: tuple[str, ...] = ()) -> R
             raise InputError(f"no robot file {str(path)!r}, nor a machine of that name{near or f'; there are {there}'}")
         source, data = file.name, read_bytes(file)
         place = file.parent
-    return build(parse_yaml(data, source), source, above or (str(path),), place)
+    return build(schema.parse_yaml(data, source), source, above or (str(path),), place)
 
 
 def robot_or_default(robot: Robot | None) -> Robot:
@@ -147,8 +135,8 @@ def build(content: Any, source: str, above: tuple[str, ...] = (), folder: Path |
             robot = robot.with_part(part)
         robot = robot.with_parameters(parameters, source)
         sources, ranges = dict(robot.sources), dict(robot.ranges)  # that the file states beside its values
-        for indices, (_, item) in robot.general_first(list_statements(parameters)):
-            for parameter in (robot.machine.parameters[i] for i in indices):
+        for indices, (_, _, item) in robot.general_first(flatten(parameters)):
+            for parameter in (robot.machine.parameters[i] for i in indices if item):
                 sources[parameter.name] = str(item.get("source", ""))
                 if "range" in item:
                     where, unit = f"{robot.source}: range of {parameter.name}", item.get("unit", "")
@@ -187,10 +175,8 @@ def build(content: Any, source: str, above: tuple[str, ...] = (), folder: Path |
 
 def make_blank(content: Mapping[str, Any], source: str) -> Robot:
     """A machine with effects at their null values and its own parameters unset; InputError if some are not stated."""
-    tolerances = tuple(
-        Tolerance(tuple(e["parameters"]), e["transform"], float(e["prior_std"]), float(e["max_deviation"]))
-        for e in content.get("tolerances") or ()
-    )
+    groups = content.get("tolerances") or ()
+    tolerances = tuple(Tolerance(tuple(e["parameters"]), *(e[key] for key in list(TOLERANCE)[1:])) for e in groups)
     machine = machine_named(str(content.get("machine")), tolerances)
     given = {n for n, *_ in flatten(content.get("parameters") or {})}
     for parameter in machine.parameters:
@@ -199,14 +185,6 @@ def make_blank(content: Mapping[str, Any], source: str) -> Robot:
             raise InputError(f"{source}: parameter {parameter.name} is missing")
     unset = (p.null if p.null is not None else machine.defaults.get(p.name, math.nan) for p in machine.parameters)
     return Robot(machine, np.array(list(unset)), dict.fromkeys(machine.defaults, "default of the machine"))
-
-
-def list_statements(parameters: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Mapping[str, Any]]]:
-    """Dotted name and content of each parameter that is stated with a `value` key."""
-    for key, item in parameters.items():
-        name = f"{prefix}.{key}" if prefix else str(key)
-        if isinstance(item, Mapping):
-            yield from [(name, item)] if "value" in item else list_statements(item, name)
 
 
 def reference_unit(machine: Machine) -> str:
@@ -226,9 +204,8 @@ def robot_text(robot: Robot, notes: str = "") -> str:
     """
     base = load_robot(robot.machine.name)
     own = robot.machine.tolerances != base.machine.tolerances
-    effects: dict[str, dict[str, Any]] = {}
+    effects: dict[str, dict[str, Any]] = {identity: {} for identity in robot.effects()}
     for identity, present in robot.effects().items():
-        effects[identity] = {}
         for name, values in present.items():
             places = robot.machine.effect_indices(identity, name).values()
             sources = {robot.sources.get(robot.machine.parameters[i].name, "") for i in places} - {""}

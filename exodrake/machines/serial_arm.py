@@ -90,88 +90,62 @@ def arm_machine(name: str, section: Any, folder: Path, source: str) -> Machine:
 
 
 def make_machine(
-    name: str, chain: Chain, parts: tuple[Part, ...], sensors: tuple[str, ...], without: tuple[str, ...], **rest: Any
-) -> Machine:
-    """The machine of an arm of some parts, of which `sensors` measure; `without`: ids of effects that it has not."""
+    name: str, chain: Chain, frame: float, parts: tuple[Part, ...], sensors: Mapping[str, str],
+    without: tuple[str, ...], given: tuple[Signal, ...], inner: tuple[Signal, ...], columns: tuple[Column, ...],
+    slots: int = 4, **rest: Any,
+) -> Machine:  # fmt: skip
+    """The machine of an arm of some parts; sensors: column kind -> part; without: ids of effects that it has not.
+
+    Signals `given` come from outside, `inner` ones are computed; `slots`: of a frame, at least.
+    """
     return Machine(
-        name=name,
-        axes=Axes((), chain.names),
-        parts=parts,
-        effects=effects_in(units(chain), parts, without),
-        noise=tuple(f"{sensor}.sigma.{j}" for sensor in sensors for j in chain.names),
-        resolution=tuple(f"{sensor}.step.{j}" for sensor in sensors for j in chain.names),
-        max_effects=6,
-        reference_limits=("position_min", "position_max"),
-        skeleton=shape,
-        mechanism=mechanism,
-        **rest,
-    )
-
-
-def count_slots(frame: float, least: int = 4) -> int:
-    """Number of slots of a frame [s]."""
-    return max(least, round(np.ceil(frame / TICK)))
+        name=name, axes=Axes((), chain.names), parts=parts, signals=(*given, *inner), columns=columns, frame=frame,
+        inputs=tuple(s.name for s in given), effects=effects_in(units(chain), parts, without), compared=tuple(sensors),
+        slots=slots if slots == 1 else max(slots, round(np.ceil(frame / TICK))),
+        noise=tuple(f"{sensor}.sigma.{j}" for sensor in sensors.values() for j in chain.names),
+        resolution=tuple(f"{sensor}.step.{j}" for sensor in sensors.values() for j in chain.names),
+        noise_std=lambda parameter: {kind: parameter(f"{sensor}.repeatability") for kind, sensor in sensors.items()},
+        max_effects=6, reference_limits=("position_min", "position_max"), skeleton=shape, mechanism=mechanism, **rest,
+    )  # fmt: skip
 
 
 def inverse_machine(name: str, chain: Chain, frame: float) -> Machine:
     """The arm in inverse-dynamics form: position, velocity and acceleration are measured, the effort is predicted."""
     unit, efforts = units(chain), typical_efforts(chain)
     speed, force = unit["velocity"], unit["effort"]
-    torque = reading("torque", "effort", unit, 0, frame, float(efforts.max()), len(chain.names))
     motion = signals(unit, "position", "velocity", "acceleration")
     shown = {**{s.name: s.name for s in motion}, "effort": "effort_read"}
     found = columns(chain, shown, {"velocity": "position", "acceleration": "velocity"})
+    torque = reading("torque", "effort", unit, 0, frame, float(efforts.max()), len(chain.names))
     return make_machine(
-        name,
-        chain,
-        (dynamics.inverse_part(scales(efforts, unit), unit), torque),
-        ("torque",),
-        CROSSTALK + OFFSET,
-        signals=(*motion, *drawn("effort"), *signals(unit, "effort", "effort_read")),
-        inputs=(*(s.name for s in motion), "noise_effort", "arrival_effort"),
-        columns=found,
-        frame=frame,
-        slots=1,
-        compared=(found[-1].kind,),
-        noise_std=lambda parameter: {found[-1].kind: parameter("torque.repeatability")},
-        segments=(Segment("arm", found[-1].kind),),
-        separate=True,
-        defaults=arm_values(chain),
+        name, chain, frame, (dynamics.inverse_part(scales(efforts, unit), unit), torque), {found[-1].kind: "torque"},
+        CROSSTALK + OFFSET, (*motion, *drawn("effort")), signals(unit, "effort", "effort_read"), found, slots=1,
+        segments=(Segment("arm", found[-1].kind),), separate=True, defaults=stated(chain, "arm"),
         recorded={"arm.mobility": lambda size: REST * size.get(speed, np.inf) / max(size.get(force, 0.0), 1e-12)},
-    )
+    )  # fmt: skip
 
 
 def closed_machine(name: str, chain: Chain, frame: float) -> Machine:
     """The arm in closed loop: controller, motors, forward dynamics, encoders and torque sensors."""
     unit, efforts, count = units(chain), typical_efforts(chain), len(chain.names)
-    encoder = reading("encoder", "position", unit, 1, frame, SWING, count)
-    torque = reading("torque", "effort", unit, 3, frame, float(efforts.max()), count)
-    forward = dynamics.forward_part(count, 0, scales(efforts, unit), unit)
+    parts = (
+        dynamics.forward_part(count, 0, scales(efforts, unit), unit), gear_motor.PART,
+        reading("encoder", "position", unit, 1, frame, SWING, count),
+        reading("torque", "effort", unit, 3, frame, float(efforts.max()), count), arm_drive.part(2, unit),
+    )  # fmt: skip
     given = signals(unit, "position_ref", "position_start")
     inner = signals(unit, "position", "position_read", "effort_ref", "effort", "effort_true", "effort_read")
-    noises = drawn("position", "effort")
     shown = {s.name: s.name for s in given}
     shown |= {"effort_ref": "effort_ref", "position": "position_read", "effort": "effort_read"}
     found = columns(chain, shown, {})
     position, effort = found[-2].kind, found[-1].kind
-    sensors = {position: "encoder", effort: "torque"}
     return make_machine(
-        name,
-        chain,
-        (forward, gear_motor.PART, encoder, torque, arm_drive.part(2, unit)),
-        tuple(sensors.values()),
-        CROSSTALK,
-        signals=(*given, *noises, *inner, Signal("link_position", unit["position"], JOINTS)),
-        inputs=(*(s.name for s in given), *(s.name for s in noises)),
-        columns=found,
-        frame=frame,
-        slots=count_slots(frame),
-        compared=(position, effort),
-        noise_std=lambda parameter: {k: parameter(f"{s}.repeatability") for k, s in sensors.items()},
+        name, chain, frame, parts, {position: "encoder", effort: "torque"}, CROSSTALK,
+        (*given, *drawn("position", "effort")), (*inner, Signal("link_position", unit["position"], JOINTS)), found,
         segments=(Segment("drive", effort, (position,)), Segment("arm", position, (effort,))),
         loop=joint_control(chain, {"arm.coulomb_friction": {}}),
-        defaults=arm_values(chain) | drive_defaults(chain, efforts, frame),
-    )
+        defaults=stated(chain, "arm") | drive_defaults(chain, efforts, frame),
+    )  # fmt: skip
 
 
 def cable_machine(name: str, chain: Chain, frame: float) -> Machine:
@@ -179,11 +153,8 @@ def cable_machine(name: str, chain: Chain, frame: float) -> Machine:
     unit, efforts, count = units(chain), typical_efforts(chain), len(chain.names)
     most = RATIO * float(efforts.max())
     forward = dynamics.forward_part(count, 0, scales(efforts, unit), unit)
-    motors = replace(
-        gear_motor.PART,
-        tasks=(Task("update", ("motor_effort_ref",)),),
-        outputs=(Output.of_states(effort="motor_effort", effort_true="motor_effort_true"),),
-    )
+    shown = Output.of_states(effort="motor_effort", effort_true="motor_effort_true")
+    motors = replace(gear_motor.PART, tasks=(Task("update", ("motor_effort_ref",)),), outputs=(shown,))
     seen = {"link_position": unit["position"], "motor_position": "rad", "motor_effort": "N m"}
     readings = zip(SENSORS.values(), SEEN, (5, 2, 4), (SWING, SWING / RATIO, most), strict=True)
     parts = (
@@ -193,9 +164,8 @@ def cable_machine(name: str, chain: Chain, frame: float) -> Machine:
         *(reading(sensor, signal, seen, slot, frame, size, count) for sensor, signal, slot, size in readings),
         arm_drive.part(3, unit),
     )
-    effects = effects_in(unit, parts, ())
     rubbing = tuple(
-        e.id for e in effects
+        e.id for e in effects_in(unit, parts, ())
         if e.id.startswith("arm.") and all(law.__module__ == friction.__name__ for law in e.at.values())
     )  # fmt: skip
     kinds = {"position": "position", "position_read": "position", "link_position": "position", "effort_ref": "effort"}
@@ -203,30 +173,19 @@ def cable_machine(name: str, chain: Chain, frame: float) -> Machine:
     inner = {signal: unit[kind] for signal, kind in kinds.items()}  # of joints, then of motors
     inner |= dict.fromkeys(("motor_start", "motor_position", "motor_position_read"), "rad")
     inner |= dict.fromkeys(("motor_effort_ref", "motor_effort", "motor_effort_true", "motor_effort_read"), "N m")
-    given = (Signal("position_ref", unit["position"], JOINTS), Signal("position_start", unit["position"], JOINTS))
-    noises = drawn(*SEEN)
+    given = signals(unit, "position_ref", "position_start")
     return make_machine(
-        name,
-        chain,
-        parts,
-        tuple(SENSORS.values()),
-        (*(f"{sensor}.crosstalk" for sensor in SENSORS.values()), *rubbing, *OF_CABLES),
-        signals=(*given, *noises, *(Signal(signal, u, JOINTS) for signal, u in inner.items())),
-        inputs=(*(s.name for s in given), *(s.name for s in noises)),
-        columns=(*(Column(s.name, s.name) for s in given), *COLUMNS),
-        frame=frame,
-        slots=count_slots(frame, 6),
-        compared=tuple(SENSORS),
-        noise_std=lambda parameter: {kind: parameter(f"{sensor}.repeatability") for kind, sensor in SENSORS.items()},
-        segments=SEGMENTS,
-        loop=joint_control(chain, {}),
-        defaults=cable_defaults(chain, efforts, frame),
-    )
+        name, chain, frame, parts, SENSORS,
+        (*(f"{sensor}.crosstalk" for sensor in SENSORS.values()), *rubbing, *OF_CABLES), (*given, *drawn(*SEEN)),
+        tuple(Signal(signal, u, JOINTS) for signal, u in inner.items()),
+        (*(Column(s.name, s.name) for s in given), *COLUMNS), slots=6, segments=SEGMENTS,
+        loop=joint_control(chain, {}), defaults=cable_defaults(chain, efforts, frame),
+    )  # fmt: skip
 
 
 def cable_defaults(chain: Chain, efforts: np.ndarray, frame: float) -> dict[str, float]:
     """Values of what the robot file need not state: the arm's, and cables and motors of its size."""
-    found = arm_values(chain) | drive_defaults(chain, efforts, frame)
+    found = stated(chain, "arm") | drive_defaults(chain, efforts, frame)
     for channel, m, effort in zip(chain.names, compute_inertias(chain), efforts, strict=True):
         found[f"motor.current_max.{channel}"] *= RATIO
         found |= {
@@ -246,20 +205,18 @@ def signals(unit: Mapping[str, str], *names: str) -> tuple[Signal, ...]:
 
 def drawn(*names: str) -> tuple[Signal, ...]:
     """Noise of the sensors of these quantities, and what may be lost of their readings."""
-    noise = (Signal(f"noise_{name}", "-", JOINTS, NORMAL) for name in names)
-    return (*noise, *(Signal(f"arrival_{name}", "-", JOINTS, UNIFORM) for name in names))
+    kinds = (("noise", NORMAL), ("arrival", UNIFORM))
+    return tuple(Signal(f"{kind}_{name}", "-", JOINTS, law) for kind, law in kinds for name in names)
 
 
 def columns(chain: Chain, shown: Mapping[str, str], rates: Mapping[str, str]) -> tuple[Column, ...]:
     """Log columns: kind -> signal; rates: kind -> the one whose rate it is. Kinds of mixed joints say so."""
     before, unit = "joint_" if len(set(chain.sliding)) > 1 else "", units(chain)
-    return tuple(
-        Column(
-            before + kind, signal, required=kind != "effort_ref", unit=unit["effort"] if "effort" in kind else "",
-            rate_of=before + rates[kind] if kind in rates else "",
-        )
-        for kind, signal in shown.items()
-    )  # fmt: skip
+    found = []
+    for kind, signal in shown.items():
+        rate, own = before + rates[kind] if kind in rates else "", unit["effort"] if "effort" in kind else ""
+        found.append(Column(before + kind, signal, required=kind != "effort_ref", unit=own, rate_of=rate))
+    return tuple(found)
 
 
 def reading(name: str, signal: str, unit: Mapping[str, str], slot: int, frame: float, size: float, count: int) -> Part:
@@ -271,27 +228,21 @@ def reading(name: str, signal: str, unit: Mapping[str, str], slot: int, frame: f
 def effects_in(unit: Mapping[str, str], parts: tuple[Part, ...], without: tuple[str, ...]) -> tuple[Effect, ...]:
     """The effects of the parts but for some, those that are made for turning joints in the units of these."""
     own = {TURNS["position"]: unit["position"], TURNS["inertia"]: unit["inertia"], "rad/(N m)": unit["position/effort"]}
-    return tuple(
-        replace(e, parameters=tuple(replace(p, unit=own.get(p.unit, p.unit)) for p in e.parameters))
-        for e in effects_of(parts)
-        if e.id not in without
-    )
+
+    def fit_units(effect: Effect) -> Effect:
+        return replace(effect, parameters=tuple(replace(p, unit=own.get(p.unit, p.unit)) for p in effect.parameters))
+
+    return tuple(fit_units(effect) for effect in effects_of(parts) if effect.id not in without)
 
 
 def shape(robot: Robot) -> Shape:
     """Geometry that a recording draws: the joints of the robot's parameters, in order."""
-
-    def rows(*names: str) -> np.ndarray:
-        return np.column_stack([robot.channels(f"arm.{name}") for name in names])
-
-    tip = np.array([robot[f"arm.tip_{axis}"] for axis in "xyz"])
+    found = mechanism(robot)
+    chain, tilt = found.chain, np.array(found.tilt)
+    origins, angles, axes = (np.array([getattr(j, n) for j in chain.joints]) for n in ("origin", "angles", "axis"))
     column = next(c for c in robot.machine.columns if c.kind.endswith("position") and c.signal != "position_ref")
-    origins = rows("x", "y", "z")
-    return Shape(
-        robot.machine.axes.joints, origins, rows("roll", "pitch", "yaw"),
-        rows("axis_x", "axis_y", "axis_z"), robot.channels("arm.sliding"), np.vstack([origins[1:], tip]),
-        np.array([robot["arm.base_roll"], robot["arm.base_pitch"]]), column.kind, robot.machine.compared[-1],
-    )  # fmt: skip
+    ends, load = np.vstack([origins[1:], chain.tip]), robot.machine.compared[-1]
+    return Shape(chain.names, origins, angles, axes, chain.sliding, ends, tilt, column.kind, load)
 
 
 def mechanism(robot: Robot) -> Mechanism:
@@ -339,16 +290,13 @@ def mechanism(robot: Robot) -> Mechanism:
     if "cable.ratio" in {name.rsplit(".", 1)[0] for name in known}:
         notes.append("motors act on the joints without the elasticity and the coupling of the cables")
     if any(drive.kp for drive in drives):
-        notes.append(
-            f"the robot's controller computes once in {robot.machine.frame:g} s and differentiates the error: "
-            "send q_ref + (kv / kp) dq_ref/dt"
-        )
+        once = f"the robot's controller computes once in {robot.machine.frame:g} s and differentiates the error"
+        notes.append(f"{once}: send q_ref + (kv / kp) dq_ref/dt")
         if any(robot.channels("motor.time_constant")):
             notes.append("the time constant of the motors' current loops is left out")
-    names = ("x", "y", "z")
     stated = ("payload", "link_mass", "rotor_inertia", "viscous_friction", "coulomb_friction", "joint_compliance")
     return Mechanism(
-        Chain(joints, tuple(chain), tuple(bodies), np.array([robot[f"arm.tip_{axis}"] for axis in names])),
+        Chain(joints, tuple(chain), tuple(bodies), np.array([robot[f"arm.tip_{axis}"] for axis in "xyz"])),
         tuple(drives), min(robot.machine.slot, robot.machine.frame / 4), frozenset(f"arm.{name}" for name in stated),
         payload=payload,
         borne=value("drive.tip_mass") * value(f"drive.feedforward.{joints[-1]}") / payload if payload else 0.0,
@@ -358,36 +306,29 @@ def mechanism(robot: Robot) -> Mechanism:
 
 def units(chain: Chain) -> dict[str, str]:
     """Units of the signals, and of gains and damping; none ("-") where joints of both kinds share a signal."""
-    kinds = set(chain.sliding)
-    found = TURNS if kinds == {0.0} else SLIDES if kinds == {1.0} else dict.fromkeys(TURNS, "-")
-    mixed = len(kinds) > 1
-    force, per = found["effort"], found["position"]
+    mixed, own = len(set(chain.sliding)) > 1, SLIDES if any(chain.sliding) else TURNS
+    force, per = own["effort"], own["position"]
     ratios = {"effort/speed": f"{force} s/{per}", "effort/position": f"{force}/{per}"}
     ratios["position/effort"] = f"{per}/({force})" if " " in force else f"{per}/{force}"
-    return found | (dict.fromkeys(ratios, "-") if mixed else ratios)
+    return dict.fromkeys(own | ratios, "-") if mixed else own | ratios
 
 
 def stated(chain: Chain, part: str) -> dict[str, float]:
-    """Bodies, axes and gravity as the URDF states them, by full name of the parameters of a part [SI]."""
-    names = ("x", "y", "z")
+    """Bodies, axes and gravity as the URDF states them, by full name of the parameters of a part [SI].
+
+    The arm itself also has damping, dry friction, and rotors without inertia.
+    """
     found = {f"{part}.gravity": GRAVITY, f"{part}.tip_mass": 0.0, f"{part}.base_roll": 0.0, f"{part}.base_pitch": 0.0}
-    found |= {f"{part}.tip_{name}": float(value) for name, value in zip(names, chain.tip, strict=True)}
+    found |= {f"{part}.tip_{name}": float(value) for name, value in zip("xyz", chain.tip, strict=True)}
     for channel, joint, body in zip(chain.names, chain.joints, chain.bodies, strict=True):
         values = {"mass": body.mass, "sliding": float(joint.kind == "prismatic")}
-        for i, axis in enumerate(names):
+        for i, axis in enumerate("xyz"):
             values |= {f"com_{axis}": body.centre[i], axis: joint.origin[i], f"axis_{axis}": joint.axis[i]}
-            values |= {axis + names[k]: body.inertia[i, k] for k in range(i, 3)}
+            values |= {axis + "xyz"[k]: body.inertia[i, k] for k in range(i, 3)}
         values |= dict(zip(("roll", "pitch", "yaw"), joint.angles, strict=True))
+        losses = {"damping": joint.damping, "dry_friction": joint.friction, "rotor_inertia": 0.0}
+        values |= losses if part == "arm" else {}
         found |= {f"{part}.{name}.{channel}": float(value) for name, value in values.items()}
-    return found
-
-
-def arm_values(chain: Chain) -> dict[str, float]:
-    """Parameters of the arm as the URDF states them, with its damping and dry friction, and rotors without inertia."""
-    found = stated(chain, "arm")
-    for channel, joint in zip(chain.names, chain.joints, strict=True):
-        found |= {f"arm.damping.{channel}": joint.damping, f"arm.dry_friction.{channel}": joint.friction}
-        found[f"arm.rotor_inertia.{channel}"] = 0.0
     return found
 
 

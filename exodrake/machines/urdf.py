@@ -25,8 +25,7 @@ KINDS = ("revolute", "continuous", "prismatic", "fixed")
 
 def read_attribute(element: ElementTree.Element, name: str, source: str) -> str:
     """An attribute that must be there."""
-    found = element.get(name)
-    if not found:
+    if not (found := element.get(name)):
         raise InputError(f"{source}: a <{element.tag}> without {name}")
     return found
 
@@ -90,10 +89,9 @@ def read_joint(element: ElementTree.Element, source: str) -> Joint:
     axis = numbers(element.find("axis"), "xyz", [1.0, 0.0, 0.0], where)
     if kind != "fixed" and not np.linalg.norm(axis) > 0.0:
         raise InputError(f"{where}: its axis has no length")
-    free = (-math.inf, math.inf) if kind == "continuous" or limit is None else (0.0, 0.0)
-    given = [free[0], free[1], math.inf]
-    stated = zip(("lower", "upper", "effort"), given, strict=True)
-    ends = [numbers(limit, n, [d], where, math.inf)[0] for n, d in stated]
+    free = math.inf if kind == "continuous" or limit is None else 0.0
+    stated = {"lower": -free, "upper": free, "effort": math.inf}
+    ends = [numbers(limit, n, [d], where, math.inf)[0] for n, d in stated.items()]
     ends = [end if abs(end) < LARGEST else math.copysign(math.inf, end) for end in ends]  # as some programs write none
     if ends[0] > ends[1] or ends[0] == math.inf or ends[1] == -math.inf:
         raise InputError(f"{where}: its lower limit {ends[0]:g} exceeds its upper one {ends[1]:g}")
@@ -145,16 +143,15 @@ def read_urdf(path: str | Path, tip: str = "") -> Chain:
     leaves = [link for link in bodies if all(joint.parent != link for joint in joints)]
     if not tip and not (count and leaves):
         raise InputError(f"{source}: no joint moves, so there is no arm")
-    ways = []  # from the base to the tip, or to each leaf
+    whole = []  # ways from the base to the tip, or to each leaf
     for link in [tip] if tip else leaves:
         way: list[Joint] = []
         while link in by_child:
-            way.append(by_child[link])
-            link = way[-1].parent
+            way.insert(0, by_child[link])
+            link = way[0].parent
             if len(way) > len(by_child):
                 raise InputError(f"{source}: its links form a ring")
-        ways.append(way[::-1])
-    whole = [way for way in ways if tip or sum(joint.kind != "fixed" for joint in way) == count]
+        whole += [way] if tip or sum(joint.kind != "fixed" for joint in way) == count else []
     if not whole:
         raise InputError(f"{source}: its moving joints branch; name the last link, `tip`: {', '.join(leaves[:8])}")
     return make_chain(max(whole, key=len), joints, bodies, source)

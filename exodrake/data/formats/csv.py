@@ -33,14 +33,18 @@ def read_cells(data: bytes, source: str) -> tuple[list[str], np.ndarray]:
     refuse_separator(names, source)
     values = array("d")
     for number, row in enumerate(rows, 1):
+        where = f"row {number} (line {number + 1})"
         if len(row) != len(names):
-            raise InputError(
-                f"{source}: row {number} (line {number + 1}) has {len(row)} cells, the heading has {len(names)}"
-            )
+            raise InputError(f"{source}: {where} has {len(row)} cells, the heading has {len(names)}")
         try:
-            values.extend([float(cell) for cell in row])
-        except ValueError:
-            values.extend([_number(cell, name, number, source) for cell, name in zip(row, names)])
+            values.extend([float(cell) if cell else nan for cell in row])
+        except ValueError:  # of blanks, or of no number
+            for cell, name in zip(row, names):
+                try:
+                    values.append(float(cell) if cell.strip() else nan)
+                except ValueError:
+                    shown = cell if len(cell) <= 40 else cell[:37] + "..."
+                    raise InputError(f"{source}: column {name!r}, {where}: {shown!r} is not a number") from None
     return names, np.array(values).reshape(-1, len(names))
 
 
@@ -61,16 +65,6 @@ def _rows(data: bytes, source: str) -> Iterator[list[str]]:
         raise InputError(f"{source}: not a text file") from None
     except csv.Error as error:
         raise InputError(f"{source}: not a CSV file ({error})") from None
-
-
-def _number(cell: str, name: str, number: int, source: str) -> float:
-    try:
-        return float(cell) if cell.strip() else nan
-    except ValueError:
-        shown = cell if len(cell) <= 40 else cell[:37] + "..."
-        raise InputError(
-            f"{source}: column {name!r}, row {number} (line {number + 1}): {shown!r} is not a number"
-        ) from None
 
 
 def write(log: Log) -> bytes:

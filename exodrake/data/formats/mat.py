@@ -39,8 +39,7 @@ def write(log: Log) -> bytes:
     """The log as MAT in SI. InputError for a column whose name is none in MATLAB."""
     from scipy.io import savemat
 
-    columns = {"time": log.time, **log.signals}
-    units = {"time": "s", **log.units}
+    columns, units = {"time": log.time, **log.signals}, {"time": "s", **log.units}
     for name in columns:
         if not NAME.fullmatch(name) or name == "units":
             raise InputError(f"{log.label}: column {name!r} cannot be a MATLAB variable")
@@ -72,8 +71,7 @@ def parse(data: bytes, source: str) -> dict[str, Any]:
 
 def plain(value: Any) -> Any:
     """A MATLAB value as mappings, lists, text and arrays."""
-    fields = getattr(value, "_fieldnames", None)
-    if fields is not None:
+    if (fields := getattr(value, "_fieldnames", None)) is not None:
         return {name: plain(getattr(value, name)) for name in fields}
     if not isinstance(value, np.ndarray):
         return None if value.__class__.__module__.startswith("scipy") else value
@@ -89,19 +87,13 @@ def column(values: object, name: str, source: str) -> np.ndarray:
     """A variable as (n,) float64. InputError unless it is a real numeric vector."""
     array = np.asarray(values)
     if array.dtype.kind not in "fiub" or array.ndim > 2 or (array.ndim == 2 and 1 not in array.shape):
-        raise InputError(
-            f"{source}: variable {name!r} is {array.dtype} of shape {array.shape}, wanted a vector of numbers"
-        )
+        found = f"{array.dtype} of shape {array.shape}"
+        raise InputError(f"{source}: variable {name!r} is {found}, wanted a vector of numbers")
     return array.ravel().astype(float)
 
 
-def read_hdf5(data: bytes, source: str) -> dict[str, Any]:
-    """Groups of an HDF5 file as mappings, data sets of numbers as arrays; nothing that lies in another file."""
-    return read_apart(parse_hdf5, data, source, "HDF5")
-
-
 def parse_hdf5(data: bytes, source: str) -> dict[str, Any]:
-    """`read_hdf5` in this process."""
+    """Groups of an HDF5 file as mappings, data sets of numbers as arrays; nothing that lies in another file."""
     try:
         import h5py  # pyright: ignore[reportMissingImports]
     except ImportError:

@@ -68,14 +68,10 @@ def parse(data: bytes, source: str) -> list[tuple[str, np.ndarray]]:
     places = [(str(n), str(u), str(t), str(f)) for n, u, t, f in json.loads(records[RECORD]["columns"])]
     rows = sorted(set().union(*topics.values()))  # by their numbers, then their time: a file may hold them in any order
     for topic in sorted({topic for _, _, topic, _ in places}):
-        lost = [row for row in rows if row not in topics.get(topic, ())]
-        if lost:
-            number, stamp = lost[0]
+        if lost := [row for row in rows if row not in topics.get(topic, ())]:
             count = f"{len(lost)} messages are" if len(lost) > 1 else "a message is"
-            raise InputError(
-                f"{source}: topic {topic!r}: {count} missing that other topics have, the first is message {number} at "
-                f"{stamp * 1e-9:g} s"
-            )
+            first = f"the first is message {lost[0][0]} at {lost[0][1] * 1e-9:g} s"
+            raise InputError(f"{source}: topic {topic!r}: {count} missing that other topics have, {first}")
     return [(heading(n, u), np.array([float(topics[t][row].get(f, np.nan)) for row in rows])) for n, u, t, f in places]
 
 

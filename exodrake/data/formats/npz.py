@@ -21,9 +21,8 @@ def read(data: bytes, source: str) -> Log:
     arrays = read_arrays(data, source)
     for name, values in arrays.items():
         if values.ndim != 1 or values.dtype.kind not in "fiu":
-            raise InputError(
-                f"{source}: column {name!r} is {values.dtype} of shape {values.shape}, wanted numbers (n,)"
-            )
+            found = f"{values.dtype} of shape {values.shape}"
+            raise InputError(f"{source}: column {name!r} is {found}, wanted numbers (n,)")
     return log_from_columns(((name, values.astype(float)) for name, values in arrays.items()), source)
 
 

@@ -91,7 +91,6 @@ def import_pyarrow(source: str) -> tuple[Any, Any]:
         import pyarrow
         import pyarrow.parquet
     except ImportError:
-        raise InputError(
-            f"{source}: Parquet needs pyarrow; install exodrake[parquet], or use .csv.gz or .npz"
-        ) from None
+        advice = "install exodrake[parquet], or use .csv.gz or .npz"
+        raise InputError(f"{source}: Parquet needs pyarrow; {advice}") from None
     return pyarrow, pyarrow.parquet

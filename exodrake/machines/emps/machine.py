@@ -17,41 +17,22 @@ FRAME = 1e-3  # s
 POSITION = ("position", "noise_position", "reading_arrival", "position_read")
 SCALE = sensor("scale", POSITION, unit="m", slot=1, frame=FRAME, size=0.1, channels=1)
 PARTS = (carriage.PART, SCALE, position_drive.PART)
-SIGNALS = (
-    Signal("position_ref", "m", JOINTS),
-    Signal("position_start", "m", JOINTS),
-    Signal("speed_start", "m/s", JOINTS),
-    Signal("noise_position", "-", JOINTS, NORMAL),
-    Signal("reading_arrival", "-", JOINTS, UNIFORM),
-    Signal("force", "N", JOINTS),
-    Signal("position", "m", JOINTS),
-    Signal("position_read", "m", JOINTS),
-)
-COLUMNS = (
-    Column("position_ref", "position_ref"),
-    Column("position_start", "position_start"),
-    Column("speed_start", "speed_start"),
-    Column("position", "position_read"),
-    Column("force", "force"),
-)
+INPUTS = (
+    Signal("position_ref", "m", JOINTS), Signal("position_start", "m", JOINTS), Signal("speed_start", "m/s", JOINTS),
+    Signal("noise_position", "-", JOINTS, NORMAL), Signal("reading_arrival", "-", JOINTS, UNIFORM),
+)  # fmt: skip
+COMPUTED = (Signal("force", "N", JOINTS), Signal("position", "m", JOINTS), Signal("position_read", "m", JOINTS))
+SHOWN = {"position": "position_read", "force": "force"}
+COLUMNS = tuple(Column(kind, signal) for kind, signal in ({s.name: s.name for s in INPUTS[:3]} | SHOWN).items())
 
 STEP = 1e-6  # m, assumed for limit cycles: the coarsest that the range of scale.step allows
 GAINS = (Gain("drive.kp", 10.0, 400.0), Gain("drive.kv", 25.0, 1000.0))  # 1/s, V s/m: about the published ones
 LOOP = Loop(
-    reference="position_ref",
-    command="force",
-    output="position",
-    measured="position_read",
-    part="drive",
-    held="force",
-    gains=GAINS,
-    gentle={"drive.kp": 20.0, "drive.kv": 100.0},
-    step=1e-3,
-    points={"middle": {"carriage": 0.0}},
-    controllers=(Controller("cascade", GAINS),),
-    resolution="scale.step",
+    reference="position_ref", command="force", output="position", measured="position_read", part="drive", held="force",
+    gains=GAINS, gentle={"drive.kp": 20.0, "drive.kv": 100.0}, step=1e-3, points={"middle": {"carriage": 0.0}},
+    controllers=(Controller("cascade", GAINS),), resolution="scale.step",
     nonlinear={"scale.quantisation": {"step": STEP}, "carriage.coulomb_friction": {}},
-)
+)  # fmt: skip
 
 
 def noise_std(parameter: Callable[[str], float]) -> dict[str, float]:
@@ -79,23 +60,13 @@ def mechanism(robot: Robot) -> Mechanism:
 def machine() -> Machine:
     """The frictionless inertia under its drive, with every effect of its library at its null value."""
     return Machine(
-        name="emps",
-        axes=Axes((), ("carriage",)),
-        signals=SIGNALS,
-        parts=PARTS,
-        inputs=("position_ref", "position_start", "speed_start", "noise_position", "reading_arrival"),
-        columns=COLUMNS,
-        effects=effects_of(PARTS),
-        frame=FRAME,
+        name="emps", axes=Axes((), ("carriage",)), signals=(*INPUTS, *COMPUTED), parts=PARTS,
+        inputs=tuple(s.name for s in INPUTS), columns=COLUMNS, effects=effects_of(PARTS), frame=FRAME,
         slots=16,  # so short that from reading to force takes the drive next to no time
-        noise=("scale.sigma.carriage",),
-        resolution=("scale.step.carriage",),
-        compared=("position", "force"),
+        noise=("scale.sigma.carriage",), resolution=("scale.step.carriage",), compared=("position", "force"),
         noise_std=noise_std,
         segments=(Segment("drive", "force", ("position",)), Segment("carriage", "position", ("force",))),
-        max_effects=4,
-        reference_limits=("position_min", "position_max"),
+        max_effects=4, reference_limits=("position_min", "position_max"),
         skeleton=lambda robot: axes_side_by_side(robot.machine.axes.joints, "position", "force", "x", sliding=True),
-        mechanism=mechanism,
-        loop=LOOP,
-    )
+        mechanism=mechanism, loop=LOOP,
+    )  # fmt: skip

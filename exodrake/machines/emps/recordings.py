@@ -30,36 +30,22 @@ def case(path: Path) -> Case:
     t, reference, place, volts, gain = (column(variables[name], name, str(file)) for name in NAMES)
     if len({len(t), len(reference), len(place), len(volts)}) > 1 or len(t) < 3:
         raise InputError(f"{file}: t, qg, qm and vir differ in length, or are too short")
-    signals = {
-        "position_ref_carriage": reference,
-        "position_start_carriage": np.full(len(place), place[0]),
-        "speed_start_carriage": np.full(len(place), speed_at_start(place)),
-        "position_carriage": place,
-        "force_carriage": gain[0] * volts,
-    }
+    start = {"position_start_carriage": np.full(len(place), place[0]), "speed_start_carriage": np.zeros(len(place))}
+    signals = {"position_ref_carriage": reference, **start, "position_carriage": place}
+    signals["force_carriage"] = gain[0] * volts
     kinds = {"force": "N", "speed": "m/s", "position": "m"}
     units = {name: kinds[name.split("_")[0]] for name in signals}
     log = Log(FRAME * np.arange(len(t)), signals, units, str(file))
     repeats = len(log) > 3 * CYCLE and np.allclose(reference[2 * CYCLE :], reference[: len(log) - 2 * CYCLE], atol=1e-9)
     middle = 2 * CYCLE if repeats else len(log) // 2
-    first, second = (moving(restart_log(log.rows(part))) for part in (slice(0, middle), slice(middle, None)))
-    return Case(
-        "emps",
-        {},
-        (
-            CaseLog(first, "first", "fit", None, "first.csv.gz"),
-            CaseLog(second, "second", "holdout", "first.csv.gz" if repeats else None, "second.csv.gz"),
-        ),
-        FRAME,
-    )
+    first, second = (add_start(restart_log(log.rows(part))) for part in (slice(0, middle), slice(middle, None)))
+    fitted = CaseLog(first, "first", "fit", None, "first.csv.gz")
+    held_out = CaseLog(second, "second", "holdout", fitted.file if repeats else None, "second.csv.gz")
+    return Case("emps", {}, (fitted, held_out), FRAME)
 
 
-def speed_at_start(place: np.ndarray) -> float:
-    """Speed over the first two frames [m/s]."""
-    return float(place[2] - place[0]) / (2.0 * FRAME)
-
-
-def moving(log: Log) -> Log:
+def add_start(log: Log) -> Log:
     """A log that starts at the speed of its first rows."""
-    speed = np.full(len(log), speed_at_start(log["position_carriage"]))
+    place = log["position_carriage"]
+    speed = np.full(len(log), float(place[2] - place[0]) / (2.0 * FRAME))
     return log.with_signals({"speed_start_carriage": speed}, {"speed_start_carriage": "m/s"})

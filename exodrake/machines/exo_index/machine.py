@@ -17,7 +17,7 @@ from exodrake.core.machine import (
     Observer,
     Regime,
     Segment,
-)
+)  # fmt: skip
 from exodrake.core.mechanism import Body, Chain, Drive, Joint, Mechanism, Piece, Skeleton, Tendon
 from exodrake.core.part import JOINTS, NORMAL, SCALAR, TENDONS, UNIFORM, Axes, Delay, Signal
 from exodrake.core.robot import Robot
@@ -32,38 +32,16 @@ STILL = 2e-4  # m/s: slower tendons count as at rest; a few encoder counts a sec
 SLACK = 0.15  # N: a tendon below half the anti-slack tension of 0.3 N counts as slack
 SEGMENTS = (
     Segment("controller", "speed_cmd", ("tension",), exact=True),
-    Segment(
-        "motor",
-        "stroke",
-        ("tension",),
-        (Imposed("stroke"), Imposed("wire_speed", rate=True)),
-        sampled=READ,
-        contents="bus, drive, encoder",
-    ),
-    Segment(
-        "tendon",
-        "tension",
-        ("stroke", "angle"),
-        (
-            Imposed("tension", low=0.0),
-            Imposed("tension_spool", low=0.0),
-            Imposed("stroke", gain=1.0 / SOFT, low=0.0, part="finger"),
-            Imposed("wire_speed", rate=True, gain=1.0 / SOFT, part="finger"),
-        ),
-        parameters={"tendon.k": SOFT},
-        sampled=READ,
-        contents="cable, load cell",
-    ),
-    Segment(
-        "finger",
-        "angle",
-        ("tension",),
-        (Imposed("angle"),),
-        hold=("finger", "hold"),
-        sampled=READ,
-        contents="sheath, joints, motion capture",
-    ),
-)
+    Segment("motor", "stroke", ("tension",), (Imposed("stroke"), Imposed("wire_speed", rate=True)), sampled=READ,
+            contents="bus, drive, encoder"),
+    Segment("tendon", "tension", ("stroke", "angle"),
+            (Imposed("tension", low=0.0), Imposed("tension_spool", low=0.0),
+             Imposed("stroke", gain=1.0 / SOFT, low=0.0, part="finger"),
+             Imposed("wire_speed", rate=True, gain=1.0 / SOFT, part="finger")),
+            parameters={"tendon.k": SOFT}, sampled=READ, contents="cable, load cell"),
+    Segment("finger", "angle", ("tension",), (Imposed("angle"),), hold=("finger", "hold"), sampled=READ,
+            contents="sheath, joints, motion capture"),
+)  # fmt: skip
 REGIME = Regime("stroke", "tension", "angle", STILL, SLACK)
 COMMAND_LINK = CommandLink("speed_cmd", "stroke", "speed_applied", "motor", "stroke")
 
@@ -147,12 +125,8 @@ PLAIN = {f"controller.{name}": 0.0 for name in ("kd", "ki", "tau_D", "tau_R", "f
 COMPLIANCE = tuple(f"controller.compliance_{k}" for k in (1, 2, 3))
 
 LOOP = Loop(
-    reference="tension_ref",
-    command="speed_cmd",
-    output="tension",
-    measured="tension_read",
-    part="controller",
-    held="command",
+    reference="tension_ref", command="speed_cmd", output="tension", measured="tension_read", part="controller",
+    held="command", actuated="stroke_read", latency="timing.command_latency.frames", resolution="sensor.q_F",
     gains=(Gain("controller.kp", 0.0, 0.03), Gain("controller.kd", -5e-4, 5e-4)),  # kd < 0: the sign as printed
     gentle={**PLAIN, "controller.kp": 3e-3, "controller.ki": 1e-3},  # ki empties the integral
     step=1.0,
@@ -169,37 +143,20 @@ LOOP = Loop(
         Controller("P, feed-forward", (KP, TAU_R, FEED), PLAIN, COMPLIANCE),
         Controller("PI, feed-forward", (KP, KI, TAU_R, FEED), PLAIN, COMPLIANCE),
     ),
-    actuated="stroke_read",
-    latency="timing.command_latency.frames",
-    resolution="sensor.q_F",
     nonlinear={"motor.dead_zone": {}, "tendon.coulomb_friction": {}},
-)
-
+)  # fmt: skip
 
 AXES = Axes(("AF", "MF", "AE"), ("MCP", "PIP", "DIP"))
 
 SIGNALS = (
-    Signal("tension_ref", "N", TENDONS),
-    Signal("noise_tension", "-", TENDONS, NORMAL),
-    Signal("noise_angle", "-", JOINTS, NORMAL),
-    Signal("packet_arrival", "-", TENDONS, UNIFORM),
-    Signal("speed_cmd", "m/s", TENDONS),
-    Signal("speed_applied", "m/s", TENDONS),
-    Signal("stroke", "m", TENDONS),
-    Signal("wire_speed", "m/s", TENDONS),
-    Signal("spool_angle", "rad", TENDONS),
-    Signal("tension", "N", TENDONS),
-    Signal("tension_spool", "N", TENDONS),
-    Signal("tension_finger", "N", TENDONS),
-    Signal("angle", "rad", JOINTS),
-    Signal("rate", "rad/s", JOINTS),
-    Signal("cell", "N", TENDONS),
-    Signal("tension_read", "N", TENDONS),
-    Signal("stroke_read", "m", TENDONS),
-    Signal("angle_read", "rad", JOINTS),
-    Signal("mocap_delay", "s", SCALAR),
-)
-
+    Signal("tension_ref", "N", TENDONS), Signal("noise_tension", "-", TENDONS, NORMAL),
+    Signal("noise_angle", "-", JOINTS, NORMAL), Signal("packet_arrival", "-", TENDONS, UNIFORM),
+    Signal("speed_cmd", "m/s", TENDONS), Signal("speed_applied", "m/s", TENDONS), Signal("stroke", "m", TENDONS),
+    Signal("wire_speed", "m/s", TENDONS), Signal("spool_angle", "rad", TENDONS), Signal("tension", "N", TENDONS),
+    Signal("tension_spool", "N", TENDONS), Signal("tension_finger", "N", TENDONS), Signal("angle", "rad", JOINTS),
+    Signal("rate", "rad/s", JOINTS), Signal("cell", "N", TENDONS), Signal("tension_read", "N", TENDONS),
+    Signal("stroke_read", "m", TENDONS), Signal("angle_read", "rad", JOINTS), Signal("mocap_delay", "s", SCALAR),
+)  # fmt: skip
 PARTS = (tendon_finger.PART, motor.PART, sensor.PART, encoder.PART, mocap.PART, controller.PART, bus.PART)
 
 LATE = Delay("mocap_delay", "noise_angle", "mocap.sigma_q")
@@ -220,12 +177,8 @@ def noise_std(parameter: Callable[[str], float]) -> dict[str, float]:
     now, later = parameter("controller.kp") + kd * share / period, kd * share**2 / period
     damped = np.hypot(now, later / np.sqrt(1.0 - (1.0 - share) ** 2))  # the command's own sum of squares, ki aside
     step = parameter("encoder.q_theta") * parameter("encoder.radius")
-    return {
-        "tension": float(tension),
-        "stroke": float(np.sqrt(TWELFTH) * step),
-        "speed_cmd": float(tension * damped),
-        "angle": parameter("mocap.sigma_q"),
-    }
+    noise = {"tension": tension, "stroke": np.sqrt(TWELFTH) * step, "speed_cmd": tension * damped}
+    return {kind: float(std) for kind, std in noise.items()} | {"angle": parameter("mocap.sigma_q")}
 
 
 COLOURS = {
@@ -239,20 +192,11 @@ TWELFTH = 1.0 / 12.0  # variance of a rounding error in units of its step square
 def machine() -> Machine:
     """The nominal machine with every effect of the library at its null value."""
     return Machine(
-        name="exo_index",
-        axes=AXES,
-        signals=SIGNALS,
-        parts=PARTS,
-        inputs=("tension_ref", "noise_tension", "noise_angle", "packet_arrival"),
-        columns=COLUMNS,
-        effects=effects_of(PARTS),
-        noise=("sensor.sigma_F", "mocap.sigma_q"),
-        resolution=("sensor.q_F", "encoder.q_theta"),
-        compared=("tension", "stroke", "speed_cmd", "angle"),
-        noise_std=noise_std,
-        segments=SEGMENTS,
-        regime=REGIME,
-        command_link=COMMAND_LINK,
+        name="exo_index", axes=AXES, signals=SIGNALS, parts=PARTS,
+        inputs=("tension_ref", "noise_tension", "noise_angle", "packet_arrival"), columns=COLUMNS,
+        effects=effects_of(PARTS), noise=("sensor.sigma_F", "mocap.sigma_q"),
+        resolution=("sensor.q_F", "encoder.q_theta"), compared=("tension", "stroke", "speed_cmd", "angle"),
+        noise_std=noise_std, segments=SEGMENTS, regime=REGIME, command_link=COMMAND_LINK,
         observer=Observer("speed_cmd", "stroke", ("motor", "theta"), "motor.r", gain=0.2),
         variants_available={
             "controller_as_printed": ("controller.damping", controller.damping_as_printed),
@@ -260,16 +204,7 @@ def machine() -> Machine:
             "routers_as_printed": ("wire_paths.applied_arm", wire_paths.applied_arm_as_printed),
         },
         reference_limits=("F_min", "F_max"),
-        experiments={
-            "steps": "steps",
-            "multisine": "multisine",
-            "chirp": "chirp",
-            "holds": "holds",
-            "random motion": "random-motion:seed=0",
-        },
-        end_stops=("finger.q_f", "finger.q_e"),
-        colours=COLOURS,
-        skeleton=skeleton,
-        mechanism=mechanism,
-        loop=LOOP,
-    )
+        experiments={"steps": "steps", "multisine": "multisine", "chirp": "chirp", "holds": "holds",
+                     "random motion": "random-motion:seed=0"},
+        end_stops=("finger.q_f", "finger.q_e"), colours=COLOURS, skeleton=skeleton, mechanism=mechanism, loop=LOOP,
+    )  # fmt: skip
