@@ -11,8 +11,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from exodrake.diagnosis.fit import Explanation
 
 RIDGE = 1e-9  # relative, on the diagonal of a normal matrix: above rounding
 
@@ -45,8 +49,9 @@ class LinearModel:
 
     @classmethod
     def of_rows(
-        cls, rows: np.ndarray, blocks: Sequence[tuple[int, int, slice]], prior: Sequence[np.ndarray], memory: float
-    ) -> LinearModel:
+        cls, rows: np.ndarray, blocks: Sequence[tuple[int, int, slice | np.ndarray]], prior: Sequence[np.ndarray],
+        memory: float,
+    ) -> LinearModel:  # fmt: skip
         """The model of weighted rows.
 
         Args:
@@ -62,6 +67,27 @@ class LinearModel:
         chi2 = [products[view == v, -1, -1].sum() / samples[view == v].sum() for v in range(view.max() + 1)]
         mean, precision, low, high = prior
         return cls(products, samples, view, log, mean, precision, low, high, np.maximum(chi2, 1.0), memory)
+
+    @classmethod
+    def with_directions(
+        cls, e: Explanation, columns: np.ndarray, directions: np.ndarray,
+        blocks: Sequence[tuple[int, int, slice | np.ndarray]], memory: float, precision: float = 0.0,
+    ) -> LinearModel:  # fmt: skip
+        """The model of the parameters of an explanation and, after them, of free factors of further directions.
+
+        Args:
+            e: the explanation.
+            columns: (parameters, samples) its Jacobian.
+            directions: (directions, samples) residual with one more thing, less that without it.
+            blocks: view, log and samples of each block.
+            memory: samples that count as one.
+            precision: prior precision of the factors.
+        """
+        flat, (low, high) = np.zeros(len(directions)), e.bounds - e.x
+        ends = np.r_[low, flat - np.inf], np.r_[high, flat + np.inf]
+        prior = (np.r_[-e.x, flat], np.r_[1.0 / e.prior_std**2, flat + precision], *ends)
+        rows = np.concatenate([columns, directions, e.residual[None].astype(directions.dtype)])
+        return cls.of_rows(rows, blocks, prior, memory)
 
     @property
     def effective(self) -> np.ndarray:

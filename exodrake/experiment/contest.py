@@ -27,7 +27,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial, reduce
 from itertools import combinations, permutations
 from pathlib import Path
 
@@ -42,13 +42,13 @@ from exodrake.core.robot import Robot
 from exodrake.core.schema import having, listing, names, number, read_json, text
 from exodrake.data.case import read_case
 from exodrake.diagnosis.detect import detect
-from exodrake.diagnosis.fit import Explanation, linear_model, minimise
+from exodrake.diagnosis.fit import Explanation, linear_model, minimise, whole_jacobian, without
 from exodrake.diagnosis.isolation import USED, affordable
 from exodrake.diagnosis.likelihood import Likelihood, View, make_likelihood
 from exodrake.diagnosis.linear import LinearModel
 from exodrake.diagnosis.linearise import nominal_jacobian, with_effects
 from exodrake.diagnosis.many import ANSWER
-from exodrake.diagnosis.parameter import STEP, effect_parameters, nominal_parameters
+from exodrake.diagnosis.parameter import effect_parameters, nominal_parameters
 from exodrake.diagnosis.problem import Problem, Trial, list_required, make_problem
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, Rival, record_provenance
 from exodrake.diagnosis.search import LAW, NATS
@@ -180,26 +180,29 @@ def prepare_contest(problem: Problem, rivals: Sequence[Rival]) -> Contest:
         e = Explanation(rival.effects, parameters, x, values, residual, np.zeros((len(own), len(residual))))
         found.append(e.change(jacobian=nominal_jacobian(likelihood, e.at_nominal, own, x[: len(own)], residual)))
     memory = min(likelihood.with_memory(e.residual).memory for e in found)
-    likelihood, robots = replace(likelihood, memory=memory), np.array([e.robot for e in found])
-    bare = robots.copy()
-    for row, laws in zip(bare, effects, strict=True):
-        for effect in laws:
-            lead = effect.parameters[0]
-            row[list(machine.effect_indices(effect.id, lead.name).values())] = lead.null
-    models = [linear_model(likelihood, e) for e in found]
-    spreads = tuple(np.linalg.cholesky(model.posterior().covariance) for model in models)
-    chi2 = np.array([model.variance[0] for model in models])
-    changes = likelihood.residual(bare) - np.array([e.residual for e in found])
-    rest = []  # sums of squares of the changes that retuning does not take up
-    for e, change in zip(found, changes, strict=True):
-        weights = np.full(len(change), 1.0 / memory)
-        model = pair_model(change, e.jacobian * e.prior_std[: e.nominal, None], weights)
+    likelihood, bare, models, rest, whole = replace(likelihood, memory=memory), [], [], [], []
+    for e in found:
+        models.append(linear_model(likelihood, e))
+        bare.append(reduce(partial(without, likelihood), e.effects, e))
+        change = bare[-1].residual - e.residual
+        model = pair_model(change, e.jacobian * e.prior_std[: e.nominal, None], np.full(len(change), 1.0 / memory))
         both = np.r_[model.posterior().step, 1.0]
-        rest.append(memory * float(both @ model.products[0] @ both))
+        rest.append(memory * float(both @ model.products[0] @ both))  # that retuning does not take up
+        whole.append(float(change @ change))
+    chi2 = np.array([model.variance[0] for model in models])
     left = np.maximum(chi2 - 1.0, 0.0) * likelihood.samples / np.maximum(rest, 1e-9)
-    share, error = np.array(rest) / np.maximum(np.sum(changes**2, axis=1), 1e-9), np.minimum(np.sqrt(left), LAW)
-    taken = np.array(rest) / (memory * chi2)
-    return Contest(problem, likelihood, tuple(found), robots, bare, spreads, chi2, taken, share, error)
+    return Contest(
+        problem,
+        likelihood,
+        explanations=tuple(found),
+        robots=np.array([e.robot for e in found]),
+        bare=np.array([e.robot for e in bare]),
+        spreads=tuple(np.linalg.cholesky(model.posterior().covariance) for model in models),
+        chi2=chi2,
+        taken=np.array(rest) / (memory * chi2),
+        own=np.array(rest) / np.maximum(whole, 1e-9),
+        error=np.minimum(np.sqrt(left), LAW),
+    )
 
 
 def pair_model(difference: np.ndarray, columns: np.ndarray, weights: np.ndarray) -> LinearModel:
@@ -271,7 +274,9 @@ def information(contest: Contest, reference: np.ndarray) -> Information | None:
     rows, bare = likelihood.residual(contest.robots), likelihood.residual(contest.bare)
     columns, missed = [], []
     for e, spread, residual in zip(contest.explanations, contest.spreads, rows, strict=True):
-        columns.append(derivatives(likelihood, e, spread, residual))
+        jacobian = nominal_jacobian(likelihood, e.at_nominal, e.parameters[: e.nominal], e.x[: e.nominal], residual)
+        here = replace(e, residual=residual, jacobian=jacobian)
+        columns.append(spread.T @ whole_jacobian(likelihood, here))
         missed.append(nonlinearity(likelihood, e, spread, residual, columns[-1]))
     if not all(np.isfinite(part).all() for part in (rows, bare, *missed, *columns)):
         return None
@@ -281,17 +286,6 @@ def information(contest: Contest, reference: np.ndarray) -> Information | None:
         models[i, j] = pair_model(rows[j] - rows[i], columns[j], 1.0 / variance)
     power = contest.own * np.sum((bare - rows) ** 2, axis=1) / (likelihood.memory * contest.chi2)
     return Information(models, contest.taken + power, contest)
-
-
-def derivatives(likelihood: Likelihood, e: Explanation, spread: np.ndarray, residual: np.ndarray) -> np.ndarray:
-    """Derivatives (directions, samples) of the residual (samples,) of an explanation along `spread`'s columns."""
-    scale = np.array([p.scale for p in e.parameters])[:, None]
-    steps = STEP / np.maximum(np.abs(spread / scale).max(axis=0), 1e-12)
-    low, high = e.bounds
-    ahead = e.x + (spread * steps).T
-    steps = np.where(((ahead < low) | (ahead > high)).any(axis=1), -steps, steps)
-    moved = e.at_each(likelihood, [*np.clip(e.x + (spread * steps).T, low, high)])
-    return (np.array([one.residual for one in moved]) - residual) / steps[:, None]
 
 
 def nonlinearity(

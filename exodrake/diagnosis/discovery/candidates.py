@@ -11,7 +11,7 @@ only where it is at least as likely as the free curve.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -19,10 +19,10 @@ import numpy as np
 
 from exodrake.compiled.compose import compile_machine
 from exodrake.compiled.inputs import NOTHING, NoiseInputs, input_rows
-from exodrake.core.machine import Machine, signal_count, state_size
+from exodrake.core.machine import signal_count, state_size
 from exodrake.core.parallel import side_by_side
 from exodrake.core.part import HYSTERESIS, RELAXATION, FreeLaw
-from exodrake.diagnosis.discovery.law_code import COUNTS, SIZE, WATCHED, LawPoint
+from exodrake.diagnosis.discovery.law_code import SIZE, LawPoint
 from exodrake.diagnosis.linear import RIDGE, Reduced
 from exodrake.diagnosis.problem import Problem, Trial
 
@@ -72,15 +72,64 @@ class Candidate:
         return at, np.minimum(ratio, 1.0) if self.form.kind == HYSTERESIS else np.exp(-ratio)
 
 
+def run_watches(
+    problem: Problem, values: np.ndarray, settings: Mapping[str, Mapping[str, float | np.ndarray]]
+) -> dict[str, dict[str, np.ndarray]]:
+    """States of watches at the ends of all fitted trials, which a robot runs in closed loop without noise.
+
+    Args:
+        problem: the case.
+        values: (parameters,) of the robot.
+        settings: id of each law to be watched -> parameters of its watch.
+
+    Returns:
+        The same id -> name of a state -> (trials, channels).
+    """
+    machine, row = problem.robot.machine, values.copy()
+    module = compile_machine(machine)
+    for identity, given in settings.items():
+        for name, value in given.items():
+            row[[*machine.effect_indices(f"{identity}_watch", name).values()]] = value
+
+    def end_state(trial: Trial) -> np.ndarray:
+        n, state, w = len(trial.reference), np.zeros(state_size(machine)), np.zeros(signal_count(machine))
+        noise = NoiseInputs.draw(n, None, machine)
+        noise |= {name: given[:n] for name, given in trial.latent.items()}
+        module.begin(row, state)
+        given = input_rows(machine, trial.reference, noise).values()
+        module.run(row, state, w, *given, machine.slot, 1, np.zeros((n, len(w))), NOTHING, NOTHING)
+        return state
+
+    ends = np.array(side_by_side([partial(end_state, trial) for trial in problem.fit]))
+    found, at = {identity: dict[str, np.ndarray]() for identity in settings}, 0
+    for part in machine.parts:
+        at += machine.part_size(part)[0]
+        for effect in machine.effects_on(part):
+            for state in effect.states:
+                width = machine.width(state.axis)
+                if (law := effect.id.removesuffix("_watch")) != effect.id and law in found:
+                    found[law][state.name] = ends[:, at : at + width]
+                at += width * state.width
+    return found
+
+
 def list_candidates(problem: Problem, values: np.ndarray, laws: Sequence[LawPoint]) -> list[Candidate]:
     """All laws that may be missing at some points, where a robot `values` (parameters,) with watches runs a case."""
-    machine, ranges = problem.robot.machine, measure_ranges(problem, values, laws)
-    longest, found = max(len(trial.reference) for trial in problem.fit) * machine.frame, []
+    machine, found = problem.robot.machine, list[Candidate]()
+    longest = max(len(trial.reference) for trial in problem.fit) * machine.frame
+    ranges: dict[
+        tuple[str, int], tuple[np.ndarray, np.ndarray]
+    ] = {}  # (channels,) each, of variables that are computed
+    for k in range(1, max((len(law.forms) for law in laws), default=-1) + 2):
+        settings = {law.identity: {"form": float(k)} for law in laws if k <= len(law.forms) + 1}
+        for identity, states in run_watches(problem, values, settings).items():
+            if states["started"].any():
+                low, high = states["low_seen"].min(axis=0), states["high_seen"].max(axis=0)
+                ranges[identity, k] = low, np.where(high > low, high, low + 1e-9)
     for law, k, form in ((one, k, form) for one in laws for k, form in enumerate(one.forms, 1)):
-        here, value = ranges.get((law.identity, k)), ranges.get((law.identity, len(law.forms) + 1))
-        if here is None or value is None:
+        if not {(law.identity, k), (law.identity, len(law.forms) + 1)} <= set(ranges):
             continue
-        (low, high), (least, most) = here, value
+        (low, high), (least, most) = ranges[law.identity, k], ranges[law.identity, len(law.forms) + 1]
         # plausible weights: the range of the value that passes, over that of the factor
         size = np.maximum(most - least, 0.5 * np.maximum(abs(least), abs(most)))
         size = np.maximum(size, 0.1 * max(float(size.max()), 1e-6))
@@ -97,86 +146,14 @@ def list_candidates(problem: Problem, values: np.ndarray, laws: Sequence[LawPoin
             knots = np.linspace(low, low + span, SIZE).T
         if form.kind != RELAXATION and form.factor not in ("", "-1.0") and form.factor.isidentifier():
             size = np.ones(len(size))
-        channels = machine.axes.of(law.point.axis)
-        found.append(Candidate(law, k, channels, knots, MODEST * size, prior_basis(form), low, high))
+        # modes of the prior of the weights: smooth curves (a Gaussian process), or independent elements
+        basis = np.eye(SIZE)[:, [1, 3, 5, 7, 0, 2, 4, 6]]
+        if form.is_curve:
+            apart = np.sqrt(3.0) * abs(np.subtract.outer(np.arange(SIZE), np.arange(SIZE))) / (SIZE - 1) / LENGTH
+            variances, vectors = np.linalg.eigh(1.0 + (1.0 + apart) * np.exp(-apart))  # a constant, and Matern 3/2
+            basis = (vectors * np.sqrt(variances))[:, ::-1]
+        found.append(Candidate(law, k, machine.axes.of(law.point.axis), knots, MODEST * size, basis, low, high))
     return found
-
-
-def prior_basis(form: FreeLaw) -> np.ndarray:
-    """Modes (8, 8) of the prior of the weights: smooth curves (a Gaussian process), or independent elements."""
-    if not form.is_curve:
-        return np.eye(SIZE)[:, [1, 3, 5, 7, 0, 2, 4, 6]]
-    apart = np.sqrt(3.0) * abs(np.subtract.outer(np.arange(SIZE), np.arange(SIZE))) / (SIZE - 1) / LENGTH
-    values, vectors = np.linalg.eigh(1.0 + (1.0 + apart) * np.exp(-apart))  # a constant, and Matern 3/2
-    return (vectors * np.sqrt(values))[:, ::-1]
-
-
-def indices(machine: Machine, identity: str, name: str) -> np.ndarray:
-    """Indices (channels,) of a parameter of an effect in the flat parameter vector."""
-    return np.array([*machine.effect_indices(identity, name).values()])
-
-
-def state_places(machine: Machine, identity: str) -> dict[str, np.ndarray]:
-    """Indices (channels,) of each state of an effect in the flat state."""
-    at = 0
-    for part in machine.parts:
-        at += machine.part_size(part)[0]
-        for effect in machine.effects_on(part):
-            found = {}
-            for state in effect.states:
-                width = machine.width(state.axis)
-                found[state.name] = np.arange(at, at + width)
-                at += width * state.width
-            if effect.id == identity:
-                return found
-    raise KeyError(identity)
-
-
-def end_states(problem: Problem, values: np.ndarray) -> np.ndarray:
-    """Flat states (trials, n) at the ends of all fitted trials, which a robot runs in closed loop without noise."""
-    machine = problem.robot.machine
-    module = compile_machine(machine)
-
-    def end_state(trial: Trial) -> np.ndarray:
-        n, state, w = len(trial.reference), np.zeros(state_size(machine)), np.zeros(signal_count(machine))
-        noise = NoiseInputs.draw(n, None, machine)
-        noise |= {name: given[:n] for name, given in trial.latent.items()}
-        module.begin(values, state)
-        given = input_rows(machine, trial.reference, noise).values()
-        module.run(values, state, w, *given, machine.slot, 1, np.zeros((n, len(w))), NOTHING, NOTHING)
-        return state
-
-    return np.array(side_by_side([partial(end_state, trial) for trial in problem.fit]))
-
-
-def measure_ranges(
-    problem: Problem, values: np.ndarray, laws: Sequence[LawPoint]
-) -> dict[tuple[str, int], tuple[np.ndarray, np.ndarray]]:
-    """Range (channels,), (channels,) of the variable of each form of each law that is ever computed.
-
-    One number above all forms stands for what is as large as the law.
-    """
-    found, machine = {}, problem.robot.machine
-    for k in range(1, max((len(law.forms) for law in laws), default=-1) + 2):
-        here, row = [law for law in laws if k <= len(law.forms) + 1], values.copy()
-        for law in here:
-            row[indices(machine, f"{law.identity}_watch", "form")] = k
-        states = end_states(problem, row)
-        for law in here:
-            at = state_places(machine, f"{law.identity}_watch")
-            low, high = states[:, at["low_seen"]].min(axis=0), states[:, at["high_seen"]].max(axis=0)
-            if np.any(states[:, at["started"]]):
-                found[law.identity, k] = low, np.where(high > low, high, low + 1e-9)
-    return found
-
-
-def count_values(problem: Problem, values: np.ndarray, candidate: Candidate) -> np.ndarray:
-    """Histogram (channels, bins) of a law's variable over its range, where a robot `values` (parameters,) runs."""
-    machine, row, watch = problem.robot.machine, values.copy(), f"{candidate.law.identity}_watch"
-    for name, value in zip(("form", *WATCHED), (candidate.number, candidate.low, candidate.high), strict=True):
-        row[indices(machine, watch, name)] = value
-    at, states = state_places(machine, watch), end_states(problem, row)
-    return np.array([states[:, at[c]].sum(axis=0) for c in COUNTS]).T
 
 
 def find_terms(candidate: Candidate) -> Iterator[tuple[str, np.ndarray]]:
@@ -187,32 +164,29 @@ def find_terms(candidate: Candidate) -> Iterator[tuple[str, np.ndarray]]:
         for i in range(SIZE):
             yield f"{word}(u; {float(np.median(u[:, i])):.2g} {unit})", np.tile(np.eye(SIZE)[i], (len(u), 1))
         return
-    for text, function in curve_terms(float(u.min()), float(u.max())):
+    low, high = float(u.min()), float(u.max())
+    largest = max(abs(low), abs(high))
+    signed = low < -0.05 * largest
+    terms: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+        "1": np.ones_like, "u": lambda u: u, "u^2": lambda u: u**2, "u^3": lambda u: u**3,
+    }  # fmt: skip
+    if signed:
+        terms |= {"sign(u)": np.sign, "|u|": abs, "u |u|": lambda u: u * abs(u)}
+    for c in (w * largest for w in WIDTHS):
+        name = f"exp(-|u| / {c:.2g}) sign(u)" if signed else f"exp(-u / {c:.2g})"
+        terms[name] = lambda u, c=c: np.exp(-abs(u) / c) * np.sign(u) if signed else np.exp(-u / c)
+        terms[f"tanh(u / {c:.2g})"] = lambda u, c=c: np.tanh(u / c)
+        terms[f"sin(u / {c:.2g})"] = lambda u, c=c: np.sin(u / c)
+    for c in (low + b * (high - low) for b in BENDS):
+        terms[f"max(0, u - {c:.2g})"] = lambda u, c=c: np.maximum(0.0, u - c)
+        terms[f"max(0, {c:.2g} - u)"] = lambda u, c=c: np.maximum(0.0, c - u)
+    for text, function in terms.items():
         curves = []
         for knots in u:  # the curve that is nearest to the function over the range of the knots
             at = np.linspace(knots[0], knots[-1], GRID)
             hats = np.array([np.interp(at, knots, one) for one in np.eye(SIZE)]).T
             curves.append(np.linalg.lstsq(hats, np.broadcast_to(function(at), at.shape), rcond=None)[0])
         yield text, np.array(curves)
-
-
-def curve_terms(low: float, high: float) -> Iterator[tuple[str, Callable[[np.ndarray], np.ndarray]]]:
-    """Terms of a curve over a range, by their text."""
-    largest = max(abs(low), abs(high))
-    yield from (("1", np.ones_like), ("u", lambda u: u), ("u^2", lambda u: u**2), ("u^3", lambda u: u**3))
-    signed = low < -0.05 * largest
-    if signed:
-        yield from (("sign(u)", np.sign), ("|u|", abs), ("u |u|", lambda u: u * abs(u)))
-    for c in (w * largest for w in WIDTHS):
-        if signed:
-            yield f"exp(-|u| / {c:.2g}) sign(u)", lambda u, c=c: np.exp(-abs(u) / c) * np.sign(u)
-        else:
-            yield f"exp(-u / {c:.2g})", lambda u, c=c: np.exp(-u / c)
-        yield f"tanh(u / {c:.2g})", lambda u, c=c: np.tanh(u / c)
-        yield f"sin(u / {c:.2g})", lambda u, c=c: np.sin(u / c)
-    for c in (low + b * (high - low) for b in BENDS):
-        yield f"max(0, u - {c:.2g})", lambda u, c=c: np.maximum(0.0, u - c)
-        yield f"max(0, {c:.2g} - u)", lambda u, c=c: np.maximum(0.0, c - u)
 
 
 def find_formulas(

@@ -24,8 +24,9 @@ from exodrake.core.plain import plain
 from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.core.robot import Robot
 from exodrake.diagnosis.closure import measure
-from exodrake.diagnosis.discovery.candidates import Candidate, count_values, find_formulas, indices, list_candidates
+from exodrake.diagnosis.discovery.candidates import Candidate, find_formulas, list_candidates, run_watches
 from exodrake.diagnosis.discovery.law_code import (
+    COUNTS,
     KNOTS,
     SIZE,
     WEIGHTS,
@@ -114,6 +115,15 @@ class MissingLaw:
         return plain({name: value for name, value in vars(self).items() if name not in ("robot", "text")})
 
 
+class Screened(NamedTuple):
+    """A law as the linear model predicts it."""
+
+    gain: float  # of log evidence [nats]
+    candidate: Candidate
+    scales: np.ndarray  # (channels,) of its prior
+    x: np.ndarray  # coordinates, those of the parameters beside it first
+
+
 @dataclass(frozen=True, eq=False)
 class LawFit:
     """A law fitted through the simulation."""
@@ -150,11 +160,6 @@ class LawFit:
         found[self.active] = self.explanation.x[self.beside :].reshape(-1, SIZE)
         return found
 
-    @property
-    def weights(self) -> np.ndarray:
-        """Weights of the law (channels, 8)."""
-        return self.candidate.size[:, None] * (self.modes @ self.candidate.basis.T)
-
     @cached_property
     def model(self) -> LinearModel:
         """The linear model about the fit."""
@@ -184,31 +189,37 @@ def discover(
         who = accepted.explanation.name if accepted.effects else "retuning"
         return MissingLaw(False, f"what {who} leaves is negligible: no law is missing")
     progress(Stage.LINEARISE, "free laws")
-    bare = problem.robot.machine
-    machine = add_laws(bare)
+    machine = add_laws(problem.robot.machine)
     whole = replace(found.whole, robot=robot_on(found.whole.robot, machine))
-    laws = [law for law in get_laws(bare) if not blocks or law.block in blocks]
-    groups: list[tuple[Likelihood, Explanation, list[Candidate], list[LawFit]]] = []
+    laws = [law for law in get_laws(problem.robot.machine) if not blocks or law.block in blocks]
+    groups: list[tuple[Likelihood, Explanation, int, list[LawFit]]] = []
     for known in {id(f): f for f in (accepted, found.retuned)}.values():
         likelihood, base = put_on(machine, found.likelihood, known.explanation)
         tried = list_candidates(whole, base.robot, laws)
         screened = sorted(side_by_side([partial(screen, likelihood, base, c) for c in tried]), key=lambda s: -s.gain)
-        groups.append((likelihood, base, tried, fit_best(likelihood, base, screened, progress)))
+        groups.append((likelihood, base, len(tried), fit_best(likelihood, base, screened, progress)))
     memory = min((fit.model.memory for *_, fits in groups for fit in fits), default=1.0)
     evidence = [max((fit.evidence(memory) for fit in fits), default=-np.inf) for *_, fits in groups]
     likelihood, base, tried, fits = groups[int(np.argmax(evidence))]
     if not fits:
         return MissingLaw(False, "the logs are as likely without any law as with one", p_noise=1.0)
     fits.sort(key=lambda fit: -fit.evidence(memory))
-    shares = [share_removed(likelihood, base, fit.explanation) for fit in fits]
-    order = rank(fits, shares)
-    fits, shares = [fits[k] for k in order], [shares[k] for k in order]
-    fitted = [(fit.candidate.law.learned, fit.candidate.form.words) for fit in fits]
-    others = tuple(Runner(*names, share) for names, share in zip(fitted, shares, strict=True))
+    before = np.maximum(likelihood.chi2(base.residual) - 1.0, 0.0)
+    wide = before > NEGLIGIBLE**2
+    after = [np.maximum(likelihood.chi2(fit.explanation.residual) - 1.0, 0.0) for fit in fits]
+    shares = [float(np.mean(1.0 - left[wide] / before[wide])) if wide.any() else 0.0 for left in after]
+    # the memory of a reading imitates any cause: a law that removes as much, but for errors of laws, goes before it
+    causes = [k for k, share in enumerate(shares) if not fits[k].is_memory and share >= (1.0 - LAW) * shares[0]]
+    if fits[0].is_memory and causes:
+        fits.insert(0, fits.pop(causes[0]))
+        shares.insert(0, shares.pop(causes[0]))
+    others = tuple(
+        Runner(f.candidate.law.learned, f.candidate.form.words, s) for f, s in zip(fits, shares, strict=True)
+    )
     best, memory, rest = fits[0], fits[0].model.memory, base.name if base.effects else "retuning"
     gain = best.evidence(memory) - replace(linear_model(likelihood, base), memory=memory).evidence()
     # evidence exceeds exp(g) times that of no law with probability exp(-g) at most (Markov); any of those tried may
-    p = float(min(1.0, len(tried) * len(SCALES) * np.exp(-gain)))
+    p = float(min(1.0, tried * len(SCALES) * np.exp(-gain)))
     if p > ALPHA:
         reason = f"no law takes up more than noise lets one (p = {p:.2g})"
         return MissingLaw(False, reason, p_noise=p, others=others)
@@ -216,20 +227,35 @@ def discover(
         reason = f"the best law, {best.candidate.name}, removes only {shares[0]:.0%} of what {rest} leaves"
         return MissingLaw(False, reason, p_noise=p, others=others)
     progress(Stage.CLOSURE, best.candidate.name)
-    best = fit_whole_logs(drop_needless(best), whole)
-    candidate, weights = best.candidate, best.weights
+    for effect in best.explanation.effects:  # without those that no longer earn their place beside it
+        start = without(best.likelihood, best.explanation, effect)
+        trial = replace(best, explanation=minimise(best.likelihood.scaled_to(start.residual), start))
+        if best.evidence(best.model.memory) - trial.evidence(best.model.memory) < NATS:
+            best = trial
+    # on whole logs, until no step with a new Jacobian of the other parameters leads further
+    on_whole = best.likelihood.on(whole)
+    e = best.explanation.at(on_whole, best.explanation.x)
+    e = replace(e, jacobian=np.zeros((e.nominal, len(e.residual)), dtype=np.float32))
+    for _ in range(ROUNDS):
+        e = settle(on_whole, e, np.ones(e.nominal, dtype=bool))
+    best = replace(best, explanation=e, likelihood=on_whole)
+    candidate, robot = best.candidate, best.explanation.robot
+    weights = candidate.size[:, None] * (best.modes @ candidate.basis.T)
     rival = next((k for k, fit in enumerate(fits) if fit.block != best.block), None)
-    ahead = 1.0 if rival is None else lead(shares[0], shares[rival])
-    rows = np.array([values_on(found.whole.silent(), bare, machine), base.robot, best.explanation.robot])
-    curves = draw_curves(best, count_values(whole, base.robot, candidate))
+    # share of what the runner-up leaves that the law takes up; below 0 a fit ended early: with no law at all it is 0
+    lead = 1.0 if rival is None else 1.0 - (1.0 - shares[0]) / max(1.0 - max(shares[rival], 0.0), 1e-9)
+    watched = {"form": float(candidate.number), "low": candidate.low, "high": candidate.high}
+    states = run_watches(whole, base.robot, {candidate.law.identity: watched})[candidate.law.identity]
+    curves = draw_curves(best, weights, np.array([states[c].sum(axis=0) for c in COUNTS]).T)
     short = {name: curve.formula for name, curve in curves.items() if curve.formula}
     strongest = int(abs(weights).max(axis=1).argmax())
     at = candidate.knots[strongest], weights[strongest]
     text = effect_text(candidate.law, candidate.form, *at, problem.case.name, short)
+    bare, nominal = found.whole.robot, found.whole.silent()
+    rows = np.array([values_on(nominal, bare.machine, machine), base.robot, robot])
     # the robot with the law as an effect, noise and resolutions as they were
-    values = best.explanation.robot[[machine.index[p.name] for p in bare.parameters]]
-    values = np.where(values != replace(found.whole, detected=()).silent(), values, found.whole.robot.values)
-    robot = replace(found.whole.robot, values=values)
+    values = robot[[machine.index[p.name] for p in bare.machine.parameters]]
+    values = np.where(values != replace(found.whole, detected=()).silent(), values, bare.values)
     return MissingLaw(
         found=True,
         reason=f"a free law of {others[0].words} at {candidate.law.key} removes {shares[0]:.0%} of what {rest} leaves",
@@ -240,13 +266,13 @@ def discover(
         share=shares[0],
         p_noise=p,
         runner_up=None if rival is None else others[rival],
-        lead=ahead,
-        distinguished=ahead > LEAD,
+        lead=lead,
+        distinguished=lead > LEAD,
         others=others,
         curves=curves,
         closure=measure(whole, [rows] * len(whole.judged)).effect,
         held_out=bool(whole.holdout),
-        robot=robot_with(robot, text, candidate.channels, candidate.knots, weights),
+        robot=robot_with(replace(bare, values=values), text, candidate.channels, candidate.knots, weights),
         text=text,
     )
 
@@ -263,26 +289,15 @@ def put_on(machine: Machine, likelihood: Likelihood, e: Explanation) -> tuple[Li
     return likelihood, e.change(parameters=parameters, values=values_on(e.values, before, machine))
 
 
-class Screened(NamedTuple):
-    """A law as the linear model predicts it."""
-
-    gain: float  # of log evidence [nats]
-    candidate: Candidate
-    scales: np.ndarray  # (channels,) of its prior
-    x: np.ndarray  # coordinates, those of the parameters beside it first
-
-
 def screen(likelihood: Likelihood, base: Explanation, candidate: Candidate) -> Screened:
     """A candidate by the linear model about a robot without it."""
-    count, channels = len(base.x), len(candidate.channels)
+    channels = len(candidate.channels)
     with_it = join_law(likelihood.robot.machine, base, candidate, np.ones(channels), MODES)
     moved = with_it.at_each(likelihood, [np.r_[base.x, unit] for unit in np.eye(MODES * channels)])
     directions = np.array([e.residual for e in moved]) - base.residual
-    rows = np.concatenate([whole_jacobian(likelihood, base), directions, base.residual[None]])
-    flat, (low, high) = np.zeros(len(directions)), base.bounds - base.x
-    ends = np.r_[low, flat - np.inf], np.r_[high, flat + np.inf]
-    prior = (np.r_[-base.x, flat], np.r_[1.0 / base.prior_std**2, flat], *ends)
-    reduced = LinearModel.of_rows(rows, likelihood.blocks, prior, likelihood.memory).eliminate(count)
+    columns, memory = whole_jacobian(likelihood, base), likelihood.memory
+    model = LinearModel.with_directions(base, columns, directions, likelihood.blocks, memory)
+    reduced = model.eliminate(len(base.x))
     scales, found, gain = weigh_scales(reduced.normal, reduced.slope, np.repeat(np.arange(channels), MODES))
     modes = np.zeros((channels, SIZE))
     modes[:, :MODES] = found.reshape(channels, MODES)
@@ -314,7 +329,8 @@ def join_law(
     machine: Machine, base: Explanation, candidate: Candidate, scales: np.ndarray, modes: int = SIZE
 ) -> Explanation:
     """An explanation with the first modes of a law, at weights of 0; scales: (channels,) of their prior, 0 for none."""
-    at = {name: indices(machine, candidate.law.identity, name) for name in ("form", *KNOTS, *WEIGHTS)}
+    law = candidate.law.identity
+    at = {name: np.array([*machine.effect_indices(law, name).values()]) for name in ("form", *KNOTS, *WEIGHTS)}
     values, parameters, active = base.values.copy(), list(base.parameters), np.flatnonzero(scales)
     values[at["form"][active]] = float(candidate.number)
     for knot, name in zip(candidate.knots.T, KNOTS, strict=True):
@@ -368,54 +384,8 @@ def fit_best(
     return side_by_side([partial(fit_law, f) for f in wanted])
 
 
-def share_removed(likelihood: Likelihood, base: Explanation, e: Explanation) -> float:
-    """Share of what an explanation leaves above noise that another removes, the mean of the views that have any."""
-    before, after = (np.maximum(likelihood.chi2(one.residual) - 1.0, 0.0) for one in (base, e))
-    wide = before > NEGLIGIBLE**2
-    return float(np.mean(1.0 - after[wide] / before[wide])) if wide.any() else 0.0
-
-
-def lead(share: float, other: float) -> float:
-    """Share of what another law leaves above noise that a law takes up; both of which remove a share of the excess.
-
-    A share below 0 is that of a fit that ended early: with no law at all it is 0.
-    """
-    return 1.0 - (1.0 - share) / max(1.0 - max(other, 0.0), 1e-9)
-
-
-def rank(fits: Sequence[LawFit], shares: Sequence[float]) -> list[int]:
-    """Order of fits of falling evidence; the memory of a reading, which imitates any cause, behind another law.
-
-    That law removes as much but for errors of laws.
-    """
-    order = list(range(len(fits)))
-    causes = [k for k in order if not fits[k].is_memory and shares[k] >= (1.0 - LAW) * shares[0]]
-    return [causes[0], *(k for k in order if k != causes[0])] if causes and fits[0].is_memory else order
-
-
-def drop_needless(fit: LawFit) -> LawFit:
-    """A law without the effects beside it that no longer earn their place."""
-    for effect in fit.explanation.effects:
-        start = without(fit.likelihood, fit.explanation, effect)
-        trial = replace(fit, explanation=minimise(fit.likelihood.scaled_to(start.residual), start))
-        memory = fit.model.memory
-        if fit.evidence(memory) - trial.evidence(memory) < NATS:
-            fit = trial
-    return fit
-
-
-def fit_whole_logs(fit: LawFit, whole: Problem) -> LawFit:
-    """A law fitted to whole logs, `ROUNDS` times with new derivatives by the other parameters."""
-    likelihood = fit.likelihood.on(whole)
-    e = fit.explanation.at(likelihood, fit.explanation.x)
-    e = replace(e, jacobian=np.zeros((e.nominal, len(e.residual)), dtype=np.float32))
-    for _ in range(ROUNDS):
-        e = settle(likelihood, e, np.ones(e.nominal, dtype=bool))
-    return replace(fit, explanation=e, likelihood=likelihood)
-
-
-def draw_curves(fit: LawFit, counts: np.ndarray) -> dict[str, Curve]:
-    """The law in each channel, with its 90 % band and the histogram of its variable, counts (channels, bins)."""
+def draw_curves(fit: LawFit, weights: np.ndarray, counts: np.ndarray) -> dict[str, Curve]:
+    """The law in each channel with its 90 % band; weights (channels, 8), histogram `counts` (channels, bins) of u."""
     candidate, model, found = fit.candidate, fit.model, {}
     samples, own = float(model.effective.sum()), fit.modes[fit.active].ravel()
     short = find_formulas(candidate, fit.active, model.eliminate(fit.beside), own, fit.scales[fit.active], samples)
@@ -425,7 +395,7 @@ def draw_curves(fit: LawFit, counts: np.ndarray) -> dict[str, Curve]:
         place = slice(i * SIZE, (i + 1) * SIZE)
         to_values = shape[channel] @ (candidate.size[channel] * candidate.basis)
         half = NORMAL_90 * np.sqrt(np.einsum("ij,jk,ik->i", to_values, covariance[place, place], to_values))
-        value, name = shape[channel] @ fit.weights[channel], candidate.channels[channel]
+        value, name = shape[channel] @ weights[channel], candidate.channels[channel]
         edges = np.linspace(candidate.low[channel], candidate.high[channel], counts.shape[1] + 1)
         share = counts[channel] / max(float(counts[channel].sum()), 1.0)
         found[name] = Curve(at[channel], value, value - half, value + half, edges, share, short.get(name, ""))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import inspect
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from textwrap import wrap
@@ -50,6 +50,18 @@ from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.part import State
 from exodrake.effects.law_table import {functions}
 '''
+DEFINITION = """{name} = Effect(
+    id="{identity}",
+    summary={summary!r},
+    signature="none of its own",
+    source={source!r},
+    at={{{at}}},
+    parameters=(
+        {parameters},
+    ),
+{more}    family="law",
+    not_tried="a free law, which `--discover` tries",
+)"""
 DRAGGED = "dragged(speed, law * mobility)"  # dry friction never turns a stop into a push
 VALUE = "{value}"  # the point's own value, whose name differs between parts
 # of the points that are standard ones (`Point.standard`): forces and losses of what slides, and readings
@@ -75,6 +87,16 @@ STANDARD = {
     "signal.delivered": (),
 }
 AS_LARGE = {"sliding.braked": "load"}  # what is as large as the law may be, where the value of the point is not
+SWITCH = "present"  # of the fitted law; that of a search is `form`
+NOTE = (
+    "A free law that `exodrake diagnose` found: present = 1 puts it in, 0 is the robot without it. The values here are "
+    "those of the strongest channel; those of each one are in the robot file beside this folder."
+)
+SHAPES = {
+    HYSTERESIS: "k1 .. k8 are reaches [{unit}] of stop operators and w1 .. w8 their weights.",
+    RELAXATION: "k1 .. k8 are time constants [s] of Maxwell elements and w1 .. w8 their weights.",
+}
+CURVES = "k1 .. k8 are knots [{unit}] and w1 .. w8 the values of the curve there."
 
 
 @dataclass(frozen=True)
@@ -97,11 +119,6 @@ class LawPoint:
     def block(self) -> str:
         """Block of the robot that it acts in."""
         return self.identity.split(".")[0]
-
-    @property
-    def value(self) -> str:
-        """Name of the value that passes its point."""
-        return self.arguments[self.point.name][0]
 
 
 def law_points(machine: Machine) -> Iterator[LawPoint]:
@@ -129,13 +146,8 @@ def get_laws(machine: Machine) -> list[LawPoint]:
     return list({law.identity: law for law in law_points(machine)}.values())
 
 
-def join(names: Iterable[str]) -> str:
-    """Names with commas."""
-    return ", ".join(names)
-
-
 def write_effect(
-    law: LawPoint, name: str, summary: str, parameters: Iterable[str], source: str, watch: bool = False,
+    law: LawPoint, name: str, summary: str, parameters: Sequence[str], source: str, watch: bool = False,
     switch: str = "form",
 ) -> str:  # fmt: skip
     """Source of the effect of a law: its functions at all its points, and its definition; `parameters`: source of each.
@@ -143,94 +155,88 @@ def write_effect(
     Its first parameter, `switch`, is the number of a form. A watch keeps range and counts of the variable of a form
     instead, and of the law's scale for one number more.
     """
-    forms, own, value = dict(enumerate(law.forms, 1)), law.point.name, law.value
+    own, value = law.point.name, law.arguments[law.point.name][0]
     advances = dict.fromkeys(f.advances for f in law.forms if f.advances)  # points at which states of a form advance
-    here, elsewhere = own in advances, [point for point in advances if point != own]
-    bodies: dict[str, dict[int, list[str]]] = {own: {}, **{point: {} for point in elsewhere}}
-    rates = {k: f.rate for k, f in forms.items() if f.rate[0] and not watch}
+    elsewhere = [point for point in advances if point != own]
+    known, kept = (WATCHED, SEEN) if watch else ((*KNOTS, *WEIGHTS), ELEMENTS if advances else ())
+    filters = watch or own in advances
+    states = ", ".join(kept)
+    # of each point: bodies by form, and what it returns without one
+    cases: dict[str, dict[int, list[str]]] = {own: {}} | {point: {} for point in elsewhere}
+    ends = dict.fromkeys(elsewhere, states) | {own: f"{value}, {states}" if filters else value}
     if watch:
-        last, kept, known = ("watch",), SEEN, WATCHED
         count = [f"{c} + inside(u, low, high, {i}.0, {BINS}.0)" for i, c in enumerate(COUNTS)]
-        seen = join([*(f"u if started == 0.0 else {f}({f_seen}, u)" for f, f_seen in ENDS), *count])
-        for k, f in forms.items():
-            if f.advances in ("", own):
-                bodies[own][k] = [f"u = {f.variable}", f"return {value}, {seen}, place, 1.0"]
-            else:
-                u = f"place + {f.variable}" if f.moves else f.variable
-                bodies[f.advances][k] = [f"u = {u}", f"return {seen}, u, 1.0"]
-        bodies[own][len(forms) + 1] = [f"u = {law.scale}", f"return {value}, {seen}, place, 1.0"]
+        seen = ", ".join([*(f"u if started == 0.0 else {f}({end}, u)" for f, end in ENDS), *count, "u", "1.0"])
+        for k, f in enumerate(law.forms, 1):
+            moves = f.moves and f.advances != own
+            cases[f.advances or own][k] = [f"u = place + {f.variable}" if moves else f"u = {f.variable}"]
+        cases[own][len(law.forms) + 1] = [f"u = {law.scale}"]
+        for point, bodies in cases.items():
+            for body in bodies.values():
+                body.append(f"return {value}, {seen}" if point == own else f"return {seen}")
     else:
-        last, kept, known = (), ELEMENTS if advances else (), (*KNOTS, *WEIGHTS)
-        states = f", {join(ELEMENTS)}" if here else ""
-        for k, f in forms.items():
-            change = advance_elements(f, "period") if f.advances == own else []
-            computed = f"law = {f'{f.factor} * ' if f.factor else ''}{sum_elements(f)}"
-            bodies[own][k] = [*change, computed, f"return {f.result or f'{value} + law'}{states}"]
-            if f.advances not in ("", own):
-                bodies[f.advances][k] = [*advance_elements(f), f"return {join(ELEMENTS)}"]
-
-    def name_function(point: str) -> str:
-        return "__".join((law.key.replace(".", "__"), *(() if point == own else (point,)), *last))
-
-    def write_function(point: str, cases: dict[int, list[str]], default: str) -> str:
-        inputs = join((*law.arguments[point], switch, *known, *kept))
-        lines = [f"def {name_function(point)}({inputs}):", '    """Effect of the law, by its form."""']
-        for number, body in cases.items():
-            lines += [f"    if {switch} == {number}.0:", *(f"        {line}" for line in body)]
-        return "\n".join([*lines, f"    return {default}"])
-
-    found = []
-    for point, cases in bodies.items():
-        states = kept if point != own or watch or here else ()
-        found.append(write_function(point, cases, join([*([value] if point == own else []), *states])))
-    for k, (point, variable, result) in rates.items():
-        called = result.replace("slope", f"slope({variable}, {join(KNOTS)}, {join(WEIGHTS)})")
-        found.append(write_function(point, {k: [f"return {called}"]}, law.arguments[point][0]))
-    module = law.key.split(".")[0]
-    points = dict.fromkeys([*bodies, *(point for point, *_ in rates.values())])
-    at = join(f'"{module}.{point}": {name_function(point)}' for point in points)
-    lines = [f"{name} = Effect(", f'    id="{law.identity}{"_watch" if watch else ""}",', f"    summary={summary!r},"]
-    lines += ['    signature="none of its own",', f"    source={source!r},", f"    at={{{at}}},", "    parameters=("]
-    lines += [*(f"        {p}," for p in parameters), "    ),"]
-    if kept:
-        lines.append(f"    states=({join(f'State("{s}", "{law.point.axis}")' for s in kept)},),")
-    if elsewhere:
-        lines.append(f"    advances={tuple(f'{module}.{a}' for a in elsewhere)!r},")
-    if watch or here:
-        lines.append(f"    filters={(law.key,)!r},")
-    lines += ['    family="law",', '    not_tried="a free law, which `--discover` tries",', ")"]
-    return "\n\n\n".join([*found, "\n".join(lines)])
+        for k, f in enumerate(law.forms, 1):
+            here = f.advances == own
+            if f.is_curve:
+                total = f"curve({'s1' if f.kind == PLACE else f.variable}, {', '.join(known)})"
+            else:
+                divided = " / {k}" if f.kind == HYSTERESIS else ""
+                total = f"({' + '.join(fill_elements('{w} * {s}' + divided))})"
+            result = f"return {f.result or f'{value} + law'}{f', {states}' if filters else ''}"
+            change = advance_elements(f, "period" if here else "dt") if f.advances else []
+            cases[own][k] = [*(change if here else []), f"law = {f'{f.factor} * ' if f.factor else ''}{total}", result]
+            if change and not here:
+                cases[f.advances][k] = [*change, f"return {states}"]
+            if f.rate[0]:
+                point, variable, result = f.rate
+                called = result.replace("slope", f"slope({variable}, {', '.join(known)})")
+                cases.setdefault(point, {})[k] = [f"return {called}"]
+                ends.setdefault(point, law.arguments[point][0])
+    found, at, module = [], [], law.key.split(".")[0]
+    for point, bodies in cases.items():
+        full = "__".join((module, own, *([point] if point != own else []), *(["watch"] if watch else [])))
+        lines = [f"def {full}({', '.join((*law.arguments[point], switch, *known, *kept))}):"]
+        lines.append('    """Effect of the law, by its form."""')
+        for k, body in bodies.items():
+            lines += [f"    if {switch} == {k}.0:", *(f"        {line}" for line in body)]
+        found.append("\n".join([*lines, f"    return {ends[point]}"]))
+        at.append(f'"{module}.{point}": {full}')
+    axis = law.point.axis
+    more = [f"states=({', '.join(f'State("{s}", "{axis}")' for s in kept)},)"] if kept else []
+    more += [f"advances={tuple(f'{module}.{a}' for a in elsewhere)!r}"] if elsewhere else []
+    more += [f"filters={(law.key,)!r}"] if filters else []
+    definition = DEFINITION.format(
+        name=name, identity=f"{law.identity}_watch" if watch else law.identity, summary=summary, source=source,
+        at=", ".join(at), parameters=",\n        ".join(parameters), more="".join(f"    {line},\n" for line in more),
+    )  # fmt: skip
+    return "\n\n\n".join([*found, definition])
 
 
-def sum_elements(form: FreeLaw) -> str:
-    """f(u), or the sum of the elements."""
-    if form.is_curve:
-        return f"curve({'s1' if form.kind == PLACE else form.variable}, {join(KNOTS)}, {join(WEIGHTS)})"
-    divided = form.kind == HYSTERESIS
-    terms = zip(WEIGHTS, ELEMENTS[:SIZE], KNOTS, strict=True)
-    return "(" + " + ".join(f"{w} * {s}" + (f" / {k}" if divided else "") for w, s, k in terms) + ")"
+def fill_elements(text: str) -> list[str]:
+    """A text for each element of a law with memory: {s} its state, {k} its knot, {w} its weight."""
+    return [text.format(s=s, k=k, w=w) for s, k, w in zip(ELEMENTS[:SIZE], KNOTS, WEIGHTS, strict=True)]
 
 
-def advance_elements(form: FreeLaw, dt: str = "dt") -> list[str]:
-    """Lines that advance the elements of a law by the move of its variable."""
+def advance_elements(form: FreeLaw, dt: str) -> list[str]:
+    """Lines that advance the elements of a law by the move of its variable; dt: source of the time that it took."""
     step = {
-        PLACE: "{s} + change",
-        HYSTERESIS: "stop_operator({s}, change, {k})",
-        RELAXATION: "faded({s}, change, {dt}, {k})",
+        PLACE: "{s} = {s} + change",
+        HYSTERESIS: "{s} = stop_operator({s}, change, {k})",
+        RELAXATION: f"{{s}} = faded({{s}}, change, {dt}, {{k}})",
     }[form.kind]
     change = form.variable if form.moves else f"{form.variable} - last if started > 0.0 else 0.0"
-    lines = [f"{s} = {step.format(s=s, k=k, dt=dt)}" for s, k in zip(ELEMENTS[:SIZE], KNOTS, strict=True)]
-    return [f"change = {change}", *lines, f"last, started = {'0.0' if form.moves else form.variable}, 1.0"]
+    last = "0.0" if form.moves else form.variable
+    return [f"change = {change}", *fill_elements(step), f"last, started = {last}, 1.0"]
 
 
 def module_text(machine: Machine) -> str:
     """Source of all laws and watches of a machine."""
     summary = f"Free laws at the points of {machine.name}, made by exodrake."
-    pieces = [HEADER.format(summary=summary, functions=join(FUNCTIONS))]
+    pieces = [HEADER.format(summary=summary, functions=", ".join(FUNCTIONS))]
+    nulls = {n: float(i) for i, n in enumerate(KNOTS)} | dict.fromkeys(WEIGHTS, 0.0)
     for k, law in enumerate(law_points(machine)):
         ends = f'low=-1000000000.0, high=1000000000.0, axis="{law.point.axis}", fitted=False'
         form = f'EffectParameter("form", "-", null=0.0, {ends}, default=1.0)'
-        nulls = {n: float(i) for i, n in enumerate(KNOTS)} | dict.fromkeys(WEIGHTS, 0.0)
         own, seen = (
             [form, *(f'EffectParameter("{name}", "-", null={null!r}, {ends})' for name, null in each.items())]
             for each in (nulls, dict(zip(WATCHED, (0.0, 1.0), strict=True)))
@@ -250,10 +256,10 @@ def load_effects(text: str, name: str) -> tuple[Effect, ...]:
 def add_laws(machine: Machine) -> Machine:
     """The machine with its free laws and watches, after its own effects."""
 
-    def made() -> Machine:
+    def extend() -> Machine:
         return replace(machine, effects=(*machine.effects, *load_effects(module_text(machine), machine.name)))
 
-    return once(machine, "add_laws", made)
+    return once(machine, "add_laws", extend)
 
 
 def robot_on(robot: Robot, machine: Machine) -> Robot:
@@ -269,18 +275,6 @@ def values_on(values: np.ndarray, before: Machine, after: Machine) -> np.ndarray
     return out
 
 
-SWITCH = "present"
-NOTE = (
-    "A free law that `exodrake diagnose` found: present = 1 puts it in, 0 is the robot without it. The values here are "
-    "those of the strongest channel; those of each one are in the robot file beside this folder."
-)
-SHAPES = {
-    HYSTERESIS: "k1 .. k8 are reaches [{unit}] of stop operators and w1 .. w8 their weights.",
-    RELAXATION: "k1 .. k8 are time constants [s] of Maxwell elements and w1 .. w8 their weights.",
-}
-CURVES = "k1 .. k8 are knots [{unit}] and w1 .. w8 the values of the curve there."
-
-
 def effect_text(
     law: LawPoint, form: FreeLaw, knots: np.ndarray, weights: np.ndarray, case: str, formulas: dict[str, str]
 ) -> str:
@@ -289,6 +283,7 @@ def effect_text(
     formulas: channel -> plain formula, if there is one.
     """
     single, axis = replace(law, identity=law.learned, forms=(form,)), law.point.axis
+    value = law.arguments[law.point.name][0]
     each = 'null=k, low=-1e9, high=1e9, axis="{}", default=k, fitted=False) for i, k in enumerate({}, 1))'
     parameters = [
         f'EffectParameter("{SWITCH}", "-", null=0.0, low=0.0, high=1.0, axis="{axis}", default=1.0, fitted=False)',
@@ -299,12 +294,12 @@ def effect_text(
     constants = "\n".join(f"{name} = ({', '.join(f'{v:.6g}' for v in row)})" for name, row in rows.items())
     title = f"{form.words[0].upper()}{form.words[1:]}, found in the logs of {case}."
     equation = f"law = {form.factor + ' ' if form.factor else ''}f(u)      u = {form.variable}"
-    lines = [title, "", f"{law.value} -> {form.result or f'{law.value} + law'}      {equation}"]
+    lines = [title, "", f"{value} -> {form.result or f'{value} + law'}      {equation}"]
     lines += [f"{channel or 'here'}: {text}" for channel, text in formulas.items()]
     lines += ["", *wrap(f"{NOTE} {SHAPES.get(form.kind, CURVES).format(unit=form.unit)}", 110)]
     stated = f"{form.words}, found in logs", parameters, f"fitted to {case}"
     effect = write_effect(single, "EFFECT", *stated, switch=SWITCH)
-    used = join(n for n in FUNCTIONS if f"{n}(" in effect)
+    used = ", ".join(n for n in FUNCTIONS if f"{n}(" in effect)
     header = HEADER.format(summary="\n".join(lines) + "\n", functions=used)
     if not form.advances:
         header = header.replace("from exodrake.core.part import State\n", "")
