@@ -191,22 +191,20 @@ def read_table(path: str | Path) -> list[Row]:
     found = in_child(parse_rows, data, str(path), wanted, LATER, source=str(path), size=len(data))
 
     def read_cells(kind: type[Row] | type[Amount], values: Mapping[str, Any]) -> dict[str, Any]:
-        cells = {}
-        for name, what in ((f.name, f.type) for f in fields(kind) if f.type in ("str", "float")):
-            if values[name] is None and what == "str":
-                raise InputError(f"{path}: column {name!r}: a cell is empty, wanted text")
-            cells[name] = printable(values[name]) if what == "str" else to_float(values[name])
-        return cells
+        texts = {f.name: values[f.name] for f in fields(kind) if f.type == "str"}
+        if empty := next((name for name, cell in texts.items() if cell is None), None):
+            raise InputError(f"{path}: column {empty!r}: a cell is empty, wanted text")
+        numbers = {f.name: to_float(values[f.name]) for f in fields(kind) if f.type == "float"}
+        return {name: printable(cell) for name, cell in texts.items()} | numbers
 
     rows = []
     for values in found:
-        for name in ("effects", "amounts"):
-            if None in (values[name] or ()):
-                raise InputError(f"{path}: column {name!r}: an item is empty")
-        amounts = tuple(Amount(**read_cells(Amount, item)) for item in values["amounts"] or ())
-        more = {"effects": tuple(map(printable, values["effects"] or ())), "confirmed": values["confirmed"]}
-        date = values["date"] and values["date"].astimezone(UTC)
-        rows.append(Row(**read_cells(Row, values), **more, amounts=amounts, date=date))
+        effects, amounts = values["effects"] or (), values["amounts"] or ()
+        if empty := next((n for n, items in (("effects", effects), ("amounts", amounts)) if None in items), None):
+            raise InputError(f"{path}: column {empty!r}: an item is empty")
+        row = read_cells(Row, values) | {"effects": tuple(map(printable, effects)), "confirmed": values["confirmed"]}
+        row["amounts"] = tuple(Amount(**read_cells(Amount, item)) for item in amounts)
+        rows.append(Row(**row, date=values["date"] and values["date"].astimezone(UTC)))
     return sort_rows(rows)
 
 
@@ -232,8 +230,8 @@ class Trend:
 
 def find_trends(rows: Sequence[Row]) -> list[Trend]:
     """Trends of one robot's rows, the clearest change first; none with too few dated cases."""
-    dated, trends = [row for row in rows if row.date is not None], []
-    keys = dict.fromkeys((a.effect, a.parameter, a.channel, a.unit) for row in dated for a in row.amounts)
+    dated, trends = [(row, row.date) for row in rows if row.date is not None], []
+    keys = dict.fromkeys((a.effect, a.parameter, a.channel, a.unit) for row, _ in dated for a in row.amounts)
     series = [(key, *found) for key in keys if len((found := follow_amount(dated, key))[0]) >= LEAST]
     for (effect, parameter, channel, unit), times, values, absent in series:
         if np.isinf(null_value(effect, parameter)):
@@ -249,9 +247,7 @@ def find_trends(rows: Sequence[Row]) -> list[Trend]:
                 found = float(scan.p_values(values[:, None])[0])
             p = min(1.0, found * len(series))
             change = scan(values, np.random.default_rng(len(times))) if p < ALPHA else None
-        first = dated[0].date
-        assert first is not None
-        trends.append(Trend(rows[0].serial, effect, parameter, channel, unit, first, times, values, p, change))
+        trends.append(Trend(rows[0].serial, effect, parameter, channel, unit, dated[0][1], times, values, p, change))
     return sorted(trends, key=lambda t: (t.p, -(t.change.size if t.change else 0.0)))
 
 
@@ -262,22 +258,24 @@ def null_value(effect: str, parameter: str) -> float:
     return next((p.null for known in effects for p in known.parameters if p.name == parameter), 0.0)
 
 
-def follow_amount(rows: Sequence[Row], key: tuple[str, str, str, str]) -> tuple[np.ndarray, np.ndarray, bool]:
+def follow_amount(
+    rows: Sequence[tuple[Row, datetime]], key: tuple[str, str, str, str]
+) -> tuple[np.ndarray, np.ndarray, bool]:
     """Days since the first row, amplitudes (points,) of a cause, medians where there are too many, and any absence.
 
     Amplitudes are in their unit, or reciprocal where the null value is infinite.
     """
-    first, null, found, missed = rows[0].date, null_value(*key[:2]), [], False
-    for row in rows:
+    null, days, values, missed = null_value(*key[:2]), [], [], False
+    for row, date in rows:
         own = [a.value for a in row.amounts if (a.effect, a.parameter, a.channel, a.unit) == key]
         absent = row.verdict in (NO_GAP, RETUNE, NAMED) and not own
         if (own and row.verdict == NAMED) or absent:
             value = own[0] if own else null
-            value = 1.0 / value if np.isinf(null) and value != 0.0 else value
-            found.append(((row.date - first).total_seconds() / DAY, value))  # pyright: ignore
+            values.append(1.0 / value if np.isinf(null) and value != 0.0 else value)
+            days.append((date - rows[0][1]).total_seconds() / DAY)
             missed |= absent
-    table = np.array(found).reshape(-1, 2)
-    table = table[np.isfinite(table).all(axis=1)]
-    means = np.array([table[table[:, 0] == day].mean(axis=0) for day in np.unique(table[:, 0])]).reshape(-1, 2)
-    groups = [g for g in np.array_split(means, min(MOST, max(len(means), 1))) if len(g)]
-    return np.array([g[:, 0].mean() for g in groups]), np.array([np.median(g[:, 1]) for g in groups]), missed
+    known = np.isfinite(values)
+    times, at, counts = np.unique(np.array(days)[known], return_inverse=True, return_counts=True)
+    means = np.bincount(at, np.array(values)[known], len(times)) / counts
+    groups = [g for g in np.array_split(np.arange(len(times)), min(MOST, max(len(times), 1))) if len(g)]
+    return np.array([times[g].mean() for g in groups]), np.array([np.median(means[g]) for g in groups]), missed

@@ -72,6 +72,7 @@ class LinearModel:
     def with_directions(
         cls, e: Explanation, columns: np.ndarray, directions: np.ndarray,
         blocks: Sequence[tuple[int, int, slice | np.ndarray]], memory: float, precision: float = 0.0,
+        kept: np.ndarray | float = 1.0,
     ) -> LinearModel:  # fmt: skip
         """The model of the parameters of an explanation and, after them, of free factors of further directions.
 
@@ -82,11 +83,12 @@ class LinearModel:
             blocks: view, log and samples of each block.
             memory: samples that count as one.
             precision: prior precision of the factors.
+            kept: (samples,) mask of those that count.
         """
         flat, (low, high) = np.zeros(len(directions)), e.bounds - e.x
         ends = np.r_[low, flat - np.inf], np.r_[high, flat + np.inf]
         prior = (np.r_[-e.x, flat], np.r_[1.0 / e.prior_std**2, flat + precision], *ends)
-        rows = np.concatenate([columns, directions, e.residual[None].astype(directions.dtype)])
+        rows = np.concatenate([columns, directions, e.residual[None].astype(directions.dtype)]) * kept
         return cls.of_rows(rows, blocks, prior, memory)
 
     @property

@@ -360,17 +360,12 @@ def screen(likelihood: Likelihood, e: Explanation, lin: Linearisation, kept: np.
 
     kept: (samples,) mask of the samples that count.
     """
-    count, width = len(e.x), len(lin.directions)
-    rows = np.concatenate([whole_jacobian(likelihood, e), lin.directions, e.residual[None].astype(np.float32)]) * kept
-    low, high = e.bounds - e.x
-    flat = np.zeros(width)
-    ends = (np.r_[low, flat - np.inf], np.r_[high, flat + np.inf])
-    prior = (np.r_[-e.x, flat], np.r_[1.0 / e.prior_std**2, flat], *ends)
     cuts = np.cumsum([0, *(view.samples for view in likelihood.views)])
     blocks = [(v, 0, slice(int(cuts[v]), int(cuts[v + 1]))) for v in range(len(likelihood.views))]
-    model = LinearModel.of_rows(rows, blocks, prior, likelihood.memory)
+    columns = whole_jacobian(likelihood, e)
+    model = LinearModel.with_directions(e, columns, lin.directions, blocks, likelihood.memory, kept=kept)
     variance = np.array([v.scale**2 for v in likelihood.views]) / likelihood.memory
-    reduced = replace(model, variance=variance).eliminate(count)
+    reduced = replace(model, variance=variance).eliminate(len(e.x))
     best: dict[str, Predicted] = {}
     for probe in (p for p in lin.probes if p.effect not in e.effects):
         at = probe.rows

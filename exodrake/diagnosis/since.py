@@ -128,6 +128,33 @@ def split_windows(frames: int, frame: float) -> tuple[Session, ...]:
 
 
 @dataclass(frozen=True, eq=False)
+class SessionFit:
+    """An explanation with parameters of its own in each session."""
+
+    explanation: Explanation  # the fit with constant ones
+    own: tuple[int, ...]  # positions of these parameters
+    x: np.ndarray  # (sessions, parameters) coordinates
+    model: LinearModel  # of shared and own parameters
+    constant: LinearModel  # of constant ones
+    residual: np.ndarray  # (samples,) before the last step
+
+    @property
+    def std(self) -> np.ndarray:
+        """Standard deviations (sessions, own)."""
+        return np.sqrt(np.diagonal(self.covariance(self.model), axis1=1, axis2=2).T)
+
+    def covariance(self, model: LinearModel) -> np.ndarray:
+        """Covariance (own, sessions, sessions) of each own parameter by a model."""
+        width, whole = len(self.own), model.posterior().covariance
+        first = len(whole) - width * len(self.x)
+        return np.array([whole[first + k :: width, first + k :: width] for k in range(width)])
+
+    def evidence(self, memory: float, constant: bool = False) -> float:
+        """Log evidence [nats] of parameters of each session, or of constant ones; memory: frames that count as one."""
+        return replace(self.constant if constant else self.model, memory=memory).evidence()
+
+
+@dataclass(frozen=True, eq=False)
 class Logs:
     """The logs of a case, session by session."""
 
@@ -139,14 +166,11 @@ class Logs:
         """Mask (samples,) of each session."""
         return tuple(self.likelihood.mask_samples(s.logs, s.frames) for s in self.sessions)
 
-    def model(self, rows: np.ndarray, prior: Sequence[np.ndarray]) -> LinearModel:
-        """Linear model, a block for each session in each view, of rows (p + 1, samples), the residual last."""
+    @cached_property
+    def blocks(self) -> list[tuple[int, int, np.ndarray]]:
+        """View, session and samples of each session in each view."""
         view = np.repeat(np.arange(len(self.likelihood.views)), [v.samples for v in self.likelihood.views])
-        places = [(v, s, np.flatnonzero(m & (view == v))) for v in range(view[-1] + 1) for s, m in enumerate(self.rows)]
-        ends = np.cumsum([0, *(len(place) for *_, place in places)])
-        blocks = [(v, s, slice(*map(int, at))) for (v, s, _), at in zip(places, pairwise(ends), strict=True)]
-        order = np.concatenate([place for *_, place in places])
-        return LinearModel.of_rows(rows[:, order], blocks, prior, self.likelihood.memory)
+        return [(v, s, np.flatnonzero(m & (view == v))) for v in range(view[-1] + 1) for s, m in enumerate(self.rows)]
 
     def fit(self, e: Explanation) -> SessionFit:
         """An explanation on these logs with parameters of its own in each session.
@@ -157,10 +181,9 @@ class Logs:
         n, residual = e.nominal, self.likelihood.residual(e.robot[None])[0]
         columns = nominal_jacobian(self.likelihood, e.at_nominal, e.parameters[:n], e.x[:n], residual)
         e = replace(e, residual=residual, jacobian=columns)
-        if e.effects:
-            leads = {next(p.name for p in e.parameters if p.effect == effect) for effect in e.effects}
-            own = [i for i, p in enumerate(e.parameters) if p.name in leads or (p.effect and p.amplitude)]
-        else:
+        leads = {next(p.name for p in e.parameters if p.effect == effect) for effect in e.effects}
+        own = [i for i, p in enumerate(e.parameters) if p.name in leads or (p.effect and p.amplitude)]
+        if not e.effects:
             own = [int(i) for i in np.argsort(-np.abs(e.use))[:FOLLOWED] if abs(e.use[i]) > MOVED]
         x = np.tile(e.x, (len(self.sessions), 1))
         rows = np.concatenate([whole_jacobian(self.likelihood, e), e.residual[None]])
@@ -186,45 +209,13 @@ class Logs:
         std = np.where(effect & (high > low), (high - low) / np.sqrt(12.0), e.prior_std)
         precision = np.tile(1.0 / np.maximum(std, 1e-300) ** 2, (len(x), 1))
         prior = [np.where(effect & ~amplitude, 0.0, -x), precision, low - x, high - x]
-        model = self.model(rows, [one[0] for one in prior])
+        model = LinearModel.of_rows(rows, self.blocks, [one[0] for one in prior], self.likelihood.memory)
         wide = rescale(split_by_session(model, own, prior))
         shared = [i for i in range(len(e.parameters)) if i not in own]
         step, found = wide.posterior().step, x.copy()
         found[:, shared] += step[: len(shared)]
         found[:, list(own)] += step[len(shared) :].reshape(len(x), len(own))
         return SessionFit(e, tuple(own), found, wide, rescale(model), rows[-1])
-
-
-@dataclass(frozen=True, eq=False)
-class SessionFit:
-    """An explanation with parameters of its own in each session."""
-
-    explanation: Explanation  # the fit with constant ones
-    own: tuple[int, ...]  # positions of these parameters
-    x: np.ndarray  # (sessions, parameters) coordinates
-    model: LinearModel  # of shared and own parameters
-    constant: LinearModel  # of constant ones
-    residual: np.ndarray  # (samples,) before the last step
-
-    @property
-    def chi2(self) -> np.ndarray:
-        """Reduced chi-squares (views,) that are left."""
-        return chi2_after_step(self.model)
-
-    @property
-    def std(self) -> np.ndarray:
-        """Standard deviations (sessions, own)."""
-        return np.sqrt(np.diagonal(self.covariance(self.model), axis1=1, axis2=2).T)
-
-    def covariance(self, model: LinearModel) -> np.ndarray:
-        """Covariance (own, sessions, sessions) of each own parameter by a model."""
-        width, whole = len(self.own), model.posterior().covariance
-        first = len(whole) - width * len(self.x)
-        return np.array([whole[first + k :: width, first + k :: width] for k in range(width)])
-
-    def evidence(self, memory: float, constant: bool = False) -> float:
-        """Log evidence [nats] of parameters of each session, or of constant ones; memory: frames that count as one."""
-        return replace(self.constant if constant else self.model, memory=memory).evidence()
 
 
 def chi2_after_step(model: LinearModel) -> np.ndarray:
@@ -283,15 +274,16 @@ def follow_sessions(problem: Problem, found: Isolation, decided: Decision) -> tu
 def add_series(since: Since, fit: SessionFit, logs: Logs, named: bool) -> Since:
     """The series of a fit with their changes; the residual's power, too, unless an effect is named."""
     e, machine = fit.explanation, logs.likelihood.robot.machine
+    # name, channel and unit; its values at coordinates; these by session with their standard deviations; covariance
     series: list[tuple[tuple[str, str, str], Callable[[float], float], np.ndarray, np.ndarray, np.ndarray]] = []
     if fit.own:
         # as if noise alone were left: scatter beyond that is what a change point estimates
         noise = fit.covariance(replace(fit.model, variance=np.ones(len(fit.model.variance)), memory=1.0))
         for k, i in enumerate(fit.own):
             p = e.parameters[i]
-            base = None if p.effect else float(e.values[p.index[0]])
+            value = partial(p.value, base=None if p.effect else float(e.values[p.index[0]]))
             head = p.name, p.channels[0] if len(p.channels) == 1 else "", machine.parameters[p.index[0]].unit
-            series.append((head, partial(p.value, base=base), fit.x[:, i], fit.std[:, k], noise[k]))
+            series.append((head, value, fit.x[:, i], fit.std[:, k], noise[k]))
     if not named:
         power = np.log([float(np.mean(e.residual[rows] ** 2)) for rows in logs.rows])
         variance = np.array([2.0 / rows.sum() for rows in logs.rows])
@@ -301,7 +293,13 @@ def add_series(since: Since, fit: SessionFit, logs: Logs, named: bool) -> Since:
     for head, value, x, std, covariance in series:
         scan = ChangePoint(np.array(since.times), covariance)
         p = min(1.0, float(scan.p_values(x[:, None])[0]) * len(series))
-        change = convert(scan(x, np.random.default_rng(len(x))), value) if p < ALPHA else None
+        change = scan(x, np.random.default_rng(len(x))) if p < ALPHA else None
+        if change is not None:  # in the unit of the values; the rate is that of the value at the last point
+            after = change.after[0]
+            slope = (value(after + 1e-4) - value(after - 1e-4)) / 2e-4
+            ends = [[*map(value, change.before)], [*map(value, change.after)], [slope * v for v in change.rate]]
+            before, after, rate = ((first, *sorted(rest)) for first, *rest in ends)
+            change = replace(change, before=before, after=after, rate=rate)
         ends = [list(map(value, end.tolist())) for end in (x - NORMAL_90 * std, x + NORMAL_90 * std)]
         low, high = map(tuple, np.sort(ends, axis=0).tolist())
         tested.append(Series(*head, tuple(map(value, x.tolist())), low, high, p, change))
@@ -309,20 +307,9 @@ def add_series(since: Since, fit: SessionFit, logs: Logs, named: bool) -> Since:
     since = replace(since, series=tuple(tested))
     if not fit.own:
         return since
-    total = float(fit.model.samples @ fit.chi2[fit.model.view] / fit.model.samples.sum())
-    memory = logs.likelihood.with_memory(fit.residual).memory
+    samples, memory = fit.model.samples, logs.likelihood.with_memory(fit.residual).memory
+    total = float(samples @ chi2_after_step(fit.model)[fit.model.view] / samples.sum())
     return replace(since, chi2=total, p=float(expit(fit.evidence(memory, constant=True) - fit.evidence(memory))))
-
-
-def convert(change: Change, value: Callable[[float], float]) -> Change:
-    """A change of a coordinate in the unit of its values; the rate is that of the value at the last point."""
-    slope = (value(change.after[0] + 1e-4) - value(change.after[0] - 1e-4)) / 2e-4
-
-    def order(first: float, *ends: float) -> tuple[float, float, float]:
-        return (first, *sorted(ends))  # pyright: ignore[reportReturnType]
-
-    before, after = (order(*map(value, ends)) for ends in (change.before, change.after))
-    return replace(change, before=before, after=after, rate=order(*(slope * v for v in change.rate)))
 
 
 def follow_effects(
@@ -339,30 +326,28 @@ def follow_effects(
     if not fits:
         return since, decided
     none = logs.likelihood.chi2(logs.likelihood.residual(found.retuned.explanation.robot[None])[0])
-    wide = none > 1.0
-
-    def left(fit: SessionFit) -> float:
-        return float(np.mean((np.maximum(fit.chi2 - 1.0, 0.0) / (none - 1.0))[wide])) if wide.any() else 0.0
-
-    memory = min(logs.likelihood.with_memory(fit.residual).memory for fit in (*fits, known))
+    memory, wide = min(logs.likelihood.with_memory(fit.residual).memory for fit in (*fits, known)), none > 1.0
     fits.sort(key=lambda fit: -fit.evidence(memory))
-    best, name, most = fits[0], fits[0].explanation.effects[0], fits[0].evidence(memory)
-    alike = {f.explanation.effects[0]: 1.0 - left(f) for f in fits[1:] if most - f.evidence(memory) < NATS}
+    left = [(np.maximum(chi2_after_step(fit.model) - 1.0, 0.0) / (none - 1.0))[wide] for fit in fits]
+    left = [float(np.mean(one)) if wide.any() else 0.0 for one in left]
+    names = [fit.explanation.effects[0] for fit in fits]
+    most, name, explained = fits[0].evidence(memory), names[0], 1.0 - left[0]
     clear = most > known.evidence(memory, constant=True) + NATS and most >= known.evidence(memory)
-    effects = [i.effect for i in decided.parts]
-    if decided.verdict != UNKNOWN and (not clear or (effects == [name] and decided.verdict == NAMED)):
-        return since, decided
-    explained, unsure = 1.0 - left(best), (float("nan"), float("nan"))
+    if decided.verdict != UNKNOWN:
+        same = decided.verdict == NAMED and [part.effect for part in decided.parts] == [name]
+        # windows of one log follow an effect, and leave a name to those that vary in time
+        if not clear or same or (since.unit == "d" and explained < MOST):
+            return since, decided
     if since.unit == "d" and clear and explained >= MOST:
-        word = PARTLY if explained < EXPLAINED else AMBIGUOUS if alike else NAMED
+        rest = zip(names[1:], fits[1:], left[1:], strict=True)
+        alike = {other: 1.0 - share for other, fit, share in rest if most - fit.evidence(memory) < NATS}
+        word, unsure = PARTLY if explained < EXPLAINED else AMBIGUOUS if alike else NAMED, (float("nan"),) * 2
         reason = f"{name} changed: with an amplitude for each session it explains {explained:.0%} of the gap"
         part = Part(name, CAUSE, Interval(explained, *unsure), alike)
         fitted = found.search.sets[frozenset({name})]
-        decided = Decision(word, fitted, (part,), Interval(1.0 - explained, *unsure), (reason,))
-    elif decided.verdict != UNKNOWN and since.unit == "d":
-        return since, decided  # windows of one log follow an effect, and leave a name to those that vary in time
-    lead = 1.0 - left(best) / max(min([left(f) for f in fits[1:]] or [1.0]), 1e-9)
-    since = add_series(since, best, logs, decided.verdict in (NAMED, AMBIGUOUS))
+        decided = Decision(word, fitted, (part,), Interval(left[0], *unsure), (reason,))
+    lead = 1.0 - left[0] / max(min(left[1:] or [1.0]), 1e-9)
+    since = add_series(since, fits[0], logs, decided.verdict in (NAMED, AMBIGUOUS))
     return replace(since, effect=name, lead=lead), decided
 
 
@@ -371,19 +356,16 @@ def fit_screened(found: Isolation, sessions: tuple[Session, ...]) -> None:
 
     An effect that begins or grows during the sessions may explain less of their mean than a wrong effect does.
     """
-    search, none, lin = found.search, found.retuned.explanation, found.lin
-    n, width = len(none.x), len(lin.directions)
-    flat = np.zeros(width)
-    prior = [np.r_[-none.x, flat], np.r_[none.prior_std**-2.0, flat + 1e-6],
-             np.r_[none.bounds[0] - none.x, flat - np.inf], np.r_[none.bounds[1] - none.x, flat + np.inf]]  # fmt: skip
-    rows = np.concatenate([whole_jacobian(found.likelihood, none), lin.directions, none.residual[None]]) * lin.kept
-    model = Logs(found.likelihood, sessions).model(rows, prior)
+    search, none, lin, logs = found.search, found.retuned.explanation, found.lin, Logs(found.likelihood, sessions)
+    n, columns, memory = len(none.x), whole_jacobian(found.likelihood, none), found.likelihood.memory
+    model = LinearModel.with_directions(none, columns, lin.directions, logs.blocks, memory, 1e-6, lin.kept)
     best: dict[str, tuple[float, Predicted]] = {}
     for probe in (probe for probe in lin.probes if frozenset({probe.effect}) not in search.sets):
-        at, own = np.r_[0:n, probe.rows, n + width], range(n, n + len(probe.rows))
-        some = replace(model, products=model.products[:, at][:, :, at])
-        wide = split_by_session(some, own, [np.tile(one[at[:-1]], (len(sessions), 1)) for one in prior])
-        posterior = wide.posterior()
+        at, own = np.r_[0:n, n + probe.rows], range(n, n + len(probe.rows))
+        ends = [*at, len(model.mean)]
+        some = replace(model, products=model.products[:, ends][:, :, ends])
+        prior = (model.mean, model.precision, model.low, model.high)
+        posterior = split_by_session(some, own, [np.tile(one[at], (len(sessions), 1)) for one in prior]).posterior()
         if -posterior.cost > best.get(probe.effect, (-np.inf,))[0]:
             factors = posterior.step[n:].reshape(len(sessions), -1).mean(axis=0)
             predicted = Predicted(probe, np.clip(factors, probe.low, probe.high), 0.0, none.x)

@@ -94,8 +94,8 @@ def read_rivals(
     problem = make_problem(case, robot)
     if answer is not None:
         ours, theirs = record_provenance(problem), answer["provenance"]
-        differs = f"other logs than those of {case.name}" if theirs["files"] != ours.files else ""
-        differs = differs or ("another nominal robot" if theirs["parameters"] != ours.parameters else "")
+        differs = "another nominal robot" if theirs["parameters"] != ours.parameters else ""
+        differs = f"other logs than those of {case.name}" if theirs["files"] != ours.files else differs
         if differs and is_answer:
             raise InputError(f"{place}: it was made from {differs}; diagnose again")
         answer = None if differs else answer
@@ -105,10 +105,8 @@ def read_rivals(
         found = diagnose(case, robot, progress)
         verdict, rivals = found.verdict, found.rivals
     else:
-        verdict, rivals = (
-            answer["verdict"],
-            tuple(Rival(tuple(r["effects"]), r["parameters"]) for r in answer["rivals"]),
-        )
+        verdict = answer["verdict"]
+        rivals = tuple(Rival(tuple(r["effects"]), r["parameters"]) for r in answer["rivals"])
     reason = f"{verdict}, {NOTHING.get(verdict, NONE_LEFT)}: there is nothing for an experiment to distinguish"
     return problem, rivals, "" if len(rivals) > 1 else f"{case.name}: {reason}"
 
@@ -263,9 +261,8 @@ class Information:
     @property
     def probability(self) -> float:
         """Probability that the true explanation alone is left, each as likely to be true."""
-        return float(
-            np.mean([min(self.power(*key) for key in self.models if key[0] == true) for true, _ in self.models])
-        )
+        least = [min(self.power(*key) for key in self.models if key[0] == true) for true, _ in self.models]
+        return float(np.mean(least))
 
 
 def information(contest: Contest, reference: np.ndarray) -> Information | None:
@@ -276,8 +273,9 @@ def information(contest: Contest, reference: np.ndarray) -> Information | None:
     for e, spread, residual in zip(contest.explanations, contest.spreads, rows, strict=True):
         jacobian = nominal_jacobian(likelihood, e.at_nominal, e.parameters[: e.nominal], e.x[: e.nominal], residual)
         here = replace(e, residual=residual, jacobian=jacobian)
-        columns.append(spread.T @ whole_jacobian(likelihood, here))
-        missed.append(nonlinearity(likelihood, e, spread, residual, columns[-1]))
+        jacobian = whole_jacobian(likelihood, here)
+        columns.append(spread.T @ jacobian)
+        missed.append(nonlinearity(likelihood, here, jacobian, spread))
     if not all(np.isfinite(part).all() for part in (rows, bare, *missed, *columns)):
         return None
     models = {}
@@ -288,15 +286,12 @@ def information(contest: Contest, reference: np.ndarray) -> Information | None:
     return Information(models, contest.taken + power, contest)
 
 
-def nonlinearity(
-    likelihood: Likelihood, e: Explanation, spread: np.ndarray, residual: np.ndarray, columns: np.ndarray
-) -> np.ndarray:
+def nonlinearity(likelihood: Likelihood, e: Explanation, jacobian: np.ndarray, spread: np.ndarray) -> np.ndarray:
     """Mean squares (samples,) of what drawn robots miss the linearisation by, over all columns and the time about."""
     draws = np.random.default_rng(0).standard_normal((DRAWS, spread.shape[1]))
     points = np.clip(e.x + draws @ spread.T, *e.bounds)
-    along = np.linalg.lstsq(spread, (points - e.x).T, rcond=None)[0].T
     drawn = np.array([one.residual for one in e.at_each(likelihood, [*points])])
-    missed = np.mean((drawn - residual - along @ columns) ** 2, axis=0)
+    missed = np.mean((drawn - e.residual - (points - e.x) @ jacobian) ** 2, axis=0)
     width, frames = len(likelihood.views[0].problem.columns), max(round(likelihood.memory), 1)
     return np.repeat(uniform_filter1d(missed.reshape(-1, width).mean(axis=1), frames, mode="nearest"), width)
 

@@ -127,27 +127,18 @@ class Stage(NamedTuple):
 
     def reference(self, shares: np.ndarray) -> Reference:
         """The reference of shares (frames, channels): no faster than allowed, further inputs beside it."""
-        rows = self.low + np.clip(shares, 0.0, 1.0) * (self.high - self.low)
-        rows = limit_rate(rows, self.fastest * self.frame, max(round(CORNER / self.frame), 3))
+        rows, most = self.low + np.clip(shares, 0.0, 1.0) * (self.high - self.low), self.fastest * self.frame
+        if (np.abs(np.diff(rows, axis=0)) > most).any():
+            slow = rows.copy()
+            for end in (rows[0], rows[-1]):  # forwards, then from the end backwards
+                slow[0] = end
+                for k in range(1, len(slow)):
+                    slow[k] = slow[k - 1] + np.clip(slow[k] - slow[k - 1], -most, most)
+                slow = slow[::-1].copy()
+            slow = uniform_filter1d(slow, max(round(CORNER / self.frame), 3), axis=0, mode="nearest")
+            rows = np.where(np.isfinite(most), slow, rows)
         others = np.where(self.starts >= 0, rows[0][np.maximum(self.starts, 0)], self.others)
         return Reference(np.hstack([rows, np.tile(others, (len(rows), 1))]), "experiment")
-
-
-def limit_rate(rows: np.ndarray, most: np.ndarray, corner: int) -> np.ndarray:
-    """Courses (frames, channels) that change by no more than `most` (channels,) a frame and end where they ended.
-
-    corner: frames over which a course is averaged, which bounds its acceleration.
-    """
-    if (np.abs(np.diff(rows, axis=0)) <= most).all():
-        return rows
-    out, end = rows.copy(), rows[-1].copy()
-    for backwards in (False, True):  # forwards, then from the end backwards
-        if backwards:
-            out = out[::-1].copy()
-            out[0] = end
-        for k in range(1, len(out)):
-            out[k] = out[k - 1] + np.clip(out[k] - out[k - 1], -most, most)
-    return np.where(np.isfinite(most), uniform_filter1d(out[::-1], corner, axis=0, mode="nearest"), rows)
 
 
 def prepare_stage(robot: Robot, trials: tuple[Trial, ...]) -> Stage:
@@ -275,8 +266,9 @@ class Designer:
         self.known = own or [Reference(trial.reference, trial.name) for trial in problem.fit]
         self.safety = measure_safety(problem, contest.robots, own)
 
-    def to_course(self, reference: Reference, at: np.ndarray) -> np.ndarray:
-        """Frames `at` (frames,) of a known motion in shares (frames, channels) of the span, led from and to rest."""
+    def to_course(self, reference: Reference, start: int, end: int, frames: int) -> np.ndarray:
+        """A window of a known motion in shares (frames, channels) of the span, led from and to rest."""
+        at = np.linspace(start, min(end, len(reference.values)) - 1.0, frames).round().astype(int)
         shares = (reference.values[at, : len(self.stage.low)] - self.stage.low) / (self.stage.high - self.stage.low)
         return lead_from_rest(shares, self.stage.rest, BLEND)
 
@@ -299,12 +291,14 @@ class Designer:
 
     def make_library(self, pieces: int) -> list[Piece]:
         """Random motifs and windows of known motions on which the rivals differ most, at a size that is safe."""
-        frames, rest, windows = self.whole // pieces, self.stage.rest, []
+        frames, rest = self.whole // pieces, self.stage.rest
         motifs = [random_motif(len(rest), self.rng) for _ in range(max(round(RANDOM * self.fewer), pieces))]
-        for motion in (m for m in self.known if len(m.values) >= 2):
-            for start in range(0, max(len(motion.values) - frames + 1, 1), frames):
-                last = min(start + frames, len(motion.values)) - 1.0
-                windows.append(self.to_course(motion, np.linspace(start, last, frames).round().astype(int)))
+        windows = [
+            self.to_course(motion, start, start + frames, frames)
+            for motion in self.known
+            if len(motion.values) >= 2
+            for start in range(0, max(len(motion.values) - frames + 1, 1), frames)
+        ]
         order = self.rng.permutation(len(windows))[: max(round(WINDOWS * self.fewer), 3)]
         tried = [*((motif, motif.shares(frames, rest)) for motif in motifs), *((None, windows[i]) for i in order)]
         safe = [(motif, *kept) for motif, course in tried if (kept := self.make_safe(course))]
@@ -348,11 +342,9 @@ def design(contest: Contest, duration: float | None = None, seed: int = 0) -> De
         InputError: for a length out of range, a machine whose references have no limits, and where nothing is safe.
     """
     search, robot, found = Designer(contest, duration, seed), contest.problem.robot, list[Piece]()
-    length = search.whole * robot.machine.frame
     for k in search.rng.integers(2**31, size=max(round(WHOLE * search.fewer), 3)):
-        motion = protocol(f"random-motion:seed={k},duration={length:g}", robot)
-        at = np.linspace(0.0, len(motion.values) - 1.0, search.whole).round().astype(int)
-        found += search.make_piece(None, search.to_course(motion, at), 2 * SHRINKS)
+        motion = protocol(f"random-motion:seed={k},duration={search.whole * robot.machine.frame:g}", robot)
+        found += search.make_piece(None, search.to_course(motion, 0, len(motion.values), search.whole), 2 * SHRINKS)
     random = sorted(found, key=lambda piece: piece.information.criterion)[len(found) // 2 :][:1]
     for pieces in PIECES:
         found += search.make_piece(None, search.search_sequence(pieces), 2 * SHRINKS)
@@ -366,30 +358,19 @@ def design(contest: Contest, duration: float | None = None, seed: int = 0) -> De
     return Design(search.stage.reference(best.course), best.information, best.size, search.safety, promised)
 
 
-def predict_difference(contest: Contest, design: Design) -> tuple[np.ndarray, np.ndarray]:
-    """Difference between the logs of the closest two explanations on an experiment, the rival refitted.
-
-    Returns:
-        The difference, and the standard deviation of noise and of the errors of the laws, as large as the logs show:
-        (frames, columns) each [unit of the column].
-    """
-    problem, (true, rival) = contest.problem, design.information.closest
-    e, trial = contest.explanations[rival], contest.trial(true, design.reference.values)
-    refitted = apply(e.values, e.parameters, design.information.refit(true, rival))
-    logs = problem.predict(np.array([contest.robots[true], refitted]), trial)
-    variance = np.tile(problem.noise_std**2, (len(trial.reference), 1))
-    for k in (true, rival):
-        whole, bare = problem.predict(np.array([contest.robots[k], contest.bare[k]]), trial)
-        variance += (contest.error[k] * (bare - whole)) ** 2
-    return logs[0] - logs[1], np.sqrt(variance)
-
-
 def draw_experiment(contest: Contest, design: Design) -> bytes:
-    """References of an experiment, and the difference of the two closest explanations on it, as PNG."""
+    """References of an experiment, and the difference of the two closest explanations on it, as PNG.
+
+    The rival is refitted. The band is of noise and of the errors of the laws, as large as the logs show them.
+    """
     import matplotlib
 
-    problem, machine = contest.problem, contest.problem.robot.machine
-    difference, std = predict_difference(contest, design)
+    problem, machine, (true, rival) = contest.problem, contest.problem.robot.machine, design.information.closest
+    e, trial = contest.explanations[rival], contest.trial(true, design.reference.values)
+    refitted = apply(e.values, e.parameters, design.information.refit(true, rival))
+    logs = problem.predict(np.array([refitted, *contest.robots[[true, rival]], *contest.bare[[true, rival]]]), trial)
+    errors = contest.error[[true, rival], None, None] * (logs[3:] - logs[1:3])
+    difference, std = logs[1] - logs[0], np.sqrt(problem.noise_std**2 + np.sum(errors**2, axis=0))
     size = np.sqrt(np.mean((difference / std) ** 2, axis=0))
     best: dict[str, int] = {}
     for k in np.argsort(-size):
@@ -403,22 +384,20 @@ def draw_experiment(contest: Contest, design: Design) -> bytes:
         for k, channel in enumerate(channels):
             course = display.factor * design.reference.values[:, k]
             references.plot(time, course, color=choose_colour(channel, k, machine), label=channel)
-        references.set_ylabel(display.axis)
-        references.set_xlim(time[0], time[-1])
+        references.set(ylabel=display.axis, xlim=time[[0, -1]])
         references.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=min(len(channels), 8), borderaxespad=0.1)
         for axes, k in zip(rows[1:, 0], shown, strict=True):
             kind, channel = problem.columns[k].rsplit("_", 1)
             display = find_display(kind, machine)
             course, band = display.factor * difference[:, k], BAND * display.factor * std[:, k]
+            largest = max(float(band.max()), float(np.abs(course).max()))
             axes.fill_between(time, -band, band, color="#c9d0d8", lw=0, label="95 % of noise and of the error of a law")
             axes.plot(time, course, color="#d55e00", label=channel)
-            axes.set_ylabel(f"{channel}\n{display.axis}")
-            largest = max(float(band.max()), float(np.abs(course).max()))
-            axes.set_ylim(-ROOM[0] * largest, ROOM[1] * largest)
+            axes.set(ylabel=f"{channel}\n{display.axis}", ylim=(-ROOM[0] * largest, ROOM[1] * largest))
             title = f"RMS {size[k]:.2g} standard deviations"
             axes.legend(loc="upper right", ncols=2, fontsize=7.5, title=title, title_fontsize=7.5)
-        true, rival = (contest.names[k] for k in design.information.closest)
-        rows[1, 0].set_title(f"difference: {true} against {rival} refitted", fontsize=9, loc="left")
+        words = f"difference: {contest.names[true]} against {contest.names[rival]} refitted"
+        rows[1, 0].set_title(words, fontsize=9, loc="left")
         rows[-1, 0].set_xlabel("Time [s]")
         title = f"{problem.case.name}: references of the experiment"
         figure.suptitle(title, fontsize=11, fontweight="bold", x=0.01, ha="left")

@@ -39,17 +39,11 @@ CAUSES = 15  # that have a bar
 
 @dataclass(frozen=True, eq=False)
 class Member:
-    """A robot of the fleet.
+    """A robot of the fleet."""
 
-    Attributes:
-        serial: its number.
-        rows: its cases by date.
-        trends: of the amplitudes of its causes, the clearest change first.
-    """
-
-    serial: str
-    rows: tuple[Row, ...]
-    trends: tuple[Trend, ...]
+    serial: str  # its number
+    rows: tuple[Row, ...]  # its cases by date
+    trends: tuple[Trend, ...]  # of the amplitudes of its causes, the clearest change first
 
     @property
     def last(self) -> Row:
@@ -92,12 +86,11 @@ def fleet_html(rows: Sequence[Row], source: str, links: Mapping[str, str] | None
     ]
     timelines = []
     for trend in [t for m in robots for t in m.changed][:DRAWN]:
-        start, place = trend.first.timestamp(), f" on {trend.channel}" if trend.channel else ""
-        head = {"title": f"{trend.serial}: {trend.effect} {trend.parameter}{place}", "dates": True}
-        clock = partial(lambda times, start: [start + DAY * t for t in times], start=start)
-        values = trend.values.tolist()
-        lines = {"values": values, "low": values, "high": values}
-        timelines.append(timeline(head, trend.unit, trend.times.tolist(), lines, trend.change, clock))
+        name, values = f"{trend.serial}: {trend.effect} {trend.parameter}", trend.values.tolist()
+        head = {"title": f"{name} on {trend.channel}" if trend.channel else name, "dates": True}
+        lines, start = dict.fromkeys(("values", "low", "high"), values), trend.first.timestamp()
+        seconds = partial(lambda times, start: [start + DAY * t for t in times], start=start)
+        timelines.append(timeline(head, trend.unit, trend.times.tolist(), lines, trend.change, seconds))
     if len(failed) > LISTED:
         failed[LISTED:] = [("…", f"and {len(failed) - LISTED} more")]
     dates = [row.date.date().isoformat() for row in rows if row.date is not None]
@@ -144,7 +137,14 @@ def robot_table(robots: Sequence[Member], links: Mapping[str, str] | None = None
         causes = row.effects or tuple(effect for effect, _ in counts.most_common(1) if m.changed)
         cause = w.join_words([f"`{effect}`" for effect in causes], "or" if row.verdict == AMBIGUOUS else "and")
         trend = next((t for t in m.changed if t.effect in causes), next(iter(m.changed), None))
-        since = describe_change(trend) if trend else ("–", "–")
+        since, size = "–", "–"
+        if trend is not None and (change := trend.change) is not None:
+            _, low, high = map(trend.moment, change.began)
+            since = low if low == high else f"{low} to {high}"
+            if change.began[1] <= trend.times[0] and change.shape != STEP:
+                since = f"before {high}"
+            size = " to ".join(w.quantity(item[0], trend.unit) for item in (change.before, change.after))
+            size += f", {w.quantity(change.rate[0], trend.unit)} a day" if change.shape == RAMP else ""
         sizes = []
         for a in (a for a in row.amounts if a.effect in row.effects):
             interval = Interval(a.value, a.low, a.high, a.unit)
@@ -155,36 +155,19 @@ def robot_table(robots: Sequence[Member], links: Mapping[str, str] | None = None
         closed = w.closure(row.closure) if np.isfinite(row.closure) else "–"
         last, address = row.date.date().isoformat() if row.date else "no date", (links or {}).get(row.case)
         last = Markup('<a href="{}">{}</a>').format(address, last) if address else last
-        rows.append((
-            m.serial, verdict, cause or "–", *since, "; ".join(sizes) or "–", closed, last, f"{len(m.rows):,}",
-        ))  # fmt: skip
+        amounts = "; ".join(sizes) or "–"
+        rows.append((m.serial, verdict, cause or "–", since, size, amounts, closed, last, f"{len(m.rows):,}"))
     header = ("Robot", "Last verdict", "Cause", "Since when (90 %)", "Change", "Size (90 %)", "Closure")
     return Table((*header, "Last case", "Cases"), rows, words=8)
-
-
-def describe_change(trend: Trend) -> tuple[str, str]:
-    """Date and size of an amplitude's change, in words."""
-    change = trend.change
-    assert change is not None
-    _, low, high = map(trend.moment, change.began)
-    date = low if low == high else f"{low} to {high}"
-    if change.began[1] <= trend.times[0] and change.shape != STEP:
-        date = f"before {high}"
-    before, after = (w.quantity(item[0], trend.unit) for item in (change.before, change.after))
-    rate = f", {w.quantity(change.rate[0], trend.unit)} a day" if change.shape == RAMP else ""
-    return date, f"{before} to {after}{rate}"
 
 
 def causes(robots: Sequence[Member]) -> Bars | None:
     """Causes by the number of robots in whose last case they are named or left."""
     now = Counter(effect for m in robots for effect in m.last.effects)
     ever = Counter(effect for m in robots for row in m.rows for effect in set(row.effects))
-    if not ever:
-        return None
-    top = sorted(ever, key=lambda e: (-now[e], -ever[e]))[:CAUSES]
-    most = max([1, *now.values()])
-    many = {e: f"{now[e]} {plural(now[e], 'robot')}, {ever[e]:,} {plural(ever[e], 'case')}" for e in top}
-    rows = [(f"`{e}`", now[e] / most, many[e], now[e] > 0) for e in top]
-    return Bars(
-        rows, "Robots in whose last case the cause is named, or left by an ambiguous verdict; and all such cases."
-    )
+    most, rows = max([1, *now.values()]), []
+    for e in sorted(ever, key=lambda e: (-now[e], -ever[e]))[:CAUSES]:
+        counts = f"{now[e]} {plural(now[e], 'robot')}, {ever[e]:,} {plural(ever[e], 'case')}"
+        rows.append((f"`{e}`", now[e] / most, counts, now[e] > 0))
+    words = "Robots in whose last case the cause is named, or left by an ambiguous verdict; and all such cases."
+    return Bars(rows, words) if rows else None

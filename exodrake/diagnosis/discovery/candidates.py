@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from exodrake.compiled.compose import compile_machine
 from exodrake.compiled.inputs import NOTHING, NoiseInputs, input_rows
@@ -201,12 +202,9 @@ def find_formulas(
     prior = np.repeat(scales, SIZE)
     volume = np.linalg.slogdet(np.eye(len(prior)) + reduced.normal * np.outer(prior, prior))[1]
     free, texts, known = float(np.sum((modes / prior) ** 2) + volume), [], []
-    for text, values in find_terms(candidate):  # coordinates of each term in one active channel each (channels, n)
-        one = np.zeros((len(active), len(active), SIZE))
-        for i, channel in enumerate(active):
-            one[i, i] = back @ values[channel] / candidate.size[channel]
+    for text, values in find_terms(candidate):  # coordinates of each term in one active channel each (active, n)
         texts.append(text)
-        known.append(one.reshape(len(active), -1))
+        known.append(block_diag(*(back @ values[channel] / candidate.size[channel] for channel in active)))
 
     def solve(terms: list[int]) -> tuple[float, np.ndarray]:
         """Cost beyond that of the fit, and coefficients (terms of each active channel,)."""
