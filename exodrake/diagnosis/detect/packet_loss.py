@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,12 +25,9 @@ from exodrake.core.effect import Effect
 from exodrake.core.machine import CommandLink, Machine
 from exodrake.diagnosis.filters import filled_columns
 from exodrake.diagnosis.noise import sensor_noise_std
-from exodrake.diagnosis.problem import Detection
+from exodrake.diagnosis.problem import Detection, Problem, Trial
 from exodrake.diagnosis.result import Interval, NamedEffect
 from exodrake.diagnosis.search import name_kind
-
-if TYPE_CHECKING:
-    from exodrake.diagnosis.problem import Problem, Trial
 
 ENTER, STAY = 12.0, 1.0  # -log of the probabilities that a run of losses begins at a change (6e-6), and goes on (0.4)
 PATHS, FAR = 6, 40.0  # most paths at a time; a path that costs so much more than the best is given up

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,12 +22,9 @@ from exodrake.core.effect import Effect
 from exodrake.diagnosis.filters import Bands, outside
 from exodrake.diagnosis.intervals import affected_channels
 from exodrake.diagnosis.parameter import apply, effect_parameters
-from exodrake.diagnosis.problem import Detection, by_trial
+from exodrake.diagnosis.problem import Detection, Problem, Trial, by_trial
 from exodrake.diagnosis.result import Interval, NamedEffect
 from exodrake.diagnosis.search import name_kind
-
-if TYPE_CHECKING:
-    from exodrake.diagnosis.problem import Problem, Trial
 
 WINDOW = 10.0  # s, of one spectrum: resolves 0.1 Hz
 LOWEST, HIGHEST = 1.5, 15.0  # Hz, where a tremor lies: 6-12 Hz, displacement from 1-3.5 Hz (physics.md 4.D)
