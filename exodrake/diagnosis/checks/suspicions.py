@@ -516,12 +516,15 @@ class OtherLogs:
                 fitted = inverse @ (shape.T @ error[block])
                 left = np.mean((error[block] - shape @ fitted) ** 2)
                 if inverse[2, 2] > 0.0 and left > 0.0:
-                    found.append((block.mean(), -fitted[2], (inverse[2, 2] * left) ** -0.5))
-        if len(found) < BLOCKS // 2 or np.ptp(found, axis=0)[0] == 0.0:
+                    found.append((block.mean(), -fitted[2], 1.0 / (inverse[2, 2] * left)))
+        if len(found) < BLOCKS // 2:
             return 0.0, 0.0
         time, delay, weight = np.array(found).T
-        (slope, _), covariance = np.polyfit(time, delay, 1, w=weight, cov=True)
-        return float(slope), float(abs(slope) / covariance[0, 0] ** 0.5) if covariance[0, 0] > 0.0 else 0.0
+        time, delay = (x - np.average(x, weights=weight) for x in (time, delay))
+        spread = float(weight @ time**2)
+        slope = float(weight @ (time * delay)) / spread if spread > 0.0 else 0.0
+        error = np.sqrt(weight @ (delay - slope * time) ** 2 / (len(time) - 2) / spread) if spread > 0.0 else 0.0
+        return slope, abs(slope) / float(error) if error > 0.0 else 0.0
 
 
 def unlike_other_logs(comparison: Comparison) -> Iterator[str]:
