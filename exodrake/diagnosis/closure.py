@@ -108,8 +108,9 @@ def measure(problem: Problem, rows: Sequence[np.ndarray], seed: int = 0) -> Clos
     ):
         known = [one[np.isfinite(one)] for one in own]
         unit = machine.signal[machine.column(kind).signal].unit
-        rms = (noise_std * float(np.sqrt(one.mean())) for one in known)
-        signals[column] = SignalGap(*rms, noise_std, closure(known[0], known[-1]), unit)
+        before, retuned_rms, after = (noise_std * float(np.sqrt(one.mean())) for one in known)
+        value = closure(known[0], known[-1])
+        signals[column] = SignalGap(before, retuned_rms, after, noise_std, value, unit)
     return Closure(
         overall=bootstrap(nominal, improved, samples, picks),
         retune=bootstrap(nominal, retuned, samples, picks),

@@ -141,8 +141,9 @@ class Problem:
     def records(self, rows: np.ndarray, trial: Trial, seed: int | None = None) -> np.ndarray:
         """All signals (rows, n, signals) [SI] of the runs of `predict`, with the same arguments."""
         machine, n = self.robot.machine, len(trial.reference)
-        latent = {name: values[:n] for name, values in trial.latent.items()}
-        given = input_rows(machine, trial.reference, NoiseInputs.draw(n, seed, machine) | latent).values()
+        noise_inputs = NoiseInputs.draw(n, seed, machine)
+        noise_inputs |= {name: values[:n] for name, values in trial.latent.items()}
+        given = input_rows(machine, trial.reference, noise_inputs).values()
         records = np.full((len(rows), n, signal_count(machine)), np.inf)  # what a run leaves that ends early
         follow, batch = NOTHING if trial.follow is None else trial.follow, compile_machine(machine).batch
         rows, size = np.ascontiguousarray(rows), state_size(machine)

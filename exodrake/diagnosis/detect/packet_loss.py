@@ -146,7 +146,7 @@ def loss_probability(losses: list[PacketLoss]) -> tuple[float, float, float]:
     """
     from scipy.stats import beta
 
-    lost, events = (sum(rows) for rows in ([d.lost for d in losses], [d.events for d in losses]))
+    lost, events = (np.sum(rows, axis=0) for rows in ([d.lost for d in losses], [d.events for d in losses]))
     steps = beta.ppf((np.arange(GRID) + 0.5) / GRID, 0.5, 0.5)
     enter, stay = (grid.ravel() for grid in np.meshgrid(steps, steps))
     share, support = enter / (enter + 1.0 - stay), np.zeros(GRID**2)
