@@ -28,7 +28,7 @@ from exodrake.diagnosis.calibration import (
     read_calibration,
     state_rate,
 )
-from exodrake.diagnosis.healthy import drawn_value, follow_case
+from exodrake.diagnosis.healthy import draw_value, follow_case
 from exodrake.diagnosis.result import REFINEMENT, EffectRival, Interval, NamedEffect
 from exodrake.machines.library import machine_folders
 from exodrake.machines.robot_file import load_robot
@@ -119,10 +119,10 @@ def test_values_are_drawn_in_the_plausible_range():
     contact = load_robot("exo_index").machine.effect("finger.contact")
     distance, stiffness, _ = contact.parameters
     rng = np.random.default_rng(2)
-    drawn = np.array([drawn_value(stiffness, rng) for _ in range(4000)])
+    drawn = np.array([draw_value(stiffness, rng) for _ in range(4000)])
     assert stiffness.low <= drawn.min() and drawn.max() <= stiffness.high
     assert np.log(drawn).mean() == pytest.approx(np.log(1000.0), abs=0.07)  # log-uniform on 100 .. 10,000
-    assert distance.transform == "reciprocal" and distance.low <= drawn_value(distance, rng) <= distance.high
+    assert distance.transform == "reciprocal" and distance.low <= draw_value(distance, rng) <= distance.high
 
 
 def test_robots_follow_the_motion_of_the_case():

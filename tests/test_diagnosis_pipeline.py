@@ -17,7 +17,7 @@ from exodrake.diagnosis import isolation, pipeline
 from exodrake.diagnosis.intervals import ROUNDING, fitted_effects
 from exodrake.diagnosis.likelihood import NOISE_RUNS, duration
 from exodrake.diagnosis.many import check_answer
-from exodrake.diagnosis.pipeline import notes_on_length
+from exodrake.diagnosis.pipeline import write_notes
 from exodrake.diagnosis.problem import make_problem
 from exodrake.diagnosis.result import CAUSE, NAMED, NO_GAP, RETUNE
 from exodrake.simulation import protocols
@@ -145,7 +145,7 @@ def test_isolation_uses_no_more_than_is_affordable_and_the_answer_says_so(monkey
     found = isolation.isolate(problem)
     assert found.likelihood.views[0].samples == pytest.approx(0.3 * size, rel=0.01)
     assert found.best.effects == {"tendon.capstan_friction"}
-    assert notes_on_length(found, found.best) == ("the logs are long: the first 30% of each was fitted",)
+    assert "the logs are long: the first 30% of each was fitted" in write_notes(found, found.best)
 
 
 def test_more_of_a_log_is_fitted_where_an_effect_begins_after_the_part_that_would_be():

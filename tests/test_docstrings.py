@@ -8,7 +8,6 @@ from pkgutil import walk_packages
 
 import exodrake as exo
 from exodrake import analysis, estimator, grasping, identification
-from exodrake.diagnosis import result
 
 SHAPE = re.compile(r"\((\.\.\.|\w[\w .*+-]*),[\w .*+,()-]*\)")  # (n,) or (rows, 3)
 UNIT = re.compile(r"\[[^\[\]]+\]")  # [N], [rad/s], [SI] of any signal, [-] of none
@@ -58,7 +57,6 @@ def test_docstrings_name_shape_and_unit_of_arrays():
 
 def test_docstrings_of_dataclasses_name_each_field_in_a_line_of_its_own():
     found = {name: value for name in exo.PUBLIC if is_dataclass(value := getattr(exo, name))}
-    found |= {name: value for name, value in vars(result).items() if is_dataclass(value)}
     assert {"Log", "Case", "Robot", "Diagnosis"} <= set(found)
     for name, value in found.items():
         section = (inspect.getdoc(value) or "").partition("\nAttributes:\n")[2].partition("\n\n")[0]

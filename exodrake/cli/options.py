@@ -283,7 +283,7 @@ def choose_effects(robot: str, only: str, without: str) -> frozenset[str] | None
     """Ids of the effects to try, from lists with commas; None for the default ones. robot: its file, or a name."""
     if not only and not without:
         return None
-    from exodrake.diagnosis.problem import chosen
+    from exodrake.diagnosis.problem import choose_tried
 
     lists = ([word.strip() for word in text.split(",") if word.strip()] for text in (only, without))
-    return chosen(exo.load_robot(robot or DEFAULT).machine, *lists)
+    return choose_tried(exo.load_robot(robot or DEFAULT).machine, *lists)

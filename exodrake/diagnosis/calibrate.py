@@ -20,7 +20,7 @@ from exodrake.core.robot import Robot
 from exodrake.data.case import Case
 from exodrake.diagnosis import calibration as rates
 from exodrake.diagnosis.healthy import SEEDS, follow_case, healthy_case, healthy_robot, with_effect
-from exodrake.diagnosis.result import CAUSE, NO_GAP, RETUNE, UNKNOWN, Diagnosis, Interval
+from exodrake.diagnosis.result import CAUSE, NO_GAP, RETUNE, UNKNOWN, Diagnosis
 from exodrake.machines.robot_file import load_robot
 
 EACH_HEALTHY = 3  # one robot in so many is healthy
@@ -28,25 +28,15 @@ EACH_HEALTHY = 3  # one robot in so many is healthy
 
 @dataclass(frozen=True)
 class Record:
-    """Verdict on one simulated robot.
+    """Verdict on one simulated robot."""
 
-    Attributes:
-        effect: id of its effect; empty for a healthy robot.
-        verdict: word of the verdict.
-        named: whether its effect is the only cause, without a rival.
-        in_class: whether it, or another law of its family and block, is a cause or a rival of one.
-        causes: number of causes.
-        covered: of the true parameters of a named effect, whether each lies in its interval.
-        seconds: that the diagnosis took.
-    """
-
-    effect: str
+    effect: str  # id of its effect; empty for a healthy robot
     verdict: str
-    named: bool = False
-    in_class: bool = False
-    causes: int = 0
-    covered: tuple[bool, ...] = ()
-    seconds: float = field(default=0.0, compare=False)
+    named: bool = False  # its effect is the only cause, without a rival
+    in_class: bool = False  # it, or another law of its family and block, is a cause or a rival of one
+    causes: int = 0  # number of causes
+    covered: tuple[bool, ...] = ()  # for each true parameter of a named effect, whether its interval holds it
+    seconds: float = field(default=0.0, compare=False)  # that the diagnosis took
 
 
 def calibrate(
@@ -88,8 +78,7 @@ def calibrate(
                 return
             yield robot, case, seed, k
 
-    found: dict[int, Record] = {}
-    failed: dict[int, str] = {}
+    found, failed = dict[int, Record](), dict[int, str]()
     for outcome in each(simulated_robot, tasks(), jobs, cluster):
         if outcome.reason is None:
             found[outcome.number] = outcome.value
@@ -115,34 +104,26 @@ def simulated_robot(robot: str, case: Case | None, seed: int, number: int) -> Re
 
 def record(answer: Diagnosis, true: Robot, effect: str) -> Record:
     """Record of an answer on a robot with an effect; `effect` is empty for a healthy one."""
-    causes = [e for e in answer.effects if e.role == CAUSE]
+    causes, covered = [e for e in answer.effects if e.role == CAUSE], list[bool]()
     if not effect:
         return Record("", answer.verdict, causes=len(causes), seconds=answer.run_time)
     named = len(causes) == 1 and causes[0].id == effect and not causes[0].rivals
     stood = {i for e in causes for i in (e.id, *(rival.id for rival in e.rivals))}
-    covered = tuple(held(true, effect, causes[0].parameters, causes[0].channels)) if named else ()
-    return Record(
-        effect, answer.verdict, named, bool(stood & alike(true, effect)), len(causes), covered, answer.run_time
-    )
+    for name, values in true.effects()[effect].items() if named else ():
+        pooled = causes[0].parameters.get(name)
+        intervals = causes[0].channels.get(name) or {c: pooled for c, v in values.items() if pooled and v != 0.0}
+        for channel, interval in intervals.items():
+            if channel in values and np.isfinite([values[channel], interval.low, interval.high]).all():
+                covered.append(bool(interval.low <= values[channel] <= interval.high))
+    in_class = bool(stood & alike(true, effect))
+    return Record(effect, answer.verdict, named, in_class, len(causes), tuple(covered), answer.run_time)
 
 
 def alike(robot: Robot, effect: str) -> set[str]:
     """Ids of an effect and of the other laws of its family and block."""
     known = robot.machine.effect(effect)
-    return {effect} | {
-        e.id for e in robot.machine.effects if e.family and (e.family, e.block) == (known.family, known.block)
-    }
-
-
-def held(
-    true: Robot, effect: str, parameters: dict[str, Interval], channels: dict[str, dict[str, Interval]]
-) -> Iterator[bool]:
-    """Whether the stated interval of each parameter of an effect, channel by channel, holds the true value."""
-    for name, values in true.effects()[effect].items():
-        pooled = {c: parameters[name] for c, v in values.items() if v != 0.0} if name in parameters else {}
-        for channel, interval in (channels.get(name) or pooled).items():
-            if channel in values and np.isfinite([values[channel], interval.low, interval.high]).all():
-                yield bool(interval.low <= values[channel] <= interval.high)
+    laws = (e for e in robot.machine.effects if e.family and (e.family, e.block) == (known.family, known.block))
+    return {effect} | {e.id for e in laws}
 
 
 def count_rates(records: Sequence[Record]) -> dict[str, tuple[int, int]]:

@@ -30,17 +30,11 @@ RATES = {
 
 @dataclass(frozen=True)
 class Calibration:
-    """Error rates of a machine's verdicts.
+    """Error rates of a machine's verdicts."""
 
-    Attributes:
-        source: command and date; empty if nothing was measured.
-        code: first digits of the SHA-256 of the code that was measured.
-        rates: rate of `RATES` -> count k of n.
-    """
-
-    source: str = ""
-    code: str = ""
-    rates: Mapping[str, tuple[int, int]] | None = None
+    source: str = ""  # command and date; empty if nothing was measured
+    code: str = ""  # first digits of the SHA-256 of the code that was measured
+    rates: Mapping[str, tuple[int, int]] | None = None  # rate of `RATES` -> count k of n
 
 
 RATE = mapping({name: number(low=0.0) for name in ("k", "n", "low", "high")}, required=("k", "n"))
@@ -62,17 +56,19 @@ def read_calibration(machine: Machine) -> Calibration:
 
 def calibration_notes(machine: Machine) -> tuple[str, ...]:
     """A sentence on missing tolerances, and one on the error rates of verdicts where they were measured."""
-    found, known = [], read_calibration(machine).rates
+    notes, found = [], read_calibration(machine)
     if not machine.tolerances:
-        found.append(f"{machine.name} states no tolerances: its nominal parameters count as exact and are not retuned")
-    if known is not None:
-        (alarms, healthy), (named, ill) = known[ALARM], known[NAMED]
-        other = "" if read_calibration(machine).code == configuration()["code"] else " (measured on another version)"
-        found.append(
-            f"of {healthy} healthy robots of this kind {alarms} {'was' if alarms == 1 else 'were'} given a cause; "
-            f"of {ill} with one effect {named} {'was' if named == 1 else 'were'} named rightly{other}"
+        notes.append(f"{machine.name} states no tolerances: its nominal parameters count as exact and are not retuned")
+    if found.rates is not None:
+        (alarms, healthy), (named, ill) = (
+            (f"{k} {'was' if k == 1 else 'were'}", n) for k, n in (found.rates[ALARM], found.rates[NAMED])
         )
-    return tuple(found)
+        other = "" if found.code == configuration()["code"] else " (measured on another version)"
+        notes.append(
+            f"of {healthy} healthy robots of this kind {alarms} given a cause; "
+            f"of {ill} with one effect {named} named rightly{other}"
+        )
+    return tuple(notes)
 
 
 def state_rate(k: int, n: int) -> dict[str, float]:

@@ -32,10 +32,7 @@ DRAWS = 400
 def change_robot(problem: Problem, values: np.ndarray, found_in: str) -> Robot:
     """The nominal robot with what a fit changed, noise and resolutions as they were.
 
-    Args:
-        problem: the case.
-        values: (parameters,) flat vector of a noise-free fitted robot [SI].
-        found_in: name of the case.
+    values: (parameters,) flat vector of a noise-free fitted robot [SI]. found_in: name of the case.
     """
     nominal = problem.robot
     changed = values != replace(problem, detected=()).silent()
@@ -69,12 +66,8 @@ def measure_closure(
 ) -> Closure:
     """Closure on the judged logs, and on each kind of fitted motion by the robot that is fitted to the other kinds.
 
-    Args:
-        problem: the case.
-        retuned: fit without an effect.
-        best: fit with the effects.
-        rows: (3, parameters) nominal, retuned and improved robot [SI].
-        traces: values of the improved robot at some indices, whatever a fit gives.
+    retuned, best: fits without an effect and with the effects. rows: (3, parameters) nominal, retuned and improved
+    robot [SI]. traces: values of the improved robot at some indices, whatever a fit gives.
     """
 
     def robots(logs: Collection[int]) -> np.ndarray:
@@ -96,32 +89,28 @@ def measure_closure(
 def measure(problem: Problem, rows: Sequence[np.ndarray], seed: int = 0) -> Closure:
     """Gap and closure, overall and per signal, in closed loop.
 
-    Args:
-        problem: the case.
-        rows: for each log of `Problem.judged` (3, parameters) flat parameter vectors [SI] of the nominal, the retuned
-            and the improved robot.
-        seed: of the bootstrap.
+    rows: for each log of `Problem.judged` (3, parameters) flat parameter vectors [SI] of the nominal, the retuned and
+    the improved robot. seed: of the bootstrap.
     """
-    machine, found = problem.robot.machine, []
+    machine, logs = problem.robot.machine, []  # of each log (3, n, columns) [noise_std]
     for trial, robots in zip(problem.judged, rows, strict=True):
         simulated = problem.predict(robots, trial)
-        gaps = [mismatch(trial.measured, one, problem.notched, machine.frame) / problem.noise_std for one in simulated]
-        bounded = [np.nan_to_num(gap, nan=WILD, posinf=WILD, neginf=-WILD).clip(-WILD, WILD) for gap in gaps]
-        found.append([np.where(np.isfinite(trial.measured), gap, np.nan) for gap in bounded])
-    logs = [list(one) for one in zip(*found, strict=True)]  # of each robot (n, columns) [noise_std]
-    frames = sum(map(len, logs[0]))
-    length = stretch_length(frames, machine.frame)
-    (nominal, samples), (retuned, _), (improved, _) = (blocks(one, length) for one in logs)
+        gaps = np.array([mismatch(trial.measured, one, problem.notched, machine.frame) for one in simulated])
+        bounded = np.nan_to_num(gaps / problem.noise_std, nan=WILD, posinf=WILD, neginf=-WILD).clip(-WILD, WILD)
+        logs.append(np.where(np.isfinite(trial.measured), bounded, np.nan))
+    squares = np.concatenate(logs, axis=1) ** 2
+    length = stretch_length(squares.shape[1], machine.frame)
+    (nominal, samples), (retuned, _), (improved, _) = (blocks([log[k] for log in logs], length) for k in range(3))
     picks = np.random.default_rng(seed).integers(0, len(samples), (DRAWS, len(samples)))
     signals = {}
-    for i, (column, kind, noise_std) in enumerate(zip(problem.columns, problem.kinds, problem.noise_std, strict=True)):
-        squares = [np.concatenate([r[:, i] for r in one]) ** 2 for one in logs]
-        squares = [s[np.isfinite(squares[0])] for s in squares]
-        before, retuned_rms, after = (float(noise_std) * float(np.sqrt(s.mean())) for s in squares)
+    for column, kind, noise_std, own in zip(
+        problem.columns, problem.kinds, problem.noise_std.tolist(), np.moveaxis(squares, -1, 0), strict=True
+    ):
+        known = [one[np.isfinite(one)] for one in own]
         unit = machine.signal[machine.column(kind).signal].unit
-        signals[column] = SignalGap(
-            before, retuned_rms, after, float(noise_std), closure(squares[0], squares[-1]), unit
-        )
+        before, retuned_rms, after = (noise_std * float(np.sqrt(one.mean())) for one in known)
+        value = closure(known[0], known[-1])
+        signals[column] = SignalGap(before, retuned_rms, after, noise_std, value, unit)
     return Closure(
         overall=bootstrap(nominal, improved, samples, picks),
         retune=bootstrap(nominal, retuned, samples, picks),
@@ -132,8 +121,7 @@ def measure(problem: Problem, rows: Sequence[np.ndarray], seed: int = 0) -> Clos
 
 def closure(before: np.ndarray, after: np.ndarray, samples: np.ndarray | None = None) -> float:
     """Closure from mean squares in noise variances (any shape), of so many samples each; NaN where there was no gap."""
-    gap = float(np.average(before, weights=samples)) - 1.0
-    left = float(np.average(after, weights=samples)) - 1.0
+    gap, left = (float(np.average(squares, weights=samples)) - 1.0 for squares in (before, after))
     return 1.0 - max(left, 0.0) / gap if gap > 0.0 else float("nan")
 
 

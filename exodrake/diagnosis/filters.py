@@ -25,54 +25,35 @@ def filled_columns(rows: np.ndarray) -> np.ndarray:
     return np.column_stack([fill_gaps(column) for column in rows.T])
 
 
+@cache
+def filters(bands: Bands, period: float) -> tuple[tuple[np.ndarray, ...], float]:
+    """Second-order sections that stop each band, and the share of a white signal's power that they leave."""
+    from scipy.signal import butter, sosfreqz
+
+    sections = tuple(np.asarray(butter(STEEP, band, "bandstop", fs=1.0 / period, output="sos")) for band in bands)
+    passed = [np.abs(sosfreqz(one, FINE)[1]) ** 4 for one in sections]  # of the power; the filter runs twice
+    return sections, float(np.prod(passed, axis=0).mean())
+
+
 def without(bands: Bands, signals: np.ndarray, period: float) -> np.ndarray:
     """Signals (..., n, columns) sampled every `period` [s] without some bands [Hz]; white ones keep their power."""
-    if not bands:
-        return signals
-    return outside(bands, signals, period) / np.sqrt(power_kept(bands, period))
-
-
-@cache
-def filters(bands: Bands, period: float) -> tuple[np.ndarray, ...]:
-    """Second-order sections that stop each band."""
-    from scipy.signal import butter
-
-    return tuple(np.asarray(butter(STEEP, band, "bandstop", fs=1.0 / period, output="sos")) for band in bands)
-
-
-@cache
-def power_kept(bands: Bands, period: float) -> float:
-    """Share of a white signal's power that is outside some bands."""
-    from scipy.signal import sosfreqz
-
-    kept = np.ones(FINE)
-    for sections in filters(bands, period):
-        kept *= np.abs(sosfreqz(sections, FINE)[1]) ** 4  # of the power; the filter runs twice
-    return float(kept.mean())
+    return outside(bands, signals, period) / np.sqrt(filters(bands, period)[1]) if bands else signals
 
 
 def outside(bands: Bands, signals: np.ndarray, period: float) -> np.ndarray:
     """Signals (..., n, columns) without some bands [Hz], all else as it is."""
     from scipy.signal import sosfiltfilt
 
-    for sections in filters(bands, period):
+    for sections in filters(bands, period)[0]:
         signals = sosfiltfilt(sections, signals, axis=-2)
     return signals
 
 
 def mismatch(measured: np.ndarray, simulated: np.ndarray, bands: Bands, period: float) -> np.ndarray:
-    """Difference of measured and simulated signals, in the bands of a tremor that of its strength alone.
+    """Measured less simulated signals (n, columns), NaN where nothing was measured; of a tremor its strength alone.
 
-    No simulation repeats the phase of a tremor: in its bands the simulated signal is given the measured phase.
-
-    Args:
-        measured: (n, columns), NaN where nothing was measured.
-        simulated: (n, columns).
-        bands: of the tremor [Hz].
-        period: of the samples [s].
-
-    Returns:
-        measured - simulated (n, columns), NaN where nothing was measured.
+    No simulation repeats the phase of a tremor: in its bands [Hz] the simulated signal is given the measured phase.
+    Both signals are (n, columns), sampled every `period` [s].
     """
     if not bands:
         return measured - simulated

@@ -30,15 +30,16 @@ def healthy_robot(robot: Robot, rng: np.random.Generator) -> Robot:
 def healthy_case(nominal: Robot, seed: int) -> Case:
     """Logs of a healthy robot: short sweeps, a chirp and holds to fit, random motion held out."""
     robot = healthy_robot(nominal, np.random.default_rng(seed))
-    plan: tuple[tuple[str, str, Reference], ...] = (
-        ("sweeps", "fit", protocols.short_sweeps(nominal)),
-        ("chirp", "fit", protocols.chirp(nominal)),
-        ("holds", "fit", protocols.holds(nominal, seed=seed)),
-        ("random", "holdout", protocols.random_motion(nominal, seed=seed)),
-    )
+    plan = {
+        "sweeps": protocols.short_sweeps(nominal),
+        "chirp": protocols.chirp(nominal),
+        "holds": protocols.holds(nominal, seed=seed),
+        "random": protocols.random_motion(nominal, seed=seed),
+    }
     logs = [
-        CaseLog(write_log(run(robot, reference, seed=1000 * seed + k)), name, role, None, f"{name}.csv")
-        for k, (name, role, reference) in enumerate(plan)
+        CaseLog(log, name, "holdout" if name == "random" else "fit", None, f"{name}.csv")
+        for k, (name, reference) in enumerate(plan.items())
+        for log in [write_log(run(robot, reference, seed=1000 * seed + k))]
     ]
     return Case(f"healthy {seed}", {}, tuple(logs))
 
@@ -49,12 +50,12 @@ def with_effect(robot: Robot, effect: Effect, rng: np.random.Generator) -> Robot
     channels = sorted(rng.permutation(len(axis))[: rng.integers(1, len(axis) + 1)])
     names = [axis[i] for i in channels] if effect.axis else []
     drawn = {
-        p.name: {c: drawn_value(p, rng) for c in names} if p.axis else drawn_value(p, rng) for p in effect.parameters
+        p.name: {c: draw_value(p, rng) for c in names} if p.axis else draw_value(p, rng) for p in effect.parameters
     }
     return robot.splice(effect.id, drawn, names)
 
 
-def drawn_value(info: EffectParameter, rng: np.random.Generator) -> float:
+def draw_value(info: EffectParameter, rng: np.random.Generator) -> float:
     """A value in the plausible range of a parameter [its unit], log-uniform where a fit sees its log or inverse."""
     if not info.fitted:
         return info.initial

@@ -12,8 +12,6 @@ bins; the share that it explains is the correlation ratio, the variance of the b
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
 import numpy as np
 
 from exodrake.core.part import JOINTS, SCALAR, TENDONS
@@ -39,7 +37,11 @@ def localise(found: Isolation, verdict: str, effects: tuple[NamedEffect, ...]) -
     rest = remaining(found, found.retuned)
     if not effects:
         return rest
-    shares = sum_by_block((x.id, x.share.value) for x in effects)
+    shares: dict[str, float] = {}
+    for effect in effects:
+        block, share = effect.id.split(".")[0], effect.share.value
+        shares[block] = shares.get(block, 0.0) + (max(share, 0.0) if np.isfinite(share) else 0.0)
+    shares = dict(sorted(shares.items(), key=lambda item: -item[1]))
     tendons, joints = (tuple(dict.fromkeys(c for x in effects for c in getattr(x, a))) for a in ("wires", "joints"))
     return Where(effects[0].id.split(".")[0], tendons, joints, shares, rest.regime)
 
@@ -72,31 +74,14 @@ def remaining(found: Isolation, fitted: Fitted) -> Where:
     else:
         block = next((s.name for s in machine.segments if s.output == kind and not s.exact), "unknown")
         axis = next((a for a in (TENDONS, JOINTS) if channel in machine.axes.of(a)), SCALAR)
-    tendons, joints = (
-        find_affected(residual, seen.columns, machine.axes.of(a)) if axis in (a, SCALAR) else ()
-        for a in (TENDONS, JOINTS)
-    )
-    return Where(block, tendons, joints, shares, where)
-
-
-def sum_by_block(shares: Iterable[tuple[str, float]]) -> dict[str, float]:
-    """Share of each block, largest first: the sum of its effects' ones, of those that have one."""
-    found: dict[str, float] = {}
-    for effect, share in shares:
-        block = effect.split(".")[0]
-        found[block] = found.get(block, 0.0) + (max(share, 0.0) if np.isfinite(share) else 0.0)
-    return dict(sorted(found.items(), key=lambda item: -item[1]))
-
-
-def find_affected(residual: np.ndarray, columns: tuple[str, ...], channels: tuple[str, ...]) -> tuple[str, ...]:
-    """Channels whose signals hold most of the power of a residual (n, columns) [noise standard deviations]."""
-    power = dict.fromkeys(channels, 0.0)
-    for column, squared in zip(columns, np.sum(residual**2, axis=0), strict=True):
-        channel = column.rsplit("_", 1)[1]
-        if channel in power:
-            power[channel] += float(squared)
-    strongest = max(power.values(), default=0.0)
-    return tuple(channel for channel, p in power.items() if p >= AFFECTED * strongest)
+    affected: dict[str, tuple[str, ...]] = {TENDONS: (), JOINTS: ()}  # those that hold most of the residual's power
+    for a in affected if axis == SCALAR else (axis,):
+        power = dict.fromkeys(machine.axes.of(a), 0.0)
+        for column, squared in zip(seen.columns, np.sum(residual**2, axis=0), strict=True):
+            if (channel := column.rsplit("_", 1)[1]) in power:
+                power[channel] += float(squared)
+        affected[a] = tuple(c for c, p in power.items() if p >= AFFECTED * max(power.values()))
+    return Where(block, affected[TENDONS], affected[JOINTS], shares, where)
 
 
 def conditions(problem: Problem, trial: Trial, channel: int) -> dict[str, np.ndarray]:
@@ -141,24 +126,22 @@ def explain_variance(residual: np.ndarray, condition: np.ndarray) -> float:
     if total == 0.0 or len(edges) < 2:
         return 0.0
     values = np.unique(condition)
-    bins = np.clip(np.searchsorted(edges, condition, "right") - 1, 0, len(edges) - 2)
     if len(values) <= BINS:
         bins = np.searchsorted(values, condition)
+    else:
+        bins = np.clip(np.searchsorted(edges, condition, "right") - 1, 0, len(edges) - 2)
     count = np.bincount(bins)
     means = np.bincount(bins, residual) / np.maximum(count, 1)
-    between = float(np.sum(count * (means - residual.mean()) ** 2) / len(residual))
-    return float(np.clip(between / total, 0.0, 1.0))
+    return float(np.clip(np.sum(count * (means - residual.mean()) ** 2) / len(residual) / total, 0.0, 1.0))
 
 
 def regime(problem: Problem, robot: np.ndarray) -> dict[str, float]:
-    """Share of what a robot (parameters,) leaves that each condition explains, weighted over signals by their power.
+    """Condition -> share of what a robot (parameters,) leaves that it explains, largest first.
 
-    Returns:
-        Condition -> share, largest first.
+    Shares are weighted over signals by their power.
     """
     residuals = by_trial(problem.residual(robot[None], problem.fit)[0], problem.fit)
-    shares: dict[str, float] = {}
-    weight = 0.0
+    shares, weight = dict[str, float](), 0.0
     for trial, columns in zip(problem.fit, residuals, strict=True):
         for column, residual in zip(problem.columns, columns.T, strict=True):
             power = float(residual @ residual)

@@ -49,9 +49,7 @@ def noise_std(case: Case, robot: Robot, columns: tuple[str, ...], notched: Bands
     """Noise of each column [its unit]: the larger of what runs differ by and what the sensor's parameters say.
 
     Runs are a trial and its repeats, where rare events count little, else two simulations of the first fitted
-    reference.
-
-    notched: bands [Hz] that are left out.
+    reference. notched: bands [Hz] that are left out.
     """
     parameters, simulated, found = sensor_noise_std(robot), {}, []
     if not case.repeat_groups:
@@ -59,13 +57,12 @@ def noise_std(case: Case, robot: Robot, columns: tuple[str, ...], notched: Bands
         a, b = (write_log(run(robot, reference, seed=seed, quantisation=False)) for seed in (0, 1))
         simulated = {c: float(np.std(a[c] - b[c]) / np.sqrt(2.0)) for c in columns}
     for column in columns:
+        logs = [[item.log[column] for item in group if item.log.has(column)] for group in case.repeat_groups]
         spreads = []
-        for group in case.repeat_groups:
-            for a, b in pairwise(item.log for item in group if item.log.has(column)):
-                n = min(len(a), len(b))
-                difference = fill_gaps(a[column][:n] - b[column][:n])
-                difference = without(notched, difference[:, None], robot.machine.frame)[:, 0]
-                spreads.append(robust_std(difference) / np.sqrt(2.0))
+        for a, b in (pair for group in logs for pair in pairwise(group)):
+            n = min(len(a), len(b))
+            difference = without(notched, fill_gaps(a[:n] - b[:n])[:, None], robot.machine.frame)[:, 0]
+            spreads.append(robust_std(difference) / np.sqrt(2.0))
         differ = float(np.median(spreads)) if spreads else 0.0
         found.append(max(parameters.get(column.rsplit("_", 1)[0], 0.0), differ or simulated.get(column, 0.0)))
         if found[-1] <= 0.0:

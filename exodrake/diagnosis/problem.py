@@ -20,7 +20,7 @@ from exodrake.core.machine import Machine, signal_count, state_size
 from exodrake.core.parallel import side_by_side
 from exodrake.core.robot import Robot
 from exodrake.data.case import EXPERIMENT, Case, CaseLog
-from exodrake.diagnosis.checks.compare import check_case, compare, without_short_logs
+from exodrake.diagnosis.checks.compare import check_case, compare, find_columns, without_short_logs
 from exodrake.diagnosis.checks.suspicions import logged_noise
 from exodrake.diagnosis.filters import Bands, filled_columns, without
 from exodrake.diagnosis.noise import noise_std, reference_rows
@@ -33,36 +33,24 @@ WILD = 1e4  # residuals are clipped here [noise_std]: a diverging candidate is b
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """One log of a case as arrays.
+    """One log of a case as arrays."""
 
-    Attributes:
-        name: file of the log.
-        role: use of the log in the case.
-        reference: (n, references) references [SI].
-        measured: (n, columns) measured signals [SI], NaN where missing.
-        latent: inputs that were not logged but decoded from the log, name -> (n, channels).
-        follow: (n, channels) logged inputs and outputs that correct a run (`Machine.observer`), if they do.
-        whole: whether no part of it may be left out, as of a motion that was designed to tell explanations apart.
-    """
-
-    name: str
-    role: str
-    reference: np.ndarray
-    measured: np.ndarray
-    latent: Mapping[str, np.ndarray] = field(default_factory=dict)
+    name: str  # file of the log
+    role: str  # use of the log in the case
+    reference: np.ndarray  # (n, references) [SI]
+    measured: np.ndarray  # (n, columns) [SI], NaN where missing
+    latent: Mapping[str, np.ndarray] = field(default_factory=dict)  # inputs decoded from the log -> (n, channels)
+    # (n, channels) logged inputs and outputs that correct a run (`Machine.observer`), if they do
     follow: np.ndarray | None = None
-    whole: bool = False
-
-    def shorten(self, share: float) -> Trial:
-        """The first part of the log, two frames at least; all of one that is used whole."""
-        return self.first(self.count_frames(share))
+    whole: bool = False  # no part of it may be left out: the motion was designed to tell explanations apart
 
     def count_frames(self, share: float) -> int:
-        """Number of frames of that part."""
+        """Number of frames of the first part of the log, two at least; all of one that is used whole."""
         return len(self.reference) if self.whole else max(2, int(share * len(self.reference)))
 
-    def first(self, n: int) -> Trial:
-        """The first n frames."""
+    def shorten(self, share: float) -> Trial:
+        """That part."""
+        n = self.count_frames(share)
         follow = None if self.follow is None else self.follow[:n]
         return replace(self, reference=self.reference[:n], measured=self.measured[:n], follow=follow)
 
@@ -93,29 +81,18 @@ class Detection:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """Trials of a case, the columns that are compared, and their noise standard deviations.
+    """Trials of a case, the columns that are compared, and their noise standard deviations."""
 
-    Attributes:
-        robot: the nominal robot with the case's overrides, and the noise that the logs show where that is larger.
-        columns: (c,) names.
-        noise_std: (c,) noise standard deviations [unit of the column].
-        fit, holdout: trials; repeats of a fitted trial serve the noise only.
-        case: where it comes from.
-        notched: bands [Hz] that are filtered out of all residuals.
-        tried: ids of the effects that the diagnosis tries.
-        detected: effects that detectors found.
-        noisier: noise parameters that the logs showed to be larger -> value in the robot file [SI].
-    """
-
-    robot: Robot
-    columns: tuple[str, ...]
-    noise_std: np.ndarray
-    fit: tuple[Trial, ...]
+    robot: Robot  # nominal, with the case's overrides, and the noise that the logs show where that is larger
+    columns: tuple[str, ...]  # (c,) names
+    noise_std: np.ndarray  # (c,) [unit of the column]
+    fit: tuple[Trial, ...]  # repeats of a fitted trial serve the noise only
     holdout: tuple[Trial, ...]
     case: Case
-    notched: Bands = ()
-    tried: frozenset[str] = frozenset()
+    notched: Bands = ()  # bands [Hz] that are filtered out of all residuals
+    tried: frozenset[str] = frozenset()  # ids of the effects that the diagnosis tries
     detected: tuple[Detection, ...] = ()
+    # noise parameters that the logs showed to be larger -> value in the robot file [SI]
     noisier: Mapping[str, float] = field(default_factory=dict)
 
     @property
@@ -141,14 +118,10 @@ class Problem:
     @cached_property
     def signal_indices(self) -> list[int]:
         """Indices of the columns in the flat vector of signals."""
-        machine, at = self.robot.machine, self.robot.machine.offsets
-        shown = {c.kind: c.signal for c in machine.columns}
-        places = []
-        for column in self.columns:
-            kind, channel = column.rsplit("_", 1)
-            channels = machine.channels(shown[kind])
-            places.append(at[shown[kind]].start + channels.index(channel))
-        return places
+        machine, starts = self.robot.machine, self.robot.machine.offsets
+        names = [(c, enumerate(machine.log_names([c]), starts[c.signal].start)) for c in machine.columns]
+        places = {name: k for _, numbered in names for k, name in numbered}
+        return [places[column] for column in self.columns]
 
     def predict(self, rows: np.ndarray, trial: Trial, seed: int | None = None) -> np.ndarray:
         """Logs that robots would write.
@@ -167,27 +140,28 @@ class Problem:
 
     def records(self, rows: np.ndarray, trial: Trial, seed: int | None = None) -> np.ndarray:
         """All signals (rows, n, signals) [SI] of the runs of `predict`, with the same arguments."""
-        machine = self.robot.machine
-        module, count = compile_machine(machine), signal_count(machine)
-        n = len(trial.reference)
+        machine, n = self.robot.machine, len(trial.reference)
         noise_inputs = NoiseInputs.draw(n, seed, machine)
         noise_inputs |= {name: values[:n] for name, values in trial.latent.items()}
         given = input_rows(machine, trial.reference, noise_inputs).values()
-        records = np.full((len(rows), n, count), np.inf)  # what a run leaves that ends early
-        follow = NOTHING if trial.follow is None else trial.follow
+        records = np.full((len(rows), n, signal_count(machine)), np.inf)  # what a run leaves that ends early
+        follow, batch = NOTHING if trial.follow is None else trial.follow, compile_machine(machine).batch
+        rows, size = np.ascontiguousarray(rows), state_size(machine)
 
         def run(k: int) -> None:
             with suppress(ZeroDivisionError):
-                module.batch(rows[k : k + 1], size, *given, machine.slot, 1, records[k : k + 1], follow)
+                batch(rows[k : k + 1], size, *given, machine.slot, 1, records[k : k + 1], follow)
 
-        rows, size = np.ascontiguousarray(rows), state_size(machine)
         side_by_side([partial(run, k) for k in range(len(rows))])
         return records
 
     def residual(self, rows: np.ndarray, trials: tuple[Trial, ...]) -> np.ndarray:
-        """Residuals (rows, samples) of parameter vectors `rows` (rows, parameters), all trials and columns in a row."""
+        """Residuals (rows, samples) of parameter vectors `rows` (rows, parameters), all trials and columns in a row.
+
+        They are (measured - simulated) / noise_std, 0 where nothing was measured, without the notched bands.
+        """
         out = np.empty((len(rows), sum(trial.measured.size for trial in trials)))
-        side_by_side(self.tasks(rows, trials, out, lambda difference: difference))
+        side_by_side(self.tasks(rows, trials, out, np.asarray))
         return out
 
     def tasks(
@@ -200,19 +174,15 @@ class Problem:
         """Tasks that fill `out` (rows, samples) with residuals (rows, n, columns) of a trial, whitened."""
 
         def fill(some: slice, trial: Trial, here: slice) -> None:
-            found = whitening(self.differences(rows[some], trial))
+            found = self.predict(rows[some], trial)
+            subtract(found, trial.measured, self.noise_std)
+            found = whitening(without(self.notched, found, self.robot.machine.frame))
             out[some, here] = found.reshape(len(found), -1)
 
         ends = np.cumsum([trial.measured.size for trial in trials])
         chunks = [slice(k, k + ROWS) for k in range(0, len(rows), ROWS)]
         places = [(t, slice(end - t.measured.size, end)) for t, end in zip(trials, ends, strict=True)]
         return [partial(fill, some, *place) for place in places for some in chunks]
-
-    def differences(self, rows: np.ndarray, trial: Trial) -> np.ndarray:
-        """(measured - simulated) / noise_std (rows, n, columns) of robots on a trial, 0 where nothing was measured."""
-        found = self.predict(rows, trial)
-        subtract(found, trial.measured, self.noise_std)
-        return without(self.notched, found, self.robot.machine.frame)
 
     def without(self, bands: Bands) -> Problem:
         """The problem with bands [Hz] filtered out of residuals and noise standard deviations."""
@@ -228,22 +198,22 @@ class Problem:
 
         Errors do not go round the loop, nor does noise. None where the columns for it are missing.
         """
-        observer, kinds = self.robot.machine.observer, self.kinds
-        if observer is None or not {observer.measured_input, observer.output} <= set(kinds):
+        machine, kinds = self.robot.machine, np.array(self.kinds)
+        if machine.observer is None:
             return None
-        imposed, held = ([k == kind for k in kinds] for kind in (observer.measured_input, observer.output))
-        for kind, found in ((observer.measured_input, imposed), (observer.output, held)):
-            if sum(found) < self.robot.machine.column_width(kind):
-                return None
-        kept = ~np.array(imposed)
+        followed = machine.observer.measured_input, machine.observer.output
+        columns = [np.flatnonzero(kinds == kind) for kind in followed]
+        if any(len(k) < max(machine.column_width(kind), 1) for k, kind in zip(columns, followed, strict=True)):
+            return None
+        kept = kinds != followed[0]
 
         def follow(trial: Trial) -> Trial:
-            known = filled_columns(trial.measured[:, [*np.flatnonzero(imposed), *np.flatnonzero(held)]])
+            known = filled_columns(trial.measured[:, np.concatenate(columns)])
             return replace(trial, measured=trial.measured[:, kept], follow=known)
 
         return replace(
             self,
-            columns=tuple(c for c, k in zip(self.columns, kept, strict=True) if k),
+            columns=tuple(np.array(self.columns)[kept].tolist()),
             noise_std=self.noise_std[kept],
             fit=tuple(map(follow, self.fit)),
             holdout=tuple(map(follow, self.holdout)),
@@ -251,12 +221,10 @@ class Problem:
 
     def silent(self, robot: Robot | None = None) -> np.ndarray:
         """Flat parameter vector for prediction: no noise, no rounding, with the effects that were detected."""
-        values, index = prepare_values(robot or self.robot, quantisation=False), self.robot.machine.index
-        for name in self.robot.machine.noise:
-            values[index[name]] = 0.0
-        for detection in self.detected:
-            for name, value in detection.values.items():
-                values[index[name]] = value
+        values, machine = prepare_values(robot or self.robot, quantisation=False), self.robot.machine
+        detected = {name: value for d in self.detected for name, value in d.values.items()}
+        for name, value in (dict.fromkeys(machine.noise, 0.0) | detected).items():
+            values[machine.index[name]] = value
         return values
 
 
@@ -280,31 +248,9 @@ def subtract(simulated: np.ndarray, measured: np.ndarray, noise_std: np.ndarray)
                     row[t, c] = min(max((measured[t, c] - row[t, c]) / noise_std[c], -WILD), WILD)
 
 
-def find_columns(case: Case, machine: Machine) -> tuple[str, ...]:
-    """Columns to compare that every log of the case has, in the machine's order. Raises InputError if there is none."""
-    wanted = machine.log_names(machine.column(kind) for kind in machine.compared)
-    found = tuple(c for c in wanted if all(item.log.has(c) for item in case.logs))
-    if not found:
-        raise InputError(
-            f"{case.name}: no log has a column to compare with {machine.name}: {', '.join(machine.compared)}"
-        )
-    return found
-
-
 def list_required(machine: Machine) -> tuple[str, ...]:
     """Column kinds that a log of the machine must have: its references, and what the table requires."""
     return tuple(dict.fromkeys(c.kind for c in machine.columns if c.required))
-
-
-def make_trial(item: CaseLog, columns: tuple[str, ...], machine: Machine) -> Trial:
-    """A log as arrays; a missing reference keeps its last value."""
-    log = item.log
-    reference = reference_rows(machine, log)
-    for frame in range(1, len(reference)):
-        lost = np.isnan(reference[frame])
-        reference[frame, lost] = reference[frame - 1, lost]
-    measured = np.column_stack([log[c] for c in columns])
-    return Trial(item.file, item.role, np.nan_to_num(reference), measured, whole=item.protocol == EXPERIMENT)
 
 
 def make_problem(case: Case, robot: Robot, tried: frozenset[str] | None = None) -> Problem:
@@ -312,7 +258,8 @@ def make_problem(case: Case, robot: Robot, tried: frozenset[str] | None = None) 
 
     Args:
         case: logs; repeats of a trial in its session count for the noise only. Without repeats, sensors are as noisy as
-            the robot file says or as the logs show, whichever is more. Logs that are too short are left out.
+            the robot file says or as the logs show, whichever is more. Logs that are too short are left out. A missing
+            reference keeps its last value.
         robot: nominal robot.
         tried: ids of the effects to try; by default all that are not `not_tried`.
 
@@ -326,14 +273,25 @@ def make_problem(case: Case, robot: Robot, tried: frozenset[str] | None = None) 
     noisier = {name: robot[name] for name in noise}
     robot = robot.with_parameters(noise, source="the logs") if noise else robot
     columns = find_columns(case, robot.machine)
-    fit = [make_trial(item, columns, robot.machine) for item in case.fit_logs if not case.is_copy(item)]
-    held = [make_trial(item, columns, robot.machine) for item in case.holdout_logs]
-    problem = Problem(robot, columns, noise_std(case, robot, columns), tuple(fit), tuple(held), case)
-    tried = frozenset(e.id for e in robot.machine.effects if not e.not_tried) if tried is None else tried
-    return replace(problem, tried=tried, noisier=noisier)
+
+    def make_trial(item: CaseLog) -> Trial:
+        reference = filled_columns(reference_rows(robot.machine, item.log))
+        measured = np.column_stack([item.log[c] for c in columns])
+        return Trial(item.file, item.role, reference, measured, whole=item.protocol == EXPERIMENT)
+
+    return Problem(
+        robot,
+        columns,
+        noise_std(case, robot, columns),
+        fit=tuple(make_trial(item) for item in case.fit_logs if not case.is_copy(item)),
+        holdout=tuple(map(make_trial, case.holdout_logs)),
+        case=case,
+        tried=frozenset(e.id for e in robot.machine.effects if not e.not_tried) if tried is None else tried,
+        noisier=noisier,
+    )
 
 
-def chosen(machine: Machine, only: Sequence[str] = (), without: Sequence[str] = ()) -> frozenset[str]:
+def choose_tried(machine: Machine, only: Sequence[str] = (), without: Sequence[str] = ()) -> frozenset[str]:
     """Ids of the effects that a diagnosis shall try.
 
     Args:

@@ -7,10 +7,11 @@ than the largest effort, play no larger than the travel. Ranges are only widened
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 
-from exodrake.core.effect import Effect, EffectParameter
+from exodrake.core.effect import EffectParameter
 from exodrake.core.machine import Machine
 from exodrake.core.robot import Robot
 from exodrake.data.case import Case
@@ -21,26 +22,25 @@ GENERIC = ("signal", "sliding", "joint")  # blocks of the library whose laws ser
 
 def measure_sizes(machine: Machine, case: Case) -> dict[str, float]:
     """Largest value of the recorded signals by unit [SI]: travel of lengths and angles, size of efforts and rates."""
-    found: dict[str, float] = {}
-    names: dict[str, list[str]] = {}
+    found, signals = dict[str, float](), dict[str, list[np.ndarray]]()
     for column in machine.columns:
-        unit, own = column.unit or machine.signal[column.signal].unit, machine.log_names([column])
-        names.setdefault(unit, []).extend(name for name in own if "start" not in name)
-        for values in (item.log[name] for item in case.fit_logs for name in own if item.log.has(name)):
-            travel = unit in ("rad", "m") and np.isfinite(values).any()
-            size = np.nanmax(values) - np.nanmin(values) if travel else np.nanmax(np.abs(values), initial=0)
-            found[unit] = max(found.get(unit, 0.0), float(size))
-            if travel:
-                rate = float(np.nanmax(np.abs(np.diff(values)), initial=0.0) / machine.frame)
-                found[f"{unit}/s"] = max(found.get(f"{unit}/s", 0.0), rate)
-    for force in ("N m", "N"):
-        for per in ("rad", "m"):
-            if found.get(force) and found.get(per):
-                logs = [i.log[n] for i in case.fit_logs for n in names[per] if i.log.has(n)]
-                rates = [np.diff(values) / machine.frame for values in logs]
-                speed = np.concatenate([rate[np.isfinite(rate)] for rate in rates] or [np.zeros(1)]) + 1e-12
-                found[f"{force}/{per}"] = found[force] / found[per]
-                found[f"{force} s/{per}"] = found[force] / np.sqrt(np.mean(speed**2))
+        names = [name for name in machine.log_names([column]) if "start" not in name]
+        recorded = (item.log[name] for item in case.fit_logs for name in names if item.log.has(name))
+        unit = column.unit or machine.signal[column.signal].unit
+        signals.setdefault(unit, []).extend(values for values in recorded if np.isfinite(values).any())
+    for unit, recorded in signals.items():
+        travel = unit in ("rad", "m")
+        sizes = [np.nanmax(values) - np.nanmin(values) if travel else np.nanmax(np.abs(values)) for values in recorded]
+        found[unit] = max(found.get(unit, 0.0), *map(float, sizes), 0.0)
+        rates = [np.nanmax(np.abs(np.diff(values)), initial=0.0) / machine.frame for values in recorded if travel]
+        if rates:
+            found[f"{unit}/s"] = max(found.get(f"{unit}/s", 0.0), *map(float, rates))
+    for force, per in product(("N m", "N"), ("rad", "m")):
+        if found.get(force) and found.get(per):
+            rates = [np.diff(values) / machine.frame for values in signals[per]]
+            speed = np.concatenate([rate[np.isfinite(rate)] for rate in rates]) + 1e-12
+            found[f"{force}/{per}"] = found[force] / found[per]
+            found[f"{force} s/{per}"] = found[force] / np.sqrt(np.mean(speed**2))
     return found
 
 
@@ -64,10 +64,10 @@ def with_recorded_ranges(robot: Robot, case: Case) -> Robot:
         values[machine.index[name]] = min(values[machine.index[name]], largest(size))
     laws = {id(f) for e in LIBRARY.values() if e.block in GENERIC for f in e.at.values()}
 
-    def widen_generic(effect: Effect) -> Effect:
-        if not all(id(function) in laws for function in effect.at.values()):
-            return effect
-        lead, *rest = effect.parameters
-        return replace(effect, parameters=(widen(lead, size.get(lead.unit, 0.0)), *rest))
-
-    return replace(robot, values=values, machine=replace(machine, effects=tuple(map(widen_generic, machine.effects))))
+    effects = [
+        replace(e, parameters=(widen(e.parameters[0], size.get(e.parameters[0].unit, 0.0)), *e.parameters[1:]))
+        if {id(function) for function in e.at.values()} <= laws
+        else e
+        for e in machine.effects
+    ]
+    return replace(robot, values=values, machine=replace(machine, effects=tuple(effects)))

@@ -29,19 +29,12 @@ NOT_IN_JSON = ("robots", "problem", "run_time")  # the latter is `seconds` there
 
 @dataclass(frozen=True)
 class Interval:
-    """A value with the ends of its 90 % interval.
+    """A value with the ends of its 90 % interval."""
 
-    Attributes:
-        value: estimate [unit].
-        low: lower end of the interval [unit].
-        high: upper end of the interval [unit].
-        unit: SI unit.
-    """
-
-    value: float
-    low: float
-    high: float
-    unit: str = "-"
+    value: float  # estimate [unit]
+    low: float  # lower end of the interval [unit]
+    high: float  # upper end of the interval [unit]
+    unit: str = "-"  # SI unit
 
 
 WHOLE = Interval(1.0, 1.0, 1.0)
@@ -49,42 +42,27 @@ WHOLE = Interval(1.0, 1.0, 1.0)
 
 @dataclass(frozen=True)
 class Where:
-    """Location of a gap.
+    """Location of a gap."""
 
-    Attributes:
-        block: block of the robot; `none` without a gap or where retuning suffices.
-        wires: tendons that the gap affects.
-        joints: joints that the gap affects.
-        shares: block -> share of the gap that its effects take up; without named effects, the best one alone.
-        regime: condition -> share of the residual's variance that it explains.
-    """
-
-    block: str
-    wires: tuple[str, ...] = ()
-    joints: tuple[str, ...] = ()
+    block: str  # block of the robot; `none` without a gap or where retuning suffices
+    wires: tuple[str, ...] = ()  # tendons that the gap affects
+    joints: tuple[str, ...] = ()  # joints that the gap affects
+    # block -> share of the gap that its effects take up; without named effects, the best one alone
     shares: dict[str, float] = field(default_factory=dict)
+    # condition -> share of the residual's variance that it explains
     regime: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class SignalGap:
-    """Gap of a signal on the judged logs.
+    """Gap of a signal on the judged logs."""
 
-    Attributes:
-        before: RMS error of the nominal robot [unit].
-        retuned: RMS error of the retuned robot [unit].
-        after: RMS error of the improved robot [unit].
-        noise_std: noise standard deviation [unit].
-        closure: closure from the nominal to the improved robot.
-        unit: unit of the signal.
-    """
-
-    before: float
-    retuned: float
-    after: float
-    noise_std: float
-    closure: float
-    unit: str
+    before: float  # RMS error of the nominal robot [unit]
+    retuned: float  # RMS error of the retuned robot [unit]
+    after: float  # RMS error of the improved robot [unit]
+    noise_std: float  # noise standard deviation [unit]
+    closure: float  # closure from the nominal to the improved robot
+    unit: str  # unit of the signal
 
     def to_json(self) -> dict[str, Any]:
         """The gap as plain data, the noise standard deviation as `floor`."""
@@ -93,22 +71,14 @@ class SignalGap:
 
 @dataclass(frozen=True)
 class Closure:
-    """Closure over all signals with 90 % intervals, and signal by signal.
+    """Closure over all signals with 90 % intervals, and signal by signal."""
 
-    Attributes:
-        overall: from the nominal to the improved robot.
-        retune: from the nominal to the retuned robot.
-        effect: from the retuned to the improved robot; NaN where retuning leaves nothing.
-        signals: column -> gap.
-        measured_on: kinds of motion that it was measured on.
-        motions: kind of fitted motion -> overall closure on it by the robot that was fitted to the other kinds.
-    """
-
-    overall: Interval
-    retune: Interval
-    effect: Interval
-    signals: dict[str, SignalGap]
-    measured_on: tuple[str, ...] = ()
+    overall: Interval  # from the nominal to the improved robot
+    retune: Interval  # from the nominal to the retuned robot
+    effect: Interval  # from the retuned to the improved robot; NaN where retuning leaves nothing
+    signals: dict[str, SignalGap]  # column -> gap
+    measured_on: tuple[str, ...] = ()  # kinds of motion that it was measured on
+    # kind of fitted motion -> overall closure on it by the robot that was fitted to the other kinds
     motions: dict[str, Interval] = field(default_factory=dict)
 
     @property
@@ -121,54 +91,34 @@ class Closure:
 
 @dataclass(frozen=True)
 class EffectRival:
-    """An effect that explains as much in the place of another.
+    """An effect that explains as much in the place of another."""
 
-    Attributes:
-        id: id of the effect.
-        share: of the gap beyond retuning that it would take up.
-    """
-
-    id: str
-    share: Interval
+    id: str  # id of the effect
+    share: Interval  # of the gap beyond retuning that it would take up
 
 
 @dataclass(frozen=True)
 class NamedEffect:
-    """An effect of the improved robot.
+    """An effect of the improved robot."""
 
-    Attributes:
-        id: id of the effect.
-        wires: tendons that it sits on.
-        joints: joints that it sits on.
-        parameters: parameter -> interval; values are NaN where channels differ.
-        channels: parameter -> channel -> interval, for what differs from channel to channel.
-        kind: what it is in words, such as dry friction.
-        role: `cause`, or `refinement`: it is in the improved robot and may be the error of a cause's law.
-        share: of the gap beyond retuning that it takes up.
-        rivals: effects that would take up as much in its place.
-    """
-
-    id: str
-    wires: tuple[str, ...]
-    joints: tuple[str, ...]
-    parameters: dict[str, Interval]
+    id: str  # id of the effect
+    wires: tuple[str, ...]  # tendons that it sits on
+    joints: tuple[str, ...]  # joints that it sits on
+    parameters: dict[str, Interval]  # parameter -> interval; values are NaN where channels differ
+    # parameter -> channel -> interval, for what differs from channel to channel
     channels: dict[str, dict[str, Interval]]
-    kind: str = ""
-    role: str = CAUSE
-    share: Interval = WHOLE
-    rivals: tuple[EffectRival, ...] = ()
+    kind: str = ""  # what it is in words, such as dry friction
+    role: str = CAUSE  # `cause`, or `refinement`: it is in the improved robot and may be the error of a cause's law
+    share: Interval = WHOLE  # of the gap beyond retuning that it takes up
+    rivals: tuple[EffectRival, ...] = ()  # effects that would take up as much in its place
 
 
 @dataclass(frozen=True)
 class Rival:
-    """An explanation still in play beside others, as a robot for `exodrake experiment`.
+    """An explanation still in play beside others, as a robot for `exodrake experiment`."""
 
-    Attributes:
-        effects: ids of its effects; none for the retuned robot.
-        parameters: full name -> value [SI] of all parameters by which its robot differs from the nominal one.
-    """
-
-    effects: tuple[str, ...]
+    effects: tuple[str, ...]  # ids of its effects; none for the retuned robot
+    # full name -> value [SI] of all parameters by which its robot differs from the nominal one
     parameters: dict[str, float]
 
     @property
@@ -179,100 +129,63 @@ class Rival:
 
 @dataclass(frozen=True)
 class Remainder:
-    """What the answer leaves unexplained.
+    """What the answer leaves unexplained."""
 
-    Attributes:
-        value: share of the gap beyond retuning; NaN without a gap.
-        low: lower end of its 90 % interval.
-        high: upper end of it.
-        noise_std: the same beyond noise, RMS over all channels [noise standard deviations].
-        block: where it is (`localise.remaining`); empty where nothing much is left.
-        regime: condition -> share of its variance that the condition explains.
-    """
-
-    value: float
-    low: float
-    high: float
-    noise_std: float
-    block: str = ""
+    value: float  # share of the gap beyond retuning; NaN without a gap
+    low: float  # lower end of its 90 % interval
+    high: float  # upper end of it
+    noise_std: float  # the same beyond noise, RMS over all channels [noise standard deviations]
+    block: str = ""  # where it is (`localise.remaining`); empty where nothing much is left
+    # condition -> share of its variance that the condition explains
     regime: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class Moved:
-    """A nominal parameter that retuning moved.
+    """A nominal parameter that retuning moved."""
 
-    Attributes:
-        name: full name.
-        nominal: value before retuning [unit].
-        value: value after retuning [unit].
-        unit: its unit.
-        deviations: change in standard deviations of its tolerance.
-    """
-
-    name: str
-    nominal: float
-    value: float
-    unit: str
-    deviations: float
+    name: str  # full name
+    nominal: float  # value before retuning [unit]
+    value: float  # value after retuning [unit]
+    unit: str  # its unit
+    deviations: float  # change in standard deviations of its tolerance
 
 
 @dataclass(frozen=True)
 class Retune:
-    """Nominal parameters that retuning moved, and effects that would explain as much.
+    """Nominal parameters that retuning moved, and effects that would explain as much."""
 
-    Attributes:
-        moved: parameters that moved by more than a standard deviation of their tolerance, largest change first.
-        alike: for RETUNE, effect -> share of what retuning explains that it explains alone.
-    """
-
+    # parameters that moved by more than a standard deviation of their tolerance, largest change first
     moved: tuple[Moved, ...] = ()
+    # for RETUNE, effect -> share of what retuning explains that it explains alone
     alike: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """A set of effects that was fitted.
+    """A set of effects that was fitted."""
 
-    Attributes:
-        id: ids of its effects, joined by +.
-        share: of the gap beyond retuning that it takes up.
-        chi2: reduced chi-square in closed loop.
-        prediction_chi2: the same as prediction error; NaN without an observer.
-        evidence: log evidence beyond that of the retuned robot [nats].
-    """
-
-    id: str
-    share: float
-    chi2: float
-    prediction_chi2: float
-    evidence: float
+    id: str  # ids of its effects, joined by +
+    share: float  # of the gap beyond retuning that it takes up
+    chi2: float  # reduced chi-square in closed loop
+    prediction_chi2: float  # the same as prediction error; NaN without an observer
+    evidence: float  # log evidence beyond that of the retuned robot [nats]
 
 
 @dataclass(frozen=True)
 class Provenance:
-    """Provenance of an answer: code, command, robot, calibration and files.
+    """Provenance of an answer: code, command, robot, calibration and files."""
 
-    Attributes:
-        date: Coordinated Universal Time in the form of ISO 8601.
-        version: of the package.
-        code: first digits of the SHA-256 of the code that finds answers.
-        command: as it was typed, absolute paths by their last part; empty for a call from Python.
-        robot: file of the nominal robot.
-        parameters: first digits of the SHA-256 of its parameters, the overrides of the case included, with variants,
-            tolerances and limits.
-        calibration: source of the numbers of the tests.
-        files: file of the case -> SHA-256; none for a case that was not read from files.
-    """
-
-    date: str
-    version: str
-    code: str
-    command: str
-    robot: str
+    date: str  # Coordinated Universal Time in the form of ISO 8601
+    version: str  # of the package
+    code: str  # first digits of the SHA-256 of the code that finds answers
+    command: str  # as it was typed, absolute paths by their last part; empty for a call from Python
+    robot: str  # file of the nominal robot
+    # first digits of the SHA-256 of its parameters, the overrides of the case included, with variants, tolerances and
+    # limits
     parameters: str
-    calibration: str
-    files: dict[str, str]
+    calibration: str  # source of the numbers of the tests
+    files: dict[str, str]  # file of the case -> SHA-256; none for a case that was not read from files
 
 
 @short_repr

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import product
 from math import comb
 
 import numpy as np
@@ -47,97 +48,79 @@ def check_case(case: Case, machine: Machine) -> None:
     """
     if abs(case.period - machine.frame) > SAME:
         raise InputError(f"{case.name}: frames of {case.period:g} s, {machine.name} has frames of {machine.frame:g} s")
-    for item in case.logs:
-        for column in (c for c in machine.columns if c.required):
-            channels = machine.channels(column.signal)
-            for name in (f"{column.kind}_{channel}" for channel in channels):
-                if name not in item.log.signals:
-                    listed = ", ".join(channels)
-                    raise InputError(f"{item.file}: required column {name!r} is missing ({machine.name} has {listed})")
+    for item, column in product(case.logs, (c for c in machine.columns if c.required)):
+        for name in machine.log_names([column]):
+            if name not in item.log.signals:
+                listed = ", ".join(machine.channels(column.signal))
+                raise InputError(f"{item.file}: required column {name!r} is missing ({machine.name} has {listed})")
     frames = sum(len(item.log) for item in case.logs)
     if frames > LONGEST:
         raise InputError(
             f"{case.name}: {frames} frames of logs, a diagnosis takes {LONGEST}; a few logs of a minute say as much"
         )
     logs = {item.file: item.log for item in case.logs}
-    repeats = [(item, logs[item.repeats]) for item in case.logs if item.repeats]
-    for reference in machine.references:
+    for reference, item in product(machine.references, (item for item in case.logs if item.repeats)):
         channels = machine.channels(reference.signal)
-        for item, repeated in repeats:
-            own, other = (log.array(reference.kind, channels) for log in (item.log, repeated))
-            rows = min(len(own), len(other))
-            motion = max(np.nanstd(own, axis=0).max(), np.nanstd(other, axis=0).max())
-            apart = np.abs(own[:rows] - other[:rows]) > REPEATS * motion
-            if motion > 0.0 and apart.any(axis=1).mean() > REPEATS:
-                row, channel = np.argwhere(apart)[0]
-                raise InputError(
-                    f"{item.file}: column '{reference.kind}_{channels[channel]}', row {row + 2}: another reference "
-                    f"than in {item.repeats}, which it is said to repeat"
-                )
+        own, other = (log.array(reference.kind, channels) for log in (item.log, logs[str(item.repeats)]))
+        rows = min(len(own), len(other))
+        motion = max(np.nanstd(own, axis=0).max(), np.nanstd(other, axis=0).max())
+        apart = np.abs(own[:rows] - other[:rows]) > REPEATS * motion
+        if motion > 0.0 and apart.any(axis=1).mean() > REPEATS:
+            row, channel = np.argwhere(apart)[0]
+            raise InputError(
+                f"{item.file}: column '{reference.kind}_{channels[channel]}', row {row + 2}: another reference "
+                f"than in {item.repeats}, which it is said to repeat"
+            )
 
 
 def without_short_logs(case: Case, machine: Machine) -> Case:
     """The case without logs that are too short to tell anything, with a note; InputError if no fitted log is left."""
-    short = [item for item in case.logs if len(item.log) < SHORTEST]
+    short = {item.file: len(item.log) for item in case.logs if len(item.log) < SHORTEST}
     if not short:
         return case
     least = f"{SHORTEST} ({SHORTEST * machine.frame:g} s)"
-    gone = {item.file for item in short}
-    kept = tuple(item for item in case.logs if item.file not in gone and item.repeats not in gone)
+    kept = tuple(item for item in case.logs if item.file not in short and item.repeats not in short)
     if not any(item.role == "fit" for item in kept):
-        raise InputError(f"{short[0].file}: {len(short[0].log)} frames, a diagnosis needs {least}")
-    listed = ", ".join(sorted(gone))
-    return replace(case, logs=kept, notes=(*case.notes, f"left out, since a diagnosis needs {least} frames: {listed}"))
+        file, frames = next(iter(short.items()))
+        raise InputError(f"{file}: {frames} frames, a diagnosis needs {least}")
+    note = f"left out, since a diagnosis needs {least} frames: {', '.join(sorted(short))}"
+    return replace(case, logs=kept, notes=(*case.notes, note))
 
 
-@dataclass(frozen=True, eq=False)
+def find_columns(case: Case, machine: Machine) -> tuple[str, ...]:
+    """Columns to compare that every log of the case has, in the machine's order. InputError if there is none."""
+    wanted = machine.log_names(machine.column(kind) for kind in machine.compared)
+    found = tuple(c for c in wanted if all(c in item.log.signals for item in case.logs))
+    if not found:
+        compared = ", ".join(machine.compared)
+        raise InputError(f"{case.name}: no log has a column to compare with {machine.name}: {compared}")
+    return found
+
+
 class Channel:
-    """A column of one log and the same of the nominal robot, missing samples left out."""
+    """A column of one log and the same of the nominal robot, missing samples left out.
 
-    column: str
-    file: str
-    measured: np.ndarray  # (n,) [unit of the column]
-    nominal: np.ndarray  # (n,) [unit of the column]
+    measured, nominal: (n,) [unit of the column].
+    """
 
-    @cached_property
-    def factor(self) -> float:
-        """The factor of another unit or sign that the channel seems to carry; 1 for none."""
-        spread, nominal = np.std(self.measured), np.std(self.nominal)
-        if spread == 0.0 or nominal == 0.0:
-            return 1.0
-        correlation = np.corrcoef(self.measured, self.nominal)[0, 1]
-        ratio = np.sign(correlation) * spread / nominal if abs(correlation) >= ALIKE else 1.0
-        return next((f for f in FACTORS if 1.0 / NEAR < ratio / f < NEAR), 1.0)
-
-    @cached_property
-    def noise(self) -> float:
-        """Fast noise of the measured samples in the unit that they seem to have."""
-        return fast_noise(self.measured / self.factor)
-
-    @cached_property
-    def nominal_noise(self) -> float:
-        """Fast noise of the nominal samples."""
-        return fast_noise(self.nominal)
-
-    @cached_property
-    def least_noise(self) -> float:
-        """Nominal fast noise; of a rounded channel two steps, below which rounding may be taken for noise."""
-        return max(self.nominal_noise, CLEAR * rounding_step(self.nominal))
-
-    @cached_property
-    def carries_noise(self) -> bool:
-        """Whether rounding leaves the noise: more than a step in the nominal log, and most measured samples change."""
-        steps = np.abs(np.diff(self.nominal))
-        smallest = steps[steps > EXACT * np.ptp(self.nominal)].min(initial=np.inf)
-        return bool(self.nominal_noise > smallest and np.median(np.abs(np.diff(self.measured))) > 0.0)
-
-    @cached_property
-    def audible(self) -> bool:
-        """Whether rounding hides neither the nominal noise nor a larger one that is measured."""
-        changes = np.median(np.abs(np.diff(self.measured))) > 0.0
-        if not changes or not self.least_noise > EXACT * np.ptp(self.measured):
-            return False
-        return self.carries_noise or fast_noise(self.measured) > ABOVE * self.least_noise
+    def __init__(self, column: str, file: str, measured: np.ndarray, nominal: np.ndarray) -> None:
+        self.column, self.file, self.measured, self.nominal = column, file, measured, nominal
+        spread, nominal_spread = np.std(measured), np.std(nominal)
+        self.factor = 1.0  # of another unit or sign that the channel seems to carry
+        if spread > 0.0 and nominal_spread > 0.0 and abs(correlation := np.corrcoef(measured, nominal)[0, 1]) >= ALIKE:
+            ratio = np.sign(correlation) * spread / nominal_spread
+            self.factor = next((f for f in FACTORS if 1.0 / NEAR < ratio / f < NEAR), 1.0)
+        self.noise = fast_noise(measured / self.factor)  # in the unit that the samples seem to have
+        self.nominal_noise = fast_noise(nominal)
+        # of a rounded channel two steps, below which rounding may be taken for noise
+        self.least_noise = max(self.nominal_noise, CLEAR * rounding_step(nominal))
+        changes, steps = bool(np.median(np.abs(np.diff(measured))) > 0.0), np.abs(np.diff(nominal))
+        # rounding leaves the noise: it is more than a step in the nominal log, and most measured samples change
+        smallest = float(steps[steps > EXACT * np.ptp(nominal)].min(initial=np.inf))
+        self.carries_noise = changes and self.nominal_noise > smallest
+        # rounding hides neither the nominal noise nor a larger one that is measured
+        louder = self.carries_noise or fast_noise(measured) > ABOVE * self.least_noise
+        self.audible = changes and louder and self.least_noise > EXACT * np.ptp(measured)
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,9 +160,7 @@ class Comparison:
 
 def compare(case: Case, robot: Robot) -> Comparison:
     """The nominal robot simulated once on each log's reference, noise and rounding included."""
-    machine = robot.machine
-    wanted = machine.log_names(machine.column(kind) for kind in machine.compared)
-    columns = tuple(c for c in wanted if all(c in item.log.signals for item in case.logs))
+    machine, columns = robot.machine, find_columns(case, robot.machine)
     pairs, channels = [], []
     for seed, item in enumerate(case.logs):
         reference = filled_columns(reference_rows(machine, item.log))

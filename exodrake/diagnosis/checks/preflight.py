@@ -36,7 +36,7 @@ from exodrake.diagnosis.linear import LinearModel, minimise_bounded
 from exodrake.diagnosis.linearise import Linearisation, linearise, nominal_jacobian
 from exodrake.diagnosis.noise import sensor_noise_std
 from exodrake.diagnosis.parameter import nominal_parameters
-from exodrake.diagnosis.problem import Problem, find_columns, list_required, make_problem
+from exodrake.diagnosis.problem import Problem, list_required, make_problem
 from exodrake.diagnosis.search import LAW
 
 JITTER = 0.1  # of a frame by which rows may be off without a word: assumed
@@ -173,7 +173,6 @@ def preflight(
     case = read_case(path, list_required(robot.machine), robot.machine.frame, allow_outside)
     robot = robot.with_parameters(case.robot, source=case.name) if case.robot else robot
     check_case(case, robot.machine)
-    find_columns(case, robot.machine)
     progress("comparing the logs with the nominal robot")
     comparison = compare(case, robot)
     parts = read_clocks(Path(path), robot.machine.frame), judge_channels(comparison), judge_excitation(case, robot)
@@ -234,11 +233,10 @@ def judge_channels(comparison: Comparison) -> tuple[ChannelQuality, ...]:
     whole = [~np.isnan(np.column_stack(list(log.signals.values()))).all(axis=1) for log in logs]
     for i, column in enumerate(comparison.columns):
         measured = [pair.measured[:, i] for pair in comparison.pairs]
-        missing = [np.isnan(log[column]) & rows for log, rows in zip(logs, whole, strict=True)]
-        lost, held = (float(np.mean(np.concatenate(masks))) for masks in (missing, list(map(find_held, measured))))
-        noise = [fast_noise(values) for values in measured if len(values) > 2 * HELD]
-        motion, fast = float(np.std(np.concatenate(measured))), float(np.median(noise)) if noise else 0.0
-        found.append(ChannelQuality(column, lost, held, motion, fast))
+        missing = np.concatenate([np.isnan(log[column]) & rows for log, rows in zip(logs, whole, strict=True)])
+        held, motion = np.concatenate([find_held(values) for values in measured]), np.std(np.concatenate(measured))
+        noise = np.median([fast_noise(values) for values in measured if len(values) > 2 * HELD] or [0.0])
+        found.append(ChannelQuality(column, *map(float, (missing.mean(), held.mean(), motion, noise))))
     return tuple(found)
 
 
@@ -252,15 +250,15 @@ def find_held(values: np.ndarray) -> np.ndarray:
 def judge_excitation(case: Case, robot: Robot) -> tuple[Excitation, ...]:
     """Excitation of each channel by the machine's first reference, over the logs to fit."""
     machine, found = robot.machine, []
-    spans = np.subtract(*robot.reference_limits()[::-1]) if machine.reference_limits and robot.limits else None
-    for k, name in enumerate(machine.log_names(machine.references[:1])):
+    names = machine.log_names(machine.references[:1])
+    limited = machine.reference_limits and robot.limits
+    spans = np.subtract(*robot.reference_limits()[::-1]) if limited else np.full(len(names), np.nan)
+    for name, most in zip(names, spans.tolist(), strict=True):
         logs = [item.log[name][np.isfinite(item.log[name])] for item in case.fit_logs]
         moves = [np.sign(np.diff(one)) for one in logs]
         turns = sum(int((np.diff(one[one != 0.0]) != 0.0).sum()) for one in moves)
-        span = float(np.ptp(np.concatenate(logs)))
-        share = span / float(spans[k]) if spans is not None else float("nan")
-        band = max(find_band(one, machine.frame) for one in logs)
-        found.append(Excitation(name, span, share, band, turns, float(np.mean(np.concatenate(moves) == 0.0))))
+        span, rest = float(np.ptp(np.concatenate(logs))), float(np.mean(np.concatenate(moves) == 0.0))
+        found.append(Excitation(name, span, span / most, max(find_band(x, machine.frame) for x in logs), turns, rest))
     return tuple(found)
 
 
@@ -292,24 +290,24 @@ def identifiability(
     kind = np.concatenate([np.tile(kinds, len(trial.measured)) for trial in problem.fit])
     rows = np.concatenate([jacobian, lin.directions, np.zeros((1, lin.directions.shape[1]))], dtype=np.float32)
     places = [np.flatnonzero(kind == k) for k in known]
-    ends = np.cumsum([0, *map(len, places)])
-    blocks = [(0, 0, slice(int(a), int(b))) for a, b in pairwise(ends)]
+    blocks = [(0, 0, slice(a, b)) for a, b in pairwise(np.cumsum([0, *map(len, places)]).tolist())]
     free = np.full(len(rows) - 1, np.inf)
     precision = np.r_[[p.prior_std**-2.0 for p in nominal], np.zeros(len(free) - len(nominal))]
     memory = max(CORRELATION / machine.frame, 1.0) / (duration(whole) / duration(problem))
-    prior = (0.0 * precision, precision, -free, free)
-    model = LinearModel.of_rows(rows[:, np.concatenate(places)], blocks, prior, memory)
+    model = LinearModel.of_rows(
+        rows[:, np.concatenate(places)], blocks, (0.0 * precision, precision, -free, free), memory
+    )
 
     def with_kinds(some: Sequence[str], every: bool = False) -> Identifiability:
         return Identifiability(find_directions(lin, machine, model, np.isin(known, some), every))
 
     own = [k for k in known if not k.startswith(EXTRA)]
     found, sensors, fewer = with_kinds(own, every=True), [], []
-    for k in (k for k in known if k.startswith(EXTRA)):
+    for k in known[len(own) :]:
         better, signal = with_kinds([*own, k]), machine.signal[machine.column(k).signal]
-        noise = float(problem.noise_std[kinds == k].max())
-        if len(better.hidden) + len(better.mistaken) < len(found.hidden) + len(found.mistaken):
-            sensors.append(Sensor(signal.name, signal.unit, noise, len(better.hidden), len(better.mistaken)))
+        noise, left = float(problem.noise_std[kinds == k].max()), (len(better.hidden), len(better.mistaken))
+        if sum(left) < len(found.hidden) + len(found.mistaken):
+            sensors.append(Sensor(signal.name, signal.unit, noise, *left))
     sensors.sort(key=lambda s: (s.hidden + s.mistaken, s.hidden))
     # one kind of sensor less, and each alone; a command that is logged is no sensor, and stays
     removable = [k for k in own if machine.observer is None or k != machine.observer.measured_input]
@@ -325,24 +323,24 @@ def identifiability(
 def plan_experiment(problem: Problem) -> Problem:
     """The problem as an experiment: logs that the nominal robot would give, with every signal in them."""
     machine, noise, own = problem.robot.machine, sensor_noise_std(problem.robot), len(problem.columns)
-    logged = {c.signal for c in machine.columns if any(col.startswith(f"{c.kind}_") for col in problem.columns)}
+    logged = {c.signal for c in machine.columns if c.kind in problem.kinds}
     written = {name for part in machine.parts for output in part.outputs for name in output.writes}
     more = [s for s in machine.signals if s.name in written - logged]
     extra = tuple(Column(EXTRA + s.name.replace("_", ""), s.name, required=False) for s in more)
     wide = replace(machine, columns=machine.columns + extra, nominal=None)
-    short = problem.shorten(min(1.0, FRAMES / sum(len(t.reference) for t in problem.fit)))
     columns, robot = (*problem.columns, *machine.log_names(extra)), replace(problem.robot, machine=wide)
-    every, trials = replace(short, robot=robot, columns=columns, holdout=()), []
+    short = problem.shorten(min(1.0, FRAMES / sum(len(t.reference) for t in problem.fit)))
+    every, logs = replace(short, robot=robot, columns=columns, holdout=()), []
     for trial in short.fit:
         (simulated,) = every.predict(every.silent()[None], trial)
         simulated[:, :own][np.isnan(trial.measured)] = np.nan
-        trials.append(replace(trial, measured=simulated))
+        logs.append(simulated)
     kinds = {c.signal: c.kind for c in machine.columns}
-    span = np.max([np.ptp(np.nan_to_num(t.measured), axis=0) for t in trials], axis=0)[own:]
+    span = np.max([np.ptp(np.nan_to_num(log), axis=0) for log in logs], axis=0)[own:]
     levels = np.array([noise.get(kinds.get(s.name, ""), 0.0) for s in more for _ in machine.axes.of(s.axis)])
     stated = np.concatenate([problem.noise_std, np.where(levels > 0.0, levels, SENSOR * span)])
     keep = (np.arange(len(stated)) < own) | ((stated > 0.0) & np.isfinite(stated))
-    fit = tuple(replace(t, measured=t.measured[:, keep]) for t in trials)
+    fit = tuple(replace(t, measured=log[:, keep]) for t, log in zip(short.fit, logs, strict=True))
     return replace(every, columns=tuple(np.array(columns)[keep].tolist()), noise_std=stated[keep], fit=fit)
 
 

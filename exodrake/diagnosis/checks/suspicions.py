@@ -8,15 +8,15 @@ all logs and so is in the model, as far as it is linear; what is wrong with one 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from itertools import combinations, pairwise
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from itertools import combinations, pairwise, product
 from textwrap import shorten
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from exodrake.core.display import in_words
 from exodrake.core.errors import InputError
-from exodrake.core.machine import Machine
 from exodrake.diagnosis.checks.compare import (
     ABOVE,
     CLEAR,
@@ -74,6 +74,14 @@ def suspicions(comparison: Comparison) -> tuple[str, ...]:
     return tuple(shorten(sentence, LONGEST) for check in CHECKS for sentence in check(comparison))
 
 
+def group[K, V](pairs: Iterable[tuple[K, V]]) -> list[tuple[K, list[V]]]:
+    """Each key with its values."""
+    found: dict[K, list[V]] = {}
+    for key, value in pairs:
+        found.setdefault(key, []).append(value)
+    return list(found.items())
+
+
 def nothing_held_out(comparison: Comparison) -> Iterator[str]:
     """A case holds no log out."""
     if not comparison.case.holdout_logs:
@@ -85,14 +93,13 @@ def copied_logs(comparison: Comparison) -> Iterator[str]:
 
     Logs are compared by hashes of the changes in successive windows, motionless windows left out.
     """
-    spread = np.std(np.concatenate([pair.measured for pair in comparison.pairs]), axis=0)
+    spread = np.vstack([pair.measured for pair in comparison.pairs]).std(axis=0)
     fine = FINE * np.where(spread > 0.0, spread, 1.0)
-    keys = np.random.default_rng(0).integers(1, 2**62, (MATCH, len(fine)), dtype=np.int64) | 1
+    keys = np.random.default_rng(0).integers(1, 2**62, (len(fine), MATCH)) | 1
     prints = []
-    for pair in comparison.pairs:
+    for pair in (pair for pair in comparison.pairs if len(pair.measured) > MATCH):
         steps = np.rint(np.diff(pair.measured, axis=0) / fine).astype(np.int64)
-        windows = len(steps) - MATCH + 1
-        hashes = np.sum([steps[k : k + windows] @ keys[k] for k in range(MATCH)], axis=0)
+        hashes = np.einsum("ncm,cm->n", sliding_window_view(steps, MATCH, axis=0), keys)
         prints.append((pair.item, np.unique(hashes[hashes != 0])))
     for (a, one), (b, other) in combinations(prints, 2):
         fewer, more = sorted((one, other), key=len)
@@ -103,23 +110,21 @@ def copied_logs(comparison: Comparison) -> Iterator[str]:
 
 def another_unit(comparison: Comparison) -> Iterator[str]:
     """A channel has the shape of the nominal robot's, times -1, 57.3, 100, 1000 or their inverses."""
-    found: dict[float, list[Channel]] = {}
-    for channel in (c for c in comparison.channels if c.factor != 1.0):
-        found.setdefault(channel.factor, []).append(channel)
-    for factor, channels in found.items():
+    for factor, channels in group((c.factor, c) for c in comparison.channels if c.factor != 1.0):
         yield f"{list_places(channels)} are about {factor:.3g} times what the nominal robot logs: another unit or sign?"
 
 
 def find_far_references(comparison: Comparison) -> dict[str, str]:
     """File -> sentence on commands far beyond the limits of the robot file; a measured motion has no limit."""
     machine, found = comparison.machine, {}
-    if not (machine.references[0].kind.endswith("_ref") and machine.reference_limits and comparison.robot.limits):
+    first = machine.references[0]
+    if not (first.kind.endswith("_ref") and machine.reference_limits and comparison.robot.limits):
         return {}
     try:
         limits = np.maximum(*map(np.abs, comparison.robot.reference_limits()))
     except InputError:  # not stated for each channel
         return {}
-    columns, unit = machine.log_names(machine.references[:1]), machine.signal[machine.references[0].signal].unit
+    columns, unit = machine.log_names([first]), machine.signal[first.signal].unit
     for pair in comparison.pairs:
         largest = np.abs(pair.reference[:, : len(columns)]).max(axis=0)
         ratios = np.divide(largest, limits, out=np.zeros_like(largest), where=limits > 0.0)
@@ -138,43 +143,34 @@ def references_beyond_limits(comparison: Comparison) -> Iterator[str]:
 
 def exchanged_columns(comparison: Comparison) -> Iterator[str]:
     """Channels of one kind correlate clearly better with one another's simulation than with their own."""
-    found: dict[str, list[str]] = {}
-    for pair in comparison.pairs:
-        for kind in dict.fromkeys(comparison.kinds):
-            own = np.flatnonzero(comparison.kinds == kind)
-            best = own[best_assignment(pair.measured[:, own], pair.nominal[:, own])]
-            names = [f"{comparison.columns[i]} like {comparison.columns[j]}" for i, j in zip(own, best) if i != j]
-            if names:
-                found.setdefault(list_few(names), []).append(pair.item.file)
-    for names, files in found.items():
-        yield f"{names} of the nominal robot in {list_few(files)}: exchanged columns?"
-
-
-def best_assignment(measured: np.ndarray, nominal: np.ndarray) -> list[int]:
-    """Nominal channel (n, channels) that matches each measured one; its own unless others are clearly better."""
     from scipy.optimize import linear_sum_assignment
 
-    own = list(range(measured.shape[1]))
-    a, b = (x - x.mean(axis=0) for x in (measured, nominal))
-    scale = np.sqrt(np.outer((a**2).sum(axis=0), (b**2).sum(axis=0)))
-    correlation = np.divide(a.T @ b, scale, out=np.zeros_like(scale), where=scale > 0.0)
-    # share of variance that a nominal channel leaves with a positive gain
-    unexplained = np.log(np.clip(1.0 - np.maximum(correlation, 0.0) ** 2, np.finfo(float).eps, 1.0))
-    best = linear_sum_assignment(unexplained)[1]
-    others = np.flatnonzero(best != own)
-    if not len(others):
-        return own
-    left = unexplained[others, best[others]]
-    gained = np.mean(unexplained[others, others] - left)
-    return list(best) if gained > np.log(CLEARLY) and left.max() < np.log(1.0 - EXPLAINED) else own
+    found = []
+    for pair, kind in product(comparison.pairs, dict.fromkeys(comparison.kinds)):
+        own = np.flatnonzero(comparison.kinds == kind)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            correlation = np.corrcoef(pair.measured[:, own], pair.nominal[:, own], rowvar=False)[: len(own), len(own) :]
+        positive = np.maximum(np.nan_to_num(correlation), 0.0)
+        # share of a channel's variance that a nominal one leaves with a positive gain
+        unexplained = np.log(np.clip(1.0 - positive**2, np.finfo(float).eps, 1.0))
+        best = linear_sum_assignment(unexplained)[1]
+        others = np.flatnonzero(best != np.arange(len(own)))
+        left = unexplained[others, best[others]]
+        clearly = len(others) and np.mean(unexplained[others, others] - left) > np.log(CLEARLY)
+        if clearly and left.max() < np.log(1.0 - EXPLAINED):
+            columns = np.array(comparison.columns)[own]
+            found.append((list_few(f"{columns[k]} like {columns[best[k]]}" for k in others), pair.item.file))
+    for names, files in group(found):
+        yield f"{names} of the nominal robot in {list_few(files)}: exchanged columns?"
 
 
 def gaps(comparison: Comparison) -> Iterator[str]:
     """A column or a reference lacks samples for many frames in a row in which the log has others."""
+    machine = comparison.machine
     for log, file in ((pair.item.log, pair.item.file) for pair in comparison.pairs):
-        references = [c for c in comparison.machine.log_names(comparison.machine.references) if log.has(c)]
+        references = [c for c in machine.log_names(machine.references) if log.has(c)]
         columns = [*comparison.columns, *references]
-        missing = np.column_stack([np.isnan(log[c]) for c in columns])
+        missing = np.isnan(np.column_stack([log[c] for c in columns]))
         missing &= ~missing.all(axis=1, keepdims=True)  # frames that are absent whole are noted on reading
         for column, (start, length) in zip(columns, map(longest_run, missing.T), strict=True):
             if length >= LONG:
@@ -191,21 +187,22 @@ def frozen_channels(comparison: Comparison) -> Iterator[str]:
     for column, name in enumerate(comparison.columns):
         values = [pair.measured[:, column] for pair in pairs]
         if np.ptp(np.concatenate(values)) == 0.0:
-            moves = any(np.ptp(pair.nominal[:, column]) > 0.0 for pair in pairs)
-            found += [f"{name} of every log"] if moves else []
+            found += [name + " of every log"] if any(np.ptp(pair.nominal[:, column]) > 0.0 for pair in pairs) else []
             continue
-        runs = [(k, int(a), int(n)) for k, one in enumerate(values) for a, n in zip(*find_runs(one)) if n >= LONG]
-        predicted = {k: other.predict(column, k) for k in {run[0] for run in runs}}
-        motion = [float(np.std(predicted[k][start : start + n])) for k, start, n in runs]
-        frozen = {}
-        for (k, start, n), own in zip(runs, motion, strict=True):
-            if (start, n) == longest_run(values[k]):
-                stuck = [m for m, (log, *_) in zip(motion, runs, strict=True) if log != k]
-                usual = max([SMALL, *stuck, *other.errors(column, k)])
-                if own > UNLIKE * usual or noise_stops(comparison, column, k, start, n):
-                    item = pairs[k].item
-                    frozen[k] = f"{name} of {item.file} from {item.log.time[start]:.6g} s on for {n} frames"
-        found += frozen.values()
+        motion = group(  # that is predicted in the runs of one value, of each log with such runs
+            (log, (int(n), int(start), float(np.std(predicted[start : start + n]))))
+            for log, one in enumerate(values)
+            for predicted in [other.predict(column, log)]
+            for start, n in zip(*find_runs(one))
+            if n >= LONG
+        )
+        for log, runs in motion:
+            n, start, own = max(runs, key=lambda run: run[0])
+            stuck = [run[-1] for k, some in motion if k != log for run in some]
+            usual = max([SMALL, *stuck, *other.errors(column, log)])
+            if own > UNLIKE * usual or noise_stops(comparison, column, log, start, n):
+                item = pairs[log].item
+                found.append(f"{name} of {item.file} from {item.log.time[start]:.6g} s on for {n} frames")
     if found:
         verb = "are" if len(found) > 1 else "is"
         yield f"{list_few(found)} {verb} frozen: one value repeats where the channel should move or be noisy"
@@ -213,13 +210,12 @@ def frozen_channels(comparison: Comparison) -> Iterator[str]:
 
 def noise_stops(comparison: Comparison, column: int, log: int, start: int, length: int) -> bool:
     """Whether the samples of a channel change all the time but in a run of one value, which is no end of its range."""
-    pair = comparison.pairs[log]
+    pair, run = comparison.pairs[log], slice(start, start + length)
     values, nominal = pair.measured[:, column], pair.nominal[:, column]
-    rest = np.ones(len(values), dtype=bool)
-    rest[start : start + length] = False
-    if rest.sum() < LONG or length < BEYOND * max(longest_run(nominal)[1], longest_run(values[rest])[1]):
+    rest = np.delete(values, run)
+    if len(rest) < LONG or length < BEYOND * max(longest_run(nominal)[1], longest_run(rest)[1]):
         return False
-    outside = Channel(comparison.columns[column], pair.item.file, values[rest], nominal[rest])
+    outside = Channel(comparison.columns[column], pair.item.file, rest, np.delete(nominal, run))
     noisy = outside.carries_noise and outside.noise / outside.nominal_noise > 1.0 / CLEAR
     return noisy and values[start] not in (values.min(), values.max())
 
@@ -233,11 +229,9 @@ def clipped_channels(comparison: Comparison) -> Iterator[str]:
         One visit is none: so looks a robot at rest, and a channel that died.
         """
         starts, lengths = find_runs(values)
-        held, at_ends = lengths >= HELD, np.zeros(len(lengths), dtype=bool)
-        for end in (values.min(), values.max()):
-            visits = held & (values[starts] == end)
-            at_ends |= visits & (visits.sum() > 1)
-        return float(lengths[at_ends].sum()) / len(values), float(lengths[held & ~at_ends].sum()) / len(values)
+        visits = [(lengths >= HELD) & (values[starts] == end) for end in (values.min(), values.max())]
+        at_ends = np.any([some for some in visits if some.sum() > 1] or [[False] * len(starts)], axis=0)
+        return lengths[at_ends].sum() / len(values), lengths[(lengths >= HELD) & ~at_ends].sum() / len(values)
 
     found = []
     for channel in comparison.channels:
@@ -254,7 +248,7 @@ def nothing_moves(comparison: Comparison) -> Iterator[str]:
         return bool(np.ptp(values) > 0.0 and np.std(values) > LEAST_MOTION * max(fast_noise(values), rounding))
 
     pairs = [pair for pair in comparison.pairs if pair.item.role == "fit"]
-    references, channels = (np.concatenate([getattr(p, x) for p in pairs]).T for x in ("reference", "measured"))
+    references, channels = (np.vstack([getattr(p, x) for p in pairs]).T for x in ("reference", "measured"))
     if not any(map(moves, references)) and not any(moves(values, rounding_step(values)) for values in channels):
         yield (
             "nothing moves in the logs to fit: the references are constant and no channel varies by more than "
@@ -264,42 +258,36 @@ def nothing_moves(comparison: Comparison) -> Iterator[str]:
 
 def bursts(comparison: Comparison) -> Iterator[str]:
     """Fast noise is many times as strong as usual for a while in one channel alone, so not by a motion of the robot."""
-
-    def window_strength(values: np.ndarray) -> np.ndarray:
-        """Fast noise of signals (n, channels) in successive windows, single jumps apart: (windows, channels)."""
-        cut = values[: len(values) // WINDOW * WINDOW].reshape(-1, WINDOW, values.shape[1])
-        return np.median(np.abs(np.diff(cut, ORDER, axis=1)), axis=1)
-
     for pair in (p for p in comparison.pairs if len(p.measured) >= WINDOW / (1.0 - USUAL)):
-        strengths = [window_strength(pair.measured), window_strength(pair.nominal)]
-        usual = np.max([np.quantile(x, USUAL, axis=0) for x in strengths], axis=0)
-        measured, nominal = (np.divide(x, usual, out=np.zeros_like(x), where=usual > 0.0) for x in strengths)
-        noisy = [c.column for c in comparison.channels if c.file == pair.item.file and c.carries_noise]
-        for i in map(comparison.columns.index, noisy):
+        # fast noise in successive windows, single jumps apart: (measured and nominal, windows, channels)
+        both = np.array([pair.measured, pair.nominal])[:, : len(pair.measured) // WINDOW * WINDOW]
+        cut = both.reshape(2, -1, WINDOW, both.shape[-1])
+        strength = np.median(np.abs(np.diff(cut, ORDER, axis=2)), axis=2)
+        usual = np.quantile(strength, USUAL, axis=1).max(axis=0)
+        measured, nominal = np.divide(strength, usual, out=np.zeros_like(strength), where=usual > 0.0)
+        noisy = {c.column for c in comparison.channels if c.file == pair.item.file and c.carries_noise}
+        for i, column in enumerate(comparison.columns):
             others = np.delete(measured, i, axis=1).max(axis=1, initial=1.0)
-            strength = measured[:, i] / np.maximum(others, nominal[:, i])
-            if (most := strength.max()) > BEYOND:
-                time = pair.item.log.time[WINDOW * int(strength.argmax())]
-                place = f"{comparison.columns[i]} of {pair.item.file}"
-                yield f"{place} has a burst of {most:.2g} times its usual noise at {time:.6g} s"
+            times = measured[:, i] / np.maximum(others, nominal[:, i])
+            if column in noisy and times.max() > BEYOND:
+                time = pair.item.log.time[WINDOW * int(times.argmax())]
+                place = f"{column} of {pair.item.file}"
+                yield f"{place} has a burst of {times.max():.2g} times its usual noise at {time:.6g} s"
 
 
 def noise_as_large_as_motion(comparison: Comparison) -> Iterator[str]:
     """More than half of a channel's variance is noise, by its whiteness or by its repeats, unlike the nominal robot."""
     found = [c for c in comparison.channels if white_share(c.measured) > max(HALF, CLEAR * white_share(c.nominal))]
-    for column in comparison.columns:
+    for column, repeated in product(comparison.columns, comparison.case.repeat_groups):
         channels = comparison.audible(column)
-        for group in comparison.case.repeat_groups:
-            runs, shares = [c for c in channels if c.file in [item.file for item in group]], []
-            if len(runs) < 2:
-                continue
-            for name in ("measured", "nominal"):
-                variance = sum(np.var(getattr(c, name)) for c in channels)
-                first, last = (getattr(c, name) for c in (runs[0], runs[-1]))
-                rows = min(len(first), len(last))
-                noise = robust_std(first[:rows] - last[:rows]) ** 2 / 2.0
-                shares.append(len(channels) * noise / variance if variance > 0.0 else 0.0)
-            found += runs if shares[0] > max(HALF, CLEAR * shares[1]) else []
+        runs, shares = [c for c in channels if c.file in [item.file for item in repeated]], []
+        for name in ("measured", "nominal") if len(runs) > 1 else ():
+            variance = sum(np.var(getattr(c, name)) for c in channels)
+            first, last = (getattr(c, name) for c in (runs[0], runs[-1]))
+            rows = min(len(first), len(last))
+            noise = robust_std(first[:rows] - last[:rows]) ** 2 / 2.0
+            shares.append(len(channels) * noise / variance if variance > 0.0 else 0.0)
+        found += runs if shares and shares[0] > max(HALF, CLEAR * shares[1]) else []
     if found:
         yield f"noise is as large as the motion in {list_places(found)}: almost any cause would explain such a channel"
 
@@ -310,44 +298,49 @@ def noise_unlike_robot_file(comparison: Comparison) -> Iterator[str]:
     A diagnosis takes the noise of a sensor from the robot file, since what makes a loop hunt is a cause and no noise.
     With a noisier sensor no explanation leaves as little as it should, with a quieter one a fit may look too good.
     """
-    machine, groups = comparison.machine, dict[tuple[str, str, float], dict[str, list[str]]]()
-    for parameter, columns, repeats, word in compare_noise(comparison):
-        groups.setdefault((without_channel(parameter), word, repeats), {})[parameter] = columns
-    for (name, word, repeats), found in groups.items() if not any(noise_as_large_as_motion(comparison)) else ():
-        columns = [column for each in found.values() for column in each]
+    machine = comparison.machine
+    sensors = group(
+        ((".".join(parameter.split(".")[:2]), word, repeats), (parameter, channels))
+        for parameter, channels, repeats, word in compare_noise(comparison)
+    )
+    for (name, word, repeats), found in sensors if not any(noise_as_large_as_motion(comparison)) else ():
+        columns = list(dict.fromkeys(c.column for _, channels in found for c in channels))
         unit = machine.signal[machine.column(columns[0].rsplit("_", 1)[0]).signal].unit
         levels = np.median([(c.noise, c.nominal_noise) for c in comparison.audible(columns[0])], axis=0)
         logged, stated, repeated = (in_words(float(level), unit) for level in (*levels, repeats))
-        whole = len(found) == sum(without_channel(p) == name for p in machine.noise)
-        set_to, also = name if whole else list_few(found), f"{name.split('.')[0]}.repeatability"
+        whole = len(found) == sum(p == name or p.startswith(f"{name}.") for p in machine.noise)
+        between = f", between its runs {repeated}" if repeats else ""
+        also = f" and {name.split('.')[0]}.repeatability" if repeats else ""
         yield (
-            f"noise in the logs is {logged} in {list_few(columns)}, that of the nominal robot {stated}"
-            + (
-                f", between its runs {repeated}: {word}? Set {set_to} and {also}"
-                if repeats
-                else f": {word}? Set {set_to}"
-            )
+            f"noise in the logs is {logged} in {list_few(columns)}, that of the nominal robot {stated}{between}: "
+            f"{word}? Set {name if whole else list_few(parameter for parameter, _ in found)}{also}"
         )
 
 
-def compare_noise(comparison: Comparison) -> Iterator[tuple[str, list[str], float, str]]:
-    """Noise parameters that the logs contradict, their compared columns, repeatability, and what the noise may be.
+def compare_noise(comparison: Comparison) -> Iterator[tuple[str, list[Channel], float, str]]:
+    """Noise parameters that the logs contradict, the channels that show it, repeatability, and what the noise may be.
 
-    A sensor's noise is in every log; what is fast in one of them alone is its motion. A diagnosis counts the larger of
-    noise and repeatability. What rounding hides is not judged.
+    A parameter is `part.name` or `part.name.channel`. A sensor's noise is in every log; what is fast in one of them
+    alone is its motion. A diagnosis counts the larger of noise and repeatability. What rounding hides is not judged.
     """
-    for parameter, names in noise_parameters(comparison.machine).items():
-        columns, repeats = [c for c in names if c in comparison.columns], f"{parameter.split('.')[0]}.repeatability"
-        repeats = float(comparison.robot[repeats]) if repeats in comparison.machine.index else 0.0
-        heard = [comparison.audible(column) for column in columns]
+    machine = comparison.machine
+    written = {part.name: {name for output in part.outputs for name in output.writes} for part in machine.parts}
+    for parameter in machine.noise:
+        part, _, *channel = parameter.split(".")
+        readings = [c for c in machine.columns if c.signal in written.get(part, ()) and c.kind in machine.compared]
+        names = [n for n in machine.log_names(readings) if not channel or n.endswith(f"_{channel[0]}")]
+        heard = [comparison.audible(name) for name in names if name in comparison.columns]
         if not heard or not all(heard):
             continue
+        repeats = f"{part}.repeatability"
+        repeats = float(comparison.robot[repeats]) if repeats in machine.index else 0.0
         simulated = [[c.noise / c.least_noise for c in channels] for channels in heard]
         counted = [[c.noise / max(c.least_noise, repeats) for c in channels] for channels in heard]
+        channels = [c for some in heard for c in some]
         if min(map(min, counted)) > ABOVE:
-            yield parameter, columns, repeats, NOISIER
+            yield parameter, channels, repeats, NOISIER
         elif max(map(np.median, simulated)) < 1.0 / ABOVE and min(map(np.median, counted)) < 1.0 / CLEAR:
-            yield parameter, columns, repeats, "smoothed logs, or quieter sensors"
+            yield parameter, channels, repeats, "smoothed logs, or quieter sensors"
 
 
 def logged_noise(comparison: Comparison) -> dict[str, float]:
@@ -356,66 +349,36 @@ def logged_noise(comparison: Comparison) -> dict[str, float]:
     It is white, so that differences of two orders say the same of it, and it is in every channel of every log.
     """
     found = {}
-    for parameter, columns, _, word in compare_noise(comparison):
-        heard = comparison.audible(*columns)
-        high, higher = (np.array([fast_noise(c.measured / c.factor, k) for c in heard]) for k in ORDERS)
-        noise, least = np.minimum(high, higher), np.array([c.least_noise for c in heard])
+    for parameter, channels, _, word in compare_noise(comparison):
+        high, higher = np.array([[fast_noise(c.measured / c.factor, k) for c in channels] for k in ORDERS])
+        noise, least = np.minimum(high, higher), np.array([c.least_noise for c in channels])
         if word == NOISIER and (noise > ABOVE * least).all() and np.median(high / higher) < WHITE:
             found[parameter] = float(np.sqrt(comparison.robot[parameter] ** 2 + np.median(noise**2 - least**2)))
     return found
 
 
-def without_channel(parameter: str) -> str:
-    """A parameter `part.name.channel` without its channel."""
-    return ".".join(parameter.split(".")[:2])
-
-
-def noise_parameters(machine: Machine) -> dict[str, list[str]]:
-    """Noise parameters `part.name` or `part.name.channel` -> the columns with readings that the part writes."""
-    written = {part.name: {name for output in part.outputs for name in output.writes} for part in machine.parts}
-    found: dict[str, list[str]] = {}
-    for parameter in machine.noise:
-        part, _, *channel = parameter.split(".")
-        columns = [c for c in machine.columns if c.signal in written.get(part, ()) and c.kind in machine.compared]
-        names = machine.log_names(columns)
-        found[parameter] = [n for n in names if not channel or n.endswith(f"_{channel[0]}")]
-    return found
-
-
 def changed_between_repeats(comparison: Comparison) -> Iterator[str]:
     """Repeats of one reference differ in gain or offset, by an F test and by more than a small part of the motion."""
-    pairs = {pair.item.file: pair for pair in comparison.pairs}
-    twos = [(pairs[a.file], pairs[b.file]) for g in comparison.case.repeat_groups for a, b in pairwise(g)]
-    found: dict[tuple[str, str], list[str]] = {}
-    for a, b in twos:
-        for i, column in enumerate(comparison.columns):
-            change, p = gain_and_offset(a.measured[:, i], b.measured[:, i], a.nominal[:, i])
-            if change > CHANGED and p < LEVEL / (len(twos) * len(comparison.columns)):
-                found.setdefault((a.item.file, b.item.file), []).append(column)
-    for (a, b), columns in found.items():
-        names = list_few(columns)
-        yield f"{names} changed in gain or offset from {a} to its repeat {b}: another robot, or one that changed?"
-
-
-def gain_and_offset(first: np.ndarray, second: np.ndarray, nominal: np.ndarray) -> tuple[float, float]:
-    """Larger change in gain or offset between two runs of a channel [motions], and p by an F test against white noise.
-
-    Args:
-        first: (n,) one run.
-        second: (m,) the other.
-        nominal: (n,) the nominal robot's first run.
-    """
     from scipy.special import fdtrc
 
-    n = min(len(first), len(second))
-    difference, motion, spread = second[:n] - first[:n], max(np.std(first), np.std(nominal)), np.std(nominal[:n])
-    if spread == 0.0 or not difference.any():
-        return 0.0, 1.0
-    shape = (nominal[:n] - nominal[:n].mean()) / spread
-    change = np.array([difference.mean(), (difference * shape).mean()])
-    rest = np.sum((difference - change[0] - change[1] * shape) ** 2) / (n - 2)
-    p = float(fdtrc(2, n - 2, n * np.mean(change**2) / rest)) if rest > 0.0 else 0.0
-    return float(np.abs(change).max() / motion), p
+    pairs = {pair.item.file: pair for pair in comparison.pairs}
+    repeats = [(pairs[a.file], pairs[b.file]) for g in comparison.case.repeat_groups for a, b in pairwise(g)]
+    found = []
+    for (a, b), (i, column) in product(repeats, enumerate(comparison.columns)):
+        n = min(len(a.measured), len(b.measured))
+        difference, nominal = b.measured[:n, i] - a.measured[:n, i], a.nominal[:n, i]
+        if np.std(nominal) == 0.0 or not difference.any():
+            continue
+        shape = (nominal - nominal.mean()) / np.std(nominal)
+        change = np.array([difference.mean(), (difference * shape).mean()])
+        rest = np.sum((difference - change[0] - change[1] * shape) ** 2) / (n - 2)
+        p = float(fdtrc(2, n - 2, n * np.mean(change**2) / rest)) if rest > 0.0 else 0.0
+        motion = max(np.std(a.measured[:, i]), np.std(a.nominal[:, i]))
+        if np.abs(change).max() > CHANGED * motion and p < LEVEL / (len(repeats) * len(comparison.columns)):
+            found.append(((a.item.file, b.item.file), column))
+    for (a, b), columns in group(found):
+        names = list_few(columns)
+        yield f"{names} changed in gain or offset from {a} to its repeat {b}: another robot, or one that changed?"
 
 
 def logs_of_other_robots(comparison: Comparison) -> Iterator[str]:
@@ -426,28 +389,26 @@ def logs_of_other_robots(comparison: Comparison) -> Iterator[str]:
     """
     from scipy.spatial import KDTree
 
-    pairs = comparison.pairs
+    pairs, found = comparison.pairs, []
     reference, measured, nominal = (
-        np.concatenate([getattr(pair, name) for pair in pairs]) for name in ("reference", "measured", "nominal")
+        np.vstack([getattr(p, x) for p in pairs]) for x in ("reference", "measured", "nominal")
     )
     log = np.repeat(np.arange(len(pairs)), [len(pair.measured) for pair in pairs])
-    smooth = [i for i in range(nominal.shape[1]) if max(map(white_share, (measured[:, i], nominal[:, i]))) < SMOOTH]
+    smooth = [i for i, both in enumerate(zip(measured.T, nominal.T)) if max(map(white_share, both)) < SMOOTH]
     state = np.hstack([reference, nominal[:, smooth]])
     state = state[:, np.ptp(state, axis=0) > 0.0]
     if len(pairs) < 2 or not state.shape[1]:
         return
     state = state / state.std(axis=0)
     residual, motion = measured - nominal, np.maximum(measured.std(axis=0), nominal.std(axis=0))
-    found: dict[str, list[str]] = {}
     for k, pair in enumerate(pairs):
         mine, others = np.flatnonzero(log == k)[::EVERY], np.flatnonzero(log != k)
         distance, nearest = KDTree(state[others]).query(state[mine], distance_upper_bound=CLOSE)
         close = np.isfinite(distance)
         if close.sum() >= MATCHES:
             apart = np.abs(np.median(residual[mine[close]] - residual[others[nearest[close]]], axis=0))
-            for i in (i for i in smooth if apart[i] > APART * motion[i]):
-                found.setdefault(comparison.columns[i], []).append(pair.item.file)
-    for column, files in found.items():
+            found += [(comparison.columns[i], pair.item.file) for i in smooth if apart[i] > APART * motion[i]]
+    for column, files in group(found):
         place = f"{column} of {list_few(files)}"
         yield f"{place} differs from the other logs by more than its motion in like states: another robot?"
 
@@ -460,54 +421,50 @@ class OtherLogs:
     """
 
     def __init__(self, comparison: Comparison) -> None:
-        self.comparison, width = comparison, len(comparison.columns)
+        self.comparison, self.kinds, width = comparison, comparison.kinds, len(comparison.columns)
         raw = [np.hstack([p.reference, p.nominal, p.measured]) for p in comparison.pairs]
         spread, largest = np.median([rows.std(axis=0) for rows in raw], axis=0), np.vstack(raw).std(axis=0)
         spread[-width:] = np.maximum(spread[-width:], spread[-2 * width : -width])
-        self.scale = np.where(spread > STILL * largest, spread, np.where(largest > 0.0, largest, 1.0))
-        self.middle = np.median([rows.mean(axis=0) for rows in raw], axis=0)
-        self.rows = [np.column_stack([np.ones(len(rows)), (rows - self.middle) / self.scale]) for rows in raw]
-        self.moments = np.array([rows.T @ rows / len(rows) for rows in self.rows])
-        self.first = self.moments.shape[1] - width  # measured column in `rows`
+        scale = np.where(spread > STILL * largest, spread, np.where(largest > 0.0, largest, 1.0))
+        middle = np.median([rows.mean(axis=0) for rows in raw], axis=0)
+        rows = [np.column_stack([np.ones(len(one)), (one - middle) / scale]) for one in raw]
+        self.rows, self.moments = rows, np.array([one.T @ one / len(one) for one in rows])
+        self.scale, self.middle = scale[-width:], middle[-width:]  # of measured columns
+        self.measured = [one[:, -width:] for one in rows]
+        self.nominal = [(pair.nominal - self.middle) / self.scale for pair in comparison.pairs]
         self.repeats = np.eye(len(raw), dtype=bool)
         for i, k in combinations(range(len(raw)), 2):
             a, b = (comparison.pairs[log].reference for log in (i, k))
-            rows, tolerance = min(len(a), len(b)), 1e-9 * float(np.abs(a).max(initial=1e-9))
-            self.repeats[i, k] = self.repeats[k, i] = np.allclose(a[:rows], b[:rows], rtol=0.0, atol=tolerance)
+            n, tolerance = min(len(a), len(b)), 1e-9 * float(np.abs(a).max(initial=1e-9))
+            self.repeats[i, k] = self.repeats[k, i] = np.allclose(a[:n], b[:n], rtol=0.0, atol=tolerance)
 
-    def fit_weights(self, column: int, logs: Sequence[int], without: Sequence[str] = ()) -> np.ndarray:
+    def fit_weights(self, column: int, logs: Sequence[int], without: Collection[str] = ()) -> np.ndarray:
         """Weights (1 + c,) that predict a column, fitted on some logs; kinds that take no part, its own among them."""
-        kinds = self.comparison.kinds
-        others = self.first + np.flatnonzero(~np.isin(kinds, [kinds[column], *without]))
-        used = np.concatenate([np.arange(self.first), others])
-        moments, ridge = self.moments[list(logs)].mean(axis=0), np.full(len(used), RIDGE)
-        ridge[0] = 0.0
+        first = self.moments.shape[1] - len(self.kinds)
+        used = np.r_[:first, first + np.flatnonzero(~np.isin(self.kinds, [self.kinds[column], *without]))]
+        moments, ridge = self.moments[list(logs)].mean(axis=0), np.r_[0.0, np.full(len(used) - 1, RIDGE)]
         found = np.zeros(len(moments))
-        target = moments[used, self.first + column]
-        found[used] = np.linalg.solve(moments[np.ix_(used, used)] + np.diag(ridge), target)
+        found[used] = np.linalg.solve(moments[np.ix_(used, used)] + np.diag(ridge), moments[used, first + column])
         return found
 
-    def error(self, column: int, log: int, logs: Sequence[int], without: Sequence[str] = ()) -> float:
+    def error(self, column: int, log: int, logs: Sequence[int], without: Collection[str] = ()) -> float:
         """RMS error of a column of a log by a fit on some logs [motions]."""
         off = -self.fit_weights(column, logs, without)
-        off[self.first + column] += 1.0
+        off[column - len(self.kinds)] += 1.0
         return float(np.sqrt(max(off @ self.moments[log] @ off, 0.0)))
 
-    def errors(self, column: int, log: int, without: Sequence[str] = ()) -> list[float]:
+    def errors(self, column: int, log: int, without: Collection[str] = ()) -> list[float]:
         """Errors of a column in each other log, by fits that know neither of both; none with fewer than three logs."""
         logs = np.arange(len(self.rows))
         known = {k: logs[(logs != log) & ~self.repeats[k]] for k in map(int, logs[logs != log])}
         return [self.error(column, k, list(some), without) for k, some in known.items() if len(some)]
 
-    def predict(self, column: int, log: int, without: Sequence[str] = ()) -> np.ndarray:
+    def predict(self, column: int, log: int, without: Collection[str] = ()) -> np.ndarray:
         """A column of a log (n,) by a fit on the others; the nominal robot's where there is no other."""
         others = [k for k in range(len(self.rows)) if k != log]
-        if others:
-            return self.rows[log] @ self.fit_weights(column, others, without)
-        place = self.first + column - 1
-        return (self.comparison.pairs[log].nominal[:, column] - self.middle[place]) / self.scale[place]
+        return self.rows[log] @ self.fit_weights(column, others, without) if others else self.nominal[log][:, column]
 
-    def explain_error(self, column: int, log: int, without: Sequence[str] = ()) -> tuple[float, str]:
+    def explain_error(self, column: int, log: int, without: Collection[str] = ()) -> tuple[float, str]:
         """How many times the usual error is the part of a column's error that a gain, offset or delay explains.
 
         What none of them explains is left to the robot: an effect may show in one motion alone.
@@ -515,32 +472,31 @@ class OtherLogs:
         Returns:
             The ratio, 0 for an error that is usual, and the one of the three that suffices, in words.
         """
-        usual = max([SMALL, *(errors := self.errors(column, log, without))])
-        if not errors:
+        from scipy.signal import correlate
+
+        errors, others = self.errors(column, log, without), [k for k in range(len(self.rows)) if k != log]
+        usual, rms = max([SMALL, *errors]), self.error(column, log, others, without)
+        if not errors or rms <= UNLIKE * usual:
             return 0.0, ""
-        rms = self.error(column, log, [k for k in range(len(self.rows)) if k != log], without)
-        if rms <= UNLIKE * usual:
-            return 0.0, ""
-        scale, level = (x[self.first + column - 1] for x in (self.scale, self.middle / self.scale))
+        level = self.middle[column] / self.scale[column]
         unit = self.comparison.pairs[log].item.log.units[self.comparison.columns[column]]
-        h, y = self.predict(column, log, without), self.rows[log][:, self.first + column]
+        h, y = self.predict(column, log, without), self.measured[log][:, column]
         error, n, true = y - h, len(y), h + level
-        a, b = (np.fft.rfft(x - x.mean(), 2 * n) for x in (y, h))
-        lags = np.arange(-(n // 4), n // 4 + 1)
-        late = int(lags[np.argmax(np.fft.irfft(a * b.conj(), 2 * n)[lags])])
-        shifted = h[np.clip(np.arange(n) - late, 0, n - 1)]
+        far = n // 4
+        correlation = correlate(y - y.mean(), h - h.mean(), method="fft")
+        late = int(np.argmax(correlation[n - 1 - far : n + far])) - far
         gain = float(true @ (y + level) / (true @ true))
         both = np.column_stack([h, np.ones(n)])
-        linear = error - both @ np.linalg.lstsq(both, error, rcond=None)[0]
         left = {
             f"about {gain:.3g} times what they say": error - (gain - 1.0) * true,
-            f"{error.mean() * scale:+.3g} {unit} apart": error - error.mean(),
-            f"{late * self.comparison.machine.frame:+.3g} s late": y - shifted,
+            f"{error.mean() * self.scale[column]:+.3g} {unit} apart": error - error.mean(),
+            f"{late * self.comparison.machine.frame:+.3g} s late": y - h[np.clip(np.arange(n) - late, 0, n - 1)],
+            "": error - both @ np.linalg.lstsq(both, error, rcond=None)[0],  # gain and offset
         }
         shares = {words: 1.0 - float(rest @ rest / (error @ error)) for words, rest in left.items()}
-        best = max(shares, key=lambda words: shares[words])
-        share = max(shares[best], 1.0 - float(linear @ linear / (error @ error)))
-        return rms * float(np.sqrt(share)) / usual, best if shares[best] > ALONE else ""
+        best = max(filter(None, shares), key=lambda words: shares[words])
+        ratio = rms * float(np.sqrt(max(shares[best], shares[""], 0.0))) / usual
+        return ratio, best if shares[best] > ALONE else ""
 
     def delay_slope(self, kind: str, log: int) -> tuple[float, float]:
         """By how much the delay of a kind of channel grows in a log [frames/frame], and that over its standard error.
@@ -548,15 +504,14 @@ class OtherLogs:
         In each block of the log the error is fitted by offset, gain and delay; a line goes through the delays.
         """
         found = []
-        for column in map(int, np.flatnonzero(self.comparison.kinds == kind)):
+        for column in map(int, np.flatnonzero(self.kinds == kind)):
             predicted = self.predict(column, log)
-            error = self.rows[log][:, self.first + column] - predicted
+            error = self.measured[log][:, column] - predicted
             speed = np.gradient(np.convolve(np.pad(predicted, 2, mode="edge"), np.ones(5) / 5.0, "valid"))
             for block in np.array_split(np.arange(len(predicted)), BLOCKS):
                 if len(block) < LONG or not np.ptp(speed[block]) > 0.0:
                     continue
-                level = predicted[block] - predicted[block].mean()
-                shape = np.column_stack([np.ones(len(block)), level, speed[block]])
+                shape = np.column_stack([np.ones(len(block)), predicted[block] - predicted[block].mean(), speed[block]])
                 inverse = np.linalg.pinv(shape.T @ shape)
                 fitted = inverse @ (shape.T @ error[block])
                 left = np.mean((error[block] - shape @ fitted) ** 2)
@@ -566,12 +521,10 @@ class OtherLogs:
             return 0.0, 0.0
         time, delay, weight = np.array(found).T
         time, delay = (x - np.average(x, weights=weight) for x in (time, delay))
-        spread = weight @ time**2
-        if not spread > 0.0:
-            return 0.0, 0.0
-        slope = float(weight @ (time * delay) / spread)
-        error = float(np.sqrt(weight @ (delay - slope * time) ** 2 / (len(time) - 2) / spread))
-        return slope, abs(slope) / error if error > 0.0 else 0.0
+        spread = float(weight @ time**2)
+        slope = float(weight @ (time * delay)) / spread if spread > 0.0 else 0.0
+        error = np.sqrt(weight @ (delay - slope * time) ** 2 / (len(time) - 2) / spread) if spread > 0.0 else 0.0
+        return slope, abs(slope) / float(error) if error > 0.0 else 0.0
 
 
 def unlike_other_logs(comparison: Comparison) -> Iterator[str]:
@@ -583,17 +536,17 @@ def unlike_other_logs(comparison: Comparison) -> Iterator[str]:
     if len(comparison.pairs) < 3:
         return
     other, kinds, beyond = OtherLogs(comparison), comparison.kinds, find_far_references(comparison)
+
+    def find_errors(log: int, columns: Iterable[int], without: Collection[str] = ()) -> dict[int, tuple[float, str]]:
+        each = ((c, other.explain_error(c, log, {*without} - {kinds[c]})) for c in columns)
+        return {c: one for c, one in each if one[0] > UNLIKE}
+
     unlike: dict[int, dict[int, tuple[float, str]]] = {}
     for log in (k for k, pair in enumerate(comparison.pairs) if pair.item.file not in beyond):
-        each = ((c, other.explain_error(c, log)) for c in range(len(comparison.columns)))
-        found = {c: one for c, one in each if one[0] > UNLIKE}
-        moving = dict.fromkeys(kinds[list(found)])
-        alone = {c: other.explain_error(c, log, [kind for kind in moving if kind != kinds[c]]) for c in found}
-        kept = {c: one for c, one in alone.items() if one[0] > UNLIKE}
-        if found and not kept:  # those of one kind with the one that is most unlike
-            kind = kinds[max(found, key=lambda c: found[c][0])]
-            kept = {c: one for c, one in found.items() if kinds[c] == kind}
-        unlike |= {log: kept} if kept else {}
+        if found := find_errors(log, range(len(kinds))):
+            worst = kinds[max(found, key=lambda c: found[c][0])]
+            kept = find_errors(log, found, kinds[list(found)])
+            unlike[log] = kept or {c: one for c, one in found.items() if kinds[c] == worst}
     if not unlike:
         return
     log = max(unlike, key=lambda log: sum(np.log(ratio) for ratio, _ in unlike[log].values()))
@@ -612,35 +565,21 @@ def drifting_clocks(comparison: Comparison) -> Iterator[str]:
         return
     other = OtherLogs(comparison)
     for kind in dict.fromkeys(comparison.kinds):
-        slopes = [other.delay_slope(str(kind), log) for log in range(len(comparison.pairs))]
-        for log, (slope, sure) in enumerate(slopes):
-            rest = np.array([s for k, (s, _) in enumerate(slopes) if k != log])
-            own = slope - np.median(rest)
-            grows = abs(own) * len(other.rows[log])
-            if sure > DRIFTING and grows > 1.0 and abs(own) > UNLIKE * np.abs(rest - np.median(rest)).max():
-                file, word = comparison.pairs[log].item.file, "later" if own > 0.0 else "earlier"
+        slopes, sure = np.array([other.delay_slope(kind, log) for log in range(len(comparison.pairs))]).T
+        for log, pair in enumerate(comparison.pairs):
+            rest = np.delete(slopes, log)
+            own = slopes[log] - np.median(rest)
+            grows = abs(own) * len(pair.measured)
+            if sure[log] > DRIFTING and grows > 1.0 and abs(own) > UNLIKE * np.abs(rest - np.median(rest)).max():
                 names = list_few(np.array(comparison.columns)[comparison.kinds == kind])
                 yield (
-                    f"{names} of {file} come ever {word}, by {grows:.2g} frames at its end ({1e6 * abs(own):.0f} ppm), "
-                    "unlike in the other logs: a clock of its own?"
+                    f"{names} of {pair.item.file} come ever {'later' if own > 0.0 else 'earlier'}, by {grows:.2g} "
+                    f"frames at its end ({1e6 * abs(own):.0f} ppm), unlike in the other logs: a clock of its own?"
                 )
 
 
 CHECKS: tuple[Callable[[Comparison], Iterator[str]], ...] = (
-    nothing_held_out,
-    copied_logs,
-    another_unit,
-    references_beyond_limits,
-    exchanged_columns,
-    gaps,
-    frozen_channels,
-    clipped_channels,
-    nothing_moves,
-    bursts,
-    noise_as_large_as_motion,
-    noise_unlike_robot_file,
-    changed_between_repeats,
-    logs_of_other_robots,
-    unlike_other_logs,
-    drifting_clocks,
-)
+    nothing_held_out, copied_logs, another_unit, references_beyond_limits, exchanged_columns, gaps, frozen_channels,
+    clipped_channels, nothing_moves, bursts, noise_as_large_as_motion, noise_unlike_robot_file,
+    changed_between_repeats, logs_of_other_robots, unlike_other_logs, drifting_clocks,
+)  # fmt: skip

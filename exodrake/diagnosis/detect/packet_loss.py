@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,12 +25,9 @@ from exodrake.core.effect import Effect
 from exodrake.core.machine import CommandLink, Machine
 from exodrake.diagnosis.filters import filled_columns
 from exodrake.diagnosis.noise import sensor_noise_std
-from exodrake.diagnosis.problem import Detection
+from exodrake.diagnosis.problem import Detection, Problem, Trial
 from exodrake.diagnosis.result import Interval, NamedEffect
 from exodrake.diagnosis.search import name_kind
-
-if TYPE_CHECKING:
-    from exodrake.diagnosis.problem import Problem, Trial
 
 ENTER, STAY = 12.0, 1.0  # -log of the probabilities that a run of losses begins at a change (6e-6), and goes on (0.4)
 PATHS, FAR = 6, 40.0  # most paths at a time; a path that costs so much more than the best is given up
@@ -61,26 +58,24 @@ def detect(problem: Problem, effect: Effect, values: np.ndarray) -> Problem:
     commands, but leaves errors; the effect remains a candidate, with the share that was counted as its parameter, where
     the losses leave few, and is none elsewhere.
     """
-    machine, kinds, found = problem.robot.machine, np.array(problem.kinds), list[PacketLoss]()
-    nominal, link, noise = problem.silent(), machine.command_link, 0.0
+    machine, nominal, kinds = problem.robot.machine, problem.silent(), np.array(problem.kinds)
+    link, found, noise = machine.command_link, list[PacketLoss](), 0.0
     if link is not None and link.output in kinds:
         noise = float(np.median(problem.noise_std[kinds == link.output]))
         noise = sensor_noise_std(problem.robot).get(link.output, noise)
 
     def with_losses(trial: Trial) -> Trial:
         losses = decode(machine, nominal, {k: trial.measured[:, kinds == k] for k in problem.kinds}, noise)
-        if losses is None:
-            return trial
-        found.append(losses)
-        return replace(trial, latent={**trial.latent, INPUT: losses.packet_arrival})
+        found.extend([losses] if losses else [])
+        return replace(trial, latent={**trial.latent, INPUT: losses.packet_arrival}) if losses else trial
 
-    decoded = replace(problem, fit=tuple(map(with_losses, problem.fit)))
+    decoded, lead = replace(problem, fit=tuple(map(with_losses, problem.fit))), effect.parameters[0]
     lost = int(sum(np.sum(d.packet_arrival == 0.0) for d in found))
     arrived, left = sum((d.errors for d in found), start=np.zeros(2))
     if not lost or left > CLEAR * arrived:
         return replace(problem, tried=problem.tried - {effect.id})
-    lead, share = effect.parameters[0], loss_probability(found)
-    named = NamedEffect(effect.id, (), (), {lead.name: Interval(*share, lead.unit)}, {}, name_kind(effect))
+    share = Interval(*loss_probability(found), lead.unit)
+    named = NamedEffect(effect.id, (), (), {lead.name: share}, {}, name_kind(effect))
     detection = Detection(named, {}, f"{lost} commands look lost, one by one")
     holdout = tuple(map(with_losses, problem.holdout))
     return replace(decoded, holdout=holdout, detected=(*problem.detected, detection))
@@ -116,10 +111,9 @@ def decode(machine: Machine, values: np.ndarray, measured: Mapping[str, np.ndarr
     lost = drive.best_path(moved, spread, STILL * noise / frame)
     around = sum((np.roll(lost, k, axis=0) for k in range(LAGS)), start=whole)[: len(moved)]
     sure = np.maximum(SHOWN * noise, SURE * np.vstack([spread, spread[-1:]])) / frame
-    events, gone = count_visible(command, lost, sure)
     explained = drive.errors(moved, lost) if lost.any() else errors
-    squared = [float(np.sum((e / spread)[around] ** 2 - 1.0)) for e in (errors, explained)]
-    return PacketLoss(1.0 - lost, events, gone, np.array(squared))
+    squared = np.array([np.sum((e / spread)[around] ** 2 - 1.0) for e in (errors, explained)])
+    return PacketLoss(1.0 - lost, *count_visible(command, lost, sure), squared)
 
 
 def count_visible(command: np.ndarray, lost: np.ndarray, sure: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -152,15 +146,13 @@ def loss_probability(losses: list[PacketLoss]) -> tuple[float, float, float]:
     """
     from scipy.stats import beta
 
-    lost, kept = (np.sum(rows, axis=0) for rows in ([d.lost for d in losses], [d.events - d.lost for d in losses]))
+    lost, events = (np.sum(rows, axis=0) for rows in ([d.lost for d in losses], [d.events for d in losses]))
     steps = beta.ppf((np.arange(GRID) + 0.5) / GRID, 0.5, 0.5)
     enter, stay = (grid.ravel() for grid in np.meshgrid(steps, steps))
-    share = enter / (enter + 1.0 - stay)
-    support = np.zeros(len(share))
-    for (x, k), count in np.ndenumerate(lost + kept):
-        if count:
-            chance = np.clip(share + (x - share) * (stay - enter) ** (k + 1), 1e-12, 1.0 - 1e-12)
-            support += lost[x, k] * np.log(chance) + kept[x, k] * np.log1p(-chance)
+    share, support = enter / (enter + 1.0 - stay), np.zeros(GRID**2)
+    for x, k in np.argwhere(events):
+        chance = np.clip(share + (x - share) * (stay - enter) ** (k + 1), 1e-12, 1.0 - 1e-12)
+        support += lost[x, k] * np.log(chance) + (events - lost)[x, k] * np.log1p(-chance)
     order = np.argsort(share)
     weights = np.cumsum(np.exp(support - support.max())[order])
     ends = np.array([0.5, 0.5 - CONFIDENCE / 2, 0.5 + CONFIDENCE / 2]) * weights[-1]
@@ -178,19 +170,19 @@ class Drive:
     def __init__(
         self, machine: Machine, values: np.ndarray, link: CommandLink, command: np.ndarray, loads: list[np.ndarray]
     ) -> None:
-        def write_slot(signal: str) -> int:
+        def find_slot(signal: str) -> int:
             """First slot in which the part that writes a signal runs."""
             writer = next(b for b in machine.parts if any(signal in o.writes for o in b.outputs))
             return min(slot for task in writer.tasks for slot in task.slots)
 
         part = next(b for b in machine.parts if b.name == link.part)
-        self.compiled, self.slots, self.dt = compile_machine(machine).moves, machine.slots, machine.slot
-        self.p = values[[i for i, info in enumerate(machine.parameters) if info.part == part.name]]
+        switch = find_slot(link.received) - find_slot(machine.column(link.output).signal)
+        p = values[[i for i, info in enumerate(machine.parameters) if info.part == part.name]]
+        self.moves, self.given = compile_machine(machine).moves, (p, machine.slot, machine.slots, switch)
         self.rest = np.zeros((1, sum(machine.part_size(part))))
         states = (*part.states, *(s for e in machine.effects_on(part) for s in e.states))
         self.channel = np.concatenate([np.repeat(np.arange(machine.width(s.axis)), s.width) for s in states])
-        received, written = (write_slot(s) for s in (link.received, machine.column(link.output).signal))
-        self.command, self.loads, self.switch = command, loads, received - written
+        self.command, self.loads = command, loads
 
     def advance(self, states: np.ndarray, before: np.ndarray, after: np.ndarray, frame: int) -> np.ndarray:
         """Advances states (k, states) in place by one frame, in which the commands (k, channels) change.
@@ -198,8 +190,8 @@ class Drive:
         Returns:
             (k, channels) by how much the positions moved.
         """
-        moved, loads = np.empty(before.shape), (rows[frame] for rows in self.loads)
-        self.compiled(states, self.p, self.dt, self.slots, self.switch, before, after, *loads, moved)
+        moved = np.empty(before.shape)
+        self.moves(states, *self.given, before, after, *(rows[frame] for rows in self.loads), moved)
         return moved
 
     def errors(self, moved: np.ndarray, lost: np.ndarray) -> np.ndarray:

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,12 +22,9 @@ from exodrake.core.effect import Effect
 from exodrake.diagnosis.filters import Bands, outside
 from exodrake.diagnosis.intervals import affected_channels
 from exodrake.diagnosis.parameter import apply, effect_parameters
-from exodrake.diagnosis.problem import Detection
+from exodrake.diagnosis.problem import Detection, Problem, Trial, by_trial
 from exodrake.diagnosis.result import Interval, NamedEffect
 from exodrake.diagnosis.search import name_kind
-
-if TYPE_CHECKING:
-    from exodrake.diagnosis.problem import Problem, Trial
 
 WINDOW = 10.0  # s, of one spectrum: resolves 0.1 Hz
 LOWEST, HIGHEST = 1.5, 15.0  # Hz, where a tremor lies: 6-12 Hz, displacement from 1-3.5 Hz (physics.md 4.D)
@@ -55,27 +52,22 @@ class Peak(NamedTuple):
         """Whether the peak is a tremor; peaks below its frequencies are movements of a wearer."""
         return self.prominence > PROMINENT and self.steady > ALIKE and self.frequency >= LOWEST
 
-    def bands(self, nyquist: float) -> Bands:
-        """Frequencies [Hz] that it and its overtone hold, up to the highest that a log shows."""
-        centres = (k * self.frequency for k in range(1, OVERTONES + 1))
-        return tuple((max(f - NOTCHED, SLOWEST), f + NOTCHED) for f in centres if f + ASIDE < nyquist)
-
 
 def detect(problem: Problem, effect: Effect, values: np.ndarray) -> Problem:
     """The problem without the band of a tremor, if what the retuned robot leaves has one; it is no candidate of a fit.
 
     values: (parameters,) flat parameters of the retuned robot [SI].
     """
-    from exodrake.diagnosis.problem import by_trial
-
+    machine = problem.robot.machine
     left = by_trial(problem.residual(values[None], problem.fit)[0], problem.fit)
     peak = find_peak(problem, left)
     problem = replace(problem, tried=problem.tried - {effect.id})
     if not peak.certain:
         return problem
-    bands = peak.bands(0.5 / problem.robot.machine.frame)
-    torques = problem.robot.machine.effect_indices(effect.id, effect.parameters[0].name).values()
-    noise = WanderingPhase(tuple(torques), bands, phase_rate(problem, left, peak))
+    centres = [k * peak.frequency for k in range(1, OVERTONES + 1)]  # those up to the highest that a log shows
+    bands = tuple((max(f - NOTCHED, SLOWEST), f + NOTCHED) for f in centres if f + ASIDE < 0.5 / machine.frame)
+    torques = tuple(machine.effect_indices(effect.id, effect.parameters[0].name).values())
+    noise = WanderingPhase(torques, bands, phase_rate(problem, left, peak))
     detection = replace(fit_torques(problem, effect, values, peak), noise=noise)
     return replace(problem.without(bands), detected=(*problem.detected, detection))
 
@@ -94,8 +86,8 @@ class WanderingPhase:
 
         frame, still = problem.robot.machine.frame, values.copy()
         still[list(self.torques)] = 0.0
-        with_tremor, without = problem.predict(np.array([values, still]), trial)
-        line = with_tremor - without - outside(self.bands, with_tremor - without, frame)
+        tremor = np.subtract(*problem.predict(np.array([values, still]), trial))
+        line = tremor - outside(self.bands, tremor, frame)
         steps = rng.normal(0.0, np.sqrt(self.rate * frame), len(line))
         phase = rng.uniform(0.0, 2.0 * np.pi) + np.cumsum(steps)
         return np.real(hilbert(line, axis=0) * (np.exp(1j * phase) - 1.0)[:, None])
@@ -105,16 +97,15 @@ def phase_rate(problem: Problem, logs: list[np.ndarray], peak: Peak) -> float:
     """Rate of the variance of a line's phase [rad^2/s], from the strongest column of logs (n, columns)."""
     from scipy.signal import hilbert
 
-    period, column = problem.robot.machine.frame, int(np.argmax(peak.power))
+    frame, column = problem.robot.machine.frame, int(np.argmax(peak.power))
     band = ((max(peak.frequency - ASIDE, SLOWEST), peak.frequency + ASIDE),)
-    lag, turns = round(LAG / period), []
-    for log in logs:
-        signal = log[:, [column]]
-        line = np.asarray(hilbert((signal - outside(band, signal, period))[:, 0]))
+    lag, turns = round(LAG / frame), []
+    for signal in (log[:, [column]] for log in logs):
+        line = np.asarray(hilbert((signal - outside(band, signal, frame))[:, 0]))
         unit = line / np.maximum(np.abs(line), 1e-12)
         turns.append(unit[lag:] * np.conj(unit[:-lag]))
-    kept = abs(np.mean(np.concatenate(turns)))
-    return -2.0 * float(np.log(max(kept, LEAST))) / LAG
+    coherence = abs(np.mean(np.concatenate(turns)))
+    return -2.0 * float(np.log(max(coherence, LEAST))) / LAG
 
 
 def find_peak(problem: Problem, logs: list[np.ndarray]) -> Peak:
@@ -129,21 +120,14 @@ def find_peak(problem: Problem, logs: list[np.ndarray]) -> Peak:
     if not len(sought):
         return Peak(LOWEST, np.zeros(densities[0].shape[1]), 0.0, 0.0)
     prominences = []  # in the log where it is least
-    for centre in sought:
-        band, beside = mask_band(frequency, centre)
-        ground = np.maximum(np.median(sums[:, beside], axis=1), 1e-12)
-        prominences.append(np.min(sums[:, band].mean(axis=1) / ground))
+    for away in (np.abs(frequency - centre) for centre in sought):
+        ground = np.maximum(np.median(sums[:, (away > HALF) & (away < ASIDE)], axis=1), 1e-12)
+        prominences.append(np.min(sums[:, away <= HALF].mean(axis=1) / ground))
     near = np.abs(frequency - sought[int(np.argmax(prominences))]) <= HALF
-    peak = float(frequency[near][np.argmax(sums.sum(axis=0)[near])])
-    powers = np.array([sum_band(frequency, density, peak) for density in densities])
+    centre = float(frequency[near][np.argmax(sums.sum(axis=0)[near])])
+    powers = np.array([sum_band(frequency, density, centre) for density in densities])
     each, power = powers.sum(axis=1), np.average(powers, axis=0, weights=[len(log) for log in logs])
-    return Peak(peak, power, float(np.max(prominences)), float(each.min() / max(each.mean(), 1e-12)))
-
-
-def mask_band(frequency: np.ndarray, centre: float) -> tuple[np.ndarray, np.ndarray]:
-    """Masks of the frequencies (f,) in the band of a peak, and of those beside it."""
-    away = np.abs(frequency - centre)
-    return away <= HALF, (away > HALF) & (away < ASIDE)
+    return Peak(centre, power, float(np.max(prominences)), float(each.min() / max(each.mean(), 1e-12)))
 
 
 def compute_spectra(problem: Problem, logs: Sequence[np.ndarray]) -> tuple[np.ndarray, list[np.ndarray]]:
@@ -159,31 +143,32 @@ def compute_spectra(problem: Problem, logs: Sequence[np.ndarray]) -> tuple[np.nd
     return found[0][0], [density for _, density in found]
 
 
-def sum_band(frequency: np.ndarray, density: np.ndarray, peak: float) -> np.ndarray:
+def sum_band(frequency: np.ndarray, density: np.ndarray, centre: float) -> np.ndarray:
     """Power of the band around a peak (columns,) above its neighbourhood."""
-    band, beside = mask_band(frequency, peak)
+    away = np.abs(frequency - centre)
+    beside = (away > HALF) & (away < ASIDE)
     ground = np.median(density[beside], axis=0) if beside.any() else 0.0
-    return np.maximum((density[band] - ground).sum(axis=0) * (frequency[1] - frequency[0]), 0.0)
+    return np.maximum((density[away <= HALF] - ground).sum(axis=0) * (frequency[1] - frequency[0]), 0.0)
 
 
 def fit_torques(problem: Problem, effect: Effect, values: np.ndarray, peak: Peak) -> Detection:
     """A tremor as the cause of a peak: torques by non-negative least squares on the powers of the columns."""
     from scipy.optimize import nnls
 
-    machine = problem.robot.machine
-    parameters = effect_parameters(machine, effect)
+    parameters = effect_parameters(problem.robot.machine, effect)
     joints = [i for i, p in enumerate(parameters) if p.amplitude]
     x = np.array([p.start if p.amplitude else p.coordinate(peak.frequency) for p in parameters])
-    alone = [np.where(np.isin(np.arange(len(x)), [k for k in joints if k != i]), 0.0, x) for i in joints]
+    alone = np.tile(x, (len(joints), 1))  # a robot for each joint that trembles alone
+    alone[:, joints] *= np.eye(len(joints))
     rows = np.array([values, *(apply(values, parameters, row) for row in alone)])
     logs = problem.predict(rows, problem.fit[0]) / problem.noise_std
-    frequencies, densities = compute_spectra(problem, [log - logs[0] for log in logs[1:]])
+    frequencies, densities = compute_spectra(problem, logs[1:] - logs[0])
     unit = [sum_band(frequencies, density, peak.frequency) for density in densities]
     scale = np.sqrt(peak.power + 1e-3)  # a power is known the better the smaller it is
     shares, _ = nnls(np.array(unit).T / scale[:, None], peak.power / scale)
     x[joints] *= np.sqrt(shares)
     robot = apply(values, parameters, x)
-    found = {machine.parameters[i].name: float(robot[i]) for p in parameters for i in p.index}
+    found = {problem.robot.machine.parameters[i].name: float(robot[i]) for p in parameters for i in p.index}
 
     def torque(value: float) -> Interval:
         return Interval(value, value * (1.0 - NORMAL_90 * LAW), value * (1.0 + NORMAL_90 * LAW), "N m")
