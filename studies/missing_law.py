@@ -21,7 +21,7 @@ import numpy as np
 
 from exodrake.core.parallel import one_blas_thread
 from exodrake.data.case import Case
-from exodrake.diagnosis.discovery.discover import LEAD, MissingLaw, discover, lead
+from exodrake.diagnosis.discovery.discover import LEAD, MissingLaw, discover
 from exodrake.diagnosis.discovery.law_code import get_laws
 from exodrake.diagnosis.isolation import isolate
 from exodrake.diagnosis.problem import make_problem
@@ -87,7 +87,7 @@ class Row:
     @property
     def wrong_lead(self) -> float:
         """Share of what the best law in the right part leaves that the best law elsewhere takes up."""
-        return lead(self.wrong_share, self.right_share)
+        return 1.0 - (1.0 - self.wrong_share) / max(1.0 - max(self.right_share, 0.0), 1e-9)
 
 
 def blind_case(name: str, seed: int) -> tuple[Case, tuple[str, ...], float]:

@@ -341,7 +341,8 @@ def follow_effects(
     if since.unit == "d" and clear and explained >= MOST:
         rest = zip(names[1:], fits[1:], left[1:], strict=True)
         alike = {other: 1.0 - share for other, fit, share in rest if most - fit.evidence(memory) < NATS}
-        word, unsure = PARTLY if explained < EXPLAINED else AMBIGUOUS if alike else NAMED, (float("nan"),) * 2
+        word = PARTLY if explained < EXPLAINED else AMBIGUOUS if alike else NAMED
+        unsure = float("nan"), float("nan")
         reason = f"{name} changed: with an amplitude for each session it explains {explained:.0%} of the gap"
         part = Part(name, CAUSE, Interval(explained, *unsure), alike)
         fitted = found.search.sets[frozenset({name})]

@@ -9,7 +9,7 @@ Interval score of (l, u) for the true value x at level 1 - alpha (Gneiting & Raf
 
 import math
 from collections import Counter
-from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import astuple, dataclass
 from functools import cache
 from itertools import permutations, product
@@ -110,7 +110,7 @@ class Share:
     """Share of the cases in which something holds, from case (or a part of one) -> whether it does; `wanted`: goal."""
 
     name: str
-    outcomes: Mapping[Hashable, bool]
+    outcomes: Mapping[Any, bool]
     wanted: str = ""
 
     @property

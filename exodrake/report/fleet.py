@@ -88,7 +88,8 @@ def fleet_html(rows: Sequence[Row], source: str, links: Mapping[str, str] | None
     for trend in [t for m in robots for t in m.changed][:DRAWN]:
         name, values = f"{trend.serial}: {trend.effect} {trend.parameter}", trend.values.tolist()
         head = {"title": f"{name} on {trend.channel}" if trend.channel else name, "dates": True}
-        lines, start = dict.fromkeys(("values", "low", "high"), values), trend.first.timestamp()
+        lines: dict[str, list[float]] = dict.fromkeys(("values", "low", "high"), values)
+        start = trend.first.timestamp()
         seconds = partial(lambda times, start: [start + DAY * t for t in times], start=start)
         timelines.append(timeline(head, trend.unit, trend.times.tolist(), lines, trend.change, seconds))
     if len(failed) > LISTED:
