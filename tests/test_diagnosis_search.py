@@ -8,7 +8,7 @@ import pytest
 from formula_case import WIDE, explanation, likelihood_of, linearisation, nominal, probe
 from scipy.optimize import lsq_linear
 
-from exodrake.diagnosis.search import screen
+from exodrake.diagnosis.search import Search, screen
 
 NOMINAL, SAMPLES, SCALE = 5, 300, 1.7
 PROBES = {"a": (0,), "b": (1, 2), "c": (3, 4, 5), "d": (6,)}
@@ -89,3 +89,15 @@ def test_factors_stay_within_their_ranges(seed, effect):
     found, wanted = case.screened(0.0, 0.5)[effect], case.joint(PROBES[effect], 0.0, 0.5)
     assert case.cost(found) == pytest.approx(wanted.cost, rel=1e-4)
     assert found.factors == pytest.approx(wanted.x[NOMINAL:], abs=5e-3)
+
+
+def test_an_effect_that_explains_the_first_samples_alone_is_ranked_beside_those_that_explain_all():
+    """A loop that hunts drifts apart later: by all samples its cause looks worse than any other effect."""
+    case, rng = Linear(0).settled(), np.random.default_rng(7)
+    early = np.arange(SAMPLES) < SAMPLES // 2
+    case.directions[0] = np.where(early, case.known.residual, 30.0 * rng.standard_normal(SAMPLES))
+    lin = linearisation(case.known, case.directions, [probe(effect, rows) for effect, rows in PROBES.items()])
+    assert list(case.screened())[-1] == "a"
+    search = Search(case.likelihood, (), lin, case.likelihood)
+    ranked = search.screen_beside(case.known, replace(lin, early=early))
+    assert "a" in [p.probe.effect for p in ranked[:2]] and len(ranked) == len(PROBES)
