@@ -156,7 +156,7 @@ def test_error_rates_of_a_sheath():
 def test_command_prints_and_writes_the_rates(tmp_path):
     write_case(sheath_case(), tmp_path / "case")
     file = tmp_path / "calibration.yaml"
-    words = ["calibrate", "--robot", SHEATH, "--case", str(tmp_path / "case"), "--cases", "3", "--write", str(file)]
+    words = ["calibrate", "--robot", SHEATH, "--case", str(tmp_path / "case"), "--cases", "3", "--out", str(tmp_path)]
     result = CliRunner().invoke(cli, words)
     assert result.exit_code == 0, result.output
     assert ALARM in result.stdout and "of 1" in result.stdout

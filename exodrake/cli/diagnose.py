@@ -242,10 +242,15 @@ def summarise_fleet(sources: tuple[Path, ...], out: Path | None, table: Path | N
 @click.option("--minutes", default=9.0, show_default=True, type=click.FloatRange(min=0.0), help="Time for them.")
 @click.option("--seed", default=0, show_default=True, type=click.IntRange(min=0), help="Of everything that is drawn.")
 @where_to_run
-@click.option("--out", "--write", "out", type=options.OutputFile("calibration.yaml"), help="The machine's folder.")
+@click.option(
+    "--out",
+    default="calibration.yaml",
+    show_default=True,
+    type=options.OutputFile("calibration.yaml"),
+    help="File, or the machine's folder, whose verdicts then state the rates.",
+)
 def count_errors(
-    robot: str, folder: str | None, cases: int, minutes: float, seed: int, jobs: int, cluster: str | None,
-    out: Path | None,
+    robot: str, folder: str | None, cases: int, minutes: float, seed: int, jobs: int, cluster: str | None, out: Path
 ) -> None:  # fmt: skip
     """Count how often the diagnosis of a machine errs, on simulated robots.
 
@@ -283,5 +288,4 @@ def count_errors(
             ends = "{low:.0%} to {high:.0%}".format(**state_rate(k, total))
             rows.append((name, RATES[name], f"{k} of {total}", percent(k / total), ends))
     options.print_table(("rate", "meaning", ">count", ">share", ">95 % interval"), rows, wrapped=1)
-    if out:
-        options.write_files({out: calibration_text(found)})
+    options.write_files({out: calibration_text(found)})
