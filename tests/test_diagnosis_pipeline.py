@@ -167,6 +167,8 @@ def test_effect_beside_a_tremor_is_named_with_it():
     named = {effect.id: effect.joints for effect in found.effects}
     assert found.verdict == NAMED and named == {"finger.tremor": ("MCP",), "mocap.gain": ("PIP",)}
     assert all(effect.role == CAUSE for effect in found.effects)
+    shares = [effect.share.value for effect in found.effects]  # of one gap, what remains beside them
+    assert min(shares) > 0.0 and sum(shares) + found.remainder.value == pytest.approx(1.0, abs=0.05)
 
 
 def test_tremor_alone_is_named():

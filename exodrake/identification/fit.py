@@ -265,7 +265,8 @@ def fit(
     )
     values = {n: float(fitted[machine.index[n]]) for n in spoken_for}
     notes = [*case.notes, *(f"{p.name} ended at a bound" for p in parameters if p.at_bound)]
-    notes += [] if found.success else [f"not converged after {RUNS} evaluations"]
+    advice = f"not converged after {RUNS} evaluations: free fewer parameters, or narrow their bounds"
+    notes += [] if found.success else [advice]
     return Fit(
         case.name, problem.stated.with_parameters(values, f"fitted to {case.name}"), parameters,
         covariance * np.outer(size, size), compare_signals(problem, np.array([base, fitted])), scales / size[:, None],
