@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from _figures import Shown, effect_figure
 
 from exodrake.cli.new_machine import ARM_SCAFFOLD
-from exodrake.cli.robot import describe
+from exodrake.cli.robot import describe, word_range
 from exodrake.core.display import find_display
 from exodrake.core.effect import Effect
 from exodrake.core.machine import Machine
@@ -124,8 +124,7 @@ def body(machine: Machine, effect: Effect, level: str) -> list[str]:
     for number, row in zip(effect.parameters, page["parameters"], strict=True):
         absent = f"{number.null:g}" if number is effect.parameters[0] else ""
         per = ", ".join(row["channels"]) or "robot"
-        ends = f"{number.low:g} to {number.high:g} {number.unit}".removesuffix(" -")
-        lines.append(f"| `{number.name}` | {ends} | {number.initial:.4g} | {absent} | {per} |")
+        lines.append(f"| `{number.name}` | {word_range(number)} | {number.initial:.4g} | {absent} | {per} |")
     lines += ["", f"{level} In logs", "", sentence(page["signature"]), ""]
     if effect.not_tried:
         lines += [f"A diagnosis does not try it unless `--effects` names it: {effect.not_tried}.", ""]

@@ -13,7 +13,7 @@ from exodrake.cli.options import DEFAULT, OutputFile, json_option, print_table, 
 from exodrake.core.errors import InputError, nearest
 
 if TYPE_CHECKING:
-    from exodrake.core.effect import Effect
+    from exodrake.core.effect import Effect, EffectParameter
 
 
 @click.command()
@@ -99,7 +99,7 @@ def list_effects(identity: str, json_file: Path | None, robot: str) -> None:
     for effect in chosen:
         rows += [()] if block and effect.block != block else []
         block = effect.block
-        ends = (f"{n.name}  {n.low:g} to {n.high:g} {n.unit}".removesuffix(" -") for n in effect.parameters)
+        ends = (f"{n.name}  {word_range(n)}" for n in effect.parameters)
         rows.append(
             (f"[bold]{effect.id}[/bold]", effect.summary, "\n".join(ends), effect.axis.removesuffix("s") or "robot")
         )
@@ -130,6 +130,11 @@ def example(machine: exo.Machine, effect: Effect) -> str:
     what = "caging" if machine.name == DEFAULT else f"chirp --robot {machine.name}"
     at = f"@{channel}" if channel else ""
     return f"exodrake simulate {what} --effect {effect.id}:{parameter.name}={parameter.initial:.3g}{at}"
+
+
+def word_range(parameter: EffectParameter) -> str:
+    """Plausible range with unit."""
+    return f"{parameter.low:g} to {parameter.high:g} {parameter.unit}".removesuffix(" -")
 
 
 @click.command()
