@@ -10,7 +10,7 @@ import numpy as np
 
 from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.diagnosis.detect import detect
-from exodrake.diagnosis.fit import Explanation, minimise, settle
+from exodrake.diagnosis.fit import Explanation, fit_beside, minimise, settle
 from exodrake.diagnosis.likelihood import Likelihood, make_likelihood, output_error, with_prediction
 from exodrake.diagnosis.linearise import Linearisation, linearise, nominal_jacobian
 from exodrake.diagnosis.parameter import nominal_parameters
@@ -181,8 +181,9 @@ def isolate(
     if before is not None:
         search.take_over(before)
     gap, best = excess(whole, retuned.robot, likelihood, np.ones(1))[0], search.none
-    if effects and gap < 0.0:
-        search.expand(frozenset(), SINGLES)  # effects that stand for what retuning moves
+    if effects and gap < 0.0:  # effects that stand for what retuning moves, from where it began
+        likely = search.screen_beside(nominal, lin)[:SINGLES]
+        search.add(fit_beside(likelihood.scaled_to(nominal.residual).for_stage("refine"), nominal, likely))
     elif effects:
         best = search.run(max(machine.max_effects - certain, 0))
         if best.effects and (more := count_needed(best.explanation.robot, GAIN * gap)):

@@ -57,7 +57,8 @@ def widen(parameter: EffectParameter, size: float) -> EffectParameter:
 def with_recorded_ranges(robot: Robot, case: Case) -> Robot:
     """The robot whose generic effects may be as large as the recording shows, and its numbers of rest as small.
 
-    An effect is generic if it is a law of any signal, slide or servo, so that its range is only assumed.
+    An effect is generic if it is a law of any signal, slide or servo under an id of the machine's own, so that its range
+    is only assumed.
     """
     machine, size, values = robot.machine, measure_sizes(robot.machine, case), robot.values.copy()
     for name, largest in machine.recorded.items():
@@ -66,7 +67,7 @@ def with_recorded_ranges(robot: Robot, case: Case) -> Robot:
 
     effects = [
         replace(e, parameters=(widen(e.parameters[0], size.get(e.parameters[0].unit, 0.0)), *e.parameters[1:]))
-        if {id(function) for function in e.at.values()} <= laws
+        if e.id not in LIBRARY and {id(function) for function in e.at.values()} <= laws
         else e
         for e in machine.effects
     ]
