@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -67,25 +68,17 @@ class Isolation:
         before, after = (max(float(np.mean(row**2)) - 1.0, 0.0) for row in rows)
         return float(np.clip(after / max(before, 1e-12), 1e-6, 1.0))
 
-    def negligible(self, robot: np.ndarray) -> bool:
-        """Whether a robot leaves less than `NEGLIGIBLE` beyond noise in each channel, over the whole logs."""
-        return negligible(self.whole, robot, self.likelihood)
-
-    def excess(self, fitted: Fitted) -> float:
-        """What a set leaves beyond that in its worst channel [noise variances]; less than 0 where it is negligible."""
-        return float(excess(self.whole, fitted.explanation.robot, self.likelihood, np.ones(1))[0])
+    def excess(self, robot: np.ndarray) -> float:
+        """What a robot leaves beyond `NEGLIGIBLE` in its worst channel, over the whole logs; negligible below 0."""
+        return float(excess(self.whole, robot, self.likelihood)[0])
 
 
-def negligible(problem: Problem, robot: np.ndarray, likelihood: Likelihood) -> bool:
-    """Whether a robot (parameters,) leaves less than `NEGLIGIBLE` beyond noise in each column.
+def excess(
+    problem: Problem, robot: np.ndarray, likelihood: Likelihood, shares: Sequence[float] | np.ndarray = (1.0,)
+) -> np.ndarray:
+    """What a robot leaves beyond noise and `NEGLIGIBLE` in its worst column [noise variances], over parts of the logs.
 
     Noise is what simulated runs with noise show (`View.squares`), with their scatter; what the sensors state at least.
-    """
-    return bool(excess(problem, robot, likelihood, np.ones(1))[0] < 0.0)
-
-
-def excess(problem: Problem, robot: np.ndarray, likelihood: Likelihood, shares: np.ndarray) -> np.ndarray:
-    """What a robot leaves beyond noise and `NEGLIGIBLE` in its worst column [noise variances], over parts of the logs.
 
     Args:
         problem: the logs.
@@ -159,7 +152,7 @@ def isolate(
         return float(shares[np.argmax(gaps >= SHOWN * gaps.max())]) * count_samples(problem)
 
     zero, shares = replace(start, x=np.zeros(len(start.x))), np.linspace(part, affordable(problem), PARTS)
-    if negligible(whole, zero.robot, likelihood):
+    if excess(whole, zero.robot, likelihood)[0] < 0.0:
         none = np.zeros((len(start.x), likelihood.samples), dtype=np.float32)
         (retuned,) = replace(zero, jacobian=none).at_each(likelihood, [zero.x])
         effects = ()
@@ -168,7 +161,7 @@ def isolate(
         if more := count_needed(retuned.robot):
             wide = make_likelihood(whole.shorten(affordable(problem, more)), retuned.robot, simulated)
             by_more = fitted(wide, retuned.at_each(wide, [retuned.x])[0])
-            if not negligible(whole, by_more.robot, likelihood):
+            if excess(whole, by_more.robot, likelihood)[0] >= 0.0:
                 return isolate(problem, progress, more)
             (retuned,) = retuned.at_each(likelihood, [by_more.x])
     (nominal,) = retuned.at_each(likelihood, [zero.x])
@@ -180,7 +173,7 @@ def isolate(
     search.add([retuned])
     if before is not None:
         search.take_over(before)
-    gap, best = excess(whole, retuned.robot, likelihood, np.ones(1))[0], search.none
+    gap, best = excess(whole, retuned.robot, likelihood)[0], search.none
     if effects and gap < 0.0:  # effects that stand for what retuning moves, from where it began
         likely = search.screen_beside(nominal, lin)[:SINGLES]
         search.add(fit_beside(likelihood.scaled_to(nominal.residual).for_stage("refine"), nominal, likely))
@@ -202,13 +195,11 @@ def fit_on(found: Isolation, best: Fitted) -> tuple[Fitted, Fitted]:
     likelihood, fits = found.likelihood.on(found.whole.shorten(part)).for_stage("fit on"), list[Fitted]()
     jacobian = np.zeros((best.explanation.nominal, likelihood.samples), dtype=np.float32)
     for fitted in dict.fromkeys((best, found.retuned)):
-        e = fitted.explanation
-        seen = e.find_visible(found.likelihood.scaled_to(e.residual))
-        (e,) = replace(e, jacobian=jacobian).at_each(likelihood, [e.x])
+        before = fitted.explanation
+        seen = before.find_visible(found.likelihood.scaled_to(before.residual)) & (not fits)
+        (e,) = replace(before, jacobian=jacobian).at_each(likelihood, [before.x])
         likelihood = likelihood.with_memory(e.residual)
-        if not fits:
-            jacobian[seen] = nominal_jacobian(likelihood, *e.nominal_part, e.residual, seen)
-        e = minimise(likelihood.scaled_to(e.residual), e)
+        e = settle(likelihood, e, seen)
         jacobian, fits = e.jacobian, [*fits, Fitted.at(likelihood, e)]
     return fits[-1], fits[0]
 

@@ -23,7 +23,7 @@ from exodrake.diagnosis.checks.suspicions import suspicions
 from exodrake.diagnosis.closure import change_robot, measure_closure, with_values
 from exodrake.diagnosis.discovery.discover import discover
 from exodrake.diagnosis.intervals import describe, fitted_effects, traces
-from exodrake.diagnosis.isolation import Isolation, affordable, fit_on, isolate, negligible
+from exodrake.diagnosis.isolation import Isolation, affordable, excess, fit_on, isolate
 from exodrake.diagnosis.localise import localise, remaining
 from exodrake.diagnosis.problem import list_required, make_problem
 from exodrake.diagnosis.recorded import with_recorded_ranges
@@ -236,6 +236,6 @@ def write_notes(found: Isolation, best: Fitted) -> tuple[str, ...]:
     if affordable(problem) < 1.0:
         used, whole = (sum(len(trial.reference) for trial in p.fit) for p in (found.problem, problem))
         note, robot = f"the logs are long: the first {used / whole:.0%} of each was fitted", best.explanation.robot
-        hidden = not best.effects and negligible(found.problem, robot, found.likelihood) and not found.negligible(robot)
+        hidden = not best.effects and excess(found.problem, robot, found.likelihood)[0] < 0.0 <= found.excess(robot)
         notes.append(note + ("; the rest shows a gap that this part does not: diagnose that alone" if hidden else ""))
     return (*notes, *calibration_notes(machine))

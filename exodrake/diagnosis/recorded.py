@@ -57,7 +57,7 @@ def widen(parameter: EffectParameter, size: float) -> EffectParameter:
 def with_recorded_ranges(robot: Robot, case: Case) -> Robot:
     """The robot whose generic effects may be as large as the recording shows, and its numbers of rest as small.
 
-    An effect is generic if it is a law of any signal, slide or servo under an id of the machine's own, so that its range
+    An effect is generic if it is a law of any signal, slide or servo under an id of the machine, so that its range
     is only assumed.
     """
     machine, size, values = robot.machine, measure_sizes(robot.machine, case), robot.values.copy()

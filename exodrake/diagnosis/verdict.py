@@ -103,7 +103,7 @@ def decide(found: Isolation) -> Decision:
     search, best, none = found.search, found.best, found.search.none
     certain = tuple(d.reason for d in found.whole.detected if d.certain)
     for word, explanation in ((NO_GAP, found.nominal), (RETUNE, none.explanation)):
-        if found.negligible(explanation.robot):
+        if found.excess(explanation.robot) < 0.0:
             left = found.beside_detections * search.left_by_log(none)
             one = Decision(word, none, (), jackknife_share(left), (REASONS[word],))
             if certain:
@@ -112,7 +112,7 @@ def decide(found: Isolation) -> Decision:
     best, parts = drop_refinements(found)
     causes, left = [p for p in parts if p.role == CAUSE], found.beside_detections * search.left_by_log(best)
     explained = 1.0 - float(left[0])
-    if found.negligible(best.explanation.robot):
+    if found.excess(best.explanation.robot) < 0.0:
         explained = 1.0
     if not (causes or certain) or explained < MOST:
         word = UNKNOWN
@@ -180,10 +180,12 @@ def divide_gap(found: Isolation, best: Fitted) -> tuple[Part, ...]:
     gains = {i: measure(fitted) - left for i, fitted in smaller.items()}
     roles = {}
     for effect, gain in gains.items():
-        others = sum(float(g[0]) for i, g in gains.items() if i != effect)
-        most, beyond = gain[0] >= MOST * (left[0] + gain[0]), gain[0] >= LAW**2 * others
-        seen = found.excess(smaller[effect]) > max(found.excess(best) + NEGLIGIBLE**2, 0.0)
-        roles[effect] = CAUSE if gain[0] >= LARGE or (most and beyond and seen) else REFINEMENT
+        others, before = sum(float(g[0]) for i, g in gains.items() if i != effect), smaller[effect].explanation.robot
+        small = gain[0] >= MOST * (left[0] + gain[0]) and gain[0] >= LAW**2 * others
+        seen = gain[0] >= LARGE or (
+            small and found.excess(before) > max(found.excess(best.explanation.robot) + NEGLIGIBLE**2, 0.0)
+        )
+        roles[effect] = CAUSE if seen else REFINEMENT
     alone = {i: none - measure(search.sets.get(frozenset([i]), search.none)) for i in gains}
     weight = {i: np.maximum(alone[i], 0.0) + np.maximum(gains[i], 1e-9) for i in gains if roles[i] == CAUSE}
     together = none - left - sum(np.maximum(g, 0.0) for i, g in gains.items() if roles[i] == REFINEMENT)

@@ -185,7 +185,7 @@ def discover(
         blocks: of the robot whose points are tried; all where empty.
     """
     accepted = found.best if 1.0 - found.search.measure_left(found.best) >= MOST else found.retuned
-    if found.negligible(accepted.explanation.robot):
+    if found.excess(accepted.explanation.robot) < 0.0:
         who = accepted.explanation.name if accepted.effects else "retuning"
         return MissingLaw(False, f"what {who} leaves is negligible: no law is missing")
     progress(Stage.LINEARISE, "free laws")
