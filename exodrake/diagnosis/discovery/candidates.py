@@ -1,30 +1,22 @@
-"""Candidates for the missing law: a form at a point with its knots, its basis, its plausible size, and its formula.
+"""Candidates for the missing law: a form at a point with its knots, its basis and its plausible size.
 
-Where the variable of a law goes is measured by watches, effects that count in the simulated robot. A formula is made of
-few named terms, selected greedily on the law's linear model:
-
-    f(u) = b_1 t_1(u) + b_2 t_2(u) + ...        cost = S + p log(n)        (Bayesian information criterion)
-
-S: weighted sum of squares left by the terms; p: number of coefficients; n: number of independent samples. It is stated
-only where it is at least as likely as the free curve.
+Where the variable of a law goes is measured by watches, effects that count in the simulated robot.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from exodrake.compiled.compose import compile_machine
 from exodrake.compiled.inputs import NOTHING, NoiseInputs, input_rows
-from exodrake.core.machine import signal_count, state_size
+from exodrake.core.machine import signal_count, stack, state_size
 from exodrake.core.parallel import side_by_side
 from exodrake.core.part import HYSTERESIS, RELAXATION, FreeLaw
 from exodrake.diagnosis.discovery.law_code import SIZE, LawPoint
-from exodrake.diagnosis.linear import RIDGE, Reduced
 from exodrake.diagnosis.problem import Problem, Trial
 
 LENGTH = 0.4  # correlation length of a curve in its range: assumed
@@ -32,10 +24,6 @@ FINE = 40.0  # range over the width near 0 in which knots lie close: assumed
 REACHES = (0.01, 0.6)  # of hysteresis, smallest and largest in ranges of the variable: assumed
 MODEST = 0.05  # size of a law in the range of its point's value: small against curvature, large against rounding
 FRAMES = 2.0  # shortest memory
-MOST = 3  # terms of a formula
-GRID = 200  # points on which a term is approximated by a curve
-WIDTHS = (0.02, 0.05, 0.1, 0.14, 0.2, 0.28, 0.4)  # of terms with a width, in the largest |u|
-BENDS = (0.2, 0.35, 0.5, 0.65, 0.8)  # of terms with a bend, in the range of u
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,26 +90,22 @@ def run_watches(
         return state
 
     ends = np.array(side_by_side([partial(end_state, trial) for trial in problem.fit]))
-    found, at = {identity: dict[str, np.ndarray]() for identity in settings}, 0
+    widths: dict[tuple[str, str], int] = {}
     for part in machine.parts:
-        at += machine.part_size(part)[0]
-        for effect in machine.effects_on(part):
-            for state in effect.states:
-                width = machine.width(state.axis)
-                if (law := effect.id.removesuffix("_watch")) != effect.id and law in found:
-                    found[law][state.name] = ends[:, at : at + width]
-                at += width * state.width
-    return found
+        for owner, states in ((part.name, part.states), *((e.id, e.states) for e in machine.effects_on(part))):
+            widths |= {(owner, s.name): machine.width(s.axis) * s.width for s in states}
+    places = stack(widths).items()
+    watches = {identity: f"{identity}_watch" for identity in settings}
+    return {law: {n: ends[:, at] for (owner, n), at in places if owner == watch} for law, watch in watches.items()}
 
 
 def list_candidates(problem: Problem, values: np.ndarray, laws: Sequence[LawPoint]) -> list[Candidate]:
     """All laws that may be missing at some points, where a robot `values` (parameters,) with watches runs a case."""
     machine, found = problem.robot.machine, list[Candidate]()
     longest = max(len(trial.reference) for trial in problem.fit) * machine.frame
-    ranges: dict[
-        tuple[str, int], tuple[np.ndarray, np.ndarray]
-    ] = {}  # (channels,) each, of variables that are computed
-    for k in range(1, max((len(law.forms) for law in laws), default=-1) + 2):
+    # of the variable of each form that is computed (channels,)
+    ranges: dict[tuple[str, int], tuple[np.ndarray, np.ndarray]] = {}
+    for k in range(1, max((len(law.forms) for law in laws), default=-1) + 2):  # each form, and the law's scale
         settings = {law.identity: {"form": float(k)} for law in laws if k <= len(law.forms) + 1}
         for identity, states in run_watches(problem, values, settings).items():
             if states["started"].any():
@@ -154,82 +138,4 @@ def list_candidates(problem: Problem, values: np.ndarray, laws: Sequence[LawPoin
             variances, vectors = np.linalg.eigh(1.0 + (1.0 + apart) * np.exp(-apart))  # a constant, and Matern 3/2
             basis = (vectors * np.sqrt(variances))[:, ::-1]
         found.append(Candidate(law, k, machine.axes.of(law.point.axis), knots, MODEST * size, basis, low, high))
-    return found
-
-
-def find_terms(candidate: Candidate) -> Iterator[tuple[str, np.ndarray]]:
-    """Named terms that a law may be made of: text with u, and values (channels, 8) at the knots, or of the elements."""
-    form, u = candidate.form, candidate.knots
-    if not form.is_curve:
-        word, unit = ("stop", form.unit) if form.kind == HYSTERESIS else ("fading", "s")
-        for i in range(SIZE):
-            yield f"{word}(u; {float(np.median(u[:, i])):.2g} {unit})", np.tile(np.eye(SIZE)[i], (len(u), 1))
-        return
-    low, high = float(u.min()), float(u.max())
-    largest = max(abs(low), abs(high))
-    signed = low < -0.05 * largest
-    terms: dict[str, Callable[[np.ndarray], np.ndarray]] = {
-        "1": np.ones_like, "u": lambda u: u, "u^2": lambda u: u**2, "u^3": lambda u: u**3,
-    }  # fmt: skip
-    if signed:
-        terms |= {"sign(u)": np.sign, "|u|": abs, "u |u|": lambda u: u * abs(u)}
-    for c in (w * largest for w in WIDTHS):
-        name = f"exp(-|u| / {c:.2g}) sign(u)" if signed else f"exp(-u / {c:.2g})"
-        terms[name] = lambda u, c=c: np.exp(-abs(u) / c) * np.sign(u) if signed else np.exp(-u / c)
-        terms[f"tanh(u / {c:.2g})"] = lambda u, c=c: np.tanh(u / c)
-        terms[f"sin(u / {c:.2g})"] = lambda u, c=c: np.sin(u / c)
-    for c in (low + b * (high - low) for b in BENDS):
-        terms[f"max(0, u - {c:.2g})"] = lambda u, c=c: np.maximum(0.0, u - c)
-        terms[f"max(0, {c:.2g} - u)"] = lambda u, c=c: np.maximum(0.0, c - u)
-    for text, function in terms.items():
-        curves = []
-        for knots in u:  # the curve that is nearest to the function over the range of the knots
-            at = np.linspace(knots[0], knots[-1], GRID)
-            hats = np.array([np.interp(at, knots, one) for one in np.eye(SIZE)]).T
-            curves.append(np.linalg.lstsq(hats, np.broadcast_to(function(at), at.shape), rcond=None)[0])
-        yield text, np.array(curves)
-
-
-def find_formulas(
-    candidate: Candidate, active: list[int], reduced: Reduced, modes: np.ndarray, scales: np.ndarray, samples: float
-) -> dict[str, str]:
-    """The shortest formula that is as likely as the free law, by channel; none without one.
-
-    `reduced` is the linear model of the modes of the `active` channels about the fitted coordinates `modes`
-    (active * 8,) with prior standard deviations `scales` (active,), from so many independent samples.
-    """
-    penalty, back = float(np.log(samples)), np.linalg.inv(candidate.basis)
-    prior = np.repeat(scales, SIZE)
-    volume = np.linalg.slogdet(np.eye(len(prior)) + reduced.normal * np.outer(prior, prior))[1]
-    free, texts, known = float(np.sum((modes / prior) ** 2) + volume), [], []
-    for text, values in find_terms(candidate):  # coordinates of each term in one active channel each (active, n)
-        texts.append(text)
-        known.append(block_diag(*(back @ values[channel] / candidate.size[channel] for channel in active)))
-
-    def solve(terms: list[int]) -> tuple[float, np.ndarray]:
-        """Cost beyond that of the fit, and coefficients (terms of each active channel,)."""
-        t = np.concatenate([known[term] for term in terms]).T if terms else np.zeros((len(modes), 0))
-        normal, slope = t.T @ reduced.normal @ t, t.T @ (reduced.slope - reduced.normal @ modes)
-        b = -np.linalg.solve(normal + np.diag(RIDGE * np.diag(normal) + 1e-12), slope)
-        step = t @ b - modes
-        return float(2.0 * reduced.slope @ step + step @ reduced.normal @ step) + penalty * len(b), b
-
-    chosen: list[int] = []
-    while len(chosen) < MOST and solve(chosen)[0] > free:
-        trial = min(set(range(len(known))) - set(chosen), key=lambda term: solve([*chosen, term])[0])
-        if solve([*chosen, trial])[0] >= solve(chosen)[0]:
-            break
-        chosen.append(trial)
-    if not chosen or solve(chosen)[0] > free:
-        return {}
-    for term in chosen[:-1]:  # that a later one made needless
-        less = [one for one in chosen if one != term]
-        chosen = less if solve(less)[0] < solve(chosen)[0] else chosen
-    found, table = {}, solve(chosen)[1].reshape(len(chosen), len(active))
-    for i, channel in enumerate(active):
-        named = ["" if texts[term] == "1" else f" {texts[term]}" for term in chosen]
-        formula = "".join(
-            f" {'-' if b < 0.0 else '+'} {abs(b):.3g}{n}" for b, n in zip(table[:, i], named, strict=True)
-        )
-        found[candidate.channels[channel]] = f"f(u) ={formula.removeprefix(' +')}"
     return found

@@ -5,16 +5,24 @@
 One linear model about the best set screens all laws: x is eliminated, and the scale s of each channel is that of the
 largest evidence (MacKay, Neural Computation 4(3), 1992); a channel that the logs do not need gets s = 0. The best few
 are fitted through the simulation and compared by their evidence.
+
+A formula is made of few named terms, selected greedily on the law's linear model:
+
+    f(u) = b_1 t_1(u) + b_2 t_2(u) + ...        cost = S + p log(n)        (Bayesian information criterion)
+
+S: weighted sum of squares left by the terms; p: number of coefficients; n: number of independent samples. It is stated
+only where it is at least as likely as the free curve.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from exodrake.core.confidence import ALPHA, NORMAL_90
 from exodrake.core.machine import Machine
@@ -24,23 +32,13 @@ from exodrake.core.plain import plain
 from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.core.robot import Robot
 from exodrake.diagnosis.closure import measure
-from exodrake.diagnosis.discovery.candidates import Candidate, find_formulas, list_candidates, run_watches
-from exodrake.diagnosis.discovery.law_code import (
-    COUNTS,
-    KNOTS,
-    SIZE,
-    WEIGHTS,
-    add_laws,
-    effect_text,
-    get_laws,
-    robot_on,
-    robot_with,
-    values_on,
-)
+from exodrake.diagnosis.discovery import law_code
+from exodrake.diagnosis.discovery.candidates import Candidate, list_candidates, run_watches
+from exodrake.diagnosis.discovery.law_code import KNOTS, SIZE, WEIGHTS
 from exodrake.diagnosis.fit import Explanation, linear_model, minimise, settle, whole_jacobian, without
 from exodrake.diagnosis.isolation import Isolation
 from exodrake.diagnosis.likelihood import SAMPLE, Likelihood
-from exodrake.diagnosis.linear import LinearModel
+from exodrake.diagnosis.linear import RIDGE, LinearModel
 from exodrake.diagnosis.parameter import Parameter
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.result import Interval
@@ -57,6 +55,10 @@ ROUNDS = 2  # new Jacobians of the best law's other parameters, on whole logs
 # in 90 % of robots a law in a wrong part takes up less of what the best one in the right part leaves: conformal
 # quantile of 24 of the reference simulator, rounded up (docs/missing_law.md); the largest are 0.65, 0.49 and 0.05
 LEAD = 0.5
+TERMS = 3  # of a formula
+GRID = 200  # points on which a term is approximated by a curve
+WIDTHS = (0.02, 0.05, 0.1, 0.14, 0.2, 0.28, 0.4)  # of terms with a width, in the largest |u|
+BENDS = (0.2, 0.35, 0.5, 0.65, 0.8)  # of terms with a bend, in the range of u
 READINGS = ("shown", "delivered")  # points of readings, as in `search.is_memory`
 
 
@@ -115,23 +117,15 @@ class MissingLaw:
         return plain({name: value for name, value in vars(self).items() if name not in ("robot", "text")})
 
 
-class Screened(NamedTuple):
-    """A law as the linear model predicts it."""
-
-    gain: float  # of log evidence [nats]
-    candidate: Candidate
-    scales: np.ndarray  # (channels,) of its prior
-    x: np.ndarray  # coordinates, those of the parameters beside it first
-
-
 @dataclass(frozen=True, eq=False)
 class LawFit:
-    """A law fitted through the simulation."""
+    """A law beside the parameters of an explanation, as the linear model predicts it or fitted through simulation."""
 
     candidate: Candidate
     scales: np.ndarray  # (channels,) prior standard deviations of its modes; 0 where it is absent
     explanation: Explanation  # coordinates of the law's modes are the last ones
     likelihood: Likelihood  # views of the case that were fitted
+    gain: float = 0.0  # of log evidence by the linear model [nats]
 
     @property
     def block(self) -> str:
@@ -160,6 +154,11 @@ class LawFit:
         found[self.active] = self.explanation.x[self.beside :].reshape(-1, SIZE)
         return found
 
+    @property
+    def weights(self) -> np.ndarray:
+        """Weights (channels, 8) of the law."""
+        return self.candidate.size[:, None] * (self.modes @ self.candidate.basis.T)
+
     @cached_property
     def model(self) -> LinearModel:
         """The linear model about the fit."""
@@ -169,6 +168,14 @@ class LawFit:
     def evidence(self, memory: float) -> float:
         """Log evidence [nats], so many frames as one."""
         return replace(self.model, memory=memory).evidence()
+
+
+def measure_lead(share: float, other: float) -> float:
+    """Share of what another law leaves that a law takes up, by the shares of the excess that both remove.
+
+    Below 0 a fit ended early: with no law at all it is 0.
+    """
+    return 1.0 - (1.0 - share) / max(1.0 - max(other, 0.0), 1e-9)
 
 
 def discover(
@@ -189,15 +196,21 @@ def discover(
         who = accepted.explanation.name if accepted.effects else "retuning"
         return MissingLaw(False, f"what {who} leaves is negligible: no law is missing")
     progress(Stage.LINEARISE, "free laws")
-    machine = add_laws(problem.robot.machine)
-    whole = replace(found.whole, robot=robot_on(found.whole.robot, machine))
-    laws = [law for law in get_laws(problem.robot.machine) if not blocks or law.block in blocks]
+    machine = law_code.add_laws(problem.robot.machine)
+    whole = replace(found.whole, robot=law_code.robot_on(found.whole.robot, machine))
+    laws = [law for law in law_code.law_points(problem.robot.machine) if not blocks or law.block in blocks]
+    one, bare = found.likelihood.views[0].problem, problem.robot.machine
+    likelihood = found.likelihood.on(replace(one, robot=law_code.robot_on(one.robot, machine))).for_stage("discover")
+    likelihood = replace(likelihood, memory=min(likelihood.memory, max(SAMPLE / machine.frame, 1.0)))
+    index = [machine.index[p.name] for p in bare.parameters]
     groups: list[tuple[Likelihood, Explanation, int, list[LawFit]]] = []
-    for known in {id(f): f for f in (accepted, found.retuned)}.values():
-        likelihood, base = put_on(machine, found.likelihood, known.explanation)
+    for e in {id(f): f.explanation for f in (accepted, found.retuned)}.values():
+        parameters = tuple(replace(p, index=tuple(index[i] for i in p.index)) for p in e.parameters)
+        base = e.change(parameters=parameters, values=law_code.values_on(e.values, bare, machine))
+        scaled = likelihood.scaled_to(e.residual)
         tried = list_candidates(whole, base.robot, laws)
-        screened = sorted(side_by_side([partial(screen, likelihood, base, c) for c in tried]), key=lambda s: -s.gain)
-        groups.append((likelihood, base, len(tried), fit_best(likelihood, base, screened, progress)))
+        screened = side_by_side([partial(screen, scaled, base, candidate) for candidate in tried])
+        groups.append((scaled, base, len(tried), fit_best(base, screened, progress)))
     memory = min((fit.model.memory for *_, fits in groups for fit in fits), default=1.0)
     evidence = [max((fit.evidence(memory) for fit in fits), default=-np.inf) for *_, fits in groups]
     likelihood, base, tried, fits = groups[int(np.argmax(evidence))]
@@ -239,23 +252,20 @@ def discover(
     for _ in range(ROUNDS):
         e = settle(on_whole, e, np.ones(e.nominal, dtype=bool))
     best = replace(best, explanation=e, likelihood=on_whole)
-    candidate, robot = best.candidate, best.explanation.robot
-    weights = candidate.size[:, None] * (best.modes @ candidate.basis.T)
+    candidate, robot, weights = best.candidate, best.explanation.robot, best.weights
     rival = next((k for k, fit in enumerate(fits) if fit.block != best.block), None)
-    # share of what the runner-up leaves that the law takes up; below 0 a fit ended early: with no law at all it is 0
-    lead = 1.0 if rival is None else 1.0 - (1.0 - shares[0]) / max(1.0 - max(shares[rival], 0.0), 1e-9)
+    lead = 1.0 if rival is None else measure_lead(shares[0], shares[rival])
     watched = {"form": float(candidate.number), "low": candidate.low, "high": candidate.high}
     states = run_watches(whole, base.robot, {candidate.law.identity: watched})[candidate.law.identity]
-    curves = draw_curves(best, weights, np.array([states[c].sum(axis=0) for c in COUNTS]).T)
+    curves = draw_curves(best, np.array([states[c].sum(axis=0) for c in law_code.COUNTS]).T)
     short = {name: curve.formula for name, curve in curves.items() if curve.formula}
     strongest = int(abs(weights).max(axis=1).argmax())
     at = candidate.knots[strongest], weights[strongest]
-    text = effect_text(candidate.law, candidate.form, *at, problem.case.name, short)
-    bare, nominal = found.whole.robot, found.whole.silent()
-    rows = np.array([values_on(nominal, bare.machine, machine), base.robot, robot])
+    text = law_code.effect_text(candidate.law, candidate.form, *at, problem.case.name, short)
+    rows = np.array([law_code.values_on(found.whole.silent(), bare, machine), base.robot, robot])
     # the robot with the law as an effect, noise and resolutions as they were
-    values = robot[[machine.index[p.name] for p in bare.machine.parameters]]
-    values = np.where(values != replace(found.whole, detected=()).silent(), values, bare.values)
+    kept = robot[index] == replace(found.whole, detected=()).silent()
+    known = replace(found.whole.robot, values=np.where(kept, found.whole.robot.values, robot[index]))
     return MissingLaw(
         found=True,
         reason=f"a free law of {others[0].words} at {candidate.law.key} removes {shares[0]:.0%} of what {rest} leaves",
@@ -272,27 +282,15 @@ def discover(
         curves=curves,
         closure=measure(whole, [rows] * len(whole.judged)).effect,
         held_out=bool(whole.holdout),
-        robot=robot_with(replace(bare, values=values), text, candidate.channels, candidate.knots, weights),
+        robot=law_code.robot_with(known, text, candidate.channels, candidate.knots, weights),
         text=text,
     )
 
 
-def put_on(machine: Machine, likelihood: Likelihood, e: Explanation) -> tuple[Likelihood, Explanation]:
-    """A likelihood and an explanation on their machine with further effects."""
-    before = likelihood.robot.machine
-    problems = [replace(view.problem, robot=robot_on(view.problem.robot, machine)) for view in likelihood.views]
-    views = tuple(replace(view, problem=p) for view, p in zip(likelihood.views, problems, strict=True))
-    index = [machine.index[p.name] for p in before.parameters]
-    parameters = tuple(replace(p, index=tuple(index[i] for i in p.index)) for p in e.parameters)
-    memory = min(likelihood.memory, max(SAMPLE / machine.frame, 1.0))
-    likelihood = replace(likelihood, views=views, memory=memory).for_stage("discover").scaled_to(e.residual)
-    return likelihood, e.change(parameters=parameters, values=values_on(e.values, before, machine))
-
-
-def screen(likelihood: Likelihood, base: Explanation, candidate: Candidate) -> Screened:
+def screen(likelihood: Likelihood, base: Explanation, candidate: Candidate) -> LawFit:
     """A candidate by the linear model about a robot without it."""
-    channels = len(candidate.channels)
-    with_it = join_law(likelihood.robot.machine, base, candidate, np.ones(channels), MODES)
+    machine, channels = likelihood.robot.machine, len(candidate.channels)
+    with_it = join_law(machine, base, candidate, np.ones(channels), MODES)
     moved = with_it.at_each(likelihood, [np.r_[base.x, unit] for unit in np.eye(MODES * channels)])
     directions = np.array([e.residual for e in moved]) - base.residual
     columns, memory = whole_jacobian(likelihood, base), likelihood.memory
@@ -302,7 +300,7 @@ def screen(likelihood: Likelihood, base: Explanation, candidate: Candidate) -> S
     modes = np.zeros((channels, SIZE))
     modes[:, :MODES] = found.reshape(channels, MODES)
     x = np.r_[base.x + reduced.others(np.arange(len(found)), found), modes[scales > 0.0].ravel()]
-    return Screened(gain, candidate, scales, x)
+    return LawFit(candidate, scales, replace(join_law(machine, base, candidate, scales), x=x), likelihood, gain)
 
 
 def weigh_scales(normal: np.ndarray, slope: np.ndarray, channel: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
@@ -344,20 +342,18 @@ def join_law(
     return Explanation(base.effects, tuple(parameters), x, values, base.residual, base.jacobian)
 
 
-def fit_best(
-    likelihood: Likelihood, base: Explanation, screened: Sequence[Screened], progress: StageProgress
-) -> list[LawFit]:
+def fit_best(base: Explanation, screened: Sequence[LawFit], progress: StageProgress) -> list[LawFit]:
     """The most promising laws fitted, in the block of the best one and outside it."""
-    machine = likelihood.robot.machine
 
-    def start(s: Screened) -> LawFit:
+    def start(law: LawFit) -> LawFit:
         """A screened law simulated with as much of its predicted weights as fits best."""
-        e = join_law(machine, base, s.candidate, s.scales)
-        tried = e.at_each(likelihood, [e.x + share * (s.x - e.x) for share in SHARES])
-        return LawFit(s.candidate, s.scales, min((e, *tried), key=lambda one: one.cost(likelihood)), likelihood)
+        e, none = law.explanation, np.r_[base.x, np.zeros(len(law.explanation.x) - len(base.x))]
+        tried = e.at_each(law.likelihood, [none + share * (e.x - none) for share in SHARES])
+        return replace(law, explanation=min((replace(e, x=none), *tried), key=lambda one: one.cost(law.likelihood)))
 
     def fit_law(begun: LawFit) -> LawFit:
         """A law fitted, its scales those of the largest evidence about a first fit."""
+        likelihood = begun.likelihood
         first = minimise(likelihood.scaled_to(begun.explanation.residual), begun.explanation, 2)
         fit = replace(begun, explanation=settle(likelihood, first))
         reduced = replace(fit.model, memory=likelihood.memory).eliminate(fit.beside)
@@ -366,37 +362,104 @@ def fit_best(
         scales[fit.active] = weigh_scales(reduced.normal, slope, np.repeat(np.arange(len(fit.active)), SIZE))[0]
         if not scales.any():
             return fit
-        e = join_law(machine, base, fit.candidate, scales)
+        e = join_law(likelihood.robot.machine, base, fit.candidate, scales)
         x = np.r_[fit.explanation.x[: fit.beside], fit.modes[scales > 0.0].ravel()]
         e = replace(e, jacobian=fit.explanation.jacobian).at(likelihood, x)
-        e = minimise(likelihood.scaled_to(e.residual), e)
-        return LawFit(fit.candidate, scales, e, likelihood)
+        return replace(fit, scales=scales, explanation=minimise(likelihood.scaled_to(e.residual), e))
 
-    chosen: list[Screened] = []
-    for s in (s for s in screened if s.scales.any()):
-        if sum(c.candidate.law is s.candidate.law for c in chosen) < PER_POINT and len(chosen) < STARTED:
-            chosen.append(s)
-    starts = side_by_side([partial(start, s) for s in chosen])
-    starts.sort(key=lambda fit: fit.explanation.cost(likelihood))
+    chosen: list[LawFit] = []
+    for law in sorted((law for law in screened if law.scales.any()), key=lambda law: -law.gain):
+        if sum(c.candidate.law is law.candidate.law for c in chosen) < PER_POINT and len(chosen) < STARTED:
+            chosen.append(law)
+    starts = side_by_side([partial(start, law) for law in chosen])
+    starts.sort(key=lambda law: law.explanation.cost(law.likelihood))
     inside, outside = ([f for f in starts if (f.block == starts[0].block) is here] for here in (True, False))
     wanted = [*inside[:FITTED], *outside[:OTHERS]]
     progress(Stage.FIT, ", ".join(dict.fromkeys(f.candidate.law.learned for f in wanted)))
     return side_by_side([partial(fit_law, f) for f in wanted])
 
 
-def draw_curves(fit: LawFit, weights: np.ndarray, counts: np.ndarray) -> dict[str, Curve]:
-    """The law in each channel with its 90 % band; weights (channels, 8), histogram `counts` (channels, bins) of u."""
-    candidate, model, found = fit.candidate, fit.model, {}
-    samples, own = float(model.effective.sum()), fit.modes[fit.active].ravel()
-    short = find_formulas(candidate, fit.active, model.eliminate(fit.beside), own, fit.scales[fit.active], samples)
-    at, shape = candidate.shape()
-    covariance = model.posterior().covariance[fit.beside :, fit.beside :]
+def draw_curves(fit: LawFit, counts: np.ndarray) -> dict[str, Curve]:
+    """The law in each channel with its 90 % band, and the histogram `counts` (channels, bins) of u."""
+    candidate, short, (at, shape), found = fit.candidate, find_formulas(fit), fit.candidate.shape(), {}
+    covariance = fit.model.posterior().covariance[fit.beside :, fit.beside :]
     for i, channel in enumerate(fit.active):
         place = slice(i * SIZE, (i + 1) * SIZE)
         to_values = shape[channel] @ (candidate.size[channel] * candidate.basis)
         half = NORMAL_90 * np.sqrt(np.einsum("ij,jk,ik->i", to_values, covariance[place, place], to_values))
-        value, name = shape[channel] @ weights[channel], candidate.channels[channel]
+        value, name = shape[channel] @ fit.weights[channel], candidate.channels[channel]
         edges = np.linspace(candidate.low[channel], candidate.high[channel], counts.shape[1] + 1)
         share = counts[channel] / max(float(counts[channel].sum()), 1.0)
         found[name] = Curve(at[channel], value, value - half, value + half, edges, share, short.get(name, ""))
+    return found
+
+
+def find_terms(candidate: Candidate) -> Iterator[tuple[str, np.ndarray]]:
+    """Named terms that a law may be made of: text with u, and values (channels, 8) at the knots, or of the elements."""
+    form, u = candidate.form, candidate.knots
+    if not form.is_curve:
+        word, unit = ("stop", form.unit) if form.kind == HYSTERESIS else ("fading", "s")
+        for i in range(SIZE):
+            yield f"{word}(u; {float(np.median(u[:, i])):.2g} {unit})", np.tile(np.eye(SIZE)[i], (len(u), 1))
+        return
+    low, high = float(u.min()), float(u.max())
+    largest = max(abs(low), abs(high))
+    signed = low < -0.05 * largest
+    terms: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+        "1": np.ones_like, "u": lambda u: u, "u^2": lambda u: u**2, "u^3": lambda u: u**3,
+    }  # fmt: skip
+    if signed:
+        terms |= {"sign(u)": np.sign, "|u|": abs, "u |u|": lambda u: u * abs(u)}
+    for c in (w * largest for w in WIDTHS):
+        name = f"exp(-|u| / {c:.2g}) sign(u)" if signed else f"exp(-u / {c:.2g})"
+        terms[name] = lambda u, c=c: np.exp(-abs(u) / c) * np.sign(u) if signed else np.exp(-u / c)
+        terms[f"tanh(u / {c:.2g})"] = lambda u, c=c: np.tanh(u / c)
+        terms[f"sin(u / {c:.2g})"] = lambda u, c=c: np.sin(u / c)
+    for c in (low + b * (high - low) for b in BENDS):
+        terms[f"max(0, u - {c:.2g})"] = lambda u, c=c: np.maximum(0.0, u - c)
+        terms[f"max(0, {c:.2g} - u)"] = lambda u, c=c: np.maximum(0.0, c - u)
+    for text, function in terms.items():
+        curves = []
+        for knots in u:  # the curve that is nearest to the function over the range of the knots
+            at = np.linspace(knots[0], knots[-1], GRID)
+            hats = np.array([np.interp(at, knots, one) for one in np.eye(SIZE)]).T
+            curves.append(np.linalg.lstsq(hats, np.broadcast_to(function(at), at.shape), rcond=None)[0])
+        yield text, np.array(curves)
+
+
+def find_formulas(fit: LawFit) -> dict[str, str]:
+    """The shortest formula that is as likely as a fitted free law, by channel; none without one."""
+    candidate, active, reduced = fit.candidate, fit.active, fit.model.eliminate(fit.beside)
+    modes, prior = fit.modes[active].ravel(), np.repeat(fit.scales[active], SIZE)
+    penalty, back = float(np.log(fit.model.effective.sum())), np.linalg.inv(candidate.basis)
+    volume = np.linalg.slogdet(np.eye(len(prior)) + reduced.normal * np.outer(prior, prior))[1]
+    free, texts, known = float(np.sum((modes / prior) ** 2) + volume), [], []
+    for text, values in find_terms(candidate):  # coordinates of each term in one active channel each (active, n)
+        texts.append(text)
+        known.append(block_diag(*(back @ values[channel] / candidate.size[channel] for channel in active)))
+
+    def solve(terms: list[int]) -> tuple[float, np.ndarray]:
+        """Cost beyond that of the fit, and coefficients (terms of each active channel,)."""
+        t = np.concatenate([known[term] for term in terms]).T if terms else np.zeros((len(modes), 0))
+        normal, slope = t.T @ reduced.normal @ t, t.T @ (reduced.slope - reduced.normal @ modes)
+        b = -np.linalg.solve(normal + np.diag(RIDGE * np.diag(normal) + 1e-12), slope)
+        step = t @ b - modes
+        return float(2.0 * reduced.slope @ step + step @ reduced.normal @ step) + penalty * len(b), b
+
+    chosen: list[int] = []
+    while len(chosen) < TERMS and solve(chosen)[0] > free:
+        trial = min(set(range(len(known))) - set(chosen), key=lambda term: solve([*chosen, term])[0])
+        if solve([*chosen, trial])[0] >= solve(chosen)[0]:
+            break
+        chosen.append(trial)
+    if not chosen or solve(chosen)[0] > free:
+        return {}
+    for term in chosen[:-1]:  # that a later one made needless
+        less = [one for one in chosen if one != term]
+        chosen = less if solve(less)[0] < solve(chosen)[0] else chosen
+    found, table = {}, solve(chosen)[1].reshape(len(chosen), len(active))
+    named = ["" if texts[term] == "1" else f" {texts[term]}" for term in chosen]
+    for channel, factors in zip(active, table.T, strict=True):
+        parts = [f" {'-' if b < 0.0 else '+'} {abs(b):.3g}{n}" for b, n in zip(factors, named, strict=True)]
+        found[candidate.channels[channel]] = f"f(u) ={''.join(parts).removeprefix(' +')}"
     return found
