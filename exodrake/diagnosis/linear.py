@@ -162,12 +162,14 @@ class LinearModel:
             found.append(row)
         return np.array(found)
 
-    def eliminate(self, count: int) -> Reduced:
+    def eliminate(self, count: int, blocks: np.ndarray | None = None) -> Reduced:
         """The model of the last x alone, the first `count` of them eliminated (Schur complement).
+
+        By all blocks, or by those in a mask (blocks,).
 
         A parameter with a prior that ended at a bound of it stays there: what it would take up beyond is another's.
         """
-        products = self.weight_products()
+        products = self.weight_products(blocks)
         slope = products[:count, -1] - self.precision[:count] * self.mean[:count]
         small = 1e-9 / np.sqrt(self.precision[:count])
         free = ~(((self.low[:count] >= -small) & (slope > 0.0)) | ((self.high[:count] <= small) & (slope < 0.0)))
