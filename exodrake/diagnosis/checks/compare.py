@@ -143,19 +143,14 @@ class Comparison:
     pairs: tuple[LogPair, ...]
     channels: tuple[Channel, ...]  # columns of each log with at least `SHORTEST` samples
 
-    @property
-    def machine(self) -> Machine:
-        """The robot's machine."""
-        return self.robot.machine
-
     @cached_property
     def kinds(self) -> np.ndarray:
         """Kind of each column (columns,)."""
         return np.array([column.rsplit("_", 1)[0] for column in self.columns])
 
-    def audible(self, *columns: str) -> list[Channel]:
-        """The audible channels of some columns."""
-        return [c for column in columns for c in self.channels if c.column == column and c.audible]
+    def audible(self, column: str) -> list[Channel]:
+        """The audible channels of a column."""
+        return [c for c in self.channels if c.column == column and c.audible]
 
 
 def compare(case: Case, robot: Robot) -> Comparison:
@@ -181,18 +176,6 @@ def list_few(names: Iterable[str], count: int = NAMED) -> str:
     return ", ".join(once[:count]) + (f" and {len(once) - count} more" if len(once) > count else "")
 
 
-def list_places(channels: Iterable[Channel]) -> str:
-    """Columns and files of some channels, for a sentence."""
-    listed = list(channels)
-    return f"{list_few(c.column for c in listed)} of {list_few(c.file for c in listed)}"
-
-
-def white_share(values: np.ndarray) -> float:
-    """Share of a signal's (n,) variance that is white noise; von Neumann's ratio over 2, 0 for a constant."""
-    variance = float(np.var(values))
-    return float(np.mean(np.diff(values) ** 2)) / (2.0 * variance) if variance > 0.0 else 0.0
-
-
 def fast_noise(values: np.ndarray, order: int = ORDER) -> float:
     """Standard deviation of white noise in a signal (n,) that moves slowly, by differences; 0 if rounding.
 
@@ -212,11 +195,3 @@ def find_runs(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Starts (runs,) and lengths (runs,) of the runs of equal values (n,)."""
     starts = np.concatenate([[0], np.flatnonzero(values[1:] != values[:-1]) + 1])
     return starts, np.diff(starts, append=len(values))
-
-
-def longest_run(values: np.ndarray) -> tuple[int, int]:
-    """Start and length of the longest run of equal values (n,); of a mask, of the longest run that is set."""
-    starts, lengths = find_runs(values)
-    lengths = lengths * values[starts] if values.dtype == bool else lengths
-    k = int(lengths.argmax())
-    return int(starts[k]), int(lengths[k])
