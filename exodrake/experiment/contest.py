@@ -59,12 +59,10 @@ STEPS = 3  # of a refit that is carried on
 RIVALS = listing(having({"effects": listing(text()), "parameters": names(number())}, ("effects", "parameters")))
 MADE_FROM = having({"files": names(text()), "parameters": text()}, ("files", "parameters"))
 SCHEMA = having({"verdict": text(), "rivals": RIVALS, "provenance": MADE_FROM}, ("verdict", "rivals", "provenance"))
-ONE_LEFT = "one explanation is left"
 NOTHING = {
     NO_GAP: "its logs show no gap",
     RETUNE: "retuning closes its gap, and no single effect does so as well",
-    NAMED: ONE_LEFT,
-    AMBIGUOUS: ONE_LEFT,
+    **dict.fromkeys((NAMED, AMBIGUOUS), "one explanation is left"),
 }
 NONE_LEFT = (
     "no explanation is left to tell apart; repeat the motion slowly, then quickly, and see what the error follows"
@@ -168,21 +166,20 @@ def prepare_contest(problem: Problem, rivals: Sequence[Rival]) -> Contest:
     effects = [[machine.effect(identity) for identity in rival.effects] for rival in rivals]
     problem = detect(problem, rows[0])
     likelihood = make_likelihood(problem.shorten(affordable(problem, USED)), rows[0])
-    likelihood, own, found = replace(likelihood, views=likelihood.views[:1]), nominal_parameters(problem.robot), []
-    own = tuple(replace(p, base=float(nominal[p.index[0]])) for p in own)
+    likelihood, found = replace(likelihood, views=likelihood.views[:1]), list[Explanation]()
+    own = tuple(replace(p, base=float(nominal[p.index[0]])) for p in nominal_parameters(problem.robot))
     for rival, row, laws in zip(rivals, rows, effects, strict=True):
         parameters = (*own, *(p for effect in laws for p in effect_parameters(machine, effect)))
         x = np.array([p.coordinate(float(row[p.index[0]])) for p in parameters])
         values = with_effects(problem.silent(), [(machine, effect) for effect in laws])
-        residual = likelihood.residual(row[None])[0]
-        e = Explanation(rival.effects, parameters, x, values, residual, np.zeros((len(own), len(residual))))
-        found.append(e.change(jacobian=nominal_jacobian(likelihood, e.at_nominal, own, x[: len(own)], residual)))
+        none = np.zeros((len(own), 0))
+        found.append(differentiate(likelihood, Explanation(rival.effects, parameters, x, values, none, none), x))
     memory = min(likelihood.with_memory(e.residual).memory for e in found)
-    likelihood, bare, models, rest, whole = replace(likelihood, memory=memory), [], [], [], []
-    for e in found:
+    likelihood, models, whole, rest = replace(likelihood, memory=memory), [], [], []
+    bare = [reduce(partial(without, likelihood), e.effects, e) for e in found]
+    for e, retuned in zip(found, bare, strict=True):
         models.append(linear_model(likelihood, e))
-        bare.append(reduce(partial(without, likelihood), e.effects, e))
-        change = bare[-1].residual - e.residual
+        change = retuned.residual - e.residual
         model = pair_model(change, e.jacobian * e.prior_std[: e.nominal, None], np.full(len(change), 1.0 / memory))
         both = np.r_[model.posterior().step, 1.0]
         rest.append(memory * float(both @ model.products[0] @ both))  # that retuning does not take up
@@ -201,6 +198,12 @@ def prepare_contest(problem: Problem, rivals: Sequence[Rival]) -> Contest:
         own=np.array(rest) / np.maximum(whole, 1e-9),
         error=np.minimum(np.sqrt(left), LAW),
     )
+
+
+def differentiate(likelihood: Likelihood, e: Explanation, x: np.ndarray) -> Explanation:
+    """An explanation at coordinates x (parameters,) on the logs of a likelihood, with its Jacobian there."""
+    e = e.at(likelihood, x)
+    return replace(e, jacobian=nominal_jacobian(likelihood, *e.nominal_part, e.residual))
 
 
 def pair_model(difference: np.ndarray, columns: np.ndarray, weights: np.ndarray) -> LinearModel:
@@ -268,14 +271,13 @@ class Information:
 def information(contest: Contest, reference: np.ndarray) -> Information | None:
     """Expected information of a reference (frames, references) [SI]; None if a run does not reach its end."""
     likelihood = contest.view(contest.trial(0, reference))
-    rows, bare = likelihood.residual(contest.robots), likelihood.residual(contest.bare)
+    found = [differentiate(likelihood, e, e.x) for e in contest.explanations]
+    rows, bare = np.array([e.residual for e in found]), likelihood.residual(contest.bare)
     columns, missed = [], []
-    for e, spread, residual in zip(contest.explanations, contest.spreads, rows, strict=True):
-        jacobian = nominal_jacobian(likelihood, e.at_nominal, e.parameters[: e.nominal], e.x[: e.nominal], residual)
-        here = replace(e, residual=residual, jacobian=jacobian)
-        jacobian = whole_jacobian(likelihood, here)
+    for e, spread in zip(found, contest.spreads, strict=True):
+        jacobian = whole_jacobian(likelihood, e)
         columns.append(spread.T @ jacobian)
-        missed.append(nonlinearity(likelihood, here, jacobian, spread))
+        missed.append(nonlinearity(likelihood, e, jacobian, spread))
     if not all(np.isfinite(part).all() for part in (rows, bare, *missed, *columns)):
         return None
     models = {}
@@ -305,9 +307,9 @@ def refit(contest: Contest, reference: np.ndarray) -> Information | None:
     for true, rival in found.models:
         e, scale = contest.explanations[rival], float(np.sqrt(contest.likelihood.memory * contest.chi2[true]))
         both = contest.view(*present.problem.fit, contest.trial(true, reference), scale=scale)
-        (start,) = e.at_each(both, [found.refit(true, rival)])
-        jacobian = nominal_jacobian(both, e.at_nominal, e.parameters[: e.nominal], e.x[: e.nominal], start.residual)
-        fit = minimise(both, start.change(jacobian=jacobian), STEPS)
+        start = e.at(both, found.refit(true, rival))
+        start = replace(start, jacobian=nominal_jacobian(both, *e.nominal_part, start.residual))
+        fit = minimise(both, start, STEPS)
         before = replace(contest.likelihood, views=(replace(present, scale=scale),))
         ended[true, rival] = max(2.0 * (fit.cost(both) - e.cost(before)), 0.0), fit.x
     return replace(found, ended=ended)
