@@ -1,22 +1,12 @@
 """Discovery of the free law, among all points of all parts, that best explains the gap beside the effects of a case.
 
-    r = r0 + J x + F c          x: nominal parameters and effects     c_i ~ N(0, s_channel^2): modes of the law
-
-One linear model about the best set screens all laws: x is eliminated, and the scale s of each channel is that of the
-largest evidence (MacKay, Neural Computation 4(3), 1992); a channel that the logs do not need gets s = 0. The best few
-are fitted through the simulation and compared by their evidence.
-
-A formula is made of few named terms, selected greedily on the law's linear model:
-
-    f(u) = b_1 t_1(u) + b_2 t_2(u) + ...        cost = S + p log(n)        (Bayesian information criterion)
-
-S: weighted sum of squares left by the terms; p: number of coefficients; n: number of independent samples. It is stated
-only where it is at least as likely as the free curve.
+One linear model about the best set screens all laws, the best few are fitted through the simulation and compared by
+their evidence: docs/explain/missing_law.md.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import Any, NamedTuple
@@ -24,27 +14,33 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.linalg import block_diag
 
+from exodrake.compiled.compose import compile_machine
+from exodrake.compiled.inputs import NOTHING, NoiseInputs, input_rows
 from exodrake.core.confidence import ALPHA, NORMAL_90
-from exodrake.core.machine import Machine
+from exodrake.core.machine import Machine, signal_count, stack, state_size
 from exodrake.core.parallel import side_by_side
-from exodrake.core.part import HYSTERESIS, RELAXATION
+from exodrake.core.part import HYSTERESIS, RELAXATION, FreeLaw
 from exodrake.core.plain import plain
 from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.core.robot import Robot
 from exodrake.diagnosis.closure import measure
 from exodrake.diagnosis.discovery import law_code
-from exodrake.diagnosis.discovery.candidates import Candidate, list_candidates, run_watches
-from exodrake.diagnosis.discovery.law_code import KNOTS, SIZE, WEIGHTS
+from exodrake.diagnosis.discovery.law_code import KNOTS, SIZE, WEIGHTS, LawPoint
 from exodrake.diagnosis.fit import Explanation, linear_model, minimise, settle, whole_jacobian, without
 from exodrake.diagnosis.isolation import Isolation
 from exodrake.diagnosis.likelihood import SAMPLE, Likelihood
 from exodrake.diagnosis.linear import RIDGE, LinearModel
 from exodrake.diagnosis.parameter import Parameter
-from exodrake.diagnosis.problem import Problem
+from exodrake.diagnosis.problem import Problem, Trial
 from exodrake.diagnosis.result import Interval
 from exodrake.diagnosis.search import LAW, NATS, NEGLIGIBLE
 from exodrake.diagnosis.verdict import LARGE, MOST
 
+LENGTH = 0.4  # correlation length of a curve in its range: assumed
+FINE = 40.0  # range over the width near 0 in which knots lie close: assumed
+REACHES = (0.01, 0.6)  # of hysteresis, smallest and largest in ranges of the variable: assumed
+MODEST = 0.05  # size of a law in the range of its point's value: small against curvature, large against rounding
+FRAMES = 2.0  # shortest memory
 SCALES = (0.0, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0)  # of a law in units of its plausible size
 MODES, PASSES = 3, 2  # of a law with which it is screened; over the channels in search of their scales
 STARTED, PER_POINT = 14, 4  # laws that are simulated as predicted, and at most at one point
@@ -60,6 +56,30 @@ GRID = 200  # points on which a term is approximated by a curve
 WIDTHS = (0.02, 0.05, 0.1, 0.14, 0.2, 0.28, 0.4)  # of terms with a width, in the largest |u|
 BENDS = (0.2, 0.35, 0.5, 0.65, 0.8)  # of terms with a bend, in the range of u
 READINGS = ("shown", "delivered")  # points of readings, as in `search.is_memory`
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A candidate for the missing law: a form at a point."""
+
+    law: LawPoint
+    number: int  # of the form, from 1
+    channels: tuple[str, ...]
+    knots: np.ndarray  # (channels, 8) of the curve, reaches of hysteresis [unit of u] or time constants [s]
+    size: np.ndarray  # (channels,) plausible weight
+    basis: np.ndarray  # (8, 8) weights of the modes in units of size, largest prior variance first
+    low: np.ndarray  # (channels,) lowest value of its variable in the simulated logs [unit of u]
+    high: np.ndarray  # (channels,) highest value [unit of u]
+
+    @property
+    def form(self) -> FreeLaw:
+        """Its form."""
+        return self.law.forms[self.number - 1]
+
+    @property
+    def name(self) -> str:
+        """Id of the effect and its form in words."""
+        return f"{self.law.learned}: {self.form.words}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,10 +185,6 @@ class LawFit:
         memory = self.likelihood.with_memory(self.explanation.residual)
         return linear_model(memory.scaled_to(self.explanation.residual), self.explanation)
 
-    def evidence(self, memory: float) -> float:
-        """Log evidence [nats], so many frames as one."""
-        return replace(self.model, memory=memory).evidence()
-
 
 def measure_lead(share: float, other: float) -> float:
     """Share of what another law leaves that a law takes up, by the shares of the excess that both remove.
@@ -212,11 +228,11 @@ def discover(
         screened = side_by_side([partial(screen, scaled, base, candidate) for candidate in tried])
         groups.append((scaled, base, len(tried), fit_best(base, screened, progress)))
     memory = min((fit.model.memory for *_, fits in groups for fit in fits), default=1.0)
-    evidence = [max((fit.evidence(memory) for fit in fits), default=-np.inf) for *_, fits in groups]
+    evidence = [max((fit.model.evidence(memory) for fit in fits), default=-np.inf) for *_, fits in groups]
     likelihood, base, tried, fits = groups[int(np.argmax(evidence))]
     if not fits:
         return MissingLaw(False, "the logs are as likely without any law as with one", p_noise=1.0)
-    fits.sort(key=lambda fit: -fit.evidence(memory))
+    fits.sort(key=lambda fit: -fit.model.evidence(memory))
     before = np.maximum(likelihood.chi2(base.residual) - 1.0, 0.0)
     wide = before > NEGLIGIBLE**2
     after = [np.maximum(likelihood.chi2(fit.explanation.residual) - 1.0, 0.0) for fit in fits]
@@ -230,7 +246,7 @@ def discover(
         Runner(f.candidate.law.learned, f.candidate.form.words, s) for f, s in zip(fits, shares, strict=True)
     )
     best, memory, rest = fits[0], fits[0].model.memory, base.name if base.effects else "retuning"
-    gain = best.evidence(memory) - replace(linear_model(likelihood, base), memory=memory).evidence()
+    gain = best.model.evidence(memory) - linear_model(likelihood, base).evidence(memory)
     # evidence exceeds exp(g) times that of no law with probability exp(-g) at most (Markov); any of those tried may
     p = float(min(1.0, tried * len(SCALES) * np.exp(-gain)))
     if p > ALPHA:
@@ -243,7 +259,7 @@ def discover(
     for effect in best.explanation.effects:  # without those that no longer earn their place beside it
         start = without(best.likelihood, best.explanation, effect)
         trial = replace(best, explanation=minimise(best.likelihood.scaled_to(start.residual), start))
-        if best.evidence(best.model.memory) - trial.evidence(best.model.memory) < NATS:
+        if best.model.evidence(best.model.memory) - trial.model.evidence(best.model.memory) < NATS:
             best = trial
     # on whole logs, until no step with a new Jacobian of the other parameters leads further
     on_whole = best.likelihood.on(whole)
@@ -266,25 +282,96 @@ def discover(
     # the robot with the law as an effect, noise and resolutions as they were
     kept = robot[index] == replace(found.whole, detected=()).silent()
     known = replace(found.whole.robot, values=np.where(kept, found.whole.robot.values, robot[index]))
+    words, key = candidate.form.words, candidate.law.key
     return MissingLaw(
-        found=True,
-        reason=f"a free law of {others[0].words} at {candidate.law.key} removes {shares[0]:.0%} of what {rest} leaves",
-        id=others[0].id,
-        words=others[0].words,
-        unit=candidate.form.unit,
+        found=True, reason=f"a free law of {words} at {key} removes {shares[0]:.0%} of what {rest} leaves",
+        id=others[0].id, words=words, unit=candidate.form.unit,
         channels=tuple(name for name in (candidate.channels[i] for i in best.active) if name),
-        share=shares[0],
-        p_noise=p,
-        runner_up=None if rival is None else others[rival],
-        lead=lead,
-        distinguished=lead > LEAD,
-        others=others,
-        curves=curves,
-        closure=measure(whole, [rows] * len(whole.judged)).effect,
-        held_out=bool(whole.holdout),
-        robot=law_code.robot_with(known, text, candidate.channels, candidate.knots, weights),
-        text=text,
-    )
+        share=shares[0], p_noise=p, runner_up=None if rival is None else others[rival], lead=lead,
+        distinguished=lead > LEAD, others=others, curves=curves,
+        closure=measure(whole, [rows] * len(whole.judged)).effect, held_out=bool(whole.holdout),
+        robot=law_code.robot_with(known, text, candidate.channels, candidate.knots, weights), text=text,
+    )  # fmt: skip
+
+
+def run_watches(
+    problem: Problem, values: np.ndarray, settings: Mapping[str, Mapping[str, float | np.ndarray]]
+) -> dict[str, dict[str, np.ndarray]]:
+    """States of watches, effects that count, at the ends of all fitted trials, run in closed loop without noise.
+
+    Args:
+        problem: the case.
+        values: (parameters,) of the robot.
+        settings: id of each law to be watched -> parameters of its watch.
+
+    Returns:
+        The same id -> name of a state -> (trials, channels).
+    """
+    machine, row = problem.robot.machine, values.copy()
+    module = compile_machine(machine)
+    for identity, given in settings.items():
+        for name, value in given.items():
+            row[[*machine.effect_indices(f"{identity}_watch", name).values()]] = value
+
+    def end_state(trial: Trial) -> np.ndarray:
+        n, state, w = len(trial.reference), np.zeros(state_size(machine)), np.zeros(signal_count(machine))
+        noise = NoiseInputs.draw(n, None, machine)
+        noise |= {name: given[:n] for name, given in trial.latent.items()}
+        module.begin(row, state)
+        given = input_rows(machine, trial.reference, noise).values()
+        module.run(row, state, w, *given, machine.slot, 1, np.zeros((n, len(w))), NOTHING, NOTHING)
+        return state
+
+    ends = np.array(side_by_side([partial(end_state, trial) for trial in problem.fit]))
+    widths: dict[tuple[str, str], int] = {}
+    for part in machine.parts:
+        for owner, states in ((part.name, part.states), *((e.id, e.states) for e in machine.effects_on(part))):
+            widths |= {(owner, s.name): machine.width(s.axis) * s.width for s in states}
+    places = stack(widths).items()
+    watches = {identity: f"{identity}_watch" for identity in settings}
+    return {law: {n: ends[:, at] for (owner, n), at in places if owner == watch} for law, watch in watches.items()}
+
+
+def list_candidates(problem: Problem, values: np.ndarray, laws: Sequence[LawPoint]) -> list[Candidate]:
+    """All laws that may be missing at some points, where a robot `values` (parameters,) with watches runs a case."""
+    machine, found = problem.robot.machine, list[Candidate]()
+    longest = max(len(trial.reference) for trial in problem.fit) * machine.frame
+    # of the variable of each form that is computed (channels,)
+    ranges: dict[tuple[str, int], tuple[np.ndarray, np.ndarray]] = {}
+    for k in range(1, max((len(law.forms) for law in laws), default=-1) + 2):  # each form, and the law's scale
+        settings = {law.identity: {"form": float(k)} for law in laws if k <= len(law.forms) + 1}
+        for identity, states in run_watches(problem, values, settings).items():
+            if states["started"].any():
+                low, high = states["low_seen"].min(axis=0), states["high_seen"].max(axis=0)
+                ranges[identity, k] = low, np.where(high > low, high, low + 1e-9)
+    for law, k, form in ((one, k, form) for one in laws for k, form in enumerate(one.forms, 1)):
+        if not {(law.identity, k), (law.identity, len(law.forms) + 1)} <= set(ranges):
+            continue
+        (low, high), (least, most) = ranges[law.identity, k], ranges[law.identity, len(law.forms) + 1]
+        # plausible weights: the range of the value that passes, over that of the factor
+        size = np.maximum(most - least, 0.5 * np.maximum(abs(least), abs(most)))
+        size = np.maximum(size, 0.1 * max(float(size.max()), 1e-6))
+        span = np.maximum(high - low, 1e-6 * np.maximum(1.0, abs(low)))
+        if form.kind == RELAXATION:
+            knots = np.tile(np.geomspace(FRAMES * machine.frame, 0.5 * longest, SIZE), (len(low), 1))
+            size = size / np.maximum(high - low, 1e-9)
+        elif form.kind == HYSTERESIS:
+            knots = span[:, None] * np.geomspace(*REACHES, SIZE)
+        elif form.fine:
+            near = span / FINE
+            knots = (near * np.sinh(np.linspace(np.arcsinh(low / near), np.arcsinh((low + span) / near), SIZE))).T
+        else:
+            knots = np.linspace(low, low + span, SIZE).T
+        if form.kind != RELAXATION and form.factor not in ("", "-1.0") and form.factor.isidentifier():
+            size = np.ones(len(size))
+        # modes of the prior of the weights: smooth curves (a Gaussian process), or independent elements
+        basis = np.eye(SIZE)[:, [1, 3, 5, 7, 0, 2, 4, 6]]
+        if form.is_curve:
+            apart = np.sqrt(3.0) * abs(np.subtract.outer(np.arange(SIZE), np.arange(SIZE))) / (SIZE - 1) / LENGTH
+            variances, vectors = np.linalg.eigh(1.0 + (1.0 + apart) * np.exp(-apart))  # a constant, and Matern 3/2
+            basis = (vectors * np.sqrt(variances))[:, ::-1]
+        found.append(Candidate(law, k, machine.axes.of(law.point.axis), knots, MODEST * size, basis, low, high))
+    return found
 
 
 def screen(likelihood: Likelihood, base: Explanation, candidate: Candidate) -> LawFit:
@@ -306,7 +393,8 @@ def screen(likelihood: Likelihood, base: Explanation, candidate: Candidate) -> L
 def weigh_scales(normal: np.ndarray, slope: np.ndarray, channel: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     """Prior scales (channels,) of largest evidence, coordinates (n,) with them, and the log evidence beyond none.
 
-    Of a cost c's + c'Nc / 2 of coordinates c of some channels (n,), others eliminated: N (n, n), s (n,).
+    Of a cost c's + c'Nc / 2 of coordinates c of some channels (n,), others eliminated: N (n, n), s (n,). A channel that
+    the logs do not need gets 0 (MacKay, Neural Computation 4(3), 1992).
     """
 
     def weigh(scales: np.ndarray) -> tuple[float, np.ndarray]:
@@ -381,7 +469,13 @@ def fit_best(base: Explanation, screened: Sequence[LawFit], progress: StageProgr
 
 def draw_curves(fit: LawFit, counts: np.ndarray) -> dict[str, Curve]:
     """The law in each channel with its 90 % band, and the histogram `counts` (channels, bins) of u."""
-    candidate, short, (at, shape), found = fit.candidate, find_formulas(fit), fit.candidate.shape(), {}
+    candidate, short, found = fit.candidate, find_formulas(fit), {}
+    # a curve at its knots; hysteresis as the first loading from rest; relaxation as the answer to a step
+    at, shape = candidate.knots, np.tile(np.eye(SIZE), (len(candidate.knots), 1, 1))
+    if not candidate.form.is_curve:
+        at = np.concatenate([np.zeros((len(at), 1)), at], axis=1)
+        ratio = at[:, :, None] / candidate.knots[:, None, :]
+        shape = np.minimum(ratio, 1.0) if candidate.form.kind == HYSTERESIS else np.exp(-ratio)
     covariance = fit.model.posterior().covariance[fit.beside :, fit.beside :]
     for i, channel in enumerate(fit.active):
         place = slice(i * SIZE, (i + 1) * SIZE)
@@ -428,7 +522,10 @@ def find_terms(candidate: Candidate) -> Iterator[tuple[str, np.ndarray]]:
 
 
 def find_formulas(fit: LawFit) -> dict[str, str]:
-    """The shortest formula that is as likely as a fitted free law, by channel; none without one."""
+    """The shortest formula that is as likely as a fitted free law, by channel; none without one.
+
+    Terms are selected greedily by the Bayesian information criterion.
+    """
     candidate, active, reduced = fit.candidate, fit.active, fit.model.eliminate(fit.beside)
     modes, prior = fit.modes[active].ravel(), np.repeat(fit.scales[active], SIZE)
     penalty, back = float(np.log(fit.model.effective.sum())), np.linalg.inv(candidate.basis)

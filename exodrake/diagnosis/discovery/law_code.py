@@ -188,9 +188,8 @@ def write_effect(
                     HYSTERESIS: "{s} = stop_operator({s}, change, {k})",
                     RELAXATION: f"{{s}} = faded({{s}}, change, {'period' if here else 'dt'}, {{k}})",
                 }[f.kind]
-                move, last = (
-                    (f.variable, "0.0") if f.moves else (f"{f.variable} - last if started > 0.0 else 0.0", f.variable)
-                )
+                move = f.variable if f.moves else f"{f.variable} - last if started > 0.0 else 0.0"
+                last = "0.0" if f.moves else f.variable
                 change = [f"change = {move}", *fill_elements(step), f"last, started = {last}, 1.0"]
             cases[own][k] = [*(change if here else []), f"law = {f'{f.factor} * ' if f.factor else ''}{total}", result]
             if change and not here:
