@@ -1,14 +1,7 @@
 """What can be said of a case before its diagnosis: recordings, excitation, suspicions, identifiability.
 
-Identifiability: the effects that the motion of a case could show, and those that it could not tell apart.
-The case counts as a planned experiment: the logs that the nominal robot would give, with every signal in them. An
-effect of typical size changes them by a direction d, in noise standard deviations and with the nominal parameters free
-within their tolerances. It is seen where |d| exceeds `SEEN`. Another effect can be taken for it where its own
-directions D, scaled within their ranges, leave less than the noise or the error rho of a law does (`LAW`):
-
-    left = min_f | d - D f |          taken for it: left < max(SEEN, rho |d|)
-
-As in a diagnosis, samples within the correlation time of a model's error count as one.
+Identifiability: the effects that the motion of a case could show, and those that it could not tell apart, were all its
+signals logged by the nominal robot.
 """
 
 from __future__ import annotations
@@ -28,8 +21,8 @@ from exodrake.data.formats import read_table
 from exodrake.data.log import Log
 from exodrake.data.plot import STYLE, new_figure, render_png
 from exodrake.diagnosis.calibration import calibration_notes
-from exodrake.diagnosis.checks.compare import check_case, compare, fast_noise, find_runs, list_few
-from exodrake.diagnosis.checks.suspicions import HELD, LEAST_MOTION, suspicions
+from exodrake.diagnosis.checks.compare import check_case, compare, fast_noise, list_few
+from exodrake.diagnosis.checks.suspicions import HELD, LEAST_MOTION, held_shares, suspicions
 from exodrake.diagnosis.fit import Explanation
 from exodrake.diagnosis.likelihood import duration, output_error
 from exodrake.diagnosis.linear import LinearModel, minimise_bounded
@@ -152,12 +145,9 @@ class Preflight(NamedTuple):
 
 
 def preflight(
-    path: str | Path,
-    robot: Robot,
-    tried: frozenset[str] | None = None,
-    allow_outside: bool = False,
+    path: str | Path, robot: Robot, tried: frozenset[str] | None = None, allow_outside: bool = False,
     progress: Callable[[str], object] = no_progress,
-) -> Preflight:
+) -> Preflight:  # fmt: skip
     """Checks a case before its diagnosis.
 
     Args:
@@ -187,9 +177,10 @@ def preflight(
     for i, column in enumerate(comparison.columns):
         measured = [pair.measured[:, i] for pair in comparison.pairs]
         missing = np.concatenate([np.isnan(log[column]) & rows for log, rows in zip(logs, whole, strict=True)])
-        held, motion = np.concatenate([find_held(values) for values in measured]), np.std(np.concatenate(measured))
+        motion, rows = np.std(np.concatenate(measured)), [len(values) for values in measured]
+        held = np.average([held_shares(values)[0] for values in measured], weights=rows)
         noise = np.median([fast_noise(values) for values in measured if len(values) > 2 * HELD] or [0.0])
-        channels.append(ChannelQuality(column, *map(float, (missing.mean(), held.mean(), motion, noise))))
+        channels.append(ChannelQuality(column, *map(float, (missing.mean(), held, motion, noise))))
     excitations, names = [], machine.log_names(machine.references[:1])
     limited = machine.reference_limits and robot.limits
     spans = np.subtract(*robot.reference_limits()[::-1]) if limited else np.full(len(names), np.nan)
@@ -242,13 +233,6 @@ def judge_clock(log: Log, file: str, frame: float) -> Clock:
     jitter = float(np.std(single)) / frame if len(single) else 0.0
     drift = float(steps.sum()) / total / frame - 1.0
     return Clock(file, len(log), float(np.ptp(log.time)), float(np.median(steps)), jitter, drift, total - len(steps))
-
-
-def find_held(values: np.ndarray) -> np.ndarray:
-    """Samples (n,) that stay at the smallest or largest value for `HELD` rows or more, those of a motion only."""
-    starts, lengths = find_runs(values)
-    at_ends = np.isin(values[starts], (values.min(), values.max())) & (len(starts) > 1)
-    return np.repeat(at_ends & (lengths >= HELD), lengths)
 
 
 def find_band(values: np.ndarray, frame: float) -> float:
@@ -332,7 +316,9 @@ def plan_experiment(problem: Problem) -> Problem:
 def find_directions(lin: Linearisation, machine: Machine, gram: np.ndarray, every: bool) -> tuple[Direction, ...]:
     """All effects of typical size on each channel, by the products (directions, directions) of what they change.
 
-    every: whether all effects that could be taken for one are sought; else the first.
+    An effect changes the logs by a direction d [noise_std], nominal parameters free within their tolerances, and is
+    seen where |d| exceeds `SEEN`. Another one, of directions D, can be taken for it where min |d - D f| over its range
+    of f is below `SEEN` or the error `LAW` of a law times |d|. every: whether all such effects are sought, or one.
     """
     found, size = [], np.sqrt(np.maximum(np.diag(gram), 0.0))
     # what any sizes of a probe's directions leave of each direction (probes, directions); 0 if rounding hides it

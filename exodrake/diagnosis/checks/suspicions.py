@@ -1,9 +1,6 @@
 """Suspicious properties of a case that can still be diagnosed: a table of checks, each a function with its sentence.
 
-Most checks compare a statistic of a measured channel with the same statistic of the nominal robot's. The last ones
-compare a log with the other logs: its channel is predicted by a linear model that is fitted on the others, from the
-references, what the nominal robot does on them, and the log's channels of other kinds. An effect of the robot acts on
-all logs and so is in the model, as far as it is linear; what is wrong with one log is not.
+Most compare a statistic of a measured channel with the nominal robot's; the last ones compare a log with the others.
 """
 
 from __future__ import annotations
@@ -212,39 +209,37 @@ def frozen_channels(comparison: Comparison) -> Iterator[str]:
             _, n, start, own = max((run for run in runs if run[0] == log), key=lambda run: run[1])
             stuck = [run[-1] for run in runs if run[0] != log]
             usual = max([SMALL, *stuck, *other.errors(column, log)])
-            if own > UNLIKE * usual or noise_stops(comparison, column, log, start, n):
-                item = pairs[log].item
-                found.append(f"{name} of {item.file} from {item.log.time[start]:.6g} s on for {n} frames")
+            # or the samples change all the time but in this run, which is no end of the range
+            pair, one, run, stops = pairs[log], values[log], slice(start, start + n), False
+            rest, nominal = np.delete(one, run), pair.nominal[:, column]
+            if len(rest) >= LONG and n >= BEYOND * max(longest_run(nominal)[1], longest_run(rest)[1]):
+                outside = Channel(name, pair.item.file, rest, np.delete(nominal, run))
+                noisy = outside.carries_noise and outside.noise / outside.nominal_noise > 1.0 / CLEAR
+                stops = noisy and one[start] not in (one.min(), one.max())
+            if own > UNLIKE * usual or stops:
+                found.append(f"{name} of {pair.item.file} from {pair.item.log.time[start]:.6g} s on for {n} frames")
     if found:
         verb = "are" if len(found) > 1 else "is"
         yield f"{list_few(found)} {verb} frozen: one value repeats where the channel should move or be noisy"
 
 
-def noise_stops(comparison: Comparison, column: int, log: int, start: int, length: int) -> bool:
-    """Whether the samples of a channel change all the time but in a run of one value, which is no end of its range."""
-    pair, run = comparison.pairs[log], slice(start, start + length)
-    values, nominal = pair.measured[:, column], pair.nominal[:, column]
-    rest = np.delete(values, run)
-    if len(rest) < LONG or length < BEYOND * max(longest_run(nominal)[1], longest_run(rest)[1]):
-        return False
-    outside = Channel(comparison.columns[column], pair.item.file, rest, np.delete(nominal, run))
-    noisy = outside.carries_noise and outside.noise / outside.nominal_noise > 1.0 / CLEAR
-    return noisy and values[start] not in (values.min(), values.max())
+def held_shares(values: np.ndarray, visits: int = 1) -> tuple[float, float]:
+    """Shares of the samples (n,) that repeat for `HELD` rows or more: at ends of a motion's range, and elsewhere.
+
+    visits: to an end, from which it counts.
+    """
+    starts, lengths = find_runs(values)
+    held = (lengths >= HELD) & (len(starts) > 1)
+    ends = [held & (values[starts] == end) for end in (values.min(), values.max())]
+    at_ends = np.any([some & (some.sum() >= visits) for some in ends], axis=0)
+    return lengths[at_ends].sum() / len(values), lengths[held & ~at_ends].sum() / len(values)
 
 
 def clipped_channels(comparison: Comparison) -> Iterator[str]:
     """A channel stays at an end of its range again and again, far more than elsewhere and than the nominal robot's."""
-
-    def held_shares(values: np.ndarray) -> tuple[float, float]:  # of the samples that repeat: at the ends, elsewhere
-        starts, lengths = find_runs(values)
-        visits = [(lengths >= HELD) & (values[starts] == end) for end in (values.min(), values.max())]
-        # one visit is none: so looks a robot at rest, and a channel that died
-        at_ends = np.any([some for some in visits if some.sum() > 1] or [[False] * len(starts)], axis=0)
-        return lengths[at_ends].sum() / len(values), lengths[(lengths >= HELD) & ~at_ends].sum() / len(values)
-
     found = []
-    for channel in comparison.channels:
-        (ends, elsewhere), (nominal, _) = held_shares(channel.measured), held_shares(channel.nominal)
+    for channel in comparison.channels:  # one visit is none: so looks a robot at rest, and a channel that died
+        (ends, elsewhere), (nominal, _) = held_shares(channel.measured, 2), held_shares(channel.nominal, 2)
         found += [channel] if ends > max(SATURATED, BEYOND * nominal, BEYOND * elsewhere) else []
     if found:
         yield f"{list_places(found)} again and again stay at one value at an end of their range: is the signal clipped?"
@@ -428,6 +423,8 @@ Errors = dict[int, tuple[float, str]]
 class OtherLogs:
     """Predictions of the channels of each log by linear models of the other logs.
 
+    From references, what the nominal robot does on them, and channels of other kinds. An effect of the robot acts on
+    all logs and so is in the model, as far as it is linear; what is wrong with one log is not.
     Columns are references, nominal and measured ones about their median means, in units of their typical motion, that
     of a measured one no less than the nominal's. Logs on one reference predict each other too well and do not count.
     """
