@@ -59,9 +59,9 @@ def command(
     with options.waiting("searching for the motion that tells them apart"), one_blas_thread():
         contest = prepare_contest(problem, rivals)
         best = design(contest, duration, seed)
-    told = best.information
+    told, names = best.information, [e.name for e in contest.explanations]
     rows = [
-        (contest.names[true], contest.names[rival], f"{left:.3g}", f"{told.power(true, rival):.0%}")
+        (names[true], names[rival], f"{left:.3g}", f"{told.power(true, rival):.0%}")
         for (true, rival), left in sorted(told.left.items())
     ]
     options.print_table(("if the cause is", "rejected", ">what it leaves (T)", ">probability"), rows, wrapped=0)

@@ -1,26 +1,7 @@
 """Rival explanations of a case, and what a motion tells about them (T-optimality; Atkinson & Fedorov 1975).
 
-If i is true, and j is fitted to the new log and the present logs, the sum of squares left by j is
-
-    T_ij = min_z  (d - J z)' W (d - J z) + z'z
-
-d: whitened difference of their logs. J: derivatives of j's log by its parameters, in units of the uncertainty V V' that
-the present logs leave (posterior of the linear model about j). W: inverse variance of a sample. It holds what i leaves
-of the present logs and the part of both predictions that no refit follows (Buzzi-Ferraris & Forzatti 1983):
-
-    1 / w = n (chi2_i + m_i^2 + m_j^2)         n: samples that count as one
-
-m_i: error of the linearisation of i on plausible robots, drawn from its posterior; mean of all columns about that time.
-Where a finger snaps over or a carriage sticks, the least difference of two robots moves a jump in time. T does not hold
-there, and such frames count little. All of it is the linear model of `diagnosis.linear`; its products add over motions.
-
-A diagnosis (`search.Search.alike`) tells j from i where j leaves `NATS` of evidence, and more of the gap than i leaves
-or than laws err by. G_i is what the effects of i take up that retuning does not; r_i is the share of it that i leaves
-of the present logs:
-
-    T*_ij = max(2 NATS, min(LAW^2, r_i) G_i)           P = Phi((sqrt T - sqrt T*) / s)
-
-s^2 is 1 for noise, and more as the error of a law differs in a new motion.
+T, what a refitted rival leaves if another explanation is true, is that of the linear model of `diagnosis.linear`; its
+products add over motions. The equations are in docs/howto/experiment.md.
 """
 
 from __future__ import annotations
@@ -124,11 +105,6 @@ class Contest:
     own: np.ndarray  # (explanations,) share of their contribution that this is
     error: np.ndarray  # (explanations,) relative error of the laws: that shown by what each leaves, `LAW` at most
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the explanations."""
-        return tuple(e.name for e in self.explanations)
-
     def records(self, reference: Reference) -> np.ndarray:
         """All signals (explanations, frames, signals) [SI] of the runs of the explanations on a reference."""
         return self.problem.records(self.robots, Trial(reference.name, "fit", reference.values, np.zeros((0, 0))))
@@ -187,17 +163,12 @@ def prepare_contest(problem: Problem, rivals: Sequence[Rival]) -> Contest:
     chi2 = np.array([model.variance[0] for model in models])
     left = np.maximum(chi2 - 1.0, 0.0) * likelihood.samples / np.maximum(rest, 1e-9)
     return Contest(
-        problem,
-        likelihood,
-        explanations=tuple(found),
-        robots=np.array([e.robot for e in found]),
-        bare=np.array([e.robot for e in bare]),
+        problem, likelihood, tuple(found), robots=np.array([e.robot for e in found]),
+        bare=np.array([e.robot for e in bare]), chi2=chi2,
         spreads=tuple(np.linalg.cholesky(model.posterior().covariance) for model in models),
-        chi2=chi2,
-        taken=np.array(rest) / (memory * chi2),
-        own=np.array(rest) / np.maximum(whole, 1e-9),
+        taken=np.array(rest) / (memory * chi2), own=np.array(rest) / np.maximum(whole, 1e-9),
         error=np.minimum(np.sqrt(left), LAW),
-    )
+    )  # fmt: skip
 
 
 def differentiate(likelihood: Likelihood, e: Explanation, x: np.ndarray) -> Explanation:

@@ -1,29 +1,6 @@
-"""Search for the motion that distinguishes rivals best and is safe on each of them.
+"""Search for the motion that distinguishes rivals best and is safe on each of them: docs/howto/experiment.md.
 
-A motif is a short motion from rest to rest with a few parameters. In it every channel goes to a level, swings about it,
-and comes back:
-
-    u(t) = u0 + e(t) (level + swing sin(2 pi phi(t) + phase) - u0)         phi' from f_first to f_last
-
-The envelope e rises and falls within a share of the motif: a short share gives a step and a hold, a long one a ramp.
-With a swing the motif is a sine, a chirp, or a triangle of constant speed. u is a share of the span between the lowest
-and the highest reference; the stage maps it to a reference that is no faster than those of the logs. The search:
-
-    library: random motifs, and windows of the machine's own experiments or of the case's motion
-    sequence: the motifs of largest joint information (greedy; information adds), then local search by mutation of one;
-        once of many short motifs, once of a few long ones
-    random: motions of the whole length, since one may be better; their median shows the gain of the search
-    check: the whole motion on every explanation; made smaller until it is safe
-    refit: of all parameters, to convergence, on the best few motions; the best one after it is kept
-
-A motion is safe where on every explanation all signals stay within ranges that are known to be safe. That of a signal
-spans
-
-    the limits of the robot file, for signals in the unit of the reference
-    the values in runs of each explanation on the logs of the case, which the robot has survived
-    the values in runs of the nominal robot on the machine's own experiments, which stay within the stated limits
-
-and is widened by a share. Positions have a range of rates, too, from the last two. All random draws are seeded.
+A motion is a course of shares (frames, channels) of the span between the lowest and the highest reference.
 """
 
 from __future__ import annotations
@@ -106,16 +83,28 @@ def lead_from_rest(course: np.ndarray, rest: np.ndarray, rise: float) -> np.ndar
     return rest + (smooth(s / rise) * smooth((1.0 - s) / rise))[:, None] * (course - rest)
 
 
-class Stage(NamedTuple):
-    """Map from shares of a span to references within their limits."""
+class Stage:
+    """Map from shares of a span to references within their limits; InputError for a machine without such limits.
 
-    low: np.ndarray  # (channels,) lowest reference [SI]
-    high: np.ndarray  # (channels,) highest reference [SI]
-    rest: np.ndarray  # (channels,) where motions begin and end, in shares of the span
-    fastest: np.ndarray  # (channels,) largest rate of the reference [SI / s]; infinite for what may step
-    frame: float  # period [s]
-    others: np.ndarray  # (others,) values of further inputs [SI]
-    starts: np.ndarray  # (others,) channel whose first reference a further input states instead; -1 for none
+    Rest is where the first log begins; positions go no faster than in the logs, further inputs stay as they were there.
+    """
+
+    def __init__(self, robot: Robot, trials: tuple[Trial, ...]) -> None:
+        check_length(robot, None)
+        machine, (self.low, self.high) = robot.machine, robot.reference_limits()  # (channels,) [SI]
+        first, *others = machine.references
+        width, begin, self.frame, starts = len(self.low), trials[0].reference[0], machine.frame, list[int]()
+        self.fastest = np.full(width, np.inf)  # rate of the reference [SI / s]; infinite for what may step
+        if machine.signal[first.signal].unit in POSITIONS:
+            rows = [t.reference[:, :width] for t in trials if len(t.reference) > 1]
+            self.fastest = np.max([np.abs(np.diff(r, axis=0)).max(axis=0) for r in rows], axis=0) / self.frame
+        for column in others:
+            follows = column.kind == first.kind.removesuffix("_ref") + "_start"
+            starts += [k if follows else -1 for k in range(len(machine.channels(column.signal)))]
+        # (others,) further inputs [SI], and the channel whose first reference one states instead; -1 for none
+        self.others, self.starts = begin[width:], np.array(starts, dtype=int)
+        # (channels,) where motions begin and end, in shares of the span
+        self.rest = np.clip((begin[:width] - self.low) / np.maximum(self.high - self.low, 1e-12), 0.0, 1.0)
 
     def reference(self, shares: np.ndarray) -> Reference:
         """The reference of shares (frames, channels): no faster than allowed, further inputs beside it."""
@@ -131,25 +120,6 @@ class Stage(NamedTuple):
             rows = np.where(np.isfinite(most), slow, rows)
         others = np.where(self.starts >= 0, rows[0][np.maximum(self.starts, 0)], self.others)
         return Reference(np.hstack([rows, np.tile(others, (len(rows), 1))]), "experiment")
-
-
-def prepare_stage(robot: Robot, trials: tuple[Trial, ...]) -> Stage:
-    """The stage of a robot beside the logs of its case; InputError for a machine whose references have no limits.
-
-    Rest is where the first log begins; positions go no faster than in the logs, further inputs stay as they were there.
-    """
-    check_length(robot, None)
-    machine, (low, high) = robot.machine, robot.reference_limits()
-    first, *others = machine.references
-    width, begin, starts, fastest = len(low), trials[0].reference[0], list[int](), np.full(len(low), np.inf)
-    if machine.signal[first.signal].unit in POSITIONS:
-        steps = [np.abs(np.diff(t.reference[:, :width], axis=0)).max(axis=0) for t in trials if len(t.reference) > 1]
-        fastest = np.max(steps, axis=0) / machine.frame
-    for column in others:
-        follows = column.kind == first.kind.removesuffix("_ref") + "_start"
-        starts += [k if follows else -1 for k in range(len(machine.channels(column.signal)))]
-    rest = np.clip((begin[:width] - low) / np.maximum(high - low, 1e-12), 0.0, 1.0)
-    return Stage(low, high, rest, fastest, machine.frame, begin[width:], np.array(starts, dtype=int))
 
 
 def check_length(robot: Robot, duration: float | None) -> int:
@@ -259,7 +229,7 @@ class Designer:
     def __init__(self, contest: Contest, duration: float | None, seed: int) -> None:
         problem, machine = contest.problem, contest.problem.robot.machine
         self.contest, self.rng = contest, np.random.default_rng(seed)
-        self.stage, self.whole = prepare_stage(problem.robot, problem.fit), check_length(problem.robot, duration)
+        self.stage, self.whole = Stage(problem.robot, problem.fit), check_length(problem.robot, duration)
         self.fewer = 2.0 / len(contest.explanations)
         # the machine's own experiments, or those of the case for a machine that declares none
         own = [replace(protocol(text, problem.robot), name=name) for name, text in machine.experiments.items()]
@@ -395,7 +365,7 @@ def draw_experiment(contest: Contest, design: Design) -> bytes:
             axes.set(ylabel=f"{channel}\n{display.axis}", ylim=(-ROOM[0] * largest, ROOM[1] * largest))
             title = f"RMS {size[k]:.2g} standard deviations"
             axes.legend(loc="upper right", ncols=2, fontsize=7.5, title=title, title_fontsize=7.5)
-        words = f"difference: {contest.names[true]} against {contest.names[rival]} refitted"
+        words = f"difference: {contest.explanations[true].name} against {e.name} refitted"
         rows[1, 0].set_title(words, fontsize=9, loc="left")
         rows[-1, 0].set_xlabel("Time [s]")
         title = f"{problem.case.name}: references of the experiment"
