@@ -1,7 +1,6 @@
 """Requirements on a case, and its logs beside those that the nominal robot writes on the same references.
 
-A check compares a statistic of a measured channel with the same statistic of the simulated one, noise and rounding
-included, so that it needs neither units nor the names of a machine.
+Both have noise and rounding, so that a check that compares them needs neither units nor names of a machine.
 """
 
 from __future__ import annotations
@@ -113,7 +112,7 @@ class Channel:
         self.noise = fast_noise(measured / self.factor)  # in the unit that the samples seem to have
         self.nominal_noise = fast_noise(nominal)
         # of a rounded channel two steps, below which rounding may be taken for noise
-        self.least_noise = max(self.nominal_noise, CLEAR * rounding_step(nominal))
+        self.least_noise = max(self.nominal_noise, CLEAR * find_step(nominal))
         changes, steps = bool(np.median(np.abs(np.diff(measured))) > 0.0), np.abs(np.diff(nominal))
         # rounding leaves the noise: it is more than a step in the nominal log, and most measured samples change
         smallest = float(steps[steps > EXACT * np.ptp(nominal)].min(initial=np.inf))
@@ -185,13 +184,7 @@ def fast_noise(values: np.ndarray, order: int = ORDER) -> float:
     return 0.0 if found <= np.finfo(float).eps * np.nanmax(np.abs(values), initial=0.0) else found
 
 
-def rounding_step(values: np.ndarray) -> float:
+def find_step(values: np.ndarray) -> float:
     """Smallest change of a rounded signal (n,), whose samples mostly repeat; 0 for another one and for a constant."""
     steps = np.abs(np.diff(values))
     return float(np.min(steps, initial=np.inf, where=steps > 0.0)) if steps.any() and np.median(steps) == 0.0 else 0.0
-
-
-def find_runs(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Starts (runs,) and lengths (runs,) of the runs of equal values (n,)."""
-    starts = np.concatenate([[0], np.flatnonzero(values[1:] != values[:-1]) + 1])
-    return starts, np.diff(starts, append=len(values))

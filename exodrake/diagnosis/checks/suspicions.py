@@ -14,17 +14,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from exodrake.core.display import in_words
 from exodrake.core.errors import InputError
-from exodrake.diagnosis.checks.compare import (
-    ABOVE,
-    CLEAR,
-    ORDER,
-    Channel,
-    Comparison,
-    fast_noise,
-    find_runs,
-    list_few,
-    rounding_step,
-)
+from exodrake.diagnosis.checks.compare import ABOVE, CLEAR, ORDER, Channel, Comparison, fast_noise, find_step, list_few
 from exodrake.diagnosis.noise import robust_std
 
 LONGEST = 300  # characters of a sentence
@@ -86,6 +76,12 @@ def white_share(values: np.ndarray) -> float:
     """Share of a signal's (n,) variance that is white noise; von Neumann's ratio over 2, 0 for a constant."""
     variance = float(np.var(values))
     return float(np.mean(np.diff(values) ** 2)) / (2.0 * variance) if variance > 0.0 else 0.0
+
+
+def find_runs(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Starts (runs,) and lengths (runs,) of the runs of equal values (n,)."""
+    starts = np.concatenate([[0], np.flatnonzero(values[1:] != values[:-1]) + 1])
+    return starts, np.diff(starts, append=len(values))
 
 
 def longest_run(values: np.ndarray) -> tuple[int, int]:
@@ -253,7 +249,7 @@ def nothing_moves(comparison: Comparison) -> Iterator[str]:
 
     pairs = [pair for pair in comparison.pairs if pair.item.role == "fit"]
     references, channels = (np.vstack([getattr(p, x) for p in pairs]).T for x in ("reference", "measured"))
-    if not any(map(moves, references)) and not any(moves(values, rounding_step(values)) for values in channels):
+    if not any(map(moves, references)) and not any(moves(values, find_step(values)) for values in channels):
         yield (
             "nothing moves in the logs to fit: the references are constant and no channel varies by more than "
             f"{LEAST_MOTION:g} times its noise, so hardly any effect can show; record a motion"

@@ -19,17 +19,7 @@ from exodrake.compiled.cache import cache_folder, once, write_if_different
 from exodrake.core.effect import Effect
 from exodrake.core.files import write_text
 from exodrake.core.machine import Machine
-from exodrake.core.part import (
-    HYSTERESIS,
-    PLACE,
-    RELAXATION,
-    FreeLaw,
-    Point,
-    free_curve,
-    free_memory,
-    module_name,
-    module_of_file,
-)
+from exodrake.core.part import HYSTERESIS, PLACE, RELAXATION, FreeLaw, Point, free_memory, module_name, module_of_file
 from exodrake.core.robot import Robot
 from exodrake.machines.robot_file import robot_text
 
@@ -67,20 +57,20 @@ VALUE = "{value}"  # the point's own value, whose name differs between parts
 # of the points that are standard ones (`Point.standard`): forces and losses of what slides, and readings
 STANDARD = {
     "sliding.pushed": (
-        free_curve("force over speed", "speed", "m/s", "-1.0", fine=True),
+        FreeLaw("force over speed", "speed", "m/s", "-1.0", fine=True),
         FreeLaw("force over place", "travel", "m", "-1.0", PLACE, "settle", moves=True),
         FreeLaw("gain over place", "travel", "m", VALUE, PLACE, "settle", moves=True),
         *free_memory("of force over place", "travel", "m", "settle", "-1.0", moves=True),
     ),
     "sliding.braked": (
-        free_curve("dry friction over speed", "abs(speed)", "m/s", fine=True, result=DRAGGED),
-        free_curve("dry friction over load", "load", "N", result=DRAGGED),
+        FreeLaw("dry friction over speed", "abs(speed)", "m/s", fine=True, result=DRAGGED),
+        FreeLaw("dry friction over load", "load", "N", result=DRAGGED),
         FreeLaw("dry friction over place", "travel", "m", "", PLACE, "settle", moves=True, result=DRAGGED),
     ),
     "sliding.settle": (),
     "signal.shown": (
-        free_curve("error of the reading over its value", "value", ""),
-        free_curve("error of the reading over time", "clock", "s"),
+        FreeLaw("error of the reading over its value", "value", ""),
+        FreeLaw("error of the reading over time", "clock", "s"),
         *free_memory("of the reading", "value", "", "shown"),
     ),
     "signal.mixed": (),
@@ -133,7 +123,7 @@ def law_points(machine: Machine) -> list[LawPoint]:
             own = arguments[point.name]
             laws = STANDARD.get(point.standard) if point.laws is None else point.laws
             if laws is None:
-                laws = tuple(free_curve(f"{own[0]} over {name}", name, "") for name in own if name not in PLAIN)
+                laws = tuple(FreeLaw(f"{own[0]} over {name}", name, "") for name in own if name not in PLAIN)
             if laws:
                 key = f"{module_name(point.module or part.module)}.{point.name}"
                 blocks = [effect.block for effect in machine.effects if key in effect.at] or [part.name]
