@@ -82,8 +82,8 @@ def test_a_delay_is_distinguished_from_a_lag_by_fast_motion_only():
 
 def test_the_command_at_the_drive_tells_a_delay_from_a_lag():
     found = identifiability(case_of(sines(0.1)), ROBOT, frozenset({"servo.latency", "servo.lag"}))
-    assert found.sensors[0].signal == "command"
-    assert found.sensors[0].mistaken + found.sensors[0].hidden < len(found.mistaken) + len(found.hidden)
+    assert found.sensors[0].signal.name == "command"
+    assert len(found.sensors[0].left.clear) > len(found.clear)
 
 
 def test_a_clock_with_jitter_drift_and_holes():

@@ -82,8 +82,8 @@ def command(case: Path, robot: str, only: str, without: str, figure: Path | None
     )
     for sensor in result.sensors[:1]:
         click.echo(
-            f"{sensor.signal} would help most: measured with a noise of {sensor.noise:.2g} {sensor.unit}, "
-            f"{sensor.mistaken} could be mistaken and {sensor.hidden} not seen"
+            f"{sensor.signal.name} would help most: measured with a noise of {sensor.noise:.2g} {sensor.signal.unit}, "
+            f"{len(sensor.left.mistaken)} could be mistaken and {len(sensor.left.hidden)} not seen"
         )
     if result.fewer:
         rows = [

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from exodrake.core.machine import Column, Machine
+from exodrake.core.part import Signal
 from exodrake.core.progress import no_progress
 from exodrake.core.robot import Robot
 from exodrake.data.case import FILE, Case, find_logs, read_case, read_case_file
@@ -93,13 +94,11 @@ class Direction(NamedTuple):
 
 
 class Sensor(NamedTuple):
-    """A signal that is not logged, with the numbers of hidden and mistaken directions if it were."""
+    """A signal that is not logged, and identifiability if it were, with some noise [its unit]."""
 
-    signal: str
-    unit: str
+    signal: Signal
     noise: float
-    hidden: int
-    mistaken: int
+    left: Identifiability
 
 
 class Fewer(NamedTuple):
@@ -273,11 +272,10 @@ def identifiability(
     own = [k for k in known if not k.startswith(EXTRA)]
     found, sensors, fewer = with_kinds(own, every=True), [], []
     for k in known[len(own) :]:
-        better, signal = with_kinds([*own, k]), machine.signal[machine.column(k).signal]
-        noise, left = float(problem.noise_std[kinds == k].max()), (len(better.hidden), len(better.mistaken))
-        if sum(left) < len(found.hidden) + len(found.mistaken):
-            sensors.append(Sensor(signal.name, signal.unit, noise, *left))
-    sensors.sort(key=lambda s: (s.hidden + s.mistaken, s.hidden))
+        better, noise = with_kinds([*own, k]), float(problem.noise_std[kinds == k].max())
+        if len(better.clear) > len(found.clear):
+            sensors.append(Sensor(machine.signal[machine.column(k).signal], noise, better))
+    sensors.sort(key=lambda sensor: (-len(sensor.left.clear), len(sensor.left.hidden)))
     # one kind of sensor less, and each alone; a command that is logged is no sensor, and stays
     removable = [k for k in own if machine.observer is None or k != machine.observer.measured_input]
     sets = [tuple(k for k in own if k != gone) for gone in removable]
