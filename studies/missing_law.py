@@ -21,8 +21,8 @@ import numpy as np
 
 from exodrake.core.parallel import one_blas_thread
 from exodrake.data.case import Case
-from exodrake.diagnosis.discovery.discover import LEAD, MissingLaw, discover
-from exodrake.diagnosis.discovery.law_code import get_laws
+from exodrake.diagnosis.discovery.discover import LEAD, MissingLaw, discover, measure_lead
+from exodrake.diagnosis.discovery.law_code import law_points
 from exodrake.diagnosis.isolation import isolate
 from exodrake.diagnosis.problem import make_problem
 from exodrake.machines.robot_file import load_robot
@@ -87,7 +87,7 @@ class Row:
     @property
     def wrong_lead(self) -> float:
         """Share of what the best law in the right part leaves that the best law elsewhere takes up."""
-        return 1.0 - (1.0 - self.wrong_share) / max(1.0 - max(self.right_share, 0.0), 1e-9)
+        return measure_lead(self.wrong_share, self.right_share)
 
 
 def blind_case(name: str, seed: int) -> tuple[Case, tuple[str, ...], float]:
@@ -120,7 +120,7 @@ def measure(name: str, seed: int, real: Path | None) -> Row:
         problem = found.whole
         law = discover(problem, found)
         seconds = time.process_time() - started
-        every = {point.block for point in get_laws(problem.robot.machine)}
+        every = {point.block for point in law_points(problem.robot.machine)}
         # where the search has not come upon the right part, or another one, that is fitted for this study alone
         parts = (every.intersection(blocks), every.difference(blocks))
         shares = [most(law, part) or most(discover(problem, found, blocks=part), part) for part in parts if blocks]

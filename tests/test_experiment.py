@@ -20,7 +20,7 @@ from exodrake.diagnosis.result import Rival, record_provenance
 from exodrake.diagnosis.search import LAW, NATS
 from exodrake.experiment import contest as inside, design as search
 from exodrake.experiment.contest import UNSURE, Information, information, pair_model, prepare_contest, refit
-from exodrake.experiment.design import check_length, design, measure_safety, prepare_stage
+from exodrake.experiment.design import Stage, check_length, design, measure_safety
 from exodrake.simulation.references import from_log
 
 VISCOUS = Rival(("carriage.viscous_friction",), {"carriage.viscous_friction.coefficient": 150.0})
@@ -121,7 +121,7 @@ def test_the_error_of_a_wrong_law_is_larger_than_that_of_the_true_one(contest):
 
 def test_another_speed_tells_viscous_from_coulomb_friction_the_same_speed_does_not(contest):
     """At one constant speed v a viscous force c v is a Coulomb force; at other speeds it is not."""
-    stage = prepare_stage(contest.problem.robot, contest.problem.fit)
+    stage = Stage(contest.problem.robot, contest.problem.fit)
     s = np.linspace(0.0, 1.0, 8001)[:, None]
     one, two = 0.2 + 0.6 * s, np.where(s < 0.5, 0.2 + 0.2 * s, 0.3 + (s - 0.5))
     both = [information(contest, stage.reference(shares).values) for shares in (one, two)]
@@ -151,7 +151,7 @@ def test_search_is_seeded_and_safe(contest, made, few):
 
 
 def test_designed_motion_tells_rivals_apart_better_than_a_sine_of_its_size(contest, made):
-    course, stage = made.reference.values[:, :1], prepare_stage(contest.problem.robot, contest.problem.fit)
+    course, stage = made.reference.values[:, :1], Stage(contest.problem.robot, contest.problem.fit)
     wave = 0.5 * (1.0 - np.cos(np.linspace(0.0, 40.0 * np.pi, len(course))))[:, None]
     shares = (course.min() + np.ptp(course) * wave - stage.low) / (stage.high - stage.low)
     sine, found = (information(contest, rows) for rows in (stage.reference(shares).values, made.reference.values))

@@ -22,7 +22,7 @@ from exodrake.data.formats import read_log
 from exodrake.data.log import Log
 from exodrake.diagnosis.discovery import law_code
 from exodrake.diagnosis.discovery.discover import discover, weigh_scales
-from exodrake.diagnosis.discovery.law_code import add_laws, get_laws, law_points, module_text, robot_on, write_law
+from exodrake.diagnosis.discovery.law_code import add_laws, law_points, module_text, robot_on, write_law
 from exodrake.diagnosis.isolation import isolate
 from exodrake.diagnosis.problem import make_problem
 from exodrake.effects import law_table
@@ -228,7 +228,7 @@ def test_laws_of_every_machine_read_the_arguments_of_their_points_alone(arm_fold
     source = module_text(machine)
     assert "law = " in source and not unknown_names(source)
     if name in BUILT_IN:
-        laws = get_laws(machine)
+        laws = law_points(machine)
         assert len(laws) >= 3 and {law.key for law in laws} <= {p for e in add_laws(machine).effects for p in e.at}
 
 

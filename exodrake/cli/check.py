@@ -69,11 +69,10 @@ def command(case: Path, robot: str, only: str, without: str, figure: Path | None
         seen = [d for d in own if d.seen >= SEEN]
         hidden = ", ".join(d.channel or "everywhere" for d in own if d.seen < SEEN)
         taken = list_few((name for d in seen for name in d.taken_for), TOP)
-        size = ""  # the smallest that is seen on every channel that shows the effect; else the one that was tried
-        if seen:
-            worst = max((d.smallest for d in seen), key=abs)
+        size = ""
+        if seen:  # the smallest that is seen on every channel that shows the effect; else the one that was tried
             known = all(d.smallest == d.smallest for d in seen)
-            size = f"{worst:.2g}" if known else f"at {seen[0].typical:.2g}"
+            size = f"{max((d.smallest for d in seen), key=abs):.2g}" if known else f"at {seen[0].typical:.2g}"
             size = f"{size} {seen[0].unit}".removesuffix(" -")
         rows.append((f"[bold]{effect}[/bold]", size, hidden, taken))
     options.print_table(("effect", ">seen from", "not seen at typical size", "could be taken for"), rows, wrapped=3)
@@ -83,20 +82,16 @@ def command(case: Path, robot: str, only: str, without: str, figure: Path | None
     )
     for sensor in result.sensors[:1]:
         click.echo(
-            f"{sensor.signal} would help most: measured with a noise of {sensor.noise:.2g} {sensor.unit}, "
-            f"{sensor.mistaken} could be mistaken and {sensor.hidden} not seen"
+            f"{sensor.signal.name} would help most: measured with a noise of {sensor.noise:.2g} {sensor.signal.unit}, "
+            f"{len(sensor.left.mistaken)} could be mistaken and {len(sensor.left.hidden)} not seen"
         )
     if result.fewer:
-        groups = ((item, (item.left.clear, item.left.mistaken, item.left.hidden)) for item in result.fewer)
-        rows = [(", ".join(i.kinds), *(str(len(g)) for g in own), list_few(i.lost, FEW)) for i, own in groups]
-        titles = (
-            "with these columns alone",
-            ">distinguished",
-            ">mistaken",
-            ">not seen",
-            "effects no longer distinguished",
-        )
+        rows = [
+            (", ".join(kinds), *(str(len(d)) for d in (left.clear, left.mistaken, left.hidden)), list_few(lost, FEW))
+            for kinds, left, lost in result.fewer
+        ]
+        counts = ">distinguished", ">mistaken", ">not seen"
         click.echo()
-        options.print_table(titles, rows, wrapped=4)
+        options.print_table(("with these columns alone", *counts, "effects no longer distinguished"), rows, wrapped=4)
     if figure:
         options.write_files({figure: draw_figure(found)})

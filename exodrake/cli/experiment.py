@@ -6,16 +6,7 @@ from pathlib import Path
 
 import click
 
-from exodrake.cli.options import (
-    AnyPath,
-    OutputFile,
-    check_target,
-    print_table,
-    refuse_cases,
-    robot_option,
-    waiting,
-    write_files,
-)
+from exodrake.cli import options
 
 REFERENCE = "reference.csv"
 ENOUGH = 0.5  # probability below which an experiment is not recommended: assumed
@@ -26,15 +17,15 @@ ADVICE = (
 
 
 @click.command()
-@click.argument("case", type=AnyPath())
-@click.option("--out", type=OutputFile(REFERENCE), default=REFERENCE, show_default=True,
+@click.argument("case", type=options.AnyPath())
+@click.option("--out", type=options.OutputFile(REFERENCE), default=REFERENCE, show_default=True,
               help="References to be sent to the robot, or a folder for them.")  # fmt: skip
-@click.option("--figure", type=OutputFile("reference.png"), default=None, help="Figure (PNG) [beside --out].")
-@click.option("--case", "folder", default=None, metavar="FOLDER", type=AnyPath(),
+@click.option("--figure", type=options.OutputFile("reference.png"), default=None, help="Figure (PNG) [beside --out].")
+@click.option("--case", "folder", default=None, metavar="FOLDER", type=options.AnyPath(),
               help="Folder of the case, for an answer that lies elsewhere.")  # fmt: skip
 @click.option("--duration", type=float, default=None, help="Length of the experiment, 20 to 60 s [60].")
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the search.")
-@robot_option()
+@options.robot_option()
 def command(
     case: Path, out: Path, figure: Path | None, folder: Path | None, duration: float | None, seed: int, robot: str
 ) -> None:
@@ -57,23 +48,23 @@ def command(
 
     nominal, picture = load_robot(robot), figure or out.with_suffix(".png")
     if out.parent.is_dir():
-        check_target(picture)
-    refuse_cases(case)
+        options.check_target(picture)
+    options.refuse_cases(case)
     check_length(nominal, duration)
     with stages() as progress:
         problem, rivals, why_none = read_rivals(case, nominal, folder, progress)
     if why_none:
         click.echo(why_none)
         return
-    with waiting("searching for the motion that tells them apart"), one_blas_thread():
+    with options.waiting("searching for the motion that tells them apart"), one_blas_thread():
         contest = prepare_contest(problem, rivals)
         best = design(contest, duration, seed)
-    told = best.information
+    told, names = best.information, [e.name for e in contest.explanations]
     rows = [
-        (contest.names[true], contest.names[rival], f"{left:.3g}", f"{told.power(true, rival):.0%}")
+        (names[true], names[rival], f"{left:.3g}", f"{told.power(true, rival):.0%}")
         for (true, rival), left in sorted(told.left.items())
     ]
-    print_table(("if the cause is", "rejected", ">what it leaves (T)", ">probability"), rows, wrapped=0)
+    options.print_table(("if the cause is", "rejected", ">what it leaves (T)", ">probability"), rows, wrapped=0)
     click.echo(f"\n{told.probability:.0%} expected: all but the true cause are rejected")
     click.echo(f"{best.random:.0%} promised by a random motion as long, the median of those that were tried")
     if told.probability < ENOUGH:
@@ -83,14 +74,14 @@ def command(
         for name, unit, *pairs in best.safety.spans(contest.records(best.reference))
     ]
     click.echo()
-    print_table(("signal", ">on any explanation", ">allowed"), rows)
+    options.print_table(("signal", ">on any explanation", ">allowed"), rows)
     if best.size < 1.0:
         click.echo(f"made smaller, to {best.size:.0%}, so that no signal leaves its range")
     click.echo()
     machine, values = nominal.machine, best.reference.values
     columns = dict(zip(machine.log_names(machine.references), values.T, strict=True))
     log = Log(machine.frame * np.arange(len(values)), columns)
-    write_files({out: log_bytes(log, out), picture: draw_experiment(contest, best)})
+    options.write_files({out: log_bytes(log, out), picture: draw_experiment(contest, best)})
     click.echo(
         "save its log as experiment.csv in the folder of the case (in its case.yaml: role fit), and diagnose again"
     )

@@ -23,29 +23,18 @@ RIDGE = 1e-9  # relative, on the diagonal of a normal matrix: above rounding
 
 @dataclass(frozen=True, eq=False)
 class LinearModel:
-    """Products of Jacobian and residual by block, with priors and bounds.
+    """Products of Jacobian and residual by block, with priors and bounds."""
 
-    Attributes:
-        products: (blocks, p + 1, p + 1) products of the p rows of J and, last, r0 with each other.
-        samples: (blocks,) number of samples.
-        view, log: (blocks,) view and log that a block belongs to; blocks of a log follow each other.
-        mean: (p,) prior mean of x.
-        precision: (p,) prior precision of x.
-        low, high: (p,) bounds of x.
-        variance: (views,) s_v^2.
-        memory: samples that count as one.
-    """
-
-    products: np.ndarray
-    samples: np.ndarray
-    view: np.ndarray
-    log: np.ndarray
-    mean: np.ndarray
-    precision: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
-    variance: np.ndarray
-    memory: float
+    products: np.ndarray  # (blocks, p + 1, p + 1) of the p rows of J and, last, r0 with each other
+    samples: np.ndarray  # (blocks,) number of samples
+    view: np.ndarray  # (blocks,) that a block belongs to
+    log: np.ndarray  # (blocks,) that a block belongs to; blocks of a log follow each other
+    mean: np.ndarray  # (p,) prior mean of x
+    precision: np.ndarray  # (p,) prior precision of x
+    low: np.ndarray  # (p,) bound of x
+    high: np.ndarray  # (p,) bound of x
+    variance: np.ndarray  # (views,) s_v^2
+    memory: float  # samples that count as one
 
     @classmethod
     def of_rows(
@@ -109,9 +98,10 @@ class LinearModel:
         unit = normal / np.outer(scale, scale) + RIDGE * np.eye(len(scale))
         slope = products[:-1, -1] - self.precision * self.mean
         step, _ = minimise_bounded(normal, slope, self.low, self.high)
-        return Posterior(
-            step, np.linalg.inv(unit) / np.outer(scale, scale), self._cost(products, step), self._volume(unit, scale)
-        )
+        both = np.r_[step, 1.0]
+        cost = both @ products @ both + self.precision @ (step - self.mean) ** 2
+        volume = np.linalg.slogdet(unit)[1] + 2.0 * np.log(scale).sum() - np.log(self.precision).sum()
+        return Posterior(step, np.linalg.inv(unit) / np.outer(scale, scale), float(cost), float(volume))
 
     def robust_covariance(self) -> np.ndarray:
         """Covariance (p, p) of x at a fit: that of the posterior, wider where stretches of the logs contradict it.
@@ -134,17 +124,14 @@ class LinearModel:
         wider = np.sqrt(np.maximum(np.diag(robust) / np.diag(own), 1.0))
         return own * np.outer(wider, wider)
 
-    def _cost(self, products: np.ndarray, step: np.ndarray) -> float:
-        both = np.r_[step, 1.0]
-        return float(both @ products @ both + self.precision @ (step - self.mean) ** 2)
+    def evidence(self, memory: float | None = None) -> float:
+        """Logarithm of the probability of the logs (marginal likelihood), but for a constant; in nats.
 
-    def _volume(self, unit: np.ndarray, scale: np.ndarray) -> float:
-        return float(np.linalg.slogdet(unit)[1] + 2.0 * np.log(scale).sum() - np.log(self.precision).sum())
-
-    def evidence(self) -> float:
-        """Logarithm of the probability of the logs (marginal likelihood), but for a constant; in nats."""
-        found = self.posterior()
-        return -0.5 * (float(self.effective @ np.log(self.variance)) + found.cost + found.volume)
+        memory: samples that count as one; its own by default.
+        """
+        model = self if memory is None else replace(self, memory=memory)
+        found = model.posterior()
+        return -0.5 * (float(model.effective @ np.log(model.variance)) + found.cost + found.volume)
 
     def leave_out(self, folds: np.ndarray) -> np.ndarray:
         """Reduced chi-squares (folds, views) of each fold predicted by the others; folds: (blocks,) numbers.
@@ -162,12 +149,14 @@ class LinearModel:
             found.append(row)
         return np.array(found)
 
-    def eliminate(self, count: int) -> Reduced:
+    def eliminate(self, count: int, blocks: np.ndarray | None = None) -> Reduced:
         """The model of the last x alone, the first `count` of them eliminated (Schur complement).
+
+        By all blocks, or by those in a mask (blocks,).
 
         A parameter with a prior that ended at a bound of it stays there: what it would take up beyond is another's.
         """
-        products = self.weight_products()
+        products = self.weight_products(blocks)
         slope = products[:count, -1] - self.precision[:count] * self.mean[:count]
         small = 1e-9 / np.sqrt(self.precision[:count])
         free = ~(((self.low[:count] >= -small) & (slope > 0.0)) | ((self.high[:count] <= small) & (slope < 0.0)))
@@ -181,34 +170,21 @@ class LinearModel:
 
 @dataclass(frozen=True, eq=False)
 class Posterior:
-    """Change of the parameters that a model expects.
+    """Change of the parameters that a model expects."""
 
-    Attributes:
-        step: (p,) mean, within bounds.
-        covariance: (p, p).
-        cost: weighted sum of squares at the mean, the prior's included.
-        volume: logarithm of the determinant of posterior over prior precision.
-    """
-
-    step: np.ndarray
-    covariance: np.ndarray
-    cost: float
-    volume: float
+    step: np.ndarray  # (p,) mean, within bounds
+    covariance: np.ndarray  # (p, p)
+    cost: float  # weighted sum of squares at the mean, the prior's included
+    volume: float  # logarithm of the determinant of posterior over prior precision
 
 
 @dataclass(frozen=True, eq=False)
 class Reduced:
-    """A cost f's + f'Nf / 2 of some x, the others eliminated.
+    """A cost f's + f'Nf / 2 of some x, the others eliminated."""
 
-    Attributes:
-        normal: (d, d) N.
-        slope: (d,) s.
-        solved: (eliminated, d + 1) minus the change of the others by each f, and by none.
-    """
-
-    normal: np.ndarray
-    slope: np.ndarray
-    solved: np.ndarray
+    normal: np.ndarray  # (d, d) N
+    slope: np.ndarray  # (d,) s
+    solved: np.ndarray  # (eliminated, d + 1) minus the change of the others by each f, and by none
 
     def others(self, rows: np.ndarray, f: np.ndarray) -> np.ndarray:
         """Change (eliminated,) of the eliminated x with f (rows,) at some places."""

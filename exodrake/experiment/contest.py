@@ -1,26 +1,7 @@
 """Rival explanations of a case, and what a motion tells about them (T-optimality; Atkinson & Fedorov 1975).
 
-If i is true, and j is fitted to the new log and the present logs, the sum of squares left by j is
-
-    T_ij = min_z  (d - J z)' W (d - J z) + z'z
-
-d: whitened difference of their logs. J: derivatives of j's log by its parameters, in units of the uncertainty V V' that
-the present logs leave (posterior of the linear model about j). W: inverse variance of a sample. It holds what i leaves
-of the present logs and the part of both predictions that no refit follows (Buzzi-Ferraris & Forzatti 1983):
-
-    1 / w = n (chi2_i + m_i^2 + m_j^2)         n: samples that count as one
-
-m_i: error of the linearisation of i on plausible robots, drawn from its posterior; mean of all columns about that time.
-Where a finger snaps over or a carriage sticks, the least difference of two robots moves a jump in time. T does not hold
-there, and such frames count little. All of it is the linear model of `diagnosis.linear`; its products add over motions.
-
-A diagnosis (`search.Search.alike`) tells j from i where j leaves `NATS` of evidence, and more of the gap than i leaves
-or than laws err by. G_i is what the effects of i take up that retuning does not; r_i is the share of it that i leaves
-of the present logs:
-
-    T*_ij = max(2 NATS, min(LAW^2, r_i) G_i)           P = Phi((sqrt T - sqrt T*) / s)
-
-s^2 is 1 for noise, and more as the error of a law differs in a new motion.
+T, what a refitted rival leaves if another explanation is true, is that of the linear model of `diagnosis.linear`; its
+products add over motions. The equations are in docs/howto/experiment.md.
 """
 
 from __future__ import annotations
@@ -59,12 +40,10 @@ STEPS = 3  # of a refit that is carried on
 RIVALS = listing(having({"effects": listing(text()), "parameters": names(number())}, ("effects", "parameters")))
 MADE_FROM = having({"files": names(text()), "parameters": text()}, ("files", "parameters"))
 SCHEMA = having({"verdict": text(), "rivals": RIVALS, "provenance": MADE_FROM}, ("verdict", "rivals", "provenance"))
-ONE_LEFT = "one explanation is left"
 NOTHING = {
     NO_GAP: "its logs show no gap",
     RETUNE: "retuning closes its gap, and no single effect does so as well",
-    NAMED: ONE_LEFT,
-    AMBIGUOUS: ONE_LEFT,
+    **dict.fromkeys((NAMED, AMBIGUOUS), "one explanation is left"),
 }
 NONE_LEFT = (
     "no explanation is left to tell apart; repeat the motion slowly, then quickly, and see what the error follows"
@@ -126,11 +105,6 @@ class Contest:
     own: np.ndarray  # (explanations,) share of their contribution that this is
     error: np.ndarray  # (explanations,) relative error of the laws: that shown by what each leaves, `LAW` at most
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the explanations."""
-        return tuple(e.name for e in self.explanations)
-
     def records(self, reference: Reference) -> np.ndarray:
         """All signals (explanations, frames, signals) [SI] of the runs of the explanations on a reference."""
         return self.problem.records(self.robots, Trial(reference.name, "fit", reference.values, np.zeros((0, 0))))
@@ -168,21 +142,20 @@ def prepare_contest(problem: Problem, rivals: Sequence[Rival]) -> Contest:
     effects = [[machine.effect(identity) for identity in rival.effects] for rival in rivals]
     problem = detect(problem, rows[0])
     likelihood = make_likelihood(problem.shorten(affordable(problem, USED)), rows[0])
-    likelihood, own, found = replace(likelihood, views=likelihood.views[:1]), nominal_parameters(problem.robot), []
-    own = tuple(replace(p, base=float(nominal[p.index[0]])) for p in own)
+    likelihood, found = replace(likelihood, views=likelihood.views[:1]), list[Explanation]()
+    own = tuple(replace(p, base=float(nominal[p.index[0]])) for p in nominal_parameters(problem.robot))
     for rival, row, laws in zip(rivals, rows, effects, strict=True):
         parameters = (*own, *(p for effect in laws for p in effect_parameters(machine, effect)))
         x = np.array([p.coordinate(float(row[p.index[0]])) for p in parameters])
         values = with_effects(problem.silent(), [(machine, effect) for effect in laws])
-        residual = likelihood.residual(row[None])[0]
-        e = Explanation(rival.effects, parameters, x, values, residual, np.zeros((len(own), len(residual))))
-        found.append(e.change(jacobian=nominal_jacobian(likelihood, e.at_nominal, own, x[: len(own)], residual)))
+        none = np.zeros((len(own), 0))
+        found.append(differentiate(likelihood, Explanation(rival.effects, parameters, x, values, none, none), x))
     memory = min(likelihood.with_memory(e.residual).memory for e in found)
-    likelihood, bare, models, rest, whole = replace(likelihood, memory=memory), [], [], [], []
-    for e in found:
+    likelihood, models, whole, rest = replace(likelihood, memory=memory), [], [], []
+    bare = [reduce(partial(without, likelihood), e.effects, e) for e in found]
+    for e, retuned in zip(found, bare, strict=True):
         models.append(linear_model(likelihood, e))
-        bare.append(reduce(partial(without, likelihood), e.effects, e))
-        change = bare[-1].residual - e.residual
+        change = retuned.residual - e.residual
         model = pair_model(change, e.jacobian * e.prior_std[: e.nominal, None], np.full(len(change), 1.0 / memory))
         both = np.r_[model.posterior().step, 1.0]
         rest.append(memory * float(both @ model.products[0] @ both))  # that retuning does not take up
@@ -190,17 +163,18 @@ def prepare_contest(problem: Problem, rivals: Sequence[Rival]) -> Contest:
     chi2 = np.array([model.variance[0] for model in models])
     left = np.maximum(chi2 - 1.0, 0.0) * likelihood.samples / np.maximum(rest, 1e-9)
     return Contest(
-        problem,
-        likelihood,
-        explanations=tuple(found),
-        robots=np.array([e.robot for e in found]),
-        bare=np.array([e.robot for e in bare]),
+        problem, likelihood, tuple(found), robots=np.array([e.robot for e in found]),
+        bare=np.array([e.robot for e in bare]), chi2=chi2,
         spreads=tuple(np.linalg.cholesky(model.posterior().covariance) for model in models),
-        chi2=chi2,
-        taken=np.array(rest) / (memory * chi2),
-        own=np.array(rest) / np.maximum(whole, 1e-9),
+        taken=np.array(rest) / (memory * chi2), own=np.array(rest) / np.maximum(whole, 1e-9),
         error=np.minimum(np.sqrt(left), LAW),
-    )
+    )  # fmt: skip
+
+
+def differentiate(likelihood: Likelihood, e: Explanation, x: np.ndarray) -> Explanation:
+    """An explanation at coordinates x (parameters,) on the logs of a likelihood, with its Jacobian there."""
+    e = e.at(likelihood, x)
+    return replace(e, jacobian=nominal_jacobian(likelihood, *e.nominal_part, e.residual))
 
 
 def pair_model(difference: np.ndarray, columns: np.ndarray, weights: np.ndarray) -> LinearModel:
@@ -268,14 +242,13 @@ class Information:
 def information(contest: Contest, reference: np.ndarray) -> Information | None:
     """Expected information of a reference (frames, references) [SI]; None if a run does not reach its end."""
     likelihood = contest.view(contest.trial(0, reference))
-    rows, bare = likelihood.residual(contest.robots), likelihood.residual(contest.bare)
+    found = [differentiate(likelihood, e, e.x) for e in contest.explanations]
+    rows, bare = np.array([e.residual for e in found]), likelihood.residual(contest.bare)
     columns, missed = [], []
-    for e, spread, residual in zip(contest.explanations, contest.spreads, rows, strict=True):
-        jacobian = nominal_jacobian(likelihood, e.at_nominal, e.parameters[: e.nominal], e.x[: e.nominal], residual)
-        here = replace(e, residual=residual, jacobian=jacobian)
-        jacobian = whole_jacobian(likelihood, here)
+    for e, spread in zip(found, contest.spreads, strict=True):
+        jacobian = whole_jacobian(likelihood, e)
         columns.append(spread.T @ jacobian)
-        missed.append(nonlinearity(likelihood, here, jacobian, spread))
+        missed.append(nonlinearity(likelihood, e, jacobian, spread))
     if not all(np.isfinite(part).all() for part in (rows, bare, *missed, *columns)):
         return None
     models = {}
@@ -305,9 +278,9 @@ def refit(contest: Contest, reference: np.ndarray) -> Information | None:
     for true, rival in found.models:
         e, scale = contest.explanations[rival], float(np.sqrt(contest.likelihood.memory * contest.chi2[true]))
         both = contest.view(*present.problem.fit, contest.trial(true, reference), scale=scale)
-        (start,) = e.at_each(both, [found.refit(true, rival)])
-        jacobian = nominal_jacobian(both, e.at_nominal, e.parameters[: e.nominal], e.x[: e.nominal], start.residual)
-        fit = minimise(both, start.change(jacobian=jacobian), STEPS)
+        start = e.at(both, found.refit(true, rival))
+        start = replace(start, jacobian=nominal_jacobian(both, *e.nominal_part, start.residual))
+        fit = minimise(both, start, STEPS)
         before = replace(contest.likelihood, views=(replace(present, scale=scale),))
         ended[true, rival] = max(2.0 * (fit.cost(both) - e.cost(before)), 0.0), fit.x
     return replace(found, ended=ended)

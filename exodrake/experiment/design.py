@@ -1,29 +1,6 @@
-"""Search for the motion that distinguishes rivals best and is safe on each of them.
+"""Search for the motion that distinguishes rivals best and is safe on each of them: docs/howto/experiment.md.
 
-A motif is a short motion from rest to rest with a few parameters. In it every channel goes to a level, swings about it,
-and comes back:
-
-    u(t) = u0 + e(t) (level + swing sin(2 pi phi(t) + phase) - u0)         phi' from f_first to f_last
-
-The envelope e rises and falls within a share of the motif: a short share gives a step and a hold, a long one a ramp.
-With a swing the motif is a sine, a chirp, or a triangle of constant speed. u is a share of the span between the lowest
-and the highest reference; the stage maps it to a reference that is no faster than those of the logs. The search:
-
-    library: random motifs, and windows of the machine's own experiments or of the case's motion
-    sequence: the motifs of largest joint information (greedy; information adds), then local search by mutation of one;
-        once of many short motifs, once of a few long ones
-    random: motions of the whole length, since one may be better; their median shows the gain of the search
-    check: the whole motion on every explanation; made smaller until it is safe
-    refit: of all parameters, to convergence, on the best few motions; the best one after it is kept
-
-A motion is safe where on every explanation all signals stay within ranges that are known to be safe. That of a signal
-spans
-
-    the limits of the robot file, for signals in the unit of the reference
-    the values in runs of each explanation on the logs of the case, which the robot has survived
-    the values in runs of the nominal robot on the machine's own experiments, which stay within the stated limits
-
-and is widened by a share. Positions have a range of rates, too, from the last two. All random draws are seeded.
+A motion is a course of shares (frames, channels) of the span between the lowest and the highest reference.
 """
 
 from __future__ import annotations
@@ -40,7 +17,7 @@ from scipy.ndimage import uniform_filter1d
 from exodrake.compiled.inputs import Reference
 from exodrake.core.display import choose_colour, find_display
 from exodrake.core.errors import InputError
-from exodrake.core.machine import Machine, signal_count
+from exodrake.core.machine import Machine
 from exodrake.core.robot import Robot
 from exodrake.data.plot import STYLE, new_figure, render_png
 from exodrake.diagnosis.parameter import apply
@@ -92,14 +69,6 @@ class Motif(NamedTuple):
         course = u + swing * np.minimum(u, 1.0 - u) * wave
         return lead_from_rest(course, rest, 0.5 * max(float(self.common[2]) ** 2, 2.0 / frames))
 
-    def mutate(self, rng: np.random.Generator) -> Motif:
-        """The motif with some parameters changed."""
-        changed = []
-        for values in self:
-            change = STEP * rng.standard_normal(values.shape) * (rng.random(values.shape) < CHANGED)
-            changed.append(np.clip(values + change, 0.0, 1.0))
-        return Motif(*changed)
-
 
 def random_motif(channels: int, rng: np.random.Generator) -> Motif:
     """A motif of that many channels with parameters drawn evenly; some channels do not swing."""
@@ -114,16 +83,28 @@ def lead_from_rest(course: np.ndarray, rest: np.ndarray, rise: float) -> np.ndar
     return rest + (smooth(s / rise) * smooth((1.0 - s) / rise))[:, None] * (course - rest)
 
 
-class Stage(NamedTuple):
-    """Map from shares of a span to references within their limits."""
+class Stage:
+    """Map from shares of a span to references within their limits; InputError for a machine without such limits.
 
-    low: np.ndarray  # (channels,) lowest reference [SI]
-    high: np.ndarray  # (channels,) highest reference [SI]
-    rest: np.ndarray  # (channels,) where motions begin and end, in shares of the span
-    fastest: np.ndarray  # (channels,) largest rate of the reference [SI / s]; infinite for what may step
-    frame: float  # period [s]
-    others: np.ndarray  # (others,) values of further inputs [SI]
-    starts: np.ndarray  # (others,) channel whose first reference a further input states instead; -1 for none
+    Rest is where the first log begins; positions go no faster than in the logs, further inputs stay as they were there.
+    """
+
+    def __init__(self, robot: Robot, trials: tuple[Trial, ...]) -> None:
+        check_length(robot, None)
+        machine, (self.low, self.high) = robot.machine, robot.reference_limits()  # (channels,) [SI]
+        first, *others = machine.references
+        width, begin, self.frame, starts = len(self.low), trials[0].reference[0], machine.frame, list[int]()
+        self.fastest = np.full(width, np.inf)  # rate of the reference [SI / s]; infinite for what may step
+        if machine.signal[first.signal].unit in POSITIONS:
+            rows = [t.reference[:, :width] for t in trials if len(t.reference) > 1]
+            self.fastest = np.max([np.abs(np.diff(r, axis=0)).max(axis=0) for r in rows], axis=0) / self.frame
+        for column in others:
+            follows = column.kind == first.kind.removesuffix("_ref") + "_start"
+            starts += [k if follows else -1 for k in range(len(machine.channels(column.signal)))]
+        # (others,) further inputs [SI], and the channel whose first reference one states instead; -1 for none
+        self.others, self.starts = begin[width:], np.array(starts, dtype=int)
+        # (channels,) where motions begin and end, in shares of the span
+        self.rest = np.clip((begin[:width] - self.low) / np.maximum(self.high - self.low, 1e-12), 0.0, 1.0)
 
     def reference(self, shares: np.ndarray) -> Reference:
         """The reference of shares (frames, channels): no faster than allowed, further inputs beside it."""
@@ -139,25 +120,6 @@ class Stage(NamedTuple):
             rows = np.where(np.isfinite(most), slow, rows)
         others = np.where(self.starts >= 0, rows[0][np.maximum(self.starts, 0)], self.others)
         return Reference(np.hstack([rows, np.tile(others, (len(rows), 1))]), "experiment")
-
-
-def prepare_stage(robot: Robot, trials: tuple[Trial, ...]) -> Stage:
-    """The stage of a robot beside the logs of its case; InputError for a machine whose references have no limits.
-
-    Rest is where the first log begins; positions go no faster than in the logs, further inputs stay as they were there.
-    """
-    check_length(robot, None)
-    machine, (low, high) = robot.machine, robot.reference_limits()
-    first, *others = machine.references
-    width, begin, starts = len(low), trials[0].reference[0], list[int]()
-    rates = [np.abs(np.diff(t.reference[:, :width], axis=0)).max(axis=0) for t in trials if len(t.reference) > 1]
-    moves = machine.signal[first.signal].unit in POSITIONS
-    fastest = np.max(rates, axis=0) / machine.frame if moves else np.full(width, np.inf)
-    for column in others:
-        count, follows = len(machine.channels(column.signal)), first.kind.removesuffix("_ref") + "_start"
-        starts += range(count) if column.kind == follows else [-1] * count
-    rest = np.clip((begin[:width] - low) / np.maximum(high - low, 1e-12), 0.0, 1.0)
-    return Stage(low, high, rest, fastest, machine.frame, begin[width:], np.array(starts, dtype=int))
 
 
 def check_length(robot: Robot, duration: float | None) -> int:
@@ -218,27 +180,35 @@ def measure_safety(problem: Problem, robots: np.ndarray, known: Sequence[Referen
     own = [Trial(reference.name, "fit", reference.values, np.zeros((0, 0))) for reference in known]
     runs = [run for trial in problem.fit for run in problem.records(robots, trial)]
     runs += [run for trial in own for run in problem.records(nominal, trial)]
-    low, high, rate = np.full((3, signal_count(machine)), np.array([[-np.inf], [np.inf], [np.inf]]))
+    low, high = np.min([run.min(axis=0) for run in runs], axis=0), np.max([run.max(axis=0) for run in runs], axis=0)
+    rate = np.max([np.abs(np.diff(run, axis=0)).max(axis=0, initial=0.0) for run in runs], axis=0)
     stated, first = problem.robot.reference_limits(), machine.signal[machine.references[0].signal]
-    for signal in (s for s in machine.signals if s.name not in machine.inputs):
+    for signal in machine.signals:
         at = machine.offsets[signal.name]
-        ends = np.array([end for run in runs for end in (run[:, at].min(axis=0), run[:, at].max(axis=0))])
         if (signal.unit, signal.axis) == (first.unit, first.axis):
-            ends = np.concatenate([ends, stated])
-        wider = MARGIN * np.ptp(ends, axis=0)
-        low[at], high[at] = ends.min(axis=0) - wider, ends.max(axis=0) + wider
-        if signal.unit in POSITIONS:
-            fastest = [np.abs(np.diff(run[:, at], axis=0)).max(axis=0, initial=0.0) for run in runs]
-            rate[at] = FASTER * np.max(fastest, axis=0) / machine.frame
-    return Safety(machine, low, high, rate)
+            low[at], high[at] = np.minimum(low[at], stated[0]), np.maximum(high[at], stated[1])
+        if signal.name in machine.inputs:
+            low[at], high[at] = -np.inf, np.inf
+        if signal.name in machine.inputs or signal.unit not in POSITIONS:
+            rate[at] = np.inf
+    wider = MARGIN * (high - low)
+    return Safety(machine, low - wider, high + wider, FASTER * rate / machine.frame)
 
 
-class Piece(NamedTuple):
-    """A safe course with its information."""
+class Motion(NamedTuple):
+    """A safe motion."""
 
     motif: Motif | None  # None of a known motion
     course: np.ndarray  # (frames, channels) in shares of the span
     size: float  # factor by which it was made smaller to be safe
+    reference: Reference  # what the robot gets for the course
+    difference: float  # of the most similar explanations, as they are
+
+
+class Piece(NamedTuple):
+    """A safe motion with its information."""
+
+    motion: Motion
     information: Information
 
 
@@ -259,7 +229,7 @@ class Designer:
     def __init__(self, contest: Contest, duration: float | None, seed: int) -> None:
         problem, machine = contest.problem, contest.problem.robot.machine
         self.contest, self.rng = contest, np.random.default_rng(seed)
-        self.stage, self.whole = prepare_stage(problem.robot, problem.fit), check_length(problem.robot, duration)
+        self.stage, self.whole = Stage(problem.robot, problem.fit), check_length(problem.robot, duration)
         self.fewer = 2.0 / len(contest.explanations)
         # the machine's own experiments, or those of the case for a machine that declares none
         own = [replace(protocol(text, problem.robot), name=name) for name, text in machine.experiments.items()]
@@ -272,62 +242,60 @@ class Designer:
         shares = (reference.values[at, : len(self.stage.low)] - self.stage.low) / (self.stage.high - self.stage.low)
         return lead_from_rest(shares, self.stage.rest, BLEND)
 
-    def make_safe(self, shares: np.ndarray, shrinks: int = SHRINKS) -> tuple[np.ndarray, float, float] | None:
-        """Shares (frames, channels) made smaller until safe, by which factor, and how rivals differ there; or None."""
+    def make_safe(self, motif: Motif | None, shares: np.ndarray, shrinks: int = SHRINKS) -> list[Motion]:
+        """A motion of shares (frames, channels) made smaller until it is safe; none if it never is."""
         rest = self.stage.rest
         for size in SMALLER ** np.arange(shrinks):
             course = rest + size * (shares - rest)
-            records = self.contest.records(self.stage.reference(course))
+            records = self.contest.records(reference := self.stage.reference(course))
             if self.safety.allows(records):
-                return course, float(size), self.contest.difference(records)
-        return None
+                return [Motion(motif, course, float(size), reference, self.contest.difference(records))]
+        return []
 
-    def make_piece(self, motif: Motif | None, shares: np.ndarray, shrinks: int = SHRINKS) -> list[Piece]:
-        """A course (frames, channels) made smaller until safe, with its information; none if unsafe or divergent."""
-        if (kept := self.make_safe(shares, shrinks)) is None:
-            return []
-        found = information(self.contest, self.stage.reference(kept[0]).values)
-        return [Piece(motif, *kept[:2], found)] if found else []
+    def judge(self, motions: Sequence[Motion]) -> list[Piece]:
+        """Motions with their information, without those on which an explanation diverges."""
+        judged = [(motion, information(self.contest, motion.reference.values)) for motion in motions]
+        return [Piece(motion, found) for motion, found in judged if found]
 
-    def make_library(self, pieces: int) -> list[Piece]:
-        """Random motifs and windows of known motions on which the rivals differ most, at a size that is safe."""
-        frames, rest = self.whole // pieces, self.stage.rest
-        motifs = [random_motif(len(rest), self.rng) for _ in range(max(round(RANDOM * self.fewer), pieces))]
+    def search_sequence(self, pieces: int) -> np.ndarray:
+        """Course (frames, channels) of the pieces of largest joint information, then mutated one at a time.
+
+        Their library: random motifs and windows of known motions, those on which the rivals as they are differ most.
+        """
+        frames, rest, rng = self.whole // pieces, self.stage.rest, self.rng
+        motifs = [random_motif(len(rest), rng) for _ in range(max(round(RANDOM * self.fewer), pieces))]
         windows = [
             self.to_course(motion, start, start + frames, frames)
             for motion in self.known
             if len(motion.values) >= 2
             for start in range(0, max(len(motion.values) - frames + 1, 1), frames)
         ]
-        order = self.rng.permutation(len(windows))[: max(round(WINDOWS * self.fewer), 3)]
+        order = rng.permutation(len(windows))[: max(round(WINDOWS * self.fewer), 3)]
         tried = [*((motif, motif.shares(frames, rest)) for motif in motifs), *((None, windows[i]) for i in order)]
-        safe = [(motif, *kept) for motif, course in tried if (kept := self.make_safe(course))]
-        safe.sort(key=lambda item: -item[3])
-        best = safe[: max(len(safe) // LIBRARY, pieces)]
-        found = [piece for motif, course, *_ in best for piece in self.make_piece(motif, course, 1)]
-        if not found:
+        safe = sorted((m for one in tried for m in self.make_safe(*one)), key=lambda m: -m.difference)
+        library = self.judge(safe[: max(len(safe) // LIBRARY, pieces)])
+        if not library:
             raise InputError(f"{self.contest.problem.case.name}: no motion is safe on every explanation still in play")
-        return found
 
-    def search_sequence(self, pieces: int) -> np.ndarray:
-        """Course (frames, channels) of the pieces of largest joint information, then mutated one at a time."""
-
-        def judge(chosen: list[Piece]) -> tuple[float, float]:
+        def joint(chosen: Sequence[Piece]) -> tuple[float, float]:
             return reduce(add, (piece.information for piece in chosen)).criterion
 
-        library, chosen, rest = self.make_library(pieces), [], self.stage.rest
+        chosen: list[Piece] = []
         for _ in range(pieces):
-            chosen.append(max(library, key=lambda piece: judge([*chosen, piece])))
-        best = judge(chosen)
+            chosen.append(max(library, key=lambda piece: joint([*chosen, piece])))
+        best = joint(chosen)
         for _ in range(round(MUTATIONS * self.fewer)):
-            at = int(self.rng.integers(pieces))
-            known = chosen[at].motif
-            motif = known.mutate(self.rng) if known else random_motif(len(rest), self.rng)
-            for piece in self.make_piece(motif, motif.shares(self.whole // pieces, rest)):
+            at = int(rng.integers(pieces))
+            if known := chosen[at].motion.motif:
+                moves = [STEP * rng.standard_normal(v.shape) * (rng.random(v.shape) < CHANGED) for v in known]
+                motif = Motif(*(np.clip(v + move, 0.0, 1.0) for v, move in zip(known, moves, strict=True)))
+            else:
+                motif = random_motif(len(rest), rng)
+            for piece in self.judge(self.make_safe(motif, motif.shares(frames, rest))):
                 trial = [*chosen[:at], piece, *chosen[at + 1 :]]
-                if (reached := judge(trial)) > best:
+                if (reached := joint(trial)) > best:
                     chosen, best = trial, reached
-        return np.concatenate([piece.course for piece in chosen])
+        return np.concatenate([piece.motion.course for piece in chosen])
 
 
 def design(contest: Contest, duration: float | None = None, seed: int = 0) -> Design:
@@ -341,21 +309,22 @@ def design(contest: Contest, duration: float | None = None, seed: int = 0) -> De
     Raises:
         InputError: for a length out of range, a machine whose references have no limits, and where nothing is safe.
     """
-    search, robot, found = Designer(contest, duration, seed), contest.problem.robot, list[Piece]()
+    search, robot, tried = Designer(contest, duration, seed), contest.problem.robot, list[Motion]()
     for k in search.rng.integers(2**31, size=max(round(WHOLE * search.fewer), 3)):
         motion = protocol(f"random-motion:seed={k},duration={search.whole * robot.machine.frame:g}", robot)
-        found += search.make_piece(None, search.to_course(motion, 0, len(motion.values), search.whole), 2 * SHRINKS)
-    random = sorted(found, key=lambda piece: piece.information.criterion)[len(found) // 2 :][:1]
+        tried += search.make_safe(None, search.to_course(motion, 0, len(motion.values), search.whole), 2 * SHRINKS)
+    found = sorted(search.judge(tried), key=lambda piece: piece.information.criterion)
+    random = found[len(found) // 2 :][:1]
     for pieces in PIECES:
-        found += search.make_piece(None, search.search_sequence(pieces), 2 * SHRINKS)
+        found += search.judge(search.make_safe(None, search.search_sequence(pieces), 2 * SHRINKS))
     if not found:
         raise InputError(f"{contest.problem.case.name}: no experiment is safe on every explanation in play")
     found.sort(key=lambda piece: piece.information.criterion, reverse=True)
-    ended = [(piece, refit(contest, search.stage.reference(piece.course).values)) for piece in found[:FINAL]]
-    last = [piece._replace(information=again) for piece, again in ended if again]
+    ended = [(piece.motion, refit(contest, piece.motion.reference.values)) for piece in found[:FINAL]]
+    last = [Piece(motion, again) for motion, again in ended if again]
     best = max(last or found[:1], key=lambda piece: piece.information.criterion)
     promised = min(piece.information.probability for piece in (*random, best)) if random else 0.0
-    return Design(search.stage.reference(best.course), best.information, best.size, search.safety, promised)
+    return Design(best.motion.reference, best.information, best.motion.size, search.safety, promised)
 
 
 def draw_experiment(contest: Contest, design: Design) -> bytes:
@@ -396,7 +365,7 @@ def draw_experiment(contest: Contest, design: Design) -> bytes:
             axes.set(ylabel=f"{channel}\n{display.axis}", ylim=(-ROOM[0] * largest, ROOM[1] * largest))
             title = f"RMS {size[k]:.2g} standard deviations"
             axes.legend(loc="upper right", ncols=2, fontsize=7.5, title=title, title_fontsize=7.5)
-        words = f"difference: {contest.names[true]} against {contest.names[rival]} refitted"
+        words = f"difference: {contest.explanations[true].name} against {e.name} refitted"
         rows[1, 0].set_title(words, fontsize=9, loc="left")
         rows[-1, 0].set_xlabel("Time [s]")
         title = f"{problem.case.name}: references of the experiment"

@@ -1,7 +1,6 @@
 """Requirements on a case, and its logs beside those that the nominal robot writes on the same references.
 
-A check compares a statistic of a measured channel with the same statistic of the simulated one, noise and rounding
-included, so that it needs neither units nor the names of a machine.
+Both have noise and rounding, so that a check that compares them needs neither units nor names of a machine.
 """
 
 from __future__ import annotations
@@ -113,7 +112,7 @@ class Channel:
         self.noise = fast_noise(measured / self.factor)  # in the unit that the samples seem to have
         self.nominal_noise = fast_noise(nominal)
         # of a rounded channel two steps, below which rounding may be taken for noise
-        self.least_noise = max(self.nominal_noise, CLEAR * rounding_step(nominal))
+        self.least_noise = max(self.nominal_noise, CLEAR * find_step(nominal))
         changes, steps = bool(np.median(np.abs(np.diff(measured))) > 0.0), np.abs(np.diff(nominal))
         # rounding leaves the noise: it is more than a step in the nominal log, and most measured samples change
         smallest = float(steps[steps > EXACT * np.ptp(nominal)].min(initial=np.inf))
@@ -143,19 +142,14 @@ class Comparison:
     pairs: tuple[LogPair, ...]
     channels: tuple[Channel, ...]  # columns of each log with at least `SHORTEST` samples
 
-    @property
-    def machine(self) -> Machine:
-        """The robot's machine."""
-        return self.robot.machine
-
     @cached_property
     def kinds(self) -> np.ndarray:
         """Kind of each column (columns,)."""
         return np.array([column.rsplit("_", 1)[0] for column in self.columns])
 
-    def audible(self, *columns: str) -> list[Channel]:
-        """The audible channels of some columns."""
-        return [c for column in columns for c in self.channels if c.column == column and c.audible]
+    def audible(self, column: str) -> list[Channel]:
+        """The audible channels of a column."""
+        return [c for c in self.channels if c.column == column and c.audible]
 
 
 def compare(case: Case, robot: Robot) -> Comparison:
@@ -181,18 +175,6 @@ def list_few(names: Iterable[str], count: int = NAMED) -> str:
     return ", ".join(once[:count]) + (f" and {len(once) - count} more" if len(once) > count else "")
 
 
-def list_places(channels: Iterable[Channel]) -> str:
-    """Columns and files of some channels, for a sentence."""
-    listed = list(channels)
-    return f"{list_few(c.column for c in listed)} of {list_few(c.file for c in listed)}"
-
-
-def white_share(values: np.ndarray) -> float:
-    """Share of a signal's (n,) variance that is white noise; von Neumann's ratio over 2, 0 for a constant."""
-    variance = float(np.var(values))
-    return float(np.mean(np.diff(values) ** 2)) / (2.0 * variance) if variance > 0.0 else 0.0
-
-
 def fast_noise(values: np.ndarray, order: int = ORDER) -> float:
     """Standard deviation of white noise in a signal (n,) that moves slowly, by differences; 0 if rounding.
 
@@ -202,21 +184,7 @@ def fast_noise(values: np.ndarray, order: int = ORDER) -> float:
     return 0.0 if found <= np.finfo(float).eps * np.nanmax(np.abs(values), initial=0.0) else found
 
 
-def rounding_step(values: np.ndarray) -> float:
+def find_step(values: np.ndarray) -> float:
     """Smallest change of a rounded signal (n,), whose samples mostly repeat; 0 for another one and for a constant."""
     steps = np.abs(np.diff(values))
     return float(np.min(steps, initial=np.inf, where=steps > 0.0)) if steps.any() and np.median(steps) == 0.0 else 0.0
-
-
-def find_runs(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Starts (runs,) and lengths (runs,) of the runs of equal values (n,)."""
-    starts = np.concatenate([[0], np.flatnonzero(values[1:] != values[:-1]) + 1])
-    return starts, np.diff(starts, append=len(values))
-
-
-def longest_run(values: np.ndarray) -> tuple[int, int]:
-    """Start and length of the longest run of equal values (n,); of a mask, of the longest run that is set."""
-    starts, lengths = find_runs(values)
-    lengths = lengths * values[starts] if values.dtype == bool else lengths
-    k = int(lengths.argmax())
-    return int(starts[k]), int(lengths[k])

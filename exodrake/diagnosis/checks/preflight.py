@@ -1,27 +1,20 @@
 """What can be said of a case before its diagnosis: recordings, excitation, suspicions, identifiability.
 
-Identifiability: the effects that the motion of a case could show, and those that it could not tell apart.
-The case counts as a planned experiment: the logs that the nominal robot would give, with every signal in them. An
-effect of typical size changes them by a direction d, in noise standard deviations and with the nominal parameters free
-within their tolerances. It is seen where |d| exceeds `SEEN`. Another effect can be taken for it where its own
-directions D, scaled within their ranges, leave less than the noise or the error rho of a law does (`LAW`):
-
-    left = min_f | d - D f |          taken for it: left < max(SEEN, rho |d|)
-
-As in a diagnosis, samples within the correlation time of a model's error count as one.
+Identifiability: the effects that the motion of a case could show, and those that it could not tell apart, were all its
+signals logged by the nominal robot.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from exodrake.core.machine import Column, Machine
+from exodrake.core.part import Signal
 from exodrake.core.progress import no_progress
 from exodrake.core.robot import Robot
 from exodrake.data.case import FILE, Case, find_logs, read_case, read_case_file
@@ -29,9 +22,10 @@ from exodrake.data.formats import read_table
 from exodrake.data.log import Log
 from exodrake.data.plot import STYLE, new_figure, render_png
 from exodrake.diagnosis.calibration import calibration_notes
-from exodrake.diagnosis.checks.compare import Comparison, check_case, compare, fast_noise, find_runs, list_few
-from exodrake.diagnosis.checks.suspicions import HELD, LEAST_MOTION, suspicions
-from exodrake.diagnosis.likelihood import CORRELATION, duration, output_error
+from exodrake.diagnosis.checks.compare import check_case, compare, fast_noise, list_few
+from exodrake.diagnosis.checks.suspicions import HELD, LEAST_MOTION, held_shares, suspicions
+from exodrake.diagnosis.fit import Explanation
+from exodrake.diagnosis.likelihood import duration, output_error
 from exodrake.diagnosis.linear import LinearModel, minimise_bounded
 from exodrake.diagnosis.linearise import Linearisation, linearise, nominal_jacobian
 from exodrake.diagnosis.noise import sensor_noise_std
@@ -100,13 +94,11 @@ class Direction(NamedTuple):
 
 
 class Sensor(NamedTuple):
-    """A signal that is not logged, with the numbers of hidden and mistaken directions if it were."""
+    """A signal that is not logged, and identifiability if it were, with some noise [its unit]."""
 
-    signal: str
-    unit: str
+    signal: Signal
     noise: float
-    hidden: int
-    mistaken: int
+    left: Identifiability
 
 
 class Fewer(NamedTuple):
@@ -152,12 +144,9 @@ class Preflight(NamedTuple):
 
 
 def preflight(
-    path: str | Path,
-    robot: Robot,
-    tried: frozenset[str] | None = None,
-    allow_outside: bool = False,
+    path: str | Path, robot: Robot, tried: frozenset[str] | None = None, allow_outside: bool = False,
     progress: Callable[[str], object] = no_progress,
-) -> Preflight:
+) -> Preflight:  # fmt: skip
     """Checks a case before its diagnosis.
 
     Args:
@@ -174,10 +163,37 @@ def preflight(
     robot = robot.with_parameters(case.robot, source=case.name) if case.robot else robot
     check_case(case, robot.machine)
     progress("comparing the logs with the nominal robot")
-    comparison = compare(case, robot)
-    parts = read_clocks(Path(path), robot.machine.frame), judge_channels(comparison), judge_excitation(case, robot)
-    problems = (*case.notes, *find_problems(*parts), *suspicions(comparison), *calibration_notes(robot.machine))
-    return Preflight(case, *parts, identifiability(case, robot, tried, progress), tuple(dict.fromkeys(problems)))
+    machine, comparison = robot.machine, compare(case, robot)
+    # logs as they were recorded, before their clocks are mended
+    place = Path(path).parent if Path(path).name == FILE else Path(path)
+    files = {place.name: place}
+    if place.is_dir():
+        entries = read_case_file(place / FILE)["logs"] if (place / FILE).is_file() else find_logs(place)[0]
+        files = {entry["file"]: place / entry["file"] for entry in entries}
+    clocks = tuple(judge_clock(read_table(where), file, machine.frame) for file, where in files.items())
+    channels, logs = [], [pair.item.log for pair in comparison.pairs]
+    whole = [~np.isnan(np.column_stack(list(log.signals.values()))).all(axis=1) for log in logs]
+    for i, column in enumerate(comparison.columns):
+        measured = [pair.measured[:, i] for pair in comparison.pairs]
+        missing = np.concatenate([np.isnan(log[column]) & rows for log, rows in zip(logs, whole, strict=True)])
+        motion, rows = np.std(np.concatenate(measured)), [len(values) for values in measured]
+        held = np.average([held_shares(values)[0] for values in measured], weights=rows)
+        noise = np.median([fast_noise(values) for values in measured if len(values) > 2 * HELD] or [0.0])
+        channels.append(ChannelQuality(column, *map(float, (missing.mean(), held, motion, noise))))
+    excitations, names = [], machine.log_names(machine.references[:1])
+    limited = machine.reference_limits and robot.limits
+    spans = np.subtract(*robot.reference_limits()[::-1]) if limited else np.full(len(names), np.nan)
+    for name, most in zip(names, spans.tolist(), strict=True):
+        moves = [item.log[name][np.isfinite(item.log[name])] for item in case.fit_logs]
+        signs = [np.sign(np.diff(values)) for values in moves]
+        turns = sum(int((np.diff(one[one != 0.0]) != 0.0).sum()) for one in signs)
+        span, rest = float(np.ptp(np.concatenate(moves))), float(np.mean(np.concatenate(signs) == 0.0))
+        band = max(find_band(values, machine.frame) for values in moves)
+        excitations.append(Excitation(name, span, span / most, band, turns, rest))
+    found = find_problems(clocks, channels, excitations)
+    problems = dict.fromkeys([*case.notes, *found, *suspicions(comparison), *calibration_notes(machine)])
+    result = identifiability(case, robot, tried, progress)
+    return Preflight(case, clocks, tuple(channels), tuple(excitations), result, tuple(problems))
 
 
 def find_problems(
@@ -205,15 +221,6 @@ def find_problems(
             yield f"{e.column} turns {e.reversals} times: play and friction need reversals"
 
 
-def read_clocks(path: Path, frame: float) -> tuple[Clock, ...]:
-    """Clocks of all logs of a case folder, or of one log, before they are mended."""
-    place = path.parent if path.name == FILE else path
-    if not place.is_dir():
-        return (judge_clock(read_table(path), path.name, frame),)
-    entries = read_case_file(place / FILE)["logs"] if (place / FILE).is_file() else find_logs(place)[0]
-    return tuple(judge_clock(read_table(place / entry["file"]), entry["file"], frame) for entry in entries)
-
-
 def judge_clock(log: Log, file: str, frame: float) -> Clock:
     """The clock of a log as recorded, against frames of `frame` [s]."""
     steps = np.diff(log.time)
@@ -225,41 +232,6 @@ def judge_clock(log: Log, file: str, frame: float) -> Clock:
     jitter = float(np.std(single)) / frame if len(single) else 0.0
     drift = float(steps.sum()) / total / frame - 1.0
     return Clock(file, len(log), float(np.ptp(log.time)), float(np.median(steps)), jitter, drift, total - len(steps))
-
-
-def judge_channels(comparison: Comparison) -> tuple[ChannelQuality, ...]:
-    """Quality of each compared column, over all logs."""
-    found, logs = [], [pair.item.log for pair in comparison.pairs]
-    whole = [~np.isnan(np.column_stack(list(log.signals.values()))).all(axis=1) for log in logs]
-    for i, column in enumerate(comparison.columns):
-        measured = [pair.measured[:, i] for pair in comparison.pairs]
-        missing = np.concatenate([np.isnan(log[column]) & rows for log, rows in zip(logs, whole, strict=True)])
-        held, motion = np.concatenate([find_held(values) for values in measured]), np.std(np.concatenate(measured))
-        noise = np.median([fast_noise(values) for values in measured if len(values) > 2 * HELD] or [0.0])
-        found.append(ChannelQuality(column, *map(float, (missing.mean(), held.mean(), motion, noise))))
-    return tuple(found)
-
-
-def find_held(values: np.ndarray) -> np.ndarray:
-    """Samples (n,) that stay at the smallest or largest value for `HELD` rows or more, those of a motion only."""
-    starts, lengths = find_runs(values)
-    at_ends = np.isin(values[starts], (values.min(), values.max())) & (len(starts) > 1)
-    return np.repeat(at_ends & (lengths >= HELD), lengths)
-
-
-def judge_excitation(case: Case, robot: Robot) -> tuple[Excitation, ...]:
-    """Excitation of each channel by the machine's first reference, over the logs to fit."""
-    machine, found = robot.machine, []
-    names = machine.log_names(machine.references[:1])
-    limited = machine.reference_limits and robot.limits
-    spans = np.subtract(*robot.reference_limits()[::-1]) if limited else np.full(len(names), np.nan)
-    for name, most in zip(names, spans.tolist(), strict=True):
-        logs = [item.log[name][np.isfinite(item.log[name])] for item in case.fit_logs]
-        moves = [np.sign(np.diff(one)) for one in logs]
-        turns = sum(int((np.diff(one[one != 0.0]) != 0.0).sum()) for one in moves)
-        span, rest = float(np.ptp(np.concatenate(logs))), float(np.mean(np.concatenate(moves) == 0.0))
-        found.append(Excitation(name, span, span / most, max(find_band(x, machine.frame) for x in logs), turns, rest))
-    return tuple(found)
 
 
 def find_band(values: np.ndarray, frame: float) -> float:
@@ -280,35 +252,30 @@ def identifiability(
     effects = [effect for effect in machine.effects if effect.id in problem.tried]
     nominal = nominal_parameters(problem.robot)
     progress(f"simulating {len(effects)} effects")
-    likelihood, values = output_error(problem), problem.silent()
+    likelihood, values, x = output_error(problem), problem.silent(), np.zeros(len(nominal))
     (residual,) = likelihood.residual(values[None])
-    jacobian = nominal_jacobian(likelihood, values, nominal, np.zeros(len(nominal)), residual)
+    jacobian = nominal_jacobian(likelihood, values, nominal, x, residual)
     lin = linearise(likelihood, values, effects, residual)
     progress("telling the effects apart")
     # a linear model of nominal parameters and, last, directions, with a block for each kind of column
     kinds, known = np.array(problem.kinds), list(dict.fromkeys(problem.kinds))
     kind = np.concatenate([np.tile(kinds, len(trial.measured)) for trial in problem.fit])
-    rows = np.concatenate([jacobian, lin.directions, np.zeros((1, lin.directions.shape[1]))], dtype=np.float32)
-    places = [np.flatnonzero(kind == k) for k in known]
-    blocks = [(0, 0, slice(a, b)) for a, b in pairwise(np.cumsum([0, *map(len, places)]).tolist())]
-    free = np.full(len(rows) - 1, np.inf)
-    precision = np.r_[[p.prior_std**-2.0 for p in nominal], np.zeros(len(free) - len(nominal))]
-    memory = max(CORRELATION / machine.frame, 1.0) / (duration(whole) / duration(problem))
-    model = LinearModel.of_rows(
-        rows[:, np.concatenate(places)], blocks, (0.0 * precision, precision, -free, free), memory
-    )
+    blocks = [(0, 0, np.flatnonzero(kind == k)) for k in known]
+    memory = likelihood.memory * duration(problem) / duration(whole)  # the simulated frames stand for all
+    bare = Explanation((), nominal, x, values, residual, jacobian)
+    model = LinearModel.with_directions(bare, jacobian, lin.directions, blocks, memory)
 
     def with_kinds(some: Sequence[str], every: bool = False) -> Identifiability:
-        return Identifiability(find_directions(lin, machine, model, np.isin(known, some), every))
+        gram = model.eliminate(len(nominal), np.isin(known, some)).normal
+        return Identifiability(find_directions(lin, machine, gram, every))
 
     own = [k for k in known if not k.startswith(EXTRA)]
     found, sensors, fewer = with_kinds(own, every=True), [], []
     for k in known[len(own) :]:
-        better, signal = with_kinds([*own, k]), machine.signal[machine.column(k).signal]
-        noise, left = float(problem.noise_std[kinds == k].max()), (len(better.hidden), len(better.mistaken))
-        if sum(left) < len(found.hidden) + len(found.mistaken):
-            sensors.append(Sensor(signal.name, signal.unit, noise, *left))
-    sensors.sort(key=lambda s: (s.hidden + s.mistaken, s.hidden))
+        better, noise = with_kinds([*own, k]), float(problem.noise_std[kinds == k].max())
+        if len(better.clear) > len(found.clear):
+            sensors.append(Sensor(machine.signal[machine.column(k).signal], noise, better))
+    sensors.sort(key=lambda sensor: (-len(sensor.left.clear), len(sensor.left.hidden)))
     # one kind of sensor less, and each alone; a command that is logged is no sensor, and stays
     removable = [k for k in own if machine.observer is None or k != machine.observer.measured_input]
     sets = [tuple(k for k in own if k != gone) for gone in removable]
@@ -344,17 +311,23 @@ def plan_experiment(problem: Problem) -> Problem:
     return replace(every, columns=tuple(np.array(columns)[keep].tolist()), noise_std=stated[keep], fit=fit)
 
 
-def find_directions(
-    lin: Linearisation, machine: Machine, model: LinearModel, blocks: np.ndarray, every: bool
-) -> tuple[Direction, ...]:
-    """All effects of typical size on each channel, by some blocks (mask) of the linear model of `lin`.
+def find_directions(lin: Linearisation, machine: Machine, gram: np.ndarray, every: bool) -> tuple[Direction, ...]:
+    """All effects of typical size on each channel, by the products (directions, directions) of what they change.
 
-    every: whether all effects that could be taken for one are sought; else the first.
+    An effect changes the logs by a direction d [noise_std], nominal parameters free within their tolerances, and is
+    seen where |d| exceeds `SEEN`. Another one, of directions D, can be taken for it where min |d - D f| over its range
+    of f is below `SEEN` or the error `LAW` of a law times |d|. every: whether all such effects are sought, or one.
     """
-    some = replace(model, products=model.products * blocks[:, None, None])
-    gram, found = some.eliminate(len(some.mean) - len(lin.directions)).normal, []
-    size = np.sqrt(np.maximum(np.diag(gram), 0.0))
-    least = np.array([least_left(gram, probe.rows) for probe in lin.probes])
+    found, size = [], np.sqrt(np.maximum(np.diag(gram), 0.0))
+    # what any sizes of a probe's directions leave of each direction (probes, directions); 0 if rounding hides it
+    least = np.zeros((len(lin.probes), len(gram)))
+    for left, rows in zip(least, (probe.rows for probe in lin.probes)):
+        own = np.sqrt(np.maximum(np.diag(gram)[rows], 1e-12))
+        normal = gram[np.ix_(rows, rows)] / np.outer(own, own) + 1e-8 * np.eye(len(rows))
+        if np.linalg.eigvalsh(normal)[0] > 0.0:
+            cross = gram[rows] / own[:, None]
+            left[:] = np.diag(gram) - np.sum(cross * np.linalg.solve(normal, cross), axis=0)
+    least = np.sqrt(np.maximum(least, 0.0))
     for effect in dict.fromkeys(p.effect for p in lin.probes):
         info, probes = machine.effect(effect).parameters[0], [p for p in lin.probes if p.effect == effect]
         others = np.array([p.effect != effect for p in lin.probes])
@@ -387,16 +360,6 @@ def find_directions(
     return tuple(found)
 
 
-def least_left(gram: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """What any sizes of some directions leave of each (directions,) [standard deviations]; 0 if rounding hides it."""
-    size = np.sqrt(np.maximum(np.diag(gram)[rows], 1e-12))
-    normal = gram[np.ix_(rows, rows)] / np.outer(size, size) + 1e-8 * np.eye(len(rows))
-    if np.linalg.eigvalsh(normal)[0] <= 0.0:
-        return np.zeros(len(gram))
-    cross = gram[rows] / size[:, None]
-    return np.sqrt(np.maximum(np.diag(gram) - np.sum(cross * np.linalg.solve(normal, cross), axis=0), 0.0))
-
-
 def draw_figure(found: Preflight) -> bytes:
     """The change of the logs by each effect, a mark for each channel, and what it could be taken for, as PNG."""
     import matplotlib
@@ -421,9 +384,8 @@ def draw_figure(found: Preflight) -> bytes:
         beside.set_title("could be taken for (share of the change left)", fontsize=9, loc="left")
         for row, effect in enumerate(effects):
             left: dict[str, float] = {}
-            for direction in (d for d in result.directions if d.effect == effect):
-                for other, share in direction.taken_for.items():
-                    left[other] = min(share, left.get(other, 1.0))
+            for other, share in (i for d in result.directions if d.effect == effect for i in d.taken_for.items()):
+                left[other] = min(share, left.get(other, 1.0))
             words = [f"{other} ({share:.0%})" for other, share in sorted(left.items(), key=lambda item: item[1])]
             beside.text(0.0, row, list_few(words, LISTED), va="center", fontsize=7.5, color="#8a5a00")
         figure.suptitle(f"{found.case.name}: what it could tell", fontsize=11, fontweight="bold", x=0.01, ha="left")

@@ -1,9 +1,6 @@
 """Suspicious properties of a case that can still be diagnosed: a table of checks, each a function with its sentence.
 
-Most checks compare a statistic of a measured channel with the same statistic of the nominal robot's. The last ones
-compare a log with the other logs: its channel is predicted by a linear model that is fitted on the others, from the
-references, what the nominal robot does on them, and the log's channels of other kinds. An effect of the robot acts on
-all logs and so is in the model, as far as it is linear; what is wrong with one log is not.
+Most compare a statistic of a measured channel with the nominal robot's; the last ones compare a log with the others.
 """
 
 from __future__ import annotations
@@ -17,20 +14,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from exodrake.core.display import in_words
 from exodrake.core.errors import InputError
-from exodrake.diagnosis.checks.compare import (
-    ABOVE,
-    CLEAR,
-    ORDER,
-    Channel,
-    Comparison,
-    fast_noise,
-    find_runs,
-    list_few,
-    list_places,
-    longest_run,
-    rounding_step,
-    white_share,
-)
+from exodrake.diagnosis.checks.compare import ABOVE, CLEAR, ORDER, Channel, Comparison, fast_noise, find_step, list_few
 from exodrake.diagnosis.noise import robust_std
 
 LONGEST = 300  # characters of a sentence
@@ -82,6 +66,32 @@ def group[K, V](pairs: Iterable[tuple[K, V]]) -> list[tuple[K, list[V]]]:
     return list(found.items())
 
 
+def list_places(channels: Iterable[Channel]) -> str:
+    """Columns and files of some channels, for a sentence."""
+    listed = list(channels)
+    return f"{list_few(c.column for c in listed)} of {list_few(c.file for c in listed)}"
+
+
+def white_share(values: np.ndarray) -> float:
+    """Share of a signal's (n,) variance that is white noise; von Neumann's ratio over 2, 0 for a constant."""
+    variance = float(np.var(values))
+    return float(np.mean(np.diff(values) ** 2)) / (2.0 * variance) if variance > 0.0 else 0.0
+
+
+def find_runs(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Starts (runs,) and lengths (runs,) of the runs of equal values (n,)."""
+    starts = np.concatenate([[0], np.flatnonzero(values[1:] != values[:-1]) + 1])
+    return starts, np.diff(starts, append=len(values))
+
+
+def longest_run(values: np.ndarray) -> tuple[int, int]:
+    """Start and length of the longest run of equal values (n,); of a mask, of the longest run that is set."""
+    starts, lengths = find_runs(values)
+    lengths = lengths * values[starts] if values.dtype == bool else lengths
+    k = int(lengths.argmax())
+    return int(starts[k]), int(lengths[k])
+
+
 def nothing_held_out(comparison: Comparison) -> Iterator[str]:
     """A case holds no log out."""
     if not comparison.case.holdout_logs:
@@ -114,9 +124,9 @@ def another_unit(comparison: Comparison) -> Iterator[str]:
         yield f"{list_places(channels)} are about {factor:.3g} times what the nominal robot logs: another unit or sign?"
 
 
-def find_far_references(comparison: Comparison) -> dict[str, str]:
-    """File -> sentence on commands far beyond the limits of the robot file; a measured motion has no limit."""
-    machine, found = comparison.machine, {}
+def references_beyond_limits(comparison: Comparison) -> dict[str, str]:
+    """A command is far beyond the limits that the robot file states: sentence -> file. A measured motion has none."""
+    machine, found = comparison.robot.machine, {}
     first = machine.references[0]
     if not (first.kind.endswith("_ref") and machine.reference_limits and comparison.robot.limits):
         return {}
@@ -129,16 +139,11 @@ def find_far_references(comparison: Comparison) -> dict[str, str]:
         largest = np.abs(pair.reference[:, : len(columns)]).max(axis=0)
         ratios = np.divide(largest, limits, out=np.zeros_like(largest), where=limits > 0.0)
         if (worst := int(ratios.argmax())) in (beyond := np.flatnonzero(ratios > ANOTHER_UNIT)):
-            found[pair.item.file] = (
+            found[
                 f"{list_few(columns[k] for k in beyond)} of {pair.item.file}: another unit than {unit}? "
                 f"{columns[worst]} reaches {largest[worst]:.4g} {unit}, its limit is {limits[worst]:.4g} {unit}"
-            )
+            ] = pair.item.file
     return found
-
-
-def references_beyond_limits(comparison: Comparison) -> Iterator[str]:
-    """A command is far beyond the limits that the robot file states."""
-    yield from find_far_references(comparison).values()
 
 
 def exchanged_columns(comparison: Comparison) -> Iterator[str]:
@@ -166,7 +171,7 @@ def exchanged_columns(comparison: Comparison) -> Iterator[str]:
 
 def gaps(comparison: Comparison) -> Iterator[str]:
     """A column or a reference lacks samples for many frames in a row in which the log has others."""
-    machine = comparison.machine
+    machine = comparison.robot.machine
     for log, file in ((pair.item.log, pair.item.file) for pair in comparison.pairs):
         references = [c for c in machine.log_names(machine.references) if log.has(c)]
         columns = [*comparison.columns, *references]
@@ -189,53 +194,48 @@ def frozen_channels(comparison: Comparison) -> Iterator[str]:
         if np.ptp(np.concatenate(values)) == 0.0:
             found += [name + " of every log"] if any(np.ptp(pair.nominal[:, column]) > 0.0 for pair in pairs) else []
             continue
-        motion = group(  # that is predicted in the runs of one value, of each log with such runs
-            (log, (int(n), int(start), float(np.std(predicted[start : start + n]))))
+        runs = [  # of one value, with the motion that is predicted in each
+            (log, int(n), int(start), float(np.std(predicted[start : start + n])))
             for log, one in enumerate(values)
             for predicted in [other.predict(column, log)]
             for start, n in zip(*find_runs(one))
             if n >= LONG
-        )
-        for log, runs in motion:
-            n, start, own = max(runs, key=lambda run: run[0])
-            stuck = [run[-1] for k, some in motion if k != log for run in some]
+        ]
+        for log in dict.fromkeys(run[0] for run in runs):
+            _, n, start, own = max((run for run in runs if run[0] == log), key=lambda run: run[1])
+            stuck = [run[-1] for run in runs if run[0] != log]
             usual = max([SMALL, *stuck, *other.errors(column, log)])
-            if own > UNLIKE * usual or noise_stops(comparison, column, log, start, n):
-                item = pairs[log].item
-                found.append(f"{name} of {item.file} from {item.log.time[start]:.6g} s on for {n} frames")
+            # or the samples change all the time but in this run, which is no end of the range
+            pair, one, run, stops = pairs[log], values[log], slice(start, start + n), False
+            rest, nominal = np.delete(one, run), pair.nominal[:, column]
+            if len(rest) >= LONG and n >= BEYOND * max(longest_run(nominal)[1], longest_run(rest)[1]):
+                outside = Channel(name, pair.item.file, rest, np.delete(nominal, run))
+                noisy = outside.carries_noise and outside.noise / outside.nominal_noise > 1.0 / CLEAR
+                stops = noisy and one[start] not in (one.min(), one.max())
+            if own > UNLIKE * usual or stops:
+                found.append(f"{name} of {pair.item.file} from {pair.item.log.time[start]:.6g} s on for {n} frames")
     if found:
         verb = "are" if len(found) > 1 else "is"
         yield f"{list_few(found)} {verb} frozen: one value repeats where the channel should move or be noisy"
 
 
-def noise_stops(comparison: Comparison, column: int, log: int, start: int, length: int) -> bool:
-    """Whether the samples of a channel change all the time but in a run of one value, which is no end of its range."""
-    pair, run = comparison.pairs[log], slice(start, start + length)
-    values, nominal = pair.measured[:, column], pair.nominal[:, column]
-    rest = np.delete(values, run)
-    if len(rest) < LONG or length < BEYOND * max(longest_run(nominal)[1], longest_run(rest)[1]):
-        return False
-    outside = Channel(comparison.columns[column], pair.item.file, rest, np.delete(nominal, run))
-    noisy = outside.carries_noise and outside.noise / outside.nominal_noise > 1.0 / CLEAR
-    return noisy and values[start] not in (values.min(), values.max())
+def held_shares(values: np.ndarray, visits: int = 1) -> tuple[float, float]:
+    """Shares of the samples (n,) that repeat for `HELD` rows or more: at ends of a motion's range, and elsewhere.
+
+    visits: to an end, from which it counts.
+    """
+    starts, lengths = find_runs(values)
+    held = (lengths >= HELD) & (len(starts) > 1)
+    ends = [held & (values[starts] == end) for end in (values.min(), values.max())]
+    at_ends = np.any([some & (some.sum() >= visits) for some in ends], axis=0)
+    return lengths[at_ends].sum() / len(values), lengths[held & ~at_ends].sum() / len(values)
 
 
 def clipped_channels(comparison: Comparison) -> Iterator[str]:
     """A channel stays at an end of its range again and again, far more than elsewhere and than the nominal robot's."""
-
-    def held_shares(values: np.ndarray) -> tuple[float, float]:
-        """Shares of the samples that repeat: visits to an end of the range, and elsewhere.
-
-        One visit is none: so looks a robot at rest, and a channel that died.
-        """
-        starts, lengths = find_runs(values)
-        visits = [(lengths >= HELD) & (values[starts] == end) for end in (values.min(), values.max())]
-        at_ends = np.any([some for some in visits if some.sum() > 1] or [[False] * len(starts)], axis=0)
-        return lengths[at_ends].sum() / len(values), lengths[(lengths >= HELD) & ~at_ends].sum() / len(values)
-
     found = []
-    for channel in comparison.channels:
-        (ends, elsewhere), (nominal, _) = held_shares(channel.measured), held_shares(channel.nominal)
+    for channel in comparison.channels:  # one visit is none: so looks a robot at rest, and a channel that died
+        (ends, elsewhere), (nominal, _) = held_shares(channel.measured, 2), held_shares(channel.nominal, 2)
         found += [channel] if ends > max(SATURATED, BEYOND * nominal, BEYOND * elsewhere) else []
     if found:
         yield f"{list_places(found)} again and again stay at one value at an end of their range: is the signal clipped?"
@@ -249,7 +249,7 @@ def nothing_moves(comparison: Comparison) -> Iterator[str]:
 
     pairs = [pair for pair in comparison.pairs if pair.item.role == "fit"]
     references, channels = (np.vstack([getattr(p, x) for p in pairs]).T for x in ("reference", "measured"))
-    if not any(map(moves, references)) and not any(moves(values, rounding_step(values)) for values in channels):
+    if not any(map(moves, references)) and not any(moves(values, find_step(values)) for values in channels):
         yield (
             "nothing moves in the logs to fit: the references are constant and no channel varies by more than "
             f"{LEAST_MOTION:g} times its noise, so hardly any effect can show; record a motion"
@@ -295,10 +295,9 @@ def noise_as_large_as_motion(comparison: Comparison) -> Iterator[str]:
 def noise_unlike_robot_file(comparison: Comparison) -> Iterator[str]:
     """The fast noise of all channels of a sensor is larger, or less, than the robot file says; what to set then.
 
-    A diagnosis takes the noise of a sensor from the robot file, since what makes a loop hunt is a cause and no noise.
     With a noisier sensor no explanation leaves as little as it should, with a quieter one a fit may look too good.
     """
-    machine = comparison.machine
+    machine = comparison.robot.machine
     sensors = group(
         ((".".join(parameter.split(".")[:2]), word, repeats), (parameter, channels))
         for parameter, channels, repeats, word in compare_noise(comparison)
@@ -323,7 +322,7 @@ def compare_noise(comparison: Comparison) -> Iterator[tuple[str, list[Channel], 
     A parameter is `part.name` or `part.name.channel`. A sensor's noise is in every log; what is fast in one of them
     alone is its motion. A diagnosis counts the larger of noise and repeatability. What rounding hides is not judged.
     """
-    machine = comparison.machine
+    machine = comparison.robot.machine
     written = {part.name: {name for output in part.outputs for name in output.writes} for part in machine.parts}
     for parameter in machine.noise:
         part, _, *channel = parameter.split(".")
@@ -413,9 +412,15 @@ def logs_of_other_robots(comparison: Comparison) -> Iterator[str]:
         yield f"{place} differs from the other logs by more than its motion in like states: another robot?"
 
 
+# column -> how many times as large as usual its error is, and whether by gain, offset or delay alone, in words
+Errors = dict[int, tuple[float, str]]
+
+
 class OtherLogs:
     """Predictions of the channels of each log by linear models of the other logs.
 
+    From references, what the nominal robot does on them, and channels of other kinds. An effect of the robot acts on
+    all logs and so is in the model, as far as it is linear; what is wrong with one log is not.
     Columns are references, nominal and measured ones about their median means, in units of their typical motion, that
     of a measured one no less than the nominal's. Logs on one reference predict each other too well and do not count.
     """
@@ -432,14 +437,13 @@ class OtherLogs:
         self.scale, self.middle = scale[-width:], middle[-width:]  # of measured columns
         self.measured = [one[:, -width:] for one in rows]
         self.nominal = [(pair.nominal - self.middle) / self.scale for pair in comparison.pairs]
-        self.repeats = np.eye(len(raw), dtype=bool)
-        for i, k in combinations(range(len(raw)), 2):
-            a, b = (comparison.pairs[log].reference for log in (i, k))
+        references, self.repeats = [pair.reference for pair in comparison.pairs], np.eye(len(raw), dtype=bool)
+        for (i, a), (k, b) in combinations(enumerate(references), 2):
             n, tolerance = min(len(a), len(b)), 1e-9 * float(np.abs(a).max(initial=1e-9))
             self.repeats[i, k] = self.repeats[k, i] = np.allclose(a[:n], b[:n], rtol=0.0, atol=tolerance)
 
     def fit_weights(self, column: int, logs: Sequence[int], without: Collection[str] = ()) -> np.ndarray:
-        """Weights (1 + c,) that predict a column, fitted on some logs; kinds that take no part, its own among them."""
+        """Weights (1 + c,) that predict a column, fitted on some logs; without: kinds that take no part, as its own."""
         first = self.moments.shape[1] - len(self.kinds)
         used = np.r_[:first, first + np.flatnonzero(~np.isin(self.kinds, [self.kinds[column], *without]))]
         moments, ridge = self.moments[list(logs)].mean(axis=0), np.r_[0.0, np.full(len(used) - 1, RIDGE)]
@@ -464,39 +468,41 @@ class OtherLogs:
         others = [k for k in range(len(self.rows)) if k != log]
         return self.rows[log] @ self.fit_weights(column, others, without) if others else self.nominal[log][:, column]
 
-    def explain_error(self, column: int, log: int, without: Collection[str] = ()) -> tuple[float, str]:
-        """How many times the usual error is the part of a column's error that a gain, offset or delay explains.
+    def find_errors(self, log: int, columns: Iterable[int], without: Collection[str] = ()) -> Errors:
+        """Errors of columns of a log that a gain, an offset or a delay explains.
 
         What none of them explains is left to the robot: an effect may show in one motion alone.
-
-        Returns:
-            The ratio, 0 for an error that is usual, and the one of the three that suffices, in words.
         """
         from scipy.signal import correlate
 
-        errors, others = self.errors(column, log, without), [k for k in range(len(self.rows)) if k != log]
-        usual, rms = max([SMALL, *errors]), self.error(column, log, others, without)
-        if not errors or rms <= UNLIKE * usual:
-            return 0.0, ""
-        level = self.middle[column] / self.scale[column]
-        unit = self.comparison.pairs[log].item.log.units[self.comparison.columns[column]]
-        h, y = self.predict(column, log, without), self.measured[log][:, column]
-        error, n, true = y - h, len(y), h + level
-        far = n // 4
-        correlation = correlate(y - y.mean(), h - h.mean(), method="fft")
-        late = int(np.argmax(correlation[n - 1 - far : n + far])) - far
-        gain = float(true @ (y + level) / (true @ true))
-        both = np.column_stack([h, np.ones(n)])
-        left = {
-            f"about {gain:.3g} times what they say": error - (gain - 1.0) * true,
-            f"{error.mean() * self.scale[column]:+.3g} {unit} apart": error - error.mean(),
-            f"{late * self.comparison.machine.frame:+.3g} s late": y - h[np.clip(np.arange(n) - late, 0, n - 1)],
-            "": error - both @ np.linalg.lstsq(both, error, rcond=None)[0],  # gain and offset
-        }
-        shares = {words: 1.0 - float(rest @ rest / (error @ error)) for words, rest in left.items()}
-        best = max(filter(None, shares), key=lambda words: shares[words])
-        ratio = rms * float(np.sqrt(max(shares[best], shares[""], 0.0))) / usual
-        return ratio, best if shares[best] > ALONE else ""
+        found, others = {}, [k for k in range(len(self.rows)) if k != log]
+        for column in columns:
+            kinds = {*without} - {self.kinds[column]}
+            errors, rms = self.errors(column, log, kinds), self.error(column, log, others, kinds)
+            usual = max([SMALL, *errors])
+            if not errors or rms <= UNLIKE * usual:
+                continue
+            level = self.middle[column] / self.scale[column]
+            unit = self.comparison.pairs[log].item.log.units[self.comparison.columns[column]]
+            h, y = self.predict(column, log, kinds), self.measured[log][:, column]
+            error, n, true = y - h, len(y), h + level
+            far = n // 4
+            correlation = correlate(y - y.mean(), h - h.mean(), method="fft")
+            late = int(np.argmax(correlation[n - 1 - far : n + far])) - far
+            gain = float(true @ (y + level) / (true @ true))
+            both = np.column_stack([h, np.ones(n)])
+            left = {
+                f"about {gain:.3g} times what they say": error - (gain - 1.0) * true,
+                f"{error.mean() * self.scale[column]:+.3g} {unit} apart": error - error.mean(),
+                f"{late * self.comparison.case.period:+.3g} s late": y - h[np.clip(np.arange(n) - late, 0, n - 1)],
+                "": error - both @ np.linalg.lstsq(both, error, rcond=None)[0],  # gain and offset
+            }
+            shares = {words: 1.0 - float(rest @ rest / (error @ error)) for words, rest in left.items()}
+            best = max(filter(None, shares), key=lambda words: shares[words])
+            ratio = rms * float(np.sqrt(max(shares[best], shares[""], 0.0))) / usual
+            if ratio > UNLIKE:
+                found[column] = ratio, best if shares[best] > ALONE else ""
+        return found
 
     def delay_slope(self, kind: str, log: int) -> tuple[float, float]:
         """By how much the delay of a kind of channel grows in a log [frames/frame], and that over its standard error.
@@ -535,17 +541,12 @@ def unlike_other_logs(comparison: Comparison) -> Iterator[str]:
     """
     if len(comparison.pairs) < 3:
         return
-    other, kinds, beyond = OtherLogs(comparison), comparison.kinds, find_far_references(comparison)
-
-    def find_errors(log: int, columns: Iterable[int], without: Collection[str] = ()) -> dict[int, tuple[float, str]]:
-        each = ((c, other.explain_error(c, log, {*without} - {kinds[c]})) for c in columns)
-        return {c: one for c, one in each if one[0] > UNLIKE}
-
-    unlike: dict[int, dict[int, tuple[float, str]]] = {}
+    other, kinds, beyond = OtherLogs(comparison), comparison.kinds, references_beyond_limits(comparison).values()
+    unlike: dict[int, Errors] = {}
     for log in (k for k, pair in enumerate(comparison.pairs) if pair.item.file not in beyond):
-        if found := find_errors(log, range(len(kinds))):
+        if found := other.find_errors(log, range(len(kinds))):
             worst = kinds[max(found, key=lambda c: found[c][0])]
-            kept = find_errors(log, found, kinds[list(found)])
+            kept = other.find_errors(log, found, kinds[list(found)])
             unlike[log] = kept or {c: one for c, one in found.items() if kinds[c] == worst}
     if not unlike:
         return
@@ -578,7 +579,7 @@ def drifting_clocks(comparison: Comparison) -> Iterator[str]:
                 )
 
 
-CHECKS: tuple[Callable[[Comparison], Iterator[str]], ...] = (
+CHECKS: tuple[Callable[[Comparison], Iterable[str]], ...] = (
     nothing_held_out, copied_logs, another_unit, references_beyond_limits, exchanged_columns, gaps, frozen_channels,
     clipped_channels, nothing_moves, bursts, noise_as_large_as_motion, noise_unlike_robot_file,
     changed_between_repeats, logs_of_other_robots, unlike_other_logs, drifting_clocks,

@@ -1,52 +1,46 @@
 """Discovery of the free law, among all points of all parts, that best explains the gap beside the effects of a case.
 
-    r = r0 + J x + F c          x: nominal parameters and effects     c_i ~ N(0, s_channel^2): modes of the law
-
-One linear model about the best set screens all laws: x is eliminated, and the scale s of each channel is that of the
-largest evidence (MacKay, Neural Computation 4(3), 1992); a channel that the logs do not need gets s = 0. The best few
-are fitted through the simulation and compared by their evidence.
+One linear model about the best set screens all laws, the best few are fitted through the simulation and compared by
+their evidence: docs/explain/missing_law.md.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.linalg import block_diag
 
+from exodrake.compiled.compose import compile_machine
+from exodrake.compiled.inputs import NOTHING, NoiseInputs, input_rows
 from exodrake.core.confidence import ALPHA, NORMAL_90
-from exodrake.core.machine import Machine
+from exodrake.core.machine import Machine, signal_count, stack, state_size
 from exodrake.core.parallel import side_by_side
-from exodrake.core.part import HYSTERESIS, RELAXATION
+from exodrake.core.part import HYSTERESIS, RELAXATION, FreeLaw
 from exodrake.core.plain import plain
 from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.core.robot import Robot
 from exodrake.diagnosis.closure import measure
-from exodrake.diagnosis.discovery.candidates import Candidate, find_formulas, list_candidates, run_watches
-from exodrake.diagnosis.discovery.law_code import (
-    COUNTS,
-    KNOTS,
-    SIZE,
-    WEIGHTS,
-    add_laws,
-    effect_text,
-    get_laws,
-    robot_on,
-    robot_with,
-    values_on,
-)
+from exodrake.diagnosis.discovery import law_code
+from exodrake.diagnosis.discovery.law_code import KNOTS, SIZE, WEIGHTS, LawPoint
 from exodrake.diagnosis.fit import Explanation, linear_model, minimise, settle, whole_jacobian, without
 from exodrake.diagnosis.isolation import Isolation
 from exodrake.diagnosis.likelihood import SAMPLE, Likelihood
-from exodrake.diagnosis.linear import LinearModel
+from exodrake.diagnosis.linear import RIDGE, LinearModel
 from exodrake.diagnosis.parameter import Parameter
-from exodrake.diagnosis.problem import Problem
+from exodrake.diagnosis.problem import Problem, Trial
 from exodrake.diagnosis.result import Interval
 from exodrake.diagnosis.search import LAW, NATS, NEGLIGIBLE
 from exodrake.diagnosis.verdict import LARGE, MOST
 
+LENGTH = 0.4  # correlation length of a curve in its range: assumed
+FINE = 40.0  # range over the width near 0 in which knots lie close: assumed
+REACHES = (0.01, 0.6)  # of hysteresis, smallest and largest in ranges of the variable: assumed
+MODEST = 0.05  # size of a law in the range of its point's value: small against curvature, large against rounding
+FRAMES = 2.0  # shortest memory
 SCALES = (0.0, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0)  # of a law in units of its plausible size
 MODES, PASSES = 3, 2  # of a law with which it is screened; over the channels in search of their scales
 STARTED, PER_POINT = 14, 4  # laws that are simulated as predicted, and at most at one point
@@ -57,7 +51,35 @@ ROUNDS = 2  # new Jacobians of the best law's other parameters, on whole logs
 # in 90 % of robots a law in a wrong part takes up less of what the best one in the right part leaves: conformal
 # quantile of 24 of the reference simulator, rounded up (docs/missing_law.md); the largest are 0.65, 0.49 and 0.05
 LEAD = 0.5
+TERMS = 3  # of a formula
+GRID = 200  # points on which a term is approximated by a curve
+WIDTHS = (0.02, 0.05, 0.1, 0.14, 0.2, 0.28, 0.4)  # of terms with a width, in the largest |u|
+BENDS = (0.2, 0.35, 0.5, 0.65, 0.8)  # of terms with a bend, in the range of u
 READINGS = ("shown", "delivered")  # points of readings, as in `search.is_memory`
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A candidate for the missing law: a form at a point."""
+
+    law: LawPoint
+    number: int  # of the form, from 1
+    channels: tuple[str, ...]
+    knots: np.ndarray  # (channels, 8) of the curve, reaches of hysteresis [unit of u] or time constants [s]
+    size: np.ndarray  # (channels,) plausible weight
+    basis: np.ndarray  # (8, 8) weights of the modes in units of size, largest prior variance first
+    low: np.ndarray  # (channels,) lowest value of its variable in the simulated logs [unit of u]
+    high: np.ndarray  # (channels,) highest value [unit of u]
+
+    @property
+    def form(self) -> FreeLaw:
+        """Its form."""
+        return self.law.forms[self.number - 1]
+
+    @property
+    def name(self) -> str:
+        """Id of the effect and its form in words."""
+        return f"{self.law.learned}: {self.form.words}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,23 +137,15 @@ class MissingLaw:
         return plain({name: value for name, value in vars(self).items() if name not in ("robot", "text")})
 
 
-class Screened(NamedTuple):
-    """A law as the linear model predicts it."""
-
-    gain: float  # of log evidence [nats]
-    candidate: Candidate
-    scales: np.ndarray  # (channels,) of its prior
-    x: np.ndarray  # coordinates, those of the parameters beside it first
-
-
 @dataclass(frozen=True, eq=False)
 class LawFit:
-    """A law fitted through the simulation."""
+    """A law beside the parameters of an explanation, as the linear model predicts it or fitted through simulation."""
 
     candidate: Candidate
     scales: np.ndarray  # (channels,) prior standard deviations of its modes; 0 where it is absent
     explanation: Explanation  # coordinates of the law's modes are the last ones
     likelihood: Likelihood  # views of the case that were fitted
+    gain: float = 0.0  # of log evidence by the linear model [nats]
 
     @property
     def block(self) -> str:
@@ -160,15 +174,24 @@ class LawFit:
         found[self.active] = self.explanation.x[self.beside :].reshape(-1, SIZE)
         return found
 
+    @property
+    def weights(self) -> np.ndarray:
+        """Weights (channels, 8) of the law."""
+        return self.candidate.size[:, None] * (self.modes @ self.candidate.basis.T)
+
     @cached_property
     def model(self) -> LinearModel:
         """The linear model about the fit."""
         memory = self.likelihood.with_memory(self.explanation.residual)
         return linear_model(memory.scaled_to(self.explanation.residual), self.explanation)
 
-    def evidence(self, memory: float) -> float:
-        """Log evidence [nats], so many frames as one."""
-        return replace(self.model, memory=memory).evidence()
+
+def measure_lead(share: float, other: float) -> float:
+    """Share of what another law leaves that a law takes up, by the shares of the excess that both remove.
+
+    Below 0 a fit ended early: with no law at all it is 0.
+    """
+    return 1.0 - (1.0 - share) / max(1.0 - max(other, 0.0), 1e-9)
 
 
 def discover(
@@ -189,21 +212,27 @@ def discover(
         who = accepted.explanation.name if accepted.effects else "retuning"
         return MissingLaw(False, f"what {who} leaves is negligible: no law is missing")
     progress(Stage.LINEARISE, "free laws")
-    machine = add_laws(problem.robot.machine)
-    whole = replace(found.whole, robot=robot_on(found.whole.robot, machine))
-    laws = [law for law in get_laws(problem.robot.machine) if not blocks or law.block in blocks]
+    machine = law_code.add_laws(problem.robot.machine)
+    whole = replace(found.whole, robot=law_code.robot_on(found.whole.robot, machine))
+    laws = [law for law in law_code.law_points(problem.robot.machine) if not blocks or law.block in blocks]
+    one, bare = found.likelihood.views[0].problem, problem.robot.machine
+    likelihood = found.likelihood.on(replace(one, robot=law_code.robot_on(one.robot, machine))).for_stage("discover")
+    likelihood = replace(likelihood, memory=min(likelihood.memory, max(SAMPLE / machine.frame, 1.0)))
+    index = [machine.index[p.name] for p in bare.parameters]
     groups: list[tuple[Likelihood, Explanation, int, list[LawFit]]] = []
-    for known in {id(f): f for f in (accepted, found.retuned)}.values():
-        likelihood, base = put_on(machine, found.likelihood, known.explanation)
+    for e in {id(f): f.explanation for f in (accepted, found.retuned)}.values():
+        parameters = tuple(replace(p, index=tuple(index[i] for i in p.index)) for p in e.parameters)
+        base = e.change(parameters=parameters, values=law_code.values_on(e.values, bare, machine))
+        scaled = likelihood.scaled_to(e.residual)
         tried = list_candidates(whole, base.robot, laws)
-        screened = sorted(side_by_side([partial(screen, likelihood, base, c) for c in tried]), key=lambda s: -s.gain)
-        groups.append((likelihood, base, len(tried), fit_best(likelihood, base, screened, progress)))
+        screened = side_by_side([partial(screen, scaled, base, candidate) for candidate in tried])
+        groups.append((scaled, base, len(tried), fit_best(base, screened, progress)))
     memory = min((fit.model.memory for *_, fits in groups for fit in fits), default=1.0)
-    evidence = [max((fit.evidence(memory) for fit in fits), default=-np.inf) for *_, fits in groups]
+    evidence = [max((fit.model.evidence(memory) for fit in fits), default=-np.inf) for *_, fits in groups]
     likelihood, base, tried, fits = groups[int(np.argmax(evidence))]
     if not fits:
         return MissingLaw(False, "the logs are as likely without any law as with one", p_noise=1.0)
-    fits.sort(key=lambda fit: -fit.evidence(memory))
+    fits.sort(key=lambda fit: -fit.model.evidence(memory))
     before = np.maximum(likelihood.chi2(base.residual) - 1.0, 0.0)
     wide = before > NEGLIGIBLE**2
     after = [np.maximum(likelihood.chi2(fit.explanation.residual) - 1.0, 0.0) for fit in fits]
@@ -217,7 +246,7 @@ def discover(
         Runner(f.candidate.law.learned, f.candidate.form.words, s) for f, s in zip(fits, shares, strict=True)
     )
     best, memory, rest = fits[0], fits[0].model.memory, base.name if base.effects else "retuning"
-    gain = best.evidence(memory) - replace(linear_model(likelihood, base), memory=memory).evidence()
+    gain = best.model.evidence(memory) - linear_model(likelihood, base).evidence(memory)
     # evidence exceeds exp(g) times that of no law with probability exp(-g) at most (Markov); any of those tried may
     p = float(min(1.0, tried * len(SCALES) * np.exp(-gain)))
     if p > ALPHA:
@@ -230,7 +259,7 @@ def discover(
     for effect in best.explanation.effects:  # without those that no longer earn their place beside it
         start = without(best.likelihood, best.explanation, effect)
         trial = replace(best, explanation=minimise(best.likelihood.scaled_to(start.residual), start))
-        if best.evidence(best.model.memory) - trial.evidence(best.model.memory) < NATS:
+        if best.model.evidence(best.model.memory) - trial.model.evidence(best.model.memory) < NATS:
             best = trial
     # on whole logs, until no step with a new Jacobian of the other parameters leads further
     on_whole = best.likelihood.on(whole)
@@ -239,60 +268,116 @@ def discover(
     for _ in range(ROUNDS):
         e = settle(on_whole, e, np.ones(e.nominal, dtype=bool))
     best = replace(best, explanation=e, likelihood=on_whole)
-    candidate, robot = best.candidate, best.explanation.robot
-    weights = candidate.size[:, None] * (best.modes @ candidate.basis.T)
+    candidate, robot, weights = best.candidate, best.explanation.robot, best.weights
     rival = next((k for k, fit in enumerate(fits) if fit.block != best.block), None)
-    # share of what the runner-up leaves that the law takes up; below 0 a fit ended early: with no law at all it is 0
-    lead = 1.0 if rival is None else 1.0 - (1.0 - shares[0]) / max(1.0 - max(shares[rival], 0.0), 1e-9)
+    lead = 1.0 if rival is None else measure_lead(shares[0], shares[rival])
     watched = {"form": float(candidate.number), "low": candidate.low, "high": candidate.high}
     states = run_watches(whole, base.robot, {candidate.law.identity: watched})[candidate.law.identity]
-    curves = draw_curves(best, weights, np.array([states[c].sum(axis=0) for c in COUNTS]).T)
+    curves = draw_curves(best, np.array([states[c].sum(axis=0) for c in law_code.COUNTS]).T)
     short = {name: curve.formula for name, curve in curves.items() if curve.formula}
     strongest = int(abs(weights).max(axis=1).argmax())
     at = candidate.knots[strongest], weights[strongest]
-    text = effect_text(candidate.law, candidate.form, *at, problem.case.name, short)
-    bare, nominal = found.whole.robot, found.whole.silent()
-    rows = np.array([values_on(nominal, bare.machine, machine), base.robot, robot])
+    text = law_code.effect_text(candidate.law, candidate.form, *at, problem.case.name, short)
+    rows = np.array([law_code.values_on(found.whole.silent(), bare, machine), base.robot, robot])
     # the robot with the law as an effect, noise and resolutions as they were
-    values = robot[[machine.index[p.name] for p in bare.machine.parameters]]
-    values = np.where(values != replace(found.whole, detected=()).silent(), values, bare.values)
+    kept = robot[index] == replace(found.whole, detected=()).silent()
+    known = replace(found.whole.robot, values=np.where(kept, found.whole.robot.values, robot[index]))
+    words, key = candidate.form.words, candidate.law.key
     return MissingLaw(
-        found=True,
-        reason=f"a free law of {others[0].words} at {candidate.law.key} removes {shares[0]:.0%} of what {rest} leaves",
-        id=others[0].id,
-        words=others[0].words,
-        unit=candidate.form.unit,
+        found=True, reason=f"a free law of {words} at {key} removes {shares[0]:.0%} of what {rest} leaves",
+        id=others[0].id, words=words, unit=candidate.form.unit,
         channels=tuple(name for name in (candidate.channels[i] for i in best.active) if name),
-        share=shares[0],
-        p_noise=p,
-        runner_up=None if rival is None else others[rival],
-        lead=lead,
-        distinguished=lead > LEAD,
-        others=others,
-        curves=curves,
-        closure=measure(whole, [rows] * len(whole.judged)).effect,
-        held_out=bool(whole.holdout),
-        robot=robot_with(replace(bare, values=values), text, candidate.channels, candidate.knots, weights),
-        text=text,
-    )
+        share=shares[0], p_noise=p, runner_up=None if rival is None else others[rival], lead=lead,
+        distinguished=lead > LEAD, others=others, curves=curves,
+        closure=measure(whole, [rows] * len(whole.judged)).effect, held_out=bool(whole.holdout),
+        robot=law_code.robot_with(known, text, candidate.channels, candidate.knots, weights), text=text,
+    )  # fmt: skip
 
 
-def put_on(machine: Machine, likelihood: Likelihood, e: Explanation) -> tuple[Likelihood, Explanation]:
-    """A likelihood and an explanation on their machine with further effects."""
-    before = likelihood.robot.machine
-    problems = [replace(view.problem, robot=robot_on(view.problem.robot, machine)) for view in likelihood.views]
-    views = tuple(replace(view, problem=p) for view, p in zip(likelihood.views, problems, strict=True))
-    index = [machine.index[p.name] for p in before.parameters]
-    parameters = tuple(replace(p, index=tuple(index[i] for i in p.index)) for p in e.parameters)
-    memory = min(likelihood.memory, max(SAMPLE / machine.frame, 1.0))
-    likelihood = replace(likelihood, views=views, memory=memory).for_stage("discover").scaled_to(e.residual)
-    return likelihood, e.change(parameters=parameters, values=values_on(e.values, before, machine))
+def run_watches(
+    problem: Problem, values: np.ndarray, settings: Mapping[str, Mapping[str, float | np.ndarray]]
+) -> dict[str, dict[str, np.ndarray]]:
+    """States of watches, effects that count, at the ends of all fitted trials, run in closed loop without noise.
+
+    Args:
+        problem: the case.
+        values: (parameters,) of the robot.
+        settings: id of each law to be watched -> parameters of its watch.
+
+    Returns:
+        The same id -> name of a state -> (trials, channels).
+    """
+    machine, row = problem.robot.machine, values.copy()
+    module = compile_machine(machine)
+    for identity, given in settings.items():
+        for name, value in given.items():
+            row[[*machine.effect_indices(f"{identity}_watch", name).values()]] = value
+
+    def end_state(trial: Trial) -> np.ndarray:
+        n, state, w = len(trial.reference), np.zeros(state_size(machine)), np.zeros(signal_count(machine))
+        noise = NoiseInputs.draw(n, None, machine)
+        noise |= {name: given[:n] for name, given in trial.latent.items()}
+        module.begin(row, state)
+        given = input_rows(machine, trial.reference, noise).values()
+        module.run(row, state, w, *given, machine.slot, 1, np.zeros((n, len(w))), NOTHING, NOTHING)
+        return state
+
+    ends = np.array(side_by_side([partial(end_state, trial) for trial in problem.fit]))
+    widths: dict[tuple[str, str], int] = {}
+    for part in machine.parts:
+        for owner, states in ((part.name, part.states), *((e.id, e.states) for e in machine.effects_on(part))):
+            widths |= {(owner, s.name): machine.width(s.axis) * s.width for s in states}
+    places = stack(widths).items()
+    watches = {identity: f"{identity}_watch" for identity in settings}
+    return {law: {n: ends[:, at] for (owner, n), at in places if owner == watch} for law, watch in watches.items()}
 
 
-def screen(likelihood: Likelihood, base: Explanation, candidate: Candidate) -> Screened:
+def list_candidates(problem: Problem, values: np.ndarray, laws: Sequence[LawPoint]) -> list[Candidate]:
+    """All laws that may be missing at some points, where a robot `values` (parameters,) with watches runs a case."""
+    machine, found = problem.robot.machine, list[Candidate]()
+    longest = max(len(trial.reference) for trial in problem.fit) * machine.frame
+    # of the variable of each form that is computed (channels,)
+    ranges: dict[tuple[str, int], tuple[np.ndarray, np.ndarray]] = {}
+    for k in range(1, max((len(law.forms) for law in laws), default=-1) + 2):  # each form, and the law's scale
+        settings = {law.identity: {"form": float(k)} for law in laws if k <= len(law.forms) + 1}
+        for identity, states in run_watches(problem, values, settings).items():
+            if states["started"].any():
+                low, high = states["low_seen"].min(axis=0), states["high_seen"].max(axis=0)
+                ranges[identity, k] = low, np.where(high > low, high, low + 1e-9)
+    for law, k, form in ((one, k, form) for one in laws for k, form in enumerate(one.forms, 1)):
+        if not {(law.identity, k), (law.identity, len(law.forms) + 1)} <= set(ranges):
+            continue
+        (low, high), (least, most) = ranges[law.identity, k], ranges[law.identity, len(law.forms) + 1]
+        # plausible weights: the range of the value that passes, over that of the factor
+        size = np.maximum(most - least, 0.5 * np.maximum(abs(least), abs(most)))
+        size = np.maximum(size, 0.1 * max(float(size.max()), 1e-6))
+        span = np.maximum(high - low, 1e-6 * np.maximum(1.0, abs(low)))
+        if form.kind == RELAXATION:
+            knots = np.tile(np.geomspace(FRAMES * machine.frame, 0.5 * longest, SIZE), (len(low), 1))
+            size = size / np.maximum(high - low, 1e-9)
+        elif form.kind == HYSTERESIS:
+            knots = span[:, None] * np.geomspace(*REACHES, SIZE)
+        elif form.fine:
+            near = span / FINE
+            knots = (near * np.sinh(np.linspace(np.arcsinh(low / near), np.arcsinh((low + span) / near), SIZE))).T
+        else:
+            knots = np.linspace(low, low + span, SIZE).T
+        if form.kind != RELAXATION and form.factor not in ("", "-1.0") and form.factor.isidentifier():
+            size = np.ones(len(size))
+        # modes of the prior of the weights: smooth curves (a Gaussian process), or independent elements
+        basis = np.eye(SIZE)[:, [1, 3, 5, 7, 0, 2, 4, 6]]
+        if form.is_curve:
+            apart = np.sqrt(3.0) * abs(np.subtract.outer(np.arange(SIZE), np.arange(SIZE))) / (SIZE - 1) / LENGTH
+            variances, vectors = np.linalg.eigh(1.0 + (1.0 + apart) * np.exp(-apart))  # a constant, and Matern 3/2
+            basis = (vectors * np.sqrt(variances))[:, ::-1]
+        found.append(Candidate(law, k, machine.axes.of(law.point.axis), knots, MODEST * size, basis, low, high))
+    return found
+
+
+def screen(likelihood: Likelihood, base: Explanation, candidate: Candidate) -> LawFit:
     """A candidate by the linear model about a robot without it."""
-    channels = len(candidate.channels)
-    with_it = join_law(likelihood.robot.machine, base, candidate, np.ones(channels), MODES)
+    machine, channels = likelihood.robot.machine, len(candidate.channels)
+    with_it = join_law(machine, base, candidate, np.ones(channels), MODES)
     moved = with_it.at_each(likelihood, [np.r_[base.x, unit] for unit in np.eye(MODES * channels)])
     directions = np.array([e.residual for e in moved]) - base.residual
     columns, memory = whole_jacobian(likelihood, base), likelihood.memory
@@ -302,13 +387,14 @@ def screen(likelihood: Likelihood, base: Explanation, candidate: Candidate) -> S
     modes = np.zeros((channels, SIZE))
     modes[:, :MODES] = found.reshape(channels, MODES)
     x = np.r_[base.x + reduced.others(np.arange(len(found)), found), modes[scales > 0.0].ravel()]
-    return Screened(gain, candidate, scales, x)
+    return LawFit(candidate, scales, replace(join_law(machine, base, candidate, scales), x=x), likelihood, gain)
 
 
 def weigh_scales(normal: np.ndarray, slope: np.ndarray, channel: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     """Prior scales (channels,) of largest evidence, coordinates (n,) with them, and the log evidence beyond none.
 
-    Of a cost c's + c'Nc / 2 of coordinates c of some channels (n,), others eliminated: N (n, n), s (n,).
+    Of a cost c's + c'Nc / 2 of coordinates c of some channels (n,), others eliminated: N (n, n), s (n,). A channel that
+    the logs do not need gets 0 (MacKay, Neural Computation 4(3), 1992).
     """
 
     def weigh(scales: np.ndarray) -> tuple[float, np.ndarray]:
@@ -344,20 +430,18 @@ def join_law(
     return Explanation(base.effects, tuple(parameters), x, values, base.residual, base.jacobian)
 
 
-def fit_best(
-    likelihood: Likelihood, base: Explanation, screened: Sequence[Screened], progress: StageProgress
-) -> list[LawFit]:
+def fit_best(base: Explanation, screened: Sequence[LawFit], progress: StageProgress) -> list[LawFit]:
     """The most promising laws fitted, in the block of the best one and outside it."""
-    machine = likelihood.robot.machine
 
-    def start(s: Screened) -> LawFit:
+    def start(law: LawFit) -> LawFit:
         """A screened law simulated with as much of its predicted weights as fits best."""
-        e = join_law(machine, base, s.candidate, s.scales)
-        tried = e.at_each(likelihood, [e.x + share * (s.x - e.x) for share in SHARES])
-        return LawFit(s.candidate, s.scales, min((e, *tried), key=lambda one: one.cost(likelihood)), likelihood)
+        e, none = law.explanation, np.r_[base.x, np.zeros(len(law.explanation.x) - len(base.x))]
+        tried = e.at_each(law.likelihood, [none + share * (e.x - none) for share in SHARES])
+        return replace(law, explanation=min((replace(e, x=none), *tried), key=lambda one: one.cost(law.likelihood)))
 
     def fit_law(begun: LawFit) -> LawFit:
         """A law fitted, its scales those of the largest evidence about a first fit."""
+        likelihood = begun.likelihood
         first = minimise(likelihood.scaled_to(begun.explanation.residual), begun.explanation, 2)
         fit = replace(begun, explanation=settle(likelihood, first))
         reduced = replace(fit.model, memory=likelihood.memory).eliminate(fit.beside)
@@ -366,37 +450,113 @@ def fit_best(
         scales[fit.active] = weigh_scales(reduced.normal, slope, np.repeat(np.arange(len(fit.active)), SIZE))[0]
         if not scales.any():
             return fit
-        e = join_law(machine, base, fit.candidate, scales)
+        e = join_law(likelihood.robot.machine, base, fit.candidate, scales)
         x = np.r_[fit.explanation.x[: fit.beside], fit.modes[scales > 0.0].ravel()]
         e = replace(e, jacobian=fit.explanation.jacobian).at(likelihood, x)
-        e = minimise(likelihood.scaled_to(e.residual), e)
-        return LawFit(fit.candidate, scales, e, likelihood)
+        return replace(fit, scales=scales, explanation=minimise(likelihood.scaled_to(e.residual), e))
 
-    chosen: list[Screened] = []
-    for s in (s for s in screened if s.scales.any()):
-        if sum(c.candidate.law is s.candidate.law for c in chosen) < PER_POINT and len(chosen) < STARTED:
-            chosen.append(s)
-    starts = side_by_side([partial(start, s) for s in chosen])
-    starts.sort(key=lambda fit: fit.explanation.cost(likelihood))
+    chosen: list[LawFit] = []
+    for law in sorted((law for law in screened if law.scales.any()), key=lambda law: -law.gain):
+        if sum(c.candidate.law is law.candidate.law for c in chosen) < PER_POINT and len(chosen) < STARTED:
+            chosen.append(law)
+    starts = side_by_side([partial(start, law) for law in chosen])
+    starts.sort(key=lambda law: law.explanation.cost(law.likelihood))
     inside, outside = ([f for f in starts if (f.block == starts[0].block) is here] for here in (True, False))
     wanted = [*inside[:FITTED], *outside[:OTHERS]]
     progress(Stage.FIT, ", ".join(dict.fromkeys(f.candidate.law.learned for f in wanted)))
     return side_by_side([partial(fit_law, f) for f in wanted])
 
 
-def draw_curves(fit: LawFit, weights: np.ndarray, counts: np.ndarray) -> dict[str, Curve]:
-    """The law in each channel with its 90 % band; weights (channels, 8), histogram `counts` (channels, bins) of u."""
-    candidate, model, found = fit.candidate, fit.model, {}
-    samples, own = float(model.effective.sum()), fit.modes[fit.active].ravel()
-    short = find_formulas(candidate, fit.active, model.eliminate(fit.beside), own, fit.scales[fit.active], samples)
-    at, shape = candidate.shape()
-    covariance = model.posterior().covariance[fit.beside :, fit.beside :]
+def draw_curves(fit: LawFit, counts: np.ndarray) -> dict[str, Curve]:
+    """The law in each channel with its 90 % band, and the histogram `counts` (channels, bins) of u."""
+    candidate, short, found = fit.candidate, find_formulas(fit), {}
+    # a curve at its knots; hysteresis as the first loading from rest; relaxation as the answer to a step
+    at, shape = candidate.knots, np.tile(np.eye(SIZE), (len(candidate.knots), 1, 1))
+    if not candidate.form.is_curve:
+        at = np.concatenate([np.zeros((len(at), 1)), at], axis=1)
+        ratio = at[:, :, None] / candidate.knots[:, None, :]
+        shape = np.minimum(ratio, 1.0) if candidate.form.kind == HYSTERESIS else np.exp(-ratio)
+    covariance = fit.model.posterior().covariance[fit.beside :, fit.beside :]
     for i, channel in enumerate(fit.active):
         place = slice(i * SIZE, (i + 1) * SIZE)
         to_values = shape[channel] @ (candidate.size[channel] * candidate.basis)
         half = NORMAL_90 * np.sqrt(np.einsum("ij,jk,ik->i", to_values, covariance[place, place], to_values))
-        value, name = shape[channel] @ weights[channel], candidate.channels[channel]
+        value, name = shape[channel] @ fit.weights[channel], candidate.channels[channel]
         edges = np.linspace(candidate.low[channel], candidate.high[channel], counts.shape[1] + 1)
         share = counts[channel] / max(float(counts[channel].sum()), 1.0)
         found[name] = Curve(at[channel], value, value - half, value + half, edges, share, short.get(name, ""))
+    return found
+
+
+def find_terms(candidate: Candidate) -> Iterator[tuple[str, np.ndarray]]:
+    """Named terms that a law may be made of: text with u, and values (channels, 8) at the knots, or of the elements."""
+    form, u = candidate.form, candidate.knots
+    if not form.is_curve:
+        word, unit = ("stop", form.unit) if form.kind == HYSTERESIS else ("fading", "s")
+        for i in range(SIZE):
+            yield f"{word}(u; {float(np.median(u[:, i])):.2g} {unit})", np.tile(np.eye(SIZE)[i], (len(u), 1))
+        return
+    low, high = float(u.min()), float(u.max())
+    largest = max(abs(low), abs(high))
+    signed = low < -0.05 * largest
+    terms: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+        "1": np.ones_like, "u": lambda u: u, "u^2": lambda u: u**2, "u^3": lambda u: u**3,
+    }  # fmt: skip
+    if signed:
+        terms |= {"sign(u)": np.sign, "|u|": abs, "u |u|": lambda u: u * abs(u)}
+    for c in (w * largest for w in WIDTHS):
+        name = f"exp(-|u| / {c:.2g}) sign(u)" if signed else f"exp(-u / {c:.2g})"
+        terms[name] = lambda u, c=c: np.exp(-abs(u) / c) * np.sign(u) if signed else np.exp(-u / c)
+        terms[f"tanh(u / {c:.2g})"] = lambda u, c=c: np.tanh(u / c)
+        terms[f"sin(u / {c:.2g})"] = lambda u, c=c: np.sin(u / c)
+    for c in (low + b * (high - low) for b in BENDS):
+        terms[f"max(0, u - {c:.2g})"] = lambda u, c=c: np.maximum(0.0, u - c)
+        terms[f"max(0, {c:.2g} - u)"] = lambda u, c=c: np.maximum(0.0, c - u)
+    for text, function in terms.items():
+        curves = []
+        for knots in u:  # the curve that is nearest to the function over the range of the knots
+            at = np.linspace(knots[0], knots[-1], GRID)
+            hats = np.array([np.interp(at, knots, one) for one in np.eye(SIZE)]).T
+            curves.append(np.linalg.lstsq(hats, np.broadcast_to(function(at), at.shape), rcond=None)[0])
+        yield text, np.array(curves)
+
+
+def find_formulas(fit: LawFit) -> dict[str, str]:
+    """The shortest formula that is as likely as a fitted free law, by channel; none without one.
+
+    Terms are selected greedily by the Bayesian information criterion.
+    """
+    candidate, active, reduced = fit.candidate, fit.active, fit.model.eliminate(fit.beside)
+    modes, prior = fit.modes[active].ravel(), np.repeat(fit.scales[active], SIZE)
+    penalty, back = float(np.log(fit.model.effective.sum())), np.linalg.inv(candidate.basis)
+    volume = np.linalg.slogdet(np.eye(len(prior)) + reduced.normal * np.outer(prior, prior))[1]
+    free, texts, known = float(np.sum((modes / prior) ** 2) + volume), [], []
+    for text, values in find_terms(candidate):  # coordinates of each term in one active channel each (active, n)
+        texts.append(text)
+        known.append(block_diag(*(back @ values[channel] / candidate.size[channel] for channel in active)))
+
+    def solve(terms: list[int]) -> tuple[float, np.ndarray]:
+        """Cost beyond that of the fit, and coefficients (terms of each active channel,)."""
+        t = np.concatenate([known[term] for term in terms]).T if terms else np.zeros((len(modes), 0))
+        normal, slope = t.T @ reduced.normal @ t, t.T @ (reduced.slope - reduced.normal @ modes)
+        b = -np.linalg.solve(normal + np.diag(RIDGE * np.diag(normal) + 1e-12), slope)
+        step = t @ b - modes
+        return float(2.0 * reduced.slope @ step + step @ reduced.normal @ step) + penalty * len(b), b
+
+    chosen: list[int] = []
+    while len(chosen) < TERMS and solve(chosen)[0] > free:
+        trial = min(set(range(len(known))) - set(chosen), key=lambda term: solve([*chosen, term])[0])
+        if solve([*chosen, trial])[0] >= solve(chosen)[0]:
+            break
+        chosen.append(trial)
+    if not chosen or solve(chosen)[0] > free:
+        return {}
+    for term in chosen[:-1]:  # that a later one made needless
+        less = [one for one in chosen if one != term]
+        chosen = less if solve(less)[0] < solve(chosen)[0] else chosen
+    found, table = {}, solve(chosen)[1].reshape(len(chosen), len(active))
+    named = ["" if texts[term] == "1" else f" {texts[term]}" for term in chosen]
+    for channel, factors in zip(active, table.T, strict=True):
+        parts = [f" {'-' if b < 0.0 else '+'} {abs(b):.3g}{n}" for b, n in zip(factors, named, strict=True)]
+        found[candidate.channels[channel]] = f"f(u) ={''.join(parts).removeprefix(' +')}"
     return found

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import inspect
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from textwrap import wrap
@@ -19,17 +19,7 @@ from exodrake.compiled.cache import cache_folder, once, write_if_different
 from exodrake.core.effect import Effect
 from exodrake.core.files import write_text
 from exodrake.core.machine import Machine
-from exodrake.core.part import (
-    HYSTERESIS,
-    PLACE,
-    RELAXATION,
-    FreeLaw,
-    Point,
-    free_curve,
-    free_memory,
-    module_name,
-    module_of_file,
-)
+from exodrake.core.part import HYSTERESIS, PLACE, RELAXATION, FreeLaw, Point, free_memory, module_name, module_of_file
 from exodrake.core.robot import Robot
 from exodrake.machines.robot_file import robot_text
 
@@ -67,20 +57,20 @@ VALUE = "{value}"  # the point's own value, whose name differs between parts
 # of the points that are standard ones (`Point.standard`): forces and losses of what slides, and readings
 STANDARD = {
     "sliding.pushed": (
-        free_curve("force over speed", "speed", "m/s", "-1.0", fine=True),
+        FreeLaw("force over speed", "speed", "m/s", "-1.0", fine=True),
         FreeLaw("force over place", "travel", "m", "-1.0", PLACE, "settle", moves=True),
         FreeLaw("gain over place", "travel", "m", VALUE, PLACE, "settle", moves=True),
         *free_memory("of force over place", "travel", "m", "settle", "-1.0", moves=True),
     ),
     "sliding.braked": (
-        free_curve("dry friction over speed", "abs(speed)", "m/s", fine=True, result=DRAGGED),
-        free_curve("dry friction over load", "load", "N", result=DRAGGED),
+        FreeLaw("dry friction over speed", "abs(speed)", "m/s", fine=True, result=DRAGGED),
+        FreeLaw("dry friction over load", "load", "N", result=DRAGGED),
         FreeLaw("dry friction over place", "travel", "m", "", PLACE, "settle", moves=True, result=DRAGGED),
     ),
     "sliding.settle": (),
     "signal.shown": (
-        free_curve("error of the reading over its value", "value", ""),
-        free_curve("error of the reading over time", "clock", "s"),
+        FreeLaw("error of the reading over its value", "value", ""),
+        FreeLaw("error of the reading over time", "clock", "s"),
         *free_memory("of the reading", "value", "", "shown"),
     ),
     "signal.mixed": (),
@@ -121,8 +111,9 @@ class LawPoint:
         return self.identity.split(".")[0]
 
 
-def law_points(machine: Machine) -> Iterator[LawPoint]:
-    """Points of a machine where a law may be missing."""
+def law_points(machine: Machine) -> list[LawPoint]:
+    """Points of a machine where a law may be missing, one for each id."""
+    found: dict[str, LawPoint] = {}
     for part in machine.parts:
         arguments: dict[str, tuple[str, ...]] = {}  # after the effects' parameters, their states and the channel
         for point in part.points:
@@ -132,18 +123,15 @@ def law_points(machine: Machine) -> Iterator[LawPoint]:
             own = arguments[point.name]
             laws = STANDARD.get(point.standard) if point.laws is None else point.laws
             if laws is None:
-                laws = tuple(free_curve(f"{own[0]} over {name}", name, "") for name in own if name not in PLAIN)
+                laws = tuple(FreeLaw(f"{own[0]} over {name}", name, "") for name in own if name not in PLAIN)
             if laws:
                 key = f"{module_name(point.module or part.module)}.{point.name}"
                 blocks = [effect.block for effect in machine.effects if key in effect.at] or [part.name]
                 identity = f"{max(blocks, key=blocks.count)}.law_{point.name}"
                 forms = tuple(replace(f, factor=f.factor.replace(VALUE, own[0])) for f in laws)
-                yield LawPoint(key, identity, point, arguments, forms, AS_LARGE.get(point.standard, own[0]))
-
-
-def get_laws(machine: Machine) -> list[LawPoint]:
-    """Points of a machine where a law may be missing, one for each id."""
-    return list({law.identity: law for law in law_points(machine)}.values())
+                scale = AS_LARGE.get(point.standard, own[0])
+                found[identity] = LawPoint(key, identity, point, arguments, forms, scale)
+    return list(found.values())
 
 
 def write_effect(
@@ -183,7 +171,16 @@ def write_effect(
                 divided = " / {k}" if f.kind == HYSTERESIS else ""
                 total = f"({' + '.join(fill_elements('{w} * {s}' + divided))})"
             result = f"return {f.result or f'{value} + law'}{f', {states}' if filters else ''}"
-            change = advance_elements(f, "period" if here else "dt") if f.advances else []
+            change: list[str] = []  # lines that advance the elements by the move of the variable
+            if f.advances:
+                step = {
+                    PLACE: "{s} = {s} + change",
+                    HYSTERESIS: "{s} = stop_operator({s}, change, {k})",
+                    RELAXATION: f"{{s}} = faded({{s}}, change, {'period' if here else 'dt'}, {{k}})",
+                }[f.kind]
+                move = f.variable if f.moves else f"{f.variable} - last if started > 0.0 else 0.0"
+                last = "0.0" if f.moves else f.variable
+                change = [f"change = {move}", *fill_elements(step), f"last, started = {last}, 1.0"]
             cases[own][k] = [*(change if here else []), f"law = {f'{f.factor} * ' if f.factor else ''}{total}", result]
             if change and not here:
                 cases[f.advances][k] = [*change, f"return {states}"]
@@ -217,18 +214,6 @@ def fill_elements(text: str) -> list[str]:
     return [text.format(s=s, k=k, w=w) for s, k, w in zip(ELEMENTS[:SIZE], KNOTS, WEIGHTS, strict=True)]
 
 
-def advance_elements(form: FreeLaw, dt: str) -> list[str]:
-    """Lines that advance the elements of a law by the move of its variable; dt: source of the time that it took."""
-    step = {
-        PLACE: "{s} = {s} + change",
-        HYSTERESIS: "{s} = stop_operator({s}, change, {k})",
-        RELAXATION: f"{{s}} = faded({{s}}, change, {dt}, {{k}})",
-    }[form.kind]
-    change = form.variable if form.moves else f"{form.variable} - last if started > 0.0 else 0.0"
-    last = "0.0" if form.moves else form.variable
-    return [f"change = {change}", *fill_elements(step), f"last, started = {last}, 1.0"]
-
-
 def module_text(machine: Machine) -> str:
     """Source of all laws and watches of a machine."""
     summary = f"Free laws at the points of {machine.name}, made by exodrake."
@@ -255,11 +240,11 @@ def load_effects(text: str, name: str) -> tuple[Effect, ...]:
 
 def add_laws(machine: Machine) -> Machine:
     """The machine with its free laws and watches, after its own effects."""
-
-    def extend() -> Machine:
-        return replace(machine, effects=(*machine.effects, *load_effects(module_text(machine), machine.name)))
-
-    return once(machine, "add_laws", extend)
+    return once(
+        machine,
+        "add_laws",
+        lambda: replace(machine, effects=(*machine.effects, *load_effects(module_text(machine), machine.name))),
+    )
 
 
 def robot_on(robot: Robot, machine: Machine) -> Robot:
