@@ -29,11 +29,7 @@ def plain(value: Any) -> Any:
     Dataclasses become mappings, arrays lists, complex numbers [real, imaginary], and what is not finite null;
     functions are left out. A class with a method `to_json` says itself what it is.
     """
-
-    def list_array(array: np.ndarray, _: str = "") -> list[Any]:
-        return array.tolist() if np.isfinite(array).all() else [plain(one) for one in array]
-
-    return _plain(value, list_array, "")
+    return _plain(value, lambda array, _: array.tolist() if np.isfinite(array).all() else list(map(plain, array)), "")
 
 
 def to_dict(result: Any) -> dict[str, Any]:

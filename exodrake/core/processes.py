@@ -46,7 +46,13 @@ def in_child[T](function: Callable[..., T], *arguments: Any, source: str, size: 
     time_limit = CPU_TIME + size / BYTES_PER_SECOND
     with _lock:
         if _child is None or _child.owner != os.getpid() or _child.process.poll() is not None:
-            _child = start_child()
+            pipe, theirs = Pipe()
+            command = [sys.executable, "-P", "-m", "exodrake.core.processes", str(theirs.fileno()), str(os.getpid())]
+            silent: dict[str, Any] = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
+            environment = os.environ | SAFE_PATH | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))} | ONE_THREAD
+            process = subprocess.Popen(command, pass_fds=[theirs.fileno()], env=environment, **silent)
+            theirs.close()
+            _child = Child(pipe, process, os.getpid())
         pipe, process, _ = _child
         try:
             pipe.send((function, arguments, time_limit))
@@ -72,22 +78,14 @@ def in_child[T](function: Callable[..., T], *arguments: Any, source: str, size: 
 
 
 class Child(NamedTuple):
-    """A process that takes calls one by one from the process that owns it; after a fork that is the parent."""
+    """A process that takes calls one by one from the process that owns it; after a fork that is the parent.
+
+    Its modules come from where those of its owner do.
+    """
 
     pipe: Connection
     process: subprocess.Popen
     owner: int
-
-
-def start_child() -> Child:
-    """A new child process; its modules come from where those of this process do."""
-    pipe, theirs = Pipe()
-    command = [sys.executable, "-P", "-m", "exodrake.core.processes", str(theirs.fileno()), str(os.getpid())]
-    silent: dict[str, Any] = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
-    environment = os.environ | SAFE_PATH | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))} | ONE_THREAD
-    process = subprocess.Popen(command, pass_fds=[theirs.fileno()], env=environment, **silent)
-    theirs.close()
-    return Child(pipe, process, os.getpid())
 
 
 def serve(pipe: Connection) -> None:
