@@ -1,11 +1,7 @@
 """Loops over tasks: in this process, in worker processes (joblib's loky), or on a Dask cluster; and on threads.
 
-    for outcome in each(function, tasks, jobs=4):   # or cluster="tcp://192.168.1.20:8786"
-        ...                                         # as tasks finish, in any order
-
-A task of a worker has one thread, one of this process all of them. Simulations run side by side on several threads,
-linear algebra on one. Two threads of linear algebra compete for the cores with each other and with other tasks (a 40 us
-prediction then takes 15 ms) and add in another order, which changes the last digits of an answer.
+Simulations run side by side on several threads, linear algebra on one: two threads of it compete for the cores with
+each other and with other tasks (a 40 us prediction then takes 15 ms), and add in another order, so digits change.
 """
 
 from __future__ import annotations

@@ -1,8 +1,4 @@
-"""Results as plain data, and their files: JSON, or NPZ with every array in full; neither holds a pickle.
-
-exo.save(exo.diagnose("my_case"), "answer.json")
-exo.save(exo.record(robot, exo.grasp("caging")), "run.npz")     # np.load("run.npz")["signals.tension"]
-"""
+"""Results as plain data, and their files: JSON, or NPZ with every array in full; neither holds a pickle."""
 
 from __future__ import annotations
 

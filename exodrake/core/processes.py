@@ -1,10 +1,6 @@
 """Processes that this one starts: they import nothing from the current folder, and end when this one does.
 
-A call in a process of its own: a file that crashes a reader, or never ends in it, costs that file alone.
-
-    variables = in_child(parse, data, source, source=source, size=len(data))
-
-The process has limits of memory and processor time. It stays for the next call.
+A call in a process of its own, `in_child`: a file that crashes a reader, or never ends in it, costs that file alone.
 """
 
 from __future__ import annotations

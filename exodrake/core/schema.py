@@ -1,12 +1,8 @@
-"""Plain data in YAML and JSON files, and schemas: checks that compose, whose messages name file and key.
+"""Plain data in YAML and JSON files, and schemas: functions of a value and its place that return it or refuse it.
 
     SCHEMA = mapping({"name": text(), "period": number(above=0.0), "logs": listing(LOG, least=1)}, required=("logs",))
-    content = SCHEMA(read_yaml(path), str(path))
 
-A schema is a function of a value and the place where it stands; it returns the value, or raises InputError.
-
-One loader with limits serves robot files, scenarios, cases, mappings and layouts. Scalars are those of YAML 1.2: `1e-3`
-is a number; `1:30`, `no` and dates are text. Anchors, aliases, tags and keys that come twice are refused.
+Scalars are those of YAML 1.2: `1e-3` is a number; `1:30`, `no` and dates are text.
 """
 
 from __future__ import annotations

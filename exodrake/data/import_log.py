@@ -1,10 +1,7 @@
-"""A foreign recording as a log, by a mapping file or, of joint states, by their names.
+"""A foreign recording as a log, by a mapping file (`docs/howto/import.md`) or, of joint states, by their names.
 
 Text, MAT, HDF5, JSON, NPY, NPZ, Parquet, ROS 2 bags (MCAP or SQLite), MCAP with JSON messages and LeRobot data sets.
-The mapping file says what the columns are called, and in which units, by us: SI value is value * scale + offset. It can
-derive columns, move clocks that differ and put rows on frames; `docs/howto/import.md` has all its keys, with examples.
-
-What it changes beyond names and units is noted beside the log.
+What is changed beyond names and units is noted beside the log.
 """
 
 from __future__ import annotations

@@ -1,15 +1,7 @@
-"""A log: time and named columns in SI. Measured and simulated alike.
+"""A log: time and named columns in SI, measured and simulated alike. A missing sample is NaN.
 
-A fault of a recorded clock is mended by `regularise` where the answer is certain, and refused by name where it is not.
-
-A column's name is `kind_name`: `tension_AF` is the tension of tendon AF, `angle_PIP` the angle of joint PIP.
-The file's header says which tendons and joints there are. A missing sample is NaN.
-
-    log = read_log("sweeps.csv.gz")
-    log.array("tension", ("AF", "MF", "AE"))    # (n, 3) N
-    log["tension"]                              # the same: all columns of the kind
-    log["angle_MCP"], log.time, log.dt          # (n,) rad, (n,) s, s
-    compare(log, other).signals["angle_MCP"].rms             # rad
+A column's name is `kind_name`: `tension_AF` is the tension of tendon AF, `angle_PIP` the angle of joint PIP. A fault of
+a recorded clock is mended by `regularise` where the answer is certain, and refused by name where it is not.
 """
 
 from __future__ import annotations

@@ -1,10 +1,7 @@
 """The machine library: folders with `machine.py` and `robot.yaml`, here and in plugins.
 
-`recordings.py` of a folder makes cases of recordings of the real machine by `case(path)`. Sources and licences are
-stated there; the recordings themselves are not part of this repository.
-
-A folder `robots` in a machine's folder holds further robots of the machine, `exo_index/wide_pinch` for
-`exo_index/robots/wide_pinch.yaml`.
+`recordings.py` of a folder makes cases of recordings of the real machine, which are not part of this repository. A
+folder `robots` holds further robots, `exo_index/wide_pinch` for `exo_index/robots/wide_pinch.yaml`.
 """
 
 from collections.abc import Callable

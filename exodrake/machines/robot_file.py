@@ -1,19 +1,7 @@
-"""Robot files, read and written: a machine with its parameters.
+"""Robot files, read and written: a machine with its parameters, all of them or what differs from a `base`.
 
-A file either holds all parameters (`machines/exo_index/robot.yaml`) or names a `base` and what differs from it:
-
-    base: exo_index
-    parameters: {finger: {kappa: {MCP: 0.09}}, tendon: {k: 2.5 N/mm}}      # or dotted keys: finger.kappa.MCP: 0.09
-    effects: {tendon.capstan_friction: {mu_phi: {AF: 0.3, MF: 0.3, AE: 0.3}}}
-    parts: [controller_as_printed]                                       # variants of parts
-    tolerances:                                                          # what differs from one such robot to the next
-      - {parameters: ["tendon.k.{w}"], transform: relative, prior_std: 0.03, max_deviation: 0.10}
-
-Numbers are in SI, or have their unit: `2.5 N/mm`, or `{value: 2.5, unit: N/mm}`.
-
-`machine` is a machine of the library or of a plugin (`exodrake.core.plugins`). A `base` can also be a machine's folder
-beside the file or round it, and another robot file beside it. A folder that holds a robot file with an `arm` section
-and no machine.py is a machine, too (`machines.serial_arm`).
+`docs/howto/robot.md` describes them. Numbers are in SI, or have their unit: `2.5 N/mm`, or `{value: 2.5, unit: N/mm}`.
+`machine` is a machine of the library or of a plugin; a folder with a robot file that has an `arm` is one, too.
 """
 
 import math

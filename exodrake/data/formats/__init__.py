@@ -1,8 +1,7 @@
-"""Files of logs: a table of endings with their readers and writers.
+"""Files of logs: a table of endings with their readers and writers. `.csv.gz` is gzipped CSV.
 
 A format is a module here, or in `data/formats` of a plugin, with `ENDINGS`, `read(data: bytes, source: str) -> Log` and
-`write(log: Log) -> bytes`; `exodrake.data.log` has what formats share. They differ in how they hold a heading
-`name [unit]` and a missing sample. `.csv.gz` is gzipped CSV.
+`write(log: Log) -> bytes`; formats differ in how they hold a heading `name [unit]` and a missing sample.
 """
 
 import gzip

@@ -1,29 +1,6 @@
 """Marker recordings: files, clock, the check of their labels, and synthetic ones with known truth (paper Fig. 5, 8-9).
 
-Lines of CSV that begin with # are comments, followed by one heading and one row per frame:
-
-    time [s], B1_x [mm], B1_y [mm], B1_z [mm], B2_x [mm], ...
-
-Every column carries its unit in brackets (m, cm or mm; s or ms); a marker has three columns, in any order; an empty
-cell is a missing sample. Other columns are ignored. Positions are in the right-handed laboratory frame of the cameras.
-
-C3D, the exchange format of motion capture, is read and written by ezc3d. Labels may carry a subject (`Kim:B1` is read
-as B1), POINT:UNITS gives the unit, POINT:RATE the frame rate; a point with a negative residual is missing.
-
-The controller's clock on the clock of the motion capture follows from the record of the sync pulse (Fig. 5 and 8a):
-
-    start, skew = clock_from_pulses(time, level, robot.machine.frame)
-    controller_time = (capture_time - start) / (1.0 + skew)
-
-A triad is three markers on one segment. Its sides are the medians of the marker distances over all frames, which
-neither the motion of the hand nor a few swapped frames disturb. A triad is rigid, so a wrong label shows as a jump of
-the residual, in both triads if the swap is between segments. A frame counts as swapped if the exchange of one pair
-restores the shape of every triad. Triads should have three different sides: a swap within an isosceles triad cannot be
-detected.
-
-A synthetic finger rests along x (distal) with y dorsal and the MCP centre at the origin, so flexion is about -z and
-abduction about y. The lengths and the PIP and DIP gradients are the paper's; that of the MCP is smaller than the
-printed one, which is anatomically implausible (`physics.md`, Table 1). Nothing in such a recording was measured.
+Files and check are described in `docs/explain/identification.md`. Nothing in a synthetic recording was measured.
 """
 
 import os
