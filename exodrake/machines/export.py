@@ -228,25 +228,6 @@ def urdf(mechanism: Mechanism) -> Element:
     return root
 
 
-ISAAC = '''"""Actuators for Isaac Lab, `ArticulationCfg(actuators=ACTUATORS)`.
-
-{% for line in head %}{{ line }}
-{% endfor %}
-Delays count physics steps: set `sim.dt` to PHYSICS_STEP. From Isaac Lab 3.0 on `effort_limit` and `velocity_limit` are
-named `joint_effort_limit` and `joint_velocity_limit` (`actuator_...` of an explicit actuator).
-"""
-
-from isaaclab.actuators import DelayedPDActuatorCfg, ImplicitActuatorCfg
-
-PHYSICS_STEP = {{ step }}  # s
-ACTUATORS = {
-{% for name, group in groups %}    {{ name }}: {{ group.kind }}(
-{% for field, value in group.fields.items() %}        {{ field }}={{ value }},
-{% endfor %}    ),
-{% endfor %}}
-'''
-
-
 def isaac_text(robot: Robot, mechanism: Mechanism, head: list[str]) -> str:
     """A Python file with Isaac Lab's actuator configurations. InputError for a robot that tendons move."""
     from jinja2 import Environment, StrictUndefined
@@ -275,5 +256,6 @@ def isaac_text(robot: Robot, mechanism: Mechanism, head: list[str]) -> str:
         fields |= {"min_delay": low, "max_delay": high} if high else {}
         kind = "DelayedPDActuatorCfg" if high else "ImplicitActuatorCfg"
         groups.append((repr(f"delay_{low}_{high}" if high else "prompt"), {"kind": kind, "fields": fields}))
-    template = Environment(undefined=StrictUndefined).from_string(ISAAC, {"step": step})
+    source = Path(__file__).with_name("isaac_actuators.py.txt").read_text()
+    template = Environment(undefined=StrictUndefined).from_string(source, {"step": step})
     return template.render(head=[line.replace('"""', "'''").replace("\\", "/") for line in head], groups=groups) + "\n"

@@ -231,7 +231,7 @@ def draw_case(plan: CasePlan, attempt: int = 0) -> DrawnCase:
     """
     parameters = draw_parameters(np.random.default_rng([*plan.seed, 1]))
     rng, share = np.random.default_rng([*plan.seed, 2]), plan.mix.duration
-    sweep, protocols = sweeps(rng, share), {}
+    sweep = sweeps(rng, share)
     protocols = {"sweeps_1": sweep, "sweeps_2": sweep, "chirp": chirp(rng, share), "holds": holds(rng, share)}
     protocols["grasps"] = (wander if plan.unseen else grasps)(rng, share)
     rng = np.random.default_rng([*plan.seed, 3, attempt])
