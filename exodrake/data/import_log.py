@@ -24,7 +24,6 @@ from exodrake.data.log import (
     Log,
     check_clock,
     check_columns,
-    clock_frame,
     find_first,
     heading,
     log_from_columns,
@@ -172,13 +171,8 @@ class Imported:
     notes: tuple[str, ...]
 
 
-def import_log(file: str | Path, map_file: str | Path) -> Log:
-    """A foreign recording in our names and SI. InputError names file, column or key, and what is wrong with a clock."""
-    return import_recording(file, read_mapping(map_file)).log
-
-
 def import_recording(file: str | Path, mapped: Mapped) -> Imported:
-    """`import_log` by a mapping that is read already, with notes."""
+    """A foreign recording in our names and SI. InputError names file, column or key, and what is wrong with a clock."""
     if is_bag(file):
         tracks = read_bag(file, [column.of for column in mapped.columns], mapped.stamp)
         mapped = replace(mapped, period=mapped.period or BAG_PERIOD)  # topics have clocks of their own
@@ -219,12 +213,14 @@ def frame_period(logs: Sequence[Log], mapped: Mapped | None, frame: float) -> fl
     """Frame [s] of a case of imported logs: of the mapping, of the machine if all logs fit it, else of the first."""
     if mapped is not None and mapped.period is not None:
         return mapped.period
-    measured = round(clock_frame(logs[0]), 9)
-    for log in (log for log in logs if len(log) > 1):
-        frames = np.concatenate([[0], np.cumsum(np.rint(np.diff(log.time) / frame))])
-        if abs(log.dt / frame - 1.0) >= ALIKE or other_rate(log.time, frames, frame) is not None:
-            return measured
-    return frame
+
+    def count_otherwise(log: Log, step: float) -> tuple[float, float] | None:
+        return other_rate(log.time, np.concatenate([[0], np.cumsum(np.rint(np.diff(log.time) / step))]), step)
+
+    step = logs[0].dt
+    if all(abs(o.dt / frame - 1.0) < ALIKE and not count_otherwise(o, frame) for o in logs if len(o) > 1):
+        return frame
+    return round((count_otherwise(logs[0], step) or (0.0, step))[1], 9)  # the mean step where stamps are rounded
 
 
 def refuse_folder(path: Path) -> None:

@@ -446,13 +446,6 @@ def other_rate(time: np.ndarray, frames: np.ndarray, period: float) -> tuple[flo
     return None
 
 
-def clock_frame(log: Log) -> float:
-    """Frame that a log's clock counts [s]: its median step, or the mean one where stamps are rounded."""
-    step = log.dt
-    found = other_rate(log.time, np.concatenate([[0], np.cumsum(np.rint(np.diff(log.time) / step))]), step)
-    return step if found is None else found[1]
-
-
 @dataclass(frozen=True)
 class Difference:
     """Second log less first in one signal [unit], over the samples that both have; `largest` is at `at` [s]."""

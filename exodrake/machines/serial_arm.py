@@ -219,11 +219,11 @@ def reading(name: str, signal: str, unit: Mapping[str, str], slot: int, frame: f
 def effects_in(unit: Mapping[str, str], parts: tuple[Part, ...], without: tuple[str, ...]) -> tuple[Effect, ...]:
     """The effects of the parts but for some, those that are made for turning joints in the units of these."""
     own = {TURNS["position"]: unit["position"], TURNS["inertia"]: unit["inertia"], "rad/(N m)": unit["position/effort"]}
-
-    def fit_units(effect: Effect) -> Effect:
-        return replace(effect, parameters=tuple(replace(p, unit=own.get(p.unit, p.unit)) for p in effect.parameters))
-
-    return tuple(fit_units(effect) for effect in effects_of(parts) if effect.id not in without)
+    kept = (effect for effect in effects_of(parts) if effect.id not in without)
+    return tuple(
+        replace(effect, parameters=tuple(replace(p, unit=own.get(p.unit, p.unit)) for p in effect.parameters))
+        for effect in kept
+    )
 
 
 def shape(robot: Robot) -> Shape:
