@@ -173,13 +173,29 @@ class Imported:
 
 def import_recording(file: str | Path, mapped: Mapped) -> Imported:
     """A foreign recording in our names and SI. InputError names file, column or key, and what is wrong with a clock."""
-    if is_bag(file):
-        tracks = read_bag(file, [column.of for column in mapped.columns], mapped.stamp)
-        mapped = replace(mapped, period=mapped.period or BAG_PERIOD)  # topics have clocks of their own
-        tracks, notes = sort_tracks(tracks, mapped.period or BAG_PERIOD, str(file))
-    else:
+    if not is_bag(file):
         tracks, notes = _one_clock(read_columns(read_bytes(file), str(file), mapped), mapped, str(file))
-    return make_log(tracks, mapped, str(file), notes)
+        return make_log(tracks, mapped, str(file), notes)
+    period = mapped.period or BAG_PERIOD  # topics have clocks of their own
+    ordered, late = {}, dict[str, None]()  # by their stamps; notes on messages overtaken by less than a frame
+    for name, track in read_bag(file, [column.of for column in mapped.columns], mapped.stamp).items():
+        topic, times = f"topic {name.partition(':')[0]!r}", track.time
+        if len(times) > 1 and times.min() == times.max():
+            still = f"its clock stands still, all {len(times)} messages at {times[0]:.10g} s"
+            raise InputError(f"{file}: {topic}: {still}")
+        latest = np.maximum.accumulate(times)
+        back, count = latest - times, int(np.sum(times < latest))
+        if (at := find_first(back > period)) is not None:
+            raise InputError(
+                f"{file}: {topic}: the clock steps backwards by {back.max():.6g} s, at message {at + 1}, "
+                f"{times[at]:.10g} s after {latest[at]:.10g} s; cut the bag there"
+            )
+        if (at := find_first(times < latest)) is not None:
+            first = f"the first is message {at + 1} at {times[at]:.10g} s"
+            late[f"{topic}: {count} {plural(count, 'message')} out of order, {first}, sorted by their stamps"] = None
+        order = np.argsort(times, kind="stable")
+        ordered[name] = Track(times[order], track.values[order])
+    return make_log(ordered, replace(mapped, period=period), str(file), list(late))
 
 
 def import_all(
@@ -301,30 +317,6 @@ def make_log(tracks: dict[str, Track], mapped: Mapped, source: str, notes: Seque
             done.append(f"low-passed at {column.filter:g} Hz without phase, so its fast noise is not the sensor's")
         notes += [f"{column.name}: {', '.join(done)}"] if done else []
     return Imported(log, tuple(notes))
-
-
-def sort_tracks(tracks: dict[str, Track], period: float, source: str) -> tuple[dict[str, Track], list[str]]:
-    """Tracks of a bag by their stamps, and notes on messages that overtook others by less than a frame `period` [s]."""
-    ordered, notes = {}, dict[str, None]()
-    for name, track in tracks.items():
-        topic, times = f"topic {name.partition(':')[0]!r}", track.time
-        if len(times) > 1 and times.min() == times.max():
-            still = f"its clock stands still, all {len(times)} messages at {times[0]:.10g} s"
-            raise InputError(f"{source}: {topic}: {still}")
-        latest = np.maximum.accumulate(times)
-        back, count = latest - times, int(np.sum(times < latest))
-        if (at := find_first(back > period)) is not None:
-            raise InputError(
-                f"{source}: {topic}: the clock steps backwards by {back.max():.6g} s, at message {at + 1}, "
-                f"{times[at]:.10g} s after {latest[at]:.10g} s; cut the bag there"
-            )
-        if (at := find_first(times < latest)) is not None:
-            first = f"the first is message {at + 1} at {times[at]:.10g} s"
-            note = f"{topic}: {count} {plural(count, 'message')} out of order, {first}, sorted by their stamps"
-            notes[note] = None
-        order = np.argsort(times, kind="stable")
-        ordered[name] = Track(times[order], track.values[order])
-    return ordered, list(notes)
 
 
 def _one_clock(table: dict[str, np.ndarray], mapped: Mapped, source: str) -> tuple[dict[str, Track], list[str]]:

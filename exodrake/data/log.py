@@ -310,19 +310,6 @@ def columns_in_si(
     return signals, known
 
 
-def check_writable(log: Log, target: str) -> None:
-    """InputError for no rows, a sample too large, a hole in the clock, and a column name that no heading can hold."""
-    if not len(log):
-        raise InputError(f"{target}: the log has no rows, it is not written")
-    for name, values in {"time": log.time, **log.signals}.items():
-        row = find_first((np.abs(values) > LARGEST) | (np.isnan(values) if name == "time" else False))
-        if row is not None:
-            raise InputError(f"{target}: column {name!r}, row {row + 1}: {values[row]:g}; the log is not written")
-    for name in log.columns:
-        if not name.isprintable() or name in ("", "time") or name != name.strip() or set(name) & set("[]"):
-            raise InputError(f"{target}: {name!r} cannot be the name of a column; the log is not written")
-
-
 def headings(log: Log) -> list[str]:
     """Headings of time and all columns, in order."""
     return [heading("time", "s"), *(heading(name, log.units[name]) for name in log.columns)]

@@ -117,7 +117,18 @@ def build(content: Any, source: str, above: tuple[str, ...] = (), folder: Path |
             raise InputError(f"{source}, {key!r}: a robot with a base has the {key} of its base")
     try:
         parameters = content.get("parameters") or {}
-        robot = load_robot(base, (*above, base)) if base else make_blank(content, source)
+        if base:
+            robot = load_robot(base, (*above, base))
+        else:  # effects at their null values, and what the file must state unset
+            groups = content.get("tolerances") or ()
+            tolerances = tuple(Tolerance(**{**one, "parameters": tuple(one["parameters"])}) for one in groups)
+            machine = machine_named(str(content.get("machine")), tolerances)
+            given = {name for name, *_ in flatten(parameters)} | machine.defaults.keys()
+            for p in machine.parameters:
+                if p.null is None and given.isdisjoint((p.name, p.name.rsplit(".", 1)[0])):
+                    raise InputError(f"{source}: parameter {p.name} is missing")
+            unset = [machine.defaults.get(p.name, math.nan) if p.null is None else p.null for p in machine.parameters]
+            robot = Robot(machine, np.array(unset), dict.fromkeys(machine.defaults, "default of the machine"))
         robot = replace(robot, source=source)
         for part in content.get("parts") or ():
             robot = robot.with_part(part)
@@ -159,20 +170,6 @@ def build(content: Any, source: str, above: tuple[str, ...] = (), folder: Path |
         return replace(robot, **targets)
     except InputError as problem:
         raise problem if source in str(problem) else InputError(f"{source}: {problem}") from None
-
-
-def make_blank(content: Mapping[str, Any], source: str) -> Robot:
-    """A machine with effects at their null values and its own parameters unset; InputError if some are not stated."""
-    groups = content.get("tolerances") or ()
-    tolerances = tuple(Tolerance(tuple(e["parameters"]), *(e[key] for key in list(TOLERANCE)[1:])) for e in groups)
-    machine = machine_named(str(content.get("machine")), tolerances)
-    given = {n for n, *_ in flatten(content.get("parameters") or {})}
-    for parameter in machine.parameters:
-        stated = {parameter.name, parameter.name.rsplit(".", 1)[0]} & {*given, *machine.defaults}
-        if parameter.null is None and not stated:
-            raise InputError(f"{source}: parameter {parameter.name} is missing")
-    unset = (p.null if p.null is not None else machine.defaults.get(p.name, math.nan) for p in machine.parameters)
-    return Robot(machine, np.array(list(unset)), dict.fromkeys(machine.defaults, "default of the machine"))
 
 
 def reference_unit(machine: Machine) -> str:
