@@ -65,12 +65,17 @@ def machine_named(name: str, tolerances: tuple[Tolerance, ...] = ()) -> Machine:
         if not isinstance(found, Machine):
             raise InputError(f"{folder}: machine.py defines no function machine() that returns a Machine")
     else:
-        from exodrake.machines.serial_arm import arm_machine
+        content, source = read_yaml(folder / plugins.ROBOT), f"{name}/{plugins.ROBOT}"
+        if isinstance(content, dict) and "servos" in content:
+            from exodrake.machines.position_servos import servo_machine
 
-        content = read_yaml(folder / plugins.ROBOT)
-        if not isinstance(content, dict) or "arm" not in content:
+            found = servo_machine(name, content["servos"], source)
+        elif isinstance(content, dict) and "arm" in content:
+            from exodrake.machines.serial_arm import arm_machine
+
+            found = arm_machine(name, content["arm"], folder, source)
+        else:
             raise InputError(f"{folder}: neither {plugins.MACHINE}, nor an `arm` in its {plugins.ROBOT}")
-        found = arm_machine(name, content["arm"], folder, f"{name}/{plugins.ROBOT}")
     if found.name != name:
         raise InputError(f"{folder}: the machine calls itself {found.name!r}, not {name!r}")
     for column in found.columns:

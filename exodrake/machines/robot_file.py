@@ -51,7 +51,7 @@ TOLERANCE = {
 }  # fmt: skip
 SCHEMA = mapping(
     {
-        "machine": optional(text()), "arm": anything, "base": optional(text()), "notes": anything,
+        "machine": optional(text()), "arm": anything, "servos": anything, "base": optional(text()), "notes": anything,
         "parameters": optional(PARAMETERS), "effects": optional(EFFECTS), "parts": optional(VARIANTS),
         "limits": optional(names(LIMIT)), "grasps": optional(names(VALUES)),
         "tolerances": optional(listing(mapping(TOLERANCE, required=tuple(TOLERANCE)))),
