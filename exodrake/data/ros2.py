@@ -2,7 +2,7 @@
 
 A column is `TOPIC:FIELD`: `/joint_states:position[MCP]` (the element whose `name` is MCP), `/joint_states:effort[0]`,
 `/wrench:wrench.force.z`, `/speed_command:data`; a field of JSON stands by the same rules. Definitions of ROS messages
-come from the bag; older SQLite bags hold none, and only the common types of ros2_messages.yaml can be read from them.
+come from the bag; older SQLite bags hold none, and only the common types of ros2_messages.txt can be read from them.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ import numpy as np
 
 from exodrake.core.errors import InputError
 from exodrake.core.files import is_folder, read_bytes
-from exodrake.core.schema import parse_json, read_yaml
+from exodrake.core.schema import parse_json
 from exodrake.data.formats import read_apart
 from exodrake.data.formats.mcap import is_log
 
@@ -190,7 +190,8 @@ def sqlite_messages(data: bytes, source: str, topics: set[str] | None) -> Iterat
     listed = {n: (str(topic), str(kind)) for n, topic, kind in bag.execute("SELECT id, name, type FROM topics")}
     stored = "message_definitions" in kinds
     rows = bag.execute("SELECT topic_type, encoded_message_definition FROM message_definitions") if stored else ()
-    texts = read_yaml(Path(__file__).with_name("ros2_messages.yaml")) | {kind: text for kind, text in rows if text}
+    common = Path(__file__).with_name("ros2_messages.txt").read_text().split("\n\n")  # a type, then its definition
+    texts = dict(text.split("\n", 1) for text in common) | {kind: text for kind, text in rows if text}
     decoders: dict[int, Any] = {}
     for number, (topic, kind) in listed.items():
         if (topics is None or topic in topics) and kind in texts:

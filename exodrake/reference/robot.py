@@ -11,22 +11,11 @@ from exodrake.reference.dynamics import FRAME as FRAME, ROBOT
 
 WIRES = ("AF", "MF", "AE")
 JOINTS = ("MCP", "PIP", "DIP")
-NOMINAL = read_yaml(Path(__file__).with_name("nominal.yaml"))  # name -> value [SI] and relative standard deviation
+NOMINAL, FORMS = read_yaml(Path(__file__).with_name("nominal.yaml")).values()  # by name, with value [SI] and unit
 WHOLE = ("tau_cell", "gear", "kp", "kd", "speed_max", "quantum_force")
 SPOOL_CONFIGURED = 7.5e-3  # m, what drive and log assume
 TENSION_MAX = np.array([12.0, 8.0, 8.0])  # N
 TENSION_MIN = 0.3  # N
-# Constants of the reference simulator's own functional forms [A]; without an effect they act on nothing.
-FORMS = {
-    "hysteresis_power": 1.5,
-    "growth_pitch": 6e-3,  # m of wire, one layer's staircase
-    "viscous_speed": 0.1,  # m/s, where shear thinning sets in
-    "stribeck_speed": 3e-3,  # m/s
-    "capstan_travel": 1e-4,  # m, presliding
-    "pulley_travel": 2e-4,  # m
-    "bristle_stiffness": 1.5e4,  # N/m
-    "bristle_damping": 5.0,  # N s/m
-}
 CLIP = 2.5  # standard deviations
 
 
@@ -53,7 +42,7 @@ def robot_record(parameters, quantised=True):
         "height_distal": heights, "height_proximal": heights, "centre": length / 2,
         "unit_inertia": length**2 / 3 + parameters["radius"] ** 2 / 4, "spool_config": SPOOL_CONFIGURED, "factor": 1.0,
     }  # fmt: skip
-    for name, value in (parameters | derived | FORMS).items():
+    for name, value in (parameters | derived | {name: form["value"] for name, form in FORMS.items()}).items():
         if name in ROBOT.names:
             record[name] = value
     record["quantum_force"] *= quantised
