@@ -101,9 +101,10 @@ def servo_machine(name: str, section: Any, source: str) -> Machine:
     InputError for an unknown key, law or setting, and a doubled joint.
     """
     section = SECTION(section, f"{source}, 'servos'")
-    late, joints = {"points": {"bus.sent": "joint_command.sent"}, "frames": FRAMES}, tuple(section["joints"])
+    joints = tuple(section["joints"])
     if len(set(joints)) < len(joints):
         raise InputError(f"{source}, 'servos': a joint comes twice: {', '.join(joints)}")
+    late: dict[str, Any] = {"points": {"bus.sent": "joint_command.sent"}, "frames": FRAMES}
     own = {"timing.command_latency": late}
     try:
         effects = tuple(for_machine(law, identity, **own.get(law, {})) for identity, law in section["effects"].items())
