@@ -24,7 +24,7 @@ from time import process_time
 import click
 import numpy as np
 
-from exodrake.core.parallel import each, one_thread
+from exodrake.core.parallel import each, thread_limit
 from exodrake.data.case import Case, CaseLog
 from exodrake.data.log import Log
 from exodrake.reference.cases import CasePlan
@@ -97,7 +97,10 @@ def cost(case: Case, library: int | None = None) -> Cost:
 
 def cost_on_one_thread(*task) -> Cost:
     """Measure a cost with one thread."""
-    with one_thread():
+    import numba
+
+    numba.set_num_threads(1)
+    with thread_limit():
         return cost(*task)
 
 

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from exodrake.cli.main import OneLineErrors
-from exodrake.reference.score import list_causes, list_rivals
+from exodrake.reference.score import list_classes
 
 if TYPE_CHECKING:
     from exodrake.data.case import Case
@@ -36,7 +36,7 @@ def doubled(case: Case) -> Case:
 
 def said(answer: dict[str, Any]) -> str:
     """Verdict and causes of an answer in one line, each with its rivals."""
-    names = [" or ".join([cause["id"], *sorted(list_rivals(cause))]) for cause in list_causes(answer)]
+    names = [" or ".join([ids[0], *sorted(ids[1:])]) for ids in list_classes(answer)]
     return " ".join([answer["verdict"], " + ".join(sorted(names))]).strip()
 
 

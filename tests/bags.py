@@ -12,7 +12,7 @@ from mcap.writer import Writer
 from mcap_ros2._dynamic import serialize_dynamic
 from mcap_ros2.writer import Writer as RosWriter
 
-from exodrake.data.import_log import import_log
+from exodrake.data.import_log import import_recording, read_mapping
 
 N = 40
 TIME = 0.02 * np.arange(N)  # s
@@ -123,7 +123,7 @@ def imported(folder, content, mapping, name="drive.csv"):
     """The log of a recording by a mapping, both as files, as the command does."""
     (folder / "map.yaml").write_text(mapping if isinstance(mapping, str) else yaml.safe_dump(mapping))
     (folder / name).write_bytes(content.encode() if isinstance(content, str) else content)
-    return import_log(folder / name, folder / "map.yaml")
+    return import_recording(folder / name, read_mapping(folder / "map.yaml")).log
 
 
 def lerobot(folder, episodes, names=("wrist_flex.pos", "elbow_flex.pos"), grouped=False):

@@ -10,7 +10,7 @@ from command_line import run
 from exodrake.data.case import read_case
 from exodrake.reference.answers import read_committed
 from exodrake.reference.cases import MASKED, MIXES, CasePlan, draw_case, plan
-from exodrake.reference.faults import ENTRIES, LIBRARY, WITHOUT_STRENGTH, find_block, weaken
+from exodrake.reference.faults import ENTRIES, LIBRARY, WITHOUT_STRENGTH, find_blocks, weaken
 from exodrake.reference.make import WEAKEST, case_and_label, gap_in_noise
 from exodrake.reference.robot import InjectedFault
 from exodrake.reference.score import score
@@ -37,7 +37,7 @@ def test_cases_of_a_mix_hold_so_many_effects(name, size):
     assert all(len(set(item.ids)) == size and set(item.ids) <= set(LIBRARY) for item in plans)
     assert not any(masked <= set(item.ids) for masked in MASKED for item in plans)
     if name == "same-block":
-        assert all(len({find_block(effect) for effect in item.ids}) == 1 for item in plans)
+        assert all(len({find_blocks(effect) for effect in item.ids}) == 1 for item in plans)
 
 
 @pytest.mark.parametrize("name", ["half", "no-mocap", "no-load-cells", "encoders-alone"])

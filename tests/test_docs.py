@@ -15,7 +15,7 @@ from command_line import run
 import exodrake as exo
 from exodrake.cli.main import cli
 from exodrake.core import plugins
-from exodrake.data.import_log import import_log
+from exodrake.data.import_log import import_recording, read_mapping
 from exodrake.machines.library import machine_folders
 
 ROOT = Path(__file__).parent.parent
@@ -197,6 +197,6 @@ def test_files_in_the_how_tos_are_read(tmp_path):
     table, recording, _, result = blocks(page, "text")[:4]
     for name, text in (("log.csv", table), ("drive.csv", recording), ("result.csv", result)):
         (tmp_path / name).write_text(text)
-    log = import_log(tmp_path / "drive.csv", tmp_path / "map.yaml")
+    log = import_recording(tmp_path / "drive.csv", read_mapping(tmp_path / "map.yaml")).log
     assert log.equals(exo.read_log(tmp_path / "result.csv"))
     np.testing.assert_allclose(exo.read_log(tmp_path / "log.csv")["tension_AF"], [1.012, 0.998])

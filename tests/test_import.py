@@ -17,7 +17,7 @@ from scipy.io import loadmat, savemat
 from exodrake.core.errors import InputError
 from exodrake.data.case import read_case
 from exodrake.data.formats import read_log, write_log
-from exodrake.data.import_log import Track, find_lag, import_all, import_log, import_recording, low_pass, read_mapping
+from exodrake.data.import_log import Track, find_lag, import_all, import_recording, low_pass, read_mapping
 from exodrake.data.log import Log
 from exodrake.data.tables import list_columns
 
@@ -234,7 +234,7 @@ def test_a_bag_in_sqlite(tmp_path, definitions):
     sqlite_bag(tmp_path / "bag" / "bag_0.db3", definitions)
     content = (tmp_path / "bag" / "bag_0.db3").read_bytes()
     check(imported(tmp_path, content, {"time": {"start": 0}, "columns": columns}, "run.db3"))
-    check(import_log(tmp_path / "bag", tmp_path / "map.yaml"))
+    check(import_recording(tmp_path / "bag", read_mapping(tmp_path / "map.yaml")).log)
 
 
 def test_joint_states_need_no_mapping(tmp_path):

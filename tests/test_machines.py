@@ -10,7 +10,8 @@ from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis.pipeline import diagnose
 from exodrake.diagnosis.problem import make_problem
 from exodrake.diagnosis.result import CAUSE
-from exodrake.effects import friction, servo
+from exodrake.effects import LIBRARY, friction, servo
+from exodrake.machines.position_servos import servo_machine
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation.simulate import record, simulate
 from studies.real_machines.growing_models import growing_models
@@ -156,6 +157,16 @@ def test_a_dragged_joint_goes_from_one_stop_to_the_other():
     log = simulate(robot, Reference(rows), seed=None)
     assert log["angle_q5"][29] == pytest.approx(0.1) and log["angle_q5"][59] == pytest.approx(-0.1)
     assert np.all(log["angle_q4"] == 0.0)
+
+
+def test_servos_of_a_robot_file_are_refused_by_name():
+    section = {"part": "servo", "joints": ["knee"], "frame": 0.02, "max_effects": 1}
+    machine = servo_machine("leg", section | {"effects": {"servo.dead_band": "joint.play"}}, "leg/robot.yaml")
+    assert machine.effect("servo.dead_band").at.keys() == LIBRARY["joint.play"].at.keys()
+    with pytest.raises(exo.InputError, match=r"did you mean joint\.play"):
+        servo_machine("leg", section | {"effects": {"servo.dead_band": "joint.plays"}}, "leg/robot.yaml")
+    with pytest.raises(exo.InputError, match=r"leg/robot\.yaml, 'servos': unknown key 'frames'"):
+        servo_machine("leg", section | {"effects": {}, "frames": 0.02}, "leg/robot.yaml")
 
 
 def test_a_robot_file_names_a_known_machine_and_never_a_module(tmp_path):

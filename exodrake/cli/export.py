@@ -80,13 +80,13 @@ def owner_table(log: exo.Log, mapped: Mapped, source: str) -> bytes:
     cells = [log.time / to_si(np.ones(1), mapped.time_unit, source)] * len(names)
     for column in columns:
         if not column.scale * column.sign:
-            raise InputError(f"{source}: column {column.foreign!r} has a scale of 0, which has no inverse")
+            raise InputError(f"{source}: column {column.of!r} has a scale of 0, which has no inverse")
         values = log[column.name] / to_si(np.ones(1), column.unit, source)
         cells.append((values / column.sign - column.offset) / column.scale)
     stream = io.StringIO(newline="")
     writer = csv.writer(stream, delimiter=mapped.separator, lineterminator="\n")
     if mapped.heading:
-        writer.writerow([*names, *(column.foreign for column in columns)])
+        writer.writerow([*names, *(column.of for column in columns)])
     for row in np.column_stack(cells).tolist():
         writer.writerow(["" if cell != cell else f"{cell:.12g}".replace(".", mapped.decimal) for cell in row])
     return stream.getvalue().encode()

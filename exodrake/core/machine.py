@@ -216,7 +216,6 @@ class Machine:
         reference_limits: names in the robot file's `limits` of the lowest and highest reference; () without limits.
         experiments: further experiments by name, cheapest first, each a protocol with options; empty for variations of
             the motion at hand.
-        end_stops: parameters of end stops: a motion meets them or does not, so a fit tries both sides.
         regime: signals by which a gap is sorted; None for the first and last measured signal of a joint.
         colours: colours of channels in figures; others take theirs from a palette.
         skeleton: what a recording draws, from the robot; None for a machine that is not drawn.
@@ -250,7 +249,6 @@ class Machine:
     observer: Observer | None = None
     reference_limits: tuple[str, ...] = ()
     experiments: Mapping[str, str] = field(default_factory=dict)
-    end_stops: tuple[str, ...] = ()
     regime: Regime | None = None
     colours: Mapping[str, str] = field(default_factory=dict)
     skeleton: Callable[[Robot], Skeleton | Shape] | None = None

@@ -1,11 +1,7 @@
 """Loops over tasks: in this process, in worker processes (joblib's loky), or on a Dask cluster; and on threads.
 
-    for outcome in each(function, tasks, jobs=4):   # or cluster="tcp://192.168.1.20:8786"
-        ...                                         # as tasks finish, in any order
-
-A task of a worker has one thread, one of this process all of them. Simulations run side by side on several threads,
-linear algebra on one. Two threads of linear algebra compete for the cores with each other and with other tasks (a 40 us
-prediction then takes 15 ms) and add in another order, which changes the last digits of an answer.
+Simulations run side by side on several threads, linear algebra on one: two threads of it compete for the cores with
+each other and with other tasks (a 40 us prediction then takes 15 ms), and add in another order, so digits change.
 """
 
 from __future__ import annotations
@@ -17,9 +13,8 @@ import sys
 import threading
 import traceback
 import warnings
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Future, ThreadPoolExecutor, wait
-from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from itertools import chain, islice
 from math import inf
@@ -34,20 +29,6 @@ TIMEOUT = "10s"  # for a scheduler to answer
 QUEUED = 2  # tasks sent to a cluster per worker, so that no worker waits for its next task
 GROWN = "A worker stopped while some jobs"  # loky replaces one that has grown by 300 MB, as the allocator keeps memory
 CRASHED = "the worker process crashed (out of memory?)"
-
-
-@contextmanager
-def one_thread() -> Iterator[None]:
-    """Limit linear algebra and simulations to one thread."""
-    import numba
-
-    before = numba.get_num_threads()
-    with thread_limit():
-        numba.set_num_threads(1)
-        try:
-            yield
-        finally:
-            numba.set_num_threads(before)
 
 
 def one_blas_thread() -> Any:
@@ -144,7 +125,7 @@ def each(
     """
     if jobs == 1 and not cluster:
         for number, task in enumerate(tasks):
-            yield Outcome(number, *attempt(function, task, one_blas_thread))
+            yield Outcome(number, *attempt(function, task, alone=False))
         return
     from joblib import cpu_count
 
@@ -175,12 +156,14 @@ def each(
         workers.close()
 
 
-def attempt(
-    function: Callable[..., Any], task: tuple, limit: Callable[[], AbstractContextManager] = one_thread
-) -> tuple[Any, str | None, str]:
-    """Call within a limit of threads: (value, None, "") or (None, reason, traceback)."""
-    with ONE_TASK, limit():
+def attempt(function: Callable[..., Any], task: tuple, alone: bool = True) -> tuple[Any, str | None, str]:
+    """Call with one thread, or with one of linear algebra: (value, None, "") or (None, reason, traceback)."""
+    import numba
+
+    before = numba.get_num_threads()
+    with ONE_TASK, thread_limit(None if alone else "blas"):
         try:
+            numba.set_num_threads(1 if alone else before)
             return function(*task), None, ""
         except Exception as error:  # one bad task must not end a long run
             cause: BaseException | None = error  # a compiled function makes a SystemError of Ctrl-C
@@ -192,6 +175,8 @@ def attempt(
             for place in sorted(filter(None, sys.path), key=len, reverse=True):  # files by their names in Python
                 trace = trace.replace(place + os.sep, "")
             return None, f"{type(error).__name__}: {error}", trace
+        finally:
+            numba.set_num_threads(before)
 
 
 class LokyWorkers:

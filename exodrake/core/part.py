@@ -1,13 +1,7 @@
 """A part: signals read and written, parameters, states, tasks, and the named points where effects may act.
 
-A module in `physics/` or `effects/` holds plain functions over floats, small tuples and arrays. `compiled.compose`
-copies those of a machine into one module that numba compiles; the same functions serve the Drake leaves and the
-compiled simulator. Signals join parts, over the channels of an axis.
-
-A free law adds `factor f(variable)` to the value that passes a point, with a free curve f, or a sum of elements that
-remember how the variable moved. It may be missing in the part; its shape is fitted to logs. Texts are source code in
-the arguments of the point. A part declares the laws of its points (`Point.laws`); a point without a declaration gets a
-curve over each of its arguments.
+A module in `physics/` or `effects/` holds plain functions over floats, small tuples and arrays, which the Drake leaves
+call, and which `compiled.compose` copies into one module for numba. Signals join parts, over the channels of an axis.
 """
 
 from __future__ import annotations
@@ -60,7 +54,11 @@ class Axes(NamedTuple):
 
 @dataclass(frozen=True)
 class FreeLaw:
-    """One free law at a point."""
+    """A free law at a point: it adds `factor f(variable)` to the value that passes, and may be missing in the part.
+
+    f is a free curve, or a sum of elements that remember how the variable moved; its shape is fitted to logs. Texts are
+    source code in the arguments of the point.
+    """
 
     words: str  # what the curve gives, over what: "friction over speed"
     variable: str  # u, as source of the point's arguments; of a law with memory, of those of the point `advances`

@@ -1,8 +1,4 @@
-"""Results as plain data, and their files: JSON, or NPZ with every array in full; neither holds a pickle.
-
-exo.save(exo.diagnose("my_case"), "answer.json")
-exo.save(exo.record(robot, exo.grasp("caging")), "run.npz")     # np.load("run.npz")["signals.tension"]
-"""
+"""Results as plain data, and their files: JSON, or NPZ with every array in full; neither holds a pickle."""
 
 from __future__ import annotations
 
@@ -29,11 +25,7 @@ def plain(value: Any) -> Any:
     Dataclasses become mappings, arrays lists, complex numbers [real, imaginary], and what is not finite null;
     functions are left out. A class with a method `to_json` says itself what it is.
     """
-
-    def list_array(array: np.ndarray, _: str = "") -> list[Any]:
-        return array.tolist() if np.isfinite(array).all() else [plain(one) for one in array]
-
-    return _plain(value, list_array, "")
+    return _plain(value, lambda array, _: array.tolist() if np.isfinite(array).all() else list(map(plain, array)), "")
 
 
 def to_dict(result: Any) -> dict[str, Any]:

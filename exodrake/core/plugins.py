@@ -1,15 +1,7 @@
-"""Plugins: folders with a user's own machines, effects, parts, detectors and file formats.
+"""Plugins: folders with a user's own machines, effects, parts, detectors and file formats (`docs/howto/robot.md`).
 
-A plugin folder is laid out as this package is, each module where its like is here:
-
-    machines/NAME/machine.py, robot.yaml    effects/NAME.py    physics/NAME.py    data/formats/NAME.py
-
-Its modules are imported under this package's names (`exodrake.effects.NAME`); names that exist here keep their meaning.
-A folder that holds `machine.py`, or a `robot.yaml` that describes a machine, is one machine, named like the folder.
-
-Plugins come from `add_plugin` (the options `--plugin` and `--machine`), from the environment variable EXODRAKE_PLUGINS,
-which worker processes inherit, and from installed packages with an entry point in the group `exodrake.plugins` whose
-value is the package that is the folder.
+A plugin folder is laid out as this package is, and its modules are imported under this package's names. Plugins come
+from `add_plugin`, the environment variable EXODRAKE_PLUGINS, which worker processes inherit, and installed packages.
 """
 
 from __future__ import annotations

@@ -1,10 +1,6 @@
 """Processes that this one starts: they import nothing from the current folder, and end when this one does.
 
-A call in a process of its own: a file that crashes a reader, or never ends in it, costs that file alone.
-
-    variables = in_child(parse, data, source, source=source, size=len(data))
-
-The process has limits of memory and processor time. It stays for the next call.
+A call in a process of its own, `in_child`: a file that crashes a reader, or never ends in it, costs that file alone.
 """
 
 from __future__ import annotations
@@ -22,7 +18,7 @@ from contextlib import contextmanager, suppress
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from threading import Lock
-from typing import Any, NamedTuple
+from typing import Any
 
 from exodrake.core.errors import InputError
 
@@ -34,7 +30,7 @@ PATIENCE = 20.0  # assumed: of the clock for one of those, on a busy machine or 
 BYTES_PER_SECOND = 2e6  # assumed: a tenth of what the slowest reader does
 MEMORY = 2 << 30  # bytes of address space; a log of the size that is read takes a tenth
 _lock = Lock()
-_child: Child | None = None
+_child: tuple[Connection, subprocess.Popen, int] | None = None  # and the process that owns it: after a fork the parent
 
 
 def in_child[T](function: Callable[..., T], *arguments: Any, source: str, size: int) -> T:
@@ -45,8 +41,15 @@ def in_child[T](function: Callable[..., T], *arguments: Any, source: str, size: 
     global _child
     time_limit = CPU_TIME + size / BYTES_PER_SECOND
     with _lock:
-        if _child is None or _child.owner != os.getpid() or _child.process.poll() is not None:
-            _child = start_child()
+        if _child is None or _child[2] != os.getpid() or _child[1].poll() is not None:
+            pipe, theirs = Pipe()
+            command = [sys.executable, "-P", "-m", "exodrake.core.processes", str(theirs.fileno()), str(os.getpid())]
+            silent: dict[str, Any] = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
+            # its modules come from where those of this process do
+            environment = os.environ | SAFE_PATH | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))} | ONE_THREAD
+            process = subprocess.Popen(command, pass_fds=[theirs.fileno()], env=environment, **silent)
+            theirs.close()
+            _child = pipe, process, os.getpid()
         pipe, process, _ = _child
         try:
             pipe.send((function, arguments, time_limit))
@@ -69,25 +72,6 @@ def in_child[T](function: Callable[..., T], *arguments: Any, source: str, size: 
     if isinstance(answer, Exception):
         raise answer
     return answer
-
-
-class Child(NamedTuple):
-    """A process that takes calls one by one from the process that owns it; after a fork that is the parent."""
-
-    pipe: Connection
-    process: subprocess.Popen
-    owner: int
-
-
-def start_child() -> Child:
-    """A new child process; its modules come from where those of this process do."""
-    pipe, theirs = Pipe()
-    command = [sys.executable, "-P", "-m", "exodrake.core.processes", str(theirs.fileno()), str(os.getpid())]
-    silent: dict[str, Any] = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
-    environment = os.environ | SAFE_PATH | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))} | ONE_THREAD
-    process = subprocess.Popen(command, pass_fds=[theirs.fileno()], env=environment, **silent)
-    theirs.close()
-    return Child(pipe, process, os.getpid())
 
 
 def serve(pipe: Connection) -> None:

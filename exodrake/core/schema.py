@@ -1,12 +1,8 @@
-"""Plain data in YAML and JSON files, and schemas: checks that compose, whose messages name file and key.
+"""Plain data in YAML and JSON files, and schemas: functions of a value and its place that return it or refuse it.
 
     SCHEMA = mapping({"name": text(), "period": number(above=0.0), "logs": listing(LOG, least=1)}, required=("logs",))
-    content = SCHEMA(read_yaml(path), str(path))
 
-A schema is a function of a value and the place where it stands; it returns the value, or raises InputError.
-
-One loader with limits serves robot files, scenarios, cases, mappings and layouts. Scalars are those of YAML 1.2: `1e-3`
-is a number; `1:30`, `no` and dates are text. Anchors, aliases, tags and keys that come twice are refused.
+Scalars are those of YAML 1.2: `1e-3` is a number; `1:30`, `no` and dates are text.
 """
 
 from __future__ import annotations
@@ -18,7 +14,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from itertools import takewhile
 from pathlib import Path
-from typing import Any
+from typing import Any, Concatenate
 
 from exodrake.core.errors import InputError
 from exodrake.core.files import read_bytes
@@ -182,109 +178,99 @@ def flag(value: Any, where: str) -> bool:
     return value
 
 
-def text(choices: Sequence[str] = (), length: int | None = None) -> Schema:
+def schema_maker[**P](check: Callable[Concatenate[Any, str, P], Any]) -> Callable[P, Schema]:
+    """The function that makes schemas of a check, from what the check takes beyond a value and its place."""
+    return lambda *args, **options: lambda value, where: check(value, where, *args, **options)
+
+
+@schema_maker
+def text(value: Any, where: str, choices: Sequence[str] = (), length: int | None = None) -> str:
     """Text: one of the choices if there are any, of that length if one is given."""
-
-    def check(value: Any, where: str) -> str:
-        if not isinstance(value, str) or (length is not None and len(value) != length):
-            wanted = "text" if length is None else f"text of {length} character{'s' * (length > 1)}"
-            raise refusal(where, f"wanted {wanted}, found {shown(value)}")
-        if choices and value not in choices:
-            raise refusal(where, f"{shown(value)} is none of {', '.join(choices)}")
-        return value
-
-    return check
+    if not isinstance(value, str) or (length is not None and len(value) != length):
+        wanted = "text" if length is None else f"text of {length} character{'s' * (length > 1)}"
+        raise refusal(where, f"wanted {wanted}, found {shown(value)}")
+    if choices and value not in choices:
+        raise refusal(where, f"{shown(value)} is none of {', '.join(choices)}")
+    return value
 
 
-def number(above: float = -math.inf, low: float = -math.inf, high: float = math.inf, unit: str = "") -> Schema:
+@schema_maker
+def number(
+    value: Any, where: str, above: float = -math.inf, low: float = -math.inf, high: float = math.inf, unit: str = ""
+) -> float:
     """A number in (above, inf) and [low, high], not NaN; infinite only if the range has no end there."""
-
-    def check(value: Any, where: str) -> float:
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise refusal(where, f"wanted a number{unit and f' [{unit}]'}, found {shown(value)}")
-        try:
-            found = float(value)
-        except OverflowError:
-            raise refusal(where, f"{shown(value)} is too large a number") from None
-        if math.isnan(found):
-            raise refusal(where, "is not a number (NaN)")
-        if not (found > above or above == -math.inf) or not low <= found <= high:
-            limits = [f"above {above:g}"] * (above > -math.inf) + [f"from {low:g}"] * (low > -math.inf)
-            limits += [f"up to {high:g}"] * (high < math.inf)
-            raise refusal(where, f"wanted a number {' '.join(limits)}{unit and f' {unit}'}, found {shown(value)}")
-        return found
-
-    return check
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise refusal(where, f"wanted a number{unit and f' [{unit}]'}, found {shown(value)}")
+    try:
+        found = float(value)
+    except OverflowError:
+        raise refusal(where, f"{shown(value)} is too large a number") from None
+    if math.isnan(found):
+        raise refusal(where, "is not a number (NaN)")
+    if not (found > above or above == -math.inf) or not low <= found <= high:
+        limits = [f"above {above:g}"] * (above > -math.inf) + [f"from {low:g}"] * (low > -math.inf)
+        limits += [f"up to {high:g}"] * (high < math.inf)
+        raise refusal(where, f"wanted a number {' '.join(limits)}{unit and f' {unit}'}, found {shown(value)}")
+    return found
 
 
-def whole(low: int = 0) -> Schema:
+@schema_maker
+def whole(value: Any, where: str, low: int = 0) -> int:
     """A whole number from `low` to MAX_WHOLE."""
-
-    def check(value: Any, where: str) -> int:
-        if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= MAX_WHOLE:
-            raise refusal(where, f"wanted a whole number from {low} to {MAX_WHOLE}, found {shown(value)}")
-        return value
-
-    return check
+    if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= MAX_WHOLE:
+        raise refusal(where, f"wanted a whole number from {low} to {MAX_WHOLE}, found {shown(value)}")
+    return value
 
 
-def optional(schema: Schema) -> Schema:
-    """Schema that also takes null."""
-    return lambda value, where: None if value is None else schema(value, where)
+@schema_maker
+def optional(value: Any, where: str, schema: Schema) -> Any:
+    """What the schema takes, or null."""
+    return None if value is None else schema(value, where)
 
 
-def listing(item: Schema, least: int = 0, length: int | None = None, wanted: str = "a list") -> Schema:
+@schema_maker
+def listing(
+    value: Any, where: str, item: Schema, least: int = 0, length: int | None = None, wanted: str = "a list"
+) -> list:
     """A list with at least so many items, or exactly so many; messages count items from 1."""
-
-    def check(value: Any, where: str) -> list:
-        if not isinstance(value, list) or len(value) < least or (length is not None and len(value) != length):
-            raise refusal(where, f"wanted {wanted}, found {shown(value)}")
-        return [item(one, f"{where} item {n + 1}") for n, one in enumerate(value)]
-
-    return check
+    if not isinstance(value, list) or len(value) < least or (length is not None and len(value) != length):
+        raise refusal(where, f"wanted {wanted}, found {shown(value)}")
+    return [item(one, f"{where} item {n + 1}") for n, one in enumerate(value)]
 
 
-def names(item: Schema, least: int = 0) -> Schema:
+@schema_maker
+def names(value: Any, where: str, item: Schema, least: int = 0) -> dict[str, Any]:
     """A mapping from free names to what `item` takes."""
-
-    def check(value: Any, where: str) -> dict[str, Any]:
-        if not isinstance(value, Mapping) or len(value) < least:
-            raise refusal(where, f"wanted names and values, found {shown(value)}")
-        return {str(key): item(one, inside(where, str(key))) for key, one in value.items()}
-
-    return check
+    if not isinstance(value, Mapping) or len(value) < least:
+        raise refusal(where, f"wanted names and values, found {shown(value)}")
+    return {str(key): item(one, inside(where, str(key))) for key, one in value.items()}
 
 
-def having(known: Mapping[str, Schema], required: Sequence[str] = ()) -> Schema:
-    """A mapping whose known keys are checked; others pass as they are."""
-
-    def check(value: Any, where: str) -> dict[str, Any]:
-        found = value if isinstance(value, Mapping) else {}
-        kept = mapping(known, required)({k: v for k, v in found.items() if k in known} if found else value, where)
-        return {**found, **kept}
-
-    return check
-
-
-def mapping(known: Mapping[str, Schema], required: Sequence[str] = ()) -> Schema:
+@schema_maker
+def mapping(value: Any, where: str, known: Mapping[str, Schema], required: Sequence[str] = ()) -> dict[str, Any]:
     """A mapping with known keys."""
-
-    def check(value: Any, where: str) -> dict[str, Any]:
-        if not isinstance(value, Mapping):
-            raise refusal(where, f"wanted keys and values ({', '.join(known)}), found {shown(value)}")
-        for key in value:
-            if key not in known:
-                near = get_close_matches(str(key), list(known), n=1)
-                hint = f"did you mean {near[0]!r}?" if near else f"known keys: {', '.join(known)}"
-                raise refusal(where, f"unknown key {shown(str(key))}; {hint}")
-        for key in required:
-            if value.get(key) is None:
-                raise refusal(where, f"key {key!r} is missing")
-        return {key: known[key](one, inside(where, key)) for key, one in value.items()}
-
-    return check
+    if not isinstance(value, Mapping):
+        raise refusal(where, f"wanted keys and values ({', '.join(known)}), found {shown(value)}")
+    for key in value:
+        if key not in known:
+            near = get_close_matches(str(key), list(known), n=1)
+            hint = f"did you mean {near[0]!r}?" if near else f"known keys: {', '.join(known)}"
+            raise refusal(where, f"unknown key {shown(str(key))}; {hint}")
+    for key in required:
+        if value.get(key) is None:
+            raise refusal(where, f"key {key!r} is missing")
+    return {key: known[key](one, inside(where, key)) for key, one in value.items()}
 
 
-def either(mappings: Schema, others: Schema) -> Schema:
-    """The first schema for a mapping, the second for anything else."""
-    return lambda value, where: (mappings if isinstance(value, Mapping) else others)(value, where)
+@schema_maker
+def having(value: Any, where: str, known: Mapping[str, Schema], required: Sequence[str] = ()) -> dict[str, Any]:
+    """A mapping whose known keys are checked; others pass as they are."""
+    found = value if isinstance(value, Mapping) else {}
+    kept = mapping(known, required)({k: v for k, v in found.items() if k in known} if found else value, where)
+    return {**found, **kept}
+
+
+@schema_maker
+def either(value: Any, where: str, mappings: Schema, others: Schema) -> Any:
+    """What the first schema takes of a mapping, or the second of anything else."""
+    return (mappings if isinstance(value, Mapping) else others)(value, where)

@@ -1,22 +1,7 @@
-"""A case: a folder of logs from one robot in one state, and what is known about it.
+"""A case: a folder of logs from one robot in one state, and what is known about it, in `case.yaml` or from the logs.
 
-`case.yaml` in the folder:
-
-    name: wearer 3, Tuesday              # default: the folder's name
-    robot: {tendon: {stiffness: 2500}}   # overrides of the nominal parameters, if any
-    period: 0.02                         # s, the frame; default 0.02
-    serial: exo-07                       # which robot of a fleet; a `date` holds for all logs that have none
-    logs:
-      - {file: sweeps_1.csv.gz, role: fit}
-      - {file: sweeps_2.csv.gz, role: fit, repeats: sweeps_1.csv.gz}     # same reference again: gives the noise
-      - {file: grasps.csv.gz, role: holdout, protocol: grasps}           # default protocol: the file's name
-      - {file: later.csv.gz, date: 2026-03-05}                           # a later session of the same robot
-
-Without it, every log in the folder counts: all to fit but the last by name, which is held out. No other file is read.
-
-A folder without case.yaml takes no log that exodrake simulated beside measured ones, and none of a robot as its file
-states it. A log that is named, as a file or in case.yaml, is taken, with a note; measured and simulated logs in one
-case.yaml are refused. What was done to a log's signals before stands in `NAME.notes.txt` beside it, a sentence a line.
+The keys of `case.yaml` are in `docs/howto/diagnose.md`. What was done to a log's signals before stands in
+`NAME.notes.txt` beside it, a sentence a line.
 """
 
 from __future__ import annotations

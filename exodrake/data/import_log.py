@@ -1,10 +1,7 @@
-"""A foreign recording as a log, by a mapping file or, of joint states, by their names.
+"""A foreign recording as a log, by a mapping file (`docs/howto/import.md`) or, of joint states, by their names.
 
 Text, MAT, HDF5, JSON, NPY, NPZ, Parquet, ROS 2 bags (MCAP or SQLite), MCAP with JSON messages and LeRobot data sets.
-The mapping file says what the columns are called, and in which units, by us: SI value is value * scale + offset. It can
-derive columns, move clocks that differ and put rows on frames; `docs/howto/import.md` has all its keys, with examples.
-
-What it changes beyond names and units is noted beside the log.
+What is changed beyond names and units is noted beside the log.
 """
 
 from __future__ import annotations
@@ -27,7 +24,6 @@ from exodrake.data.log import (
     Log,
     check_clock,
     check_columns,
-    clock_frame,
     find_first,
     heading,
     log_from_columns,
@@ -85,30 +81,21 @@ SCHEMA = schema.mapping(
 
 @dataclass(frozen=True)
 class Column:
-    """A foreign column and its log column: sign (value * scale + offset), in SI; `wrap` [unit] and `filter` [Hz]."""
+    """A column of the log: sign (value * scale + offset) of a foreign column, in SI; `wrap` [unit], `filter` [Hz].
 
-    foreign: str
+    One that is derived from a column of ours is (take(of) - minus) scale + offset [SI].
+    """
+
+    of: str  # foreign column, or ours of a derived one
     name: str
-    unit: str
+    unit: str = ""
     scale: float = 1.0
     offset: float = 0.0
     sign: float = 1.0
     wrap: float | None = None
     filter: float | None = None
-
-
-@dataclass(frozen=True)
-class Derived:
-    """A column made from one of ours: (take(of) - minus) scale + offset [SI], low-passed at `filter` [Hz]."""
-
-    name: str
-    of: str
-    take: str = ""
+    take: str | None = None  # of a derived one "first", "rate" or ""
     minus: str = ""
-    scale: float = 1.0
-    offset: float = 0.0
-    filter: float | None = None
-    unit: str = ""
 
 
 @dataclass(frozen=True)
@@ -124,13 +111,13 @@ class Mapped(TextLayout):
     hold: int = 1  # frames a sample stays valid for when none newer has come
     stamp: str = "log"
     samples: str | None = None  # "rows" or "columns" of a matrix; None: by its shape
-    derived: tuple[Derived, ...] = ()
+    derived: tuple[Column, ...] = ()
     sync: tuple[dict[str, Any], ...] = ()  # each with the keys of `SYNC`
 
     @property
     def foreign(self) -> list[str]:
         """Foreign columns that must be there."""
-        return [*(column.foreign for column in self.columns), *([] if self.time is None else [self.time])]
+        return [*(column.of for column in self.columns), *([] if self.time is None else [self.time])]
 
 
 def read_mapping(path: str | Path) -> Mapped:
@@ -160,7 +147,7 @@ def read_mapping(path: str | Path) -> Mapped:
         if item.get("unit"):
             check_unit(name, item["unit"], where)
         known.append(name)
-        derived.append(Derived(name, **item))
+        derived.append(Column(name=name, **{"take": "", **item}))
     ours = [column.name for column in columns]
     for item in content.get("sync") or ():
         where = f"{path}, 'sync'"
@@ -184,20 +171,31 @@ class Imported:
     notes: tuple[str, ...]
 
 
-def import_log(file: str | Path, map_file: str | Path) -> Log:
-    """A foreign recording in our names and SI. InputError names file, column or key, and what is wrong with a clock."""
-    return import_recording(file, read_mapping(map_file)).log
-
-
 def import_recording(file: str | Path, mapped: Mapped) -> Imported:
-    """`import_log` by a mapping that is read already, with notes."""
-    if is_bag(file):
-        tracks = read_bag(file, [column.foreign for column in mapped.columns], mapped.stamp)
-        mapped = replace(mapped, period=mapped.period or BAG_PERIOD)  # topics have clocks of their own
-        tracks, notes = sort_tracks(tracks, mapped.period or BAG_PERIOD, str(file))
-    else:
+    """A foreign recording in our names and SI. InputError names file, column or key, and what is wrong with a clock."""
+    if not is_bag(file):
         tracks, notes = _one_clock(read_columns(read_bytes(file), str(file), mapped), mapped, str(file))
-    return make_log(tracks, mapped, str(file), notes)
+        return make_log(tracks, mapped, str(file), notes)
+    period = mapped.period or BAG_PERIOD  # topics have clocks of their own
+    ordered, late = {}, dict[str, None]()  # by their stamps; notes on messages overtaken by less than a frame
+    for name, track in read_bag(file, [column.of for column in mapped.columns], mapped.stamp).items():
+        topic, times = f"topic {name.partition(':')[0]!r}", track.time
+        if len(times) > 1 and times.min() == times.max():
+            still = f"its clock stands still, all {len(times)} messages at {times[0]:.10g} s"
+            raise InputError(f"{file}: {topic}: {still}")
+        latest = np.maximum.accumulate(times)
+        back, count = latest - times, int(np.sum(times < latest))
+        if (at := find_first(back > period)) is not None:
+            raise InputError(
+                f"{file}: {topic}: the clock steps backwards by {back.max():.6g} s, at message {at + 1}, "
+                f"{times[at]:.10g} s after {latest[at]:.10g} s; cut the bag there"
+            )
+        if (at := find_first(times < latest)) is not None:
+            first = f"the first is message {at + 1} at {times[at]:.10g} s"
+            late[f"{topic}: {count} {plural(count, 'message')} out of order, {first}, sorted by their stamps"] = None
+        order = np.argsort(times, kind="stable")
+        ordered[name] = Track(times[order], track.values[order])
+    return make_log(ordered, replace(mapped, period=period), str(file), list(late))
 
 
 def import_all(
@@ -231,12 +229,14 @@ def frame_period(logs: Sequence[Log], mapped: Mapped | None, frame: float) -> fl
     """Frame [s] of a case of imported logs: of the mapping, of the machine if all logs fit it, else of the first."""
     if mapped is not None and mapped.period is not None:
         return mapped.period
-    measured = round(clock_frame(logs[0]), 9)
-    for log in (log for log in logs if len(log) > 1):
-        frames = np.concatenate([[0], np.cumsum(np.rint(np.diff(log.time) / frame))])
-        if abs(log.dt / frame - 1.0) >= ALIKE or other_rate(log.time, frames, frame) is not None:
-            return measured
-    return frame
+
+    def count_otherwise(log: Log, step: float) -> tuple[float, float] | None:
+        return other_rate(log.time, np.concatenate([[0], np.cumsum(np.rint(np.diff(log.time) / step))]), step)
+
+    step = logs[0].dt
+    if all(abs(o.dt / frame - 1.0) < ALIKE and not count_otherwise(o, frame) for o in logs if len(o) > 1):
+        return frame
+    return round((count_otherwise(logs[0], step) or (0.0, step))[1], 9)  # the mean step where stamps are rounded
 
 
 def refuse_folder(path: Path) -> None:
@@ -249,12 +249,12 @@ def make_log(tracks: dict[str, Track], mapped: Mapped, source: str, notes: Seque
     """Foreign columns with their clocks, in order of time, as a log of ours; `notes`: what was done to them before."""
     ours = {}
     for column in mapped.columns:
-        values = tracks[column.foreign].values.copy()
+        values = tracks[column.of].values.copy()
         if column.wrap is not None:  # readings start again: made continuous
             there = np.isfinite(values)
             values[there] = np.unwrap(values[there], period=column.wrap)
         values = column.sign * (values * column.scale + column.offset)
-        ours[column.name] = Track(tracks[column.foreign].time, to_si(values, column.unit, source))
+        ours[column.name] = Track(tracks[column.of].time, to_si(values, column.unit, source))
     if mapped.start is not None:  # before frames are laid, since stamps since 1970 have few digits below a microsecond
         first = min((track.time.min() for track in ours.values() if len(track.time)), default=0.0)
         ours = {name: Track(track.time - first + mapped.start, track.values) for name, track in ours.items()}
@@ -304,32 +304,19 @@ def make_log(tracks: dict[str, Track], mapped: Mapped, source: str, notes: Seque
     log = log_from_columns([("time [s]", time), *ours], source)
     check_columns(log, log.columns)
     check_clock(log)
-    notes += filter(None, map(describe_conversion, (*mapped.columns, *mapped.derived)))
+    for column in (*mapped.columns, *mapped.derived):  # what is done to it beyond its unit
+        done = []
+        if column.take is not None and column.take != "first":
+            minus = f" minus {column.minus}" if column.minus else ""
+            done.append(f"{'the derivative of ' if column.take else ''}{column.of}{minus}")
+        if column.wrap is not None:
+            done.append(f"made continuous where readings start again after {column.wrap:g}")
+        if column.sign < 0.0:
+            done.append("sign turned")
+        if column.filter is not None:
+            done.append(f"low-passed at {column.filter:g} Hz without phase, so its fast noise is not the sensor's")
+        notes += [f"{column.name}: {', '.join(done)}"] if done else []
     return Imported(log, tuple(notes))
-
-
-def sort_tracks(tracks: dict[str, Track], period: float, source: str) -> tuple[dict[str, Track], list[str]]:
-    """Tracks of a bag by their stamps, and notes on messages that overtook others by less than a frame `period` [s]."""
-    ordered, notes = {}, dict[str, None]()
-    for name, track in tracks.items():
-        topic, times = f"topic {name.partition(':')[0]!r}", track.time
-        if len(times) > 1 and times.min() == times.max():
-            still = f"its clock stands still, all {len(times)} messages at {times[0]:.10g} s"
-            raise InputError(f"{source}: {topic}: {still}")
-        latest = np.maximum.accumulate(times)
-        back, count = latest - times, int(np.sum(times < latest))
-        if (at := find_first(back > period)) is not None:
-            raise InputError(
-                f"{source}: {topic}: the clock steps backwards by {back.max():.6g} s, at message {at + 1}, "
-                f"{times[at]:.10g} s after {latest[at]:.10g} s; cut the bag there"
-            )
-        if (at := find_first(times < latest)) is not None:
-            first = f"the first is message {at + 1} at {times[at]:.10g} s"
-            note = f"{topic}: {count} {plural(count, 'message')} out of order, {first}, sorted by their stamps"
-            notes[note] = None
-        order = np.argsort(times, kind="stable")
-        ordered[name] = Track(times[order], track.values[order])
-    return ordered, list(notes)
 
 
 def _one_clock(table: dict[str, np.ndarray], mapped: Mapped, source: str) -> tuple[dict[str, Track], list[str]]:
@@ -343,12 +330,12 @@ def _one_clock(table: dict[str, np.ndarray], mapped: Mapped, source: str) -> tup
     if mapped.time is not None:
         time = to_si(table[names[mapped.time]], mapped.time_unit, source)
     elif mapped.time_period is not None:
-        time = mapped.time_period * np.arange(len(table[names[mapped.columns[0].foreign]]))
+        time = mapped.time_period * np.arange(len(table[names[mapped.columns[0].of]]))
     else:
         raise InputError(f"{source}: the mapping file names no time: wanted time: {{column: ..., unit: s}}")
     if (row := find_first(~np.isfinite(time))) is not None:
         raise InputError(f"{where}, row {row + 1}: empty or not finite")
-    lengths = {column.foreign: len(table[names[column.foreign]]) for column in mapped.columns}
+    lengths = {column.of: len(table[names[column.of]]) for column in mapped.columns}
     for name, length in lengths.items():
         if length != len(time):
             raise InputError(f"{source}: column {name!r} has {length} samples, time has {len(time)}")
@@ -464,21 +451,6 @@ def find_lag(moved: Track, fixed: Track, within: float, where: str) -> tuple[flo
     return (at + offset - reach) * step, float(course[at])
 
 
-def describe_conversion(column: Column | Derived) -> str | None:
-    """Note on the conversions of a column beyond its unit, in one sentence; None for none."""
-    done = []
-    if isinstance(column, Derived) and column.take != "first":
-        minus = f" minus {column.minus}" if column.minus else ""
-        done.append(f"{'the derivative of ' if column.take else ''}{column.of}{minus}")
-    elif isinstance(column, Column) and column.wrap is not None:
-        done.append(f"made continuous where readings start again after {column.wrap:g}")
-    if getattr(column, "sign", 1.0) < 0.0:
-        done.append("sign turned")
-    if column.filter is not None:
-        done.append(f"low-passed at {column.filter:g} Hz without phase, so its fast noise is not the sensor's")
-    return f"{column.name}: {', '.join(done)}" if done else None
-
-
 def default_bag_mapping(path: str | Path) -> Mapped:
     """Joint states by their names: positions as angles, or as commands where the topic's name says so."""
     columns: dict[str, Column] = {}
@@ -493,14 +465,14 @@ def default_bag_mapping(path: str | Path) -> Mapped:
             ours = f"{KINDS[what]}{'_ref' if commanded and what != 'velocity' else ''}_{joint_name(joint)}"
             found = Column(f"{topic}:{field}", ours, UNITS[what])
             if (other := columns.setdefault(ours, found)) is not found:
-                both = f"{other.foreign!r} and {found.foreign!r} are both {ours}"
+                both = f"{other.of!r} and {found.of!r} are both {ours}"
                 raise InputError(f"{path}: {both}; write a mapping file that takes one of them")
     if not columns:
         advice = "write a mapping file (import without --out lists)"
         raise InputError(f"{path}: no topic of {STATE} with positions; {advice}")
     angles = [n for n in columns if n.startswith("angle_") and not n.startswith(("angle_ref_", "angle_speed_"))]
-    starts = tuple(Derived(n.replace("angle_", "angle_start_", 1), n, take="first") for n in angles)
-    first = next(iter(columns.values())).foreign
+    starts = tuple(Column(n, n.replace("angle_", "angle_start_", 1), take="first") for n in angles)
+    first = next(iter(columns.values())).of
     steps = np.diff(read_bag(path, [first], "header")[first].time)
     period = float(f"{np.median(steps):.3g}") if len(steps) and np.median(steps) > 0.0 else None
     return Mapped(tuple(columns.values()), start=0.0, stamp="header", derived=starts, period=period)
@@ -521,7 +493,7 @@ def default_dataset_mapping(path: Path, unit: str) -> Mapped:
         for name, joint in zip(command, joints)
         for foreign, kind in ((COMMAND, "angle_ref"), (MEASURED, "angle"))
     )
-    starts = tuple(Derived(f"angle_start_{joint}", f"angle_{joint}", take="first") for joint in joints)
+    starts = tuple(Column(f"angle_{joint}", f"angle_start_{joint}", take="first") for joint in joints)
     return Mapped(columns, time=TIME, start=0.0, period=1.0 / float(info["fps"]), derived=starts)
 
 

@@ -1,15 +1,7 @@
-"""A log: time and named columns in SI. Measured and simulated alike.
+"""A log: time and named columns in SI, measured and simulated alike. A missing sample is NaN.
 
-A fault of a recorded clock is mended by `regularise` where the answer is certain, and refused by name where it is not.
-
-A column's name is `kind_name`: `tension_AF` is the tension of tendon AF, `angle_PIP` the angle of joint PIP.
-The file's header says which tendons and joints there are. A missing sample is NaN.
-
-    log = read_log("sweeps.csv.gz")
-    log.array("tension", ("AF", "MF", "AE"))    # (n, 3) N
-    log["tension"]                              # the same: all columns of the kind
-    log["angle_MCP"], log.time, log.dt          # (n,) rad, (n,) s, s
-    compare(log, other).signals["angle_MCP"].rms             # rad
+A column's name is `kind_name`: `tension_AF` is the tension of tendon AF, `angle_PIP` the angle of joint PIP. A fault of
+a recorded clock is mended by `regularise` where the answer is certain, and refused by name where it is not.
 """
 
 from __future__ import annotations
@@ -318,19 +310,6 @@ def columns_in_si(
     return signals, known
 
 
-def check_writable(log: Log, target: str) -> None:
-    """InputError for no rows, a sample too large, a hole in the clock, and a column name that no heading can hold."""
-    if not len(log):
-        raise InputError(f"{target}: the log has no rows, it is not written")
-    for name, values in {"time": log.time, **log.signals}.items():
-        row = find_first((np.abs(values) > LARGEST) | (np.isnan(values) if name == "time" else False))
-        if row is not None:
-            raise InputError(f"{target}: column {name!r}, row {row + 1}: {values[row]:g}; the log is not written")
-    for name in log.columns:
-        if not name.isprintable() or name in ("", "time") or name != name.strip() or set(name) & set("[]"):
-            raise InputError(f"{target}: {name!r} cannot be the name of a column; the log is not written")
-
-
 def headings(log: Log) -> list[str]:
     """Headings of time and all columns, in order."""
     return [heading("time", "s"), *(heading(name, log.units[name]) for name in log.columns)]
@@ -452,13 +431,6 @@ def other_rate(time: np.ndarray, frames: np.ndarray, period: float) -> tuple[flo
             if abs(off) > RATE and abs(off) * span > 0.5:
                 return float(time[rows[0]]), period * (1.0 + off)
     return None
-
-
-def clock_frame(log: Log) -> float:
-    """Frame that a log's clock counts [s]: its median step, or the mean one where stamps are rounded."""
-    step = log.dt
-    found = other_rate(log.time, np.concatenate([[0], np.cumsum(np.rint(np.diff(log.time) / step))]), step)
-    return step if found is None else found[1]
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,4 @@
-"""Figures of logs, for paper and screen; they need no display.
-
-figure = plot_log(log, "caging")                  # or log.plot()
-save_png(figure, "caging.png")
+"""Figures of logs, for paper and screen, without a display: `save_png(plot_log(log, "caging"), "caging.png")`.
 
 A log is solid, a nominal robot dotted and an improved one dashed, in every figure: `MEASURED`, `NOMINAL`, `IMPROVED`.
 """

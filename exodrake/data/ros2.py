@@ -2,7 +2,7 @@
 
 A column is `TOPIC:FIELD`: `/joint_states:position[MCP]` (the element whose `name` is MCP), `/joint_states:effort[0]`,
 `/wrench:wrench.force.z`, `/speed_command:data`; a field of JSON stands by the same rules. Definitions of ROS messages
-come from the bag; older SQLite bags hold none, and only the common types of `DEFINITIONS` can be read from them.
+come from the bag; older SQLite bags hold none, and only the common types of ros2_messages.txt can be read from them.
 """
 
 from __future__ import annotations
@@ -27,22 +27,6 @@ from exodrake.data.formats.mcap import is_log
 
 MCAP, SQLITE = ".mcap", ".db3"
 STATE = "sensor_msgs/msg/JointState"
-PART = f"{'=' * 80}\nMSG: "
-HEADER = (
-    f"{PART}std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n"
-    f"{PART}builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n"
-)
-DEFINITIONS = {
-    STATE: f"std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n{HEADER}",
-    "geometry_msgs/msg/WrenchStamped": "std_msgs/Header header\ngeometry_msgs/Wrench wrench\n"
-    f"{PART}geometry_msgs/Wrench\ngeometry_msgs/Vector3 force\ngeometry_msgs/Vector3 torque\n"
-    f"{PART}geometry_msgs/Vector3\nfloat64 x\nfloat64 y\nfloat64 z\n{HEADER}",
-    "std_msgs/msg/Float64": "float64 data\n",
-    "std_msgs/msg/Float32": "float32 data\n",
-    "std_msgs/msg/Float64MultiArray": "std_msgs/MultiArrayLayout layout\nfloat64[] data\n"
-    f"{PART}std_msgs/MultiArrayLayout\nstd_msgs/MultiArrayDimension[] dim\nuint32 data_offset\n"
-    f"{PART}std_msgs/MultiArrayDimension\nstring label\nuint32 size\nuint32 stride\n",
-}
 Topic = tuple[str, int, list[str] | None]  # type, number of messages, fields; None: they cannot be decoded
 
 
@@ -61,12 +45,10 @@ def is_bag(path: str | Path) -> bool:
 
 def bag_files(path: str | Path) -> list[Path]:
     """Files of a bag, in order: `bag_10` after `bag_9`."""
-
-    def by_number(file: Path) -> list[tuple[int, str]]:
-        return [(int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"([0-9]{1,18})", file.name)]
-
-    files = sorted(Path(path).iterdir(), key=by_number) if is_folder(path) else [Path(path)]
-    return [file for file in files if file.name.lower().endswith((MCAP, SQLITE)) and not is_log(file)]
+    files = Path(path).iterdir() if is_folder(path) else [Path(path)]
+    found = [file for file in files if file.name.lower().endswith((MCAP, SQLITE)) and not is_log(file)]
+    split = {file: re.split(r"([0-9]{1,18})", file.name) for file in found}  # into texts and numbers
+    return sorted(found, key=lambda f: [(int(part), "") if part.isdecimal() else (-1, part) for part in split[f]])
 
 
 def read_bag(path: str | Path, columns: Sequence[str], stamp: str) -> dict[str, Track]:
@@ -208,7 +190,8 @@ def sqlite_messages(data: bytes, source: str, topics: set[str] | None) -> Iterat
     listed = {n: (str(topic), str(kind)) for n, topic, kind in bag.execute("SELECT id, name, type FROM topics")}
     stored = "message_definitions" in kinds
     rows = bag.execute("SELECT topic_type, encoded_message_definition FROM message_definitions") if stored else ()
-    texts = DEFINITIONS | {kind: text for kind, text in rows if text}
+    common = Path(__file__).with_name("ros2_messages.txt").read_text().split("\n\n")  # a type, then its definition
+    texts = dict(text.split("\n", 1) for text in common) | {kind: text for kind, text in rows if text}
     decoders: dict[int, Any] = {}
     for number, (topic, kind) in listed.items():
         if (topics is None or topic in topics) and kind in texts:

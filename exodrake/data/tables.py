@@ -11,7 +11,7 @@ import csv
 import io
 import json
 import re
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import chain, islice
@@ -85,12 +85,20 @@ def _opened(data: bytes, source: str) -> tuple[bytes, Any]:
     if name.endswith(".gz"):
         data, name = unpack(data, source), name.removesuffix(".gz")
     readers = {
-        (".mat",): mat.read_variables, (".npy", ".npz"): npz.read_arrays, (".parquet",): parquet.read_columns,
-        (".mcap",): mcap.read_columns, JSON: partial(read_apart, parse_records, what="JSON"),
+        (".mat",): mat.read_variables, (".npy", ".npz"): npz.read_arrays,
+        (".parquet",): partial(read_named, parquet.parse, what="Parquet"),
+        (".mcap",): partial(read_named, mcap.parse, what="MCAP"), JSON: partial(read_apart, parse_records, what="JSON"),
         HDF5: partial(read_apart, mat.parse_hdf5, what="HDF5"),
     }  # fmt: skip
     reader = next((reader for endings, reader in readers.items() if name.endswith(endings)), lambda *_: None)
     return data, reader(data, source)
+
+
+def read_named(parser: Callable[..., Any], data: bytes, source: str, what: str) -> dict[str, Any]:
+    """Columns of numbers by name, (n,) or (n, m), that a parser finds in a file. InputError for a doubled one."""
+    columns = read_apart(parser, data, source, what)
+    refuse_doubled((name for name, _ in columns), source)
+    return {name: values for name, values in columns if not isinstance(values, str)}
 
 
 def resolve(name: str, columns: Mapping[str, Any]) -> str:
@@ -296,7 +304,7 @@ def episodes(path: Path) -> Iterator[tuple[str, dict[str, np.ndarray]]]:
         raise InputError(f"{path}: no Parquet file in its folder 'data'")
     samples, place_of = 0, dict[float, Path]()
     for file in files:
-        table = parquet.read_columns(read_bytes(file), str(file))
+        table = read_named(parquet.parse, read_bytes(file), str(file), "Parquet")
         check_size(samples := samples + sum(values.size for values in table.values()), str(path))
         if EPISODE not in table or TIME not in table:
             raise InputError(f"{file}: no column {EPISODE!r} and {TIME!r}, as a LeRobot data set has")

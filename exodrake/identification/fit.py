@@ -1,19 +1,7 @@
 """Fit of chosen parameters of a robot to its logs: nonlinear least squares on closed-loop simulations.
 
-    minimise over p    sum over logs, columns, frames of ((y - f(p)) / noise_std)^2
-
-f runs the whole robot on the logged references (output error); with `prediction` the errors of the machine's observer
-join in (`Problem.prediction_error`; Ljung, System Identification, 2nd ed. 1999, ch. 3, 7). There are no priors.
-
-Intervals do not rest on white residuals, since errors of a model go on for a while. The covariance is that of the
-delete-a-block jackknife of the linearised fit, over stretches of time, with Student's t of as many blocks (MacKinnon,
-Nielsen & Webb, J. Econometrics 232, 2023). Parameters that are not free add what their tolerances move the fit by
-(consider covariance; Schmidt, Adv. Control Systems 3, 1966), J_c being the derivatives by them in tolerances:
-
-    covariance = (B - 1) / B sum_b d_b d_b^T + S S^T
-    d_b = (J^T J - J_b^T J_b)^-1 J_b^T r_b,     S = (J^T J)^-1 J^T J_c
-
-What is the same over a whole log and has no tolerance, such as the rounding of a sensor at rest, no interval can tell.
+Intervals are those of a delete-a-block jackknife, plus what the tolerances of the other parameters move the fit by; the
+formulas are in `docs/explain/identification.md`.
 """
 
 from __future__ import annotations

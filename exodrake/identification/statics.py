@@ -1,28 +1,7 @@
 """Statics from logs: joint stiffness and rest posture (Eq. 19-20 of the paper), and the maximum tension of each tendon.
 
 At rest tau_i = sum_j R_ij T_j = kappa_i (q_i - q0_i) + end stop, with arms R of the wires AF, MF, AE at the joints MCP,
-PIP, DIP. Angles follow from `finger_statics.follow` along a log, or from `finger_statics.posture` for rows that each
-start from rest. `linear` removes the end stops from the parameters: the paper's model with constant stiffness.
-
-Joint compliance and its inverse at constant stiffness are the paper's Eq. 21 and 22, corrected. With arms R > 0 [m],
-rows MCP, PIP, DIP, columns AF, MF, AE, and stiffness k,
-
-    q - q0 = J T      J = [[R11/k1, R12/k1, -R13/k1],
-                         [R21/k2,   0,    -R23/k2],       (Eq. 21; R21 and R31 printed with k1)
-                         [R31/k3,   0,    -R33/k3]]
-    T = J^-1 (q - q0)    D = R21 R33 - R23 R31     entry (2,1) of J^-1 is k1 / R12 (Eq. 22; printed k1)
-
-(`physics.md` 1.21.) J depends on q, so that it gives tendencies. `grasping.plan` solves the nonlinear torque balance
-with rest posture and end stops.
-
-The paper measures first "the maximum tension magnitude that maximizes the finger movement" (Section 2.3), and then
-sweeps each tendon against 0, 33, 66 and 100 % of it. While one tendon ramps up, the movement is the sum over the joints
-of |q - q_start|. Its gain per newton falls where joints come to their end stops. The maximum tension is the one from
-which on the gain stays below `SHARE` of the largest gain.
-
-    log = exo.simulate(robot, exo.maximum_tension(robot))
-    for one in exo.find_maximum_tension(log, robot):
-        print(one.tendon, one.tension, one.saturated)
+PIP, DIP. Eq. 21 and 22, corrected, and the maximum tension (Section 2.3): `docs/explain/identification.md`.
 """
 
 from collections.abc import Callable

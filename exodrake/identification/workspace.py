@@ -1,21 +1,7 @@
 """Workspaces of the fingertip and the distal phalanx (paper Table 2, Fig. 13).
 
-Planar chain of three phalanges, origin in the MCP, x along the proximal phalanx at MCP zero, y palmar. With
-phi_i = q_1 + .. + q_i
-
-    point at s along the distal phalanx = sum of L_i (cos phi_i, sin phi_i), the last with s in place of L_3
-
-`reach` is the area as a union of polygons: a curve of postures at one MCP angle, whose distance from the MCP is
-monotonic, sweeps a region bounded by two copies of the curve and two arcs as the MCP rotates; other curves are cut
-where the distance turns. The curves run along each joint with the others constant, at their limits and between, so they
-include the edges of the region. A refinement of the steps changes the area by less than 0.1 %.
-
-`monte_carlo` checks it: inverse kinematics (`reachable`) decides for uniform points in the bounding box whether a
-posture reaches them. Standard error: box sqrt(f (1 - f) / N).
-
-`assisted` has the postures in static equilibrium with the wires (A.M.), over the box of tensions. Friction is left out:
-the tension at the finger equals that of the wire. The wires couple the joints, so the region is the image of the box of
-tensions, and smaller than the ranges of the joints alone would give.
+Planar chain of three phalanges, origin in the MCP, x along the proximal phalanx at MCP zero, y palmar; exact areas as
+unions of polygons, checked by random points, and those that the wires reach: `docs/explain/identification.md`.
 """
 
 from itertools import pairwise

@@ -1,4 +1,4 @@
-"""Machines, a folder each: machine.py (`machine()`), robot.yaml, and recordings.py where recordings exist."""
+"""Machines, a folder each: machine.py (`machine()`) or none, robot.yaml, and recordings.py where recordings exist."""
 
 from exodrake.core import plugins
 

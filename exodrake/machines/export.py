@@ -49,13 +49,42 @@ def robot_as(robot: Robot, form: str) -> str:
     if robot.machine.mechanism is None:
         raise InputError(f"{robot.machine.name}: its machine does not say which bodies and joints it has (`mechanism`)")
     mechanism = robot.machine.mechanism(robot)
-    if form == "isaac":
-        return isaac_text(robot, mechanism, head(robot, mechanism, form))
-    root = mjcf(mechanism) if form == "mjcf" else urdf(mechanism)
-    root.set("model" if form == "mjcf" else "name", robot.machine.name)
-    root.insert(0, Comment("\n  " + "\n  ".join(head(robot, mechanism, form)).replace("--", "- -") + "\n"))
-    indent(root)
-    return tostring(root, encoding="unicode") + "\n"
+    said = head(robot, mechanism, form)
+    if form != "isaac":
+        root = mjcf(mechanism) if form == "mjcf" else urdf(mechanism)
+        root.set("model" if form == "mjcf" else "name", robot.machine.name)
+        root.insert(0, Comment("\n  " + "\n  ".join(said).replace("--", "- -") + "\n"))
+        indent(root)
+        return tostring(root, encoding="unicode") + "\n"
+    from jinja2 import Environment, StrictUndefined
+
+    if mechanism.tendons:
+        raise InputError(f"{robot.machine.name}: tendons move it, and Isaac Lab's actuators sit on joints; take --mjcf")
+    step = min(PHYSICS_STEP, robot.machine.frame)
+    delays: dict[tuple[int, int], list[int]] = {}
+    for i, drive in enumerate(mechanism.drives):
+        late = drive.delay / step
+        delays.setdefault((floor(late + 1e-9), ceil(late - 1e-9)), []).append(i)
+    groups = []
+    for (low, high), members in delays.items():
+        joints, drives = [mechanism.chain.joints[i] for i in members], [mechanism.drives[i] for i in members]
+        values = {
+            "effort_limit": [j.effort for j in joints], "velocity_limit": [d.speed for d in drives],
+            "stiffness": [d.kp + d.spring for d in drives], "damping": [d.kv for d in drives],
+            "armature": [d.armature for d in drives], "friction": [j.friction for j in joints],
+            "viscous_friction": [j.damping for j in joints],
+        }  # fmt: skip
+        fields: dict[str, Any] = {"joint_names_expr": [j.name for j in joints]}
+        for name, items in values.items():
+            if all(map(isfinite, items)) and (any(items) or name in ("stiffness", "damping")):
+                each = dict(zip(fields["joint_names_expr"], map(float, items), strict=True))
+                fields[name] = each if len(set(items)) > 1 else float(items[0])
+        fields |= {"min_delay": low, "max_delay": high} if high else {}
+        kind = "DelayedPDActuatorCfg" if high else "ImplicitActuatorCfg"
+        groups.append((repr(f"delay_{low}_{high}" if high else "prompt"), {"kind": kind, "fields": fields}))
+    source = Path(__file__).with_name("isaac_actuators.py.txt").read_text()
+    template = Environment(undefined=StrictUndefined).from_string(source, {"step": step})
+    return template.render(head=[line.replace('"""', "'''").replace("\\", "/") for line in said], groups=groups) + "\n"
 
 
 def head(robot: Robot, mechanism: Mechanism, form: str) -> list[str]:
@@ -226,54 +255,3 @@ def urdf(mechanism: Mechanism) -> Element:
             SubElement(motor, "drake:rotor_inertia", value=text(drive.armature))
         before = joint.child
     return root
-
-
-ISAAC = '''"""Actuators for Isaac Lab, `ArticulationCfg(actuators=ACTUATORS)`.
-
-{% for line in head %}{{ line }}
-{% endfor %}
-Delays count physics steps: set `sim.dt` to PHYSICS_STEP. From Isaac Lab 3.0 on `effort_limit` and `velocity_limit` are
-named `joint_effort_limit` and `joint_velocity_limit` (`actuator_...` of an explicit actuator).
-"""
-
-from isaaclab.actuators import DelayedPDActuatorCfg, ImplicitActuatorCfg
-
-PHYSICS_STEP = {{ step }}  # s
-ACTUATORS = {
-{% for name, group in groups %}    {{ name }}: {{ group.kind }}(
-{% for field, value in group.fields.items() %}        {{ field }}={{ value }},
-{% endfor %}    ),
-{% endfor %}}
-'''
-
-
-def isaac_text(robot: Robot, mechanism: Mechanism, head: list[str]) -> str:
-    """A Python file with Isaac Lab's actuator configurations. InputError for a robot that tendons move."""
-    from jinja2 import Environment, StrictUndefined
-
-    if mechanism.tendons:
-        raise InputError(f"{robot.machine.name}: tendons move it, and Isaac Lab's actuators sit on joints; take --mjcf")
-    step = min(PHYSICS_STEP, robot.machine.frame)
-    delays: dict[tuple[int, int], list[int]] = {}
-    for i, drive in enumerate(mechanism.drives):
-        late = drive.delay / step
-        delays.setdefault((floor(late + 1e-9), ceil(late - 1e-9)), []).append(i)
-    groups = []
-    for (low, high), members in delays.items():
-        joints, drives = [mechanism.chain.joints[i] for i in members], [mechanism.drives[i] for i in members]
-        values = {
-            "effort_limit": [j.effort for j in joints], "velocity_limit": [d.speed for d in drives],
-            "stiffness": [d.kp + d.spring for d in drives], "damping": [d.kv for d in drives],
-            "armature": [d.armature for d in drives], "friction": [j.friction for j in joints],
-            "viscous_friction": [j.damping for j in joints],
-        }  # fmt: skip
-        fields: dict[str, Any] = {"joint_names_expr": [j.name for j in joints]}
-        for name, items in values.items():
-            if all(map(isfinite, items)) and (any(items) or name in ("stiffness", "damping")):
-                each = dict(zip(fields["joint_names_expr"], map(float, items), strict=True))
-                fields[name] = each if len(set(items)) > 1 else float(items[0])
-        fields |= {"min_delay": low, "max_delay": high} if high else {}
-        kind = "DelayedPDActuatorCfg" if high else "ImplicitActuatorCfg"
-        groups.append((repr(f"delay_{low}_{high}" if high else "prompt"), {"kind": kind, "fields": fields}))
-    template = Environment(undefined=StrictUndefined).from_string(ISAAC, {"step": step})
-    return template.render(head=[line.replace('"""', "'''").replace("\\", "/") for line in head], groups=groups) + "\n"

@@ -1,10 +1,7 @@
 """The machine library: folders with `machine.py` and `robot.yaml`, here and in plugins.
 
-`recordings.py` of a folder makes cases of recordings of the real machine by `case(path)`. Sources and licences are
-stated there; the recordings themselves are not part of this repository.
-
-A folder `robots` in a machine's folder holds further robots of the machine, `exo_index/wide_pinch` for
-`exo_index/robots/wide_pinch.yaml`.
+`recordings.py` of a folder makes cases of recordings of the real machine, which are not part of this repository. A
+folder `robots` holds further robots, `exo_index/wide_pinch` for `exo_index/robots/wide_pinch.yaml`.
 """
 
 from collections.abc import Callable
@@ -68,12 +65,17 @@ def machine_named(name: str, tolerances: tuple[Tolerance, ...] = ()) -> Machine:
         if not isinstance(found, Machine):
             raise InputError(f"{folder}: machine.py defines no function machine() that returns a Machine")
     else:
-        from exodrake.machines.serial_arm import arm_machine
+        content, source = read_yaml(folder / plugins.ROBOT), f"{name}/{plugins.ROBOT}"
+        if isinstance(content, dict) and "servos" in content:
+            from exodrake.machines.position_servos import servo_machine
 
-        content = read_yaml(folder / plugins.ROBOT)
-        if not isinstance(content, dict) or "arm" not in content:
+            found = servo_machine(name, content["servos"], source)
+        elif isinstance(content, dict) and "arm" in content:
+            from exodrake.machines.serial_arm import arm_machine
+
+            found = arm_machine(name, content["arm"], folder, source)
+        else:
             raise InputError(f"{folder}: neither {plugins.MACHINE}, nor an `arm` in its {plugins.ROBOT}")
-        found = arm_machine(name, content["arm"], folder, f"{name}/{plugins.ROBOT}")
     if found.name != name:
         raise InputError(f"{folder}: the machine calls itself {found.name!r}, not {name!r}")
     for column in found.columns:

@@ -3,14 +3,17 @@
 from collections.abc import Callable
 from dataclasses import replace
 from math import ceil
+from typing import Any
 
 import numpy as np
 
 from exodrake.core.effect import Effect
+from exodrake.core.errors import InputError
 from exodrake.core.machine import Column, Controller, Gain, Loop, Machine, Segment
 from exodrake.core.mechanism import GRAVITY, Body, Chain, Drive, Joint, Mechanism, axes_side_by_side
 from exodrake.core.part import JOINTS, NORMAL, SCALAR, UNIFORM, Axes, Signal
 from exodrake.core.robot import Robot
+from exodrake.core.schema import listing, mapping, names, number, text, whole
 from exodrake.effects import LIBRARY, effects_of, for_machine, generic_effects, in_order, plugin_effects
 from exodrake.effects.servo import lag_behind, limit_speed
 from exodrake.effects.signal import scale, shift, take_up_play
@@ -31,6 +34,16 @@ DRAWN = (Signal("noise_angle", "-", JOINTS, NORMAL), Signal("reading_arrival", "
 COMPUTED = (
     Signal("command", "rad", JOINTS), Signal("origin", "rad", JOINTS), Signal("setting", "rad", JOINTS),
     Signal("ready", "-", SCALAR), Signal("angle", "rad", JOINTS), Signal("angle_read", "rad", JOINTS),
+)  # fmt: skip
+
+
+SLOWEST = 10.0  # s, the longest frame
+SECTION = mapping(
+    {
+        "part": text(), "joints": listing(text(), least=1), "frame": number(above=0.0, high=SLOWEST),
+        "max_effects": whole(1), "effects": names(text()), "settings": listing(text((BEND.name,))),
+    },
+    required=("part", "joints", "frame", "max_effects", "effects"),
 )  # fmt: skip
 
 
@@ -80,6 +93,25 @@ def mechanism(robot: Robot) -> Mechanism:
         notes=("the model of these servos has neither inertias nor gains: masses, armature, friction, kp and kv are",
                "assumed, so that a joint settles in a fraction of a frame; the other numbers are for your arm's model"),
     )  # fmt: skip
+
+
+def servo_machine(name: str, section: Any, source: str) -> Machine:
+    """The machine of a `servos` section of a robot file: `effects` has the library's law by the id of each effect.
+
+    InputError for an unknown key, law or setting, and a doubled joint.
+    """
+    section = SECTION(section, f"{source}, 'servos'")
+    joints = tuple(section["joints"])
+    if len(set(joints)) < len(joints):
+        raise InputError(f"{source}, 'servos': a joint comes twice: {', '.join(joints)}")
+    late: dict[str, Any] = {"points": {"bus.sent": "joint_command.sent"}, "frames": FRAMES}
+    own = {"timing.command_latency": late}
+    try:
+        effects = tuple(for_machine(law, identity, **own.get(law, {})) for identity, law in section["effects"].items())
+    except InputError as problem:
+        raise InputError(f"{source}, 'servos': {problem}") from None
+    settings = (BEND,) if section.get("settings") else ()
+    return joint_machine(name, section["part"], joints, effects, section["frame"], section["max_effects"], settings)
 
 
 def joint_machine(

@@ -1,19 +1,7 @@
-"""Robot files, read and written: a machine with its parameters.
+"""Robot files, read and written: a machine with its parameters, all of them or what differs from a `base`.
 
-A file either holds all parameters (`machines/exo_index/robot.yaml`) or names a `base` and what differs from it:
-
-    base: exo_index
-    parameters: {finger: {kappa: {MCP: 0.09}}, tendon: {k: 2.5 N/mm}}      # or dotted keys: finger.kappa.MCP: 0.09
-    effects: {tendon.capstan_friction: {mu_phi: {AF: 0.3, MF: 0.3, AE: 0.3}}}
-    parts: [controller_as_printed]                                       # variants of parts
-    tolerances:                                                          # what differs from one such robot to the next
-      - {parameters: ["tendon.k.{w}"], transform: relative, prior_std: 0.03, max_deviation: 0.10}
-
-Numbers are in SI, or have their unit: `2.5 N/mm`, or `{value: 2.5, unit: N/mm}`.
-
-`machine` is a machine of the library or of a plugin (`exodrake.core.plugins`). A `base` can also be a machine's folder
-beside the file or round it, and another robot file beside it. A folder that holds a robot file with an `arm` section
-and no machine.py is a machine, too (`machines.serial_arm`).
+`docs/howto/robot.md` describes them. Numbers are in SI, or have their unit: `2.5 N/mm`, or `{value: 2.5, unit: N/mm}`.
+`machine` is a machine of the library or of a plugin; a folder with a robot file that has an `arm` is one, too.
 """
 
 import math
@@ -63,7 +51,7 @@ TOLERANCE = {
 }  # fmt: skip
 SCHEMA = mapping(
     {
-        "machine": optional(text()), "arm": anything, "base": optional(text()), "notes": anything,
+        "machine": optional(text()), "arm": anything, "servos": anything, "base": optional(text()), "notes": anything,
         "parameters": optional(PARAMETERS), "effects": optional(EFFECTS), "parts": optional(VARIANTS),
         "limits": optional(names(LIMIT)), "grasps": optional(names(VALUES)),
         "tolerances": optional(listing(mapping(TOLERANCE, required=tuple(TOLERANCE)))),
@@ -129,7 +117,18 @@ def build(content: Any, source: str, above: tuple[str, ...] = (), folder: Path |
             raise InputError(f"{source}, {key!r}: a robot with a base has the {key} of its base")
     try:
         parameters = content.get("parameters") or {}
-        robot = load_robot(base, (*above, base)) if base else make_blank(content, source)
+        if base:
+            robot = load_robot(base, (*above, base))
+        else:  # effects at their null values, and what the file must state unset
+            groups = content.get("tolerances") or ()
+            tolerances = tuple(Tolerance(**{**one, "parameters": tuple(one["parameters"])}) for one in groups)
+            machine = machine_named(str(content.get("machine")), tolerances)
+            given = {name for name, *_ in flatten(parameters)} | machine.defaults.keys()
+            for p in machine.parameters:
+                if p.null is None and given.isdisjoint((p.name, p.name.rsplit(".", 1)[0])):
+                    raise InputError(f"{source}: parameter {p.name} is missing")
+            unset = [machine.defaults.get(p.name, math.nan) if p.null is None else p.null for p in machine.parameters]
+            robot = Robot(machine, np.array(unset), dict.fromkeys(machine.defaults, "default of the machine"))
         robot = replace(robot, source=source)
         for part in content.get("parts") or ():
             robot = robot.with_part(part)
@@ -171,20 +170,6 @@ def build(content: Any, source: str, above: tuple[str, ...] = (), folder: Path |
         return replace(robot, **targets)
     except InputError as problem:
         raise problem if source in str(problem) else InputError(f"{source}: {problem}") from None
-
-
-def make_blank(content: Mapping[str, Any], source: str) -> Robot:
-    """A machine with effects at their null values and its own parameters unset; InputError if some are not stated."""
-    groups = content.get("tolerances") or ()
-    tolerances = tuple(Tolerance(tuple(e["parameters"]), *(e[key] for key in list(TOLERANCE)[1:])) for e in groups)
-    machine = machine_named(str(content.get("machine")), tolerances)
-    given = {n for n, *_ in flatten(content.get("parameters") or {})}
-    for parameter in machine.parameters:
-        stated = {parameter.name, parameter.name.rsplit(".", 1)[0]} & {*given, *machine.defaults}
-        if parameter.null is None and not stated:
-            raise InputError(f"{source}: parameter {parameter.name} is missing")
-    unset = (p.null if p.null is not None else machine.defaults.get(p.name, math.nan) for p in machine.parameters)
-    return Robot(machine, np.array(list(unset)), dict.fromkeys(machine.defaults, "default of the machine"))
 
 
 def reference_unit(machine: Machine) -> str:

@@ -1,18 +1,9 @@
 """Machines of one serial arm, described by the `arm` section of a robot file and a URDF file beside it; no code.
 
-    machine: my_arm
     arm: {urdf: arm.urdf, form: inverse, frame: 0.005}      # or closed-loop, or cable; tip: LINK where joints branch
 
-`inverse`: motion is measured and the effort predicted from it. `closed-loop`: references go through PD controller,
-motors and forward dynamics. `cable`: the same with cables between motors and joints. Parameters that the URDF states
-need not be in the robot file. A linear or rotary axis is an arm of one joint.
-
-With cables the signals go
-
-    position_ref -> PD controller -> A' -> motors -> cables -> arm      motor_position -> A -> controller
-
-and a log holds references, positions and efforts of the motors and, where encoders or a camera see them, positions of
-the joints (`position`). The matrix A, cables and motors are `cable` in the robot file.
+`inverse` predicts the effort from a measured motion; `closed-loop` runs controller, motors and forward dynamics;
+`cable`: position_ref -> PD controller -> A' -> motors -> cables -> arm, motor_position -> A -> controller.
 """
 
 from collections.abc import Mapping
@@ -228,11 +219,11 @@ def reading(name: str, signal: str, unit: Mapping[str, str], slot: int, frame: f
 def effects_in(unit: Mapping[str, str], parts: tuple[Part, ...], without: tuple[str, ...]) -> tuple[Effect, ...]:
     """The effects of the parts but for some, those that are made for turning joints in the units of these."""
     own = {TURNS["position"]: unit["position"], TURNS["inertia"]: unit["inertia"], "rad/(N m)": unit["position/effort"]}
-
-    def fit_units(effect: Effect) -> Effect:
-        return replace(effect, parameters=tuple(replace(p, unit=own.get(p.unit, p.unit)) for p in effect.parameters))
-
-    return tuple(fit_units(effect) for effect in effects_of(parts) if effect.id not in without)
+    kept = (effect for effect in effects_of(parts) if effect.id not in without)
+    return tuple(
+        replace(effect, parameters=tuple(replace(p, unit=own.get(p.unit, p.unit)) for p in effect.parameters))
+        for effect in kept
+    )
 
 
 def shape(robot: Robot) -> Shape:

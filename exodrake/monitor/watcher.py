@@ -147,7 +147,7 @@ class Tail:
             names = [cell.strip() for cell in cells]
             refuse_doubled(names, source)
             ends = {"time": to_si(line, self.mapped.time_unit, source)}
-            foreign = {self.mapped.time: "time"} | {column.foreign: column.name for column in self.mapped.columns}
+            foreign = {self.mapped.time: "time"} | {column.of: column.name for column in self.mapped.columns}
             names = [foreign.get(name, f"{name} (unmapped)") for name in names]
             for c in self.mapped.columns:
                 ends[c.name] = to_si(c.sign * (c.scale * line + c.offset), c.unit, source)

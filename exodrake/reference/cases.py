@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from exodrake.reference.faults import LIBRARY, MARKER_FAULTS, OUTSIDE, WITHOUT_STRENGTH, draw_effect, find_block
+from exodrake.reference.faults import LIBRARY, MARKER_FAULTS, OUTSIDE, WITHOUT_STRENGTH, draw_effect, find_blocks
 from exodrake.reference.robot import FRAME, TENSION_MAX, TENSION_MIN, Protocol, RobotSpec, draw_parameters
 
 SEGMENT = 5.0  # s, one sweep up and down (physics.md claim 13)
@@ -192,7 +192,8 @@ def draw_kinds(mix: CaseMix, total: int, rng: np.random.Generator) -> list[tuple
         found: list[tuple[str, ...]] = []
         while len(found) < count[kind]:
             chosen = tuple(str(name) for name in rng.choice(library, size, replace=False))
-            if not any(masked <= set(chosen) for masked in MASKED) and accepts({find_block(name) for name in chosen}):
+            blocks = {find_blocks(name)[0] for name in chosen}
+            if not any(masked <= set(chosen) for masked in MASKED) and accepts(blocks):
                 found.append(chosen)
         return found
 
@@ -231,7 +232,7 @@ def draw_case(plan: CasePlan, attempt: int = 0) -> DrawnCase:
     """
     parameters = draw_parameters(np.random.default_rng([*plan.seed, 1]))
     rng, share = np.random.default_rng([*plan.seed, 2]), plan.mix.duration
-    sweep, protocols = sweeps(rng, share), {}
+    sweep = sweeps(rng, share)
     protocols = {"sweeps_1": sweep, "sweeps_2": sweep, "chirp": chirp(rng, share), "holds": holds(rng, share)}
     protocols["grasps"] = (wander if plan.unseen else grasps)(rng, share)
     rng = np.random.default_rng([*plan.seed, 3, attempt])

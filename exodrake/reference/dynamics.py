@@ -320,27 +320,6 @@ def wearer(p, y, u, joint, time):
     return torque
 
 
-@njit(cache=True)
-def contact_force(p, y):
-    """Contact of the fingertip with an object, Hunt-Crossley with exponent 1.3.
-
-    Returns:
-        Dorsal force [N], and the cosines of the chain's angles times the lengths (3,) [m].
-    """
-    first = y[ANGLE]
-    second = first + y[ANGLE + 1]
-    third = second + y[ANGLE + 2]
-    depth = p.length[0] * sin(first) + p.length[1] * sin(second) + p.length[2] * sin(third)
-    reach = (p.length[0] * cos(first), p.length[1] * cos(second), p.length[2] * cos(third))
-    into = depth - p.contact_depth
-    if into <= 0.0:
-        return 0.0, reach
-    outer = reach[2] * (y[RATE] + y[RATE + 1] + y[RATE + 2])
-    speed = reach[0] * y[RATE] + reach[1] * (y[RATE] + y[RATE + 1]) + outer
-    force = p.contact_stiffness * 1e-3 * (into / 1e-3) ** 1.3 * (1.0 + 1.5 * speed)
-    return max(0.0, force), reach
-
-
 MOUNT_DAMPING = 0.02  # share of critical [A]
 
 
@@ -440,23 +419,6 @@ def wires(p, y, dy, u, command, torque, arms):
 
 
 @njit(cache=True)
-def accelerate(p, y, dy, torque):
-    """Solve M q'' = torque - C q' + gravity for the three joints (Cramer's rule on the symmetric matrix)."""
-    phi = (y[ANGLE], y[ANGLE] + y[ANGLE + 1], y[ANGLE] + y[ANGLE + 1] + y[ANGLE + 2])
-    turn = (y[RATE], y[RATE] + y[RATE + 1], y[RATE] + y[RATE + 1] + y[RATE + 2])
-    sine, cosine = (sin(phi[0]), sin(phi[1]), sin(phi[2])), (cos(phi[0]), cos(phi[1]), cos(phi[2]))
-    (a, b, d), (_, e, f), (_, _, g) = mass_matrix(p, sine, cosine)
-    bias = inverse_dynamics(p, sine, cosine, turn, (0.0, 0.0, 0.0), -p.gravity_x, -p.gravity_y)
-    r0, r1, r2 = torque[0] - bias[0], torque[1] - bias[1], torque[2] - bias[2]
-    k00, k01, k02 = e * g - f * f, d * f - b * g, b * f - d * e
-    k11, k12, k22 = a * g - d * d, b * d - a * f, a * e - b * b
-    determinant = a * k00 + b * k01 + d * k02
-    dy[RATE] = (k00 * r0 + k01 * r1 + k02 * r2) / determinant
-    dy[RATE + 1] = (k01 * r0 + k11 * r1 + k12 * r2) / determinant
-    dy[RATE + 2] = (k02 * r0 + k12 * r1 + k22 * r2) / determinant
-
-
-@njit(cache=True)
 def derivative(time, y, dy, p, command, inputs, u, torque, arms):
     """dy/dt of the whole robot; u (inputs), torque (3,) and arms (3, 3) are scratch."""
     if p.has_inputs != 0.0:  # linear between frames
@@ -474,10 +436,26 @@ def derivative(time, y, dy, p, command, inputs, u, torque, arms):
             tied = -pull_back if joint == 2 else p.coupling_ratio[2] * pull_back
         torque[joint] += wearer(p, y, u, joint, time) + tied
         dy[ANGLE + joint] = y[RATE + joint]
-    if p.contact_stiffness > 0.0:
-        (force, reach), arm = contact_force(p, y), 0.0
-        for joint in (2, 1, 0):
-            arm += reach[joint]
-            torque[joint] -= force * arm
+    phi = (y[ANGLE], y[ANGLE] + y[ANGLE + 1], y[ANGLE] + y[ANGLE + 1] + y[ANGLE + 2])
+    turn = (y[RATE], y[RATE] + y[RATE + 1], y[RATE] + y[RATE + 1] + y[RATE + 2])
+    sine, cosine = (sin(phi[0]), sin(phi[1]), sin(phi[2])), (cos(phi[0]), cos(phi[1]), cos(phi[2]))
+    if p.contact_stiffness > 0.0:  # of the fingertip with an object: Hunt-Crossley with exponent 1.3
+        into = p.length[0] * sine[0] + p.length[1] * sine[1] + p.length[2] * sine[2] - p.contact_depth
+        if into > 0.0:
+            reach = (p.length[0] * cosine[0], p.length[1] * cosine[1], p.length[2] * cosine[2])
+            speed = reach[0] * turn[0] + reach[1] * turn[1] + reach[2] * turn[2]
+            force, arm = p.contact_stiffness * 1e-3 * (into / 1e-3) ** 1.3 * (1.0 + 1.5 * speed), 0.0
+            for joint in (2, 1, 0):
+                arm += reach[joint]
+                torque[joint] -= max(0.0, force) * arm
     wires(p, y, dy, u, command, torque, arms)
-    accelerate(p, y, dy, torque)
+    # M q'' = torque - C q' + gravity, by Cramer's rule on the symmetric matrix
+    (a, b, d), (_, e, f), (_, _, g) = mass_matrix(p, sine, cosine)
+    bias = inverse_dynamics(p, sine, cosine, turn, (0.0, 0.0, 0.0), -p.gravity_x, -p.gravity_y)
+    r0, r1, r2 = torque[0] - bias[0], torque[1] - bias[1], torque[2] - bias[2]
+    k00, k01, k02 = e * g - f * f, d * f - b * g, b * f - d * e
+    k11, k12, k22 = a * g - d * d, b * d - a * f, a * e - b * b
+    determinant = a * k00 + b * k01 + d * k02
+    dy[RATE] = (k00 * r0 + k01 * r1 + k02 * r2) / determinant
+    dy[RATE + 1] = (k01 * r0 + k11 * r1 + k12 * r2) / determinant
+    dy[RATE + 2] = (k02 * r0 + k12 * r1 + k22 * r2) / determinant

@@ -273,14 +273,9 @@ def inject(build, effect: InjectedFault, rng: np.random.Generator) -> None:
             build.record[name] = value
 
 
-def find_block(effect_id: str) -> str:
-    """Block an effect of the library belongs to: the part of its id before the dot."""
-    return effect_id.split(".")[0]
-
-
 def find_blocks(effect_id: str) -> tuple[str, ...]:
-    """Blocks an effect acts in."""
-    return ENTRIES[effect_id].blocks or (find_block(effect_id),)
+    """Blocks an effect acts in; one of the library in the block that its id begins with."""
+    return ENTRIES[effect_id].blocks or (effect_id.split(".")[0],)
 
 
 def weaken(effect: InjectedFault, strength: float) -> InjectedFault:

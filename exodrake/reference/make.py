@@ -145,17 +145,8 @@ def make(
     """Make a set: case folders, the commitment, and the labels file outside the folder.
 
     A case's folder appears whole, then its label in `labels`.part; the labels file and the commitment when all are
-    there. An interrupted set is continued.
-
-    Args:
-        folder: Folder of the set.
-        seed: Seed of everything in it.
-        cases: Number of cases of each mix.
-        labels: Labels file, the path that is returned; `folder`-labels.json if None.
-        jobs: As in `parallel.each`.
-        mixes: Case mixes.
-        cluster: As in `parallel.each`.
-        progress: Called with how many are made, have failed, and are wanted.
+    there. An interrupted set is continued. Everything in it follows from the seed; `cases` is the number of each mix,
+    `labels` the path that is returned, `folder`-labels.json if None; `jobs` and `cluster` are as in `parallel.each`.
 
     Raises:
         InputError: For a bad number of cases, a set that is finished there, another one that was started, labels inside

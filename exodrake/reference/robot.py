@@ -1,63 +1,21 @@
 """A robot of the reference simulator: nominal parameters of model.md, injected faults, motion. SI throughout."""
 
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from exodrake.core.schema import read_yaml
 from exodrake.reference.dynamics import FRAME as FRAME, ROBOT
 
 WIRES = ("AF", "MF", "AE")
 JOINTS = ("MCP", "PIP", "DIP")
-# name: (value, relative standard deviation). SI. Values: model.md, "Numbers". Tolerance 3 % [A]; a
-# machined spool less [A]; what is set or counted, none.
-TOLERANCE = 0.03
-MACHINED = 0.01
-EXACT = 0.0
-NOMINAL = {
-    "torque_constant": (0.0115, TOLERANCE),  # N m/A
-    "inertia": (5.6e-8, TOLERANCE),  # kg m2
-    "damping": (7.8e-8, TOLERANCE),  # N m s/rad
-    "spool": (7.5e-3, MACHINED),  # m
-    "loop_p": (5.0e-4, TOLERANCE),  # A s/rad
-    "loop_i": (0.0125, TOLERANCE),  # A/rad
-    "current_max": (0.3, TOLERANCE),  # A
-    "wire_stiffness": (2700.0, TOLERANCE),  # N/m
-    "axial": (5e-3, TOLERANCE),  # m
-    "height_flexor": (3e-3, TOLERANCE),  # m
-    "height_extensor": (5e-3, TOLERANCE),  # m
-    "stiffness_joint": ((0.080, 0.060, 0.035), TOLERANCE),  # N m/rad
-    "rest": ((0.20, 0.30, 0.15), TOLERANCE),  # rad
-    "damping_joint": ((0.004, 0.002, 0.001), TOLERANCE),  # N m s/rad
-    "stop_flexed": ((1.30, 1.50, 0.95), TOLERANCE),  # rad
-    "stop_extended": ((-0.30, 0.0, 0.0), TOLERANCE),  # rad
-    "stop_rate": (12.0, TOLERANCE),  # 1/rad
-    "stop_torque": (0.002, TOLERANCE),  # N m
-    "length": ((42.64e-3, 20.14e-3, 18.72e-3), TOLERANCE),  # m
-    "mass": ((11.9e-3, 4.5e-3, 3.2e-3), TOLERANCE),  # kg
-    "radius": ((9e-3, 8e-3, 7e-3), TOLERANCE),  # m
-    "tau_cell": (1.6e-3, TOLERANCE),  # s
-    "gear": (69.0, EXACT),
-    "kp": (6e-3, EXACT),  # m/(s N)
-    "kd": (1e-4, EXACT),  # m/N
-    "speed_max": (0.1, EXACT),  # m/s
-    "quantum_force": (0.004, EXACT),  # N
-}
+NOMINAL, FORMS = read_yaml(Path(__file__).with_name("nominal.yaml")).values()  # by name, with value [SI] and unit
 WHOLE = ("tau_cell", "gear", "kp", "kd", "speed_max", "quantum_force")
 SPOOL_CONFIGURED = 7.5e-3  # m, what drive and log assume
 TENSION_MAX = np.array([12.0, 8.0, 8.0])  # N
 TENSION_MIN = 0.3  # N
-# Constants of the reference simulator's own functional forms [A]; without an effect they act on nothing.
-FORMS = {
-    "hysteresis_power": 1.5,
-    "growth_pitch": 6e-3,  # m of wire, one layer's staircase
-    "viscous_speed": 0.1,  # m/s, where shear thinning sets in
-    "stribeck_speed": 3e-3,  # m/s
-    "capstan_travel": 1e-4,  # m, presliding
-    "pulley_travel": 2e-4,  # m
-    "bristle_stiffness": 1.5e4,  # N/m
-    "bristle_damping": 5.0,  # N s/m
-}
 CLIP = 2.5  # standard deviations
 
 
@@ -68,10 +26,10 @@ def draw_parameters(rng: np.random.Generator | None = None) -> dict[str, np.ndar
     joint.
     """
     parameters = {}
-    for name, (value, tolerance) in NOMINAL.items():
+    for name, item in NOMINAL.items():
         shape = () if name in WHOLE else (2, 3) if name == "axial" else (3,)
-        factor = 1.0 if rng is None else 1.0 + tolerance * np.clip(rng.standard_normal(shape), -CLIP, CLIP)
-        parameters[name] = np.broadcast_to(np.asarray(value, float), shape) * factor
+        factor = 1.0 if rng is None else 1.0 + item["tolerance"] * np.clip(rng.standard_normal(shape), -CLIP, CLIP)
+        parameters[name] = np.broadcast_to(np.asarray(item["value"], float), shape) * factor
     return parameters
 
 
@@ -84,7 +42,7 @@ def robot_record(parameters, quantised=True):
         "height_distal": heights, "height_proximal": heights, "centre": length / 2,
         "unit_inertia": length**2 / 3 + parameters["radius"] ** 2 / 4, "spool_config": SPOOL_CONFIGURED, "factor": 1.0,
     }  # fmt: skip
-    for name, value in (parameters | derived | FORMS).items():
+    for name, value in (parameters | derived | {name: form["value"] for name, form in FORMS.items()}).items():
         if name in ROBOT.names:
             record[name] = value
     record["quantum_force"] *= quantised

@@ -12,7 +12,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import astuple, dataclass
 from functools import cache
-from itertools import permutations, product
+from itertools import chain, permutations, product
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -41,37 +41,30 @@ def accepted_ids(truth: Truth) -> set[str]:
     return {name}
 
 
-def list_causes(diagnosis: Diagnosis) -> list[dict[str, Any]]:
-    """Effects that an answer calls causes, best first."""
-    return [e for e in diagnosis.get("effects") or () if (e.get("role") or CAUSE) == CAUSE]
-
-
-def list_rivals(cause: dict[str, Any]) -> tuple[str, ...]:
-    """Ids of the rivals of a cause."""
-    return tuple(rival["id"] for rival in cause.get("rivals") or ())
+def list_classes(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
+    """Ids of each effect that an answer calls a cause, best first, and of its rivals behind it."""
+    causes = (e for e in diagnosis.get("effects") or () if (e.get("role") or CAUSE) == CAUSE)
+    return [(cause["id"], *(rival["id"] for rival in cause.get("rivals") or ())) for cause in causes]
 
 
 def named_ids(diagnosis: Diagnosis) -> tuple[str, ...]:
     """Ids of the causes, best first."""
-    return tuple(cause["id"] for cause in list_causes(diagnosis))
+    return tuple(ids[0] for ids in list_classes(diagnosis))
 
 
 def found_ids(diagnosis: Diagnosis) -> set[str]:
     """Ids of all causes and of their rivals."""
-    equivalents = (i for name in diagnosis.get("equivalents") or () for i in name.split(" + "))
-    return {*named_ids(diagnosis), *equivalents, *(i for cause in list_causes(diagnosis) for i in list_rivals(cause))}
+    equivalents = (name.split(" + ") for name in diagnosis.get("equivalents") or ())
+    return set(chain(*list_classes(diagnosis), *equivalents))
 
 
 def is_in_class(truths: Sequence[Truth], diagnosis: Diagnosis) -> bool:
     """Tell whether each true effect is a cause of its own, or among the rivals of one."""
-    causes = list_causes(diagnosis)
-    if diagnosis.get("equivalents") and not any(map(list_rivals, causes)):  # an older version
+    classes = list_classes(diagnosis)
+    if diagnosis.get("equivalents") and max(map(len, classes), default=0) < 2:  # an older version
         return all(accepted_ids(truth) & found_ids(diagnosis) for truth in truths)
-    classes = [{cause["id"], *list_rivals(cause)} for cause in causes]
-    return any(
-        all(accepted_ids(truth) & one for truth, one in zip(truths, order))
-        for order in permutations(classes, len(truths))
-    )
+    orders = permutations(classes, len(truths))
+    return any(all(accepted_ids(truth) & set(ids) for truth, ids in zip(truths, order)) for order in orders)
 
 
 @cache
@@ -86,11 +79,9 @@ def is_kind_right(truths: Sequence[Truth], diagnosis: Diagnosis) -> bool:
 
     A cause whose rivals are of another kind or block states none.
     """
-    stated = []
-    for cause in list_causes(diagnosis):
-        found = {kind_and_block(i) for i in (cause["id"], *list_rivals(cause))}
-        stated.append(found.pop() if len(found) == 1 else None)
-    return has_matching(stated, [{kind_and_block(i) for i in accepted_ids(truth)} for truth in truths])
+    found = [set(map(kind_and_block, ids)) for ids in list_classes(diagnosis)]
+    stated = [one.pop() if len(one) == 1 else None for one in found]
+    return has_matching(stated, [set(map(kind_and_block, accepted_ids(truth))) for truth in truths])
 
 
 def is_truth(truths: Sequence[Truth], ids: Sequence[str]) -> bool:
@@ -164,9 +155,9 @@ def pair_shares(first: Share, second: Share, name: str = "") -> Paired:
 ALPHA = 0.1  # of a 90 % interval
 
 
-def interval_score(low: float, high: float, true: float, alpha: float = ALPHA) -> float:
+def interval_score(low: float, high: float, true: float) -> float:
     """Interval score in the unit of the parameter."""
-    return high - low + 2 / alpha * (max(low - true, 0.0) + max(true - high, 0.0))
+    return high - low + 2 / ALPHA * (max(low - true, 0.0) + max(true - high, 0.0))
 
 
 class ParameterInterval(NamedTuple):
@@ -186,11 +177,11 @@ def list_intervals(case: Answered) -> Iterator[ParameterInterval]:
     """
     for truth in case.truths:
         seat = (*truth["wires"], *truth["joints"])
-        named = [effect for effect in list_causes(case.diagnosis) if effect["id"] == truth["id"]]
+        effects = case.diagnosis.get("effects") or ()
+        named = [e for e in effects if e["id"] == truth["id"] and (e.get("role") or CAUSE) == CAUSE]
         for (name, true), effect in product(truth["parameters"].items(), named):
-            stated = (effect.get("channels") or {}).get(name) or {
-                None: (effect.get("parameters") or {}).get(name) or {}
-            }
+            overall = (effect.get("parameters") or {}).get(name) or {}
+            stated = (effect.get("channels") or {}).get(name) or {None: overall}
             for channel, bounds in stated.items():
                 low, high = bounds.get("low"), bounds.get("high")
                 if (channel is None or not seat or channel in seat) and low is not None and high is not None:
@@ -241,11 +232,6 @@ def in_class(case: Answered) -> bool:
     return case.verdict in ("NAMED", "AMBIGUOUS") and is_in_class(case.truths, case.diagnosis)
 
 
-def names_too_much(case: Answered) -> bool:
-    """An effect is named that is not among the true ones."""
-    return not set(named_ids(case.diagnosis)) <= set().union(*map(accepted_ids, case.truths))
-
-
 def right(case: Answered) -> bool:
     """The answer is right for the kind of case: no effect, UNKNOWN, or the truth named or in the class."""
     if case.kind == "healthy":
@@ -285,9 +271,6 @@ def compute_shares(cases: Sequence[Answered]) -> tuple[Share, ...]:
     located = [case for case in nameable + outside if "where" in case.diagnosis or case.verdict == FAILURE]
     partly = [case for case in nameable if case.verdict == "PARTLY"]
 
-    def kind_right(case: Answered) -> bool:
-        return case.verdict in ("NAMED", "AMBIGUOUS") and is_kind_right(case.truths, case.diagnosis)
-
     def is_first(case: Answered) -> bool:
         """The truth comes first, whatever the verdict: among the causes, else in the best fitted set."""
         sets = (one["id"] for one in case.diagnosis.get("candidates") or () if one["id"] not in ("", "retune"))
@@ -299,7 +282,7 @@ def compute_shares(cases: Sequence[Answered]) -> tuple[Share, ...]:
     tests = {
         "exactly named": exactly_named,
         "truth named or in its class": in_class,
-        "kind and block right": kind_right,
+        "kind and block right": lambda c: c.verdict in ("NAMED", "AMBIGUOUS") and is_kind_right(c.truths, c.diagnosis),
     }
     wanted = {f"exactly named, {kind}": goal for kind, goal in NAMEABLE.items()}
     named_kinds = ((f"{name}, {kind}", kind, holds) for name, holds in tests.items() for kind in NAMEABLE)
@@ -312,7 +295,11 @@ def compute_shares(cases: Sequence[Answered]) -> tuple[Share, ...]:
         share("wrongly UNKNOWN", healthy + nameable, lambda case: case.verdict == "UNKNOWN", "<= 3 %"),
         share("false alarm on healthy", healthy, lambda case: case.verdict not in NO_EFFECT, "0-1 cases"),
         share("missed (NO_GAP or RETUNE) though visible", nameable, lambda case: case.verdict in NO_EFFECT),
-        share("another effect named, or one too many", named, names_too_much),
+        share(
+            "another effect named, or one too many",
+            named,
+            lambda case: not set(named_ids(case.diagnosis)) <= set().union(*map(accepted_ids, case.truths)),
+        ),
         share(
             "block right", filter(blocks, located), lambda case: read_where(case, "block") in blocks(case), ">= 95 %"
         ),
@@ -336,7 +323,7 @@ def compute_quantities(cases: Sequence[Answered]) -> tuple[Quantity, ...]:
     sizes = []  # of the classes of the causes that have rivals; of an older answer that of its one class
     for answer in answers:
         if answer["verdict"] == "AMBIGUOUS":
-            own = [1 + len(list_rivals(cause)) for cause in list_causes(answer) if list_rivals(cause)]
+            own = [len(ids) for ids in list_classes(answer) if len(ids) > 1]
             sizes += own or [len(set(answer.get("equivalents") or ()))]
     rows = [quantity("size of an AMBIGUOUS class, mean", np.mean, sizes, "<= 2.2")]
     for label, part in (("C(overall)", "overall"), ("C(retune)", "retune"), ("C(effect given retune)", "effect")):
@@ -475,12 +462,12 @@ def as_json(score: Score) -> dict[str, Any]:
             for item in shares
         }
 
-    def quantities_json(quantities: Iterable[Quantity]) -> dict[str, Any]:
-        return {q.name: {"value": None if math.isnan(q.value) else q.value, "cases": q.count} for q in quantities}
-
     mixes = {
         group.name: {
-            "cases": group.cases, "shares": shares_json(group.shares), "quantities": quantities_json(group.quantities),
+            "cases": group.cases, "shares": shares_json(group.shares),
+            "quantities": {
+                q.name: {"value": None if math.isnan(q.value) else q.value, "cases": q.count} for q in group.quantities
+            },
             "baselines": shares_json(group.baselines),
             "paired": {item.name: vars(item) | {"p": item.p} for item in group.paired},
         }

@@ -1,19 +1,10 @@
 """One robot of the reference simulator: its integrator, its frames of ten slots (model.md, Timing), and its log.
 
-    slack = InjectedFault("tendon.slack", wires=("MF",), parameters={"length": 0.002})
-    spec = RobotSpec(parameters=draw_parameters(rng), effects=(slack,))
-    columns = simulate(spec, Protocol("grasps", reference), seed=7)
-
-No equation of exodrake's main model is used here: only the specification `model.md` is common to both. numba's cache
-depends on this file alone: remove __pycache__ after a change in dynamics.
-
-The integrator is a stabilised Runge-Kutta-Chebyshev pair with error control, restarted at every task (Sommeijer,
-Shampine and Verwer, J. Comput. Appl. Math. 88, 1998). The robot is stiff in a simple way: joint damping on the light
-distal phalanges makes one real rate of about -12000 1/s (bristles and contact may add a few more), the rest is slower
-than 1000 1/s. RKC stretches its stability along the negative real axis by taking more stages, so a step of 2 ms costs
-eight slopes and no Jacobian, and corners (clips, slack wires, contact) do it no harm. The number of stages follows from
-a fixed guess of the spectral radius; should the true one be larger, the error control shortens the step. scipy's
-LSODA would take a hundred times as long: a slot of 2 ms is too short for a method with memory.
+Only the specification `model.md` is common with exodrake's main model. numba's cache depends on this file alone: remove
+__pycache__ after a change in dynamics. The integrator is a stabilised Runge-Kutta-Chebyshev pair with error control,
+restarted at every task (Sommeijer, Shampine and Verwer, J. Comput. Appl. Math. 88, 1998). The robot is stiff in a
+simple way: joint damping on light phalanges makes one real rate of about -12000 1/s, the rest is slower than 1000 1/s.
+A step of 2 ms costs eight slopes, no Jacobian; LSODA's memory would cost a hundred times as much in such short slots.
 """
 
 from dataclasses import dataclass

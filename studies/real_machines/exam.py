@@ -78,15 +78,13 @@ class Mark:
 def owner(data: Path, name: str) -> tuple[Robot, Callable[[str], CaseLog]]:
     """Robot of an owner's machine folder, and a reader of its recordings by name."""
     from exodrake.core.plugins import add_plugin
-    from exodrake.data.import_log import import_log
+    from exodrake.data.import_log import import_recording, read_mapping
 
     add_plugin(data / name / name)
 
     def read(recording: str) -> CaseLog:
-        file = f"{recording}.csv"
-        return CaseLog(
-            import_log(data / name / file, data / name / name / "mapping.yaml"), recording, "fit", None, file
-        )
+        file, mapped = f"{recording}.csv", read_mapping(data / name / name / "mapping.yaml")
+        return CaseLog(import_recording(data / name / file, mapped).log, recording, "fit", None, file)
 
     return load_robot(str(data / name / name / "robot.yaml")), read
 

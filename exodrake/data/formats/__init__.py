@@ -1,8 +1,7 @@
-"""Files of logs: a table of endings with their readers and writers.
+"""Files of logs: a table of endings with their readers and writers. `.csv.gz` is gzipped CSV.
 
 A format is a module here, or in `data/formats` of a plugin, with `ENDINGS`, `read(data: bytes, source: str) -> Log` and
-`write(log: Log) -> bytes`; `exodrake.data.log` has what formats share. They differ in how they hold a heading
-`name [unit]` and a missing sample. `.csv.gz` is gzipped CSV.
+`write(log: Log) -> bytes`; formats differ in how they hold a heading `name [unit]` and a missing sample.
 """
 
 import gzip
@@ -19,7 +18,7 @@ from exodrake.core import plugins
 from exodrake.core.errors import InputError, argument
 from exodrake.core.files import is_file, is_folder, read_bytes, refuse_special, write_bytes
 from exodrake.core.processes import in_child
-from exodrake.data.log import CHANGED, MODEL, Log, check_clock, check_columns, check_writable
+from exodrake.data.log import CHANGED, LARGEST, MODEL, Log, check_clock, check_columns, find_first
 
 plugins.extend(__path__, "data/formats")
 MARK = "simulated"  # column of a file, of any format, that marks what exodrake simulated
@@ -127,6 +126,14 @@ def log_bytes(log: Log, path: str | Path) -> bytes:
             larger than any signal, a hole in the clock, a name that no heading can hold.
     """
     write = find_format(path).write
-    check_writable(log, str(path))
+    if not len(log):
+        raise InputError(f"{path}: the log has no rows, it is not written")
+    for name, values in {"time": log.time, **log.signals}.items():
+        row = find_first((np.abs(values) > LARGEST) | (np.isnan(values) if name == "time" else False))
+        if row is not None:
+            raise InputError(f"{path}: column {name!r}, row {row + 1}: {values[row]:g}; the log is not written")
+    for name in log.columns:
+        if not name.isprintable() or name in ("", "time") or name != name.strip() or set(name) & set("[]"):
+            raise InputError(f"{path}: {name!r} cannot be the name of a column; the log is not written")
     marked = log.with_signals({MARK: np.full(len(log), float(log.simulated))}, {MARK: "-"}) if log.simulated else log
     return write(marked)

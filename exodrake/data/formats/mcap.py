@@ -18,7 +18,7 @@ from exodrake.core.files import is_file
 from exodrake.core.schema import parse_json
 from exodrake.core.units import find_kind
 from exodrake.data.formats import read_apart
-from exodrake.data.log import Log, heading, log_from_columns, refuse_doubled
+from exodrake.data.log import Log, heading, log_from_columns
 
 ENDINGS = (".mcap",)
 RECORD = "exodrake.data.log"
@@ -43,13 +43,6 @@ def is_log(path: str | Path) -> bool:
 def read(data: bytes, source: str) -> Log:
     """Parse an MCAP file that `write` made. InputError for a damaged or foreign file, and for mcap not installed."""
     return log_from_columns(read_apart(parse, data, source, "MCAP"), source)
-
-
-def read_columns(data: bytes, source: str) -> dict[str, np.ndarray]:
-    """Columns (n,) by heading, of a file that `write` made; InputError as `read`."""
-    columns = read_apart(parse, data, source, "MCAP")
-    refuse_doubled((name for name, _ in columns), source)
-    return dict(columns)
 
 
 def parse(data: bytes, source: str) -> list[tuple[str, np.ndarray]]:

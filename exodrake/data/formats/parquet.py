@@ -8,7 +8,7 @@ import numpy as np
 
 from exodrake.core.errors import InputError
 from exodrake.data.formats import read_apart
-from exodrake.data.log import Log, check_size, headings, log_from_columns, refuse_doubled
+from exodrake.data.log import Log, check_size, headings, log_from_columns
 
 ENDINGS = (".parquet",)
 
@@ -23,15 +23,8 @@ def read(data: bytes, source: str) -> Log:
     return log_from_columns(columns, source)
 
 
-def read_columns(data: bytes, source: str) -> dict[str, Any]:
-    """Columns of numbers of any Parquet file by name, (n,) as recorded; of lists of m numbers, (n, m)."""
-    columns = read_apart(parse, data, source, "Parquet")
-    refuse_doubled((name for name, _ in columns), source)
-    return {name: values for name, values in columns if not isinstance(values, str)}
-
-
 def parse(data: bytes, source: str) -> list[tuple[str, Any]]:
-    """Names, which may come twice, and values (n,) of columns, or their type where it is not numeric."""
+    """Names, which may come twice, and values of columns, (n,) or of lists (n, m), or their type if not numeric."""
     _, parquet = import_pyarrow(source)
     file = parquet.ParquetFile(io.BytesIO(data))
     check_size(file.metadata.num_rows * file.metadata.num_columns, source)

@@ -1,43 +1,7 @@
 """Kinematic identification of the paper's 2.2.1: markers to joint axes, centres, angles, lengths and ranges.
 
-Steps: check labels; fit the triads to smoothed paths for a first guess; adjust finger, poses and angles to the measured
-markers of all frames together (`adjust`); read lengths and centre lines, with intervals, from the adjusted finger; and
-fit its angles to the smoothed paths. Joint i is described in the frame of the triad proximal to it.
-
-Paths are smoothed by the discrete smoothing spline (Whittaker-Henderson), which also fills short gaps:
-
-    minimise  sum over seen frames (y - z)^2 + lambda sum (third difference of z)^2
-    gain      1 / (1 + lambda (2 sin(pi f dt))^6)
-
-lambda gives a gain of 1/2 at the cut-off frequency; at a twentieth of it the gain differs from 1 by 2e-8, so slow
-finger motion is unchanged. A missing sample has no weight and takes the value of the spline; long gaps stay missing.
-
-First guess: every joint a hinge. The poses of the triads at rest place all markers and axes in the frame of the base
-triad. There the motion of a joint, the relative motion of its two segments from that posture, gives axis, angle and
-centre in closed form. The abduction axis starts through the MCP centre, normal to flexion and to the finger.
-
-Bundle adjustment:
-
-    minimise  sum over frames and seen markers |y - (R_f x(finger, theta_f) + p_f)|^2      mean theta over the rest = 0
-
-Each frame has ten unknowns of its own (pose of the hand, four angles), the finger 51. By variable projection (Golub,
-Pereyra 1973) the frames are fitted to each trial finger, and Gauss-Newton's steps move the finger alone. With H_f the
-normal matrix of a frame and E_f its coupling to the finger, the projected normal matrix is N - sum E' H^-1 E (Triggs
-et al., Bundle Adjustment, 1999, section 6.1); a step costs one 55 x 55 system with the constraint. The inverse of that
-matrix times the variance of the noise is the covariance of the finger. Errors of neighbouring frames may be correlated
-(skin, filters of the camera software), so it is multiplied by the variance inflation of sums over blocks of frames, if
-that exceeds 1. A weak prior holds what the motion does not show, such as the abduction axis of a hand without
-abduction.
-
-In the frame of the base triad, a marker X of segment k is carried by the joints before it (paper Eq. 14):
-
-    x = T_abduction(theta_1) T_MCP(theta_2) T_PIP(theta_3) T_DIP(theta_4) X       (as many factors as joints before it)
-    T(theta) X = R (X - Q) + Q,  R = e^{[w] theta},  Q = Y + G theta
-
-and X is its place at rest, where all angles are 0. Its velocity by an angle is that of the joint's space Jacobian, and
-its derivatives by the finger are central differences. `Finger.free` lists the changes that markers can show: the base
-triad keeps its frame, centres and slopes stay normal to their axes, and the two axes of the MCP perpendicular. (A
-component of the abduction axis along the flexion axis is, to first order, a change of the flexion angle.)
+Bundle adjustment of finger, hand poses and angles to all markers, after a first guess from hinges; the equations are in
+`docs/explain/identification.md`. Joint i is described in the frame of the triad proximal to it.
 """
 
 from __future__ import annotations

@@ -1,29 +1,6 @@
 """Marker recordings: files, clock, the check of their labels, and synthetic ones with known truth (paper Fig. 5, 8-9).
 
-Lines of CSV that begin with # are comments, followed by one heading and one row per frame:
-
-    time [s], B1_x [mm], B1_y [mm], B1_z [mm], B2_x [mm], ...
-
-Every column carries its unit in brackets (m, cm or mm; s or ms); a marker has three columns, in any order; an empty
-cell is a missing sample. Other columns are ignored. Positions are in the right-handed laboratory frame of the cameras.
-
-C3D, the exchange format of motion capture, is read and written by ezc3d. Labels may carry a subject (`Kim:B1` is read
-as B1), POINT:UNITS gives the unit, POINT:RATE the frame rate; a point with a negative residual is missing.
-
-The controller's clock on the clock of the motion capture follows from the record of the sync pulse (Fig. 5 and 8a):
-
-    start, skew = clock_from_pulses(time, level, robot.machine.frame)
-    controller_time = (capture_time - start) / (1.0 + skew)
-
-A triad is three markers on one segment. Its sides are the medians of the marker distances over all frames, which
-neither the motion of the hand nor a few swapped frames disturb. A triad is rigid, so a wrong label shows as a jump of
-the residual, in both triads if the swap is between segments. A frame counts as swapped if the exchange of one pair
-restores the shape of every triad. Triads should have three different sides: a swap within an isosceles triad cannot be
-detected.
-
-A synthetic finger rests along x (distal) with y dorsal and the MCP centre at the origin, so flexion is about -z and
-abduction about y. The lengths and the PIP and DIP gradients are the paper's; that of the MCP is smaller than the
-printed one, which is anatomically implausible (`physics.md`, Table 1). Nothing in such a recording was measured.
+Files and check are described in `docs/explain/identification.md`. Nothing in a synthetic recording was measured.
 """
 
 import os
@@ -51,7 +28,9 @@ JOINTS = ("MCP", "PIP", "DIP")
 BIG_ENDIAN = 86  # number of the processor that wrote a C3D file: MIPS
 BLOCK = 512  # bytes
 FLATTEST = 2e-3  # m; a lower triangle does not determine the rotation about its long side
-PAIRS = tuple(combinations(range(12), 2))  # of markers that may carry each other's name
+PAIRS = np.array(list(combinations(range(12), 2)))  # of markers that may carry each other's name
+EXCHANGED = np.tile(np.arange(12), (len(PAIRS), 1))  # (pairs, 12) the markers, those of a pair exchanged
+np.put_along_axis(EXCHANGED, PAIRS, PAIRS[:, ::-1], axis=1)
 OUTLIER = 4.0  # times the median residual
 EXACT = 3e-4  # m; residual below which no frame is suspected, however small the median
 SUSPECT = 1.2e-3  # m; a triad that changes its shape by this much in a tenth of the frames may hold a wrong marker
@@ -310,10 +289,10 @@ def check_labels(recording: Recording, layout: Layout) -> LabelCheck:
         f"by {1e3 * change[k]:.1f} mm or more in a tenth of the frames"
     )
     some = points[:: max(1, len(points) // 200)]
-    for a, b in PAIRS if change[k] >= SUSPECT else ():  # one marker may carry another's name throughout
+    for (a, b), order in zip(PAIRS, EXCHANGED) if change[k] >= SUSPECT else ():  # names may be wrong throughout
         if a // 3 == b // 3 or k not in (a // 3, b // 3):
             continue
-        swapped = exchange_pair(some, (a, b))
+        swapped = some[:, order]
         try:
             residuals = measure_residuals(measure_triads(swapped, layout, "recording"), swapped)
         except InputError:  # collinear
@@ -331,13 +310,13 @@ def check_labels(recording: Recording, layout: Layout) -> LabelCheck:
     for number, (a, b) in enumerate(PAIRS if len(suspects) else ()):
         touched = bad[a // 3, suspects] | bad[b // 3, suspects]
         if touched.any():
-            swapped = np.nan_to_num(measure_residuals(shapes, exchange_pair(points[suspects], (a, b))) / limit)
+            swapped = np.nan_to_num(measure_residuals(shapes, points[suspects][:, EXCHANGED[number]]) / limit)
             worst = np.where(touched, swapped.max(axis=0), np.inf)
             pairs[suspects[worst < best]] = number
             best = np.minimum(best, worst)
     # neighbouring frames whose residual is smaller with the exchange: noise hides single frames
     for pair in np.unique(pairs[pairs >= 0]).tolist():
-        swapped = measure_residuals(shapes, exchange_pair(points, PAIRS[pair]))
+        swapped = measure_residuals(shapes, points[:, EXCHANGED[pair]])
         better = (np.nansum(swapped, axis=0) < np.nansum(residual, axis=0)) | (pairs == pair)
         for first, stop in np.flatnonzero(np.diff(np.r_[False, better, False])).reshape(-1, 2):
             if np.mean(pairs[first:stop] == pair) > 1 / 4:
@@ -363,7 +342,7 @@ def exchange_labels(recording: Recording, swaps: tuple[Swap, ...]) -> Recording:
     positions = recording.positions.copy()
     for swap in swaps:
         pair, span = [recording.names.index(name) for name in swap.names], slice(swap.first, swap.last + 1)
-        positions[span] = exchange_pair(positions[span], (pair[0], pair[1]))
+        positions[span, pair] = positions[span, pair[::-1]]
     return replace(recording, positions=positions)
 
 
@@ -388,13 +367,6 @@ def measure_triads(points: np.ndarray, layout: Layout, source: str) -> np.ndarra
             raise InputError(f"{words} lie on a line (height {1e3 * low:.2f} mm), which determines no frame")
         shapes.append(rigid.corners() @ np.array([base, along, height]))
     return np.stack(shapes)
-
-
-def exchange_pair(points: np.ndarray, pair: tuple[int, int]) -> np.ndarray:
-    """Points (frames, markers, 3) [m] with a pair of markers exchanged."""
-    swapped = points.copy()
-    swapped[:, pair] = points[:, pair[::-1]]
-    return swapped
 
 
 class Hand(NamedTuple):

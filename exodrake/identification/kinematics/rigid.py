@@ -1,21 +1,7 @@
 """Rigid motions: moving joint axes, the paper's screws (Eq. 4-18), and poses of marker triads.
 
-Rotations R (3, 3) and motions T = [R p; 0 1] (4, 4) act on the leading axes (`...`), which are frames of a recording.
-
-The centre of an axis moves with the angle, as in a rolling contact (paper Table 1: X = G theta + Y):
-
-    e^{[S(theta)] theta},  S(theta) = (w, -w x Q(theta)),  Q(theta) = Y + G theta
-    R = e^{[w] theta},     p = (I - R) Q(theta)
-
-Q is the centre of the finite rotation from the reference posture. With G = 0 the axis is an ordinary screw. With the
-axis known, Q = w x v with v = G^{-1} p of Eq. 8-12 has the closed form
-
-    Q = 1/2 p + 1/2 cot(theta/2) w x p                p normal to w
-
-with an error that grows as 1/theta. Frames therefore have the weight (2 sin(theta/2))^2, about theta^2, in all sums.
-
-The frame of a triad has the origin in the centroid, x from the first marker to the second, and z normal to the
-triangle. Poses are least-squares fits of its shape (Kabsch).
+Rotations R (3, 3) and motions T = [R p; 0 1] (4, 4) act on the leading axes (`...`), frames of a recording. An axis w
+has the centre Q(theta) = Y + G theta: R = e^{[w] theta}, p = (I - R) Q; more in `docs/explain/identification.md`.
 """
 
 from __future__ import annotations

@@ -38,14 +38,11 @@ def case(path: Path) -> Case:
     log = Log(FRAME * np.arange(len(t)), signals, units, str(file))
     repeats = len(log) > 3 * CYCLE and np.allclose(reference[2 * CYCLE :], reference[: len(log) - 2 * CYCLE], atol=1e-9)
     middle = 2 * CYCLE if repeats else len(log) // 2
-    first, second = (add_start(restart_log(log.rows(part))) for part in (slice(0, middle), slice(middle, None)))
-    fitted = CaseLog(first, "first", "fit", None, "first.csv.gz")
-    held_out = CaseLog(second, "second", "holdout", fitted.file if repeats else None, "second.csv.gz")
+    parts = []
+    for part in (slice(0, middle), slice(middle, None)):  # each starts at the speed of its first rows
+        own = restart_log(log.rows(part))
+        speed = float(own["position_carriage"][2] - own["position_carriage"][0]) / (2.0 * FRAME)
+        parts.append(own.with_signals({"speed_start_carriage": np.full(len(own), speed)}))
+    fitted = CaseLog(parts[0], "first", "fit", None, "first.csv.gz")
+    held_out = CaseLog(parts[1], "second", "holdout", fitted.file if repeats else None, "second.csv.gz")
     return Case("emps", {}, (fitted, held_out), FRAME)
-
-
-def add_start(log: Log) -> Log:
-    """A log that starts at the speed of its first rows."""
-    place = log["position_carriage"]
-    speed = np.full(len(log), float(place[2] - place[0]) / (2.0 * FRAME))
-    return log.with_signals({"speed_start_carriage": speed}, {"speed_start_carriage": "m/s"})

@@ -206,5 +206,5 @@ def machine() -> Machine:
         reference_limits=("F_min", "F_max"),
         experiments={"steps": "steps", "multisine": "multisine", "chirp": "chirp", "holds": "holds",
                      "random motion": "random-motion:seed=0"},
-        end_stops=("finger.q_f", "finger.q_e"), colours=COLOURS, skeleton=skeleton, mechanism=mechanism, loop=LOOP,
+        colours=COLOURS, skeleton=skeleton, mechanism=mechanism, loop=LOOP,
     )  # fmt: skip
