@@ -91,18 +91,19 @@ class CommandedLoop:
         A reference is found that makes the controller send that command; its states then take the values that they
         have with the reference at rest, which the reading alone decides.
         """
-        step, inverse = self.loop.stepper(), np.linalg.inv(self.direct)
+        run, inverse = self.loop.run, np.linalg.inv(self.direct)
         command, reading = (
             self.loop.signals[s].start + self.channel for s in (self.loop.loop.command, self.loop.loop.measured)
         )
         x, rows = state, np.zeros((frames, 2))
         for n in range(frames):
-            after, signals = step(x, self.references)
+            after, signals = run(x, self.references[None])
+            sent = signals[0, command]
             change = np.zeros(len(self.references))
-            change[self.channel] = rule(n, float(signals[command])) - signals[command]
-            x, commanded = step(x, self.references + inverse @ change)
+            change[self.channel] = rule(n, float(sent)) - sent
+            x, signals = run(x, (self.references + inverse @ change)[None])
             x[self.loop.own] = after[self.loop.own]
-            rows[n] = commanded[command], commanded[reading]
+            rows[n] = signals[0, command], signals[0, reading]
         return rows[:, 0], rows[:, 1]
 
 

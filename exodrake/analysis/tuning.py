@@ -355,13 +355,12 @@ def linearise_law(plant: Plant, values: Mapping[str, Any]) -> lm.System:
     Its inputs are the readings, then the references; its outputs the commands.
     """
     loop, point = plant.loop.with_values(values), plant.point
-    step, m = loop.stepper(), len(loop.channels)
-    own = np.flatnonzero(loop.own)
+    own, m = np.flatnonzero(loop.own), len(loop.channels)
     command, reading = loop.signals[loop.loop.command], loop.signals[loop.loop.measured]
 
     def image(x: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        after, signals = step(x, r)
-        return np.append(after[own], signals[command]), x[plant.index] if plant.held else signals[reading]
+        after, signals = loop.run(x, r[None])
+        return np.append(after[own], signals[0, command]), x[plant.index] if plant.held else signals[0, reading]
 
     n, q, nudge = len(point.state), len(own), 1e-3 * loop.loop.step
     moves = np.zeros((q + 2 * m, n + m))  # of the controller's states, the references and the readings, one at a time
