@@ -4,13 +4,7 @@
     x_{n+1} = A x_n + B r_n + N e_n          y_n = C x_n + D r_n + M e_n      (deviations from the operating point)
 
 x holds the states of all parts at the frame's start, r the loop's references, e the sensors' standard normal noise, w
-all signals at the frame's end. Further references of the machine are 0. The map is the compiled simulator, run for one
-frame without noise and without rounding. Drake's `Linearize` refuses multi-rate diagrams; this map has one rate.
-
-The derivatives are central differences. Each state moves by a fraction of its own excursion under a small reference
-step. The fraction is chosen where two successive ones agree best. States on which no output depends, however late, are
-left out: clocks, unread memories, the bus's old commands. Such states give exact zeros, since a run is deterministic.
-With them, a shift register of m frames would make A defective, and its zero poles would appear at about (1e-16)^(1/m).
+all signals at the frame's end. The map is the compiled simulator; Drake's `Linearize` refuses multi-rate diagrams.
 """
 
 from __future__ import annotations
@@ -305,7 +299,7 @@ def evaluate(system: control.StateSpace, frequency: np.ndarray) -> np.ndarray:
 
 
 def spectral_radius(a: np.ndarray) -> float:
-    """Largest modulus [-] of an eigenvalue of a matrix (n, n)."""
+    """Largest modulus of an eigenvalue of a matrix (n, n) [-]."""
     return float(np.abs(np.linalg.eigvals(a)).max(initial=0.0))
 
 
@@ -372,7 +366,11 @@ def differentiate(
 
 
 def find_observed(a: np.ndarray, c: np.ndarray) -> np.ndarray:
-    """Indices of the states on which outputs y = C x depend, at once or later; a (n, n) and c (outputs, n) [SI]."""
+    """Indices of the states on which outputs y = C x depend, at once or later; a (n, n) and c (outputs, n) [SI].
+
+    Others, such as clocks and unread memories, are exact zeros, since a run is deterministic. With them, a shift
+    register of m frames would make A defective, and its zero poles would appear at about (1e-16)^(1/m).
+    """
     observed = np.any(c != 0.0, axis=0)
     for _ in a:
         observed = observed | np.any(a[observed] != 0.0, axis=0)
@@ -387,7 +385,10 @@ def find_observed_states(loop: FrameMap, state: np.ndarray, references: np.ndarr
 
 
 def linearise(loop: FrameMap, state: np.ndarray, references: np.ndarray) -> FrameModel:
-    """The linear model at a state of rest (states,), from references (channels,) [SI] to all signals."""
+    """The linear model at a state of rest (states,), from references (channels,) [SI] to all signals.
+
+    Of the fractions of the excursions by which states are moved, that counts which agrees best with the one before it.
+    """
     machine, n, size = loop.robot.machine, len(state), measure_excursions(loop, state, references)
     columns = np.arange(n + len(references) + len(loop.noises))
     tried = [differentiate(loop, state, references, size, f, columns) for f in FRACTIONS]

@@ -1,13 +1,5 @@
 """Frequency response between two signals of a log, beside that of robots on the same references.
 
-    H(f) = S_uy(f) / S_uu(f)          coherence(f) = |S_uy|^2 / (S_uu S_yy)
-
-S are Welch's spectra, averaged over the segments of all logs. With probability P the response lies within a radius r of
-its estimate (Bendat & Piersol, Random Data, 4th ed. 2010, ch. 9; here the F distribution of 2 and 2 (n - 1) degrees of
-freedom is in closed form), where n is the number of independent segments:
-
-    r^2 = (1 - coherence) S_yy / S_uu ((1 - P)^(-1 / (n - 1)) - 1)
-
 Inputs that move at once, and feedback of noise, bias the estimate. The robots run on the references of the logs with
 noise and pass the same estimator, so their responses have the same bias.
 """
@@ -213,7 +205,14 @@ def fill_gaps(values: np.ndarray, where: str) -> np.ndarray:
 def estimate_response(
     logs: Sequence[Log], runs: Mapping[str, Sequence[Log]], input: str, output: str, segment: float | None = None
 ) -> LogResponse:
-    """The response of measured logs, and of the `runs` of robots on their references; else as `frequency_response`."""
+    """The response of measured logs, and of the `runs` of robots on their references; else as `frequency_response`.
+
+    H = S_uy / S_uu and the coherence |S_uy|^2 / (S_uu S_yy) are of Welch's spectra S, averaged over all segments. With
+    probability P the response lies within r of its estimate, by the F distribution of 2 and 2 (n - 1) degrees of
+    freedom for n independent segments (Bendat & Piersol, Random Data, 4th ed. 2010, ch. 9):
+
+        r^2 = (1 - coherence) S_yy / S_uu ((1 - P)^(-1 / (n - 1)) - 1)
+    """
     dt, shortest = logs[0].dt, min(map(len, logs))
     for log in logs:
         check_clock(log, dt, logs[0].label)

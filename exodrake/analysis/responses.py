@@ -1,10 +1,4 @@
-"""Responses of a closed loop: steps of the nonlinear loop, and frequency response by multisine and from the frame map.
-
-The multisine has 500 frames (10 s at 20 ms), all odd harmonics of its period at one amplitude, and random phases. It
-repeats; the first period is thrown away as transient, so the second is periodic and free of leakage. Several draws of
-the phases give mean and spread: what varies between draws is noise and nonlinearity (even distortion falls on even
-lines, which carry no signal). Pintelon and Schoukens, System Identification, ch. 2 to 4.
-"""
+"""Responses of a closed loop: steps of the nonlinear loop, and frequency response by multisine and the frame map."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -138,7 +132,9 @@ def frequency_response(
 ) -> FrequencyResponse:
     """Frequency response of a channel, by its index, from its reference to its reading.
 
-    With the seed of the sensors' noise readings are rounded, too; without, neither.
+    The multisine repeats: its second period is periodic and free of leakage. What varies between draws of its phases is
+    noise and nonlinearity; even distortion falls on even lines, which carry no signal (Pintelon and Schoukens, System
+    Identification, ch. 2 to 4). With the seed of the sensors' noise readings are rounded, too; without, neither.
     """
     machine, lines, rng = loop.robot.machine, LINES, np.random.default_rng(PHASES)
     if seed is not None:

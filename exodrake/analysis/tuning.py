@@ -3,23 +3,7 @@
     minimise  max settling      subject to  overshoot, disk margin of all commands, noise of the commands
 
 The maxima run over steps of every channel, the machine's operating points and robots drawn within the tolerances. The
-search is on linear models, by differential evolution over the logarithms of the gains; the answer is then judged by
-nonlinear steps of other robots. The plant is linearised once, and no controller needs a simulation:
-
-    plant        x' = A x + B v + N e            y = C x + M e
-    controller   q' = F q + G [y; r]             v = K q + L [y; r]
-
-The controller's matrices are differences of the same compiled frame map, with its own states, the references and the
-readings moved. Any law of the machine's controller can therefore be tuned.
-
-A bound on settling is a linear programme. On the linear plant at rest, delays and sample rate included, it looks for
-commands
-
-    |v(k)| <= peak      y(k) <= 1 + overshoot      |y(k) - 1| <= 2 %  for k >= n
-
-with the least n, for a step of one reference; other channels may do what they like, and there is no noise. No
-controller, linear or not, that moves its commands as little and overshoots as little settles sooner on that plant.
-LQG is a design that can be built: states estimated from the noisy readings, integral action, the reference fed forward.
+search is on linear models, the answer is judged by nonlinear steps of other robots.
 """
 
 from __future__ import annotations
@@ -352,7 +336,9 @@ def linearise_plant(robot: Robot, at: Mapping[str, float] | str | None = None) -
 def linearise_law(plant: Plant, values: Mapping[str, Any]) -> lm.System:
     """The linear law of the plant's own controller with other parameters [SI], one or one for each channel.
 
-    Its inputs are the readings, then the references; its outputs the commands.
+        q' = F q + G [y; r]             v = K q + L [y; r]      readings y, references r, commands v
+
+    The matrices are differences of the compiled frame map with q, r and y moved, so any law of a machine can be tuned.
     """
     loop, point = plant.loop.with_values(values), plant.point
     own, m = np.flatnonzero(loop.own), len(loop.channels)
@@ -484,7 +470,11 @@ def bound_settling(
 ) -> float:
     """Least time [s] in which a channel can settle to 2 % of a unit step; nan if not within `frames`.
 
-    The largest command is `peak` [command / step]; overshoot and crosstalk are fractions of the step.
+    A linear programme over commands with the least n: no controller, linear or not, settles sooner on that plant.
+
+        |v(k)| <= peak      y(k) <= 1 + overshoot      |y(k) - 1| <= 2 %  for k >= n
+
+    `peak` is in command / step; overshoot and crosstalk are fractions of the step.
     """
     from scipy.optimize import linprog
 

@@ -1,18 +1,8 @@
 """Plans: mode and object size -> posture -> tensions, and the part of the posture that the tendons cannot hold.
 
-plan = plan_grasp("caging", 0.06)
-plan.tensions, plan.planned, plan.feasible, plan.reason
-
-Inverse statics: given a posture the statics are linear in the tensions, P(q)^T T = tau_p(q): the paper's Eq. 22
-corrected, with rest posture and end stops. Whether the finger then stands there is another question: T must lie in
-F_min .. F_max, the equilibrium must be stable (arms grow with the angle, so tension softens joints, and under strong
-co-contraction the DIP has two stable postures), and the ramp must lead to it. Where no tensions hold a posture,
-`project` finds those whose posture is nearest: least squares within the bounds, through the nonlinear statics along the
-ramp.
-
-A plan is confirmed by simulation: the nominal robot, without noise, must stand in the planned posture at the hold.
-Statics do not contain the tension loop, which is slow where the finger is soft, nor a joint that stays long near the
-first of two equilibria. `run_plan` runs a plan in the Drake Diagram, if wanted with a posture loop around it.
+Given a posture the statics are linear in the tensions, P(q)^T T = tau_p(q): the paper's Eq. 22 corrected, with rest
+posture and end stops. T must also lie in F_min .. F_max, the equilibrium be stable, which tension softens as arms grow
+with the angle, and the ramp lead to it: the nominal robot, simulated without noise, must stand there at the hold.
 """
 
 from __future__ import annotations
