@@ -159,13 +159,9 @@ class Tuning:
 
 
 def tune(
-    robot: Robot,
-    requirements: Requirements | None = None,
-    only: tuple[str, ...] = (),
-    draws: int = 4,
-    judges: int = 12,
-    progress: Callable[[str], None] | None = None,
-) -> Tuning:
+    robot: Robot, requirements: Requirements | None = None, only: tuple[str, ...] = (), draws: int = 4,
+    judges: int = 12, progress: Callable[[str], None] | None = None,
+) -> Tuning:  # fmt: skip
     """Tunes each controller structure of the machine's loop and compares them.
 
     Args:
@@ -431,12 +427,9 @@ def compute_cost(p: Performance, wanted: Requirements, frame: float) -> float:
 
 
 def search_gains(
-    plants: list[Plant],
-    structure: Controller,
-    fixed: Mapping[str, float | np.ndarray],
-    wanted: Requirements,
+    plants: list[Plant], structure: Controller, fixed: Mapping[str, float | np.ndarray], wanted: Requirements,
     start: Mapping[str, float] | None = None,
-) -> dict[str, float]:
+) -> dict[str, float]:  # fmt: skip
     """Gains [SI] of least cost over plants, with other parameters fixed, one value or (channels,) each.
 
     Without gains to start from, a global search over the nominal plants comes before the local one over all.

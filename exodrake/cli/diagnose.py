@@ -242,13 +242,8 @@ def summarise_fleet(sources: tuple[Path, ...], out: Path | None, table: Path | N
 @click.option("--minutes", default=9.0, show_default=True, type=click.FloatRange(min=0.0), help="Time for them.")
 @click.option("--seed", default=0, show_default=True, type=click.IntRange(min=0), help="Of everything that is drawn.")
 @where_to_run
-@click.option(
-    "--out",
-    default="calibration.yaml",
-    show_default=True,
-    type=options.OutputFile("calibration.yaml"),
-    help="File, or the machine's folder, whose verdicts then state the rates.",
-)
+@click.option("--out", default="calibration.yaml", show_default=True, type=options.OutputFile("calibration.yaml"),
+              help="File, or the machine's folder, whose verdicts then state the rates.")  # fmt: skip
 def count_errors(
     robot: str, folder: str | None, cases: int, minutes: float, seed: int, jobs: int, cluster: str | None, out: Path
 ) -> None:  # fmt: skip

@@ -11,9 +11,8 @@ from exodrake.cli.options import AnyPath, OutputFile, print_table, waiting
 @click.command()
 @click.argument("logs", nargs=-1, required=True, type=AnyPath())
 @click.option("--out", required=True, type=OutputFile("estimator.npz"), help="Estimator file, or a folder.")
-@click.option(
-    "--points", default=500, show_default=True, type=click.IntRange(50, 4000), help="Training points, equispaced."
-)
+@click.option("--points", default=500, show_default=True, type=click.IntRange(50, 4000),
+              help="Training points, equispaced.")  # fmt: skip
 @click.option("--robot", default="", metavar="FILE", help="Robot file or machine whose signature to record.")
 @click.option("--one-sweep-per-log", is_flag=True, help="Do not cut logs at the ramps of their tension references.")
 @click.option("--seed", default=0, show_default=True, help="Of the validation's folds.")
@@ -62,9 +61,8 @@ BAND = "black: estimate, with a band of two standard deviations; in colour: meas
 @click.argument("log", type=AnyPath())
 @click.option("--estimator", required=True, type=AnyPath(), help="File written by `exodrake train`.")
 @click.option("--out", type=OutputFile("estimated.csv"), help="Write the log with angle_est and angle_std columns.")
-@click.option(
-    "--figure", type=OutputFile("estimated.png"), help="Figure of the log with the estimated angles [beside --out]."
-)  # fmt: skip
+@click.option("--figure", type=OutputFile("estimated.png"),
+              help="Figure of the log with the estimated angles [beside --out].")  # fmt: skip
 @click.option("--robot", default="", metavar="FILE", help="Robot file or machine that the estimator must belong to.")
 @click.option("--as-trained", is_flag=True, help="Keep the zeros of the training, even if those of LOG have moved.")
 def estimate_angles(

@@ -45,10 +45,14 @@ class AnyPath(click.Path):
         super().__init__(dir_okay=dir_okay, path_type=Path)
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """The path."""
+        """The path, after `check`."""
         if not os.fspath(value):
             self.fail("an empty path; a variable that is not set?", param, ctx)
-        return super().convert(value, param, ctx)
+        return self.check(super().convert(value, param, ctx))
+
+    def check(self, path: Path) -> Path:
+        """The path that is meant; InputError, before the work, for one that cannot be written."""
+        return path
 
 
 class OutputFile(AnyPath):
@@ -62,11 +66,11 @@ class OutputFile(AnyPath):
         super().__init__()
         self.usual = name
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Path of the file."""
+    def check(self, path: Path) -> Path:
+        """The file, in a folder under its usual name."""
         from exodrake.core.files import check_folder
 
-        path, kind = super().convert(value, param, ctx), Path(self.usual).suffix
+        kind = Path(self.usual).suffix
         if self.usual and (path.is_dir() or not (path.suffix or path.exists())):
             check_folder(path)
             return path / self.usual
@@ -93,11 +97,10 @@ class JsonTarget(click.ParamType):
 class OutputFolder(AnyPath):
     """A folder to be written, which is refused before the work if it cannot be one."""
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Path of the folder."""
+    def check(self, path: Path) -> Path:
+        """The folder."""
         from exodrake.core.files import check_folder
 
-        path = super().convert(value, param, ctx)
         check_folder(path)
         return path
 

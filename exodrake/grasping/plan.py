@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -146,14 +145,6 @@ def at_hold(log: Log, kind: str, names: tuple[str, ...]) -> np.ndarray:
     return log.array(kind, names)[during].mean(axis=0)
 
 
-def confirm_posture(robot: Robot, tension: np.ndarray, angles: np.ndarray) -> bool:
-    """Whether references of these tensions (tendons,) [N] bring a robot to these angles (joints,) [rad]."""
-    axes = robot.machine.axes
-    targets = dict(zip(axes.tendons, np.asarray(tension, dtype=float).tolist()))
-    log = write_log(run(robot, grasp("trial", robot, targets, rest=REST, approach=APPROACH, hold=HOLD), seed=None))
-    return bool(np.abs(at_hold(log, "angle", axes.joints) - angles).max() <= CLOSE)
-
-
 @short_repr
 @dataclass(frozen=True)
 class Plan:
@@ -203,14 +194,20 @@ def plan_grasp(mode: str, size: float, robot: Robot | None = None, hand: Hand | 
     allowed = np.flatnonzero(found.miss <= 0.0)
     # weighted departure from rest, and distance of a caged object from the thumb
     cost = (found.angles - np.array(n.q0)) ** 2 @ np.array(way.weight) + (np.maximum(found.gap, 0.0) / GAP) ** 2
-    confirm = partial(confirm_posture, robot.without_effects())
+    nominal, axes = robot.without_effects(), robot.machine.axes
+
+    def confirm(tension: np.ndarray, angles: np.ndarray) -> bool:
+        reference = grasp("trial", nominal, dict(zip(axes.tendons, tension)), rest=REST, approach=APPROACH, hold=HOLD)
+        log = write_log(run(nominal, reference, seed=None))
+        return bool(np.abs(at_hold(log, "angle", axes.joints) - angles).max() <= CLOSE)
+
     best = holdable(found.angles[allowed], cost[allowed], low, high, n, confirm) if len(allowed) else None
     if best is not None:
         place, tension = int(allowed[best[0]]), np.clip(best[1], low, high)
         wanted, planned = found.angles[place], ramp_posture(tension, low, n)
     else:
-        axes = [np.linspace(a, b, STEPS) for a, b in zip(low, high)]
-        tension = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+        levels = [np.linspace(a, b, STEPS) for a, b in zip(low, high)]
+        tension = np.stack(np.meshgrid(*levels, indexing="ij"), axis=-1).reshape(-1, 3)
         held = posture(tension, n)
         kept = np.isfinite(held).all(axis=1)
         kept[kept] = steady(held[kept], tension[kept], n)
@@ -223,7 +220,7 @@ def plan_grasp(mode: str, size: float, robot: Robot | None = None, hand: Hand | 
         tension, planned = project(wanted, tension, held, (low, high), n, confirm)
     shortfall = wanted - planned
     feasible = bool(len(allowed) and np.abs(shortfall).max() <= TOLERANCE)
-    axes, what = robot.machine.axes, f"{way.name.replace('-', ' ')} of {1e3 * size:g} mm"
+    what = f"{way.name.replace('-', ' ')} of {1e3 * size:g} mm"
     if feasible:
         reason = "the tendons hold it within F_min .. F_max, and the ramp leads to it"
     elif not len(allowed):
@@ -260,13 +257,9 @@ def posture_controller(plan: Plan, robot: Robot, ki: float = KI, **durations: fl
 
 
 def run_plan(
-    plan: Plan,
-    robot: Robot,
-    estimator: Estimator,
-    seed: int | None = 0,
-    controller: PostureController | None = None,
+    plan: Plan, robot: Robot, estimator: Estimator, seed: int | None = 0, controller: PostureController | None = None,
     **durations: float,
-) -> Log:
+) -> Log:  # fmt: skip
     """Log of a robot in the Drake Diagram that follows a plan, with the estimator's angles.
 
     A `posture_controller` gives the tension references, if there is one; durations as in `exo.grasp` [s].
