@@ -386,35 +386,29 @@ def load(path: str | Path, robot: str | None = None) -> Estimator:
         )
     try:
         wires, joints, logs = (tuple(record[name]) for name in ("wires", "joints", "logs"))
-        # compiled code does not check the shapes
-        inputs, points = 2 * len(wires), len(arrays["alpha"])
+        inputs, points, strokes = 2 * len(wires), len(arrays["alpha"]), None
         shapes = {
             "center": (inputs,), "rotation": (inputs, inputs), "points": (inputs, points), "shrink": (inputs,),
             "variances": (3,), "alpha": (points, len(joints)), "factor": (points * (points + 1) // 2,),
             "offset": (len(joints),), "gain": (len(joints),), "spread": (len(joints),),
         }  # fmt: skip
-        weights = Weights(**{name: _array(arrays, name, shape) for name, shape in shapes.items()})
-        strokes = None
         if STROKES[0] in arrays:  # not in files of earlier versions
             rows = len(arrays["strokes_sweep"])
             wide, theta = (rows, len(wires)), sweep_kernel(len(wires)).theta.shape
-            shapes = dict(zip(STROKES, (wide, wide, (rows,), (rows,), theta), strict=True))
-            tension, stroke, sweep, time, theta = (_array(arrays, name, shape) for name, shape in shapes.items())
+            shapes |= zip(STROKES, (wide, wide, (rows,), (rows,), theta), strict=True)
+        found = {name: np.ascontiguousarray(arrays[name], dtype=float) for name in shapes}
+        for name, array in found.items():  # compiled code does not check the shapes
+            if array.shape != shapes[name] or not array.size or not np.isfinite(array).all():
+                raise ValueError(f"{name} has shape {array.shape}, wanted {shapes[name]}, all finite")
+        if STROKES[0] in arrays:
+            tension, stroke, sweep, time, theta = (found.pop(name) for name in STROKES)
             strokes = StrokeModel(Sweeps(tension, stroke, sweep.astype(int), time, wires, wires), theta)
         return Estimator(
-            wires, joints, weights, float(record["limit"]), record["robot"], logs, int(record["sweeps"]),
+            wires, joints, Weights(**found), float(record["limit"]), record["robot"], logs, int(record["sweeps"]),
             record["kernel"], strokes,
         )  # fmt: skip
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(f"{path}: damaged estimator file ({error})") from None
-
-
-def _array(arrays: dict[str, np.ndarray], name: str, shape: tuple[int, ...]) -> np.ndarray:
-    """Array of a file. ValueError for another shape, for none of anything, and for numbers that are not finite."""
-    array = np.ascontiguousarray(arrays[name], dtype=float)
-    if array.shape != shape or not array.size or not np.isfinite(array).all():
-        raise ValueError(f"{name} has shape {array.shape}, wanted {shape}, all finite")
-    return array
 
 
 def quick_estimator(robot: Robot, cache: Path | None = None) -> Estimator:
