@@ -15,7 +15,9 @@ from typing import Any
 import click
 
 import exodrake as exo
+from exodrake.core import plugins
 from exodrake.core.errors import InputError
+from exodrake.core.files import check_folder, is_folder, make_folder, write_bytes
 from exodrake.core.progress import waiting as waiting
 
 CASE = click.argument("cases", nargs=-1, required=True, metavar="CASE_OR_LOG...")
@@ -68,8 +70,6 @@ class OutputFile(AnyPath):
 
     def check(self, path: Path) -> Path:
         """The file, in a folder under its usual name."""
-        from exodrake.core.files import check_folder
-
         kind = Path(self.usual).suffix
         if self.usual and (path.is_dir() or not (path.suffix or path.exists())):
             check_folder(path)
@@ -99,8 +99,6 @@ class OutputFolder(AnyPath):
 
     def check(self, path: Path) -> Path:
         """The folder."""
-        from exodrake.core.files import check_folder
-
         check_folder(path)
         return path
 
@@ -139,8 +137,6 @@ def write_json(content: Any, target: Path | str | None, announce: bool = True) -
 
 def write_files(contents: Mapping[Path, str | bytes], announce: bool = True) -> None:
     """Write files, each whole or not at all, in folders that are made; and say where they are."""
-    from exodrake.core.files import make_folder, write_bytes
-
     for path, data in contents.items():
         if path.parent != Path():
             make_folder(path.parent)
@@ -174,7 +170,6 @@ def print_table(titles: Sequence[str], rows: Sequence[Any], wrapped: int = -1, a
 
 def cases_in(folder: Path) -> list[Path]:
     """Folders of a folder that are cases, by name; none if it is a case itself."""
-    from exodrake.core.files import is_folder
     from exodrake.data.case import FILE, log_names
 
     def is_case(path: Path) -> bool:
@@ -253,8 +248,6 @@ def machine_added(context: click.Context, _: click.Parameter, folder: str | None
     """Registers the folder of --machine; InputError if it holds no machine."""
     if folder is None:
         return
-    from exodrake.core import plugins
-
     path = plugins.add_plugin(folder)
     if not plugins.is_machine(path):
         raise InputError(f"{folder}: no {plugins.MACHINE} or {plugins.ROBOT} in it")
@@ -275,11 +268,8 @@ def robot_named(context: click.Context, parameter: click.Parameter, value: Any) 
 
 def plugin_added(_: click.Context, __: click.Parameter, folders: tuple[str, ...]) -> None:
     """Registers the folders of --plugin."""
-    if folders:
-        from exodrake.core import plugins
-
-        for folder in folders:
-            plugins.add_plugin(folder)
+    for folder in folders:
+        plugins.add_plugin(folder)
 
 
 def choose_effects(robot: str, only: str, without: str) -> frozenset[str] | None:
