@@ -68,6 +68,7 @@ class FrameMap:
     """The frame map of a robot, unquantised and free of noise, with the flat parameter vector (n,) [SI] in use."""
 
     robot: Robot
+    loop: Loop  # closed loop that the machine declares: its signals and gains
     parameters: np.ndarray
     module: ModuleType
 
@@ -75,13 +76,9 @@ class FrameMap:
     def from_robot(robot: Robot) -> FrameMap:
         """The frame map of a robot. InputError if a parameter is missing, or the machine has no loop."""
         robot = add_controller(robot)
-        return FrameMap(robot, prepare_values(robot, quantisation=False), compile_machine(robot.machine))
-
-    @property
-    def loop(self) -> Loop:
-        """Closed loop that the machine declares: its signals and gains."""
-        assert self.robot.machine.loop is not None  # `from_robot` sees to it
-        return self.robot.machine.loop
+        assert robot.machine.loop is not None  # `add_controller` sees to it
+        values = prepare_values(robot, quantisation=False)
+        return FrameMap(robot, robot.machine.loop, values, compile_machine(robot.machine))
 
     @property
     def channels(self) -> tuple[str, ...]:

@@ -155,9 +155,8 @@ def block_responses(case: LogSource, robots: Mapping[str, Robot], segment: float
     for block, inputs, outputs in zip(machine.segments, names, names[1:]):
         for output in outputs if inputs and not block.exact else ():
             own = [name for name in inputs if name.rsplit("_", 1)[1] == output.rsplit("_", 1)[1]]
-            tried = [estimate_response(logs, {}, name, output, segment) for name in own or inputs]
-            best = max(tried, key=lambda one: one.explained)
-            found.append(estimate_response(logs, runs, best.input, output, segment))
+            tried = [estimate_response(logs, runs, name, output, segment) for name in own or inputs]
+            found.append(max(tried, key=lambda one: one.explained))
     return found
 
 

@@ -310,9 +310,8 @@ def stability_map(
     size = lm.measure_excursions(loop, point.state, point.references)
     largest = loop.with_values({names[0]: x.max(), names[1]: np.abs(y).max()})
     keep = lm.find_observed_states(largest, point.state, point.references, size)
-    radius = np.array(
-        [[radius_at(loop.with_values({names[0]: a, names[1]: b}), point, size, keep) for a in x] for b in y]
-    )
+    pairs = [[loop.with_values({names[0]: a, names[1]: b}) for a in x] for b in y]
+    radius = np.array([[radius_at(there, point, size, keep) for there in row] for row in pairs])
     limit = np.array([stability_limit(x, row) for row in radius])
     return StabilityMap(names, x, y, radius, (nominal[0], nominal[1]), limit)
 

@@ -6,6 +6,7 @@ import click
 
 import exodrake as exo
 from exodrake.cli.options import AnyPath, OutputFile, print_table, waiting
+from exodrake.core.files import hash_file, make_folder
 
 
 @click.command()
@@ -25,7 +26,6 @@ def train_estimator(
     """
     from dataclasses import replace
 
-    from exodrake.core.files import hash_file, make_folder
     from exodrake.estimator.dataset import sweeps_from_logs
     from exodrake.estimator.gp import condition, learn, learn_strokes, save
     from exodrake.estimator.validate import validate
@@ -73,7 +73,6 @@ def estimate_angles(
     Tests whether the zeros of the strokes have moved since the training, as re-donning does, and corrects them. Where
     LOG has measured angles, prints the error and the share inside the 95 % interval.
     """
-    from exodrake.core.files import hash_file, make_folder
     from exodrake.data.plot import save_png
     from exodrake.estimator.gp import load
     from exodrake.estimator.validate import estimate

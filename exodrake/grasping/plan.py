@@ -152,28 +152,18 @@ def at_hold(log: Log, kind: str, names: tuple[str, ...]) -> np.ndarray:
 @short_repr
 @dataclass(frozen=True)
 class Plan:
-    """A planned grasp of an object of a size [m].
-
-    Attributes:
-        target, centre: fingertip, and centre of the object, as (x, y palmar) [m], MCP in the origin.
-        wanted: joint angles by inverse kinematics [rad].
-        tensions: [N] per tendon.
-        planned: joint angles that the tensions hold, from rest along the ramp [rad].
-        shortfall: wanted less planned, the infeasible part [rad].
-        feasible: whether no joint falls short by more than TOLERANCE.
-        reason: why, in a sentence.
-    """
+    """A planned grasp of an object."""
 
     mode: str
-    size: float
-    target: tuple[float, float]
-    centre: tuple[float, float]
-    wanted: tuple[float, ...]
-    tensions: tuple[float, ...]
-    planned: tuple[float, ...]
-    shortfall: tuple[float, ...]
-    feasible: bool
-    reason: str
+    size: float  # of the object [m]
+    target: tuple[float, float]  # fingertip, as (x, y palmar) [m], MCP in the origin
+    centre: tuple[float, float]  # of the object, likewise
+    wanted: tuple[float, ...]  # joint angles by inverse kinematics [rad]
+    tensions: tuple[float, ...]  # [N]
+    planned: tuple[float, ...]  # joint angles that the tensions hold, from rest along the ramp [rad]
+    shortfall: tuple[float, ...]  # wanted less planned, the infeasible part [rad]
+    feasible: bool  # whether no joint falls short by more than TOLERANCE
+    reason: str  # why, in a sentence
     tendons: tuple[str, ...]
     joints: tuple[str, ...]
     hand: Hand
