@@ -47,10 +47,7 @@ def kinematics(file: Path, out: Path, names: Path | None, cutoff: float, repair:
     with options.waiting("adjusting axes to the markers"):
         found = identify(recording, layout, cutoff or None)
         files = write_report(found, out)
-    found_rows = table_rows(found)
-    rows = [
-        (joint, axis, f"{a} ± {half}", f"{b} ± {other}", rmse) for joint, axis, a, half, b, other, rmse in found_rows
-    ]
+    rows = [(joint, axis, f"{a} ± {c}", f"{b} ± {d}", rmse) for joint, axis, a, c, b, d, rmse in table_rows(found)]
     click.echo(f"joint centres of {Path(found.source).name}: centre = gradient x angle + intercept")
     options.print_table(("joint", "axis", ">gradient \\[mm/rad]", ">intercept \\[mm]", ">RMSE \\[mm]"), rows)
     ranges = ["{:.2f} to {:.2f}".format(*joint.range) for joint in found.joints]
