@@ -50,7 +50,8 @@ class AnyPath(click.Path):
         """The path, after `check`."""
         if not os.fspath(value):
             self.fail("an empty path; a variable that is not set?", param, ctx)
-        return self.check(super().convert(value, param, ctx))
+        path: Any = super().convert(value, param, ctx)
+        return self.check(path)
 
     def check(self, path: Path) -> Path:
         """The path that is meant; InputError, before the work, for one that cannot be written."""

@@ -41,7 +41,7 @@ def command(
         try:
             ends = values.split(":")
             grid[name.strip()] = (
-                np.linspace(*map(float, ends[:2]), int(ends[2])) if len(ends) == 3 else values.split(",")
+                np.linspace(float(ends[0]), float(ends[1]), int(ends[2])) if len(ends) == 3 else values.split(",")
             )
         except ValueError:
             raise InputError(f"--over: {text!r} is not NAME=VALUE,VALUE nor NAME=LOW:HIGH:COUNT") from None
