@@ -11,8 +11,7 @@ import numpy as np
 import exodrake as exo
 from exodrake.data.plot import save_png
 from exodrake.estimator.gp import quick_estimator
-from exodrake.grasping.figure import grasp_figure
-from exodrake.grasping.plan import at_hold, run_plan
+from exodrake.grasping.plan import at_hold, grasp_figure, run_plan
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else ".")
 robot = exo.load_robot()

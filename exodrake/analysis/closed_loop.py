@@ -135,9 +135,10 @@ def analyse(robot: Robot, at: Mapping[str, float] | str | None = None, seed: int
     steps = tuple(step_response(loop, point, i) for i in channels)
     found = tuple(mg.margins(whole, i, loop.channels[i]) for i in channels)
     responses = tuple(frequency_response(loop, point, model, i, seed=seed) for i in channels)
-    b, d = mg.disturb(system, loop.own[model.keep], v)
+    d = system.D @ np.linalg.inv(system.D[v])  # of disturbances added to the commands, as `opened` has them in its B
+    d[v] = 0.0
     connected = System(
-        system.A, np.hstack([system.B, model.N, b]), system.C, np.hstack([system.D, model.M, d]), system.dt,
+        system.A, np.hstack([system.B, model.N, whole.B]), system.C, np.hstack([system.D, model.M, d]), system.dt,
         states=system.state_labels, outputs=system.output_labels,
         inputs=[*system.input_labels, *loop.noises, *(system.output_labels[i] for i in v)],
     )  # fmt: skip

@@ -1,11 +1,4 @@
-"""Feed-forward control by iterative learning on a model: commands by which a robot tracks a reference.
-
-    u_{k+1}(n) = u_k(n) + gain (r(n + d) - y_k(n + d))      r wanted, y simulated, d delay of the channel [frames]
-
-(Arimoto, Kawamura, Miyazaki 1984). It needs the simulation alone, and compensates play, delay, sag and gain of an
-improved robot file as far as the file is right. Commands stay within the robot file's limits, else within what is
-wanted and as much again.
-"""
+"""Feed-forward control by iterative learning on a model: commands by which a robot tracks a reference."""
 
 from dataclasses import dataclass, replace
 
@@ -34,6 +27,11 @@ class Feedforward:
 
 def feedforward(robot: Robot, reference: Reference) -> Feedforward:
     """Commands that bring the motion of a robot, best an improved one, as near to a reference as its model allows.
+
+        u_{k+1}(n) = u_k(n) + gain (r(n + d) - y_k(n + d))      r wanted, y simulated, d delay of the channel [frames]
+
+    (Arimoto, Kawamura, Miyazaki 1984.) Commands stay within the robot file's limits, else within what is wanted and as
+    much again.
 
     Raises:
         InputError: for a machine that does not measure what its first reference asks for.

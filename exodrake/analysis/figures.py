@@ -51,19 +51,13 @@ def plot_steps(result: ClosedLoop) -> Figure:
             axes.plot(step.time, change[:, j], color=choose_colour(name, j, result.robot.machine), label=name, **look)
         axes.plot([step.time[0], 0, 0, step.time[-1]], [0, 0, 1, 1], color="#444", lw=0.8, ls=(0, (4, 2)))
         axes.set(xlim=(-0.04 * shown, shown), xlabel="Time [s]", title=f"Step on {step.channel}")
-        words = (
+        lines = (
             f"rise {step.rise:.3g} s",
             f"overshoot {100 * step.overshoot:.1f} %",
             f"settles in {step.settling:.3g} s",
         )
-        axes.text(
-            0.97,
-            0.55,
-            "\n".join(line for line in words if "nan" not in line),
-            transform=axes.transAxes,
-            ha="right",
-            **NOTE,
-        )
+        words = "\n".join(line for line in lines if "nan" not in line)
+        axes.text(0.97, 0.55, words, transform=axes.transAxes, ha="right", **NOTE)
     low, high = np.min(changes), np.max(changes)  # an unstable step must not hide the rest
     panels[0].set_ylim(max(low - 0.05, -1.0), min(max(high, 1.0) + 0.12, 2.5))
     panels[0].set_ylabel(f"{find_display(output_kind(result), result.robot.machine).label} / step [-]")

@@ -1,10 +1,8 @@
 """Limit cycles of one channel's loop from rounding, dead zones and friction: predicted and simulated.
 
-The describing function N(a, f) between command and reading is measured: a sine of amplitude a and frequency f replaces
-the channel's command, and the first harmonic of its reading is fitted (Gelb, Vander Velde 1968). With the linear
-controller K a limit cycle is predicted at the factor g on the loop gain for which g K N(a, f) = -1. Where g grows with
-a, it is stable. The closed loop with that factor is then simulated after a kick. python-control's
-`describing_function_response` knows static nonlinearities alone; here N depends on the frequency and the schedule.
+A cycle is predicted at the factor g on the loop gain for which g K N(a, f) = -1, with the linear controller K and the
+describing function N from command to reading; where g grows with the amplitude a, it is stable. python-control's
+`describing_function_response` knows static nonlinearities alone; here N depends on frequency and schedule.
 """
 
 from collections.abc import Callable, Mapping
@@ -91,25 +89,27 @@ class CommandedLoop:
         A reference is found that makes the controller send that command; its states then take the values that they
         have with the reference at rest, which the reading alone decides.
         """
-        step, inverse = self.loop.stepper(), np.linalg.inv(self.direct)
+        run, inverse = self.loop.run, np.linalg.inv(self.direct)
         command, reading = (
             self.loop.signals[s].start + self.channel for s in (self.loop.loop.command, self.loop.loop.measured)
         )
         x, rows = state, np.zeros((frames, 2))
         for n in range(frames):
-            after, signals = step(x, self.references)
+            after, signals = run(x, self.references[None])
+            sent = signals[0, command]
             change = np.zeros(len(self.references))
-            change[self.channel] = rule(n, float(signals[command])) - signals[command]
-            x, commanded = step(x, self.references + inverse @ change)
+            change[self.channel] = rule(n, float(sent)) - sent
+            x, signals = run(x, (self.references + inverse @ change)[None])
             x[self.loop.own] = after[self.loop.own]
-            rows[n] = commanded[command], commanded[reading]
+            rows[n] = signals[0, command], signals[0, reading]
         return rows[:, 0], rows[:, 1]
 
 
 def describing_function(plant: CommandedLoop, state: np.ndarray, amplitude: float, cycles: int) -> complex:
     """First harmonic of the reading over that of the command, a cosine of so many cycles in the window.
 
-    A cosine of an amplitude [SI] moves the actuator about its state of rest (states,) [SI], a sine to one side.
+    A cosine of an amplitude [SI] moves the actuator about its state of rest (states,) [SI], a sine to one side. Its
+    harmonics are fitted by least squares (Gelb, Vander Velde 1968).
     """
     phase = 2.0 * np.pi * cycles / WINDOW * np.arange(2 * WINDOW)
     command, reading = plant.run(state, 2 * WINDOW, lambda n, _: amplitude * np.cos(phase[n]))

@@ -4,13 +4,7 @@
     x_{n+1} = A x_n + B r_n + N e_n          y_n = C x_n + D r_n + M e_n      (deviations from the operating point)
 
 x holds the states of all parts at the frame's start, r the loop's references, e the sensors' standard normal noise, w
-all signals at the frame's end. Further references of the machine are 0. The map is the compiled simulator, run for one
-frame without noise and without rounding. Drake's `Linearize` refuses multi-rate diagrams; this map has one rate.
-
-The derivatives are central differences. Each state moves by a fraction of its own excursion under a small reference
-step. The fraction is chosen where two successive ones agree best. States on which no output depends, however late, are
-left out: clocks, unread memories, the bus's old commands. Such states give exact zeros, since a run is deterministic.
-With them, a shift register of m frames would make A defective, and its zero poles would appear at about (1e-16)^(1/m).
+all signals at the frame's end. The map is the compiled simulator; Drake's `Linearize` refuses multi-rate diagrams.
 """
 
 from __future__ import annotations
@@ -27,9 +21,9 @@ import control
 import numpy as np
 
 from exodrake.compiled.compose import compile_machine
-from exodrake.compiled.inputs import NOTHING, NoiseInputs, input_rows, prepare_values
+from exodrake.compiled.inputs import NOTHING, NoiseInputs, prepare_values
 from exodrake.core.errors import InputError, nearest
-from exodrake.core.machine import Loop, Machine, full_name, signal_count, state_size
+from exodrake.core.machine import Loop, Machine, full_name, signal_count, stack, state_size
 from exodrake.core.part import NORMAL
 from exodrake.core.robot import Robot
 
@@ -74,6 +68,7 @@ class FrameMap:
     """The frame map of a robot, unquantised and free of noise, with the flat parameter vector (n,) [SI] in use."""
 
     robot: Robot
+    loop: Loop  # closed loop that the machine declares: its signals and gains
     parameters: np.ndarray
     module: ModuleType
 
@@ -81,13 +76,9 @@ class FrameMap:
     def from_robot(robot: Robot) -> FrameMap:
         """The frame map of a robot. InputError if a parameter is missing, or the machine has no loop."""
         robot = add_controller(robot)
-        return FrameMap(robot, prepare_values(robot, quantisation=False), compile_machine(robot.machine))
-
-    @property
-    def loop(self) -> Loop:
-        """Closed loop that the machine declares: its signals and gains."""
-        assert self.robot.machine.loop is not None  # `from_robot` sees to it
-        return self.robot.machine.loop
+        assert robot.machine.loop is not None  # `add_controller` sees to it
+        values = prepare_values(robot, quantisation=False)
+        return FrameMap(robot, robot.machine.loop, values, compile_machine(robot.machine))
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -100,6 +91,11 @@ class FrameMap:
         machine = self.robot.machine
         names = [n for n in machine.inputs if machine.signal[n].distribution == NORMAL]
         return tuple(f"{name}_{channel}" for name in names for channel in machine.channels(name))
+
+    @cached_property
+    def width(self) -> int:
+        """Length of w."""
+        return signal_count(self.robot.machine)
 
     @cached_property
     def kinds(self) -> dict[str, str]:
@@ -121,11 +117,11 @@ class FrameMap:
     @cached_property
     def shown_rows(self) -> np.ndarray:
         """Indices in w (n,) [-] of the signals of the log and of the loop."""
-        loop, w = self.loop, np.arange(signal_count(self.robot.machine))
+        loop, w = self.loop, np.arange(self.width)
         wanted = {c.signal for c in self.robot.machine.columns} | {loop.command, loop.output, loop.measured}
         return np.concatenate([w[self.signals[s]] for s in self.kinds if s in wanted])
 
-    @cached_property
+    @property
     def signals(self) -> dict[str, slice]:
         """Position of each signal in w."""
         return self.robot.machine.offsets
@@ -136,47 +132,33 @@ class FrameMap:
         self.module.begin(self.parameters, x)
         return x
 
+    @cached_property
+    def idle(self) -> dict[str, np.ndarray]:
+        """Inputs of a frame by name, (1, channels) [SI], in the order of the machine: no noise, references of 0."""
+        machine = self.robot.machine
+        noise = NoiseInputs.draw(1, None, machine)
+        return {n: noise[n] if n in noise else np.zeros((1, len(machine.channels(n)))) for n in machine.inputs}
+
     def run(
-        self, state: np.ndarray, references: np.ndarray, seed: int | None = None, ticks: np.ndarray | None = None
-    ) -> tuple[np.ndarray, np.ndarray]:
+        self, state: np.ndarray, references: np.ndarray, seed: int | None = None, ticks: np.ndarray | None = None,
+        noise: Mapping[str, np.ndarray] | None = None,
+    ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
         """State (states,) [SI] after some frames from a state, and all signals (frames, w) [SI] at the end of each.
 
-        The loop's references are (frames, channels) [SI], the seed is of the sensors' noise, none without. `ticks`
-        (slots, w) takes all signals at the end of each slot.
+        The loop's references are (frames, channels) [SI]. Without the seed of the sensors' noise, or its values by
+        signal (frames, channels), there is none. `ticks` (slots, w) takes all signals at the end of each slot.
         """
         machine, frames = self.robot.machine, len(references)
-        x, w, rows = state.copy(), np.zeros(signal_count(machine)), np.zeros((frames, signal_count(machine)))
-        inputs = input_rows(machine, self._all_references(references), NoiseInputs.draw(frames, seed, machine))
-        fine = NOTHING if ticks is None else ticks
-        self.module.run(self.parameters, x, w, *inputs.values(), machine.slot, 1, rows, fine, NOTHING)
+        given = {self.loop.reference: references, **(noise or {})}
+        given |= {} if seed is None else NoiseInputs.draw(frames, seed, machine)
+        inputs = [
+            np.ascontiguousarray(given[n], dtype=float) if n in given else row.repeat(frames, axis=0)
+            for n, row in self.idle.items()
+        ]
+        x, w = state.copy(), np.zeros(self.width)
+        rows, fine = np.zeros((frames, self.width)), NOTHING if ticks is None else ticks
+        self.module.run(self.parameters, x, w, *inputs, machine.slot, 1, rows, fine, NOTHING)
         return x, rows
-
-    def _all_references(self, references: np.ndarray) -> np.ndarray:
-        """References of the machine, (frames, all) [SI], from the loop's (frames, channels); the others are 0."""
-        machine = self.robot.machine
-        widths = {column.signal: len(machine.channels(column.signal)) for column in machine.references}
-        rows = {signal: np.zeros((len(references), width)) for signal, width in widths.items()}
-        return np.hstack(list((rows | {self.loop.reference: references}).values()))
-
-    def stepper(self):
-        """A function (x, r, e = 0) -> (x', w) of one frame, with its buffers made once; arguments are left alone."""
-        machine = self.robot.machine
-        noise, row = NoiseInputs.draw(1, None, machine), np.zeros((1, signal_count(machine)))
-        normal = [n for n in noise if machine.signal[n].distribution == NORMAL]
-        run, parameters, slot = self.module.run, self.parameters, machine.slot
-        w = np.zeros(signal_count(machine))
-
-        def step(x: np.ndarray, r: np.ndarray, e: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
-            x, at = x.copy(), 0
-            for name in normal:
-                width = noise[name].shape[1]
-                noise[name][0] = 0.0 if e is None else e[at : at + width]
-                at += width
-            rows = input_rows(machine, self._all_references(r[None, :]), noise).values()
-            run(parameters, x, w, *rows, slot, 1, row, NOTHING, NOTHING)
-            return x, row[0].copy()
-
-        return step
 
     @cached_property
     def own(self) -> np.ndarray:
@@ -314,7 +296,7 @@ def evaluate(system: control.StateSpace, frequency: np.ndarray) -> np.ndarray:
 
 
 def spectral_radius(a: np.ndarray) -> float:
-    """Largest modulus [-] of an eigenvalue of a matrix (n, n)."""
+    """Largest modulus of an eigenvalue of a matrix (n, n) [-]."""
     return float(np.abs(np.linalg.eigvals(a)).max(initial=0.0))
 
 
@@ -358,13 +340,16 @@ def differentiate(
     Each state moves by a fraction of its excursion `size` (states,) [SI]; columns that are not in `columns` stay zero.
     The second result is (forward - backward) / 2 of the same shape: zero where the map is smooth.
     """
-    step, n, noises = loop.stepper(), len(state), len(loop.noises)
-    after = n + len(references)
+    n, after, noises = len(state), len(state) + len(references), len(loop.noises)
+    normal = [name for name in loop.idle if loop.robot.machine.signal[name].distribution == NORMAL]
+    places = stack({name: loop.idle[name].shape[1] for name in normal})
     point = np.concatenate([state, references, np.zeros(noises)])
     moves = fraction * np.concatenate([size, np.full(len(references), NUDGE * loop.loop.step), np.ones(noises)])
 
     def image(p: np.ndarray) -> np.ndarray:
-        return np.concatenate(step(p[:n], p[n:after], p[after:]))
+        noise = {name: p[None, after:][:, place] for name, place in places.items()}
+        x, signals = loop.run(p[:n], p[None, n:after], noise=noise)
+        return np.append(x, signals[0])
 
     here = image(point)
     central, bend = np.zeros((len(here), len(point))), np.zeros((len(here), len(point)))
@@ -378,7 +363,11 @@ def differentiate(
 
 
 def find_observed(a: np.ndarray, c: np.ndarray) -> np.ndarray:
-    """Indices of the states on which outputs y = C x depend, at once or later; a (n, n) and c (outputs, n) [SI]."""
+    """Indices of the states on which outputs y = C x depend, at once or later; a (n, n) and c (outputs, n) [SI].
+
+    Others, such as clocks and unread memories, are exact zeros, since a run is deterministic. With them, a shift
+    register of m frames would make A defective, and its zero poles would appear at about (1e-16)^(1/m).
+    """
     observed = np.any(c != 0.0, axis=0)
     for _ in a:
         observed = observed | np.any(a[observed] != 0.0, axis=0)
@@ -393,7 +382,10 @@ def find_observed_states(loop: FrameMap, state: np.ndarray, references: np.ndarr
 
 
 def linearise(loop: FrameMap, state: np.ndarray, references: np.ndarray) -> FrameModel:
-    """The linear model at a state of rest (states,), from references (channels,) [SI] to all signals."""
+    """The linear model at a state of rest (states,), from references (channels,) [SI] to all signals.
+
+    Of the fractions of the excursions by which states are moved, that counts which agrees best with the one before it.
+    """
     machine, n, size = loop.robot.machine, len(state), measure_excursions(loop, state, references)
     columns = np.arange(n + len(references) + len(loop.noises))
     tried = [differentiate(loop, state, references, size, f, columns) for f in FRACTIONS]
@@ -439,28 +431,23 @@ def measure_drift(loop: FrameMap, state: np.ndarray, references: np.ndarray) -> 
     return float(np.max(np.abs(after - state)[keep] / size[keep], initial=0.0))
 
 
-def settle(loop: FrameMap, references: np.ndarray) -> tuple[np.ndarray, int, float]:
-    """State (states,) [SI] at rest, or after 60 s, the frames simulated, and the drift that is left [excursions]."""
-    state, rows, drift, frames = loop.start(), np.tile(references, (CHUNK, 1)), np.inf, 0
-    while not drift < REST and frames < CHUNK * CHUNKS:
-        state, _ = loop.run(state, rows)
-        drift, frames = measure_drift(loop, state, references), frames + CHUNK
-    return state, frames, drift
-
-
 def operating_point(loop: FrameMap, at: Mapping[str, float] | str | None = None) -> OperatingPoint:
     """The loop at rest under references `at` [SI per channel, or the name of a point of the machine].
 
     Where the robot's own gains do not bring it to rest, gentle ones do; that state counts if its own keep it at rest.
     InputError where neither does, for such a loop has no operating point: drift, creep, tremor, a limit cycle.
     """
-    references, machine = resolve_references(loop, at), loop.robot.machine
-    state, frames, residual = settle(loop, references)
-    steady = residual < SLOW
-    if not steady:
-        state, more, _ = settle(loop.with_values(loop.loop.gentle), references)
-        residual, frames = measure_drift(loop, state, references), frames + more
-    if not residual < SLOW:
+    references, machine, frames = resolve_references(loop, at), loop.robot.machine, 0
+    state, residual, steady = loop.start(), np.inf, True
+    for steady, tried in ((True, loop), (False, loop.with_values(loop.loop.gentle))):
+        state, drift, last = tried.start(), np.inf, frames + CHUNK * CHUNKS
+        while not drift < REST and frames < last:
+            state, _ = tried.run(state, np.tile(references, (CHUNK, 1)))
+            drift, frames = measure_drift(tried, state, references), frames + CHUNK
+        residual = drift if steady else measure_drift(loop, state, references)
+        if residual < SLOW:
+            break
+    else:
         unit = machine.signal[loop.loop.reference].unit
         words = ", ".join(f"{name} = {r:g} {unit}" for name, r in zip(loop.channels, references))
         raise InputError(f"the loop does not come to rest at {words}: it still moves {residual:.2g} a frame")

@@ -1,13 +1,5 @@
 """Frequency response between two signals of a log, beside that of robots on the same references.
 
-    H(f) = S_uy(f) / S_uu(f)          coherence(f) = |S_uy|^2 / (S_uu S_yy)
-
-S are Welch's spectra, averaged over the segments of all logs. With probability P the response lies within a radius r of
-its estimate (Bendat & Piersol, Random Data, 4th ed. 2010, ch. 9; here the F distribution of 2 and 2 (n - 1) degrees of
-freedom is in closed form), where n is the number of independent segments:
-
-    r^2 = (1 - coherence) S_yy / S_uu ((1 - P)^(-1 / (n - 1)) - 1)
-
 Inputs that move at once, and feedback of noise, bias the estimate. The robots run on the references of the logs with
 noise and pass the same estimator, so their responses have the same bias.
 """
@@ -120,13 +112,9 @@ class LogResponse:
 
 
 def frequency_response(
-    log: LogSource,
-    input: str,
-    output: str,
-    robot: Robot | None = None,
-    improved: Robot | None = None,
+    log: LogSource, input: str, output: str, robot: Robot | None = None, improved: Robot | None = None,
     segment: float | None = None,
-) -> LogResponse:
+) -> LogResponse:  # fmt: skip
     """Frequency response from one column of a log to another, with coherence and a confidence band.
 
     Args:
@@ -161,23 +149,14 @@ def block_responses(case: LogSource, robots: Mapping[str, Robot], segment: float
     machine = next(iter(robots.values())).machine
     logs = [item.log for item in gather_logs(case, period=machine.frame).logs]
     runs = {name: simulate_references(robot, logs) for name, robot in robots.items()}
-    before, found = machine.references[0].kind, []
-    for block in machine.segments:
-        inputs, outputs = (
-            [
-                c
-                for c in machine.log_names([machine.column(kind)])
-                if all(log.has(c) and is_moving(log[c]) for log in logs)
-            ]
-            for kind in (before, block.output)
-        )
-        before = block.output
-        for output in outputs if not block.exact else ():
+    moving = {name for name in logs[0].columns if all(log.has(name) and is_moving(log[name]) for log in logs)}
+    kinds = [machine.references[0].kind, *(block.output for block in machine.segments)]
+    names, found = [[n for n in machine.log_names([machine.column(kind)]) if n in moving] for kind in kinds], []
+    for block, inputs, outputs in zip(machine.segments, names, names[1:]):
+        for output in outputs if inputs and not block.exact else ():
             own = [name for name in inputs if name.rsplit("_", 1)[1] == output.rsplit("_", 1)[1]]
-            tried = [estimate_response(logs, {}, name, output, segment=segment) for name in own or inputs]
-            if tried:
-                best = max(tried, key=lambda one: one.explained)
-                found.append(estimate_response(logs, runs, best.input, output, segment=segment))
+            tried = [estimate_response(logs, runs, name, output, segment) for name in own or inputs]
+            found.append(max(tried, key=lambda one: one.explained))
     return found
 
 
@@ -213,7 +192,14 @@ def fill_gaps(values: np.ndarray, where: str) -> np.ndarray:
 def estimate_response(
     logs: Sequence[Log], runs: Mapping[str, Sequence[Log]], input: str, output: str, segment: float | None = None
 ) -> LogResponse:
-    """The response of measured logs, and of the `runs` of robots on their references; else as `frequency_response`."""
+    """The response of measured logs, and of the `runs` of robots on their references; else as `frequency_response`.
+
+    H = S_uy / S_uu and the coherence |S_uy|^2 / (S_uu S_yy) are of Welch's spectra S, averaged over all segments. With
+    probability P the response lies within r of its estimate, by the F distribution of 2 and 2 (n - 1) degrees of
+    freedom for n independent segments (Bendat & Piersol, Random Data, 4th ed. 2010, ch. 9):
+
+        r^2 = (1 - coherence) S_yy / S_uu ((1 - P)^(-1 / (n - 1)) - 1)
+    """
     dt, shortest = logs[0].dt, min(map(len, logs))
     for log in logs:
         check_clock(log, dt, logs[0].label)
@@ -222,8 +208,8 @@ def estimate_response(
                 raise InputError(f"{log.label}: {name!r} is no column; name one of {', '.join(log.columns)}")
             if not is_moving(log[name]):
                 raise InputError(f"{log.label}: column {name!r} stands still, so it has no frequency response")
-    usual = min(sum(map(len, logs)) // SEGMENTS, shortest // QUARTERS)
-    length = usual if segment is None else int(min(segment / dt, 1e9) + 0.5)
+    length = min(sum(map(len, logs)) // SEGMENTS, shortest // QUARTERS)
+    length = length if segment is None else int(min(segment / dt, 1e9) + 0.5)
     counts = [(len(log) - length // 2) // max(length - length // 2, 1) for log in logs]
     count = HANN * sum(counts)
     if not 4 <= length <= shortest or count <= 1.0:
@@ -240,9 +226,9 @@ def estimate_response(
     above, below = (logs[0].units.get(name, "s") for name in (output, input))
     below = f"({below})" if set(below) & set("/ ") else below
     unit = above if below == "-" else f"{'1' if above == '-' else above}/{below}"
-    low, high = np.maximum(np.abs(h) - radius, 0.0), np.abs(h) + radius
+    ends = np.maximum(np.abs(h) - radius, 0.0), np.abs(h) + radius
     names = tuple(log.label for log in logs)
-    return LogResponse(input, output, unit, frequency, h, coherence, low, high, models, yy, count, names)
+    return LogResponse(input, output, unit, frequency, h, coherence, *ends, models, yy, count, names)
 
 
 def cross_spectra(

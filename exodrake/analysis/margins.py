@@ -1,11 +1,5 @@
 """Stability margins of a sampled loop: gain, phase, delay and disk margins, delay budget, maps over gains and latency.
 
-A loop is opened at its commands: x' = A x + B u, v = C x, with u what the plant gets and v what the controller sends. A
-reference enters the controller only, and the command answers within the frame: dv/dr = D. So u acts on the plant like a
-reference D^-1 u, and does not act on the controller's own states. No second simulation is needed:
-
-    B = B_r D^-1, 0 in the controller's states         A = A_closed - B C         L(z) = -C (z - A)^-1 B
-
 Margins of an unstable loop mean nothing and are NaN. Poles decide whether a loop is stable.
 """
 
@@ -35,32 +29,28 @@ def open_loop(loop: lm.FrameMap, model: lm.FrameModel) -> lm.System:
     return break_loop(model.system, loop.own[model.keep], v, y)
 
 
-def disturb(system: lm.System, own: np.ndarray, v: list[int]) -> tuple[np.ndarray, np.ndarray]:
-    """B (n, channels) and D (outputs, channels) of disturbances added to the commands; arguments as of `break_loop`.
-
-    InputError where a command ignores its reference. The states of the controller, `own` (n,) [-], are not disturbed.
-    """
-    direct = system.D[v]
-    if (np.abs(direct).max(axis=1) == 0.0).any() or np.linalg.cond(direct) > 1e12:
-        name = system.output_labels[v[0]]
-        raise InputError(f"{name} does not answer to its reference (kp = 0): there is no loop to break")
-    b, d = system.B @ np.linalg.inv(direct), system.D @ np.linalg.inv(direct)
-    b[own], d[v] = 0.0, 0.0
-    return b, d
-
-
 def break_loop(system: lm.System, own: np.ndarray, v: list[int], y: list[int]) -> lm.System:
-    """A closed loop opened at its commands; `close` closes it again.
+    """A closed loop opened at its commands, from those that the plant gets to those sent, then to the readings.
 
-    From the commands that the plant gets to those that the controller sends, then to the readings. `own` (states,) [-]
-    masks the controller's states; v and y are indices of commands and readings among the outputs.
+    A reference enters the controller alone, and the command answers within the frame: dv/dr = D. So a command u acts
+    on the plant like a reference D^-1 u, and not on the controller's states. `close` closes the loop again.
+
+        B = B_r D^-1, 0 in the controller's states         A = A_closed - B C         L(z) = -C (z - A)^-1 B
+
+    Args:
+        system: closed loop from its references.
+        own: mask (states,) [-] of the controller's states.
+        v: indices of the commands among the outputs.
+        y: those of the readings.
     """
-    b, d = disturb(system, own, v)
-    rows, commands = v + y, [system.output_labels[i] for i in v]
+    direct, commands = system.D[v], [system.output_labels[i] for i in v]
+    if (np.abs(direct).max(axis=1) == 0.0).any() or np.linalg.cond(direct) > 1e12:
+        raise InputError(f"{commands[0]} does not answer to its reference (kp = 0): there is no loop to break")
+    b, d = system.B @ np.linalg.inv(direct), system.D @ np.linalg.inv(direct)
+    b[own], d[v], rows = 0.0, 0.0, v + y
     return lm.System(
         system.A - b @ system.C[v], b, system.C[rows] - d[rows] @ system.C[v], d[rows], system.dt,
-        states=system.state_labels, inputs=commands,
-        outputs=[system.output_labels[i] for i in rows],
+        states=system.state_labels, inputs=commands, outputs=[system.output_labels[i] for i in rows],
     )  # fmt: skip
 
 
@@ -320,9 +310,8 @@ def stability_map(
     size = lm.measure_excursions(loop, point.state, point.references)
     largest = loop.with_values({names[0]: x.max(), names[1]: np.abs(y).max()})
     keep = lm.find_observed_states(largest, point.state, point.references, size)
-    radius = np.array(
-        [[radius_at(loop.with_values({names[0]: a, names[1]: b}), point, size, keep) for a in x] for b in y]
-    )
+    pairs = [[loop.with_values({names[0]: a, names[1]: b}) for a in x] for b in y]
+    radius = np.array([[radius_at(there, point, size, keep) for there in row] for row in pairs])
     limit = np.array([stability_limit(x, row) for row in radius])
     return StabilityMap(names, x, y, radius, (nominal[0], nominal[1]), limit)
 

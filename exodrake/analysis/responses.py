@@ -1,10 +1,4 @@
-"""Responses of a closed loop: steps of the nonlinear loop, and frequency response by multisine and from the frame map.
-
-The multisine has 500 frames (10 s at 20 ms), all odd harmonics of its period at one amplitude, and random phases. It
-repeats; the first period is thrown away as transient, so the second is periodic and free of leakage. Several draws of
-the phases give mean and spread: what varies between draws is noise and nonlinearity (even distortion falls on even
-lines, which carry no signal). Pintelon and Schoukens, System Identification, ch. 2 to 4.
-"""
+"""Responses of a closed loop: steps of the nonlinear loop, and frequency response by multisine and the frame map."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -62,9 +56,9 @@ class StepResponse:
         )
 
 
-def step_response(loop: FrameMap, point: OperatingPoint, channel: int, size: float | None = None) -> StepResponse:
-    """The loop's response when the reference of a channel (its index) steps by `size` [SI], the loop's own without."""
-    machine, size = loop.robot.machine, loop.loop.step if size is None else size
+def step_response(loop: FrameMap, point: OperatingPoint, channel: int) -> StepResponse:
+    """The loop's response to the step that it declares of the reference of a channel, given by its index."""
+    machine, size = loop.robot.machine, loop.loop.step
     rows = np.tile(point.references, (BEFORE + AFTER, 1))
     rows[BEFORE:, channel] += size
     signals = np.zeros((len(rows) * machine.slots, signal_count(machine)))
@@ -77,13 +71,11 @@ def step_response(loop: FrameMap, point: OperatingPoint, channel: int, size: flo
     if share.max() >= 0.9:  # below, python-control finds no rise time and raises
         info = control.step_info(share, time[later], final_output=1.0, SettlingTimeThreshold=BAND)
     command = signals[:, loop.signals[loop.loop.command]]
-    peak = float(np.abs(command - command[0]).max())
     others = np.delete(np.abs(output - point.output), channel, axis=1)
-    error = float(rows[-1, channel] - output[-1, channel])
-    crosstalk = float(others.max(initial=0.0) / abs(size))
     return StepResponse(
         loop.channels[channel], size, time, output, info["RiseTime"], info["Overshoot"] / 100.0, info["SettlingTime"],
-        error, crosstalk, peak,
+        steady_error=float(rows[-1, channel] - output[-1, channel]),
+        crosstalk=float(others.max(initial=0.0) / abs(size)), command_peak=float(np.abs(command - command[0]).max()),
     )  # fmt: skip
 
 
@@ -138,13 +130,15 @@ def frequency_response(
 ) -> FrequencyResponse:
     """Frequency response of a channel, by its index, from its reference to its reading.
 
-    With the seed of the sensors' noise readings are rounded, too; without, neither.
+    The multisine repeats: its second period is periodic and free of leakage. What varies between draws of its phases is
+    noise and nonlinearity; even distortion falls on even lines, which carry no signal (Pintelon and Schoukens, System
+    Identification, ch. 2 to 4). With the seed of the sensors' noise readings are rounded, too; without, neither.
     """
     machine, lines, rng = loop.robot.machine, LINES, np.random.default_rng(PHASES)
     if seed is not None:
         loop = replace(loop, parameters=prepare_values(loop.robot))
     sent, read = np.zeros((DRAWS, len(lines)), complex), np.zeros((DRAWS, len(lines)), complex)
-    for draw in range(DRAWS):
+    for draw in range(DRAWS):  # the first period is thrown away as transient
         rows = np.tile(point.references, (2 * PERIOD, 1))
         rows[:, channel] += np.tile(multisine(RMS * loop.loop.step, lines, PERIOD, rng), 2)
         _, signals = loop.run(point.state, rows, None if seed is None else seed + draw)

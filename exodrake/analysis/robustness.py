@@ -1,12 +1,6 @@
 """Robustness of a loop with all its commands at once, its bands over populations, and the robots of a diagnosis.
 
-Populations are drawn within the tolerances of the robot file, or within the intervals of a diagnosis. What a diagnosis
-leaves open, for control, is every robot of its answer in the loop:
-
-    |P_i - P| <= |w| |P|       robustly stable if |w| max sigma(T) < 1 at every frequency
-
-Robots are drawn within the intervals of the effects; the first two stand at their lower and at their upper ends. With
-friction or a dead zone, describing functions take the place of linear responses: over amplitudes, at those two ends.
+Populations are drawn within the tolerances of the robot file, or within the intervals of a diagnosis.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -219,7 +213,9 @@ def assess_answer(
 ) -> Uncertainty:
     """Stability, margins over amplitude, dead band and uncertainty weight over the robots of a diagnosis' answer.
 
-    Robot and answer are as for `within_intervals`; the `draws` include the ends of the intervals.
+    For control the answer is every plant P_i with |P_i - P| <= |w| |P|: robustly stable if |w| max sigma(T) < 1 at
+    every frequency. Where friction or a dead zone leaves no linear response, the describing functions of the ends of
+    the intervals take its place. Robot and answer are as for `within_intervals`, whose ends are among the `draws`.
 
     Raises:
         InputError: the answer names no effect, or the improved robot has no loop or no state of rest.
@@ -272,16 +268,16 @@ def fit_weight(frequency: np.ndarray, deviation: np.ndarray) -> control.Transfer
         lags = np.log1p((w / np.exp(x[1])) ** 2) - np.log1p((w / np.exp(x[2])) ** 2)
         return x[0] + 0.5 * order * lags - log_size
 
-    def measure_slack(x: np.ndarray, order: int) -> float:
-        return float(np.mean(excess(x, order) - excess(x, order).min()))
-
     middle, (low, high) = np.log(np.sqrt(w[0] * w[-1])), np.log([w[0] / 10.0, 10.0 * w[-1]])
     starts = [(log_size[0], middle + a, middle + b) for a, b in ((-1.0, 1.0), (1.0, -1.0), (1.0, 3.0), (-3.0, 0.0))]
     bounds, tried = ([-20.0, low, low], [20.0, high, high]), []
     for order in (1, 2):
         fits = [least_squares(excess, start, args=(order,), bounds=bounds) for start in starts]
         x = min(fits, key=lambda fit: fit.cost).x
-        found = minimize(measure_slack, x, args=(order,), method="Nelder-Mead", bounds=np.transpose(bounds))
+        found = minimize(
+            lambda x, order: np.mean(excess(x, order) - excess(x, order).min()), x, args=(order,), method="Nelder-Mead",
+            bounds=np.transpose(bounds),
+        )  # fmt: skip
         tried.append((found.fun, found.x - np.array([excess(found.x, order).min(), 0.0, 0.0]), order))
     _, (gain, zero, pole), order = tried[1] if tried[1][0] < LESS * tried[0][0] else tried[0]
     s = control.tf("s")

@@ -30,15 +30,9 @@ FAILED = "failed"  # column with the reason of a run without a log
 
 
 def sweep(
-    robot: Robot,
-    over: Any,
-    reference: Reference | str,
-    summary: Mapping[str, Callable[[Log], float]] | None = None,
-    draws: int = DRAWS,
-    seed: int = 0,
-    noise: int | None = None,
-    progress: Count | None = None,
-) -> Any:
+    robot: Robot, over: Any, reference: Reference | str, summary: Mapping[str, Callable[[Log], float]] | None = None,
+    draws: int = DRAWS, seed: int = 0, noise: int | None = None, progress: Count | None = None,
+) -> Any:  # fmt: skip
     """Run variations of a robot on one reference by the compiled engine, on all cores, and tabulate them.
 
     Args:

@@ -3,23 +3,7 @@
     minimise  max settling      subject to  overshoot, disk margin of all commands, noise of the commands
 
 The maxima run over steps of every channel, the machine's operating points and robots drawn within the tolerances. The
-search is on linear models, by differential evolution over the logarithms of the gains; the answer is then judged by
-nonlinear steps of other robots. The plant is linearised once, and no controller needs a simulation:
-
-    plant        x' = A x + B v + N e            y = C x + M e
-    controller   q' = F q + G [y; r]             v = K q + L [y; r]
-
-The controller's matrices are differences of the same compiled frame map, with its own states, the references and the
-readings moved. Any law of the machine's controller can therefore be tuned.
-
-A bound on settling is a linear programme. On the linear plant at rest, delays and sample rate included, it looks for
-commands
-
-    |v(k)| <= peak      y(k) <= 1 + overshoot      |y(k) - 1| <= 2 %  for k >= n
-
-with the least n, for a step of one reference; other channels may do what they like, and there is no noise. No
-controller, linear or not, that moves its commands as little and overshoots as little settles sooner on that plant.
-LQG is a design that can be built: states estimated from the noisy readings, integral action, the reference fed forward.
+search is on linear models, the answer is judged by nonlinear steps of other robots.
 """
 
 from __future__ import annotations
@@ -175,13 +159,9 @@ class Tuning:
 
 
 def tune(
-    robot: Robot,
-    requirements: Requirements | None = None,
-    only: tuple[str, ...] = (),
-    draws: int = 4,
-    judges: int = 12,
-    progress: Callable[[str], None] | None = None,
-) -> Tuning:
+    robot: Robot, requirements: Requirements | None = None, only: tuple[str, ...] = (), draws: int = 4,
+    judges: int = 12, progress: Callable[[str], None] | None = None,
+) -> Tuning:  # fmt: skip
     """Tunes each controller structure of the machine's loop and compares them.
 
     Args:
@@ -352,16 +332,17 @@ def linearise_plant(robot: Robot, at: Mapping[str, float] | str | None = None) -
 def linearise_law(plant: Plant, values: Mapping[str, Any]) -> lm.System:
     """The linear law of the plant's own controller with other parameters [SI], one or one for each channel.
 
-    Its inputs are the readings, then the references; its outputs the commands.
+        q' = F q + G [y; r]             v = K q + L [y; r]      readings y, references r, commands v
+
+    The matrices are differences of the compiled frame map with q, r and y moved, so any law of a machine can be tuned.
     """
     loop, point = plant.loop.with_values(values), plant.point
-    step, m = loop.stepper(), len(loop.channels)
-    own = np.flatnonzero(loop.own)
+    own, m = np.flatnonzero(loop.own), len(loop.channels)
     command, reading = loop.signals[loop.loop.command], loop.signals[loop.loop.measured]
 
     def image(x: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        after, signals = step(x, r)
-        return np.append(after[own], signals[command]), x[plant.index] if plant.held else signals[reading]
+        after, signals = loop.run(x, r[None])
+        return np.append(after[own], signals[0, command]), x[plant.index] if plant.held else signals[0, reading]
 
     n, q, nudge = len(point.state), len(own), 1e-3 * loop.loop.step
     moves = np.zeros((q + 2 * m, n + m))  # of the controller's states, the references and the readings, one at a time
@@ -446,12 +427,9 @@ def compute_cost(p: Performance, wanted: Requirements, frame: float) -> float:
 
 
 def search_gains(
-    plants: list[Plant],
-    structure: Controller,
-    fixed: Mapping[str, float | np.ndarray],
-    wanted: Requirements,
+    plants: list[Plant], structure: Controller, fixed: Mapping[str, float | np.ndarray], wanted: Requirements,
     start: Mapping[str, float] | None = None,
-) -> dict[str, float]:
+) -> dict[str, float]:  # fmt: skip
     """Gains [SI] of least cost over plants, with other parameters fixed, one value or (channels,) each.
 
     Without gains to start from, a global search over the nominal plants comes before the local one over all.
@@ -485,7 +463,11 @@ def bound_settling(
 ) -> float:
     """Least time [s] in which a channel can settle to 2 % of a unit step; nan if not within `frames`.
 
-    The largest command is `peak` [command / step]; overshoot and crosstalk are fractions of the step.
+    A linear programme over commands with the least n: no controller, linear or not, settles sooner on that plant.
+
+        |v(k)| <= peak      y(k) <= 1 + overshoot      |y(k) - 1| <= 2 %  for k >= n
+
+    `peak` is in command / step; overshoot and crosstalk are fractions of the step.
     """
     from scipy.optimize import linprog
 

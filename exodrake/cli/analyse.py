@@ -25,11 +25,9 @@ SHOWN = 0.3  # poles of smaller modulus are gone within a few frames
 @click.option("--at", default="", metavar="AF=4,MF=3,AE=1", help="Operating point: references, or its name: small.")
 @click.option("--draws", type=click.IntRange(0, 1000), default=12, help="Robots within the tolerances, for bands. [12]")
 @click.option(
-    "--diagnosis",
-    type=options.AnyPath(),
-    metavar="FILE|FOLDER",
+    "--diagnosis", type=options.AnyPath(), metavar="FILE|FOLDER",
     help="Answer of `exodrake diagnose --json`, or the folder of one: every robot that it leaves possible.",
-)
+)  # fmt: skip
 @click.option("--seed", type=click.IntRange(0), help="Measure the frequency response with sensor noise of this seed.")
 @click.option("--out", type=options.OutputFolder(), help="Folder for figures and analysis.json.")
 @options.json_option
@@ -125,9 +123,8 @@ def show(result: exo.ClosedLoop) -> None:
 
 def course(time_constant: float) -> str:
     """What becomes of a mode, from its time constant [s]; by e in the time that is said."""
-    if math.isinf(time_constant):
-        return "stays"
-    return f"grows in {-time_constant:.3g} s" if time_constant < 0.0 else f"decays in {time_constant:.3g} s"
+    grows = time_constant < 0.0
+    return "stays" if math.isinf(time_constant) else f"{'grows' if grows else 'decays'} in {abs(time_constant):.3g} s"
 
 
 def uncertainty_lines(result: exo.ClosedLoop) -> list[str]:

@@ -5,16 +5,14 @@ from __future__ import annotations
 import shlex
 from datetime import date
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import click
 
+import exodrake as exo
 from exodrake.cli import options
 from exodrake.core.errors import InputError
 from exodrake.core.progress import show_count, where_to_run
-
-if TYPE_CHECKING:
-    from exodrake.diagnosis.result import Diagnosis
 
 REPORT, FLEET, DIAGNOSED = "report.html", "fleet.html", Path("diagnosed")
 
@@ -84,7 +82,7 @@ def command(
 def diagnose_case(
     case: str, robot: str, targets: Targets, tried: frozenset[str] | None = None, allow_outside: bool = False,
     profile: bool = False, discover: bool | None = None,
-) -> Diagnosis:  # fmt: skip
+) -> exo.Diagnosis:  # fmt: skip
     """Diagnose one case, print the summary and write the files.
 
     The answer is written before a missing law is sought, and before the report: an error in either loses nothing.
@@ -92,14 +90,12 @@ def diagnose_case(
     from dataclasses import replace
 
     from exodrake.core.progress import Stage, stages
-    from exodrake.data.case import read_case
     from exodrake.diagnosis.problem import list_required, make_problem
-    from exodrake.machines.robot_file import load_robot
     from exodrake.report.terminal import print_profile, print_summary
 
-    nominal = load_robot(robot or options.DEFAULT)
-    read = read_case(case, list_required(nominal.machine), nominal.machine.frame, allow_outside)
-    known: list[Diagnosis] = []
+    nominal = exo.load_robot(robot or options.DEFAULT)
+    read = exo.read_case(case, list_required(nominal.machine), nominal.machine.frame, allow_outside)
+    known: list[exo.Diagnosis] = []
     written: dict[Path, None] = {}
     spent: dict[Stage, float] = {}
 
@@ -107,7 +103,7 @@ def diagnose_case(
         options.write_files(contents, announce=False)
         written.update(dict.fromkeys(contents))
 
-    def keep(found: Diagnosis) -> None:
+    def keep(found: exo.Diagnosis) -> None:
         """Writes the answer with its command, and the report last."""
         made = found.provenance
         known[:] = [found if made is None else replace(found, provenance=replace(made, command=options.command_line()))]
@@ -242,13 +238,8 @@ def summarise_fleet(sources: tuple[Path, ...], out: Path | None, table: Path | N
 @click.option("--minutes", default=9.0, show_default=True, type=click.FloatRange(min=0.0), help="Time for them.")
 @click.option("--seed", default=0, show_default=True, type=click.IntRange(min=0), help="Of everything that is drawn.")
 @where_to_run
-@click.option(
-    "--out",
-    default="calibration.yaml",
-    show_default=True,
-    type=options.OutputFile("calibration.yaml"),
-    help="File, or the machine's folder, whose verdicts then state the rates.",
-)
+@click.option("--out", default="calibration.yaml", show_default=True, type=options.OutputFile("calibration.yaml"),
+              help="File, or the machine's folder, whose verdicts then state the rates.")  # fmt: skip
 def count_errors(
     robot: str, folder: str | None, cases: int, minutes: float, seed: int, jobs: int, cluster: str | None, out: Path
 ) -> None:  # fmt: skip
@@ -259,15 +250,13 @@ def count_errors(
     where the time ends before.
     """
     from exodrake.core.provenance import configuration
-    from exodrake.data.case import read_case
     from exodrake.diagnosis.calibrate import calibrate, count_rates
     from exodrake.diagnosis.calibration import RATES, Calibration, calibration_text, state_rate
     from exodrake.diagnosis.problem import list_required
-    from exodrake.machines.robot_file import load_robot
     from exodrake.report.wording import percent
 
-    machine = load_robot(robot).machine
-    case = read_case(folder, list_required(machine), machine.frame) if folder else None
+    machine = exo.load_robot(robot).machine
+    case = exo.read_case(folder, list_required(machine), machine.frame) if folder else None
     with show_count("calibrating", "nothing is kept") as count:
         records, failed = calibrate(robot, cases, seed, case, jobs, cluster, count, 60.0 * minutes)
     if failed:

@@ -6,14 +6,14 @@ import click
 
 import exodrake as exo
 from exodrake.cli.options import AnyPath, OutputFile, print_table, waiting
+from exodrake.core.files import hash_file, make_folder
 
 
 @click.command()
 @click.argument("logs", nargs=-1, required=True, type=AnyPath())
 @click.option("--out", required=True, type=OutputFile("estimator.npz"), help="Estimator file, or a folder.")
-@click.option(
-    "--points", default=500, show_default=True, type=click.IntRange(50, 4000), help="Training points, equispaced."
-)
+@click.option("--points", default=500, show_default=True, type=click.IntRange(50, 4000),
+              help="Training points, equispaced.")  # fmt: skip
 @click.option("--robot", default="", metavar="FILE", help="Robot file or machine whose signature to record.")
 @click.option("--one-sweep-per-log", is_flag=True, help="Do not cut logs at the ramps of their tension references.")
 @click.option("--seed", default=0, show_default=True, help="Of the validation's folds.")
@@ -26,7 +26,6 @@ def train_estimator(
     """
     from dataclasses import replace
 
-    from exodrake.core.files import hash_file, make_folder
     from exodrake.estimator.dataset import sweeps_from_logs
     from exodrake.estimator.gp import condition, learn, learn_strokes, save
     from exodrake.estimator.validate import validate
@@ -62,9 +61,8 @@ BAND = "black: estimate, with a band of two standard deviations; in colour: meas
 @click.argument("log", type=AnyPath())
 @click.option("--estimator", required=True, type=AnyPath(), help="File written by `exodrake train`.")
 @click.option("--out", type=OutputFile("estimated.csv"), help="Write the log with angle_est and angle_std columns.")
-@click.option(
-    "--figure", type=OutputFile("estimated.png"), help="Figure of the log with the estimated angles [beside --out]."
-)  # fmt: skip
+@click.option("--figure", type=OutputFile("estimated.png"),
+              help="Figure of the log with the estimated angles [beside --out].")  # fmt: skip
 @click.option("--robot", default="", metavar="FILE", help="Robot file or machine that the estimator must belong to.")
 @click.option("--as-trained", is_flag=True, help="Keep the zeros of the training, even if those of LOG have moved.")
 def estimate_angles(
@@ -75,7 +73,6 @@ def estimate_angles(
     Tests whether the zeros of the strokes have moved since the training, as re-donning does, and corrects them. Where
     LOG has measured angles, prints the error and the share inside the 95 % interval.
     """
-    from exodrake.core.files import hash_file, make_folder
     from exodrake.data.plot import save_png
     from exodrake.estimator.gp import load
     from exodrake.estimator.validate import estimate

@@ -11,12 +11,10 @@ from exodrake.core.errors import InputError
 
 @click.command()
 @options.CASE
-@click.option(
-    "--free", multiple=True, required=True, metavar="NAME", help="Parameter to fit, such as finger.kappa. Repeatable."
-)
-@click.option(
-    "--bounds", multiple=True, metavar="NAME=LOW..HIGH", help="Range of one, with units or in SI. Repeatable."
-)
+@click.option("--free", multiple=True, required=True, metavar="NAME",
+              help="Parameter to fit, such as finger.kappa. Repeatable.")  # fmt: skip
+@click.option("--bounds", multiple=True, metavar="NAME=LOW..HIGH",
+              help="Range of one, with units or in SI. Repeatable.")  # fmt: skip
 @click.option("--held-out", multiple=True, metavar="LOG", help="Log that is not fitted. Repeatable.")
 @click.option("--prediction", is_flag=True, help="Fit prediction errors beside output errors.")
 @options.robot_option("file")

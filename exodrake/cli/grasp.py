@@ -84,7 +84,7 @@ def make_files(plan: Plan, log: exo.Log, robot: exo.Robot, trained: Estimator | 
     from exodrake.data.plot import render_png
     from exodrake.diagrams.meshcat import Thing, recording_html
     from exodrake.estimator.gp import estimator_bytes
-    from exodrake.grasping.figure import grasp_figure
+    from exodrake.grasping.plan import grasp_figure
 
     thing = Thing((plan.centre[0], -plan.centre[1]), plan.size / 2.0, WIDTH if plan.mode == "caging" else None)
     shown = log.with_array("angle_plan", plan.joints, np.tile(plan.planned, (len(log), 1)))

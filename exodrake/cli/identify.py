@@ -21,13 +21,11 @@ def command() -> None:
 
 @command.command(short_help="Joint axes, centres, angles and phalanx lengths.")
 @click.argument("file", type=options.AnyPath())
-@click.option(
-    "--out", type=options.OutputFolder(), default=Path("kinematics"), show_default=True, help="Folder for the files."
-)
+@click.option("--out", type=options.OutputFolder(), default=Path("kinematics"), show_default=True,
+              help="Folder for the files.")  # fmt: skip
 @click.option("--markers", "names", type=options.AnyPath(), help="YAML with the marker names of each segment.")
-@click.option(
-    "--cutoff", type=float, default=4.0, show_default=True, help="Smoothing of marker paths [Hz]; 0 for none."
-)
+@click.option("--cutoff", type=float, default=4.0, show_default=True,
+              help="Smoothing of marker paths [Hz]; 0 for none.")  # fmt: skip
 @click.option("--repair", is_flag=True, help="Exchange swapped markers back instead of refusing the file.")
 def kinematics(file: Path, out: Path, names: Path | None, cutoff: float, repair: bool) -> None:
     """Joint axes, moving joint centres, angles and phalanx lengths from a marker recording, CSV or C3D.
@@ -49,10 +47,7 @@ def kinematics(file: Path, out: Path, names: Path | None, cutoff: float, repair:
     with options.waiting("adjusting axes to the markers"):
         found = identify(recording, layout, cutoff or None)
         files = write_report(found, out)
-    rows = [
-        (joint, axis, f"{gradient} ± {half}", f"{intercept} ± {other}", rmse)
-        for joint, axis, gradient, half, intercept, other, rmse in table_rows(found)
-    ]
+    rows = [(joint, axis, f"{a} ± {c}", f"{b} ± {d}", rmse) for joint, axis, a, c, b, d, rmse in table_rows(found)]
     click.echo(f"joint centres of {Path(found.source).name}: centre = gradient x angle + intercept")
     options.print_table(("joint", "axis", ">gradient \\[mm/rad]", ">intercept \\[mm]", ">RMSE \\[mm]"), rows)
     ranges = ["{:.2f} to {:.2f}".format(*joint.range) for joint in found.joints]
@@ -114,9 +109,8 @@ def maximum_tension(log: Path, robot: str) -> None:
 
 @click.command()
 @options.robot_option()
-@click.option(
-    "--out", type=options.OutputFolder(), default=Path("workspace"), show_default=True, help="Folder for the files."
-)
+@click.option("--out", type=options.OutputFolder(), default=Path("workspace"), show_default=True,
+              help="Folder for the files.")  # fmt: skip
 @click.option("--samples", type=int, default=40_000, show_default=True, help="Points of the Monte Carlo areas.")
 @click.option("--steps", type=int, default=25, show_default=True, help="Tensions per tendon in the assisted workspace.")
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True)

@@ -15,7 +15,9 @@ from typing import Any
 import click
 
 import exodrake as exo
+from exodrake.core import plugins
 from exodrake.core.errors import InputError
+from exodrake.core.files import check_folder, is_folder, make_folder, write_bytes
 from exodrake.core.progress import waiting as waiting
 
 CASE = click.argument("cases", nargs=-1, required=True, metavar="CASE_OR_LOG...")
@@ -45,10 +47,15 @@ class AnyPath(click.Path):
         super().__init__(dir_okay=dir_okay, path_type=Path)
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """The path."""
+        """The path, after `check`."""
         if not os.fspath(value):
             self.fail("an empty path; a variable that is not set?", param, ctx)
-        return super().convert(value, param, ctx)
+        path: Any = super().convert(value, param, ctx)
+        return self.check(path)
+
+    def check(self, path: Path) -> Path:
+        """The path that is meant; InputError, before the work, for one that cannot be written."""
+        return path
 
 
 class OutputFile(AnyPath):
@@ -62,11 +69,9 @@ class OutputFile(AnyPath):
         super().__init__()
         self.usual = name
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Path of the file."""
-        from exodrake.core.files import check_folder
-
-        path, kind = super().convert(value, param, ctx), Path(self.usual).suffix
+    def check(self, path: Path) -> Path:
+        """The file, in a folder under its usual name."""
+        kind = Path(self.usual).suffix
         if self.usual and (path.is_dir() or not (path.suffix or path.exists())):
             check_folder(path)
             return path / self.usual
@@ -93,11 +98,8 @@ class JsonTarget(click.ParamType):
 class OutputFolder(AnyPath):
     """A folder to be written, which is refused before the work if it cannot be one."""
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Path of the folder."""
-        from exodrake.core.files import check_folder
-
-        path = super().convert(value, param, ctx)
+    def check(self, path: Path) -> Path:
+        """The folder."""
         check_folder(path)
         return path
 
@@ -136,8 +138,6 @@ def write_json(content: Any, target: Path | str | None, announce: bool = True) -
 
 def write_files(contents: Mapping[Path, str | bytes], announce: bool = True) -> None:
     """Write files, each whole or not at all, in folders that are made; and say where they are."""
-    from exodrake.core.files import make_folder, write_bytes
-
     for path, data in contents.items():
         if path.parent != Path():
             make_folder(path.parent)
@@ -171,7 +171,6 @@ def print_table(titles: Sequence[str], rows: Sequence[Any], wrapped: int = -1, a
 
 def cases_in(folder: Path) -> list[Path]:
     """Folders of a folder that are cases, by name; none if it is a case itself."""
-    from exodrake.core.files import is_folder
     from exodrake.data.case import FILE, log_names
 
     def is_case(path: Path) -> bool:
@@ -250,8 +249,6 @@ def machine_added(context: click.Context, _: click.Parameter, folder: str | None
     """Registers the folder of --machine; InputError if it holds no machine."""
     if folder is None:
         return
-    from exodrake.core import plugins
-
     path = plugins.add_plugin(folder)
     if not plugins.is_machine(path):
         raise InputError(f"{folder}: no {plugins.MACHINE} or {plugins.ROBOT} in it")
@@ -272,11 +269,8 @@ def robot_named(context: click.Context, parameter: click.Parameter, value: Any) 
 
 def plugin_added(_: click.Context, __: click.Parameter, folders: tuple[str, ...]) -> None:
     """Registers the folders of --plugin."""
-    if folders:
-        from exodrake.core import plugins
-
-        for folder in folders:
-            plugins.add_plugin(folder)
+    for folder in folders:
+        plugins.add_plugin(folder)
 
 
 def choose_effects(robot: str, only: str, without: str) -> frozenset[str] | None:

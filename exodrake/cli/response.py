@@ -55,14 +55,10 @@ def command(cases, input, output, file, parameters, effects, parts, improved, se
         one, gaps = found[0], [found[0].gap(name) for name in models]
         known, f = one.resolved.nonzero()[0], one.frequency[one.band]
         ticks = [tick for tick in TICKS if len(f) and f[0] <= tick <= f[-1]]
-        rows = [
-            (
-                f"{one.frequency[k]:.3g}",
-                f"{one.coherence[k]:.2f}",
-                *(f"{a[k]:+.1f} dB, {b[k]:+.0f} deg" for a, b in gaps),
-            )
-            for k in sorted({int(known[abs(one.frequency[known] - tick).argmin()]) for tick in ticks})
-        ]
+        rows = []
+        for k in sorted({int(known[abs(one.frequency[known] - tick).argmin()]) for tick in ticks}):
+            cells = (f"{a[k]:+.1f} dB, {b[k]:+.0f} deg" for a, b in gaps)
+            rows.append((f"{one.frequency[k]:.3g}", f"{one.coherence[k]:.2f}", *cells))
         options.print_table((">Hz", ">coherence", *titles[3:]), rows, aside=json_file == "-")
     files = {"response.png": render_png(plot_responses(found))} if out else {}
     options.write_answer([one.to_dict() for one in found], "response", json_file, out, files)

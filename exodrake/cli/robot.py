@@ -99,10 +99,8 @@ def list_effects(identity: str, json_file: Path | None, robot: str) -> None:
     for effect in chosen:
         rows += [()] if block and effect.block != block else []
         block = effect.block
-        ends = (f"{n.name}  {word_range(n)}" for n in effect.parameters)
-        rows.append(
-            (f"[bold]{effect.id}[/bold]", effect.summary, "\n".join(ends), effect.axis.removesuffix("s") or "robot")
-        )
+        ends, per = (f"{n.name}  {word_range(n)}" for n in effect.parameters), effect.axis.removesuffix("s") or "robot"
+        rows.append((f"[bold]{effect.id}[/bold]", effect.summary, "\n".join(ends), per))
     print_table(("effect", "what it is", "parameters", "per"), rows, wrapped=1)
     click.echo(f"\n{len(chosen)} effects. `exodrake effects ID` describes one.")
 

@@ -164,14 +164,40 @@ def warn(robot: exo.Robot) -> None:
         click.secho(f"note: {sentence}", fg="yellow", err=True)
 
 
+JOBS = {"the compiled simulator": "compiled", "the Drake leaves": "drake"}  # and the engine that uses them
+
+
 @click.command()
 def compile_kernels() -> None:
     """Compile the nominal robot's simulation into numba's cache; later sessions load it in a second or two."""
     from time import perf_counter
 
-    from exodrake.simulation.warm_up import JOBS, warm_up
+    from exodrake.compiled.compose import compile_machine
+    from exodrake.core.parallel import each
 
-    start = perf_counter()
+    start, left = perf_counter(), dict(enumerate(JOBS))
     with waiting(f"compiling {', '.join(JOBS)}") as say:
-        warm_up(lambda done, left: say(f"compiled {done}; still {', '.join(left) or 'nothing'}"))
+        compile_machine(exo.load_robot().machine)  # writes the module, once for all processes
+        for outcome in each(use_engine, ((engine,) for engine in JOBS.values()), jobs=len(JOBS)):
+            name = left.pop(outcome.number)
+            if outcome.reason:
+                raise RuntimeError(f"compiling {name} failed: {outcome.reason}\n{outcome.trace}")
+            say(f"compiled {name}; still {', '.join(left.values()) or 'nothing'}")
     click.echo(f"compiled {', '.join(JOBS)} in {perf_counter() - start:.0f} s")
+
+
+def use_engine(engine: str) -> None:
+    """Uses once all that an engine compiles."""
+    import numpy as np
+
+    from exodrake.compiled.compose import compile_machine
+    from exodrake.compiled.inputs import NOTHING, NoiseInputs, input_rows, prepare_values
+    from exodrake.core.machine import signal_count, state_size
+
+    robot, reference = exo.load_robot(), exo.Reference(np.tile([5.0, 3.0, 1.0], (3, 1)), "warm-up")
+    machine, frames = robot.machine, len(reference.values)
+    exo.record(robot, reference, engine=engine)
+    if engine == "compiled":
+        given = input_rows(machine, reference.values, NoiseInputs.draw(frames, 0, machine)).values()
+        records, batch = np.zeros((1, frames, signal_count(machine))), compile_machine(machine).batch
+        batch(prepare_values(robot)[None], state_size(machine), *given, machine.slot, 1, records, NOTHING)

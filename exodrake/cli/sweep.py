@@ -12,12 +12,8 @@ from exodrake.core.errors import InputError
 @click.command()
 @click.argument("protocol", required=False, default="")
 @click.option("--reference", default="", metavar="LOG", help="Follow the references of this log instead.")
-@click.option(
-    "--over",
-    multiple=True,
-    metavar="NAME=VALUES",
-    help="0.1,0.2,0.4 or 0.1:0.4:7 (low, high, count). Repeatable: a grid.",
-)
+@click.option("--over", multiple=True, metavar="NAME=VALUES",
+              help="0.1,0.2,0.4 or 0.1:0.4:7 (low, high, count). Repeatable: a grid.")  # fmt: skip
 @click.option("--robots", type=click.IntRange(1), help="So many robots within the tolerances.")
 @click.option("--diagnosis", type=options.AnyPath(), metavar="FILE", help="Robots within its intervals.")
 @options.robot_option("file")
@@ -42,8 +38,8 @@ def command(
     robot, grid = options.change_robot(exo.load_robot(file), parameters, effects, parts), {}
     for text in over:
         name, _, values = text.partition("=")
-        ends = values.split(":")
         try:
+            ends = values.split(":")
             grid[name.strip()] = (
                 np.linspace(float(ends[0]), float(ends[1]), int(ends[2])) if len(ends) == 3 else values.split(",")
             )
@@ -51,10 +47,8 @@ def command(
             raise InputError(f"--over: {text!r} is not NAME=VALUE,VALUE nor NAME=LOW:HIGH:COUNT") from None
     what = grid or robots or read_json(diagnosis)
     with show_count("runs", "the table is written at the end") as count:
-        found = exo.sweep(
-            robot, what, exo.from_log(reference, robot) if reference else protocol, seed=seed, noise=noise,
-            draws=100, progress=count,
-        )  # fmt: skip
+        followed = exo.from_log(reference, robot) if reference else protocol
+        found = exo.sweep(robot, what, followed, seed=seed, noise=noise, progress=count)
     numbers = found.describe().T[["mean", "std", "min", "max"]]
     rows = [(name, *(f"{x:.4g}" for x in row), found.attrs["units"].get(name, "")) for name, row in numbers.iterrows()]
     options.print_table(("", ">mean", ">std", ">least", ">largest", "unit"), rows, aside=json_file == "-")

@@ -20,21 +20,15 @@ ABOVE = click.FloatRange(min=0.0, min_open=True)
 @options.robot_option("file")
 @click.option("--settling", type=ABOVE, help="Wanted settling time to 2 % [s]; else as short as can be.")
 @click.option("--overshoot", type=click.FloatRange(0.0, 100.0), default=5.0, help="Largest overshoot [%]. [5]")
-@click.option(
-    "--disk-margin",
-    type=click.FloatRange(0.0, 2.0, min_open=True),
-    default=0.6,
-    help="Least disk margin, all commands at once. [0.6]",
-)
+@click.option("--disk-margin", type=click.FloatRange(0.0, 2.0, min_open=True), default=0.6,
+              help="Least disk margin, all commands at once. [0.6]")  # fmt: skip
 @click.option("--noise", type=ABOVE, help="Largest standard deviation of a command [SI]; else twice today's.")
 @click.option("--controller", "only", multiple=True, metavar="NAME", help="Tune this structure only. Repeatable.")
-@click.option(
-    "--draws", type=click.IntRange(0, 100), default=4, help="Robots within tolerances that the search sees. [4]"
-)
+@click.option("--draws", type=click.IntRange(0, 100), default=4,
+              help="Robots within tolerances that the search sees. [4]")  # fmt: skip
 @click.option("--out", type=options.OutputFolder(), help="Folder for tuned.yaml, tune.png and tune.json.")
-@click.option(
-    "--out-robot", type=options.OutputFile("tuned.yaml"), help="Write the robot with the best controller alone."
-)
+@click.option("--out-robot", type=options.OutputFile("tuned.yaml"),
+              help="Write the robot with the best controller alone.")  # fmt: skip
 @options.json_option
 def command(file, settling, overshoot, disk_margin, noise, only, draws, out, out_robot, json_file) -> None:
     """Choose the gains of a robot's closed loop that settle fastest within requirements.
@@ -101,16 +95,17 @@ def show(tuning: exo.Tuning) -> None:
         )
     for note in tuning.notes:
         click.echo(f"note: {note}")
-    best = tuning.best
-    if best is None:
+    if (best := tuning.best) is None:
         click.echo("no controller holds all of them")
         return
-    own = tuning.compared[0]
-    click.echo(f"best: {best.name}, settles in {best.settling:.3g} s (now {own.settling:.3g} s)")
-    click.echo("  " + ", ".join(f"{name} = {value:.4g}" for name, value in best.gains.items()))
+
+    def word_gains(gains: dict[str, float]) -> str:
+        return ", ".join(f"{name} = {value:.4g}" for name, value in gains.items())
+
+    click.echo(f"best: {best.name}, settles in {best.settling:.3g} s (now {tuning.compared[0].settling:.3g} s)")
+    click.echo("  " + word_gains(best.gains))
     for point, (gains, settling) in tuning.schedule.items():
-        values = ", ".join(f"{name} = {value:.4g}" for name, value in gains.items())
-        click.echo(f"  scheduled, {point}: {values}; settles in {settling:.3g} s")
+        click.echo(f"  scheduled, {point}: {word_gains(gains)}; settles in {settling:.3g} s")
 
 
 @click.command()

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import click
 
+import exodrake as exo
 from exodrake.cli.options import AnyPath, OutputFile, robot_option, write_files
 from exodrake.core.progress import where_to_run
 
@@ -32,12 +33,11 @@ def command(log: Path, robot: str, until_idle: float | None, map_file: Path | No
     from rich.live import Live
 
     from exodrake.data.import_log import read_mapping
-    from exodrake.machines.robot_file import load_robot
     from exodrake.monitor.display import describe_alarm, describe_reading, draw_screen, summarise
     from exodrake.monitor.watcher import Monitor, follow
 
     click.echo("loading the model (the first run compiles for half a minute)", err=True)
-    monitor, printed = Monitor(load_robot(robot)), 0
+    monitor, printed = Monitor(exo.load_robot(robot)), 0
     readings = follow(monitor, log, until_idle, None if map_file is None else read_mapping(map_file))
     if not log.exists():
         click.echo(f"waiting for {log}", err=True)
@@ -75,11 +75,10 @@ def find_alarm_limits(
     import numpy as np
     import yaml
 
-    from exodrake.machines.robot_file import load_robot
     from exodrake.monitor.alarm import MINUTE, choose_limits, measure_all_peaks, measure_noise, share_at_most
     from exodrake.monitor.online_replay import list_channels
 
-    nominal = load_robot(robot)
+    nominal = exo.load_robot(robot)
     noise, listed = measure_noise(nominal), list_channels(nominal.machine)
     peaks = measure_all_peaks(robot, noise, seed, robots, minutes * MINUTE, jobs=jobs, cluster=cluster)
     written: dict[str, dict[str, float]] = {}

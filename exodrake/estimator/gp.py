@@ -1,39 +1,7 @@
 """Gaussian process over sweeps: covariance, zeros of the strokes, leave-one-sweep-out, the flat arrays for prediction.
 
-Covariance of the angles: a function of the inputs, plus a random offset and drift per sweep, plus noise.
-
-    k = v_lin (1 + z . z') + v_rbf exp(-|(z - z') / ell|^2 / 2)
-        + [same sweep] (v_sweep + v_drift exp(-|t - t'| / tau)) + v_noise [same row]
-
-Rows are (z (m columns), sweep label, time [s]). Without the middle terms the length scales absorb the correlated error
-of a sweep, and more data makes a new sweep worse. `learn` fits the hyperparameters with scikit-learn's
-GaussianProcessRegressor (marginal likelihood summed over the outputs, which share the covariance up to scale). Inputs
-are rotated to the principal axes of their correlation, since combinations such as s - T / k carry the information.
-
-`condition` conditions on the training rows and calibrates. The prediction of sweep B from the other sweeps follows from
-K = L L' without a new fit (Rasmussen and Williams, section 5.4.2, with a block in place of a point):
-
-    y_B - mu_B = [K^-1]_BB^-1 [K^-1 y]_B          Cov(y_B | the other sweeps) = [K^-1]_BB^-1
-
-The residuals scale the standard deviation of each joint, and the variances set the limit beyond which a sample is
-flagged.
-
-Re-donning shifts the zero of each wire's stroke, which the estimator would read as motion (`physics.md` 4.G: 0.5 to
-3 mm, some 0.1 rad per mm). A second process with the same covariance predicts strokes from tensions, and generalised
-least squares finds the constants z that a session adds. With residuals r (rows, wires) and their covariance C (rows,
-rows) up to the scale of each wire,
-
-    z = r' C^-1 1 / kappa      Cov(z) = Sigma / kappa      kappa = 1' C^-1 1
-
-For a training sweep B given the others, C^-1 = [K^-1]_BB and C^-1 r = [K^-1 y]_B, so sqrt(kappa) z of the training
-sweeps in turn estimates Sigma. z counts as moved if z' (Cov(z) + TOLERANCE^2 I)^-1 z exceeds the quantile of
-Hotelling's T^2. Corrected strokes are s - z: a shift of the estimator's center. A changed rest posture of the wearer
-looks like a shift and is corrected as one. A session whose residuals a constant does not explain (contact, another
-wearer) is reported as unlike the training and left alone.
-
-An estimator file holds arrays and one JSON record in an .npz, without pickle, written whole or not at all. The record
-names wires, joints, units, training logs and the robot. An estimator is refused for a log of other wires or joints, and
-for a robot file of another signature.
+An estimator file holds arrays and one JSON record in an .npz, without pickle. It is refused for a log of other wires or
+joints, and for a robot file of another signature.
 """
 
 from __future__ import annotations
@@ -63,6 +31,7 @@ from exodrake.physics.gp_estimator import Weights, predict_rows
 
 POINTS = 500
 JITTER = 1e-10  # scikit-learn's default, added to the diagonal
+ALONE = 1e-2  # length scale over the labels of sweeps, at which the covariance of labels 1 apart is exactly 0
 EVALUATIONS = 60  # of the marginal likelihood, which has converged by then
 STROKE_POINTS = 250  # training rows: strokes follow tensions smoothly
 ROWS = 200  # rows of a session, equispaced
@@ -109,35 +78,21 @@ class OnColumns(Kernel):
         return self.kernel.is_stationary()
 
 
-class SameLabel(Kernel):
-    """Kernel that is 1 for equal labels in a column and 0 otherwise."""
-
-    def __init__(self, column):
-        self.column = column
-
-    def __call__(self, X, Y=None, eval_gradient=False):
-        """Covariance (n, m) of rows X (n, columns) and Y (m, columns)."""
-        other = X if Y is None else Y
-        value = (X[:, self.column, None] == other[None, :, self.column]).astype(float)
-        return (value, np.empty((*value.shape, 0))) if eval_gradient else value
-
-    def diag(self, X):
-        """Ones (n,)."""
-        return np.ones(len(X))
-
-    def is_stationary(self):
-        """Return False."""
-        return False
-
-
 def sweep_kernel(inputs: int) -> Sum:
-    """Build the covariance for `inputs` columns z and angles of unit variance, with start values and bounds."""
-    z, sweep, time = tuple(range(inputs)), inputs, (inputs + 1,)
+    """Build the covariance for `inputs` columns z and angles of unit variance, with start values and bounds.
+
+        k = v_lin (1 + z . z') + v_rbf exp(-|(z - z') / ell|^2 / 2)
+            + [same sweep] (v_sweep + v_drift exp(-|t - t'| / tau)) + v_noise [same row]
+
+    Without the terms of a sweep the length scales absorb its correlated error, and more data makes a new sweep worse.
+    """
+    z, sweep, time = tuple(range(inputs)), (inputs,), (inputs + 1,)
     linear = ConstantKernel(1.0, (1e-3, 1e3)) * OnColumns(DotProduct(1.0, "fixed"), z)
     length = RBF(np.full(inputs, 2.0), (5e-2, 1e2))  # pyright: ignore
     curved = ConstantKernel(1.0, (1e-4, 1e3)) * OnColumns(length, z)
-    shared = ConstantKernel(1e-2, (1e-6, 1.0)) * SameLabel(sweep)
-    drift = ConstantKernel(1e-2, (1e-6, 1.0)) * SameLabel(sweep) * OnColumns(Matern(1.0, (5e-2, 50.0), nu=0.5), time)
+    same = OnColumns(RBF(ALONE, "fixed"), sweep)
+    shared = ConstantKernel(1e-2, (1e-6, 1.0)) * same
+    drift = ConstantKernel(1e-2, (1e-6, 1.0)) * same * OnColumns(Matern(1.0, (5e-2, 50.0), nu=0.5), time)
     return linear + curved + shared + drift + WhiteKernel(1e-3, (1e-7, 1.0))
 
 
@@ -181,7 +136,10 @@ def learn(sweeps: Sweeps, points: int = POINTS) -> Prior:
 
 
 def scaled_prior(sweeps: Sweeps) -> Prior:
-    """Scale inputs and angles to unit variance, constant ones not, with the start values of `sweep_kernel`."""
+    """Scale inputs and angles to unit variance, constant ones not, with the start values of `sweep_kernel`.
+
+    Inputs are rotated to the principal axes of their correlation: combinations such as s - T / k carry the information.
+    """
     center, width, gain = sweeps.inputs.mean(axis=0), sweeps.inputs.std(axis=0), sweeps.angle.std(axis=0)
     width, gain = np.where(width > 0, width, 1.0), np.where(gain > 0, gain, 1.0)
     unit = (sweeps.inputs - center) / width
@@ -238,7 +196,13 @@ class StrokeModel:
         return np.transpose(shifts) @ shifts / len(labels), np.array(left)
 
     def zeros(self, session: Sweeps) -> Zeros:
-        """Estimate and test the zeros of a session from its tensions and strokes."""
+        """Estimate and test the zeros of a session from its tensions and strokes.
+
+        Re-donning shifts the zero of each wire's stroke by a constant z. With residuals r (rows, wires) of covariance C
+        z = r' C^-1 1 / kappa and Cov(z) = Sigma / kappa, with kappa = 1' C^-1 1 and Sigma from the training sweeps in
+        turn. z counts as moved if z' (Cov(z) + TOLERANCE^2 I)^-1 z exceeds the quantile of Hotelling's T^2. A changed
+        rest posture of the wearer looks the same. What a constant does not explain is reported and left alone.
+        """
         prior, sigma, left = self.prior, *self.held_out
         chosen = stroke_rows(session).select_equispaced(ROWS)
         chosen = replace(chosen, sweep=chosen.sweep - chosen.sweep.min() + self.rows.sweep.max() + 1)
@@ -336,7 +300,10 @@ def fit(sweeps: Sweeps, points: int = POINTS) -> Estimator:
 
 
 def condition(prior: Prior, sweeps: Sweeps, points: int = POINTS) -> Estimator:
-    """Condition on at most `points` rows with a given covariance, and calibrate by leave-one-sweep-out."""
+    """Condition on at most `points` rows with a given covariance, and calibrate by leave-one-sweep-out.
+
+    The residuals scale the standard deviation of each joint, the variances set the limit of samples that are flagged.
+    """
     chosen = sweeps.select_equispaced(points)
     rows, targets = prior.rows(chosen), prior.targets(chosen)
     with thread_limit():
@@ -365,7 +332,11 @@ def condition(prior: Prior, sweeps: Sweeps, points: int = POINTS) -> Estimator:
 
 
 def leave_one_sweep_out(inverse: np.ndarray, targets: np.ndarray, sweep: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Residual (n, joints) and variance (n,) [-] of each row, predicted from the other sweeps."""
+    """Residual (n, joints) and variance (n,) [-] of each row, predicted from the other sweeps.
+
+    y_B - mu_B = [K^-1]_BB^-1 [K^-1 y]_B and Cov(y_B) = [K^-1]_BB^-1 for sweep B, without a new fit (Rasmussen and
+    Williams, section 5.4.2, with a block in place of a point).
+    """
     weighted = inverse @ targets
     residual, variance = np.empty_like(targets), np.empty(len(targets))
     for label in np.unique(sweep):
@@ -415,35 +386,29 @@ def load(path: str | Path, robot: str | None = None) -> Estimator:
         )
     try:
         wires, joints, logs = (tuple(record[name]) for name in ("wires", "joints", "logs"))
-        # compiled code does not check the shapes
-        inputs, points = 2 * len(wires), len(arrays["alpha"])
+        inputs, points, strokes = 2 * len(wires), len(arrays["alpha"]), None
         shapes = {
             "center": (inputs,), "rotation": (inputs, inputs), "points": (inputs, points), "shrink": (inputs,),
             "variances": (3,), "alpha": (points, len(joints)), "factor": (points * (points + 1) // 2,),
             "offset": (len(joints),), "gain": (len(joints),), "spread": (len(joints),),
         }  # fmt: skip
-        weights = Weights(**{name: _array(arrays, name, shape) for name, shape in shapes.items()})
-        strokes = None
         if STROKES[0] in arrays:  # not in files of earlier versions
             rows = len(arrays["strokes_sweep"])
             wide, theta = (rows, len(wires)), sweep_kernel(len(wires)).theta.shape
-            shapes = dict(zip(STROKES, (wide, wide, (rows,), (rows,), theta), strict=True))
-            tension, stroke, sweep, time, theta = (_array(arrays, name, shape) for name, shape in shapes.items())
+            shapes |= zip(STROKES, (wide, wide, (rows,), (rows,), theta), strict=True)
+        found = {name: np.ascontiguousarray(arrays[name], dtype=float) for name in shapes}
+        for name, array in found.items():  # compiled code does not check the shapes
+            if array.shape != shapes[name] or not array.size or not np.isfinite(array).all():
+                raise ValueError(f"{name} has shape {array.shape}, wanted {shapes[name]}, all finite")
+        if STROKES[0] in arrays:
+            tension, stroke, sweep, time, theta = (found.pop(name) for name in STROKES)
             strokes = StrokeModel(Sweeps(tension, stroke, sweep.astype(int), time, wires, wires), theta)
         return Estimator(
-            wires, joints, weights, float(record["limit"]), record["robot"], logs, int(record["sweeps"]),
+            wires, joints, Weights(**found), float(record["limit"]), record["robot"], logs, int(record["sweeps"]),
             record["kernel"], strokes,
         )  # fmt: skip
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(f"{path}: damaged estimator file ({error})") from None
-
-
-def _array(arrays: dict[str, np.ndarray], name: str, shape: tuple[int, ...]) -> np.ndarray:
-    """Array of a file. ValueError for another shape, for none of anything, and for numbers that are not finite."""
-    array = np.ascontiguousarray(arrays[name], dtype=float)
-    if array.shape != shape or not array.size or not np.isfinite(array).all():
-        raise ValueError(f"{name} has shape {array.shape}, wanted {shape}, all finite")
-    return array
 
 
 def quick_estimator(robot: Robot, cache: Path | None = None) -> Estimator:

@@ -1,10 +1,8 @@
 """Validation of an estimator by cross-validation, beside baselines; and the estimate of a log.
 
-Folds are seeded, over random rows and over whole sweeps. The Gaussian process keeps the hyperparameters learnt from all
-rows and is conditioned anew in each fold: a fit per fold would take minutes, and there are a dozen hyperparameters for
-thousands of rows. Baselines are a quadratic ridge with a standard deviation from held-out sweeps, and the nearest
-neighbour. With wearer variability the process gains over the ridge in its likelihood rather than its RMSE. The nearest
-neighbour exposes a random split: it is good at looking up rows of the same sweep and poor on a new sweep.
+The Gaussian process keeps the hyperparameters learnt from all rows and is conditioned anew in each fold: a fit per fold
+would take minutes, and there are a dozen hyperparameters for thousands of rows. Random rows reward a look-up, since
+neighbouring rows are nearly equal: only whole held-out sweeps predict the error on a new sweep.
 """
 
 from collections.abc import Callable

@@ -1,20 +1,7 @@
 """The thumb, the three grasp modes, and the postures that hold a round object of radius R, in closed form.
 
-The splint holds the thumb (paper, Section 2.1), but the paper does not say where: place and pad below are assumed, so
-that the nominal finger, which the tendons bend by some 0.7 rad at the MCP, meets objects of 20 to 90 mm.
-
-The object's centre C is fixed to the finger by its contacts, in a frame of the straight proximal phalanx (MCP = 0):
-
-    pinch    the pad of the distal phalanx, at s along it: C = L1 + L2 e^{i q2} + (s + i (R + r3)) e^{i (q2 + q3)}
-    caging   all phalanges touch; s along the middle one, rho_i = R + r_i:
-             q2 = pi - atan2(rho_2, s) - asin(rho_1 / h),       h^2 = s^2 + rho_2^2,  contact t = sqrt(h^2 - rho_1^2)
-             q3 = pi - atan2(rho_2, L2 - s) - asin(rho_3 / h'), C = L1 - t + i rho_1      before the PIP joint
-
-and the MCP turns it against the thumb's tip T of radius r_T (law of cosines; of both solutions the one in front of it):
-
-    q1 = arg T - acos((|C|^2 + |T|^2 - (R + r_T)^2) / (2 |C| |T|)) - arg C
-
-What is left free (q2 and q3; s and how far a cage stays off the thumb) is a grid, so that a posture can be chosen.
+The splint holds the thumb (paper, Section 2.1), but the paper does not say where: place and pad are assumed, so that
+the nominal finger, which the tendons bend by some 0.7 rad at the MCP, meets objects of 20 to 90 mm.
 """
 
 from __future__ import annotations
@@ -100,7 +87,15 @@ class Candidates:
 
 
 def candidates(mode: Mode, size: float, hand: Hand, n: Parameters) -> Candidates:
-    """All postures of a mode about an object of a size [m], admissible (miss = 0) or not."""
+    """All postures of a mode about an object of a size [m], admissible (miss = 0) or not.
+
+    The contacts fix the object's centre C in a frame of the straight proximal phalanx. In a pinch the pad touches at s
+    along the distal phalanx; in a cage all phalanges do (`wrap_postures`). The MCP then turns C against the thumb's tip
+    T of radius r_T by the law of cosines, in front of it. What is left free is a grid.
+
+        C = L1 + L2 e^{i q2} + (s + i (R + r3)) e^{i (q2 + q3)}
+        q1 = arg T - acos((|C|^2 + |T|^2 - (R + r_T)^2) / (2 |C| |T|)) - arg C
+    """
     radius, thumb = size / 2.0, complex(*hand.thumb)
     low, high = bounds(mode, hand, n)
     if mode.wraps:
@@ -142,7 +137,12 @@ def bounds(mode: Mode, hand: Hand, n: Parameters) -> tuple[np.ndarray, np.ndarra
 
 
 def wrap_postures(radius: float, n: Parameters) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """PIP and DIP (k, 2) [rad], centre (k,) [m] and how far off the thumb (k,) [rad], all phalanges tangent."""
+    """PIP and DIP (k, 2) [rad], centre (k,) [m] and how far off the thumb (k,) [rad], all phalanges tangent.
+
+    With contact at s along the middle phalanx and rho_i = R + r_i: h^2 = s^2 + rho_2^2, h'^2 = (L2 - s)^2 + rho_2^2,
+
+        q2 = pi - atan2(rho_2, s) - asin(rho_1 / h)        q3 = pi - atan2(rho_2, L2 - s) - asin(rho_3 / h')
+    """
     first, second, third = radius + np.array(n.radius)
     shortest = np.sqrt(max(first**2 - second**2, 0.0))
     along = np.linspace(min(shortest, n.length[1]), n.length[1], 2 * GRID)

@@ -1,33 +1,24 @@
 """Plans: mode and object size -> posture -> tensions, and the part of the posture that the tendons cannot hold.
 
-plan = plan_grasp("caging", 0.06)
-plan.tensions, plan.planned, plan.feasible, plan.reason
-
-Inverse statics: given a posture the statics are linear in the tensions, P(q)^T T = tau_p(q): the paper's Eq. 22
-corrected, with rest posture and end stops. Whether the finger then stands there is another question: T must lie in
-F_min .. F_max, the equilibrium must be stable (arms grow with the angle, so tension softens joints, and under strong
-co-contraction the DIP has two stable postures), and the ramp must lead to it. Where no tensions hold a posture,
-`project` finds those whose posture is nearest: least squares within the bounds, through the nonlinear statics along the
-ramp.
-
-A plan is confirmed by simulation: the nominal robot, without noise, must stand in the planned posture at the hold.
-Statics do not contain the tension loop, which is slow where the finger is soft, nor a joint that stays long near the
-first of two equilibria. `run_plan` runs a plan in the Drake Diagram, if wanted with a posture loop around it.
+Given a posture the statics are linear in the tensions, P(q)^T T = tau_p(q): the paper's Eq. 22 corrected, with rest
+posture and end stops. T must also lie in F_min .. F_max, the equilibrium be stable, which tension softens as arms grow
+with the angle, and the ramp lead to it: the nominal robot, simulated without noise, must stand there at the hold.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from exodrake.compiled.inputs import Reference
+from exodrake.core.display import choose_colour, find_display
 from exodrake.core.errors import InputError, argument, short_repr
 from exodrake.core.robot import Robot
 from exodrake.data.log import Log
+from exodrake.data.plot import STYLE, draw_estimate, draw_panel, new_figure
 from exodrake.grasping.hand import Hand, bounds, candidates, check_size, find_mode, joints
 from exodrake.machines.robot_file import robot_or_default
 from exodrake.physics.finger import end_stop
@@ -37,6 +28,8 @@ from exodrake.simulation.protocols import grasp, smooth
 from exodrake.simulation.simulate import record, run, write_log
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from exodrake.estimator.gp import Estimator
     from exodrake.systems.posture_controller import PostureController
 
@@ -156,39 +149,21 @@ def at_hold(log: Log, kind: str, names: tuple[str, ...]) -> np.ndarray:
     return log.array(kind, names)[during].mean(axis=0)
 
 
-def confirm_posture(robot: Robot, tension: np.ndarray, angles: np.ndarray) -> bool:
-    """Whether references of these tensions (tendons,) [N] bring a robot to these angles (joints,) [rad]."""
-    axes = robot.machine.axes
-    targets = dict(zip(axes.tendons, np.asarray(tension, dtype=float).tolist()))
-    log = write_log(run(robot, grasp("trial", robot, targets, rest=REST, approach=APPROACH, hold=HOLD), seed=None))
-    return bool(np.abs(at_hold(log, "angle", axes.joints) - angles).max() <= CLOSE)
-
-
 @short_repr
 @dataclass(frozen=True)
 class Plan:
-    """A planned grasp of an object of a size [m].
-
-    Attributes:
-        target, centre: fingertip, and centre of the object, as (x, y palmar) [m], MCP in the origin.
-        wanted: joint angles by inverse kinematics [rad].
-        tensions: [N] per tendon.
-        planned: joint angles that the tensions hold, from rest along the ramp [rad].
-        shortfall: wanted less planned, the infeasible part [rad].
-        feasible: whether no joint falls short by more than TOLERANCE.
-        reason: why, in a sentence.
-    """
+    """A planned grasp of an object."""
 
     mode: str
-    size: float
-    target: tuple[float, float]
-    centre: tuple[float, float]
-    wanted: tuple[float, ...]
-    tensions: tuple[float, ...]
-    planned: tuple[float, ...]
-    shortfall: tuple[float, ...]
-    feasible: bool
-    reason: str
+    size: float  # of the object [m]
+    target: tuple[float, float]  # fingertip, as (x, y palmar) [m], MCP in the origin
+    centre: tuple[float, float]  # of the object, likewise
+    wanted: tuple[float, ...]  # joint angles by inverse kinematics [rad]
+    tensions: tuple[float, ...]  # [N]
+    planned: tuple[float, ...]  # joint angles that the tensions hold, from rest along the ramp [rad]
+    shortfall: tuple[float, ...]  # wanted less planned, the infeasible part [rad]
+    feasible: bool  # whether no joint falls short by more than TOLERANCE
+    reason: str  # why, in a sentence
     tendons: tuple[str, ...]
     joints: tuple[str, ...]
     hand: Hand
@@ -213,14 +188,20 @@ def plan_grasp(mode: str, size: float, robot: Robot | None = None, hand: Hand | 
     allowed = np.flatnonzero(found.miss <= 0.0)
     # weighted departure from rest, and distance of a caged object from the thumb
     cost = (found.angles - np.array(n.q0)) ** 2 @ np.array(way.weight) + (np.maximum(found.gap, 0.0) / GAP) ** 2
-    confirm = partial(confirm_posture, robot.without_effects())
+    nominal, axes = robot.without_effects(), robot.machine.axes
+
+    def confirm(tension: np.ndarray, angles: np.ndarray) -> bool:
+        reference = grasp("trial", nominal, dict(zip(axes.tendons, tension)), rest=REST, approach=APPROACH, hold=HOLD)
+        log = write_log(run(nominal, reference, seed=None))
+        return bool(np.abs(at_hold(log, "angle", axes.joints) - angles).max() <= CLOSE)
+
     best = holdable(found.angles[allowed], cost[allowed], low, high, n, confirm) if len(allowed) else None
     if best is not None:
         place, tension = int(allowed[best[0]]), np.clip(best[1], low, high)
         wanted, planned = found.angles[place], ramp_posture(tension, low, n)
     else:
-        axes = [np.linspace(a, b, STEPS) for a, b in zip(low, high)]
-        tension = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+        levels = [np.linspace(a, b, STEPS) for a, b in zip(low, high)]
+        tension = np.stack(np.meshgrid(*levels, indexing="ij"), axis=-1).reshape(-1, 3)
         held = posture(tension, n)
         kept = np.isfinite(held).all(axis=1)
         kept[kept] = steady(held[kept], tension[kept], n)
@@ -233,7 +214,7 @@ def plan_grasp(mode: str, size: float, robot: Robot | None = None, hand: Hand | 
         tension, planned = project(wanted, tension, held, (low, high), n, confirm)
     shortfall = wanted - planned
     feasible = bool(len(allowed) and np.abs(shortfall).max() <= TOLERANCE)
-    axes, what = robot.machine.axes, f"{way.name.replace('-', ' ')} of {1e3 * size:g} mm"
+    what = f"{way.name.replace('-', ' ')} of {1e3 * size:g} mm"
     if feasible:
         reason = "the tendons hold it within F_min .. F_max, and the ramp leads to it"
     elif not len(allowed):
@@ -270,13 +251,9 @@ def posture_controller(plan: Plan, robot: Robot, ki: float = KI, **durations: fl
 
 
 def run_plan(
-    plan: Plan,
-    robot: Robot,
-    estimator: Estimator,
-    seed: int | None = 0,
-    controller: PostureController | None = None,
+    plan: Plan, robot: Robot, estimator: Estimator, seed: int | None = 0, controller: PostureController | None = None,
     **durations: float,
-) -> Log:
+) -> Log:  # fmt: skip
     """Log of a robot in the Drake Diagram that follows a plan, with the estimator's angles.
 
     A `posture_controller` gives the tension references, if there is one; durations as in `exo.grasp` [s].
@@ -298,3 +275,86 @@ def run_plan(
     for kind in ("angle_est", "angle_std", *(["angle_ref"] if controller else [])):
         log = log.with_array(kind, estimator.joints, signals[kind])
     return log
+
+
+SKIN, THUMB, OBJECT = "#e7c3b0", "#d8d2cc", "#a9c7e3"
+THUMB_BONE = complex(-0.030, 0.012)  # from the thumb's tip backwards, for the drawing only [m]
+
+
+def grasp_figure(plan: Plan, log: Log, robot: Robot) -> Figure:
+    """The figure of a plan and of its run (`run_plan`)."""
+    import matplotlib
+    from matplotlib.lines import Line2D
+
+    with matplotlib.rc_context(STYLE):
+        figure = new_figure(10.4, 5.4)
+        grid = figure.add_gridspec(2, 2, width_ratios=(1.0, 1.1), height_ratios=(1.5, 1.0))
+        draw_posture(figure.add_subplot(grid[:, 0]), plan, log, robot)
+        angle = figure.add_subplot(grid[0, 1])
+        display = find_display("angle", robot.machine)
+        for i, name in enumerate(plan.joints):
+            colour = choose_colour(name, i, robot.machine)
+            angle.plot(log.time, display.factor * log[f"angle_{name}"], color=colour, label=name)
+            draw_estimate(angle, log, "angle", name, colour, display.factor)
+            angle.axhline(display.factor * plan.planned[i], color=colour, lw=0.9, ls=(0, (4, 2)))
+        handles = angle.get_legend_handles_labels()[0]
+        handles.append(Line2D([], [], color="black", lw=0.6, label="estimate"))
+        handles.append(Line2D([], [], color="#555", lw=0.9, ls=(0, (4, 2)), label="planned"))
+        angle.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.0, 1.04), handlelength=1.8)
+        angle.set_ylabel(display.axis)
+        tension = figure.add_subplot(grid[1, 1], sharex=angle)
+        draw_panel(tension, log, "tension", robot.machine)
+        tension.legend(loc="upper left", bbox_to_anchor=(1.0, 1.04), handlelength=1.8)
+        tension.set_xlabel("Time [s]")
+        tension.set_xlim(log.time[0], log.time[-1])
+        angle.tick_params(labelbottom=False)
+        figure.align_ylabels([angle, tension])
+        state = "" if plan.feasible else ": not feasible, nearest shown"
+        title = f"{plan.mode.replace('-', ' ').capitalize()}, {1e3 * plan.size:g} mm{state}"
+        figure.suptitle(title, fontsize=11, fontweight="bold", x=0.01, ha="left")
+    return figure
+
+
+def draw_posture(axes: Any, plan: Plan, log: Log, robot: Robot) -> None:
+    """Object, thumb and the finger's three postures at the hold, in its plane [mm]."""
+    n = parameters_of(robot)
+    thumb, centre = complex(*plan.hand.thumb), complex(*plan.centre)
+    fill(axes, [thumb, thumb + THUMB_BONE], [plan.hand.thumb_radius], THUMB, 0.9)
+    where = mm(thumb + THUMB_BONE / 2 + 0.002j)
+    axes.annotate("thumb (place assumed)", where, ha="center", va="bottom", fontsize=7.5, color="#555")
+    fill(axes, [centre, centre], [plan.size / 2.0], OBJECT, 0.75)
+    axes.annotate(f"{1e3 * plan.size:g} mm", mm(centre), ha="center", va="center", color="#2b4d6e")
+    planned = np.array(plan.planned)
+    fill(axes, list(joints(planned, n)), list(n.radius), SKIN, 0.55)
+    if not plan.feasible:
+        x, y = mm(joints(np.array(plan.wanted), n))
+        axes.plot(x, y, color="#999999", lw=1.2, ls=(0, (1, 1.2)), label="wanted")
+    for name, angle, colour, dash, width, size in (
+        ("planned", planned, "#222222", "-", 3.2, 4),
+        ("reached", at_hold(log, "angle", plan.joints), "#0072b2", (0, (5, 2)), 1.8, 0),
+        ("estimated", at_hold(log, "angle_est", plan.joints), "#d55e00", (0, (1, 1.5)), 1.8, 0),
+    ):
+        x, y = mm(joints(angle, n))
+        axes.plot(x, y, color=colour, ls=dash, lw=width, label=name, marker="o", ms=size)
+    axes.plot(*mm(complex(*plan.target)), "x", color="#cc79a7", ms=8, mew=1.8, label="target")
+    axes.set_aspect("equal")
+    axes.invert_yaxis()
+    axes.margins(0.06)
+    axes.set_xlabel("distal [mm]")
+    axes.set_ylabel("palmar [mm]")
+    axes.legend(loc="lower left", ncols=3, handlelength=2.2, columnspacing=1.0, bbox_to_anchor=(0.0, 1.0))
+
+
+def fill(axes: Any, points: list[complex], radii: list[float], colour: str, alpha: float) -> None:
+    """Rounded bones between points [m], one radius [m] each, as one filled shape."""
+    import shapely
+
+    bones = zip(points[:-1], points[1:], radii)
+    shapes = [shapely.LineString([mm(a), mm(b + 1e-9 * (a == b))]).buffer(1e3 * r) for a, b, r in bones]
+    x, y = np.array(shapely.union_all(shapes).exterior.coords).T  # pyright: ignore
+    axes.fill(x, y, color=colour, alpha=alpha, lw=0)
+
+
+def mm(points: Any) -> tuple[Any, Any]:
+    """Complex points [m] as x and y [mm]."""
+    return 1e3 * np.real(points), 1e3 * np.imag(points)

@@ -170,14 +170,9 @@ def maximum_tension(robot: Robot | None = None, *, ramp: float = 10.0, dwell: fl
 
 
 def chirp(
-    robot: Robot | None = None,
-    *,
-    low: float = 0.1,
-    high: float = 2.5,
-    span: float = 12.0,
-    base: float = 0.15,
+    robot: Robot | None = None, *, low: float = 0.1, high: float = 2.5, span: float = 12.0, base: float = 0.15,
     top: float = 0.8,
-) -> Reference:
+) -> Reference:  # fmt: skip
     """Each tendon in turn swings between 10 % and `top` of F_max, ever faster; the others stand at `base`.
 
     Args: low, high: frequencies [Hz], exponential in time; span: duration per tendon [s]; base, top: shares of F_max.
@@ -217,14 +212,9 @@ def steps(robot: Robot | None = None, *, base: float = 0.2, top: float = 0.5, dw
 
 
 def multisine(
-    robot: Robot | None = None,
-    *,
-    seed: int = 0,
-    high: float = 5.0,
-    period: float = 20.0,
-    repeats: int = 2,
+    robot: Robot | None = None, *, seed: int = 0, high: float = 5.0, period: float = 20.0, repeats: int = 2,
     base: float = 0.3,
-) -> Reference:
+) -> Reference:  # fmt: skip
     """All tendons at once, each on its own comb of harmonics, so that one run tells their frequency responses apart.
 
     Args: high: highest frequency [Hz]; period [s] of the lowest harmonic; repeats of it; base: mean [F_max], about

@@ -76,13 +76,9 @@ class Recording:
 
 
 def record(
-    robot: Robot,
-    reference: Reference | str,
-    seed: int | None = 0,
-    quantisation: bool = True,
-    engine: str = "compiled",
+    robot: Robot, reference: Reference | str, seed: int | None = 0, quantisation: bool = True, engine: str = "compiled",
     substeps: int = 1,
-) -> Recording:
+) -> Recording:  # fmt: skip
     """Runs a robot on a reference and returns all its signals.
 
     Args:
@@ -116,13 +112,9 @@ def record(
 
 
 def run(
-    robot: Robot,
-    reference: Reference | str,
-    seed: int | None = 0,
-    quantisation: bool = True,
-    engine: str = "compiled",
+    robot: Robot, reference: Reference | str, seed: int | None = 0, quantisation: bool = True, engine: str = "compiled",
     substeps: int = 1,
-) -> Recording:
+) -> Recording:  # fmt: skip
     """All signals of a robot that follows a reference, whether they are finite or not; arguments as in `record`."""
     reference = protocol(reference, robot) if isinstance(reference, str) else reference
     machine, frames = robot.machine, len(reference.values)
@@ -163,13 +155,9 @@ def log_of_signals(machine: Machine, time: np.ndarray, signals: Mapping[str, np.
 
 
 def simulate(
-    robot: Robot,
-    reference: Reference | str,
-    seed: int | None = 0,
-    quantisation: bool = True,
-    engine: str = "compiled",
+    robot: Robot, reference: Reference | str, seed: int | None = 0, quantisation: bool = True, engine: str = "compiled",
     substeps: int = 1,
-) -> Log:
+) -> Log:  # fmt: skip
     """The log of a robot that follows a reference; arguments as in `record`."""
     return write_log(record(robot, reference, seed, quantisation, engine, substeps))
 
