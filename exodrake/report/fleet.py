@@ -10,7 +10,6 @@ import os
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from itertools import groupby
 from pathlib import Path
 from urllib.parse import quote
@@ -19,7 +18,7 @@ import numpy as np
 
 from exodrake import __version__
 from exodrake.core.errors import plural, printable
-from exodrake.diagnosis.change_point import DAY, RAMP, STEP
+from exodrake.diagnosis.change_point import RAMP, STEP
 from exodrake.diagnosis.fleet import FAILURE, Row, Trend, find_trends
 from exodrake.diagnosis.many import ANSWER
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, PARTLY, RETUNE, UNKNOWN, Interval
@@ -86,12 +85,9 @@ def fleet_html(rows: Sequence[Row], source: str, links: Mapping[str, str] | None
     ]
     timelines = []
     for trend in [t for m in robots for t in m.changed][:DRAWN]:
-        name, values = f"{trend.serial}: {trend.effect} {trend.parameter}", trend.values.tolist()
-        head = {"title": f"{name} on {trend.channel}" if trend.channel else name, "dates": True}
-        lines: dict[str, list[float]] = dict.fromkeys(("values", "low", "high"), values)
-        start = trend.first.timestamp()
-        seconds = partial(lambda times, start: [start + DAY * t for t in times], start=start)
-        timelines.append(timeline(head, trend.unit, trend.times.tolist(), lines, trend.change, seconds))
+        name = f"{trend.serial}: {trend.effect} {trend.parameter}" + (f" on {trend.channel}" if trend.channel else "")
+        lines = dict.fromkeys(("values", "low", "high"), trend.values.tolist())
+        timelines.append(timeline(name, trend.first, trend.unit, trend.times.tolist(), lines, trend.change))
     if len(failed) > LISTED:
         failed[LISTED:] = [("…", f"and {len(failed) - LISTED} more")]
     dates = [row.date.date().isoformat() for row in rows if row.date is not None]
