@@ -4,11 +4,9 @@
 
     step   g = 1[t > tau]        ramp   g = max(t - tau, 0)        step and ramp   both at one tau
 
-Shapes are equally likely beforehand, dates uniform, and p(a, s) ~ 1/s. b has the g-prior N(0, k s^2 (G'V^-1 G)^-1), G
-the columns without their constant (Zellner 1986), with k over several decades (Liang et al. 2008): one k would count a
-share of a large change as scatter. All but shape, date and k is integrated in closed form. Sets and intervals are
-credible ones, averaged over shapes and dates. Whether there is a change at all is asked by the odds, too: p is the
-share of series without one whose odds are as large, by draws, since odds alone depend on the prior's width.
+Shapes and dates are equally likely beforehand, p(a, s) ~ 1/s. b has the g-prior N(0, k s^2 (G'V^-1 G)^-1), G the
+columns without their constant (Zellner 1986), k over several decades (Liang et al. 2008). All but shape, date and k is
+integrated in closed form. p is the share of series without a change whose odds of one are as large, by draws.
 """
 
 from __future__ import annotations
