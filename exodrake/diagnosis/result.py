@@ -280,17 +280,13 @@ class Diagnosis:
         case = None if self.problem is None else self.problem.case
         dates = [item.date for item in case.logs if item.date is not None] if case else []
         robot = {"serial": case.serial if case else "", "date": max(dates).isoformat() if dates else None}
-        more = {"confirmed": self.confirmed, "next_experiment": self.next_experiment, "seconds": self.run_time}
+        apart = None  # the command that designs the experiment which tells apart what the logs do not
+        if self.verdict == AMBIGUOUS and self.rivals:
+            command = f"exodrake experiment {self.case} --out reference.csv"
+            apart = {"command": command, "between": [rival.name for rival in self.rivals]}
+        more = {"confirmed": self.confirmed, "next_experiment": apart, "seconds": self.run_time}
         more["simulated_seconds"] = self.simulated_time
         return plain(answer | robot | {"closure": closure} | more)
-
-    @property
-    def next_experiment(self) -> dict[str, Any] | None:
-        """The command that designs the experiment which tells apart what the logs do not, and between which."""
-        if self.verdict != AMBIGUOUS or not self.rivals:
-            return None
-        command = f"exodrake experiment {self.case} --out reference.csv"
-        return {"command": command, "between": [rival.name for rival in self.rivals]}
 
 
 def record_provenance(problem: Problem) -> Provenance:

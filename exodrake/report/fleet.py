@@ -88,14 +88,22 @@ def fleet_html(rows: Sequence[Row], source: str, links: Mapping[str, str] | None
         name = f"{trend.serial}: {trend.effect} {trend.parameter}" + (f" on {trend.channel}" if trend.channel else "")
         lines = dict.fromkeys(("values", "low", "high"), trend.values.tolist())
         timelines.append(timeline(name, trend.first, trend.unit, trend.times.tolist(), lines, trend.change))
+    now = Counter(effect for m in robots for effect in m.last.effects)
+    ever = Counter(effect for m in robots for row in m.rows for effect in set(row.effects))
+    most, bars = max([1, *now.values()]), []
+    for e in sorted(ever, key=lambda e: (-now[e], -ever[e]))[:CAUSES]:
+        counts = f"{now[e]} {plural(now[e], 'robot')}, {ever[e]:,} {plural(ever[e], 'case')}"
+        bars.append((f"`{e}`", now[e] / most, counts, now[e] > 0))
+    words = "Robots in whose last case the cause is named, or left by an ambiguous verdict; and all such cases."
     if len(failed) > LISTED:
         failed[LISTED:] = [("…", f"and {len(failed) - LISTED} more")]
     dates = [row.date.date().isoformat() for row in rows if row.date is not None]
-    words = tuple(dict.fromkeys((*VERDICTS, *sorted({row.verdict for row in rows}))))
+    verdicts = tuple(dict.fromkeys((*VERDICTS, *sorted({row.verdict for row in rows}))))
     return render(
         "fleet.html", title=f"Fleet: {source}", version=__version__, colour=COLOURS[NAMED], source=source,
-        tiles=tiles, colours=dict.fromkeys(words, GREY) | COLOURS, verdicts=words,
-        strips=[(m.serial, strip(m.rows)) for m in robots], robots=robot_table(robots, links), causes=causes(robots),
+        tiles=tiles, colours=dict.fromkeys(verdicts, GREY) | COLOURS, verdicts=verdicts,
+        strips=[(m.serial, strip(m.rows)) for m in robots], robots=robot_table(robots, links),
+        causes=Bars(bars, words) if bars else None,
         timelines=timelines, rest=sum(len(m.changed) for m in robots) - len(timelines),
         failed=Table(("Case", "Reason"), failed, words=2) if failed else None,
         dates=(min(dates), max(dates)) if dates else None,
@@ -156,15 +164,3 @@ def robot_table(robots: Sequence[Member], links: Mapping[str, str] | None = None
         rows.append((m.serial, verdict, cause or "–", since, size, amounts, closed, last, f"{len(m.rows):,}"))
     header = ("Robot", "Last verdict", "Cause", "Since when (90 %)", "Change", "Size (90 %)", "Closure")
     return Table((*header, "Last case", "Cases"), rows, words=8)
-
-
-def causes(robots: Sequence[Member]) -> Bars | None:
-    """Causes by the number of robots in whose last case they are named or left."""
-    now = Counter(effect for m in robots for effect in m.last.effects)
-    ever = Counter(effect for m in robots for row in m.rows for effect in set(row.effects))
-    most, rows = max([1, *now.values()]), []
-    for e in sorted(ever, key=lambda e: (-now[e], -ever[e]))[:CAUSES]:
-        counts = f"{now[e]} {plural(now[e], 'robot')}, {ever[e]:,} {plural(ever[e], 'case')}"
-        rows.append((f"`{e}`", now[e] / most, counts, now[e] > 0))
-    words = "Robots in whose last case the cause is named, or left by an ambiguous verdict; and all such cases."
-    return Bars(rows, words) if rows else None
