@@ -120,15 +120,12 @@ def motion(position: np.ndarray, width: int, still: float | None, period: float)
 
 def explain_variance(residual: np.ndarray, condition: np.ndarray) -> float:
     """Share of the variance of a residual (n,) that a condition (n,) explains, 0 .. 1."""
-    total = residual.var()
-    edges = np.unique(np.quantile(condition, np.linspace(0.0, 1.0, BINS + 1)))
-    if total == 0.0 or len(edges) < 2:
+    total, levels = residual.var(), np.unique(condition)
+    if len(levels) > BINS:  # lower ends of bins of equal count
+        levels = np.unique(np.quantile(condition, np.linspace(0.0, 1.0, BINS + 1)))[:-1]
+    if total == 0.0 or np.ptp(condition) == 0.0:
         return 0.0
-    values = np.unique(condition)
-    if len(values) <= BINS:
-        bins = np.searchsorted(values, condition)
-    else:
-        bins = np.clip(np.searchsorted(edges, condition, "right") - 1, 0, len(edges) - 2)
+    bins = np.searchsorted(levels, condition, "right") - 1
     count = np.bincount(bins)
     means = np.bincount(bins, residual) / np.maximum(count, 1)
     return float(np.clip(np.sum(count * (means - residual.mean()) ** 2) / len(residual) / total, 0.0, 1.0))

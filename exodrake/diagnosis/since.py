@@ -317,8 +317,8 @@ def follow_effects(
     none = logs.likelihood.chi2(logs.likelihood.residual(found.retuned.explanation.robot[None])[0])
     memory, wide = min(logs.likelihood.with_memory(fit.residual).memory for fit in (*fits, known)), none > 1.0
     fits.sort(key=lambda fit: -fit.evidence(memory))
-    left = [(np.maximum(chi2_after_step(fit.model) - 1.0, 0.0) / (none - 1.0))[wide] for fit in fits]
-    left = [float(np.mean(one)) if wide.any() else 0.0 for one in left]
+    excess = [np.maximum(chi2_after_step(fit.model)[wide] - 1.0, 0.0) / (none[wide] - 1.0) for fit in fits]
+    left = [float(np.mean(one)) if wide.any() else 0.0 for one in excess]
     names = [fit.explanation.effects[0] for fit in fits]
     most, name, explained = fits[0].evidence(memory), names[0], 1.0 - left[0]
     clear = most > known.evidence(memory, constant=True) + NATS and most >= known.evidence(memory)
