@@ -27,6 +27,7 @@ from exodrake.diagnosis.parameter import nominal_parameters
 from exodrake.diagnosis.problem import Problem, Trial
 from exodrake.diagnosis.result import (
     AMBIGUOUS,
+    CAUSE,
     NAMED,
     NO_GAP,
     PARTLY,
@@ -34,7 +35,6 @@ from exodrake.diagnosis.result import (
     RETUNE,
     UNKNOWN,
     Diagnosis,
-    NamedEffect,
     SignalGap,
 )
 from exodrake.diagnosis.search import GAIN, LAW, NATS, NEGLIGIBLE
@@ -342,28 +342,23 @@ def condition_figure(diagnosis: Diagnosis, runs: SimulatedLogs) -> Drawing | Non
 def which(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
     """Values of the section's template."""
 
-    def describe(effects: list[NamedEffect]) -> list[tuple[Any, ...]]:
-        found = []
-        for effect in effects:
-            rows = []
-            for name, item in effect.parameters.items():
-                channels = effect.channels.get(name, {})
-                several = len(channels) > 1
-                if not several or np.isfinite(item.value):
-                    rows.append((f"`{name}`{' (common value)' if several else ''}", *w.interval(item)))
-                rows += [(f"`{name}` {channel}", *w.interval(one)) for channel, one in channels.items() if several]
-            table = Table(("Parameter", "Value", "90 % interval"), rows, wide=False)
-            found.append((effect, w.find_effect(diagnosis, effect.id), table))
-        return found
-
     def bar(name: str, length: float, text: str, strong: bool = False) -> tuple[str, float, str, bool]:
         return name, float(np.clip(np.nan_to_num(length), 0.0, 1.0)), text, strong
 
-    bars, left = [], diagnosis.remainder  # each cause with its rivals beneath, the refinements, and what remains
-    causes, refinements = w.causes(diagnosis), w.causes(diagnosis, REFINEMENT)
-    for effect in (*causes, *refinements):
-        bars.append(bar(f"`{effect.id}`", effect.share.value, w.share_span(effect.share), effect in causes))
+    # each cause with its rivals beneath, the refinements, and what remains; parameters of each
+    bars, described, left = [], {CAUSE: [], REFINEMENT: []}, diagnosis.remainder
+    for effect in (*w.causes(diagnosis), *w.causes(diagnosis, REFINEMENT)):
+        bars.append(bar(f"`{effect.id}`", effect.share.value, w.share_span(effect.share), effect.role == CAUSE))
         bars += [bar(f"or `{r.id}`", r.share.value, w.share(r.share.value)) for r in effect.rivals]
+        rows = []
+        for name, item in effect.parameters.items():
+            channels = effect.channels.get(name, {})
+            several = len(channels) > 1
+            if not several or np.isfinite(item.value):
+                rows.append((f"`{name}`{' (common value)' if several else ''}", *w.interval(item)))
+            rows += [(f"`{name}` {channel}", *w.interval(one)) for channel, one in channels.items() if several]
+        table = Table(("Parameter", "Value", "90 % interval"), rows, wide=False)
+        described[effect.role].append((effect, w.find_effect(diagnosis, effect.id), table))
     noise = f", {w.digits(left.noise_std, 2)} noise std" if np.isfinite(left.noise_std) else ""
     bars.append(bar("remains", left.value, w.share(left.value) + noise))
     caption = (
@@ -376,26 +371,22 @@ def which(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
         evidence = f"{one.evidence:,.1f}" if np.isfinite(one.evidence) else "–"
         sets.append((f"`{one.id or 'retune'}`", w.closure(one.share), *chi2, evidence))
     header = ("Effects", "Explains", "chi-square, closed loop", "chi-square, prediction error", "Evidence [nats]")
-    moved = []  # nominal parameters that the last robot changes, the largest change first
-    for p in nominal_parameters(runs.problem.robot):
-        x = p.coordinate(float(diagnosis.robots[IMPROVED].values[p.index[0]]))
+    rows, improved = [], diagnosis.robots[IMPROVED].values
+    # nominal parameters that the last robot changes, the largest change first
+    changes = [(p, p.coordinate(float(improved[p.index[0]]))) for p in nominal_parameters(runs.problem.robot)]
+    for p, x in sorted(changes, key=lambda change: -abs(change[1] / change[0].prior_std)):
         unit = runs.problem.robot.machine.parameters[p.index[0]].unit
         bound = " (its bound)" if abs(x) >= AT_BOUND * max(map(abs, p.bounds)) else ""
-        cells = (
-            f"`{p.name}`",
-            w.quantity(p.base, unit),
-            w.quantity(p.value(x), unit),
-            f"{x / p.prior_std:+.2f}{bound}",
-        )
-        moved += [(abs(x / p.prior_std), cells)] if abs(x) > LEAST * p.prior_std else []
-    rows = [cells for _, cells in sorted(moved, key=lambda change: -change[0])]
+        cells = [w.quantity(value, unit) for value in (p.base, p.value(x))]
+        if abs(x) > LEAST * p.prior_std:
+            rows.append((f"`{p.name}`", *cells, f"{x / p.prior_std:+.2f}{bound}"))
     titles, rest = ("Parameter", "Nominal", "Fitted", "Change in std of its tolerance"), rows[SHOWN:]
     retuned = [Table(titles, rows[:SHOWN], wide=False)] if rows else []
     retuned += [Table(titles, rest, wide=False, folded=f"{len(rest)} smaller changes")] if rest else []
     return {
         "shares": Bars(bars, caption) if len(bars) > 1 else None,
-        "causes": describe(causes),
-        "refinements": describe(refinements),
+        "causes": described[CAUSE],
+        "refinements": described[REFINEMENT],
         "sets": Table(header, sets, folded=f"All {len(sets)} fitted sets in numbers") if sets else None,
         "retuned": retuned,
     }

@@ -86,7 +86,7 @@ def fleet_html(rows: Sequence[Row], source: str, links: Mapping[str, str] | None
     timelines = []
     for trend in [t for m in robots for t in m.changed][:DRAWN]:
         name = f"{trend.serial}: {trend.effect} {trend.parameter}" + (f" on {trend.channel}" if trend.channel else "")
-        lines = dict.fromkeys(("values", "low", "high"), trend.values.tolist())
+        lines: dict[str, list[float]] = dict.fromkeys(("values", "low", "high"), trend.values.tolist())
         timelines.append(timeline(name, trend.first, trend.unit, trend.times.tolist(), lines, trend.change))
     now = Counter(effect for m in robots for effect in m.last.effects)
     ever = Counter(effect for m in robots for row in m.rows for effect in set(row.effects))

@@ -235,8 +235,9 @@ def headline(diagnosis: Diagnosis) -> str:
         within = f" in the {where.block}" if where.block != "none" else ""
         text = f"There is a gap{within}{f' at {place}' if place else ''}{regime_words(where.regime)}"
         best = min(diagnosis.candidates, key=lambda c: abs(c.share - explained), default=None)
-        known = best is not None and explained > 0.005
-        would = f"; the best set, {best.id}, would explain {share(explained)} of it" if known else ""
+        would = ""
+        if best and explained > 0.005:
+            would = f"; the best set, {best.id}, would explain {share(explained)} of it"
         return f"{text}, that no effect of the library explains{would}{unconfirmed}."
     said, named = [], "explains {} of the gap"  # by each cause; those with rivals first
     for effect in sorted(causes(diagnosis), key=lambda e: not e.rivals):
