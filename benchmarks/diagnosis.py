@@ -14,6 +14,7 @@ from time import perf_counter
 import numpy as np
 
 from exodrake.compiled.inputs import Reference
+from exodrake.core.machine import Machine
 from exodrake.core.robot import Robot
 from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis.fit import Explanation, minimise
@@ -49,10 +50,15 @@ def timed(function: Callable[[], np.ndarray]) -> tuple[float, np.ndarray]:
     return perf_counter() - begun, found
 
 
+def injected_parameters(machine: Machine) -> tuple[Parameter, ...]:
+    """Parameters of the effect on the channels that have it."""
+    return tuple(p for p in effect_parameters(machine, machine.effect(EFFECT)) if set(p.channels) <= set(INJECTED))
+
+
 def explanation(problem: Problem) -> Explanation:
     """The nominal robot with the effect at its initial values, nominal parameters and their Jacobian along with it."""
     machine, likelihood, nominal = problem.robot.machine, output_error(problem), nominal_parameters(problem.robot)
-    parameters = (*nominal, *effect_parameters(machine, machine.effect(EFFECT), tuple(INJECTED)))
+    parameters = (*nominal, *injected_parameters(machine))
     start, values = np.array([p.start for p in parameters]), problem.silent()
     (residual,) = likelihood.residual(values[None])
     jacobian = nominal_jacobian(likelihood, values, nominal, np.zeros(len(nominal)), residual)
@@ -93,7 +99,7 @@ def rows(seconds: float = SECONDS) -> list[Row]:
     nominal = load_robot()
     case = rubbing(nominal, seconds)
     problem = make_problem(case, nominal)
-    parameters = effect_parameters(nominal.machine, nominal.machine.effect(EFFECT), tuple(INJECTED))
+    parameters = injected_parameters(nominal.machine)
     by_compiled, by_diagram = (partial(f, problem, parameters) for f in (compiled_residual, diagram_residual))
     fits = {
         "ours, errors of the nominal parameters along with it": partial(ours, problem),

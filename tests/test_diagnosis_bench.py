@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from benchmarks import diagnosis as bench
-from exodrake.diagnosis.parameter import effect_parameters
 from exodrake.diagnosis.problem import make_problem
 from exodrake.machines.robot_file import load_robot
 
@@ -19,8 +18,7 @@ def problem():
 
 @pytest.fixture(scope="module")
 def parameters(problem):
-    machine = problem.robot.machine
-    return effect_parameters(machine, machine.effect(bench.EFFECT), tuple(bench.INJECTED))
+    return bench.injected_parameters(problem.robot.machine)
 
 
 def test_diagram_and_compiled_simulator_leave_the_same_residual(problem, parameters):

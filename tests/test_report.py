@@ -24,7 +24,7 @@ from exodrake.report.diagnosis_html import (
     SimulatedLogs,
     curves,
     render_report,
-    retuned_tables,
+    which,
 )
 from exodrake.report.terminal import print_summary
 
@@ -242,7 +242,7 @@ def test_summary_of_each_kind():
 
 
 def test_retuned_parameters_come_largest_first_in_tolerances():
-    (table,) = retuned_tables(diagnosis(), simulated_logs(frames=100))
+    (table,) = which(diagnosis(), simulated_logs(frames=100))["retuned"]
     rows = {row[0].strip("`"): float(row[3].split()[0]) for row in table.rows}
     assert set(rows) == {"finger.kappa.MCP", "tendon.k.AF", "tendon.k.MF", "tendon.k.AE"}
     assert [abs(v) for v in rows.values()] == sorted(map(abs, rows.values()), reverse=True)

@@ -1,8 +1,7 @@
 """Error rates of the diagnosis as it is, on simulated robots of a machine.
 
 Every third robot is healthy: its parameters are drawn within their tolerances. The others have one effect of the
-library each, also one that a diagnosis does not try: it is then another law of a tried effect, as a real robot has.
-Effects outside the library are the task of `exodrake blind`.
+library each, also one that is not tried: another law of a tried effect, as a real robot has.
 """
 
 from __future__ import annotations

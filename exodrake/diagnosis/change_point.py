@@ -4,11 +4,9 @@
 
     step   g = 1[t > tau]        ramp   g = max(t - tau, 0)        step and ramp   both at one tau
 
-Shapes are equally likely beforehand, dates uniform, and p(a, s) ~ 1/s. b has the g-prior N(0, k s^2 (G'V^-1 G)^-1), G
-the columns without their constant (Zellner 1986), with k over several decades (Liang et al. 2008): one k would count a
-share of a large change as scatter. All but shape, date and k is integrated in closed form. Sets and intervals are
-credible ones, averaged over shapes and dates. Whether there is a change at all is asked by the odds, too: p is the
-share of series without one whose odds are as large, by draws, since odds alone depend on the prior's width.
+Shapes and dates are equally likely beforehand, p(a, s) ~ 1/s. b has the g-prior N(0, k s^2 (G'V^-1 G)^-1), G the
+columns without their constant (Zellner 1986), k over several decades (Liang et al. 2008). All but shape, date and k is
+integrated in closed form. p is the share of series without a change whose odds of one are as large, by draws.
 """
 
 from __future__ import annotations
@@ -65,13 +63,25 @@ class ChangePoint:
     """
 
     def __init__(self, times: np.ndarray, covariance: np.ndarray, grid: int = GRID) -> None:
-        self.times = np.asarray(times, dtype=float)
+        self.times = times = np.asarray(times, dtype=float)
         self.white = np.linalg.inv(np.linalg.cholesky(covariance))
         constant = self.white @ np.ones(len(times))
         self.norm = float(np.linalg.norm(constant))
         self.constant = constant / self.norm
         self.half = 0.5 * (len(self.times) - 1)
-        self.shape, self.low, self.high, self.columns = list_changes(self.times, grid)
+        # candidates: shape, ends of the time that each stands for, columns. A step lies in any gap between two points.
+        # A ramp begins at any point but the last two, and `grid` times between two; a later one equals a step
+        found = [(STEP, a, b, times > a, 0.0 * times) for a, b in pairwise(times)]
+        for a, b in pairwise(times[:-1]):
+            cell = (b - a) / grid
+            starts = a + cell * np.arange(grid)
+            found += [(RAMP, t - cell / 2, t + cell / 2, np.maximum(times - t, 0.0), 0.0 * times) for t in starts]
+        if len(times) > LEAST:  # both together need a point more
+            middles = ((a, b, 0.5 * (a + b)) for a, b in pairwise(times[:-1]))
+            found += [(BOTH, a, b, times > a, np.maximum(times - t, 0.0)) for a, b, t in middles]
+        shape, low, high, *columns = zip(*found, strict=True)
+        self.shape, self.low, self.high = np.array(shape), np.array(low), np.array(high)
+        self.columns = np.array(columns, dtype=float).transpose(1, 2, 0)  # (candidates, points, 2)
         rows = np.einsum("ij,cjk->cik", self.white, self.columns)
         self.rows = rows - np.einsum("i,j,cjk->cik", self.constant, self.constant, rows)
         q, r = np.linalg.qr(self.rows)  # orthonormal columns of the same span, zeros for one that adds nothing
@@ -170,21 +180,3 @@ class ChangePoint:
         first = (self.constant @ left + noise) / self.norm
         rate = {STEP: np.full(len(b), np.nan), RAMP: b[:, 0], BOTH: b[:, 1]}[str(self.shape[c])]
         return np.column_stack([first, first + b @ self.columns[c, -1], rate])
-
-
-def list_changes(times: np.ndarray, grid: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Shapes (candidates,), the ends of the time that each stands for, and their columns (candidates, points, 2).
-
-    A step may lie in any gap between two of the times (points,). A ramp may begin at any point but the last two, and
-    `grid` times between two of them; one that begins later equals a step. Both together need a point more than `LEAST`.
-    """
-    found = [(STEP, a, b, times > a, 0.0 * times) for a, b in pairwise(times)]
-    for a, b in pairwise(times[:-1]):
-        cell = (b - a) / grid
-        starts = a + cell * np.arange(grid)
-        found += [(RAMP, t - cell / 2, t + cell / 2, np.maximum(times - t, 0.0), 0.0 * times) for t in starts]
-    if len(times) > LEAST:
-        middles = ((a, b, 0.5 * (a + b)) for a, b in pairwise(times[:-1]))
-        found += [(BOTH, a, b, times > a, np.maximum(times - t, 0.0)) for a, b, t in middles]
-    shape, low, high, *columns = zip(*found, strict=True)
-    return np.array(shape), np.array(low), np.array(high), np.array(columns, dtype=float).transpose(1, 2, 0)

@@ -2,10 +2,7 @@
 
     C = 1 - (MSE_after - noise variance) / (MSE_before - noise variance)     1: down to the noise, 0: nothing gained
 
-It is measured in two steps, nominal to retuned and retuned to improved. The intervals come from one bootstrap over
-blocks of time. Held-out logs serve the closure alone. Without any, each fitted log is judged by robots fitted to the
-others, and so is each kind of motion: the posterior of the linear model about the fit without the blocks of these logs
-is one Gauss-Newton step from it. In the band of a tremor its strength counts, not its phase (`filters.mismatch`).
+The intervals come from one bootstrap over blocks of time. Held-out logs serve the closure alone.
 """
 
 from __future__ import annotations
@@ -49,7 +46,7 @@ def with_values(rows: np.ndarray, given: Mapping[int, float]) -> np.ndarray:
 
 
 def without_logs(fitted: Fitted, logs: Collection[int]) -> np.ndarray:
-    """Flat vector (parameters,) [SI] of the robot that is fitted to all logs but some."""
+    """Flat vector (parameters,) [SI] of the robot that is fitted to all logs but some: a Gauss-Newton step off."""
     e, others = fitted.explanation, ~np.isin(fitted.model.log, list(logs))
     return apply(e.values, e.parameters, np.clip(e.x + fitted.model.posterior(others).step, *e.bounds))
 
@@ -65,6 +62,8 @@ def measure_closure(
     problem: Problem, retuned: Fitted, best: Fitted, rows: np.ndarray, traces: Mapping[int, float]
 ) -> Closure:
     """Closure on the judged logs, and on each kind of fitted motion by the robot that is fitted to the other kinds.
+
+    Without held-out logs, each fitted log is judged by robots fitted to the others.
 
     retuned, best: fits without an effect and with the effects. rows: (3, parameters) nominal, retuned and improved
     robot [SI]. traces: values of the improved robot at some indices, whatever a fit gives.
@@ -86,11 +85,11 @@ def measure_closure(
     return replace(found, measured_on=measured_on, motions=motions)
 
 
-def measure(problem: Problem, rows: Sequence[np.ndarray], seed: int = 0) -> Closure:
+def measure(problem: Problem, rows: Sequence[np.ndarray]) -> Closure:
     """Gap and closure, overall and per signal, in closed loop.
 
     rows: for each log of `Problem.judged` (3, parameters) flat parameter vectors [SI] of the nominal, the retuned and
-    the improved robot. seed: of the bootstrap.
+    the improved robot.
     """
     machine, logs = problem.robot.machine, []  # of each log (3, n, columns) [noise_std]
     for trial, robots in zip(problem.judged, rows, strict=True):
@@ -101,7 +100,7 @@ def measure(problem: Problem, rows: Sequence[np.ndarray], seed: int = 0) -> Clos
     squares = np.concatenate(logs, axis=1) ** 2
     length = stretch_length(squares.shape[1], machine.frame)
     (nominal, samples), (retuned, _), (improved, _) = (blocks([log[k] for log in logs], length) for k in range(3))
-    picks = np.random.default_rng(seed).integers(0, len(samples), (DRAWS, len(samples)))
+    picks = np.random.default_rng(0).integers(0, len(samples), (DRAWS, len(samples)))
     signals = {}
     for column, kind, noise_std, own in zip(
         problem.columns, problem.kinds, problem.noise_std.tolist(), np.moveaxis(squares, -1, 0), strict=True

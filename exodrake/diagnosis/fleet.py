@@ -4,16 +4,6 @@
     write_text("fleet.parquet", table_bytes(rows))
 
 A case belongs to the robot that its `serial` names (case.yaml), else to one of the case's own name.
-
-A trend is the amplitude of a cause from case to case, with its change point. A case that does not name the effect
-counts with the parameter's null value if it has no gap, retuning suffices or another effect is named. Reciprocals are
-followed of a parameter whose null value is infinite, as a stiffness. Other cases do not count. Where there are more
-than `MOST` cases, medians of consecutive ones are used, since a mean would turn a step into a slope. The scatter of the
-amplitudes is estimated. Their stated intervals are not used: they hold the error of the law, alike in all cases.
-
-Null values have no scatter, so amplitudes with some among them are not normal: a single case that names an effect would
-be a change beyond doubt if it is the last. The p-value of such a series is that of a permutation test (Fisher 1935),
-exact for cases in any order.
 """
 
 from __future__ import annotations
@@ -229,7 +219,11 @@ class Trend:
 
 
 def find_trends(rows: Sequence[Row]) -> list[Trend]:
-    """Trends of one robot's rows, the clearest change first; none with too few dated cases."""
+    """Trends of one robot's rows, the clearest change first; none with too few dated cases.
+
+    The scatter is estimated: the stated intervals hold the error of the law, alike in all cases. Null values have none,
+    so the p-value of a series with some is that of a permutation test (Fisher 1935).
+    """
     dated, trends = [(row, row.date) for row in rows if row.date is not None], []
     keys = dict.fromkeys((a.effect, a.parameter, a.channel, a.unit) for row, _ in dated for a in row.amounts)
     series = [(key, *found) for key in keys if len((found := follow_amount(dated, key))[0]) >= LEAST]
@@ -261,9 +255,11 @@ def null_value(effect: str, parameter: str) -> float:
 def follow_amount(
     rows: Sequence[tuple[Row, datetime]], key: tuple[str, str, str, str]
 ) -> tuple[np.ndarray, np.ndarray, bool]:
-    """Days since the first row, amplitudes (points,) of a cause, medians where there are too many, and any absence.
+    """Days since the first row and amplitudes (points,) of a cause [unit], and whether a case lacks it.
 
-    Amplitudes are in their unit, or reciprocal where the null value is infinite.
+    A case without a gap, to be retuned, or that names another effect counts with the null value; other cases without
+    the cause do not count. Amplitudes are reciprocal where the null value is infinite, as of a stiffness. Where there
+    are too many, medians of consecutive ones are used, since a mean would turn a step into a slope.
     """
     null, days, values, missed = null_value(*key[:2]), [], [], False
     for row, date in rows:

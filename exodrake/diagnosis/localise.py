@@ -1,13 +1,7 @@
 """Localisation: the block, tendons and joints of a gap, and its regime.
 
-Where effects are named, a block has the shares of its effects in the gap. The place of what a set of effects leaves is
-that of the further effect that takes up most of it, as fitted beside the set or else as the linear model predicts; a
-cause goes before the memory of a sensor. Where none takes up a tenth, it is the segment that ends in the signal of the
-largest prediction error. Channels that no fit tells are those whose prediction errors hold most of what is left.
-
-The regime is the conditional variance of the residual. Each condition that a machine declares sorts the frames into
-bins; the share that it explains is the correlation ratio, the variance of the bin means over the whole variance.
-`frequency` is the share of the residual's power below 1 Hz.
+The regime is the conditional variance of the residual: each condition that a machine declares sorts the frames into
+bins, and explains the correlation ratio, the variance of the bin means over the whole variance.
 """
 
 from __future__ import annotations
@@ -47,7 +41,12 @@ def localise(found: Isolation, verdict: str, effects: tuple[NamedEffect, ...]) -
 
 
 def remaining(found: Isolation, fitted: Fitted) -> Where:
-    """Place and regime of what a fitted set leaves; `shares`: of it, by the best further effect of each block."""
+    """Place and regime of what a fitted set leaves; `shares`: of it, by the best further effect of each block.
+
+    The place is that of the further effect that takes up most of it, as fitted beside the set or else as the linear
+    model predicts; a cause goes before the memory of a sensor. Where none takes up a tenth, it is the segment that ends
+    in the signal of the largest prediction error.
+    """
     e, search, machine = fitted.explanation, found.search, found.problem.robot.machine
     likelihood, left = found.likelihood.scaled_to(e.residual), max(search.measure_left(fitted), 1e-12)
     more = {key: f for key, f in search.sets.items() if fitted.effects < key and len(key) == len(fitted.effects) + 1}
@@ -121,15 +120,12 @@ def motion(position: np.ndarray, width: int, still: float | None, period: float)
 
 def explain_variance(residual: np.ndarray, condition: np.ndarray) -> float:
     """Share of the variance of a residual (n,) that a condition (n,) explains, 0 .. 1."""
-    total = residual.var()
-    edges = np.unique(np.quantile(condition, np.linspace(0.0, 1.0, BINS + 1)))
-    if total == 0.0 or len(edges) < 2:
+    total, levels = residual.var(), np.unique(condition)
+    if len(levels) > BINS:  # lower ends of bins of equal count
+        levels = np.unique(np.quantile(condition, np.linspace(0.0, 1.0, BINS + 1)))[:-1]
+    if total == 0.0 or np.ptp(condition) == 0.0:
         return 0.0
-    values = np.unique(condition)
-    if len(values) <= BINS:
-        bins = np.searchsorted(values, condition)
-    else:
-        bins = np.clip(np.searchsorted(edges, condition, "right") - 1, 0, len(edges) - 2)
+    bins = np.searchsorted(levels, condition, "right") - 1
     count = np.bincount(bins)
     means = np.bincount(bins, residual) / np.maximum(count, 1)
     return float(np.clip(np.sum(count * (means - residual.mean()) ** 2) / len(residual) / total, 0.0, 1.0))
@@ -160,10 +156,3 @@ def channel_index(problem: Problem, column: str) -> int:
     """Index of a column's channel on its axis."""
     channel, axes = column.rsplit("_", 1)[1], problem.robot.machine.axes
     return next(axes.of(axis).index(channel) for axis in (TENDONS, JOINTS) if channel in axes.of(axis))
-
-
-def spectrum(residual: np.ndarray, period: float, sections: int = 8) -> tuple[np.ndarray, np.ndarray]:
-    """Frequency [Hz] and power density [1/Hz] of a residual (n,), averaged over sections (Welch, Hann)."""
-    from scipy.signal import welch
-
-    return welch(residual, 1.0 / period, nperseg=max(64, len(residual) // sections))

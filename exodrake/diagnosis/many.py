@@ -1,11 +1,7 @@
-"""Diagnosis of many cases, resumable.
+"""Diagnosis of many cases, resumable: a case with a whole diagnosis.json is done, one that fails leaves failed.json.
 
-Each answer is written as soon as it is known. A folder with a whole diagnosis.json is done. A case that fails leaves
-failed.json with the reason, does not end the run, and is tried again by the next run. Every answer carries the
-configuration it was made with: a set answered by two configurations would test neither.
-
-`check_answer` checks what readers of diagnosis.json rely on. Further keys pass as they are, and so does a verdict word
-that is unknown here: an answer of a newer version has both.
+Every answer carries its configuration: a set answered by two would test neither. Answers of newer versions may have
+further keys and verdicts.
 """
 
 from __future__ import annotations

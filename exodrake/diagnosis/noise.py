@@ -1,7 +1,4 @@
-"""Noise standard deviation of each signal.
-
-It comes from trials that repeat the same reference, else from two simulated runs of the nominal robot, whose loop
-passes sensor noise on to every signal.
+"""Noise standard deviation of each signal: from trials that repeat a reference, else from runs of the nominal robot.
 
 Rounding to a resolution q adds q^2/12 to the noise of a reading; two runs of one motion round alike, so repeats do not
 show it.

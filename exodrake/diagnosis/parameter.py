@@ -10,12 +10,12 @@ without the effect.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from exodrake.core.effect import Effect, EffectParameter
+from exodrake.core.effect import Effect
 from exodrake.core.machine import Machine, expand_pattern
 from exodrake.core.robot import Robot, position
 
@@ -28,33 +28,19 @@ RANGE_FACTOR = 2.0  # a fit may leave an effect's plausible range by this factor
 
 @dataclass(frozen=True)
 class Parameter:
-    """One coordinate x of a fit.
+    """One coordinate x of a fit."""
 
-    Attributes:
-        name: full names of the parameters that it moves, separated by blanks.
-        index: their positions in the flat parameter vector.
-        transform: `relative`, `additive`, `log` or `reciprocal`.
-        base: value at x = 0 [unit of the parameter]; nominal parameters start from the values of the robot instead.
-        prior_std: standard deviation of x; infinite for a parameter of an effect.
-        bounds: range of x.
-        effect: id of the effect that it belongs to; empty for a nominal parameter.
-        channels: tendons or joints that it acts on.
-        amplitude: whether x = 0 removes the effect from its channels.
-        start: x at which a fit begins.
-        along: change of each position by x = 1 [its unit], for a coordinate that moves several together; else empty.
-    """
-
-    name: str
-    index: tuple[int, ...]
-    transform: str
-    base: float
-    prior_std: float
-    bounds: tuple[float, float]
-    effect: str = ""
-    channels: tuple[str, ...] = ()
-    amplitude: bool = False
-    start: float = 0.0
-    along: tuple[float, ...] = ()
+    name: str  # full names of the parameters that it moves, separated by blanks
+    index: tuple[int, ...]  # their positions in the flat parameter vector
+    transform: str  # `relative`, `additive`, `log` or `reciprocal`
+    base: float  # value at x = 0 [unit of the parameter]; nominal parameters start from the values of the robot instead
+    prior_std: float  # standard deviation of x; infinite for a parameter of an effect
+    bounds: tuple[float, float]  # range of x
+    effect: str = ""  # id of the effect that it belongs to; empty for a nominal parameter
+    channels: tuple[str, ...] = ()  # tendons or joints that it acts on
+    amplitude: bool = False  # whether x = 0 removes the effect from its channels
+    start: float = 0.0  # x at which a fit begins
+    along: tuple[float, ...] = ()  # change of each position by x = 1 [its unit] where it moves several; else empty
 
     @property
     def scale(self) -> float:
@@ -105,21 +91,34 @@ def nominal_parameters(robot: Robot) -> tuple[Parameter, ...]:
     return tuple(found)
 
 
-def effect_parameters(machine: Machine, effect: Effect, channels: Iterable[str] = ()) -> tuple[Parameter, ...]:
-    """The fitted parameters of an effect: an amplitude for each channel, and common further parameters.
-
-    channels: those that the effect may act on; all if empty.
-    """
-    wanted = tuple(channels) or machine.axes.of(effect.axis)
+def effect_parameters(machine: Machine, effect: Effect) -> tuple[Parameter, ...]:
+    """The fitted parameters of an effect: an amplitude for each channel, and common further parameters."""
     lead = next((p for p in effect.parameters if p.fitted), effect.parameters[0])
     found = []
     for k, info in enumerate(effect.parameters):
         if not info.fitted:
             continue
         index = machine.effect_indices(effect.id, info.name)
-        here = tuple(channel for channel in index if channel in wanted or not info.axis)
-        groups = [(c,) for c in here] if k == 0 or info is lead else [here]
-        found += [effect_parameter(effect, info, group, tuple(index[c] for c in group), k == 0) for group in groups]
+        groups = [(channel,) for channel in index] if k == 0 or info is lead else [tuple(index)]
+        transform, amplitude = {"linear": "additive"}.get(info.transform, info.transform), k == 0
+        base = info.null if amplitude and transform != "reciprocal" else 1.0 if transform == "log" else 0.0
+        plain = Parameter("", (), transform, base, math.inf, (0.0, 0.0))
+        low, high = sorted((plain.coordinate(info.low), plain.coordinate(info.high)))
+        if transform == "log":
+            low, high = low - math.log(RANGE_FACTOR), high + math.log(RANGE_FACTOR) * (high > 0.0 or not amplitude)
+        elif amplitude:
+            low, high = low * RANGE_FACTOR, high * RANGE_FACTOR
+        if amplitude:  # 0 where the effect is absent
+            low, high = min(0.0, low), max(0.0, high)
+        plain = replace(
+            plain,
+            name=f"{effect.id}.{info.name}",
+            bounds=(low - info.period, high + info.period),
+            effect=effect.id,
+            amplitude=amplitude,
+            start=plain.coordinate(info.initial),
+        )
+        found += [replace(plain, index=tuple(index[c] for c in group), channels=group) for group in groups]
     return tuple(found)
 
 
@@ -131,24 +130,3 @@ def fixed_parameters(machine: Machine, effect: Effect) -> list[tuple[int, float]
         if not info.fitted
         for i in machine.effect_indices(effect.id, info.name).values()
     ]
-
-
-def effect_parameter(
-    effect: Effect, info: EffectParameter, channels: tuple[str, ...], index: tuple[int, ...], amplitude: bool
-) -> Parameter:
-    """One parameter of an effect; an amplitude is 0 where the effect is absent."""
-    transform = {"linear": "additive"}.get(info.transform, info.transform)
-    base = info.null if amplitude and transform != "reciprocal" else 1.0 if transform == "log" else 0.0
-    plain = Parameter("", index, transform, base, math.inf, (0.0, 0.0))
-    low, high = sorted((plain.coordinate(info.low), plain.coordinate(info.high)))
-    if not amplitude and transform == "log":
-        low, high = low - math.log(RANGE_FACTOR), high + math.log(RANGE_FACTOR)
-    elif amplitude and transform == "log":
-        low, high = min(0.0, low - math.log(RANGE_FACTOR)), high + math.log(RANGE_FACTOR) if high > 0.0 else 0.0
-    elif amplitude:
-        low, high = min(0.0, low * RANGE_FACTOR), max(0.0, high * RANGE_FACTOR)
-    bounds = (low - info.period, high + info.period)
-    start = plain.coordinate(info.initial)
-    return Parameter(
-        f"{effect.id}.{info.name}", index, transform, base, math.inf, bounds, effect.id, channels, amplitude, start
-    )

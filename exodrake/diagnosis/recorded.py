@@ -11,7 +11,6 @@ from itertools import product
 
 import numpy as np
 
-from exodrake.core.effect import EffectParameter
 from exodrake.core.machine import Machine
 from exodrake.core.robot import Robot
 from exodrake.data.case import Case
@@ -44,16 +43,6 @@ def measure_sizes(machine: Machine, case: Case) -> dict[str, float]:
     return found
 
 
-def widen(parameter: EffectParameter, size: float) -> EffectParameter:
-    """A parameter whose range reaches as far as a recorded size [unit]."""
-    if parameter.transform != "linear" or parameter.null != 0.0 or not 0.0 < parameter.high < size:
-        return parameter
-    factor = size / parameter.high
-    low = parameter.low if parameter.low > 0.0 else parameter.low * factor
-    default = None if parameter.default is None else parameter.default * factor
-    return replace(parameter, high=size, low=low, default=default)
-
-
 def with_recorded_ranges(robot: Robot, case: Case) -> Robot:
     """The robot whose generic effects may be as large as the recording shows, and its numbers of rest as small.
 
@@ -63,12 +52,20 @@ def with_recorded_ranges(robot: Robot, case: Case) -> Robot:
     machine, size, values = robot.machine, measure_sizes(robot.machine, case), robot.values.copy()
     for name, largest in machine.recorded.items():
         values[machine.index[name]] = min(values[machine.index[name]], largest(size))
-    laws = {id(f) for e in LIBRARY.values() if e.block in GENERIC for f in e.at.values()}
-
-    effects = [
-        replace(e, parameters=(widen(e.parameters[0], size.get(e.parameters[0].unit, 0.0)), *e.parameters[1:]))
-        if e.id not in LIBRARY and {id(function) for function in e.at.values()} <= laws
-        else e
-        for e in machine.effects
-    ]
+    laws, effects = {id(f) for e in LIBRARY.values() if e.block in GENERIC for f in e.at.values()}, []
+    for effect in machine.effects:
+        first, *others = effect.parameters
+        reach, generic = size.get(first.unit, 0.0), {id(function) for function in effect.at.values()} <= laws
+        if (
+            effect.id not in LIBRARY
+            and generic
+            and first.transform == "linear"
+            and first.null == 0.0
+            and 0.0 < first.high < reach
+        ):
+            factor = reach / first.high
+            default = None if first.default is None else first.default * factor
+            low = first.low if first.low > 0.0 else first.low * factor
+            effect = replace(effect, parameters=(replace(first, high=reach, low=low, default=default), *others))
+        effects.append(effect)
     return replace(robot, values=values, machine=replace(machine, effects=tuple(effects)))

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from exodrake.core.errors import short_repr
+from exodrake.core.machine import Machine
 from exodrake.core.plain import plain
 from exodrake.core.provenance import configuration, robot_digest
 from exodrake.core.robot import Robot
@@ -243,6 +244,11 @@ class Diagnosis:
         return import_module("exodrake.report.notebook").diagnosis_html(self)  # a room above this one
 
     @property
+    def machine(self) -> Machine:
+        """The machine of its robots."""
+        return self.robots["nominal"].machine
+
+    @property
     def simulated_time(self) -> float:
         """Simulated time of the whole diagnosis [s]."""
         return sum(self.simulated.values())
@@ -271,21 +277,16 @@ class Diagnosis:
         """The answer in SI as plain data; adds `serial`, `date`, `confirmed`, `next_experiment`, `rms` and times."""
         answer = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in NOT_IN_JSON}
         closure = plain(self.closure) | {"rms": self.closure.rms}
-        closure["signals"] = {name: gap.to_json() for name, gap in self.closure.signals.items()}
         case = None if self.problem is None else self.problem.case
         dates = [item.date for item in case.logs if item.date is not None] if case else []
         robot = {"serial": case.serial if case else "", "date": max(dates).isoformat() if dates else None}
-        more = {"confirmed": self.confirmed, "next_experiment": self.next_experiment, "seconds": self.run_time}
+        apart = None  # the command that designs the experiment which tells apart what the logs do not
+        if self.verdict == AMBIGUOUS and self.rivals:
+            command = f"exodrake experiment {self.case} --out reference.csv"
+            apart = {"command": command, "between": [rival.name for rival in self.rivals]}
+        more = {"confirmed": self.confirmed, "next_experiment": apart, "seconds": self.run_time}
         more["simulated_seconds"] = self.simulated_time
         return plain(answer | robot | {"closure": closure} | more)
-
-    @property
-    def next_experiment(self) -> dict[str, Any] | None:
-        """The command that designs the experiment which tells apart what the logs do not, and between which."""
-        if self.verdict != AMBIGUOUS or not self.rivals:
-            return None
-        command = f"exodrake experiment {self.case} --out reference.csv"
-        return {"command": command, "between": [rival.name for rival in self.rivals]}
 
 
 def record_provenance(problem: Problem) -> Provenance:

@@ -1,13 +1,8 @@
 """Changes over the sessions of a case: an explanation's parameters session by session, and their change points.
 
-A session is the logs of one date, or a stretch of one long log. All sessions share the nominal parameters; each has the
-amplitudes of the effects for itself, as further columns of the `LinearModel` about the fit, whose blocks are the
-sessions. Logs by date are simulated again with what their session has found, and the step is repeated. Each series is
-tested for a change (`change_point`), with Bonferroni's correction for their number. What is followed are the amplitudes
-of the effects behind the verdict; of RETUNE the nominal parameters that moved; without an effect the residual, too.
-
-A robot that changed has no constant explanation: its case may be UNKNOWN, or several effects imitate the change. So
-single effects with amplitudes of their own in each session are compared with that explanation by their evidence.
+A session is the logs of one date, or a window of one long log. All sessions share the nominal parameters; each has the
+amplitudes of the effects for itself. A robot that changed has no constant explanation: its case may be UNKNOWN, or
+several effects imitate the change. So effects that vary by session are compared with the constant one by evidence.
 """
 
 from __future__ import annotations
@@ -41,7 +36,6 @@ WINDOW, WINDOWS = 10.0, 24  # s of a long log that count as a session at least, 
 ROUNDS, CONVERGED = 5, 0.1  # steps of logs by date at most, and the step that ends them [standard deviations]
 MOVED, FOLLOWED = 1.0, 4  # tolerances from which a nominal parameter counts as moved, and how many are followed
 SCREENED = 2  # effects that are tried beside those fitted with constant parameters
-FEW = "{} sessions: a change needs {} or more"
 
 
 class Session(NamedTuple):
@@ -116,15 +110,6 @@ def date_sessions(case: Case, names: Sequence[str]) -> tuple[Session, ...]:
     logs = {date: tuple(k for k, one in enumerate(found) if one == date) for date in sorted(set(found))}
     first = min(found)
     return tuple(Session(written_date(d), (d - first).total_seconds() / DAY, own) for d, own in logs.items())
-
-
-def split_windows(frames: int, frame: float) -> tuple[Session, ...]:
-    """Windows of one log of so many frames of `frame` [s], of equal length; none if it is too short for a change."""
-    count = min(int(frames * frame / WINDOW), WINDOWS)
-    ends = np.linspace(0, frames, count + 1).round().astype(int).tolist() if count >= LEAST else []
-    return tuple(
-        Session(f"{a * frame:.0f} to {b * frame:.0f} s", 0.5 * (a + b) * frame, (0,), (a, b)) for a, b in pairwise(ends)
-    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -255,13 +240,17 @@ def follow_sessions(problem: Problem, found: Isolation, decided: Decision) -> tu
     """
     problem = problem.shorten(affordable(problem, SAMPLES))
     sessions, unit = date_sessions(problem.case, [trial.name for trial in problem.fit]), "d"
-    if not sessions and len(problem.fit) == 1:
-        sessions, unit = split_windows(len(problem.fit[0].reference), problem.robot.machine.frame), "s"
+    if not sessions and len(problem.fit) == 1:  # windows of equal length of one log
+        frame, unit = problem.robot.machine.frame, "s"
+        frames = len(problem.fit[0].reference)
+        ends = np.linspace(0, frames, min(int(frames * frame / WINDOW), WINDOWS) + 1).round().astype(int).tolist()
+        names = [(f"{a * frame:.0f} to {b * frame:.0f} s", (a, b)) for a, b in pairwise(ends)]
+        sessions = tuple(Session(name, 0.5 * sum(span) * frame, (0,), span) for name, span in names)
     if len(sessions) < (LEAST if unit == "s" else 2):
         return None, decided
     since = Since(tuple(s.name for s in sessions), tuple(s.time for s in sessions), unit)
     if len(sessions) < LEAST:
-        return replace(since, note=FEW.format(len(sessions), LEAST)), decided
+        return replace(since, note=f"{len(sessions)} sessions: a change needs {LEAST} or more"), decided
     best, likelihood = decided.best.explanation, found.likelihood.on(problem).for_stage("since")
     logs = Logs(likelihood.with_memory(likelihood.residual(best.robot[None])[0]), sessions)
     fit = logs.fit(best)
@@ -328,8 +317,8 @@ def follow_effects(
     none = logs.likelihood.chi2(logs.likelihood.residual(found.retuned.explanation.robot[None])[0])
     memory, wide = min(logs.likelihood.with_memory(fit.residual).memory for fit in (*fits, known)), none > 1.0
     fits.sort(key=lambda fit: -fit.evidence(memory))
-    left = [(np.maximum(chi2_after_step(fit.model) - 1.0, 0.0) / (none - 1.0))[wide] for fit in fits]
-    left = [float(np.mean(one)) if wide.any() else 0.0 for one in left]
+    excess = [np.maximum(chi2_after_step(fit.model)[wide] - 1.0, 0.0) / (none[wide] - 1.0) for fit in fits]
+    left = [float(np.mean(one)) if wide.any() else 0.0 for one in excess]
     names = [fit.explanation.effects[0] for fit in fits]
     most, name, explained = fits[0].evidence(memory), names[0], 1.0 - left[0]
     clear = most > known.evidence(memory, constant=True) + NATS and most >= known.evidence(memory)

@@ -1,26 +1,7 @@
-"""The growing gap of a watched robot, and the alarm where it exceeds what healthy robots show.
+"""The gap of a watched robot, and the alarm where it exceeds what healthy robots show (`docs/watch.md`).
 
 The gap is the RMS of each channel's residuals in noise standard deviations, over a moving window and since the start.
-Squares are summed second by second from the log's start, so the gap does not depend on the pieces in which the log
-arrives. The noise is that of the robot's own work: grasps, random motion, holds and rests, drawn by a seed.
-
-Limits come from simulated healthy robots at work, parameters drawn within their tolerances, no effect:
-
-    exodrake alarm-limits --seed 21 --robots 100 --minutes 20 --out alarm_limits.yaml
-
-The first half of the robots gives the limits' proportions: the largest gap that each channel shows in a session. The
-other half gives their size: the smallest factor, one for all channels, at which none of them raises an alarm. With n
-robots in that half, at most 1 - 0.05^(1/n) of healthy robots raise an alarm in such a session, with 95 % confidence and
-for any distribution (Wilks' tolerance limit, Ann. Math. Stat. 12, 1941). That is 6 % for n = 50; the expected share is
-1 / (n + 1). `studies.alarm_rates` tests the limits on other robots.
-
-`date_rise` tells a gap that was there from the start from one that rose later, and dates it; since the alarm uses its
-own limits, this does not change its rate of false alarms. It scans a channel's power before the alarm for one change:
-
-    y_i = a + b g(t_i) + e_i        cov(e_i, e_j) = s^2 rho^|t_i - t_j| / (1 - rho^2), s and rho unknown
-
-The errors are autocorrelated, as a gap is that follows the motion. A rise is stated where a change, averaged over rho,
-has the `ODDS` against none.
+Squares are summed by the second, so the gap does not depend on the pieces in which the log arrives.
 """
 
 from __future__ import annotations
@@ -200,7 +181,11 @@ def judge(reading: Reading, listed: tuple[Channel, ...], limit: np.ndarray) -> A
 
 
 def date_rise(powers: np.ndarray, second: int, length: float = 1.0) -> tuple[float, float] | None:
-    """Times [s] of the log between which a gap rose (90 % set); None without a rise.
+    """Times [s] of the log between which a gap rose (90 % set); None without a rise: it was there from the start.
+
+    The logarithm of a channel's power is scanned for one change, averaged over rho, since a gap follows the motion:
+
+        y_i = a + b g(t_i) + e_i        cov(e_i, e_j) = s^2 rho^|t_i - t_j| / (1 - rho^2), s and rho unknown
 
     powers: (n,) mean square of each of the last n seconds up to `second` [noise variances], NaN if nothing was
     measured; of `length` [s] each, a whole number of frames.
@@ -255,7 +240,9 @@ def measure_all_peaks(
 def choose_limits(peaks: np.ndarray) -> np.ndarray:
     """Limits (channels,) from the largest gaps (robots, channels) of healthy robots [noise standard deviations].
 
-    Proportions come from the first half of the robots, the size from the others, none of which exceeds them.
+    Proportions come from the first half of the robots. The size is the smallest at which none of the others, that is n,
+    raises an alarm: at most 1 - 0.05^(1/n) of healthy robots then do, with 95 % confidence and for any distribution
+    (Wilks' tolerance limit, Ann. Math. Stat. 12, 1941); the expected share is 1 / (n + 1).
     """
     half = len(peaks) // 2
     proportions = np.maximum(peaks[:half].max(axis=0), LOWEST)

@@ -1,8 +1,6 @@
 """Monitor of a growing log: rows from the file, frames from the rows, residuals from the frames, then gap and alarm.
 
-The reader of a CSV file waits for one that does not exist yet, and for the end of an incomplete last line. A new log
-begins where the file shrinks, is replaced by another of its name or repeats its heading: its writer has started again.
-`Grid` sets the rows on frames, as `exodrake.data.log.regularise` does for a whole log.
+A new log begins where the file shrinks, is replaced by another of its name or repeats its heading.
 """
 
 from __future__ import annotations
@@ -60,7 +58,10 @@ class Tail:
     def __init__(self, path: Path, machine: Machine, mapped: Mapped | None = None) -> None:
         self.path, self.wanted, self.mapped = path, log_columns(machine), mapped
         self.layout = mapped or TextLayout()
-        if mapped is not None and not is_affine(mapped):
+        if mapped is not None and (  # only what converts each cell for itself, of a table with heading and time
+            any(c.filter is not None or c.wrap is not None for c in mapped.columns)
+            or (mapped.derived or mapped.sync or mapped.skip or mapped.time is None or not mapped.heading)
+        ):
             raise InputError(
                 f"{path}: a growing file is mapped by name, unit, scale, offset, sign; else `exodrake import`"
             )
@@ -68,8 +69,15 @@ class Tail:
 
     def poll(self) -> Iterator[Rows]:
         """New rows. InputError naming file, column and row for a heading or a row that does not belong to a log."""
-        if self.stream is None or self.is_rewritten(self.stream):
+        if self.stream is None:
             self.open()
+        else:  # begin anew where the file became shorter than what was read of it, or starts with other bytes
+            at, end = self.stream.tell(), self.stream.seek(0, io.SEEK_END)
+            self.stream.seek(0)
+            same = self.stream.read(len(self.head)) == self.head
+            self.stream.seek(at)
+            if end < at or not same:
+                self.open()
         while self.stream is not None:
             if data := self.stream.read(CHUNK):
                 yield from self.read(data)
@@ -93,16 +101,6 @@ class Tail:
             pass
         except OSError as error:
             raise InputError(f"{self.path}: cannot be read ({error.strerror})") from None
-
-    def is_rewritten(self, stream: io.BufferedReader) -> bool:
-        """Whether the open file became shorter than what was read of it, or starts with other bytes."""
-        at = stream.tell()
-        if stream.seek(0, io.SEEK_END) < at:
-            return True
-        stream.seek(0)
-        same = stream.read(len(self.head)) == self.head
-        stream.seek(at)
-        return not same
 
     def read(self, data: bytes) -> Iterator[Rows]:
         """Rows of the whole lines so far, cut where the heading comes again."""
@@ -192,9 +190,19 @@ class Grid:
         restart, note, found = rows.restart, "", []
         self.last = None if restart else self.last
         for number, row in zip(rows.numbers, rows.values, strict=True):
-            steps = 1 if self.last is None else self.count_steps(self.last, row, number)
-            if steps == 0:
-                continue
+            steps = 1
+            if self.last is not None:
+                if np.array_equal(row, self.last, equal_nan=True):
+                    continue
+                gap = row[0] - self.last[0]
+                if gap <= 0:
+                    fault = "comes again with other values" if gap == 0 else f"comes after {self.last[0]:g} s"
+                    raise InputError(f"{self.source}: column 'time', row {number}: {row[0]:g} s {fault}")
+                if (steps := int(np.rint(gap / self.frame))) < 1:
+                    raise InputError(
+                        f"{self.source}: row {number} comes {gap:.3g} s after the one before, but a frame is "
+                        f"{self.frame:g} s"
+                    )
             frame = self.stretch[-1][1] + steps if self.stretch and self.last is not None else 0
             self.stretch = [*self.stretch, (row[0], frame)] if frame else [(row[0], 0)]
             if len(self.stretch) == STRETCH:  # some hundred rows show a clock that is fast or slow, or another rate
@@ -215,20 +223,6 @@ class Grid:
             self.last = row
         if found:
             yield Rows(np.array(found), restart, note=note)
-
-    def count_steps(self, last: np.ndarray, values: np.ndarray, row: int) -> int:
-        """Frames since the last row: 1 for the next, 0 for the same row again."""
-        if np.array_equal(values, last, equal_nan=True):
-            return 0
-        gap = values[0] - last[0]
-        if gap <= 0:
-            fault = "comes again with other values" if gap == 0 else f"comes after {last[0]:g} s"
-            raise InputError(f"{self.source}: column 'time', row {row}: {values[0]:g} s {fault}")
-        if (steps := int(np.rint(gap / self.frame))) < 1:
-            raise InputError(
-                f"{self.source}: row {row} comes {gap:.3g} s after the one before, but a frame is {self.frame:g} s"
-            )
-        return steps
 
 
 class Monitor:
@@ -285,12 +279,6 @@ class Monitor:
         """RMS over a segment's channels of `values` (channels,); NaN if none is measured."""
         own = values[[c.segment == segment for c in self.channels]]
         return float(np.sqrt(np.mean(own[np.isfinite(own)] ** 2))) if np.isfinite(own).any() else float("nan")
-
-
-def is_affine(mapped: Mapped) -> bool:
-    """Whether a mapping converts each cell for itself, of a table with a heading and a column of the time."""
-    alone = all(c.filter is None and c.wrap is None for c in mapped.columns) and not mapped.derived and not mapped.sync
-    return alone and mapped.time is not None and mapped.heading and not mapped.skip
 
 
 def follow(monitor: Monitor, path: Path, idle: float | None, mapped: Mapped | None = None) -> Iterator[Reading | None]:

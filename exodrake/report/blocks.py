@@ -9,6 +9,7 @@ import re
 from base64 import b64encode
 from collections.abc import Sequence
 from dataclasses import dataclass
+from html import escape
 from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -56,13 +57,7 @@ def render_svg(figure: Figure, name: str, label: str) -> str:
     stream = StringIO()
     with matplotlib.rc_context({"svg.hashsalt": name, **STYLE}):
         figure.savefig(stream, format="svg", dpi=DPI, metadata={"Date": None, "Creator": None})
-    return inline(stream.getvalue(), label)
-
-
-def inline(svg: str, label: str) -> str:
-    """An SVG file as an element of HTML: without prologue, metadata, name spaces and unused ids."""
-    from html import escape
-
+    svg = stream.getvalue()  # as an element of HTML: without prologue, metadata, name spaces and unused ids
     svg = svg[svg.index("<svg") :]
     svg = re.sub(r"<metadata>.*?</metadata>\s*", "", svg, flags=re.DOTALL)
     svg = re.sub(r'\sxmlns(:\w+)?="[^"]*"', "", svg).replace("xlink:href", "href")
@@ -70,12 +65,8 @@ def inline(svg: str, label: str) -> str:
     for colour, name in VARIABLES.items():
         svg = svg.replace(colour, f"var(--{name})")
     svg = re.sub(r'\sid="([^"]*)"', lambda found: found[0] if found[1] in used else "", svg)
-    return re.sub(
-        r'<svg[^>]*viewBox="([^"]*)"[^>]*>',
-        rf'<svg viewBox="\1" role="img" aria-label="{escape(label)}">',
-        svg,
-        count=1,
-    )
+    head = rf'<svg viewBox="\1" role="img" aria-label="{escape(label)}">'
+    return re.sub(r'<svg[^>]*viewBox="([^"]*)"[^>]*>', head, svg, count=1)
 
 
 TEMPLATES = Path(__file__).parent / "templates"
@@ -85,8 +76,8 @@ TEMPLATES = Path(__file__).parent / "templates"
 class Table:
     """A table of texts; backticks mark code.
 
-    The left columns hold `words`, the others numbers, which are aligned right; it may fill the window. `totals` rows at
-    the end are set off. A title `folded` hides it.
+    The left columns hold `words`, the others numbers, which are aligned right; it may fill the window. A title `folded`
+    hides it.
     """
 
     block: ClassVar[str] = "table"
@@ -94,7 +85,6 @@ class Table:
     rows: Sequence[Sequence[str]]
     words: int = 1
     wide: bool = True
-    totals: int = 0
     folded: str = ""
 
 
@@ -102,20 +92,19 @@ class Table:
 class Bars:
     """Horizontal bars: label, length as a fraction of the full width, text at the end, whether in the accent colour.
 
-    Backticks mark code. A title `folded` hides the bars.
+    Backticks mark code.
     """
 
     block: ClassVar[str] = "bars"
     rows: Sequence[tuple[str, float, str, bool]]
     caption: str = ""
-    folded: str = ""
 
 
 @dataclass(frozen=True)
 class Drawing:
-    """An SVG element (`svg_of`) with its caption, or a whole file, which keeps its own style sheet, with an `alt`.
+    """An SVG element (`render_svg`) with its caption, or a whole file, which keeps its own style sheet, with an `alt`.
 
-    Backticks mark code. A wide one fills the window; `alt` says what it shows; a title `folded` hides it.
+    Backticks mark code. A wide one fills the window; `alt` says what it shows.
     """
 
     block: ClassVar[str] = "drawing"
@@ -123,7 +112,6 @@ class Drawing:
     caption: str = ""
     wide: bool = False
     alt: str = ""
-    folded: str = ""
 
     @property
     def base64(self) -> str:
@@ -140,14 +128,6 @@ class Heading:
 
 
 Block = Table | Bars | Drawing | Heading
-
-
-def shares(values: dict[str, float], caption: str = "") -> Bars:
-    """Bars of fractions, the largest first, over the full width and in the accent colour."""
-    ordered = sorted(values.items(), key=lambda item: -item[1])
-    largest = max(ordered[0][1], 1e-9)
-    rows = [(name, max(v, 0.0) / largest, f"{100 * v:.0f} %", v == largest) for name, v in ordered]
-    return Bars(rows, caption)
 
 
 def render(template: str, folder: Path = TEMPLATES, **values: Any) -> str:

@@ -2,11 +2,6 @@
 
 problem = make_problem(read_case(folder), load_robot())
 write_text("report.html", report_html(diagnosis, problem))
-
-The logs of the case are simulated as three robots would have run them: nominal, retuned and improved. Sections: how
-far, where, which, what was assumed. Curves are compact data for `templates/curves.js`, which draws them with uPlot. A
-sample takes two bytes: its level between the least and the largest value of its curve, in base 64. Logs that are too
-long for the report are given by their envelope, so that no peak is lost.
 """
 
 from __future__ import annotations
@@ -21,7 +16,7 @@ import numpy as np
 
 from exodrake import __version__
 from exodrake.analysis.log_response import COLUMNS, LogResponse, block_responses, plot_responses
-from exodrake.core.display import SYMBOLS, Display, find_display
+from exodrake.core.display import Display, find_display
 from exodrake.core.errors import InputError
 from exodrake.data import plot
 from exodrake.data.plot import choose_stretch, envelope, new_figure
@@ -32,19 +27,20 @@ from exodrake.diagnosis.parameter import nominal_parameters
 from exodrake.diagnosis.problem import Problem, Trial
 from exodrake.diagnosis.result import (
     AMBIGUOUS,
+    CAUSE,
     NAMED,
     NO_GAP,
     PARTLY,
+    REFINEMENT,
     RETUNE,
     UNKNOWN,
     Diagnosis,
-    NamedEffect,
     SignalGap,
 )
 from exodrake.diagnosis.search import GAIN, LAW, NATS, NEGLIGIBLE
 from exodrake.diagnosis.verdict import EXPLAINED, LARGE, MOST
 from exodrake.report import blocks, wording as w
-from exodrake.report.blocks import AFTER, BAND, LINE, RULE, SOFT, Bars, Drawing, Table, render, render_svg, shares
+from exodrake.report.blocks import AFTER, BAND, LINE, RULE, SOFT, Bars, Drawing, Table, render, render_svg
 from exodrake.report.missing_law import missing_law
 from exodrake.report.since import since
 from exodrake.report.wording import split_column
@@ -58,6 +54,7 @@ CURVE_LEVELS = 65534  # of a curve; the next one marks a missing sample
 SIZE = 900_000  # characters that all curves of a report may take
 CHARACTERS = 8 / 3  # that a sample takes
 FEWEST_SAMPLES, MOST_SAMPLES = 600, 8000  # samples of a curve: least, however many logs there are, and most
+SECTIONS, SHORTEST = 8, 64  # of a log in a spectrum, and samples of one at least
 NOISE_BAND = 2.0  # noise standard deviations to either side of no error
 BINS = 14  # of a condition
 DOTS = 2500  # of a scatter, at most
@@ -146,7 +143,23 @@ def how_far(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
         | {"overall": closed.get(key), "effect": step.get(key)}
         for key, name, rms in rows
     ]
-    answer: dict[str, Any] = {"errors": errors, "curves": None, "gaps": gap_tables(diagnosis), "spectrum": None}
+    gaps, titles = {found.kind: found for found in w.kind_gaps(diagnosis)}, w.robot_titles(diagnosis)
+    header = ("Signal", *titles, "Noise std", f"{titles[-1]} / noise std", *(["Closure"] if len(robots) > 1 else []))
+
+    def gap_row(title: str, gap: SignalGap, unit: str) -> tuple[str, ...]:
+        sizes = [getattr(gap, name) for name in robots]
+        known = gap.before > w.SMALL * gap.noise_std and np.isfinite(gap.closure)
+        cells = [w.quantity(x, gap.unit, unit) for x in (*sizes, gap.noise_std)]
+        closed = [w.closure(gap.closure) if known else "–"] if len(robots) > 1 else []
+        return (title, *cells, f"{sizes[-1] / gap.noise_std:.2f}", *closed)
+
+    rows = []  # of each signal, behind a fold
+    for name, gap in closure.signals.items():
+        kind, channel = split_column(name, diagnosis.machine)
+        rows.append(gap_row(f"{gaps[kind].display.label} {channel}", gap, gaps[kind].display.unit))
+    totals = [gap_row(k.display.label, k.gap, k.display.unit) for k in gaps.values()]
+    tables = [Table(header, totals), Table(header, rows, folded=f"Each of the {len(rows)} signals")]
+    answer: dict[str, Any] = {"errors": errors, "curves": None, "gaps": tables, "spectrum": None}
     if not runs.judged:
         return answer
     with blocks.house_style():  # a panel of spectra for each kind of signal, each robot in its style
@@ -165,32 +178,13 @@ def how_far(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
     return answer | {"curves": curves(runs, list(drawn)), "spectrum": Drawing(svg, wide=True)}
 
 
-def gap_tables(diagnosis: Diagnosis) -> list[Table]:
-    """Gap of each kind of signal with each robot, noise, closure; each signal's behind a fold."""
-    machine, robots = w.find_machine(diagnosis), list(w.list_robots(diagnosis))
-    kinds = {found.kind: found for found in w.kind_gaps(diagnosis)}
-    titles = w.robot_titles(diagnosis)
-    header = ("Signal", *titles, "Noise std", f"{titles[-1]} / noise std", *(["Closure"] if len(robots) > 1 else []))
-
-    def row(title: str, gap: SignalGap, unit: str) -> tuple[str, ...]:
-        gaps = [getattr(gap, name) for name in robots]
-        closed = w.closure(gap.closure) if gap.before > w.SMALL * gap.noise_std and np.isfinite(gap.closure) else "–"
-        cells = [w.quantity(x, gap.unit, unit) for x in (*gaps, gap.noise_std)]
-        return (title, *cells, f"{gaps[-1] / gap.noise_std:.2f}", *([closed] if len(robots) > 1 else []))
-
-    rows = []
-    for name, gap in diagnosis.closure.signals.items():
-        kind, channel = w.split_column(name, machine)
-        rows.append(row(f"{kinds[kind].display.label} {channel}", gap, kinds[kind].display.unit))
-    totals = [row(k.display.label, k.gap, k.display.unit) for k in kinds.values()]
-    return [Table(header, totals), Table(header, rows, folded=f"Each of the {len(rows)} signals")]
-
-
 def spectra(runs: SimulatedLogs, robot: str, kind: str) -> tuple[np.ndarray, np.ndarray]:
-    """Frequency [Hz] and mean power density [1/Hz] of the normalised residuals of one kind, over judged logs."""
+    """Frequency [Hz] and mean power density [1/Hz] (Welch) of normalised residuals of one kind, over judged logs."""
+    from scipy.signal import welch
+
     indices = [i for i, (own, _) in enumerate(runs.parts) if own == kind]
-    columns = [log.residuals[robot][:, i] for log in runs.judged for i in indices]
-    found = [localise.spectrum(np.nan_to_num(column), runs.period) for column in columns]
+    columns = [np.nan_to_num(log.residuals[robot][:, i]) for log in runs.judged for i in indices]
+    found = [welch(c, 1.0 / runs.period, nperseg=max(SHORTEST, len(c) // SECTIONS)) for c in columns]
     frequency = min((frequency for frequency, _ in found), key=len)
     return frequency, np.mean([power for _, power in found if len(power) == len(frequency)], axis=0)
 
@@ -199,7 +193,8 @@ def curves(runs: SimulatedLogs, robots: Sequence[str]) -> dict[str, Any]:
     """Curves of the report over time: for each judged log what was measured, and each robot with its error.
 
     Returns:
-        Plain data: `kinds` (name, label, unit), `robots`, and `logs` (name, samples, step [s], stretch, columns).
+        Plain data: `kinds` (name, label, unit), `robots`, and `logs` (name, samples, step [s], stretch, columns). A
+        column has each curve as least value, height of a level, and levels in base 64; NaN is the one after the last.
     """
     count = (1 + 2 * len(robots)) * max(len(runs.problem.columns), 1) * max(len(runs.judged), 1)
     most = int(np.clip(SIZE / (CHARACTERS * count), FEWEST_SAMPLES, MOST_SAMPLES))
@@ -214,42 +209,45 @@ def curves(runs: SimulatedLogs, robots: Sequence[str]) -> dict[str, Any]:
         for i, (kind, channel) in enumerate(runs.parts):
             factor = displays[kind].factor
             column = {"kind": kind, "channel": channel, "band": NOISE_BAND * factor * float(log.noise_std[i])}
-            columns.append(column | {name: pack_curve(factor * values[:, i]) for name, values in short.items()})
+            for name, values in short.items():
+                curve = factor * values[:, i]
+                known = np.isfinite(curve)
+                least = float(curve[known].min()) if known.any() else 0.0
+                height = float(curve[known].max() - least) / CURVE_LEVELS if known.any() else 0.0
+                levels = np.full(len(curve), CURVE_LEVELS + 1, "<u2")
+                levels[known] = np.round((curve[known] - least) / (height or 1.0))
+                column[name] = {"least": least, "height": height, "levels": b64encode(levels.tobytes()).decode()}
+            columns.append(column)
         logs.append({
             "name": log.trial.name, "samples": len(short["measured"]), "stretch": stretch,
             "step": runs.period * (stretch / 2 if stretch > 1 else 1), "columns": columns,
         })  # fmt: skip
     return {
-        "kinds": [{"name": k, "label": d.label, "unit": SYMBOLS.get(d.unit, d.unit)} for k, d in displays.items()],
+        "kinds": [{"name": kind, "label": d.label, "unit": d.symbol} for kind, d in displays.items()],
         "robots": list(robots),
         "logs": logs,
     }
-
-
-def pack_curve(values: np.ndarray) -> dict[str, Any]:
-    """A curve (n,) as least value, height of a level, and levels in base 64; NaN is the level after the last."""
-    known = np.isfinite(values)
-    least = float(values[known].min()) if known.any() else 0.0
-    height = float(values[known].max() - least) / CURVE_LEVELS if known.any() else 0.0
-    levels = np.full(len(values), CURVE_LEVELS + 1, "<u2")
-    levels[known] = np.round((values[known] - least) / (height or 1.0))
-    return {"least": least, "height": height, "levels": b64encode(levels.tobytes()).decode()}
 
 
 def where(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
     """Values of the section's template; nothing where there is no place."""
     from exodrake.diagrams.block_diagram import wiring_svg
 
-    found = diagnosis.where
+    found, conditions = diagnosis.where, None
     if found.block == "none":
         return {"wiring": None, "conditions": None, "figures": []}
     by = "the effects of each part take up" if diagnosis.effects else "the best effect of each part takes up alone"
     drawn = wiring_svg(runs.problem.robot.machine, found.shares, schedule=False)
     caption = f"In each part the share of the gap that {by}."
     figures = [response_figure(diagnosis, runs), condition_figure(diagnosis, runs)]
+    if found.regime:  # shares of the variance, over the width of the largest
+        largest = max(*found.regime.values(), 1e-9)
+        ordered = sorted(found.regime.items(), key=lambda item: -item[1])
+        rows = [(name, max(v, 0.0) / largest, f"{100 * v:.0f} %", v == largest) for name, v in ordered]
+        conditions = Bars(rows)
     return {
         "wiring": Drawing(drawn, caption, wide=True, alt="parts and signals of the robot"),
-        "conditions": shares(found.regime) if found.regime else None,
+        "conditions": conditions,
         "figures": [figure for figure in figures if figure is not None],
     }
 
@@ -266,21 +264,18 @@ def response_figure(diagnosis: Diagnosis, runs: SimulatedLogs) -> Drawing | None
         found = block_responses(runs.problem.case, robots) if machine.references else []
     except InputError:
         return None
-    by_block: dict[str, list[LogResponse]] = {segment.name: [] for segment in machine.segments}
+    by_block: dict[str, list[tuple[float, LogResponse]]] = {segment.name: [] for segment in machine.segments}
     for one in found:
         name = next(s.name for s in machine.segments if s.output == split_column(one.output, machine)[0])
         if one.resolved.any() and all(np.isfinite(model).all() for model in one.models.values()):
-            by_block[name].append(one)
-
-    def size_gap(one: LogResponse) -> float:
-        """Mean square of the relative error of the nominal response, weighted by power; 0 at unresolved lines."""
-        error = np.where(one.resolved, np.abs(one.models[NOMINAL] / one.response - 1.0), 0.0)
-        return float(np.average(error**2, weights=one.power))
-
-    by_block = {name: sorted(each, key=size_gap)[::-1] for name, each in by_block.items() if each}
+            # mean square of the relative error of the nominal response, weighted by power; 0 at unresolved lines
+            error = np.where(one.resolved, np.abs(one.models[NOMINAL] / one.response - 1.0), 0.0)
+            by_block[name].append((float(np.average(error**2, weights=one.power)), one))
+    by_block = {name: sorted(each, key=lambda pair: pair[0])[::-1] for name, each in by_block.items() if each}
     if not by_block:
         return None
-    chosen = {name: each[: max(1, COLUMNS // len(by_block))] for name, each in by_block.items()}
+    count = max(1, COLUMNS // len(by_block))
+    chosen = {name: [one for _, one in each[:count]] for name, each in by_block.items()}
     figure = plot_responses([one for each in chosen.values() for one in each], style=blocks.STYLE)
     label = "frequency responses of the blocks, measured, nominal and improved"
     parts = w.join_words([f"{name} ({w.join_words([one.output for one in each])})" for name, each in chosen.items()])
@@ -347,28 +342,23 @@ def condition_figure(diagnosis: Diagnosis, runs: SimulatedLogs) -> Drawing | Non
 def which(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
     """Values of the section's template."""
 
-    def describe(effects: list[NamedEffect]) -> list[tuple[Any, ...]]:
-        found = []
-        for effect in effects:
-            rows = []
-            for name, item in effect.parameters.items():
-                channels = effect.channels.get(name, {})
-                several = len(channels) > 1
-                if not several or np.isfinite(item.value):
-                    rows.append((f"`{name}`{' (common value)' if several else ''}", *w.interval(item)))
-                rows += [(f"`{name}` {channel}", *w.interval(one)) for channel, one in channels.items() if several]
-            table = Table(("Parameter", "Value", "90 % interval"), rows, wide=False)
-            found.append((effect, w.find_effect(diagnosis, effect.id), table))
-        return found
-
     def bar(name: str, length: float, text: str, strong: bool = False) -> tuple[str, float, str, bool]:
         return name, float(np.clip(np.nan_to_num(length), 0.0, 1.0)), text, strong
 
-    bars, left = [], diagnosis.remainder  # each cause with its rivals beneath, the refinements, and what remains
-    for effect in (*w.causes(diagnosis), *w.refinements(diagnosis)):
-        strong = effect in w.causes(diagnosis)
-        bars.append(bar(f"`{effect.id}`", effect.share.value, w.share_span(effect.share), strong))
+    # each cause with its rivals beneath, the refinements, and what remains; parameters of each
+    bars, described, left = [], {CAUSE: [], REFINEMENT: []}, diagnosis.remainder
+    for effect in (*w.causes(diagnosis), *w.causes(diagnosis, REFINEMENT)):
+        bars.append(bar(f"`{effect.id}`", effect.share.value, w.share_span(effect.share), effect.role == CAUSE))
         bars += [bar(f"or `{r.id}`", r.share.value, w.share(r.share.value)) for r in effect.rivals]
+        rows = []
+        for name, item in effect.parameters.items():
+            channels = effect.channels.get(name, {})
+            several = len(channels) > 1
+            if not several or np.isfinite(item.value):
+                rows.append((f"`{name}`{' (common value)' if several else ''}", *w.interval(item)))
+            rows += [(f"`{name}` {channel}", *w.interval(one)) for channel, one in channels.items() if several]
+        table = Table(("Parameter", "Value", "90 % interval"), rows, wide=False)
+        described[effect.role].append((effect, w.find_effect(diagnosis, effect.id), table))
     noise = f", {w.digits(left.noise_std, 2)} noise std" if np.isfinite(left.noise_std) else ""
     bars.append(bar("remains", left.value, w.share(left.value) + noise))
     caption = (
@@ -381,29 +371,25 @@ def which(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
         evidence = f"{one.evidence:,.1f}" if np.isfinite(one.evidence) else "–"
         sets.append((f"`{one.id or 'retune'}`", w.closure(one.share), *chi2, evidence))
     header = ("Effects", "Explains", "chi-square, closed loop", "chi-square, prediction error", "Evidence [nats]")
-    return {
-        "shares": Bars(bars, caption) if len(bars) > 1 else None,
-        "causes": describe(w.causes(diagnosis)),
-        "refinements": describe(w.refinements(diagnosis)),
-        "sets": Table(header, sets, folded=f"All {len(sets)} fitted sets in numbers") if sets else None,
-        "retuned": retuned_tables(diagnosis, runs),
-    }
-
-
-def retuned_tables(diagnosis: Diagnosis, runs: SimulatedLogs) -> list[Table]:
-    """Nominal parameters that the last robot changes, the largest change first; the smaller changes folded."""
-    improved = diagnosis.robots[IMPROVED].values
+    rows, improved = [], diagnosis.robots[IMPROVED].values
+    # nominal parameters that the last robot changes, the largest change first
     changes = [(p, p.coordinate(float(improved[p.index[0]]))) for p in nominal_parameters(runs.problem.robot)]
-    changes = [(p, x) for p, x in changes if abs(x) > LEAST * p.prior_std]
-    rows = []
     for p, x in sorted(changes, key=lambda change: -abs(change[1] / change[0].prior_std)):
         unit = runs.problem.robot.machine.parameters[p.index[0]].unit
         bound = " (its bound)" if abs(x) >= AT_BOUND * max(map(abs, p.bounds)) else ""
-        deviations = f"{x / p.prior_std:+.2f}{bound}"
-        rows.append((f"`{p.name}`", w.quantity(p.base, unit), w.quantity(p.value(x), unit), deviations))
-    header, rest = ("Parameter", "Nominal", "Fitted", "Change in std of its tolerance"), rows[SHOWN:]
-    tables = [Table(header, rows[:SHOWN], wide=False)] if rows else []
-    return tables + ([Table(header, rest, wide=False, folded=f"{len(rest)} smaller changes")] if rest else [])
+        cells = [w.quantity(value, unit) for value in (p.base, p.value(x))]
+        if abs(x) > LEAST * p.prior_std:
+            rows.append((f"`{p.name}`", *cells, f"{x / p.prior_std:+.2f}{bound}"))
+    titles, rest = ("Parameter", "Nominal", "Fitted", "Change in std of its tolerance"), rows[SHOWN:]
+    retuned = [Table(titles, rows[:SHOWN], wide=False)] if rows else []
+    retuned += [Table(titles, rest, wide=False, folded=f"{len(rest)} smaller changes")] if rest else []
+    return {
+        "shares": Bars(bars, caption) if len(bars) > 1 else None,
+        "causes": described[CAUSE],
+        "refinements": described[REFINEMENT],
+        "sets": Table(header, sets, folded=f"All {len(sets)} fitted sets in numbers") if sets else None,
+        "retuned": retuned,
+    }
 
 
 def list_assumptions(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:

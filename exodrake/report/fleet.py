@@ -10,7 +10,6 @@ import os
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from itertools import groupby
 from pathlib import Path
 from urllib.parse import quote
@@ -19,7 +18,7 @@ import numpy as np
 
 from exodrake import __version__
 from exodrake.core.errors import plural, printable
-from exodrake.diagnosis.change_point import DAY, RAMP, STEP
+from exodrake.diagnosis.change_point import RAMP, STEP
 from exodrake.diagnosis.fleet import FAILURE, Row, Trend, find_trends
 from exodrake.diagnosis.many import ANSWER
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, PARTLY, RETUNE, UNKNOWN, Interval
@@ -86,20 +85,25 @@ def fleet_html(rows: Sequence[Row], source: str, links: Mapping[str, str] | None
     ]
     timelines = []
     for trend in [t for m in robots for t in m.changed][:DRAWN]:
-        name, values = f"{trend.serial}: {trend.effect} {trend.parameter}", trend.values.tolist()
-        head = {"title": f"{name} on {trend.channel}" if trend.channel else name, "dates": True}
-        lines: dict[str, list[float]] = dict.fromkeys(("values", "low", "high"), values)
-        start = trend.first.timestamp()
-        seconds = partial(lambda times, start: [start + DAY * t for t in times], start=start)
-        timelines.append(timeline(head, trend.unit, trend.times.tolist(), lines, trend.change, seconds))
+        name = f"{trend.serial}: {trend.effect} {trend.parameter}" + (f" on {trend.channel}" if trend.channel else "")
+        lines: dict[str, list[float]] = dict.fromkeys(("values", "low", "high"), trend.values.tolist())
+        timelines.append(timeline(name, trend.first, trend.unit, trend.times.tolist(), lines, trend.change))
+    now = Counter(effect for m in robots for effect in m.last.effects)
+    ever = Counter(effect for m in robots for row in m.rows for effect in set(row.effects))
+    most, bars = max([1, *now.values()]), []
+    for e in sorted(ever, key=lambda e: (-now[e], -ever[e]))[:CAUSES]:
+        counts = f"{now[e]} {plural(now[e], 'robot')}, {ever[e]:,} {plural(ever[e], 'case')}"
+        bars.append((f"`{e}`", now[e] / most, counts, now[e] > 0))
+    words = "Robots in whose last case the cause is named, or left by an ambiguous verdict; and all such cases."
     if len(failed) > LISTED:
         failed[LISTED:] = [("…", f"and {len(failed) - LISTED} more")]
     dates = [row.date.date().isoformat() for row in rows if row.date is not None]
-    words = tuple(dict.fromkeys((*VERDICTS, *sorted({row.verdict for row in rows}))))
+    verdicts = tuple(dict.fromkeys((*VERDICTS, *sorted({row.verdict for row in rows}))))
     return render(
         "fleet.html", title=f"Fleet: {source}", version=__version__, colour=COLOURS[NAMED], source=source,
-        tiles=tiles, colours=dict.fromkeys(words, GREY) | COLOURS, verdicts=words,
-        strips=[(m.serial, strip(m.rows)) for m in robots], robots=robot_table(robots, links), causes=causes(robots),
+        tiles=tiles, colours=dict.fromkeys(verdicts, GREY) | COLOURS, verdicts=verdicts,
+        strips=[(m.serial, strip(m.rows)) for m in robots], robots=robot_table(robots, links),
+        causes=Bars(bars, words) if bars else None,
         timelines=timelines, rest=sum(len(m.changed) for m in robots) - len(timelines),
         failed=Table(("Case", "Reason"), failed, words=2) if failed else None,
         dates=(min(dates), max(dates)) if dates else None,
@@ -160,15 +164,3 @@ def robot_table(robots: Sequence[Member], links: Mapping[str, str] | None = None
         rows.append((m.serial, verdict, cause or "–", since, size, amounts, closed, last, f"{len(m.rows):,}"))
     header = ("Robot", "Last verdict", "Cause", "Since when (90 %)", "Change", "Size (90 %)", "Closure")
     return Table((*header, "Last case", "Cases"), rows, words=8)
-
-
-def causes(robots: Sequence[Member]) -> Bars | None:
-    """Causes by the number of robots in whose last case they are named or left."""
-    now = Counter(effect for m in robots for effect in m.last.effects)
-    ever = Counter(effect for m in robots for row in m.rows for effect in set(row.effects))
-    most, rows = max([1, *now.values()]), []
-    for e in sorted(ever, key=lambda e: (-now[e], -ever[e]))[:CAUSES]:
-        counts = f"{now[e]} {plural(now[e], 'robot')}, {ever[e]:,} {plural(ever[e], 'case')}"
-        rows.append((f"`{e}`", now[e] / most, counts, now[e] > 0))
-    words = "Robots in whose last case the cause is named, or left by an ambiguous verdict; and all such cases."
-    return Bars(rows, words) if rows else None

@@ -25,19 +25,16 @@ def robot_html(robot: Robot) -> str:
 
 def diagnosis_html(diagnosis: Diagnosis) -> str:
     """The headline, the error of each kind of signal with each robot, and the values of the causes."""
+    import matplotlib
+
     rows = [row for effect in w.causes(diagnosis) for row in w.parameter_values(effect, known=True)]
     cells = ("".join(f"<td>{escape(cell)}</td>" for cell in row) for row in rows)
     head = "<tr><th>Parameter</th><th>Value</th><th>90 % interval</th></tr>"
     table = f"<table>{head}{''.join(f'<tr>{row}</tr>' for row in cells)}</table>" if rows else ""
     title = f"<p><b>{escape(diagnosis.verdict)}</b> {escape(w.headline(diagnosis))}</p>"
-    return f"<div>{title}{gap_picture(diagnosis) if diagnosis.closure.signals else ''}{table}</div>"
-
-
-def gap_picture(diagnosis: Diagnosis) -> str:
-    """Bars of the RMS error of each kind of signal with each robot [noise_std]."""
-    import matplotlib
-
     kinds, robots = w.kind_gaps(diagnosis), w.list_robots(diagnosis)
+    if not kinds:
+        return f"<div>{title}{table}</div>"
     colours = {"before": plot.NOMINAL["color"], "retuned": RETUNED, "after": plot.IMPROVED["color"]}
     with matplotlib.rc_context({**plot.STYLE, "svg.fonttype": "none"}):
         figure = plot.new_figure(7.0, 0.8 + 0.22 * len(kinds) * len(robots))
@@ -53,7 +50,7 @@ def gap_picture(diagnosis: Diagnosis) -> str:
         figure.legend(loc="outside upper left", ncols=3)
         stream = BytesIO()
         figure.savefig(stream, format="svg", metadata={"Date": None})
-    return picture(stream.getvalue().decode())
+    return f"<div>{title}{picture(stream.getvalue().decode())}{table}</div>"
 
 
 def picture(svg: str) -> str:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from datetime import timedelta
+from collections.abc import Mapping, Sequence
+from datetime import datetime, timedelta
 from typing import TYPE_CHECKING, Any
 
 from exodrake.core.display import SYMBOLS, shown_unit
@@ -26,18 +26,11 @@ def since(diagnosis: Diagnosis) -> dict[str, Any]:
     if found is None:
         return {"since": None, "timelines": []}
     first = parse_date(found.sessions[0]) if found.unit == "d" else None
-
-    def clock(times: Sequence[float]) -> list[float]:
-        """POSIX times [s], or times of the log [s]."""
-        if found.unit != "d":
-            return list(times)
-        return [] if first is None else [(first + timedelta(days=t)).timestamp() for t in times]
-
-    timelines, rows = [], []
-    for one in found.series[:SHOWN]:
-        lines = {"values": one.values, "low": one.low, "high": one.high}
-        head = {"title": title(one), "dates": found.unit == "d"}
-        timelines.append(timeline(head, one.unit, found.times, lines, one.change, clock))
+    timelines = [
+        timeline(title(s), first, s.unit, found.times, {"values": s.values, "low": s.low, "high": s.high}, s.change)
+        for s in found.series[:SHOWN]
+    ]
+    rows = []
     for one in found.series:
         change, cells = one.change, ("–",) * 4
         if change is not None:
@@ -100,27 +93,32 @@ def title(one: Series) -> str:
 
 
 def timeline(
-    head: Mapping[str, Any],
+    title: str,
+    first: datetime | None,
     unit: str,
     times: Sequence[float],
     rows: Mapping[str, Sequence[float]],
     change: Change | None,
-    clock: Callable[[Sequence[float]], list[float]],
 ) -> dict[str, Any]:
-    """Plain data of a quantity.
+    """Plain data of a quantity: title, unit shown, values, and its change if it has one.
 
     Args:
-        head: `title`, and `dates`: whether the clock gives POSIX times.
+        title: of the quantity.
+        first: date from which times count [d], shown as POSIX times [s]; None of times of a log [s].
         unit: of the values.
-        times: (n,) of the values and of the change [their unit].
+        times: (n,) of the values.
         rows: `values`, `low` and `high` (n,) [unit].
         change: its change point; None without.
-        clock: times as they are shown [s].
     """
     name, factor = shown_unit(unit)
-    shown = {key: [factor * float(value) for value in values] for key, values in rows.items()}
-    found = {**head, "unit": SYMBOLS.get(name, name), **shown, "times": clock(times)}
-    if change is None:
-        return found
-    path = [[*clock([t]), factor * y] for t, y in change.path(times[0], times[-1])]
-    return found | {"began": clock(change.began), "path": path}
+
+    def clock(times: Sequence[float]) -> list[float]:
+        return list(times) if first is None else [(first + timedelta(days=t)).timestamp() for t in times]
+
+    found: dict[str, Any] = {"title": title, "dates": first is not None, "unit": SYMBOLS.get(name, name)}
+    found |= {key: [factor * float(value) for value in values] for key, values in rows.items()}
+    found["times"] = clock(times)
+    if change is not None:
+        found["began"] = clock(change.began)
+        found["path"] = [[*clock([t]), factor * y] for t, y in change.path(times[0], times[-1])]
+    return found

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import zip_longest
 from typing import TYPE_CHECKING
 
 from exodrake.core.progress import Stage
-from exodrake.diagnosis.result import AMBIGUOUS, CAUSE, NAMED, NO_GAP, PARTLY, RETUNE, UNKNOWN, Diagnosis, NamedEffect
+from exodrake.diagnosis.result import AMBIGUOUS, CAUSE, NAMED, NO_GAP, PARTLY, RETUNE, UNKNOWN, Diagnosis
 from exodrake.report import wording as w
 from exodrake.report.missing_law import law_lines
 from exodrake.report.since import words as since_words
@@ -47,7 +48,7 @@ def print_summary(diagnosis: Diagnosis, console: Console | None = None) -> None:
     console, where = console or Console(highlight=False), diagnosis.where
     lines = [f"[bold]{escape(w.headline(diagnosis))}[/bold]"]
     if where.block != "none":
-        place = w.seat(where.wires, where.joints, w.find_machine(diagnosis))
+        place = w.seat(where, diagnosis.machine)
         lines.append(f"where   {where.block}{', ' + place if place else ''}")
     if diagnosis.verdict in (UNKNOWN, PARTLY, AMBIGUOUS) and where.regime:
         top = sorted(where.regime.items(), key=lambda item: -item[1])[:REGIMES]
@@ -59,7 +60,15 @@ def print_summary(diagnosis: Diagnosis, console: Console | None = None) -> None:
     style = COLOURS.get(diagnosis.verdict, "white")
     console.print(Panel("\n".join(lines), title=title, title_align="left", border_style=style, padding=(0, 2)))
     if diagnosis.effects:
-        rows = [row for effect in diagnosis.effects for row in effect_rows(effect)]
+        rows = []
+        for effect in diagnosis.effects:  # role, share and rivals beside the parameters, by channel where there are any
+            refined = "" if effect.role == CAUSE else f" [dim]{effect.role}[/dim]"
+            rivals = [(f"  or {rival.id}", w.share_span(rival.share)) for rival in effect.rivals]
+            left, values = [(f"[bold]{effect.id}[/bold]{refined}", w.share_span(effect.share)), *rivals], []
+            for name, item in effect.parameters.items():
+                channels = {f"{name} {channel}": one for channel, one in effect.channels.get(name, {}).items()}
+                values += [(title, *w.interval(one)) for title, one in (channels or {name: item}).items()]
+            rows += [(*(a or ("", "")), *(b or ("", "", ""))) for a, b in zip_longest(left, values)]
         console.print(table(("effect", ">of the gap", "parameter", ">value", ">90 % interval"), rows))
     rows, closes = [], diagnosis.verdict != NO_GAP
     for found in w.kind_gaps(diagnosis):
@@ -86,21 +95,6 @@ def print_summary(diagnosis: Diagnosis, console: Console | None = None) -> None:
         console.print(f"[yellow]note[/yellow]    {escape(note)}")
 
 
-def effect_rows(effect: NamedEffect) -> list[tuple[str, ...]]:
-    """Effect with role and share, parameters (by channel where there are several values), and its rivals below."""
-    refined = "" if effect.role == CAUSE else f" [dim]{effect.role}[/dim]"
-    rivals = [(f"  or {rival.id}", w.share_span(rival.share)) for rival in effect.rivals]
-    left = [(f"[bold]{effect.id}[/bold]{refined}", w.share_span(effect.share)), *rivals]
-    values = []
-    for name, item in effect.parameters.items():
-        channels = effect.channels.get(name, {})
-        values += [(f"{name} {channel}", *w.interval(one)) for channel, one in channels.items()]
-        values += [] if channels else [(name, *w.interval(item))]
-    count = max(len(left), len(values))
-    left, values = left + [("", "")] * (count - len(left)), values + [("", "", "")] * (count - len(values))
-    return [(*a, *b) for a, b in zip(left, values, strict=True)]
-
-
 def closing_lines(diagnosis: Diagnosis) -> list[str]:
     """Closure with its interval; for an ambiguous verdict the class and the next experiment."""
     lines = []
@@ -121,8 +115,8 @@ def closing_lines(diagnosis: Diagnosis) -> list[str]:
     return lines
 
 
-def print_profile(diagnosis: Diagnosis, spent: Mapping[Stage, float], console: Console | None = None) -> None:
-    """Prints processor time [s] by stage beside the time that it simulated; to standard output without a console."""
+def print_profile(diagnosis: Diagnosis, spent: Mapping[Stage, float]) -> None:
+    """Prints processor time [s] by stage beside the time that it simulated."""
     from rich.console import Console
 
     simulated = dict.fromkeys(spent, 0.0)
@@ -133,4 +127,4 @@ def print_profile(diagnosis: Diagnosis, spent: Mapping[Stage, float], console: C
     rows.append(
         ("all", f"{sum(spent.values()):.2f} s in {diagnosis.run_time:.1f} s", f"{diagnosis.simulated_time:,.0f} s")
     )
-    (console or Console(highlight=False)).print(table(("stage", ">processor", ">simulated"), rows))
+    Console(highlight=False).print(table(("stage", ">processor", ">simulated"), rows))

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,10 +20,12 @@ from exodrake.diagnosis.result import (
     REFINEMENT,
     RETUNE,
     UNKNOWN,
+    WHOLE,
     Diagnosis,
     Interval,
     NamedEffect,
     SignalGap,
+    Where,
 )
 
 DIGITS = 3  # significant digits of a quantity
@@ -115,8 +117,7 @@ def join_words(items: tuple[str, ...] | list[str], last: str = "and") -> str:
     return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} {last} {items[-1]}" if items else ""
 
 
-@dataclass(frozen=True)
-class KindGap:
+class KindGap(NamedTuple):
     """RMS over the signals of one kind on held-out logs [SI]: gaps, noise; closure; how the kind is shown."""
 
     kind: str
@@ -124,24 +125,18 @@ class KindGap:
     gap: SignalGap
 
 
-def find_machine(diagnosis: Diagnosis) -> Machine | None:
-    """The machine of the diagnosed robots."""
-    return next((robot.machine for robot in diagnosis.robots.values()), None)
-
-
-def split_column(name: str, machine: Machine | None) -> tuple[str, str]:
+def split_column(name: str, machine: Machine) -> tuple[str, str]:
     """Kind and channel of a column: `speed_cmd_AF` -> (`speed_cmd`, `AF`)."""
-    kinds = [c.kind for c in machine.columns if name.startswith(f"{c.kind}_")] if machine else []
-    kind = max(kinds, key=len) if kinds else name.rsplit("_", 1)[0]
+    kinds = [c.kind for c in machine.columns if name.startswith(f"{c.kind}_")]
+    kind = max(kinds, key=len, default=name.rsplit("_", 1)[0])
     return kind, name[len(kind) + 1 :]
 
 
-def seat(tendons: Sequence[str], joints: Sequence[str], machine: Machine | None = None) -> str:
+def seat(place: Where | NamedEffect, machine: Machine) -> str:
     """Tendons and joints in words, `all 7 joints` for a long list of all of them; empty if there are none."""
     parts = []
-    for axis, names in (("tendon", tendons), ("joint", joints)):
-        every = machine.axes.of(f"{axis}s") if machine else ()
-        if len(names) > MOST_SEATS and set(names) == set(every):
+    for axis, names in (("tendon", place.wires), ("joint", place.joints)):
+        if len(names) > MOST_SEATS and set(names) == set(machine.axes.of(f"{axis}s")):
             parts.append(f"all {len(names)} {axis}s")
         elif names:
             parts.append(f"{plural(len(names), axis)} {join_words(list(names))}")
@@ -155,33 +150,26 @@ def shorten_id(identity: str) -> str:
 
 def find_effect(diagnosis: Diagnosis, identity: str) -> Effect | None:
     """An effect of the library of the machine; None if the library lacks it."""
-    machine = find_machine(diagnosis)
-    return next((e for e in machine.effects if e.id == identity), None) if machine else None
+    return next((e for e in diagnosis.machine.effects if e.id == identity), None)
 
 
 def causes(diagnosis: Diagnosis, role: str = CAUSE) -> list[NamedEffect]:
-    """Effects that the verdict calls causes, the largest first; those of another role on demand."""
+    """Effects that the verdict calls causes, the largest first; or those of another role."""
     return [e for e in diagnosis.effects if e.role == role]
-
-
-def refinements(diagnosis: Diagnosis) -> list[NamedEffect]:
-    """Further effects of the improved robot, the largest first."""
-    return causes(diagnosis, REFINEMENT)
 
 
 def name_place(diagnosis: Diagnosis, effect: NamedEffect) -> tuple[str, str]:
     """Kind and id of an effect, `load-dependent friction (tendon.capstan_friction)`, and its place, `in the motor`."""
-    place = seat(effect.wires, effect.joints, find_machine(diagnosis))
+    place = seat(effect, diagnosis.machine)
     place = f"at {place}" if place else f"in the {effect.id.split('.')[0]}"
     return f"{effect.kind or shorten_id(effect.id)} ({effect.id})", place
 
 
 def block_words(diagnosis: Diagnosis) -> str:
     """A sentence that says in which parts the effects of a block act which is no part itself, such as `timing`."""
-    block, machine = diagnosis.where.block, find_machine(diagnosis)
-    parts = machine.parts if machine else ()
-    found = [p.name for p in parts if machine and any(e.block == block for e in machine.effects_on(p))]
-    if not found or block in {p.name for p in parts}:
+    block, machine = diagnosis.where.block, diagnosis.machine
+    found = [p.name for p in machine.parts if any(e.block == block for e in machine.effects_on(p))]
+    if not found or block in {p.name for p in machine.parts}:
         return ""
     return f" Effects of the {block} act in {plural(len(found), 'part')} {join_words(found)}."
 
@@ -203,12 +191,11 @@ def parameter_values(effect: NamedEffect, known: bool = False) -> list[tuple[str
 
 def by_channel(effect: NamedEffect) -> str:
     """Values of the first parameter channel by channel, where they differ: `mu_phi 0.31 at AF, 0.12 at MF`."""
-    for name, item in effect.parameters.items():
-        channels = {c: i for c, i in effect.channels.get(name, {}).items() if says_something(i)}
-        if len(channels) < 2 or all(item.low <= one.value <= item.high for one in channels.values()):
-            return ""
-        return f"{name} " + ", ".join(f"{interval(one)[0]} at {channel}" for channel, one in channels.items())
-    return ""
+    name, item = next(iter(effect.parameters.items()), ("", WHOLE))
+    channels = {c: i for c, i in effect.channels.get(name, {}).items() if says_something(i)}
+    if len(channels) < 2 or all(item.low <= one.value <= item.high for one in channels.values()):
+        return ""
+    return f"{name} " + ", ".join(f"{interval(one)[0]} at {channel}" for channel, one in channels.items())
 
 
 def says_something(item: Interval) -> bool:
@@ -244,7 +231,7 @@ def headline(diagnosis: Diagnosis) -> str:
         return f"Nominal parameters within their tolerances explain the gap{words}; no effect is needed."
     if diagnosis.verdict == UNKNOWN:
         where, explained = diagnosis.where, 1.0 - diagnosis.remainder.value
-        place = seat(where.wires, where.joints, find_machine(diagnosis))
+        place = seat(where, diagnosis.machine)
         within = f" in the {where.block}" if where.block != "none" else ""
         text = f"There is a gap{within}{f' at {place}' if place else ''}{regime_words(where.regime)}"
         best = min(diagnosis.candidates, key=lambda c: abs(c.share - explained), default=None)
@@ -285,7 +272,7 @@ def regime_words(regime: Mapping[str, float]) -> str:
 
 def refinement_words(diagnosis: Diagnosis) -> str:
     """Refinements with place and share in a sentence, and what they are; empty without any."""
-    found = refinements(diagnosis)
+    found = causes(diagnosis, REFINEMENT)
     each = [f"{' '.join(name_place(diagnosis, e))}, {share(e.share.value)} of the gap" for e in found]
     return f"{'; '.join(each)} ({REFINED})" if each else ""
 
@@ -310,10 +297,9 @@ def robot_titles(diagnosis: Diagnosis) -> list[str]:
 
 def kind_gaps(diagnosis: Diagnosis) -> list[KindGap]:
     """Gap per kind of signal, from the gaps of its signals."""
-    machine = find_machine(diagnosis)
     by_kind: dict[str, list[SignalGap]] = {}
     for name, gap in diagnosis.closure.signals.items():
-        by_kind.setdefault(split_column(name, machine)[0], []).append(gap)
+        by_kind.setdefault(split_column(name, diagnosis.machine)[0], []).append(gap)
     found = []
     for kind, gaps in by_kind.items():
         rows = np.array([[s.before, s.retuned, s.after, s.noise_std] for s in gaps])
@@ -321,7 +307,7 @@ def kind_gaps(diagnosis: Diagnosis) -> list[KindGap]:
         closed = 1.0 - max(excess[2], 0.0) / excess[0] if excess[0] > 0.0 else math.nan
         before, retuned, after, noise_std = np.sqrt(np.mean(rows**2, axis=0)).tolist()
         total = SignalGap(before, retuned, after, noise_std, float(closed), gaps[0].unit)
-        found.append(KindGap(kind, find_display(kind, machine), total))
+        found.append(KindGap(kind, find_display(kind, diagnosis.machine), total))
     return found
 
 

@@ -1,13 +1,11 @@
 """Packet loss: decoding of the commands that did not reach the drives, from a log.
 
-A command arrives at the drives, or the last one that arrived is held on. Only the drives are simulated, on the measured
-commands and loads, along several paths side by side. The path of least cost is the likeliest (Viterbi 1967):
+Only the drives are simulated, on measured commands and loads; the path of least cost is the likeliest (Viterbi 1967):
 
     cost = sum of (moved - measured)^2 / (2 s^2)   +   ENTER where a run of losses begins, STAY where it goes on
 
 moved, measured: change of position in a frame. s: standard deviation of two readings and of the drive's model error,
-which is taken from the whole log. A drive that follows badly therefore loses no commands. A burst of losses is detected
-even if it begins with small changes. A run of losses is accepted if it removes most of the errors around it.
+taken from the whole log, so that a drive that follows badly loses no commands.
 """
 
 from __future__ import annotations

@@ -1,10 +1,7 @@
-"""Spectral peak: detection of a tremor, whose wandering phase no simulation repeats.
+"""Spectral peak: detection of a tremor, a narrow band alike in every log, whose wandering phase no simulation repeats.
 
-A tremor is a narrow band with a high prominence, alike in every log whatever the reference does. Other causes are then
-searched without its band. A simulation predicts the power that each joint's torque would leave in each signal. These
-powers identify the joint and the torque.
-
-The phase phi is a random walk, so the line is Lorentzian. Power beyond the band is noise to all other causes.
+Other causes are searched without its band. The power that each joint's torque would leave identifies the torques. The
+phase phi is a random walk:
 
     E exp(i (phi(t + tau) - phi(t))) = exp(-rate tau / 2)          rate of the phase's variance [rad^2/s]
 """
