@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from exodrake.core.confidence import NORMAL_90
-from exodrake.diagnosis.fit import Explanation, Predicted, fit_beside
+from exodrake.diagnosis.fit import Predicted, fit_beside
 from exodrake.diagnosis.isolation import Isolation
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.result import (
@@ -123,18 +123,34 @@ def decide(found: Isolation) -> Decision:
     return Decision(word, best, parts, jackknife_share(left), (*certain, REASONS[word]))
 
 
+def cost_tolerances(fitted: Fitted) -> float:
+    """What the nominal parameters of a set cost by their priors [nats]."""
+    e = fitted.explanation
+    return 0.5 * float(np.sum(e.use[: e.nominal] ** 2))
+
+
+def spare_tolerances(found: Isolation) -> Fitted:
+    """The best set; of those that leave nothing visible, another as large where it spares `SURE` of the tolerances."""
+    search, best = found.search, found.best
+    if not best.effects or found.excess(best.explanation.robot) >= 0.0:
+        return best
+    limit = cost_tolerances(best) - SURE
+    others = [f for f in search.sets.values() if len(f.effects) == len(best.effects) and search.usable(f)]
+    for other in sorted(others, key=cost_tolerances):
+        if cost_tolerances(other) < limit and found.excess(other.explanation.robot) < 0.0:
+            search.reduce(other.effects)
+            return other
+    return best
+
+
 def decide_retuned(search: Search, decision: Decision) -> Decision:
     """The verdict where retuning leaves a negligible gap: `decision`, unless tolerances had to move too far for it.
 
     They cost what their priors say. An effect in their place counts if it spares `SURE` of that; the most likely does.
     """
-    retuned = search.none.explanation
-
-    def cost(e: Explanation) -> float:
-        return 0.5 * float(np.sum(e.use[: e.nominal] ** 2))
-
     usable = {next(iter(k)): f for k, f in search.sets.items() if len(k) == 1 and search.usable(f)}
-    singles = {i: f for i, f in usable.items() if cost(retuned) - cost(f.explanation) > SURE}
+    limit = cost_tolerances(search.none) - SURE
+    singles = {i: f for i, f in usable.items() if cost_tolerances(f) < limit}
     likely = {i: search.evidence(f) for i, f in singles.items()}
     one = max(likely, key=likely.__getitem__, default="")
     if not one or likely[one] - search.evidence(search.none) < NATS:
@@ -148,7 +164,7 @@ def decide_retuned(search: Search, decision: Decision) -> Decision:
 
 def drop_refinements(found: Isolation) -> tuple[Fitted, tuple[Part, ...]]:
     """The best set without refinements by which the logs predict each other no better, and its effects."""
-    search, best = found.search, found.best
+    search, best = found.search, spare_tolerances(found)
     parts = divide_gap(found, best)
     while best.model.log.max() > 0:
         small = [search.sets[best.effects - {p.effect}] for p in parts if p.role == REFINEMENT]
