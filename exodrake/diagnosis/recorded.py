@@ -11,6 +11,7 @@ from itertools import product
 
 import numpy as np
 
+from exodrake.core.effect import EffectParameter
 from exodrake.core.machine import Machine
 from exodrake.core.robot import Robot
 from exodrake.data.case import Case
@@ -43,11 +44,16 @@ def measure_sizes(machine: Machine, case: Case) -> dict[str, float]:
     return found
 
 
+def is_short(parameter: EffectParameter, reach: float) -> bool:
+    """Whether the range of an amplitude ends before a recorded size."""
+    return parameter.transform == "linear" and parameter.null == 0.0 and 0.0 < parameter.high < reach
+
+
 def with_recorded_ranges(robot: Robot, case: Case) -> Robot:
     """The robot whose generic effects may be as large as the recording shows, and its numbers of rest as small.
 
-    An effect is generic if it is a law of any signal, slide or servo under an id of the machine, so that its range
-    is only assumed.
+    An effect is generic if it is a law of any signal, slide or servo whose range the library does not state for it, so
+    that this is only assumed.
     """
     machine, size, values = robot.machine, measure_sizes(robot.machine, case), robot.values.copy()
     for name, largest in machine.recorded.items():
@@ -55,14 +61,9 @@ def with_recorded_ranges(robot: Robot, case: Case) -> Robot:
     laws, effects = {id(f) for e in LIBRARY.values() if e.block in GENERIC for f in e.at.values()}, []
     for effect in machine.effects:
         first, *others = effect.parameters
-        reach, generic = size.get(first.unit, 0.0), {id(function) for function in effect.at.values()} <= laws
-        if (
-            effect.id not in LIBRARY
-            and generic
-            and first.transform == "linear"
-            and first.null == 0.0
-            and 0.0 < first.high < reach
-        ):
+        reach, stated = size.get(first.unit, 0.0), LIBRARY.get(effect.id)
+        generic = {id(function) for function in effect.at.values()} <= laws
+        if generic and not (stated and stated.parameters == effect.parameters) and is_short(first, reach):
             factor = reach / first.high
             default = None if first.default is None else first.default * factor
             low = first.low if first.low > 0.0 else first.low * factor

@@ -75,7 +75,7 @@ def machine_named(name: str, tolerances: tuple[Tolerance, ...] = ()) -> Machine:
 
             found = arm_machine(name, content["arm"], folder, source)
         else:
-            raise InputError(f"{folder}: neither {plugins.MACHINE}, nor an `arm` in its {plugins.ROBOT}")
+            raise InputError(f"{folder}: neither {plugins.MACHINE}, nor an `arm` or `servos` in its {plugins.ROBOT}")
     if found.name != name:
         raise InputError(f"{folder}: the machine calls itself {found.name!r}, not {name!r}")
     for column in found.columns:
