@@ -55,6 +55,12 @@ def sweep(
 
     Raises:
         InputError: for an unknown parameter, a value that cannot be read, nothing to run, and without pandas.
+
+    Examples:
+        >>> import exodrake as exo
+        >>> table = exo.sweep(exo.load_robot(), {"finger.kappa.PIP": [0.1, 0.2]}, "caging")
+        >>> table["angle_PIP final"].round(3).tolist()  # rad
+        [0.317, 0.308]
     """
     argument("robot", robot, Robot)
     reference = argument("reference", reference, Reference, str)

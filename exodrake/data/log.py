@@ -474,6 +474,14 @@ def compare(first: Log, second: Log) -> Comparison:
 
     Raises:
         InputError: if they have no column or no time in common.
+
+    Examples:
+        >>> import exodrake as exo
+        >>> robot = exo.load_robot()
+        >>> rusty = robot.splice("tendon.capstan_friction", {"mu_phi": 0.3}, channels=["AF"])
+        >>> found = exo.compare(exo.simulate(robot, "caging"), exo.simulate(rusty, "caging"))
+        >>> print(round(found.signals["angle_PIP"].largest, 2), found.signals["angle_PIP"].unit)
+        0.17 rad
     """
     first, second = argument("first", first, Log), argument("second", second, Log)
     common = [name for name in first.columns if name in second.signals]

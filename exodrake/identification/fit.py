@@ -181,6 +181,14 @@ def fit(
     Raises:
         InputError: naming parameter, file or column, for an unknown or doubled parameter, bounds that do not hold the
             start, a parameter that moves no column of the logs or is not told from others, and unreadable logs.
+
+    Examples:
+        >>> import exodrake as exo
+        >>> robot = exo.load_robot()
+        >>> log = exo.simulate(robot.with_parameters({"tendon.k.AF": 2600.0}), "caging")
+        >>> exo.fit(robot, log, free=["tendon.k.AF"])  # the 90 % interval holds 2600 N/m
+        Fit(caging: tendon.k.AF 2599 (2029 to 3169) N/m)
+          median fit 97.6 -> 97.7 %, chi2 4.167 -> 1.05
     """
     from scipy.optimize import least_squares
     from scipy.stats import t as student

@@ -55,6 +55,11 @@ def protocol(text: str, robot: Robot | None = None) -> Reference:
     """The protocol or grasp mode of that name, with options: `holds:seed=3,dwell=5 s`.
 
     InputError with the nearest names for an unknown name or option.
+
+    Examples:
+        >>> import exodrake as exo
+        >>> exo.protocol("holds:dwell=1.5 s").values.shape  # frames, tendons
+        (375, 3)
     """
     robot = robot_or_default(robot)
     name, given = split_options(text)

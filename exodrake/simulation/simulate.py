@@ -158,7 +158,14 @@ def simulate(
     robot: Robot, reference: Reference | str, seed: int | None = 0, quantisation: bool = True, engine: str = "compiled",
     substeps: int = 1,
 ) -> Log:  # fmt: skip
-    """The log of a robot that follows a reference; arguments as in `record`."""
+    """The log of a robot that follows a reference; arguments as in `record`.
+
+    Examples:
+        >>> import exodrake as exo
+        >>> log = exo.simulate(exo.load_robot(), exo.grasp("caging"))
+        >>> print(log["angle_PIP"].max().round(2), "rad")
+        0.86 rad
+    """
     return write_log(record(robot, reference, seed, quantisation, engine, substeps))
 
 
