@@ -46,7 +46,7 @@ def cost(columns: Mapping[str, np.ndarray], reference: np.ndarray) -> float:
     """
     tension, command = (np.column_stack([columns[f"{kind}_{w}"] for w in WIRES]) for kind in ("tension", "speed_cmd"))
     error = (reference - tension) / TENSION_MAX
-    change = np.diff(command, axis=0) / NOMINAL["speed_max"][0]
+    change = np.diff(command, axis=0) / NOMINAL["speed_max"]["value"]
     squared = np.mean(error**2) + WEIGHT * np.mean(change**2)
     return float(np.sqrt(squared)) if np.isfinite(squared) else np.inf
 
