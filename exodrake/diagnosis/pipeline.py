@@ -192,6 +192,7 @@ def state_effects(
     """
     problem, search, fitted, stated = found.whole, found.search, fitted_effects(precise), []
     counted = {d.effect.id: d.effect for d in problem.detected if not d.certain}
+    comparable = any(part.rivals for part in decision.parts) and found.excess(found.retuned.explanation.robot) >= 0.0
     for part in decision.parts:
         effect, rest = problem.robot.machine.effect(part.effect), decision.best.effects - {part.effect}
         named = counted.get(part.effect) or describe(
@@ -200,7 +201,7 @@ def state_effects(
         rivals = []
         for other, predicted in part.rivals.items():
             share = Interval(predicted, NONE, NONE)
-            if {rest, rest | {other}} <= search.sets.keys():
+            if comparable and {rest, rest | {other}} <= search.sets.keys():
                 left, mine = (search.left_by_log(search.sets[key]) for key in (rest, rest | {other}))
                 share = jackknife_share(left - mine)
             rivals.append(EffectRival(other, share))

@@ -137,14 +137,17 @@ class Search:
         """Share of the gap beyond retuning that a set leaves, the mean of the views that have one."""
         return float(self.left_by_log(fitted)[0])
 
-    def left_by_log(self, fitted: Fitted) -> np.ndarray:
+    def left_by_log(self, fitted: Fitted, before: np.ndarray | None = None) -> np.ndarray:
         """The same (1 + logs,): by all logs, and with each of several logs left out.
+
+        before: mean squares (logs, views) of another robot in the place of the retuned one.
 
         A view counts by its gap, fully where that is large against a negligible one. Noise is what the best set leaves
         where that is less than expected.
         """
         self.measure()
-        before, mine, samples = self.squares[self.none], self.squares[fitted], self.whole.samples_by_log
+        before = self.squares[self.none] if before is None else before
+        mine, samples = self.squares[fitted], self.whole.samples_by_log
         count = len(mine)
         whole = [(self.squares[f] * samples).sum(axis=0) / samples.sum(axis=0) for f in self.sets.values()]
         floor = np.minimum(np.min(whole, axis=0), 1.0)

@@ -33,7 +33,7 @@ from exodrake.diagnosis.result import (
     Moved,
     Rival,
 )
-from exodrake.diagnosis.search import LAW, NATS, NEGLIGIBLE, Fitted, Search, screen
+from exodrake.diagnosis.search import LAW, NATS, NEGLIGIBLE, Fitted, screen
 
 SURE = 8.0  # nats of the tolerances' priors that an effect in their place has to spare: on healthy robots at most 6
 LARGE = 0.1  # share of the gap from which an effect is a cause, not a refinement
@@ -108,7 +108,7 @@ def decide(found: Isolation) -> Decision:
             one = Decision(word, none, (), jackknife_share(left), (REASONS[word],))
             if certain:
                 return replace(one, verdict=NAMED, reasons=(*certain, *one.reasons))
-            return one if word == NO_GAP else decide_retuned(search, one)
+            return one if word == NO_GAP else decide_retuned(found, one)
     best, parts = drop_refinements(found)
     causes, left = [p for p in parts if p.role == CAUSE], found.beside_detections * search.left_by_log(best)
     explained = 1.0 - float(left[0])
@@ -143,11 +143,13 @@ def spare_tolerances(found: Isolation) -> Fitted:
     return best
 
 
-def decide_retuned(search: Search, decision: Decision) -> Decision:
+def decide_retuned(found: Isolation, decision: Decision) -> Decision:
     """The verdict where retuning leaves a negligible gap: `decision`, unless tolerances had to move too far for it.
 
     They cost what their priors say. An effect in their place counts if it spares `SURE` of that; the most likely does.
+    Its share is that of the nominal robot's gap, since retuning leaves none.
     """
+    search = found.search
     usable = {next(iter(k)): f for k, f in search.sets.items() if len(k) == 1 and search.usable(f)}
     limit = cost_tolerances(search.none) - SURE
     singles = {i: f for i, f in usable.items() if cost_tolerances(f) < limit}
@@ -155,11 +157,12 @@ def decide_retuned(search: Search, decision: Decision) -> Decision:
     one = max(likely, key=likely.__getitem__, default="")
     if not one or likely[one] - search.evidence(search.none) < NATS:
         return decision
-    none, left = search.left_by_log(search.none), search.left_by_log(singles[one])
-    rivals = {i: 1.0 - search.measure_left(singles[i]) for i in likely if i != one and likely[one] - likely[i] < NATS}
-    part = Part(one, CAUSE, jackknife_share(none - left), rivals)
+    before = search.whole.chi2_by_log(search.whole.residual(found.nominal.robot[None])[0])
+    left = {i: search.left_by_log(singles[i], before) for i in likely if likely[one] - likely[i] < NATS}
+    rivals = {i: 1.0 - float(part[0]) for i, part in left.items() if i != one}
+    part = Part(one, CAUSE, jackknife_share(1.0 - left[one]), rivals)
     word = AMBIGUOUS if rivals else NAMED
-    return Decision(word, singles[one], (part,), jackknife_share(left), (REASONS[word],))
+    return Decision(word, singles[one], (part,), jackknife_share(left[one]), (REASONS[word],))
 
 
 def drop_refinements(found: Isolation) -> tuple[Fitted, tuple[Part, ...]]:
