@@ -140,10 +140,8 @@ class Search:
     def left_by_log(self, fitted: Fitted, before: np.ndarray | None = None) -> np.ndarray:
         """The same (1 + logs,): by all logs, and with each of several logs left out.
 
-        before: mean squares (logs, views) of another robot in the place of the retuned one.
-
         A view counts by its gap, fully where that is large against a negligible one. Noise is what the best set leaves
-        where that is less than expected.
+        where that is less than expected. before: mean squares (logs, views) of a robot in the place of the retuned one.
         """
         self.measure()
         before = self.squares[self.none] if before is None else before

@@ -100,7 +100,7 @@ def jackknife_share(values: np.ndarray) -> Interval:
 
 def decide(found: Isolation) -> Decision:
     """The verdict of an isolation; certain detections are causes of what they take of the gap."""
-    search, best, none = found.search, found.best, found.search.none
+    search, none = found.search, found.search.none
     certain = tuple(d.reason for d in found.whole.detected if d.certain)
     for word, explanation in ((NO_GAP, found.nominal), (RETUNE, none.explanation)):
         if found.excess(explanation.robot) < 0.0:
