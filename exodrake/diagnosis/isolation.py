@@ -18,9 +18,9 @@ from exodrake.diagnosis.parameter import nominal_parameters
 from exodrake.diagnosis.problem import Problem, by_trial
 from exodrake.diagnosis.search import GAIN, NEGLIGIBLE, SINGLES, Fitted, Search
 
-USED, MOST = 20_000, 135_000  # samples that are fitted, and at most where the rest shows a gap that this part does not
+USED, MOST = 15_000, 135_000  # samples that are fitted, and at most where the rest shows a gap that this part does not
 SCREENED, LEAST_SCREENED = 0.75, 15_000  # part of them on which all effects are tried, and samples of it at least
-PRECISE = 40_000  # samples to which the answer is fitted on: four times as many halve an interval
+PRECISE = 30_000  # samples to which the answer is fitted on: four times as many halve an interval
 # Where the fitted part shows less than HIDDEN of the largest gap over a first part of the logs, the shortest of so many
 # PARTS is fitted that shows at least SHOWN of that gap. Assumed
 PARTS, HIDDEN, SHOWN = 20, 0.02, 0.5
@@ -104,10 +104,12 @@ def retune(problem: Problem, x: np.ndarray | None = None) -> tuple[Explanation, 
     nominal, values = nominal_parameters(problem.robot), problem.silent()
     likelihood = output_error(with_prediction(problem)[-1], "retune")
     x = np.zeros(len(nominal)) if x is None else x
-    (found,) = Explanation((), nominal, x, values, np.zeros(0), np.zeros((len(nominal), 0))).at_each(likelihood, [x])
-    for _ in range(ROUNDS if nominal else 0):
+    flat = np.zeros((len(nominal), likelihood.samples), dtype=np.float32)
+    (found,) = Explanation((), nominal, x, values, np.zeros(0), flat).at_each(likelihood, [x])
+    for turn in range(ROUNDS if nominal else 0):
         before, likelihood = likelihood.mean_log(found.residual), likelihood.scaled_to(found.residual)
-        jacobian = nominal_jacobian(likelihood, values, nominal, found.x, found.residual)
+        seen, jacobian = found.find_visible(likelihood) | (turn == 0), found.jacobian.copy()
+        jacobian[seen] = nominal_jacobian(likelihood, values, nominal, found.x, found.residual, seen)
         found = minimise(likelihood, found.change(jacobian=jacobian), 4, 1e-3)
         left = likelihood.mean_log(found.residual)
         if min(left, before - left) < LEAST_GAIN:
@@ -181,6 +183,11 @@ def isolate(
         best = search.run(max(machine.max_effects - certain, 0))
         if best.effects and (more := count_needed(best.explanation.robot, GAIN * gap)):
             return isolate(problem, progress, more, search)
+
+        def unseen(f: Fitted) -> bool:
+            return bool(excess(whole, f.explanation.robot, likelihood)[0] < 0.0)
+
+        best = search.spare_tolerances(best, unseen) if best.effects and unseen(best) else best
     return Isolation(short, whole, likelihood, lin, nominal, search, best)
 
 

@@ -9,7 +9,7 @@ and the most promising ones are fitted. Evidence is that of the linear model abo
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -39,6 +39,7 @@ SINGLES, FITTED, LOOKED = 4, 3, 10  # first effects fitted; further ones; those 
 NATS = 4.0  # of evidence that one effect more must add: odds of 1 to 50, as many as a library has effects
 GAIN = 0.05  # share of what is left that one effect more must take up
 LAW = 0.15  # relative error of a law: that of another simulator or of a machine differs by as much
+SURE = 8.0  # nats of the tolerances' priors that an effect in their place has to spare: on healthy robots at most 6
 NEGLIGIBLE = 0.3  # noise standard deviations RMS beyond noise, in every channel: a smaller gap is none
 
 # laws of one kind stand for each other: a set holds one of them at a place
@@ -98,6 +99,12 @@ class Fitted:
     def excess(self) -> float:
         """What it leaves above noise, the views in the mean [noise variances]."""
         return float(np.mean(np.maximum(self.chi2 - 1.0, 0.0)))
+
+    @property
+    def tolerance_cost(self) -> float:
+        """What its nominal parameters cost by their priors [nats]."""
+        e = self.explanation
+        return 0.5 * float(np.sum(e.use[: e.nominal] ** 2))
 
 
 @dataclass(eq=False)
@@ -347,6 +354,19 @@ class Search:
                 break
         best = self.plainer(self.best)
         self.reduce(best.effects, again=True)
+        return best
+
+    def spare_tolerances(self, best: Fitted, unseen: Callable[[Fitted], bool]) -> Fitted:
+        """A set as large as the best one in its place, where it spares `SURE` of the tolerances.
+
+        unseen: whether a set leaves nothing visible. The best one does not, nor may the other.
+        """
+        limit = best.tolerance_cost - SURE
+        others = [f for f in self.sets.values() if len(f.effects) == len(best.effects) and self.usable(f)]
+        for other in sorted(others, key=lambda f: f.tolerance_cost):
+            if other.tolerance_cost < limit and unseen(other):
+                self.reduce(other.effects)
+                return other
         return best
 
     def predict_error(self, fitted: Fitted) -> float:

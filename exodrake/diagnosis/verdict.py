@@ -33,9 +33,8 @@ from exodrake.diagnosis.result import (
     Moved,
     Rival,
 )
-from exodrake.diagnosis.search import LAW, NATS, NEGLIGIBLE, Fitted, screen
+from exodrake.diagnosis.search import LAW, NATS, NEGLIGIBLE, SURE, Fitted, screen
 
-SURE = 8.0  # nats of the tolerances' priors that an effect in their place has to spare: on healthy robots at most 6
 LARGE = 0.1  # share of the gap from which an effect is a cause, not a refinement
 VISIBLE = 1.0  # standard deviations of the tolerance from which a change is listed
 ALIKE = 0.9  # share of what retuning explains from which a single effect is listed
@@ -123,26 +122,6 @@ def decide(found: Isolation) -> Decision:
     return Decision(word, best, parts, jackknife_share(left), (*certain, REASONS[word]))
 
 
-def cost_tolerances(fitted: Fitted) -> float:
-    """What the nominal parameters of a set cost by their priors [nats]."""
-    e = fitted.explanation
-    return 0.5 * float(np.sum(e.use[: e.nominal] ** 2))
-
-
-def spare_tolerances(found: Isolation) -> Fitted:
-    """The best set; of those that leave nothing visible, another as large where it spares `SURE` of the tolerances."""
-    search, best = found.search, found.best
-    if not best.effects or found.excess(best.explanation.robot) >= 0.0:
-        return best
-    limit = cost_tolerances(best) - SURE
-    others = [f for f in search.sets.values() if len(f.effects) == len(best.effects) and search.usable(f)]
-    for other in sorted(others, key=cost_tolerances):
-        if cost_tolerances(other) < limit and found.excess(other.explanation.robot) < 0.0:
-            search.reduce(other.effects)
-            return other
-    return best
-
-
 def decide_retuned(found: Isolation, decision: Decision) -> Decision:
     """The verdict where retuning leaves a negligible gap: `decision`, unless tolerances had to move too far for it.
 
@@ -151,8 +130,8 @@ def decide_retuned(found: Isolation, decision: Decision) -> Decision:
     """
     search = found.search
     usable = {next(iter(k)): f for k, f in search.sets.items() if len(k) == 1 and search.usable(f)}
-    limit = cost_tolerances(search.none) - SURE
-    singles = {i: f for i, f in usable.items() if cost_tolerances(f) < limit}
+    limit = search.none.tolerance_cost - SURE
+    singles = {i: f for i, f in usable.items() if f.tolerance_cost < limit}
     likely = {i: search.evidence(f) for i, f in singles.items()}
     one = max(likely, key=likely.__getitem__, default="")
     if not one or likely[one] - search.evidence(search.none) < NATS:
@@ -166,13 +145,17 @@ def decide_retuned(found: Isolation, decision: Decision) -> Decision:
 
 
 def drop_refinements(found: Isolation) -> tuple[Fitted, tuple[Part, ...]]:
-    """The best set without refinements by which the logs predict each other no better, and its effects."""
-    search, best = found.search, spare_tolerances(found)
+    """The best set without refinements that do not help, and its effects.
+
+    Such leave more over the whole logs than the set without them, or logs predict each other no better by them.
+    """
+    search, best = found.search, found.best
     parts = divide_gap(found, best)
-    while best.model.log.max() > 0:
-        small = [search.sets[best.effects - {p.effect}] for p in parts if p.role == REFINEMENT]
-        better = min(small, key=search.predict_error, default=best)
-        if better is best or not better.effects or search.predict_error(better) > search.predict_error(best):
+    while small := [p for p in parts if p.role == REFINEMENT and len(parts) > 1]:
+        worse = [p for p in small if p.share.value < 0.0]
+        tried = worse or (small if best.model.log.max() > 0 else [])
+        better = min((search.sets[best.effects - {p.effect}] for p in tried), key=search.predict_error, default=best)
+        if better is best or (not worse and search.predict_error(better) > search.predict_error(best)):
             break
         best = better
         search.reduce(best.effects)

@@ -1,0 +1,39 @@
+"""Decisions on fitted sets, whose shares and prediction errors are given here instead of measured."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from exodrake.diagnosis import verdict
+from exodrake.diagnosis.result import CAUSE, REFINEMENT, Interval
+
+
+@pytest.fixture
+def sets():
+    """Fitted sets of two effects and of one, of two logs."""
+    model = SimpleNamespace(log=np.array([0, 1]))
+    return {
+        k: SimpleNamespace(effects=k, model=model) for k in (frozenset({"friction", "drift"}), frozenset({"friction"}))
+    }
+
+
+@pytest.mark.parametrize(
+    ("share", "with_it", "without", "kept"),
+    [(0.02, 1.0, 1.5, True), (0.02, 1.5, 1.5, False), (0.02, 1.5, 1.0, False), (-0.02, 1.0, 1.5, False)],
+)
+def test_a_refinement_stays_where_whole_logs_and_their_predictions_want_it(
+    monkeypatch, sets, share, with_it, without, kept
+):
+    def divide(found, best):
+        shares = {"friction": (CAUSE, 0.9), "drift": (REFINEMENT, share)}
+        return tuple(
+            verdict.Part(i, shares[i][0], Interval(*3 * [shares[i][1]]), {}) for i in sorted(best.effects)[::-1]
+        )
+
+    monkeypatch.setattr(verdict, "divide_gap", divide)
+    predicted = {len(k): error for k, error in zip(sets, (with_it, without), strict=True)}
+    search = SimpleNamespace(sets=sets, predict_error=lambda f: predicted[len(f.effects)], reduce=lambda effects: None)
+    best, parts = verdict.drop_refinements(SimpleNamespace(search=search, best=sets[frozenset({"friction", "drift"})]))
+    assert best.effects == ({"friction", "drift"} if kept else {"friction"})
+    assert {p.effect for p in parts} == best.effects
