@@ -159,10 +159,10 @@ def isolate(
         (retuned,) = replace(zero, jacobian=none).at_each(likelihood, [zero.x])
         effects = ()
     else:
-        retuned = fitted(likelihood, start.at_each(likelihood, [start.x])[0])
+        retuned = fit_nominal(likelihood, start.at_each(likelihood, [start.x])[0])
         if more := count_needed(retuned.robot):
             wide = make_likelihood(whole.shorten(affordable(problem, more)), retuned.robot, simulated)
-            by_more = fitted(wide, retuned.at_each(wide, [retuned.x])[0])
+            by_more = fit_nominal(wide, retuned.at_each(wide, [retuned.x])[0])
             if excess(whole, by_more.robot, likelihood)[0] >= 0.0:
                 return isolate(problem, progress, more)
             (retuned,) = retuned.at_each(likelihood, [by_more.x])
@@ -211,7 +211,7 @@ def fit_on(found: Isolation, best: Fitted) -> tuple[Fitted, Fitted]:
     return fits[-1], fits[0]
 
 
-def fitted(likelihood: Likelihood, e: Explanation) -> Explanation:
+def fit_nominal(likelihood: Likelihood, e: Explanation) -> Explanation:
     """The nominal parameters of an explanation fitted in all views, until their derivatives change no more."""
     jacobian = nominal_jacobian(likelihood, e.values, e.parameters, e.x, e.residual)
     found = minimise(likelihood.scaled_to(e.residual).for_stage("refine"), replace(e, jacobian=jacobian))
