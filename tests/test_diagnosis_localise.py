@@ -1,6 +1,7 @@
 """Localisation: blocks of effects that are not tried, affected channels, conditions of a regime."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,9 +11,11 @@ import exodrake as exo
 from exodrake.compiled.inputs import Reference
 from exodrake.core.parallel import one_blas_thread
 from exodrake.data.case import Case, CaseLog
+from exodrake.diagnosis import localise
 from exodrake.diagnosis.isolation import isolate
 from exodrake.diagnosis.localise import conditions, explain_variance, motion, remaining
 from exodrake.diagnosis.problem import make_problem
+from exodrake.diagnosis.result import CAUSE, REFINEMENT, Interval, NamedEffect, Where
 from exodrake.diagnosis.search import LAW
 from exodrake.simulation import protocols
 
@@ -37,6 +40,18 @@ def place_without(robot, injected, reference):
     with one_blas_thread():
         found = isolate(make_problem(case, robot, tried))
     return remaining(found, found.retuned)
+
+
+def test_place_of_named_effects_is_that_of_their_causes(monkeypatch):
+    def effect(identity, wires, joints, role, share):
+        return NamedEffect(identity, wires, joints, {}, {}, role=role, share=Interval(share, share, share))
+
+    causes = effect("finger.tremor", (), ("MCP",), CAUSE, 0.9), effect("sensor.gain", ("AE",), (), CAUSE, 0.05)
+    small = effect("motor.slow_velocity_loop", ("MF",), (), REFINEMENT, 0.02)
+    monkeypatch.setattr(localise, "remaining", lambda found, fitted: Where("", regime={"load": 0.5}))
+    place = localise.localise(SimpleNamespace(retuned=None), "NAMED", (*causes, small))
+    assert (place.block, place.wires, place.joints) == ("finger", ("AE",), ("MCP",))
+    assert place.shares == pytest.approx({"finger": 0.9, "sensor": 0.05, "motor": 0.02})
 
 
 @pytest.mark.parametrize(

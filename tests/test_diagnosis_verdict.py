@@ -34,6 +34,8 @@ def test_a_refinement_stays_where_whole_logs_and_their_predictions_want_it(
     monkeypatch.setattr(verdict, "divide_gap", divide)
     predicted = {len(k): error for k, error in zip(sets, (with_it, without), strict=True)}
     search = SimpleNamespace(sets=sets, predict_error=lambda f: predicted[len(f.effects)], reduce=lambda effects: None)
-    best, parts = verdict.drop_refinements(SimpleNamespace(search=search, best=sets[frozenset({"friction", "drift"})]))
+    best, parts = verdict.drop_refinements(
+        SimpleNamespace(search=search, whole=SimpleNamespace(detected=()), best=sets[frozenset({"friction", "drift"})])
+    )
     assert best.effects == ({"friction", "drift"} if kept else {"friction"})
     assert {p.effect for p in parts} == best.effects

@@ -13,7 +13,7 @@ from exodrake.diagnosis.filters import fill_gaps
 from exodrake.diagnosis.intervals import describe, fitted_effects
 from exodrake.diagnosis.isolation import Isolation
 from exodrake.diagnosis.problem import Problem, Trial, by_trial
-from exodrake.diagnosis.result import NO_GAP, RETUNE, NamedEffect, Where
+from exodrake.diagnosis.result import CAUSE, NO_GAP, RETUNE, NamedEffect, Where
 from exodrake.diagnosis.search import Fitted, is_memory, screen
 from exodrake.diagnosis.verdict import LARGE
 
@@ -25,19 +25,19 @@ CRAWL = 0.02  # of the fastest motion: slower channels count as at rest; assumed
 
 
 def localise(found: Isolation, verdict: str, effects: tuple[NamedEffect, ...]) -> Where:
-    """Block, channels and regime of a gap with named effects; the regime is that of what the retuned robot leaves."""
+    """Block, channels and regime of a gap with named effects: those of its causes, of the retuned robot's regime."""
     if verdict in (NO_GAP, RETUNE):
         return Where(block="none")
     rest = remaining(found, found.retuned)
     if not effects:
         return rest
-    shares: dict[str, float] = {}
+    causes, shares = tuple(x for x in effects if x.role == CAUSE) or effects, dict[str, float]()
     for effect in effects:
         block, share = effect.id.split(".")[0], effect.share.value
         shares[block] = shares.get(block, 0.0) + (max(share, 0.0) if np.isfinite(share) else 0.0)
     shares = dict(sorted(shares.items(), key=lambda item: -item[1]))
-    tendons, joints = (tuple(dict.fromkeys(c for x in effects for c in getattr(x, a))) for a in ("wires", "joints"))
-    return Where(effects[0].id.split(".")[0], tendons, joints, shares, rest.regime)
+    tendons, joints = (tuple(dict.fromkeys(c for x in causes for c in getattr(x, a))) for a in ("wires", "joints"))
+    return Where(causes[0].id.split(".")[0], tendons, joints, shares, rest.regime)
 
 
 def remaining(found: Isolation, fitted: Fitted) -> Where:

@@ -29,6 +29,7 @@ from exodrake.diagnosis.problem import list_required, make_problem
 from exodrake.diagnosis.recorded import with_recorded_ranges
 from exodrake.diagnosis.result import (
     AMBIGUOUS,
+    CAUSE,
     NO_GAP,
     PARTLY,
     RETUNE,
@@ -183,7 +184,7 @@ def answer(found: Isolation, started: float, progress: StageProgress) -> Diagnos
 def state_effects(
     found: Isolation, decision: Decision, precise: Fitted
 ) -> tuple[tuple[NamedEffect, ...], dict[int, float]]:
-    """Effects of the best set with channels, intervals, shares and rivals; certain detections last.
+    """Effects of the best set and certain detections with channels, intervals, shares and rivals, as they are stated.
 
     precise: the fit that says their values.
 
@@ -209,7 +210,8 @@ def state_effects(
     gone = traces(tuple(stated), fitted)
     certain = [d.effect for d in problem.detected if d.certain]
     taken = 1.0 - found.beside_detections if len(certain) == 1 else NONE  # nothing is known of one among several
-    return (*stated, *(replace(effect, share=Interval(taken, taken, taken)) for effect in certain)), gone
+    stated += [replace(effect, share=Interval(taken, taken, taken)) for effect in certain]
+    return tuple(sorted(stated, key=lambda e: (e.role != CAUSE, -np.nan_to_num(e.share.value)))), gone
 
 
 def choose_baselines(found: Isolation) -> dict[str, str]:

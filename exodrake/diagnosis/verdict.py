@@ -150,8 +150,8 @@ def drop_refinements(found: Isolation) -> tuple[Fitted, tuple[Part, ...]]:
     Such leave more over the whole logs than the set without them, or logs predict each other no better by them.
     """
     search, best = found.search, found.best
-    parts = divide_gap(found, best)
-    while small := [p for p in parts if p.role == REFINEMENT and len(parts) > 1]:
+    parts, least = divide_gap(found, best), 1 - any(d.certain for d in found.whole.detected)
+    while small := [p for p in parts if p.role == REFINEMENT and len(parts) > least]:
         worse = [p for p in small if p.share.value < 0.0]
         tried = worse or (small if best.model.log.max() > 0 else [])
         better = min((search.sets[best.effects - {p.effect}] for p in tried), key=search.predict_error, default=best)
