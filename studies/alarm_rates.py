@@ -16,7 +16,7 @@ from exodrake.core.robot import Robot
 from exodrake.diagnosis.healthy import healthy_robot
 from exodrake.machines.robot_file import load_robot
 from exodrake.monitor.alarm import MINUTE, SPAN, Alarm, judge, measure_noise, read_limits, read_work
-from exodrake.monitor.online_replay import list_channels
+from exodrake.simulation.segments import list_channels
 from studies.page_text import share
 
 SOON, LATE = 1.0, 20.0  # minutes

@@ -5,7 +5,7 @@ import pytest
 
 import exodrake as exo
 from exodrake.monitor.alarm import SKIP, WINDOW, Gap, draw_work, measure_noise, replay_log
-from exodrake.monitor.online_replay import LOOP, OnlineReplay, SegmentReplay, list_channels
+from exodrake.simulation.segments import LOOP, OnlineReplay, SegmentReplay, list_channels
 
 NOMINAL = exo.load_robot()
 LATE = NOMINAL.splice("timing.mocap_delay", {"delay": 0.033}).splice("tendon.creep")

@@ -76,7 +76,7 @@ def find_alarm_limits(
     import yaml
 
     from exodrake.monitor.alarm import MINUTE, choose_limits, measure_all_peaks, measure_noise, share_at_most
-    from exodrake.monitor.online_replay import list_channels
+    from exodrake.simulation.segments import list_channels
 
     nominal = exo.load_robot(robot)
     noise, listed = measure_noise(nominal), list_channels(nominal.machine)

@@ -25,9 +25,9 @@ from exodrake.diagnosis.healthy import healthy_robot
 from exodrake.diagnosis.noise import sensor_noise_std
 from exodrake.machines.library import machine_folders
 from exodrake.machines.robot_file import load_robot
-from exodrake.monitor.online_replay import LOOP, Channel, OnlineReplay, list_channels
 from exodrake.simulation import protocols
 from exodrake.simulation.references import on_machine
+from exodrake.simulation.segments import LOOP, Channel, OnlineReplay, list_channels
 from exodrake.simulation.simulate import simulate
 
 LIMITS = "alarm_limits.yaml"  # in the folder of the machine

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from exodrake.monitor.alarm import SKIP, WINDOW, Alarm, Reading, read_calibration, share_at_most
-from exodrake.monitor.online_replay import LOOP
 from exodrake.monitor.watcher import Monitor
+from exodrake.simulation.segments import LOOP
 
 if TYPE_CHECKING:
     from rich.console import RenderableType

@@ -27,7 +27,7 @@ from exodrake.data.import_log import Mapped, import_recording
 from exodrake.data.log import STRETCH, check_columns, columns_in_si, other_rate, refuse_doubled, refuse_separator
 from exodrake.data.tables import TextLayout
 from exodrake.monitor.alarm import BEFORE, Alarm, Gap, Reading, date_rise, judge, measure_noise, read_limits
-from exodrake.monitor.online_replay import LOOP, OnlineReplay, list_channels, replayed_segments
+from exodrake.simulation.segments import LOOP, OnlineReplay, list_channels, replayed_segments
 
 HEAD = 512  # bytes at the start of a file by which it is known again
 CHUNK = 1 << 20  # bytes taken at once, so that a long log shows how far it is
