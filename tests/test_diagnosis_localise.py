@@ -55,6 +55,19 @@ def test_place_of_named_effects_is_that_of_their_causes(monkeypatch):
 
 
 @pytest.mark.parametrize(
+    "injected, segment",
+    [("motor.slow_velocity_loop", "motor"), ("tendon.compliance", "tendon"), ("finger.viscoelasticity", "finger")],
+)
+def test_an_error_of_one_segment_shows_in_its_replay_alone(robot, injected, segment):
+    problem = problem_of(robot, robot.splice(injected))
+    errors = localise.replay_segments(problem, problem.silent())
+    most = {name: max(x for (s, _), x in errors.items() if s == name) for name, _ in errors}
+    assert most.keys() == {"motor", "tendon", "finger"}
+    assert max(most, key=most.__getitem__) == segment
+    assert most[segment] > 10.0 > max(x for name, x in most.items() if name != segment)
+
+
+@pytest.mark.parametrize(
     "injected, block",
     [
         ("sensor.hysteresis", "sensor"),

@@ -6,16 +6,21 @@ bins, and explains the correlation ratio, the variance of the bin means over the
 
 from __future__ import annotations
 
+import warnings
+from dataclasses import replace
+
 import numpy as np
 
 from exodrake.core.part import JOINTS, SCALAR, TENDONS
 from exodrake.diagnosis.filters import fill_gaps
 from exodrake.diagnosis.intervals import describe, fitted_effects
 from exodrake.diagnosis.isolation import Isolation
+from exodrake.diagnosis.likelihood import written_by
 from exodrake.diagnosis.problem import Problem, Trial, by_trial
 from exodrake.diagnosis.result import CAUSE, NO_GAP, RETUNE, NamedEffect, Where
 from exodrake.diagnosis.search import Fitted, is_memory, screen
 from exodrake.diagnosis.verdict import LARGE
+from exodrake.simulation.segments import LOOP, OnlineReplay, list_channels
 
 AFFECTED = 0.25  # share of the strongest channel's residual power, half its amplitude, from which one counts: assumed
 BINS = 10
@@ -44,8 +49,8 @@ def remaining(found: Isolation, fitted: Fitted) -> Where:
     """Place and regime of what a fitted set leaves; `shares`: of it, by the best further effect of each block.
 
     The place is that of the further effect that takes up most of it, as fitted beside the set or else as the linear
-    model predicts; a cause goes before the memory of a sensor. Where none takes up a tenth, it is the segment that ends
-    in the signal of the largest prediction error.
+    model predicts; a cause goes before the memory of a sensor. Where none takes up a tenth, it is the segment whose
+    replay errs most.
     """
     e, search, machine = fitted.explanation, found.search, found.problem.robot.machine
     likelihood, left = found.likelihood.scaled_to(e.residual), max(search.measure_left(fitted), 1e-12)
@@ -65,22 +70,48 @@ def remaining(found: Isolation, fitted: Fitted) -> Where:
         fit = fitted_effects(beside[lead.id]).of(lead.id)
         named = describe(fit, lead, machine.axes.of(lead.axis))
         return Where(lead.block, named.wires, named.joints, shares, where)
-    seen = likelihood.views[-1].problem
-    residual = np.concatenate(by_trial(likelihood.split(e.residual)[-1], seen.fit))
-    kind, channel = seen.columns[int(np.argmax(np.sum(residual**2, axis=0)))].rsplit("_", 1)
+    errors = replay_segments(found.problem, e.robot)
+    block, column = max(errors, key=errors.__getitem__)
+    axis = next((a for a in (TENDONS, JOINTS) if column.rsplit("_", 1)[1] in machine.axes.of(a)), SCALAR)
     if lead and share >= LARGE:
         block, axis = lead.block, lead.axis
     else:
-        block = next((s.name for s in machine.segments if s.output == kind and not s.exact), "unknown")
-        axis = next((a for a in (TENDONS, JOINTS) if channel in machine.axes.of(a)), SCALAR)
-    affected: dict[str, tuple[str, ...]] = {TENDONS: (), JOINTS: ()}  # those that hold most of the residual's power
+        errors = {key: error for key, error in errors.items() if key[0] == block}
+    affected: dict[str, tuple[str, ...]] = {TENDONS: (), JOINTS: ()}  # those with most of the error
     for a in affected if axis == SCALAR else (axis,):
-        power = dict.fromkeys(machine.axes.of(a), 0.0)
-        for column, squared in zip(seen.columns, np.sum(residual**2, axis=0), strict=True):
-            if (channel := column.rsplit("_", 1)[1]) in power:
-                power[channel] += float(squared)
-        affected[a] = tuple(c for c, p in power.items() if p >= AFFECTED * max(power.values()))
+        own = {c: max((x for (_, name), x in errors.items() if name.endswith(f"_{c}")), default=0.0)
+               for c in machine.axes.of(a)}  # fmt: skip
+        affected[a] = tuple(c for c, error in own.items() if error >= AFFECTED * max(own.values()))
     return Where(block, affected[TENDONS], affected[JOINTS], shares, where)
+
+
+def replay_segments(problem: Problem, robot: np.ndarray) -> dict[tuple[str, str], float]:
+    """Segment and column -> mean squared error of a robot's replay of the segment from its measured inputs.
+
+    An error of one segment does not show in the others. It is in units of what a log that the robot writes shows. Of a
+    machine of one segment the closed loop is replayed.
+
+    robot: (parameters,) flat vector [SI].
+    """
+    machine, replayed = problem.robot.machine, replace(problem.robot, values=robot)
+    channels, ends = list_channels(machine), {s.output: s.name for s in machine.segments}
+    columns = [c.column for c in channels if c.segment == LOOP]
+    exact = {LOOP, *(s.name for s in machine.segments if s.exact)}
+    if all(c.segment == LOOP for c in channels):
+        channels, exact = tuple(c._replace(segment=ends.get(c.kind, "unknown")) for c in channels), set()
+
+    def measure(logs: Problem) -> np.ndarray:
+        errors = []
+        for trial in logs.fit:
+            measured = np.full((len(trial.reference), len(columns)), np.nan)
+            measured[:, [columns.index(name) for name in logs.columns]] = trial.measured
+            errors.append(OnlineReplay(replayed).push(trial.reference, measured, last=True) ** 2)
+        return np.nanmean(np.concatenate(errors), axis=0)
+
+    with warnings.catch_warnings(action="ignore", category=RuntimeWarning):  # columns that no log has
+        ratios = measure(problem) / measure(written_by(problem, robot, 0))
+    found = zip(channels, ratios.tolist(), strict=True)
+    return {(c.segment, c.column): x for c, x in found if c.segment not in exact and not np.isnan(x)}
 
 
 def conditions(problem: Problem, trial: Trial, channel: int) -> dict[str, np.ndarray]:
