@@ -69,4 +69,5 @@ def with_recorded_ranges(robot: Robot, case: Case) -> Robot:
             low = first.low if first.low > 0.0 else first.low * factor
             effect = replace(effect, parameters=(replace(first, high=reach, low=low, default=default), *others))
         effects.append(effect)
-    return replace(robot, values=values, machine=replace(machine, effects=tuple(effects)))
+    widened = machine if tuple(effects) == machine.effects else replace(machine, effects=tuple(effects))
+    return replace(robot, values=values, machine=widened)
