@@ -45,7 +45,6 @@ SCALES = (0.0, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0)  # of a law in units of its plaus
 MODES, PASSES = 3, 2  # of a law with which it is screened; over the channels in search of their scales
 STARTED, PER_POINT = 14, 4  # laws that are simulated as predicted, and at most at one point
 FITTED, OTHERS = 3, 1  # laws that are fitted, inside a block and outside it
-WIDE = 1e6  # bound of a coordinate: none
 SHARES = (1.0, 0.5, 0.2, 0.05)  # of a predicted law, tried where its fit begins
 ROUNDS = 2  # new Jacobians of the best law's other parameters, on whole logs
 # in 90 % of robots a law in a wrong part takes up less of what the best one in the right part leaves: conformal
@@ -425,7 +424,7 @@ def join_law(
         index, channel = tuple(int(at[name][c]) for name in WEIGHTS), candidate.channels[c]
         for m, weights in enumerate((candidate.size[c] * candidate.basis).T[:modes]):
             name, along, std = f"mode{m + 1}.{channel}", tuple(map(float, weights)), float(scales[c])
-            parameters.append(Parameter(name, index, "along", 0.0, std, (-WIDE, WIDE), "", (channel,), along=along))
+            parameters.append(Parameter(name, index, "along", 0.0, std, (-np.inf, np.inf), "", (channel,), along=along))
     x = np.r_[base.x, np.zeros(len(parameters) - len(base.x))]
     return Explanation(base.effects, tuple(parameters), x, values, base.residual, base.jacobian)
 
