@@ -46,7 +46,7 @@ MODES, PASSES = 3, 2  # of a law with which it is screened; over the channels in
 STARTED, PER_POINT = 14, 4  # laws that are simulated as predicted, and at most at one point
 FITTED, OTHERS = 3, 1  # laws that are fitted, inside a block and outside it
 SHARES = (1.0, 0.5, 0.2, 0.05)  # of a predicted law, tried where its fit begins
-ROUNDS = 2  # new Jacobians of the best law's other parameters, on whole logs
+ROUNDS = 2  # fits of the best law on whole logs, each with new Jacobians of the other parameters
 # in 90 % of robots a law in a wrong part takes up less of what the best one in the right part leaves: conformal
 # quantile of 24 of the reference simulator, rounded up (docs/missing_law.md); the largest are 0.65, 0.49 and 0.05
 LEAD = 0.5
@@ -260,7 +260,6 @@ def discover(
         trial = replace(best, explanation=minimise(best.likelihood.scaled_to(start.residual), start))
         if best.model.evidence(best.model.memory) - trial.model.evidence(best.model.memory) < NATS:
             best = trial
-    # on whole logs, until no step with a new Jacobian of the other parameters leads further
     on_whole = best.likelihood.on(whole)
     e = best.explanation.at(on_whole, best.explanation.x)
     e = replace(e, jacobian=np.zeros((e.nominal, len(e.residual)), dtype=np.float32))
