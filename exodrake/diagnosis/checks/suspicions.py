@@ -37,8 +37,7 @@ CHANGED = 0.1  # of the motion, by which repeats differ in gain or offset; lost 
 CLOSE = 0.5  # distance at which two states count as one, in standard deviations of the motion (assumed)
 SMOOTH = 0.01  # white share up to which a channel tells the state: its noise moves a state by 0.14, less than CLOSE
 APART = 1.5  # motions by which a log differs from the others in like states (assumed)
-EVERY = 5  # every fifth frame is compared, for speed
-LONG = 25  # frames: fewer are no gap, not frozen and no sample (assumed: longer than packets are lost in a row)
+LONG = 25  # frames: what lasts shorter is neither a gap nor frozen (assumed: longer than packets are lost in a row)
 ANOTHER_UNIT = 10.0**0.5  # times a limit; geometrically half-way to the smallest factor of another decimal unit
 SMALL = 0.03  # of the motion: the scatter of nominal parameters; predictions are not trusted further
 RIDGE = 1e-3  # of the variance: columns that move alike share their weight
@@ -395,10 +394,10 @@ def logs_of_other_robots(comparison: Comparison) -> Iterator[str]:
     state = state / state.std(axis=0)
     residual, motion = measured - nominal, np.maximum(measured.std(axis=0), nominal.std(axis=0))
     for k, pair in enumerate(pairs):
-        mine, others = np.flatnonzero(log == k)[::EVERY], np.flatnonzero(log != k)
+        mine, others = np.flatnonzero(log == k), np.flatnonzero(log != k)
         distance, nearest = KDTree(state[others]).query(state[mine], distance_upper_bound=CLOSE)
         close = np.isfinite(distance)
-        if close.sum() >= LONG:
+        if close.sum() >= 4 * LONG:  # fewer frames are one state, not like motion
             apart = np.abs(np.median(residual[mine[close]] - residual[others[nearest[close]]], axis=0))
             found += [(comparison.columns[i], pair.item.file) for i in smooth if apart[i] > APART * motion[i]]
     for column, files in group(found):
