@@ -18,10 +18,9 @@ from itertools import pairwise
 import numpy as np
 from scipy.special import gammainc, gammaincinv, gammaln
 
-from exodrake.core.confidence import CONFIDENCE
+from exodrake.core.confidence import ALPHA, CONFIDENCE
 
 STEP, RAMP, BOTH = "step", "ramp", "step and ramp"
-DAY = 86400.0  # s
 LEAST = 5  # points: a change has three parameters, their scatter one
 GRID = 4  # dates of a ramp's begin that are tried between two points
 SIZES = (1.0, 1e2, 1e4, 1e6)  # k of the prior of b, times the number of points: unit information and wider
@@ -130,6 +129,14 @@ class ChangePoint:
     def p_values(self, series: np.ndarray) -> np.ndarray:
         """p-values (n,) of no change in series (points, n), valid for normal errors of any scatter s >= 1."""
         return (1.0 + DRAWS - np.searchsorted(self.null, self.log_odds(series))) / (DRAWS + 1.0)
+
+    def judge(self, values: np.ndarray, tests: int, p: float | None = None) -> tuple[float, Change | None]:
+        """p-value of no change in a series (points,), one of so many tests, and the change where p is below the level.
+
+        p: of this test alone, where it is known.
+        """
+        p = min(1.0, tests * (float(self.p_values(values[:, None])[0]) if p is None else p))
+        return p, self(values, np.random.default_rng(len(values))) if p < ALPHA else None
 
     def __call__(self, values: np.ndarray, rng: np.random.Generator) -> Change:
         """The change of a series (points,), estimated as if there were one; its sizes are those of the likeliest."""

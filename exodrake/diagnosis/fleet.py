@@ -18,13 +18,12 @@ from typing import Any
 
 import numpy as np
 
-from exodrake.core.confidence import ALPHA
 from exodrake.core.errors import InputError, printable
 from exodrake.core.files import is_file, is_folder, read_bytes
 from exodrake.core.processes import in_child
 from exodrake.core.schema import read_json
 from exodrake.data.formats.parquet import import_pyarrow, parse_rows
-from exodrake.diagnosis.change_point import DAY, DRAWS, LEAST, Change, ChangePoint
+from exodrake.diagnosis.change_point import DRAWS, LEAST, ROUNDING, Change, ChangePoint
 from exodrake.diagnosis.many import ANSWER, FAILED, check_answer
 from exodrake.diagnosis.result import NAMED, NO_GAP, RETUNE
 from exodrake.machines.library import machine_folders, machine_named
@@ -32,10 +31,7 @@ from exodrake.machines.library import machine_folders, machine_named
 FAILURE = "FAILED"  # verdict of a case without an answer
 MAGIC = b"PAR1"  # a Parquet file begins so
 LATER = ("confirmed",)  # columns that tables of older versions lack
-UNREADABLE = "its answer cannot be read"
 MOST = 60  # points of a trend
-TINY = 1e-6  # of a trend's spread: below every scatter, which is then estimated alone
-ALIKE = 1e-6  # difference of the log odds of two orders that are the same but for rounding
 
 
 @dataclass(frozen=True)
@@ -137,7 +133,7 @@ def read_place(place: Path) -> Row | None:
         if folder and is_file(failed) and not is_file(answer):
             failure = read_json(failed)
             known = isinstance(failure, Mapping)
-            reason = printable(str(failure.get("reason", ""))) if known else f"{failed}: {UNREADABLE}"
+            reason = printable(str(failure.get("reason", ""))) if known else f"{failed}: its answer cannot be read"
             return Row(name, name, reason=reason)
         named = folder or (place.suffix.lower() == ".json" and place.name not in (ANSWER, FAILED))
         return read_row(read_json(answer), name) if named and is_file(answer) else None
@@ -232,15 +228,12 @@ def find_trends(rows: Sequence[Row]) -> list[Trend]:
             parameter, unit = f"1 / {parameter}", f"1/({unit})"
         spread, p, change = float(np.ptp(values)), 1.0, None
         if spread > 0.0:
-            scan = ChangePoint(times, (TINY * spread) ** 2 * np.eye(len(times)), grid=1)
+            scan, alone = ChangePoint(times, (ROUNDING * spread) ** 2 * np.eye(len(times)), grid=1), None
             if absent:  # share of the orders of the values that show a change as clear, for values of any law
                 rng = np.random.default_rng(len(values))
                 odds = scan.log_odds(np.column_stack([values, *(rng.permutation(values) for _ in range(DRAWS))]))
-                found = float(np.mean(odds >= odds[0] - ALIKE))
-            else:
-                found = float(scan.p_values(values[:, None])[0])
-            p = min(1.0, found * len(series))
-            change = scan(values, np.random.default_rng(len(times))) if p < ALPHA else None
+                alone = float(np.mean(odds >= odds[0] - ROUNDING))
+            p, change = scan.judge(values, len(series), alone)
         trends.append(Trend(rows[0].serial, effect, parameter, channel, unit, dated[0][1], times, values, p, change))
     return sorted(trends, key=lambda t: (t.p, -(t.change.size if t.change else 0.0)))
 
@@ -268,7 +261,7 @@ def follow_amount(
         if (own and row.verdict == NAMED) or absent:
             value = own[0] if own else null
             values.append(1.0 / value if np.isinf(null) and value != 0.0 else value)
-            days.append((date - rows[0][1]).total_seconds() / DAY)
+            days.append((date - rows[0][1]) / timedelta(days=1))
             missed |= absent
     known = np.isfinite(values)
     times, at, counts = np.unique(np.array(days)[known], return_inverse=True, return_counts=True)

@@ -1,6 +1,6 @@
 """Simulated robots: healthy ones, with parameters drawn within the tolerances of the robot file, or with an effect.
 
-They calibrate the tests of the diagnosis and the alarm of the monitor.
+The diagnosis' error rates and the limits of the monitor's alarm are measured on them.
 """
 
 from __future__ import annotations

@@ -185,7 +185,7 @@ class Provenance:
     # first digits of the SHA-256 of its parameters, the overrides of the case included, with variants, tolerances and
     # limits
     parameters: str
-    calibration: str  # source of the numbers of the tests
+    calibration: str  # source of the stated error rates; `none` where none were measured
     files: dict[str, str]  # file of the case -> SHA-256; none for a case that was not read from files
 
 

@@ -17,9 +17,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import expit
 
-from exodrake.core.confidence import ALPHA, NORMAL_90
+from exodrake.core.confidence import NORMAL_90
 from exodrake.data.case import Case, written_date
-from exodrake.diagnosis.change_point import DAY, LEAST, Change, ChangePoint
+from exodrake.diagnosis.change_point import LEAST, Change, ChangePoint
 from exodrake.diagnosis.fit import Explanation, fit_beside, whole_jacobian
 from exodrake.diagnosis.isolation import Isolation, affordable
 from exodrake.diagnosis.likelihood import Likelihood
@@ -28,13 +28,13 @@ from exodrake.diagnosis.linearise import nominal_jacobian
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.result import AMBIGUOUS, CAUSE, NAMED, NO_GAP, PARTLY, RETUNE, UNKNOWN, Interval
 from exodrake.diagnosis.search import NATS, Predicted
-from exodrake.diagnosis.verdict import EXPLAINED, MOST, Decision, Part
+from exodrake.diagnosis.verdict import EXPLAINED, MOST, VISIBLE, Decision, Part
 
 RESIDUAL = "residual"  # name of the series of the residual's power
 SAMPLES = 500_000  # in which changes are sought: 4 GB with the 60 parameters of an Exo-Index
 WINDOW, WINDOWS = 10.0, 24  # s of a long log that count as a session at least, longer than loops remember; most of them
 ROUNDS, CONVERGED = 5, 0.1  # steps of logs by date at most, and the step that ends them [standard deviations]
-MOVED, FOLLOWED = 1.0, 4  # tolerances from which a nominal parameter counts as moved, and how many are followed
+FOLLOWED = 4  # nominal parameters that moved visibly and are followed
 SCREENED = 2  # effects that are tried beside those fitted with constant parameters
 
 
@@ -109,7 +109,7 @@ def date_sessions(case: Case, names: Sequence[str]) -> tuple[Session, ...]:
         return ()
     logs = {date: tuple(k for k, one in enumerate(found) if one == date) for date in sorted(set(found))}
     first = min(found)
-    return tuple(Session(written_date(d), (d - first).total_seconds() / DAY, own) for d, own in logs.items())
+    return tuple(Session(written_date(d), (d - first) / timedelta(days=1), own) for d, own in logs.items())
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,10 +133,6 @@ class SessionFit:
         width, whole = len(self.own), model.posterior().covariance
         first = len(whole) - width * len(self.x)
         return np.array([whole[first + k :: width, first + k :: width] for k in range(width)])
-
-    def evidence(self, memory: float, constant: bool = False) -> float:
-        """Log evidence [nats] of parameters of each session, or of constant ones; memory: frames that count as one."""
-        return replace(self.constant if constant else self.model, memory=memory).evidence()
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,7 +165,7 @@ class Logs:
         leads = {next(p.name for p in e.parameters if p.effect == effect) for effect in e.effects}
         own = [i for i, p in enumerate(e.parameters) if p.name in leads or (p.effect and p.amplitude)]
         if not e.effects:
-            own = [int(i) for i in np.argsort(-np.abs(e.use))[:FOLLOWED] if abs(e.use[i]) > MOVED]
+            own = [int(i) for i in np.argsort(-np.abs(e.use))[:FOLLOWED] if abs(e.use[i]) > VISIBLE]
         x = np.tile(e.x, (len(self.sessions), 1))
         rows = np.concatenate([whole_jacobian(self.likelihood, e), e.residual[None]])
         best, problem = self.step(e, rows, x, own), self.likelihood.views[0].problem
@@ -265,14 +261,13 @@ def add_series(since: Since, fit: SessionFit, logs: Logs, named: bool) -> Since:
     e, machine = fit.explanation, logs.likelihood.robot.machine
     # name, channel and unit; its values at coordinates; these by session with their standard deviations; covariance
     series: list[tuple[tuple[str, str, str], Callable[[float], float], np.ndarray, np.ndarray, np.ndarray]] = []
-    if fit.own:
-        # as if noise alone were left: scatter beyond that is what a change point estimates
-        noise = fit.covariance(replace(fit.model, variance=np.ones(len(fit.model.variance)), memory=1.0))
-        for k, i in enumerate(fit.own):
-            p = e.parameters[i]
-            value = partial(p.value, base=None if p.effect else float(e.values[p.index[0]]))
-            head = p.name, p.channels[0] if len(p.channels) == 1 else "", machine.parameters[p.index[0]].unit
-            series.append((head, value, fit.x[:, i], fit.std[:, k], noise[k]))
+    # as if noise alone were left: scatter beyond that is what a change point estimates
+    noise = fit.covariance(replace(fit.model, variance=np.ones(len(fit.model.variance)), memory=1.0))
+    for k, i in enumerate(fit.own):
+        p = e.parameters[i]
+        value = partial(p.value, base=None if p.effect else float(e.values[p.index[0]]))
+        head = p.name, p.channels[0] if len(p.channels) == 1 else "", machine.parameters[p.index[0]].unit
+        series.append((head, value, fit.x[:, i], fit.std[:, k], noise[k]))
     if not named:
         power = np.log([float(np.mean(e.residual[rows] ** 2)) for rows in logs.rows])
         variance = np.array([2.0 / rows.sum() for rows in logs.rows])
@@ -280,9 +275,7 @@ def add_series(since: Since, fit: SessionFit, logs: Logs, named: bool) -> Since:
         series.append(((RESIDUAL, "", "noise variances"), lambda x: float(np.exp(x)), power, std, np.diag(variance)))
     tested = []
     for head, value, x, std, covariance in series:
-        scan = ChangePoint(np.array(since.times), covariance)
-        p = min(1.0, float(scan.p_values(x[:, None])[0]) * len(series))
-        change = scan(x, np.random.default_rng(len(x))) if p < ALPHA else None
+        p, change = ChangePoint(np.array(since.times), covariance).judge(x, len(series))
         if change is not None:  # in the unit of the values; the rate is that of the value at the last point
             after = change.after[0]
             slope = (value(after + 1e-4) - value(after - 1e-4)) / 2e-4
@@ -298,7 +291,7 @@ def add_series(since: Since, fit: SessionFit, logs: Logs, named: bool) -> Since:
         return since
     samples, memory = fit.model.samples, logs.likelihood.with_memory(fit.residual).memory
     total = float(samples @ chi2_after_step(fit.model)[fit.model.view] / samples.sum())
-    return replace(since, chi2=total, p=float(expit(fit.evidence(memory, constant=True) - fit.evidence(memory))))
+    return replace(since, chi2=total, p=float(expit(fit.constant.evidence(memory) - fit.model.evidence(memory))))
 
 
 def follow_effects(
@@ -316,12 +309,12 @@ def follow_effects(
         return since, decided
     none = logs.likelihood.chi2(logs.likelihood.residual(found.retuned.explanation.robot[None])[0])
     memory, wide = min(logs.likelihood.with_memory(fit.residual).memory for fit in (*fits, known)), none > 1.0
-    fits.sort(key=lambda fit: -fit.evidence(memory))
+    fits.sort(key=lambda fit: -fit.model.evidence(memory))
     excess = [np.maximum(chi2_after_step(fit.model)[wide] - 1.0, 0.0) / (none[wide] - 1.0) for fit in fits]
     left = [float(np.mean(one)) if wide.any() else 0.0 for one in excess]
     names = [fit.explanation.effects[0] for fit in fits]
-    most, name, explained = fits[0].evidence(memory), names[0], 1.0 - left[0]
-    clear = most > known.evidence(memory, constant=True) + NATS and most >= known.evidence(memory)
+    most, name, explained = fits[0].model.evidence(memory), names[0], 1.0 - left[0]
+    clear = most > known.constant.evidence(memory) + NATS and most >= known.model.evidence(memory)
     if decided.verdict != UNKNOWN:
         same = decided.verdict == NAMED and [part.effect for part in decided.parts] == [name]
         # windows of one log follow an effect, and leave a name to those that vary in time
@@ -329,7 +322,7 @@ def follow_effects(
             return since, decided
     if since.unit == "d" and clear and explained >= MOST:
         rest = zip(names[1:], fits[1:], left[1:], strict=True)
-        alike = {other: 1.0 - share for other, fit, share in rest if most - fit.evidence(memory) < NATS}
+        alike = {other: 1.0 - share for other, fit, share in rest if most - fit.model.evidence(memory) < NATS}
         word = PARTLY if explained < EXPLAINED else AMBIGUOUS if alike else NAMED
         unsure = float("nan"), float("nan")
         reason = f"{name} changed: with an amplitude for each session it explains {explained:.0%} of the gap"

@@ -25,15 +25,14 @@ from exodrake.simulation.simulate import run, write_log
 
 SHORTEST = 100  # frames; at the Exo-Index's 20 ms that is 2 s, longer than the loop's memory
 LONGEST = 90_000  # frames of all logs together, half an hour at 20 ms: beyond, a search takes hours and gigabytes
-SAME = 1e-9  # s, two frame periods closer than this are one
 REPEATS = 0.01  # of the motion, and of the rows, by which references of repeats may differ (assumed: rounding, jitter)
 NAMED = 3  # columns and files that a sentence names (assumed)
 UNITS = (180.0 / np.pi, 100.0, 1000.0)  # degrees in a radian; centi and milli
 FACTORS = (-1.0, *(sign * unit**power for unit in UNITS for sign in (1.0, -1.0) for power in (1, -1)))
-NEAR = 1.3  # ratio to a factor; geometrically half-way between the two closest ones
+NEAR = (UNITS[1] / UNITS[0]) ** 0.5  # ratio to a factor; geometrically half-way between the two closest ones
 ALIKE = 0.9  # correlation from which a channel has the shape of the nominal robot's (assumed)
 CLEAR = 2.0  # ratio of standard deviations with p < 1e-3 from 25 independent samples on (F test); of shares: assumed
-EXACT = 1e-9  # of a signal's range: smaller steps are rounding of the computer
+EXACT = 1e-9  # of a signal's range, or s between two frame periods: less is rounding of the computer
 ABOVE = 1.1  # ratio to the nominal fast noise in every channel of a sensor; healthy robots lie between 0.94 and 1.04
 ORDER = 4  # differences that leave noise of what moves slowly (assumed)
 
@@ -45,7 +44,7 @@ def check_case(case: Case, machine: Machine) -> None:
         InputError: naming the log, and of a repeat with another reference the column and the row. References that are
             constant in every log, such as initial states, may differ.
     """
-    if abs(case.period - machine.frame) > SAME:
+    if abs(case.period - machine.frame) > EXACT:
         raise InputError(f"{case.name}: frames of {case.period:g} s, {machine.name} has frames of {machine.frame:g} s")
     for item, column in product(case.logs, (c for c in machine.columns if c.required)):
         for name in machine.log_names([column]):

@@ -319,15 +319,11 @@ def find_directions(lin: Linearisation, machine: Machine, gram: np.ndarray, ever
     of f is below `SEEN` or the error `LAW` of a law times |d|. every: whether all such effects are sought, or one.
     """
     found, size = [], np.sqrt(np.maximum(np.diag(gram), 0.0))
-    # what any sizes of a probe's directions leave of each direction (probes, directions); 0 if rounding hides it
-    least = np.zeros((len(lin.probes), len(gram)))
+    # what any sizes of a probe's directions leave of each direction (probes, directions)
+    unit, least = gram / np.maximum(np.outer(size, size), 1e-12), np.zeros((len(lin.probes), len(gram)))
     for left, rows in zip(least, (probe.rows for probe in lin.probes)):
-        own = np.sqrt(np.maximum(np.diag(gram)[rows], 1e-12))
-        normal = gram[np.ix_(rows, rows)] / np.outer(own, own) + 1e-8 * np.eye(len(rows))
-        if np.linalg.eigvalsh(normal)[0] > 0.0:
-            cross = gram[rows] / own[:, None]
-            left[:] = np.diag(gram) - np.sum(cross * np.linalg.solve(normal, cross), axis=0)
-    least = np.sqrt(np.maximum(least, 0.0))
+        imitated = unit[rows] * (np.linalg.pinv(unit[np.ix_(rows, rows)], 1e-8, hermitian=True) @ unit[rows])
+        left[:] = size * np.sqrt(np.maximum(1.0 - imitated.sum(axis=0), 0.0))
     for effect in dict.fromkeys(p.effect for p in lin.probes):
         info, probes = machine.effect(effect).parameters[0], [p for p in lin.probes if p.effect == effect]
         others = np.array([p.effect != effect for p in lin.probes])

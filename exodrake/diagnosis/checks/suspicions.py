@@ -12,44 +12,37 @@ from textwrap import shorten
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
+from exodrake.core.confidence import ALPHA
 from exodrake.core.display import in_words
 from exodrake.core.errors import InputError
 from exodrake.diagnosis.checks.compare import ABOVE, CLEAR, ORDER, Channel, Comparison, fast_noise, find_step, list_few
 from exodrake.diagnosis.noise import robust_std
 
 LONGEST = 300  # characters of a sentence
-SAME = 0.5  # of a log's windows that are found in another one (assumed)
+# Times what is usual, of the nominal robot or in the other logs: with few logs an error three times the largest is rare
+# in any law without heavy tails, and healthy robots, simulated and real, stay below 2.7
+BEYOND = 3.0
+HALF = 0.5  # majority of a log's windows or of a variance; of noise, a signal-to-noise ratio of 1
+ROUNDING = 1e-6  # of a column's motion over all logs: less is rounding
 MATCH = 8  # frames in a row that are compared
-FINE = 1e-6  # of a channel's standard deviation: changes closer than this are equal
-CLEARLY = 4.0  # ratio of unexplained variances, channel by channel; as a factor of 2 in the residual (assumed)
-EXPLAINED = 0.5  # of the variance of an exchanged channel, by the channel that it seems to be (assumed)
-BEYOND = 3.0  # times the nominal robot's longest run, largest step or loudest window (assumed)
 HELD = 3  # samples in a row that count as held: noise repeats a rounded value now and then
 SATURATED = 0.05  # of the samples: less hardly matters (assumed)
 WINDOW = 50  # frames in which the strength of a burst is taken (assumed)
 USUAL = 0.9  # quantile over windows that counts as the usual strength: a burst is shorter than a tenth of a log
-HALF = 0.5  # of the variance: more noise than motion, a signal-to-noise ratio of 1
 NOISIER = "vibration, or noisier sensors"
 LEAST_MOTION = 5.0  # motion over noise below which a signal says little: assumed
 ORDERS = (8, 16)  # differences that leave little of a loop that hunts: 0.14 and 0.01 of a period of 4 frames
 WHITE = 1.2  # ratio of what differences of these orders say of noise that is white (assumed: half of a hunting loop's)
-LEVEL = 1e-3  # of the F test between repeats, over all channels (assumed)
 CHANGED = 0.1  # of the motion, by which repeats differ in gain or offset; lost packets and tremor stay below (assumed)
 CLOSE = 0.5  # distance at which two states count as one, in standard deviations of the motion (assumed)
 SMOOTH = 0.01  # white share up to which a channel tells the state: its noise moves a state by 0.14, less than CLOSE
 APART = 1.5  # motions by which a log differs from the others in like states (assumed)
-MATCHES = 20  # frames in such states from which the median is taken (assumed)
-EVERY = 5  # every fifth frame is compared, for speed
 LONG = 25  # frames: what lasts shorter is neither a gap nor frozen (assumed: longer than packets are lost in a row)
 ANOTHER_UNIT = 10.0**0.5  # times a limit; geometrically half-way to the smallest factor of another decimal unit
-# Times the largest error of the other logs: with few logs an error three times the largest is rare in any law without
-# heavy tails, and healthy robots, simulated and real, stay below 2.7
-UNLIKE = 3.0
 SMALL = 0.03  # of the motion: the scatter of nominal parameters; predictions are not trusted further
 RIDGE = 1e-3  # of the variance: columns that move alike share their weight
 BLOCKS = 10  # of a log, in each of which a delay is taken: the scatter about a line then says how sure its slope is
 DRIFTING = 7.0  # standard errors of a slope; predictions err alike for long, so that healthy robots reach 6
-STILL = 1e-6  # of a column's motion over all logs: less in most of them is rounding, and the column rests there
 ALONE = 0.75  # of an error, from which its cause is named
 
 
@@ -104,7 +97,7 @@ def copied_logs(comparison: Comparison) -> Iterator[str]:
     Logs are compared by hashes of the changes in successive windows, motionless windows left out.
     """
     spread = np.vstack([pair.measured for pair in comparison.pairs]).std(axis=0)
-    fine = FINE * np.where(spread > 0.0, spread, 1.0)
+    fine = ROUNDING * np.where(spread > 0.0, spread, 1.0)
     keys = np.random.default_rng(0).integers(1, 2**62, (len(fine), MATCH)) | 1
     prints = []
     for pair in (pair for pair in comparison.pairs if len(pair.measured) > MATCH):
@@ -113,7 +106,7 @@ def copied_logs(comparison: Comparison) -> Iterator[str]:
         prints.append((pair.item, np.unique(hashes[hashes != 0])))
     for (a, one), (b, other) in combinations(prints, 2):
         fewer, more = sorted((one, other), key=len)
-        if len(fewer) and np.isin(fewer, more).mean() > SAME:
+        if len(fewer) and np.isin(fewer, more).mean() > HALF:
             roles = "so that nothing new is held out" if a.role != b.role else "so that it counts twice"
             yield f"{b.file} holds the samples of {a.file} (a constant apart), {roles}"
 
@@ -161,8 +154,8 @@ def exchanged_columns(comparison: Comparison) -> Iterator[str]:
         best = linear_sum_assignment(unexplained)[1]
         others = np.flatnonzero(best != np.arange(len(own)))
         left = unexplained[others, best[others]]
-        clearly = len(others) and np.mean(unexplained[others, others] - left) > np.log(CLEARLY)
-        if clearly and left.max() < np.log(1.0 - EXPLAINED):
+        clearly = len(others) and np.mean(unexplained[others, others] - left) > 2.0 * np.log(CLEAR)
+        if clearly and left.max() < np.log(HALF):
             columns = np.array(comparison.columns)[own]
             found.append((list_few(f"{columns[k]} like {columns[best[k]]}" for k in others), pair.item.file))
     for names, files in group(found):
@@ -212,7 +205,7 @@ def frozen_channels(comparison: Comparison) -> Iterator[str]:
                 outside = Channel(name, pair.item.file, rest, np.delete(nominal, run))
                 noisy = outside.carries_noise and outside.noise / outside.nominal_noise > 1.0 / CLEAR
                 stops = noisy and one[start] not in (one.min(), one.max())
-            if own > UNLIKE * usual or stops:
+            if own > BEYOND * usual or stops:
                 found.append(f"{name} of {pair.item.file} from {pair.item.log.time[start]:.6g} s on for {n} frames")
     if found:
         verb = "are" if len(found) > 1 else "is"
@@ -373,7 +366,7 @@ def changed_between_repeats(comparison: Comparison) -> Iterator[str]:
         rest = np.sum((difference - change[0] - change[1] * shape) ** 2) / (n - 2)
         p = float(fdtrc(2, n - 2, n * np.mean(change**2) / rest)) if rest > 0.0 else 0.0
         motion = max(np.std(a.measured[:, i]), np.std(a.nominal[:, i]))
-        if np.abs(change).max() > CHANGED * motion and p < LEVEL / (len(repeats) * len(comparison.columns)):
+        if np.abs(change).max() > CHANGED * motion and p < ALPHA / (len(repeats) * len(comparison.columns)):
             found.append(((a.item.file, b.item.file), column))
     for (a, b), columns in group(found):
         names = list_few(columns)
@@ -401,10 +394,10 @@ def logs_of_other_robots(comparison: Comparison) -> Iterator[str]:
     state = state / state.std(axis=0)
     residual, motion = measured - nominal, np.maximum(measured.std(axis=0), nominal.std(axis=0))
     for k, pair in enumerate(pairs):
-        mine, others = np.flatnonzero(log == k)[::EVERY], np.flatnonzero(log != k)
+        mine, others = np.flatnonzero(log == k), np.flatnonzero(log != k)
         distance, nearest = KDTree(state[others]).query(state[mine], distance_upper_bound=CLOSE)
         close = np.isfinite(distance)
-        if close.sum() >= MATCHES:
+        if close.sum() >= 4 * LONG:  # fewer frames are one state, not like motion
             apart = np.abs(np.median(residual[mine[close]] - residual[others[nearest[close]]], axis=0))
             found += [(comparison.columns[i], pair.item.file) for i in smooth if apart[i] > APART * motion[i]]
     for column, files in group(found):
@@ -430,7 +423,7 @@ class OtherLogs:
         raw = [np.hstack([p.reference, p.nominal, p.measured]) for p in comparison.pairs]
         spread, largest = np.median([rows.std(axis=0) for rows in raw], axis=0), np.vstack(raw).std(axis=0)
         spread[-width:] = np.maximum(spread[-width:], spread[-2 * width : -width])
-        scale = np.where(spread > STILL * largest, spread, np.where(largest > 0.0, largest, 1.0))
+        scale = np.where(spread > ROUNDING * largest, spread, np.where(largest > 0.0, largest, 1.0))
         middle = np.median([rows.mean(axis=0) for rows in raw], axis=0)
         rows = [np.column_stack([np.ones(len(one)), (one - middle) / scale]) for one in raw]
         self.rows, self.moments = rows, np.array([one.T @ one / len(one) for one in rows])
@@ -480,7 +473,7 @@ class OtherLogs:
             kinds = {*without} - {self.kinds[column]}
             errors, rms = self.errors(column, log, kinds), self.error(column, log, others, kinds)
             usual = max([SMALL, *errors])
-            if not errors or rms <= UNLIKE * usual:
+            if not errors or rms <= BEYOND * usual:
                 continue
             level = self.middle[column] / self.scale[column]
             unit = self.comparison.pairs[log].item.log.units[self.comparison.columns[column]]
@@ -500,7 +493,7 @@ class OtherLogs:
             shares = {words: 1.0 - float(rest @ rest / (error @ error)) for words, rest in left.items()}
             best = max(filter(None, shares), key=lambda words: shares[words])
             ratio = rms * float(np.sqrt(max(shares[best], shares[""], 0.0))) / usual
-            if ratio > UNLIKE:
+            if ratio > BEYOND:
                 found[column] = ratio, best if shares[best] > ALONE else ""
         return found
 
@@ -571,7 +564,7 @@ def drifting_clocks(comparison: Comparison) -> Iterator[str]:
             rest = np.delete(slopes, log)
             own = slopes[log] - np.median(rest)
             grows = abs(own) * len(pair.measured)
-            if sure[log] > DRIFTING and grows > 1.0 and abs(own) > UNLIKE * np.abs(rest - np.median(rest)).max():
+            if sure[log] > DRIFTING and grows > 1.0 and abs(own) > BEYOND * np.abs(rest - np.median(rest)).max():
                 names = list_few(np.array(comparison.columns)[comparison.kinds == kind])
                 yield (
                     f"{names} of {pair.item.file} come ever {'later' if own > 0.0 else 'earlier'}, by {grows:.2g} "

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from exodrake.core.confidence import NORMAL_90
-from exodrake.core.effect import Effect
+from exodrake.core.effect import SHAPE_STD, Effect
 from exodrake.diagnosis.filters import Bands, outside
 from exodrake.diagnosis.intervals import affected_channels
 from exodrake.diagnosis.parameter import apply, effect_parameters
@@ -33,7 +33,6 @@ SLOWEST = 0.3  # Hz, that a band begins at: slower motion is the reference's
 OVERTONES = 2  # the peak itself and its octave: a muscle's pull is no pure sine
 LAG = 0.5  # s, over which the phase is seen to wander: longer than the band's filter remembers
 LEAST = 0.05  # coherence after that lag, below which the phase counts as lost: assumed
-LAW = 0.2  # relative standard deviation of a torque whose waveform is not known
 
 
 class Peak(NamedTuple):
@@ -167,10 +166,10 @@ def fit_torques(problem: Problem, effect: Effect, values: np.ndarray, peak: Peak
     robot = apply(values, parameters, x)
     found = {problem.robot.machine.parameters[i].name: float(robot[i]) for p in parameters for i in p.index}
 
-    def torque(value: float) -> Interval:
-        return Interval(value, value * (1.0 - NORMAL_90 * LAW), value * (1.0 + NORMAL_90 * LAW), "N m")
+    def torque(value: float) -> Interval:  # of a waveform that is not known
+        return Interval(value, value * (1.0 - NORMAL_90 * SHAPE_STD), value * (1.0 + NORMAL_90 * SHAPE_STD), "N m")
 
-    affected = affected_channels(x[joints], np.diag((LAW * x[joints]) ** 2))
+    affected = affected_channels(x[joints], np.diag((SHAPE_STD * x[joints]) ** 2))
     torques = {parameters[joints[k]].channels[0]: torque(float(x[joints[k]])) for k in affected}
     half, (size, line) = 0.5 / WINDOW, (p.name for p in effect.parameters[:2])
     frequency = Interval(peak.frequency, peak.frequency - half, peak.frequency + half, "Hz")

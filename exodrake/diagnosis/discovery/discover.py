@@ -45,9 +45,8 @@ SCALES = (0.0, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0)  # of a law in units of its plaus
 MODES, PASSES = 3, 2  # of a law with which it is screened; over the channels in search of their scales
 STARTED, PER_POINT = 14, 4  # laws that are simulated as predicted, and at most at one point
 FITTED, OTHERS = 3, 1  # laws that are fitted, inside a block and outside it
-WIDE = 1e6  # bound of a coordinate: none
 SHARES = (1.0, 0.5, 0.2, 0.05)  # of a predicted law, tried where its fit begins
-ROUNDS = 2  # new Jacobians of the best law's other parameters, on whole logs
+ROUNDS = 2  # fits of the best law on whole logs, each with new Jacobians of the other parameters
 # in 90 % of robots a law in a wrong part takes up less of what the best one in the right part leaves: conformal
 # quantile of 24 of the reference simulator, rounded up (docs/missing_law.md); the largest are 0.65, 0.49 and 0.05
 LEAD = 0.5
@@ -261,7 +260,6 @@ def discover(
         trial = replace(best, explanation=minimise(best.likelihood.scaled_to(start.residual), start))
         if best.model.evidence(best.model.memory) - trial.model.evidence(best.model.memory) < NATS:
             best = trial
-    # on whole logs, until no step with a new Jacobian of the other parameters leads further
     on_whole = best.likelihood.on(whole)
     e = best.explanation.at(on_whole, best.explanation.x)
     e = replace(e, jacobian=np.zeros((e.nominal, len(e.residual)), dtype=np.float32))
@@ -425,7 +423,7 @@ def join_law(
         index, channel = tuple(int(at[name][c]) for name in WEIGHTS), candidate.channels[c]
         for m, weights in enumerate((candidate.size[c] * candidate.basis).T[:modes]):
             name, along, std = f"mode{m + 1}.{channel}", tuple(map(float, weights)), float(scales[c])
-            parameters.append(Parameter(name, index, "along", 0.0, std, (-WIDE, WIDE), "", (channel,), along=along))
+            parameters.append(Parameter(name, index, "along", 0.0, std, (-np.inf, np.inf), "", (channel,), along=along))
     x = np.r_[base.x, np.zeros(len(parameters) - len(base.x))]
     return Explanation(base.effects, tuple(parameters), x, values, base.residual, base.jacobian)
 

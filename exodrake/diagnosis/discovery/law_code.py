@@ -30,7 +30,6 @@ WEIGHTS = tuple(f"w{i + 1}" for i in range(SIZE))
 ELEMENTS = (*(f"s{i + 1}" for i in range(SIZE)), "last", "started")
 COUNTS = tuple(f"c{i + 1}" for i in range(BINS))
 SEEN = ("low_seen", "high_seen", *COUNTS, "place", "started")
-ENDS = (("min", "low_seen"), ("max", "high_seen"))
 WATCHED = ("low", "high")  # range in which a watch counts
 PLAIN = ("dt", "held", "arrival", "period", "mobility", "bones", "history")  # arguments that no law depends on
 FUNCTIONS = ("curve", "dragged", "faded", "inside", "slope", "stop_operator")  # of `effects.law_table`
@@ -76,7 +75,6 @@ STANDARD = {
     "signal.mixed": (),
     "signal.delivered": (),
 }
-AS_LARGE = {"sliding.braked": "load"}  # what is as large as the law may be, where the value of the point is not
 SWITCH = "present"  # of the fitted law; that of a search is `form`
 NOTE = (
     "A free law that `exodrake diagnose` found: present = 1 puts it in, 0 is the robot without it. The values here are "
@@ -129,7 +127,7 @@ def law_points(machine: Machine) -> list[LawPoint]:
                 blocks = [effect.block for effect in machine.effects if key in effect.at] or [part.name]
                 identity = f"{max(blocks, key=blocks.count)}.law_{point.name}"
                 forms = tuple(replace(f, factor=f.factor.replace(VALUE, own[0])) for f in laws)
-                scale = AS_LARGE.get(point.standard, own[0])
+                scale = "load" if point.standard == "sliding.braked" else own[0]
                 found[identity] = LawPoint(key, identity, point, arguments, forms, scale)
     return list(found.values())
 
@@ -154,7 +152,8 @@ def write_effect(
     ends = dict.fromkeys(elsewhere, states) | {own: f"{value}, {states}" if filters else value}
     if watch:
         count = [f"{c} + inside(u, low, high, {i}.0, {BINS}.0)" for i, c in enumerate(COUNTS)]
-        seen = ", ".join([*(f"u if started == 0.0 else {f}({end}, u)" for f, end in ENDS), *count, "u", "1.0"])
+        low, high = (f"u if started == 0.0 else {f}({end}, u)" for f, end in zip(("min", "max"), SEEN))
+        seen = ", ".join([low, high, *count, "u", "1.0"])
         for k, f in enumerate(law.forms, 1):
             moves = f.moves and f.advances != own
             cases[f.advances or own][k] = [f"u = place + {f.variable}" if moves else f"u = {f.variable}"]
