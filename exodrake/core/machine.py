@@ -385,13 +385,9 @@ class Machine:
         """Index in a part's own state vector at which a state begins."""
         return stack({s.name: self.width(s.axis) * s.width for s in part.states})[name].start
 
-    def part_size(self, part: Part) -> tuple[int, int]:
-        """Lengths of a part's own state and of the states of the effects on it."""
-        return self.part_sizes[part.name]
-
     @cached_property
     def part_sizes(self) -> dict[str, tuple[int, int]]:
-        """`part_size` of each part by its name."""
+        """Lengths of a part's own state and of the states of the effects on it, by its name."""
 
         def size(states: Iterable[State]) -> int:
             return sum(self.width(s.axis) * s.width for s in states)
@@ -435,7 +431,7 @@ def stack[K](widths: Mapping[K, int]) -> dict[K, slice]:
 
 def state_size(machine: Machine) -> int:
     """Length of the flat state."""
-    return sum(sum(machine.part_size(part)) for part in machine.parts)
+    return sum(map(sum, machine.part_sizes.values()))
 
 
 def signal_count(machine: Machine) -> int:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from types import ModuleType
@@ -91,28 +91,22 @@ def free_memory(
 
 @dataclass(frozen=True)
 class Unit:
-    """Metadata of a field of a part's `Parameters`: SI unit, axis, and the group that prefixes its name."""
+    """Metadata of a field of a part's `Parameters`: SI unit, axis, and the group that prefixes its name.
+
+    The parameter's public name is `group.name` or `group.name.channel`; `list_fields` fills group and name in.
+    """
 
     unit: str
     axis: str = SCALAR
     group: str = ""
+    name: str = ""
 
 
-@dataclass(frozen=True)
-class Field:
-    """A parameter of a part by its public name: `group.name` or `group.name.channel`."""
-
-    group: str
-    name: str
-    unit: str
-    axis: str
-
-
-def list_fields(parameters: type, group: str) -> tuple[Field, ...]:
+def list_fields(parameters: type, group: str) -> tuple[Unit, ...]:
     """Fields of a module's `Parameters` class (a NamedTuple whose fields are annotated with `Unit`), in order."""
     hints = get_type_hints(parameters, include_extras=True)
     units: dict[str, Unit] = {name: get_args(hint)[1] for name, hint in hints.items()}
-    return tuple(Field(unit.group or group, name, unit.unit, unit.axis) for name, unit in units.items())
+    return tuple(replace(unit, group=unit.group or group, name=name) for name, unit in units.items())
 
 
 @dataclass(frozen=True)
@@ -191,7 +185,7 @@ class Part:
     scales: Mapping[str, tuple[float, str]] = field(default_factory=dict, hash=False)  # of generic effects: size, unit
 
     @property
-    def fields(self) -> tuple[Field, ...]:
+    def fields(self) -> tuple[Unit, ...]:
         """The part's parameters, in the order of its `Parameters` class."""
         return list_fields(self.parameters, self.group or self.name)
 

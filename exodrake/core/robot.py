@@ -39,11 +39,6 @@ class StatedParameter:
     effect: str = ""  # id of the effect that it belongs to; empty for a parameter of the nominal robot
 
     @property
-    def plausible(self) -> bool:
-        """Whether the value lies in its range."""
-        return self.low <= self.value <= self.high
-
-    @property
     def texts(self) -> dict[str, str]:
         """Value, range and tolerance as text with units."""
         unit = "" if self.unit == "-" else f" {self.unit}"
@@ -86,7 +81,7 @@ def implausible(robot: Robot) -> list[str]:
     """A sentence for each parameter outside its plausible range, with the unit that may have been meant."""
     found = []
     for name, channels, one in alike(robot):
-        if not one.plausible:
+        if not one.low <= one.value <= one.high:
             words, at = one.texts, f" ({', '.join(channels)})" if channels else ""
             units = []  # with each occurrence of a symbol replaced, where that is a unit: N/m -> N/mm
             for symbol in MEANT:

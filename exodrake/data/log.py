@@ -249,11 +249,6 @@ def _vector(values: ArrayLike, name: str, source: str) -> np.ndarray:
     return vector
 
 
-def heading(name: str, unit: str) -> str:
-    """`tension_AF [N]`."""
-    return f"{name} [{unit}]"
-
-
 def refuse_doubled(names: Iterable[str], source: str) -> None:
     """InputError for a column that comes twice, also where only signs that cannot be seen tell the two apart."""
     known: set[str] = set()
@@ -312,7 +307,7 @@ def columns_in_si(
 
 def headings(log: Log) -> list[str]:
     """Headings of time and all columns, in order."""
-    return [heading("time", "s"), *(heading(name, log.units[name]) for name in log.columns)]
+    return ["time [s]", *(f"{name} [{log.units[name]}]" for name in log.columns)]
 
 
 def log_from_columns(columns: Iterable[tuple[str, np.ndarray]], source: str) -> Log:

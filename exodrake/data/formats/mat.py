@@ -12,7 +12,7 @@ import numpy as np
 
 from exodrake.core.errors import InputError
 from exodrake.data.formats import read_apart, read_whole
-from exodrake.data.log import Log, check_size, heading, log_from_columns
+from exodrake.data.log import Log, check_size, log_from_columns
 
 ENDINGS = (".mat",)
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,62}")
@@ -31,7 +31,7 @@ def read(data: bytes, source: str) -> Log:
     for name, unit in units.items():
         if name not in variables:
             raise InputError(f"{source}: column {name!r} has a unit but no values")
-        columns.append((heading(name, str(unit)), column(variables[name], name, source)))
+        columns.append((f"{name} [{unit}]", column(variables[name], name, source)))
     return log_from_columns(columns, source)
 
 

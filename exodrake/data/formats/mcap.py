@@ -18,7 +18,7 @@ from exodrake.core.files import is_file
 from exodrake.core.schema import parse_json
 from exodrake.core.units import find_kind
 from exodrake.data.formats import read_apart
-from exodrake.data.log import Log, heading, log_from_columns
+from exodrake.data.log import Log, log_from_columns
 
 ENDINGS = (".mcap",)
 RECORD = "exodrake.data.log"
@@ -65,7 +65,7 @@ def parse(data: bytes, source: str) -> list[tuple[str, np.ndarray]]:
             count = f"{len(lost)} messages are" if len(lost) > 1 else "a message is"
             first = f"the first is message {lost[0][0]} at {lost[0][1] * 1e-9:g} s"
             raise InputError(f"{source}: topic {topic!r}: {count} missing that other topics have, {first}")
-    return [(heading(n, u), np.array([float(topics[t][row].get(f, np.nan)) for row in rows])) for n, u, t, f in places]
+    return [(f"{n} [{u}]", np.array([float(topics[t][row].get(f, np.nan)) for row in rows])) for n, u, t, f in places]
 
 
 def write(log: Log) -> bytes:
