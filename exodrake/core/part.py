@@ -78,9 +78,6 @@ class FreeLaw:
         return self.kind in (CURVE, PLACE)
 
 
-free_curve = FreeLaw  # of a variable
-
-
 def free_memory(
     words: str, variable: str, unit: str, advances: str, factor: str = "", moves: bool = False
 ) -> tuple[FreeLaw, FreeLaw]:
@@ -93,20 +90,13 @@ def free_memory(
 class Unit:
     """Metadata of a field of a part's `Parameters`: SI unit, axis, and the group that prefixes its name.
 
-    The parameter's public name is `group.name` or `group.name.channel`; `list_fields` fills group and name in.
+    The parameter's public name is `group.name` or `group.name.channel`; `Part.fields` fills group and name in.
     """
 
     unit: str
     axis: str = SCALAR
     group: str = ""
     name: str = ""
-
-
-def list_fields(parameters: type, group: str) -> tuple[Unit, ...]:
-    """Fields of a module's `Parameters` class (a NamedTuple whose fields are annotated with `Unit`), in order."""
-    hints = get_type_hints(parameters, include_extras=True)
-    units: dict[str, Unit] = {name: get_args(hint)[1] for name, hint in hints.items()}
-    return tuple(replace(unit, group=unit.group or group, name=name) for name, unit in units.items())
 
 
 @dataclass(frozen=True)
@@ -186,8 +176,10 @@ class Part:
 
     @property
     def fields(self) -> tuple[Unit, ...]:
-        """The part's parameters, in the order of its `Parameters` class."""
-        return list_fields(self.parameters, self.group or self.name)
+        """The part's parameters, in the order of its `Parameters` class, whose fields are annotated with `Unit`."""
+        group, hints = self.group or self.name, get_type_hints(self.parameters, include_extras=True)
+        units: dict[str, Unit] = {name: get_args(hint)[1] for name, hint in hints.items()}
+        return tuple(replace(unit, group=unit.group or group, name=name) for name, unit in units.items())
 
 
 def module_name(module: ModuleType) -> str:
@@ -206,9 +198,14 @@ def part_modules(part: Part) -> list[ModuleType]:
     return [part.module, *dict.fromkeys(p.module for p in part.points if p.module is not None)]
 
 
+def point_key(part: Part, point: Point) -> str:
+    """`module.point`, by which an effect names a point."""
+    return f"{module_name(point.module or part.module)}.{point.name}"
+
+
 def map_points(parts: Iterable[Part]) -> dict[str, Part]:
-    """The part of each point ("module.point") where effects may act."""
-    return {f"{module_name(p.module or part.module)}.{p.name}": part for part in parts for p in part.points}
+    """The part of each point (`point_key`) where effects may act."""
+    return {point_key(part, point): part for part in parts for point in part.points}
 
 
 def module_of_file(name: str, file: str | Path) -> ModuleType:

@@ -17,7 +17,7 @@ import numpy as np
 from exodrake.core.display import in_words
 from exodrake.core.effect import Effect
 from exodrake.core.errors import InputError, nearest, short_repr
-from exodrake.core.machine import Machine, Tolerance, expand_pattern
+from exodrake.core.machine import Machine, Tolerance
 from exodrake.core.units import UNITS, conversion, quantity, to_si
 
 # units that people have in mind when they give a bare number, likely ones first
@@ -255,8 +255,17 @@ class Robot:
         return np.array(lowest), np.array([self.limits.get(high, {}).get(channel, math.inf) for channel in channels])
 
     def with_part(self, name: str) -> Robot:
-        """The robot with a variant of a part; InputError with the machine's variants for an unknown one."""
-        return replace(self, machine=self.machine.with_variant(name))
+        """The robot with one more variant of a part; InputError with the machine's variants for an unknown one."""
+        machine, known = self.machine, list(self.machine.variants_available)
+        if name not in known:
+            there = f"{machine.name} has {', '.join(known) or 'none'}"
+            raise InputError(f"unknown part {name!r}{nearest(name, known)}; {there}")
+        base = machine.nominal or machine
+        chosen = tuple(n for n in known if n == name or n in machine.variant_names)
+        if chosen not in base.varied:
+            variants = dict(machine.variants_available[n] for n in chosen)
+            base.varied[chosen] = replace(base, variants=variants, nominal=base)
+        return replace(self, machine=base.varied[chosen])
 
 
 def refuse_negative(robot: Robot) -> Robot:
@@ -290,9 +299,12 @@ def check_channels(machine: Machine, effect: Effect, channels: Iterable[str]) ->
 
 
 def list_tolerances(machine: Machine) -> list[tuple[Tolerance, str]]:
-    """Each tolerance with the names, between blanks, of parameters that err together."""
-    groups = ((group, pattern) for group in machine.tolerances for pattern in group.parameters)
-    return [(group, names) for group, pattern in groups for names in expand_pattern(pattern, machine.axes)]
+    """Each tolerance with the names, between blanks, of parameters that err together; for all channels."""
+    marks, found = {"{w}": machine.axes.tendons, "{j}": machine.axes.joints, "": ("",)}, []
+    for group, pattern in ((one, pattern) for one in machine.tolerances for pattern in one.parameters):
+        mark = next(mark for mark in marks if mark in pattern)
+        found += [(group, pattern.replace(mark, channel)) for channel in marks[mark]]
+    return found
 
 
 def drawn_robot(robot: Robot, rng: np.random.Generator) -> Robot:
