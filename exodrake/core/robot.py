@@ -299,7 +299,7 @@ def check_channels(machine: Machine, effect: Effect, channels: Iterable[str]) ->
 
 
 def list_tolerances(machine: Machine) -> list[tuple[Tolerance, str]]:
-    """Each tolerance with the names, between blanks, of parameters that err together; for all channels."""
+    """Each tolerance with the names, between blanks, of parameters that err together; {w} and {j} filled in."""
     marks, found = {"{w}": machine.axes.tendons, "{j}": machine.axes.joints, "": ("",)}, []
     for group, pattern in ((one, pattern) for one in machine.tolerances for pattern in one.parameters):
         mark = next(mark for mark in marks if mark in pattern)

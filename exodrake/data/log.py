@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from exodrake.core.errors import InputError, argument, short_repr
+from exodrake.core.errors import InputError, argument, require_extra, short_repr
 from exodrake.core.units import KINDS, check_unit, default_unit, find_kind, to_si
 
 if TYPE_CHECKING:
@@ -176,10 +176,8 @@ class Log:
 
     def to_pandas(self) -> Any:
         """The log as a DataFrame indexed by time [s]; `attrs` hold units and source. InputError without pandas."""
-        try:
+        with require_extra("pandas is not installed; pip install exodrake[pandas]"):
             import pandas  # pyright: ignore
-        except ImportError:
-            raise InputError("pandas is not installed; pip install exodrake[pandas]") from None
         frame = pandas.DataFrame(dict(self.signals), index=pandas.Index(self.time, name="time"))
         frame.attrs = {"units": dict(self.units), "source": self.source}
         return frame

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from exodrake.core.errors import InputError
+from exodrake.core.errors import InputError, require_extra
 from exodrake.data.formats import read_apart, read_whole
 from exodrake.data.log import Log, check_size, log_from_columns
 
@@ -94,10 +94,8 @@ def column(values: object, name: str, source: str) -> np.ndarray:
 
 def parse_hdf5(data: bytes, source: str) -> dict[str, Any]:
     """Groups of an HDF5 file as mappings, data sets of numbers as arrays; nothing that lies in another file."""
-    try:
+    with require_extra(f"{source}: HDF5 needs h5py; install exodrake[hdf5]"):
         import h5py  # pyright: ignore[reportMissingImports]
-    except ImportError:
-        raise InputError(f"{source}: HDF5 needs h5py; install exodrake[hdf5]") from None
     samples = 0
 
     def count(more: int) -> None:
