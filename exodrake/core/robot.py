@@ -224,8 +224,7 @@ class Robot:
 
     def without_effects(self) -> Robot:
         """The robot with every effect at its null value."""
-        nulls = [parameter.null for parameter in self.machine.parameters]
-        values = [v if null is None else null for v, null in zip(self.values, nulls, strict=True)]
+        values = [v if p.null is None else p.null for v, p in zip(self.values, self.machine.parameters, strict=True)]
         return replace(self, values=np.array(values, dtype=float))
 
     def effects(self) -> dict[str, dict[str, dict[str, float]]]:
