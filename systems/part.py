@@ -120,9 +120,9 @@ class PartSystem(LeafSystem):
         for part in (part for part in machine.parts if part.fills_start):
             values = np.array([self.robot[p.name] for p in machine.parameters if p.part == part.name])
             vectors = {vector: np.zeros(len(machine.axes.tendons)) for vector in start_vectors(part)}
-            equations(machine, part).start(np.zeros(sum(machine.part_size(part))), values, *vectors.values())
+            equations(machine, part).start(np.zeros(sum(machine.part_sizes[part.name])), values, *vectors.values())
             self.starts |= vectors
-        self.initial = np.zeros(sum(machine.part_size(self.part)))
+        self.initial = np.zeros(sum(machine.part_sizes[name]))
         values = np.array(self.robot.values[self.own])
         self.equations.start(self.initial, values, *self.start_vectors(None))
 

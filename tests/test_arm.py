@@ -92,7 +92,7 @@ def of_part(robot, part):
 def ticks(robot, efforts, q, count=1, dt=1e-4, rotor=None):
     """State of the forward dynamics after some ticks from rest at q, by the equations themselves."""
     part, n = robot.machine.parts[0], len(q)
-    x = np.zeros(sum(robot.machine.part_size(part)))
+    x = np.zeros(sum(robot.machine.part_sizes[part.name]))
     parameters = of_part(robot, part)
     arm.stand(x, None, parameters, None, q)
     if rotor is not None:
@@ -165,7 +165,7 @@ def test_an_end_stop_that_a_link_leaves_does_not_pull_it(closed):
     stops = {"arm.stop_stiffness": 1.0, "arm.stop_damping": 1e3}
     robot = closed.with_parameters(stops)
     part, n = robot.machine.parts[0], of_part(robot, robot.machine.parts[0])
-    x = np.zeros(sum(robot.machine.part_size(part)))
+    x = np.zeros(sum(robot.machine.part_sizes[part.name]))
     for speed, pushes in ((0.5, False), (-0.5, True)):
         x[arm.place_of(3, arm.ANGLE, 2)] = -1.1
         x[arm.place_of(3, arm.SPEED, 2)] = speed

@@ -34,11 +34,6 @@ def test_drawn_tendons_shorten_as_the_model_says(tendon, joints, side):
     assert drawn_length(tendon, np.zeros(3)) - drawn_length(tendon, angle) == pytest.approx(taken.sum(), abs=1e-12)
 
 
-def test_tip():
-    assert skeleton(ROBOT).tip(np.zeros(3)) == pytest.approx([0.0815, 0.0, 0.0])
-    assert skeleton(ROBOT).tip(np.array([np.pi / 2, 0, 0])) == pytest.approx([0.0, 0.0, -0.0815])
-
-
 def test_colours_run_from_grey_to_red():
     ends = find_colours(np.array([-1.0, 0.0, 1.0, 2.0]))
     assert ends[0] == pytest.approx(ends[1]) and ends[2] == pytest.approx(ends[3])

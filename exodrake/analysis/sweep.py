@@ -13,7 +13,7 @@ import numpy as np
 
 from exodrake.analysis.robustness import within_intervals, within_tolerances
 from exodrake.compiled.inputs import Reference
-from exodrake.core.errors import InputError, argument
+from exodrake.core.errors import InputError, argument, require_extra
 from exodrake.core.parallel import side_by_side
 from exodrake.core.plain import to_dict
 from exodrake.core.progress import Count, no_progress
@@ -64,10 +64,8 @@ def sweep(
     """
     argument("robot", robot, Robot)
     reference = argument("reference", reference, Reference, str)
-    try:
+    with require_extra("pandas is not installed; pip install exodrake[pandas]"):
         import pandas  # pyright: ignore
-    except ImportError:
-        raise InputError("pandas is not installed; pip install exodrake[pandas]") from None
     reference = protocol(reference, robot) if isinstance(reference, str) else reference
     points, robots = variations(robot, over, draws, seed)
     nominal = simulate(robot, reference, noise)

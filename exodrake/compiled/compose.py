@@ -22,7 +22,7 @@ from exodrake.compiled.schedule import generate_batch, generate_begin, generate_
 from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.errors import InputError
 from exodrake.core.machine import Machine, stack
-from exodrake.core.part import SCALAR, Part, Point, module_name, part_modules, prefix
+from exodrake.core.part import SCALAR, Part, Point, module_name, part_modules, point_key, prefix
 
 # Functions of parts allocate nothing. Without reference counts an array costs a call nothing, with them some 10 ns.
 PLAIN, INLINED = "@njit(_nrt=False)\n", "@njit(_nrt=False, forceinline=True)\n"
@@ -217,11 +217,6 @@ def generate_effects(machine: Machine, part: Part) -> str:
         lines.append(f"    if {guard(machine, part, effect, None)}:")
         lines += [f"        e[{points.index(key)}] = 1.0" for key in effect.at]
     return "\n".join([*lines, "    return e"])
-
-
-def point_key(part: Part, point: Point) -> str:
-    """`module.function` of a point."""
-    return f"{module_name(point.module or part.module)}.{point.name}"
 
 
 def parameter_values(

@@ -23,7 +23,7 @@ def views(machine: Machine, signals: bool = True) -> list[str]:
     for part in machine.parts:
         name, count = part.name, sum(info.part == part.name for info in machine.parameters)
         lines += [f"{name}_p = p[{parameter}:{parameter + count}]", *part_views(machine, part, "state", state)]
-        parameter, state = parameter + count, state + sum(machine.part_size(part))
+        parameter, state = parameter + count, state + sum(machine.part_sizes[name])
     if signals:
         lines += [f"w_{name} = w[{at.start}:{at.stop}]" for name, at in machine.offsets.items()]
     return lines
@@ -31,7 +31,7 @@ def views(machine: Machine, signals: bool = True) -> list[str]:
 
 def part_views(machine: Machine, part: Part, state: str, at: int = 0) -> list[str]:
     """Source lines that name a part's parameters n, effects e, state x and effect state z; `at`: start in `state`."""
-    name, (own, extra) = part.name, machine.part_size(part)
+    name, (own, extra) = part.name, machine.part_sizes[part.name]
     middle, end, count = at + own, at + own + extra, sum(machine.width(f.axis) for f in part.fields)
     return [
         f"{name}_n, {name}_e = {name}_p[:{count}], fill_{name}_e({name}_p)",

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence, Sized
+from collections.abc import Iterable, Iterator, Mapping, Sequence, Sized
+from contextlib import contextmanager
 from dataclasses import fields
 
 LONGEST, LONGEST_FIELD = 160, 40  # characters
@@ -56,6 +57,15 @@ class InputError(Exception):
 
     def __init__(self, message: str) -> None:
         super().__init__(shorten(printable(message)))
+
+
+@contextmanager
+def require_extra(message: str) -> Iterator[None]:
+    """InputError with this message if an import within fails, as of an extra that is not installed."""
+    try:
+        yield
+    except ImportError:
+        raise InputError(message) from None
 
 
 def printable(text: str) -> str:

@@ -7,7 +7,7 @@ command link for replay, localisation and monitoring; and its closed loop, if it
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import accumulate
 from typing import TYPE_CHECKING
@@ -59,14 +59,6 @@ def find_places(name: str, names: Sequence[str]) -> list[int]:
     if name in names:
         return [names.index(name)]
     return [i for i, full in enumerate(names) if full.rpartition(".")[0] == name]
-
-
-def expand_pattern(pattern: str, axes: Axes) -> list[str]:
-    """The pattern for each tendon {w} or joint {j} that it names."""
-    for mark, channels in (("{w}", axes.tendons), ("{j}", axes.joints)):
-        if mark in pattern:
-            return [pattern.replace(mark, channel) for channel in channels]
-    return [pattern]
 
 
 @dataclass(frozen=True)
@@ -385,13 +377,9 @@ class Machine:
         """Index in a part's own state vector at which a state begins."""
         return stack({s.name: self.width(s.axis) * s.width for s in part.states})[name].start
 
-    def part_size(self, part: Part) -> tuple[int, int]:
-        """Lengths of a part's own state and of the states of the effects on it."""
-        return self.part_sizes[part.name]
-
     @cached_property
     def part_sizes(self) -> dict[str, tuple[int, int]]:
-        """`part_size` of each part by its name."""
+        """Lengths of a part's own state and of the states of the effects on it, by its name."""
 
         def size(states: Iterable[State]) -> int:
             return sum(self.width(s.axis) * s.width for s in states)
@@ -410,21 +398,8 @@ class Machine:
 
     @cached_property
     def varied(self) -> dict[tuple[str, ...], Machine]:
-        """Machines made from this one by `with_variant`, so that each is compiled once."""
+        """Machines made from this one by `Robot.with_part`, so that each is compiled once."""
         return {}
-
-    def with_variant(self, name: str) -> Machine:
-        """The machine with one more variant of a part; raises InputError with the names that exist."""
-        known = list(self.variants_available)
-        if name not in known:
-            there = f"{self.name} has {', '.join(known) or 'none'}"
-            raise InputError(f"unknown part {name!r}{nearest(name, known)}; {there}")
-        base = self.nominal or self
-        chosen = tuple(n for n in known if n == name or n in self.variant_names)
-        if chosen not in base.varied:
-            variants = dict(self.variants_available[n] for n in chosen)
-            base.varied[chosen] = replace(base, variants=variants, nominal=base)
-        return base.varied[chosen]
 
 
 def stack[K](widths: Mapping[K, int]) -> dict[K, slice]:
@@ -435,7 +410,7 @@ def stack[K](widths: Mapping[K, int]) -> dict[K, slice]:
 
 def state_size(machine: Machine) -> int:
     """Length of the flat state."""
-    return sum(sum(machine.part_size(part)) for part in machine.parts)
+    return sum(map(sum, machine.part_sizes.values()))
 
 
 def signal_count(machine: Machine) -> int:

@@ -160,11 +160,6 @@ class Skeleton:
         """Names of the tendons, in the order of their pieces."""
         return tuple(dict.fromkeys(piece.tendon for piece in self.pieces))
 
-    def tip(self, angle: np.ndarray) -> np.ndarray:
-        """End of the last segment (3,) [m]; angle (joints,) [rad]."""
-        direction = np.cumsum(angle)
-        return np.array([self.lengths @ np.cos(direction), 0.0, -self.lengths @ np.sin(direction)])
-
 
 @dataclass(frozen=True)
 class Shape:

@@ -21,7 +21,7 @@ from math import inf
 from threading import Lock, RLock
 from typing import Any, cast
 
-from exodrake.core.errors import InputError
+from exodrake.core.errors import InputError, require_extra
 from exodrake.core.processes import ONE_THREAD, SAFE_PATH, end_with, safe_path
 
 ONE_TASK = RLock()  # a limit of linear algebra holds for the whole process: threads of a worker take turns
@@ -235,10 +235,8 @@ class DaskWorkers:
     """An existing Dask cluster; workers may come and go. InputError if Dask is absent or no scheduler answers."""
 
     def __init__(self, address: str) -> None:
-        try:
+        with require_extra("--cluster: Dask is not installed; install exodrake[cluster]"):
             from distributed import Client
-        except ImportError:
-            raise InputError("--cluster: Dask is not installed; install exodrake[cluster]") from None
         try:
             self.client = Client(address, timeout=TIMEOUT, set_as_default=False)
         except (OSError, ValueError) as error:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from types import ModuleType
@@ -78,9 +78,6 @@ class FreeLaw:
         return self.kind in (CURVE, PLACE)
 
 
-free_curve = FreeLaw  # of a variable
-
-
 def free_memory(
     words: str, variable: str, unit: str, advances: str, factor: str = "", moves: bool = False
 ) -> tuple[FreeLaw, FreeLaw]:
@@ -91,28 +88,15 @@ def free_memory(
 
 @dataclass(frozen=True)
 class Unit:
-    """Metadata of a field of a part's `Parameters`: SI unit, axis, and the group that prefixes its name."""
+    """Metadata of a field of a part's `Parameters`: SI unit, axis, and the group that prefixes its name.
+
+    The parameter's public name is `group.name` or `group.name.channel`; `Part.fields` fills group and name in.
+    """
 
     unit: str
     axis: str = SCALAR
     group: str = ""
-
-
-@dataclass(frozen=True)
-class Field:
-    """A parameter of a part by its public name: `group.name` or `group.name.channel`."""
-
-    group: str
-    name: str
-    unit: str
-    axis: str
-
-
-def list_fields(parameters: type, group: str) -> tuple[Field, ...]:
-    """Fields of a module's `Parameters` class (a NamedTuple whose fields are annotated with `Unit`), in order."""
-    hints = get_type_hints(parameters, include_extras=True)
-    units: dict[str, Unit] = {name: get_args(hint)[1] for name, hint in hints.items()}
-    return tuple(Field(unit.group or group, name, unit.unit, unit.axis) for name, unit in units.items())
+    name: str = ""
 
 
 @dataclass(frozen=True)
@@ -191,9 +175,11 @@ class Part:
     scales: Mapping[str, tuple[float, str]] = field(default_factory=dict, hash=False)  # of generic effects: size, unit
 
     @property
-    def fields(self) -> tuple[Field, ...]:
-        """The part's parameters, in the order of its `Parameters` class."""
-        return list_fields(self.parameters, self.group or self.name)
+    def fields(self) -> tuple[Unit, ...]:
+        """The part's parameters, in the order of its `Parameters` class, whose fields are annotated with `Unit`."""
+        group, hints = self.group or self.name, get_type_hints(self.parameters, include_extras=True)
+        units: dict[str, Unit] = {name: get_args(hint)[1] for name, hint in hints.items()}
+        return tuple(replace(unit, group=unit.group or group, name=name) for name, unit in units.items())
 
 
 def module_name(module: ModuleType) -> str:
@@ -212,9 +198,14 @@ def part_modules(part: Part) -> list[ModuleType]:
     return [part.module, *dict.fromkeys(p.module for p in part.points if p.module is not None)]
 
 
+def point_key(part: Part, point: Point) -> str:
+    """`module.point`, by which an effect names a point."""
+    return f"{module_name(point.module or part.module)}.{point.name}"
+
+
 def map_points(parts: Iterable[Part]) -> dict[str, Part]:
-    """The part of each point ("module.point") where effects may act."""
-    return {f"{module_name(p.module or part.module)}.{p.name}": part for part in parts for p in part.points}
+    """The part of each point (`point_key`) where effects may act."""
+    return {point_key(part, point): part for part in parts for point in part.points}
 
 
 def module_of_file(name: str, file: str | Path) -> ModuleType:

@@ -17,7 +17,7 @@ import numpy as np
 from exodrake.core.display import in_words
 from exodrake.core.effect import Effect
 from exodrake.core.errors import InputError, nearest, short_repr
-from exodrake.core.machine import Machine, Tolerance, expand_pattern
+from exodrake.core.machine import Machine, Tolerance
 from exodrake.core.units import UNITS, conversion, quantity, to_si
 
 # units that people have in mind when they give a bare number, likely ones first
@@ -37,11 +37,6 @@ class StatedParameter:
     tolerance: Tolerance | None = None  # how much it differs from one such robot to the next; None if it does not
     source: str = ""  # where the value comes from
     effect: str = ""  # id of the effect that it belongs to; empty for a parameter of the nominal robot
-
-    @property
-    def plausible(self) -> bool:
-        """Whether the value lies in its range."""
-        return self.low <= self.value <= self.high
 
     @property
     def texts(self) -> dict[str, str]:
@@ -86,7 +81,7 @@ def implausible(robot: Robot) -> list[str]:
     """A sentence for each parameter outside its plausible range, with the unit that may have been meant."""
     found = []
     for name, channels, one in alike(robot):
-        if not one.plausible:
+        if not one.low <= one.value <= one.high:
             words, at = one.texts, f" ({', '.join(channels)})" if channels else ""
             units = []  # with each occurrence of a symbol replaced, where that is a unit: N/m -> N/mm
             for symbol in MEANT:
@@ -229,8 +224,7 @@ class Robot:
 
     def without_effects(self) -> Robot:
         """The robot with every effect at its null value."""
-        nulls = [parameter.null for parameter in self.machine.parameters]
-        values = [v if null is None else null for v, null in zip(self.values, nulls, strict=True)]
+        values = [v if p.null is None else p.null for v, p in zip(self.values, self.machine.parameters, strict=True)]
         return replace(self, values=np.array(values, dtype=float))
 
     def effects(self) -> dict[str, dict[str, dict[str, float]]]:
@@ -260,8 +254,17 @@ class Robot:
         return np.array(lowest), np.array([self.limits.get(high, {}).get(channel, math.inf) for channel in channels])
 
     def with_part(self, name: str) -> Robot:
-        """The robot with a variant of a part; InputError with the machine's variants for an unknown one."""
-        return replace(self, machine=self.machine.with_variant(name))
+        """The robot with one more variant of a part; InputError with the machine's variants for an unknown one."""
+        machine, known = self.machine, list(self.machine.variants_available)
+        if name not in known:
+            there = f"{machine.name} has {', '.join(known) or 'none'}"
+            raise InputError(f"unknown part {name!r}{nearest(name, known)}; {there}")
+        base = machine.nominal or machine
+        chosen = tuple(n for n in known if n == name or n in machine.variant_names)
+        if chosen not in base.varied:
+            variants = dict(machine.variants_available[n] for n in chosen)
+            base.varied[chosen] = replace(base, variants=variants, nominal=base)
+        return replace(self, machine=base.varied[chosen])
 
 
 def refuse_negative(robot: Robot) -> Robot:
@@ -295,9 +298,12 @@ def check_channels(machine: Machine, effect: Effect, channels: Iterable[str]) ->
 
 
 def list_tolerances(machine: Machine) -> list[tuple[Tolerance, str]]:
-    """Each tolerance with the names, between blanks, of parameters that err together."""
-    groups = ((group, pattern) for group in machine.tolerances for pattern in group.parameters)
-    return [(group, names) for group, pattern in groups for names in expand_pattern(pattern, machine.axes)]
+    """Each tolerance with the names, between blanks, of parameters that err together; {w} and {j} filled in."""
+    marks, found = {"{w}": machine.axes.tendons, "{j}": machine.axes.joints, "": ("",)}, []
+    for group, pattern in ((one, pattern) for one in machine.tolerances for pattern in one.parameters):
+        mark = next(mark for mark in marks if mark in pattern)
+        found += [(group, pattern.replace(mark, channel)) for channel in marks[mark]]
+    return found
 
 
 def drawn_robot(robot: Robot, rng: np.random.Generator) -> Robot:

@@ -271,6 +271,6 @@ def having(value: Any, where: str, known: Mapping[str, Schema], required: Sequen
 
 
 @schema_maker
-def either(value: Any, where: str, mappings: Schema, others: Schema) -> Any:
-    """What the first schema takes of a mapping, or the second of anything else."""
-    return (mappings if isinstance(value, Mapping) else others)(value, where)
+def either(value: Any, where: str, mappings: Schema, others: Schema, key: str | None = None) -> Any:
+    """What the first schema takes of a mapping, one that has `key` if that is given, or the second of anything else."""
+    return (mappings if isinstance(value, Mapping) and (key is None or key in value) else others)(value, where)

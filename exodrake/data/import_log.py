@@ -25,7 +25,6 @@ from exodrake.data.log import (
     check_clock,
     check_columns,
     find_first,
-    heading,
     log_from_columns,
     other_rate,
     refuse_doubled,
@@ -174,8 +173,7 @@ class Imported:
 def import_recording(file: str | Path, mapped: Mapped) -> Imported:
     """A foreign recording in our names and SI. InputError names file, column or key, and what is wrong with a clock."""
     if not is_bag(file):
-        tracks, notes = _one_clock(read_columns(read_bytes(file), str(file), mapped), mapped, str(file))
-        return make_log(tracks, mapped, str(file), notes)
+        return convert_table(read_columns(read_bytes(file), str(file), mapped), mapped, str(file))
     period = mapped.period or BAG_PERIOD  # topics have clocks of their own
     ordered, late = {}, dict[str, None]()  # by their stamps; notes on messages overtaken by less than a frame
     for name, track in read_bag(file, [column.of for column in mapped.columns], mapped.stamp).items():
@@ -209,9 +207,7 @@ def import_all(
         mapped, found = mapped or default_dataset_mapping(path, unit), {}
         for number, (name, columns) in enumerate(episodes(path)):
             if number in chosen or not chosen:
-                where = f"{path}, {name}"
-                tracks, notes = _one_clock(columns, mapped, where)
-                found[name] = make_log(tracks, mapped, where, notes)
+                found[name] = convert_table(columns, mapped, f"{path}, {name}")
         if not found:
             raise InputError(f"{path}: none of the episodes of --episodes")
         return found
@@ -300,7 +296,7 @@ def make_log(tracks: dict[str, Track], mapped: Mapped, source: str, notes: Seque
         if not unit:
             raise InputError(f"{where}: state its SI unit, `unit: ...`")
         values[column.name], units[column.name] = found * column.scale + column.offset, unit
-    ours = ((heading(name, unit), values[name]) for name, unit in units.items())
+    ours = ((f"{name} [{unit}]", values[name]) for name, unit in units.items())
     log = log_from_columns([("time [s]", time), *ours], source)
     check_columns(log, log.columns)
     check_clock(log)
@@ -319,8 +315,8 @@ def make_log(tracks: dict[str, Track], mapped: Mapped, source: str, notes: Seque
     return Imported(log, tuple(notes))
 
 
-def _one_clock(table: dict[str, np.ndarray], mapped: Mapped, source: str) -> tuple[dict[str, Track], list[str]]:
-    """Mapped columns of a table, on its time column or, without one, on its row number; notes on rows left out."""
+def convert_table(table: dict[str, np.ndarray], mapped: Mapped, source: str) -> Imported:
+    """`make_log` of the columns of a table, on its time column or, without one, on its row number."""
     names = {name: resolve(name, table) for name in mapped.foreign}
     for name, found in names.items():
         if found not in table:
@@ -349,7 +345,7 @@ def _one_clock(table: dict[str, np.ndarray], mapped: Mapped, source: str) -> tup
     if (row := find_first(~fresh)) is not None:
         share = f"{int((~fresh).sum())} of {len(time)} rows have the time of the row before and are dropped"
         notes = [f"{share}, the first is row {row + 1} at {time[row]:.10g} s"]
-    return {name: Track(time[fresh], table[names[name]][fresh]) for name in lengths}, notes
+    return make_log({name: Track(time[fresh], table[names[name]][fresh]) for name in lengths}, mapped, source, notes)
 
 
 def lay_on_frames(

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from exodrake.core.errors import InputError, argument, short_repr
+from exodrake.core.errors import InputError, argument, require_extra, short_repr
 from exodrake.core.units import KINDS, check_unit, default_unit, find_kind, to_si
 
 if TYPE_CHECKING:
@@ -176,10 +176,8 @@ class Log:
 
     def to_pandas(self) -> Any:
         """The log as a DataFrame indexed by time [s]; `attrs` hold units and source. InputError without pandas."""
-        try:
+        with require_extra("pandas is not installed; pip install exodrake[pandas]"):
             import pandas  # pyright: ignore
-        except ImportError:
-            raise InputError("pandas is not installed; pip install exodrake[pandas]") from None
         frame = pandas.DataFrame(dict(self.signals), index=pandas.Index(self.time, name="time"))
         frame.attrs = {"units": dict(self.units), "source": self.source}
         return frame
@@ -249,11 +247,6 @@ def _vector(values: ArrayLike, name: str, source: str) -> np.ndarray:
     return vector
 
 
-def heading(name: str, unit: str) -> str:
-    """`tension_AF [N]`."""
-    return f"{name} [{unit}]"
-
-
 def refuse_doubled(names: Iterable[str], source: str) -> None:
     """InputError for a column that comes twice, also where only signs that cannot be seen tell the two apart."""
     known: set[str] = set()
@@ -312,7 +305,7 @@ def columns_in_si(
 
 def headings(log: Log) -> list[str]:
     """Headings of time and all columns, in order."""
-    return [heading("time", "s"), *(heading(name, log.units[name]) for name in log.columns)]
+    return ["time [s]", *(f"{name} [{log.units[name]}]" for name in log.columns)]
 
 
 def log_from_columns(columns: Iterable[tuple[str, np.ndarray]], source: str) -> Log:

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from exodrake.core.errors import InputError
+from exodrake.core.errors import InputError, require_extra
 from exodrake.core.files import is_folder, read_bytes
 from exodrake.core.schema import parse_json
 from exodrake.data.formats import read_apart
@@ -145,10 +145,8 @@ def numeric_fields(message: Any, path: str = "") -> list[str]:
 
 def messages(data: bytes, source: str, topics: set[str] | None) -> Iterator[tuple[str, str, Any, int]]:
     """(topic, type, message, log time [ns]) on some topics; on all for None, where undecodable messages are None."""
-    try:
+    with require_extra(f"{source}: bags need mcap and mcap-ros2-support; install exodrake[mcap]"):
         yield from (sqlite_messages if source.lower().endswith(SQLITE) else mcap_messages)(data, source, topics)
-    except ImportError:
-        raise InputError(f"{source}: bags need mcap and mcap-ros2-support; install exodrake[mcap]") from None
 
 
 def mcap_messages(data: bytes, source: str, topics: set[str] | None) -> Iterator[tuple[str, str, Any, int]]:

@@ -52,7 +52,7 @@ class TextLayout:
 
 def read_columns(data: bytes, source: str, mapped: Mapped) -> dict[str, np.ndarray]:
     """Mapped columns (n,) of a foreign table by name, as recorded, and others of a table of numbers."""
-    data, tree = _opened(data, source)
+    data, tree = open_table(data, source)
     if tree is None:
         cells = text_cells(data, source, mapped, mapped.foreign)
         return {name: _numbers(column, name, source, mapped.decimal) for name, column in cells.items()}
@@ -66,7 +66,7 @@ def read_columns(data: bytes, source: str, mapped: Mapped) -> dict[str, np.ndarr
 
 def list_columns(data: bytes, source: str) -> dict[str, np.ndarray]:
     """All columns of numbers of a foreign table, for a look at what it holds. InputError if there are none."""
-    data, tree = _opened(data, source)
+    data, tree = open_table(data, source)
     if tree is None:
         guess = guess_layout(data)
         cells = text_cells(data, source, guess, ragged=True).items()
@@ -79,7 +79,7 @@ def list_columns(data: bytes, source: str) -> dict[str, np.ndarray]:
     return found
 
 
-def _opened(data: bytes, source: str) -> tuple[bytes, Any]:
+def open_table(data: bytes, source: str) -> tuple[bytes, Any]:
     """Bytes without gzip, and the nested values of a binary or JSON file; None for text."""
     name = Path(source).name.lower()
     if name.endswith(".gz"):

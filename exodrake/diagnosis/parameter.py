@@ -16,8 +16,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from exodrake.core.effect import Effect
-from exodrake.core.machine import Machine, expand_pattern
-from exodrake.core.robot import Robot, position
+from exodrake.core.machine import Machine
+from exodrake.core.robot import Robot, list_tolerances, position
 
 # of a scale, for difference quotients: a robot without noise and quantisation is smooth, and where parameters
 # make up for each other, as lengths that grow together, a longer step shows curvature as a slope
@@ -83,11 +83,10 @@ def apply(values: np.ndarray, parameters: Sequence[Parameter], x: np.ndarray) ->
 def nominal_parameters(robot: Robot) -> tuple[Parameter, ...]:
     """One parameter for each tolerance of the robot file. Raises InputError for an unknown name."""
     machine, found = robot.machine, []
-    for group in machine.tolerances:
-        for name in (name for pattern in group.parameters for name in expand_pattern(pattern, machine.axes)):
-            index = tuple(position(machine, part) for part in name.split())
-            limit, base = group.max_deviation, float(robot.values[index[0]])
-            found.append(Parameter(name, index, group.transform, base, group.prior_std, (-limit, limit)))
+    for group, name in list_tolerances(machine):
+        index = tuple(position(machine, part) for part in name.split())
+        limit, base = group.max_deviation, float(robot.values[index[0]])
+        found.append(Parameter(name, index, group.transform, base, group.prior_std, (-limit, limit)))
     return tuple(found)
 
 

@@ -16,7 +16,7 @@ from pkgutil import walk_packages
 from exodrake.core import plugins
 from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.errors import InputError, nearest
-from exodrake.core.part import Part, map_points, module_name
+from exodrake.core.part import Part, map_points, point_key
 
 plugins.extend(__path__, "effects")
 FAMILIES = ("motor", "friction", "tendon", "sensor", "finger", "timing", "signal", "arm", "servo")
@@ -74,7 +74,7 @@ def generic_effects(part: Part) -> tuple[Effect, ...]:
     Ranges and units follow from the part's `scales`, and each channel of the part gets parameters of its own.
     """
     own = {p.standard: p for p in part.points}
-    names = {standard: f"{module_name(p.module or part.module)}.{p.name}" for standard, p in own.items()}
+    names = {standard: point_key(part, p) for standard, p in own.items()}
     found = []
     for effect in (effect for effect in LIBRARY.values() if set(effect.at) <= set(own)):
         axis, parameters = own[next(iter(effect.at))].axis, {}

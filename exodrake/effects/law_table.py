@@ -11,33 +11,28 @@ Hysteresis, 1994), one of Maxwell elements linear viscoelasticity.
 from math import exp
 
 
-def chord(u, k, l, v, w):  # noqa: E741  k and l: ends
-    """Value at u on the straight line from (k, v) to (l, w)."""
-    return v + (w - v) * (u - k) / (l - k)
+def find_piece(u, k1, k2, k3, k4, k5, k6, k7, k8, w1, w2, w3, w4, w5, w6, w7, w8):
+    """Straight piece at u, from (k, v) to (l, w), as k, l, v, w."""
+    if u < k4:
+        if u < k2:
+            return k1, k2, w1, w2
+        return (k2, k3, w2, w3) if u < k3 else (k3, k4, w3, w4)
+    if u < k6:
+        return (k4, k5, w4, w5) if u < k5 else (k5, k6, w5, w6)
+    return (k6, k7, w6, w7) if u < k7 else (k7, k8, w7, w8)
 
 
 def curve(u, k1, k2, k3, k4, k5, k6, k7, k8, w1, w2, w3, w4, w5, w6, w7, w8):
     """Value of the curve at u."""
-    if u < k4:
-        if u < k2:
-            return chord(max(u, k1), k1, k2, w1, w2)
-        return chord(u, k2, k3, w2, w3) if u < k3 else chord(u, k3, k4, w3, w4)
-    if u < k6:
-        return chord(u, k4, k5, w4, w5) if u < k5 else chord(u, k5, k6, w5, w6)
-    return chord(u, k6, k7, w6, w7) if u < k7 else chord(min(u, k8), k7, k8, w7, w8)
+    start, end, v, w = find_piece(u, k1, k2, k3, k4, k5, k6, k7, k8, w1, w2, w3, w4, w5, w6, w7, w8)
+    at = k1 if u < k1 else k8 if u > k8 else u
+    return v + (w - v) * (at - start) / (end - start)
 
 
 def slope(u, k1, k2, k3, k4, k5, k6, k7, k8, w1, w2, w3, w4, w5, w6, w7, w8):
     """Slope of the curve at u, 0 beyond its ends."""
-    if u < k1 or u > k8:
-        return 0.0
-    if u < k4:
-        if u < k2:
-            return (w2 - w1) / (k2 - k1)
-        return (w3 - w2) / (k3 - k2) if u < k3 else (w4 - w3) / (k4 - k3)
-    if u < k6:
-        return (w5 - w4) / (k5 - k4) if u < k5 else (w6 - w5) / (k6 - k5)
-    return (w7 - w6) / (k7 - k6) if u < k7 else (w8 - w7) / (k8 - k7)
+    start, end, v, w = find_piece(u, k1, k2, k3, k4, k5, k6, k7, k8, w1, w2, w3, w4, w5, w6, w7, w8)
+    return 0.0 if u < k1 or u > k8 else (w - v) / (end - start)
 
 
 def stop_operator(s, change, reach):

@@ -30,11 +30,8 @@ def halve_log(log: Log, name: str) -> list[CaseLog]:
 
 def restart_log(log: Log) -> Log:
     """A part of a log as one of its own: its clock from 0, and where it starts from its first readings."""
-    anew = {}
-    for column in log.columns:
-        for kind in ("angle", "position"):
-            if column.startswith(f"{kind}_start_"):
-                anew[column] = np.full(len(log), log[column.replace("_start", "", 1)][0])
+    starts = [column for column in log.columns if column.startswith(("angle_start_", "position_start_"))]
+    anew = {column: np.full(len(log), log[column.replace("_start", "", 1)][0]) for column in starts}
     return Log(log.time - log.time[0], log.signals | anew, log.units, log.source)
 
 

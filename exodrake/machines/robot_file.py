@@ -30,20 +30,13 @@ def amount(value: Any, where: str) -> Any:
     return value if isinstance(value, str) else number()(value, where)
 
 
-def stated_or(stated: Mapping[str, Schema], other: Schema) -> Schema:
-    """A value with what is stated beside it, such as its source, or anything else without the key `value`."""
-    known = mapping(stated)
-    return lambda value, where: (known if isinstance(value, Mapping) and "value" in value else other)(value, where)
-
-
 VALUES = names(amount)
 VALUE = either(VALUES, amount)  # one, or one per channel
 STATED = {"unit": text(), "range": listing(amount, length=2, wanted="[low, high]"), "source": anything}
-PARAMETERS: Schema = names(
-    either(stated_or({"value": VALUE} | STATED, lambda value, where: PARAMETERS(value, where)), amount)
-)
-LIMIT = stated_or({"value": VALUES, "unit": text(), "range": anything, "source": anything}, VALUES)
-EFFECTS = names(names(stated_or({"value": VALUE, "source": anything}, VALUE)))
+NESTED = either(mapping({"value": VALUE} | STATED), lambda value, where: PARAMETERS(value, where), "value")
+PARAMETERS: Schema = names(either(NESTED, amount))
+LIMIT = either(mapping({"value": VALUES, "unit": text(), "range": anything, "source": anything}), VALUES, "value")
+EFFECTS = names(names(either(mapping({"value": VALUE, "source": anything}), VALUE, "value")))
 VARIANTS = listing(text(), wanted="a list of names")
 TOLERANCE = {
     "parameters": VARIANTS, "transform": text(TRANSFORMS), "prior_std": number(above=0.0),

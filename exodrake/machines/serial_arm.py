@@ -110,8 +110,8 @@ def inverse_machine(name: str, chain: Chain, frame: float) -> Machine:
     torque = reading("torque", "effort", unit, 0, frame, float(efforts.max()), len(chain.names))
     return make_machine(
         name, chain, frame, (dynamics.inverse_part(scales(efforts, unit), unit), torque), {found[-1].kind: "torque"},
-        CROSSTALK + OFFSET, (*motion, *drawn("effort")), signals(unit, "effort", "effort_read"), found, slots=1,
-        segments=(Segment("arm", found[-1].kind),), separate=True, defaults=stated(chain, "arm"),
+        CROSSTALK + OFFSET, (*motion, *noise("effort")), signals(unit, "effort", "effort_read"), found, slots=1,
+        segments=(Segment("arm", found[-1].kind),), separate=True, defaults=chain_values(chain, "arm"),
         recorded={"arm.mobility": lambda size: REST * size.get(speed, np.inf) / max(size.get(force, 0.0), 1e-12)},
     )  # fmt: skip
 
@@ -132,10 +132,10 @@ def closed_machine(name: str, chain: Chain, frame: float) -> Machine:
     position, effort = found[-2].kind, found[-1].kind
     return make_machine(
         name, chain, frame, parts, {position: "encoder", effort: "torque"}, CROSSTALK,
-        (*given, *drawn("position", "effort")), (*inner, Signal("link_position", unit["position"], JOINTS)), found,
+        (*given, *noise("position", "effort")), (*inner, Signal("link_position", unit["position"], JOINTS)), found,
         segments=(Segment("drive", effort, (position,)), Segment("arm", position, (effort,))),
         loop=joint_control(chain, {"arm.coulomb_friction": {}}),
-        defaults=stated(chain, "arm") | drive_defaults(chain, efforts, frame),
+        defaults=chain_values(chain, "arm") | drive_defaults(chain, efforts, frame),
     )  # fmt: skip
 
 
@@ -167,7 +167,7 @@ def cable_machine(name: str, chain: Chain, frame: float) -> Machine:
     given = signals(unit, "position_ref", "position_start")
     return make_machine(
         name, chain, frame, parts, SENSORS,
-        (*(f"{sensor}.crosstalk" for sensor in SENSORS.values()), *rubbing, *OF_CABLES), (*given, *drawn(*SEEN)),
+        (*(f"{sensor}.crosstalk" for sensor in SENSORS.values()), *rubbing, *OF_CABLES), (*given, *noise(*SEEN)),
         tuple(Signal(signal, u, JOINTS) for signal, u in inner.items()),
         (*(Column(s.name, s.name) for s in given), *COLUMNS), slots=6, segments=SEGMENTS,
         loop=joint_control(chain, {}), defaults=cable_defaults(chain, efforts, frame),
@@ -176,7 +176,7 @@ def cable_machine(name: str, chain: Chain, frame: float) -> Machine:
 
 def cable_defaults(chain: Chain, efforts: np.ndarray, frame: float) -> dict[str, float]:
     """Values of what the robot file need not state: the arm's, and cables and motors of its size."""
-    found = stated(chain, "arm") | drive_defaults(chain, efforts, frame)
+    found = chain_values(chain, "arm") | drive_defaults(chain, efforts, frame)
     for channel, m, effort in zip(chain.names, compute_inertias(chain), efforts, strict=True):
         found[f"motor.current_max.{channel}"] *= RATIO
         found |= {
@@ -194,7 +194,7 @@ def signals(unit: Mapping[str, str], *names: str) -> tuple[Signal, ...]:
     return tuple(Signal(name, unit[name.split("_")[0]], JOINTS) for name in names)
 
 
-def drawn(*names: str) -> tuple[Signal, ...]:
+def noise(*names: str) -> tuple[Signal, ...]:
     """Noise of the sensors of these quantities, and what may be lost of their readings."""
     kinds = (("noise", NORMAL), ("arrival", UNIFORM))
     return tuple(Signal(f"{kind}_{name}", "-", JOINTS, law) for kind, law in kinds for name in names)
@@ -304,7 +304,7 @@ def units(chain: Chain) -> dict[str, str]:
     return dict.fromkeys(own | ratios, "-") if mixed else own | ratios
 
 
-def stated(chain: Chain, part: str) -> dict[str, float]:
+def chain_values(chain: Chain, part: str) -> dict[str, float]:
     """Bodies, axes and gravity as the URDF states them, by full name of the parameters of a part [SI].
 
     The arm itself also has damping, dry friction, and rotors without inertia.
@@ -370,7 +370,7 @@ def compute_inertias(chain: Chain) -> np.ndarray:
 
 def drive_defaults(chain: Chain, efforts: np.ndarray, frame: float) -> dict[str, float]:
     """Gains of a moderate bandwidth, a controller that knows the arm, motors that reach its efforts and limits."""
-    found = stated(chain, "drive") | {"drive.kp": 1.0, "drive.kd": 1.0, "drive.period": frame}
+    found = chain_values(chain, "drive") | {"drive.kp": 1.0, "drive.kd": 1.0, "drive.period": frame}
     for channel, joint, m, most in zip(chain.names, chain.joints, compute_inertias(chain), efforts, strict=True):
         limit = joint.effort if 0.0 < joint.effort < np.inf else 10.0 * most
         stops = np.isfinite(joint.upper - joint.lower) and joint.upper > joint.lower

@@ -17,6 +17,7 @@ from exodrake.core.errors import InputError, nearest
 from exodrake.core.files import read_bytes
 from exodrake.core.mechanism import Body, Chain, Joint
 from exodrake.core.schema import shown
+from exodrake.physics.arm import roll_pitch_yaw
 
 MAX_BYTES = 4_000_000  # a hundred times a long one
 LARGEST = 1e9  # of a length, mass, inertia or loss [SI]: beyond any arm
@@ -50,12 +51,7 @@ def numbers(
 
 def rotation(angles: np.ndarray) -> np.ndarray:
     """Rotation (3, 3) of roll, pitch, yaw (3,) [rad] about fixed axes."""
-    (cr, cp, cy), (sr, sp, sy) = np.cos(angles), np.sin(angles)
-    return np.array([
-        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-        [-sp, cp * sr, cp * cr],
-    ])  # fmt: skip
+    return np.reshape(roll_pitch_yaw(*angles), (3, 3))
 
 
 def read_body(link: ElementTree.Element, source: str) -> Body:

@@ -3,7 +3,7 @@
 import sys
 from typing import Annotated, NamedTuple
 
-from exodrake.core.part import TENDONS, Output, Part, Point, State, Task, Unit, free_curve
+from exodrake.core.part import TENDONS, FreeLaw, Output, Part, Point, State, Task, Unit
 from exodrake.physics.arithmetic import round_to
 
 
@@ -37,5 +37,5 @@ PART = Part(
     states=(State("reading", TENDONS, unit="m"),),
     tasks=(Task("read", ("spool_angle",), slots=(1, 2, 3), per_channel=True),),
     outputs=(Output.of_states(reading="stroke_read"),),
-    points=(Point("homed", TENDONS, laws=(free_curve("error of the reading over stroke", "stroke", "m"),)),),
+    points=(Point("homed", TENDONS, laws=(FreeLaw("error of the reading over stroke", "stroke", "m"),)),),
 )

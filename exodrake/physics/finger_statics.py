@@ -13,10 +13,9 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from exodrake.core.part import list_fields
 from exodrake.core.robot import Robot
 from exodrake.physics import finger, wire_paths
-from exodrake.physics.tendon_finger import Parameters
+from exodrake.physics.tendon_finger import PART, Parameters
 from exodrake.physics.wire_paths import EXTENSOR, FLEXOR
 
 STEPS, STEP, HALVINGS = 40, 0.05, 46  # search: at most 2 rad in steps of 0.05 rad, then halved down to 1e-15 rad
@@ -30,7 +29,7 @@ path, end_stop = compiled(wire_paths.path), compiled(finger.end_stop)
 
 def parameters_of(robot: Robot) -> Parameters:
     """Parameters of a robot's finger, without effects."""
-    found = [robot.channels(f"{field.group}.{field.name}") for field in list_fields(Parameters, "finger")]
+    found = [robot.channels(f"{field.group}.{field.name}") for field in PART.fields]
     plain: list[Any] = [tuple(v.tolist()) if len(v) > 1 else float(v[0]) for v in found]
     return Parameters(*plain)
 

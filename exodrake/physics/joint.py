@@ -8,7 +8,7 @@ What the model leaves out sits where a joint aims, how it follows, and what its 
 import sys
 from typing import Annotated, NamedTuple
 
-from exodrake.core.part import JOINTS, SCALAR, Output, Part, Point, State, Task, Unit, free_curve, free_memory
+from exodrake.core.part import JOINTS, SCALAR, FreeLaw, Output, Part, Point, State, Task, Unit, free_memory
 
 
 class Parameters(NamedTuple):
@@ -76,10 +76,10 @@ def output(x, z, n, e, angle):
 
 FREE_LAWS = {
     "aimed": (
-        free_curve("angle over command", "aim", "rad"),
-        free_curve("angle over command of the next joint", "ahead", "rad"),
-        free_curve("angle over command of the previous joint", "behind", "rad"),
-        free_curve("gain over setting", "setting", "rad", "aim"),
+        FreeLaw("angle over command", "aim", "rad"),
+        FreeLaw("angle over command of the next joint", "ahead", "rad"),
+        FreeLaw("angle over command of the previous joint", "behind", "rad"),
+        FreeLaw("gain over setting", "setting", "rad", "aim"),
     ),
     "followed": free_memory("of angle over command", "moved", "rad", "settle", moves=True),
     "shown": (

@@ -6,7 +6,7 @@ Where its clock and the controller's meet, a picture may be late: the log takes 
 import sys
 from typing import Annotated, NamedTuple
 
-from exodrake.core.part import JOINTS, SCALAR, Output, Part, Point, State, Task, Unit, free_curve
+from exodrake.core.part import JOINTS, SCALAR, FreeLaw, Output, Part, Point, State, Task, Unit
 
 
 class Parameters(NamedTuple):
@@ -45,7 +45,7 @@ PART = Part(
     tasks=(Task("sample", ("angle", "noise_angle"), slots=(0,)),),
     outputs=(Output.of_states(reading="angle_read", lateness="mocap_delay"),),
     points=(
-        Point("seen", JOINTS, laws=(free_curve("error of the reading over angle", "angle", "rad"),)),
-        Point("late", SCALAR, laws=(free_curve("delay over time", "clock", "s"),)),
+        Point("seen", JOINTS, laws=(FreeLaw("error of the reading over angle", "angle", "rad"),)),
+        Point("late", SCALAR, laws=(FreeLaw("delay over time", "clock", "s"),)),
     ),
 )

@@ -10,7 +10,7 @@ Integrated by the classical Runge-Kutta rule over one tick with command and tens
 import sys
 from typing import Annotated, NamedTuple
 
-from exodrake.core.part import TENDONS, FreeLaw, Output, Part, Point, State, Task, Unit, free_curve, free_memory
+from exodrake.core.part import TENDONS, FreeLaw, Output, Part, Point, State, Task, Unit, free_memory
 
 
 class Parameters(NamedTuple):
@@ -134,13 +134,13 @@ def start(x, z, n, e, start_stroke):
 
 FREE_LAWS = {
     "command": (
-        free_curve("speed over its command", "speed", "m/s", fine=True),
-        free_curve("loss of speed over tension", "tension", "N", "-1.0"),
+        FreeLaw("speed over its command", "speed", "m/s", fine=True),
+        FreeLaw("loss of speed over tension", "tension", "N", "-1.0"),
         *free_memory("of speed over its command", "speed", "m/s", "follow"),
     ),
     "load": (
-        free_curve("load over tension", "tension", "N"),
-        free_curve("radius for the load over wire wound", "spool", "m", "tension"),
+        FreeLaw("load over tension", "tension", "N"),
+        FreeLaw("radius for the load over wire wound", "spool", "m", "tension"),
     ),
     "wound": (
         FreeLaw("wire wound over spool angle", "stroke", "m", rate=("winding", "spool", "speed * (1.0 + slope)")),

@@ -9,7 +9,7 @@ import sys
 from math import exp
 from typing import Annotated, NamedTuple
 
-from exodrake.core.part import SCALAR, TENDONS, Output, Part, Point, State, Task, Unit, free_curve, free_memory
+from exodrake.core.part import SCALAR, TENDONS, FreeLaw, Output, Part, Point, State, Task, Unit, free_memory
 from exodrake.physics.arithmetic import round_to
 
 
@@ -95,13 +95,13 @@ def read(x, z, n, e, j, cell, noise_tension):
 
 
 FREE_LAWS = {
-    "felt": (free_curve("friction at the cell over tension", "tension", "N", "-slide"),),
+    "felt": (FreeLaw("friction at the cell over tension", "tension", "N", "-slide"),),
     "lag": (),
     "mixed": (),
     "settle": (),
     "reading": (
-        free_curve("error of the reading over tension", "tension", "N"),
-        free_curve("error of the reading over time", "clock", "s"),
+        FreeLaw("error of the reading over tension", "tension", "N"),
+        FreeLaw("error of the reading over time", "clock", "s"),
         *free_memory("of the reading", "load", "N", "settle"),
     ),
 }

@@ -11,7 +11,7 @@ import sys
 from math import cos, sin
 from typing import Annotated, NamedTuple
 
-from exodrake.core.part import JOINTS, SCALAR, TENDONS, Output, Part, Point, State, Task, Unit, free_curve, free_memory
+from exodrake.core.part import JOINTS, SCALAR, TENDONS, FreeLaw, Output, Part, Point, State, Task, Unit, free_memory
 from exodrake.physics import finger, tendon, wire_paths
 from exodrake.physics.arithmetic import along, column, dot, solve
 from exodrake.physics.finger import coriolis, external_with_slope, inertia, mass_matrix, passive_with_slope, relax
@@ -242,25 +242,25 @@ AGAINST = "rate / (abs(rate) + 0.05)"  # direction of a joint, blurred over a sl
 TENDON_POINTS = ("stretch", "elastic", "near_end", "far_end", "transmit", "at_cell", "at_spool", "settle")
 TENDON_LAWS = {
     "stretch": (
-        free_curve("lengthening over tension", "tension_finger", "N", "-1.0"),
+        FreeLaw("lengthening over tension", "tension_finger", "N", "-1.0"),
         *free_memory("of length over tension", "tension", "N", "settle"),
     ),
     "elastic": (
-        free_curve("tension over stretch", "stretch", "m"),
+        FreeLaw("tension over stretch", "stretch", "m"),
         *free_memory("of tension", "stretched", "m", "settle"),
     ),
     "transmit": (
-        free_curve("friction over tension", "tension", "N", "-slide"),
-        free_curve("friction over speed", "speed", "m/s", GRIP, fine=True),
+        FreeLaw("friction over tension", "tension", "N", "-slide"),
+        FreeLaw("friction over speed", "speed", "m/s", GRIP, fine=True),
         *free_memory("of friction over travel", "travel", "m", "settle", GRIP, moves=True),
     ),
 }
 JOINT_LAWS = (
-    free_curve("torque over bend", "bend", "rad"),
-    free_curve("torque over rate", "rate", "rad/s", fine=True),
-    free_curve("friction over bend", "bend", "rad", AGAINST),
-    free_curve("torque over time", "clock", "s"),
-    free_curve("stiffness over time", "clock", "s", "elastic"),
+    FreeLaw("torque over bend", "bend", "rad"),
+    FreeLaw("torque over rate", "rate", "rad/s", fine=True),
+    FreeLaw("friction over bend", "bend", "rad", AGAINST),
+    FreeLaw("torque over time", "clock", "s"),
+    FreeLaw("stiffness over time", "clock", "s", "elastic"),
     *free_memory("of torque over bend", "bend", "rad", "relax"),
 )
 
@@ -281,8 +281,8 @@ PART = Part(
         Output("output_tension", ("tension", "tension_spool"), reads=("stroke",)),
     ),
     points=(
-        Point("router_height", JOINTS, wire_paths, laws=(free_curve("height", "height", "m"),)),
-        Point("worn_height", TENDONS, wire_paths, laws=(free_curve("height over tension", "tension", "N"),)),
+        Point("router_height", JOINTS, wire_paths, laws=(FreeLaw("height", "height", "m"),)),
+        Point("worn_height", TENDONS, wire_paths, laws=(FreeLaw("height over tension", "tension", "N"),)),
         Point("lever_height", TENDONS, wire_paths, laws=()),
         *(Point(name, TENDONS, tendon, laws=TENDON_LAWS.get(name, ())) for name in TENDON_POINTS),
         Point("passive", JOINTS, finger, laws=JOINT_LAWS),

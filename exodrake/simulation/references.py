@@ -16,12 +16,11 @@ from exodrake.core.part import TENDONS
 from exodrake.core.robot import Robot
 from exodrake.core.units import quantity
 from exodrake.data.formats import read_log
-from exodrake.data.log import Log
+from exodrake.data.log import ALIKE, Log
 from exodrake.machines.robot_file import robot_or_default
 from exodrake.simulation import protocols
 
 SMOOTH = 0.08  # s, standard deviation of the filter of a motion whose rates are inputs, too: assumed
-ALIKE = 1e-6  # [s] two clocks closer than this are the same
 
 PROTOCOLS: dict[str, Callable[..., Reference]] = {
     function.__name__.replace("_", "-"): function

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from exodrake.core.errors import InputError
+from exodrake.core.errors import InputError, require_extra
 from exodrake.data.formats import read_apart, read_whole
-from exodrake.data.log import Log, check_size, heading, log_from_columns
+from exodrake.data.log import Log, check_size, log_from_columns
 
 ENDINGS = (".mat",)
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,62}")
@@ -31,7 +31,7 @@ def read(data: bytes, source: str) -> Log:
     for name, unit in units.items():
         if name not in variables:
             raise InputError(f"{source}: column {name!r} has a unit but no values")
-        columns.append((heading(name, str(unit)), column(variables[name], name, source)))
+        columns.append((f"{name} [{unit}]", column(variables[name], name, source)))
     return log_from_columns(columns, source)
 
 
@@ -94,10 +94,8 @@ def column(values: object, name: str, source: str) -> np.ndarray:
 
 def parse_hdf5(data: bytes, source: str) -> dict[str, Any]:
     """Groups of an HDF5 file as mappings, data sets of numbers as arrays; nothing that lies in another file."""
-    try:
+    with require_extra(f"{source}: HDF5 needs h5py; install exodrake[hdf5]"):
         import h5py  # pyright: ignore[reportMissingImports]
-    except ImportError:
-        raise InputError(f"{source}: HDF5 needs h5py; install exodrake[hdf5]") from None
     samples = 0
 
     def count(more: int) -> None:

@@ -9,22 +9,22 @@ import json
 import struct
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from exodrake.core.errors import InputError
+from exodrake.core.errors import InputError, require_extra
 from exodrake.core.files import is_file
 from exodrake.core.schema import parse_json
 from exodrake.core.units import find_kind
 from exodrake.data.formats import read_apart
-from exodrake.data.log import Log, heading, log_from_columns
+from exodrake.data.log import Log, log_from_columns
 
 ENDINGS = (".mcap",)
 RECORD = "exodrake.data.log"
 LIBRARY = "exodrake"  # in the header of the file
 PROFILE_AT = 17  # byte after magic (8), opcode (1) and length (8) of the header, where profile and library begin
 LATEST = 2.0**64  # ns, MCAP's stamps
+MISSING = "MCAP needs the mcap package; install exodrake[mcap]"
 BARE = "value"  # field of a column that has no channel in its name
 
 
@@ -47,7 +47,8 @@ def read(data: bytes, source: str) -> Log:
 
 def parse(data: bytes, source: str) -> list[tuple[str, np.ndarray]]:
     """Headings and columns, in this process."""
-    make_reader, _ = _mcap(source)
+    with require_extra(f"{source}: {MISSING}"):
+        from mcap.reader import make_reader
     reader = make_reader(io.BytesIO(data))
     records = {record.name: record.metadata for record in reader.iter_metadata()}
     if RECORD not in records:
@@ -65,12 +66,13 @@ def parse(data: bytes, source: str) -> list[tuple[str, np.ndarray]]:
             count = f"{len(lost)} messages are" if len(lost) > 1 else "a message is"
             first = f"the first is message {lost[0][0]} at {lost[0][1] * 1e-9:g} s"
             raise InputError(f"{source}: topic {topic!r}: {count} missing that other topics have, {first}")
-    return [(heading(n, u), np.array([float(topics[t][row].get(f, np.nan)) for row in rows])) for n, u, t, f in places]
+    return [(f"{n} [{u}]", np.array([float(topics[t][row].get(f, np.nan)) for row in rows])) for n, u, t, f in places]
 
 
 def write(log: Log) -> bytes:
     """The log as MCAP in SI. A missing sample is a field left out."""
-    _, writer_class = _mcap(log.label)
+    with require_extra(f"{log.label}: {MISSING}"):
+        from mcap.writer import Writer
     start = min(0.0, float(log.time.min()))  # MCAP has no time before 0
     if (float(log.time.max()) - start) * 1e9 >= LATEST:
         raise InputError(f"{log.label}: column 'time': {log.time.max():g} s is beyond what MCAP can stamp")
@@ -85,7 +87,7 @@ def write(log: Log) -> bytes:
         topics.setdefault(topic, {})[field] = name
         places[name], columns[name] = (topic, field), values.tolist()
     stream, channels = io.BytesIO(), {}
-    writer = writer_class(stream)
+    writer = Writer(stream)
     writer.start(library=LIBRARY)
     for topic, fields in topics.items():
         properties = {field: {"type": "number", "description": units[name]} for field, name in fields.items()}
@@ -101,12 +103,3 @@ def write(log: Log) -> bytes:
     writer.add_metadata(RECORD, {"columns": json.dumps([[name, units[name], *places[name]] for name in columns])})
     writer.finish()
     return stream.getvalue()
-
-
-def _mcap(source: str) -> tuple[Any, Any]:
-    try:
-        from mcap.reader import make_reader
-        from mcap.writer import Writer
-    except ImportError:
-        raise InputError(f"{source}: MCAP needs the mcap package; install exodrake[mcap]") from None
-    return make_reader, Writer

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from exodrake.core.errors import InputError
+from exodrake.core.errors import InputError, require_extra
 from exodrake.data.formats import read_apart
 from exodrake.data.log import Log, check_size, headings, log_from_columns
 
@@ -80,10 +80,7 @@ def _values(column: Any) -> np.ndarray | str:
 
 def import_pyarrow(source: str) -> tuple[Any, Any]:
     """The modules `pyarrow` and `pyarrow.parquet`. InputError naming the extra if they are not installed."""
-    try:
+    with require_extra(f"{source}: Parquet needs pyarrow; install exodrake[parquet], or use .csv.gz or .npz"):
         import pyarrow
         import pyarrow.parquet
-    except ImportError:
-        advice = "install exodrake[parquet], or use .csv.gz or .npz"
-        raise InputError(f"{source}: Parquet needs pyarrow; {advice}") from None
     return pyarrow, pyarrow.parquet

@@ -177,7 +177,7 @@ class Drive:
         switch = find_slot(link.received) - find_slot(machine.column(link.output).signal)
         p = values[[i for i, info in enumerate(machine.parameters) if info.part == part.name]]
         self.moves, self.given = compile_machine(machine).moves, (p, machine.slot, machine.slots, switch)
-        self.rest = np.zeros((1, sum(machine.part_size(part))))
+        self.rest = np.zeros((1, sum(machine.part_sizes[part.name])))
         states = (*part.states, *(s for e in machine.effects_on(part) for s in e.states))
         self.channel = np.concatenate([np.repeat(np.arange(machine.width(s.axis)), s.width) for s in states])
         self.command, self.loads = command, loads

@@ -20,7 +20,7 @@ TIME, COMMAND, ANGLE, COLUMNS = 0, 1, 3, 8
 
 def case(path: Path) -> Case:
     """The case of one configuration's file, or of a folder of them. InputError for a name that is no bend."""
-    files = [path] if path.is_file() else sorted(path.glob("*.txt"), key=lambda f: read_bend(f))
+    files = [path] if path.is_file() else sorted(path.glob("*.txt"), key=read_bend)
     if not files:
         raise InputError(f"{path}: no configuration, such as 60.txt")
     logs = [(f"bend_{f.stem}", read(f)) for f in files]
