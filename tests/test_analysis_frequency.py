@@ -7,7 +7,7 @@ import pytest
 import exodrake as exo
 from exodrake.analysis.limit_cycles import CommandedLoop
 from exodrake.analysis.linear_model import evaluate, spectral_radius
-from exodrake.analysis.margins import close, margins, open_loop, single
+from exodrake.analysis.margins import close, margins, open_channel, open_loop
 from exodrake.analysis.responses import LINES, bandwidth, frequency_response, multisine
 
 TENDONS = ("AF", "MF", "AE")
@@ -50,8 +50,8 @@ def test_margins_agree_with_poles_and_simulation(loop, point, model, wire):
     whole = open_loop(model)
     found = margins(whole, wire)
     limit = 10.0 ** (found.gain_margin_db / 20.0)
-    assert spectral_radius(close(single(whole, wire), 0.999 * limit)) < 1.0
-    assert spectral_radius(close(single(whole, wire), 1.001 * limit)) > 1.0
+    assert spectral_radius(close(open_channel(whole, wire), 0.999 * limit)) < 1.0
+    assert spectral_radius(close(open_channel(whole, wire), 1.001 * limit)) > 1.0
     assert found.encirclements == 0
     commanded = CommandedLoop(loop, point.references, model.system.D[model.rows("speed_cmd")], wire)
     assert not grows(commanded, point.state, 0.97 * limit)

@@ -13,7 +13,7 @@ from exodrake.analysis.limit_cycles import (
     limit_cycles,
 )
 from exodrake.analysis.linear_model import FrameMap, operating_point
-from exodrake.analysis.margins import open_loop, open_responses, single
+from exodrake.analysis.margins import open_channel, open_loop, open_responses
 
 
 @pytest.fixture(scope="module")
@@ -25,7 +25,7 @@ def commanded(point, model):
 
 
 def test_without_a_nonlinearity_it_is_the_linear_plant(loop, model, commanded, point):
-    plant, one = commanded(loop.robot), single(open_loop(model), 1)
+    plant, one = commanded(loop.robot), open_channel(open_loop(model), 1)
     for cycles in (2, 8, 15):
         found = describing_function(plant, point.state, 1e-4, cycles)
         expected = open_responses(one, np.array([cycles / (WINDOW * 0.02)]))[1][0, 0, 0]
@@ -80,7 +80,7 @@ def test_smooth_effects_belong_to_the_linear_loop(monkeypatch):
     import exodrake.analysis.limit_cycles as module
 
     robot = exo.load_robot().splice("tendon.compliance", {"stiffness": 1200.0})
-    monkeypatch.setattr(module, "compare_cycles", lambda label, robot, model, channel, limit, **more: (label, limit))
+    monkeypatch.setattr(module, "compare_cycles", lambda label, robot, model, channel, limit, rounded: (label, limit))
     soft = dict(limit_cycles(robot))
     assert "tendon.compliance" not in soft and 7.0 < soft["motor.dead_zone"] < 9.5
     stuck = dict(limit_cycles(exo.load_robot().splice("tendon.coulomb_friction")))

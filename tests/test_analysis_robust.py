@@ -11,7 +11,7 @@ import pytest
 
 import exodrake as exo
 from exodrake.analysis.linear_model import linearise_robot, spectral_radius
-from exodrake.analysis.margins import close, delay_budget, disk_margin, margins, open_loop, open_responses, single
+from exodrake.analysis.margins import close, delay_budget, disk_margin, margins, open_channel, open_loop, open_responses
 from exodrake.analysis.robustness import (
     band,
     points_band,
@@ -33,7 +33,7 @@ def found(model):
 
 
 def test_disk_margin_of_one_loop_is_that_of_python_control(whole):
-    one = single(whole, 1)
+    one = open_channel(whole, 1)
     f = np.geomspace(0.05, 24.9, 300)
     system = control.ss(one.A, one.B, -one.C[:1], 0.0, whole.dt)
     expected, gain, phase = control.disk_margins(system, 2.0 * np.pi * f, skew=0.0)

@@ -102,7 +102,7 @@ class ClosedLoop:
         if command not in self.opened.input_labels:
             known = self.opened.input_labels
             raise InputError(f"no command {command!r}{nearest(command, known)}; there are {', '.join(known)}")
-        ratio = -mg.single(self.opened, self.opened.input_labels.index(command))[0, 0]
+        ratio = -mg.open_channel(self.opened, self.opened.input_labels.index(command))[0, 0]
         ratio.update_names(name=f"L_{command}", inputs=[command], outputs=[command], states=self.opened.state_labels)
         return ratio
 

@@ -134,29 +134,26 @@ def limit_cycles(
             break
     if model.spectral_radius >= 1.0:
         return ()
-    whole, loop, own, found = mg.open_loop(model), model.loop.loop, robot.effects(), []
-    grid = mg.frequency_grid(whole)
-    ratios = [mg.open_responses(mg.single(whole, j), grid)[0][:, 0, 0] for j in range(whole.ninputs)]
+    whole, loop, own = mg.open_loop(model), model.loop.loop, robot.effects()
+    grid, opened = mg.frequency_grid(whole), [mg.open_channel(whole, j) for j in range(whole.ninputs)]
+    ratios = [mg.open_responses(one, grid)[0][:, 0, 0] for one in opened]
     margins = [mg.loop_margins(grid, ratio)[1] if np.abs(ratio).max() > 0.0 else np.inf for ratio in ratios]
     channel = int(np.argmin(margins))
-    answer = mg.open_responses(mg.single(whole, channel), np.array(CYCLES) / (WINDOW * whole.dt))[1]
+    answer = mg.open_responses(opened[channel], np.array(CYCLES) / (WINDOW * whole.dt))[1]
     if not np.isfinite(margins[channel]) or not np.abs(answer).min() > 0.0:
         return ()
+    nonlinear = [(" + ".join(own), robot, False)] if own and plain is not robot else []
+    if not own_only:
+        if loop.resolution and plain.channels(loop.resolution).max() > 0.0:
+            nonlinear.append((f"rounding, {loop.resolution}", plain, True))
+        further = {name: values for name, values in loop.nonlinear.items() if name not in own}
+        nonlinear += [(name, plain.splice(name, values), False) for name, values in further.items()]
     linear = model, channel, margins[channel]
-    if own and plain is not robot:
-        found.append(compare_cycles(" + ".join(own), robot, *linear))
-    if own_only:
-        return tuple(found)
-    if loop.resolution and plain.channels(loop.resolution).max() > 0.0:
-        found.append(compare_cycles(f"rounding, {loop.resolution}", plain, *linear, rounded=True))
-    for identity, values in loop.nonlinear.items():
-        if identity not in own:
-            found.append(compare_cycles(identity, plain.splice(identity, values), *linear))
-    return tuple(found)
+    return tuple(compare_cycles(label, one, *linear, rounded) for label, one, rounded in nonlinear)
 
 
 def compare_cycles(
-    label: str, robot: Robot, model: FrameModel, channel: int, limit: float, rounded: bool = False
+    label: str, robot: Robot, model: FrameModel, channel: int, limit: float, rounded: bool
 ) -> LimitCycles:
     """Predicted and simulated limit cycles of a robot with a nonlinearity, whose readings may be rounded.
 
@@ -172,7 +169,7 @@ def compare_cycles(
         state = replace(loop, parameters=prepare_values(robot, quantisation=False)).run(state, rows)[0]
     direct = model.system.D[model.rows(loop.loop.command)]
     plant, unit = CommandedLoop(loop, references, direct, channel), abs(direct[channel, channel]) * loop.loop.step
-    one = mg.single(mg.open_loop(model), channel)
+    one = mg.open_channel(mg.open_loop(model), channel)
     frequency = np.array(CYCLES) / (WINDOW * one.dt)
     ratio, response = (full[:, 0, 0] for full in mg.open_responses(one, frequency))
     law = ratio / response

@@ -62,7 +62,7 @@ def close(whole: lm.System, gain: np.ndarray | float = 1.0) -> np.ndarray:
     return whole.A + whole.B @ (np.broadcast_to(gain, (m,))[:, None] * whole.C[:m])
 
 
-def single(whole: lm.System, channel: int) -> lm.System:
+def open_channel(whole: lm.System, channel: int) -> lm.System:
     """The loop of one channel opened, the others closed: from its command to its command and its reading."""
     m, others = whole.ninputs, np.eye(whole.ninputs, 2 * whole.ninputs)
     others[channel] = 0.0
@@ -122,7 +122,7 @@ def decibel(size: Any) -> Any:
 
 def margins(whole: lm.System, channel: int, name: str = "") -> Margins:
     """Margins of a channel's loop (its index); NaN where the closed loop is unstable."""
-    one, frequency = single(whole, channel), frequency_grid(whole)
+    one, frequency = open_channel(whole, channel), frequency_grid(whole)
     response = open_responses(one, frequency)[0][:, 0, 0]
     unstable = [int((np.abs(np.linalg.eigvals(a)) > 1.0 + lm.OUTSIDE).sum()) for a in (one.A, close(one))]
     if unstable[1] or not np.abs(response).max() > 0.0:
