@@ -64,9 +64,8 @@ def close(whole: lm.System, gain: np.ndarray | float = 1.0) -> np.ndarray:
 
 def open_channel(whole: lm.System, channel: int) -> lm.System:
     """The loop of one channel opened, the others closed: from its command to its command and its reading."""
-    m, others = whole.ninputs, np.eye(whole.ninputs, 2 * whole.ninputs)
-    others[channel] = 0.0
-    return lm.System(whole.feedback(others, sign=1)[[channel, m + channel], channel])
+    others, rows = np.arange(whole.ninputs) != channel, [channel, whole.ninputs + channel]
+    return lm.System(close(whole, others), whole.B[:, [channel]], whole.C[rows], 0.0, whole.dt)
 
 
 def open_responses(whole: lm.System, frequency: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
