@@ -177,13 +177,13 @@ def disk_margin(sensitivity: np.ndarray) -> np.ndarray:
 
     balanced = sensitivity - 0.5 * np.eye(sensitivity.shape[-1])  # (S - T) / 2 with T = I - S
     bound, scales = structured_bound(balanced)
-    done: set[int] = set() if sensitivity.shape[-1] > 1 else set(range(len(bound)))
+    done: set[int] = set()
 
     def size(logs: np.ndarray, m: np.ndarray) -> float:
         scale = np.exp(np.append(0.0, logs))
         return float(np.linalg.norm(scale[:, None] * m / scale, 2))
 
-    while (worst := int(bound.argmax())) not in done:
+    while sensitivity.shape[-1] > 1 and (worst := int(bound.argmax())) not in done:  # else it is exact
         logs = np.log(scales[worst, 1:] / scales[worst, 0])
         for _ in range(3):  # the largest singular value has kinks: start again where the simplex ended
             options = {"xatol": TIGHT, "fatol": TIGHT}
