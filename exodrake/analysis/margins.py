@@ -246,8 +246,9 @@ def delay_budget(loop: lm.FrameMap, margins: tuple[Margins, ...]) -> tuple[Delay
         read = find_slot(sensor, k, control)
         write = find_slot(others, k, control, kinds.command)  # the default: a plant that reads the command at once
         slots, spare = (read, control, write), m.delay_margin / machine.slot
-        waits = ((b - a) % machine.slots * machine.slot for a, b in pairwise(slots))
-        budgets.append(DelayBudget(m.channel, slots, *waits, 0.5 * machine.frame, m.delay_margin, spare))
+        to_control, to_write = ((b - a) % machine.slots * machine.slot for a, b in pairwise(slots))
+        hold = 0.5 * machine.frame
+        budgets.append(DelayBudget(m.channel, slots, to_control, to_write, hold, m.delay_margin, spare))
     return tuple(budgets)
 
 
