@@ -44,7 +44,7 @@ def model(loop, point):
     """The loop's linear model there."""
     from exodrake.analysis.linear_model import linearise
 
-    return linearise(loop, point.state, point.references)
+    return linearise(loop, point)
 
 
 @pytest.fixture(scope="session")

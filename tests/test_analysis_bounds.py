@@ -56,13 +56,13 @@ def test_lqg_of_an_integrator_has_the_gains_of_its_riccati_equations():
 def test_no_loop_of_the_robot_beats_the_bound_with_its_commands(plant):
     """The nominal loop on the nonlinear robot settles in 1.8 s, and the best with such commands in some tenths."""
     for channel in range(3):
-        step = step_response(plant.loop, plant.point, channel)
-        least = bound_settling(plant.plant, channel, step.command_peak, 0.05, step.crosstalk, 60)
+        step = step_response(plant.model.loop, plant.model.point, channel)
+        least = bound_settling(plant.system, channel, step.command_peak, 0.05, step.crosstalk, 60)
         assert 0.02 <= least <= step.settling
 
 
 def test_lqg_holds_a_step_and_rejects_a_constant_disturbance(plant):
-    law = design_lqg(plant.plant, (plant.N, plant.M), 1e4, 1e-3, 1e-4)
+    law = design_lqg(plant.system, (plant.N, plant.M), 1e4, 1e-3, 1e-4)
     found = predict_performance(plant, law)
     assert found.radius < 1.0 and found.settling < 3.0 and found.disk_margin > 0.5
     assert np.abs(law.poles() - 1.0).min() < 1e-6  # integral action
@@ -70,8 +70,8 @@ def test_lqg_holds_a_step_and_rejects_a_constant_disturbance(plant):
 
 def test_gains_are_scheduled_where_margins_move_by_half(plant):
     """MF's margin moves from 8.0 to 9.5 dB over the points of the nominal robot, AE's from 8 to 14."""
-    robot = plant.loop.robot
-    points = list(plant.loop.loop.points)
+    robot = plant.model.loop.robot
+    points = list(plant.model.loop.loop.points)
     plants = [plant, *(linearise_plant(robot, at) for at in points[1:])]
     members = points_band(robot)
     tuned = Tuned("PD", robot, {"controller.kp": 6e-3, "controller.kd": 1e-4}, (), (members,), 1.0, 0.0, 1.0, 1.0, ())

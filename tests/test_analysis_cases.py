@@ -1,5 +1,7 @@
 """Stable, unstable, marginal, conditionally stable and resting loops, against python-control and closed forms."""
 
+from dataclasses import replace
+
 import control
 import numpy as np
 import pytest
@@ -8,7 +10,7 @@ from scipy.optimize import brentq
 import exodrake as exo
 from exodrake.analysis.closed_loop import list_remarks
 from exodrake.analysis.limit_cycles import limit_cycles
-from exodrake.analysis.linear_model import FrameMap, FrameModel, linearise, operating_point, spectral_radius
+from exodrake.analysis.linear_model import linearise_robot, spectral_radius
 from exodrake.analysis.margins import break_loop, close, margins, open_loop
 from exodrake.analysis.responses import returns
 
@@ -20,13 +22,13 @@ def opened_from(a, b, c, gain=1.0):
     n = len(a)
     closed = a - gain * np.outer(b, c)
     system = control.ss(closed, gain * b[:, None], np.vstack([c, -gain * c]), [[0.0], [gain]], PERIOD)
-    return break_loop(system, np.zeros(n, bool), [1], [0]), FrameModel(system, np.zeros((n, 0)), np.zeros((2, 0)))
+    return break_loop(system, np.zeros(n, bool), [1], [0])
 
 
 def from_control(numerator, denominator, gain=1.0):
     """The same for a continuous transfer function, sampled with a hold, by python-control."""
     plant = control.ss(control.c2d(control.tf(numerator, denominator), PERIOD, "zoh"))
-    return (*opened_from(plant.A, plant.B[:, 0], plant.C[0], gain), gain * control.tf(plant))
+    return opened_from(plant.A, plant.B[:, 0], plant.C[0], gain), gain * control.tf(plant)
 
 
 # numerator, denominator, gain, unstable poles of the closed loop, unstable poles of the open loop
@@ -44,7 +46,7 @@ CASES = {
 @pytest.mark.parametrize("case", CASES)
 def test_counts_and_margins_of_a_table_of_cases(case):
     numerator, denominator, gain, unstable, of_plant = CASES[case]
-    whole, _, transfer = from_control(numerator, denominator, gain)
+    whole, transfer = from_control(numerator, denominator, gain)
     found = margins(whole, 0)
     assert (found.closed_unstable, found.open_unstable) == (unstable, of_plant)
     turns = control.nyquist_response(transfer, warn_encirclements=False, warn_nyquist=False).count
@@ -78,37 +80,34 @@ def test_counts_and_margins_of_a_table_of_cases(case):
         assert found.delay_margin == pytest.approx(delays[k], rel=5e-3)
 
 
-def test_a_conditionally_stable_loop_is_reported(loop, point, model):
-    whole, _, _ = from_control(*CASES["conditionally stable"][:3])
-    assert any("conditionally stable" in note for note in list_remarks(loop, point, model, (), (margins(whole, 0),)))
+def test_a_conditionally_stable_loop_is_reported(model):
+    whole, _ = from_control(*CASES["conditionally stable"][:3])
+    assert any("conditionally stable" in note for note in list_remarks(model, (), (margins(whole, 0),)))
 
 
-def test_a_pole_on_the_unit_circle_is_marginal():
+def test_a_pole_on_the_unit_circle_is_marginal(model):
     """y' = y + 2 (r - y): the pole of the closed loop is -1."""
-    whole, model = opened_from(np.eye(1), np.ones(1), np.ones(1), 2.0)
-    assert model.marginal and spectral_radius(close(whole)) == pytest.approx(1.0)
+    whole = opened_from(np.eye(1), np.ones(1), np.ones(1), 2.0)
+    assert spectral_radius(close(whole)) == pytest.approx(1.0)
+    assert replace(model, system=control.ss(close(whole), whole.B, whole.C, 0.0, PERIOD)).marginal
 
 
 def test_an_unstable_robot_has_no_margins_and_says_so():
-    loop = FrameMap.from_robot(exo.load_robot().with_parameters({"controller.kp": 0.025}))
-    point = operating_point(loop)
-    model = linearise(loop, point.state, point.references)
+    model = linearise_robot(exo.load_robot().with_parameters({"controller.kp": 0.025}))
     assert model.spectral_radius == pytest.approx(1.099, abs=5e-3)
-    whole = open_loop(loop, model)
+    whole = open_loop(model)
     for channel in range(3):
         found = margins(whole, channel)
         assert found.closed_unstable > 0
         assert np.isnan([found.gain_margin_db, found.phase_margin_deg, found.delay_margin]).all()
-    assert any("no margins" in note for note in list_remarks(loop, point, model, ()))
-    assert not returns(loop, point) and limit_cycles(loop.robot) == ()
+    assert any("no margins" in note for note in list_remarks(model))
+    assert not returns(model.loop, model.point) and limit_cycles(model.loop.robot) == ()
 
 
 def test_a_dead_zone_rests_without_warnings(recwarn):
-    loop = FrameMap.from_robot(exo.load_robot().splice("motor.dead_zone"))
-    point = operating_point(loop)
-    model = linearise(loop, point.state, point.references)
-    assert model.marginal and returns(loop, point)
-    notes = list_remarks(loop, point, model, (), (margins(open_loop(loop, model), 0),))
+    model = linearise_robot(exo.load_robot().splice("motor.dead_zone"))
+    assert model.marginal and returns(model.loop, model.point)
+    notes = list_remarks(model, (), (margins(open_loop(model), 0),))
     assert any("unit circle" in note for note in notes) and any("does not act" in note for note in notes)
     assert not any("growing" in note for note in notes)
     assert not recwarn.list
@@ -118,9 +117,7 @@ def test_the_loop_of_another_machine_has_the_margins_of_its_law():
     """EMPS: L(s) = k (kp + s e^(-s h)) e^(-s late) / s^2, the speed over two frames h, a reading a slot before the law,
     a force held for a frame."""
     robot = exo.load_robot("emps")
-    loop = FrameMap.from_robot(robot)
-    point = operating_point(loop)
-    found = margins(open_loop(loop, linearise(loop, point.state, point.references)), 0)
+    found = margins(open_loop(linearise_robot(robot)), 0)
     h, kp, k = robot.machine.frame, robot["drive.kp"], robot["drive.gain"] * robot["drive.kv"] / robot["carriage.M"]
     late = 0.5 * h + robot.machine.slot
 

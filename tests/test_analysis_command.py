@@ -5,10 +5,9 @@ import json
 import numpy as np
 import pytest
 from arm_folders import made
-from click.testing import CliRunner
+from command_line import run
 
 import exodrake as exo
-from exodrake.cli.main import cli
 from exodrake.machines.robot_file import load_robot
 
 FIGURES = {
@@ -19,13 +18,9 @@ FIGURES = {
 }  # fmt: skip
 
 
-def run(*arguments):
-    return CliRunner().invoke(cli, ["analyse", *map(str, arguments)])
-
-
 def test_it_writes_figures_numbers_and_the_model(tmp_path):
     files = ("--out", tmp_path / "a", "--json", tmp_path / "b.json", "--to-control", tmp_path / "m.npz")
-    found = run("--draws", 2, *files)
+    found = run("analyse", "--draws", 2, *files)
     assert found.exit_code == 0, found.output
     assert "spectral radius 0.96" in found.output and "stable up to" in found.output
     names = {path.name for path in (tmp_path / "a").iterdir()}
@@ -44,7 +39,7 @@ def test_it_writes_figures_numbers_and_the_model(tmp_path):
 
 def test_a_gain_outside_its_range_is_noted_and_a_loop_in_its_dead_zone_is_stable():
     low, high = load_robot("exo_index").ranges["finger.kappa.MCP"]
-    found = run("--draws", 0, "--set", f"finger.kappa.MCP={1.1 * high}", "--effect", "motor.dead_zone")
+    found = run("analyse", "--draws", 0, "--set", f"finger.kappa.MCP={1.1 * high}", "--effect", "motor.dead_zone")
     assert found.exit_code == 0, found.output
     assert f"lies outside {low:g} to {high:g}" in found.stderr
     assert "stable: simulated, a kick dies out" in found.output and "growing" not in found.output
@@ -53,7 +48,7 @@ def test_a_gain_outside_its_range_is_noted_and_a_loop_in_its_dead_zone_is_stable
 def test_a_machine_without_a_loop_is_refused_in_one_sentence(arm_folder):
     made(arm_folder, "measured", "--urdf", "rotary_axis")
     for name in ("analyse", "tune"):
-        result = CliRunner().invoke(cli, [name, "--robot", "measured"])
+        result = run(name, "--robot", "measured")
         assert result.exit_code == 2
         assert "no closed loop to analyse" in result.output and len(result.output.splitlines()) == 1
 
@@ -69,7 +64,7 @@ def test_a_machine_without_a_loop_is_refused_in_one_sentence(arm_folder):
     ],
 )  # fmt: skip
 def test_bad_input_is_a_line_and_leaves_nothing(tmp_path, arguments, word):
-    found = run(*arguments, "--out", tmp_path / "a")
+    found = run("analyse", *arguments, "--out", tmp_path / "a")
     assert found.exit_code == 2
     assert word in found.output and len(found.output.strip().splitlines()) == 1
     assert not (tmp_path / "a").exists()

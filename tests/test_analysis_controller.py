@@ -6,7 +6,7 @@ from scipy.signal import lfilter
 
 import exodrake as exo
 from exodrake.analysis.feedforward import LATEST, find_delay
-from exodrake.analysis.linear_model import FrameMap, linearise, operating_point
+from exodrake.analysis.linear_model import FrameMap, linearise_robot
 from exodrake.analysis.responses import step_response
 from exodrake.analysis.robustness import robustness
 from exodrake.analysis.tuning import linearise_law, predict_performance
@@ -77,16 +77,13 @@ VALUES = {"controller.ki": 0.02, "controller.tau_D": 0.01, "controller.tau_R": 0
 
 def test_a_candidate_on_the_linear_plant_is_the_robot_with_that_controller(plant):
     """Spectral radius, disk margin and noise from another controller's plant, and from the robot linearised anew."""
-    robot = exo.load_robot().with_parameters(VALUES)
-    loop = FrameMap.from_robot(robot)
-    point = operating_point(loop)
-    model = linearise(loop, point.state, point.references)
-    there = robustness(loop, point, model)
+    model = linearise_robot(exo.load_robot().with_parameters(VALUES))
+    there = robustness(model)
     found = predict_performance(plant, linearise_law(plant, VALUES))
     assert found.radius == pytest.approx(model.spectral_radius, abs=1e-7)
     assert found.disk_margin == pytest.approx(there.numbers["disk margin"], rel=5e-3)
     assert found.noise == pytest.approx(max(v for k, v in there.numbers.items() if k.startswith("noise")), rel=1e-4)
-    steps = [step_response(loop, point, j) for j in range(3)]
+    steps = [step_response(model.loop, model.point, j) for j in range(3)]
     assert found.settling == pytest.approx(max(s.settling for s in steps), abs=0.12)
     assert found.overshoot == pytest.approx(max(s.overshoot for s in steps), abs=0.025)
 

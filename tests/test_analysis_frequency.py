@@ -7,7 +7,7 @@ import pytest
 import exodrake as exo
 from exodrake.analysis.limit_cycles import CommandedLoop
 from exodrake.analysis.linear_model import evaluate, spectral_radius
-from exodrake.analysis.margins import close, margins, open_loop, single
+from exodrake.analysis.margins import close, margins, open_channel, open_loop
 from exodrake.analysis.responses import LINES, bandwidth, frequency_response, multisine
 
 TENDONS = ("AF", "MF", "AE")
@@ -30,15 +30,15 @@ def test_multisine_is_odd_flat_and_periodic():
 
 
 @pytest.mark.parametrize("wire", range(3))
-def test_multisine_and_frame_map_agree(loop, point, model, wire):
-    found = frequency_response(loop, point, model, wire)
+def test_multisine_and_frame_map_agree(model, wire):
+    found = frequency_response(model, wire)
     assert np.abs(found.measured - found.linear).max() < 1e-4
     assert found.spread.max() < 1e-4 and found.coherence.min() > 1.0 - 1e-6
     assert found.bandwidth_measured == pytest.approx(found.bandwidth, rel=0.03)
 
 
-def test_noise_spreads_the_measured_response(loop, point, model):
-    found = frequency_response(loop, point, model, 1, seed=1)
+def test_noise_spreads_the_measured_response(model):
+    found = frequency_response(model, 1, seed=1)
     low = found.frequency < 2.0
     assert found.spread[low].mean() > 1e-3
     assert found.measured[low] == pytest.approx(found.linear[low], abs=0.15)
@@ -47,13 +47,13 @@ def test_noise_spreads_the_measured_response(loop, point, model):
 
 @pytest.mark.parametrize("wire", range(3))
 def test_margins_agree_with_poles_and_simulation(loop, point, model, wire):
-    whole = open_loop(loop, model)
+    whole = open_loop(model)
     found = margins(whole, wire)
     limit = 10.0 ** (found.gain_margin_db / 20.0)
-    assert spectral_radius(close(single(whole, wire), 0.999 * limit)) < 1.0
-    assert spectral_radius(close(single(whole, wire), 1.001 * limit)) > 1.0
+    assert spectral_radius(close(open_channel(whole, wire), 0.999 * limit)) < 1.0
+    assert spectral_radius(close(open_channel(whole, wire), 1.001 * limit)) > 1.0
     assert found.encirclements == 0
-    commanded = CommandedLoop(loop, point.references, model.system.D[model.rows("speed_cmd", loop.channels)], wire)
+    commanded = CommandedLoop(loop, point.references, model.system.D[model.rows("speed_cmd")], wire)
     assert not grows(commanded, point.state, 0.97 * limit)
     assert grows(commanded, point.state, 1.03 * limit)
 

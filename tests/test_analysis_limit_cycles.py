@@ -13,22 +13,22 @@ from exodrake.analysis.limit_cycles import (
     limit_cycles,
 )
 from exodrake.analysis.linear_model import FrameMap, operating_point
-from exodrake.analysis.margins import open_loop, plant_response, single
+from exodrake.analysis.margins import open_channel, open_loop, open_responses
 
 
 @pytest.fixture(scope="module")
 def commanded(point, model):
     """The loop of a robot with the command of its second channel set from outside."""
     return lambda robot: CommandedLoop(
-        FrameMap.from_robot(robot), point.references, model.system.D[model.rows("speed_cmd", ("AF", "MF", "AE"))], 1
+        FrameMap.from_robot(robot), point.references, model.system.D[model.rows("speed_cmd")], 1
     )
 
 
 def test_without_a_nonlinearity_it_is_the_linear_plant(loop, model, commanded, point):
-    plant, one = commanded(loop.robot), single(open_loop(loop, model), 1)
+    plant, one = commanded(loop.robot), open_channel(open_loop(model), 1)
     for cycles in (2, 8, 15):
         found = describing_function(plant, point.state, 1e-4, cycles)
-        expected = plant_response(one, np.array([cycles / (WINDOW * 0.02)]))[0, 0, 0]
+        expected = open_responses(one, np.array([cycles / (WINDOW * 0.02)]))[1][0, 0, 0]
         assert found == pytest.approx(expected, rel=0.02)
 
 
@@ -80,7 +80,7 @@ def test_smooth_effects_belong_to_the_linear_loop(monkeypatch):
     import exodrake.analysis.limit_cycles as module
 
     robot = exo.load_robot().splice("tendon.compliance", {"stiffness": 1200.0})
-    monkeypatch.setattr(module, "compare_cycles", lambda label, _, linear, **more: (label, linear.limit))
+    monkeypatch.setattr(module, "compare_cycles", lambda label, robot, model, channel, limit, rounded: (label, limit))
     soft = dict(limit_cycles(robot))
     assert "tendon.compliance" not in soft and 7.0 < soft["motor.dead_zone"] < 9.5
     stuck = dict(limit_cycles(exo.load_robot().splice("tendon.coulomb_friction")))

@@ -67,7 +67,7 @@ def test_radius_above_one_is_divergence(loop, point):
     rng, decided = np.random.default_rng(3), []
     for _ in range(12):
         late = loop.with_values({"controller.kp": rng.uniform(1e-3, 0.03), "controller.kd": rng.uniform(-4e-4, 4e-4)})
-        here = linearise(late, point.state, point.references)
+        here = linearise(late, point)
         if abs(here.spectral_radius - 1.0) < 0.01:
             continue
         rows = np.tile(point.references, (600, 1))
@@ -79,20 +79,18 @@ def test_radius_above_one_is_divergence(loop, point):
     assert 2 < sum(decided) < len(decided) - 2
 
 
-def test_the_map_agrees_with_single_linearisations(loop, point):
+def test_the_map_agrees_with_single_linearisations(loop, point, model):
     kp, kd = np.array([4e-3, 1.2e-2, 2.4e-2]), np.array([-2e-4, 1e-4])
-    found = stability_map(loop, point, kp, kd)
+    found = stability_map(model, kp, kd)
     for i, d in enumerate(kd):
         for j, p in enumerate(kp):
             there = loop.with_values({"controller.kp": p, "controller.kd": d})
-            assert found.radius[i, j] == pytest.approx(
-                linearise(there, point.state, point.references).spectral_radius, abs=1e-5
-            )
+            assert found.radius[i, j] == pytest.approx(linearise(there, point).spectral_radius, abs=1e-5)
     assert found.limit[1] > found.limit[0] > 0.012
 
 
-def test_latency_ends_stability(loop, point):
-    sweep = latency_sweep(loop, point, np.array([0.0, 2.0, 4.0, 5.0, 6.0]))
+def test_latency_ends_stability(loop, point, model):
+    sweep = latency_sweep(model, np.array([0.0, 2.0, 4.0, 5.0, 6.0]))
     assert sweep is not None
     assert 4.0 < sweep.limit < 6.0
     late = loop.with_values({"timing.command_latency.frames": 6.0})
@@ -113,12 +111,10 @@ def test_bad_operating_points_are_named(at, word):
 
 def test_friction_is_reported_as_a_kink_and_simulation_decides():
     """Stuck wires make one-sided slopes differ and the poles meaningless; the loop itself returns to rest."""
-    loop = FrameMap.from_robot(exo.load_robot().splice("tendon.coulomb_friction"))
-    point = operating_point(loop)
-    model = linearise(loop, point.state, point.references)
+    model = linearise_robot(exo.load_robot().splice("tendon.coulomb_friction"))
     assert model.kink > 0.1
-    assert any("kink" in note for note in list_remarks(loop, point, model, ()))
-    assert returns(loop, point)
+    assert any("kink" in note for note in list_remarks(model))
+    assert returns(model.loop, model.point)
 
 
 def test_a_tremor_leaves_no_operating_point():
@@ -129,7 +125,7 @@ def test_a_tremor_leaves_no_operating_point():
 @pytest.mark.parametrize(("kd", "radius"), [(1e-4, 0.9621), (-1e-4, 0.9596), (3.75e-4, None), (-3.75e-4, None)])
 def test_the_printed_sign_of_kd_on_the_robot(kd, radius):
     """Both are stable at nominal gains; three times the damping is stable as corrected, unstable as printed."""
-    found = linearise_robot(exo.load_robot().with_parameters({"controller.kd": kd}))[2].spectral_radius
+    found = linearise_robot(exo.load_robot().with_parameters({"controller.kd": kd})).spectral_radius
     assert found == pytest.approx(radius, abs=1e-3) if radius else (found < 1.0) == (kd > 0.0)
     assert controller.damping_as_printed(1.7, kd) == controller.damping(1.7, -kd)
 
@@ -137,5 +133,5 @@ def test_the_printed_sign_of_kd_on_the_robot(kd, radius):
 @pytest.mark.parametrize("gain", [-1.0, -0.05])
 def test_a_loop_of_the_wrong_sign_that_comes_to_rest_at_its_limits_is_not_stable(gain):
     """Tensions run away until commands and stops hold them, far off their references."""
-    loop, point, model = linearise_robot(exo.load_robot().with_parameters({"controller.kp": gain}, source="test"))
-    assert not returns(loop, point) and model.spectral_radius > 1.0
+    model = linearise_robot(exo.load_robot().with_parameters({"controller.kp": gain}, source="test"))
+    assert not returns(model.loop, model.point) and model.spectral_radius > 1.0

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import exodrake as exo
-from exodrake.analysis.linear_model import FrameMap, linearise, operating_point, spectral_radius
-from exodrake.analysis.margins import close, delay_budget, disk_margin, margins, open_loop, return_ratio, single
+from exodrake.analysis.linear_model import linearise_robot, spectral_radius
+from exodrake.analysis.margins import close, delay_budget, disk_margin, margins, open_channel, open_loop, open_responses
 from exodrake.analysis.robustness import (
     band,
     points_band,
@@ -23,21 +23,21 @@ from exodrake.analysis.robustness import (
 
 
 @pytest.fixture(scope="module")
-def whole(loop, model):
-    return open_loop(loop, model)
+def whole(model):
+    return open_loop(model)
 
 
 @pytest.fixture(scope="module")
-def found(loop, point, model):
-    return robustness(loop, point, model)
+def found(model):
+    return robustness(model)
 
 
 def test_disk_margin_of_one_loop_is_that_of_python_control(whole):
-    one = single(whole, 1)
+    one = open_channel(whole, 1)
     f = np.geomspace(0.05, 24.9, 300)
     system = control.ss(one.A, one.B, -one.C[:1], 0.0, whole.dt)
     expected, gain, phase = control.disk_margins(system, 2.0 * np.pi * f, skew=0.0)
-    alpha = disk_margin(1.0 / (1.0 + return_ratio(one, f))).min()
+    alpha = disk_margin(1.0 / (1.0 + open_responses(one, f)[0])).min()
     assert alpha == pytest.approx(float(expected), rel=1e-6)
     assert 20.0 * np.log10((2.0 + alpha) / (2.0 - alpha)) == pytest.approx(float(gain), rel=1e-5)
     assert 2.0 * np.degrees(np.arctan(0.5 * alpha)) == pytest.approx(float(phase), rel=1e-5)
@@ -98,7 +98,7 @@ def test_noise_of_commands_is_that_of_the_simulation(loop, point, found):
 def test_the_delay_budget_reads_the_schedule(loop, whole):
     """Slots of 2 ms: cells read in 1, 2, 3, the law in 4, drives written in 5, 6, 7, a frame of 20 ms held."""
     found = delay_budget(loop, tuple(margins(whole, i) for i in range(3)))
-    assert [(d.read_slot, d.control_slot, d.write_slot) for d in found] == [(1, 4, 5), (2, 4, 6), (3, 4, 7)]
+    assert [d.slots for d in found] == [(1, 4, 5), (2, 4, 6), (3, 4, 7)]
     assert [1e3 * d.total for d in found] == pytest.approx([18.0] * 3)
     assert found[1].spare_slots == pytest.approx(found[1].margin / 2e-3)
 
@@ -163,8 +163,6 @@ def test_what_is_no_diagnosis_is_refused(answer, word):
 
 
 def test_the_loop_of_another_machine_has_a_robustness():
-    loop = FrameMap.from_robot(exo.load_robot("emps"))
-    point = operating_point(loop)
-    numbers = robustness(loop, point, linearise(loop, point.state, point.references)).numbers
+    numbers = robustness(linearise_robot(exo.load_robot("emps"))).numbers
     assert numbers["disk margin"] == pytest.approx(numbers["disk margin carriage"])
     assert numbers["relative gain carriage"] == pytest.approx(1.0)

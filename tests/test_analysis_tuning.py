@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from arm_folders import made
-from click.testing import CliRunner
+from command_line import run
 
 import exodrake as exo
 from exodrake.analysis.tuning import (
@@ -20,19 +20,14 @@ from exodrake.analysis.tuning import (
     predict_performance,
     tune,
 )
-from exodrake.cli.main import cli
 from exodrake.simulation import protocols
 from exodrake.simulation.simulate import simulate
-
-
-def run(*arguments):
-    return CliRunner().invoke(cli, ["tune", *map(str, arguments)])
 
 
 @pytest.fixture(scope="module")
 def tuned(tmp_path_factory):
     folder = tmp_path_factory.mktemp("tune")
-    found = run("--robot", "emps", "--disk-margin", 0.7, "--overshoot", 20, "--draws", 2, "--out", folder)
+    found = run("tune", "--robot", "emps", "--disk-margin", 0.7, "--overshoot", 20, "--draws", 2, "--out", folder)
     return folder, found
 
 
@@ -70,7 +65,7 @@ def test_compliance_is_the_inverse_of_the_tension_jacobian():
     c = np.column_stack(list(compliance(plant, robot.machine.loop.controllers[-1]).values()))
     assert np.linalg.eigvals(c).real.min() > 1.0 / (1.2 * 2700.0)  # no stiffer than the tendon itself
     assert c == pytest.approx(c.T, abs=2e-5)  # elastic: forces have a potential
-    loop, start = plant.loop, plant.point
+    loop, start = plant.model.loop, plant.model.point
     rows = np.tile(start.references + np.array([0.05, 0.0, 0.0]), (600, 1))
     moved = loop.run(start.state, rows)[1][-1, loop.signals["stroke"]] - start.readings["stroke"]
     assert moved == pytest.approx(0.05 * c[:, 0], rel=0.02, abs=1e-6)
@@ -97,7 +92,7 @@ def test_missed_requirements_are_phrases():
 
 
 def test_what_cannot_be_held_writes_no_robot(tmp_path):
-    found = run("--robot", "emps", "--disk-margin", 1.99, "--draws", 0, "--out-robot", tmp_path / "r.yaml")
+    found = run("tune", "--robot", "emps", "--disk-margin", 1.99, "--draws", 0, "--out-robot", tmp_path / "r.yaml")
     assert found.exit_code == 2 and "no controller holds all requirements" in found.output
     assert not (tmp_path / "r.yaml").exists()
 
@@ -108,12 +103,12 @@ def test_what_cannot_be_held_writes_no_robot(tmp_path):
      (["--noise", "-1"], "noise"), (["--overshoot", "x"], "overshoot")],
 )  # fmt: skip
 def test_bad_input_is_refused(arguments, word):
-    found = run(*arguments)
+    found = run("tune", *arguments)
     assert found.exit_code == 2 and word in found.output
 
 
 def test_gains_of_an_outer_loop_are_no_robot_file(tmp_path):
-    found = run("--robot", "so101", "--out-robot", tmp_path / "r.yaml")
+    found = run("tune", "--robot", "so101", "--out-robot", tmp_path / "r.yaml")
     assert found.exit_code == 2 and "outer loop" in found.output and not (tmp_path / "r.yaml").exists()
 
 

@@ -5,12 +5,11 @@ import json
 import control
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from command_line import run
 
 import exodrake as exo
 from exodrake.analysis import limit_cycles
 from exodrake.analysis.robustness import assess_answer, fit_weight, read_diagnosis
-from exodrake.cli.main import cli
 
 
 def answer_of(identity, wires=("MF",), **intervals):
@@ -63,8 +62,7 @@ def test_the_command_reads_a_folder_and_its_improved_robot(tmp_path, monkeypatch
     exo.write_robot(exo.load_robot().splice("sensor.gain", {"gain": 0.1}, ["MF"]), tmp_path / "improved.yaml")
     assert read_diagnosis(tmp_path)[1] == tmp_path / "improved.yaml"
     monkeypatch.setattr(limit_cycles, "limit_cycles", lambda *_, **__: ())
-    options = ["--diagnosis", str(tmp_path), "--draws", "2", "--json", str(tmp_path / "a.json")]
-    found = CliRunner().invoke(cli, ["analyse", *options])
+    found = run("analyse", "--diagnosis", tmp_path, "--draws", 2, "--json", tmp_path / "a.json")
     assert found.exit_code == 0, found.output
     assert "robots of the diagnosis: 2 of 2 stable" in found.output and "stable for all of them" in found.output
     saved = json.loads((tmp_path / "a.json").read_text())

@@ -10,8 +10,8 @@ import numpy as np
 
 from exodrake.analysis import margins as mg
 from exodrake.analysis.limit_cycles import LimitCycles
-from exodrake.analysis.linear_model import KINK, FrameMap, FrameModel, OperatingPoint, System, linearise_robot
-from exodrake.analysis.responses import FrequencyResponse, StepResponse, frequency_response, returns, step_response
+from exodrake.analysis.linear_model import KINK, FrameModel, OperatingPoint, System, linearise_robot
+from exodrake.analysis.responses import FrequencyResponse, StepResponse, frequency_response, returns
 from exodrake.analysis.robustness import Band, Robustness, Uncertainty, robustness
 from exodrake.core.errors import InputError, argument, nearest
 from exodrake.core.plain import plain
@@ -21,8 +21,6 @@ UNITS = {  # names of fields in JSON
     "rise": "rise_time [s]", "settling": "settling_time [s]", "time_constant": "time_constant [s]",
     "frequency": "frequency [Hz]", "bandwidth": "bandwidth [Hz]", "bandwidth_measured": "bandwidth_measured [Hz]",
     "crossover": "crossover [Hz]", "delay_margin": "delay_margin [s]",
-    "step": "difference_step", "where": "kink_at",
-    "residual": "residual [excursion/frame]", "steady": "steady_by_own_gains",
 }  # fmt: skip
 ROUGH = 1e-3  # slopes of two step sizes that differ by more deserve a word
 STEADY_ERROR = 0.02  # share of a step
@@ -104,7 +102,7 @@ class ClosedLoop:
         if command not in self.opened.input_labels:
             known = self.opened.input_labels
             raise InputError(f"no command {command!r}{nearest(command, known)}; there are {', '.join(known)}")
-        ratio = -mg.single(self.opened, self.opened.input_labels.index(command))[0, 0]
+        ratio = -mg.open_channel(self.opened, self.opened.input_labels.index(command))[0, 0]
         ratio.update_names(name=f"L_{command}", inputs=[command], outputs=[command], states=self.opened.state_labels)
         return ratio
 
@@ -129,12 +127,10 @@ def analyse(robot: Robot, at: Mapping[str, float] | str | None = None, seed: int
         >>> exo.analyse(exo.load_robot()).margins[0].channel
         'AF'
     """
-    loop, point, model = linearise_robot(argument("robot", robot, Robot), at)
-    whole, system = mg.open_loop(loop, model), model.system
-    channels, v = range(len(loop.channels)), model.rows(loop.kinds[loop.loop.command], loop.channels)
-    steps = tuple(step_response(loop, point, i) for i in channels)
-    found = tuple(mg.margins(whole, i, loop.channels[i]) for i in channels)
-    responses = tuple(frequency_response(loop, point, model, i, seed=seed) for i in channels)
+    model = linearise_robot(argument("robot", robot, Robot), at)
+    loop, point, system, channels = model.loop, model.point, model.system, range(len(model.loop.channels))
+    whole, v = mg.open_loop(model), model.rows(loop.loop.command)
+    robust, found = robustness(model, "this robot"), tuple(mg.margins(whole, i, loop.channels[i]) for i in channels)
     d = system.D @ np.linalg.inv(system.D[v])  # of disturbances added to the commands, as `opened` has them in its B
     d[v] = 0.0
     connected = System(
@@ -142,18 +138,19 @@ def analyse(robot: Robot, at: Mapping[str, float] | str | None = None, seed: int
         states=system.state_labels, outputs=system.output_labels,
         inputs=[*system.input_labels, *loop.noises, *(system.output_labels[i] for i in v)],
     )  # fmt: skip
+    responses = tuple(frequency_response(model, i, seed=seed) for i in channels)
     return ClosedLoop(
-        loop.robot, point, model, whole, connected, steps, responses, found, mg.delay_budget(loop, found),
-        robustness(loop, point, model, "this robot"), mg.stability_map(loop, point), mg.latency_sweep(loop, point),
-        returns(loop, point), list_remarks(loop, point, model, steps, found),
+        loop.robot, point, model, whole, connected, robust.steps, responses, found, mg.delay_budget(loop, found),
+        robust, mg.stability_map(model), mg.latency_sweep(model), returns(loop, point),
+        list_remarks(model, robust.steps, found),
     )  # fmt: skip
 
 
 def list_remarks(
-    loop: FrameMap, point: OperatingPoint, model: FrameModel,
-    steps: tuple[StepResponse, ...] = (), found: tuple[mg.Margins, ...] = (),
-) -> tuple[str, ...]:  # fmt: skip
+    model: FrameModel, steps: tuple[StepResponse, ...] = (), found: tuple[mg.Margins, ...] = ()
+) -> tuple[str, ...]:
     """Conditions under which the results mean little, a sentence each."""
+    loop, point = model.loop, model.point
     unit, idle = loop.robot.machine.signal[loop.loop.output].unit, [m.channel for m in found if not m.loop.any()]
     remarks = {
         "the robot's own gains do not bring it to rest; the operating point was reached with gentler ones": (
@@ -192,8 +189,8 @@ def name_fields(result: Any, *without: str) -> dict[str, Any]:
 def to_plain(result: ClosedLoop, cycles: tuple[LimitCycles, ...] = ()) -> dict[str, Any]:
     """All results as plain data for JSON, units in the keys; values that are not finite become null."""
     robot, machine, gains, latency = result.robot, result.robot.machine, result.gains, result.latency
-    readings = {}
-    for kind, values in result.point.readings.items():
+    model, point, readings = result.model, result.point, {}
+    for kind, values in point.readings.items():
         signal = machine.column(kind).signal
         readings[f"{kind} [{machine.signal[signal].unit}]"] = dict(zip(machine.channels(signal), values))
     return plain(
@@ -201,20 +198,26 @@ def to_plain(result: ClosedLoop, cycles: tuple[LimitCycles, ...] = ()) -> dict[s
             "robot": robot.source or machine.name,
             "effects": robot.effects(),
             "stable": result.stable,
-            "decided_by": "poles" if result.model.decides else "simulated kick",
-            "spectral_radius": result.model.spectral_radius,
+            "decided_by": "poles" if model.decides else "simulated kick",
+            "spectral_radius": model.spectral_radius,
             "returns_after_kick": result.returns,
             "notes": list(result.notes),
             "operating_point": readings
-            | name_fields(result.point, "references", "state", "output", "readings", "slack"),
-            "poles": [{"z": p.z, "modulus": abs(p.z), **name_fields(p)} for p in result.model.poles()],
-            "linear_model": name_fields(result.model, "N", "M", "system", "keep") | model_arrays(result),
+            | {
+                "frames": point.frames, "residual [excursion/frame]": point.residual,
+                "steady_by_own_gains": point.steady,
+            },
+            "poles": [{"z": p.z, "modulus": abs(p.z), **name_fields(p)} for p in model.poles()],
+            "linear_model": {
+                "difference_step": model.step, "convergence": model.convergence, "kink": model.kink,
+                "kink_at": model.where, **model_arrays(result),
+            },
             "steps": {s.channel: name_fields(s, "channel", "time", "output") for s in result.steps},
             "frequency_response": {r.channel: name_fields(r, "channel") for r in result.responses},
             "margins": {m.channel: name_fields(m, "channel", "frequency", "loop") for m in result.margins},
             "delays": {
                 d.channel: {
-                    "slots": {"read": d.read_slot, "control": d.control_slot, "write": d.write_slot},
+                    "slots": dict(zip(("read", "control", "write"), d.slots)),
                     "reading to law [s]": d.to_control, "law to plant [s]": d.to_write, "hold [s]": d.hold,
                     "total [s]": d.total, "margin [s]": d.margin, "margin [slots]": d.spare_slots,
                 }

@@ -37,20 +37,40 @@ CLEAN = 0.999  # coherence above which there is nothing to show
 VISIBLE = 1e-4  # of a panel: below, the rest of a simulation
 
 
+def channel_panels(
+    result: ClosedLoop, title: str, heights: dict[str, float], xlabel: str, height: float, xscale: str = "linear"
+) -> tuple[Figure, Any, list[str]]:
+    """A figure so high [inches], its panels, and the colours of the channels.
+
+    Each channel has a column, whose title takes its name; each label a row of that relative height.
+    """
+    channels = [m.channel for m in result.margins]
+    figure = new_figure(min(7.0, 1.6 + 2.4 * len(channels)), height)
+    shape: dict[str, Any] = {"sharex": True, "sharey": "row", "squeeze": False, "subplot_kw": {"xscale": xscale}}
+    rows = figure.subplots(len(heights), len(channels), height_ratios=list(heights.values()), **shape)
+    for axes, label in zip(rows[:, 0], heights):
+        axes.set_ylabel(label)
+    for top, bottom, channel in zip(rows[0], rows[-1], channels):
+        top.set_title(title.format(channel))
+        bottom.set_xlabel(xlabel)
+    figure.align_ylabels(rows[:, 0])
+    return figure, rows, [choose_colour(name, j, result.robot.machine) for j, name in enumerate(channels)]
+
+
 def plot_steps(result: ClosedLoop) -> Figure:
     """Output of all channels when each reference steps, one panel per channel that is stepped."""
-    figure = new_figure(max(4.0, min(7.0, 1.0 + 2.0 * len(result.steps))), 2.7)
-    panels = figure.subplots(1, len(result.steps), sharey=True, squeeze=False)[0]
+    loop = result.model.loop
+    label = f"{find_display(loop.kinds[loop.loop.measured], loop.robot.machine).label} / step [-]"
+    figure, (panels,), colours = channel_panels(result, "Step on {}", {label: 1.0}, "Time [s]", 2.7)
     slowest = max((s.settling for s in result.steps if np.isfinite(s.settling)), default=np.inf)
     shown = min(1.4 * slowest, result.steps[0].time[-1])
-    channels = [s.channel for s in result.steps]
     changes = [(s.output - result.point.output) / s.size for s in result.steps]
     for axes, step, change in zip(panels, result.steps, changes):
-        for j, name in enumerate(channels):
+        for name, course, colour in zip(loop.channels, change.T, colours):
             look = {"lw": 1.5} if name == step.channel else {"lw": 0.9, "alpha": 0.75}
-            axes.plot(step.time, change[:, j], color=choose_colour(name, j, result.robot.machine), label=name, **look)
+            axes.plot(step.time, course, color=colour, label=name, **look)
         axes.plot([step.time[0], 0, 0, step.time[-1]], [0, 0, 1, 1], color="#444", lw=0.8, ls=(0, (4, 2)))
-        axes.set(xlim=(-0.04 * shown, shown), xlabel="Time [s]", title=f"Step on {step.channel}")
+        axes.set_xlim(-0.04 * shown, shown)
         lines = (
             f"rise {step.rise:.3g} s",
             f"overshoot {100 * step.overshoot:.1f} %",
@@ -60,16 +80,8 @@ def plot_steps(result: ClosedLoop) -> Figure:
         axes.text(0.97, 0.55, words, transform=axes.transAxes, ha="right", **NOTE)
     low, high = np.min(changes), np.max(changes)  # an unstable step must not hide the rest
     panels[0].set_ylim(max(low - 0.05, -1.0), min(max(high, 1.0) + 0.12, 2.5))
-    panels[0].set_ylabel(f"{find_display(output_kind(result), result.robot.machine).label} / step [-]")
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper right", ncols=len(channels))
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper right", ncols=len(colours))
     return figure
-
-
-def output_kind(result: ClosedLoop) -> str:
-    """Kind of the columns that show the loop's reading."""
-    machine = result.robot.machine
-    assert machine.loop is not None
-    return next(c.kind for c in machine.columns if c.signal == machine.loop.measured)
 
 
 def plot_bode(result: ClosedLoop) -> Figure:
@@ -77,57 +89,47 @@ def plot_bode(result: ClosedLoop) -> Figure:
 
     With noise or distortion, a panel of coherence; else it is 1 everywhere.
     """
-    count, noisy = len(result.responses), any(np.nanmin(r.coherence) < CLEAN for r in result.responses)
-    figure = new_figure(min(7.0, 1.6 + 2.4 * count), 5.2 if noisy else 4.2)
-    heights = [1.4, 1.2, 0.7][: 3 if noisy else 2]
-    rows = figure.subplots(len(heights), count, sharex=True, sharey="row", squeeze=False, height_ratios=heights)
-    outputs = [f"{output_kind(result)}_{r.channel}" for r in result.responses]
-    for j, (response, output) in enumerate(zip(result.responses, outputs)):
-        gain, phase, *coherence = rows[:, j]
-        colour = choose_colour(response.channel, j, result.robot.machine)
-        f, size = response.frequency, np.abs(response.measured)
-        fine = np.geomspace(f[0], f[-1], 400)
-        linear = evaluate(result.model.system[output, j], fine)[:, 0, 0]
+    heights, height = {"Gain [dB]": 1.4, "Phase [deg]": 1.2}, 4.2
+    if any(np.nanmin(r.coherence) < CLEAN for r in result.responses):
+        heights, height = heights | {"Coherence [-]": 0.7}, 5.2
+    figure, rows, colours = channel_panels(result, "{}: closed loop", heights, "Frequency [Hz]", height, "log")
+    outputs = result.model.rows(result.model.loop.loop.measured)
+    for j, (response, colour) in enumerate(zip(result.responses, colours)):
+        (gain, phase, *coherence), f = rows[:, j], response.frequency
+        size, fine, dots = np.abs(response.measured), np.geomspace(f[0], f[-1], 400), {"ms": 3, "color": colour}
+        linear = evaluate(result.model.system[outputs[j], j], fine)[:, 0, 0]
         low, high = np.maximum(size - response.spread, 1e-6), size + response.spread
         gain.fill_between(f, decibel(low), decibel(high), color=colour, alpha=0.25, lw=0)
         gain.plot(fine, decibel(np.abs(linear)), color="black", lw=0.9, label="frame map")
-        gain.plot(f, decibel(size), ".", ms=3, color=colour, label="multisine")
+        gain.plot(f, decibel(size), ".", label="multisine", **dots)
         phase.plot(fine, np.degrees(np.unwrap(np.angle(linear))), color="black", lw=0.9)
-        phase.plot(f, np.degrees(np.unwrap(np.angle(response.measured))), ".", ms=3, color=colour)
+        phase.plot(f, np.degrees(np.unwrap(np.angle(response.measured))), ".", **dots)
         for axes in coherence:
-            axes.plot(f, response.coherence, ".", ms=3, color=colour)
-            axes.set(ylim=(-0.05, 1.08))
+            axes.plot(f, response.coherence, ".", **dots)
+            axes.set_ylim(-0.05, 1.08)
         if np.isfinite(response.bandwidth):
             gain.axvline(response.bandwidth, **DASHED)
             words = f"-3 dB at {response.bandwidth:.2f} Hz"
             gain.text(0.97, 0.95, words, transform=gain.transAxes, ha="right", va="top", fontsize=8, color=DARK)
-        gain.set(title=f"{response.channel}: closed loop", xscale="log", ylim=(-42, 12))
+        gain.set_ylim(-42, 12)
         phase.set(ylim=(-400, 20), yticks=[-360, -270, -180, -90, 0])
-        rows[-1, j].set_xlabel("Frequency [Hz]")
     rows[0, 0].legend(loc="lower left", frameon=True, facecolor="white", edgecolor="none", framealpha=1.0)
-    for axes, name in zip(rows[:, 0], ("Gain [dB]", "Phase [deg]", "Coherence [-]")):
-        axes.set_ylabel(name)
-    figure.align_ylabels(rows[:, 0])
     return figure
 
 
 def plot_margins(result: ClosedLoop) -> Figure:
     """Open loop of each channel, opened at its command, with gain and phase margins."""
-    figure = new_figure(min(7.0, 1.6 + 2.4 * len(result.margins)), 4.2)
-    rows = figure.subplots(2, len(result.margins), sharex=True, sharey="row", squeeze=False)
-    for j, m in enumerate(result.margins):
-        gain, phase = rows[:, j]
-        colour = choose_colour(m.channel, j, result.robot.machine)
+    heights = {"|L| [dB]": 1.0, "arg L [deg]": 1.0}
+    figure, rows, colours = channel_panels(result, "{}: open loop", heights, "Frequency [Hz]", 4.2, "log")
+    for m, gain, phase, colour in zip(result.margins, *rows, colours):
         shown = (m.frequency >= 8e-4 * m.frequency[-1]) & (np.abs(m.loop) > 0.0)
-        f, angle = m.frequency[shown], np.degrees(np.unwrap(np.angle(m.loop[shown])))
-        gain.plot(f, decibel(np.abs(m.loop[shown])), color=colour)
-        phase.plot(f, angle, color=colour)
+        f, loop = m.frequency[shown], m.loop[shown]
+        gain.plot(f, decibel(np.abs(loop)), color=colour)
+        phase.plot(f, np.degrees(np.unwrap(np.angle(loop))), color=colour)
         for axes, limit in ((gain, 0.0), (phase, -180.0)):
             axes.axhline(limit, color="black", lw=0.8)
-            axes.set_xscale("log")
             if np.isfinite(m.crossover):
                 axes.axvline(m.crossover, **DASHED)
-        gain.set(title=f"{m.channel}: open loop", ylim=(-25, 45))
         lines = [f"gain {m.gain_margin_db:.1f} dB"] if np.isfinite(m.gain_margin_db) else []
         lines += [f"and down to {m.gain_low_db:.1f} dB"] if np.isfinite(m.gain_low_db) else []
         if np.isfinite(m.delay_margin):
@@ -135,10 +137,8 @@ def plot_margins(result: ClosedLoop) -> Figure:
             lines += [f"delay {1e3 * m.delay_margin:.3g} ms"]
         words = "unstable: no margins" if m.closed_unstable else "\n".join(lines)
         phase.text(0.04, 0.05, words, transform=phase.transAxes, fontsize=8, color=DARK, bbox=WHITE)
-        phase.set(xlabel="Frequency [Hz]", yticks=[-360, -270, -180, -90], ylim=(-390, -45))
-    for axes, name in zip(rows[:, 0], ("|L| [dB]", "arg L [deg]")):
-        axes.set_ylabel(name)
-    figure.align_ylabels(rows[:, 0])
+        gain.set_ylim(-25, 45)
+        phase.set(yticks=[-360, -270, -180, -90], ylim=(-390, -45))
     return figure
 
 
@@ -147,15 +147,13 @@ def plot_nyquist(result: ClosedLoop) -> Figure:
 
     The curve must not enter the disk about -1.
     """
-    count, turn = len(result.margins), np.linspace(0.0, 2.0 * np.pi, 200)
-    figure = new_figure(max(3.4, min(7.0, 2.4 * count)), 3.0)
-    for j, m in enumerate(result.margins):
-        axes = figure.add_subplot(1, count, j + 1)
+    figure, (panels,), colours = channel_panels(result, "{}", {"Im L": 1.0}, "Re L", 3.0)
+    turn = np.linspace(0.0, 2.0 * np.pi, 200)
+    for j, (m, axes, colour) in enumerate(zip(result.margins, panels, colours)):
         for k, band in enumerate(result.bands):
             for member in band.members:
                 loop = member.loops[:, j]
                 axes.plot(np.real(loop), np.imag(loop), color=BAND_COLOURS[k], lw=0.4, alpha=0.5)
-        colour = choose_colour(m.channel, j, result.robot.machine)
         axes.plot(np.cos(turn), np.sin(turn), color=FAINT, lw=0.7)
         words = f"encirclements {m.encirclements}\n"
         words += f"{m.closed_unstable} unstable poles" if m.closed_unstable else "stable"
@@ -169,11 +167,9 @@ def plot_nyquist(result: ClosedLoop) -> Figure:
         axes.plot(np.real(m.loop), -np.imag(m.loop), color=colour, lw=0.8, ls=(0, (3, 2)))
         axes.plot(-1.0, 0.0, "+", color="black", ms=7, mew=1.4)
         axes.text(0.03, 0.97, words, transform=axes.transAxes, va="top", fontsize=7.5, color=DARK, bbox=BOX)
-        axes.set(xlim=(-2.6, 1.4), ylim=(-2.0, 2.0), aspect="equal", title=m.channel, xlabel="Re L")
-        if j == 0:
-            axes.set_ylabel("Im L")
+        axes.set(xlim=(-2.6, 1.4), ylim=(-2.0, 2.0), aspect="equal")
     for k, band in enumerate(result.bands):
-        figure.axes[0].plot([], [], color=BAND_COLOURS[k], lw=0.8, label=band.name)
+        panels[0].plot([], [], color=BAND_COLOURS[k], lw=0.8, label=band.name)
     if result.bands:
         figure.legend(loc="outside lower center", ncols=len(result.bands))
     return figure
@@ -194,16 +190,15 @@ def plot_robust(result: ClosedLoop) -> Figure:
         axes.plot(result.robust.frequency, getattr(result.robust, name), color="black", lw=1.1, label="this robot")
         axes.set(ylabel=label, yscale="log", xscale="log")
     coupling, gains = panels[1, 1], result.robust.gain_array  # its diagonal over frequency
-    if len(result.steps) == 1:
-        coupling.set_visible(False)
-    for j, m in enumerate(result.margins if len(result.steps) > 1 else ()):
+    coupling.set_visible(len(result.margins) > 1)
+    for j, m in enumerate(result.margins):
         colour = choose_colour(m.channel, j, result.robot.machine)
         values = [member.gain_array[:, j] for band in result.bands[:1] for member in band.members]
         if values:
             ends = np.min(values, axis=0), np.max(values, axis=0)
             coupling.fill_between(result.robust.frequency, *ends, color=colour, alpha=0.2, lw=0)
         coupling.plot(result.robust.frequency, gains[:, j], color=colour, label=m.channel)
-        coupling.legend(fontsize=7.5)
+    coupling.legend(fontsize=7.5)
     coupling.axhline(1.0, **DASHED)
     coupling.set(ylabel="|Relative gain|; 1: no coupling", xscale="log", yscale="log")
     coupling.set_ylim(min(0.5, 0.8 * float(gains.min())), max(2.0, 1.3 * float(gains.max())))
@@ -284,7 +279,7 @@ def plot_delays(result: ClosedLoop) -> Figure:
         axes.barh(range(len(left)), widths, left=left, color=colour, label=label, height=0.6)
         left = left + widths
     for i, d in enumerate(result.delays):
-        slots = f"slots {d.read_slot} → {d.control_slot} → {d.write_slot}"
+        slots = "slots {} → {} → {}".format(*d.slots)
         rest = f", {d.spare_slots:.0f} slots to spare" if np.isfinite(d.spare_slots) else ""
         axes.text(left[i], i, f"  {slots}{rest}", va="center", fontsize=7.5, color=DARK)
     axes.set(yticks=range(len(result.delays)), yticklabels=[d.channel for d in result.delays], xlabel="Delay [ms]")

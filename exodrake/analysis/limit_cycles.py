@@ -7,13 +7,12 @@ describing function N from command to reading; where g grows with the amplitude 
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import control
 import numpy as np
 
 from exodrake.analysis import margins as mg
-from exodrake.analysis.linear_model import FrameMap, OperatingPoint, System, linearise_robot
+from exodrake.analysis.linear_model import FrameMap, FrameModel, OperatingPoint, linearise_robot
 from exodrake.compiled.inputs import prepare_values
 from exodrake.core.robot import Robot
 
@@ -130,59 +129,50 @@ def limit_cycles(
     to its command. With `own_only`, none of the nonlinearities but the robot's own effects.
     """
     for plain in (robot, robot.without_effects()):
-        loop, point, model = linearise_robot(plain, at)
+        model = linearise_robot(plain, at)
         if model.decides:
             break
     if model.spectral_radius >= 1.0:
         return ()
-    whole = mg.open_loop(loop, model)
-    grid, direct = mg.frequency_grid(whole), model.system.D[model.rows(loop.kinds[loop.loop.command], loop.channels)]
-    ratios = [mg.return_ratio(mg.single(whole, j), grid)[:, 0, 0] for j in range(len(loop.channels))]
+    whole, loop, own = mg.open_loop(model), model.loop.loop, robot.effects()
+    grid, opened = mg.frequency_grid(whole), [mg.open_channel(whole, j) for j in range(whole.ninputs)]
+    ratios = [mg.open_responses(one, grid)[0][:, 0, 0] for one in opened]
     margins = [mg.loop_margins(grid, ratio)[1] if np.abs(ratio).max() > 0.0 else np.inf for ratio in ratios]
     channel = int(np.argmin(margins))
-    answer = mg.plant_response(mg.single(whole, channel), np.array(CYCLES) / (WINDOW * whole.dt))
+    answer = mg.open_responses(opened[channel], np.array(CYCLES) / (WINDOW * whole.dt))[1]
     if not np.isfinite(margins[channel]) or not np.abs(answer).min() > 0.0:
         return ()
-    linear = LinearLoop(point, whole, direct, channel, margins[channel])
-    found, own = [], robot.effects()
-    if own and plain is not robot:
-        found.append(compare_cycles(" + ".join(own), robot, linear))
-    if own_only:
-        return tuple(found)
-    if loop.loop.resolution and plain.channels(loop.loop.resolution).max() > 0.0:
-        found.append(compare_cycles(f"rounding, {loop.loop.resolution}", plain, linear, rounded=True))
-    for identity, values in loop.loop.nonlinear.items():
-        if identity not in own:
-            found.append(compare_cycles(identity, plain.splice(identity, values), linear))
-    return tuple(found)
+    nonlinear = [(" + ".join(own), robot, False)] if own and plain is not robot else []
+    if not own_only:
+        if loop.resolution and plain.channels(loop.resolution).max() > 0.0:
+            nonlinear.append((f"rounding, {loop.resolution}", plain, True))
+        further = {name: values for name, values in loop.nonlinear.items() if name not in own}
+        nonlinear += [(name, plain.splice(name, values), False) for name, values in further.items()]
+    linear = model, channel, margins[channel]
+    return tuple(compare_cycles(label, one, *linear, rounded) for label, one, rounded in nonlinear)
 
 
-class LinearLoop(NamedTuple):
-    """The loop without the nonlinearity."""
+def compare_cycles(
+    label: str, robot: Robot, model: FrameModel, channel: int, limit: float, rounded: bool
+) -> LimitCycles:
+    """Predicted and simulated limit cycles of a robot with a nonlinearity, whose readings may be rounded.
 
-    point: OperatingPoint  # where it rests
-    whole: System  # opened at its commands
-    direct: np.ndarray  # (channels, channels) dv/dr of its controller [command / reference]
-    channel: int
-    limit: float  # gain margin of the channel
-
-
-def compare_cycles(label: str, robot: Robot, linear: LinearLoop, rounded: bool = False) -> LimitCycles:
-    """Predicted and simulated limit cycles of a robot with a nonlinearity, whose readings may be rounded."""
-    loop, (point, whole, direct, channel, limit) = FrameMap.from_robot(robot), linear
+    The model is of the loop without it, `limit` the gain margin of the channel there.
+    """
+    loop, references, state = FrameMap.from_robot(robot), model.point.references, model.point.state
     loop = replace(loop, parameters=prepare_values(robot, quantisation=rounded))
-    references, state = point.references, point.state
     if rounded:
         edge = np.zeros(len(references))
         edge[channel] = 0.5 * np.broadcast_to(robot.channels(loop.loop.resolution), len(edge))[channel]
         references = references + edge
         rows = np.tile(references, (RUN, 1))
         state = replace(loop, parameters=prepare_values(robot, quantisation=False)).run(state, rows)[0]
-    plant = CommandedLoop(loop, references, direct, channel)
-    unit = abs(direct[channel, channel]) * loop.loop.step
-    frequency = np.array(CYCLES) / (WINDOW * whole.dt)
-    one = mg.single(whole, channel)
-    law = mg.return_ratio(one, frequency)[:, 0, 0] / mg.plant_response(one, frequency)[:, 0, 0]
+    direct = model.system.D[model.rows(loop.loop.command)]
+    plant, unit = CommandedLoop(loop, references, direct, channel), abs(direct[channel, channel]) * loop.loop.step
+    one = mg.open_channel(mg.open_loop(model), channel)
+    frequency = np.array(CYCLES) / (WINDOW * one.dt)
+    ratio, response = (full[:, 0, 0] for full in mg.open_responses(one, frequency))
+    law = ratio / response
     measured = np.array([[describing_function(plant, state, a, n) for n in CYCLES] for a in unit * AMPLITUDES])
     curve = [(*find_crossing(frequency, law * n), mg.loop_margins(frequency, law * n)[2]) for n in measured]
     factors, swings = np.sort(np.append(limit * np.array(FACTORS), 1.0)), []
@@ -195,7 +185,7 @@ def compare_cycles(label: str, robot: Robot, linear: LinearLoop, rounded: bool =
         tail = command[-SEEN:] - command[-SEEN:].mean()
         swing = float(np.sqrt(2.0) * tail.std())
         k = int(np.abs(np.fft.rfft(tail * np.hanning(SEEN)))[1:].argmax()) + 1
-        swings.append((0.0, 0.0) if swing < FAINT * unit * AMPLITUDES[0] else (swing, k / (SEEN * whole.dt)))
+        swings.append((0.0, 0.0) if swing < FAINT * unit * AMPLITUDES[0] else (swing, k / (SEEN * one.dt)))
     return LimitCycles(
         label, loop.channels[channel], loop.robot.machine.signal[loop.loop.command].unit, limit, unit * AMPLITUDES,
         *np.array(curve).T, measured, frequency, factors, *np.array(swings).T,  # pyright: ignore

@@ -10,8 +10,8 @@ all signals at the frame's end. The map is the compiled simulator; Drake's `Line
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from types import ModuleType
@@ -238,20 +238,37 @@ class System(control.StateSpace):
 
 
 @dataclass(frozen=True, eq=False)
+class OperatingPoint:
+    """State of rest of a loop at a frame's start, under constant references."""
+
+    references: np.ndarray  # (channels,) [SI]
+    state: np.ndarray  # (states,) [SI]
+    output: np.ndarray  # (channels,) the controlled quantity [SI]
+    readings: dict[str, np.ndarray]  # column kind -> reading of each of its channels [SI]
+    frames: int  # simulated until rest
+    residual: float  # largest change over one frame, in units of each state's excursion
+    steady: bool  # the robot's own gains brought it there, rather than gentler ones
+    slack: tuple[str, ...]  # channels whose reference is above 0 and whose output is not, such as slack tendons
+
+
+@dataclass(frozen=True, eq=False)
 class FrameModel:
-    """Linear model of the closed loop with one step per frame, from the references to all signals, SI.
+    """Linear model of a loop at an operating point with one step per frame, from the references to all signals, SI.
 
     Signals of the log have their columns' names; of two signals that share one, the one not in the log ends in `_true`.
     """
 
+    loop: FrameMap
+    point: OperatingPoint
     system: System
     N: np.ndarray  # (n, noises) and M (outputs, noises): answer to sensor noise of unit variance
     M: np.ndarray
-    step: float = 0.0  # fraction of the excursions used
-    convergence: float = 0.0  # change of A against the next fraction [excursions]
-    kink: float = 0.0  # largest difference of one-sided slopes [excursions]
-    where: str = ""  # state that shows it
-    keep: list[int] = field(default_factory=list)  # indices of its states among those of the frame map
+    size: np.ndarray  # (states,) excursions of the states of the frame map [SI]
+    keep: list[int]  # indices of its states among those of the frame map
+    step: float  # fraction of the excursions used
+    convergence: float  # change of A against the next fraction [excursions]
+    kink: float  # largest difference of one-sided slopes [excursions]
+    where: str  # state that shows it
 
     def __repr__(self) -> str:
         s = self.system
@@ -282,9 +299,10 @@ class FrameModel:
         order, names = np.argsort(-np.abs(values), kind="stable"), self.system.state_labels
         return tuple(Pole.from_z(complex(values[i]), self.system.dt, names[int(share[:, i].argmax())]) for i in order)
 
-    def rows(self, kind: str, channels: Iterable[str]) -> list[int]:
-        """Indices of the outputs of a kind, e.g. "tension", one for each channel."""
-        return [self.system.output_labels.index(f"{kind}_{channel}") for channel in channels]
+    def rows(self, signal: str) -> list[int]:
+        """Indices of the outputs of a signal, one for each channel of the loop."""
+        kind, labels = self.loop.kinds[signal], self.system.output_labels
+        return [labels.index(f"{kind}_{channel}") for channel in self.loop.channels]
 
 
 def evaluate(system: control.StateSpace, frequency: np.ndarray) -> np.ndarray:
@@ -381,12 +399,13 @@ def find_observed_states(loop: FrameMap, state: np.ndarray, references: np.ndarr
     return find_observed(central[:n, :n], central[n + loop.shown_rows, :n])
 
 
-def linearise(loop: FrameMap, state: np.ndarray, references: np.ndarray) -> FrameModel:
-    """The linear model at a state of rest (states,), from references (channels,) [SI] to all signals.
+def linearise(loop: FrameMap, point: OperatingPoint) -> FrameModel:
+    """The linear model at an operating point, from the references to all signals.
 
     Of the fractions of the excursions by which states are moved, that counts which agrees best with the one before it.
     """
-    machine, n, size = loop.robot.machine, len(state), measure_excursions(loop, state, references)
+    machine, n, state, references = loop.robot.machine, len(point.state), point.state, point.references
+    size = measure_excursions(loop, state, references)
     columns = np.arange(n + len(references) + len(loop.noises))
     tried = [differentiate(loop, state, references, size, f, columns) for f in FRACTIONS]
     scaled = [central[:n, :n] * size / size[:, None] for central, _ in tried]
@@ -406,21 +425,9 @@ def linearise(loop: FrameMap, state: np.ndarray, references: np.ndarray) -> Fram
         inputs=[f"{loop.loop.reference}_{channel}" for channel in loop.channels],
     )  # fmt: skip
     kink, where = float(bends.max()), names[int(bends.argmax())]
-    return FrameModel(system, e[keep], m, FRACTIONS[best], gaps[best - 1], kink, where, keep.tolist())
-
-
-@dataclass(frozen=True, eq=False)
-class OperatingPoint:
-    """State of rest of a loop at a frame's start, under constant references."""
-
-    references: np.ndarray  # (channels,) [SI]
-    state: np.ndarray  # (states,) [SI]
-    output: np.ndarray  # (channels,) the controlled quantity [SI]
-    readings: dict[str, np.ndarray]  # column kind -> reading of each of its channels [SI]
-    frames: int  # simulated until rest
-    residual: float  # largest change over one frame, in units of each state's excursion
-    steady: bool  # the robot's own gains brought it there, rather than gentler ones
-    slack: tuple[str, ...]  # channels whose reference is above 0 and whose output is not, such as slack tendons
+    return FrameModel(
+        loop, point, system, e[keep], m, size, keep.tolist(), FRACTIONS[best], gaps[best - 1], kink, where
+    )
 
 
 def measure_drift(loop: FrameMap, state: np.ndarray, references: np.ndarray) -> float:
@@ -458,10 +465,7 @@ def operating_point(loop: FrameMap, at: Mapping[str, float] | str | None = None)
     return OperatingPoint(references, state, output, readings, frames, residual, steady, slack)
 
 
-def linearise_robot(
-    robot: Robot, at: Mapping[str, float] | str | None = None
-) -> tuple[FrameMap, OperatingPoint, FrameModel]:
-    """The frame map of a robot, where it rests, and its linear model there. InputError as `operating_point`."""
+def linearise_robot(robot: Robot, at: Mapping[str, float] | str | None = None) -> FrameModel:
+    """The linear model of a robot where it rests. InputError as `operating_point`."""
     loop = FrameMap.from_robot(robot)
-    point = operating_point(loop, at)
-    return loop, point, linearise(loop, point.state, point.references)
+    return linearise(loop, operating_point(loop, at))

@@ -4,6 +4,7 @@ Margins of an unstable loop mean nothing and are NaN. Poles decide whether a loo
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import control
@@ -20,13 +21,14 @@ DECOUPLED, FAR = 1e-20, 1e6  # share of squared coupling that scales nothing; bo
 TIGHT = 1e-6  # of the search for scalings
 GAINS = 31  # points along each gain of the stability map
 LATENCIES = np.arange(0.0, 8.01, 0.25)  # frames
-NAN = float("nan")
 
 
-def open_loop(loop: lm.FrameMap, model: lm.FrameModel) -> lm.System:
+def open_loop(model: lm.FrameModel) -> lm.System:
     """A loop opened at its commands (`break_loop`). InputError where a command ignores its reference (a gain of 0)."""
-    v, y = (model.rows(loop.kinds[signal], loop.channels) for signal in (loop.loop.command, loop.loop.measured))
-    return break_loop(model.system, loop.own[model.keep], v, y)
+    signals = model.loop.loop
+    return break_loop(
+        model.system, model.loop.own[model.keep], model.rows(signals.command), model.rows(signals.measured)
+    )
 
 
 def break_loop(system: lm.System, own: np.ndarray, v: list[int], y: list[int]) -> lm.System:
@@ -60,25 +62,19 @@ def close(whole: lm.System, gain: np.ndarray | float = 1.0) -> np.ndarray:
     return whole.A + whole.B @ (np.broadcast_to(gain, (m,))[:, None] * whole.C[:m])
 
 
-def single(whole: lm.System, channel: int) -> lm.System:
+def open_channel(whole: lm.System, channel: int) -> lm.System:
     """The loop of one channel opened, the others closed: from its command to its command and its reading."""
-    m, shut = whole.ninputs, np.ones(whole.ninputs)
-    shut[channel] = 0.0
-    rows = [channel, m + channel]
-    return lm.System(
-        close(whole, shut), whole.B[:, [channel]], whole.C[rows], 0.0, whole.dt,
-        states=whole.state_labels, inputs=[whole.input_labels[channel]], outputs=[whole.output_labels[i] for i in rows],
-    )  # fmt: skip
+    others, rows = np.arange(whole.ninputs) != channel, [channel, whole.ninputs + channel]
+    return lm.System(close(whole, others), whole.B[:, [channel]], whole.C[rows], 0.0, whole.dt)
 
 
-def return_ratio(whole: lm.System, frequency: np.ndarray) -> np.ndarray:
-    """Return ratio L (f, channels, channels) [-] of an open loop at frequencies (f,) [Hz]."""
-    return -lm.evaluate(whole, frequency)[:, : whole.ninputs]
+def open_responses(whole: lm.System, frequency: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return ratio L [-] and readings by commands P [reading / command] of an open loop at frequencies (f,) [Hz].
 
-
-def plant_response(whole: lm.System, frequency: np.ndarray) -> np.ndarray:
-    """Response of the readings to the commands (f, channels, channels) [reading / command] at frequencies (f,) [Hz]."""
-    return lm.evaluate(whole, frequency)[:, whole.ninputs :]
+    Both are (f, channels, channels).
+    """
+    commands, readings = np.split(lm.evaluate(whole, frequency), 2, axis=1)
+    return -commands, readings
 
 
 def frequency_grid(whole: lm.System) -> np.ndarray:
@@ -125,11 +121,11 @@ def decibel(size: Any) -> Any:
 
 def margins(whole: lm.System, channel: int, name: str = "") -> Margins:
     """Margins of a channel's loop (its index); NaN where the closed loop is unstable."""
-    one, frequency = single(whole, channel), frequency_grid(whole)
-    response = return_ratio(one, frequency)[:, 0, 0]
+    one, frequency = open_channel(whole, channel), frequency_grid(whole)
+    response = open_responses(one, frequency)[0][:, 0, 0]
     unstable = [int((np.abs(np.linalg.eigvals(a)) > 1.0 + lm.OUTSIDE).sum()) for a in (one.A, close(one))]
     if unstable[1] or not np.abs(response).max() > 0.0:
-        return Margins(name, frequency, response, *(NAN,) * 7, *unstable)  # pyright: ignore
+        return Margins(name, frequency, response, *(np.nan,) * 7, *unstable)  # pyright: ignore
     low, high, phase, crossover, late = loop_margins(frequency, response)
     sensitivity = 1.0 / (1.0 + response)
     return Margins(
@@ -155,7 +151,7 @@ def loop_margins(frequency: np.ndarray, loop: np.ndarray) -> tuple[float, float,
     low = float(factors[(factors > LEAST_GAIN) & (factors < 1.0)].max(initial=0.0))
     high = float(factors[factors > 1.0].min(initial=np.inf))
     if not len(crossovers):
-        return low, high, np.inf, NAN, np.inf
+        return low, high, np.inf, np.nan, np.inf
     phase = np.asarray(phases) % 360.0
     k = int(np.argmin(phase / crossovers))
     late = float(np.radians(phase[k]) / crossovers[k])
@@ -181,13 +177,13 @@ def disk_margin(sensitivity: np.ndarray) -> np.ndarray:
 
     balanced = sensitivity - 0.5 * np.eye(sensitivity.shape[-1])  # (S - T) / 2 with T = I - S
     bound, scales = structured_bound(balanced)
-    done: set[int] = set() if sensitivity.shape[-1] > 1 else set(range(len(bound)))
+    done: set[int] = set()
 
     def size(logs: np.ndarray, m: np.ndarray) -> float:
         scale = np.exp(np.append(0.0, logs))
         return float(np.linalg.norm(scale[:, None] * m / scale, 2))
 
-    while (worst := int(bound.argmax())) not in done:
+    while sensitivity.shape[-1] > 1 and (worst := int(bound.argmax())) not in done:  # else it is exact
         logs = np.log(scales[worst, 1:] / scales[worst, 0])
         for _ in range(3):  # the largest singular value has kinks: start again where the simplex ended
             options = {"xatol": TIGHT, "fatol": TIGHT}
@@ -218,24 +214,17 @@ class DelayBudget:
     """
 
     channel: str
-    slot: float
-    read_slot: int
-    control_slot: int
-    write_slot: int
+    slots: tuple[int, int, int]  # of reading, law and command
     to_control: float
     to_write: float
     hold: float  # half a frame, of a command
     margin: float  # nan if the loop is unstable, inf if there is none
+    spare_slots: float  # by which the command may be late at the limit of stability
 
     @property
     def total(self) -> float:
         """Delay that the schedule costs [s]."""
         return self.to_control + self.to_write + self.hold
-
-    @property
-    def spare_slots(self) -> float:
-        """Number of slots by which the command may be late at the limit of stability."""
-        return self.margin / self.slot
 
 
 def delay_budget(loop: lm.FrameMap, margins: tuple[Margins, ...]) -> tuple[DelayBudget, ...]:
@@ -256,9 +245,10 @@ def delay_budget(loop: lm.FrameMap, margins: tuple[Margins, ...]) -> tuple[Delay
         control = find_slot(law, k, 0)
         read = find_slot(sensor, k, control)
         write = find_slot(others, k, control, kinds.command)  # the default: a plant that reads the command at once
-        to_control, to_write = ((b - a) % machine.slots * machine.slot for a, b in ((read, control), (control, write)))
-        slots = machine.slot, read, control, write
-        budgets.append(DelayBudget(m.channel, *slots, to_control, to_write, 0.5 * machine.frame, m.delay_margin))
+        slots, spare = (read, control, write), m.delay_margin / machine.slot
+        to_control, to_write = ((b - a) % machine.slots * machine.slot for a, b in pairwise(slots))
+        hold = 0.5 * machine.frame
+        budgets.append(DelayBudget(m.channel, slots, to_control, to_write, hold, m.delay_margin, spare))
     return tuple(budgets)
 
 
@@ -289,41 +279,43 @@ def stability_limit(x: np.ndarray, radius: np.ndarray) -> float:
     return first_crossing(x[below[0] :], radius[below[0] :], 1.0) if len(below) else 0.0
 
 
-def radius_at(loop: lm.FrameMap, point: lm.OperatingPoint, size: np.ndarray, keep: np.ndarray) -> float:
-    """Spectral radius of the frame map where it rests, from the states `keep`; size: excursions (states,) [SI]."""
-    central, _ = lm.differentiate(loop, point.state, point.references, size, lm.FRACTION, keep)
+def radius_at(loop: lm.FrameMap, model: lm.FrameModel, keep: np.ndarray) -> float:
+    """Spectral radius of a frame map where the model rests, from the states `keep`."""
+    point = model.point
+    central, _ = lm.differentiate(loop, point.state, point.references, model.size, lm.FRACTION, keep)
     return lm.spectral_radius(central[np.ix_(keep, keep)])
 
 
 def stability_map(
-    loop: lm.FrameMap, point: lm.OperatingPoint, first: np.ndarray | None = None, second: np.ndarray | None = None
+    model: lm.FrameModel, first: np.ndarray | None = None, second: np.ndarray | None = None
 ) -> StabilityMap:
     """The map over the loop's two gains, first (m,) and second (n,) [SI], or over grids of them.
 
     It is linearised afresh at each pair; the loop rests in the same state under all.
     """
+    loop, point = model.loop, model.point
     across, up = loop.loop.gains
     names = (across.parameter, up.parameter)
     nominal = tuple(float(loop.parameters[loop.robot.indices(name)[0]]) for name in names)
     x = np.linspace(across.low, across.high, GAINS)[across.low == 0.0 :] if first is None else np.asarray(first, float)
     y = np.linspace(up.low, up.high, GAINS) if second is None else np.asarray(second, float)
-    size = lm.measure_excursions(loop, point.state, point.references)
     largest = loop.with_values({names[0]: x.max(), names[1]: np.abs(y).max()})
-    keep = lm.find_observed_states(largest, point.state, point.references, size)
+    keep = lm.find_observed_states(largest, point.state, point.references, model.size)
     pairs = [[loop.with_values({names[0]: a, names[1]: b}) for a in x] for b in y]
-    radius = np.array([[radius_at(there, point, size, keep) for there in row] for row in pairs])
+    radius = np.array([[radius_at(there, model, keep) for there in row] for row in pairs])
     limit = np.array([stability_limit(x, row) for row in radius])
     return StabilityMap(names, x, y, radius, (nominal[0], nominal[1]), limit)
 
 
-def latency_sweep(loop: lm.FrameMap, point: lm.OperatingPoint, frames: np.ndarray = LATENCIES) -> LatencySweep | None:
+def latency_sweep(model: lm.FrameModel, frames: np.ndarray = LATENCIES) -> LatencySweep | None:
     """Spectral radius over latency (n,) [frames] added to all commands; None where the loop names no such effect."""
-    name = loop.loop.latency
-    if not name:
+    loop, point, radii = model.loop, model.point, []
+    if not (name := loop.loop.latency):
         return None
-    size = lm.measure_excursions(loop, point.state, point.references)
     own = loop.parameters[loop.robot.indices(name)[0]]
-    late = [loop.with_values({name: own + f}) for f in frames]
-    keeps = [lm.find_observed_states(one, point.state, point.references, size) for one in late]
-    radius = np.array([radius_at(one, point, size, keep) for one, keep in zip(late, keeps)])
+    for added in frames:
+        late = loop.with_values({name: own + added})
+        keep = lm.find_observed_states(late, point.state, point.references, model.size)
+        radii.append(radius_at(late, model, keep))
+    radius = np.array(radii)
     return LatencySweep(np.asarray(frames, dtype=float), radius, stability_limit(frames, radius))

@@ -125,16 +125,15 @@ def multisine(rms: float, lines: np.ndarray, period: int, rng: np.random.Generat
     return signal * rms / np.sqrt(np.mean(signal**2))
 
 
-def frequency_response(
-    loop: FrameMap, point: OperatingPoint, model: FrameModel, channel: int, seed: int | None = None
-) -> FrequencyResponse:
+def frequency_response(model: FrameModel, channel: int, seed: int | None = None) -> FrequencyResponse:
     """Frequency response of a channel, by its index, from its reference to its reading.
 
     The multisine repeats: its second period is periodic and free of leakage. What varies between draws of its phases is
     noise and nonlinearity; even distortion falls on even lines, which carry no signal (Pintelon and Schoukens, System
     Identification, ch. 2 to 4). With the seed of the sensors' noise readings are rounded, too; without, neither.
     """
-    machine, lines, rng = loop.robot.machine, LINES, np.random.default_rng(PHASES)
+    loop, point, lines, rng = model.loop, model.point, LINES, np.random.default_rng(PHASES)
+    frame = loop.robot.machine.frame
     if seed is not None:
         loop = replace(loop, parameters=prepare_values(loop.robot))
     sent, read = np.zeros((DRAWS, len(lines)), complex), np.zeros((DRAWS, len(lines)), complex)
@@ -144,13 +143,12 @@ def frequency_response(
         _, signals = loop.run(point.state, rows, None if seed is None else seed + draw)
         reading = signals[PERIOD:, loop.signals[loop.loop.measured]][:, channel]
         sent[draw], read[draw] = np.fft.rfft(rows[PERIOD:, channel])[lines], np.fft.rfft(reading)[lines]
-    frequency = lines / (PERIOD * machine.frame)
+    frequency = lines / (PERIOD * frame)
     ratio = read / sent
     cross, power = (read * sent.conj()).mean(0), (np.abs(sent) ** 2).mean(0) * (np.abs(read) ** 2).mean(0)
     coherence = np.divide(np.abs(cross) ** 2, power, out=np.full(len(lines), np.nan), where=power > 0.0)
-    fine = np.linspace(0.0, 0.5 / machine.frame, 2001)
-    row = model.rows(loop.kinds[loop.loop.measured], loop.channels)[channel]
-    own = model.system[row, channel]
+    fine = np.linspace(0.0, 0.5 / frame, 2001)
+    own = model.system[model.rows(loop.loop.measured)[channel], channel]
     linear, finely = evaluate(own, frequency)[:, 0, 0], evaluate(own, fine)[:, 0, 0]
     static = float(abs(finely[0]))
     return FrequencyResponse(

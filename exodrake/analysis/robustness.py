@@ -14,9 +14,9 @@ from scipy.optimize import least_squares, minimize
 from scipy.special import ndtri
 
 from exodrake.analysis.limit_cycles import LimitCycles, find_dead_band, limit_cycles
-from exodrake.analysis.linear_model import FrameMap, FrameModel, OperatingPoint, compute_noise, linearise_robot
-from exodrake.analysis.margins import decibel, disk_margin, loop_margins, open_loop, plant_response, return_ratio
-from exodrake.analysis.responses import returns, step_response
+from exodrake.analysis.linear_model import FrameModel, compute_noise, linearise_robot
+from exodrake.analysis.margins import decibel, disk_margin, loop_margins, open_loop, open_responses
+from exodrake.analysis.responses import StepResponse, returns, step_response
 from exodrake.core.confidence import NORMAL_90
 from exodrake.core.errors import InputError
 from exodrake.core.robot import Robot, drawn_robot
@@ -42,6 +42,7 @@ class Robustness:
     disk: np.ndarray  # (f,) disk margin for all commands at once
     gain_array: np.ndarray  # (f, channels) diagonal of the relative gain array
     numbers: dict[str, float]  # by name [SI], NaN where the loop is not stable
+    steps: tuple[StepResponse, ...]  # nonlinear, of each channel
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,15 +77,16 @@ def relative_gains(plant: np.ndarray) -> np.ndarray:
     return np.abs(np.einsum("fii,fii->fi", plant, np.linalg.pinv(plant)))
 
 
-def robustness(loop: FrameMap, point: OperatingPoint, model: FrameModel, label: str = "") -> Robustness:
+def robustness(model: FrameModel, label: str = "") -> Robustness:
     """Robustness of a loop at an operating point."""
-    whole, eye = open_loop(loop, model), np.eye(len(loop.channels))
+    loop, whole, eye = model.loop, open_loop(model), np.eye(len(model.loop.channels))
     frequency = np.geomspace(SLOWEST, 1.0, POINTS) * 0.5 / whole.dt
-    s = np.linalg.inv(eye + return_ratio(whole, frequency))
+    ratio, plant = open_responses(whole, frequency)
+    s = np.linalg.inv(eye + ratio)
     loops = 1.0 / np.einsum("fii->fi", s) - 1.0
     t, disk, stable = eye - s, disk_margin(s), model.spectral_radius < 1.0 if model.decides else None
     sigma = np.linalg.norm(s, 2, axis=(1, 2)), np.linalg.norm(t, 2, axis=(1, 2))
-    gains = relative_gains(plant_response(whole, frequency))
+    gains, steps = relative_gains(plant), tuple(step_response(loop, model.point, j) for j in range(len(eye)))
     numbers = {"max sigma(S)": sigma[0].max(), "max sigma(T)": sigma[1].max(), "disk margin": disk.min()}
     for j, name in enumerate(loop.channels):
         _, gain, phase, _, late = loop_margins(frequency, loops[:, j]) if stable else (np.nan,) * 5
@@ -94,17 +96,16 @@ def robustness(loop: FrameMap, point: OperatingPoint, model: FrameModel, label: 
         numbers[f"disk margin {name}"] = disk_margin(s[:, j : j + 1, j : j + 1]).min()
         numbers[f"relative gain {name}"] = gains[0, j]
     if stable:
-        kind, unit = loop.kinds[loop.loop.command], loop.robot.machine.signal[loop.loop.command].unit
-        rows = model.rows(kind, loop.channels)
+        command, rows = loop.loop.command, model.rows(loop.loop.command)
+        kind, unit = loop.kinds[command], loop.robot.machine.signal[command].unit
         noises = compute_noise(model.system.A, model.N, model.system.C[rows], model.M[rows])
-        for j, (name, noise) in enumerate(zip(loop.channels, noises)):
-            step = step_response(loop, point, j)
+        for name, noise, step in zip(loop.channels, noises, steps):
             numbers[f"noise of {kind} {name} [{unit}]"] = noise
             numbers[f"settling {name} [s]"], numbers[f"overshoot {name}"] = step.settling, step.overshoot
     else:
         numbers = dict.fromkeys(numbers, np.nan)
-    numbers["spectral radius"] = model.spectral_radius
-    return Robustness(label, stable, frequency, loops, *sigma, disk, gains, {k: float(v) for k, v in numbers.items()})
+    numbers = {name: float(value) for name, value in numbers.items()} | {"spectral radius": model.spectral_radius}
+    return Robustness(label, stable, frequency, loops, *sigma, disk, gains, numbers, steps)
 
 
 def points_band(robot: Robot) -> Band:
@@ -120,7 +121,7 @@ def band(
     found, failures = [], []
     for label, robot in robots:
         try:
-            found.append(robustness(*linearise_robot(robot, label if at_label else at), label))
+            found.append(robustness(linearise_robot(robot, label if at_label else at), label))
         except InputError as problem:
             failures.append(f"{label}: {problem}")
     return Band(name, tuple(found), tuple(failures))
@@ -221,23 +222,23 @@ def assess_answer(
         InputError: the answer names no effect, or the improved robot has no loop or no state of rest.
     """
     ((_, improved),) = within_intervals(robot, answer, 1, ends=(0.0,))
-    loop, point, model = linearise_robot(improved, at)
+    model = linearise_robot(improved, at)
     smooth, frequency = model.decides, np.geomspace(WEIGHT_SLOWEST, 1.0, WEIGHT_POINTS) * 0.5 / model.system.dt
-    nominal = plant_response(open_loop(loop, model), frequency) if smooth else None
+    ratio, nominal = open_responses(open_loop(model), frequency) if smooth else (None, None)
     unstable, failures, kicked, deviations = [], [], 0, []
-    dead_band, cycles = find_dead_band(loop, point), list(limit_cycles(improved, at, own_only=True))
+    dead_band, cycles = find_dead_band(model.loop, model.point), list(limit_cycles(improved, at, own_only=True))
     for k, (label, drawn) in enumerate(within_intervals(robot, answer, draws)):
         try:
-            there, rest, linear = linearise_robot(drawn, at)
+            there = linearise_robot(drawn, at)
         except InputError as problem:
             failures.append(f"{label}: {problem}")
             continue
-        kicked += not linear.decides
-        if not (linear.spectral_radius < 1.0 if linear.decides else returns(there, rest)):
+        kicked += not there.decides
+        if not (there.spectral_radius < 1.0 if there.decides else returns(there.loop, there.point)):
             unstable.append(label)
-        dead_band = {n: max(b, dead_band[n]) for n, b in find_dead_band(there, rest).items()}
-        if nominal is not None and linear.decides:
-            change = plant_response(open_loop(there, linear), frequency) - nominal
+        dead_band = {n: max(b, dead_band[n]) for n, b in find_dead_band(there.loop, there.point).items()}
+        if nominal is not None and there.decides:
+            change = open_responses(open_loop(there), frequency)[1] - nominal
             deviations.append(np.linalg.norm(change @ np.linalg.pinv(nominal), 2, axis=(1, 2)))
         elif k < ENDS:
             cycles += limit_cycles(drawn, at, own_only=True)
@@ -246,8 +247,7 @@ def assess_answer(
         deviations = [np.abs(c.measured / first - 1.0).max(axis=0) for c in cycles if c.channel == cycles[0].channel]
     deviation = np.max(deviations, axis=0) if deviations else np.zeros(len(frequency))
     weight, peak = fit_weight(frequency, deviation), np.nan
-    if nominal is not None:
-        ratio = return_ratio(open_loop(loop, model), frequency)
+    if nominal is not None and ratio is not None:
         t = nominal @ np.linalg.solve(np.eye(ratio.shape[-1]) + ratio, ratio) @ np.linalg.pinv(nominal)
         peak = float((np.abs(weight(2j * np.pi * frequency)) * np.linalg.norm(t, 2, axis=(1, 2))).max())
     return Uncertainty(

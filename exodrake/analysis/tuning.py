@@ -20,7 +20,7 @@ from scipy.linalg import block_diag
 
 from exodrake.analysis import linear_model as lm
 from exodrake.analysis.closed_loop import list_remarks
-from exodrake.analysis.margins import decibel, open_loop, plant_response, structured_bound
+from exodrake.analysis.margins import decibel, open_loop, open_responses, structured_bound
 from exodrake.analysis.responses import BAND, StepResponse, step_response
 from exodrake.analysis.robustness import Band, band, points_band, within_tolerances
 from exodrake.core.errors import InputError, argument, short_repr
@@ -189,19 +189,17 @@ def tune(
         if known_noises := [n for n in noises if np.isfinite(n)]:
             wanted = replace(wanted, noise=NOISE_FACTOR * max(known_noises))
     compared = [assess(OWN, robot, {}, wanted, judges)]
-    for structure in loop.controllers:
-        if not only or structure.name in only:
-            if progress is not None:
-                progress(structure.name)
-            fixed = {**structure.fixed, **compliance(plants[0], structure)}
-            gains, named = search_gains(plants, structure, fixed, wanted), {}
-            for name, value in {**fixed, **gains}.items():
-                places = [robot.machine.parameters[i].name for i in robot.indices(name)]
-                named |= dict(zip(places, np.broadcast_to(value, len(places)).tolist(), strict=True))
-            changed = robot.with_parameters(named, f"tuned by exodrake as {structure.name}")
-            compared.append(assess(structure.name, changed, gains, wanted, judges))
-    plant = plants[0]
-    tuning = Tuning(robot, wanted, tuple(compared), list_remarks(plant.loop, plant.point, plant.model))
+    for structure in (c for c in loop.controllers if not only or c.name in only):
+        if progress is not None:
+            progress(structure.name)
+        fixed = {**structure.fixed, **compliance(plants[0], structure)}
+        gains, named = search_gains(plants, structure, fixed, wanted), {}
+        for name, value in {**fixed, **gains}.items():
+            places = [robot.machine.parameters[i].name for i in robot.indices(name)]
+            named |= dict(zip(places, np.broadcast_to(value, len(places)).tolist(), strict=True))
+        changed = robot.with_parameters(named, f"tuned by exodrake as {structure.name}")
+        compared.append(assess(structure.name, changed, gains, wanted, judges))
+    tuning = Tuning(robot, wanted, tuple(compared), list_remarks(plants[0].model))
     if progress is not None:
         progress("LQG and bound")
     tuning = replace(tuning, limit=find_limit(plants, tuning.best or compared[0], wanted))
@@ -212,16 +210,16 @@ def find_limit(plants: list[Plant], tuned: Tuned, wanted: Requirements) -> Limit
     """How fast any controller could be that moves its commands as little as a tuned one, and how fast LQG is."""
     from scipy.optimize import differential_evolution, minimize
 
-    plant, size = plants[0], plants[0].loop.loop.step
-    m, frame = len(plant.loop.channels), plant.plant.dt
+    plant, loop, frame = plants[0], plants[0].model.loop, plants[0].system.dt
+    size, m = loop.loop.step, len(loop.channels)
     settling = max(s.settling for s in tuned.steps)
     peak, crosstalk = (max(values) for values in zip(*((s.command_peak / size, s.crosstalk) for s in tuned.steps)))
     frames = int(np.clip(1.2 * settling / frame, 2, FRAMES)) if np.isfinite(settling) else FRAMES
-    limits = [bound_settling(plant.plant, j, peak, wanted.overshoot, crosstalk, frames) for j in range(m)]
+    limits = [bound_settling(plant.system, j, peak, wanted.overshoot, crosstalk, frames) for j in range(m)]
 
     def design(logs: np.ndarray) -> lm.System:
         effort, integral, disturbance = np.exp(logs)
-        return design_lqg(plant.plant, (plant.N, plant.M), effort / peak**2, integral, disturbance * peak)
+        return design_lqg(plant.system, (plant.N, plant.M), effort / peak**2, integral, disturbance * peak)
 
     def cost(logs: np.ndarray, over: list[Plant]) -> float:
         try:
@@ -230,22 +228,22 @@ def find_limit(plants: list[Plant], tuned: Tuned, wanted: Requirements) -> Limit
             return 1e3 * UNSTABLE
         return worst_cost(over, lambda _: law, wanted)
 
-    nominal = [p for p in plants if p.loop.robot is plant.loop.robot]
+    nominal = [p for p in plants if p.model.loop.robot is loop.robot]
     first = differential_evolution(cost, LQG_BOUNDS, (nominal,), **SEARCH)
     found = minimize(cost, first.x, (plants,), method="Nelder-Mead", options={"maxfev": LQG_RUNS, "xatol": 0.05})
     law = design(found.x)
     radii, settlings, overshoots, disks, noises = zip(*(astuple(predict_performance(one, law)) for one in plants))
     lqg = Performance(max(radii), max(settlings), max(overshoots), min(disks), max(noises))
-    missed = list_missed(wanted, lqg, plant.loop.robot.machine.signal[plant.loop.loop.command].unit)
+    missed = list_missed(wanted, lqg, loop.robot.machine.signal[loop.loop.command].unit)
     bound = min(max(limits), settling)
     return Limit(bound, settling, peak, crosstalk, lqg if lqg.radius < 1.0 else None, missed, law)
 
 
 def schedule_gains(plants: list[Plant], tuning: Tuning) -> dict[str, tuple[dict[str, float], float]]:
     """Gains of the best structure at each operating point alone, where its margins move by half over the points."""
-    best, loop = tuning.best, plants[0].loop.loop
+    best, loop, channels = tuning.best, plants[0].model.loop.loop, plants[0].model.loop.channels
     assert best is not None  # the caller sees to it
-    margins = [[m.numbers[f"gain margin {c} [dB]"] for m in best.bands[0].members] for c in plants[0].loop.channels]
+    margins = [[m.numbers[f"gain margin {c} [dB]"] for m in best.bands[0].members] for c in channels]
     if len(plants) < 2 or np.ptp(margins, axis=1).max() < decibel(MOVED):
         return {}
     structure = next(c for c in loop.controllers if c.name == best.name)
@@ -296,10 +294,8 @@ def list_missed(wanted: Requirements, found: Performance, unit: str) -> tuple[st
 class Plant:
     """A robot's plant from commands to readings at an operating point, linear, without the controller's states."""
 
-    loop: lm.FrameMap
-    point: lm.OperatingPoint
     model: lm.FrameModel  # of the closed loop with the robot's own controller
-    plant: lm.System
+    system: lm.System
     N: np.ndarray  # (n, noises) and M (channels, noises): the plant's answer to sensor noise of unit variance
     M: np.ndarray
     frequency: np.ndarray  # (f,) [Hz]
@@ -311,22 +307,20 @@ class Plant:
 
 def linearise_plant(robot: Robot, at: Mapping[str, float] | str | None = None) -> Plant:
     """The linear plant of a robot at an operating point. InputError without loop or state of rest."""
-    loop, point, model = lm.linearise_robot(robot, at)
-    whole, own, m = open_loop(loop, model), loop.own[model.keep], len(loop.channels)
-    frequency = np.geomspace(4e-4, 1.0, FREQUENCIES) * 0.5 / whole.dt
-    plant = lm.System(whole.A[np.ix_(~own, ~own)], whole.B[~own], whole.C[m:, ~own], 0.0, whole.dt)
-    command, reading = (model.rows(loop.kinds[s], loop.channels) for s in (loop.loop.command, loop.loop.measured))
-    drive, noise = (model.N - whole.B @ model.M[command])[~own], model.M[reading]
-    size = lm.measure_excursions(loop, point.state, point.references)
+    model = lm.linearise_robot(robot, at)
+    loop, whole, size = model.loop, open_loop(model), model.size
+    own, m, frequency = loop.own[model.keep], whole.ninputs, np.geomspace(4e-4, 1.0, FREQUENCIES) * 0.5 / whole.dt
+    system = lm.System(whole.A[np.ix_(~own, ~own)], whole.B[~own], whole.C[m:, ~own], 0.0, whole.dt)
+    drive = (model.N - whole.B @ model.M[model.rows(loop.loop.command)])[~own]
+    noise, response = model.M[model.rows(loop.loop.measured)], open_responses(whole, frequency)[1]
     index = np.where(own, 0.0, np.abs(whole.C[m:]) * size[model.keep]).argmax(axis=1)
-    response = plant_response(whole, frequency)
     seen = np.flatnonzero(~own & (np.vstack([whole.A[own], whole.C[:m]]) != 0.0).any(axis=0))
     if held := len(seen) == m and np.allclose(whole.C[m:, seen], 0.0, atol=1e-9):
         index, noise = seen, np.zeros_like(noise)
-        plant = lm.System(plant.A, plant.B, np.eye(len(own))[seen][:, ~own], 0.0, whole.dt)
-        response = lm.evaluate(plant, frequency)
+        system = lm.System(system.A, system.B, np.eye(len(own))[seen][:, ~own], 0.0, whole.dt)
+        response = lm.evaluate(system, frequency)
     chosen = np.array(model.keep)[index]
-    return Plant(loop, point, model, plant, drive, noise, frequency, response, chosen, 0.05 * size[chosen], held)
+    return Plant(model, system, drive, noise, frequency, response, chosen, 0.05 * size[chosen], held)
 
 
 def linearise_law(plant: Plant, values: Mapping[str, Any]) -> lm.System:
@@ -336,7 +330,7 @@ def linearise_law(plant: Plant, values: Mapping[str, Any]) -> lm.System:
 
     The matrices are differences of the compiled frame map with q, r and y moved, so any law of a machine can be tuned.
     """
-    loop, point = plant.loop.with_values(values), plant.point
+    loop, point = plant.model.loop.with_values(values), plant.model.point
     own, m = np.flatnonzero(loop.own), len(loop.channels)
     command, reading = loop.signals[loop.loop.command], loop.signals[loop.loop.measured]
 
@@ -355,7 +349,7 @@ def linearise_law(plant: Plant, values: Mapping[str, Any]) -> lm.System:
     driven = np.hstack([read @ np.linalg.inv(np.transpose(measured[q + m :]) - y[:, None]), outer / nudge])
     keep = lm.find_observed(inner[:q], inner[q:])
     matrices = inner[np.ix_(keep, keep)], driven[keep], inner[q:][:, keep], driven[q:]
-    return lm.System(*matrices, plant.plant.dt)
+    return lm.System(*matrices, plant.system.dt)
 
 
 @dataclass(frozen=True)
@@ -371,7 +365,7 @@ class Performance:
 
 def predict_performance(plant: Plant, law: lm.System) -> Performance:
     """Performance of a law from readings and references to commands, as of `linearise_law`."""
-    p, m = plant.plant, len(plant.loop.channels)
+    p, m = plant.system, plant.system.ninputs
     (g, h), (read, direct) = np.hsplit(law.B, [m]), np.hsplit(law.D, [m])
     a = np.block([[p.A + p.B @ read @ p.C, p.B @ law.C], [g @ p.C, law.A]])  # the plant's states first
     radius = lm.spectral_radius(a)
@@ -397,9 +391,9 @@ def compliance(plant: Plant, structure: Controller) -> dict[str, np.ndarray]:
     """Static compliance d(actuated)/d(reading) by parameter, (channels,) each [actuated / reading], or none."""
     if not structure.compliance:
         return {}
-    loop, model = plant.loop, plant.model
+    model, signals = plant.model, plant.model.loop.loop
     gain = lm.evaluate(model.system, np.zeros(1))[0].real
-    moved, read = (gain[model.rows(loop.kinds[s], loop.channels)] for s in (loop.loop.actuated, loop.loop.measured))
+    moved, read = gain[model.rows(signals.actuated)], gain[model.rows(signals.measured)]
     return dict(zip(structure.compliance, (moved @ np.linalg.inv(read)).T, strict=True))
 
 
@@ -407,7 +401,7 @@ def worst_cost(plants: list[Plant], law: Callable[[Plant], lm.System], wanted: R
     """Largest cost of a law over plants; the first that is unstable ends the search."""
     worst = 0.0
     for plant in plants:
-        worst = max(worst, compute_cost(predict_performance(plant, law(plant)), wanted, plant.plant.dt))
+        worst = max(worst, compute_cost(predict_performance(plant, law(plant)), wanted, plant.system.dt))
         if worst > UNSTABLE:
             break
     return worst
@@ -450,7 +444,7 @@ def search_gains(
     if start:
         x = np.log([start[name] for name in names])
     else:
-        nominal = [p for p in plants if p.loop.robot is plants[0].loop.robot]
+        nominal = [p for p in plants if p.model.loop.robot is plants[0].model.loop.robot]
         x = differential_evolution(cost, bounds, (nominal,), **SEARCH).x
     simplex = np.vstack([x, x - 0.15 * np.eye(len(names))])  # lowers each gain in turn by 15 %
     options = {"maxfev": 40 * len(names), "xatol": 1e-2, "fatol": 0.1, "initial_simplex": simplex}

@@ -85,9 +85,7 @@ class Finger:
 
     def differentiate_angles(self, place: np.ndarray, angles: np.ndarray) -> np.ndarray:
         """Derivatives (frames, 12, 3, 4) [m/rad] of places (frames, 12, 3) [m] by abduction, MCP, PIP, DIP [rad]."""
-        velocity = np.swapaxes(rigid.space_jacobian(self.axes, angles), 1, 2)[
-            :, None
-        ]  # of each joint (frames, 1, 4, 6)
+        velocity = np.swapaxes(rigid.space_jacobian(self.axes, angles), 1, 2)[:, None]  # (frames, 1, joints, 6)
         moves = np.cross(velocity[..., :3], place[:, :, None]) + velocity[..., 3:]
         return np.swapaxes(moves * CARRIES[:, :, None], 2, 3)
 
