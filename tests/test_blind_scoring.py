@@ -36,11 +36,11 @@ def truth(effect_id, gap=10.0, exact=True, blocks=(), wires=(), joints=(), **par
     }  # fmt: skip
 
 
-def answer(verdict, block=None, effects=(), wires=(), joints=(), run_time=20.0, closed=None, **rest):
+def answer(verdict, block=None, effects=(), wires=(), joints=(), run_time=20.0, closed=None, rivals=(), **rest):
     parts = []
     for name, bounds in dict(effects).items():
         parameters = {key: {"value": (low + high) / 2, "low": low, "high": high} for key, (low, high) in bounds.items()}
-        parts.append({"id": name, "parameters": parameters})
+        parts.append({"id": name, "parameters": parameters, "rivals": [{"id": rival} for rival in rivals]})
     closure = {"overall": {"value": 0.97, "low": 0.9, "high": 0.99}}
     if closed is not None:
         closure["effect"] = {"value": closed + 0.05, "low": closed, "high": closed + 0.1}
@@ -64,7 +64,7 @@ SET = {
     ),
     "case_03": (
         "single", [truth(SLACK, length=1e-3, wires=["MF"])],
-        answer("AMBIGUOUS", "encoder", {HOMING: {}}, ["MF"], equivalents=[HOMING, SLACK], simulated_seconds=70e3),
+        answer("AMBIGUOUS", "encoder", {HOMING: {}}, ["MF"], rivals=[SLACK], simulated_seconds=70e3),
     ),
     "case_04": (
         "single", [truth(GAIN, gain=0.05)],
@@ -122,7 +122,7 @@ def test_score_of_a_set_done_by_hand(tiny):
         "truth named or in its class, pair": (2, 2),
         "truth named or in its class, same-block": (0, 1),
         "truth named or in its class, three": (1, 1),
-        "kind and block right, single": (3, 6),
+        "kind and block right, single": (2, 6),
         "kind and block right, pair": (1, 2),
         "kind and block right, same-block": (0, 1),
         "kind and block right, three": (1, 1),
@@ -234,7 +234,7 @@ def test_effects_that_no_log_tells_apart_count_as_one_name():
     assert is_truth(pair, (HOMING, SLACK)) and not is_truth(pair, (HOMING,)) and not is_truth(pair, (SLACK, CREEP))
     assert not is_truth([truth(SLACK), truth(CREEP)], (CREEP, GAIN)) and not is_truth([truth(GAIN)], (GAIN, CREEP))
     for others, exact in (([SLACK], True), ([], True), ([SLACK, CREEP], False), ([GAIN], False)):
-        verdict = answer("AMBIGUOUS", "encoder", {HOMING: {}}, equivalents=[HOMING, *others])
+        verdict = answer("AMBIGUOUS", "encoder", {HOMING: {}}, rivals=others)
         assert exactly_named(judged([SLACK], **verdict)) == exact
 
 

@@ -1,7 +1,7 @@
 """Answers to a blind set beside their labels, to which a salted SHA-256 is published with the cases.
 
-The salt lies in the labels file: without it, guessed labels cannot be checked against the published digest. `run`
-diagnoses every case, resumably: answers lie in the cases' folders (see `diagnosis.many`).
+The salt lies in the labels file: without it, guessed labels cannot be checked against the published digest. Answers lie
+in the cases' folders (see `diagnosis.many`).
 """
 
 import hashlib
@@ -13,10 +13,9 @@ from typing import Any
 
 from exodrake.core.errors import InputError
 from exodrake.core.files import read_bytes, write_text
-from exodrake.core.progress import Count, no_progress
 from exodrake.core.provenance import describe_configuration
-from exodrake.core.schema import anything, flag, having, listing, names, number, optional, read_json, text
-from exodrake.diagnosis.many import ANSWER, FAILED, diagnose_all
+from exodrake.core.schema import anything, flag, having, listing, names, number, read_json, text
+from exodrake.diagnosis.many import ANSWER, FAILED, SCHEMA
 from exodrake.reference.cases import VISIBLE
 
 Truth = dict[str, Any]  # one true effect, as the labels give it
@@ -66,35 +65,6 @@ def find_cases(folder: str | Path) -> list[Path]:
     return cases
 
 
-def run(
-    folder: str | Path, jobs: int = 1, cluster: str | None = None, progress: Count = no_progress, redo: bool = False
-) -> dict[str, str]:
-    """Diagnose the unfinished cases of a set, as `diagnose_all`; case -> reason, for those that failed."""
-    return diagnose_all({case: case for case in find_cases(folder)}, jobs, cluster, progress, redo)
-
-
-KNOWN, NAMES = optional(number()), optional(listing(text()))  # a number that is not finite is null in an answer
-IDS = optional(listing(having({"id": text()}, required=("id",))))
-STEP = optional(having({"value": KNOWN, "low": KNOWN, "high": KNOWN}))
-EFFECT = having(
-    {
-        "id": text(), "kind": optional(text()), "role": optional(text()), "rivals": IDS,
-        "parameters": optional(names(STEP)), "channels": optional(names(names(STEP))),
-    },
-    required=("id",),
-)  # fmt: skip
-ANSWERED = having(
-    {
-        "verdict": text(),
-        "where": optional(having({"block": optional(text()), "wires": NAMES, "joints": NAMES})),
-        "effects": optional(listing(EFFECT)),
-        "equivalents": NAMES,
-        "closure": optional(having({"overall": STEP, "retune": STEP, "effect": STEP})),
-        "candidates": IDS, "baselines": optional(names(optional(text()))), "configuration": optional(names(text())),
-        "simulated_seconds": KNOWN, "seconds": KNOWN,
-    },
-    required=("verdict",),
-)  # fmt: skip
 FAILURE = "FAILED"  # in place of a verdict; wrong wherever it counts
 
 
@@ -167,4 +137,4 @@ def read_answers(folder: Path, truths: dict[str, dict[str, Any]]) -> tuple[Answe
 
 def read_diagnosis(path: Path) -> Diagnosis:
     """Read one diagnosis. InputError naming file and key if it is none."""
-    return ANSWERED(read_json(path), str(path))
+    return SCHEMA(read_json(path), str(path))

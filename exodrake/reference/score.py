@@ -1,8 +1,8 @@
 """Scores of the answers to a blind set against its committed labels: measures, then tables, JSON and Markdown.
 
-Causes are what counts. Answers of older versions state no `role`: all their effects are causes, and `equivalents` is
-the class of the whole set. Shares have exact binomial intervals and are compared in pairs (McNemar 1947, exact test).
-Interval score of (l, u) for the true value x at level 1 - alpha (Gneiting & Raftery 2007, eq. 43), smaller is better:
+Causes are what counts; an effect without a `role` is one. Shares have exact binomial intervals and are compared in
+pairs (McNemar 1947, exact test). Interval score of (l, u) for the true value x at level 1 - alpha (Gneiting & Raftery
+2007, eq. 43), smaller is better:
 
     S = u - l + 2 / alpha (l - x) [x < l] + 2 / alpha (x - u) [x > u]
 """
@@ -41,10 +41,14 @@ def accepted_ids(truth: Truth) -> set[str]:
     return {name}
 
 
+def list_causes(diagnosis: Diagnosis) -> list[dict[str, Any]]:
+    """Effects that an answer calls causes, best first."""
+    return [effect for effect in diagnosis.get("effects") or () if (effect.get("role") or CAUSE) == CAUSE]
+
+
 def list_classes(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
-    """Ids of each effect that an answer calls a cause, best first, and of its rivals behind it."""
-    causes = (e for e in diagnosis.get("effects") or () if (e.get("role") or CAUSE) == CAUSE)
-    return [(cause["id"], *(rival["id"] for rival in cause.get("rivals") or ())) for cause in causes]
+    """Ids of each cause, best first, and of its rivals behind it."""
+    return [(cause["id"], *(rival["id"] for rival in cause.get("rivals") or ())) for cause in list_causes(diagnosis)]
 
 
 def named_ids(diagnosis: Diagnosis) -> tuple[str, ...]:
@@ -54,16 +58,12 @@ def named_ids(diagnosis: Diagnosis) -> tuple[str, ...]:
 
 def found_ids(diagnosis: Diagnosis) -> set[str]:
     """Ids of all causes and of their rivals."""
-    equivalents = (name.split(" + ") for name in diagnosis.get("equivalents") or ())
-    return set(chain(*list_classes(diagnosis), *equivalents))
+    return set(chain(*list_classes(diagnosis)))
 
 
 def is_in_class(truths: Sequence[Truth], diagnosis: Diagnosis) -> bool:
     """Tell whether each true effect is a cause of its own, or among the rivals of one."""
-    classes = list_classes(diagnosis)
-    if diagnosis.get("equivalents") and max(map(len, classes), default=0) < 2:  # an older version
-        return all(accepted_ids(truth) & found_ids(diagnosis) for truth in truths)
-    orders = permutations(classes, len(truths))
+    orders = permutations(list_classes(diagnosis), len(truths))
     return any(all(accepted_ids(truth) & set(ids) for truth, ids in zip(truths, order)) for order in orders)
 
 
@@ -177,8 +177,7 @@ def list_intervals(case: Answered) -> Iterator[ParameterInterval]:
     """
     for truth in case.truths:
         seat = (*truth["wires"], *truth["joints"])
-        effects = case.diagnosis.get("effects") or ()
-        named = [e for e in effects if e["id"] == truth["id"] and (e.get("role") or CAUSE) == CAUSE]
+        named = [cause for cause in list_causes(case.diagnosis) if cause["id"] == truth["id"]]
         for (name, true), effect in product(truth["parameters"].items(), named):
             overall = (effect.get("parameters") or {}).get(name) or {}
             stated = (effect.get("channels") or {}).get(name) or {None: overall}
@@ -320,11 +319,8 @@ def compute_quantities(cases: Sequence[Answered]) -> tuple[Quantity, ...]:
     """Measures that are no shares."""
     answers = [case.diagnosis for case in cases]
     named = [case for case in visible(cases, NAMEABLE) if case.verdict == "NAMED"]
-    sizes = []  # of the classes of the causes that have rivals; of an older answer that of its one class
-    for answer in answers:
-        if answer["verdict"] == "AMBIGUOUS":
-            own = [len(ids) for ids in list_classes(answer) if len(ids) > 1]
-            sizes += own or [len(set(answer.get("equivalents") or ()))]
+    ambiguous = (answer for answer in answers if answer["verdict"] == "AMBIGUOUS")
+    sizes = [len(ids) for answer in ambiguous for ids in list_classes(answer) if len(ids) > 1]
     rows = [quantity("size of an AMBIGUOUS class, mean", np.mean, sizes, "<= 2.2")]
     for label, part in (("C(overall)", "overall"), ("C(retune)", "retune"), ("C(effect given retune)", "effect")):
         rows.append(quantity(f"{label} when named, median", np.median, (closure(c, part, "value") for c in named)))
