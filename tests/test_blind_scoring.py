@@ -226,7 +226,7 @@ def cause(name, *rivals, role="cause"):
 
 
 def judged(truths, **answered):
-    return Answered("case", {"kind": "single", "effects": [truth(name) for name in truths]}, answered)
+    return Answered("case", "single", [truth(name) for name in truths], answered)
 
 
 def test_effects_that_no_log_tells_apart_count_as_one_name():
@@ -262,10 +262,11 @@ def test_channels_count_one_by_one_where_the_truth_sits():
         "parameters": {"gain": stated[0]},
         "channels": {"gain": dict(zip(("AF", "MF", "AE"), stated))},
     }
-    label = {"kind": "single", "effects": [truth(GAIN, gain=0.05, wires=["AF", "MF"])]}
+    truths = [truth(GAIN, gain=0.05, wires=["AF", "MF"])]
 
     def covers(effect):
-        return [i.covers for i in list_intervals(Answered("case", label, {"verdict": "NAMED", "effects": [effect]}))]
+        answered = Answered("case", "single", truths, {"verdict": "NAMED", "effects": [effect]})
+        return [interval.covers for interval in list_intervals(answered)]
 
     assert covers(effect) == [True, False]
     assert covers(effect | {"channels": {}}) == [True]
