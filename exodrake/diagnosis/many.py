@@ -36,6 +36,7 @@ from exodrake.data.case import Case, parse_date, read_case
 from exodrake.machines.robot_file import load_robot
 
 ANSWER, FAILED = "diagnosis.json", "failed.json"
+FAILURE = "FAILED"  # verdict of a case without an answer
 RETUNED, IMPROVED = "retuned.yaml", "improved.yaml"  # robot files beside an answer
 WORD = re.compile(r"[A-Z][A-Z_]{0,30}")
 

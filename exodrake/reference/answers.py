@@ -15,7 +15,7 @@ from exodrake.core.errors import InputError
 from exodrake.core.files import read_bytes, write_text
 from exodrake.core.provenance import describe_configuration
 from exodrake.core.schema import anything, flag, having, listing, names, number, read_json, text
-from exodrake.diagnosis.many import ANSWER, FAILED, SCHEMA
+from exodrake.diagnosis.many import ANSWER, FAILED, FAILURE, SCHEMA
 from exodrake.reference.cases import VISIBLE
 
 Truth = dict[str, Any]  # one true effect, as the labels give it
@@ -65,31 +65,15 @@ def find_cases(folder: str | Path) -> list[Path]:
     return cases
 
 
-FAILURE = "FAILED"  # in place of a verdict; wrong wherever it counts
-
-
 @dataclass(frozen=True)
 class Answered:
-    """One case: its label and its diagnosis."""
+    """One case: what its label says, and its diagnosis."""
 
     name: str
-    label: dict[str, Any]
+    kind: str  # healthy, unknown, single, pair ...
+    truths: list[Truth]
     diagnosis: Diagnosis
-
-    @property
-    def kind(self) -> str:
-        """Kind of case: healthy, unknown, single, pair ..."""
-        return self.label["kind"]
-
-    @property
-    def mix(self) -> str:
-        """Name of the case mix it was drawn from."""
-        return self.label.get("mix", "standard")
-
-    @property
-    def truths(self) -> list[Truth]:
-        """True effects."""
-        return self.label["effects"]
+    mix: str = "standard"  # name of the case mix that it was drawn from
 
     @property
     def verdict(self) -> str:
@@ -119,10 +103,9 @@ def read_answers(folder: Path, truths: dict[str, dict[str, Any]]) -> tuple[Answe
     answered = []
     for name, label in truths.items():
         path = folder / name / ANSWER
-        if path.is_file():
-            answered.append(Answered(name, label, read_diagnosis(path)))
-        elif path.with_name(FAILED).is_file():
-            answered.append(Answered(name, label, {"verdict": FAILURE}))
+        if path.is_file() or path.with_name(FAILED).is_file():
+            diagnosis = read_diagnosis(path) if path.is_file() else {"verdict": FAILURE}
+            answered.append(Answered(name, label["kind"], label["effects"], diagnosis, label.get("mix", "standard")))
     if not answered:
         raise InputError(f"{folder}: no case has a diagnosis yet; run `exodrake blind run` first")
     found = {

@@ -20,10 +20,11 @@ import numpy as np
 
 from exodrake.core.confidence import binomial_interval
 from exodrake.core.errors import markdown_table, plural
+from exodrake.diagnosis.many import FAILURE
 from exodrake.diagnosis.result import CAUSE
 from exodrake.diagnosis.search import name_kind
 from exodrake.machines.robot_file import load_robot
-from exodrake.reference.answers import FAILURE, Answered, Diagnosis, Truth, read_answers, read_labels
+from exodrake.reference.answers import Answered, Diagnosis, Truth, read_answers, read_labels
 from exodrake.reference.faults import ENTRIES
 
 

@@ -19,8 +19,8 @@ import numpy as np
 from exodrake import __version__
 from exodrake.core.errors import plural, printable
 from exodrake.diagnosis.change_point import RAMP, STEP
-from exodrake.diagnosis.fleet import FAILURE, Row, Trend, find_trends
-from exodrake.diagnosis.many import ANSWER
+from exodrake.diagnosis.fleet import Row, Trend, find_trends
+from exodrake.diagnosis.many import ANSWER, FAILURE
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, PARTLY, RETUNE, UNKNOWN, Interval
 from exodrake.report import wording as w
 from exodrake.report.blocks import Bars, Table, render
