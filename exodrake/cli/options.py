@@ -81,18 +81,16 @@ class OutputFile(AnyPath):
         return path
 
 
-class JsonTarget(click.ParamType):
+class JsonTarget(OutputFile):
     """A JSON file to be written; `-` is the standard output."""
-
-    name = "file"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Path of the file, or `-`."""
-        if value == "-" or isinstance(value, Path):
+        if value == "-":
             return value
         if Path(value).suffix.lower() != ".json":
             raise InputError(f"--json {value}: wanted a file whose name ends in .json, or --json last, to print")
-        return OutputFile().convert(value, param, ctx)
+        return super().convert(value, param, ctx)
 
 
 class OutputFolder(AnyPath):

@@ -20,6 +20,7 @@ import numpy as np
 
 from exodrake.core.confidence import binomial_interval
 from exodrake.core.errors import markdown_table, plural
+from exodrake.core.plain import to_dict
 from exodrake.diagnosis.many import FAILURE
 from exodrake.diagnosis.result import CAUSE
 from exodrake.diagnosis.search import name_kind
@@ -450,11 +451,11 @@ def markdown(tables: Iterable[tuple[str, Row, list[Row]]]) -> str:
 
 
 def as_json(score: Score) -> dict[str, Any]:
-    """Plain data of the score; a share of no case has the value null."""
+    """Plain data of the score; a share or a quantity of no case has the value null."""
 
     def shares_json(shares: Iterable[Share]) -> dict[str, Any]:
         return {
-            item.name: {"hits": item.hits, "total": item.total, "value": item.value if item.total else None}
+            item.name: {"hits": item.hits, "total": item.total, "value": item.value}
             | dict(zip(("low", "high"), item.interval))
             for item in shares
         }
@@ -462,15 +463,12 @@ def as_json(score: Score) -> dict[str, Any]:
     mixes = {
         group.name: {
             "cases": group.cases, "shares": shares_json(group.shares),
-            "quantities": {
-                q.name: {"value": None if math.isnan(q.value) else q.value, "cases": q.count} for q in group.quantities
-            },
+            "quantities": {q.name: {"value": q.value, "cases": q.count} for q in group.quantities},
             "baselines": shares_json(group.baselines),
             "paired": {item.name: vars(item) | {"p": item.p} for item in group.paired},
         }
         for group in score.groups
     }  # fmt: skip
-    return {
-        "cases": score.cases, "missing": list(score.missing), "failed": list(score.failed), "mixes": mixes,
-        "confusion": [dict(zip(CONFUSION, (*row, count))) for row, count in score.confusion.items()],
-    }  # fmt: skip
+    confusion = [dict(zip(CONFUSION, (*row, count))) for row, count in score.confusion.items()]
+    parts = {"cases": score.cases, "missing": score.missing, "failed": score.failed, "mixes": mixes}
+    return to_dict(parts | {"confusion": confusion})
