@@ -16,10 +16,10 @@ from exodrake.reference.score import (
     Paired,
     as_json,
     compute_shares,
-    exactly_named,
     interval_score,
     is_in_class,
     is_kind_right,
+    is_named_exactly,
     is_truth,
     list_intervals,
     markdown,
@@ -235,7 +235,7 @@ def test_effects_that_no_log_tells_apart_count_as_one_name():
     assert not is_truth([truth(SLACK), truth(CREEP)], (CREEP, GAIN)) and not is_truth([truth(GAIN)], (GAIN, CREEP))
     for others, exact in (([SLACK], True), ([], True), ([SLACK, CREEP], False), ([GAIN], False)):
         verdict = answer("AMBIGUOUS", "encoder", {HOMING: {}}, rivals=others)
-        assert exactly_named(judged([SLACK], **verdict)) == exact
+        assert is_named_exactly(judged([SLACK], **verdict)) == exact
 
 
 def test_each_cause_has_rivals_of_its_own_and_refinements_do_not_count():
@@ -244,13 +244,13 @@ def test_each_cause_has_rivals_of_its_own_and_refinements_do_not_count():
     assert is_in_class([truth(latency), truth(GAIN)], {"effects": [cause(CREEP, latency), cause(GAIN)]})
     assert not is_in_class([truth(latency), truth(GAIN)], {"effects": [cause(CREEP, latency, GAIN)]})
     refined = judged([GAIN], verdict="NAMED", effects=[cause(GAIN), cause(CREEP, role="refinement")])
-    assert exactly_named(refined)
+    assert is_named_exactly(refined)
     for right in (cause(stribeck), cause(coulomb, stribeck)):
         assert is_kind_right([truth(coulomb)], {"effects": [right]})
     for wrong in ([cause(GAIN)], [cause(coulomb, GAIN)], [cause(coulomb), cause(GAIN)], []):
         assert not is_kind_right([truth(coulomb)], {"effects": wrong})
     partly = judged([GAIN], verdict="PARTLY", effects=[cause(GAIN)])
-    assert not exactly_named(partly) and is_in_class(partly.truths, partly.diagnosis)
+    assert not is_named_exactly(partly) and is_in_class(partly.truths, partly.diagnosis)
     rows = {item.name: item.hits for item in compute_shares([partly])}
     assert rows["PARTLY, and its causes hold the truth"] == 1 and rows["exactly named, single"] == 0
 

@@ -138,7 +138,7 @@ def router(p, side, joint, sine, cosine, rise):
 
 
 @njit(cache=True)
-def wound(p, wire, theta):
+def wind(p, wire, theta):
     """Wire on the spool [m] and its radius there [m] at gear angle theta; layers build up like a softened staircase."""
     radius = p.spool[wire]
     straight = radius * theta
@@ -171,7 +171,7 @@ def elastic(p, wire, stretch):
 @njit(cache=True)
 def pull(p, y, dy, u, wire, taken):
     """Tension at the cell [N] and spool radius [m]; writes the rates of creep, garment and felt tension."""
-    length, radius = wound(p, wire, y[THETA + wire])
+    length, radius = wind(p, wire, y[THETA + wire])
     stretch = length - taken - p.slack[wire] - y[CREEP_FAST + wire] - y[CREEP_SLOW + wire]
     tension = elastic(p, wire, stretch - y[GARMENT + wire] - y[MOUNT + wire] - u[WIRE_SHIFT + wire])
     if p.creep[wire] > 0.0:

@@ -221,7 +221,7 @@ def quantity(name: str, statistic: Callable[[Any], Any], values: Iterable[float 
     return Quantity(name, float(statistic(known)) if known else math.nan, len(known), wanted)
 
 
-def exactly_named(case: Answered) -> bool:
+def is_named_exactly(case: Answered) -> bool:
     """The true effects are named and nothing else; a class of provably inseparable effects counts as one name."""
     inseparable = set().union(*map(accepted_ids, case.truths))
     alone = case.verdict == "NAMED" or (case.verdict == "AMBIGUOUS" and found_ids(case.diagnosis) <= inseparable)
@@ -233,7 +233,7 @@ def in_class(case: Answered) -> bool:
     return case.verdict in ("NAMED", "AMBIGUOUS") and is_in_class(case.truths, case.diagnosis)
 
 
-def right(case: Answered) -> bool:
+def is_right(case: Answered) -> bool:
     """The answer is right for the kind of case: no effect, UNKNOWN, or the truth named or in the class."""
     if case.kind == "healthy":
         return case.verdict in NO_EFFECT
@@ -252,20 +252,20 @@ def closure(case: Answered, part: str, bound: str) -> float | None:
     return ((case.diagnosis.get("closure") or {}).get(part) or {}).get(bound)
 
 
-def visible(cases: Sequence[Answered], kinds: Iterable[str]) -> list[Answered]:
+def select_visible(cases: Sequence[Answered], kinds: Iterable[str]) -> list[Answered]:
     """Cases of some kinds whose effects all leave a visible gap."""
     return [case for case in cases if case.kind in kinds and case.visible]
 
 
 def intervals(cases: Sequence[Answered], exact: bool) -> list[ParameterInterval]:
     """Intervals stated for exactly named effects, of parameters of one kind."""
-    named = filter(exactly_named, visible(cases, NAMEABLE))
+    named = filter(is_named_exactly, select_visible(cases, NAMEABLE))
     return [interval for case in named for interval in list_intervals(case) if interval.exact == exact]
 
 
 def compute_shares(cases: Sequence[Answered]) -> tuple[Share, ...]:
     """Measures that are shares of cases."""
-    nameable, outside = visible(cases, NAMEABLE), visible(cases, ["unknown"])
+    nameable, outside = select_visible(cases, NAMEABLE), select_visible(cases, ["unknown"])
     healthy = [case for case in cases if case.kind == "healthy"]
     named = [case for case in nameable if case.verdict == "NAMED"]
     closed = [case for case in named if (case.diagnosis.get("closure") or {}).get("effect") is not None]
@@ -281,13 +281,15 @@ def compute_shares(cases: Sequence[Answered]) -> tuple[Share, ...]:
         return (case.diagnosis.get("where") or {}).get(key)
 
     tests = {
-        "exactly named": exactly_named,
+        "exactly named": is_named_exactly,
         "truth named or in its class": in_class,
         "kind and block right": lambda c: c.verdict in ("NAMED", "AMBIGUOUS") and is_kind_right(c.truths, c.diagnosis),
     }
     wanted = {f"exactly named, {kind}": goal for kind, goal in NAMEABLE.items()}
     named_kinds = ((f"{name}, {kind}", kind, holds) for name, holds in tests.items() for kind in NAMEABLE)
-    rows = [share(name, visible(cases, [kind]), holds, wanted.get(name, "")) for name, kind, holds in named_kinds]
+    rows = [
+        share(name, select_visible(cases, [kind]), holds, wanted.get(name, "")) for name, kind, holds in named_kinds
+    ]
     rows += [
         share("PARTLY, and its causes hold the truth", partly, lambda case: is_in_class(case.truths, case.diagnosis)),
         share("truth first", nameable, is_first, ">= 95 %"),
@@ -320,7 +322,7 @@ def compute_shares(cases: Sequence[Answered]) -> tuple[Share, ...]:
 def compute_quantities(cases: Sequence[Answered]) -> tuple[Quantity, ...]:
     """Measures that are no shares."""
     answers = [case.diagnosis for case in cases]
-    named = [case for case in visible(cases, NAMEABLE) if case.verdict == "NAMED"]
+    named = [case for case in select_visible(cases, NAMEABLE) if case.verdict == "NAMED"]
     ambiguous = (answer for answer in answers if answer["verdict"] == "AMBIGUOUS")
     sizes = [len(ids) for answer in ambiguous for ids in list_classes(answer) if len(ids) > 1]
     rows = [quantity("size of an AMBIGUOUS class, mean", np.mean, sizes, "<= 2.2")]
@@ -342,7 +344,7 @@ def compute_quantities(cases: Sequence[Answered]) -> tuple[Quantity, ...]:
 
 def compute_baselines(cases: Sequence[Answered]) -> tuple[Share, ...]:
     """Trivial answers to the visible cases with one effect, those that the diagnosis carries among them."""
-    single = visible(cases, ["single"])
+    single = select_visible(cases, ["single"])
     rows = []
     for label, key in (("effect", "id"), ("block", "block")):
         values = [case.truths[0][key] for case in single]
@@ -401,7 +403,7 @@ def score(folder: str | Path, labels: str | Path, against: str | Path | None = N
         named = " + ".join(named_ids(case.diagnosis))
         answer = named if case.verdict in ("NAMED", "AMBIGUOUS") and named else case.verdict
         answer = f"PARTLY: {named}" if case.verdict == "PARTLY" else answer
-        confusion[truth, answer, right(case)] += 1
+        confusion[truth, answer, is_right(case)] += 1
     missing = tuple(sorted(set(truths) - {case.name for case in cases}))
     failed = tuple(case.name for case in cases if case.verdict == FAILURE)
     return Score(tuple(groups), dict(sorted(confusion.items())), missing, len(cases), failed)

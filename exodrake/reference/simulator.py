@@ -208,7 +208,7 @@ def initial_state(record):
         )
         theta = taken / record["spool"][wire]
         for _ in range(8):
-            length, radius = dynamics.wound(record, wire, theta)
+            length, radius = dynamics.wind(record, wire, theta)
             theta += (taken - length) / radius
         y[THETA + wire] = theta + record["homing"][wire] / record["spool"][wire]
     return y
