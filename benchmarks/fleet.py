@@ -24,9 +24,9 @@ import numpy as np
 import exodrake as exo
 from exodrake.core.files import write_bytes, write_text
 from exodrake.data.case import Case, CaseLog, write_case
-from exodrake.diagnosis.fleet import FAILURE, read_answers, read_table, table_bytes
+from exodrake.diagnosis.fleet import read_answers, read_table, table_bytes
 from exodrake.diagnosis.healthy import healthy_robot
-from exodrake.diagnosis.many import diagnose_all
+from exodrake.diagnosis.many import FAILURE, diagnose_all
 from exodrake.report.fleet import fleet_html
 from exodrake.simulation import protocols
 from exodrake.simulation.references import on_machine

@@ -113,13 +113,13 @@ def explain(case: Case, effects: frozenset[str]) -> tuple[dict[str, Any], tuple[
 
 def add_log(case: Case, spec: RobotSpec, reference: np.ndarray) -> Case:
     """The case with the log that its robot leaves on a reference (frames, tendons) [N]."""
+    from exodrake.compiled.inputs import Reference
     from exodrake.data.case import EXPERIMENT, CaseLog
     from exodrake.data.log import Log
     from exodrake.reference.make import round_columns
-    from exodrake.reference.robot import Protocol
     from exodrake.reference.simulator import simulate
 
-    columns = round_columns(simulate(spec, Protocol(EXPERIMENT, reference), LOG_SEED))
+    columns = round_columns(simulate(spec, Reference(reference, EXPERIMENT), LOG_SEED))
     time = columns.pop("time")
     has = case.logs[0].log.has
     log = Log(time, {name: values for name, values in columns.items() if has(name)})

@@ -58,9 +58,9 @@ def test_half_logs_last_half_as_long_and_move_every_wire(unseen):
     )
     assert standard.keys() == half.keys()
     for log, protocol in half.items():
-        assert 2 * len(protocol.reference) == len(standard[log].reference)
-        assert np.all(np.ptp(protocol.reference, axis=0) > 1.0), log
-    assert half["sweeps_1"].reference.max(axis=0) == pytest.approx([12.0, 8.0, 8.0], rel=0.02)
+        assert 2 * len(protocol.values) == len(standard[log].values)
+        assert np.all(np.ptp(protocol.values, axis=0) > 1.0), log
+    assert half["sweeps_1"].values.max(axis=0) == pytest.approx([12.0, 8.0, 8.0], rel=0.02)
 
 
 @pytest.mark.parametrize("effect", ["sensor.offset", "tendon.compliance", "motor.slow_velocity_loop"])
@@ -70,7 +70,7 @@ def test_small_effects_leave_a_gap_of_two_to_four_noise_standard_deviations(shor
     (line,) = label["effects"]
     fault = InjectedFault(effect, tuple(line["wires"]), tuple(line["joints"]), line["parameters"])
     drawn = draw_case(planned)
-    robots = (replace(drawn.healthy, effects=effects, noisy=False) for effects in ((fault,), ()))
+    robots = (replace(drawn.spec, effects=effects, noisy=False) for effects in ((fault,), ()))
     gap = max(gap_in_noise(*(simulate(robot, drawn.protocols["grasps"], 0) for robot in robots)).values())
     assert 2.0 <= gap <= 4.0 and line["gap"] == pytest.approx(gap) and label["gap"] == pytest.approx(gap)
 
@@ -78,8 +78,8 @@ def test_small_effects_leave_a_gap_of_two_to_four_noise_standard_deviations(shor
 @pytest.mark.parametrize("effect", [name for name in LIBRARY if name not in WITHOUT_STRENGTH])
 def test_an_effect_of_no_strength_leaves_no_visible_gap(short_cases, effect):
     drawn = draw_case(CasePlan("case", (3, 3), "single", (effect,), False))
-    absent = replace(drawn.healthy, effects=(weaken(drawn.spec.effects[0], WEAKEST),))
-    robots = (replace(robot, noisy=False) for robot in (drawn.spec, absent, drawn.healthy))
+    absent = replace(drawn.spec, effects=(weaken(drawn.spec.effects[0], WEAKEST),))
+    robots = (replace(robot, noisy=False) for robot in (drawn.spec, absent, replace(drawn.spec, effects=())))
     present, without, healthy = (simulate(robot, drawn.protocols["grasps"], 0) for robot in robots)
     gap = max(gap_in_noise(without, healthy).values())
     assert gap < 2.0 and gap < max(gap_in_noise(present, healthy).values())

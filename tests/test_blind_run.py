@@ -16,15 +16,19 @@ from exodrake.cli.main import cli
 from exodrake.core.errors import InputError
 from exodrake.data.case import read_case
 from exodrake.diagnosis import many
-from exodrake.diagnosis.many import diagnose_one
+from exodrake.diagnosis.many import diagnose_all, diagnose_one
 from exodrake.reference import make
-from exodrake.reference.answers import read_committed, run
+from exodrake.reference.answers import find_cases, read_committed
 from exodrake.reference.cases import MIXES
 from exodrake.reference.score import score
 from tests.short_sets import RUN, answers, write_set
 
 HEALTHY = (replace(MIXES["healthy"], duration=0.25),)
 PACKAGE = Path(make.__file__).parents[2]
+
+
+def run(folder, **options):
+    return diagnose_all({case: case for case in find_cases(folder)}, **options)
 
 
 @pytest.fixture(scope="module")

@@ -16,10 +16,10 @@ from exodrake.reference.score import (
     Paired,
     as_json,
     compute_shares,
-    exactly_named,
     interval_score,
     is_in_class,
     is_kind_right,
+    is_named_exactly,
     is_truth,
     list_intervals,
     markdown,
@@ -36,11 +36,11 @@ def truth(effect_id, gap=10.0, exact=True, blocks=(), wires=(), joints=(), **par
     }  # fmt: skip
 
 
-def answer(verdict, block=None, effects=(), wires=(), joints=(), run_time=20.0, closed=None, **rest):
+def answer(verdict, block=None, effects=(), wires=(), joints=(), run_time=20.0, closed=None, rivals=(), **rest):
     parts = []
     for name, bounds in dict(effects).items():
         parameters = {key: {"value": (low + high) / 2, "low": low, "high": high} for key, (low, high) in bounds.items()}
-        parts.append({"id": name, "parameters": parameters})
+        parts.append({"id": name, "parameters": parameters, "rivals": [{"id": rival} for rival in rivals]})
     closure = {"overall": {"value": 0.97, "low": 0.9, "high": 0.99}}
     if closed is not None:
         closure["effect"] = {"value": closed + 0.05, "low": closed, "high": closed + 0.1}
@@ -64,7 +64,7 @@ SET = {
     ),
     "case_03": (
         "single", [truth(SLACK, length=1e-3, wires=["MF"])],
-        answer("AMBIGUOUS", "encoder", {HOMING: {}}, ["MF"], equivalents=[HOMING, SLACK], simulated_seconds=70e3),
+        answer("AMBIGUOUS", "encoder", {HOMING: {}}, ["MF"], rivals=[SLACK], simulated_seconds=70e3),
     ),
     "case_04": (
         "single", [truth(GAIN, gain=0.05)],
@@ -122,7 +122,7 @@ def test_score_of_a_set_done_by_hand(tiny):
         "truth named or in its class, pair": (2, 2),
         "truth named or in its class, same-block": (0, 1),
         "truth named or in its class, three": (1, 1),
-        "kind and block right, single": (3, 6),
+        "kind and block right, single": (2, 6),
         "kind and block right, pair": (1, 2),
         "kind and block right, same-block": (0, 1),
         "kind and block right, three": (1, 1),
@@ -226,7 +226,7 @@ def cause(name, *rivals, role="cause"):
 
 
 def judged(truths, **answered):
-    return Answered("case", {"kind": "single", "effects": [truth(name) for name in truths]}, answered)
+    return Answered("case", "single", [truth(name) for name in truths], answered)
 
 
 def test_effects_that_no_log_tells_apart_count_as_one_name():
@@ -234,8 +234,8 @@ def test_effects_that_no_log_tells_apart_count_as_one_name():
     assert is_truth(pair, (HOMING, SLACK)) and not is_truth(pair, (HOMING,)) and not is_truth(pair, (SLACK, CREEP))
     assert not is_truth([truth(SLACK), truth(CREEP)], (CREEP, GAIN)) and not is_truth([truth(GAIN)], (GAIN, CREEP))
     for others, exact in (([SLACK], True), ([], True), ([SLACK, CREEP], False), ([GAIN], False)):
-        verdict = answer("AMBIGUOUS", "encoder", {HOMING: {}}, equivalents=[HOMING, *others])
-        assert exactly_named(judged([SLACK], **verdict)) == exact
+        verdict = answer("AMBIGUOUS", "encoder", {HOMING: {}}, rivals=others)
+        assert is_named_exactly(judged([SLACK], **verdict)) == exact
 
 
 def test_each_cause_has_rivals_of_its_own_and_refinements_do_not_count():
@@ -244,13 +244,13 @@ def test_each_cause_has_rivals_of_its_own_and_refinements_do_not_count():
     assert is_in_class([truth(latency), truth(GAIN)], {"effects": [cause(CREEP, latency), cause(GAIN)]})
     assert not is_in_class([truth(latency), truth(GAIN)], {"effects": [cause(CREEP, latency, GAIN)]})
     refined = judged([GAIN], verdict="NAMED", effects=[cause(GAIN), cause(CREEP, role="refinement")])
-    assert exactly_named(refined)
+    assert is_named_exactly(refined)
     for right in (cause(stribeck), cause(coulomb, stribeck)):
         assert is_kind_right([truth(coulomb)], {"effects": [right]})
     for wrong in ([cause(GAIN)], [cause(coulomb, GAIN)], [cause(coulomb), cause(GAIN)], []):
         assert not is_kind_right([truth(coulomb)], {"effects": wrong})
     partly = judged([GAIN], verdict="PARTLY", effects=[cause(GAIN)])
-    assert not exactly_named(partly) and is_in_class(partly.truths, partly.diagnosis)
+    assert not is_named_exactly(partly) and is_in_class(partly.truths, partly.diagnosis)
     rows = {item.name: item.hits for item in compute_shares([partly])}
     assert rows["PARTLY, and its causes hold the truth"] == 1 and rows["exactly named, single"] == 0
 
@@ -262,10 +262,11 @@ def test_channels_count_one_by_one_where_the_truth_sits():
         "parameters": {"gain": stated[0]},
         "channels": {"gain": dict(zip(("AF", "MF", "AE"), stated))},
     }
-    label = {"kind": "single", "effects": [truth(GAIN, gain=0.05, wires=["AF", "MF"])]}
+    truths = [truth(GAIN, gain=0.05, wires=["AF", "MF"])]
 
     def covers(effect):
-        return [i.covers for i in list_intervals(Answered("case", label, {"verdict": "NAMED", "effects": [effect]}))]
+        answered = Answered("case", "single", truths, {"verdict": "NAMED", "effects": [effect]})
+        return [interval.covers for interval in list_intervals(answered)]
 
     assert covers(effect) == [True, False]
     assert covers(effect | {"channels": {}}) == [True]

@@ -10,6 +10,7 @@ from pydrake.multibody.tree import FixedOffsetFrame, RevoluteJoint, SpatialInert
 from scipy.integrate import solve_ivp
 from shared_data import data_folder, needs_data
 
+from exodrake.compiled.inputs import Reference
 from exodrake.core.errors import InputError
 from exodrake.machines.exo_index.machine import machine as exo_index
 from exodrake.reference.cases import CaseMix, CasePlan, draw_case, grasps, plan
@@ -24,7 +25,7 @@ from exodrake.reference.dynamics import (
 )
 from exodrake.reference.faults import ENTRIES, LIBRARY, OUTSIDE, draw_effect
 from exodrake.reference.make import gap_in_noise
-from exodrake.reference.robot import FRAME, InjectedFault, Protocol, RobotSpec, draw_parameters
+from exodrake.reference.robot import FRAME, InjectedFault, RobotSpec, draw_parameters
 from exodrake.reference.simulator import TOLERANCE, advance, assemble, initial_state, simulate
 
 REFERENCES = ("sweeps", "chirp", "holds", "grasps")
@@ -34,7 +35,7 @@ NEEDS_LONGER = {"outside.voltage_sag", "timing.mocap_clock_skew"}  # rare spells
 
 @cache
 def short_grasps(seconds=14.0):
-    return Protocol("grasps", grasps(np.random.default_rng(5)).reference[: round(seconds / FRAME)])
+    return Reference(grasps(np.random.default_rng(5)).values[: round(seconds / FRAME)], "grasps")
 
 
 @cache
@@ -50,7 +51,7 @@ def test_reproduces_the_reference(name):
     table = np.loadtxt(path, delimiter=",", skiprows=1)
     wanted = dict(zip(names, table.T))
     reference = np.column_stack([wanted[f"tension_ref_{wire}"] for wire in ("AF", "MF", "AE")])
-    log = simulate(RobotSpec(noisy=False), Protocol(name, reference), 0)
+    log = simulate(RobotSpec(noisy=False), Reference(reference, name), 0)
     assert tuple(log) == tuple(names)
     for column, values in log.items():
         kind = column.rsplit("_", 1)[0]
@@ -62,7 +63,7 @@ def test_same_seed_same_log():
     spec = RobotSpec(
         draw_parameters(np.random.default_rng(1)), (draw_effect("finger.tremor", np.random.default_rng(2)),)
     )
-    motion = Protocol("grasps", short_grasps().reference[:200])
+    motion = Reference(short_grasps().values[:200], "grasps")
     first, again, other = (simulate(spec, motion, seed) for seed in (3, 3, 4))
     assert all(np.array_equal(first[name], again[name]) for name in first)
     assert not np.array_equal(first["tension_AF"], other["tension_AF"])
@@ -102,11 +103,11 @@ def test_slack_equals_a_negative_homing_offset():
 def test_protocols_are_within_the_wires_range_and_as_long_as_they_should():
     for unseen in (False, True):
         for name, protocol in draw_case(CasePlan("case", (8,), "healthy", (), unseen)).protocols.items():
-            assert len(protocol.reference) * FRAME == pytest.approx(
+            assert len(protocol.values) * FRAME == pytest.approx(
                 {"sweeps_1": 60, "sweeps_2": 60, "chirp": 36}.get(name, 40)
             )
-            assert protocol.reference.min() >= 0.3
-            assert np.all(protocol.reference.max(axis=0) <= [12.0 + 1e-9, 8.0 + 1e-9, 8.0 + 1e-9])
+            assert protocol.values.min() >= 0.3
+            assert np.all(protocol.values.max(axis=0) <= [12.0 + 1e-9, 8.0 + 1e-9, 8.0 + 1e-9])
 
 
 def test_plan_follows_the_mix_and_the_seed():

@@ -13,7 +13,7 @@ from exodrake.reference.answers import write_committed
 from exodrake.reference.cases import CasePlan, DrawnCase
 from exodrake.reference.faults import ENTRIES, draw_effect
 from exodrake.reference.make import make_label
-from exodrake.reference.robot import TENSION_MAX, InjectedFault, Protocol, RobotSpec, draw_parameters
+from exodrake.reference.robot import TENSION_MAX, InjectedFault, RobotSpec, draw_parameters
 from exodrake.reference.simulator import assemble
 from studies.transfer import control_task, study as transferring
 from studies.transfer.__main__ import command
@@ -73,9 +73,9 @@ def test_cost_of_a_constant_error_and_of_a_chattering_command():
     assert cost(exact | chatter, reference) == pytest.approx(0.2)
     assert cost(off | chatter, reference) == pytest.approx(np.hypot(0.1, 0.2))
     assert cost(exact | still | {"tension_AF": np.full(101, np.nan)}, reference) == np.inf
-    task = Protocol("task", motion(0, 0).reference[:100])  # the model that diverges is not refused either
+    task = exo.Reference(motion(0, 0).values[:100])  # the model that diverges is not refused either
     assert predicted(exo.load_robot(), {"controller.compliance_1": np.inf}, task, 0) == np.inf
-    assert np.mean(np.abs(motion(3, 0).reference - motion(3, 1).reference)) > 0.5  # N, of tuning and judging
+    assert np.mean(np.abs(motion(3, 0).values - motion(3, 1).values)) > 0.5  # N, of tuning and judging
 
 
 def test_controller_tuned_on_the_late_robot_is_really_better_there(late):
@@ -94,7 +94,7 @@ def test_withheld_robot_is_built_anew_from_its_label(identity):
     effect = draw_effect(identity, np.random.default_rng(3))
     spec = RobotSpec(draw_parameters(np.random.default_rng(4)), (effect,))
     plan = CasePlan("case_00", (1,), "single", (identity,), False)
-    label = json.loads(json.dumps(make_label(plan, DrawnCase(spec, spec), [9.0], {"tension_AF": 9.0})))
+    label = json.loads(json.dumps(make_label(plan, DrawnCase(spec), [9.0], {"tension_AF": 9.0})))
     one, two = (assemble(robot, 60, np.random.default_rng(5)) for robot in (spec, withheld("case", label)))
     assert one.record == two.record and np.array_equal(one.time, two.time)
     assert np.array_equal(one.inputs, two.inputs) and np.array_equal(one.dropped, two.dropped)
@@ -105,7 +105,7 @@ def test_withheld_robot_is_built_anew_from_its_label(identity):
 def test_prediction_is_reality_where_the_withheld_robot_is_the_model(tmp_path, late, monkeypatch):
     def model(spec, task, seed):
         gains = {f"controller.{name}": float(spec.parameters[name]) for name in ("kp", "kd")}
-        return exo.simulate(late.with_parameters(gains), exo.Reference(task.reference), seed[0]).signals
+        return exo.simulate(late.with_parameters(gains), task, seed[0]).signals
 
     labels = a_set(tmp_path / "set", late)
     monkeypatch.setattr(transferring, "simulate", model)

@@ -53,10 +53,11 @@ def run(folder: Path, jobs: int, cluster: str | None, redo: bool) -> None:
     Each answer is written as soon as it is there. If it is interrupted, the same command goes on from there; a case
     that fails leaves its reason in failed.json, and is tried again.
     """
-    from exodrake.reference.answers import run as run_set
+    from exodrake.diagnosis.many import diagnose_all
+    from exodrake.reference.answers import find_cases
 
     with show_count("diagnosing") as count:
-        failed = run_set(folder, jobs, cluster, count, redo)
+        failed = diagnose_all({case: case for case in find_cases(folder)}, jobs, cluster, count, redo)
     for name, reason in failed.items():
         click.echo(f"{name}: {reason}", err=True)
     if failed:

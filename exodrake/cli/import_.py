@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 import exodrake as exo
-from exodrake.cli.options import DEFAULT, MACHINE, AnyPath, machine_added, print_table, write_files
+from exodrake.cli.options import DEFAULT, MACHINE, AnyPath, print_table, register_machine, write_files
 from exodrake.core.errors import InputError
 from exodrake.machines.library import machine_folders, machine_named, recorded_machines
 
@@ -23,7 +23,7 @@ MAPPING = "mapping.yaml"  # in the folder of a machine
 @click.argument("recordings", type=AnyPath(), nargs=-1, required=True, metavar="RECORDING...")
 @click.option("--map", "map_file", **FILE, help="Mapping file (YAML), see below.")
 @click.option(
-    "--machine", metavar="FOLDER", expose_value=False, callback=machine_added,
+    "--machine", metavar="FOLDER", expose_value=False, callback=register_machine,
     help="Machine of your own, whose mapping.yaml is used without --map.",
 )  # fmt: skip
 @click.option("--from", "known", type=click.Choice(recorded_machines()), help="A known set, which needs no mapping.")

@@ -11,7 +11,7 @@ from typing import IO, Any
 import click
 
 from exodrake import __version__
-from exodrake.cli.options import ARGUMENTS, OTHERS, plugin_added
+from exodrake.cli.options import ARGUMENTS, OTHERS, register_plugins
 from exodrake.core.errors import InputError, nearest, printable, shorten
 from exodrake.core.progress import INTERRUPTED
 
@@ -157,7 +157,7 @@ class LazyGroup(OneLineErrors, click.Group):
 )
 @click.version_option(__version__, message="exodrake %(version)s")
 @click.option(
-    "--plugin", multiple=True, metavar="FOLDER", expose_value=False, callback=plugin_added,
+    "--plugin", multiple=True, metavar="FOLDER", expose_value=False, callback=register_plugins,
     help="Folder of your own machines, effects, parts or file formats. Repeatable.",
 )  # fmt: skip
 @click.pass_context

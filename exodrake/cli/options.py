@@ -81,18 +81,16 @@ class OutputFile(AnyPath):
         return path
 
 
-class JsonTarget(click.ParamType):
+class JsonTarget(OutputFile):
     """A JSON file to be written; `-` is the standard output."""
-
-    name = "file"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Path of the file, or `-`."""
-        if value == "-" or isinstance(value, Path):
+        if value == "-":
             return value
         if Path(value).suffix.lower() != ".json":
             raise InputError(f"--json {value}: wanted a file whose name ends in .json, or --json last, to print")
-        return OutputFile().convert(value, param, ctx)
+        return super().convert(value, param, ctx)
 
 
 class OutputFolder(AnyPath):
@@ -206,11 +204,11 @@ def robot_option(name: str = "robot", default: str = DEFAULT) -> Callable[[Calla
 
     def add(command: Callable) -> Callable:
         machine = click.option(
-            "--machine", metavar="FOLDER", expose_value=False, is_eager=True, callback=machine_added,
+            "--machine", metavar="FOLDER", expose_value=False, is_eager=True, callback=register_machine,
             help="Folder of a machine of your own (robot.yaml, machine.py); its robot is the default.",
         )  # fmt: skip
         robot = click.option(
-            "--robot", name, default=default, metavar="FILE", callback=robot_named,
+            "--robot", name, default=default, metavar="FILE", callback=choose_robot,
             help="Robot file, or the name of a machine or built-in robot.",
         )  # fmt: skip
         return robot(machine(command))
@@ -245,7 +243,7 @@ def change_robot(
     return robot
 
 
-def machine_added(context: click.Context, _: click.Parameter, folder: str | None) -> None:
+def register_machine(context: click.Context, _: click.Parameter, folder: str | None) -> None:
     """Registers the folder of --machine; InputError if it holds no machine."""
     if folder is None:
         return
@@ -261,13 +259,13 @@ def refuse_others(name: str, robot: exo.Robot, parameter: str) -> None:
         raise InputError(f"{robot.machine.name}: not for `exodrake {name}`, since {OTHERS[name]}")
 
 
-def robot_named(context: click.Context, parameter: click.Parameter, value: Any) -> Any:
+def choose_robot(context: click.Context, parameter: click.Parameter, value: Any) -> Any:
     """The value of --robot, or the machine of --machine where only that is given."""
     given = context.get_parameter_source(str(parameter.name)) is click.core.ParameterSource.COMMANDLINE
     return value if given else context.meta.get(MACHINE, value)
 
 
-def plugin_added(_: click.Context, __: click.Parameter, folders: tuple[str, ...]) -> None:
+def register_plugins(_: click.Context, __: click.Parameter, folders: tuple[str, ...]) -> None:
     """Registers the folders of --plugin."""
     for folder in folders:
         plugins.add_plugin(folder)

@@ -39,9 +39,8 @@ def list_parameters(name: str, robot: str, only: str, json_file: Path | None) ->
     names = [one for one in known if only in one]
     if not names:
         raise InputError(f"{found.source}: no parameter with {only!r} in its name{nearest(only, list(known))}")
-    content = exo.to_dict(found) if json_file else {}
-    content |= {"parameters": {one: content["parameters"][one] for one in names}} if json_file else {}
-    if not write_json(content, json_file):
+    content = exo.to_dict(found)
+    if not write_json(content | {"parameters": {one: content["parameters"][one] for one in names}}, json_file):
         rows, group = [], ""
         for full, channels, one in alike(found):
             if one.name in names or any(f"{full}.{channel}" in names for channel in channels):

@@ -24,11 +24,10 @@ from exodrake.core.processes import in_child
 from exodrake.core.schema import read_json
 from exodrake.data.formats.parquet import import_pyarrow, parse_rows
 from exodrake.diagnosis.change_point import DRAWS, LEAST, ROUNDING, Change, ChangePoint
-from exodrake.diagnosis.many import ANSWER, FAILED, check_answer
+from exodrake.diagnosis.many import ANSWER, FAILED, FAILURE, check_answer
 from exodrake.diagnosis.result import NAMED, NO_GAP, RETUNE
 from exodrake.machines.library import machine_folders, machine_named
 
-FAILURE = "FAILED"  # verdict of a case without an answer
 MAGIC = b"PAR1"  # a Parquet file begins so
 LATER = ("confirmed",)  # columns that tables of older versions lack
 MOST = 60  # points of a trend

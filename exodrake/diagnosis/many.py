@@ -36,6 +36,7 @@ from exodrake.data.case import Case, parse_date, read_case
 from exodrake.machines.robot_file import load_robot
 
 ANSWER, FAILED = "diagnosis.json", "failed.json"
+FAILURE = "FAILED"  # verdict of a case without an answer
 RETUNED, IMPROVED = "retuned.yaml", "improved.yaml"  # robot files beside an answer
 WORD = re.compile(r"[A-Z][A-Z_]{0,30}")
 
@@ -61,30 +62,45 @@ def check_moment(value: Any, where: str) -> datetime:
         raise refusal(where, f"wanted a date as 2026-03-05, found {shown(value)}") from None
 
 
-REAL, WORDS = optional(number()), optional(line)  # null: not a number, not known
-INTERVAL = having({"value": REAL, "low": REAL, "high": REAL, "unit": line}, ("unit",))
-SHARE, VALUE = having({"value": REAL}), having({"value": WORDS})
-RIVALS = listing(having({"id": line, "share": SHARE}, ("id",)))
-AMOUNTS = {"parameters": names(INTERVAL), "channels": names(names(INTERVAL))}
-EFFECT = {"id": line, "kind": WORDS, "role": WORDS, "share": optional(SHARE), "rivals": optional(RIVALS)} | AMOUNTS
+REAL, WORDS, NAMES = optional(number()), optional(line), optional(listing(line))  # null: not a number, not known
+INTERVAL = optional(having({"value": REAL, "low": REAL, "high": REAL, "unit": WORDS}))
+RIVAL, VALUE = having({"id": line, "share": INTERVAL}, ("id",)), optional(having({"value": WORDS}))
+AMOUNTS = {"parameters": optional(names(INTERVAL)), "channels": optional(names(names(INTERVAL)))}
+EFFECT = {"id": line, "kind": WORDS, "role": WORDS, "share": INTERVAL, "rivals": optional(listing(RIVAL))} | AMOUNTS
 SCHEMA = having(
     {
         "case": WORDS,
         "serial": WORDS,
         "date": optional(check_moment),
         "verdict": check_word,
-        "where": having({"block": line}, ("block",)),
-        "effects": listing(having(EFFECT, ("id", "parameters", "channels"))),
-        "equivalents": listing(line),
+        "where": optional(having({"block": WORDS, "wires": NAMES, "joints": NAMES})),
+        "effects": optional(listing(having(EFFECT, ("id",)))),
+        "equivalents": NAMES,
         "remainder": optional(having({"value": REAL, "noise_std": REAL, "block": WORDS})),
         "confirmed": optional(flag),
-        "closure": having({"overall": SHARE, "rms": optional(names(REAL))}, ("overall",)),
-        "reasons": optional(listing(line)),
+        "closure": optional(
+            having({"overall": INTERVAL, "retune": INTERVAL, "effect": INTERVAL, "rms": optional(names(REAL))})
+        ),
+        "candidates": optional(listing(having({"id": line}, ("id",)))),
+        "baselines": optional(names(WORDS)),
+        "reasons": NAMES,
         "seconds": REAL,
-        "since": optional(having({"began": optional(VALUE)})),
+        "simulated_seconds": REAL,
+        "since": optional(having({"began": VALUE})),
         "provenance": optional(having({"robot": WORDS, "version": WORDS, "code": optional(anything)})),
+        "configuration": optional(names(line)),
     },
-    required=("verdict", "where", "effects", "equivalents", "closure"),
+    required=("verdict",),
+)
+SIZED = names(having({"unit": line}, ("unit",)))
+WHOLE = having(  # what an answer of `diagnose` holds; other methods may say less
+    {
+        "where": having({"block": line}, ("block",)),
+        "effects": listing(having({"parameters": SIZED, "channels": names(SIZED)}, ("parameters", "channels"))),
+        "equivalents": anything,
+        "closure": having({"overall": anything}, ("overall",)),
+    },
+    required=("where", "effects", "equivalents", "closure"),
 )
 
 
@@ -92,7 +108,7 @@ def check_answer(answer: Any, where: str) -> dict[str, Any]:
     """An answer as plain data, its `date` as a moment. InputError naming the key of what is missing or mistyped."""
     if not isinstance(answer, dict):
         raise InputError(f"{where}: no answer of a diagnosis, found {shown(answer)}")
-    return SCHEMA(answer, where)
+    return WHOLE(SCHEMA(answer, where), where)
 
 
 def read_stored(folder: Path) -> dict[str, Any] | None:

@@ -84,13 +84,12 @@ def lead_from_rest(course: np.ndarray, rest: np.ndarray, rise: float) -> np.ndar
 
 
 class Stage:
-    """Map from shares of a span to references within their limits; InputError for a machine without such limits.
+    """Map from shares of a span to references within their limits, which `check_length` demands.
 
     Rest is where the first log begins; positions go no faster than in the logs, further inputs stay as they were there.
     """
 
     def __init__(self, robot: Robot, trials: tuple[Trial, ...]) -> None:
-        check_length(robot, None)
         machine, (self.low, self.high) = robot.machine, robot.reference_limits()  # (channels,) [SI]
         first, *others = machine.references
         width, begin, self.frame, starts = len(self.low), trials[0].reference[0], machine.frame, list[int]()
@@ -229,7 +228,7 @@ class Designer:
     def __init__(self, contest: Contest, duration: float | None, seed: int) -> None:
         problem, machine = contest.problem, contest.problem.robot.machine
         self.contest, self.rng = contest, np.random.default_rng(seed)
-        self.stage, self.whole = Stage(problem.robot, problem.fit), check_length(problem.robot, duration)
+        self.whole, self.stage = check_length(problem.robot, duration), Stage(problem.robot, problem.fit)
         self.fewer = 2.0 / len(contest.explanations)
         # the machine's own experiments, or those of the case for a machine that declares none
         own = [replace(protocol(text, problem.robot), name=name) for name, text in machine.experiments.items()]

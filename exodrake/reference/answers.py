@@ -1,7 +1,7 @@
 """Answers to a blind set beside their labels, to which a salted SHA-256 is published with the cases.
 
-The salt lies in the labels file: without it, guessed labels cannot be checked against the published digest. `run`
-diagnoses every case, resumably: answers lie in the cases' folders (see `diagnosis.many`).
+The salt lies in the labels file: without it, guessed labels cannot be checked against the published digest. Answers lie
+in the cases' folders (see `diagnosis.many`).
 """
 
 import hashlib
@@ -13,10 +13,9 @@ from typing import Any
 
 from exodrake.core.errors import InputError
 from exodrake.core.files import read_bytes, write_text
-from exodrake.core.progress import Count, no_progress
 from exodrake.core.provenance import describe_configuration
-from exodrake.core.schema import anything, flag, having, listing, names, number, optional, read_json, text
-from exodrake.diagnosis.many import ANSWER, FAILED, diagnose_all
+from exodrake.core.schema import anything, flag, having, listing, names, number, read_json, text
+from exodrake.diagnosis.many import ANSWER, FAILED, FAILURE, SCHEMA
 from exodrake.reference.cases import VISIBLE
 
 Truth = dict[str, Any]  # one true effect, as the labels give it
@@ -66,60 +65,15 @@ def find_cases(folder: str | Path) -> list[Path]:
     return cases
 
 
-def run(
-    folder: str | Path, jobs: int = 1, cluster: str | None = None, progress: Count = no_progress, redo: bool = False
-) -> dict[str, str]:
-    """Diagnose the unfinished cases of a set, as `diagnose_all`; case -> reason, for those that failed."""
-    return diagnose_all({case: case for case in find_cases(folder)}, jobs, cluster, progress, redo)
-
-
-KNOWN, NAMES = optional(number()), optional(listing(text()))  # a number that is not finite is null in an answer
-IDS = optional(listing(having({"id": text()}, required=("id",))))
-STEP = optional(having({"value": KNOWN, "low": KNOWN, "high": KNOWN}))
-EFFECT = having(
-    {
-        "id": text(), "kind": optional(text()), "role": optional(text()), "rivals": IDS,
-        "parameters": optional(names(STEP)), "channels": optional(names(names(STEP))),
-    },
-    required=("id",),
-)  # fmt: skip
-ANSWERED = having(
-    {
-        "verdict": text(),
-        "where": optional(having({"block": optional(text()), "wires": NAMES, "joints": NAMES})),
-        "effects": optional(listing(EFFECT)),
-        "equivalents": NAMES,
-        "closure": optional(having({"overall": STEP, "retune": STEP, "effect": STEP})),
-        "candidates": IDS, "baselines": optional(names(optional(text()))), "configuration": optional(names(text())),
-        "simulated_seconds": KNOWN, "seconds": KNOWN,
-    },
-    required=("verdict",),
-)  # fmt: skip
-FAILURE = "FAILED"  # in place of a verdict; wrong wherever it counts
-
-
 @dataclass(frozen=True)
 class Answered:
-    """One case: its label and its diagnosis."""
+    """One case: what its label says, and its diagnosis."""
 
     name: str
-    label: dict[str, Any]
+    kind: str  # healthy, unknown, single, pair ...
+    truths: list[Truth]
     diagnosis: Diagnosis
-
-    @property
-    def kind(self) -> str:
-        """Kind of case: healthy, unknown, single, pair ..."""
-        return self.label["kind"]
-
-    @property
-    def mix(self) -> str:
-        """Name of the case mix it was drawn from."""
-        return self.label.get("mix", "standard")
-
-    @property
-    def truths(self) -> list[Truth]:
-        """True effects."""
-        return self.label["effects"]
+    mix: str = "standard"  # name of the case mix that it was drawn from
 
     @property
     def verdict(self) -> str:
@@ -149,10 +103,9 @@ def read_answers(folder: Path, truths: dict[str, dict[str, Any]]) -> tuple[Answe
     answered = []
     for name, label in truths.items():
         path = folder / name / ANSWER
-        if path.is_file():
-            answered.append(Answered(name, label, read_diagnosis(path)))
-        elif path.with_name(FAILED).is_file():
-            answered.append(Answered(name, label, {"verdict": FAILURE}))
+        if path.is_file() or path.with_name(FAILED).is_file():
+            diagnosis = read_diagnosis(path) if path.is_file() else {"verdict": FAILURE}
+            answered.append(Answered(name, label["kind"], label["effects"], diagnosis, label.get("mix", "standard")))
     if not answered:
         raise InputError(f"{folder}: no case has a diagnosis yet; run `exodrake blind run` first")
     found = {
@@ -167,4 +120,4 @@ def read_answers(folder: Path, truths: dict[str, dict[str, Any]]) -> tuple[Answe
 
 def read_diagnosis(path: Path) -> Diagnosis:
     """Read one diagnosis. InputError naming file and key if it is none."""
-    return ANSWERED(read_json(path), str(path))
+    return SCHEMA(read_json(path), str(path))

@@ -11,8 +11,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from exodrake.compiled.inputs import Reference
 from exodrake.reference.faults import LIBRARY, MARKER_FAULTS, OUTSIDE, WITHOUT_STRENGTH, draw_effect, find_blocks
-from exodrake.reference.robot import FRAME, TENSION_MAX, TENSION_MIN, Protocol, RobotSpec, draw_parameters
+from exodrake.reference.robot import FRAME, TENSION_MAX, TENSION_MIN, RobotSpec, draw_parameters
 
 SEGMENT = 5.0  # s, one sweep up and down (physics.md claim 13)
 HOLD = 8.0  # s, mean duration of one level
@@ -25,7 +26,7 @@ def clock(duration: float) -> np.ndarray:
     return FRAME * np.arange(round(duration / FRAME))
 
 
-def sweeps(rng: np.random.Generator, share: float = 1.0) -> Protocol:
+def sweeps(rng: np.random.Generator, share: float = 1.0) -> Reference:
     """Triangles: each wire ramps four times from the anti-slack tension to its maximum and back.
 
     The other wires stand at levels of their maxima.
@@ -42,10 +43,10 @@ def sweeps(rng: np.random.Generator, share: float = 1.0) -> Protocol:
         top = rng.uniform(0.3, 0.7)
         reference[inside] = level
         reference[inside, wire] = TENSION_MAX[wire] * np.minimum(phase / top, (1 - phase) / (1 - top))
-    return Protocol("sweeps", np.maximum(reference, TENSION_MIN))
+    return Reference(np.maximum(reference, TENSION_MIN), "sweeps")
 
 
-def chirp(rng: np.random.Generator, share: float = 1.0) -> Protocol:
+def chirp(rng: np.random.Generator, share: float = 1.0) -> Reference:
     """Chirp: each wire in turn swings between 10 and 80 % of its maximum, from about 0.1 to about 1.8 Hz.
 
     The other wires rest at a base level.
@@ -59,16 +60,16 @@ def chirp(rng: np.random.Generator, share: float = 1.0) -> Protocol:
         low, high = rng.uniform(0.04, 0.15), rng.uniform(1.4, 2.0)
         phase = 2 * np.pi * (low * local + (high - low) * local**2 / (2 * span))
         reference[inside, wire] = TENSION_MAX[wire] * (0.45 - 0.35 * np.cos(phase))
-    return Protocol("chirp", reference)
+    return Reference(reference, "chirp")
 
 
-def holds(rng: np.random.Generator, share: float = 1.0) -> Protocol:
+def holds(rng: np.random.Generator, share: float = 1.0) -> Reference:
     """Steps to random levels of all wires, held 6 to 10 s."""
     time = clock(share * HOLDS)
     edges = np.arange(HOLD, share * HOLDS, HOLD)
     edges = np.sort(edges + rng.uniform(-1, 1, len(edges)))
     levels = rng.uniform(0.1, 0.9, (len(edges) + 1, 3)) * TENSION_MAX
-    return Protocol("holds", levels[np.searchsorted(edges, time, side="right")])
+    return Reference(levels[np.searchsorted(edges, time, side="right")], "holds")
 
 
 def smooth(x: np.ndarray) -> np.ndarray:
@@ -77,7 +78,7 @@ def smooth(x: np.ndarray) -> np.ndarray:
     return x**3 * (10 - 15 * x + 6 * x**2)
 
 
-def grasps(rng: np.random.Generator, share: float = 1.0) -> Protocol:
+def grasps(rng: np.random.Generator, share: float = 1.0) -> Reference:
     """Smooth grips of random synergy, depth, pace and hold."""
     time = clock(share * GRASPS)
     reference = np.full((len(time), 3), TENSION_MIN)
@@ -89,10 +90,10 @@ def grasps(rng: np.random.Generator, share: float = 1.0) -> Protocol:
         bump = smooth((time - start) / close) * smooth((start + 2 * close + hold - time) / close)
         reference += bump[:, None] * np.maximum(0.0, peak - TENSION_MIN)
         start += 2 * close + hold + pause
-    return Protocol("grasps", reference)
+    return Reference(reference, "grasps")
 
 
-def wander(rng: np.random.Generator, share: float = 1.0) -> Protocol:
+def wander(rng: np.random.Generator, share: float = 1.0) -> Reference:
     """Smooth random motion of all wires at once: sums of slow sines through a soft limiter."""
     time = clock(share * GRASPS)
     reference = np.empty((len(time), 3))
@@ -102,7 +103,7 @@ def wander(rng: np.random.Generator, share: float = 1.0) -> Protocol:
         course = (weight * np.sin(2 * np.pi * np.outer(time, frequency) + rng.uniform(0, 2 * np.pi, 7))).sum(axis=1)
         level = 1 / (1 + np.exp(-1.5 * course / course.std() - rng.uniform(-1.5, 0.5)))
         reference[:, wire] = TENSION_MIN + level * (0.9 * TENSION_MAX[wire] - TENSION_MIN)
-    return Protocol("grasps", reference)
+    return Reference(reference, "grasps")
 
 
 MASKED = (
@@ -163,11 +164,10 @@ class CasePlan:
 
 @dataclass(frozen=True)
 class DrawnCase:
-    """A case with robot and motions drawn; `healthy` is the same robot without the effects."""
+    """A case with robot and motions drawn."""
 
     spec: RobotSpec
-    healthy: RobotSpec
-    protocols: dict[str, Protocol] = field(default_factory=dict)
+    protocols: dict[str, Reference] = field(default_factory=dict)
 
 
 def draw_kinds(mix: CaseMix, total: int, rng: np.random.Generator) -> list[tuple[str, tuple[str, ...]]]:
@@ -237,4 +237,4 @@ def draw_case(plan: CasePlan, attempt: int = 0) -> DrawnCase:
     protocols["grasps"] = (wander if plan.unseen else grasps)(rng, share)
     rng = np.random.default_rng([*plan.seed, 3, attempt])
     effects = tuple(draw_effect(name, rng) for name in plan.ids)
-    return DrawnCase(RobotSpec(parameters, effects), RobotSpec(parameters), protocols)
+    return DrawnCase(RobotSpec(parameters, effects), protocols)

@@ -92,19 +92,15 @@ def inverse_dynamics(p, sine, cosine, turn, spin, base_x, base_y):
     force_x0, force_y0 = mass[0] * (base_x + centre[0] * x0), mass[0] * (base_y + centre[0] * y0)
     force_x1, force_y1 = mass[1] * (second_x + centre[1] * x1), mass[1] * (second_y + centre[1] * y1)
     force_x2, force_y2 = mass[2] * (third_x + centre[2] * x2), mass[2] * (third_y + centre[2] * y2)
-    third = mass[2] * (unit[2] - centre[2] * centre[2]) * spin[2] - centre[2] * (
-        sine[2] * force_x2 + cosine[2] * force_y2
-    )
+    # across each phalanx: its own force, and that of the phalanges beyond
+    own0, own1 = sine[0] * force_x0 + cosine[0] * force_y0, sine[1] * force_x1 + cosine[1] * force_y1
+    own2, beyond1 = sine[2] * force_x2 + cosine[2] * force_y2, sine[1] * force_x2 + cosine[1] * force_y2
+    beyond0 = sine[0] * (force_x1 + force_x2) + cosine[0] * (force_y1 + force_y2)
+    third = mass[2] * (unit[2] - centre[2] * centre[2]) * spin[2] - centre[2] * own2
     second = third + mass[1] * (unit[1] - centre[1] * centre[1]) * spin[1]
-    second -= centre[1] * (sine[1] * force_x1 + cosine[1] * force_y1) + length[1] * (
-        sine[1] * force_x2 + cosine[1] * force_y2
-    )
-    beyond_x, beyond_y = force_x1 + force_x2, force_y1 + force_y2
+    second -= centre[1] * own1 + length[1] * beyond1
     first = second + mass[0] * (unit[0] - centre[0] * centre[0]) * spin[0]
-    first -= centre[0] * (sine[0] * force_x0 + cosine[0] * force_y0) + length[0] * (
-        sine[0] * beyond_x + cosine[0] * beyond_y
-    )
-    return first, second, third
+    return first - (centre[0] * own0 + length[0] * beyond0), second, third
 
 
 @njit(cache=True)
@@ -138,7 +134,7 @@ def router(p, side, joint, sine, cosine, rise):
 
 
 @njit(cache=True)
-def wound(p, wire, theta):
+def wind(p, wire, theta):
     """Wire on the spool [m] and its radius there [m] at gear angle theta; layers build up like a softened staircase."""
     radius = p.spool[wire]
     straight = radius * theta
@@ -171,7 +167,7 @@ def elastic(p, wire, stretch):
 @njit(cache=True)
 def pull(p, y, dy, u, wire, taken):
     """Tension at the cell [N] and spool radius [m]; writes the rates of creep, garment and felt tension."""
-    length, radius = wound(p, wire, y[THETA + wire])
+    length, radius = wind(p, wire, y[THETA + wire])
     stretch = length - taken - p.slack[wire] - y[CREEP_FAST + wire] - y[CREEP_SLOW + wire]
     tension = elastic(p, wire, stretch - y[GARMENT + wire] - y[MOUNT + wire] - u[WIRE_SHIFT + wire])
     if p.creep[wire] > 0.0:
@@ -295,10 +291,8 @@ def losses(p, y, dy, joint):
     if level <= 0.0:
         return 0.0
     z, rate = y[JOINT_LOSS + joint], y[RATE + joint]
-    size = abs(z) ** p.hysteresis_power
-    dy[JOINT_LOSS + joint] = (rate - size * (0.5 * rate + 0.5 * abs(rate) * (1.0 if z > 0.0 else -1.0))) / p.loss_width[
-        joint
-    ]
+    back = abs(z) ** p.hysteresis_power * (0.5 * rate + 0.5 * abs(rate) * (1.0 if z > 0.0 else -1.0))
+    dy[JOINT_LOSS + joint] = (rate - back) / p.loss_width[joint]
     return -level * z
 
 

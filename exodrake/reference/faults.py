@@ -12,6 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.signal import lfilter
 
 from exodrake.reference import dynamics
 from exodrake.reference.robot import FRAME, JOINTS, WIRES, InjectedFault, settle_routing
@@ -81,12 +82,10 @@ def draw_bursts(rng, time, gap, length):
 
 def wandering_rest(build, where, p, rng):
     """The wearer's resting posture wanders, with standard deviation `size` and correlation time `memory` [s]."""
-    keep, course = np.exp(-FRAME / p["memory"]), np.zeros((len(build.time), 3))
-    for joint in range(3):
-        kicks = p["size"] * np.sqrt(1 - keep**2) * rng.standard_normal(len(course))
-        for row in range(1, len(course)):
-            course[row, joint] = keep * course[row - 1, joint] + kicks[row]
-    build.inputs[:, dynamics.REST_SHIFT : dynamics.REST_SHIFT + 3] += course
+    keep = np.exp(-FRAME / p["memory"])
+    kicks = p["size"] * np.sqrt(1 - keep**2) * rng.standard_normal((3, len(build.time)))
+    kicks[:, 0] = 0.0
+    build.inputs[:, dynamics.REST_SHIFT : dynamics.REST_SHIFT + 3] += lfilter([1.0], [1.0, -keep], kicks).T
 
 
 def torque_bursts(build, where, p, rng):

@@ -61,7 +61,7 @@ def parts_gaps(case: DrawnCase, seed: list[int], hidden: tuple[str, ...] = ()) -
         found = gap_in_noise(*(simulate(robot, case.protocols[HELD_OUT], seed) for robot in robots))
         return {name: gap for name, gap in found.items() if strip_channel(name) not in hidden}
 
-    effects, whole = case.spec.effects, gaps(case.healthy)
+    effects, whole = case.spec.effects, gaps(replace(case.spec, effects=()))
     if len(effects) < 2:
         return [max(whole.values())] * len(effects), whole
     others = [tuple(other for other in effects if other is not effect) for effect in effects]

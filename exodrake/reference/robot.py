@@ -67,14 +67,6 @@ class InjectedFault:
 
 
 @dataclass(frozen=True)
-class Protocol:
-    """A motion: name and tension references (n, 3) [N], one row per 20 ms frame."""
-
-    name: str
-    reference: np.ndarray
-
-
-@dataclass(frozen=True)
 class RobotSpec:
     """A robot: its parameters (see `draw_parameters`), injected faults, and whether sensors are noisy and quantised."""
 

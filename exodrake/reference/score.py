@@ -1,8 +1,8 @@
 """Scores of the answers to a blind set against its committed labels: measures, then tables, JSON and Markdown.
 
-Causes are what counts. Answers of older versions state no `role`: all their effects are causes, and `equivalents` is
-the class of the whole set. Shares have exact binomial intervals and are compared in pairs (McNemar 1947, exact test).
-Interval score of (l, u) for the true value x at level 1 - alpha (Gneiting & Raftery 2007, eq. 43), smaller is better:
+Causes are what counts; an effect without a `role` is one. Shares have exact binomial intervals and are compared in
+pairs (McNemar 1947, exact test). Interval score of (l, u) for the true value x at level 1 - alpha (Gneiting & Raftery
+2007, eq. 43), smaller is better:
 
     S = u - l + 2 / alpha (l - x) [x < l] + 2 / alpha (x - u) [x > u]
 """
@@ -20,10 +20,12 @@ import numpy as np
 
 from exodrake.core.confidence import binomial_interval
 from exodrake.core.errors import markdown_table, plural
+from exodrake.core.plain import to_dict
+from exodrake.diagnosis.many import FAILURE
 from exodrake.diagnosis.result import CAUSE
 from exodrake.diagnosis.search import name_kind
 from exodrake.machines.robot_file import load_robot
-from exodrake.reference.answers import FAILURE, Answered, Diagnosis, Truth, read_answers, read_labels
+from exodrake.reference.answers import Answered, Diagnosis, Truth, read_answers, read_labels
 from exodrake.reference.faults import ENTRIES
 
 
@@ -41,10 +43,14 @@ def accepted_ids(truth: Truth) -> set[str]:
     return {name}
 
 
+def list_causes(diagnosis: Diagnosis) -> list[dict[str, Any]]:
+    """Effects that an answer calls causes, best first."""
+    return [effect for effect in diagnosis.get("effects") or () if (effect.get("role") or CAUSE) == CAUSE]
+
+
 def list_classes(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
-    """Ids of each effect that an answer calls a cause, best first, and of its rivals behind it."""
-    causes = (e for e in diagnosis.get("effects") or () if (e.get("role") or CAUSE) == CAUSE)
-    return [(cause["id"], *(rival["id"] for rival in cause.get("rivals") or ())) for cause in causes]
+    """Ids of each cause, best first, and of its rivals behind it."""
+    return [(cause["id"], *(rival["id"] for rival in cause.get("rivals") or ())) for cause in list_causes(diagnosis)]
 
 
 def named_ids(diagnosis: Diagnosis) -> tuple[str, ...]:
@@ -54,16 +60,12 @@ def named_ids(diagnosis: Diagnosis) -> tuple[str, ...]:
 
 def found_ids(diagnosis: Diagnosis) -> set[str]:
     """Ids of all causes and of their rivals."""
-    equivalents = (name.split(" + ") for name in diagnosis.get("equivalents") or ())
-    return set(chain(*list_classes(diagnosis), *equivalents))
+    return set(chain(*list_classes(diagnosis)))
 
 
 def is_in_class(truths: Sequence[Truth], diagnosis: Diagnosis) -> bool:
     """Tell whether each true effect is a cause of its own, or among the rivals of one."""
-    classes = list_classes(diagnosis)
-    if diagnosis.get("equivalents") and max(map(len, classes), default=0) < 2:  # an older version
-        return all(accepted_ids(truth) & found_ids(diagnosis) for truth in truths)
-    orders = permutations(classes, len(truths))
+    orders = permutations(list_classes(diagnosis), len(truths))
     return any(all(accepted_ids(truth) & set(ids) for truth, ids in zip(truths, order)) for order in orders)
 
 
@@ -177,8 +179,7 @@ def list_intervals(case: Answered) -> Iterator[ParameterInterval]:
     """
     for truth in case.truths:
         seat = (*truth["wires"], *truth["joints"])
-        effects = case.diagnosis.get("effects") or ()
-        named = [e for e in effects if e["id"] == truth["id"] and (e.get("role") or CAUSE) == CAUSE]
+        named = [cause for cause in list_causes(case.diagnosis) if cause["id"] == truth["id"]]
         for (name, true), effect in product(truth["parameters"].items(), named):
             overall = (effect.get("parameters") or {}).get(name) or {}
             stated = (effect.get("channels") or {}).get(name) or {None: overall}
@@ -220,7 +221,7 @@ def quantity(name: str, statistic: Callable[[Any], Any], values: Iterable[float 
     return Quantity(name, float(statistic(known)) if known else math.nan, len(known), wanted)
 
 
-def exactly_named(case: Answered) -> bool:
+def is_named_exactly(case: Answered) -> bool:
     """The true effects are named and nothing else; a class of provably inseparable effects counts as one name."""
     inseparable = set().union(*map(accepted_ids, case.truths))
     alone = case.verdict == "NAMED" or (case.verdict == "AMBIGUOUS" and found_ids(case.diagnosis) <= inseparable)
@@ -232,7 +233,7 @@ def in_class(case: Answered) -> bool:
     return case.verdict in ("NAMED", "AMBIGUOUS") and is_in_class(case.truths, case.diagnosis)
 
 
-def right(case: Answered) -> bool:
+def is_right(case: Answered) -> bool:
     """The answer is right for the kind of case: no effect, UNKNOWN, or the truth named or in the class."""
     if case.kind == "healthy":
         return case.verdict in NO_EFFECT
@@ -251,20 +252,20 @@ def closure(case: Answered, part: str, bound: str) -> float | None:
     return ((case.diagnosis.get("closure") or {}).get(part) or {}).get(bound)
 
 
-def visible(cases: Sequence[Answered], kinds: Iterable[str]) -> list[Answered]:
+def select_visible(cases: Sequence[Answered], kinds: Iterable[str]) -> list[Answered]:
     """Cases of some kinds whose effects all leave a visible gap."""
     return [case for case in cases if case.kind in kinds and case.visible]
 
 
 def intervals(cases: Sequence[Answered], exact: bool) -> list[ParameterInterval]:
     """Intervals stated for exactly named effects, of parameters of one kind."""
-    named = filter(exactly_named, visible(cases, NAMEABLE))
+    named = filter(is_named_exactly, select_visible(cases, NAMEABLE))
     return [interval for case in named for interval in list_intervals(case) if interval.exact == exact]
 
 
 def compute_shares(cases: Sequence[Answered]) -> tuple[Share, ...]:
     """Measures that are shares of cases."""
-    nameable, outside = visible(cases, NAMEABLE), visible(cases, ["unknown"])
+    nameable, outside = select_visible(cases, NAMEABLE), select_visible(cases, ["unknown"])
     healthy = [case for case in cases if case.kind == "healthy"]
     named = [case for case in nameable if case.verdict == "NAMED"]
     closed = [case for case in named if (case.diagnosis.get("closure") or {}).get("effect") is not None]
@@ -280,13 +281,15 @@ def compute_shares(cases: Sequence[Answered]) -> tuple[Share, ...]:
         return (case.diagnosis.get("where") or {}).get(key)
 
     tests = {
-        "exactly named": exactly_named,
+        "exactly named": is_named_exactly,
         "truth named or in its class": in_class,
         "kind and block right": lambda c: c.verdict in ("NAMED", "AMBIGUOUS") and is_kind_right(c.truths, c.diagnosis),
     }
     wanted = {f"exactly named, {kind}": goal for kind, goal in NAMEABLE.items()}
     named_kinds = ((f"{name}, {kind}", kind, holds) for name, holds in tests.items() for kind in NAMEABLE)
-    rows = [share(name, visible(cases, [kind]), holds, wanted.get(name, "")) for name, kind, holds in named_kinds]
+    rows = [
+        share(name, select_visible(cases, [kind]), holds, wanted.get(name, "")) for name, kind, holds in named_kinds
+    ]
     rows += [
         share("PARTLY, and its causes hold the truth", partly, lambda case: is_in_class(case.truths, case.diagnosis)),
         share("truth first", nameable, is_first, ">= 95 %"),
@@ -319,12 +322,9 @@ def compute_shares(cases: Sequence[Answered]) -> tuple[Share, ...]:
 def compute_quantities(cases: Sequence[Answered]) -> tuple[Quantity, ...]:
     """Measures that are no shares."""
     answers = [case.diagnosis for case in cases]
-    named = [case for case in visible(cases, NAMEABLE) if case.verdict == "NAMED"]
-    sizes = []  # of the classes of the causes that have rivals; of an older answer that of its one class
-    for answer in answers:
-        if answer["verdict"] == "AMBIGUOUS":
-            own = [len(ids) for ids in list_classes(answer) if len(ids) > 1]
-            sizes += own or [len(set(answer.get("equivalents") or ()))]
+    named = [case for case in select_visible(cases, NAMEABLE) if case.verdict == "NAMED"]
+    ambiguous = (answer for answer in answers if answer["verdict"] == "AMBIGUOUS")
+    sizes = [len(ids) for answer in ambiguous for ids in list_classes(answer) if len(ids) > 1]
     rows = [quantity("size of an AMBIGUOUS class, mean", np.mean, sizes, "<= 2.2")]
     for label, part in (("C(overall)", "overall"), ("C(retune)", "retune"), ("C(effect given retune)", "effect")):
         rows.append(quantity(f"{label} when named, median", np.median, (closure(c, part, "value") for c in named)))
@@ -344,7 +344,7 @@ def compute_quantities(cases: Sequence[Answered]) -> tuple[Quantity, ...]:
 
 def compute_baselines(cases: Sequence[Answered]) -> tuple[Share, ...]:
     """Trivial answers to the visible cases with one effect, those that the diagnosis carries among them."""
-    single = visible(cases, ["single"])
+    single = select_visible(cases, ["single"])
     rows = []
     for label, key in (("effect", "id"), ("block", "block")):
         values = [case.truths[0][key] for case in single]
@@ -403,7 +403,7 @@ def score(folder: str | Path, labels: str | Path, against: str | Path | None = N
         named = " + ".join(named_ids(case.diagnosis))
         answer = named if case.verdict in ("NAMED", "AMBIGUOUS") and named else case.verdict
         answer = f"PARTLY: {named}" if case.verdict == "PARTLY" else answer
-        confusion[truth, answer, right(case)] += 1
+        confusion[truth, answer, is_right(case)] += 1
     missing = tuple(sorted(set(truths) - {case.name for case in cases}))
     failed = tuple(case.name for case in cases if case.verdict == FAILURE)
     return Score(tuple(groups), dict(sorted(confusion.items())), missing, len(cases), failed)
@@ -453,11 +453,11 @@ def markdown(tables: Iterable[tuple[str, Row, list[Row]]]) -> str:
 
 
 def as_json(score: Score) -> dict[str, Any]:
-    """Plain data of the score; a share of no case has the value null."""
+    """Plain data of the score; a share or a quantity of no case has the value null."""
 
     def shares_json(shares: Iterable[Share]) -> dict[str, Any]:
         return {
-            item.name: {"hits": item.hits, "total": item.total, "value": item.value if item.total else None}
+            item.name: {"hits": item.hits, "total": item.total, "value": item.value}
             | dict(zip(("low", "high"), item.interval))
             for item in shares
         }
@@ -465,15 +465,12 @@ def as_json(score: Score) -> dict[str, Any]:
     mixes = {
         group.name: {
             "cases": group.cases, "shares": shares_json(group.shares),
-            "quantities": {
-                q.name: {"value": None if math.isnan(q.value) else q.value, "cases": q.count} for q in group.quantities
-            },
+            "quantities": {q.name: {"value": q.value, "cases": q.count} for q in group.quantities},
             "baselines": shares_json(group.baselines),
             "paired": {item.name: vars(item) | {"p": item.p} for item in group.paired},
         }
         for group in score.groups
     }  # fmt: skip
-    return {
-        "cases": score.cases, "missing": list(score.missing), "failed": list(score.failed), "mixes": mixes,
-        "confusion": [dict(zip(CONFUSION, (*row, count))) for row, count in score.confusion.items()],
-    }  # fmt: skip
+    confusion = [dict(zip(CONFUSION, (*row, count))) for row, count in score.confusion.items()]
+    parts = {"cases": score.cases, "missing": score.missing, "failed": score.failed, "mixes": mixes}
+    return to_dict(parts | {"confusion": confusion})

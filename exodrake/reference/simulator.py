@@ -14,11 +14,12 @@ from typing import Any
 import numpy as np
 from numba import njit
 
+from exodrake.compiled.inputs import Reference
 from exodrake.core.errors import InputError
 from exodrake.reference import dynamics
 from exodrake.reference.dynamics import ANGLE, FRAME, INPUT_SIZE, MARKER_SHIFT, RATE, STATE_SIZE, THETA, derivative
 from exodrake.reference.faults import ENTRIES, inject
-from exodrake.reference.robot import JOINTS, SPOOL_CONFIGURED, WIRES, Protocol, RobotSpec, robot_record
+from exodrake.reference.robot import JOINTS, SPOOL_CONFIGURED, WIRES, RobotSpec, robot_record
 
 NOISE_FORCE = 0.01  # N
 NOISE_ANGLE = 0.005  # rad
@@ -207,29 +208,28 @@ def initial_state(record):
         )
         theta = taken / record["spool"][wire]
         for _ in range(8):
-            length, radius = dynamics.wound(record, wire, theta)
+            length, radius = dynamics.wind(record, wire, theta)
             theta += (taken - length) / radius
         y[THETA + wire] = theta + record["homing"][wire] / record["spool"][wire]
     return y
 
 
-def simulate(spec: RobotSpec, protocol: Protocol, seed: int | list[int]) -> dict[str, np.ndarray]:
+def simulate(spec: RobotSpec, reference: Reference, seed: int | list[int]) -> dict[str, np.ndarray]:
     """Log of a robot on a motion of n frames: column name -> values (n,) [SI]; equal arguments give equal bits.
 
     The seed is that of noise and random courses. InputError for an unknown effect, and where integration fails.
     """
-    reference = np.ascontiguousarray(protocol.reference, float)
-    frames = len(reference)
+    frames = len(reference.values)
     course, noise_source = (np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(2))
     build = assemble(spec, frames, course)
     record = build.record
     noise = NOISE_FORCE * spec.noisy * noise_source.standard_normal((frames, 3))
     tension, theta, commands, posture = run(
-        record, initial_state(record), reference, build.inputs, build.dropped, noise, TOLERANCE
+        record, initial_state(record), reference.values, build.inputs, build.dropped, noise, TOLERANCE
     )
     if not np.all(np.isfinite(posture)):
         raise InputError(
-            f"{protocol.name}: the robot with {[effect.id for effect in spec.effects]} cannot be integrated"
+            f"{reference.name}: the robot with {[effect.id for effect in spec.effects]} cannot be integrated"
         )
     counted = theta - record["homing"] / SPOOL_CONFIGURED
     # mocap's own instants: cubic Hermite through angles and rates at every mid-slot
@@ -245,7 +245,7 @@ def simulate(spec: RobotSpec, protocol: Protocol, seed: int | list[int]) -> dict
     if spec.noisy:
         counted = np.round(counted / QUANTUM_THETA) * QUANTUM_THETA
         angle = angle + NOISE_ANGLE * noise_source.standard_normal(angle.shape)
-    groups = [("tension_ref", reference, WIRES), ("tension", tension, WIRES)]
+    groups = [("tension_ref", reference.values, WIRES), ("tension", tension, WIRES)]
     groups += [("stroke", SPOOL_CONFIGURED * counted, WIRES), ("speed_cmd", commands, WIRES), ("angle", angle, JOINTS)]
     columns = {"time": FRAME * np.arange(frames)}
     for kind, values, names in groups:
@@ -255,4 +255,4 @@ def simulate(spec: RobotSpec, protocol: Protocol, seed: int | list[int]) -> dict
 
 def warm_up() -> None:
     """Compile the kernels into numba's cache, so that several processes do not do it at once."""
-    simulate(RobotSpec(), Protocol("warm-up", np.full((2, 3), 1.0)), 0)
+    simulate(RobotSpec(), Reference(np.ones((2, 3)), "warm-up"), 0)

@@ -25,18 +25,7 @@ from exodrake.diagnosis.filters import mismatch
 from exodrake.diagnosis.isolation import SAMPLING
 from exodrake.diagnosis.parameter import nominal_parameters
 from exodrake.diagnosis.problem import Problem, Trial
-from exodrake.diagnosis.result import (
-    AMBIGUOUS,
-    CAUSE,
-    NAMED,
-    NO_GAP,
-    PARTLY,
-    REFINEMENT,
-    RETUNE,
-    UNKNOWN,
-    Diagnosis,
-    SignalGap,
-)
+from exodrake.diagnosis.result import CAUSE, REFINEMENT, Diagnosis, SignalGap
 from exodrake.diagnosis.search import GAIN, LAW, NATS, NEGLIGIBLE
 from exodrake.diagnosis.verdict import EXPLAINED, LARGE, MOST
 from exodrake.report import blocks, wording as w
@@ -47,9 +36,6 @@ from exodrake.report.wording import split_column
 
 NOMINAL, RETUNED, IMPROVED = "nominal", "retuned", "improved"
 ROBOTS: tuple[str, ...] = (NOMINAL, RETUNED, IMPROVED)
-COLOURS = {
-    NO_GAP: "#18794e", RETUNE: "#0b7285", NAMED: "#1d4ed8", AMBIGUOUS: "#a15c00", PARTLY: "#7a3e9d", UNKNOWN: "#b42318",
-}  # fmt: skip
 CURVE_LEVELS = 65534  # of a curve; the next one marks a missing sample
 SIZE = 900_000  # characters that all curves of a report may take
 CHARACTERS = 8 / 3  # that a sample takes
@@ -450,7 +436,7 @@ def render_report(diagnosis: Diagnosis, runs: SimulatedLogs) -> str:
     sections = {**how_far(diagnosis, runs), **where(diagnosis, runs), **which(diagnosis, runs), **since(diagnosis)}
     return render(
         "diagnosis.html",
-        title=f"{diagnosis.case}: diagnosis", version=__version__, colour=COLOURS.get(diagnosis.verdict, "#1d4ed8"),
+        title=f"{diagnosis.case}: diagnosis", version=__version__, colour=w.COLOURS.get(diagnosis.verdict, "#1d4ed8"),
         found=diagnosis, runs=runs, w=w, **sections, **list_assumptions(diagnosis, runs),
         **missing_law(diagnosis),
     )  # fmt: skip

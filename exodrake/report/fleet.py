@@ -19,12 +19,11 @@ import numpy as np
 from exodrake import __version__
 from exodrake.core.errors import plural, printable
 from exodrake.diagnosis.change_point import RAMP, STEP
-from exodrake.diagnosis.fleet import FAILURE, Row, Trend, find_trends
-from exodrake.diagnosis.many import ANSWER
+from exodrake.diagnosis.fleet import Row, Trend, find_trends
+from exodrake.diagnosis.many import ANSWER, FAILURE
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, PARTLY, RETUNE, UNKNOWN, Interval
 from exodrake.report import wording as w
 from exodrake.report.blocks import Bars, Table, render
-from exodrake.report.diagnosis_html import COLOURS
 from exodrake.report.since import timeline
 
 VERDICTS = (NO_GAP, RETUNE, NAMED, AMBIGUOUS, PARTLY, UNKNOWN, FAILURE)
@@ -100,8 +99,8 @@ def fleet_html(rows: Sequence[Row], source: str, links: Mapping[str, str] | None
     dates = [row.date.date().isoformat() for row in rows if row.date is not None]
     verdicts = tuple(dict.fromkeys((*VERDICTS, *sorted({row.verdict for row in rows}))))
     return render(
-        "fleet.html", title=f"Fleet: {source}", version=__version__, colour=COLOURS[NAMED], source=source,
-        tiles=tiles, colours=dict.fromkeys(verdicts, GREY) | COLOURS, verdicts=verdicts,
+        "fleet.html", title=f"Fleet: {source}", version=__version__, colour=w.COLOURS[NAMED], source=source,
+        tiles=tiles, colours=dict.fromkeys(verdicts, GREY) | w.COLOURS, verdicts=verdicts,
         strips=[(m.serial, strip(m.rows)) for m in robots], robots=robot_table(robots, links),
         causes=Bars(bars, words) if bars else None,
         timelines=timelines, rest=sum(len(m.changed) for m in robots) - len(timelines),

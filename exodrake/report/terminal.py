@@ -7,7 +7,7 @@ from itertools import zip_longest
 from typing import TYPE_CHECKING
 
 from exodrake.core.progress import Stage
-from exodrake.diagnosis.result import AMBIGUOUS, CAUSE, NAMED, NO_GAP, PARTLY, RETUNE, UNKNOWN, Diagnosis
+from exodrake.diagnosis.result import AMBIGUOUS, CAUSE, NO_GAP, PARTLY, UNKNOWN, Diagnosis
 from exodrake.report import wording as w
 from exodrake.report.missing_law import law_lines
 from exodrake.report.since import words as since_words
@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-COLOURS = {NO_GAP: "green", RETUNE: "cyan", NAMED: "blue", AMBIGUOUS: "yellow", PARTLY: "magenta", UNKNOWN: "red"}
 TOP = 5  # candidates that are listed
 SIMULATES = {"retune": Stage.RETUNE, "linearise": Stage.LINEARISE}  # simulated time by stage; the rest is of the fits
 BAR = 20  # characters of a full bar
@@ -57,7 +56,7 @@ def print_summary(diagnosis: Diagnosis, console: Console | None = None) -> None:
         lines.append(f"refined {escape(refined)}")
     lines += [f"because {escape(reason)}" for reason in diagnosis.reasons]
     title = f"[bold]{diagnosis.verdict}[/bold]  {escape(diagnosis.case)}"
-    style = COLOURS.get(diagnosis.verdict, "white")
+    style = w.STYLES.get(diagnosis.verdict, "white")
     console.print(Panel("\n".join(lines), title=title, title_align="left", border_style=style, padding=(0, 2)))
     if diagnosis.effects:
         rows = []

@@ -15,6 +15,7 @@ from exodrake.core.machine import Machine
 from exodrake.diagnosis.result import (
     AMBIGUOUS,
     CAUSE,
+    NAMED,
     NO_GAP,
     PARTLY,
     REFINEMENT,
@@ -28,6 +29,11 @@ from exodrake.diagnosis.result import (
     Where,
 )
 
+# verdict -> its colour on a page, and in a terminal
+COLOURS = {
+    NO_GAP: "#18794e", RETUNE: "#0b7285", NAMED: "#1d4ed8", AMBIGUOUS: "#a15c00", PARTLY: "#7a3e9d", UNKNOWN: "#b42318",
+}  # fmt: skip
+STYLES = {NO_GAP: "green", RETUNE: "cyan", NAMED: "blue", AMBIGUOUS: "yellow", PARTLY: "magenta", UNKNOWN: "red"}
 DIGITS = 3  # significant digits of a quantity
 NEARLY = 0.985  # a fraction above it is given to a tenth of a per cent, so that 0.996 is not printed as 100 %
 MOST_MOVED = 4  # parameters that a sentence lists

@@ -16,6 +16,7 @@ from exodrake.compiled.inputs import NoiseInputs, input_rows, prepare_values, re
 from exodrake.compiled.run import Replay
 from exodrake.core.machine import Machine, Segment, signal_count
 from exodrake.core.robot import Robot
+from exodrake.diagnosis.filters import filled_columns
 from exodrake.simulation.simulate import delay_columns
 
 LOOP = "loop"
@@ -137,13 +138,11 @@ class OnlineReplay:
             (m, channels) measured - simulated [SI], NaN where the sample, or an input of its replay, is missing.
         """
         machine, n = self.machine, self.references
-        rows = np.concatenate([self.held, np.hstack([reference, measured])])
         # a missing sample keeps the last value known, 0 before any is
-        known = np.maximum.accumulate(np.where(np.isfinite(rows), np.arange(len(rows))[:, None], 0), axis=0)
-        filled = np.take_along_axis(rows, known, axis=0)
+        filled = filled_columns(np.concatenate([self.held, np.hstack([reference, measured])]))
         self.held = filled[-1:]
-        both, ready = self.frames.push(np.hstack([filled, rows])[1:], last)
-        references, held, _, was = np.split(both, np.cumsum([n, self.columns, n]), axis=1)
+        both, ready = self.frames.push(np.hstack([filled[1:], measured]), last)
+        references, held, was = np.split(both, [n, n + self.columns], axis=1)
         smooth = partial(savgol_filter, held[:, self.fed], WINDOW, ORDER, axis=0, mode="nearest")
         feed, rate = np.asarray(smooth())[ready], np.asarray(smooth(deriv=1, delta=machine.frame))[ready]
         references, held, raw = references[ready], held[ready], was[ready]

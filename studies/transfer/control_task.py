@@ -19,7 +19,7 @@ from exodrake.core.errors import InputError
 from exodrake.core.machine import Controller
 from exodrake.core.robot import Robot
 from exodrake.reference.cases import grasps, holds
-from exodrake.reference.robot import NOMINAL, TENSION_MAX, WIRES, Protocol
+from exodrake.reference.robot import NOMINAL, TENSION_MAX, WIRES
 from exodrake.simulation.simulate import run, write_log
 
 WEIGHT = 1.0  # of the commands' changes beside the error [assumed]
@@ -28,13 +28,13 @@ STRUCTURE = "PD"  # law of the reference simulator's controller
 GRID = 6  # gains on a side of the first search; the simplex search that follows takes any
 EVALUATIONS = 60  # of the simplex search
 Gains = dict[str, float]  # parameter -> value [SI]
-Tuner = Callable[[Robot, Protocol, int], Gains]
+Tuner = Callable[[Robot, Reference, int], Gains]
 
 
-def motion(seed: int, purpose: int) -> Protocol:
+def motion(seed: int, purpose: int) -> Reference:
     """Grasps, then steps between random levels; another draw for each purpose."""
     rng = np.random.default_rng([seed, purpose])
-    return Protocol("task", np.vstack([draw(rng, share).reference for draw, share in zip((grasps, holds), SHARES)]))
+    return Reference(np.vstack([draw(rng, share).values for draw, share in zip((grasps, holds), SHARES)]), "task")
 
 
 def cost(columns: Mapping[str, np.ndarray], reference: np.ndarray) -> float:
@@ -51,10 +51,10 @@ def cost(columns: Mapping[str, np.ndarray], reference: np.ndarray) -> float:
     return float(np.sqrt(squared)) if np.isfinite(squared) else np.inf
 
 
-def predicted(robot: Robot, gains: Mapping[str, float], task: Protocol, seed: int) -> float:
+def predicted(robot: Robot, gains: Mapping[str, float], task: Reference, seed: int) -> float:
     """Cost of a task on a robot of the model with these gains."""
-    log = write_log(run(robot.with_parameters(gains), Reference(task.reference, task.name), seed))
-    return cost(log.signals, task.reference)
+    log = write_log(run(robot.with_parameters(gains), task, seed))
+    return cost(log.signals, task.values)
 
 
 def structure_of(robot: Robot) -> Controller:
@@ -70,7 +70,7 @@ def own_gains(robot: Robot) -> Gains:
     return {gain.parameter: float(robot[gain.parameter]) for gain in structure_of(robot).gains}
 
 
-def by_cost(robot: Robot, task: Protocol, seed: int) -> Gains:
+def by_cost(robot: Robot, task: Reference, seed: int) -> Gains:
     """Gains of least cost: a grid over their logarithms, then a simplex search; never worse than the robot's own."""
     from scipy.optimize import minimize
 
@@ -90,7 +90,7 @@ def by_cost(robot: Robot, task: Protocol, seed: int) -> Gains:
     return gains_of(found.x) if found.fun < predicted(robot, own, task, seed) else own
 
 
-def by_requirements(robot: Robot, task: Protocol, seed: int) -> Gains:
+def by_requirements(robot: Robot, task: Reference, seed: int) -> Gains:
     """Gains as `exodrake tune` chooses them; the robot's own where it finds none that hold the requirements."""
     from exodrake.analysis.tuning import tune
 

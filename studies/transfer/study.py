@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from exodrake.compiled.inputs import Reference
 from exodrake.core.errors import InputError
 from exodrake.core.parallel import each
 from exodrake.core.progress import Count, no_progress
@@ -23,7 +24,7 @@ from exodrake.diagnosis.many import IMPROVED, RETUNED
 from exodrake.machines.robot_file import load_robot
 from exodrake.reference.answers import ANSWER, find_cases, read_diagnosis, read_labels
 from exodrake.reference.faults import ENTRIES
-from exodrake.reference.robot import InjectedFault, Protocol, RobotSpec
+from exodrake.reference.robot import InjectedFault, RobotSpec
 from exodrake.reference.simulator import simulate
 from studies.transfer.control_task import Gains, Tuner, by_cost, cost, motion, own_gains, predicted
 
@@ -157,17 +158,17 @@ def withheld(name: str, label: Mapping[str, Any]) -> RobotSpec:
     return RobotSpec({key: np.asarray(value) for key, value in label["numbers"].items()}, tuple(effects))
 
 
-def real_cost(spec: RobotSpec, gains: Gains, task: Protocol, seed: int) -> float:
+def real_cost(spec: RobotSpec, gains: Gains, task: Reference, seed: int) -> float:
     """Cost of a task on a robot of the reference simulator; infinite where it cannot be integrated."""
     changed = {REFERENCE_GAIN[name]: np.asarray(value) for name, value in gains.items()}
     try:
         columns = simulate(replace(spec, parameters=spec.parameters | changed), task, [seed, JUDGING])
     except InputError:
         return np.inf
-    return cost(columns, task.reference)
+    return cost(columns, task.values)
 
 
-def transferred(found: Prediction, label: Mapping[str, Any], task: Protocol, seed: int) -> Transferred:
+def transferred(found: Prediction, label: Mapping[str, Any], task: Reference, seed: int) -> Transferred:
     """Run the controllers of a case on its withheld robot."""
     spec = withheld(found.name, label)
     real = {controller: real_cost(spec, gains, task, seed) for controller, gains in found.gains.items()}
