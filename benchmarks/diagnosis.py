@@ -13,9 +13,6 @@ from time import perf_counter
 
 import numpy as np
 
-from exodrake.compiled.inputs import Reference
-from exodrake.core.machine import Machine
-from exodrake.core.robot import Robot
 from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis.fit import Explanation, minimise
 from exodrake.diagnosis.likelihood import output_error
@@ -23,7 +20,10 @@ from exodrake.diagnosis.linearise import nominal_jacobian
 from exodrake.diagnosis.parameter import STEP, Parameter, apply, effect_parameters, nominal_parameters
 from exodrake.diagnosis.pipeline import diagnose
 from exodrake.diagnosis.problem import Problem, make_problem
+from exodrake.engine.inputs import Reference
 from exodrake.machines.robot_file import load_robot
+from exodrake.model.machine import Machine
+from exodrake.model.robot import Robot
 from exodrake.simulation.protocols import random_motion
 from exodrake.simulation.simulate import record, simulate
 

@@ -11,10 +11,10 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import TrajectorySource, VectorLogSink
 from pydrake.trajectories import PiecewisePolynomial
 
-from exodrake.compiled.inputs import Reference
-from exodrake.core.robot import Robot
 from exodrake.diagrams.diagram import build_diagram
 from exodrake.diagrams.multibody import ElasticTendons, multibody_finger
+from exodrake.engine.inputs import Reference
+from exodrake.model.robot import Robot
 from exodrake.simulation.simulate import record
 
 

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from benchmarks.wide_numbers import WIDTH, dual, load, register, store
-from exodrake.compiled.compose import generate_module
-from exodrake.compiled.inputs import prepare_values
+from exodrake.engine.compose import generate_module
+from exodrake.engine.inputs import prepare_values
 from exodrake.machines.robot_file import load_robot
 
 REPEATS, STEPS = 15, 20_000

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from exodrake.compiled.inputs import Reference
-from exodrake.core.robot import Robot
+from exodrake.engine.inputs import Reference
 from exodrake.machines.export import robot_as
+from exodrake.model.robot import Robot
 
 
 def mujoco_speed(robot: Robot, reference: Reference, seconds: float, pieces: int = 5) -> tuple[float, np.ndarray]:

@@ -62,7 +62,7 @@ def drawn(kind: tuple[str, tuple[str, ...]]) -> Case:
 
 def faultless() -> Case:
     """Simulate a case of the nominal model itself, whose diagnosis is short."""
-    from exodrake.compiled.inputs import Reference
+    from exodrake.engine.inputs import Reference
     from exodrake.machines.robot_file import load_robot
     from exodrake.simulation.protocols import random_motion
     from exodrake.simulation.simulate import simulate

@@ -14,12 +14,12 @@ from time import perf_counter
 
 import numpy as np
 
-from exodrake.compiled.compose import compile_machine
-from exodrake.compiled.inputs import NOTHING, NoiseInputs, Reference, input_rows, prepare_values
-from exodrake.core.machine import signal_count, state_size
 from exodrake.core.parallel import side_by_side
-from exodrake.core.robot import Robot
+from exodrake.engine.compose import compile_machine
+from exodrake.engine.inputs import NOTHING, NoiseInputs, Reference, input_rows, prepare_values
 from exodrake.machines.robot_file import load_robot
+from exodrake.model.machine import signal_count, state_size
+from exodrake.model.robot import Robot
 
 SPEED = "simulated s / s"
 

@@ -9,8 +9,8 @@ from itertools import accumulate, permutations
 from pathlib import Path
 
 from exodrake.core.errors import argument
-from exodrake.core.machine import Machine
 from exodrake.core.templates import render
+from exodrake.model.machine import Machine
 
 MARGIN, GAP, ROW, BOX, LINE, CHIP = 12, 12, 14, 42, 15, 34  # px: round all, between columns and rows, heights
 LETTER = 6.1  # px, width of a letter of a signal

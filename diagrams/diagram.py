@@ -23,12 +23,12 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, InputPort, OutputPort, PortDataType, System
 from pydrake.systems.primitives import Multiplexer, VectorLogSink
 
-from exodrake.compiled.inputs import NoiseInputs, Reference, input_rows, prepare_values, stack
 from exodrake.core.errors import InputError, argument, nearest
-from exodrake.core.machine import Machine, find_places
-from exodrake.core.robot import Robot
 from exodrake.diagrams.exo_index import add_exo_index
+from exodrake.engine.inputs import NoiseInputs, Reference, input_rows, prepare_values, stack
 from exodrake.machines.exo_index.machine import PARTS
+from exodrake.model.machine import Machine, find_places
+from exodrake.model.robot import Robot
 from exodrake.systems.part import MachinePart, NamedParameter, PartSystem
 from exodrake.systems.sources import Noise, Playback, RobotDraw
 

@@ -12,8 +12,8 @@ from typing import NamedTuple
 from pydrake.systems.framework import DiagramBuilder, System
 
 from exodrake.core.errors import InputError, nearest
-from exodrake.core.robot import Robot
 from exodrake.machines.robot_file import robot_or_default
+from exodrake.model.robot import Robot
 from exodrake.systems.admittance_controller import AdmittanceController
 from exodrake.systems.bus import Bus
 from exodrake.systems.encoder import Encoder

@@ -17,8 +17,8 @@ from pydrake.systems.framework import BasicVector, Context, Diagram, DiagramBuil
 from pydrake.systems.primitives import Demultiplexer
 
 from exodrake.core.errors import InputError
-from exodrake.core.robot import Robot
 from exodrake.machines.export import robot_as
+from exodrake.model.robot import Robot
 from exodrake.physics.finger_statics import MF_JOINTS, end_stop, joint_paths, parameters_of
 
 FINGER = "finger"

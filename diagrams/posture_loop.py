@@ -6,7 +6,7 @@ diagram = build_diagram(robot, seed=1, systems=[loop])
 
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
-from exodrake.core.machine import Machine
+from exodrake.model.machine import Machine
 from exodrake.physics.gp_estimator import Weights
 from exodrake.systems.gp_estimator import GPEstimator
 from exodrake.systems.posture_controller import PostureController, PosturePlan

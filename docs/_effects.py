@@ -7,14 +7,14 @@ from _figures import Shown, effect_figure
 
 from exodrake.cli.new_machine import ARM_SCAFFOLD
 from exodrake.cli.robot import describe, word_range
-from exodrake.core.display import find_display
-from exodrake.core.effect import Effect
-from exodrake.core.machine import Machine
-from exodrake.core.robot import Robot
 from exodrake.machines.library import machine_folders
 from exodrake.machines.position_servos import motor_machine
 from exodrake.machines.robot_file import load_robot
 from exodrake.machines.serial_arm import FORMS, arm_machine
+from exodrake.model.display import find_display
+from exodrake.model.effect import Effect
+from exodrake.model.machine import Machine
+from exodrake.model.robot import Robot
 
 INDEX = """\
 # The effects

@@ -11,14 +11,14 @@ from io import BytesIO
 import matplotlib
 import numpy as np
 
-from exodrake.compiled.inputs import Reference
-from exodrake.core.display import find_display
-from exodrake.core.effect import Effect
-from exodrake.core.machine import Machine
-from exodrake.core.robot import Robot
 from exodrake.data.log import Log
 from exodrake.data.plot import MEASURED, NOMINAL, STYLE, new_figure
+from exodrake.engine.inputs import Reference
 from exodrake.machines.robot_file import load_robot
+from exodrake.model.display import find_display
+from exodrake.model.effect import Effect
+from exodrake.model.machine import Machine
+from exodrake.model.robot import Robot
 from exodrake.simulation.references import protocol
 from exodrake.simulation.simulate import simulate
 

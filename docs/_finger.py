@@ -11,9 +11,9 @@ import numpy as np
 from PIL import Image
 
 import exodrake as exo
-from exodrake.core.mechanism import Skeleton
 from exodrake.data.plot import IMPROVED, MEASURED, NOMINAL, STYLE, new_figure
 from exodrake.diagrams.meshcat.scene import span, turn
+from exodrake.model.mechanism import Skeleton
 
 EVERY, DPI, COLOURS = 5, 100, 64  # frames of 20 ms, dots per inch, colours of the picture
 SKIN, GHOST = "#f1ddd0", "#f6e3d6"

@@ -4,12 +4,9 @@ from exodrake.analysis.closed_loop import ClosedLoop as ClosedLoop, analyse as a
 from exodrake.analysis.log_response import frequency_response as frequency_response
 from exodrake.analysis.sweep import sweep as sweep
 from exodrake.analysis.tuning import Requirements as Requirements, Tuning as Tuning, tune as tune
-from exodrake.compiled.inputs import Reference as Reference
 from exodrake.core.errors import InputError as InputError
-from exodrake.core.machine import Machine as Machine
 from exodrake.core.plain import save as save, to_dict as to_dict
 from exodrake.core.plugins import add_plugin as add_plugin
-from exodrake.core.robot import Robot as Robot
 from exodrake.data.case import Case as Case, CaseLog as CaseLog, read_case as read_case, write_case as write_case
 from exodrake.data.formats import read_log as read_log, write_log as write_log
 from exodrake.data.log import Comparison as Comparison, Log as Log, compare as compare, regularise as regularise
@@ -25,11 +22,14 @@ from exodrake.diagrams.diagram import (
 from exodrake.diagrams.exo_index import add_exo_index as add_exo_index
 from exodrake.diagrams.meshcat import FingerView as FingerView
 from exodrake.diagrams.multibody import MultibodyFinger as MultibodyFinger
+from exodrake.engine.inputs import Reference as Reference
 from exodrake.grasping.plan import plan_grasp as plan_grasp, posture_controller as posture_controller
 from exodrake.identification.fit import fit as fit
 from exodrake.identification.statics import find_maximum_tension as find_maximum_tension
 from exodrake.machines.export import export_robot as export_robot
 from exodrake.machines.robot_file import load_robot as load_robot, write_robot as write_robot
+from exodrake.model.machine import Machine as Machine
+from exodrake.model.robot import Robot as Robot
 from exodrake.simulation.protocols import (
     chirp as chirp,
     grasp as grasp,

@@ -12,9 +12,9 @@ import click
 import numpy as np
 
 from exodrake.core.errors import InputError
-from exodrake.core.robot import Robot
 from exodrake.diagnosis.healthy import healthy_robot
 from exodrake.machines.robot_file import load_robot
+from exodrake.model.robot import Robot
 from exodrake.monitor.alarm import MINUTE, SPAN, Alarm, judge, measure_noise, read_limits, read_work
 from exodrake.simulation.segments import list_channels
 from studies.page_text import share

@@ -113,9 +113,9 @@ def explain(case: Case, effects: frozenset[str]) -> tuple[dict[str, Any], tuple[
 
 def add_log(case: Case, spec: RobotSpec, reference: np.ndarray) -> Case:
     """The case with the log that its robot leaves on a reference (frames, tendons) [N]."""
-    from exodrake.compiled.inputs import Reference
     from exodrake.data.case import EXPERIMENT, CaseLog
     from exodrake.data.log import Log
+    from exodrake.engine.inputs import Reference
     from exodrake.reference.make import round_columns
     from exodrake.reference.simulator import simulate
 

@@ -2,7 +2,7 @@
 
 from pydrake.systems.framework import Context, DiscreteValues
 
-from exodrake.core.robot import Robot
+from exodrake.model.robot import Robot
 from exodrake.systems.part import PartSystem
 
 SLOT = 4  # of the frame: after the readings, before the bus

@@ -4,7 +4,7 @@ from functools import partial
 
 from pydrake.systems.framework import Context, DiscreteValues
 
-from exodrake.core.robot import Robot
+from exodrake.model.robot import Robot
 from exodrake.systems.part import PartSystem
 
 SLOTS = (5, 6, 7)  # of the frame: one drive in each

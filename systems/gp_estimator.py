@@ -3,7 +3,7 @@
 import numpy as np
 from pydrake.systems.framework import BasicVector, Context, DiscreteStateIndex, DiscreteValues, LeafSystem
 
-from exodrake.core.machine import Machine
+from exodrake.model.machine import Machine
 from exodrake.physics.gp_estimator import Weights, predict_into, scratch
 from exodrake.systems.part import NamedParameter, array_parameter
 

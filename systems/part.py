@@ -15,13 +15,13 @@ from pydrake.common import RandomGenerator
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem, ValueProducer
 
-from exodrake.compiled.compose import equations
-from exodrake.compiled.schedule import start_vectors
 from exodrake.core.errors import InputError, nearest
-from exodrake.core.machine import find_places
-from exodrake.core.part import NORMAL, Task
-from exodrake.core.robot import Robot, drawn_deviation
+from exodrake.engine.compose import equations
+from exodrake.engine.schedule import start_vectors
 from exodrake.machines.robot_file import robot_or_default
+from exodrake.model.machine import find_places
+from exodrake.model.part import NORMAL, Task
+from exodrake.model.robot import Robot, drawn_deviation
 
 
 @dataclass(frozen=True, repr=False)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from pydrake.systems.framework import BasicVector, Context, DiscreteStateIndex, DiscreteValues, LeafSystem
 
-from exodrake.core.machine import Machine
+from exodrake.model.machine import Machine
 from exodrake.systems.part import NamedParameter, array_parameter
 
 FRAME, SLOT = 0.02, 0.002  # [s] of the Exo-Index

@@ -10,9 +10,9 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 from pydrake.systems.primitives import RandomSource
 
-from exodrake.compiled.inputs import NoiseInputs
-from exodrake.core.machine import Machine
-from exodrake.core.robot import Robot, drawn_deviation
+from exodrake.engine.inputs import NoiseInputs
+from exodrake.model.machine import Machine
+from exodrake.model.robot import Robot, drawn_deviation
 
 NO_NOISE = -1.0  # the seed of a run without noise
 AS_BUILT = -1.0  # the seed of the robot of the robot file

@@ -4,8 +4,8 @@ from functools import cache
 
 import numpy as np
 
-from exodrake.compiled.inputs import NoiseInputs, Reference, prepare_values
-from exodrake.compiled.run import run_compiled
+from exodrake.engine.inputs import NoiseInputs, Reference, prepare_values
+from exodrake.engine.run import run_compiled
 from exodrake.machines.robot_file import load_robot
 from exodrake.physics.gp_estimator import Weights
 

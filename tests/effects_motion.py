@@ -5,11 +5,11 @@ from functools import cache
 
 import numpy as np
 
-from exodrake.compiled.compose import compile_machine
-from exodrake.compiled.inputs import NOTHING, NoiseInputs, prepare_values
-from exodrake.core.machine import signal_count, state_size
-from exodrake.core.robot import Robot
+from exodrake.engine.compose import compile_machine
+from exodrake.engine.inputs import NOTHING, NoiseInputs, prepare_values
 from exodrake.machines.robot_file import load_robot
+from exodrake.model.machine import signal_count, state_size
+from exodrake.model.robot import Robot
 
 FRAMES = 400  # 8 s
 SEED = 20

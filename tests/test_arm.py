@@ -15,9 +15,9 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import MultibodyForces_
 
 import exodrake as exo
-from exodrake.compiled.inputs import Reference
 from exodrake.core import plugins
 from exodrake.diagrams.multibody import multibody_arm
+from exodrake.engine.inputs import Reference
 from exodrake.machines.serial_arm import arm_machine, compute_dynamics
 from exodrake.machines.urdf import read_urdf
 from exodrake.physics import arm

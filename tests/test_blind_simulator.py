@@ -10,8 +10,8 @@ from pydrake.multibody.tree import FixedOffsetFrame, RevoluteJoint, SpatialInert
 from scipy.integrate import solve_ivp
 from shared_data import data_folder, needs_data
 
-from exodrake.compiled.inputs import Reference
 from exodrake.core.errors import InputError
+from exodrake.engine.inputs import Reference
 from exodrake.machines.exo_index.machine import machine as exo_index
 from exodrake.reference.cases import CaseMix, CasePlan, draw_case, grasps, plan
 from exodrake.reference.dynamics import (

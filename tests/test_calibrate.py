@@ -8,7 +8,6 @@ from click.testing import CliRunner
 from scipy.stats import binomtest
 
 from exodrake.cli.main import cli
-from exodrake.compiled.inputs import Reference
 from exodrake.core.errors import InputError
 from exodrake.core.schema import read_yaml
 from exodrake.data.case import Case, CaseLog, write_case
@@ -30,6 +29,7 @@ from exodrake.diagnosis.calibration import (
 )
 from exodrake.diagnosis.healthy import draw_value, follow_case
 from exodrake.diagnosis.result import REFINEMENT, EffectRival, Interval, NamedEffect
+from exodrake.engine.inputs import Reference
 from exodrake.machines.library import machine_folders
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation.simulate import simulate

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from exodrake.compiled import cache
+from exodrake.engine import cache
 
 TEXT = "from numba import njit\n\n\n@njit(cache=True)\ndef double(x):\n    return 2.0 * x\n"
-ASK = f"from exodrake.compiled.cache import load_text\nprint(load_text('trial', {TEXT!r}).double(21.0))\n"
+ASK = f"from exodrake.engine.cache import load_text\nprint(load_text('trial', {TEXT!r}).double(21.0))\n"
 PR_CAPBSET_DROP, CAP_DAC_OVERRIDE = 24, 1  # of Linux
 
 

@@ -5,8 +5,8 @@ import pytest
 from scipy.signal import savgol_filter
 
 import exodrake as exo
-from exodrake.compiled.inputs import NoiseInputs, input_rows, reading_places, reference_width
-from exodrake.compiled.run import Replay
+from exodrake.engine.inputs import NoiseInputs, input_rows, reading_places, reference_width
+from exodrake.engine.run import Replay
 from exodrake.simulation import protocols
 
 FRAMES = 60

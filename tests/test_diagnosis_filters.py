@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from exodrake.data.log import fill_gaps
 from exodrake.diagnosis import filters
 
 PERIOD = 0.02
@@ -35,5 +36,5 @@ def test_in_the_band_of_a_tremor_only_its_strength_counts(frequency, strength, l
 
 def test_gaps_are_filled_with_the_last_known_sample():
     values = np.array([np.nan, 1.0, np.nan, np.nan, 3.0])
-    np.testing.assert_array_equal(filters.fill_gaps(values), [1.0, 1.0, 1.0, 1.0, 3.0])
-    np.testing.assert_array_equal(filters.fill_gaps(np.full(3, np.nan)), np.zeros(3))
+    np.testing.assert_array_equal(fill_gaps(values), [1.0, 1.0, 1.0, 1.0, 3.0])
+    np.testing.assert_array_equal(fill_gaps(np.full(3, np.nan)), np.zeros(3))

@@ -8,7 +8,6 @@ from formula_case import amplitude, explanation, likelihood_of, nominal
 from scipy.optimize import least_squares
 
 from exodrake.core.confidence import NORMAL_90
-from exodrake.core.effect import ANY_SHAPE, LAW_STD, SHAPE_STD
 from exodrake.diagnosis.fit import linear_model
 from exodrake.diagnosis.intervals import (
     ROUNDING,
@@ -23,6 +22,7 @@ from exodrake.diagnosis.intervals import (
 from exodrake.diagnosis.parameter import effect_parameters
 from exodrake.diagnosis.search import Fitted
 from exodrake.machines.robot_file import load_robot
+from exodrake.model.effect import ANY_SHAPE, LAW_STD, SHAPE_STD
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,6 @@ import pytest
 from effects_motion import motion_of
 
 import exodrake as exo
-from exodrake.compiled.inputs import Reference
 from exodrake.core.parallel import one_blas_thread
 from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis import localise
@@ -17,6 +16,7 @@ from exodrake.diagnosis.localise import conditions, explain_variance, motion, re
 from exodrake.diagnosis.problem import make_problem
 from exodrake.diagnosis.result import CAUSE, REFINEMENT, Interval, NamedEffect, Where
 from exodrake.diagnosis.search import LAW
+from exodrake.engine.inputs import Reference
 from exodrake.simulation import protocols
 
 

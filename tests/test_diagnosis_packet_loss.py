@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from exodrake.compiled.inputs import Reference
 from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis.detect import packet_loss
 from exodrake.diagnosis.problem import make_problem
+from exodrake.engine.inputs import Reference
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation import protocols
 from exodrake.simulation.simulate import simulate

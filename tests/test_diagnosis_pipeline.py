@@ -9,7 +9,6 @@ from diagnosis_cases import case_of, friction_case, friction_diagnosis, healthy_
 from effects_motion import motion_of
 
 import exodrake as exo
-from exodrake.compiled.inputs import Reference
 from exodrake.core.parallel import one_blas_thread
 from exodrake.core.progress import Stage
 from exodrake.data.case import Case, CaseLog, gather_logs
@@ -20,6 +19,7 @@ from exodrake.diagnosis.many import check_answer
 from exodrake.diagnosis.pipeline import write_notes
 from exodrake.diagnosis.problem import make_problem
 from exodrake.diagnosis.result import CAUSE, NAMED, NO_GAP, RETUNE
+from exodrake.engine.inputs import Reference
 from exodrake.simulation import protocols
 from exodrake.simulation.simulate import simulate
 

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from exodrake.compiled.inputs import Reference
 from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis.checks.compare import find_columns
 from exodrake.diagnosis.likelihood import moved_a_little
 from exodrake.diagnosis.noise import noise_std, robust_std, sensor_noise_std
 from exodrake.diagnosis.problem import WILD, by_trial, make_problem
+from exodrake.engine.inputs import Reference
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation import protocols
 from exodrake.simulation.simulate import simulate

@@ -9,13 +9,13 @@ from effects_motion import motion_of
 from pydrake.common import RandomGenerator
 from pydrake.systems.analysis import MonteCarloSimulation, Simulator
 
-from exodrake.compiled.compose import compile_machine
-from exodrake.compiled.inputs import NoiseInputs, Reference, prepare_values
-from exodrake.compiled.run import run_compiled
 from exodrake.core.errors import InputError
-from exodrake.core.machine import state_size
 from exodrake.diagrams.diagram import build_diagram, find_parameter, logged_signals, read_signals, set_parameters
+from exodrake.engine.compose import compile_machine
+from exodrake.engine.inputs import NoiseInputs, Reference, prepare_values
+from exodrake.engine.run import run_compiled
 from exodrake.machines.robot_file import load_robot
+from exodrake.model.machine import state_size
 from exodrake.simulation.simulate import record
 
 MACHINES = ("exo_index", "emps", "tendon_sheath", "so101", "dvrk_wrist")

@@ -11,8 +11,8 @@ import pytest
 from diagram_runs import both, nominal, wavy
 from shared_data import data_folder, needs_data
 
-from exodrake.compiled.inputs import Reference
 from exodrake.data.formats import read_log
+from exodrake.engine.inputs import Reference
 from exodrake.machines.exo_index.machine import machine as exo_index
 from exodrake.simulation.simulate import record
 

@@ -10,15 +10,15 @@ from pydrake.geometry import Meshcat
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import LeafSystem
 
-from exodrake.compiled.compose import compile_machine
-from exodrake.compiled.inputs import NOTHING, NoiseInputs, Reference, input_rows, prepare_values
 from exodrake.core.errors import InputError
-from exodrake.core.machine import signal_count, state_size
 from exodrake.diagrams.diagram import build_diagram, logged_signals
 from exodrake.diagrams.meshcat import FingerView, find_colours
 from exodrake.diagrams.multibody import MultibodyFinger
 from exodrake.diagrams.posture_loop import PostureLoop
+from exodrake.engine.compose import compile_machine
+from exodrake.engine.inputs import NOTHING, NoiseInputs, Reference, input_rows, prepare_values
 from exodrake.machines.robot_file import load_robot
+from exodrake.model.machine import signal_count, state_size
 from exodrake.physics.gp_estimator import Weights, predict_rows
 from exodrake.simulation.simulate import record
 from exodrake.systems.gp_estimator import GPEstimator

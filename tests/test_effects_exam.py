@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from effects_motion import nominal, place, row_of, run_rows
 
-from exodrake.core.effect import Effect
 from exodrake.machines.exo_index.machine import machine as exo_index
+from exodrake.model.effect import Effect
 
 EFFECTS = exo_index().effects
 PERIOD = 0.02

@@ -9,13 +9,13 @@ from effects_motion import motion_of
 from scipy.signal import lfilter
 
 import exodrake as exo
-from exodrake.compiled.compose import choose_context
-from exodrake.compiled.inputs import Reference
-from exodrake.core.effect import Effect
 from exodrake.core.errors import InputError
-from exodrake.core.part import Part
 from exodrake.effects import LIBRARY, friction, generic_effects, signal
+from exodrake.engine.compose import choose_context
+from exodrake.engine.inputs import Reference
 from exodrake.machines.library import machine_folders
+from exodrake.model.effect import Effect
+from exodrake.model.part import Part
 from exodrake.simulation.simulate import record
 
 PERIOD = 0.02

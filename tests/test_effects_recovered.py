@@ -8,9 +8,9 @@ from effects_motion import motion_of
 from scipy.optimize import least_squares
 
 import exodrake as exo
-from exodrake.core.effect import EffectParameter
 from exodrake.effects import LIBRARY
 from exodrake.machines.library import machine_folders
+from exodrake.model.effect import EffectParameter
 
 SEED = 20  # of the packets that arrive; the noise itself is switched off
 MOTIONS = {"tendon_sheath": (1, 3)}  # seeds: play that grows with the bend shows at two bends only

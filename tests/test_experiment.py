@@ -11,13 +11,13 @@ from effects_motion import motion_of
 from scipy.stats import norm
 
 import exodrake as exo
-from exodrake.compiled.inputs import Reference
 from exodrake.core.errors import InputError
 from exodrake.core.plain import plain
 from exodrake.data.case import Case, CaseLog, read_case, write_case
 from exodrake.diagnosis.problem import list_required, make_problem
 from exodrake.diagnosis.result import Rival, record_provenance
 from exodrake.diagnosis.search import LAW, NATS
+from exodrake.engine.inputs import Reference
 from exodrake.experiment import contest as inside, design as search
 from exodrake.experiment.contest import UNSURE, Information, information, pair_model, prepare_contest, refit
 from exodrake.experiment.design import Stage, check_length, design, measure_safety

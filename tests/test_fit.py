@@ -9,9 +9,9 @@ from command_line import run
 from scipy import signal, stats
 
 import exodrake as exo
-from exodrake.core.robot import drawn_robot
 from exodrake.identification import fit as module
 from exodrake.identification.fit import arx_percents, check_residual, jackknife
+from exodrake.model.robot import drawn_robot
 
 PLANTED = {"finger.kappa.MCP": 0.09, "finger.kappa.PIP": 0.052, "controller.kp": 0.0066}
 

@@ -5,12 +5,12 @@ import pytest
 from effects_motion import motion_of
 
 import exodrake as exo
-from exodrake.compiled.inputs import Reference
 from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis.pipeline import diagnose
 from exodrake.diagnosis.problem import make_problem
 from exodrake.diagnosis.result import CAUSE
 from exodrake.effects import LIBRARY, friction, servo
+from exodrake.engine.inputs import Reference
 from exodrake.machines.position_servos import servo_machine
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation.simulate import record, simulate

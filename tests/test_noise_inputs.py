@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.stats import kstest
 
-from exodrake.compiled.inputs import NoiseInputs
-from exodrake.core.part import JOINTS, NORMAL, Signal
+from exodrake.engine.inputs import NoiseInputs
 from exodrake.machines.robot_file import load_robot
+from exodrake.model.part import JOINTS, NORMAL, Signal
 
 MACHINE = load_robot().machine
 

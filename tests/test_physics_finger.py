@@ -9,7 +9,7 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RevoluteJoint, SpatialInertia
 
-from exodrake.compiled.inputs import Reference
+from exodrake.engine.inputs import Reference
 from exodrake.physics import finger_statics, tendon_finger
 from exodrake.physics.finger import coriolis, inertia, mass_matrix
 from exodrake.physics.tendon_finger import PART, Parameters

@@ -35,7 +35,7 @@ DRAG = '''
 F_net = F - coefficient v |v|
 """
 
-from exodrake.core.effect import Effect, EffectParameter
+from exodrake.model.effect import Effect, EffectParameter
 
 
 def pushed(force, speed, coefficient):
@@ -314,9 +314,9 @@ def test_a_machine_of_an_installed_package_is_found_by_its_entry_point(puppet, t
 
 PUMP = {
     "machine.py": """
-from exodrake.core.machine import Column, Machine
-from exodrake.core.machine import Segment
-from exodrake.core.part import JOINTS, NORMAL, Axes, Signal
+from exodrake.model.machine import Column, Machine
+from exodrake.model.machine import Segment
+from exodrake.model.part import JOINTS, NORMAL, Axes, Signal
 from exodrake.machines.pump import leak, meter
 
 
@@ -334,7 +334,7 @@ def machine():
 import sys
 from typing import Annotated, NamedTuple
 
-from exodrake.core.part import Output, Part, Point, State, Task, Unit
+from exodrake.model.part import Output, Part, Point, State, Task, Unit
 
 
 class Parameters(NamedTuple):
@@ -364,7 +364,7 @@ PART = Part(
 )
 """,
     "leak.py": """
-from exodrake.core.effect import Effect, EffectParameter
+from exodrake.model.effect import Effect, EffectParameter
 
 
 def passed(flow, share):

@@ -8,7 +8,6 @@ import pytest
 from click.testing import CliRunner
 
 from exodrake.cli.main import cli
-from exodrake.compiled.inputs import Reference
 from exodrake.data.case import Case, CaseLog, write_case
 from exodrake.data.log import Log
 from exodrake.diagnosis.checks.preflight import (
@@ -22,6 +21,7 @@ from exodrake.diagnosis.checks.preflight import (
 from exodrake.diagnosis.checks.suspicions import held_shares
 from exodrake.diagnosis.likelihood import CORRELATION
 from exodrake.diagnosis.linearise import PROBE
+from exodrake.engine.inputs import Reference
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation.references import protocol
 from exodrake.simulation.simulate import simulate

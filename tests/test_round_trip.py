@@ -5,9 +5,9 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings, strategies as st
 
 from exodrake.core.errors import InputError
-from exodrake.core.units import COMMON, KINDS, UNITS, si_unit
 from exodrake.data.formats import formats, read_log, write_log
 from exodrake.data.log import Log
+from exodrake.model.units import COMMON, KINDS, UNITS, si_unit
 
 SI = sorted({si_unit(unit) for unit in (*UNITS, *COMMON)})
 TENDONS = st.sampled_from(["AF", "MF", "ref_AF", "a_b", "0", "MCP", ""])

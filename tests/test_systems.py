@@ -16,9 +16,9 @@ from pydrake.systems.primitives import LogVectorOutput
 
 import exodrake as exo
 from benchmarks.diagram import multibody_speed
-from exodrake.compiled.inputs import Reference
 from exodrake.core.errors import InputError
 from exodrake.diagrams.diagram import build_diagram, read_signals
+from exodrake.engine.inputs import Reference
 from exodrake.estimator.gp import quick_estimator
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation.simulate import record

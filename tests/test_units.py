@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import exodrake as exo
-from exodrake.core.robot import implausible
-from exodrake.core.units import quantity, si_unit, to_si
+from exodrake.model.robot import implausible
+from exodrake.model.units import quantity, si_unit, to_si
 
 
 @pytest.mark.parametrize(

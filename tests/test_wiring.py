@@ -8,9 +8,9 @@ from click.testing import CliRunner
 
 from exodrake.cli.main import cli
 from exodrake.core.errors import InputError
-from exodrake.core.part import Output, Task
 from exodrake.diagrams.block_diagram import part_shares, stream_order, wiring_svg
 from exodrake.machines.exo_index.machine import machine as exo_index
+from exodrake.model.part import Output, Task
 
 
 def part(name):

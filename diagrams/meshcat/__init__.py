@@ -16,13 +16,13 @@ import numpy as np
 from pydrake.geometry import Meshcat, MeshcatAnimation, MeshcatParams
 from pydrake.systems.framework import Context, LeafSystem
 
-from exodrake.core.display import find_display
 from exodrake.core.errors import InputError
-from exodrake.core.mechanism import Shape, Skeleton
-from exodrake.core.robot import Robot
 from exodrake.core.templates import render
 from exodrake.data.log import Log
 from exodrake.diagrams.meshcat.scene import GHOST, GHOSTLY, Arm, Finger, Thing, segment_path, skeleton
+from exodrake.model.display import find_display
+from exodrake.model.mechanism import Shape, Skeleton
+from exodrake.model.robot import Robot
 
 __all__ = ["FingerView", "Thing", "average_frames", "recording_html"]
 

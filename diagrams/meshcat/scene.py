@@ -13,8 +13,8 @@ from pydrake.geometry import Box, Capsule, Cylinder, Rgba, Sphere
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
 from exodrake.core.errors import InputError
-from exodrake.core.mechanism import SPACING, Piece, Shape, Skeleton
-from exodrake.core.robot import Robot
+from exodrake.model.mechanism import SPACING, Piece, Shape, Skeleton
+from exodrake.model.robot import Robot
 
 ROOT, GHOST = "/robot", "/ghost"  # Meshcat paths of the robot and of the second one
 GHOSTLY = (0.42, 0.45, 0.50, 0.45)  # colour, which no load has, and opacity of the second robot

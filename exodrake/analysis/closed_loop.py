@@ -15,7 +15,7 @@ from exodrake.analysis.responses import FrequencyResponse, StepResponse, frequen
 from exodrake.analysis.robustness import Band, Robustness, Uncertainty, robustness
 from exodrake.core.errors import InputError, argument, nearest
 from exodrake.core.plain import plain
-from exodrake.core.robot import Robot
+from exodrake.model.robot import Robot
 
 UNITS = {  # names of fields in JSON
     "rise": "rise_time [s]", "settling": "settling_time [s]", "time_constant": "time_constant [s]",

@@ -4,9 +4,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from exodrake.compiled.inputs import Reference
 from exodrake.core.errors import InputError, short_repr
-from exodrake.core.robot import Robot
+from exodrake.engine.inputs import Reference
+from exodrake.model.robot import Robot
 from exodrake.simulation.simulate import simulate
 
 ROUNDS, GAIN = 40, 0.6  # simulations; share of the error that is made up for in each: assumed

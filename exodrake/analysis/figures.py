@@ -13,8 +13,8 @@ from exodrake.analysis.linear_model import evaluate
 from exodrake.analysis.margins import close, decibel
 from exodrake.analysis.robustness import Uncertainty
 from exodrake.analysis.tuning import Tuning
-from exodrake.core.display import choose_colour, find_display, shown_unit
 from exodrake.data.plot import STYLE, new_figure, render_png
+from exodrake.model.display import choose_colour, find_display, shown_unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -13,8 +13,8 @@ import numpy as np
 
 from exodrake.analysis import margins as mg
 from exodrake.analysis.linear_model import FrameMap, FrameModel, OperatingPoint, linearise_robot
-from exodrake.compiled.inputs import prepare_values
-from exodrake.core.robot import Robot
+from exodrake.engine.inputs import prepare_values
+from exodrake.model.robot import Robot
 
 WINDOW = 60  # frames in which the harmonic is measured, after as many of transient
 CYCLES = (1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 16, 18, 21, 24)  # of the sine in the window

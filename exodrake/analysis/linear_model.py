@@ -20,12 +20,12 @@ from typing import TYPE_CHECKING
 import control
 import numpy as np
 
-from exodrake.compiled.compose import compile_machine
-from exodrake.compiled.inputs import NOTHING, NoiseInputs, prepare_values
 from exodrake.core.errors import InputError, nearest
-from exodrake.core.machine import Loop, Machine, full_name, signal_count, stack, state_size
-from exodrake.core.part import NORMAL
-from exodrake.core.robot import Robot
+from exodrake.engine.compose import compile_machine
+from exodrake.engine.inputs import NOTHING, NoiseInputs, prepare_values
+from exodrake.model.machine import Loop, Machine, full_name, signal_count, stack, state_size
+from exodrake.model.part import NORMAL
+from exodrake.model.robot import Robot
 
 NUDGE = 0.02  # reference step that measures excursions, as a share of the loop's step
 FRAMES = 8  # frames of it

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from exodrake.compiled.inputs import Reference
 from exodrake.core.errors import InputError, argument
 from exodrake.core.plain import plain
-from exodrake.core.robot import Robot
 from exodrake.data.case import LogSource, gather_logs
 from exodrake.data.log import Log
 from exodrake.data.plot import IMPROVED, MEASURED, NOMINAL, STYLE, new_figure
+from exodrake.engine.inputs import Reference
+from exodrake.model.robot import Robot
 from exodrake.simulation.references import reference_rows
 from exodrake.simulation.simulate import simulate
 

@@ -13,7 +13,7 @@ import numpy as np
 from exodrake.analysis import linear_model as lm
 from exodrake.analysis.responses import first_crossing
 from exodrake.core.errors import InputError
-from exodrake.core.part import Part
+from exodrake.model.part import Part
 
 LEAST_GAIN = 1e-3  # factor on the loop gain below which a lower margin counts as none
 ALMOST_REAL = 0.02  # share of |L| below which its imaginary part at the lowest frequency counts as 0

@@ -7,8 +7,8 @@ import control
 import numpy as np
 
 from exodrake.analysis.linear_model import FrameMap, FrameModel, OperatingPoint, evaluate
-from exodrake.compiled.inputs import prepare_values
-from exodrake.core.machine import signal_count
+from exodrake.engine.inputs import prepare_values
+from exodrake.model.machine import signal_count
 
 BEFORE, AFTER = 10, 300  # frames shown before the step and simulated after it
 BAND = 0.02  # settling band, as a share of the step

@@ -19,8 +19,8 @@ from exodrake.analysis.margins import decibel, disk_margin, loop_margins, open_l
 from exodrake.analysis.responses import StepResponse, returns, step_response
 from exodrake.core.confidence import NORMAL_90
 from exodrake.core.errors import InputError
-from exodrake.core.robot import Robot, drawn_robot
 from exodrake.core.schema import read_json
+from exodrake.model.robot import Robot, drawn_robot
 
 POINTS = 240  # frequencies; all margins are read between them by straight lines
 SLOWEST = 4e-5  # lowest frequency, as a share of the Nyquist frequency

@@ -12,15 +12,15 @@ from typing import Any
 import numpy as np
 
 from exodrake.analysis.robustness import within_intervals, within_tolerances
-from exodrake.compiled.inputs import Reference
 from exodrake.core.errors import InputError, argument, require_extra
 from exodrake.core.parallel import side_by_side
 from exodrake.core.plain import to_dict
 from exodrake.core.progress import Count, no_progress
-from exodrake.core.robot import Robot
-from exodrake.core.units import quantity
 from exodrake.data.log import Log
 from exodrake.data.plot import IMPROVED, STYLE, new_figure
+from exodrake.engine.inputs import Reference
+from exodrake.model.robot import Robot
+from exodrake.model.units import quantity
 from exodrake.simulation.references import protocol
 from exodrake.simulation.simulate import simulate
 

@@ -24,8 +24,8 @@ from exodrake.analysis.margins import decibel, open_loop, open_responses, struct
 from exodrake.analysis.responses import BAND, StepResponse, step_response
 from exodrake.analysis.robustness import Band, band, points_band, within_tolerances
 from exodrake.core.errors import InputError, argument, short_repr
-from exodrake.core.machine import Controller
-from exodrake.core.robot import Robot
+from exodrake.model.machine import Controller
+from exodrake.model.robot import Robot
 
 FREQUENCIES, FRAMES = 120, 300  # of the disk margin; of a step
 DESIGN_SEED, JUDGE_SEED = 1, 2  # of the robots that the search sees, and of others that judge its answer

@@ -129,7 +129,7 @@ def course(time_constant: float) -> str:
 
 def uncertainty_lines(result: exo.ClosedLoop) -> list[str]:
     """Stability, margins over amplitude, limit cycles, dead band and weight over the robots of a diagnosis."""
-    from exodrake.core.display import find_display, shown_unit
+    from exodrake.model.display import find_display, shown_unit
 
     u, machine = result.uncertainty, result.robot.machine
     if u is None:

@@ -26,11 +26,11 @@ def command(case: Path, robot: str, only: str, without: str, figure: Path | None
     """
     from rich.markup import escape
 
-    from exodrake.core.display import find_display
     from exodrake.core.parallel import one_blas_thread
     from exodrake.diagnosis.checks.compare import list_few
     from exodrake.diagnosis.checks.preflight import SEEN, draw_figure, preflight
     from exodrake.machines.robot_file import load_robot
+    from exodrake.model.display import find_display
 
     nominal = load_robot(robot)
     options.refuse_cases(case)

@@ -37,7 +37,6 @@ def command(
     """
     import numpy as np
 
-    from exodrake.core.display import in_words
     from exodrake.core.parallel import one_blas_thread
     from exodrake.core.progress import stages
     from exodrake.data.formats import log_bytes
@@ -45,6 +44,7 @@ def command(
     from exodrake.experiment.contest import prepare_contest, read_rivals
     from exodrake.experiment.design import check_length, design, draw_experiment
     from exodrake.machines.robot_file import load_robot
+    from exodrake.model.display import in_words
 
     nominal, picture = load_robot(robot), figure or out.with_suffix(".png")
     if out.parent.is_dir():

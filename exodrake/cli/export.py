@@ -71,7 +71,7 @@ def owner_table(log: exo.Log, mapped: Mapped, source: str) -> bytes:
 
     import numpy as np
 
-    from exodrake.core.units import to_si
+    from exodrake.model.units import to_si
 
     columns = [column for column in mapped.columns if column.name in log.columns]
     if not columns:

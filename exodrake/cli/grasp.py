@@ -100,7 +100,7 @@ def make_files(plan: Plan, log: exo.Log, robot: exo.Robot, trained: Estimator | 
 
 def parse_size(text: str) -> float:
     """`60mm` or `6 cm` as metres; InputError for no number, no unit or no length."""
-    from exodrake.core.units import quantity
+    from exodrake.model.units import quantity
 
     size = quantity(text, "m", "--size")
     if text.strip()[-1].isdigit():

@@ -46,10 +46,10 @@ def compare_logs(first: Path, second: Path, robot: str, out: Path, json_file: Pa
     A and B are log files, or folders that `exodrake simulate` wrote. Where the clocks differ, B is read between its
     samples. The robot gives labels, units and colours.
     """
-    from exodrake.core.display import find_display
     from exodrake.core.plain import plain
-    from exodrake.core.units import find_kind
     from exodrake.data.plot import remarks, render_png
+    from exodrake.model.display import find_display
+    from exodrake.model.units import find_kind
 
     machine = exo.load_robot(robot).machine
     one, other = (exo.read_log(options.log_in(path)) for path in (first, second))

@@ -13,7 +13,7 @@ from exodrake.cli.options import DEFAULT, OutputFile, json_option, print_table, 
 from exodrake.core.errors import InputError, nearest
 
 if TYPE_CHECKING:
-    from exodrake.core.effect import Effect, EffectParameter
+    from exodrake.model.effect import Effect, EffectParameter
 
 
 @click.command()
@@ -28,8 +28,8 @@ def list_parameters(name: str, robot: str, only: str, json_file: Path | None) ->
     """
     from rich.markup import escape
 
-    from exodrake.core.robot import alike, effect_in_words, implausible
     from exodrake.machines.library import robot_yaml
+    from exodrake.model.robot import alike, effect_in_words, implausible
 
     named = bool(name) and (Path(name).exists() or robot_yaml(name) is not None)
     if name and not named and any(name in one for one in exo.load_robot(robot).parameters()):

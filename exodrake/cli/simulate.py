@@ -41,9 +41,9 @@ def command(protocol: str, reference: str, file: str, robot: str, out: Path | No
     import numpy as np
     from rich.markup import escape
 
-    from exodrake.core.display import find_display
     from exodrake.core.files import check_folder, write_folder
     from exodrake.data.formats import log_bytes
+    from exodrake.model.display import find_display
 
     scenario = scenario_from(protocol, reference, file, robot, **options)
     built = scenario.build_robot()
@@ -140,8 +140,8 @@ def make_files(
 
 def changes(scenario: Scenario, robot: exo.Robot) -> list[str]:
     """Differences from a plain run of the nominal robot: effects with values, parameters, variants, options."""
-    from exodrake.core.display import in_words
-    from exodrake.core.robot import effect_in_words
+    from exodrake.model.display import in_words
+    from exodrake.model.robot import effect_in_words
 
     said = [effect_in_words(robot, identity) for identity in robot.effects()]
     for name in scenario.parameters:
@@ -158,7 +158,7 @@ def changes(scenario: Scenario, robot: exo.Robot) -> list[str]:
 
 def warn(robot: exo.Robot) -> None:
     """Says which parameters, and values of effects, lie outside their plausible range."""
-    from exodrake.core.robot import implausible
+    from exodrake.model.robot import implausible
 
     for sentence in implausible(robot):
         click.secho(f"note: {sentence}", fg="yellow", err=True)
@@ -172,8 +172,8 @@ def compile_kernels() -> None:
     """Compile the nominal robot's simulation into numba's cache; later sessions load it in a second or two."""
     from time import perf_counter
 
-    from exodrake.compiled.compose import compile_machine
     from exodrake.core.parallel import each
+    from exodrake.engine.compose import compile_machine
 
     start, left = perf_counter(), dict(enumerate(JOBS))
     with waiting(f"compiling {', '.join(JOBS)}") as say:
@@ -190,9 +190,9 @@ def use_engine(engine: str) -> None:
     """Uses once all that an engine compiles."""
     import numpy as np
 
-    from exodrake.compiled.compose import compile_machine
-    from exodrake.compiled.inputs import NOTHING, NoiseInputs, input_rows, prepare_values
-    from exodrake.core.machine import signal_count, state_size
+    from exodrake.engine.compose import compile_machine
+    from exodrake.engine.inputs import NOTHING, NoiseInputs, input_rows, prepare_values
+    from exodrake.model.machine import signal_count, state_size
 
     robot, reference = exo.load_robot(), exo.Reference(np.tile([5.0, 3.0, 1.0], (3, 1)), "warm-up")
     machine, frames = robot.machine, len(reference.values)

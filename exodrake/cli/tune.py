@@ -67,7 +67,7 @@ def command(file, settling, overshoot, disk_margin, noise, only, draws, out, out
 
 def show(tuning: exo.Tuning) -> None:
     """The controllers as a table, and the best one's gains."""
-    from exodrake.core.display import shown_unit
+    from exodrake.model.display import shown_unit
 
     unit, factor = shown_unit(tuning.noise_unit)
     titles = (">settling\n\\[s]", ">overshoot\n\\[%]", ">disk margin\n\\[-]", f">noise\n\\[{unit}]")
@@ -124,10 +124,10 @@ def find_commands(wanted: str, robot: str, out: Path, map_file: Path | None) -> 
 
     from exodrake.analysis.feedforward import feedforward
     from exodrake.cli.export import owner_table
-    from exodrake.core.display import find_display
     from exodrake.core.files import is_file
     from exodrake.data.formats import find_format, log_bytes
     from exodrake.data.import_log import read_mapping
+    from exodrake.model.display import find_display
 
     mapped = read_mapping(map_file) if map_file else None
     if mapped is None:

@@ -1,1 +1,1 @@
-"""What everything is made of: signals, parts, parameters, effects, machines, robots, units and errors."""
+"""Tools that every room needs: errors, files, schemas, processes, parallel loops, plugins."""

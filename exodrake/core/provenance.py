@@ -11,13 +11,13 @@ from exodrake import __version__
 from exodrake.core import plugins
 
 if TYPE_CHECKING:
-    from exodrake.core.robot import Robot
+    from exodrake.model.robot import Robot
 
 PACKAGE = Path(__file__).parent.parent
-ANSWERING = ("core", "data", "physics", "effects", "machines", "compiled", "simulation", "diagnosis")
+ANSWERING = ("core", "model", "engine", "data", "physics", "effects", "machines", "simulation", "diagnosis")
 DIGITS = 12  # hexadecimal ones of a SHA-256
 # without bearing on an answer
-ASIDE = ("diagnosis/healthy.py", "diagnosis/calibra", "data/plot.py", "core/display.py", "core/templates.py")
+ASIDE = ("diagnosis/healthy.py", "diagnosis/calibra", "data/plot.py", "model/display.py", "core/templates.py")
 
 
 def configuration() -> dict[str, str]:

@@ -17,7 +17,6 @@ import numpy as np
 from exodrake.core import schema
 from exodrake.core.errors import InputError, nearest, plural
 from exodrake.core.files import is_folder, read_bytes
-from exodrake.core.units import check_unit, si_unit, to_si
 from exodrake.data.formats import ending, read_log, stem
 from exodrake.data.log import (
     LONGEST,
@@ -31,6 +30,7 @@ from exodrake.data.log import (
 )  # fmt: skip
 from exodrake.data.ros2 import STATE, Track, is_bag, read_bag, read_topics
 from exodrake.data.tables import TIME, TextLayout, element_names, episodes, is_dataset, read_columns, read_info, resolve
+from exodrake.model.units import check_unit, si_unit, to_si
 
 BAG_PERIOD = 0.02  # s, frames of a bag whose mapping states none
 ALIKE = 0.1  # relative difference of a frame and a recording's step up to which it has one sample a frame: assumed

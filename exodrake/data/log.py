@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from exodrake.core.errors import InputError, argument, require_extra, short_repr
-from exodrake.core.units import KINDS, check_unit, default_unit, find_kind, to_si
+from exodrake.model.units import KINDS, check_unit, default_unit, find_kind, to_si
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -503,3 +503,17 @@ def compare(first: Log, second: Log) -> Comparison:
         rms, mean = float(np.sqrt(np.mean(error[known] ** 2))), float(error[known].mean())
         found[name] = Difference(first.units[name], rms, mean, float(abs(error[worst])), float(time[worst]), len(known))
     return Comparison((first.label, second.label), float(start), float(end), found, tuple(notes))
+
+
+def fill_gaps(values: np.ndarray) -> np.ndarray:
+    """Missing samples replaced by the last one known."""
+    known = np.isfinite(values)
+    if not known.any():
+        return np.zeros_like(values)
+    last = np.maximum.accumulate(np.where(known, np.arange(len(values)), 0))
+    return np.nan_to_num(values[last], nan=values[known][0])
+
+
+def fill_columns(rows: np.ndarray) -> np.ndarray:
+    """Signals (n, columns), each filled."""
+    return np.column_stack([fill_gaps(column) for column in rows.T])

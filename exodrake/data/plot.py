@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from exodrake.core.display import Display, choose_colour, find_display
 from exodrake.core.errors import InputError
 from exodrake.core.files import write_bytes
-from exodrake.core.machine import Machine
-from exodrake.core.units import find_kind
+from exodrake.model.display import Display, choose_colour, find_display
+from exodrake.model.machine import Machine
+from exodrake.model.units import find_kind
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

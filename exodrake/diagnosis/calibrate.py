@@ -15,12 +15,12 @@ import numpy as np
 from exodrake.core.errors import InputError
 from exodrake.core.parallel import each
 from exodrake.core.progress import Count, no_progress
-from exodrake.core.robot import Robot
 from exodrake.data.case import Case
 from exodrake.diagnosis import calibration as rates
 from exodrake.diagnosis.healthy import SEEDS, follow_case, healthy_case, healthy_robot, with_effect
 from exodrake.diagnosis.result import CAUSE, NO_GAP, RETUNE, UNKNOWN, Diagnosis
 from exodrake.machines.robot_file import load_robot
+from exodrake.model.robot import Robot
 
 EACH_HEALTHY = 3  # one robot in so many is healthy
 

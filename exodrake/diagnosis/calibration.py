@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from exodrake.core.confidence import binomial_interval
-from exodrake.core.machine import Machine
 from exodrake.core.provenance import configuration
 from exodrake.core.schema import dump_yaml, mapping, number, read_yaml, text
 from exodrake.machines.library import machine_folders
+from exodrake.model.machine import Machine
 
 FILE = "calibration.yaml"  # in the folder of the machine
 ALARM, NAMED, CLASS = "healthy: a cause", "one effect: named alone", "one effect: in class"

@@ -15,13 +15,13 @@ from datetime import UTC, datetime
 import numpy as np
 
 from exodrake.core.confidence import CONFIDENCE
-from exodrake.core.robot import Robot
 from exodrake.diagnosis.filters import mismatch
 from exodrake.diagnosis.likelihood import stretch_length
 from exodrake.diagnosis.parameter import apply
 from exodrake.diagnosis.problem import WILD, Problem
 from exodrake.diagnosis.result import Closure, Interval, SignalGap
 from exodrake.diagnosis.search import Fitted
+from exodrake.model.robot import Robot
 
 DRAWS = 400
 

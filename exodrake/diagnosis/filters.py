@@ -1,4 +1,4 @@
-"""Small repairs of measured signals, and bands filtered out of them."""
+"""Bands that are filtered out of measured signals."""
 
 from __future__ import annotations
 
@@ -6,23 +6,11 @@ from functools import cache
 
 import numpy as np
 
+from exodrake.data.log import fill_columns
+
 Bands = tuple[tuple[float, float], ...]
 STEEP = 2  # order of the filter, which runs forwards and backwards
 FINE = 4096  # frequencies at which its response is taken
-
-
-def fill_gaps(values: np.ndarray) -> np.ndarray:
-    """Missing samples replaced by the last one known."""
-    known = np.isfinite(values)
-    if not known.any():
-        return np.zeros_like(values)
-    last = np.maximum.accumulate(np.where(known, np.arange(len(values)), 0))
-    return np.nan_to_num(values[last], nan=values[known][0])
-
-
-def filled_columns(rows: np.ndarray) -> np.ndarray:
-    """Signals (n, columns), each filled."""
-    return np.column_stack([fill_gaps(column) for column in rows.T])
 
 
 @cache
@@ -57,7 +45,7 @@ def mismatch(measured: np.ndarray, simulated: np.ndarray, bands: Bands, period: 
     """
     if not bands:
         return measured - simulated
-    known = filled_columns(measured)
+    known = fill_columns(measured)
     seen, repeated = (signal - outside(bands, signal, period) for signal in (known, simulated))
     strength = np.sqrt(np.mean(repeated**2, axis=0) / np.maximum(np.mean(seen**2, axis=0), 1e-30))
     found = outside(bands, known - simulated, period) + seen * (1.0 - strength)

@@ -18,12 +18,12 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from exodrake.core.machine import Machine
 from exodrake.core.parallel import side_by_side
 from exodrake.diagnosis.likelihood import Likelihood
 from exodrake.diagnosis.linear import LinearModel, minimise_bounded
 from exodrake.diagnosis.linearise import Probe, nominal_jacobian, with_effects
 from exodrake.diagnosis.parameter import STEP, Parameter, apply
+from exodrake.model.machine import Machine
 
 DAMPING, LARGER, SMALLER = 1e-6, 30.0, 0.2  # at first, and its factors after a bad and a good step
 SHORTER = 0.25  # of the longest step of an effect's parameter after a bad step; one scale at the first: assumed

@@ -10,11 +10,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from exodrake.compiled.inputs import Reference
-from exodrake.core.effect import Effect, EffectParameter
-from exodrake.core.robot import Robot, drawn_robot
 from exodrake.data.case import Case, CaseLog
-from exodrake.diagnosis.filters import filled_columns
+from exodrake.data.log import fill_columns
+from exodrake.engine.inputs import Reference
+from exodrake.model.effect import Effect, EffectParameter
+from exodrake.model.robot import Robot, drawn_robot
 from exodrake.simulation import protocols
 from exodrake.simulation.references import reference_rows
 from exodrake.simulation.simulate import run, write_log
@@ -68,7 +68,7 @@ def follow_case(case: Case, robot: Robot, rng: np.random.Generator) -> Case:
     """The case with the logs that a robot writes on its references: the same roles, repeats, columns and gaps."""
     logs = []
     for item in case.logs:
-        reference = Reference(filled_columns(reference_rows(robot.machine, item.log)), item.file)
+        reference = Reference(fill_columns(reference_rows(robot.machine, item.log)), item.file)
         log = write_log(run(robot, reference, seed=int(rng.integers(SEEDS))))
         seen = [name for name in log.columns if item.log.has(name)]
         gaps = {name: np.where(np.isfinite(item.log[name]), log[name], np.nan) for name in seen}

@@ -22,11 +22,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from exodrake.core.confidence import NORMAL_90
-from exodrake.core.effect import SHAPE_STD, Effect
-from exodrake.core.part import SCALAR, TENDONS
 from exodrake.diagnosis.parameter import Parameter
 from exodrake.diagnosis.result import Interval, NamedEffect
 from exodrake.diagnosis.search import Fitted, name_kind
+from exodrake.model.effect import SHAPE_STD, Effect
+from exodrake.model.part import SCALAR, TENDONS
 
 # relative standard deviation of a parameter that means the same in two simulators, or machines, which differ otherwise:
 # RMS error of seven such parameters on development cases of the reference simulator

@@ -27,9 +27,9 @@ import numpy as np
 from numba import njit
 
 from exodrake.core.parallel import side_by_side
-from exodrake.core.robot import Robot
 from exodrake.diagnosis.parameter import apply, nominal_parameters
 from exodrake.diagnosis.problem import Problem, Trial, by_trial
+from exodrake.model.robot import Robot
 
 # s of a log that count as one sample against the tolerances: a model's error repeats in every motion. With 0.66 s, 90 %
 # intervals of nominal parameters of 24 healthy robots of the reference simulator covered 90 %, with one frame 41 %

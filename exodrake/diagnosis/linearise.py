@@ -14,12 +14,12 @@ from functools import partial
 
 import numpy as np
 
-from exodrake.core.effect import Effect
-from exodrake.core.machine import Machine
 from exodrake.core.parallel import side_by_side
 from exodrake.diagnosis.likelihood import Likelihood
 from exodrake.diagnosis.parameter import STEP, Parameter, apply, effect_parameters, fixed_parameters
 from exodrake.diagnosis.problem import Problem
+from exodrake.model.effect import Effect
+from exodrake.model.machine import Machine
 
 PROBE, STRONG = 0.6, 2.5  # of an effect's initial amplitude: modest, and where small amplitudes hide; assumed
 GRID = 5  # amplitudes at which an effect of the whole robot is tried

@@ -11,8 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from exodrake.core.part import JOINTS, SCALAR, TENDONS
-from exodrake.diagnosis.filters import fill_gaps
+from exodrake.data.log import fill_gaps
 from exodrake.diagnosis.intervals import describe, fitted_effects
 from exodrake.diagnosis.isolation import Isolation
 from exodrake.diagnosis.likelihood import written_by
@@ -20,6 +19,7 @@ from exodrake.diagnosis.problem import Problem, Trial, by_trial
 from exodrake.diagnosis.result import CAUSE, NO_GAP, RETUNE, NamedEffect, Where
 from exodrake.diagnosis.search import Fitted, is_memory, screen
 from exodrake.diagnosis.verdict import LARGE
+from exodrake.model.part import JOINTS, SCALAR, TENDONS
 from exodrake.simulation.segments import LOOP, OnlineReplay, list_channels
 
 AFFECTED = 0.25  # share of the strongest channel's residual power, half its amplitude, from which one counts: assumed

@@ -10,11 +10,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from exodrake.compiled.inputs import Reference
 from exodrake.core.errors import InputError
-from exodrake.core.robot import Robot
 from exodrake.data.case import Case
-from exodrake.diagnosis.filters import Bands, fill_gaps, without
+from exodrake.data.log import fill_gaps
+from exodrake.diagnosis.filters import Bands, without
+from exodrake.engine.inputs import Reference
+from exodrake.model.robot import Robot
 from exodrake.simulation.references import reference_rows
 from exodrake.simulation.simulate import run, write_log
 

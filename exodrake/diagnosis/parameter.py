@@ -15,9 +15,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from exodrake.core.effect import Effect
-from exodrake.core.machine import Machine
-from exodrake.core.robot import Robot, list_tolerances, position
+from exodrake.model.effect import Effect
+from exodrake.model.machine import Machine
+from exodrake.model.robot import Robot, list_tolerances, position
 
 # of a scale, for difference quotients: a robot without noise and quantisation is smooth, and where parameters
 # make up for each other, as lengths that grow together, a longer step shows curvature as a slope

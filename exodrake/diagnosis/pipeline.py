@@ -9,12 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from exodrake.core.display import in_words
 from exodrake.core.errors import brief, printable, shorten
 from exodrake.core.parallel import one_blas_thread
-from exodrake.core.part import JOINTS, TENDONS
 from exodrake.core.progress import Stage, StageProgress, no_progress
-from exodrake.core.robot import Robot
 from exodrake.data.case import Case, gather_logs, read_case
 from exodrake.data.log import Log
 from exodrake.diagnosis.calibration import calibration_notes
@@ -48,6 +45,9 @@ from exodrake.diagnosis.search import Fitted
 from exodrake.diagnosis.since import follow_sessions
 from exodrake.diagnosis.verdict import Decision, decide, find_rivals, jackknife_share, list_moved, screen_alike
 from exodrake.machines.robot_file import robot_or_default
+from exodrake.model.display import in_words
+from exodrake.model.part import JOINTS, TENDONS
+from exodrake.model.robot import Robot
 
 NONE = float("nan")
 

@@ -13,18 +13,19 @@ from functools import cached_property, partial
 import numpy as np
 from numba import njit
 
-from exodrake.compiled.compose import compile_machine
-from exodrake.compiled.inputs import NOTHING, NoiseInputs, input_rows, prepare_values
 from exodrake.core.errors import InputError
-from exodrake.core.machine import Machine, signal_count, state_size
 from exodrake.core.parallel import side_by_side
-from exodrake.core.robot import Robot
 from exodrake.data.case import EXPERIMENT, Case, CaseLog
+from exodrake.data.log import fill_columns
 from exodrake.diagnosis.checks.compare import check_case, compare, find_columns, without_short_logs
 from exodrake.diagnosis.checks.suspicions import logged_noise
-from exodrake.diagnosis.filters import Bands, filled_columns, without
+from exodrake.diagnosis.filters import Bands, without
 from exodrake.diagnosis.noise import noise_std, reference_rows
 from exodrake.diagnosis.result import NamedEffect
+from exodrake.engine.compose import compile_machine
+from exodrake.engine.inputs import NOTHING, NoiseInputs, input_rows, prepare_values
+from exodrake.model.machine import Machine, signal_count, state_size
+from exodrake.model.robot import Robot
 from exodrake.simulation.simulate import delay_columns
 
 ROWS = 4  # robots simulated at once: their records stay in the cache
@@ -208,7 +209,7 @@ class Problem:
         kept = kinds != followed[0]
 
         def follow(trial: Trial) -> Trial:
-            known = filled_columns(trial.measured[:, np.concatenate(columns)])
+            known = fill_columns(trial.measured[:, np.concatenate(columns)])
             return replace(trial, measured=trial.measured[:, kept], follow=known)
 
         return replace(
@@ -275,7 +276,7 @@ def make_problem(case: Case, robot: Robot, tried: frozenset[str] | None = None) 
     columns = find_columns(case, robot.machine)
 
     def make_trial(item: CaseLog) -> Trial:
-        reference = filled_columns(reference_rows(robot.machine, item.log))
+        reference = fill_columns(reference_rows(robot.machine, item.log))
         measured = np.column_stack([item.log[c] for c in columns])
         return Trial(item.file, item.role, reference, measured, whole=item.protocol == EXPERIMENT)
 

@@ -11,11 +11,11 @@ from itertools import product
 
 import numpy as np
 
-from exodrake.core.effect import EffectParameter
-from exodrake.core.machine import Machine
-from exodrake.core.robot import Robot
 from exodrake.data.case import Case
 from exodrake.effects import LIBRARY
+from exodrake.model.effect import EffectParameter
+from exodrake.model.machine import Machine
+from exodrake.model.robot import Robot
 
 GENERIC = ("signal", "sliding", "joint")  # blocks of the library whose laws serve any machine
 

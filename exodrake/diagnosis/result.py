@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from exodrake.core.errors import short_repr
-from exodrake.core.machine import Machine
 from exodrake.core.plain import plain
 from exodrake.core.provenance import configuration, robot_digest
-from exodrake.core.robot import Robot
 from exodrake.diagnosis.calibration import read_calibration
 from exodrake.machines.robot_file import robot_text
+from exodrake.model.machine import Machine
+from exodrake.model.robot import Robot
 
 if TYPE_CHECKING:
     from exodrake.diagnosis.discovery.discover import MissingLaw

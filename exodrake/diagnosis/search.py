@@ -15,7 +15,6 @@ from functools import partial
 
 import numpy as np
 
-from exodrake.core.effect import Effect
 from exodrake.core.parallel import side_by_side
 from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.diagnosis.fit import (
@@ -34,6 +33,7 @@ from exodrake.diagnosis.fit import (
 from exodrake.diagnosis.likelihood import Likelihood
 from exodrake.diagnosis.linear import LinearModel, minimise_bounded
 from exodrake.diagnosis.linearise import Linearisation, linearise
+from exodrake.model.effect import Effect
 
 SINGLES, FITTED, LOOKED = 4, 3, 10  # first effects fitted; further ones; those whose directions are taken anew
 NATS = 4.0  # of evidence that one effect more must add: odds of 1 to 50, as many as a library has effects

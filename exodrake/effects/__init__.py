@@ -14,9 +14,9 @@ from pathlib import Path
 from pkgutil import walk_packages
 
 from exodrake.core import plugins
-from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.errors import InputError, nearest
-from exodrake.core.part import Part, map_points, point_key
+from exodrake.model.effect import Effect, EffectParameter
+from exodrake.model.part import Part, map_points, point_key
 
 plugins.extend(__path__, "effects")
 FAMILIES = ("motor", "friction", "tendon", "sensor", "finger", "timing", "signal", "arm", "servo")

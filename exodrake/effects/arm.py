@@ -3,8 +3,8 @@
 The motors of a cable-driven arm feel the joints' efforts by the same matrix A as the joints their angles.
 """
 
-from exodrake.core.effect import Effect, EffectParameter, per_joint
 from exodrake.effects.signal import cut_dead_zone, mix, scale, shift
+from exodrake.model.effect import Effect, EffectParameter, per_joint
 
 
 def soften_loop(stiffness, share):

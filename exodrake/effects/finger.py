@@ -5,10 +5,10 @@ At `finger.external` a law takes and returns the torques on all joints; bones: (
 
 from math import cos, inf, pi, sin
 
-from exodrake.core.effect import ANY_SHAPE, Effect, EffectParameter, per_joint, per_tendon
-from exodrake.core.part import JOINTS, TENDONS, State
 from exodrake.effects.friction import bend_bristle
 from exodrake.effects.signal import relax, shift
+from exodrake.model.effect import ANY_SHAPE, Effect, EffectParameter, per_joint, per_tendon
+from exodrake.model.part import JOINTS, TENDONS, State
 
 SETTLING = 0.01  # time in which the garment follows the tension [s]; assumed
 TAUT = 15.0  # tension above which the garment is taut and lifts no further [N]; beyond all references; assumed

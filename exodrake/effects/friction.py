@@ -6,8 +6,8 @@ law: rate-free, never beyond 1, and dissipative in every closed loop.
 
 from math import exp
 
-from exodrake.core.effect import Effect, EffectParameter
-from exodrake.core.part import State
+from exodrake.model.effect import Effect, EffectParameter
+from exodrake.model.part import State
 from exodrake.physics.arithmetic import brake_dry
 
 LOAD = 4.0  # tension at which a presliding travel is stated [N]: in the middle of the wires' ranges

@@ -2,9 +2,9 @@
 
 from math import copysign, floor, inf
 
-from exodrake.core.effect import Effect, EffectParameter, per_tendon
-from exodrake.core.part import TENDONS, State
 from exodrake.effects.friction import bend_bristle, find_stiffness, slip_spring
+from exodrake.model.effect import Effect, EffectParameter, per_tendon
+from exodrake.model.part import TENDONS, State
 
 HARD = 0.01  # knee below which the current is clipped [-]
 NONE = 1e-3  # share of the limit below which the knee does not show [-]

@@ -2,10 +2,10 @@
 
 from math import exp, pi
 
-from exodrake.core.effect import ANY_SHAPE, Effect, per_tendon
-from exodrake.core.part import TENDONS, State
 from exodrake.effects.friction import bend_bristle, find_stiffness, slip_spring
 from exodrake.effects.signal import drift, mix, relax, scale, shift
+from exodrake.model.effect import ANY_SHAPE, Effect, per_tendon
+from exodrake.model.part import TENDONS, State
 from exodrake.physics.sensor import lag_ramp
 
 FULL_SCALE = 20.0  # tension at which the cell is full [N]; effects.md

@@ -2,10 +2,10 @@
 
 from math import cos, exp, inf
 
-from exodrake.core.effect import Effect, per_joint
-from exodrake.core.part import JOINTS, State
 from exodrake.effects.friction import bend_bristle, turn_bristle
 from exodrake.effects.signal import clip, cut_dead_zone, mix, scale, shift, take_up_play
+from exodrake.model.effect import Effect, per_joint
+from exodrake.model.part import JOINTS, State
 from exodrake.physics.arithmetic import brake_dry
 
 STRANDS = 3.0

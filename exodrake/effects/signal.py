@@ -7,9 +7,9 @@ value and then its states, or has them advanced at a point of its own.
 
 from math import exp, inf, sin
 
-from exodrake.core.effect import ANY_SHAPE, Effect, EffectParameter, per_joint, per_tendon
-from exodrake.core.part import State
 from exodrake.effects.friction import bend_bristle
+from exodrake.model.effect import ANY_SHAPE, Effect, EffectParameter, per_joint, per_tendon
+from exodrake.model.part import State
 from exodrake.physics.arithmetic import round_to
 
 DEPTH = 8  # samples that a late signal remembers

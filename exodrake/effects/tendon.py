@@ -7,10 +7,10 @@ stores is let go as its wire goes slack and must be wound up again: `limit_to_gr
 
 from math import exp, expm1, inf
 
-from exodrake.core.effect import ANY_SHAPE, Effect, per_tendon
-from exodrake.core.part import TENDONS, State
 from exodrake.effects.friction import bend_bristle, deflect_bristle, find_stiffness, level, slip_spring, turn_bristle
 from exodrake.effects.signal import relax
+from exodrake.model.effect import ANY_SHAPE, Effect, per_tendon
+from exodrake.model.part import TENDONS, State
 from exodrake.physics.tendon import grip
 
 LIMIT = 3.0  # exponent from which a stiffening wire's curve is straight [-]

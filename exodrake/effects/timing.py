@@ -1,7 +1,7 @@
 """Timing: commands that come late or not at all, and motion capture by a clock of its own."""
 
-from exodrake.core.effect import Effect, EffectParameter
 from exodrake.effects.signal import drift, lose_sample, shift
+from exodrake.model.effect import Effect, EffectParameter
 
 REMEMBERED = 12  # commands that the bus remembers [-]
 

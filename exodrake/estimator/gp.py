@@ -24,9 +24,9 @@ from exodrake.core.errors import InputError, short_repr
 from exodrake.core.files import read_bytes, write_bytes
 from exodrake.core.parallel import thread_limit
 from exodrake.core.provenance import robot_digest
-from exodrake.core.robot import Robot
 from exodrake.data.formats.npz import read_arrays
 from exodrake.estimator.dataset import Sweeps, sweeps_from_logs
+from exodrake.model.robot import Robot
 from exodrake.physics.gp_estimator import Weights, predict_rows
 
 POINTS = 500

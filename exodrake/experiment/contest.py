@@ -16,10 +16,8 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 from scipy.stats import norm
 
-from exodrake.compiled.inputs import Reference
 from exodrake.core.errors import InputError
 from exodrake.core.progress import StageProgress, no_progress
-from exodrake.core.robot import Robot
 from exodrake.core.schema import having, listing, names, number, read_json, text
 from exodrake.data.case import read_case
 from exodrake.diagnosis.detect import detect
@@ -33,6 +31,8 @@ from exodrake.diagnosis.parameter import effect_parameters, nominal_parameters
 from exodrake.diagnosis.problem import Problem, Trial, list_required, make_problem
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, Rival, record_provenance
 from exodrake.diagnosis.search import LAW, NATS
+from exodrake.engine.inputs import Reference
+from exodrake.model.robot import Robot
 
 DRAWS = 8  # plausible robots of an explanation: assumed
 UNSURE = 0.25  # relative standard deviation of the error of a law in a new motion: assumed

@@ -14,15 +14,15 @@ from typing import NamedTuple
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from exodrake.compiled.inputs import Reference
-from exodrake.core.display import choose_colour, find_display
 from exodrake.core.errors import InputError
-from exodrake.core.machine import Machine
-from exodrake.core.robot import Robot
 from exodrake.data.plot import STYLE, new_figure, render_png
 from exodrake.diagnosis.parameter import apply
 from exodrake.diagnosis.problem import Problem, Trial
+from exodrake.engine.inputs import Reference
 from exodrake.experiment.contest import Contest, Information, information, refit
+from exodrake.model.display import choose_colour, find_display
+from exodrake.model.machine import Machine
+from exodrake.model.robot import Robot
 from exodrake.simulation.protocols import smooth
 from exodrake.simulation.references import protocol
 

@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from exodrake.compiled.inputs import Reference
-from exodrake.core.display import choose_colour, find_display
 from exodrake.core.errors import InputError, argument, short_repr
-from exodrake.core.robot import Robot
 from exodrake.data.log import Log
 from exodrake.data.plot import STYLE, draw_estimate, draw_panel, new_figure
+from exodrake.engine.inputs import Reference
 from exodrake.grasping.hand import Hand, bounds, candidates, check_size, find_mode, joints
 from exodrake.machines.robot_file import robot_or_default
+from exodrake.model.display import choose_colour, find_display
+from exodrake.model.robot import Robot
 from exodrake.physics.finger import end_stop
 from exodrake.physics.finger_statics import arms, follow, parameters_of, posture
 from exodrake.physics.tendon_finger import Parameters

@@ -15,15 +15,14 @@ import numpy as np
 
 from exodrake.core.errors import InputError, argument, markdown_table
 from exodrake.core.plain import to_dict
-from exodrake.core.robot import Robot
-from exodrake.core.units import quantity
 from exodrake.data.case import LogSource, gather_logs
-from exodrake.data.log import Log
+from exodrake.data.log import Log, fill_columns
 from exodrake.data.plot import IMPROVED, NOMINAL, STYLE, new_figure
-from exodrake.diagnosis.filters import filled_columns
 from exodrake.diagnosis.likelihood import longest
 from exodrake.diagnosis.parameter import apply, nominal_parameters
 from exodrake.diagnosis.problem import Problem, list_required, make_problem
+from exodrake.model.robot import Robot
+from exodrake.model.units import quantity
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -330,7 +329,7 @@ def jackknife(left: np.ndarray, slopes: np.ndarray, block: np.ndarray) -> np.nda
 def compare_signals(problem: Problem, rows: np.ndarray) -> tuple[SignalFit, ...]:
     """Fit and tests of each column, with flat parameter vectors (2, n) [SI] of the robot before and after."""
     sets = [[(trial, problem.predict(rows, trial)) for trial in trials] for trials in (problem.fit, problem.holdout)]
-    inputs = [[filled_columns(trial.reference) for trial, _ in one] for one in sets]
+    inputs = [[fill_columns(trial.reference) for trial, _ in one] for one in sets]
     found = []
     for j, column in enumerate(problem.columns):
         measured = [[trial.measured[:, j] for trial, _ in one] for one in sets]
@@ -359,7 +358,7 @@ def arx_percents(inputs: Sequence[Sequence[np.ndarray]], outputs: Sequence[Seque
     """
     from scipy.signal import lfilter, lfiltic
 
-    known = [[filled_columns(y[:, None])[:, 0] for y in ys] for ys in outputs]
+    known = [[fill_columns(y[:, None])[:, 0] for y in ys] for ys in outputs]
 
     def delay(rows: np.ndarray, delays: range, order: int) -> np.ndarray:
         """Columns (n - order, ...) of rows (n, ...) that are so many samples late."""

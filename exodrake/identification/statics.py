@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from exodrake.core.errors import InputError, argument
-from exodrake.core.robot import Robot
 from exodrake.data.log import Log
 from exodrake.machines.robot_file import robot_or_default
+from exodrake.model.robot import Robot
 from exodrake.physics.finger_statics import arms, follow
 from exodrake.physics.tendon_finger import Parameters
 

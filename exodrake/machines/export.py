@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 
 from exodrake.core.errors import InputError, argument, nearest
 from exodrake.core.files import write_text
-from exodrake.core.mechanism import Body, Drive, Mechanism
-from exodrake.core.robot import Robot, effect_in_words
+from exodrake.model.mechanism import Body, Drive, Mechanism
+from exodrake.model.robot import Robot, effect_in_words
 
 # fields of a drive that a format does not state, with their units; of a joint that slides m stands for rad, N for N m
 LEFT_OUT = {

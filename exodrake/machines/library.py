@@ -13,10 +13,10 @@ from pathlib import Path
 import exodrake.machines
 from exodrake.core import plugins
 from exodrake.core.errors import InputError, nearest
-from exodrake.core.machine import Machine, Tolerance
 from exodrake.core.schema import read_yaml
-from exodrake.core.units import add_kind
 from exodrake.data.case import Case
+from exodrake.model.machine import Machine, Tolerance
+from exodrake.model.units import add_kind
 
 
 def machine_folders() -> dict[str, Path]:

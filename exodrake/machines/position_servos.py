@@ -7,17 +7,17 @@ from typing import Any
 
 import numpy as np
 
-from exodrake.core.effect import Effect
 from exodrake.core.errors import InputError
-from exodrake.core.machine import Column, Controller, Gain, Loop, Machine, Segment
-from exodrake.core.mechanism import GRAVITY, Body, Chain, Drive, Joint, Mechanism, axes_side_by_side
-from exodrake.core.part import JOINTS, NORMAL, SCALAR, UNIFORM, Axes, Signal
-from exodrake.core.robot import Robot
 from exodrake.core.schema import listing, mapping, names, number, text, whole
 from exodrake.effects import LIBRARY, effects_of, for_machine, generic_effects, in_order, plugin_effects
 from exodrake.effects.servo import lag_behind, limit_speed
 from exodrake.effects.signal import scale, shift, take_up_play
 from exodrake.effects.timing import delay_command
+from exodrake.model.effect import Effect
+from exodrake.model.machine import Column, Controller, Gain, Loop, Machine, Segment
+from exodrake.model.mechanism import GRAVITY, Body, Chain, Drive, Joint, Mechanism, axes_side_by_side
+from exodrake.model.part import JOINTS, NORMAL, SCALAR, UNIFORM, Axes, Signal
+from exodrake.model.robot import Robot
 from exodrake.physics import joint, joint_command, joint_loop, servo
 from exodrake.physics.reading import sensor
 

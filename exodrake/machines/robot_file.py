@@ -15,12 +15,12 @@ import numpy as np
 from exodrake.core import plugins, schema
 from exodrake.core.errors import InputError, argument, nearest
 from exodrake.core.files import is_file, read_bytes, write_text
-from exodrake.core.machine import Machine, Tolerance
-from exodrake.core.part import TENDONS
-from exodrake.core.robot import Robot, flatten, refuse_negative
 from exodrake.core.schema import Schema, anything, dump_yaml, either, listing, mapping, names, number, optional, text
-from exodrake.core.units import quantity
 from exodrake.machines.library import machine_named, robot_files, robot_yaml
+from exodrake.model.machine import Machine, Tolerance
+from exodrake.model.part import TENDONS
+from exodrake.model.robot import Robot, flatten, refuse_negative
+from exodrake.model.units import quantity
 
 TRANSFORMS = ("relative", "additive", "log")
 

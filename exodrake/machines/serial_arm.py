@@ -13,15 +13,15 @@ from typing import Any
 
 import numpy as np
 
-from exodrake.core.effect import Effect
 from exodrake.core.errors import InputError
-from exodrake.core.machine import Column, Controller, Gain, Loop, Machine, Segment
-from exodrake.core.mechanism import GRAVITY, Body, Chain, Drive, Joint, Mechanism, Shape
-from exodrake.core.part import JOINTS, NORMAL, UNIFORM, Axes, Output, Part, Signal, Task
-from exodrake.core.robot import Robot
 from exodrake.core.schema import mapping, number, text
 from exodrake.effects import effects_of, friction
 from exodrake.machines.urdf import read_urdf
+from exodrake.model.effect import Effect
+from exodrake.model.machine import Column, Controller, Gain, Loop, Machine, Segment
+from exodrake.model.mechanism import GRAVITY, Body, Chain, Drive, Joint, Mechanism, Shape
+from exodrake.model.part import JOINTS, NORMAL, UNIFORM, Axes, Output, Part, Signal, Task
+from exodrake.model.robot import Robot
 from exodrake.physics import arm as dynamics, arm_drive, cable, gear_motor
 from exodrake.physics.reading import sensor
 

@@ -15,8 +15,8 @@ import numpy as np
 
 from exodrake.core.errors import InputError, nearest
 from exodrake.core.files import read_bytes
-from exodrake.core.mechanism import Body, Chain, Joint
 from exodrake.core.schema import shown
+from exodrake.model.mechanism import Body, Chain, Joint
 from exodrake.physics.arm import roll_pitch_yaw
 
 MAX_BYTES = 4_000_000  # a hundred times a long one

@@ -19,13 +19,13 @@ import numpy as np
 
 from exodrake.core.errors import InputError
 from exodrake.core.files import refuse_special
-from exodrake.core.machine import Machine
-from exodrake.core.robot import Robot
-from exodrake.core.units import to_si
 from exodrake.data.formats import ending, read_table
 from exodrake.data.import_log import Mapped, import_recording
 from exodrake.data.log import STRETCH, check_columns, columns_in_si, other_rate, refuse_doubled, refuse_separator
 from exodrake.data.tables import TextLayout
+from exodrake.model.machine import Machine
+from exodrake.model.robot import Robot
+from exodrake.model.units import to_si
 from exodrake.monitor.alarm import BEFORE, Alarm, Gap, Reading, date_rise, judge, measure_noise, read_limits
 from exodrake.simulation.segments import LOOP, OnlineReplay, list_channels, replayed_segments
 

@@ -15,7 +15,7 @@ import sys
 from math import cos, sin
 from typing import Annotated, NamedTuple
 
-from exodrake.core.part import JOINTS, SCALAR, Output, Part, Point, State, Task, Unit
+from exodrake.model.part import JOINTS, SCALAR, Output, Part, Point, State, Task, Unit
 from exodrake.physics.arithmetic import add, brake_dry, cross, dot, multiply
 
 ROTATION, ORIGIN, SCREW, INERTIA, MOTION, CHANGE, WRENCH, WIDTH = 0, 9, 12, 18, 28, 34, 40, 46

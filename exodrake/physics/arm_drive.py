@@ -8,7 +8,7 @@ K and D are the gains of each joint, kp and kd factors on all of them; the deriv
 import sys
 from typing import NamedTuple
 
-from exodrake.core.part import JOINTS, Output, Part, State, Task
+from exodrake.model.part import JOINTS, Output, Part, State, Task
 from exodrake.physics.arm import WIDTH, WRENCH, body, downwards, effort, fields, gather, move
 
 

@@ -3,7 +3,7 @@
 import sys
 from typing import NamedTuple
 
-from exodrake.core.part import TENDONS, Output, Part, Point, State, Task
+from exodrake.model.part import TENDONS, Output, Part, Point, State, Task
 
 
 class Parameters(NamedTuple):

@@ -17,7 +17,7 @@ Euler's rule for the speeds, then for the positions with the new speeds; the arm
 import sys
 from typing import Annotated, NamedTuple
 
-from exodrake.core.part import JOINTS, Output, Part, Point, State, Task, Unit
+from exodrake.model.part import JOINTS, Output, Part, Point, State, Task, Unit
 from exodrake.physics.arithmetic import brake_dry
 
 ANGLE, SPEED, STRETCH, STATES = 0, 1, 2, 3

@@ -11,7 +11,7 @@ speed away after the push, at most all of it, so that a fixed step never turns a
 import sys
 from typing import Annotated, NamedTuple
 
-from exodrake.core.part import SCALAR, Output, Part, Point, State, Task, Unit
+from exodrake.model.part import SCALAR, Output, Part, Point, State, Task, Unit
 
 
 class Parameters(NamedTuple):

@@ -13,7 +13,7 @@ each tendon takes in for a newton more on tendon k. Lags are backward difference
 import sys
 from typing import Annotated, NamedTuple
 
-from exodrake.core.part import SCALAR, TENDONS, Output, Part, State, Task, Unit
+from exodrake.model.part import SCALAR, TENDONS, Output, Part, State, Task, Unit
 
 
 class Parameters(NamedTuple):

@@ -3,7 +3,7 @@
 import sys
 from typing import Annotated, NamedTuple
 
-from exodrake.core.part import TENDONS, FreeLaw, Output, Part, Point, State, Task, Unit
+from exodrake.model.part import TENDONS, FreeLaw, Output, Part, Point, State, Task, Unit
 from exodrake.physics.arithmetic import round_to
 
 

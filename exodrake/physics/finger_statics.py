@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from exodrake.core.robot import Robot
+from exodrake.model.robot import Robot
 from exodrake.physics import finger, wire_paths
 from exodrake.physics.tendon_finger import PART, Parameters
 from exodrake.physics.wire_paths import EXTENSOR, FLEXOR

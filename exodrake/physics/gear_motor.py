@@ -9,7 +9,7 @@ import sys
 from math import exp
 from typing import Annotated, NamedTuple
 
-from exodrake.core.part import JOINTS, Output, Part, Point, State, Task, Unit
+from exodrake.model.part import JOINTS, Output, Part, Point, State, Task, Unit
 
 
 class Parameters(NamedTuple):

@@ -8,7 +8,7 @@ What the model leaves out sits where a joint aims, how it follows, and what its 
 import sys
 from typing import Annotated, NamedTuple
 
-from exodrake.core.part import JOINTS, SCALAR, FreeLaw, Output, Part, Point, State, Task, Unit, free_memory
+from exodrake.model.part import JOINTS, SCALAR, FreeLaw, Output, Part, Point, State, Task, Unit, free_memory
 
 
 class Parameters(NamedTuple):

@@ -7,7 +7,7 @@ import sys
 from dataclasses import replace
 from typing import NamedTuple
 
-from exodrake.core.part import JOINTS, SCALAR, Output, Part, Point, State, Task
+from exodrake.model.part import JOINTS, SCALAR, Output, Part, Point, State, Task
 
 
 class Parameters(NamedTuple):

@@ -8,7 +8,7 @@ The error is that of the reference which the reading answers, so ideal servos ge
 import sys
 from typing import Annotated, NamedTuple
 
-from exodrake.core.part import JOINTS, SCALAR, Output, Part, State, Task, Unit
+from exodrake.model.part import JOINTS, SCALAR, Output, Part, State, Task, Unit
 
 
 class Parameters(NamedTuple):

@@ -6,7 +6,7 @@ Where its clock and the controller's meet, a picture may be late: the log takes 
 import sys
 from typing import Annotated, NamedTuple
 
-from exodrake.core.part import JOINTS, SCALAR, FreeLaw, Output, Part, Point, State, Task, Unit
+from exodrake.model.part import JOINTS, SCALAR, FreeLaw, Output, Part, Point, State, Task, Unit
 
 
 class Parameters(NamedTuple):

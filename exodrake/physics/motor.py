@@ -10,7 +10,7 @@ Integrated by the classical Runge-Kutta rule over one tick with command and tens
 import sys
 from typing import Annotated, NamedTuple
 
-from exodrake.core.part import TENDONS, FreeLaw, Output, Part, Point, State, Task, Unit, free_memory
+from exodrake.model.part import TENDONS, FreeLaw, Output, Part, Point, State, Task, Unit, free_memory
 
 
 class Parameters(NamedTuple):

@@ -10,7 +10,7 @@ with one frame to 3.3 %.
 import sys
 from typing import Annotated, NamedTuple
 
-from exodrake.core.part import SCALAR, Output, Part, State, Task, Unit
+from exodrake.model.part import SCALAR, Output, Part, State, Task, Unit
 
 
 class Parameters(NamedTuple):

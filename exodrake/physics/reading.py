@@ -6,7 +6,7 @@ of its own for each signal that it measures: `sensor("reading", "angle", unit="r
 
 from typing import Annotated, NamedTuple
 
-from exodrake.core.part import JOINTS, Output, Part, Point, State, Task, Unit, module_of_file
+from exodrake.model.part import JOINTS, Output, Part, Point, State, Task, Unit, module_of_file
 from exodrake.physics.arithmetic import round_to
 
 

@@ -9,7 +9,7 @@ import sys
 from math import exp
 from typing import Annotated, NamedTuple
 
-from exodrake.core.part import SCALAR, TENDONS, FreeLaw, Output, Part, Point, State, Task, Unit, free_memory
+from exodrake.model.part import SCALAR, TENDONS, FreeLaw, Output, Part, Point, State, Task, Unit, free_memory
 from exodrake.physics.arithmetic import round_to
 
 

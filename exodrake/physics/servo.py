@@ -16,7 +16,7 @@ import sys
 from math import exp, sin, sqrt
 from typing import Annotated, NamedTuple
 
-from exodrake.core.part import JOINTS, SCALAR, Output, Part, Point, State, Task, Unit
+from exodrake.model.part import JOINTS, SCALAR, Output, Part, Point, State, Task, Unit
 from exodrake.physics.arithmetic import brake_dry
 
 # rad, of a gear's fastest oscillation in a tick; stiffer gears count as this stiff, so that they are stable

@@ -11,7 +11,7 @@ import sys
 from math import cos, sin
 from typing import Annotated, NamedTuple
 
-from exodrake.core.part import JOINTS, SCALAR, TENDONS, FreeLaw, Output, Part, Point, State, Task, Unit, free_memory
+from exodrake.model.part import JOINTS, SCALAR, TENDONS, FreeLaw, Output, Part, Point, State, Task, Unit, free_memory
 from exodrake.physics import finger, tendon, wire_paths
 from exodrake.physics.arithmetic import along, column, dot, solve
 from exodrake.physics.finger import coriolis, external_with_slope, inertia, mass_matrix, passive_with_slope, relax

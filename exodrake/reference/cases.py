@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from exodrake.compiled.inputs import Reference
+from exodrake.engine.inputs import Reference
 from exodrake.reference.faults import LIBRARY, MARKER_FAULTS, OUTSIDE, WITHOUT_STRENGTH, draw_effect, find_blocks
 from exodrake.reference.robot import FRAME, TENSION_MAX, TENSION_MIN, RobotSpec, draw_parameters
 

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from exodrake.compiled.inputs import Reference
 from exodrake.core.errors import InputError
+from exodrake.engine.inputs import Reference
 from exodrake.reference import dynamics
 from exodrake.reference.dynamics import ANGLE, FRAME, INPUT_SIZE, MARKER_SHIFT, RATE, STATE_SIZE, THETA, derivative
 from exodrake.reference.faults import ENTRIES, inject

@@ -16,7 +16,6 @@ import numpy as np
 
 from exodrake import __version__
 from exodrake.analysis.log_response import COLUMNS, LogResponse, block_responses, plot_responses
-from exodrake.core.display import Display, find_display
 from exodrake.core.errors import InputError
 from exodrake.data import plot
 from exodrake.data.plot import choose_stretch, envelope, new_figure
@@ -28,6 +27,7 @@ from exodrake.diagnosis.problem import Problem, Trial
 from exodrake.diagnosis.result import CAUSE, REFINEMENT, Diagnosis, SignalGap
 from exodrake.diagnosis.search import GAIN, LAW, NATS, NEGLIGIBLE
 from exodrake.diagnosis.verdict import EXPLAINED, LARGE, MOST
+from exodrake.model.display import Display, find_display
 from exodrake.report import blocks, wording as w
 from exodrake.report.blocks import AFTER, BAND, LINE, RULE, SOFT, Bars, Drawing, Table, render, render_svg
 from exodrake.report.missing_law import missing_law

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from exodrake.core.display import PALETTE, SYMBOLS, shown_unit
 from exodrake.data.plot import new_figure
+from exodrake.model.display import PALETTE, SYMBOLS, shown_unit
 from exodrake.report import wording as w
 from exodrake.report.blocks import RULE, SOFT, Drawing, Table, house_style, render_svg
 

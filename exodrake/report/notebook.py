@@ -13,7 +13,7 @@ from exodrake.diagrams.block_diagram import wiring_svg
 from exodrake.report import wording as w
 
 if TYPE_CHECKING:
-    from exodrake.core.robot import Robot
+    from exodrake.model.robot import Robot
 
 RETUNED = "#98a2b3"
 

@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from datetime import datetime, timedelta
 from typing import TYPE_CHECKING, Any
 
-from exodrake.core.display import SYMBOLS, shown_unit
 from exodrake.data.case import parse_date
 from exodrake.diagnosis.change_point import STEP, Change
 from exodrake.diagnosis.result import UNKNOWN, Diagnosis, Interval
+from exodrake.model.display import SYMBOLS, shown_unit
 from exodrake.report import wording as w
 from exodrake.report.blocks import Table
 

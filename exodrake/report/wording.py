@@ -8,10 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from exodrake.core.display import SYMBOLS, Display, find_display, shown_unit
-from exodrake.core.effect import Effect
 from exodrake.core.errors import plural
-from exodrake.core.machine import Machine
 from exodrake.diagnosis.result import (
     AMBIGUOUS,
     CAUSE,
@@ -28,6 +25,9 @@ from exodrake.diagnosis.result import (
     SignalGap,
     Where,
 )
+from exodrake.model.display import SYMBOLS, Display, find_display, shown_unit
+from exodrake.model.effect import Effect
+from exodrake.model.machine import Machine
 
 # verdict -> its colour on a page, and in a terminal
 COLOURS = {

@@ -13,10 +13,10 @@ from itertools import product
 
 import numpy as np
 
-from exodrake.compiled.inputs import Reference
 from exodrake.core.errors import InputError, nearest
-from exodrake.core.robot import Robot
+from exodrake.engine.inputs import Reference
 from exodrake.machines.robot_file import robot_or_default
+from exodrake.model.robot import Robot
 
 
 def smooth(share: np.ndarray) -> np.ndarray:

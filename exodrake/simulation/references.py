@@ -9,15 +9,15 @@ from pathlib import Path
 
 import numpy as np
 
-from exodrake.compiled.inputs import Reference
 from exodrake.core.errors import InputError, nearest
-from exodrake.core.machine import Machine
-from exodrake.core.part import TENDONS
-from exodrake.core.robot import Robot
-from exodrake.core.units import quantity
 from exodrake.data.formats import read_log
 from exodrake.data.log import ALIKE, Log
+from exodrake.engine.inputs import Reference
 from exodrake.machines.robot_file import robot_or_default
+from exodrake.model.machine import Machine
+from exodrake.model.part import TENDONS
+from exodrake.model.robot import Robot
+from exodrake.model.units import quantity
 from exodrake.simulation import protocols
 
 SMOOTH = 0.08  # s, standard deviation of the filter of a motion whose rates are inputs, too: assumed

@@ -18,14 +18,14 @@ from pathlib import Path
 from typing import Any
 
 from exodrake import __version__
-from exodrake.compiled.inputs import Reference
 from exodrake.core.errors import InputError
 from exodrake.core.files import is_file, read_bytes
-from exodrake.core.robot import Robot
 from exodrake.core.schema import anything, dump_yaml, mapping, optional, parse_yaml, read_yaml, text
-from exodrake.core.units import quantity
 from exodrake.data.log import CHANGED, MODEL, Log
+from exodrake.engine.inputs import Reference
 from exodrake.machines.robot_file import EFFECTS, PARAMETERS, VARIANTS, build, load_robot
+from exodrake.model.robot import Robot
+from exodrake.model.units import quantity
 from exodrake.simulation.references import from_log, protocol, split_options
 from exodrake.simulation.simulate import ENGINES, simulate
 

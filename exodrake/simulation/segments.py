@@ -12,11 +12,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy.signal import savgol_filter
 
-from exodrake.compiled.inputs import NoiseInputs, input_rows, prepare_values, reading_places, reference_width
-from exodrake.compiled.run import Replay
-from exodrake.core.machine import Machine, Segment, signal_count
-from exodrake.core.robot import Robot
-from exodrake.diagnosis.filters import filled_columns
+from exodrake.data.log import fill_columns
+from exodrake.engine.inputs import NoiseInputs, input_rows, prepare_values, reading_places, reference_width
+from exodrake.engine.run import Replay
+from exodrake.model.machine import Machine, Segment, signal_count
+from exodrake.model.robot import Robot
 from exodrake.simulation.simulate import delay_columns
 
 LOOP = "loop"
@@ -139,7 +139,7 @@ class OnlineReplay:
         """
         machine, n = self.machine, self.references
         # a missing sample keeps the last value known, 0 before any is
-        filled = filled_columns(np.concatenate([self.held, np.hstack([reference, measured])]))
+        filled = fill_columns(np.concatenate([self.held, np.hstack([reference, measured])]))
         self.held = filled[-1:]
         both, ready = self.frames.push(np.hstack([filled[1:], measured]), last)
         references, held, was = np.split(both, [n, n + self.columns], axis=1)

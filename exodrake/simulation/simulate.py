@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from exodrake.compiled.inputs import NoiseInputs, Reference, prepare_values, reference_width
-from exodrake.compiled.run import run_compiled
 from exodrake.core.errors import InputError, argument, nearest, short_repr
-from exodrake.core.machine import Machine
-from exodrake.core.robot import Robot
 from exodrake.data.log import CHANGED, MODEL, Log
+from exodrake.engine.inputs import NoiseInputs, Reference, prepare_values, reference_width
+from exodrake.engine.run import run_compiled
+from exodrake.model.machine import Machine
+from exodrake.model.robot import Robot
 from exodrake.simulation.references import protocol
 
 if TYPE_CHECKING:

@@ -31,7 +31,7 @@ class Staircase:
 
 def staircase(robot, resolution: float, encoder: float) -> Staircase:
     """A slow ramp of all wires, read with a tension resolution [N] and an encoder resolution [rad]."""
-    from exodrake.compiled.inputs import Reference
+    from exodrake.engine.inputs import Reference
     from exodrake.simulation.simulate import simulate
 
     changed = robot.with_parameters({"sensor.q_F": resolution, "encoder.q_theta": encoder})

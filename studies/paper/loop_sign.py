@@ -35,7 +35,7 @@ def overshoot(sign: float) -> float:
 
 def robot_overshoot(robot) -> float:
     """Largest overshoot of a tension after a step of its reference by 1 N, a share of it; simulated without noise."""
-    from exodrake.compiled.inputs import Reference
+    from exodrake.engine.inputs import Reference
     from exodrake.simulation.simulate import simulate
 
     found = []

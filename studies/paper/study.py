@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from exodrake.core.robot import Robot
 from exodrake.estimator.dataset import Sweeps, sweeps_from_logs
 from exodrake.estimator.validate import Score, score, validate
+from exodrake.model.robot import Robot
 from studies.paper.claim import Effort
 from studies.paper.comparison import Comparison, compare
 

@@ -15,7 +15,6 @@ from pathlib import Path
 import numpy as np
 
 from exodrake.core.errors import InputError, markdown_table
-from exodrake.core.robot import Robot
 from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis.pipeline import diagnose
 from exodrake.diagnosis.result import CAUSE, Diagnosis
@@ -23,6 +22,7 @@ from exodrake.diagnosis.search import name_kind
 from exodrake.machines.library import reader
 from exodrake.machines.recording_tools import halve_log
 from exodrake.machines.robot_file import load_robot
+from exodrake.model.robot import Robot
 
 LATENCY, LAG, SPEED = "delay", "lag", "speed limit"
 DRY, VISCOUS, OFFSET, PLAY = "dry friction", "viscous friction", "offset", "backlash"

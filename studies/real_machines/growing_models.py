@@ -6,13 +6,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from exodrake.core.robot import Robot
 from exodrake.diagnosis.closure import change_robot
 from exodrake.diagnosis.fit import Explanation, minimise
 from exodrake.diagnosis.likelihood import Likelihood, output_error
 from exodrake.diagnosis.linearise import nominal_jacobian, with_effects
 from exodrake.diagnosis.parameter import apply, effect_parameters, nominal_parameters
 from exodrake.diagnosis.problem import Problem
+from exodrake.model.robot import Robot
 
 ROUNDS, STEPS = 4, 8  # of fitting, with a new Jacobian in each; steps within a round
 TOL = 1e-3  # share of the cost that a step and a round must gain

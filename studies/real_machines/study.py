@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from exodrake.core.robot import Robot
 from exodrake.data.case import Case
 from exodrake.diagnosis.pipeline import diagnose
 from exodrake.diagnosis.problem import Problem, make_problem
 from exodrake.diagnosis.result import Diagnosis
 from exodrake.machines.library import reader
 from exodrake.machines.robot_file import load_robot
+from exodrake.model.robot import Robot
 from studies.real_machines import figures
 from studies.real_machines.growing_models import growing_models, predicted
 from studies.real_machines.measures import decimated, inverse_dynamics, relative_error, rms_degrees

@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from exodrake.compiled.inputs import Reference
 from exodrake.core.errors import InputError
-from exodrake.core.machine import Controller
-from exodrake.core.robot import Robot
+from exodrake.engine.inputs import Reference
+from exodrake.model.machine import Controller
+from exodrake.model.robot import Robot
 from exodrake.reference.cases import grasps, holds
 from exodrake.reference.robot import NOMINAL, TENSION_MAX, WIRES
 from exodrake.simulation.simulate import run, write_log

@@ -15,13 +15,13 @@ from typing import Any
 
 import numpy as np
 
-from exodrake.compiled.inputs import Reference
 from exodrake.core.errors import InputError
 from exodrake.core.parallel import each
 from exodrake.core.progress import Count, no_progress
-from exodrake.core.robot import Robot
 from exodrake.diagnosis.many import IMPROVED, RETUNED
+from exodrake.engine.inputs import Reference
 from exodrake.machines.robot_file import load_robot
+from exodrake.model.robot import Robot
 from exodrake.reference.answers import ANSWER, find_cases, read_diagnosis, read_labels
 from exodrake.reference.faults import ENTRIES
 from exodrake.reference.robot import InjectedFault, RobotSpec

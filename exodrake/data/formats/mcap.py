@@ -15,9 +15,9 @@ import numpy as np
 from exodrake.core.errors import InputError, require_extra
 from exodrake.core.files import is_file
 from exodrake.core.schema import parse_json
-from exodrake.core.units import find_kind
 from exodrake.data.formats import read_apart
 from exodrake.data.log import Log, log_from_columns
+from exodrake.model.units import find_kind
 
 ENDINGS = (".mcap",)
 RECORD = "exodrake.data.log"

@@ -13,13 +13,13 @@ from math import comb
 
 import numpy as np
 
-from exodrake.compiled.inputs import Reference
 from exodrake.core.errors import InputError
-from exodrake.core.machine import Machine
-from exodrake.core.robot import Robot
 from exodrake.data.case import Case, CaseLog
-from exodrake.diagnosis.filters import filled_columns
+from exodrake.data.log import fill_columns
 from exodrake.diagnosis.noise import robust_std
+from exodrake.engine.inputs import Reference
+from exodrake.model.machine import Machine
+from exodrake.model.robot import Robot
 from exodrake.simulation.references import reference_rows
 from exodrake.simulation.simulate import run, write_log
 
@@ -156,11 +156,11 @@ def compare(case: Case, robot: Robot) -> Comparison:
     machine, columns = robot.machine, find_columns(case, robot.machine)
     pairs, channels = [], []
     for seed, item in enumerate(case.logs):
-        reference = filled_columns(reference_rows(machine, item.log))
+        reference = fill_columns(reference_rows(machine, item.log))
         simulated = write_log(run(robot, Reference(reference, item.file), seed=seed))
         measured, nominal = (np.column_stack([log[c] for c in columns]) for log in (item.log, simulated))
         known = np.isfinite(measured) & np.isfinite(nominal)
-        whole = (filled_columns(np.where(known, x, np.nan)) for x in (measured, nominal))
+        whole = (fill_columns(np.where(known, x, np.nan)) for x in (measured, nominal))
         pairs.append(LogPair(item, reference, *whole))
         for column, rows, own, theirs in zip(columns, known.T, measured.T, nominal.T, strict=True):
             if rows.sum() >= SHORTEST:

@@ -13,10 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from exodrake.core.machine import Column, Machine
-from exodrake.core.part import Signal
 from exodrake.core.progress import no_progress
-from exodrake.core.robot import Robot
 from exodrake.data.case import FILE, Case, find_logs, read_case, read_case_file
 from exodrake.data.formats import read_table
 from exodrake.data.log import Log
@@ -32,6 +29,9 @@ from exodrake.diagnosis.noise import sensor_noise_std
 from exodrake.diagnosis.parameter import nominal_parameters
 from exodrake.diagnosis.problem import Problem, list_required, make_problem
 from exodrake.diagnosis.search import LAW
+from exodrake.model.machine import Column, Machine
+from exodrake.model.part import Signal
+from exodrake.model.robot import Robot
 
 JITTER = 0.1  # of a frame by which rows may be off without a word: assumed
 DRIFT = 1e-4  # relative error of a clock: crystals keep 100 ppm

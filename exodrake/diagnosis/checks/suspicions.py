@@ -13,10 +13,10 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from exodrake.core.confidence import ALPHA
-from exodrake.core.display import in_words
 from exodrake.core.errors import InputError
 from exodrake.diagnosis.checks.compare import ABOVE, CLEAR, ORDER, Channel, Comparison, fast_noise, find_step, list_few
 from exodrake.diagnosis.noise import robust_std
+from exodrake.model.display import in_words
 
 LONGEST = 300  # characters of a sentence
 # Times what is usual, of the nominal robot or in the other logs: with few logs an error three times the largest is rare

@@ -16,16 +16,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from exodrake.compiled.compose import compile_machine
-from exodrake.compiled.schedule import outer_reads
 from exodrake.core.confidence import CONFIDENCE
-from exodrake.core.effect import Effect
-from exodrake.core.machine import CommandLink, Machine
-from exodrake.diagnosis.filters import filled_columns
+from exodrake.data.log import fill_columns
 from exodrake.diagnosis.noise import sensor_noise_std
 from exodrake.diagnosis.problem import Detection, Problem, Trial
 from exodrake.diagnosis.result import Interval, NamedEffect
 from exodrake.diagnosis.search import name_kind
+from exodrake.engine.compose import compile_machine
+from exodrake.engine.schedule import outer_reads
+from exodrake.model.effect import Effect
+from exodrake.model.machine import CommandLink, Machine
 
 ENTER, STAY = 12.0, 1.0  # -log of the probabilities that a run of losses begins at a change (6e-6), and goes on (0.4)
 PATHS, FAR = 6, 40.0  # most paths at a time; a path that costs so much more than the best is given up
@@ -95,7 +95,7 @@ def decode(machine: Machine, values: np.ndarray, measured: Mapping[str, np.ndarr
     needed = (link.command, link.output, *loads)
     if any(kind not in measured or measured[kind].shape[1] < machine.column_width(kind) for kind in needed):
         return None
-    command, position, *loads = (filled_columns(measured[kind]) for kind in needed)
+    command, position, *loads = (fill_columns(measured[kind]) for kind in needed)
     drive, moved = Drive(machine, values, link, command, loads), np.diff(position, axis=0)
     whole = np.zeros(command.shape, dtype=bool)
     errors = drive.errors(moved, whole)

@@ -15,13 +15,13 @@ from typing import NamedTuple
 import numpy as np
 
 from exodrake.core.confidence import NORMAL_90
-from exodrake.core.effect import SHAPE_STD, Effect
 from exodrake.diagnosis.filters import Bands, outside
 from exodrake.diagnosis.intervals import affected_channels
 from exodrake.diagnosis.parameter import apply, effect_parameters
 from exodrake.diagnosis.problem import Detection, Problem, Trial, by_trial
 from exodrake.diagnosis.result import Interval, NamedEffect
 from exodrake.diagnosis.search import name_kind
+from exodrake.model.effect import SHAPE_STD, Effect
 
 WINDOW = 10.0  # s, of one spectrum: resolves 0.1 Hz
 LOWEST, HIGHEST = 1.5, 15.0  # Hz, where a tremor lies: 6-12 Hz, displacement from 1-3.5 Hz (physics.md 4.D)

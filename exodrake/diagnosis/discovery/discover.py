@@ -14,15 +14,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.linalg import block_diag
 
-from exodrake.compiled.compose import compile_machine
-from exodrake.compiled.inputs import NOTHING, NoiseInputs, input_rows
 from exodrake.core.confidence import ALPHA, NORMAL_90
-from exodrake.core.machine import Machine, signal_count, stack, state_size
 from exodrake.core.parallel import side_by_side
-from exodrake.core.part import HYSTERESIS, RELAXATION, FreeLaw
 from exodrake.core.plain import plain
 from exodrake.core.progress import Stage, StageProgress, no_progress
-from exodrake.core.robot import Robot
 from exodrake.diagnosis.closure import measure
 from exodrake.diagnosis.discovery import law_code
 from exodrake.diagnosis.discovery.law_code import KNOTS, SIZE, WEIGHTS, LawPoint
@@ -35,6 +30,11 @@ from exodrake.diagnosis.problem import Problem, Trial
 from exodrake.diagnosis.result import Interval
 from exodrake.diagnosis.search import LAW, NATS, NEGLIGIBLE
 from exodrake.diagnosis.verdict import LARGE, MOST
+from exodrake.engine.compose import compile_machine
+from exodrake.engine.inputs import NOTHING, NoiseInputs, input_rows
+from exodrake.model.machine import Machine, signal_count, stack, state_size
+from exodrake.model.part import HYSTERESIS, RELAXATION, FreeLaw
+from exodrake.model.robot import Robot
 
 LENGTH = 0.4  # correlation length of a curve in its range: assumed
 FINE = 40.0  # range over the width near 0 in which knots lie close: assumed

@@ -15,13 +15,13 @@ from textwrap import wrap
 
 import numpy as np
 
-from exodrake.compiled.cache import cache_folder, once, write_if_different
-from exodrake.core.effect import Effect
 from exodrake.core.files import write_text
-from exodrake.core.machine import Machine
-from exodrake.core.part import HYSTERESIS, PLACE, RELAXATION, FreeLaw, Point, free_memory, module_name, module_of_file
-from exodrake.core.robot import Robot
+from exodrake.engine.cache import cache_folder, once, write_if_different
 from exodrake.machines.robot_file import robot_text
+from exodrake.model.effect import Effect
+from exodrake.model.machine import Machine
+from exodrake.model.part import HYSTERESIS, PLACE, RELAXATION, FreeLaw, Point, free_memory, module_name, module_of_file
+from exodrake.model.robot import Robot
 
 SIZE = 8  # knots of a curve, or elements of a memory
 BINS = 12  # in which a watch counts
@@ -35,8 +35,8 @@ PLAIN = ("dt", "held", "arrival", "period", "mobility", "bones", "history")  # a
 FUNCTIONS = ("curve", "dragged", "faded", "inside", "slope", "stop_operator")  # of `effects.law_table`
 HEADER = '''"""{summary}"""
 
-from exodrake.core.effect import Effect, EffectParameter
-from exodrake.core.part import State
+from exodrake.model.effect import Effect, EffectParameter
+from exodrake.model.part import State
 from exodrake.effects.law_table import {functions}
 '''
 DEFINITION = """{name} = Effect(
@@ -286,7 +286,7 @@ def effect_text(
     used = ", ".join(n for n in FUNCTIONS if f"{n}(" in effect)
     header = HEADER.format(summary="\n".join(lines) + "\n", functions=used)
     if not form.advances:
-        header = header.replace("from exodrake.core.part import State\n", "")
+        header = header.replace("from exodrake.model.part import State\n", "")
     return "\n\n\n".join([f"{header.rstrip()}\n\n{constants}", effect]) + "\n"
 
 

@@ -18,9 +18,9 @@ from exodrake.core.errors import InputError
 from exodrake.core.files import read_bytes
 from exodrake.core.processes import in_child
 from exodrake.core.schema import listing, mapping, optional, read_yaml, text
-from exodrake.core.units import si_unit, to_si
 from exodrake.identification.kinematics import rigid
 from exodrake.identification.workspace import LENGTHS, SPONTANEOUS
+from exodrake.model.units import si_unit, to_si
 from exodrake.simulation.protocols import smooth
 
 SEGMENTS = ("base", "proximal", "middle", "distal")

@@ -5,11 +5,11 @@ from functools import cache
 
 import numpy as np
 
-from exodrake.core.machine import Column, Controller, Gain, Loop, Machine, Segment
-from exodrake.core.mechanism import Body, Chain, Drive, Joint, Mechanism, axes_side_by_side
-from exodrake.core.part import JOINTS, NORMAL, UNIFORM, Axes, Signal
-from exodrake.core.robot import Robot
 from exodrake.effects import effects_of
+from exodrake.model.machine import Column, Controller, Gain, Loop, Machine, Segment
+from exodrake.model.mechanism import Body, Chain, Drive, Joint, Mechanism, axes_side_by_side
+from exodrake.model.part import JOINTS, NORMAL, UNIFORM, Axes, Signal
+from exodrake.model.robot import Robot
 from exodrake.physics import carriage, position_drive
 from exodrake.physics.reading import sensor
 

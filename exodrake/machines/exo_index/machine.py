@@ -6,7 +6,8 @@ from functools import cache
 import numpy as np
 
 from exodrake.core.errors import InputError
-from exodrake.core.machine import (
+from exodrake.effects import effects_of
+from exodrake.model.machine import (
     Column,
     CommandLink,
     Controller,
@@ -18,10 +19,9 @@ from exodrake.core.machine import (
     Regime,
     Segment,
 )  # fmt: skip
-from exodrake.core.mechanism import Body, Chain, Drive, Joint, Mechanism, Piece, Skeleton, Tendon
-from exodrake.core.part import JOINTS, NORMAL, SCALAR, TENDONS, UNIFORM, Axes, Delay, Signal
-from exodrake.core.robot import Robot
-from exodrake.effects import effects_of
+from exodrake.model.mechanism import Body, Chain, Drive, Joint, Mechanism, Piece, Skeleton, Tendon
+from exodrake.model.part import JOINTS, NORMAL, SCALAR, TENDONS, UNIFORM, Axes, Delay, Signal
+from exodrake.model.robot import Robot
 from exodrake.physics import bus, controller, encoder, mocap, motor, sensor, tendon_finger, wire_paths
 
 # A tendon is stiff: a micrometre turns into millinewtons. So a measured tension acts on the finger as a force, through

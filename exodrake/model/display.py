@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from exodrake.core.machine import Machine
-from exodrake.core.units import KINDS, conversion
+from exodrake.model.machine import Machine
+from exodrake.model.units import KINDS, conversion
 
 # SI unit -> unit shown, unless the machine's column names another
 SHOWN = {"m": "mm", "m/s": "mm/s", "rad": "deg", "rad/s": "deg/s", "N/m": "N/mm", "N m": "mN m", "A": "mA"}

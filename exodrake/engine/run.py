@@ -6,9 +6,9 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from exodrake.compiled.compose import compile_machine
-from exodrake.compiled.inputs import NOTHING, NoiseInputs, Reference, input_rows, reference_width
-from exodrake.core.machine import Machine, signal_count, state_size
+from exodrake.engine.compose import compile_machine
+from exodrake.engine.inputs import NOTHING, NoiseInputs, Reference, input_rows, reference_width
+from exodrake.model.machine import Machine, signal_count, state_size
 
 
 def run_compiled(

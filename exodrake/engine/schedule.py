@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Container
 from inspect import signature
 
-from exodrake.compiled.inputs import feed_places, reading_places
-from exodrake.core.machine import Imposed, Machine, Segment, feedthrough_order
-from exodrake.core.part import Output, Part, prefix
+from exodrake.engine.inputs import feed_places, reading_places
+from exodrake.model.machine import Imposed, Machine, Segment, feedthrough_order
+from exodrake.model.part import Output, Part, prefix
 
 IMPOSED = "feed, rate, fixed, readings, targets, gains"
 

@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from exodrake.core.display import in_words
-from exodrake.core.effect import Effect
 from exodrake.core.errors import InputError, nearest, short_repr
-from exodrake.core.machine import Machine, Tolerance
-from exodrake.core.units import UNITS, conversion, quantity, to_si
+from exodrake.model.display import in_words
+from exodrake.model.effect import Effect
+from exodrake.model.machine import Machine, Tolerance
+from exodrake.model.units import UNITS, conversion, quantity, to_si
 
 # units that people have in mind when they give a bare number, likely ones first
 MEANT = ("mm", "deg", "ms", "mN", "mA", "g", "mW", "kHz", "%", "cm", "um", "us", "kN", "kgf", "gf", "rev", "min", "mV")

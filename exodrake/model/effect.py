@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import partial
 from inspect import cleandoc
 
-from exodrake.core.part import JOINTS, SCALAR, TENDONS, State
+from exodrake.model.part import JOINTS, SCALAR, TENDONS, State
 
 
 @dataclass(frozen=True)

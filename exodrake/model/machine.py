@@ -12,13 +12,13 @@ from functools import cached_property
 from itertools import accumulate
 from typing import TYPE_CHECKING
 
-from exodrake.core.effect import Effect
 from exodrake.core.errors import InputError, nearest
-from exodrake.core.part import Axes, Delay, Part, Signal, State, Task, map_points, module_name, part_modules
+from exodrake.model.effect import Effect
+from exodrake.model.part import Axes, Delay, Part, Signal, State, Task, map_points, module_name, part_modules
 
 if TYPE_CHECKING:
-    from exodrake.core.mechanism import Mechanism, Shape, Skeleton
-    from exodrake.core.robot import Robot
+    from exodrake.model.mechanism import Mechanism, Shape, Skeleton
+    from exodrake.model.robot import Robot
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,9 @@ from zlib import crc32
 import numpy as np
 
 from exodrake.core.errors import InputError, short_repr
-from exodrake.core.machine import Machine, stack
-from exodrake.core.part import NORMAL
-from exodrake.core.robot import Robot
+from exodrake.model.machine import Machine, stack
+from exodrake.model.part import NORMAL
+from exodrake.model.robot import Robot
 
 
 @short_repr
