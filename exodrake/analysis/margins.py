@@ -280,7 +280,7 @@ def stability_limit(x: np.ndarray, radius: np.ndarray) -> float:
 
 
 def radius_at(loop: lm.FrameMap, model: lm.FrameModel, keep: np.ndarray) -> float:
-    """Spectral radius of a frame map where the model rests, from the states `keep`."""
+    """Spectral radius [-] of a frame map where the model rests, from its states `keep` (n,)."""
     point = model.point
     central, _ = lm.differentiate(loop, point.state, point.references, model.size, lm.FRACTION, keep)
     return lm.spectral_radius(central[np.ix_(keep, keep)])
