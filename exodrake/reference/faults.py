@@ -85,7 +85,7 @@ def wandering_rest(build, where, p, rng):
     keep = np.exp(-FRAME / p["memory"])
     kicks = p["size"] * np.sqrt(1 - keep**2) * rng.standard_normal((3, len(build.time)))
     kicks[:, 0] = 0.0
-    build.inputs[:, dynamics.REST_SHIFT : dynamics.REST_SHIFT + 3] += lfilter([1.0], [1.0, -keep], kicks).T
+    build.inputs[:, dynamics.REST_SHIFT : dynamics.REST_SHIFT + 3] += np.asarray(lfilter([1.0], [1.0, -keep], kicks)).T
 
 
 def torque_bursts(build, where, p, rng):
