@@ -180,7 +180,7 @@ class SyncPulse(LeafSystem):
     """The sync pulse of the paper's Fig. 5 and 8a: high at the start of every frame.
 
     The board sends it to the motion capture's analogue input, whose record of it ties both clocks together
-    (`identification.sync.clock_from_pulses`). Motion capture samples in slot 0 by construction, so nothing in the loop
+    (`kinematics.markers.clock_from_pulses`). Motion capture samples in slot 0 by construction, so nothing in the loop
     reads the pulse: it is left out unless asked for.
 
     .. pydrake_system::
