@@ -12,7 +12,7 @@ import click
 
 from exodrake import __version__
 from exodrake.cli.options import ARGUMENTS, OTHERS, register_plugins
-from exodrake.core.errors import InputError, nearest, printable, shorten
+from exodrake.core.errors import InputError, MissingColumn, nearest, printable, shorten
 from exodrake.core.progress import INTERRUPTED
 
 # heading -> command -> (module, with the name of the click command if it is not `command`; its line in --help)
@@ -80,7 +80,8 @@ def in_one_line(arguments: tuple[str, ...] = ()) -> Iterator[None]:
         yield
     except InputError as problem:
         given = any(word.startswith(("--machine", "--robot")) for word in arguments)
-        foreign = "required column" in str(problem) and arguments and arguments[0] in OF_ANY_MACHINE and not given
+        missing = isinstance(problem, MissingColumn)
+        foreign = missing and arguments and arguments[0] in OF_ANY_MACHINE and not given
         raise InputProblem(f"{problem}{OTHER_MACHINE if foreign else ''}") from None
     except click.NoSuchOption as problem:
         name = [*(problem.ctx.command_path if problem.ctx else "").split(), ""][1]

@@ -95,6 +95,10 @@ def nearest(word: str, words: list[str]) -> str:
     return f"; did you mean {' or '.join(close)}?" if close else ""
 
 
+class MissingColumn(InputError):
+    """A column that a machine needs is missing or empty in a log, which may be another machine's."""
+
+
 def argument[T](name: str, value: T, *types: type) -> T:
     """The value of an argument. TypeError naming argument, types wanted and value for one of another type."""
     if isinstance(value, types):

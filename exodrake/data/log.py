@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from exodrake.core.errors import InputError, argument, require_extra, short_repr
+from exodrake.core.errors import InputError, MissingColumn, argument, require_extra, short_repr
 from exodrake.model.units import KINDS, check_unit, default_unit, find_kind, to_si
 
 if TYPE_CHECKING:
@@ -313,7 +313,7 @@ def log_from_columns(columns: Iterable[tuple[str, np.ndarray]], source: str) -> 
     signals, units = columns_in_si(columns, source)
     if "time" not in signals:
         found = ", ".join(signals) or "no columns"
-        raise InputError(f"{source}: required column 'time [s]' is missing (found {found})")
+        raise MissingColumn(f"{source}: required column 'time [s]' is missing (found {found})")
     time = signals.pop("time")
     units.pop("time")
     if not len(time):
@@ -333,9 +333,9 @@ def check_columns(log: Log, required: Sequence[str], complete: Sequence[str] = (
     for column in wanted:
         where = f"{log.label}: required column {column!r} is"
         if column != "time" and column not in log.signals:
-            raise InputError(f"{where} missing (found time, {', '.join(log.columns)})")
+            raise MissingColumn(f"{where} missing (found time, {', '.join(log.columns)})")
         if np.isnan(log[column]).all():
-            raise InputError(f"{where} empty")
+            raise MissingColumn(f"{where} empty")
     for item in complete:
         for column in [item] if item in log.signals else [f"{item}_{name}" for name in log.names(item)]:
             if (row := find_first(~np.isfinite(log[column]))) is not None:
@@ -506,7 +506,7 @@ def compare(first: Log, second: Log) -> Comparison:
 
 
 def fill_gaps(values: np.ndarray) -> np.ndarray:
-    """Missing samples replaced by the last one known."""
+    """Samples (n,) [their unit], a missing one replaced by the last known, the first ones by the first known."""
     known = np.isfinite(values)
     if not known.any():
         return np.zeros_like(values)
@@ -515,5 +515,5 @@ def fill_gaps(values: np.ndarray) -> np.ndarray:
 
 
 def fill_columns(rows: np.ndarray) -> np.ndarray:
-    """Signals (n, columns), each filled."""
+    """Signals (n, columns) [their units], each filled."""
     return np.column_stack([fill_gaps(column) for column in rows.T])

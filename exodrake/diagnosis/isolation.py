@@ -104,12 +104,10 @@ def retune(problem: Problem, x: np.ndarray | None = None) -> tuple[Explanation, 
     nominal, values = nominal_parameters(problem.robot), problem.silent()
     likelihood = output_error(with_prediction(problem)[-1], "retune")
     x = np.zeros(len(nominal)) if x is None else x
-    flat = np.zeros((len(nominal), likelihood.samples), dtype=np.float32)
-    (found,) = Explanation((), nominal, x, values, np.zeros(0), flat).at_each(likelihood, [x])
-    for turn in range(ROUNDS if nominal else 0):
+    (found,) = Explanation((), nominal, x, values, np.zeros(0), np.zeros((len(nominal), 0))).at_each(likelihood, [x])
+    for _ in range(ROUNDS if nominal else 0):
         before, likelihood = likelihood.mean_log(found.residual), likelihood.scaled_to(found.residual)
-        seen, jacobian = found.find_visible(likelihood) | (turn == 0), found.jacobian.copy()
-        jacobian[seen] = nominal_jacobian(likelihood, values, nominal, found.x, found.residual, seen)
+        jacobian = nominal_jacobian(likelihood, values, nominal, found.x, found.residual)
         found = minimise(likelihood, found.change(jacobian=jacobian), 4, 1e-3)
         left = likelihood.mean_log(found.residual)
         if min(left, before - left) < LEAST_GAIN:

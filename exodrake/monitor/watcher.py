@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from exodrake.core.errors import InputError
+from exodrake.core.errors import InputError, MissingColumn
 from exodrake.core.files import refuse_special
 from exodrake.data.formats import ending, read_table
 from exodrake.data.import_log import Mapped, import_recording
@@ -151,7 +151,7 @@ class Tail:
                 ends[c.name] = to_si(c.sign * (c.scale * line + c.offset), c.unit, source)
         for name, required in self.wanted.items():
             if required and name not in names:
-                raise InputError(f"{self.path}: required column {name!r} is missing (found {', '.join(names)})")
+                raise MissingColumn(f"{self.path}: required column {name!r} is missing (found {', '.join(names)})")
         self.heading = cells
         self.places = [names.index(name) if name in names else None for name in self.wanted]
         self.shifts, second = np.transpose([ends.get(name, line) for name in self.wanted])

@@ -13,7 +13,7 @@ from math import comb
 
 import numpy as np
 
-from exodrake.core.errors import InputError
+from exodrake.core.errors import InputError, MissingColumn
 from exodrake.data.case import Case, CaseLog
 from exodrake.data.log import fill_columns
 from exodrake.diagnosis.noise import robust_std
@@ -50,7 +50,7 @@ def check_case(case: Case, machine: Machine) -> None:
         for name in machine.log_names([column]):
             if name not in item.log.signals:
                 listed = ", ".join(machine.channels(column.signal))
-                raise InputError(f"{item.file}: required column {name!r} is missing ({machine.name} has {listed})")
+                raise MissingColumn(f"{item.file}: required column {name!r} is missing ({machine.name} has {listed})")
     frames = sum(len(item.log) for item in case.logs)
     if frames > LONGEST:
         raise InputError(
