@@ -278,9 +278,7 @@ def refit(contest: Contest, reference: np.ndarray) -> Information | None:
     for true, rival in found.models:
         e, scale = contest.explanations[rival], float(np.sqrt(contest.likelihood.memory * contest.chi2[true]))
         both = contest.view(*present.problem.fit, contest.trial(true, reference), scale=scale)
-        start = e.at(both, found.refit(true, rival))
-        start = replace(start, jacobian=nominal_jacobian(both, *e.nominal_part, start.residual))
-        fit = minimise(both, start, STEPS)
+        fit = minimise(both, differentiate(both, e, found.refit(true, rival)), STEPS)
         before = replace(contest.likelihood, views=(replace(present, scale=scale),))
         ended[true, rival] = max(2.0 * (fit.cost(both) - e.cost(before)), 0.0), fit.x
     return replace(found, ended=ended)
