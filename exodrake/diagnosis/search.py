@@ -39,7 +39,7 @@ SINGLES, FITTED, LOOKED = 4, 3, 10  # first effects fitted; further ones; those 
 NATS = 4.0  # of evidence that one effect more must add: odds of 1 to 50, as many as a library has effects
 GAIN = 0.05  # share of what is left that one effect more must take up
 LAW = 0.15  # relative error of a law: that of another simulator or of a machine differs by as much
-SURE = 20.0  # nats of the tolerances' priors that an effect in their place has to spare: on healthy robots at most 12
+SURE = 15.0  # nats of the tolerances' priors that an effect in their place has to spare: of 21 healthy robots 12
 NEGLIGIBLE = 0.3  # noise standard deviations RMS beyond noise, in every channel: a smaller gap is none
 
 # laws of one kind stand for each other: a set holds one of them at a place
