@@ -70,18 +70,21 @@ def remaining(found: Isolation, fitted: Fitted) -> Where:
         fit = fitted_effects(beside[lead.id]).of(lead.id)
         named = describe(fit, lead, machine.axes.of(lead.axis))
         return Where(lead.block, named.wires, named.joints, shares, where)
-    errors = replay_segments(found.problem, e.robot)
-    block, column = max(errors, key=errors.__getitem__)
-    axis = next((a for a in (TENDONS, JOINTS) if column.rsplit("_", 1)[1] in machine.axes.of(a)), SCALAR)
     if lead and share >= LARGE:
         block, axis = lead.block, lead.axis
     else:
-        errors = {key: error for key, error in errors.items() if key[0] == block}
-    affected: dict[str, tuple[str, ...]] = {TENDONS: (), JOINTS: ()}  # those with most of the error
+        errors = replay_segments(found.problem, e.robot)
+        block, column = max(errors, key=errors.__getitem__)
+        axis = next((a for a in (TENDONS, JOINTS) if column.rsplit("_", 1)[1] in machine.axes.of(a)), SCALAR)
+    seen = likelihood.views[-1].problem
+    residual = np.concatenate(by_trial(likelihood.split(e.residual)[-1], seen.fit))
+    affected: dict[str, tuple[str, ...]] = {TENDONS: (), JOINTS: ()}  # those that hold most of the residual's power
     for a in affected if axis == SCALAR else (axis,):
-        own = {c: max((x for (_, name), x in errors.items() if name.endswith(f"_{c}")), default=0.0)
-               for c in machine.axes.of(a)}  # fmt: skip
-        affected[a] = tuple(c for c, error in own.items() if error >= AFFECTED * max(own.values()))
+        power = dict.fromkeys(machine.axes.of(a), 0.0)
+        for column, squared in zip(seen.columns, np.sum(residual**2, axis=0), strict=True):
+            if (channel := column.rsplit("_", 1)[1]) in power:
+                power[channel] += float(squared)
+        affected[a] = tuple(c for c, p in power.items() if p >= AFFECTED * max(power.values()))
     return Where(block, affected[TENDONS], affected[JOINTS], shares, where)
 
 
