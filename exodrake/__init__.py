@@ -10,6 +10,9 @@ from importlib import import_module as _import_module
 from pathlib import Path as _Path
 from typing import Any as _Any
 
+from exodrake.former_names import know_former_names as _know_former_names
+
+_know_former_names()
 __version__ = "1.0.0"
 
 for _name in ("NUMBA_CACHE_DIR", "NUMBA_CACHE_LOCATOR_CLASSES"):  # stated, if only as nothing: else numba lets a file
