@@ -26,14 +26,15 @@ class FormerNames(MetaPathFinder, Loader):
         return ModuleSpec(fullname, self) if fullname in FORMER else None
 
     def create_module(self, spec: ModuleSpec) -> ModuleType:
-        """The module of today."""
-        self.module = import_module(FORMER[spec.name])
-        self.spec = self.module.__spec__
-        return self.module
+        """The module of today, whose own specification the import keeps aside."""
+        module = import_module(FORMER[spec.name])
+        spec.loader_state = module.__spec__
+        return module
 
     def exec_module(self, module: ModuleType) -> None:
-        """Leaves the module as it is, with its own specification."""
-        module.__spec__ = self.spec
+        """Leaves the module as it is, and gives it its own specification back."""
+        former = module.__spec__
+        module.__spec__ = former.loader_state if former else None
 
 
 def know_former_names() -> None:
