@@ -42,7 +42,7 @@ def test_share_of_a_markov_chain_is_covered(enter, stay):
         for frame in range(1, 1500):
             lost[frame] = chance[frame] < (stay if lost[frame - 1, 0] else enter)
         steps = np.where(rng.random((1500, 1)) < 0.1, rng.standard_normal((1500, 1)), 0.0)
-        events, gone = packet_loss.count_visible(np.cumsum(steps, axis=0), lost, np.full((1500, 1), 0.3))
+        _, events, gone = packet_loss.count_visible(np.cumsum(steps, axis=0), lost, np.full((1500, 1), 0.3))
         found = packet_loss.PacketLoss(np.ones((1, 1)), events, gone, np.zeros(2))
         _, low, high = packet_loss.loss_probability([found])
         covered += low < true < high
@@ -65,7 +65,7 @@ def test_losses_become_inputs_of_the_simulation_and_the_effect_stays_a_candidate
     found = packet_loss.detect(problem, effect, problem.silent())
     (detection,) = found.detected
     assert detection.effect.id == effect.id and not detection.certain and effect.id in found.tried
-    lost = 1.0 - found.fit[0].latent[packet_loss.INPUT]
+    lost = found.fit[0].latent[packet_loss.INPUT] == packet_loss.LOST
     assert lost.sum() > 3 and found.counted[effect.id] == detection.effect.parameters["probability"].value
     values = problem.silent(deaf)
     before, after = (np.mean(p.residual(values[None], p.fit) ** 2) for p in (problem, found))

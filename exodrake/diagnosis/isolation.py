@@ -11,12 +11,12 @@ import numpy as np
 
 from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.diagnosis.detect import detect
-from exodrake.diagnosis.fit import Explanation, fit_beside, minimise, settle
+from exodrake.diagnosis.fit import Explanation, minimise, settle
 from exodrake.diagnosis.likelihood import Likelihood, make_likelihood, output_error, with_prediction
 from exodrake.diagnosis.linearise import Linearisation, linearise, nominal_jacobian
 from exodrake.diagnosis.parameter import nominal_parameters
 from exodrake.diagnosis.problem import Problem, by_trial
-from exodrake.diagnosis.search import GAIN, NEGLIGIBLE, SINGLES, Fitted, Search
+from exodrake.diagnosis.search import GAIN, NEGLIGIBLE, Fitted, Search
 
 USED, MOST = 15_000, 135_000  # samples that are fitted, and at most where the rest shows a gap that this part does not
 SCREENED, LEAST_SCREENED = 0.75, 15_000  # part of them on which all effects are tried, and samples of it at least
@@ -151,6 +151,9 @@ def isolate(
             return 0.0
         return float(shares[np.argmax(gaps >= SHOWN * gaps.max())]) * count_samples(problem)
 
+    def unseen(f: Fitted) -> bool:
+        return bool(excess(whole, f.explanation.robot, likelihood)[0] < 0.0)
+
     zero, shares = replace(start, x=np.zeros(len(start.x))), np.linspace(part, affordable(problem), PARTS)
     if excess(whole, zero.robot, likelihood)[0] < 0.0:
         none = np.zeros((len(start.x), likelihood.samples), dtype=np.float32)
@@ -174,18 +177,15 @@ def isolate(
     if before is not None:
         search.take_over(before)
     gap, best = excess(whole, retuned.robot, likelihood)[0], search.none
-    if effects and gap < 0.0:  # effects that stand for what retuning moves, from where it began
-        likely = search.screen_beside(nominal, lin)[:SINGLES]
-        search.add(fit_beside(likelihood.scaled_to(nominal.residual).for_stage("refine"), nominal, likely))
+    if effects and gap < 0.0:
+        search.expand_nominal(nominal)
     elif effects:
         best = search.run(max(machine.max_effects - certain, 0))
         if best.effects and (more := count_needed(best.explanation.robot, GAIN * gap)):
             return isolate(problem, progress, more, search)
-
-        def unseen(f: Fitted) -> bool:
-            return bool(excess(whole, f.explanation.robot, likelihood)[0] < 0.0)
-
-        best = search.spare_tolerances(best, unseen) if best.effects and unseen(best) else best
+        if best.effects and unseen(best):  # of sets that leave nothing visible
+            best = next(filter(unseen, search.list_sparing(best)), best)
+            search.reduce(best.effects)
     return Isolation(short, whole, likelihood, lin, nominal, search, best)
 
 

@@ -17,8 +17,7 @@ from exodrake.diagnosis.isolation import Isolation
 from exodrake.diagnosis.likelihood import written_by
 from exodrake.diagnosis.problem import Problem, Trial, by_trial
 from exodrake.diagnosis.result import CAUSE, NO_GAP, RETUNE, NamedEffect, Where
-from exodrake.diagnosis.search import Fitted, is_memory, screen
-from exodrake.diagnosis.verdict import LARGE
+from exodrake.diagnosis.search import LARGE, Fitted, is_memory, screen
 from exodrake.model.part import JOINTS, SCALAR, TENDONS
 from exodrake.simulation.segments import LOOP, OnlineReplay, list_channels
 
@@ -33,16 +32,17 @@ def localise(found: Isolation, verdict: str, effects: tuple[NamedEffect, ...]) -
     """Block, channels and regime of a gap with named effects: those of its causes, of the retuned robot's regime."""
     if verdict in (NO_GAP, RETUNE):
         return Where(block="none")
-    rest = remaining(found, found.retuned)
     if not effects:
-        return rest
+        return remaining(found, found.retuned)
     causes, shares = tuple(x for x in effects if x.role == CAUSE) or effects, dict[str, float]()
     for effect in effects:
         block, share = effect.id.split(".")[0], effect.share.value
         shares[block] = shares.get(block, 0.0) + (max(share, 0.0) if np.isfinite(share) else 0.0)
     shares = dict(sorted(shares.items(), key=lambda item: -item[1]))
     tendons, joints = (tuple(dict.fromkeys(c for x in causes for c in getattr(x, a))) for a in ("wires", "joints"))
-    return Where(causes[0].id.split(".")[0], tendons, joints, shares, rest.regime)
+    return Where(
+        causes[0].id.split(".")[0], tendons, joints, shares, regime(found.whole, found.retuned.explanation.robot)
+    )
 
 
 def remaining(found: Isolation, fitted: Fitted) -> Where:

@@ -9,7 +9,7 @@ and the most promising ones are fitted. Evidence is that of the linear model abo
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -38,6 +38,7 @@ from exodrake.model.effect import Effect
 SINGLES, FITTED, LOOKED = 4, 3, 10  # first effects fitted; further ones; those whose directions are taken anew
 NATS = 4.0  # of evidence that one effect more must add: odds of 1 to 50, as many as a library has effects
 GAIN = 0.05  # share of what is left that one effect more must take up
+LARGE = 0.1  # share of the gap from which an effect is a cause, not a refinement
 LAW = 0.15  # relative error of a law: that of another simulator or of a machine differs by as much
 SURE = 15.0  # nats of the tolerances' priors that an effect in their place has to spare: of 21 healthy robots 12
 NEGLIGIBLE = 0.3  # noise standard deviations RMS beyond noise, in every channel: a smaller gap is none
@@ -105,6 +106,11 @@ class Fitted:
         """What its nominal parameters cost by their priors [nats]."""
         e = self.explanation
         return 0.5 * float(np.sum(e.use[: e.nominal] ** 2))
+
+    @property
+    def strained(self) -> bool:
+        """Whether its tolerances cost `SURE` more than they would in the mean of robots."""
+        return self.tolerance_cost > 0.5 * self.explanation.nominal + SURE
 
 
 @dataclass(eq=False)
@@ -281,7 +287,8 @@ class Search:
         """Fit the most promising effects beside a set, which had new directions there.
 
         Beside the best set all effects have where it leaves much: one may act only where this set has brought it. Where
-        none of those that are fitted takes up half of that, the next ones are fitted, too.
+        none of those that are fitted takes up half of that, the next ones are fitted, too. Of single effects the next
+        ones are as long as none takes up a tenth: directions say little of a limit that a linear model does not reach.
         """
         if key in self.expanded:
             return
@@ -298,12 +305,23 @@ class Search:
         predicted = [p for p in self.screen_beside(e, lin) if p.probe.effect not in barred]
         new = [p for p in predicted if key | {p.probe.effect} not in self.sets]
         self.progress(Stage.FIT, e.name)
-        left = HALF * self.sets[key].excess
-        for batch in (new[:fitted], new[fitted : 2 * fitted])[: 2 if far else 1]:
-            found = fit_beside(likelihood.for_stage("refine"), e, batch)
-            self.add(found)
-            if any(self.sets[frozenset(x.effects)].excess < left for x in found):
+        left, most = self.sets[key].excess * (HALF if key else 1.0 - LARGE), 2 * fitted if far else fitted
+        for at in range(0, most if key else len(new), fitted):
+            self.add(fit_beside(likelihood.for_stage("refine"), e, new[at : at + fitted]))
+            if any(f.excess < left for k, f in self.sets.items() if key < k and self.usable(f)):
                 break
+
+    def expand_nominal(self, nominal: Explanation) -> None:
+        """Fit the most promising single effects from the nominal robot, where retuning strains its tolerances.
+
+        Such as stand for what retuning moved: about the retuned robot the logs show nothing of them.
+        """
+        if not self.none.strained:
+            return
+        likelihood = self.likelihood.scaled_to(nominal.residual).for_stage("refine")
+        self.add(fit_beside(likelihood, nominal, self.screen_beside(nominal, self.lin)[:SINGLES]))
+        likeliest = max((f for key, f in self.sets.items() if key), key=self.evidence)
+        self.add([settle(likelihood.for_stage("refine again"), likeliest.explanation)])
 
     def take_over(self, before: Search) -> None:
         """Fit the sets of a search on fewer samples, from where they ended."""
@@ -356,18 +374,11 @@ class Search:
         self.reduce(best.effects, again=True)
         return best
 
-    def spare_tolerances(self, best: Fitted, unseen: Callable[[Fitted], bool]) -> Fitted:
-        """A set as large as the best one in its place, where it spares `SURE` of the tolerances.
-
-        unseen: whether a set leaves nothing visible. The best one does not, nor may the other.
-        """
+    def list_sparing(self, best: Fitted) -> list[Fitted]:
+        """Sets as large as the best one that spare `SURE` of the tolerances, the sparest first."""
         limit = best.tolerance_cost - SURE
         others = [f for f in self.sets.values() if len(f.effects) == len(best.effects) and self.usable(f)]
-        for other in sorted(others, key=lambda f: f.tolerance_cost):
-            if other.tolerance_cost < limit and unseen(other):
-                self.reduce(other.effects)
-                return other
-        return best
+        return sorted((f for f in others if f.tolerance_cost < limit), key=lambda f: f.tolerance_cost)
 
     def predict_error(self, fitted: Fitted) -> float:
         """Mean logarithm over views of the reduced chi-square of each log as the others predict it."""

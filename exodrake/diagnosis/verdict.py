@@ -33,9 +33,8 @@ from exodrake.diagnosis.result import (
     Moved,
     Rival,
 )
-from exodrake.diagnosis.search import LAW, NATS, NEGLIGIBLE, SURE, Fitted, screen
+from exodrake.diagnosis.search import LARGE, LAW, NATS, NEGLIGIBLE, SURE, Fitted, screen
 
-LARGE = 0.1  # share of the gap from which an effect is a cause, not a refinement
 VISIBLE = 1.0  # standard deviations of the tolerance from which a change is listed
 ALIKE = 0.9  # share of what retuning explains from which a single effect is listed
 REASONS = {
@@ -182,7 +181,10 @@ def divide_gap(found: Isolation, best: Fitted) -> tuple[Part, ...]:
     gains = {i: measure(fitted) - left for i, fitted in smaller.items()}
     roles = {}
     for effect, gain in gains.items():
-        others, before = sum(float(g[0]) for i, g in gains.items() if i != effect), smaller[effect].explanation.robot
+        others, before = (
+            sum(min(float(g[0]), 1.0) for i, g in gains.items() if i != effect),
+            smaller[effect].explanation.robot,
+        )
         small = gain[0] >= MOST * (left[0] + gain[0]) and gain[0] >= LAW**2 * others
         seen = gain[0] >= LARGE or (
             small and found.excess(before) > max(found.excess(best.explanation.robot) + NEGLIGIBLE**2, 0.0)

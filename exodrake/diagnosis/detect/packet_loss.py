@@ -5,13 +5,15 @@ Only the drives are simulated, on measured commands and loads; the path of least
     cost = sum of (moved - measured)^2 / (2 s^2)   +   ENTER where a run of losses begins, STAY where it goes on
 
 moved, measured: change of position in a frame. s: standard deviation of two readings and of the drive's model error,
-taken from the whole log, so that a drive that follows badly loses no commands.
+taken from the whole log, so that a drive that follows badly loses no commands. Where losses are found, they are decoded
+once more with the probability that they show (Viterbi training; Juang & Rabiner 1990). Commands whose loss cannot be
+seen may be lost as well: what that changes in a log counts as noise.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -27,12 +29,15 @@ from exodrake.engine.schedule import outer_reads
 from exodrake.model.effect import Effect
 from exodrake.model.machine import CommandLink, Machine
 
-ENTER, STAY = 12.0, 1.0  # -log of the probabilities that a run of losses begins at a change (6e-6), and goes on (0.4)
+# -log of the probabilities that a run of losses begins at a change (6e-6), and goes on (0.4), where none is known yet
+ENTER, STAY = 12.0, 1.0
 PATHS, FAR = 6, 40.0  # most paths at a time; a path that costs so much more than the best is given up
+ROUNDS = 2  # of decoding with the probability that the losses of the last one show
 LAGS = 3  # frames in which a drive follows a command
 QUARTILE = 0.32  # of the absolute value of a normal number, in standard deviations
 SHOWN = 10.0  # the same, from which the loss of a single command shows
 INPUT = "packet_arrival"  # signal that tells a simulated bus which commands arrive
+LOST, ARRIVED, UNSEEN = 0.0, 1.0, 2.0  # its values; UNSEEN: it arrives on the likeliest path, and no reading shows it
 STILL = 0.25  # standard deviations of a reading in a frame: smaller changes of the command count as none
 CLEAR = 0.1  # of the errors around them that losses may leave: development cases 0.02-0.05, drives at a limit 0.2-0.7
 SURE = 2.0 * ENTER**0.5  # spreads of a change whose loss is decoded for sure: it then costs twice ENTER
@@ -43,7 +48,7 @@ GRID = 120  # points of each probability of the Markov chain
 class PacketLoss(NamedTuple):
     """Lost commands of one log."""
 
-    packet_arrival: np.ndarray  # (n, channels), 0 where a command was lost, else 1
+    packet_arrival: np.ndarray  # (n, channels), LOST, ARRIVED or UNSEEN
     events: np.ndarray  # (2, AGES) commands whose loss could be seen, so many frames after one seen to arrive, or lost
     lost: np.ndarray  # (2, AGES) those that were lost
     errors: np.ndarray  # (2,) squared errors around the losses, above those of noise and model, had they arrived; lost
@@ -57,33 +62,67 @@ def detect(problem: Problem, effect: Effect, values: np.ndarray) -> Problem:
     the losses leave few, and is none elsewhere.
     """
     machine, nominal, kinds = problem.robot.machine, problem.silent(), np.array(problem.kinds)
-    link, found, noise = machine.command_link, list[PacketLoss](), 0.0
+    link, noise, lead = machine.command_link, 0.0, effect.parameters[0]
     if link is not None and link.output in kinds:
         noise = float(np.median(problem.noise_std[kinds == link.output]))
         noise = sensor_noise_std(problem.robot).get(link.output, noise)
 
-    def with_losses(trial: Trial) -> Trial:
-        losses = decode(machine, nominal, {k: trial.measured[:, kinds == k] for k in problem.kinds}, noise)
-        found.extend([losses] if losses else [])
-        return replace(trial, latent={**trial.latent, INPUT: losses.packet_arrival}) if losses else trial
+    def decode_log(trial: Trial, enter: float = ENTER, known: PacketLoss | None = None) -> PacketLoss | None:
+        log = {kind: trial.measured[:, kinds == kind] for kind in problem.kinds}
+        return decode(machine, nominal, log, noise, enter, known)
 
-    decoded, lead = replace(problem, fit=tuple(map(with_losses, problem.fit))), effect.parameters[0]
-    lost = int(sum(np.sum(d.packet_arrival == 0.0) for d in found))
-    arrived, left = sum((d.errors for d in found), start=np.zeros(2))
-    if not lost or left > CLEAR * arrived:
+    trials, count, share = (*problem.fit, *problem.holdout), len(problem.fit), (0.0, 0.0, 0.0)
+    decoded = [decode_log(trial) for trial in trials]
+    arrived, left = sum((losses.errors for losses in decoded[:count] if losses), start=np.zeros(2))
+    if not arrived or left > CLEAR * arrived:
         return replace(problem, tried=problem.tried - {effect.id})
-    share = Interval(*loss_probability(found), lead.unit)
-    named = NamedEffect(effect.id, (), (), {lead.name: share}, {}, name_kind(effect))
-    detection = Detection(named, {}, f"{lost} commands look lost, one by one")
-    holdout = tuple(map(with_losses, problem.holdout))
-    return replace(decoded, holdout=holdout, detected=(*problem.detected, detection))
+    for _ in range(ROUNDS):
+        share = loss_probability([losses for losses in decoded[:count] if losses])
+        enter = max(float(np.log(1.0 / share[0] - 1.0)), STAY)
+        decoded = [d and decode_log(trial, enter, d) for trial, d in zip(trials, decoded, strict=True)]
+    lost = int(sum(np.sum(d.packet_arrival == LOST) for d in decoded[:count] if d))
+    heard = tuple(
+        replace(trial, latent={**trial.latent, INPUT: d.packet_arrival}) if d else trial
+        for trial, d in zip(trials, decoded, strict=True)
+    )
+    named = NamedEffect(effect.id, (), (), {lead.name: Interval(*share, lead.unit)}, {}, name_kind(effect))
+    unseen = UnseenLosses(tuple(machine.effect_indices(effect.id, lead.name).values()), share[0])
+    detection = Detection(named, {}, f"{lost} commands look lost, one by one", unseen)
+    detected = (*problem.detected, detection)
+    return replace(problem, fit=heard[:count], holdout=heard[count:], detected=detected)
 
 
-def decode(machine: Machine, values: np.ndarray, measured: Mapping[str, np.ndarray], noise: float) -> PacketLoss | None:
+@dataclass(frozen=True)
+class UnseenLosses:
+    """Draws of what lost commands change in a log where no reading shows them."""
+
+    places: tuple[int, ...]  # of the probability in the flat parameter vector
+    probability: float  # of a loss
+
+    def __call__(self, problem: Problem, values: np.ndarray, trial: Trial, rng: np.random.Generator) -> np.ndarray:
+        """A run of a robot (parameters,) that loses some more commands, less that as decoded: (n, columns) [SI]."""
+        if INPUT not in trial.latent:
+            return np.zeros(trial.measured.shape)
+        values, arrival = values.copy(), trial.latent[INPUT]
+        values[list(self.places)] = self.probability
+        drawn = np.where(arrival == UNSEEN, rng.uniform(size=arrival.shape), arrival)
+        drawn = replace(trial, latent={**trial.latent, INPUT: drawn})
+        return np.subtract(*(problem.predict(values[None], one)[0] for one in (drawn, trial)))
+
+
+def decode(
+    machine: Machine, values: np.ndarray, measured: Mapping[str, np.ndarray], noise: float,
+    enter: float = ENTER, known: PacketLoss | None = None,
+) -> PacketLoss | None:  # fmt: skip
     """Lost commands of one log; None of a machine without a command link, or where a column is missing.
 
-    values: (parameters,) flat [SI]. measured: column kind -> (n, channels) as logged [SI]. noise: standard deviation of
-    a reading of the position [its unit].
+    Args:
+        machine: machine that wrote it.
+        values: (parameters,) flat [SI].
+        measured: column kind -> (n, channels) as logged [SI].
+        noise: standard deviation of a reading of the position [its unit].
+        enter: cost of the beginning of a run of losses [nats].
+        known: losses that were decoded before, which tell how well the drive's model follows without them.
     """
     link, frame = machine.command_link, machine.frame
     if link is None:
@@ -99,44 +138,49 @@ def decode(machine: Machine, values: np.ndarray, measured: Mapping[str, np.ndarr
     drive, moved = Drive(machine, values, link, command, loads), np.diff(position, axis=0)
     whole = np.zeros(command.shape, dtype=bool)
     errors = drive.errors(moved, whole)
+    clean = errors if known is None else drive.errors(moved, known.packet_arrival == LOST)
     # two readings, and the drive's model: a share of what the commands of the last frames change, by the lower quartile
     # of the errors where nothing is lost, which commands that are lost in less than half of the time do not enlarge
     change = np.abs(np.diff(command[: len(errors)], axis=0, prepend=0.0)) * frame
     recent = sum((np.roll(change, k, axis=0) for k in range(1, LAGS)), start=change)
     large = recent > SHOWN * noise
-    share = np.quantile(np.abs(errors[large]) / recent[large], 0.25) / QUARTILE if large.any() else 0.0
+    share = np.quantile(np.abs(clean[large]) / recent[large], 0.25) / QUARTILE if large.any() else 0.0
     spread = np.sqrt(2.0 * noise**2 + (share * recent) ** 2)
-    lost = drive.best_path(moved, spread, STILL * noise / frame)
+    lost = drive.best_path(moved, spread, STILL * noise / frame, enter)
     around = sum((np.roll(lost, k, axis=0) for k in range(LAGS)), start=whole)[: len(moved)]
     sure = np.maximum(SHOWN * noise, SURE * np.vstack([spread, spread[-1:]])) / frame
     explained = drive.errors(moved, lost) if lost.any() else errors
     squared = np.array([np.sum((e / spread)[around] ** 2 - 1.0) for e in (errors, explained)])
-    return PacketLoss(1.0 - lost, *count_visible(command, lost, sure), squared)
+    _, events, gone = count_visible(command, lost, sure)
+    least = 2.0 * enter**0.5 * np.vstack([spread, spread[-1:]]) / frame
+    seen, *_ = count_visible(command, lost, least)
+    return PacketLoss(np.where(lost, LOST, np.where(seen, ARRIVED, UNSEEN)), events, gone, squared)
 
 
-def count_visible(command: np.ndarray, lost: np.ndarray, sure: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Commands whose loss could be seen and those that were lost, by the last one seen and the frames since.
+def count_visible(command: np.ndarray, lost: np.ndarray, sure: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Which commands' loss could be seen; their number and that of the lost, by the last one seen and the frames since.
 
     A command is seen if it differs from every one that may be held by then, for sure by `sure` [its unit]. Whether it
     is does not depend on which of them were lost: a run of losses would show more often than it occurs if a change from
-    the held one were enough. Arguments are (n, channels); (2, AGES) each, as in `PacketLoss`.
+    the held one were enough. Arguments and the first result are (n, channels), the others (2, AGES) as in `PacketLoss`.
     """
     channels = command.shape[1]
     low, high = np.zeros(channels), np.zeros(channels)  # ends of what may be held
     state, age = np.zeros(channels, dtype=int), np.full(channels, AGES - 1)
     events, gone = np.zeros((2, 2, AGES), dtype=int)
-    for now, missed, least in zip(command, lost, sure, strict=True):
-        shown = (now < low - least) | (now > high + least)
+    seen = np.zeros(command.shape, dtype=bool)
+    for now, missed, least, shown in zip(command, lost, sure, seen, strict=True):
+        shown[:] = (now < low - least) | (now > high + least)
         np.add.at(events, (state[shown], age[shown]), 1)
         np.add.at(gone, (state[shown], age[shown]), missed[shown])
         state, age = np.where(shown, missed, state), np.where(shown, 0, np.minimum(age + 1, AGES - 1))
         low = np.where(shown, np.where(missed, low, now), np.minimum(low, now))
         high = np.where(shown, np.where(missed, high, now), np.maximum(high, now))
-    return events, gone
+    return seen, events, gone
 
 
 def loss_probability(losses: list[PacketLoss]) -> tuple[float, float, float]:
-    """Share of lost commands with its 90 % interval.
+    """Share of lost commands to expect, and its 90 % interval.
 
     Losses come in runs. A Markov chain that enters them with probability e and stays with s loses the share
     p = e / (e + 1 - s), and k frames after a command that arrived (x = 0) or was lost (x = 1) another one with
@@ -151,11 +195,10 @@ def loss_probability(losses: list[PacketLoss]) -> tuple[float, float, float]:
     for x, k in np.argwhere(events):
         chance = np.clip(share + (x - share) * (stay - enter) ** (k + 1), 1e-12, 1.0 - 1e-12)
         support += lost[x, k] * np.log(chance) + (events - lost)[x, k] * np.log1p(-chance)
-    order = np.argsort(share)
-    weights = np.cumsum(np.exp(support - support.max())[order])
-    ends = np.array([0.5, 0.5 - CONFIDENCE / 2, 0.5 + CONFIDENCE / 2]) * weights[-1]
-    middle, low, high = share[order][np.searchsorted(weights, ends)]
-    return float(middle), float(low), float(high)
+    order, weights = np.argsort(share), np.exp(support - support.max())
+    total = np.cumsum(weights[order])
+    low, high = share[order][np.searchsorted(total, (0.5 + np.array([-0.5, 0.5]) * CONFIDENCE) * total[-1])].tolist()
+    return float(weights @ share / weights.sum()), low, high
 
 
 class Drive:
@@ -201,12 +244,12 @@ class Drive:
             before = held
         return errors
 
-    def best_path(self, moved: np.ndarray, spread: np.ndarray, still: float) -> np.ndarray:
+    def best_path(self, moved: np.ndarray, spread: np.ndarray, still: float, enter: float) -> np.ndarray:
         """Mask (n, channels) of the commands that are lost on the path of least cost of each channel.
 
         Paths of all channels are advanced side by side; a path of one channel knows nothing of the others. Positions
         move by `moved` (frames, channels) with a standard deviation of `spread` (frames, channels); commands that
-        change by less than `still` [their unit] do not count.
+        change by less than `still` [their unit] do not count. A run of losses costs `enter` [nats].
         """
         channel, history, states = np.arange(moved.shape[1]), [], self.rest.copy()
         # command that arrived last, whether the last one was lost, and cost so far: (paths, channels)
@@ -217,7 +260,7 @@ class Drive:
                 best = int(cost[:, c].argmin())
                 found = {(float(cost[best, c]), best, False)}
                 for k in np.flatnonzero(np.abs(held[:, c] - value) > still):
-                    found.add((float(cost[k, c]) + (STAY if gone[k, c] else ENTER), int(k), True))
+                    found.add((float(cost[k, c]) + (STAY if gone[k, c] else enter), int(k), True))
                 branches = sorted(found)
                 each.append([branch for branch in branches if branch[0] < branches[0][0] + FAR][:PATHS])
             count = max(map(len, each))
