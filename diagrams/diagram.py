@@ -276,6 +276,14 @@ def set_parameters(robot: Robot, diagram: Diagram, context: Context) -> None:
 
     Raises:
         InputError: the robot lacks a parameter.
+
+    Examples:
+        >>> import exodrake as exo
+        >>> from pydrake.systems.analysis import Simulator
+        >>> robot = exo.load_robot()
+        >>> diagram = exo.build_diagram(robot, exo.grasp("caging"))
+        >>> simulator = Simulator(diagram)
+        >>> set_parameters(robot.splice("tendon.coulomb_friction"), diagram, simulator.get_mutable_context())
     """
     robot = replace(argument("robot", robot, Robot), values=prepare_values(robot, check_diagram(diagram).quantisation))
     diagram.SetDefaultContext(argument("context", context, Context))

@@ -19,7 +19,7 @@ SHORT = "steps:dwell=2"
 # command -> its arguments besides --robot; {} is a folder with a log of the machine
 ALL = {
     "simulate": [SHORT, "--out", "{}/run"],
-    "compare": ["{}/log.csv", "{}/log.csv"],
+    "compare": ["{}/log.csv", "{}/log.csv", "--out", "{}"],
     "robot": [],
     "effects": [],
     "draw": ["--out", "{}/wiring.svg"],

@@ -359,6 +359,13 @@ def regularise(log: Log, period: float = 0.02) -> tuple[Log, list[str]]:
         InputError: naming the row, for a clock that steps backwards or jumps, the same time with other values, and rows
             that come faster than the frame; naming the unit that a clock seems to have, and the frame that it seems to
             count where that is another one.
+
+    Examples:
+        >>> import numpy as np
+        >>> import exodrake as exo
+        >>> mended, notes = regularise(exo.Log(np.array([0.0, 0.02, 0.06]), {"stroke_AF": np.zeros(3)}))
+        >>> len(mended), notes
+        (4, ['log: 1 missing frames, the first at 0.04 s (longest gap 1 frames), left empty'])
     """
     if not (np.isfinite(period) and period > 0):
         raise InputError(f"frame period {period!r} s: wanted a positive number")

@@ -1,8 +1,9 @@
 """Generates the engine: one frame as its slots in order, the run over frames, the batch over rows of parameters.
 
 The one `run` serves simulation, prediction-error simulation and replay. Where something is imposed, signals carry
-measured values: those of fixed segments (`model.machine.Segment`), so that no error of a segment reaches the others, and single
-readings. Further functions run parts of a machine: `moves` its drives, `part__equation__...` a part's equations.
+measured values: those of fixed segments (`model.machine.Segment`), so that no error of a segment reaches the others,
+and single readings. Further functions run parts of a machine: `moves` its drives, `part__equation__...` a part's
+equations.
 """
 
 from __future__ import annotations

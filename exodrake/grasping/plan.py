@@ -178,6 +178,11 @@ def plan_grasp(mode: str, size: float, robot: Robot | None = None, hand: Hand | 
 
     Raises:
         InputError: an unknown mode, a size that is not a length, or beyond the span of finger and thumb.
+
+    Examples:
+        >>> plan = plan_grasp("caging", 0.06)
+        >>> [round(tension, 1) for tension in plan.tensions]  # N
+        [5.5, 1.4, 2.9]
     """
     from scipy.spatial import KDTree
 

@@ -84,6 +84,10 @@ def grasp(
 
     Raises:
         InputError: naming the mode, tendon, value or duration.
+
+    Examples:
+        >>> grasp("narrow-pinch", hold=1.0).values.shape
+        (200, 3)
     """
     robot = robot_or_default(robot)
     tendons, (lowest, highest) = robot.machine.axes.tendons, robot.reference_limits()
@@ -127,6 +131,10 @@ def sweeps(robot: Robot | None = None, *, period: float = 5.0) -> Reference:
     """The paper's protocol in full: each tendon ramps 0-100-0 % against all pairs of levels of the others, 48 sweeps.
 
     period: of one sweep up and down [s]; 48 of them take 240 s.
+
+    Examples:
+        >>> len(sweeps().values) * 0.02
+        240.0
     """
     robot = robot_or_default(robot)
     tendons = len(robot.reference_limits()[1])
@@ -176,6 +184,10 @@ def chirp(
     """Each tendon in turn swings between 10 % and `top` of F_max, ever faster; the others stand at `base`.
 
     Args: low, high: frequencies [Hz], exponential in time; span: duration per tendon [s]; base, top: shares of F_max.
+
+    Examples:
+        >>> chirp(high=1.5).name
+        'chirp'
     """
     robot = robot_or_default(robot)
     nyquist = 0.5 / robot.machine.frame
@@ -192,7 +204,12 @@ def chirp(
 
 
 def holds(robot: Robot | None = None, *, seed: int = 0, count: int = 5, dwell: float = 8.0) -> Reference:
-    """Steps of all tendons to random levels of 10 to 90 % of F_max, `count` of them, each held `dwell` [s]."""
+    """Steps of all tendons to random levels of 10 to 90 % of F_max, `count` of them, each held `dwell` [s].
+
+    Examples:
+        >>> holds(count=2, dwell=4.0).values.shape
+        (400, 3)
+    """
     robot = robot_or_default(robot)
     count = whole("count", count, 1000, "holds")
     highest = robot.reference_limits()[1]
@@ -201,7 +218,12 @@ def holds(robot: Robot | None = None, *, seed: int = 0, count: int = 5, dwell: f
 
 
 def steps(robot: Robot | None = None, *, base: float = 0.2, top: float = 0.5, dwell: float = 2.0) -> Reference:
-    """Each tendon in turn steps from `base` to `top` (shares of F_max) and back, `dwell` [s] on each level."""
+    """Each tendon in turn steps from `base` to `top` (shares of F_max) and back, `dwell` [s] on each level.
+
+    Examples:
+        >>> float(steps(top=0.5).values.max())
+        6.0
+    """
     robot = robot_or_default(robot)
     check_range("base", base, 0.0, 1.0, "of F_max")
     check_range("top", top, 0.0, 1.0, "of F_max")
@@ -219,6 +241,10 @@ def multisine(
 
     Args: high: highest frequency [Hz]; period [s] of the lowest harmonic; repeats of it; base: mean [F_max], about
     which 0.2 F_max are swung.
+
+    Examples:
+        >>> multisine(period=10.0, repeats=3).values.shape
+        (1500, 3)
     """
     robot = robot_or_default(robot)
     time, highest, rng = clock(robot, period=period), robot.reference_limits()[1], generator(seed)
@@ -240,6 +266,10 @@ def random_motion(
     """Smooth random motion of all tendons at once between F_min and 90 % of F_max, resembling no other protocol.
 
     Args: duration [s]; fastest: highest frequency in it [Hz].
+
+    Examples:
+        >>> random_motion(seed=1, duration=10.0).values.shape
+        (500, 3)
     """
     robot = robot_or_default(robot)
     check_range("fastest", fastest, 0.01, 5.0, "Hz")
