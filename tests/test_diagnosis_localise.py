@@ -14,7 +14,7 @@ from exodrake.diagnosis import localise
 from exodrake.diagnosis.isolation import isolate
 from exodrake.diagnosis.localise import conditions, explain_variance, motion, remaining
 from exodrake.diagnosis.problem import make_problem
-from exodrake.diagnosis.result import CAUSE, REFINEMENT, Interval, NamedEffect, Where
+from exodrake.diagnosis.result import CAUSE, REFINEMENT, Interval, NamedEffect
 from exodrake.diagnosis.search import LAW
 from exodrake.engine.inputs import Reference
 from exodrake.simulation import protocols
@@ -48,8 +48,9 @@ def test_place_of_named_effects_is_that_of_their_causes(monkeypatch):
 
     causes = effect("finger.tremor", (), ("MCP",), CAUSE, 0.9), effect("sensor.gain", ("AE",), (), CAUSE, 0.05)
     small = effect("motor.slow_velocity_loop", ("MF",), (), REFINEMENT, 0.02)
-    monkeypatch.setattr(localise, "remaining", lambda found, fitted: Where("", regime={"load": 0.5}))
-    place = localise.localise(SimpleNamespace(retuned=None), "NAMED", (*causes, small))
+    monkeypatch.setattr(localise, "regime", lambda problem, robot: {"load": 0.5})
+    found = SimpleNamespace(whole=None, retuned=SimpleNamespace(explanation=SimpleNamespace(robot=None)))
+    place = localise.localise(found, "NAMED", (*causes, small))
     assert (place.block, place.wires, place.joints) == ("finger", ("AE",), ("MCP",))
     assert place.shares == pytest.approx({"finger": 0.9, "sensor": 0.05, "motor": 0.02})
 

@@ -5,8 +5,9 @@ import pytest
 
 from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis.detect import packet_loss
+from exodrake.diagnosis.likelihood import written_by
 from exodrake.diagnosis.problem import make_problem
-from exodrake.engine.inputs import Reference
+from exodrake.engine.inputs import NoiseInputs, Reference
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation import protocols
 from exodrake.simulation.simulate import simulate
@@ -70,6 +71,21 @@ def test_losses_become_inputs_of_the_simulation_and_the_effect_stays_a_candidate
     values = problem.silent(deaf)
     before, after = (np.mean(p.residual(values[None], p.fit) ** 2) for p in (problem, found))
     assert after < 0.5 * before
+
+
+def test_decoded_losses_are_true_and_what_no_reading_shows_lies_within_the_noise(robot):
+    """The bus's own random numbers tell which commands were lost."""
+    reference, deaf = protocols.steps(robot, dwell=0.6), robot.splice("timing.dropped_commands", {"probability": 0.15})
+    log = CaseLog(simulate(deaf, reference, seed=1), "steps", "fit", None, "steps.csv")
+    problem = make_problem(Case("deaf", {}, (log,)), robot)
+    found = packet_loss.detect(problem, robot.machine.effect("timing.dropped_commands"), problem.silent())
+    arrival = found.fit[0].latent[packet_loss.INPUT]
+    truth = NoiseInputs.draw(len(arrival), 1, robot.machine)[packet_loss.INPUT] < 0.15
+    assert truth[arrival == packet_loss.LOST].mean() > 0.6 and truth[arrival == packet_loss.ARRIVED].mean() < 0.05
+    values = problem.silent(deaf)
+    drawn = [written_by(found, values, seed) for seed in range(6)]
+    noise = [np.mean(p.residual(values[None], p.fit) ** 2) for p in drawn]
+    assert np.mean(noise) > 1.2 and np.mean(found.residual(values[None], found.fit) ** 2) < max(noise)
 
 
 def test_robot_that_loses_nothing_is_not_tried_for_packet_loss(robot):

@@ -166,7 +166,7 @@ def divide_gap(found: Isolation, best: Fitted) -> tuple[Part, ...]:
     """Effects of a set, causes first, the largest first.
 
     A small effect is a cause where what is left without it is visible and no error of another one's law: it takes up
-    most of that, and more than laws err by.
+    most of that, and more than laws err by. Lost commands that were decoded have no such law.
     What causes take up together is divided by what each takes up alone and what is left without it, in the mean: of
     two that stand in for each other neither is lost.
     """
@@ -179,16 +179,12 @@ def divide_gap(found: Isolation, best: Fitted) -> tuple[Part, ...]:
     none, left = measure(search.none), measure(best)
     smaller = {i: search.sets[best.effects - {i}] for i in best.explanation.effects}
     gains = {i: measure(fitted) - left for i, fitted in smaller.items()}
-    roles = {}
+    roles, after = {}, found.excess(best.explanation.robot)
     for effect, gain in gains.items():
-        others, before = (
-            sum(min(float(g[0]), 1.0) for i, g in gains.items() if i != effect),
-            smaller[effect].explanation.robot,
-        )
-        small = gain[0] >= MOST * (left[0] + gain[0]) and gain[0] >= LAW**2 * others
-        seen = gain[0] >= LARGE or (
-            small and found.excess(before) > max(found.excess(best.explanation.robot) + NEGLIGIBLE**2, 0.0)
-        )
+        others = sum(min(float(g[0]), 1.0) for i, g in gains.items() if i not in (effect, *found.whole.counted))
+        small = gain[0] >= LAW**2 * others and (after < 0.0 or gain[0] >= MOST * (left[0] + gain[0]))
+        before = found.excess(smaller[effect].explanation.robot)
+        seen = gain[0] >= LARGE or (small and before > max(after + NEGLIGIBLE**2, 0.0))
         roles[effect] = CAUSE if seen else REFINEMENT
     alone = {i: none - measure(search.sets.get(frozenset([i]), search.none)) for i in gains}
     weight = {i: np.maximum(alone[i], 0.0) + np.maximum(gains[i], 1e-9) for i in gains if roles[i] == CAUSE}
