@@ -291,7 +291,7 @@ def make_log(tracks: dict[str, Track], mapped: Mapped, source: str, notes: Seque
         if column.take == "rate":
             if len(time) < 3:
                 raise InputError(f"{where}: {len(time)} rows, too few for a derivative")
-            found, unit = np.gradient(found, time), RATES.get(unit, "")
+            found, unit = np.gradient(found, time, edge_order=2), RATES.get(unit, "")
         unit = si_unit(column.unit) if column.unit else unit
         if not unit:
             raise InputError(f"{where}: state its SI unit, `unit: ...`")
@@ -393,7 +393,11 @@ def median_step(time: np.ndarray) -> float:
 
 
 def low_pass(time: np.ndarray, values: np.ndarray, cutoff: float, where: str) -> np.ndarray:
-    """Values (n,) through a zero-phase Butterworth filter: half the amplitude at `cutoff` [Hz]; NaN stays NaN."""
+    """Values (n,) through a zero-phase Butterworth filter: half the amplitude at `cutoff` [Hz]; NaN stays NaN.
+
+    Beyond its ends the log goes on along a cubic through its first and last period of the cut-off. Turned about its
+    end, as by default, a log that begins in motion would have an acceleration there that is wrong by its own size.
+    """
     from scipy.signal import butter, sosfiltfilt
 
     steps, known = np.diff(time), np.isfinite(values)
@@ -408,8 +412,11 @@ def low_pass(time: np.ndarray, values: np.ndarray, cutoff: float, where: str) ->
         slowest = 1.0 / (time[-1] - time[0])
         raise InputError(f"{where}: filter: {cutoff:g} Hz, wanted above one period in the log, {slowest:.3g} Hz")
     filled = np.interp(time, time[known], values[known])
-    sections = butter(ORDER, 2.0 * step * cutoff, output="sos")
-    return np.where(known, sosfiltfilt(sections, filled), np.nan)
+    sections, width = butter(ORDER, 2.0 * step * cutoff, output="sos"), max(int(1.0 / (cutoff * step)), 8)
+    near, beyond = np.arange(width), np.arange(-2 * width, 0)
+    before, after = (np.polyval(np.polyfit(near, end[:width], 3), beyond) for end in (filled, filled[::-1]))
+    passed = sosfiltfilt(sections, np.concatenate([before, filled, after[::-1]]))[2 * width : -2 * width]
+    return np.where(known, passed, np.nan)
 
 
 def find_lag(moved: Track, fixed: Track, within: float, where: str) -> tuple[float, float]:

@@ -36,7 +36,7 @@ from exodrake.diagnosis.linearise import Linearisation, linearise
 from exodrake.model.effect import Effect
 
 SINGLES, FITTED, LOOKED = 4, 3, 10  # first effects fitted; further ones; those whose directions are taken anew
-NATS = 4.0  # of evidence that one effect more must add: odds of 1 to 50, as many as a library has effects
+NATS = 4.0  # of evidence within which two explanations are as likely: odds of 1 to 50
 GAIN = 0.05  # share of what is left that one effect more must take up
 LARGE = 0.1  # share of the gap from which an effect is a cause, not a refinement
 LAW = 0.15  # relative error of a law: that of another simulator or of a machine differs by as much
@@ -218,6 +218,10 @@ class Search:
         """Whether a set may be the answer: none of its amplitudes ended at a bound, none of its laws is barred."""
         return not at_bounds(fitted.explanation) and not fitted.effects & self.barred
 
+    def best_within(self, key: frozenset[str]) -> Fitted:
+        """The fit of a set, or of a part of it, that leaves least: well fitted, none leaves more than a part."""
+        return min((f for k, f in self.sets.items() if k <= key), key=self.measure_left)
+
     def find_replacements(self, best: Fitted, effect: str) -> dict[str, Fitted]:
         """Fitted sets in which another effect stands for one of a set."""
         rest = best.effects - {effect}
@@ -250,11 +254,17 @@ class Search:
         return found
 
     def beats(self, a: Fitted, b: Fitted, more: int | None = None) -> bool:
-        """Whether a set is better than another: more evidence, enough more if it has `more` effects."""
+        """Whether a set is better than another: more evidence, enough more if it has `more` effects.
+
+        One effect more is one choice among all that the machine has.
+        """
         more = len(a.effects) - len(b.effects) if more is None else more
         memory = a.memory if more > 0 else b.memory if more < 0 else min(a.memory, b.memory)
-        gain = self.evidence(a, memory) - self.evidence(b, memory)
-        return gain > NATS * more and (more <= 0 or a.excess < (1.0 - GAIN) ** more * b.excess)
+        gain, choice = (
+            self.evidence(a, memory) - self.evidence(b, memory),
+            np.log(len(self.likelihood.robot.machine.effects)),
+        )
+        return gain > choice * more and (more <= 0 or a.excess < (1.0 - GAIN) ** more * b.excess)
 
     def evidence(self, fitted: Fitted, memory: float | None = None) -> float:
         """Log evidence [nats] of a set; two sets are compared with the memory of what the larger one leaves."""

@@ -2,11 +2,12 @@
 
     left(S)        share of the gap beyond retuning that a set leaves (`Search.left`)
 
-An effect of the best set S takes up left(S without it) - left(S). It is a cause where that is a tenth of the gap, or
-most of what is left without it and more than the errors of the other causes' laws may leave. Other effects of S are
-refinements. Causes divide into shares what they take up together. A rival of a cause stands in its place in a set that
-leaves no more than S and the error of a law, or is as likely. Beside a verdict stand the parameters that retuning
-moved, and the explanations that the logs do not tell apart.
+An effect of the best set S takes up left(S without it) - left(S), where a set leaves no more than a part of it does.
+It is a cause where that is a tenth of the gap, or most of what is left without it and more than the errors of the
+other causes' laws may leave. Other effects of S are refinements. Causes divide into shares what they take up
+together. A rival of a cause stands in its place in a set that leaves no more than S and the error of a law, or is as
+likely. Beside a verdict stand the parameters that retuning moved, and the explanations that the logs do not tell
+apart.
 """
 
 from __future__ import annotations
@@ -177,7 +178,7 @@ def divide_gap(found: Isolation, best: Fitted) -> tuple[Part, ...]:
         return found.beside_detections * search.left_by_log(fitted)
 
     none, left = measure(search.none), measure(best)
-    smaller = {i: search.sets[best.effects - {i}] for i in best.explanation.effects}
+    smaller = {i: search.best_within(best.effects - {i}) for i in best.explanation.effects}
     gains = {i: measure(fitted) - left for i, fitted in smaller.items()}
     roles, after = {}, found.excess(best.explanation.robot)
     for effect, gain in gains.items():
