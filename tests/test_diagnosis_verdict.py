@@ -7,6 +7,7 @@ import pytest
 
 from exodrake.diagnosis import verdict
 from exodrake.diagnosis.result import CAUSE, REFINEMENT, Interval
+from exodrake.diagnosis.search import Search
 
 
 @pytest.fixture
@@ -39,3 +40,11 @@ def test_a_refinement_stays_where_whole_logs_and_their_predictions_want_it(
     )
     assert best.effects == ({"friction", "drift"} if kept else {"friction"})
     assert {p.effect for p in parts} == best.effects
+
+
+def test_what_a_set_leaves_is_no_more_than_what_a_part_of_it_does():
+    """Mass and gain, whose fit ended at a bound, leave no more than mass alone: the offset beside them is no cause."""
+    left = {frozenset(): 1.0, frozenset({"mass"}): 0.01, frozenset({"mass", "gain"}): 0.3, frozenset({"gain"}): 0.9}
+    search = SimpleNamespace(sets={key: key for key in left}, measure_left=left.__getitem__)
+    assert Search.best_within(search, frozenset({"mass", "gain"})) == {"mass"}
+    assert Search.best_within(search, frozenset({"gain"})) == {"gain"}

@@ -372,6 +372,16 @@ def test_a_zero_phase_filter_halves_the_amplitude_at_its_cut_off_and_delays_noth
             low_pass(uneven, time, bad, "x")
 
 
+@pytest.mark.parametrize(("frequency", "cutoff"), [(0.3, 10.0), (1.0, 10.0), (0.3, 5.0)])
+def test_a_filtered_acceleration_is_right_at_the_ends_of_a_log_that_begins_and_ends_in_motion(frequency, cutoff):
+    time, w = 0.005 * np.arange(1237), 2.0 * np.pi * frequency
+    rates = low_pass(time, np.sin(w * time + 0.4), cutoff, "x")
+    for _ in range(2):
+        rates = np.gradient(rates, time, edge_order=2)
+    wrong = np.abs(rates + w**2 * np.sin(w * time + 0.4)) / w**2
+    assert wrong[2:-2].max() < 0.05 and wrong[20:-20].max() < 0.02
+
+
 def test_derivative_and_difference(tmp_path):
     mapping = {
         **MAP,
