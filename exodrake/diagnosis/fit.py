@@ -124,6 +124,16 @@ class Explanation:
             COLUMNS[found] = COLUMNS[self]
         return found
 
+    def with_derivatives_of(self, other: Explanation) -> Explanation:
+        """The explanation with the derivatives of another one nearby, which are all taken at one point.
+
+        Its own are corrected step by step. Where an effect acts as a nominal parameter does, such as a joint's
+        stiffness, a corrected derivative beside a new one looks like knowledge, and intervals are too narrow.
+        """
+        found = replace(self, jacobian=other.jacobian)
+        COLUMNS[found] = COLUMNS[other]
+        return found
+
 
 COLUMNS: WeakKeyDictionary[Explanation, np.ndarray] = WeakKeyDictionary()  # of explanations that were differentiated
 
@@ -342,12 +352,17 @@ def fit_beside(likelihood: Likelihood, known: Explanation, predicted: Sequence[P
     return side_by_side([partial(finish, e, gain) for e, gain in zip(begun, gains, strict=True)])
 
 
-def settle(likelihood: Likelihood, e: Explanation, seen: np.ndarray | None = None) -> Explanation:
-    """The explanation fitted on with new derivatives by nominal parameters: `seen` (nominal,), or visible ones."""
+def renew(likelihood: Likelihood, e: Explanation, seen: np.ndarray | None = None) -> Explanation:
+    """The explanation with new derivatives by nominal parameters: `seen` (nominal,), or visible ones."""
     likelihood, jacobian = likelihood.scaled_to(e.residual), e.jacobian.copy()
     seen = e.find_visible(likelihood) if seen is None else seen
     jacobian[seen] = nominal_jacobian(likelihood, *e.nominal_part, e.residual, seen)
-    return minimise(likelihood, e.change(jacobian=jacobian))
+    return e.change(jacobian=jacobian)
+
+
+def settle(likelihood: Likelihood, e: Explanation, seen: np.ndarray | None = None) -> Explanation:
+    """The explanation fitted on with new derivatives, as `renew` takes them."""
+    return minimise(likelihood.scaled_to(e.residual), renew(likelihood, e, seen))
 
 
 def without(likelihood: Likelihood, e: Explanation, effect: str) -> Explanation:

@@ -11,7 +11,7 @@ import numpy as np
 
 from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.diagnosis.detect import detect
-from exodrake.diagnosis.fit import Explanation, minimise, settle
+from exodrake.diagnosis.fit import Explanation, minimise, renew, settle
 from exodrake.diagnosis.likelihood import Likelihood, make_likelihood, output_error, with_prediction
 from exodrake.diagnosis.linearise import Linearisation, linearise, nominal_jacobian
 from exodrake.diagnosis.parameter import nominal_parameters
@@ -204,7 +204,8 @@ def fit_on(found: Isolation, best: Fitted) -> tuple[Fitted, Fitted]:
         seen = before.find_visible(found.likelihood.scaled_to(before.residual)) & (not fits)
         (e,) = replace(before, jacobian=jacobian).at_each(likelihood, [before.x])
         likelihood = likelihood.with_memory(e.residual)
-        e = settle(likelihood, e, seen)
+        start = renew(likelihood, e, seen)
+        e = minimise(likelihood.scaled_to(e.residual), start).with_derivatives_of(start)
         jacobian, fits = e.jacobian, [*fits, Fitted.at(likelihood, e)]
     return fits[-1], fits[0]
 
