@@ -168,15 +168,15 @@ intervals, but it also moves joint centres, which no marker shows.
 
 ## The paper's equations
 
-Corrected as on [the page about the paper](paper.md), they are functions of `exodrake.identification`. The package
-itself uses other methods:
+Corrected as on [the page about the paper](paper.md), they are functions of `exodrake.identification` and
+`studies.paper`. The package itself uses other methods:
 
 | paper | function | used instead |
 |---|---|---|
 | Eq. 7-13, joint centre | `kinematics.rigid.joint_centre` | bundle adjustment (a) |
 | Eq. 14-18, MCP angles by Newton | `kinematics.rigid.joint_angles` | bundle adjustment (a) |
-| Eq. 21, tension to angle | `statics.compliance` | nonlinear statics (b) |
-| Eq. 22, angle to tension | `statics.tension_map` | `exodrake grasp` (b) |
+| Eq. 21, tension to angle | `studies.paper.stiffness.compliance` | nonlinear statics (b) |
+| Eq. 22, angle to tension | `studies.paper.stiffness.tension_map` | `exodrake grasp` (b) |
 | 2.3, maximum tension | `statics.find_maximum_tension` | - |
 | Fig. 5 and 8a, sync pulse | `kinematics.markers.clock_from_pulses` | samples of slot 0 (c) |
 

@@ -15,12 +15,12 @@ from estimator_sweeps import (
 )  # fmt: skip
 
 from exodrake.core.errors import InputError
-from exodrake.identification import statics as stiffness
-from exodrake.identification.statics import compliance, router_arms, tension_map
 from exodrake.physics import finger_statics as statics
 from exodrake.physics.tendon_finger import Parameters
+from studies.paper import stiffness
 from studies.paper.comparison import compare
 from studies.paper.printed_equations import tension_map_as_printed
+from studies.paper.stiffness import compliance, router_arms, tension_map
 
 EXACT = Wearer(stiffness=0.0, rest=0.0, zero=0.0, drift=0.0, friction=0.0)
 TRIPLE = (5e-3, 5e-3, 5e-3)

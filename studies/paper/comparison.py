@@ -8,9 +8,9 @@ from exodrake.core.errors import InputError
 from exodrake.estimator.dataset import Sweeps
 from exodrake.estimator.gp import POINTS, fit
 from exodrake.estimator.validate import fit_ridge
-from exodrake.identification.statics import Stiffness, fit_stiffness, linear
 from exodrake.physics.finger_statics import follow, posture
 from exodrake.physics.tendon_finger import Parameters
+from studies.paper.stiffness import Stiffness, fit_stiffness, linear
 
 
 @dataclass(frozen=True)

@@ -94,10 +94,10 @@ def parted(sweeps: Sweeps, seed: int) -> tuple[Sweeps, Sweeps]:
 def study(robot: Robot, effort: Effort, seed: int) -> Study:
     """Simulate, learn, judge. robot: the nominal one."""
     from exodrake.estimator.gp import condition, learn
-    from exodrake.identification.statics import linear
     from exodrake.physics.finger_statics import parameters_of, posture
     from exodrake.simulation.protocols import sweeps as protocol
     from exodrake.simulation.simulate import record, write_log
+    from studies.paper.stiffness import linear
 
     parameters, reference = parameters_of(robot), protocol(robot)
     recording = record(worn_robot(robot), reference, seed)
