@@ -13,11 +13,10 @@ from exodrake.identification.kinematics.rigid import (
     fit_pose,
     hat,
     inverse,
-    joint_angles,
     motion,
     rotation,
 )
-from studies.paper.printed_equations import g_inverse, g_matrix
+from studies.paper.printed_equations import g_inverse, g_matrix, joint_angles
 
 TILTED = np.array([2.0, -1.0, 2.0]) / 3.0
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from exodrake.grasping.plan import at_hold
-from exodrake.identification.kinematics.rigid import Axis, chain_poses, joint_angles
+from exodrake.identification.kinematics.rigid import Axis, chain_poses
 from exodrake.identification.statics import find_maximum_tension
 from exodrake.machines.robot_file import load_robot
 from exodrake.physics.finger_statics import parameters_of, posture
@@ -14,7 +14,7 @@ from exodrake.simulation.protocols import grasp, maximum_tension
 from exodrake.simulation.simulate import simulate
 from studies.paper import loop_sign
 from studies.paper.claim import AGREES, DOES_NOT, UNKNOWN, Chapter, Claim
-from studies.paper.printed_equations import g_inverse, g_matrix, tension_map_as_printed
+from studies.paper.printed_equations import g_inverse, g_matrix, joint_angles, tension_map_as_printed
 from studies.paper.stiffness import compliance, router_arms, tension_map
 
 DEGREES = (5, 10, 30, 60, 89)  # angles at which Eq. 9 is tried
