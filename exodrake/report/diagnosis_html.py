@@ -25,8 +25,8 @@ from exodrake.diagnosis.isolation import SAMPLING
 from exodrake.diagnosis.parameter import nominal_parameters
 from exodrake.diagnosis.problem import Problem, Trial
 from exodrake.diagnosis.result import CAUSE, REFINEMENT, Diagnosis, SignalGap
-from exodrake.diagnosis.search import GAIN, LAW, NATS, NEGLIGIBLE
-from exodrake.diagnosis.verdict import EXPLAINED, LARGE, MOST
+from exodrake.diagnosis.search import GAIN, LARGE, LAW, NATS, NEGLIGIBLE
+from exodrake.diagnosis.verdict import EXPLAINED, MOST
 from exodrake.model.display import Display, find_display
 from exodrake.report import blocks, wording as w
 from exodrake.report.blocks import AFTER, BAND, LINE, RULE, SOFT, Bars, Drawing, Table, render, render_svg
@@ -413,8 +413,8 @@ def decision_numbers() -> list[tuple[str, str]]:
         ("a gap is negligible below, in every channel", f"{NEGLIGIBLE:g} noise standard deviations RMS beyond noise"),
         ("and below, so that sampling shows no gap", f"{SAMPLING:g} standard errors of a mean square"),
         ("one effect more adds evidence of at least", "the logarithm of the number of effects, in nats"),
-        ("two explanations are as likely within", f"{NATS:g} nats"),
         ("and takes up of what is left at least", w.percent(GAIN)),
+        ("two explanations are as likely within", f"{NATS:g} nats"),
         ("a cause takes up of the gap at least", w.percent(LARGE)),
         ("or of what is left without it at least", w.percent(MOST)),
         ("a law of an effect may err by", w.percent(LAW)),

@@ -1,4 +1,4 @@
-"""Rigid motions: moving joint axes, the paper's screws (Eq. 4-18), and poses of marker triads.
+"""Rigid motions: moving joint axes, the screws of the paper (Eq. 4-16), and poses of marker triads.
 
 Rotations R (3, 3) and motions T = [R p; 0 1] (4, 4) act on the leading axes (`...`), frames of a recording. An axis w
 has the centre Q(theta) = Y + G theta: R = e^{[w] theta}, p = (I - R) Q; more in `docs/explain/identification.md`.
