@@ -2,6 +2,9 @@
 
 from dataclasses import replace
 
+import numpy as np
+from diagnosis_cases import case_of, robot_with
+
 from exodrake.data.case import gather_logs
 from exodrake.diagnosis.isolation import isolate
 from exodrake.diagnosis.problem import make_problem
@@ -38,3 +41,17 @@ def test_recordings_widen_only_ranges_that_the_library_does_not_state():
         wide = with_recorded_ranges(robot, gather_logs([far])).machine.effects
         changed = {a.id for a, b in zip(robot.machine.effects, wide, strict=True) if a.parameters != b.parameters}
         assert changed >= widened and bool(changed) == bool(widened)
+
+
+def test_gaps_that_differ_from_run_to_run_are_no_gaps_of_tolerances():
+    """Most of the nominal robot's gap in each column is a disturbance that counts as noise, as repeats show it."""
+    found = isolate(make_problem(case_of(robot_with(seed=3), 3, 400), load_robot()))
+    assert decide(found).verdict == "RETUNE"
+    whole, rng = found.whole, np.random.default_rng(0)
+    residual = whole.residual(found.nominal.robot[None], whole.fit).reshape(-1, len(whole.columns))
+    noise = 1.2 * np.sqrt(np.maximum(np.mean(residual**2, axis=0), 1.0)) * whole.noise_std
+    runs = [whole.predict(found.retuned.explanation.robot[None], trial)[0] for trial in whole.fit]
+    fit = [replace(t, measured=y + noise * rng.standard_normal(y.shape)) for t, y in zip(whole.fit, runs, strict=True)]
+    random = replace(found, whole=replace(whole, noise_std=noise, fit=tuple(fit)))
+    decision = decide(random)
+    assert decision.verdict == "UNKNOWN" and "run to run" in decision.reasons[0]

@@ -11,9 +11,10 @@ import numpy as np
 
 from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.diagnosis.detect import detect
-from exodrake.diagnosis.fit import Explanation, minimise, renew, settle
+from exodrake.diagnosis.fit import HALF, Explanation, minimise, renew, settle
 from exodrake.diagnosis.likelihood import Likelihood, make_likelihood, output_error, with_prediction
 from exodrake.diagnosis.linearise import Linearisation, linearise, nominal_jacobian
+from exodrake.diagnosis.noise import sensor_noise_std
 from exodrake.diagnosis.parameter import nominal_parameters
 from exodrake.diagnosis.problem import Problem, by_trial
 from exodrake.diagnosis.search import GAIN, NEGLIGIBLE, Fitted, Search
@@ -67,6 +68,19 @@ class Isolation:
         rows = (replace(whole, notched=()).residual(without[None], whole.fit), whole.residual(robot[None], whole.fit))
         before, after = (max(float(np.mean(row**2)) - 1.0, 0.0) for row in rows)
         return float(np.clip(after / max(before, 1e-12), 1e-6, 1.0))
+
+    @cached_property
+    def differs_between_runs(self) -> bool:
+        """Whether most of the gap differs from run to run, so that retuning seems to leave nothing.
+
+        What repeats of a motion differ by counts as noise. Beyond the sensors' own noise retuning then leaves more than
+        that noise, and half of what the nominal robot leaves, in the worst column.
+        """
+        sensors, problem = sensor_noise_std(self.whole.robot), self.whole
+        own = np.array([sensors.get(kind, noise) for kind, noise in zip(problem.kinds, problem.noise_std)])
+        alone = replace(problem, noise_std=np.minimum(own, problem.noise_std))
+        before, left = (excess(alone, e.robot, self.likelihood) for e in (self.nominal, self.retuned.explanation))
+        return bool(left[0] > max(1.0, HALF * before[0]))
 
     def excess(self, robot: np.ndarray) -> float:
         """What a robot leaves beyond `NEGLIGIBLE` in its worst channel, over the whole logs; negligible below 0."""

@@ -260,11 +260,9 @@ class Search:
         """
         more = len(a.effects) - len(b.effects) if more is None else more
         memory = a.memory if more > 0 else b.memory if more < 0 else min(a.memory, b.memory)
-        gain, choice = (
-            self.evidence(a, memory) - self.evidence(b, memory),
-            np.log(len(self.likelihood.robot.machine.effects)),
-        )
-        return gain > choice * more and (more <= 0 or a.excess < (1.0 - GAIN) ** more * b.excess)
+        price = more * np.log(len(self.likelihood.robot.machine.effects))
+        likelier = self.evidence(a, memory) - self.evidence(b, memory) > price
+        return likelier and (more <= 0 or a.excess < (1.0 - GAIN) ** more * b.excess)
 
     def evidence(self, fitted: Fitted, memory: float | None = None) -> float:
         """Log evidence [nats] of a set; two sets are compared with the memory of what the larger one leaves."""

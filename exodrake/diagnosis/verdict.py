@@ -46,6 +46,7 @@ REASONS = {
     PARTLY: "the causes explain part of the gap",
     UNKNOWN: "no effect explains half of the gap",
 }
+DIFFERS = "most of the gap differs from run to run of one motion, and no effect that was tried does"
 EXPLAINED, MOST = 0.9, 0.5  # shares of the gap from which causes are named, and from which they explain part of it
 
 
@@ -107,6 +108,8 @@ def decide(found: Isolation) -> Decision:
             one = Decision(word, none, (), jackknife_share(left), (REASONS[word],))
             if certain:
                 return replace(one, verdict=NAMED, reasons=(*certain, *one.reasons))
+            if word == RETUNE and found.differs_between_runs:
+                return replace(one, verdict=UNKNOWN, reasons=(DIFFERS,))
             return one if word == NO_GAP else decide_retuned(found, one)
     best, parts = drop_refinements(found)
     causes, left = [p for p in parts if p.role == CAUSE], found.beside_detections * search.left_by_log(best)
