@@ -42,6 +42,26 @@ def test_a_refinement_stays_where_whole_logs_and_their_predictions_want_it(
     assert {p.effect for p in parts} == best.effects
 
 
+def test_effects_that_stand_in_for_each_other_go_until_one_is_a_cause(monkeypatch, sets):
+    """Either of two leaves little without the other, so that neither is a cause beside it."""
+
+    def divide(found, best):
+        role = REFINEMENT if len(best.effects) > 1 else CAUSE
+        return tuple(verdict.Part(i, role, Interval(0.05, 0.05, 0.05), {}) for i in sorted(best.effects))
+
+    monkeypatch.setattr(verdict, "divide_gap", divide)
+    sets[frozenset({"drift"})] = SimpleNamespace(
+        effects=frozenset({"drift"}), model=sets[frozenset({"friction"})].model
+    )
+    error = {frozenset({"friction"}): 1.5, frozenset({"drift"}): 2.0}
+    search = SimpleNamespace(sets=sets, predict_error=lambda f: error.get(f.effects, 1.0), reduce=lambda effects: None)
+    both = sets[frozenset({"friction", "drift"})]
+    best, parts = verdict.drop_refinements(
+        SimpleNamespace(search=search, whole=SimpleNamespace(detected=()), best=both)
+    )
+    assert best.effects == {"friction"} and [p.role for p in parts] == [CAUSE]
+
+
 def test_what_a_set_leaves_is_no_more_than_what_a_part_of_it_does():
     """Mass and gain, whose fit ended at a bound, leave no more than mass alone: the offset beside them is no cause."""
     left = {frozenset(): 1.0, frozenset({"mass"}): 0.01, frozenset({"mass", "gain"}): 0.3, frozenset({"gain"}): 0.9}
