@@ -134,14 +134,18 @@ def test_every_effect_is_absent_at_its_null_value_and_bounded_over_its_range(nom
                 assert all(np.array_equal(log[c], plain[c]) for c in plain.columns), effect.id
 
 
-def test_planted_friction_is_named_with_its_size(nominal):
-    worn = nominal.splice("servo.coulomb_friction", {"force": 0.1}, ["elbow"])
+@pytest.mark.parametrize(
+    ("effect", "parameter", "value"),
+    [("coulomb_friction", "force", 0.1), ("lag", "time_constant", 0.06), ("duty_limit", "limit", 0.15)],
+)
+def test_a_planted_effect_is_named_with_its_size(nominal, effect, parameter, value):
+    worn = nominal.splice(f"servo.{effect}", {parameter: value}, ["elbow"])
     logs = [exo.simulate(worn, exo.protocol(f"random-motion:duration=12,seed={k}", worn), seed=k) for k in range(2)]
     items = [CaseLog(log, "motion", role, None, f"{role}.csv") for log, role in zip(logs, ("fit", "holdout"))]
     found = exo.diagnose(Case("planted", {}, tuple(items), nominal.machine.frame), nominal)
     assert found.verdict == "NAMED", found.reasons
-    assert [effect.id for effect in found.effects] == ["servo.coulomb_friction"]
-    assert found.robots["improved"]["servo.coulomb_friction.force.elbow"] == pytest.approx(0.1, rel=0.1)
+    assert [e.id for e in found.effects if e.role == "cause"] == [f"servo.{effect}"]
+    assert found.robots["improved"][f"servo.{effect}.{parameter}.elbow"] == pytest.approx(value, rel=0.1)
 
 
 def test_a_kind_of_servo_is_refused_for_an_arm(tmp_path):

@@ -246,6 +246,14 @@ DEAD_BAND = Effect(
     at={"servo.firmware_error": cut_dead_zone}, formula="e = sgn(e) max(0, |e| - width)          e = q_ref - q",
     parameters=(per_joint("width", "rad", null=0.0, low=0.002, high=0.1, default=0.02),),
 )  # fmt: skip
+DUTY_LIMIT = Effect(
+    id="servo.duty_limit", summary="the firmware gives less than the whole supply", family="saturation",
+    signature="large steps are slower and heavy loads hang lower, by one force; slow motion without a load untouched",
+    source="torque and duty limits in registers of bus servos; range assumed", at={"servo.duty": clip},
+    formula="u = min(max(u_0, -limit), limit)",
+    parameters=(per_joint("limit", "-", null=inf, low=0.1, high=0.9, default=0.5, transform="reciprocal"),),
+    same_meaning=True,
+)  # fmt: skip
 GEAR_COMPLIANCE = Effect(
     id="servo.gear_compliance", summary="elastic gear between motor and joint", family="elasticity",
     signature="a resonance of rotor against load, within the position loop",

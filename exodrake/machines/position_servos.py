@@ -149,6 +149,7 @@ AT_REFERENCE = {"joint.followed": "servo.firmware_reference"}
 # laws of commands, and errors of the reading that are not tried: a latency is one of them, joints are read one by one
 OF_COMMANDS = (
     for_machine("timing.command_latency", "servo.latency", {"bus.sent": "joint_command.sent"}, frames=FRAMES),
+    for_machine("joint.lag", "servo.lag", AT_REFERENCE),
     for_machine("joint.speed_limit", "servo.speed_limit", AT_REFERENCE, speed=FASTEST),
 )
 LEFT_OUT = ("reading.delay", "reading.crosstalk")
@@ -186,6 +187,7 @@ def motor_mechanism(robot: Robot) -> Mechanism:
 
     kt, volts = with_share("kt", "torque_constant"), with_share("supply", "supply")
     load, moment = with_share("inertia", "load_inertia"), with_amount("moment", "gravity_moment.moment")
+    limit = np.minimum(robot.channels("servo.duty_limit.limit"), 1.0)
     stall, hangs = kt * volts / (resistance := robot.channels("servo.R")), moment != 0.0
     lever = np.divide(0.5 * GRAVITY * load, moment, out=np.zeros(len(joints)), where=hangs)
     mass = np.where(hangs, 2.0 * moment**2 / (GRAVITY**2 * load), load)
@@ -196,17 +198,18 @@ def motor_mechanism(robot: Robot) -> Mechanism:
     drives = {
         "kp": stall * with_share("kp", "loop_gain"), "kv": stall * robot.channels("servo.kd"),
         "delay": robot.machine.frame * robot.channels("servo.latency.frames"),
+        "lag": robot.channels("servo.lag.time_constant"),
         "speed": np.minimum(volts / kt, robot.channels("servo.speed_limit.speed")),
         "armature": robot.channels("servo.armature"),
         "compliance": with_amount("compliance", "gear_compliance.compliance"),
     }  # fmt: skip
     place = axes_side_by_side(joints, "angle", "angle")
     turning = [Joint(j, "continuous", "", f"link_{j}", place.origins[i], np.zeros(3), np.array([0.0, 1.0, 0.0]),
-                     effort=stall[i], damping=damping[i], friction=friction[i])
+                     effort=limit[i] * stall[i], damping=damping[i], friction=friction[i])
                for i, j in enumerate(joints)]  # fmt: skip
     bodies = tuple(Body(mass[i], centres[i], own[i] * np.eye(3)) for i in range(len(joints)))
     effects = ("torque_constant", "supply", "load_inertia", "gravity_moment", "loop_gain", "viscous_friction",
-               "coulomb_friction", "latency", "speed_limit", "gear_compliance")  # fmt: skip
+               "coulomb_friction", "latency", "lag", "speed_limit", "duty_limit", "gear_compliance")  # fmt: skip
     return Mechanism(
         Chain(joints, tuple(turning), bodies, place.ends[-1]),
         tuple(Drive(**{name: values[i] for name, values in drives.items()}) for i in range(len(joints))),

@@ -56,6 +56,11 @@ def firmware_gain(e, z, j, gain):
     return gain
 
 
+def duty(e, z, j, cycle):
+    """Point: duty cycle that the firmware gives, -1 .. 1."""
+    return cycle
+
+
 def supply_voltage(e, z, j, voltage, duty, back_emf, resistance):
     """Point: voltage of the supply [V] under a duty cycle, a back-EMF [V] and the resistance of the winding [V/A]."""
     return voltage
@@ -120,10 +125,11 @@ def turn(x, z, n, e, j, count, dt):
     """Joint j moves on by a tick."""
     angle, speed, rotor, rotor_speed = x[j], x[count + j], x[2 * count + j], x[3 * count + j]
     error = firmware_error(e, z, j, x[4 * count + j] - angle)
-    duty = min(max(firmware_gain(e, z, j, n.kp[j]) * error - n.kd[j] * speed, -1.0), 1.0)
+    given = min(max(firmware_gain(e, z, j, n.kp[j]) * error - n.kd[j] * speed, -1.0), 1.0)
+    cycle = duty(e, z, j, given)
     constant = torque_constant(e, z, j, n.kt[j])
-    voltage = supply_voltage(e, z, j, n.supply[j], duty, constant * rotor_speed, n.R[j])
-    given = constant / n.R[j] * duty * voltage
+    voltage = supply_voltage(e, z, j, n.supply[j], cycle, constant * rotor_speed, n.R[j])
+    given = constant / n.R[j] * cycle * voltage
     drag = constant * constant / n.R[j] + n.damping[j]
     torque = given - constant * constant / n.R[j] * rotor_speed
     weight = load_moment(e, z, j, n.moment[j]) * sin(angle - n.hanging[j])
@@ -156,8 +162,8 @@ def turn(x, z, n, e, j, count, dt):
 
 FRICTION = ("pushed", "braked", "settle")
 POINTS = (
-    "firmware_reference", "firmware_error", "firmware_gain", "supply_voltage", "torque_constant", "load_inertia",
-    "load_moment", "gear_compliance", "gear_play", *FRICTION,
+    "firmware_reference", "firmware_error", "firmware_gain", "duty", "supply_voltage", "torque_constant",
+    "load_inertia", "load_moment", "gear_compliance", "gear_play", *FRICTION,
 )  # fmt: skip
 
 
