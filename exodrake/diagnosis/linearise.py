@@ -16,13 +16,13 @@ import numpy as np
 
 from exodrake.core.parallel import side_by_side
 from exodrake.diagnosis.likelihood import Likelihood
-from exodrake.diagnosis.parameter import STEP, Parameter, apply, effect_parameters, fixed_parameters
+from exodrake.diagnosis.parameter import RANGE_FACTOR, STEP, Parameter, apply, effect_parameters, fixed_parameters
 from exodrake.diagnosis.problem import Problem
 from exodrake.model.effect import Effect
 from exodrake.model.machine import Machine
 
 PROBE, STRONG = 0.6, 2.5  # of an effect's initial amplitude: modest, and where small amplitudes hide; assumed
-GRID = 5  # amplitudes at which an effect of the whole robot is tried
+GRID = 5  # amplitudes at which a limit, or an effect of the whole robot, is tried
 ELSEWHERE = 0.7  # of the way through its range at which a further parameter is tried
 
 
@@ -160,14 +160,18 @@ def probes(problem: Problem, effect: Effect, here: np.ndarray, at: int) -> list[
 def scaled_points(parameters: Sequence[Parameter], start: np.ndarray, amplitudes: Sequence[int]) -> list[np.ndarray]:
     """Coordinates at which directions are taken channel by channel.
 
-    A modest amplitude, further parameters at their initial values and elsewhere in their ranges.
+    A modest amplitude, further parameters at their initial values and elsewhere in their ranges; a limit that the
+    motion does not reach shows nothing, so that it is tried further down, too.
     """
     if not amplitudes:
         return []
-    first = start.copy()
+    first, lead = start.copy(), parameters[amplitudes[0]]
     for i in amplitudes:
         first[i] = PROBE * (start[i] if start[i] != 0.0 else parameters[i].scale)
     found = [first]
+    for x in limits(lead)[1:] if lead.channels != ("",) else ():
+        found.append(start.copy())
+        found[-1][list(amplitudes)] = x
     for i, p in enumerate(parameters):
         if not p.amplitude and (len(p.channels) > 1 or p.channels == ("",)):
             low, high = p.bounds if first[i] > 0.5 * sum(p.bounds) else p.bounds[::-1]
@@ -176,12 +180,22 @@ def scaled_points(parameters: Sequence[Parameter], start: np.ndarray, amplitudes
     return found
 
 
+def limits(lead: Parameter) -> list[float]:
+    """Coordinates from the initial value of a limit down through its range; none of other parameters."""
+    if lead.transform != "reciprocal":
+        return []
+    return np.geomspace(lead.start, lead.bounds[1] / RANGE_FACTOR, GRID).tolist()
+
+
 def fixed_points(parameters: Sequence[Parameter], start: np.ndarray, amplitudes: Sequence[int]) -> list[np.ndarray]:
     """Coordinates that are taken as they are: all channels at once, or a grid for an effect of the whole robot."""
     if amplitudes and parameters[amplitudes[0]].channels != ("",):
-        strong = start.copy()
-        strong[list(amplitudes)] *= STRONG
-        return [np.clip(strong, *np.array([p.bounds for p in parameters]).T)]
+        ends, found = np.array([p.bounds for p in parameters]).T, []
+        for x in limits(parameters[amplitudes[0]]) or [STRONG * start[list(amplitudes)]]:
+            strong = start.copy()
+            strong[list(amplitudes)] = x
+            found.append(np.clip(strong, *ends))
+        return found
     lead = parameters[0]
     low, high = (b / 2.0 for b in lead.bounds) if lead.amplitude else lead.bounds
     return [np.concatenate([[value], start[1:]]) for value in np.linspace(low, high, GRID) if value != 0.0]
