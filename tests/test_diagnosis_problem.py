@@ -7,7 +7,7 @@ from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis.checks.compare import find_columns
 from exodrake.diagnosis.likelihood import moved_a_little
 from exodrake.diagnosis.noise import noise_std, robust_std, sensor_noise_std
-from exodrake.diagnosis.problem import WILD, by_trial, make_problem
+from exodrake.diagnosis.problem import WILD, by_trial, make_problem, subtract
 from exodrake.engine.inputs import Reference
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation import protocols
@@ -108,6 +108,16 @@ def test_residual_of_the_robot_that_wrote_the_log_is_noise(robot, case):
     problem.fit[0].measured[100:110, 2] = np.nan  # nothing was measured
     (log,) = by_trial(problem.residual(problem.silent()[None], problem.fit)[0], problem.fit)
     assert log.shape == problem.fit[0].measured.shape and not log[100:110, 2].any() and log[100:110, 1].all()
+
+
+def test_residual_goes_on_in_a_straight_line_where_nothing_was_measured():
+    line = np.linspace(-3.0, 5.0, 9)[:, None] * [[1.0, 2.0]]
+    measured, found = line.copy(), np.zeros((1, 9, 2))
+    measured[3:6, 0] = np.nan
+    measured[7:, 1] = np.nan
+    subtract(found, measured, np.array([1.0, 2.0]))
+    np.testing.assert_allclose(found[0, :, 0], line[:, 0])
+    np.testing.assert_allclose(found[0, :, 1], np.minimum(line[:, 1] / 2.0, line[6, 1] / 2.0))
 
 
 def test_run_that_divides_by_zero_is_bad_not_fatal(robot, case):

@@ -29,6 +29,7 @@ from exodrake.model.robot import Robot
 from exodrake.simulation.simulate import delay_columns
 
 ROWS = 4  # robots simulated at once: their records stay in the cache
+STILL = 0.02  # of a joint's largest speed: below it the joint counts as at rest; assumed
 WILD = 1e4  # residuals are clipped here [noise_std]: a diverging candidate is bad, not infinite
 
 
@@ -178,6 +179,7 @@ class Problem:
             found = self.predict(rows[some], trial)
             subtract(found, trial.measured, self.noise_std)
             found = whitening(without(self.notched, found, self.robot.machine.frame))
+            found[:, np.isnan(trial.measured)] = 0.0
             out[some, here] = found.reshape(len(found), -1)
 
         ends = np.cumsum([trial.measured.size for trial in trials])
@@ -237,16 +239,25 @@ def by_trial(rows: np.ndarray, trials: tuple[Trial, ...]) -> list[np.ndarray]:
 
 @njit(cache=True, nogil=True)
 def subtract(simulated: np.ndarray, measured: np.ndarray, noise_std: np.ndarray) -> None:
-    """Turns simulated signals (rows, n, columns), in place, into (measured - simulated) / noise_std, clipped."""
+    """Turns simulated signals (rows, n, columns), in place, into (measured - simulated) / noise_std, clipped.
+
+    Where nothing was measured the difference goes on in a straight line, so that filters see no steps.
+    """
+    n = measured.shape[0]
     for row in simulated:
-        for t in range(measured.shape[0]):
-            for c in range(measured.shape[1]):
+        for c in range(measured.shape[1]):
+            last = -1  # sample that was measured
+            for t in range(n):
                 if np.isnan(measured[t, c]):
-                    row[t, c] = 0.0
-                elif np.isnan(row[t, c]):
-                    row[t, c] = -WILD
-                else:
-                    row[t, c] = min(max((measured[t, c] - row[t, c]) / noise_std[c], -WILD), WILD)
+                    continue
+                difference = (measured[t, c] - row[t, c]) / noise_std[c]
+                row[t, c] = -WILD if np.isnan(difference) else min(max(difference, -WILD), WILD)
+                begin = row[last, c] if last >= 0 else row[t, c]
+                for k in range(last + 1, t):
+                    row[k, c] = begin + (row[t, c] - begin) * (k - last) / (t - last)
+                last = t
+            for k in range(last + 1, n):
+                row[k, c] = row[last, c] if last >= 0 else 0.0
 
 
 def list_required(machine: Machine) -> tuple[str, ...]:
@@ -273,11 +284,11 @@ def make_problem(case: Case, robot: Robot, tried: frozenset[str] | None = None) 
     noise = {} if case.repeat_groups else logged_noise(compare(case, robot))
     noisier = {name: robot[name] for name in noise}
     robot = robot.with_parameters(noise, source="the logs") if noise else robot
-    columns = find_columns(case, robot.machine)
+    columns, resting = find_columns(case, robot.machine), find_resting(case, robot.machine)
 
     def make_trial(item: CaseLog) -> Trial:
         reference = fill_columns(reference_rows(robot.machine, item.log))
-        measured = np.column_stack([item.log[c] for c in columns])
+        measured = np.column_stack([np.where(resting(item, c), np.nan, item.log[c]) for c in columns])
         return Trial(item.file, item.role, reference, measured, whole=item.protocol == EXPERIMENT)
 
     return Problem(
@@ -290,6 +301,25 @@ def make_problem(case: Case, robot: Robot, tried: frozenset[str] | None = None) 
         tried=frozenset(e.id for e in robot.machine.effects if not e.not_tried) if tried is None else tried,
         noisier=noisier,
     )
+
+
+def find_resting(case: Case, machine: Machine) -> Callable[[CaseLog, str], np.ndarray | bool]:
+    """Which readings (n,) of a column in a log count as missing: those of a joint at rest, which friction may hold.
+
+    Samples about standstill are left out of the identification of friction, too (Swevers et al. 1997).
+    """
+
+    def find_speed(column: str) -> str:
+        kind, _, channel = column.rpartition("_")
+        return f"{machine.resting[kind]}_{channel}" if kind in machine.resting else ""
+
+    def find(item: CaseLog, column: str) -> np.ndarray | bool:
+        if not (name := find_speed(column)) or not item.log.has(name):
+            return False
+        speeds = [np.abs(one.log[name]) for one in case.fit_logs if one.log.has(name)]
+        return np.abs(item.log[name]) < STILL * max(np.nanmax(speed, initial=0.0) for speed in speeds)
+
+    return find
 
 
 def choose_tried(machine: Machine, only: Sequence[str] = (), without: Sequence[str] = ()) -> frozenset[str]:

@@ -216,6 +216,7 @@ class Machine:
         separate: whether no joint moves another, as where each follows what is commanded or measured.
         defaults: values [SI] by full name of parameters that a robot file need not state.
         recorded: full name of a parameter -> its largest value [its unit] from the sizes of recorded signals by unit.
+        resting: column kind of an effort -> that of the speed without which dry friction may hold any effort.
         nominal: the machine without variants that this one was made from; None if this one has no variants.
     """
 
@@ -249,6 +250,7 @@ class Machine:
     defaults: Mapping[str, float] = field(default_factory=dict)
     separate: bool = False
     recorded: Mapping[str, Callable[[Mapping[str, float]], float]] = field(default_factory=dict)
+    resting: Mapping[str, str] = field(default_factory=dict)
     nominal: Machine | None = None  # the machine without variants that this one was made from
 
     def __post_init__(self) -> None:
