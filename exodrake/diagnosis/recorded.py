@@ -35,6 +35,8 @@ def measure_sizes(machine: Machine, case: Case) -> dict[str, float]:
         rates = [np.nanmax(np.abs(np.diff(values)), initial=0.0) / machine.frame for values in recorded if travel]
         if rates:
             found[f"{unit}/s"] = max(found.get(f"{unit}/s", 0.0), *map(float, rates))
+        elif sizes:
+            found[f"{unit}/s"] = found[unit] / (machine.frame * max(map(len, recorded)))
     for force, per in product(("N m", "N"), ("rad", "m")):
         if found.get(force) and found.get(per):
             rates = [np.diff(values) / machine.frame for values in signals[per]]
