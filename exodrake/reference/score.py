@@ -298,15 +298,11 @@ def compute_shares(cases: Sequence[Answered]) -> tuple[Share, ...]:
         share("wrongly UNKNOWN", healthy + nameable, lambda case: case.verdict == "UNKNOWN", "<= 3 %"),
         share("false alarm on healthy", healthy, lambda case: case.verdict not in NO_EFFECT, "0-1 cases"),
         share("missed (NO_GAP or RETUNE) though visible", nameable, lambda case: case.verdict in NO_EFFECT),
-        share(
-            "another effect named, or one too many",
-            named,
-            lambda case: not set(named_ids(case.diagnosis)) <= set().union(*map(accepted_ids, case.truths)),
-        ),
-        share(
-            "block right", filter(blocks, located), lambda case: read_where(case, "block") in blocks(case), ">= 95 %"
-        ),
-    ]
+        share("another effect named, or one too many", named,
+              lambda case: not set(named_ids(case.diagnosis)) <= set().union(*map(accepted_ids, case.truths))),
+        share("block right", filter(blocks, located),
+              lambda case: read_where(case, "block") in blocks(case), ">= 95 %"),
+    ]  # fmt: skip
     for name, key in (("tendons", "wires"), ("joints", "joints")):
         seats = {c.name: {seat for truth in c.truths for seat in truth[key]} for c in located}
         right_seats = {c.name: set(read_where(c, key) or ()) == seats[c.name] for c in located if seats[c.name]}

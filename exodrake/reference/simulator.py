@@ -41,14 +41,6 @@ def chebyshev(w0, before, last):
 
 
 @njit(cache=True)
-def mix(out, y, old, older, mu, nu, first, second, slope, start):
-    """One recursion of the stages; first and second are already times the step."""
-    rest = 1.0 - mu - nu
-    for i in range(y.size):
-        out[i] = rest * y[i] + mu * old[i] + nu * older[i] + first * slope[i] + second * start[i]
-
-
-@njit(cache=True)
 def trial(time, y, step, p, command, inputs, work):
     """One RKC step from slope work[0]; the index of the row that holds the new state. Its slope is not yet known."""
     rows, u, torque, arms = work
@@ -74,7 +66,10 @@ def trial(time, y, step, p, command, inputs, work):
         b = last[2] / (last[1] * last[1])
         reach = 2.0 * b * w1 / b_old
         mu, nu = 2.0 * b * w0 / b_old, -b / b_older
-        mix(rows[new], y, rows[old], rows[older], mu, nu, reach * step, -gone * reach * step, slope, start)
+        rest, first, second = 1.0 - mu - nu, reach * step, -gone * reach * step
+        for i in range(y.size):
+            mixed = rest * y[i] + mu * rows[old, i] + nu * rows[older, i]
+            rows[new, i] = mixed + first * slope[i] + second * start[i]
         moment = w1 * last[2] / last[1]
         b_older, b_old = b_old, b
         older, old, new = old, new, older
