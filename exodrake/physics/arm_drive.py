@@ -34,8 +34,7 @@ def part(slot: int, unit: dict[str, str]) -> Part:
     """The controller as a part; slot: in which it runs; unit: of position, effort, effort/position, effort/speed."""
     joints = {"stiffness": unit["effort/position"], "viscosity": unit["effort/speed"], "feedforward": "-"}
     return Part(
-        name="drive",
-        module=sys.modules[__name__],
+        name="drive", module=sys.modules[__name__],
         parameters=NamedTuple("Parameters", fields(joints, {"kp": "-", "kd": "-", "period": "s"})),
         states=(
             State("link", JOINTS, WIDTH), State("effort", JOINTS, unit=unit["effort"]),

@@ -33,12 +33,8 @@ def write(x, z, n, e, j, speed_cmd, packet_arrival):
 
 
 PART = Part(
-    name="bus",
-    module=sys.modules[__name__],
-    parameters=Parameters,
+    name="bus", module=sys.modules[__name__], parameters=Parameters,
     states=(State("history", TENDONS, DEPTH, "m/s"), State("applied", TENDONS, unit="m/s")),
     tasks=(Task("write", ("speed_cmd", "packet_arrival"), slots=(5, 6, 7), per_channel=True),),
-    outputs=(Output.of_states(applied="speed_applied"),),
-    points=(Point("sent", TENDONS, laws=()),),
-    group="timing",
-)
+    outputs=(Output.of_states(applied="speed_applied"),), points=(Point("sent", TENDONS, laws=()),), group="timing",
+)  # fmt: skip

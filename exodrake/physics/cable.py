@@ -187,9 +187,7 @@ def part(slot: int, friction: float, speed: float, unit: dict[str, str]) -> Part
     fields = [(name, Annotated[tuple, Unit(u, JOINTS)]) for name, u in per_joint.items()]
     points = ("ratio", "by_previous", "by_next", "taken", "stiff", "tensioned")
     return Part(
-        name="cable",
-        module=sys.modules[__name__],
-        parameters=NamedTuple("Parameters", fields),
+        name="cable", module=sys.modules[__name__], parameters=NamedTuple("Parameters", fields),
         states=(
             State("angle", JOINTS, unit="rad"), State("speed", JOINTS, unit="rad/s"),
             State("stretch", JOINTS, unit=unit["position"]), State("placed", width=2),

@@ -57,12 +57,10 @@ def place(x, z, n, e, position_start, speed_start):
 
 
 PART = Part(
-    name="carriage",
-    module=sys.modules[__name__],
-    parameters=Parameters,
+    name="carriage", module=sys.modules[__name__], parameters=Parameters,
     states=(State("place", SCALAR, unit="m"), State("speed", SCALAR, unit="m/s"), State("started", SCALAR)),
     tasks=(Task("update", ("force",)), Task("place", ("position_start", "speed_start"), slots=(0,))),
     outputs=(Output.of_states(place="position"),),
     points=tuple(Point(name, SCALAR, standard=f"sliding.{name}") for name in ("pushed", "braked", "settle")),
     scales={"force": (15.0, "N"), "speed": (0.1, "m/s"), "force/speed": (150.0, "N s/m"), "length": (0.1, "m")},
-)
+)  # fmt: skip

@@ -82,9 +82,7 @@ def control(x, z, n, e, tension_ref, tension_read):
 
 
 PART = Part(
-    name="controller",
-    module=sys.modules[__name__],
-    parameters=Parameters,
+    name="controller", module=sys.modules[__name__], parameters=Parameters,
     states=(
         State("command", TENDONS, unit="m/s"), State("before", TENDONS, unit="N"), State("started", SCALAR),
         State("integral", TENDONS, unit="N s"), State("rate", TENDONS, unit="N/s"), State("model", TENDONS, unit="N"),

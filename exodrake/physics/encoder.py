@@ -31,11 +31,8 @@ def start(x, z, n, e, start_stroke):
 
 
 PART = Part(
-    name="encoder",
-    module=sys.modules[__name__],
-    parameters=Parameters,
-    states=(State("reading", TENDONS, unit="m"),),
+    name="encoder", module=sys.modules[__name__], parameters=Parameters, states=(State("reading", TENDONS, unit="m"),),
     tasks=(Task("read", ("spool_angle",), slots=(1, 2, 3), per_channel=True),),
     outputs=(Output.of_states(reading="stroke_read"),),
     points=(Point("homed", TENDONS, laws=(FreeLaw("error of the reading over stroke", "stroke", "m"),)),),
-)
+)  # fmt: skip

@@ -38,14 +38,11 @@ def update(x, z, n, e, dt, effort_ref):
 
 
 PART = Part(
-    name="motor",
-    module=sys.modules[__name__],
-    parameters=Parameters,
+    name="motor", module=sys.modules[__name__], parameters=Parameters,
     states=(
         State("current", JOINTS, unit="A"), State("effort", JOINTS, unit="N m"),
         State("effort_true", JOINTS, unit="N m"),
     ),
-    tasks=(Task("update", ("effort_ref",)),),
-    outputs=(Output.of_states(effort="effort", effort_true="effort_true"),),
+    tasks=(Task("update", ("effort_ref",)),), outputs=(Output.of_states(effort="effort", effort_true="effort_true"),),
     points=(Point("driven", JOINTS),),
 )  # fmt: skip

@@ -90,14 +90,11 @@ FREE_LAWS = {
 }
 
 PART = Part(
-    name="joint",
-    module=sys.modules[__name__],
-    parameters=Parameters,
+    name="joint", module=sys.modules[__name__], parameters=Parameters,
     states=(
         State("angle", JOINTS, unit="rad"), State("aim", JOINTS, unit="rad"), State("moved", JOINTS, unit="rad"),
         State("started", SCALAR),
     ),
-    tasks=(Task("update", ("command", "origin", "setting", "ready")),),
-    outputs=(Output("output", ("angle",)),),
+    tasks=(Task("update", ("command", "origin", "setting", "ready")),), outputs=(Output("output", ("angle",)),),
     points=tuple(Point(p, JOINTS, laws=laws) for p, laws in FREE_LAWS.items()),
 )  # fmt: skip

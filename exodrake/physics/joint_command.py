@@ -48,16 +48,13 @@ def take_set(x, z, n, e, angle_ref, angle_start, bend):
 
 
 PART = Part(
-    name="command",
-    module=sys.modules[__name__],
-    parameters=Parameters,
+    name="command", module=sys.modules[__name__], parameters=Parameters,
     states=(
         State("history", JOINTS, DEPTH, "rad"), State("held", JOINTS, unit="rad"), State("origin", JOINTS, unit="rad"),
         State("setting", JOINTS, unit="rad"), State("started", SCALAR),
     ),
     tasks=(Task("take", ("angle_ref", "angle_start"), slots=(0,)),),
     outputs=(Output.of_states(held="command", origin="origin", setting="setting", started="ready"),),
-    points=(Point("sent", JOINTS, laws=()),),
-    group="timing",
+    points=(Point("sent", JOINTS, laws=()),), group="timing",
 )  # fmt: skip
 SET_PART = replace(PART, tasks=(Task("take_set", ("angle_ref", "angle_start", "bend"), slots=(0,)),))

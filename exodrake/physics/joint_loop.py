@@ -31,13 +31,10 @@ def control(x, z, n, e, angle_ref, angle_read):
 
 
 PART = Part(
-    name="joint_loop",
-    module=sys.modules[__name__],
-    parameters=Parameters,
+    name="joint_loop", module=sys.modules[__name__], parameters=Parameters,
     states=(
         State("sent", JOINTS, unit="rad"), State("integral", JOINTS, unit="rad s"), State("before", JOINTS, unit="rad"),
         State("started", SCALAR),
     ),
-    tasks=(Task("control", ("angle_ref", "angle_read"), slots=(0,)),),
-    outputs=(Output.of_states(sent="angle_sent"),),
+    tasks=(Task("control", ("angle_ref", "angle_read"), slots=(0,)),), outputs=(Output.of_states(sent="angle_sent"),),
 )  # fmt: skip

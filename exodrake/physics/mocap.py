@@ -38,9 +38,7 @@ def sample(x, z, n, e, angle, noise_angle):
 
 
 PART = Part(
-    name="mocap",
-    module=sys.modules[__name__],
-    parameters=Parameters,
+    name="mocap", module=sys.modules[__name__], parameters=Parameters,
     states=(State("reading", JOINTS, unit="rad"), State("lateness", SCALAR, unit="s"), State("pictures", SCALAR)),
     tasks=(Task("sample", ("angle", "noise_angle"), slots=(0,)),),
     outputs=(Output.of_states(reading="angle_read", lateness="mocap_delay"),),
@@ -48,4 +46,4 @@ PART = Part(
         Point("seen", JOINTS, laws=(FreeLaw("error of the reading over angle", "angle", "rad"),)),
         Point("late", SCALAR, laws=(FreeLaw("delay over time", "clock", "s"),)),
     ),
-)
+)  # fmt: skip

@@ -152,9 +152,7 @@ POINTS = (
 )  # fmt: skip
 
 PART = Part(
-    name="motor",
-    module=sys.modules[__name__],
-    parameters=Parameters,
+    name="motor", module=sys.modules[__name__], parameters=Parameters,
     states=(
         State("w", TENDONS, unit="rad/s"), State("integral", TENDONS, unit="A"), State("theta", TENDONS, unit="rad"),
     ),

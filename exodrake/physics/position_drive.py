@@ -38,10 +38,8 @@ def control(x, z, n, e, position_ref, position_read, speed_start):
 
 
 PART = Part(
-    name="drive",
-    module=sys.modules[__name__],
-    parameters=Parameters,
+    name="drive", module=sys.modules[__name__], parameters=Parameters,
     states=(State("force", SCALAR, unit="N"), State("before", SCALAR, 2, "m"), State("started", SCALAR)),
     tasks=(Task("control", ("position_ref", "position_read", "speed_start"), slots=(2,)),),
     outputs=(Output.of_states(force="force"),),
-)
+)  # fmt: skip

@@ -107,9 +107,7 @@ FREE_LAWS = {
 }
 
 PART = Part(
-    name="sensor",
-    module=sys.modules[__name__],
-    parameters=Parameters,
+    name="sensor", module=sys.modules[__name__], parameters=Parameters,
     states=(
         State("cell", TENDONS, unit="N"), State("load", TENDONS, unit="N"), State("reading", TENDONS, unit="N"),
         State("clock", SCALAR, unit="s"), State("tick", SCALAR, unit="s"), State("slide", TENDONS),

@@ -170,16 +170,12 @@ POINTS = (
 def part(scales: dict[str, tuple[float, str]]) -> Part:
     """The servos as a part named `servo`; scales: of their friction."""
     return Part(
-        name="servo",
-        module=sys.modules[__name__],
-        parameters=Parameters,
+        name="servo", module=sys.modules[__name__], parameters=Parameters,
         states=(
             State("angle", JOINTS, unit="rad"), State("speed", JOINTS, unit="rad/s"),
             State("rotor", JOINTS, unit="rad"), State("rotor_speed", JOINTS, unit="rad/s"),
             State("reference", JOINTS, unit="rad"), State("started", SCALAR),
         ),
-        tasks=(Task("update", ("command", "origin", "ready")),),
-        outputs=(Output.of_states(angle="angle"),),
-        points=tuple(Point(p, JOINTS, standard=f"sliding.{p}" if p in FRICTION else "") for p in POINTS),
-        scales=scales,
+        tasks=(Task("update", ("command", "origin", "ready")),), outputs=(Output.of_states(angle="angle"),),
+        points=tuple(Point(p, JOINTS, standard=f"sliding.{p}" if p in FRICTION else "") for p in POINTS), scales=scales,
     )  # fmt: skip

@@ -265,10 +265,7 @@ JOINT_LAWS = (
 )
 
 PART = Part(
-    name="finger",
-    module=sys.modules[__name__],
-    parameters=Parameters,
-    fills_start=True,
+    name="finger", module=sys.modules[__name__], parameters=Parameters, fills_start=True,
     states=(
         State("angle", JOINTS, unit="rad"), State("rate", JOINTS, unit="rad/s"),
         State("angle_before", JOINTS, unit="rad"), State("rate_before", JOINTS, unit="rad/s"),
