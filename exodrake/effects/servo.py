@@ -192,7 +192,7 @@ GRAVITY_SAG = Effect(
     parameters=(per_joint("sag", "rad", null=0.0, low=-0.1, high=0.1, default=0.02),),
 )  # fmt: skip
 HYSTERESIS = Effect(
-    id="joint.hysteresis", summary="dry friction in the gear: the joint stops short of where it is told",
+    id="joint.hysteresis", summary="dry friction in the gear: the joint stops short of its command",
     family="hysteresis",
     signature="angle against command is a loop with rounded corners, rate-free, which a small motion does not fill",
     source="friction over stiffness of a proportional servo (Rhoban/bam), 0.2-5 deg; Dahl 1968; range assumed",
@@ -241,7 +241,7 @@ SHEATH_PLAY = Effect(
 )  # fmt: skip
 DEAD_BAND = Effect(
     id="servo.dead_band", summary="the firmware leaves small errors alone", family="dead zone",
-    signature="the joint rests up to a width from where it is told, on the side that it came from",
+    signature="the joint rests up to a width from its command, on the side that it came from",
     source="dead band registers of bus servos, 1-3 counts, more of hobby servos; range assumed",
     at={"servo.firmware_error": cut_dead_zone}, formula="e = sgn(e) max(0, |e| - width)          e = q_ref - q",
     parameters=(per_joint("width", "rad", null=0.0, low=0.002, high=0.1, default=0.02),),

@@ -229,7 +229,7 @@ class Information:
         return min(self.beyond, key=self.beyond.__getitem__)
 
     def power(self, true: int, rival: int) -> float:
-        """Probability that a rival is told from a true explanation."""
+        """Probability that an experiment distinguishes a rival from the true explanation."""
         return float(norm.cdf(self.beyond[true, rival]))
 
     @property

@@ -179,7 +179,7 @@ def fit(
 
     Raises:
         InputError: naming parameter, file or column, for an unknown or doubled parameter, bounds that do not hold the
-            start, a parameter that moves no column of the logs or is not told from others, and unreadable logs.
+            start, a parameter that moves no column of the logs or acts like others, and unreadable logs.
 
     Examples:
         >>> import exodrake as exo

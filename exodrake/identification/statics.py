@@ -19,8 +19,8 @@ class MaximumTension:
     """The tension of a tendon that maximises the movement."""
 
     tendon: str
-    tension: float  # at which the joints have all but stopped, or the largest one held [N]
-    saturated: bool  # whether they have stopped
+    tension: float  # at which the joints hardly move any more, or the largest one held [N]
+    saturated: bool  # whether they hardly move any more
     travel: dict[str, float]  # by joint its angle at that tension less the one at the start of the ramp [rad]
 
 

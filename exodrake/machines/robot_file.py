@@ -138,11 +138,11 @@ def build(content: Any, source: str, above: tuple[str, ...] = (), folder: Path |
                     ranges[parameter.name] = (low, high)
         robot = refuse_negative(replace(robot, sources=sources, ranges=ranges))
         for identity, items in (content.get("effects") or {}).items():
-            told = {name: v for name, v in items.items() if isinstance(v, Mapping) and "value" in v}
-            given = items | {name: v["value"] for name, v in told.items()}
+            stated = {name: v for name, v in items.items() if isinstance(v, Mapping) and "value" in v}
+            given = items | {name: v["value"] for name, v in stated.items()}
             channels = {channel for v in given.values() if isinstance(v, Mapping) for channel in v}
             robot = robot.splice(identity, given, [channel for channel in channels if channel])
-            for name, v in told.items():
+            for name, v in stated.items():
                 for i in robot.machine.effect_indices(identity, name).values():
                     robot.sources[robot.machine.parameters[i].name] = str(v.get("source", ""))
         unit, targets = reference_unit(robot.machine), {"limits": dict(robot.limits), "grasps": dict(robot.grasps)}
