@@ -19,7 +19,7 @@ from pydrake.systems.primitives import Demultiplexer
 from exodrake.core.errors import InputError
 from exodrake.machines.export import robot_as
 from exodrake.model.robot import Robot
-from exodrake.physics.finger_statics import MF_JOINTS, end_stop, joint_paths, parameters_of
+from exodrake.physics.finger_statics import MF_JOINTS, end_stop, joint_paths, read_parameters
 
 FINGER = "finger"
 
@@ -124,7 +124,7 @@ class ElasticTendons(LeafSystem):
 
     def __init__(self, robot: Robot) -> None:
         super().__init__()
-        self.parameters = parameters_of(robot)
+        self.parameters = read_parameters(robot)
         self.state = self.DeclareVectorInputPort("state", 6)
         self.stroke = self.DeclareVectorInputPort("stroke", 3)
         for which, name in enumerate(("torque", "tension")):

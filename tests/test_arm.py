@@ -96,11 +96,11 @@ def ticks(robot, efforts, q, count=1, dt=1e-4, rotor=None):
     parameters = of_part(robot, part)
     arm.stand(x, None, parameters, None, q)
     if rotor is not None:
-        x[arm.place_of(n, arm.ROTOR, 0) : arm.place_of(n, arm.ROTOR, n)] = rotor
+        x[arm.find_place(n, arm.ROTOR, 0) : arm.find_place(n, arm.ROTOR, n)] = rotor
     for _ in range(count):
         arm.update(x, None, parameters, None, dt, np.asarray(efforts, dtype=float))
     return {
-        name: x[arm.place_of(n, k, 0) : arm.place_of(n, k, n)]
+        name: x[arm.find_place(n, k, 0) : arm.find_place(n, k, n)]
         for k, name in enumerate(("angle", "speed", "rotor", "rotor_speed"))
     }
 
@@ -167,8 +167,8 @@ def test_an_end_stop_that_a_link_leaves_does_not_pull_it(closed):
     part, n = robot.machine.parts[0], of_part(robot, robot.machine.parts[0])
     x = np.zeros(sum(robot.machine.part_sizes[part.name]))
     for speed, pushes in ((0.5, False), (-0.5, True)):
-        x[arm.place_of(3, arm.ANGLE, 2)] = -1.1
-        x[arm.place_of(3, arm.SPEED, 2)] = speed
+        x[arm.find_place(3, arm.ANGLE, 2)] = -1.1
+        x[arm.find_place(3, arm.SPEED, 2)] = speed
         assert (arm.push_from_stops(x, n, 2, 3) > 0.0) == pushes
 
 

@@ -14,7 +14,7 @@ from exodrake.cli.main import cli
 from exodrake.core.errors import InputError
 from exodrake.grasping.hand import MODES, find_mode
 from exodrake.grasping.plan import at_hold, run_plan, tensions_for
-from exodrake.physics.finger_statics import parameters_of
+from exodrake.physics.finger_statics import read_parameters
 
 SIZES = [size / 1e3 for size in range(20, 95, 5)]
 LENGTHS, RADII = np.array([0.04264, 0.02014, 0.01872]), np.array([0.009, 0.008, 0.007])  # model.md
@@ -135,7 +135,7 @@ def test_the_robot_for_the_wide_pinch_holds_objects_in_all_three_modes():
 
 
 def test_tensions_balance_the_passive_torque():
-    q, n = np.array([[0.5, 0.7, 0.4]]), parameters_of(robot())
+    q, n = np.array([[0.5, 0.7, 0.4]]), read_parameters(robot())
     tension = tensions_for(q, n)[0]
     flex, extend = 5.0 * np.sin(q[0] / 2) + 3.0 * np.cos(q[0] / 2), 5.0 * np.cos(q[0] / 2) - 5.0 * np.sin(q[0] / 2)
     wires = 1e-3 * np.array([flex[0], flex[1], flex[2]]) * tension[0] - 1e-3 * extend * tension[2]

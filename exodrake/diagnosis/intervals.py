@@ -95,7 +95,7 @@ def describe(found: Estimates, effect: Effect, channels: tuple[str, ...]) -> Nam
     for i, (p, name) in enumerate(zip(found.parameters, names, strict=True)):
         if name not in stated:
             one = interval(p, float(found.x[i]), float(found.std[i]), info[name].unit, law_std(effect, p))
-            turns = info[name].wrapped(one.value) - one.value  # of a periodic parameter, into its range
+            turns = info[name].wrap(one.value) - one.value  # of a periodic parameter, into its range
             stated[name] = replace(one, value=one.value + turns, low=one.low + turns, high=one.high + turns)
     sits = tuple(found.parameters[i].channels[0] for i in chosen) or tuple(c for c in channels if c)
     tendons, joints = (sits, ()) if effect.axis == TENDONS else ((), () if effect.axis == SCALAR else sits)

@@ -22,7 +22,7 @@ from exodrake.machines.robot_file import robot_or_default
 from exodrake.model.display import choose_colour, find_display
 from exodrake.model.robot import Robot
 from exodrake.physics.finger import end_stop
-from exodrake.physics.finger_statics import arms, follow, parameters_of, posture
+from exodrake.physics.finger_statics import arms, follow, posture, read_parameters
 from exodrake.physics.tendon_finger import Parameters
 from exodrake.simulation.protocols import grasp, smooth
 from exodrake.simulation.simulate import record, run, write_log
@@ -187,7 +187,7 @@ def plan_grasp(mode: str, size: float, robot: Robot | None = None, hand: Hand | 
     from scipy.spatial import KDTree
 
     robot, hand = robot_or_default(robot), hand or Hand()
-    way, n, (low, high) = find_mode(mode), parameters_of(robot), robot.reference_limits()
+    way, n, (low, high) = find_mode(mode), read_parameters(robot), robot.reference_limits()
     size = check_size(size, hand, n)
     found = candidates(way, size, hand, n)
     allowed = np.flatnonzero(found.miss <= 0.0)
@@ -249,7 +249,7 @@ def posture_controller(plan: Plan, robot: Robot, ki: float = KI, **durations: fl
     reference = argument("plan", plan, Plan).reference(argument("robot", robot, Robot), **durations)
     angle = record(robot.without_effects(), reference, seed=None, quantisation=False).signals["angle"]
     low, high = robot.reference_limits()
-    n, planned, tension = parameters_of(robot), np.array([plan.planned]), np.array([plan.tensions])
+    n, planned, tension = read_parameters(robot), np.array([plan.planned]), np.array([plan.tensions])
     compliance = arms(planned, n)[0].T / stiffness(planned, tension, n)[0][:, None]  # dq/dF [rad/N]
     gain = damped_inverse(compliance)
     return PostureController(PosturePlan(reference.values, angle, gain, low, high, ki), robot.machine)
@@ -322,7 +322,7 @@ def grasp_figure(plan: Plan, log: Log, robot: Robot) -> Figure:
 
 def draw_posture(axes: Any, plan: Plan, log: Log, robot: Robot) -> None:
     """Object, thumb and the finger's three postures at the hold, in its plane [mm]."""
-    n = parameters_of(robot)
+    n = read_parameters(robot)
     thumb, centre = complex(*plan.hand.thumb), complex(*plan.centre)
     fill(axes, [thumb, thumb + THUMB_BONE], [plan.hand.thumb_radius], THUMB, 0.9)
     where = mm(thumb + THUMB_BONE / 2 + 0.002j)

@@ -163,14 +163,14 @@ def solve_assisted(robot, steps: int = 25) -> Assisted:
     Raises:
         InputError: For fewer than 3 steps, or naming a tension without equilibrium.
     """
-    from exodrake.physics.finger_statics import parameters_of, posture  # compiles
+    from exodrake.physics.finger_statics import posture, read_parameters  # compiles
 
     if steps < 3:
         raise InputError(f"workspace: {steps} tensions per tendon are too few; at least 3")
     low, high = robot.limits["F_min"], robot.limits["F_max"]
     tensions = [np.linspace(low[wire], high[wire], steps) for wire in ("AF", "MF", "AE")]
     grid = np.stack(np.meshgrid(*tensions, indexing="ij"), axis=-1)
-    angles = posture(grid.reshape(-1, 3), parameters_of(robot)).reshape(grid.shape)
+    angles = posture(grid.reshape(-1, 3), read_parameters(robot)).reshape(grid.shape)
     if len(lost := np.argwhere(np.isnan(angles).any(axis=-1))):
         at = "AF {:g}, MF {:g}, AE {:g} N".format(*grid[tuple(lost[0])])
         raise InputError(f"{robot.source}: no equilibrium with {at}; lower the limits F_max")

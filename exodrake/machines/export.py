@@ -229,7 +229,7 @@ def urdf(mechanism: Mechanism) -> Element:
     SubElement(base, "origin", rpy=text([*mechanism.tilt, 0.0]))
     SubElement(root, "link", name="base")
     loads = list(chain.bodies)
-    loads[-1] = loads[-1].joined(Body(mechanism.payload), np.eye(3), chain.tip)
+    loads[-1] = loads[-1].join(Body(mechanism.payload), np.eye(3), chain.tip)
     before = "base"
     for joint, body, drive in zip(chain.joints, loads, mechanism.drives, strict=True):
         own = SubElement(SubElement(root, "link", name=joint.child), "inertial")

@@ -166,7 +166,7 @@ def make_chain(path: Sequence[Joint], joints: Sequence[Joint], bodies: Mapping[s
             raise InputError(f"{source}: its links form a ring")
         found = bodies[link]
         for joint in (j for j in joints if j.parent == link and j.name not in on_way):
-            found = found.joined(whole(joint.child, depth + 1), rotation(joint.angles), joint.origin)
+            found = found.join(whole(joint.child, depth + 1), rotation(joint.angles), joint.origin)
         return found
 
     turn, point, placed, direct = np.eye(3), np.zeros(3), [], True

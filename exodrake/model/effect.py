@@ -39,7 +39,7 @@ class EffectParameter:
         middle = (self.low * self.high) ** 0.5 if logarithmic else 0.5 * (self.low + self.high)
         return middle if self.default is None else self.default
 
-    def wrapped(self, value: float) -> float:
+    def wrap(self, value: float) -> float:
         """Value as reports state it: the equivalent one within a period from `low` [unit]."""
         return self.low + (value - self.low) % self.period if self.period else value
 

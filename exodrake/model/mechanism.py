@@ -23,7 +23,7 @@ class Body:
     centre: np.ndarray = field(default_factory=lambda: np.zeros(3))
     inertia: np.ndarray = field(default_factory=lambda: np.zeros((3, 3)))
 
-    def joined(self, other: Body, rotation: np.ndarray, origin: np.ndarray) -> Body:
+    def join(self, other: Body, rotation: np.ndarray, origin: np.ndarray) -> Body:
         """This body and another one whose frame stands at `origin` (3,) [m], turned by `rotation` (3, 3)."""
         mass = self.mass + other.mass
         if not mass:

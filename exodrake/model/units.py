@@ -106,7 +106,7 @@ def conversion(unit: str) -> Conversion | None:
     return Conversion(si, ratio[0], ratio[1], {name: power for name, power in powers.items() if power})
 
 
-def known(unit: str, where: str = "") -> Conversion:
+def read_unit(unit: str, where: str = "") -> Conversion:
     """Conversion of a unit to SI. InputError, with its place, for a unit that cannot be read."""
     found = conversion(unit)
     if found is None:
@@ -118,12 +118,12 @@ def known(unit: str, where: str = "") -> Conversion:
 
 def si_unit(unit: str, where: str = "") -> str:
     """The SI unit a unit converts to. InputError, saying where, for a unit that cannot be read."""
-    return known(unit, where).si
+    return read_unit(unit, where).si
 
 
 def to_si[T: (float, np.ndarray)](values: T, unit: str, where: str = "") -> T:
     """Values in SI, same shape; bit-equal to the input when the unit is SI already. InputError for an unknown unit."""
-    _, numerator, denominator, _ = known(unit, where)
+    _, numerator, denominator, _ = read_unit(unit, where)
     return values if numerator == denominator else values * numerator / denominator
 
 
@@ -139,7 +139,7 @@ def quantity(value: Any, unit: str, where: str, given: str = "") -> float:
         number, written = (float(found[1]), found[2] or given) if found else (None, "")
     if isinstance(number, bool) or not isinstance(number, int | float | np.floating | np.integer):
         raise InputError(f"{where} is {value!r}, wanted a number, with its unit if that is not {unit}")
-    if written and known(written, where).powers != known(unit, where).powers:
+    if written and read_unit(written, where).powers != read_unit(unit, where).powers:
         raise InputError(f"{where} is in [{unit}], not in [{written.strip()}]")
     try:
         number = float(number)
@@ -167,11 +167,11 @@ def default_unit(column: str) -> str:
 
 def check_unit(column: str, unit: str, where: str = "") -> str:
     """SI unit of a column headed with `unit`. InputError if unknown, or none of the column's kind (a tension in m)."""
-    found, kind = known(unit, where), find_kind(column)
+    found, kind = read_unit(unit, where), find_kind(column)
     if kind is None:
         return found.si
     for wanted in KINDS[kind]:
-        if known(wanted).powers == found.powers:
+        if read_unit(wanted).powers == found.powers:
             return wanted
     listed = " or ".join(f"[{u}]" for u in KINDS[kind])
     raise InputError(f"{where + ': ' if where else ''}unit [{unit}] is none of a {kind}, which is in {listed}")

@@ -282,7 +282,7 @@ def compute_efforts(x, z, n, e, dt, position, velocity, acceleration):
         settle(e, z, j, dt, dt * speed)
 
 
-def place_of(count, state, j):
+def find_place(count, state, j):
     """Index of a state of joint j in forward dynamics, behind the memory of the links and the matrix."""
     return (WIDTH + count + state) * count + j
 
@@ -302,8 +302,8 @@ def update(x, z, n, e, dt, effort_true):
         matrix = WIDTH * count
         gravity = downwards(n.gravity, n.base_roll, n.base_pitch)
         for j in range(count):
-            link(x, z, n, e, j, count, x[place_of(count, ANGLE, j)])
-            move(x, j, x[place_of(count, SPEED, j)], 0.0, gravity)
+            link(x, z, n, e, j, count, x[find_place(count, ANGLE, j)])
+            move(x, j, x[find_place(count, SPEED, j)], 0.0, gravity)
         gather(x, count, WRENCH, WIDTH - WRENCH)
         mass_matrix(x, count, matrix)
         for j in range(count):
@@ -311,39 +311,39 @@ def update(x, z, n, e, dt, effort_true):
         invert(x, count, matrix)
         for j in range(count):
             for k in range(count):
-                x[place_of(count, SPEED, j)] += dt * x[matrix + count * j + k] * x[place_of(count, PUSH, k)]
-            x[place_of(count, IMPULSE, j)] = 0.0
+                x[find_place(count, SPEED, j)] += dt * x[matrix + count * j + k] * x[find_place(count, PUSH, k)]
+            x[find_place(count, IMPULSE, j)] = 0.0
         brake(x, z, n, e, count, dt, effort_true)
         for j in range(count):
-            at, rotor, speed = place_of(count, ANGLE, j), place_of(count, ROTOR, j), x[place_of(count, SPEED, j)]
+            at, rotor, speed = find_place(count, ANGLE, j), find_place(count, ROTOR, j), x[find_place(count, SPEED, j)]
             x[at] += dt * speed
             if sprung(e, z, j, n.compliance[j]) > 0.0:
-                speed = x[place_of(count, ROTOR_SPEED, j)]
+                speed = x[find_place(count, ROTOR_SPEED, j)]
                 x[rotor] += dt * speed
             else:
-                x[rotor], x[place_of(count, ROTOR_SPEED, j)] = x[at], speed
+                x[rotor], x[find_place(count, ROTOR_SPEED, j)] = x[at], speed
             settle(e, z, j, dt, dt * speed)
 
 
 def drive(x, z, n, e, j, count, dt, given):
     """Effort on link j without its bias; an elastic joint's rotor moves on, a rigid one's inertia joins the link's."""
-    rotor, speed = place_of(count, ROTOR, j), x[place_of(count, ROTOR_SPEED, j)]
+    rotor, speed = find_place(count, ROTOR, j), x[find_place(count, ROTOR_SPEED, j)]
     inertia, compliance = geared(e, z, j, n.rotor_inertia[j]), sprung(e, z, j, n.compliance[j])
     push = pushed(e, z, j, given, speed) - n.damping[j] * speed
     if compliance > 0.0:
-        spring = (x[rotor] - x[place_of(count, ANGLE, j)]) / compliance
+        spring = (x[rotor] - x[find_place(count, ANGLE, j)]) / compliance
         free, mobility = speed + dt * (push - spring) / inertia, dt / inertia
         free = brake_dry(free, n.dry_friction[j] * mobility)
-        x[place_of(count, ROTOR_SPEED, j)] = braked(e, z, j, free, mobility, abs(given))
+        x[find_place(count, ROTOR_SPEED, j)] = braked(e, z, j, free, mobility, abs(given))
         push = spring
     else:
         x[WIDTH * count + count * j + j] += inertia
-    x[place_of(count, PUSH, j)] = push + push_from_stops(x, n, j, count) - effort(x, j)
+    x[find_place(count, PUSH, j)] = push + push_from_stops(x, n, j, count) - effort(x, j)
 
 
 def push_from_stops(x, n, j, count):
     """Effort of the end stops on link j [N m]: spring and damper, which push and do not pull."""
-    place, speed = x[place_of(count, ANGLE, j)], x[place_of(count, SPEED, j)]
+    place, speed = x[find_place(count, ANGLE, j)], x[find_place(count, SPEED, j)]
     above, below = place - n.stop_high[j], n.stop_low[j] - place
     if above > 0.0:
         return -max(0.0, n.stop_stiffness[j] * above + n.stop_damping[j] * speed)
@@ -359,15 +359,15 @@ def brake(x, z, n, e, count, dt, efforts):
         for j in range(count):
             if sprung(e, z, j, n.compliance[j]) > 0.0:
                 continue
-            own, at = x[WIDTH * count + count * j + j], place_of(count, IMPULSE, j)
-            free = x[place_of(count, SPEED, j)] - own * x[at]
+            own, at = x[WIDTH * count + count * j + j], find_place(count, IMPULSE, j)
+            free = x[find_place(count, SPEED, j)] - own * x[at]
             after = brake_dry(free, n.dry_friction[j] * dt * own)
             after = braked(e, z, j, after, dt * own, abs(efforts[j]))
             more = (after - free) / own - x[at]
             x[at] += more
             change = max(change, abs(more))
             for i in range(count):
-                x[place_of(count, SPEED, i)] += x[WIDTH * count + count * i + j] * more
+                x[find_place(count, SPEED, i)] += x[WIDTH * count + count * i + j] * more
         if change == 0.0:
             break
 
@@ -377,8 +377,8 @@ def stand(x, z, n, e, position_start):
     count = position_start.shape[0]
     if x[(WIDTH + count + STATES) * count] == 0.0:
         for j in range(count):
-            x[place_of(count, ANGLE, j)] = position_start[j]
-            x[place_of(count, ROTOR, j)] = position_start[j]
+            x[find_place(count, ANGLE, j)] = position_start[j]
+            x[find_place(count, ROTOR, j)] = position_start[j]
         x[(WIDTH + count + STATES) * count] = 1.0
 
 
@@ -429,17 +429,13 @@ def forward_part(count: int, slot: int, scales: dict[str, tuple[float, str]], un
     angle, rate = unit["position"], unit["velocity"]
     own = ("angle", angle), ("speed", rate), ("rotor", angle), ("rotor_speed", rate), ("push", "-"), ("impulse", "-")
     return Part(
-        name="arm",
-        module=sys.modules[__name__],
-        parameters=NamedTuple("Parameters", fields(per_joint, {})),
+        name="arm", module=sys.modules[__name__], parameters=NamedTuple("Parameters", fields(per_joint, {})),
         states=(
             State("link", JOINTS, WIDTH), State("matrix", JOINTS, count),
             *(State(name, JOINTS, unit=u) for name, u in own), State("placed"),
         ),
         tasks=(Task("update", ("effort_true",)), Task("stand", ("position_start",), slots=(slot,))),
-        outputs=(Output.of_states(rotor="position", angle="link_position"),),
-        points=points("sprung"),
-        scales=scales,
+        outputs=(Output.of_states(rotor="position", angle="link_position"),), points=points("sprung"), scales=scales,
     )  # fmt: skip
 
 
@@ -449,12 +445,9 @@ def inverse_part(scales: dict[str, tuple[float, str]], unit: dict[str, str]) -> 
         "rotor_inertia": unit["inertia"], "damping": unit["effort/speed"], "dry_friction": unit["effort"],
     }  # fmt: skip
     return Part(
-        name="arm",
-        module=sys.modules[__name__],
+        name="arm", module=sys.modules[__name__],
         parameters=NamedTuple("Parameters", fields(per_joint, {"mobility": "-"})),
         states=(State("link", JOINTS, WIDTH), State("effort", JOINTS, unit=unit["effort"])),
         tasks=(Task("compute_efforts", ("position", "velocity", "acceleration")),),
-        outputs=(Output.of_states(effort="effort"),),
-        points=points("seen"),
-        scales=scales,
-    )
+        outputs=(Output.of_states(effort="effort"),), points=points("seen"), scales=scales,
+    )  # fmt: skip

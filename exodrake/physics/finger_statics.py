@@ -27,7 +27,7 @@ compiled = njit(error_model="numpy")
 path, end_stop = compiled(wire_paths.path), compiled(finger.end_stop)
 
 
-def parameters_of(robot: Robot) -> Parameters:
+def read_parameters(robot: Robot) -> Parameters:
     """Parameters of a robot's finger, without effects."""
     found = [robot.channels(f"{field.group}.{field.name}") for field in PART.fields]
     plain: list[Any] = [tuple(v.tolist()) if len(v) > 1 else float(v[0]) for v in found]

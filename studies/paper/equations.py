@@ -8,7 +8,7 @@ from exodrake.grasping.plan import at_hold
 from exodrake.identification.kinematics.rigid import Axis, chain_poses
 from exodrake.identification.statics import find_maximum_tension
 from exodrake.machines.robot_file import load_robot
-from exodrake.physics.finger_statics import parameters_of, posture
+from exodrake.physics.finger_statics import posture, read_parameters
 from exodrake.report.blocks import Drawing, Heading, Table
 from exodrake.simulation.protocols import grasp, maximum_tension
 from exodrake.simulation.simulate import simulate
@@ -46,7 +46,7 @@ def chapter(robot) -> Chapter:
         " not look as it does."
     )
     claims = (
-        *control(robot), *screws(), *statics(parameters_of(robot), robot.limits["F_max"]), *grasps(robot),
+        *control(robot), *screws(), *statics(read_parameters(robot), robot.limits["F_max"]), *grasps(robot),
         maximum_tensions(robot),
     )  # fmt: skip
     return Chapter("equations", "Equations: 3, 9, 13, 16, 21, 22", lead, drawing, claims, beside=table)
@@ -176,7 +176,7 @@ def grasps(robot) -> tuple[Claim, ...]:
     """Wide pinch and caging, simulated from rest: by the nominal robot, and by the one with a stiffer DIP."""
     other = load_robot("exo_index/wide_pinch")
     slight, full, curled = bend(robot, "wide-pinch"), bend(other, "wide-pinch"), bend(robot, "caging")
-    slope, limit = dip_limit(parameters_of(robot))
+    slope, limit = dip_limit(read_parameters(robot))
     kappa = other.channels("finger.kappa")
     pulls = [", ".join(f"{w} {one.grasps['wide-pinch'][w]:g}" for w in ("AF", "AE")) for one in (robot, other)]
     why = (

@@ -94,12 +94,12 @@ def parted(sweeps: Sweeps, seed: int) -> tuple[Sweeps, Sweeps]:
 def study(robot: Robot, effort: Effort, seed: int) -> Study:
     """Simulate, learn, judge. robot: the nominal one."""
     from exodrake.estimator.gp import condition, learn
-    from exodrake.physics.finger_statics import parameters_of, posture
+    from exodrake.physics.finger_statics import posture, read_parameters
     from exodrake.simulation.protocols import sweeps as protocol
     from exodrake.simulation.simulate import record, write_log
     from studies.paper.stiffness import linear
 
-    parameters, reference = parameters_of(robot), protocol(robot)
+    parameters, reference = read_parameters(robot), protocol(robot)
     recording = record(worn_robot(robot), reference, seed)
     rows = thinned(sweeps_from_logs([write_log(recording)]), effort.every)
     training, held = parted(rows, seed)
@@ -146,9 +146,9 @@ def loading(sweeps: Sweeps) -> np.ndarray:
 
 def clean_comparison(robot: Robot, reference, effort: Effort, seed: int) -> Comparison:
     """Comparison on the same sweeps with the same split, without friction and creep."""
-    from exodrake.physics.finger_statics import parameters_of
+    from exodrake.physics.finger_statics import read_parameters
     from exodrake.simulation.simulate import simulate
 
     rows = thinned(sweeps_from_logs([simulate(robot, reference, seed)]), effort.every)
     training, held = parted(rows, seed)
-    return compare(training, held, parameters_of(robot), effort.clean_points)
+    return compare(training, held, read_parameters(robot), effort.clean_points)
