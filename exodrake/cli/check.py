@@ -1,7 +1,5 @@
 """`exodrake check`: what a case is good for, before it is diagnosed."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import click

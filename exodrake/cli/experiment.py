@@ -1,7 +1,5 @@
 """`exodrake experiment`: the motion that tells the explanations still in play apart."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import click

@@ -1,7 +1,5 @@
 """`exodrake fit`: chosen parameters of a robot, fitted to its logs."""
 
-from __future__ import annotations
-
 import click
 
 import exodrake as exo

@@ -3,8 +3,6 @@
 `exodrake workspace`: areas that the fingertip reaches.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import click

@@ -1,7 +1,5 @@
 """`exodrake show` and `compare`: a log as a moving robot, and beside a second one."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import click

@@ -1,7 +1,5 @@
 """`exodrake new-machine`: a folder with a machine of one's own, which runs at once."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """`exodrake sweep`: many runs of a robot over its parameters, tolerances or a diagnosis, as a table."""
 
-from __future__ import annotations
-
 import click
 
 import exodrake as exo

@@ -1,7 +1,5 @@
 """`exodrake watch` follows a growing log and raises an alarm when the robot leaves its model; `alarm-limits`."""
 
-from __future__ import annotations
-
 import sys
 from contextlib import suppress
 from pathlib import Path

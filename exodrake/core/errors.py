@@ -1,7 +1,5 @@
 """Errors that a user can cause and mend, and short texts: a `repr` of one line, plural nouns, Markdown tables."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence, Sized
 from contextlib import contextmanager
 from dataclasses import fields

@@ -4,8 +4,6 @@ Simulations run side by side on several threads, linear algebra on one: two thre
 each other and with other tasks (a 40 us prediction then takes 15 ms), and add in another order, so digits change.
 """
 
-from __future__ import annotations
-
 import logging
 import os
 import signal

@@ -1,7 +1,5 @@
 """Results as plain data, and their files: JSON, or NPZ with every array in full; neither holds a pickle."""
 
-from __future__ import annotations
-
 import io
 import json
 import math

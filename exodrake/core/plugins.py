@@ -4,8 +4,6 @@ A plugin folder is laid out as this package is, and its modules are imported und
 from `add_plugin`, the environment variable EXODRAKE_PLUGINS, which worker processes inherit, and installed packages.
 """
 
-from __future__ import annotations
-
 import os
 import sys
 from collections.abc import Iterator, MutableSequence

@@ -3,8 +3,6 @@
 A call in a process of its own, `in_child`: a file that crashes a reader, or never ends in it, costs that file alone.
 """
 
-from __future__ import annotations
-
 import math
 import os
 import resource

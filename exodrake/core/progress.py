@@ -1,7 +1,5 @@
 """Progress of a long command: stages of a diagnosis, counted loops, and a clean end on Ctrl-C or SIGTERM."""
 
-from __future__ import annotations
-
 import signal
 import sys
 import time

@@ -5,8 +5,6 @@
 Scalars are those of YAML 1.2: `1e-3` is a number; `1:30`, `no` and dates are text.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import re

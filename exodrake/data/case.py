@@ -4,8 +4,6 @@ The keys of `case.yaml` are in `docs/howto/diagnose.md`. What was done to a log'
 `NAME.notes.txt` beside it, a sentence a line.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace

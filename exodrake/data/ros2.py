@@ -5,8 +5,6 @@ A column is `TOPIC:FIELD`: `/joint_states:position[MCP]` (the element whose `nam
 come from the bag; older SQLite bags hold none, and only the common types of ros2_messages.txt can be read from them.
 """
 
-from __future__ import annotations
-
 import io
 import math
 import re

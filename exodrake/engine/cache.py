@@ -1,7 +1,5 @@
 """Generated code as modules: files in a cache folder, beside which numba keeps their machine code."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import sys

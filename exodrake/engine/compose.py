@@ -9,8 +9,6 @@ the value passes through each present effect in the effect library's order. Flag
 travel as one array: as arguments of their own, some hundred of them, they would cost more than the physics.
 """
 
-from __future__ import annotations
-
 import ast
 import importlib
 import inspect

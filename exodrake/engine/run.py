@@ -1,7 +1,5 @@
 """Runs of the compiled simulator: of a whole machine, and replays between measured signals."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import numpy as np

@@ -6,8 +6,6 @@ and single readings. Further functions run parts of a machine: `moves` its drive
 equations.
 """
 
-from __future__ import annotations
-
 from collections.abc import Container
 from inspect import signature
 

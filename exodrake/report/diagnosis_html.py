@@ -4,8 +4,6 @@ problem = make_problem(read_case(folder), load_robot())
 write_text("report.html", report_html(diagnosis, problem))
 """
 
-from __future__ import annotations
-
 from base64 import b64encode
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

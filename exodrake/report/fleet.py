@@ -4,8 +4,6 @@ rows = read_answers("answers")
 write_text("fleet.html", fleet_html(rows, "answers"))
 """
 
-from __future__ import annotations
-
 import os
 from collections import Counter
 from collections.abc import Mapping, Sequence

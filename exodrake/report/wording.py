@@ -1,7 +1,5 @@
 """Numbers as people read them, and a diagnosis in words: causes with place, share and rivals, what remains."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from typing import NamedTuple

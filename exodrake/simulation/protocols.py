@@ -6,8 +6,6 @@ Levels are shares of each tendon's `F_max`; no reference ever falls below its an
 robot's limits). All are reproducible: those with chance in them take a seed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from itertools import product
 

@@ -1,7 +1,5 @@
 """Protocols by name, as the command line asks for them: `caging`, `chirp:high=1.5,span=8`, or a log's references."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from inspect import signature

@@ -10,8 +10,6 @@ quantisation: true
 engine: compiled
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path

@@ -4,8 +4,6 @@ Each compared column is a channel of residuals against the closed loop, and one 
 does not depend on how the stream of rows is cut.
 """
 
-from __future__ import annotations
-
 from functools import partial
 from typing import NamedTuple
 
