@@ -64,14 +64,8 @@ class MultibodyFinger(Diagram):
     .. pydrake_system::
 
         name: MultibodyFinger
-        input_ports:
-        - stroke
-        output_ports:
-        - angle
-        - rate
-        - tension_finger
-        - tension
-        - tension_spool
+        input_ports: [stroke]
+        output_ports: [angle, rate, tension_finger, tension, tension_spool]
 
     stroke and tensions per tendon [m], [N]; angle and rate per joint [rad], [rad/s]. `plant` is the MultibodyPlant.
 
@@ -112,12 +106,8 @@ class ElasticTendons(LeafSystem):
     .. pydrake_system::
 
         name: ElasticTendons
-        input_ports:
-        - state
-        - stroke
-        output_ports:
-        - torque
-        - tension
+        input_ports: [state, stroke]
+        output_ports: [torque, tension]
 
     state: angles [rad], then rates [rad/s]; stroke [m]; torque [N m]; tension [N].
     """

@@ -18,16 +18,8 @@ class PostureLoop(Diagram):
     .. pydrake_system::
 
         name: PostureLoop
-        input_ports:
-        - tension_read
-        - stroke_read
-        - tension_planned
-        - angle_planned
-        output_ports:
-        - tension_ref
-        - angle_ref
-        - angle_est
-        - angle_std
+        input_ports: [tension_read, stroke_read, tension_planned, angle_planned]
+        output_ports: [tension_ref, angle_ref, angle_est, angle_std]
 
     Ports are those of `GPEstimator` and `PostureController`; without a planner at tension_planned [N] and angle_planned
     [rad], the rows of the plan are played.

@@ -12,7 +12,7 @@ from PIL import Image
 
 import exodrake as exo
 from exodrake.data.plot import IMPROVED, MEASURED, NOMINAL, STYLE, new_figure
-from exodrake.diagrams.meshcat.scene import span, turn
+from exodrake.diagrams.meshcat import span, turn
 from exodrake.model.mechanism import Skeleton
 
 EVERY, DPI, COLOURS = 5, 100, 64  # frames of 20 ms, dots per inch, colours of the picture

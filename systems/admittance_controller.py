@@ -14,12 +14,8 @@ class AdmittanceController(PartSystem):
     .. pydrake_system::
 
         name: AdmittanceController
-        input_ports:
-        - deviation
-        - tension_ref
-        - tension_read
-        output_ports:
-        - speed_cmd
+        input_ports: [deviation, tension_ref, tension_read]
+        output_ports: [speed_cmd]
 
     Per tendon: tension_ref [N] and tension_read [N] come in; speed_cmd [m/s] is state. State: commands [m/s], readings
     before [N], started, integrals [N s], filtered rates [N/s], filtered references [N]. No direct feedthrough.

@@ -16,12 +16,8 @@ class Bus(PartSystem):
     .. pydrake_system::
 
         name: Bus
-        input_ports:
-        - deviation
-        - speed_cmd
-        - packet_arrival
-        output_ports:
-        - speed_applied
+        input_ports: [deviation, speed_cmd, packet_arrival]
+        output_ports: [speed_applied]
 
     Per tendon: speed_cmd [m/s] and packet_arrival, uniform in 0 .. 1, come in; unconnected, every packet arrives.
     speed_applied [m/s] is state. State: the last twelve commands of each tendon and the one applied [m/s], memories of

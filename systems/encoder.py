@@ -16,12 +16,8 @@ class Encoder(PartSystem):
     .. pydrake_system::
 
         name: Encoder
-        input_ports:
-        - deviation
-        - spool_angle
-        - start_stroke
-        output_ports:
-        - stroke_read
+        input_ports: [deviation, spool_angle, start_stroke]
+        output_ports: [stroke_read]
 
     Per tendon: spool_angle [rad] comes in, and start_stroke [m], which is shown until the first reading.
     stroke_read [m] is state. State: readings [m], then memories of effects. No direct feedthrough.

@@ -17,12 +17,8 @@ class GPEstimator(LeafSystem):
     .. pydrake_system::
 
         name: GPEstimator
-        input_ports:
-        - tension_read
-        - stroke_read
-        output_ports:
-        - angle_est
-        - angle_std
+        input_ports: [tension_read, stroke_read]
+        output_ports: [angle_est, angle_std]
 
     Tension [N] and stroke [m] per tendon; both outputs [rad] per joint, state, and NaN before the first estimate. The
     weights of the trained estimator are numeric parameters, one for each field of `Weights`, found by `parameter`.

@@ -14,13 +14,8 @@ class MotionCapture(PartSystem):
     .. pydrake_system::
 
         name: MotionCapture
-        input_ports:
-        - deviation
-        - angle
-        - noise_angle
-        output_ports:
-        - angle_read
-        - mocap_delay
+        input_ports: [deviation, angle, noise_angle]
+        output_ports: [angle_read, mocap_delay]
 
     Per joint: angle [rad] and noise_angle, standard normal, come in; unconnected noise counts as 0. angle_read [rad],
     mocap_delay [s], by how much the picture is late (`exo.diagram_log` delays it), are state. State: readings [rad],

@@ -12,15 +12,8 @@ class MotorDynamics(PartSystem):
     .. pydrake_system::
 
         name: MotorDynamics
-        input_ports:
-        - deviation
-        - speed_applied
-        - tension_spool
-        - start_stroke
-        output_ports:
-        - stroke
-        - wire_speed
-        - spool_angle
+        input_ports: [deviation, speed_applied, tension_spool, start_stroke]
+        output_ports: [stroke, wire_speed, spool_angle]
 
     Per tendon: speed_applied [m/s], tension_spool [N] and start_stroke [m], where the tendon is just taut, come in;
     stroke [m], wire_speed [m/s] and spool_angle [rad] are functions of the state. State: rotor speeds [rad/s], integral

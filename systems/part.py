@@ -249,14 +249,8 @@ class MachinePart(PartSystem):
     .. pydrake_system::
 
         name: MachinePart
-        input_ports:
-        - deviation
-        - a signal read from another part
-        - ...
-        - a start vector that another part fills
-        output_ports:
-        - a signal that the part writes
-        - ...
+        input_ports: [deviation, a signal read from another part, ..., a start vector that another part fills]
+        output_ports: [a signal that the part writes, ...]
 
     Unconnected noise counts as none. State: that of the part in the order of its `PART`, then memories of effects.
 

@@ -78,13 +78,8 @@ class PostureController(LeafSystem):
     .. pydrake_system::
 
         name: PostureController
-        input_ports:
-        - angle_est
-        - tension_planned
-        - angle_planned
-        output_ports:
-        - tension_ref
-        - angle_ref
+        input_ports: [angle_est, tension_planned, angle_planned]
+        output_ports: [tension_ref, angle_ref]
 
     angle_est [rad] per joint comes from an estimator, NaN before the first estimate. tension_planned [N] per tendon and
     angle_planned [rad] per joint are what a planner wants; unconnected, they are the rows of the plan. tension_ref [N]

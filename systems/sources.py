@@ -27,11 +27,9 @@ class Playback(LeafSystem):
     .. pydrake_system::
 
         name: Playback
-        output_ports:
-        - a signal
-        - ...
+        output_ports: [a signal, ...]
 
-    State: the number of the frame, taken from the time an eighth of a slot (0.25 ms) after the frame has begun, so that
+    State: the number of the frame, taken from the time an eighth of a slot (0.25 ms) after its start, so that
     a log at its end still shows the frame's row.
 
     Args:
@@ -55,7 +53,7 @@ class Playback(LeafSystem):
         self.DeclarePeriodicDiscreteUpdateEvent(frame, delay, self.update)
 
     def update(self, context: Context, discrete: DiscreteValues) -> None:
-        """The next frame has begun."""
+        """The next frame begins."""
         discrete.get_mutable_value(0)[:] = int(context.get_time() / self.frame)
 
     def show(self, name: str, context: Context, output: BasicVector) -> None:
@@ -70,11 +68,8 @@ class Noise(LeafSystem):
     .. pydrake_system::
 
         name: Noise
-        input_ports:
-        - drawn_seed
-        output_ports:
-        - a noise input
-        - ...
+        input_ports: [drawn_seed]
+        output_ports: [a noise input, ...]
 
     Numeric parameter 0 is the seed; a negative one switches the noise off. A `drawn_seed` of 0 or more replaces a seed
     that is not negative: it comes from `RobotDraw`, and unconnected it counts as none. State: number of the frame, as
@@ -105,7 +100,7 @@ class Noise(LeafSystem):
         self.DeclarePeriodicDiscreteUpdateEvent(machine.frame, 0.125 * machine.slot, self.update)
 
     def update(self, context: Context, discrete: DiscreteValues) -> None:
-        """The next frame has begun."""
+        """The next frame begins."""
         discrete.get_mutable_value(0)[:] = int(context.get_time() / self.machine.frame)
 
     def show(self, name: str, context: Context, output: BasicVector) -> None:
@@ -123,12 +118,8 @@ class RobotDraw(LeafSystem):
     .. pydrake_system::
 
         name: RobotDraw
-        input_ports:
-        - sample
-        output_ports:
-        - drawn_seed
-        - NAME.deviation of each part
-        - ...
+        input_ports: [sample]
+        output_ports: [drawn_seed, NAME.deviation of each part, ...]
 
     sample, in 0 .. 1, comes from `source`, a RandomSource that the Diagram must hold: it alone tells Python that
     `SetRandomContext` or `MonteCarloSimulation` has drawn. drawn_seed is -1 for the default sample; any other
@@ -186,8 +177,7 @@ class SyncPulse(LeafSystem):
     .. pydrake_system::
 
         name: SyncPulse
-        output_ports:
-        - sync
+        output_ports: [sync]
 
     The output [-] is 1 during slot 0 and 0 in the other slots.
 

@@ -14,17 +14,8 @@ class TendonFinger(PartSystem):
     .. pydrake_system::
 
         name: TendonFinger
-        input_ports:
-        - deviation
-        - stroke
-        - wire_speed
-        output_ports:
-        - angle
-        - rate
-        - tension_finger
-        - tension
-        - tension_spool
-        - start_stroke
+        input_ports: [deviation, stroke, wire_speed]
+        output_ports: [angle, rate, tension_finger, tension, tension_spool, start_stroke]
 
     stroke [m] and wire_speed [m/s] per tendon come in. angle [rad] and rate [rad/s] per joint, and tension_finger [N],
     behind the friction of the tendons, are state. tension [N] at the load cell and tension_spool [N] answer the stroke

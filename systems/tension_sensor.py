@@ -16,14 +16,8 @@ class TensionSensor(PartSystem):
     .. pydrake_system::
 
         name: TensionSensor
-        input_ports:
-        - deviation
-        - tension
-        - wire_speed
-        - noise_tension
-        output_ports:
-        - cell
-        - tension_read
+        input_ports: [deviation, tension, wire_speed, noise_tension]
+        output_ports: [cell, tension_read]
 
     Per tendon: tension [N], wire_speed [m/s] and noise_tension, standard normal, come in; without noise 0.
     cell [N], behind the amplifier, answers the tension at once (direct feedthrough); tension_read [N] is state. State:

@@ -8,8 +8,17 @@ import numpy as np
 import pytest
 
 import exodrake as exo
-from exodrake.diagrams.meshcat import STOPS, Thing, animate, average_frames, find_colours, recording_html
-from exodrake.diagrams.meshcat.scene import along, skeleton, span
+from exodrake.diagrams.meshcat import (
+    STOPS,
+    Thing,
+    along,
+    animate,
+    average_frames,
+    find_colours,
+    recording_html,
+    skeleton,
+    span,
+)
 
 ROBOT = exo.load_robot()
 
