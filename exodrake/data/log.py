@@ -9,15 +9,13 @@ from __future__ import annotations
 import unicodedata
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from exodrake.core.errors import InputError, MissingColumn, argument, require_extra, short_repr
 from exodrake.model.units import KINDS, check_unit, default_unit, find_kind, to_si
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
 
 SEPARATORS = {";": "';'", "\t": "tabs"}
 MODEL, CHANGED = 1, 2  # robots by which exodrake simulated a log: as its file states it; changed for the run
@@ -77,9 +75,7 @@ class Log:
             return self.time
         if column in self.signals:
             return self.signals[column]
-        if self.names(column):
-            return self.array(column)
-        raise InputError(f"{self.label}: no column {column!r} (it has {', '.join(self.signals) or 'none'})")
+        return self.array(column)
 
     def __repr__(self) -> str:
         span = f"{self.time[0]:g} to {self.time[-1]:g} s" if len(self) else "empty"
@@ -137,7 +133,7 @@ class Log:
         """
         chosen = self.names(kind) if names is None else tuple(names)
         if not chosen:
-            raise InputError(f"{self.label}: no column of kind {kind!r} (it has {', '.join(self.signals) or 'none'})")
+            raise InputError(f"{self.label}: no column {kind!r} (it has {', '.join(self.signals) or 'none'})")
         return np.column_stack([self[f"{kind}_{name}"] for name in chosen])
 
     def rows(self, which: slice | np.ndarray) -> Log:

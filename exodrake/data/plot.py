@@ -139,11 +139,11 @@ def log_html(log: Log) -> str:
     more = len(log.columns) - len(rows)
     heads = "".join(f"<th>{head}</th>" for head in ("signal", "unit", "samples", "lowest", "highest"))
     span = f", {log.time[0]:g} to {log.time[-1]:g} s" if len(log) else ""
-    page = f"<b>{escape(log.label)}</b>: {len(log)} rows{span}<table><tr>{heads}</tr>{''.join(rows)}</table>"
-    page += f"<p>and {more} more</p>" if more else ""
+    html = f"<b>{escape(log.label)}</b>: {len(log)} rows{span}<table><tr>{heads}</tr>{''.join(rows)}</table>"
+    html += f"<p>and {more} more</p>" if more else ""
     if not len(log) or not list_kinds(log):
-        return page
-    return f'{page}<img alt="" src="data:image/png;base64,{b64encode(render_png(plot_log(log), SMALL)).decode()}">'
+        return html
+    return f'{html}<img alt="" src="data:image/png;base64,{b64encode(render_png(plot_log(log), SMALL)).decode()}">'
 
 
 def display_in(log: Log, kind: str, machine: Machine | None) -> Display:

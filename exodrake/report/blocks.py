@@ -119,17 +119,6 @@ class Drawing:
         return b64encode(self.svg.encode()).decode()
 
 
-@dataclass(frozen=True)
-class Heading:
-    """A heading of the third level."""
-
-    block: ClassVar[str] = "heading"
-    text: str
-
-
-Block = Table | Bars | Drawing | Heading
-
-
 def render(template: str, folder: Path = TEMPLATES, **values: Any) -> str:
     """HTML from a template of `folder`, which may extend `base.html` and import `kit.html`."""
     return templates.render(template, folder, TEMPLATES, **values)

@@ -47,7 +47,7 @@ class Member:
         return next((row for row in reversed(self.rows) if row.verdict != FAILURE), self.rows[-1])
 
     @property
-    def changed(self) -> tuple[Trend, ...]:
+    def changes(self) -> tuple[Trend, ...]:
         """Trends with a change."""
         return tuple(trend for trend in self.trends if trend.change is not None)
 
@@ -61,17 +61,11 @@ def members(rows: Sequence[Row]) -> list[Member]:
 
 
 def fleet_html(rows: Sequence[Row], source: str, links: Mapping[str, str] | None = None) -> str:
-    """The report of a fleet.
-
-    Args:
-        rows: of its table.
-        source: folder or file that they come from.
-        links: case -> address of its report or answer, as seen from the page.
-    """
+    """The report of a fleet; links: case -> address of its report or answer, as seen from the report."""
     robots = members(rows)
     failed = [(row.case, row.reason) for row in rows if row.verdict == FAILURE]
     ill = [m for m in robots if m.last.verdict not in (NO_GAP, RETUNE, FAILURE)]
-    times, changed = [row.run_time for row in rows if np.isfinite(row.run_time)], sum(bool(m.changed) for m in robots)
+    times, changed = [row.run_time for row in rows if np.isfinite(row.run_time)], sum(bool(m.changes) for m in robots)
     tiles = [
         (str(len(robots)), plural(len(robots), "robot")),
         (f"{len(rows):,}", plural(len(rows), "case")),
@@ -81,7 +75,7 @@ def fleet_html(rows: Sequence[Row], source: str, links: Mapping[str, str] | None
         *([(f"{np.median(times):.1f} s", "a case, median")] if times else []),
     ]
     timelines = []
-    for trend in [t for m in robots for t in m.changed][:DRAWN]:
+    for trend in [t for m in robots for t in m.changes][:DRAWN]:
         name = f"{trend.serial}: {trend.effect} {trend.parameter}" + (f" on {trend.channel}" if trend.channel else "")
         lines: dict[str, list[float]] = dict.fromkeys(("values", "low", "high"), trend.values.tolist())
         timelines.append(timeline(name, trend.first, trend.unit, trend.times.tolist(), lines, trend.change))
@@ -101,7 +95,7 @@ def fleet_html(rows: Sequence[Row], source: str, links: Mapping[str, str] | None
         tiles=tiles, colours=dict.fromkeys(verdicts, GREY) | w.COLOURS, verdicts=verdicts,
         strips=[(m.serial, strip(m.rows)) for m in robots], robots=robot_table(robots, links),
         causes=Bars(bars, words) if bars else None,
-        timelines=timelines, rest=sum(len(m.changed) for m in robots) - len(timelines),
+        timelines=timelines, rest=sum(len(m.changes) for m in robots) - len(timelines),
         failed=Table(("Case", "Reason"), failed, words=2) if failed else None,
         dates=(min(dates), max(dates)) if dates else None,
     )  # fmt: skip
@@ -119,13 +113,13 @@ def strip(rows: Sequence[Row]) -> list[tuple[str, str]]:
     return cells
 
 
-def find_reports(folder: Path, page: Path) -> dict[str, str]:
-    """Case -> address of its report.html, else of its answer, in the folders of a folder, as seen from a page."""
+def find_reports(folder: Path, report: Path) -> dict[str, str]:
+    """Case -> address of its report.html, else of its answer, in the folders of a folder, as seen from a report."""
     found = {}
     for place in (path for path in folder.iterdir() if path.is_dir()):
         file = next((place / name for name in ("report.html", ANSWER) if (place / name).is_file()), None)
         if file is not None:
-            found[printable(place.name)] = quote(os.path.relpath(file, page.parent))
+            found[printable(place.name)] = quote(os.path.relpath(file, report.parent))
     return found
 
 
@@ -136,9 +130,9 @@ def robot_table(robots: Sequence[Member], links: Mapping[str, str] | None = None
     rows = []
     for m in robots:
         row, counts = m.last, Counter(effect for row in m.rows for effect in row.effects)
-        causes = row.effects or tuple(effect for effect, _ in counts.most_common(1) if m.changed)
+        causes = row.effects or tuple(effect for effect, _ in counts.most_common(1) if m.changes)
         cause = w.join_words([f"`{effect}`" for effect in causes], "or" if row.verdict == AMBIGUOUS else "and")
-        trend = next((t for t in m.changed if t.effect in causes), next(iter(m.changed), None))
+        trend = next((t for t in m.changes if t.effect in causes), next(iter(m.changes), None))
         since, size = "–", "–"
         if trend is not None and (change := trend.change) is not None:
             _, low, high = map(trend.moment, change.began)

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from exodrake.data.plot import new_figure
+from exodrake.diagnosis.result import Diagnosis
 from exodrake.model.display import PALETTE, SYMBOLS, shown_unit
 from exodrake.report import wording as w
 from exodrake.report.blocks import RULE, SOFT, Drawing, Table, house_style, render_svg
 
 if TYPE_CHECKING:
     from exodrake.diagnosis.discovery.discover import MissingLaw
-    from exodrake.diagnosis.result import Diagnosis
 
 RELAXES = "relaxation"  # a law over time since a change
 

@@ -102,13 +102,8 @@ def timeline(
 ) -> dict[str, Any]:
     """Plain data of a quantity: title, unit shown, values, and its change if it has one.
 
-    Args:
-        title: of the quantity.
-        first: date from which times count [d], shown as POSIX times [s]; None of times of a log [s].
-        unit: of the values.
-        times: (n,) of the values.
-        rows: `values`, `low` and `high` (n,) [unit].
-        change: its change point; None without.
+    first: date from which times count [d], shown as POSIX times [s]; None of times of a log [s]. times: (n,) of the
+    values. rows: `values`, `low` and `high` (n,) [unit].
     """
     name, factor = shown_unit(unit)
 

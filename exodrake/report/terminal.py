@@ -119,9 +119,9 @@ def print_profile(diagnosis: Diagnosis, spent: Mapping[Stage, float]) -> None:
     from rich.console import Console
 
     simulated = dict.fromkeys(spent, 0.0)
-    for name, seconds in diagnosis.simulated.items():
+    for name, time in diagnosis.simulated.items():
         stage = SIMULATES.get(name, Stage.FIT)
-        simulated[stage] = simulated.get(stage, 0.0) + seconds
+        simulated[stage] = simulated.get(stage, 0.0) + time
     rows = [(s.text, f"{spent.get(s, 0.0):.2f} s", f"{time:,.0f} s") for s, time in simulated.items()]
     rows.append(
         ("all", f"{sum(spent.values()):.2f} s in {diagnosis.run_time:.1f} s", f"{diagnosis.simulated_time:,.0f} s")

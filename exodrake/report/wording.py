@@ -27,7 +27,7 @@ from exodrake.model.display import SYMBOLS, Display, find_display, shown_unit
 from exodrake.model.effect import Effect
 from exodrake.model.machine import Machine
 
-# verdict -> its colour on a page, and in a terminal
+# verdict -> its colour in a report, and in a terminal
 COLOURS = {
     NO_GAP: "#18794e", RETUNE: "#0b7285", NAMED: "#1d4ed8", AMBIGUOUS: "#a15c00", PARTLY: "#7a3e9d", UNKNOWN: "#b42318",
 }  # fmt: skip
