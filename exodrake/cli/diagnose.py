@@ -190,14 +190,12 @@ def map_places(cases: tuple[str, ...], out: Path) -> dict[Path, Path]:
         if not path.exists():
             raise InputError(f"{path}: no such folder")
     names = [path.resolve().name if path.is_dir() else stem(str(path)) for path in paths]
-    places: dict[Path, Path] = {}
+    cases_of: dict[Path, Path] = {}
     for path, name in zip(paths, names):
         place = out / (name if names.count(name) == 1 else f"{path.resolve().parent.name}_{name}")
-        namesake = next((other for other, taken in places.items() if taken == place), None)
-        if namesake is not None:
+        if (namesake := cases_of.setdefault(place, path)) is not path:
             raise InputError(f"{path}: has the same name as {namesake}, and so would its answer")
-        places[path] = place
-    return places
+    return {path: place for place, path in cases_of.items()}
 
 
 LISTED, CAUSES = 4, 2  # columns of the report's table that the terminal shows, and the one that is wrapped

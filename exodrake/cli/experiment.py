@@ -57,15 +57,15 @@ def command(
     with options.waiting("searching for the motion that tells them apart"), one_blas_thread():
         contest = prepare_contest(problem, rivals)
         best = design(contest, duration, seed)
-    told, names = best.information, [e.name for e in contest.explanations]
+    expected, names = best.information, [e.name for e in contest.explanations]
     rows = [
-        (names[true], names[rival], f"{left:.3g}", f"{told.power(true, rival):.0%}")
-        for (true, rival), left in sorted(told.left.items())
+        (names[true], names[rival], f"{left:.3g}", f"{expected.power(true, rival):.0%}")
+        for (true, rival), left in sorted(expected.left.items())
     ]
     options.print_table(("if the cause is", "rejected", ">what it leaves (T)", ">probability"), rows, wrapped=0)
-    click.echo(f"\n{told.probability:.0%} expected: all but the true cause are rejected")
+    click.echo(f"\n{expected.probability:.0%} expected: all but the true cause are rejected")
     click.echo(f"{best.random:.0%} promised by a random motion as long, the median of those that were tried")
-    if told.probability < ENOUGH:
+    if expected.probability < ENOUGH:
         click.echo(f"{click.style('note', fg='yellow')}    {ADVICE}")
     rows = [
         (name, *(" to ".join(in_words(x, unit) for x in pair) for pair in pairs))

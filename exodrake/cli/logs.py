@@ -1,11 +1,21 @@
-"""`exodrake show` and `compare`: a log as a moving robot, and beside a second one."""
+"""`exodrake show`, `compare` and `export`: a log as a moving robot, beside a second one, or in another format.
+
+`export` also writes a robot for another simulator.
+"""
+
+from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 import exodrake as exo
 from exodrake.cli import options
+from exodrake.core.errors import InputError
+
+if TYPE_CHECKING:
+    from exodrake.data.import_log import Mapped
 
 
 @click.command()
@@ -68,3 +78,80 @@ def compare_logs(first: Path, second: Path, robot: str, out: Path, json_file: Pa
         click.secho(f"note: {note}", fg="yellow", err=True)
     printed = options.write_json(plain(found), json_file)
     options.write_files({out: render_png(figure)}, not printed)
+
+
+@click.command()
+@click.argument("subject", required=False, default="", metavar="[LOG|ROBOT]")
+@click.option("--mjcf", "form", flag_value="mjcf", help="Write a robot as MJCF, for MuJoCo.")
+@click.option("--urdf", "form", flag_value="urdf", help="Write a robot as URDF.")
+@click.option("--isaac", "form", flag_value="isaac", help="Write a robot's actuators for Isaac Lab, as Python.")
+@options.robot_option()
+@click.option("--out", required=True, type=options.AnyPath(), help="File to write; a log's ending is its format.")
+@click.option("--map", "map_file", type=options.AnyPath(), metavar="FILE",
+              help="Write a log as text with the names and units of this mapping file.")  # fmt: skip
+@click.option("--start", type=float, help="Of a log: leave out rows before this time [s].")
+@click.option("--end", type=float, help="Of a log: leave out rows from this time on [s].")
+def export_log(
+    subject: str, form: str | None, robot: str, out: Path, map_file: Path | None,
+    start: float | None, end: float | None,
+) -> None:  # fmt: skip
+    """Turn a LOG into .mcap (Foxglove, PlotJuggler), .parquet, .mat, .npz, .csv or .csv.gz, or a ROBOT into MJCF,
+    URDF or actuators of Isaac Lab.
+
+    LOG is a log file, or a folder that `exodrake simulate` wrote. Every format holds the same columns in SI, and reads
+    back to the same bits.
+
+    ROBOT is a robot file or the name of a machine, as for --robot, and needs --mjcf, --urdf or --isaac. Its effects go
+    along; a comment in the file names what the format cannot state.
+    """  # noqa: D205 - click shows the first paragraph whole
+    from exodrake.data.formats import log_bytes
+    from exodrake.data.import_log import read_mapping
+    from exodrake.machines.library import robot_yaml
+
+    if form:
+        if map_file or start is not None or end is not None:
+            raise InputError("--map, --start and --end are of a log, and --mjcf, --urdf, --isaac of a robot")
+        found = exo.load_robot(subject or robot)
+        exo.export_robot(found, out, form)
+        effects = len(found.effects())
+        click.echo(f"{out}: {found.machine.name} with {effects} effect{'s' * (effects != 1)}")
+        return
+    if not subject or robot_yaml(subject) or Path(subject).suffix == ".yaml":
+        raise InputError("a robot is exported with --mjcf, --urdf or --isaac; else name a log")
+    table = exo.read_log(options.log_in(Path(subject)))
+    first, last = float(table.time[0]), float(table.time[-1])
+    if start is not None or end is not None:
+        table = table.between(first if start is None else start, float("inf") if end is None else end)
+    if not len(table):
+        raise InputError(f"{subject}: no rows between --start and --end (the log runs from {first:g} to {last:g} s)")
+    data = owner_table(table, read_mapping(map_file), str(map_file)) if map_file else log_bytes(table, out)
+    options.write_files({out: data}, announce=False)
+    click.echo(f"{out}: {len(table)} rows, {len(table.columns)} columns")
+
+
+def owner_table(log: exo.Log, mapped: Mapped, source: str) -> bytes:
+    """A log as text with its owner's names, units and layout: a mapping read backwards; `wrap` stays continuous."""
+    import csv
+    import io
+
+    import numpy as np
+
+    from exodrake.model.units import to_si
+
+    columns = [column for column in mapped.columns if column.name in log.columns]
+    if not columns:
+        raise InputError(f"{source}: names no column of {log.source or 'the log'} ({', '.join(log.columns[:6])} ...)")
+    names = [] if mapped.time is None else [mapped.time]
+    cells = [log.time / to_si(np.ones(1), mapped.time_unit, source)] * len(names)
+    for column in columns:
+        if not column.scale * column.sign:
+            raise InputError(f"{source}: column {column.of!r} has a scale of 0, which has no inverse")
+        values = log[column.name] / to_si(np.ones(1), column.unit, source)
+        cells.append((values / column.sign - column.offset) / column.scale)
+    stream = io.StringIO(newline="")
+    writer = csv.writer(stream, delimiter=mapped.separator, lineterminator="\n")
+    if mapped.heading:
+        writer.writerow([*names, *(column.of for column in columns)])
+    for row in np.column_stack(cells).tolist():
+        writer.writerow(["" if cell != cell else f"{cell:.12g}".replace(".", mapped.decimal) for cell in row])
+    return stream.getvalue().encode()

@@ -20,7 +20,7 @@ GROUPS = {
     "Simulate": {
         "demo": ("demo", "From a robot with a hidden fault to its name."),
         "simulate": ("simulate", "Run a robot, with or without effects, and write its log."),
-        "sweep": ("sweep", "Many runs of a robot over its parameters, as a table."),
+        "sweep": ("simulate:sweep_parameters", "Many runs of a robot over its parameters, as a table."),
         "compare": ("logs:compare_logs", "Two logs over each other, with the RMS of each difference."),
         "show": ("logs:show_log", "Write a log as HTML with the moving robot."),
         "robot": ("robot:list_parameters", "A robot's parameters: value, range, tolerance, source."),
@@ -38,15 +38,15 @@ GROUPS = {
     },
     "Logs and machines of your own": {
         "import": ("import_", "Turn a foreign recording into a log, by a mapping file."),
-        "export": ("export", "A log in another format; a robot as MJCF, URDF, Isaac Lab."),
+        "export": ("logs:export_log", "A log in another format; a robot as MJCF, URDF, Isaac Lab."),
         "new-machine": ("new_machine", "A folder with a machine of your own, which runs at once."),
-        "fit": ("fit", "Fit chosen parameters of a robot to its logs."),
+        "fit": ("identify:fit_parameters", "Fit chosen parameters of a robot to its logs."),
         "calibrate": ("diagnose:count_errors", "Error rates of a machine's diagnosis."),
         "alarm-limits": ("watch:find_alarm_limits", "Gaps that healthy robots stay below, for the alarm of watch."),
     },
     "Control": {
         "analyse": ("analyse", "Closed loop: steps, poles, margins, robustness."),
-        "response": ("response", "Frequency response from a log, beside the robot's model."),
+        "response": ("analyse:find_response", "Frequency response from a log, beside the robot's model."),
         "tune": ("tune", "Choose the controller's gains within requirements."),
         "feedforward": ("tune:find_commands", "Commands that make a robot do what is wanted, by its model."),
     },

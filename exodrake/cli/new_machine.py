@@ -39,8 +39,8 @@ def command(
 ) -> None:
     """Write FOLDER with a machine of position servos: machine.py, robot.yaml, mapping.yaml, a test and a README.
 
-    With --servo ideal a joint stands where it is told at once. With --servo motor it moves by the equation of motion of
-    firmware, supply, DC motor, gear and load.
+    With --servo ideal a joint takes its commanded position at once. With --servo motor it moves by the equation of
+    motion of firmware, supply, DC motor, gear and load.
 
     With --urdf it is a serial arm without code. Its form is `inverse`, efforts predicted from measured motion,
     `closed-loop`, references through PD controller, motors and forward dynamics, or `cable`, with cables between motors

@@ -232,15 +232,9 @@ def change_robot(
     robot: exo.Robot, parameters: tuple[str, ...], effects: tuple[str, ...], parts: tuple[str, ...]
 ) -> exo.Robot:
     """A robot with what the options change: parts first, then parameters, then effects."""
-    from exodrake.simulation.scenario import name_channels, parse_effect, parse_number
+    from exodrake.simulation import scenario
 
-    for part in parts:
-        robot = robot.with_part(part)
-    robot = robot.with_parameters(dict(parse_number(text, robot) for text in parameters))
-    for text in effects:
-        identity, given = parse_effect(text, robot)
-        robot = robot.splice(identity, given, name_channels(given))
-    return robot
+    return scenario.change_robot(robot, parameters, effects, parts)[0]
 
 
 def register_machine(context: click.Context, _: click.Parameter, folder: str | None) -> None:

@@ -1,4 +1,7 @@
-"""`exodrake simulate`: a robot on a protocol; its log, scenario, figure and a recording to look at. `warm-up`."""
+"""`exodrake simulate`: a robot on a protocol; its log, scenario, figure and a recording to look at. `warm-up`.
+
+`exodrake sweep`: many runs of a robot over its parameters, tolerances or a diagnosis, as a table.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 import exodrake as exo
-from exodrake.cli.options import OutputFolder, print_table, robot_changes, robot_option, waiting
+from exodrake.cli import options
 from exodrake.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -21,14 +24,14 @@ if TYPE_CHECKING:
 @click.argument("protocol", required=False, default="")
 @click.option("--reference", default="", metavar="LOG", help="Follow the references of this log.")
 @click.option("--scenario", "file", default="", metavar="FILE", help="Repeat this scenario; other options change it.")
-@robot_option(default="")
-@robot_changes
+@options.robot_option(default="")
+@options.robot_changes
 @click.option("--seed", type=int, help="Seed of the noise [0].")
 @click.option("--no-noise", is_flag=True, help="Sensors without noise, a bus that loses nothing.")
 @click.option("--no-quantisation", is_flag=True, help="Readings unrounded.")
 @click.option("--engine", default="", metavar="NAME", help="compiled (default) or drake: the same log to the last bit.")
-@click.option("--out", type=OutputFolder(), help="Folder for the files [simulated/PROTOCOL].")
-def command(protocol: str, reference: str, file: str, robot: str, out: Path | None, **options) -> None:
+@click.option("--out", type=options.OutputFolder(), help="Folder for the files [simulated/PROTOCOL].")
+def command(protocol: str, reference: str, file: str, robot: str, out: Path | None, **changed) -> None:
     """Run a robot on PROTOCOL and write log.csv, scenario.yaml, figure.png and recording.html.
 
     With --effect, --set, --part or a robot file the nominal robot runs beside it: nominal.csv, dotted in the figure, a
@@ -45,12 +48,12 @@ def command(protocol: str, reference: str, file: str, robot: str, out: Path | No
     from exodrake.data.formats import log_bytes
     from exodrake.model.display import find_display
 
-    scenario = scenario_from(protocol, reference, file, robot, **options)
+    scenario = scenario_from(protocol, reference, file, robot, **changed)
     built = scenario.build_robot()
     what = scenario.build_reference(built)
     folder = out or Path("simulated") / what.name
     check_folder(folder)
-    with waiting("simulating") as say:
+    with options.waiting("simulating") as say:
         log, nominal = scenario.simulate(built, what), None
         own = not isinstance(scenario.robot, str)
         if scenario.effects or scenario.parameters or scenario.parts or own:  # beside the robot without them
@@ -81,7 +84,7 @@ def command(protocol: str, reference: str, file: str, robot: str, out: Path | No
     click.echo(f"{log.label}  {log.duration:g} s, {len(log)} rows")
     for change in changes(scenario, built):
         click.echo(f"with {change}")
-    print_table(titles, rows)
+    options.print_table(titles, rows)
     if peak is not None:
         click.echo(f"{log.time[peak]:.2f} s: the last moment at which the references are farthest from their start")
     click.echo(f"wrote {folder}/: {', '.join(contents)}")
@@ -93,7 +96,7 @@ def scenario_from(
     parts: tuple[str, ...], seed: int | None, no_noise: bool, no_quantisation: bool, engine: str,
 ) -> Scenario:  # fmt: skip
     """The scenario of the options; those given replace the file's, in the order variants, parameters, effects."""
-    from exodrake.simulation.scenario import Scenario, embed_robot, parse_effect, parse_number, read_scenario
+    from exodrake.simulation.scenario import Scenario, change_robot, embed_robot, read_scenario
 
     if protocol and reference:
         raise InputError("both a protocol and --reference: wanted one of them")
@@ -106,13 +109,9 @@ def scenario_from(
     given |= {"quantisation": False} if no_quantisation else {}
     given |= {"engine": engine} if engine else {}
     scenario = replace(scenario, parts=list(dict.fromkeys([*scenario.parts, *parts])), **given)
-    built = scenario.build_robot()
-    changes = dict(parse_number(text, built) for text in parameters)
-    scenario = replace(scenario, parameters={**scenario.parameters, **changes})
-    for text in effects:
-        identity, values = parse_effect(text, scenario.build_robot())
-        scenario = replace(scenario, effects={**scenario.effects, identity: values})
-    return scenario
+    _, numbers, spliced = change_robot(scenario.build_robot(), parameters, effects)
+    numbers, spliced = {**scenario.parameters, **numbers}, {**scenario.effects, **spliced}
+    return replace(scenario, parameters=numbers, effects=spliced)
 
 
 def make_files(
@@ -149,8 +148,8 @@ def changes(scenario: Scenario, robot: exo.Robot) -> list[str]:
         unit = robot.machine.parameters[robot.indices(name)[0]].unit
         said.append(f"{name} = {' and '.join(in_words(value, unit) for value in values)}")
     said += robot.machine.variant_names
-    _, _, options = scenario.protocol.partition(":")
-    said += [option.replace("=", " = ") for option in filter(None, options.split(","))]
+    _, _, tail = scenario.protocol.partition(":")
+    said += [option.replace("=", " = ") for option in filter(None, tail.split(","))]
     said += ["no noise"] if scenario.seed is None else [f"seed {scenario.seed}"] * (scenario.seed != 0)
     said += ["readings unrounded"] * (not scenario.quantisation) + ["in Drake"] * (scenario.engine == "drake")
     return said
@@ -176,7 +175,7 @@ def compile_kernels() -> None:
     from exodrake.engine.compose import compile_machine
 
     start, left = perf_counter(), dict(enumerate(JOBS))
-    with waiting(f"compiling {', '.join(JOBS)}") as say:
+    with options.waiting(f"compiling {', '.join(JOBS)}") as say:
         compile_machine(exo.load_robot().machine)  # writes the module, once for all processes
         for outcome in each(use_engine, ((engine,) for engine in JOBS.values()), jobs=len(JOBS)):
             name = left.pop(outcome.number)
@@ -201,3 +200,51 @@ def use_engine(engine: str) -> None:
         given = input_rows(machine, reference.values, NoiseInputs.draw(frames, 0, machine)).values()
         records, batch = np.zeros((1, frames, signal_count(machine))), compile_machine(machine).batch
         batch(prepare_values(robot)[None], state_size(machine), *given, machine.slot, 1, records, NOTHING)
+
+
+@click.command()
+@click.argument("protocol", required=False, default="")
+@click.option("--reference", default="", metavar="LOG", help="Follow the references of this log instead.")
+@click.option("--over", multiple=True, metavar="NAME=VALUES",
+              help="0.1,0.2,0.4 or 0.1:0.4:7 (low, high, count). Repeatable: a grid.")  # fmt: skip
+@click.option("--robots", type=click.IntRange(1), help="So many robots within the tolerances.")
+@click.option("--diagnosis", type=options.AnyPath(), metavar="FILE", help="Robots within its intervals.")
+@options.robot_option("file")
+@options.robot_changes
+@click.option("--seed", type=click.IntRange(0), default=0, help="Seed of the draws. [0]")
+@click.option("--noise", type=click.IntRange(0), help="Seed of the sensors' noise; none without it.")
+@click.option("--out", type=options.OutputFolder(), help="Folder for sweep.csv, sweep.png and sweep.json.")
+@options.json_option
+def sweep_parameters(
+    protocol, reference, over, robots, diagnosis, file, parameters, effects, parts, seed, noise, out, json_file
+) -> None:  # fmt: skip
+    """Run a robot on PROTOCOL once for each variation, and tabulate RMS from the robot's own run, peak and end."""
+    import numpy as np
+
+    from exodrake.analysis.sweep import plot_sweep
+    from exodrake.core.progress import show_count
+    from exodrake.core.schema import read_json
+    from exodrake.data.plot import render_png
+
+    if bool(protocol) == bool(reference) or bool(over) + bool(robots) + bool(diagnosis) != 1:
+        raise InputError("wanted a protocol or --reference, and one of --over, --robots and --diagnosis")
+    robot, grid = options.change_robot(exo.load_robot(file), parameters, effects, parts), {}
+    for text in over:
+        name, _, values = text.partition("=")
+        try:
+            ends = values.split(":")
+            grid[name.strip()] = (
+                np.linspace(float(ends[0]), float(ends[1]), int(ends[2])) if len(ends) == 3 else values.split(",")
+            )
+        except ValueError:
+            raise InputError(f"--over: {text!r} is not NAME=VALUE,VALUE nor NAME=LOW:HIGH:COUNT") from None
+    what = grid or robots or read_json(diagnosis)
+    with show_count("runs", "the table is written at the end") as count:
+        followed = exo.from_log(reference, robot) if reference else protocol
+        found = exo.sweep(robot, what, followed, seed=seed, noise=noise, progress=count)
+    numbers = found.describe().T[["mean", "std", "min", "max"]]
+    rows = [(name, *(f"{x:.4g}" for x in row), found.attrs["units"].get(name, "")) for name, row in numbers.iterrows()]
+    options.print_table(("", ">mean", ">std", ">least", ">largest", "unit"), rows, aside=json_file == "-")
+    files = {"sweep.csv": found.to_csv(index=False), "sweep.png": render_png(plot_sweep(found))} if out else {}
+    answer = {"units": found.attrs["units"], "rows": found.to_dict("records")}
+    options.write_answer(answer, "sweep", json_file, out, files)

@@ -123,7 +123,7 @@ def find_commands(wanted: str, robot: str, out: Path, map_file: Path | None) -> 
     import numpy as np
 
     from exodrake.analysis.feedforward import feedforward
-    from exodrake.cli.export import owner_table
+    from exodrake.cli.logs import owner_table
     from exodrake.core.files import is_file
     from exodrake.data.formats import find_format, log_bytes
     from exodrake.data.import_log import read_mapping

@@ -24,7 +24,7 @@ from exodrake.engine.inputs import Reference
 from exodrake.machines.robot_file import EFFECTS, PARAMETERS, VARIANTS, build, load_robot
 from exodrake.model.robot import Robot
 from exodrake.model.units import quantity
-from exodrake.simulation.references import from_log, protocol, split_options
+from exodrake.simulation.references import from_log, protocol, split_options, split_pair
 from exodrake.simulation.simulate import ENGINES, simulate
 
 SCHEMA = mapping(
@@ -128,10 +128,22 @@ def embed_robot(robot: str) -> str | Mapping[str, Any]:
 
 def parse_number(text: str, robot: Robot) -> tuple[str, float]:
     """`finger.kappa.MCP=0.09` or `tendon.k=2.7 N/mm` as name and value [SI]; InputError naming name, value or unit."""
-    name, equals, value = (part.strip() for part in text.partition("="))
-    if not equals:
-        raise InputError(f"{text!r} is not of the form name=number, with a unit if it is not in SI")
+    name, value = split_pair(text, "name=number, with a unit if it is not in SI")
     return name, quantity(value, robot.machine.parameters[robot.indices(name)[0]].unit, name)
+
+
+def change_robot(
+    robot: Robot, parameters: Sequence[str], effects: Sequence[str], parts: Sequence[str] = ()
+) -> tuple[Robot, dict[str, float], dict[str, dict[str, Any]]]:
+    """A robot with parts, then parameters, then effects as the command line has them, and values of the last two."""
+    for part in parts:
+        robot = robot.with_part(part)
+    numbers = dict(parse_number(text, robot) for text in parameters)
+    robot, spliced = robot.with_parameters(numbers), {}
+    for effect in effects:
+        identity, given = parse_effect(effect, robot)
+        robot, spliced[identity] = robot.splice(identity, given, name_channels(given)), given
+    return robot, numbers, spliced
 
 
 def parse_effect(text: str, robot: Robot) -> tuple[str, dict[str, dict[str, float] | float]]:
