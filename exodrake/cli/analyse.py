@@ -189,7 +189,6 @@ def find_response(cases, input, output, file, parameters, effects, parts, improv
     """
     from exodrake.analysis.log_response import TICKS, block_responses, plot_responses
     from exodrake.data.case import gather_logs
-    from exodrake.data.plot import render_png
 
     if bool(input) != bool(output):
         raise InputError("--from and --to belong together; without both, every block is estimated")
@@ -222,5 +221,5 @@ def find_response(cases, input, output, file, parameters, effects, parts, improv
             cells = (f"{a[k]:+.1f} dB, {b[k]:+.0f} deg" for a, b in gaps)
             rows.append((f"{one.frequency[k]:.3g}", f"{one.coherence[k]:.2f}", *cells))
         options.print_table((">Hz", ">coherence", *titles[3:]), rows, aside=json_file == "-")
-    files = {"response.png": render_png(plot_responses(found))} if out else {}
+    files = {"response.png": plot_responses(found)} if out else {}
     options.write_answer([one.to_dict() for one in found], "response", json_file, out, files)

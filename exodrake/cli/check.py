@@ -4,6 +4,7 @@ from pathlib import Path
 
 import click
 
+import exodrake as exo
 from exodrake.cli import options
 
 TOP, FEW = 3, 4  # effects that are listed for each; for fewer sensors
@@ -27,10 +28,9 @@ def command(case: Path, robot: str, only: str, without: str, figure: Path | None
     from exodrake.core.parallel import one_blas_thread
     from exodrake.diagnosis.checks.compare import list_few
     from exodrake.diagnosis.checks.preflight import SEEN, draw_figure, preflight
-    from exodrake.machines.robot_file import load_robot
     from exodrake.model.display import find_display
 
-    nominal = load_robot(robot)
+    nominal = exo.load_robot(robot)
     options.refuse_cases(case)
     with options.waiting("reading") as say, one_blas_thread():
         found = preflight(case, nominal, options.choose_effects(robot, only, without), allow_outside, say)

@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 import exodrake as exo
-from exodrake.cli.options import OutputFolder, waiting
+from exodrake.cli.options import OutputFolder, waiting, write_together
 from exodrake.core.errors import InputError
 
 GRASP = "caging"
@@ -25,8 +25,6 @@ def command(seed: int, out: Path) -> None:
     """Simulate a grasp, inject a fault into an independent reference simulator, and find it from logs alone."""
     from exodrake.cli.diagnose import Targets, diagnose_case
     from exodrake.cli.simulate import make_files
-    from exodrake.core.files import write_folder
-    from exodrake.data.formats import log_bytes
     from exodrake.reference.answers import write_committed
     from exodrake.reference.make import make_case
     from exodrake.reference.simulator import warm_up
@@ -38,8 +36,7 @@ def command(seed: int, out: Path) -> None:
     with waiting("simulating (the first run compiles for half a minute)") as say:
         scenario = Scenario(GRASP)
         robot, log = scenario.run()
-        contents = make_files(scenario, robot, log, GRASP, say)
-        write_folder(out / "grasp", {"log.csv": log_bytes(log, out / "grasp" / "log.csv"), **contents})
+        write_together(out / "grasp", {"log.csv": log} | make_files(scenario, robot, log, GRASP, say))
     angles = log.array("angle")
     reached = ", ".join(f"{j} {57.3 * a:.0f}°" for j, a in zip(robot.machine.axes.joints, angles.max(axis=0)))
     click.echo(f"   {GRASP} for {log.duration:.0f} s: {reached}")

@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 
 import exodrake as exo
-from exodrake.cli.options import AnyPath, OutputFile, print_table, waiting
+from exodrake.cli.options import AnyPath, OutputFile, print_table, waiting, write_files
 from exodrake.core.files import hash_file, make_folder
 
 
@@ -73,7 +73,6 @@ def estimate_angles(
     Tests whether the zeros of the strokes have moved since the training, as re-donning does, and corrects them. Where
     LOG has measured angles, prints the error and the share inside the 95 % interval.
     """
-    from exodrake.data.plot import save_png
     from exodrake.estimator.gp import load
     from exodrake.estimator.validate import estimate
     from exodrake.machines.library import robot_yaml
@@ -81,12 +80,11 @@ def estimate_angles(
     trained = load(estimator, hash_file(robot_yaml(robot) or robot) if robot else None)
     found = estimate(trained, exo.read_log(log, ("tension", "stroke")), correct=not as_trained)
     if out:
-        make_folder(out.parent)
-        exo.write_log(found.log, out)
+        write_files({out: found.log}, announce=False)
         click.echo(f"{out}: {len(found.log)} rows with angle_est and angle_std")
         figure = figure or out.with_name(out.name.split(".")[0] + ".png")
     if figure:
-        save_png(found.log.plot(f"{log.name}, estimated", details=[BAND]), figure)
+        write_files({figure: found.log.plot(f"{log.name}, estimated", details=[BAND])}, announce=False)
         click.echo(f"{figure}: the log with its estimate")
     if found.zeros is not None:
         zeros = found.zeros

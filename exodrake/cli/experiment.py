@@ -4,6 +4,7 @@ from pathlib import Path
 
 import click
 
+import exodrake as exo
 from exodrake.cli import options
 
 REFERENCE = "reference.csv"
@@ -37,14 +38,11 @@ def command(
 
     from exodrake.core.parallel import one_blas_thread
     from exodrake.core.progress import stages
-    from exodrake.data.formats import log_bytes
-    from exodrake.data.log import Log
     from exodrake.experiment.contest import prepare_contest, read_rivals
     from exodrake.experiment.design import check_length, design, draw_experiment
-    from exodrake.machines.robot_file import load_robot
     from exodrake.model.display import in_words
 
-    nominal, picture = load_robot(robot), figure or out.with_suffix(".png")
+    nominal, picture = exo.load_robot(robot), figure or out.with_suffix(".png")
     if out.parent.is_dir():
         options.check_target(picture)
     options.refuse_cases(case)
@@ -78,8 +76,8 @@ def command(
     click.echo()
     machine, values = nominal.machine, best.reference.values
     columns = dict(zip(machine.log_names(machine.references), values.T, strict=True))
-    log = Log(machine.frame * np.arange(len(values)), columns)
-    options.write_files({out: log_bytes(log, out), picture: draw_experiment(contest, best)})
+    log = exo.Log(machine.frame * np.arange(len(values)), columns)
+    options.write_files({out: log, picture: draw_experiment(contest, best)})
     click.echo(
         "save its log as experiment.csv in the folder of the case (in its case.yaml: role fit), and diagnose again"
     )

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 import exodrake as exo
-from exodrake.cli.options import AnyPath, OutputFolder, print_table, refuse_others, robot_option, waiting
+from exodrake.cli import options
 from exodrake.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -27,10 +27,10 @@ WIDTH = 0.04  # m, of a caged cylinder across the finger in the recording
 @click.command()
 @click.argument("mode")
 @click.option("--size", required=True, metavar="SIZE", help="Diameter of the object with its unit: 60mm, '6 cm'.")
-@click.option("--estimator", "file", type=AnyPath(), help="File of `exodrake train`.")
-@robot_option()
+@click.option("--estimator", "file", type=options.AnyPath(), help="File of `exodrake train`.")
+@options.robot_option()
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Seed of the noise.")
-@click.option("--out", type=OutputFolder(), help="Folder for the files [grasps/MODE-SIZE].")
+@click.option("--out", type=options.OutputFolder(), help="Folder for the files [grasps/MODE-SIZE].")
 def command(mode: str, size: str, file: Path | None, robot: str, seed: int, out: Path | None) -> None:
     """Plan a grasp (caging, narrow-pinch, wide-pinch), simulate it, and show planned, reached and estimated posture.
 
@@ -38,15 +38,14 @@ def command(mode: str, size: str, file: Path | None, robot: str, seed: int, out:
     and, without --estimator, the estimator.npz it trained. For a grasp out of reach the nearest one that the tendons
     hold is shown.
     """
-    from exodrake.core.files import check_folder, write_folder
-    from exodrake.data.formats import log_bytes
+    from exodrake.core.files import check_folder
     from exodrake.estimator.gp import load, quick_estimator
     from exodrake.grasping.plan import at_hold, run_plan
 
     built, wanted = exo.load_robot(robot), parse_size(size)
-    refuse_others("grasp", built, "finger.length")
+    options.refuse_others("grasp", built, "finger.length")
     listening = load(file) if file else None
-    with waiting("planning (the statics compile first)") as say:
+    with options.waiting("planning (the statics compile first)") as say:
         plan = exo.plan_grasp(mode, wanted, built)
         folder = out or Path("grasps") / f"{plan.mode}-{1e3 * plan.size:g}mm"
         check_folder(folder)
@@ -57,7 +56,7 @@ def command(mode: str, size: str, file: Path | None, robot: str, seed: int, out:
         log = run_plan(plan, built, listening, seed)
         say("drawing")
         contents = make_files(plan, log, built, None if file else listening)
-        write_folder(folder, {"log.csv": log_bytes(log, folder / "log.csv"), **contents})
+        options.write_together(folder, {"log.csv": log, **contents})
     click.echo(f"{plan.mode}  {1e3 * plan.size:g} mm {'feasible' if plan.feasible else 'not feasible'}")
     click.echo(f"fingertip at x {1e3 * plan.target[0]:.1f}, y {1e3 * plan.target[1]:.1f} mm (palmar) of the MCP")
     rows = []
@@ -68,20 +67,19 @@ def command(mode: str, size: str, file: Path | None, robot: str, seed: int, out:
         estimated = f"{guess[i]:.3f} ± {deviation[i]:.3f} rad"
         rows.append((tendon, f"{plan.tensions[i]:.2f} N", joint, *angles, estimated))
     titles = ("tendon", ">tension", "joint", ">wanted", ">planned", ">short by", ">reached", ">estimated")
-    print_table(titles, rows)
+    options.print_table(titles, rows)
     if not plan.feasible:
         click.secho(f"not feasible: {plan.reason}", fg="yellow", err=True)
     click.echo(f"wrote {folder}/: log.csv, {', '.join(contents)}")
 
 
-def make_files(plan: Plan, log: exo.Log, robot: exo.Robot, trained: Estimator | None) -> dict[str, bytes]:
+def make_files(plan: Plan, log: exo.Log, robot: exo.Robot, trained: Estimator | None) -> dict[str, Any]:
     """Contents of all files but the log; trained: an estimator to keep."""
     import json
     from dataclasses import asdict
 
     import numpy as np
 
-    from exodrake.data.plot import render_png
     from exodrake.diagrams.meshcat import Thing, recording_html
     from exodrake.estimator.gp import estimator_bytes
     from exodrake.grasping.plan import grasp_figure
@@ -90,11 +88,11 @@ def make_files(plan: Plan, log: exo.Log, robot: exo.Robot, trained: Estimator | 
     shown = log.with_array("angle_plan", plan.joints, np.tile(plan.planned, (len(log), 1)))
     title = f"{plan.mode.replace('-', ' ').capitalize()}, {1e3 * plan.size:g} mm"
     contents = {
-        "plan.json": (json.dumps(asdict(plan), indent=1, allow_nan=False) + "\n").encode(),
-        "figure.png": render_png(grasp_figure(plan, log, robot)),
+        "plan.json": json.dumps(asdict(plan), indent=1, allow_nan=False) + "\n",
+        "figure.png": grasp_figure(plan, log, robot),
     }
     for name, (what, kind) in RECORDINGS.items():
-        contents[name] = recording_html(shown, robot, f"{title}, {what}", thing, kind).encode()
+        contents[name] = recording_html(shown, robot, f"{title}, {what}", thing, kind)
     return contents | ({} if trained is None else {ESTIMATOR: estimator_bytes(trained)})
 
 

@@ -157,7 +157,6 @@ def fit_parameters(cases, free, bounds, held_out, prediction, file, parameters, 
     from rich.console import Console
     from rich.markdown import Markdown
 
-    from exodrake.data.plot import render_png
     from exodrake.machines.robot_file import robot_text
     from exodrake.simulation.references import split_pair
 
@@ -173,5 +172,5 @@ def fit_parameters(cases, free, bounds, held_out, prediction, file, parameters, 
     for line in (repr(found).splitlines()[-1].strip(), *(f"note: {note}" for note in found.notes)):
         console.print(line, highlight=False, soft_wrap=True)
     robot_file = robot_text(found.robot, f"{', '.join(free)} fitted to {found.case} by exodrake fit")
-    files = {"robot.yaml": robot_file, "fit.png": render_png(found.plot())} if out else {}
+    files = {"robot.yaml": robot_file, "fit.png": found.plot()} if out else {}
     options.write_answer(found.to_dict(), "fit", json_file, out, files)

@@ -1,9 +1,6 @@
 """`exodrake import`: foreign recordings as a log or a case, or what they hold."""
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
@@ -11,9 +8,6 @@ import exodrake as exo
 from exodrake.cli.options import DEFAULT, MACHINE, AnyPath, print_table, register_machine, write_files
 from exodrake.core.errors import InputError
 from exodrake.machines.library import machine_folders, machine_named, recorded_machines
-
-if TYPE_CHECKING:
-    from exodrake.data.import_log import Imported
 
 FILE = {"type": AnyPath(), "default": None, "metavar": "FILE"}
 MAPPING = "mapping.yaml"  # in the folder of a machine
@@ -52,8 +46,8 @@ def command(
     period: 0.02       # optional: frames of this length [s]
     """  # noqa: D301 - click reads the character \b
     from exodrake.data.case import notes_name
-    from exodrake.data.formats import ending, find_format, log_bytes
-    from exodrake.data.import_log import frame_period, import_all, read_mapping
+    from exodrake.data.formats import ending, find_format
+    from exodrake.data.import_log import Imported, frame_period, import_all, read_mapping
     from exodrake.machines.library import reader
 
     if out is None:
@@ -87,7 +81,7 @@ def command(
         if len(logs) > 1:
             raise InputError(f"{out}: {len(logs)} logs, wanted the folder of a case, or --episodes with one number")
         notes = {out.with_name(notes_name(out)): "\n".join((*first.notes, ""))} if first.notes else {}
-        write_files({out: log_bytes(first.log, out), **notes}, announce=False)
+        write_files({out: first.log, **notes}, announce=False)
     else:
         roles = dict.fromkeys(logs, "fit") | ({list(logs)[-1]: "holdout"} if len(logs) > 1 else {})
         items = tuple(exo.CaseLog(logs[n].log, n, role, None, f"{n}.csv.gz") for n, role in roles.items())

@@ -55,7 +55,7 @@ def compare_logs(first: Path, second: Path, robot: str, out: Path, json_file: Pa
     samples. The robot gives labels, units and colours.
     """
     from exodrake.core.plain import plain
-    from exodrake.data.plot import remarks, render_png
+    from exodrake.data.plot import remarks
     from exodrake.model.display import find_display
     from exodrake.model.units import find_kind
 
@@ -77,7 +77,7 @@ def compare_logs(first: Path, second: Path, robot: str, out: Path, json_file: Pa
     for note in found.notes:
         click.secho(f"note: {note}", fg="yellow", err=True)
     printed = options.write_json(plain(found), json_file)
-    options.write_files({out: render_png(figure)}, not printed)
+    options.write_files({out: figure}, not printed)
 
 
 @click.command()
@@ -104,7 +104,6 @@ def export_log(
     ROBOT is a robot file or the name of a machine, as for --robot, and needs --mjcf, --urdf or --isaac. Its effects go
     along; a comment in the file names what the format cannot state.
     """  # noqa: D205 - click shows the first paragraph whole
-    from exodrake.data.formats import log_bytes
     from exodrake.data.import_log import read_mapping
     from exodrake.machines.library import robot_yaml
 
@@ -124,7 +123,7 @@ def export_log(
         table = table.between(first if start is None else start, float("inf") if end is None else end)
     if not len(table):
         raise InputError(f"{subject}: no rows between --start and --end (the log runs from {first:g} to {last:g} s)")
-    data = owner_table(table, read_mapping(map_file), str(map_file)) if map_file else log_bytes(table, out)
+    data = owner_table(table, read_mapping(map_file), str(map_file)) if map_file else table
     options.write_files({out: data}, announce=False)
     click.echo(f"{out}: {len(table)} rows, {len(table.columns)} columns")
 

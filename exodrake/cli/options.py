@@ -17,7 +17,7 @@ import click
 import exodrake as exo
 from exodrake.core import plugins
 from exodrake.core.errors import InputError
-from exodrake.core.files import check_folder, is_folder, make_folder, write_bytes
+from exodrake.core.files import check_folder, is_folder, make_folder, write_bytes, write_folder
 from exodrake.core.progress import waiting as waiting
 
 CASE = click.argument("cases", nargs=-1, required=True, metavar="CASE_OR_LOG...")
@@ -134,18 +134,32 @@ def write_json(content: Any, target: Path | str | None, announce: bool = True) -
     return target == "-"
 
 
-def write_files(contents: Mapping[Path, str | bytes], announce: bool = True) -> None:
-    """Write files, each whole or not at all, in folders that are made; and say where they are."""
-    for path, data in contents.items():
+def encode(path: Path, content: Any) -> bytes:
+    """Bytes of a file, from its bytes, text, a log (in the format of the ending) or a figure (PNG)."""
+    if isinstance(content, str | bytes):
+        return content.encode() if isinstance(content, str) else content
+    from exodrake.data import formats, plot
+
+    return formats.log_bytes(content, path) if isinstance(content, exo.Log) else plot.render_png(content)
+
+
+def write_files(contents: Mapping[Path, Any], announce: bool = True) -> None:
+    """Write files that `encode` takes, each whole or not at all, in folders that are made; and say where they are."""
+    for path, data in {path: encode(path, content) for path, content in contents.items()}.items():
         if path.parent != Path():
             make_folder(path.parent)
-        write_bytes(path, data.encode() if isinstance(data, str) else data)
+        write_bytes(path, data)
         if announce:
             click.echo(f"wrote {path}")
 
 
+def write_together(folder: Path, contents: Mapping[str, Any]) -> list[Path]:
+    """Write files that `encode` takes into a folder, all of them or none."""
+    return write_folder(folder, {name: encode(folder / name, content) for name, content in contents.items()})
+
+
 def write_answer(
-    answer: Any, name: str, json_file: Path | str | None, out: Path | None, files: Mapping[str, str | bytes]
+    answer: Any, name: str, json_file: Path | str | None, out: Path | None, files: Mapping[str, Any]
 ) -> None:
     """Write an answer as JSON, and with further files into the folder `out`; print nothing beside printed numbers."""
     from exodrake.core.plain import plain

@@ -44,8 +44,7 @@ def command(protocol: str, reference: str, file: str, robot: str, out: Path | No
     import numpy as np
     from rich.markup import escape
 
-    from exodrake.core.files import check_folder, write_folder
-    from exodrake.data.formats import log_bytes
+    from exodrake.core.files import check_folder
     from exodrake.model.display import find_display
 
     scenario = scenario_from(protocol, reference, file, robot, **changed)
@@ -60,10 +59,9 @@ def command(protocol: str, reference: str, file: str, robot: str, out: Path | No
             name = built.machine.name if own else scenario.robot
             plain = replace(scenario, robot=name, effects={}, parameters={}, parts=())
             nominal = plain.simulate(plain.build_robot(), what)
-        logs = {"log.csv": log} if nominal is None else {"log.csv": log, "nominal.csv": nominal}
-        contents = {name: log_bytes(one, folder / name) for name, one in logs.items()}
+        contents = {"log.csv": log} if nominal is None else {"log.csv": log, "nominal.csv": nominal}
         contents |= make_files(scenario, built, log, what.name, say, nominal)
-        write_folder(folder, contents)
+        options.write_together(folder, contents)
     machine, rows, peak = built.machine, [], None
     kind = machine.references[0].kind
     if log.has(kind) and (away := np.linalg.norm(log[kind] - log[kind][0], axis=1)).max() > 0.0:
@@ -117,9 +115,9 @@ def scenario_from(
 def make_files(
     scenario: Scenario, robot: exo.Robot, log: exo.Log, name: str, say: Callable[[str], None],
     nominal: exo.Log | None = None,
-) -> dict[str, bytes]:  # fmt: skip
+) -> dict[str, Any]:  # fmt: skip
     """Contents of all files but the logs. A scenario that followed a log refers to the log written beside it."""
-    from exodrake.data.plot import remarks, render_png
+    from exodrake.data.plot import remarks
     from exodrake.diagrams.meshcat import recording_html
     from exodrake.simulation.scenario import scenario_text
 
@@ -129,11 +127,10 @@ def make_files(
     say("drawing the figure")
     names = ("this run", "nominal")
     figure = log.plot(title, nominal, names, machine=machine, details=["; ".join(details)], remarks=said)
-    files = {"scenario.yaml": scenario_text(again).encode(), "figure.png": render_png(figure)}
+    files = {"scenario.yaml": scenario_text(again), "figure.png": figure}
     if machine.skeleton is not None:
         say("drawing the recording")
-        html = recording_html(log, robot, title, other=nominal, names=names, details=details)
-        files["recording.html"] = html.encode()
+        files["recording.html"] = recording_html(log, robot, title, other=nominal, names=names, details=details)
     return files
 
 
@@ -224,7 +221,6 @@ def sweep_parameters(
     from exodrake.analysis.sweep import plot_sweep
     from exodrake.core.progress import show_count
     from exodrake.core.schema import read_json
-    from exodrake.data.plot import render_png
 
     if bool(protocol) == bool(reference) or bool(over) + bool(robots) + bool(diagnosis) != 1:
         raise InputError("wanted a protocol or --reference, and one of --over, --robots and --diagnosis")
@@ -245,6 +241,6 @@ def sweep_parameters(
     numbers = found.describe().T[["mean", "std", "min", "max"]]
     rows = [(name, *(f"{x:.4g}" for x in row), found.attrs["units"].get(name, "")) for name, row in numbers.iterrows()]
     options.print_table(("", ">mean", ">std", ">least", ">largest", "unit"), rows, aside=json_file == "-")
-    files = {"sweep.csv": found.to_csv(index=False), "sweep.png": render_png(plot_sweep(found))} if out else {}
+    files = {"sweep.csv": found.to_csv(index=False), "sweep.png": plot_sweep(found)} if out else {}
     answer = {"units": found.attrs["units"], "rows": found.to_dict("records")}
     options.write_answer(answer, "sweep", json_file, out, files)

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -37,7 +38,6 @@ def command(file, settling, overshoot, disk_margin, noise, only, draws, out, out
     machine knows is tuned and compared; the fastest that holds all requirements is written as a robot file.
     """
     from exodrake.analysis.figures import plot_tuning
-    from exodrake.data.plot import render_png
     from exodrake.machines.robot_file import robot_text
 
     robot = exo.load_robot(file)
@@ -48,7 +48,7 @@ def command(file, settling, overshoot, disk_margin, noise, only, draws, out, out
         tuning = exo.tune(robot, wanted, only, draws, progress=lambda name: say(f"tuning: {name}"))
     if json_file != "-":
         show(tuning)
-    files: dict[str, str | bytes] = {"tune.png": render_png(plot_tuning(tuning))} if out else {}
+    files: dict[str, Any] = {"tune.png": plot_tuning(tuning)} if out else {}
     if tuning.best and (out or out_robot) and not (robot.machine.loop and robot.machine.loop.outer):
         best = tuning.best
         notes = (
@@ -125,7 +125,7 @@ def find_commands(wanted: str, robot: str, out: Path, map_file: Path | None) -> 
     from exodrake.analysis.feedforward import feedforward
     from exodrake.cli.logs import owner_table
     from exodrake.core.files import is_file
-    from exodrake.data.formats import find_format, log_bytes
+    from exodrake.data.formats import find_format
     from exodrake.data.import_log import read_mapping
     from exodrake.model.display import find_display
 
@@ -141,7 +141,7 @@ def find_commands(wanted: str, robot: str, out: Path, map_file: Path | None) -> 
     signals = dict(zip(names, found.commands.values.T, strict=True))
     units = {name: machine.signal[c.signal].unit for c in machine.references for name in machine.log_names([c])}
     log = exo.Log(machine.frame * np.arange(len(reference.values)), signals, units, "commands")
-    options.write_files({out: log_bytes(log, out) if mapped is None else owner_table(log, mapped, str(map_file))})
+    options.write_files({out: log if mapped is None else owner_table(log, mapped, str(map_file))})
     shown = find_display(found.kind, machine)
     ends = [[f"{shown.factor * value:.3g} {shown.unit}" for value in one] for one in (found.before, found.after)]
     rows = list(zip(machine.channels(machine.references[0].signal), *ends, strict=True))

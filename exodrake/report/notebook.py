@@ -1,19 +1,14 @@
 """A robot and a diagnosis as a notebook shows them: a sentence, a figure, and the values with their intervals."""
 
-from __future__ import annotations
-
 from base64 import b64encode
 from html import escape
 from io import BytesIO
-from typing import TYPE_CHECKING
 
 from exodrake.data import plot
 from exodrake.diagnosis.result import Diagnosis
 from exodrake.diagrams.block_diagram import wiring_svg
+from exodrake.model.robot import Robot
 from exodrake.report import wording as w
-
-if TYPE_CHECKING:
-    from exodrake.model.robot import Robot
 
 RETUNED = "#98a2b3"
 

@@ -7,31 +7,18 @@ from typing import NamedTuple
 import numpy as np
 
 from exodrake.core.errors import plural
-from exodrake.diagnosis.result import (
-    AMBIGUOUS,
-    CAUSE,
-    NAMED,
-    NO_GAP,
-    PARTLY,
-    REFINEMENT,
-    RETUNE,
-    UNKNOWN,
-    WHOLE,
-    Diagnosis,
-    Interval,
-    NamedEffect,
-    SignalGap,
-    Where,
-)
+from exodrake.diagnosis import result
+from exodrake.diagnosis.result import Diagnosis, Interval, NamedEffect, SignalGap, Where
 from exodrake.model.display import SYMBOLS, Display, find_display, shown_unit
 from exodrake.model.effect import Effect
 from exodrake.model.machine import Machine
 
 # verdict -> its colour in a report, and in a terminal
-COLOURS = {
-    NO_GAP: "#18794e", RETUNE: "#0b7285", NAMED: "#1d4ed8", AMBIGUOUS: "#a15c00", PARTLY: "#7a3e9d", UNKNOWN: "#b42318",
+LOOKS = {
+    result.NO_GAP: ("#18794e", "green"), result.RETUNE: ("#0b7285", "cyan"), result.NAMED: ("#1d4ed8", "blue"),
+    result.AMBIGUOUS: ("#a15c00", "yellow"), result.PARTLY: ("#7a3e9d", "magenta"), result.UNKNOWN: ("#b42318", "red"),
 }  # fmt: skip
-STYLES = {NO_GAP: "green", RETUNE: "cyan", NAMED: "blue", AMBIGUOUS: "yellow", PARTLY: "magenta", UNKNOWN: "red"}
+COLOURS, STYLES = ({verdict: look[k] for verdict, look in LOOKS.items()} for k in (0, 1))
 DIGITS = 3  # significant digits of a quantity
 NEARLY = 0.985  # a fraction above it is given to a tenth of a per cent, so that 0.996 is not printed as 100 %
 MOST_MOVED = 4  # parameters that a sentence lists
@@ -157,7 +144,7 @@ def find_effect(diagnosis: Diagnosis, identity: str) -> Effect | None:
     return next((e for e in diagnosis.machine.effects if e.id == identity), None)
 
 
-def causes(diagnosis: Diagnosis, role: str = CAUSE) -> list[NamedEffect]:
+def causes(diagnosis: Diagnosis, role: str = result.CAUSE) -> list[NamedEffect]:
     """Effects that the verdict calls causes, the largest first; or those of another role."""
     return [e for e in diagnosis.effects if e.role == role]
 
@@ -195,7 +182,7 @@ def parameter_values(effect: NamedEffect, known: bool = False) -> list[tuple[str
 
 def by_channel(effect: NamedEffect) -> str:
     """Values of the first parameter channel by channel, where they differ: `mu_phi 0.31 at AF, 0.12 at MF`."""
-    name, item = next(iter(effect.parameters.items()), ("", WHOLE))
+    name, item = next(iter(effect.parameters.items()), ("", result.WHOLE))
     channels = {c: i for c, i in effect.channels.get(name, {}).items() if says_something(i)}
     if len(channels) < 2 or all(item.low <= one.value <= item.high for one in channels.values()):
         return ""
@@ -221,19 +208,19 @@ def share_span(item: Interval) -> str:
 
 def headline(diagnosis: Diagnosis) -> str:
     """The verdict in one sentence: causes, places, shares, what remains, and what held-out motion says of them."""
-    if diagnosis.verdict == NO_GAP:
+    if diagnosis.verdict == result.NO_GAP:
         return "What the nominal robot leaves beyond noise is negligible on every signal."
     unconfirmed = ""
     if diagnosis.confirmed is False:
         contradicted = diagnosis.closure.effect.high < 0.0
         unconfirmed = f"; held-out motion {'contradicts' if contradicted else 'does not confirm'} it"
-    if diagnosis.verdict == RETUNE:
+    if diagnosis.verdict == result.RETUNE:
         changed = diagnosis.retune.moved  # the largest change first
         shown = [f"{m.name} {digits(m.nominal, 3)} -> {digits(m.value, 3)} {m.unit}" for m in changed[:MOST_MOVED]]
         shown += [f"{len(changed) - len(shown)} more"] if len(changed) > len(shown) else []
         words = f": {join_words(shown)}" if shown else ""
         return f"Nominal parameters within their tolerances explain the gap{words}; no effect is needed."
-    if diagnosis.verdict == UNKNOWN:
+    if diagnosis.verdict == result.UNKNOWN:
         where, explained = diagnosis.where, 1.0 - diagnosis.remainder.value
         place = seat(where, diagnosis.machine)
         within = f" in the {where.block}" if where.block != "none" else ""
@@ -254,14 +241,14 @@ def headline(diagnosis: Diagnosis) -> str:
             lead = "the logs cannot tell" if not said else "nor"
             said.append(f"{lead} {shorten_id(effect.id)} ({effect.id}) from {others} {place}, which {explained}")
         else:
-            besides = " besides" if said and diagnosis.verdict == AMBIGUOUS else ""
+            besides = " besides" if said and diagnosis.verdict == result.AMBIGUOUS else ""
             said.append(f"{kind} {place}{besides} {explained}")
         named = "explains {} of it"
     words, left = "; ".join(said), diagnosis.remainder
     if math.isfinite(left.value):
         words += f"; {share(left.value)} remains" if left.value >= 0.005 else "; nothing remains"
         worst = max(diagnosis.closure.signals.items(), key=lambda item: item[1].after / item[1].noise_std, default=None)
-        if diagnosis.verdict == PARTLY and worst is not None:
+        if diagnosis.verdict == result.PARTLY and worst is not None:
             name, ratio = worst[0], digits(worst[1].after / worst[1].noise_std, 2)
             words += f" in the {left.block}" if left.block else ""
             words += f"{regime_words(left.regime)}, most on {name} ({ratio} noise standard deviations)"
@@ -276,7 +263,7 @@ def regime_words(regime: Mapping[str, float]) -> str:
 
 def refinement_words(diagnosis: Diagnosis) -> str:
     """Refinements with place and share in a sentence, and what they are; empty without any."""
-    found = causes(diagnosis, REFINEMENT)
+    found = causes(diagnosis, result.REFINEMENT)
     each = [f"{' '.join(name_place(diagnosis, e))}, {share(e.share.value)} of the gap" for e in found]
     return f"{'; '.join(each)} ({REFINED})" if each else ""
 
@@ -284,9 +271,9 @@ def refinement_words(diagnosis: Diagnosis) -> str:
 def list_robots(diagnosis: Diagnosis) -> dict[str, str]:
     """The robots that the answer compares: their key among the gaps of a signal -> what they are."""
     robots = {"before": "nominal robot", "retuned": "retuned robot", "after": "improved robot"}
-    if diagnosis.verdict == UNKNOWN:
+    if diagnosis.verdict == result.UNKNOWN:
         return robots | {"after": "best set (not accepted)"}
-    return dict(list(robots.items())[: {NO_GAP: 1, RETUNE: 2}.get(diagnosis.verdict, 3)])
+    return dict(list(robots.items())[: {result.NO_GAP: 1, result.RETUNE: 2}.get(diagnosis.verdict, 3)])
 
 
 def last_robot(diagnosis: Diagnosis) -> str:
@@ -326,7 +313,7 @@ def motion_words(diagnosis: Diagnosis) -> str:
 
 def alike_words(diagnosis: Diagnosis) -> str:
     """Effects that alone, with nominal parameters, explain as much as `RETUNE`; empty without any."""
-    if diagnosis.verdict != RETUNE:
+    if diagnosis.verdict != result.RETUNE:
         return ""
     shares = [f"{identity} ({percent(one)} of that)" for identity, one in diagnosis.retune.alike.items()]
     return f"one effect alone, with nominal parameters, closes as much: {', '.join(shares)}" if shares else ""

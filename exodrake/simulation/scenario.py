@@ -27,20 +27,11 @@ from exodrake.model.units import quantity
 from exodrake.simulation.references import from_log, protocol, split_options, split_pair
 from exodrake.simulation.simulate import ENGINES, simulate
 
-SCHEMA = mapping(
-    {
-        "exodrake": anything,
-        "protocol": optional(text()),
-        "reference": optional(text()),
-        "robot": anything,
-        "parameters": optional(PARAMETERS),
-        "effects": optional(EFFECTS),
-        "parts": optional(VARIANTS),
-        "seed": anything,
-        "quantisation": anything,
-        "engine": optional(text(ENGINES)),
-    }
-)
+SCHEMA = mapping({
+    "exodrake": anything, "protocol": optional(text()), "reference": optional(text()), "robot": anything,
+    "parameters": optional(PARAMETERS), "effects": optional(EFFECTS), "parts": optional(VARIANTS),
+    "seed": anything, "quantisation": anything, "engine": optional(text(ENGINES)),
+})  # fmt: skip
 
 
 @dataclass(frozen=True)
