@@ -34,13 +34,9 @@ from exodrake.systems.sources import Noise, Playback, RobotDraw
 
 
 def build_diagram(
-    robot: Robot,
-    reference: Reference | None = None,
-    seed: int | None = 0,
-    quantisation: bool = True,
-    substeps: int = 1,
-    systems: Sequence[System] = (),
-) -> RobotDiagram:
+    robot: Robot, reference: Reference | None = None, seed: int | None = 0, quantisation: bool = True,
+    substeps: int = 1, systems: Sequence[System] = (),
+) -> RobotDiagram:  # fmt: skip
     """The closed loop of a robot, a system for each part.
 
     Args:
@@ -101,15 +97,9 @@ class RobotDiagram(Diagram):
     """
 
     def __init__(
-        self,
-        robot: Robot,
-        rows: Mapping[str, np.ndarray],
-        seed: int | None,
-        quantisation: bool = True,
-        substeps: int = 1,
-        systems: Sequence[System] = (),
-        source: str = "",
-    ) -> None:
+        self, robot: Robot, rows: Mapping[str, np.ndarray], seed: int | None, quantisation: bool = True,
+        substeps: int = 1, systems: Sequence[System] = (), source: str = "",
+    ) -> None:  # fmt: skip
         """Takes rows (frames, channels) of given signals [SI], and arguments as in `build_diagram`."""
         super().__init__()
         self.robot, self.quantisation, self.source = robot, quantisation, source

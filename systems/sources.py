@@ -172,7 +172,7 @@ class SyncPulse(LeafSystem):
 
     The board sends it to the motion capture's analogue input, whose record of it ties both clocks together
     (`kinematics.markers.clock_from_pulses`). Motion capture samples in slot 0 by construction, so nothing in the loop
-    reads the pulse: it is left out unless asked for.
+    reads the pulse: it is left out by default.
 
     .. pydrake_system::
 

@@ -263,15 +263,9 @@ def find_colours(share: np.ndarray) -> np.ndarray:
 
 
 def recording_html(
-    log: Log,
-    robot: Robot,
-    title: str = "",
-    thing: Thing | None = None,
-    angles: str = "",
-    other: Log | None = None,
-    names: tuple[str, str] = ("this run", "nominal"),
-    details: Sequence[str] = (),
-) -> str:
+    log: Log, robot: Robot, title: str = "", thing: Thing | None = None, angles: str = "", other: Log | None = None,
+    names: tuple[str, str] = ("this run", "nominal"), details: Sequence[str] = (),
+) -> str:  # fmt: skip
     """HTML with the moving robot.
 
     Args:

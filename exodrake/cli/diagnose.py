@@ -203,7 +203,7 @@ LISTED, CAUSES = 4, 2  # columns of the report's table that the terminal shows, 
 
 @click.command()
 @click.argument("sources", nargs=-1, required=True, type=options.AnyPath(), metavar="ANSWERS...")
-@click.option("--out", type=options.OutputFile(FLEET), help="Write the page: which robots, which causes, since when.")
+@click.option("--out", type=options.OutputFile(FLEET), help="Write the report: which robots, which causes, since when.")
 @click.option("--table", type=options.OutputFile("fleet.parquet"), help="Write the table, a row each case, as Parquet.")
 def summarise_fleet(sources: tuple[Path, ...], out: Path | None, table: Path | None) -> None:
     """Say of many diagnosed cases which robots have which causes, and since when.

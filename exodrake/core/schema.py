@@ -44,7 +44,7 @@ def parse_json(data: bytes | str, source: str) -> Any:
         """An object by its keys and values; of a key that comes twice, Python would keep the last."""
         if len(found := dict(pairs)) < len(pairs):
             keys = [key for key, _ in pairs]
-            raise InputError(f"key {shown(next(key for key in keys if keys.count(key) > 1))} comes twice")
+            raise InputError(f"key {quote(next(key for key in keys if keys.count(key) > 1))} comes twice")
         return found
 
     try:
@@ -113,7 +113,7 @@ def _node(event: Any, events: Iterator[Any], source: str, depth: int) -> Any:
     if isinstance(event, yaml.AliasEvent) or event.anchor is not None:
         raise refusal(where, "not YAML of this kind: anchors and aliases are refused")
     if event.tag is not None:
-        raise refusal(where, f"not YAML of this kind: the tag {shown(event.tag)} is refused")
+        raise refusal(where, f"not YAML of this kind: the tag {quote(event.tag)} is refused")
     if depth > MAX_DEPTH:
         raise refusal(where, f"not YAML of this kind: nested more than {MAX_DEPTH} deep")
     if isinstance(event, yaml.ScalarEvent):
@@ -128,7 +128,7 @@ def _node(event: Any, events: Iterator[Any], source: str, depth: int) -> Any:
             raise refusal(where, "not YAML of this kind: a key is no name")
         _node(event, events, source, depth)
         if event.value in content:
-            raise refusal(where, f"key {shown(event.value)} comes twice")
+            raise refusal(where, f"key {quote(event.value)} comes twice")
         content[event.value] = _node(next(events), events, source, depth + 1)
     return content
 
@@ -147,7 +147,7 @@ def _scalar(text: str) -> Any:
 Schema = Callable[[Any, str], Any]
 
 
-def shown(value: Any) -> str:
+def quote(value: Any) -> str:
     """A value for a message, shortened, control characters escaped."""
     written = repr(value)
     return "nothing" if value is None else written if len(written) <= MAX_SHOWN else written[: MAX_SHOWN - 3] + "..."
@@ -172,7 +172,7 @@ def anything(value: Any, where: str) -> Any:
 def flag(value: Any, where: str) -> bool:
     """True or false."""
     if not isinstance(value, bool):
-        raise refusal(where, f"wanted true or false, found {shown(value)}")
+        raise refusal(where, f"wanted true or false, found {quote(value)}")
     return value
 
 
@@ -186,9 +186,9 @@ def text(value: Any, where: str, choices: Sequence[str] = (), length: int | None
     """Text: one of the choices if there are any, of that length if one is given."""
     if not isinstance(value, str) or (length is not None and len(value) != length):
         wanted = "text" if length is None else f"text of {length} character{'s' * (length > 1)}"
-        raise refusal(where, f"wanted {wanted}, found {shown(value)}")
+        raise refusal(where, f"wanted {wanted}, found {quote(value)}")
     if choices and value not in choices:
-        raise refusal(where, f"{shown(value)} is none of {', '.join(choices)}")
+        raise refusal(where, f"{quote(value)} is none of {', '.join(choices)}")
     return value
 
 
@@ -198,17 +198,17 @@ def number(
 ) -> float:
     """A number in (above, inf) and [low, high], not NaN; infinite only if the range has no end there."""
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise refusal(where, f"wanted a number{unit and f' [{unit}]'}, found {shown(value)}")
+        raise refusal(where, f"wanted a number{unit and f' [{unit}]'}, found {quote(value)}")
     try:
         found = float(value)
     except OverflowError:
-        raise refusal(where, f"{shown(value)} is too large a number") from None
+        raise refusal(where, f"{quote(value)} is too large a number") from None
     if math.isnan(found):
         raise refusal(where, "is not a number (NaN)")
     if not (found > above or above == -math.inf) or not low <= found <= high:
         limits = [f"above {above:g}"] * (above > -math.inf) + [f"from {low:g}"] * (low > -math.inf)
         limits += [f"up to {high:g}"] * (high < math.inf)
-        raise refusal(where, f"wanted a number {' '.join(limits)}{unit and f' {unit}'}, found {shown(value)}")
+        raise refusal(where, f"wanted a number {' '.join(limits)}{unit and f' {unit}'}, found {quote(value)}")
     return found
 
 
@@ -216,7 +216,7 @@ def number(
 def whole(value: Any, where: str, low: int = 0) -> int:
     """A whole number from `low` to MAX_WHOLE."""
     if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= MAX_WHOLE:
-        raise refusal(where, f"wanted a whole number from {low} to {MAX_WHOLE}, found {shown(value)}")
+        raise refusal(where, f"wanted a whole number from {low} to {MAX_WHOLE}, found {quote(value)}")
     return value
 
 
@@ -232,7 +232,7 @@ def listing(
 ) -> list:
     """A list with at least so many items, or exactly so many; messages count items from 1."""
     if not isinstance(value, list) or len(value) < least or (length is not None and len(value) != length):
-        raise refusal(where, f"wanted {wanted}, found {shown(value)}")
+        raise refusal(where, f"wanted {wanted}, found {quote(value)}")
     return [item(one, f"{where} item {n + 1}") for n, one in enumerate(value)]
 
 
@@ -240,7 +240,7 @@ def listing(
 def names(value: Any, where: str, item: Schema, least: int = 0) -> dict[str, Any]:
     """A mapping from free names to what `item` takes."""
     if not isinstance(value, Mapping) or len(value) < least:
-        raise refusal(where, f"wanted names and values, found {shown(value)}")
+        raise refusal(where, f"wanted names and values, found {quote(value)}")
     return {str(key): item(one, inside(where, str(key))) for key, one in value.items()}
 
 
@@ -248,12 +248,12 @@ def names(value: Any, where: str, item: Schema, least: int = 0) -> dict[str, Any
 def mapping(value: Any, where: str, known: Mapping[str, Schema], required: Sequence[str] = ()) -> dict[str, Any]:
     """A mapping with known keys."""
     if not isinstance(value, Mapping):
-        raise refusal(where, f"wanted keys and values ({', '.join(known)}), found {shown(value)}")
+        raise refusal(where, f"wanted keys and values ({', '.join(known)}), found {quote(value)}")
     for key in value:
         if key not in known:
             near = get_close_matches(str(key), list(known), n=1)
             hint = f"did you mean {near[0]!r}?" if near else f"known keys: {', '.join(known)}"
-            raise refusal(where, f"unknown key {shown(str(key))}; {hint}")
+            raise refusal(where, f"unknown key {quote(str(key))}; {hint}")
     for key in required:
         if value.get(key) is None:
             raise refusal(where, f"key {key!r} is missing")

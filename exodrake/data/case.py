@@ -129,7 +129,7 @@ def moment(value: Any, where: str) -> datetime:
     """A date, or a date with a time, by ISO 8601."""
     found = parse_date(value) if isinstance(value, str) else None
     if found is None:
-        raise schema.refusal(where, f"wanted a date as 2026-03-05 or 2026-03-05T14:30, found {schema.shown(value)}")
+        raise schema.refusal(where, f"wanted a date as 2026-03-05 or 2026-03-05T14:30, found {schema.quote(value)}")
     return found
 
 
@@ -246,11 +246,9 @@ type LogSource = Case | Log | str | Path | Sequence[Log | str | Path]
 
 
 def gather_logs(
-    logs: LogSource,
-    held_out: Sequence[Log | str | Path] = (),
-    period: float | None = None,
+    logs: LogSource, held_out: Sequence[Log | str | Path] = (), period: float | None = None,
     required: Sequence[str] = (),
-) -> Case:
+) -> Case:  # fmt: skip
     """The case of what a user names: a case or its folder, a log, its file, a DataFrame, or several of these.
 
     Logs are to fit, where a case and a folder do not state their roles, or held out; `required`: kinds of columns that
@@ -303,7 +301,7 @@ def check_inside(folder: str | Path, file: str, where: str) -> None:
     except (OSError, ValueError, RuntimeError):  # a name too long, a null byte, a ring of links
         inside = False
     if not inside:
-        raise schema.refusal(f"{where}: log {schema.shown(file)}", "lies outside the folder; --allow-outside reads it")
+        raise schema.refusal(f"{where}: log {schema.quote(file)}", "lies outside the folder; --allow-outside reads it")
 
 
 def relative_name(file: str, place: Path) -> str:

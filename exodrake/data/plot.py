@@ -55,15 +55,10 @@ def list_kinds(log: Log, machine: Machine | None = None) -> list[str]:
 
 
 def plot_log(
-    log: Log,
-    title: str = "",
-    other: Log | None = None,
-    names: tuple[str, str] = ("", "other"),
-    machine: Machine | None = None,
-    details: Sequence[str] = (),
-    remarks: Mapping[str, str] | None = None,
+    log: Log, title: str = "", other: Log | None = None, names: tuple[str, str] = ("", "other"),
+    machine: Machine | None = None, details: Sequence[str] = (), remarks: Mapping[str, str] | None = None,
     difference: bool = False,
-) -> Figure:
+) -> Figure:  # fmt: skip
     """Draws a log: a panel per kind of column over one time axis.
 
     Args:

@@ -27,9 +27,9 @@ from exodrake.core.schema import (
     names,
     number,
     optional,
+    quote,
     read_json,
     refusal,
-    shown,
     text,
 )
 from exodrake.data.case import Case, parse_date, read_case
@@ -49,7 +49,7 @@ def line(value: Any, where: str) -> str:
 def check_word(value: Any, where: str) -> str:
     """A word in capitals."""
     if not WORD.fullmatch(text()(value, where)):
-        raise refusal(where, f"wanted a word in capitals, found {shown(value)}")
+        raise refusal(where, f"wanted a word in capitals, found {quote(value)}")
     return value
 
 
@@ -59,7 +59,7 @@ def check_moment(value: Any, where: str) -> datetime:
     try:
         return found.astimezone(UTC)  # pyright: ignore[reportOptionalMemberAccess]
     except (AttributeError, OverflowError):
-        raise refusal(where, f"wanted a date as 2026-03-05, found {shown(value)}") from None
+        raise refusal(where, f"wanted a date as 2026-03-05, found {quote(value)}") from None
 
 
 REAL, WORDS, NAMES = optional(number()), optional(line), optional(listing(line))  # null: not a number, not known
@@ -107,7 +107,7 @@ WHOLE = having(  # what an answer of `diagnose` holds; other methods may say les
 def check_answer(answer: Any, where: str) -> dict[str, Any]:
     """An answer as plain data, its `date` as a moment. InputError naming the key of what is missing or mistyped."""
     if not isinstance(answer, dict):
-        raise InputError(f"{where}: no answer of a diagnosis, found {shown(answer)}")
+        raise InputError(f"{where}: no answer of a diagnosis, found {quote(answer)}")
     return WHOLE(SCHEMA(answer, where), where)
 
 

@@ -43,14 +43,9 @@ class Replay:
                 self.values[machine.indices(name)] = value
 
     def step(
-        self,
-        inputs: Iterable[np.ndarray],
-        feed: np.ndarray = NOTHING,
-        rate: np.ndarray = NOTHING,
-        readings: np.ndarray = NOTHING,
-        targets: np.ndarray = NOTHING,
-        gains: np.ndarray = NOTHING,
-    ) -> np.ndarray:
+        self, inputs: Iterable[np.ndarray], feed: np.ndarray = NOTHING, rate: np.ndarray = NOTHING,
+        readings: np.ndarray = NOTHING, targets: np.ndarray = NOTHING, gains: np.ndarray = NOTHING,
+    ) -> np.ndarray:  # fmt: skip
         """Signals (n, signals) at the end of each of the next n frames [SI].
 
         Args:

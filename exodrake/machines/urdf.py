@@ -15,7 +15,7 @@ import numpy as np
 
 from exodrake.core.errors import InputError, nearest
 from exodrake.core.files import read_bytes
-from exodrake.core.schema import shown
+from exodrake.core.schema import quote
 from exodrake.model.mechanism import Body, Chain, Joint
 from exodrake.physics.arm import roll_pitch_yaw
 
@@ -43,9 +43,9 @@ def numbers(
     except ValueError:
         found = np.zeros(0)
     if len(found) != len(default) or not np.isfinite(found).all():
-        raise InputError(f"{where}: {name} is {shown(text)}, wanted {len(default)} number{'s' * (len(default) > 1)}")
+        raise InputError(f"{where}: {name} is {quote(text)}, wanted {len(default)} number{'s' * (len(default) > 1)}")
     if np.abs(found).max() > most:
-        raise InputError(f"{where}: {name} is {shown(text)}, beyond any arm's, {most:g}")
+        raise InputError(f"{where}: {name} is {quote(text)}, beyond any arm's, {most:g}")
     return found
 
 
@@ -56,7 +56,7 @@ def rotation(angles: np.ndarray) -> np.ndarray:
 
 def read_body(link: ElementTree.Element, source: str) -> Body:
     """Mass and inertia of a link; none where it states none."""
-    inertial, where = link.find("inertial"), f"{source}: link {shown(link.get('name'))}"
+    inertial, where = link.find("inertial"), f"{source}: link {quote(link.get('name'))}"
     if inertial is None:
         return Body()
     origin, tensor = inertial.find("origin"), inertial.find("inertia")
@@ -75,7 +75,7 @@ def read_joint(element: ElementTree.Element, source: str) -> Joint:
     name = read_attribute(element, "name", source)
     kind, where = read_attribute(element, "type", source), f"{source}: joint {name}"
     if kind not in KINDS:
-        raise InputError(f"{where} is {shown(kind)}, wanted {', '.join(KINDS)}")
+        raise InputError(f"{where} is {quote(kind)}, wanted {', '.join(KINDS)}")
     if element.find("mimic") is not None:
         raise InputError(f"{where} mimics another one, which is not modelled")
     parent, child = (element.find(end) for end in ("parent", "child"))
@@ -119,7 +119,7 @@ def read_urdf(path: str | Path, tip: str = "") -> Chain:
     except (ElementTree.ParseError, ValueError, LookupError) as error:
         raise InputError(f"{source}: not XML ({error})") from None
     if root.tag != "robot":
-        raise InputError(f"{source}: begins with <{shown(root.tag)[1:-1]}>, wanted <robot>, a URDF file")
+        raise InputError(f"{source}: begins with <{quote(root.tag)[1:-1]}>, wanted <robot>, a URDF file")
     if root.find("{*}macro") is not None or b"<XACRO:" in plain:
         raise InputError(f"{source}: holds xacro macros; expand them first: xacro {source} > arm.urdf")
     bodies = {read_attribute(link, "name", source): read_body(link, source) for link in root.findall("link")}

@@ -93,13 +93,9 @@ def title(one: Series) -> str:
 
 
 def timeline(
-    title: str,
-    first: datetime | None,
-    unit: str,
-    times: Sequence[float],
-    rows: Mapping[str, Sequence[float]],
+    title: str, first: datetime | None, unit: str, times: Sequence[float], rows: Mapping[str, Sequence[float]],
     change: Change | None,
-) -> dict[str, Any]:
+) -> dict[str, Any]:  # fmt: skip
     """Plain data of a quantity: title, unit shown, values, and its change if it has one.
 
     first: date from which times count [d], shown as POSIX times [s]; None of times of a log [s]. times: (n,) of the
