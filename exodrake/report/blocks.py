@@ -1,4 +1,4 @@
-"""Building blocks of HTML reports: tables, bars, headings, drawings; set by `templates/kit.html` in `base.html`.
+"""Building blocks of HTML reports: tables, bars, drawings; set by `templates/kit.html` in `base.html`.
 
 Matplotlib figures become inline SVG: the fonts of the report, no ids that clash, no reference to the outside.
 """
