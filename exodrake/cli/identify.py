@@ -158,12 +158,14 @@ def fit_parameters(cases, free, bounds, held_out, prediction, file, parameters, 
     from rich.markdown import Markdown
 
     from exodrake.machines.robot_file import robot_text
-    from exodrake.simulation.references import split_pair
 
     limits = {}
     for text in bounds:
-        name, span = split_pair(text, "NAME=LOW..HIGH", "--bounds")
-        limits[name] = split_pair(span, "NAME=LOW..HIGH", "--bounds", "..")
+        name, equals, span = text.partition("=")
+        low, dots, high = span.partition("..")
+        if not equals or not dots:
+            raise InputError(f"--bounds: {text!r} is not of the form NAME=LOW..HIGH")
+        limits[name.strip()] = (low, high)
     with options.waiting("fitting (the first run after a change compiles for half a minute)"):
         robot = options.change_robot(exo.load_robot(file), parameters, effects, parts)
         found = exo.fit(robot, cases[0] if len(cases) == 1 else cases, free, limits, held_out, prediction)

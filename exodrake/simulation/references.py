@@ -34,20 +34,14 @@ UNITS = {
 }
 
 
-def split_pair(text: str, form: str, where: str = "", sign: str = "=") -> tuple[str, str]:
-    """`name=value` as name and value; InputError, with its place, for what is not of that form."""
-    name, found, value = (part.strip() for part in text.partition(sign))
-    if not found:
-        raise InputError(f"{where and f'{where}: '}{text!r} is not of the form {form}")
-    return name, value
-
-
 def split_options(text: str) -> tuple[str, dict[str, str]]:
     """`name:a=1,b=2 mm` as the name and its values; InputError naming what is none."""
     name, _, tail = text.partition(":")
     found = {}
     for item in filter(None, tail.split(",")):
-        key, value = split_pair(item, "name=number", name)
+        key, equals, value = (part.strip() for part in item.partition("="))
+        if not equals:
+            raise InputError(f"{name}: {item!r} is not of the form name=number")
         if key in found:
             raise InputError(f"{name}: {key!r} comes twice")
         found[key] = value

@@ -24,7 +24,7 @@ from exodrake.engine.inputs import Reference
 from exodrake.machines.robot_file import EFFECTS, PARAMETERS, VARIANTS, build, load_robot
 from exodrake.model.robot import Robot
 from exodrake.model.units import quantity
-from exodrake.simulation.references import from_log, protocol, split_options, split_pair
+from exodrake.simulation.references import from_log, protocol, split_options
 from exodrake.simulation.simulate import ENGINES, simulate
 
 SCHEMA = mapping({
@@ -119,7 +119,9 @@ def embed_robot(robot: str) -> str | Mapping[str, Any]:
 
 def parse_number(text: str, robot: Robot) -> tuple[str, float]:
     """`finger.kappa.MCP=0.09` or `tendon.k=2.7 N/mm` as name and value [SI]; InputError naming name, value or unit."""
-    name, value = split_pair(text, "name=number, with a unit if it is not in SI")
+    name, equals, value = (part.strip() for part in text.partition("="))
+    if not equals:
+        raise InputError(f"{text!r} is not of the form name=number, with a unit if it is not in SI")
     return name, quantity(value, robot.machine.parameters[robot.indices(name)[0]].unit, name)
 
 
