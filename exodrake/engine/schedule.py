@@ -109,7 +109,7 @@ def generate_run(machine: Machine) -> str:
 
     `record` and `fine` take the signals at each frame's and each slot's end. The plant's tick stands in one place, so
     that it is inlined once. `follow`: values of the observer's measured input and output (frames, channels of both).
-    The others are those of `compiled.run.Replay.step`. Any of them may have no length. Nothing imposed: the signals
+    The others are those of `engine.run.Replay.step`. Any of them may have no length. Nothing imposed: the signals
     follow from the state; else they go on from `w`. `run` is `frames` with nothing imposed.
     """
     given = [f"{name}_rows" for name in machine.inputs]
