@@ -1,5 +1,6 @@
 """Servos with motor, gear and supply: closed forms, an integrator of scipy's, energy, and friction that is found."""
 
+import warnings
 from math import cos, pi, sin, sqrt
 
 import numpy as np
@@ -9,6 +10,9 @@ from command_line import run
 from scipy.integrate import solve_ivp
 
 import exodrake as exo
+from exodrake.analysis.figures import draw_figures
+from exodrake.analysis.linear_model import add_controller
+from exodrake.analysis.robustness import assess_answer
 from exodrake.data.case import Case, CaseLog
 from exodrake.physics import servo
 
@@ -146,6 +150,22 @@ def test_a_planted_effect_is_named_with_its_size(nominal, effect, parameter, val
     assert found.verdict == "NAMED", found.reasons
     assert [e.id for e in found.effects if e.role == "cause"] == [f"servo.{effect}"]
     assert found.robots["improved"][f"servo.{effect}.{parameter}.elbow"] == pytest.approx(value, rel=0.1)
+
+
+def test_a_loop_whose_joint_friction_holds_is_analysed_and_tuned(nominal):
+    """Small steps do not move it: no margins, and a note says how to see it in motion; nothing raises."""
+    stuck = add_controller(nominal.splice("servo.coulomb_friction", {"force": 0.25}))
+    found = exo.analyse(stuck)
+    assert found.returns and np.isnan(found.responses[0].bandwidth) and not found.margins[0].loop.any()
+    assert any("--set servo.coulomb_friction.force=0 shows the loop in motion" in note for note in found.notes)
+    with warnings.catch_warnings(action="error"):
+        assert {"steps.png", "bode.png"} <= set(draw_figures(found)) and "nyquist.png" not in draw_figures(found)
+        parameters = {"force": {"value": 0.25, "low": 0.2, "high": 0.3, "unit": "N m"}}
+        effect = {"id": "servo.coulomb_friction", "wires": [], "joints": ["elbow"], "parameters": parameters}
+        answer = {"verdict": "NAMED", "effects": [effect | {"channels": {}}], "equivalents": []}
+        assert np.isfinite(assess_answer(stuck, answer, draws=2).deviation).all()
+    tuned = exo.tune(stuck, only=("I",), draws=0, judges=1)
+    assert tuned.best is None and tuned.limit is not None and tuned.limit.lqg is None
 
 
 def test_a_kind_of_servo_is_refused_for_an_arm(tmp_path):

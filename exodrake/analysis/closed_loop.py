@@ -151,6 +151,8 @@ def list_remarks(
 ) -> tuple[str, ...]:
     """Conditions under which the results mean little, a sentence each."""
     loop, point = model.loop, model.point
+    held = [f"{effect}.{next(iter(p))}=0" for effect, p in loop.robot.effects().items() if "friction" in effect]
+    moving = f"; --set {' --set '.join(held)} shows the loop in motion" if held else ""
     unit, idle = loop.robot.machine.signal[loop.loop.output].unit, [m.channel for m in found if not m.loop.any()]
     remarks = {
         "the robot's own gains do not bring it to rest; the operating point was reached with gentler ones": (
@@ -158,12 +160,13 @@ def list_remarks(
         ),
         f"something slow still moves ({point.residual:.1g} of its excursion a frame)": point.residual > 1e-6,
         f"a pole lies on the unit circle (radius 1 {model.spectral_radius - 1.0:+.0e}), as in a loop that rests "
-        "within a dead zone or does not act: only the simulated kick says whether it is stable": model.marginal,
+        "within a dead zone or does not act: only the simulated kick says whether it is stable"
+        + moving: model.marginal,
         "the loop is unstable here: its step and frequency responses are those of a growing oscillation, "
         "and it has no margins": not model.marginal and model.spectral_radius > 1.0 and model.kink <= KINK,
         f"slack at rest: {', '.join(point.slack)}; poles hold for slack channels, not for taut ones": point.slack,
         f"one-sided slopes differ ({model.where}, {model.kink:.2g}): a kink such as friction; "
-        "poles, margins and maps mean little, steps and multisine do": model.kink > KINK,
+        "poles, margins and maps mean little, steps and multisine do" + moving: model.kink > KINK,
         f"difference quotients depend on their step ({model.convergence:.2g}): rounding or a kink nearby": (
             model.convergence > ROUGH
         ),

@@ -90,7 +90,7 @@ def plot_bode(result: ClosedLoop) -> Figure:
     With noise or distortion, a panel of coherence; else it is 1 everywhere.
     """
     heights, height = {"Gain [dB]": 1.4, "Phase [deg]": 1.2}, 4.2
-    if any(np.nanmin(r.coherence) < CLEAN for r in result.responses):
+    if any((r.coherence < CLEAN).any() for r in result.responses):
         heights, height = heights | {"Coherence [-]": 0.7}, 5.2
     figure, rows, colours = channel_panels(result, "{}: closed loop", heights, "Frequency [Hz]", height, "log")
     outputs = result.model.rows(result.model.loop.loop.measured)
@@ -110,7 +110,7 @@ def plot_bode(result: ClosedLoop) -> Figure:
         if np.isfinite(response.bandwidth):
             gain.axvline(response.bandwidth, **DASHED)
             words = f"-3 dB at {response.bandwidth:.2f} Hz"
-            gain.text(0.97, 0.95, words, transform=gain.transAxes, ha="right", va="top", fontsize=8, color=DARK)
+            gain.text(0.97, 0.93, words, transform=gain.transAxes, ha="right", **NOTE)
         gain.set_ylim(-42, 12)
         phase.set(ylim=(-400, 20), yticks=[-360, -270, -180, -90, 0])
     rows[0, 0].legend(loc="lower left", frameon=True, facecolor="white", edgecolor="none", framealpha=1.0)
@@ -212,7 +212,7 @@ def plot_robust(result: ClosedLoop) -> Figure:
         axes.yaxis.set_minor_formatter("")
     for axes in panels[1]:
         axes.set_xlabel("Frequency [Hz]")
-    figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
+    figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
     if not result.robust.stable:
         figure.suptitle("not stable by its poles: S and T mean nothing", fontsize=9, color="#a83a12")
     return figure
@@ -423,6 +423,7 @@ def plot_uncertainty(found: Uncertainty) -> Figure:
         size = shown_unit(cycle.unit)[1] * cycle.amplitude
         panels[1].plot(size, decibel(cycle.factor), ".-", lw=0.9, ms=3, label=label)
         panels[2].plot(size, cycle.phase_margin_deg, ".-", lw=0.9, ms=3)
+        panels[2].set_visible(np.isfinite(found.phase_margin_deg))
     for axes, label in zip(panels[1:], ("Gain margin [dB]", "Phase margin [deg]")):
         unit = shown_unit(found.cycles[0].unit)[0]
         axes.set(xscale="log", xlabel=f"Command [{unit}]", ylabel=label)
@@ -433,14 +434,15 @@ def plot_uncertainty(found: Uncertainty) -> Figure:
 
 
 def draw_figures(result: ClosedLoop, cycles: tuple[LimitCycles, ...] = ()) -> dict[str, bytes]:
-    """File name -> PNG of every figure; those of limit cycles and of an answer's robots where there are any."""
+    """File name -> PNG of every figure with something in it: no margins where no command acts, as of stuck joints."""
     figures = {
         "steps": plot_steps, "stability": plot_stability, "bode": plot_bode,
         "margins": plot_margins, "nyquist": plot_nyquist, "robust": plot_robust, "root_locus": plot_root_locus,
         "delays": plot_delays,
     }  # fmt: skip
+    idle = () if any(m.loop.any() for m in result.margins) else ("margins", "nyquist", "robust", "root_locus")
     with matplotlib.rc_context(STYLE):
-        drawn = {name: plot(result) for name, plot in figures.items()}
+        drawn = {name: plot(result) for name, plot in figures.items() if name not in idle}
         drawn |= {"limit_cycles": plot_limit_cycles(cycles)} if cycles else {}
         drawn |= {"uncertainty": plot_uncertainty(result.uncertainty)} if result.uncertainty else {}
     return {f"{name}.png": render_png(figure) for name, figure in drawn.items()}

@@ -38,6 +38,7 @@ KINK = 0.02  # difference of one-sided slopes from which a note is given
 CHUNK, CHUNKS = 100, 30  # frames between two checks for rest; checks
 REST = 1e-8  # change over a frame, in units of a state's excursion, below which the loop rests
 SLOW = 1e-4  # the same after 60 s, below which a drift is too slow to matter
+BESIDE = 1e-8  # distance at which a response is taken beside a pole on the circle: of a joint that friction holds
 BATCH = 200  # frequencies solved at a time, for memory
 
 
@@ -308,6 +309,7 @@ class FrameModel:
 def evaluate(system: control.StateSpace, frequency: np.ndarray) -> np.ndarray:
     """Frequency response (f, outputs, inputs) [SI] at frequencies (f,) [Hz], solved many at a time."""
     z = np.exp(2j * np.pi * np.asarray(frequency, dtype=float) * system.dt)
+    z[np.abs(z[:, None] - np.linalg.eigvals(system.A)).min(1, initial=1.0) < BESIDE] *= 1.0 + BESIDE
     eye, parts = np.eye(system.nstates), np.array_split(z, max(1, len(z) // BATCH))
     a, b, c, d = (np.asarray(matrix) for matrix in (system.A, system.B, system.C, system.D))
     return c @ np.concatenate([np.linalg.solve(p[:, None, None] * eye - a, b) for p in parts]) + d

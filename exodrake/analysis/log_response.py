@@ -96,7 +96,7 @@ class LogResponse:
             return "-"
         weights = self.power[self.resolved]
         level, phase = (np.average(part[self.resolved], weights=weights) for part in self.gap(model))
-        return f"{level:+.1f} dB, {phase:+.0f} deg"
+        return f"{round(level, 1) + 0.0:+.1f} dB, {round(phase) + 0.0:+.0f} deg"  # no -0
 
     def to_control(self, model: str = "") -> Any:
         """A python-control `FrequencyResponseData` of what was measured, or of a robot by its name."""

@@ -243,8 +243,10 @@ def assess_answer(
         elif k < ENDS:
             cycles += limit_cycles(drawn, at, own_only=True)
     if nominal is None and cycles:
-        frequency, first = cycles[0].line_frequency, cycles[0].measured
-        deviations = [np.abs(c.measured / first - 1.0).max(axis=0) for c in cycles if c.channel == cycles[0].channel]
+        frequency, first, own = cycles[0].line_frequency, cycles[0].measured, cycles[0].channel
+        moves = (first != 0.0).all(axis=1)  # amplitudes at which friction lets go
+        changes = [c.measured[moves] / first[moves] - 1.0 for c in cycles if c.channel == own]
+        deviations = [np.abs(change).max(axis=0, initial=0.0) for change in changes]
     deviation = np.max(deviations, axis=0) if deviations else np.zeros(len(frequency))
     weight, peak = fit_weight(frequency, deviation), np.nan
     if nominal is not None and ratio is not None:

@@ -97,7 +97,7 @@ class Limit:
     crosstalk: float  # largest change of another channel, as a fraction of the step
     lqg: Performance | None  # worst of the LQG design over all plants of the search; None if it destabilises one
     missed: tuple[str, ...]  # what LQG does not hold
-    law: lm.System  # the LQG design
+    law: lm.System | None  # the LQG design; None without one
 
     def __repr__(self) -> str:
         lqg = f"LQG settles in {self.lqg.settling:.3g} s" if self.lqg else "LQG does not stabilise all plants"
@@ -231,11 +231,14 @@ def find_limit(plants: list[Plant], tuned: Tuned, wanted: Requirements) -> Limit
     nominal = [p for p in plants if p.model.loop.robot is loop.robot]
     first = differential_evolution(cost, LQG_BOUNDS, (nominal,), **SEARCH)
     found = minimize(cost, first.x, (plants,), method="Nelder-Mead", options={"maxfev": LQG_RUNS, "xatol": 0.05})
-    law = design(found.x)
+    bound = min(max(limits), settling)
+    try:
+        law = design(found.x)
+    except (np.linalg.LinAlgError, ValueError):
+        return Limit(bound, settling, peak, crosstalk, None, ("no LQG design",), None)
     radii, settlings, overshoots, disks, noises = zip(*(astuple(predict_performance(one, law)) for one in plants))
     lqg = Performance(max(radii), max(settlings), max(overshoots), min(disks), max(noises))
     missed = list_missed(wanted, lqg, loop.robot.machine.signal[loop.loop.command].unit)
-    bound = min(max(limits), settling)
     return Limit(bound, settling, peak, crosstalk, lqg if lqg.radius < 1.0 else None, missed, law)
 
 

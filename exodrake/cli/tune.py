@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ ABOVE = click.FloatRange(min=0.0, min_open=True)
 
 @click.command()
 @options.robot_option("file")
+@options.robot_changes
 @click.option("--settling", type=ABOVE, help="Wanted settling time to 2 % [s]; else as short as can be.")
 @click.option("--overshoot", type=click.FloatRange(0.0, 100.0), default=5.0, help="Largest overshoot [%]. [5]")
 @click.option("--disk-margin", type=click.FloatRange(0.0, 2.0, min_open=True), default=0.6,
@@ -31,7 +33,9 @@ ABOVE = click.FloatRange(min=0.0, min_open=True)
 @click.option("--out-robot", type=options.OutputFile("tuned.yaml"),
               help="Write the robot with the best controller alone.")  # fmt: skip
 @options.json_option
-def command(file, settling, overshoot, disk_margin, noise, only, draws, out, out_robot, json_file) -> None:
+def command(
+    file, parameters, effects, parts, settling, overshoot, disk_margin, noise, only, draws, out, out_robot, json_file
+) -> None:  # fmt: skip
     """Choose the gains of a robot's closed loop that settle fastest within requirements.
 
     They hold at every operating point of the machine and for robots within the tolerances. Every controller that the
@@ -40,7 +44,7 @@ def command(file, settling, overshoot, disk_margin, noise, only, draws, out, out
     from exodrake.analysis.figures import plot_tuning
     from exodrake.machines.robot_file import robot_text
 
-    robot = exo.load_robot(file)
+    robot = options.change_robot(exo.load_robot(file), parameters, effects, parts)
     if out_robot and robot.machine.loop and robot.machine.loop.outer:
         raise InputError("--out-robot: the gains are those of an outer loop, which no robot file holds")
     wanted = exo.Requirements(settling, overshoot / 100.0, disk_margin, noise)
@@ -74,7 +78,8 @@ def show(tuning: exo.Tuning) -> None:
     rows = []
     for t in tuning.compared:
         numbers = (f"{t.settling:.3g}", f"{round(100.0 * t.overshoot, 2):.2g}", f"{t.disk_margin:.3g}")
-        rows.append((t.name, *numbers, f"{factor * t.noise:.3g}", ", ".join(t.missed)))
+        cells = ("-" if cell == "nan" else cell for cell in (*numbers, f"{factor * t.noise:.3g}"))
+        rows.append((t.name, *cells, ", ".join(t.missed)))
     options.print_table(("controller", *titles, "misses"), rows)
     w = tuning.requirements
     click.echo(
@@ -82,12 +87,12 @@ def show(tuning: exo.Tuning) -> None:
         + (f", noise of a command up to {factor * w.noise:.3g} {unit}" if w.noise is not None else "")
         + (f", settling within {w.settling:g} s" if w.settling is not None else "")
     )
-    if limit := tuning.limit:
+    if (limit := tuning.limit) and math.isfinite(limit.settling):
         click.echo(
             f"bound: without tolerances {limit.tuned:.3g} s; no controller with such commands and crosstalk (up to "
             f"{100.0 * limit.crosstalk:.2g} %) does better than {limit.settling:.3g} s on the linear plant"
         )
-    if limit and (p := limit.lqg):
+    if limit and limit.law and (p := limit.lqg):
         click.echo(
             f"LQG of {limit.law.nstates} states: settles in {p.settling:.3g} s, overshoot {100.0 * p.overshoot:.2g} %, "
             f"disk margin {p.disk_margin:.3g}, noise {factor * p.noise:.3g} {unit}"

@@ -135,7 +135,7 @@ class Fit:
                     left.plot(values, rows, "o", ms=4.5, **style)
             left.set_yticks(rows, [s.column for s in self.signals])
             left.set(xlabel="Fit [%], hollow: held out", xlim=(-3.0, 103.0))
-            left.invert_yaxis()
+            left.set_ylim(len(self.signals) - 0.5, -0.5)
             figure.legend(loc="outside upper left", ncols=3)
             right.imshow(self.correlation, cmap="RdBu_r", vmin=-1.0, vmax=1.0)
             for (i, j), value in np.ndenumerate(self.correlation) if len(self.parameters) <= NUMBERED else ():
