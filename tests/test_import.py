@@ -510,3 +510,23 @@ def test_the_command_lists_columns_and_makes_a_case_of_several_recordings(tmp_pa
 def test_the_marks_of_a_text_table_are_guessed(text, names, last):
     found = list_columns(text.encode(), "table.txt")
     assert list(found) == names and found[names[-1]][-1] == last
+
+
+def test_missing_samples_are_counted_and_a_wrong_unit_of_time_is_asked_about(tmp_path):
+    mapping = {"time": {"column": "t", "unit": "ms"}, "columns": {"a": {"name": "angle_a", "unit": "rad"}}}
+    (tmp_path / "map.yaml").write_text(yaml.safe_dump(mapping | {"period": 0.02}))
+    for step, name in ((20, "right.csv"), (0.02, "wrong.csv")):
+        rows = [f"{step * n},{'nan' if n in (3, 50) else 0.5}" for n in range(100)]
+        (tmp_path / name).write_text("\n".join(["t,a", *rows]))
+    mapped = read_mapping(tmp_path / "map.yaml")
+    notes = import_recording(tmp_path / "right.csv", mapped).notes
+    assert "a: 2 of 100 samples are missing, the first in row 4" in notes
+    with pytest.raises(InputError, match=r"100 samples in 0.00198 s; is the unit of time right"):
+        import_recording(tmp_path / "wrong.csv", mapped)
+
+
+def test_a_short_heading_is_not_taken_for_another_separator(tmp_path):
+    columns = {"b": {"name": "angle_b", "unit": "rad"}}
+    with pytest.raises(InputError, match="no column 'b'") as caught:
+        imported(tmp_path, "t;a\n", {"separator": ";", "time": {"column": "t", "unit": "s"}, "columns": columns})
+    assert "lacks" not in str(caught.value)

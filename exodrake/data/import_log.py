@@ -38,6 +38,7 @@ JITTER = 0.05  # of a step by which a clock may vary for a filter: assumed
 FINEST = 200_000  # samples on which two signals are compared
 RATES = {"rad": "rad/s", "m": "m/s", "N": "N/s", "rad/s": "rad/s2", "m/s": "m/s2", "s": "-"}
 ROUNDED = 1e-3  # of a frame: POSIX times as floats are rounded to a quarter of a microsecond
+FEWEST = 5  # frames from which a log may have many samples a frame
 
 COMMAND, MEASURED = "action", "observation.state"  # of a LeRobot data set
 COMMANDS = ("command", "cmd", "desired", "reference", "target", "goal", "setpoint")  # in the name of a topic
@@ -343,6 +344,13 @@ def convert_table(table: dict[str, np.ndarray], mapped: Mapped, source: str) -> 
     if (row := find_first(~fresh)) is not None:
         share = f"{int((~fresh).sum())} of {len(time)} rows have the time of the row before and are dropped"
         notes = [f"{share}, the first is row {row + 1} at {time[row]:.10g} s"]
+    lost = dict[str, list[str]]()
+    for name in lengths:
+        empty = np.isnan(table[names[name]])
+        if empty.any() and not empty.all():
+            some = f"{empty.sum()} of {len(time)} samples are missing, the first in row {empty.argmax() + 1}"
+            lost.setdefault(some, []).append(name)
+    notes += [f"{', '.join(columns)}: {some}" for some, columns in lost.items()]
     return make_log({name: Track(time[fresh], table[names[name]][fresh]) for name in lengths}, mapped, source, notes)
 
 
@@ -359,8 +367,10 @@ def lay_on_frames(
     if (end - start) / period > 1e7:
         many = f"{end - start:.6g} s are too many frames of {period:g} s"
         raise InputError(f"{source}: {many}; is the unit of time right?")
-    count = int(np.floor((end - start) / period + ROUNDED)) + 1
-    if count > LONGEST * (max(len(track.time) for track in tracks.values()) + LONGEST):
+    count, most = int(np.floor((end - start) / period + ROUNDED)) + 1, max(len(t.time) for t in tracks.values())
+    if count < FEWEST < most / FEWEST:
+        raise InputError(f"{source}: {most} samples in {end - start:.3g} s; is the unit of time right?")
+    if count > LONGEST * (most + LONGEST):
         many = f"{count} frames of {period:g} s, far more than samples"
         raise InputError(f"{source}: {many}; cut it where its clock jumps")
     time = start + period * np.arange(count)

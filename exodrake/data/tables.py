@@ -231,7 +231,7 @@ def _numbers(cells: Sequence[str], name: str, source: str, decimal: str) -> np.n
     """A column of text (n,) as numbers."""
     for row, cell in enumerate(cells, 1):
         if not _is_number(cell, decimal):
-            mark = f" with the decimal mark {decimal!r}" if set(cell) & set(".,'") else ""
+            mark = f" with the decimal mark {decimal!r} (`decimal` of a mapping)" if set(cell) & set(".,'") else ""
             raise InputError(f"{source}: column {name!r}, row {row}: {cell[:40]!r} is not a number{mark}")
     return np.array([np.nan if cell.lower() in MISSING else float(cell.replace(decimal, ".")) for cell in cells])
 
@@ -248,7 +248,8 @@ def _hint(data: bytes, layout: TextLayout) -> str:
     guess = guess_layout(data)
     other = [key for key in ("separator", "decimal") if getattr(guess, key) != getattr(layout, key)]
     lacks = " and ".join(f"{key}: {json.dumps(getattr(guess, key))}" for key in other)
-    return f"; the mapping file lacks {lacks}" if "separator" in other else ""
+    parts = [mark.separator.encode() in data[:LOOK].partition(b"\n")[0] for mark in (guess, layout)]
+    return f"; the mapping file lacks {lacks}" if parts == [True, False] else ""
 
 
 def guess_layout(data: bytes) -> TextLayout:

@@ -179,6 +179,8 @@ def fast_noise(values: np.ndarray, order: int = ORDER) -> float:
 
     Differences of order k raise white noise by the sum of squared binomial coefficients, (2k over k).
     """
+    if len(values) <= order:
+        return 0.0
     found = robust_std(np.diff(values, order)) / np.sqrt(comb(2 * order, order))
     return 0.0 if found <= np.finfo(float).eps * np.nanmax(np.abs(values), initial=0.0) else found
 
