@@ -83,7 +83,9 @@ def command(
     click.echo(f"{folder}: {', '.join(file.name for file in files)}")
     click.echo(f"try it: exodrake simulate chirp --machine {folder}")
     click.echo(f"your own logs: exodrake import RECORDING lists their columns, for {folder}/mapping.yaml")
-    click.echo(f"then import, check, response, fit, diagnose, analyse, tune, export: as {folder}/README.md has them")
+    closed = ("response", "analyse", "tune") if not urdf or form == "closed-loop" else ()
+    steps = ("import", "check", *closed[:1], "fit", "diagnose", *closed[1:], "export")
+    click.echo(f"then {', '.join(steps)}: as {folder}/README.md has them")
 
 
 def fill_templates(values: dict[str, Any], *folders: Path) -> dict[str, bytes]:
