@@ -206,6 +206,12 @@ def logged_signals(diagram: Diagram, context: Context) -> dict[str, np.ndarray]:
     Args:
         diagram: from `build_diagram`.
         context: root Context that has run.
+
+    Examples:
+        >>> import exodrake as exo
+        >>> diagram = exo.build_diagram(exo.load_robot(), exo.grasp("caging"))
+        >>> logged_signals(diagram, diagram.CreateDefaultContext())["angle"].shape
+        (0, 3)
     """
     robot_diagram = check_diagram(diagram)
     sink: Any = robot_diagram.GetSubsystemByName("log")

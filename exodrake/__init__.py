@@ -7,6 +7,7 @@ stand in `__init__.pyi`, which type checkers read.
 import ast as _ast
 import os as _os
 from importlib import import_module as _import_module
+from inspect import signature as _signature
 from pathlib import Path as _Path
 from typing import Any as _Any
 
@@ -30,10 +31,20 @@ PUBLIC = _public_names()
 __all__ = list(PUBLIC)  # pyright: ignore
 
 
+def _plain_signature(value: _Any) -> _Any:
+    """The same; a dataclass says in its signature what a field begins with, where Python would say `<factory>`."""
+    fields = getattr(value, "__dataclass_fields__", {}).values()
+    if made := {f.name: f.default_factory() for f in fields if callable(f.default_factory)}:
+        whole = _signature(value)
+        changed = [p.replace(default=made.get(name, p.default)) for name, p in whole.parameters.items()]
+        value.__signature__ = whole.replace(parameters=changed)
+    return value
+
+
 def __getattr__(name: str) -> _Any:
     if name not in PUBLIC:
         raise AttributeError(f"module 'exodrake' has no attribute {name!r}")
-    value = getattr(_import_module(PUBLIC[name]), name)
+    value = _plain_signature(getattr(_import_module(PUBLIC[name]), name))
     globals()[name] = value
     return value
 

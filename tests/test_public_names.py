@@ -25,13 +25,14 @@ def test_every_public_name_resolves_and_has_a_docstring_and_a_plain_signature():
     for name in exo.PUBLIC:
         assert getattr(exo, name).__name__ == name and getattr(exo, name).__doc__
         assert name in dir(exo) and name in exo.__all__
-        assert name in RESULTS or "<" not in str(inspect.signature(getattr(exo, name))), name
+        assert "<" not in str(inspect.signature(getattr(exo, name))), name
     with pytest.raises(AttributeError, match="nothing_of_the_kind"):
         exo.nothing_of_the_kind  # noqa: B018
 
 
 @pytest.mark.parametrize("name", [name for name in exo.PUBLIC if ">>> " in (getattr(exo, name).__doc__ or "")])
-def test_examples_of_docstrings_run_and_print_what_they_say(name):
+def test_examples_of_docstrings_run_and_print_what_they_say(name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     found = getattr(exo, name)
     module = vars(sys.modules[found.__module__])
     test = doctest.DocTestParser().get_doctest(inspect.getdoc(found) or "", dict(module), name, None, None)

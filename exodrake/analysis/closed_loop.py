@@ -48,6 +48,11 @@ class ClosedLoop:
         notes: what a reader must know before trusting the numbers, a sentence each.
         bands: robustness over populations of robots and operating points.
         uncertainty: what the intervals of a diagnosis mean for the loop; None without one.
+
+    Examples:
+        >>> import exodrake as exo
+        >>> exo.analyse(exo.load_robot("emps")).model.spectral_radius < 1.0
+        True
     """
 
     robot: Robot

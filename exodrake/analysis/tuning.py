@@ -53,6 +53,10 @@ class Requirements:
         overshoot: largest overshoot as a fraction of a step.
         disk_margin: least disk margin of all commands at once.
         noise: largest standard deviation of a command [SI]; None: that of the robot as it is, times `NOISE_FACTOR`.
+
+    Examples:
+        >>> Requirements(overshoot=0.1).disk_margin
+        0.6
     """
 
     settling: float | None = None

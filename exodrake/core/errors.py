@@ -51,6 +51,14 @@ class InputError(Exception):
     The message is one sentence that names the thing (file, column, row, key, option) and where it came from, at most
     MAX_MESSAGE characters, control characters escaped. The command line prints it as one line and exits with status 2;
     a traceback would mean a bug of ours.
+
+    Examples:
+        >>> import exodrake as exo
+        >>> try:
+        ...     exo.load_robot("emsp")
+        ... except InputError as problem:
+        ...     print(problem)
+        no robot file 'emsp', nor a machine of that name; did you mean emps?
     """
 
     def __init__(self, message: str) -> None:

@@ -27,7 +27,13 @@ def plain(value: Any) -> Any:
 
 
 def to_dict(result: Any) -> dict[str, Any]:
-    """A result as a mapping of plain data, as in its JSON file."""
+    """A result as a mapping of plain data, as in its JSON file.
+
+    Examples:
+        >>> import exodrake as exo
+        >>> to_dict(exo.Requirements())
+        {'settling': None, 'overshoot': 0.05, 'disk_margin': 0.6, 'noise': None}
+    """
     found = plain(result)
     return found if isinstance(found, dict) else {"value": found}
 
@@ -42,6 +48,9 @@ def save(result: Any, path: str | PurePath) -> None:
 
     Raises:
         InputError: for another ending, and where the file cannot be written.
+
+    Examples:
+        >>> save({"gain": 2.0}, "gain.json")
     """
     ending = PurePath(path).suffix.lower()
     if ending == ".json":

@@ -64,6 +64,13 @@ class Case:
 
     Raises:
         InputError: for an unknown role, a doubled file, repeats of a log that is not there, and nothing to fit.
+
+    Examples:
+        >>> import exodrake as exo
+        >>> log = exo.simulate(exo.load_robot(), "caging")
+        >>> mine = Case("mine", {}, (exo.CaseLog(log, "caging", "fit", None, "a.csv"),))
+        >>> len(mine.fit_logs)
+        1
     """
 
     name: str
@@ -199,6 +206,12 @@ def read_case(
         required: as in `read_log`.
         period: frame [s] when case.yaml gives none.
         allow_outside: whether logs may lie outside the folder, by their names (`../a.csv`) or as links.
+
+    Examples:
+        >>> import exodrake as exo
+        >>> exo.write_log(exo.simulate(exo.load_robot(), "caging"), "mine.csv")
+        >>> read_case("mine.csv").fit_logs[0].file
+        'mine.csv'
     """
     place, notes, hashes = Path(folder), list[str](), dict[str, str]()
     content: dict[str, Any] = {}
@@ -279,6 +292,13 @@ def write_case(case: Case, folder: str | Path, notes: Mapping[str, Sequence[str]
     """Write logs and case.yaml; `read_case` gives the same case back. A new folder appears whole or not at all.
 
     notes: what was done to the signals of a log before, by its file.
+
+    Examples:
+        >>> import exodrake as exo
+        >>> log = exo.simulate(exo.load_robot(), "caging")
+        >>> write_case(Case("mine", {}, (CaseLog(log, "caging", "fit", None, "a.csv"),)), "mine")
+        >>> exo.read_case("mine").name
+        'mine'
     """
     contents, logs = dict[str, bytes](), []
     for item in argument("case", case, Case).logs:

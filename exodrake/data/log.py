@@ -43,6 +43,11 @@ class Log:
 
     Raises:
         InputError: for a column of another length than time, or a unit that does not suit its kind.
+
+    Examples:
+        >>> import numpy as np
+        >>> Log(0.02 * np.arange(3), {"angle_MCP": np.zeros(3)})
+        Log(log: 3 rows, 0 to 0.04 s; angle)
     """
 
     time: np.ndarray

@@ -25,6 +25,11 @@ class Reference:
 
     Raises:
         InputError: for another shape, or a value that is not finite.
+
+    Examples:
+        >>> import numpy as np
+        >>> Reference(np.ones((50, 3)), "one newton").values.shape
+        (50, 3)
     """
 
     values: np.ndarray

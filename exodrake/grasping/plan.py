@@ -243,6 +243,11 @@ def posture_controller(plan: Plan, robot: Robot, ki: float = KI, **durations: fl
     """The posture controller of a planned grasp, for a robot as its robot file describes it; the wearer may differ.
 
     Its integral gain ki [1/s] of 0 leaves the planned tensions as they are; durations as in `exo.grasp` [s].
+
+    Examples:
+        >>> import exodrake as exo
+        >>> posture_controller(exo.plan_grasp("caging", 0.06), exo.load_robot()).get_name()
+        'posture'
     """
     from exodrake.systems.posture_controller import PostureController, PosturePlan, damped_inverse
 

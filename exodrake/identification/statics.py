@@ -34,6 +34,12 @@ def find_maximum_tension(log: Log, robot: Robot | None = None) -> tuple[MaximumT
 
     Raises:
         InputError: a column is missing, or a tendon does not ramp up alone.
+
+    Examples:
+        >>> import exodrake as exo
+        >>> log = exo.simulate(exo.load_robot(), exo.maximum_tension(exo.load_robot()))
+        >>> [(found.tendon, round(found.tension, 1)) for found in find_maximum_tension(log)]
+        [('AF', 11.9), ('MF', 8.0), ('AE', 8.0)]
     """
     from scipy.stats import binned_statistic
 

@@ -38,6 +38,10 @@ def export_robot(robot: Robot, path: str | Path, form: str = "mjcf") -> None:
 
     Raises:
         InputError: for an unknown form, a robot that the form cannot hold, and a file that cannot be written.
+
+    Examples:
+        >>> import exodrake as exo
+        >>> export_robot(exo.load_robot("so101"), "so101.xml", "mjcf")
     """
     write_text(path, robot_as(argument("robot", robot, Robot), form))
 

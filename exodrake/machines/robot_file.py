@@ -171,7 +171,14 @@ def reference_unit(machine: Machine) -> str:
 
 
 def write_robot(robot: Robot, path: str | Path, notes: str = "") -> None:
-    """Writes `robot_text`. InputError if it cannot be written; the file is whole or not there."""
+    """Writes `robot_text`. InputError if it cannot be written; the file is whole or not there.
+
+    Examples:
+        >>> import exodrake as exo
+        >>> write_robot(exo.load_robot("emps"), "mine.yaml")
+        >>> exo.load_robot("mine.yaml")
+        Robot(emps from mine.yaml: 37 parameters; no effects)
+    """
     write_text(path, robot_text(argument("robot", robot, Robot), notes))
 
 

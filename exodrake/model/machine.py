@@ -218,6 +218,11 @@ class Machine:
         recorded: full name of a parameter -> its largest value [its unit] from the sizes of recorded signals by unit.
         resting: column kind of an effort -> that of the speed without which dry friction may hold any effort.
         nominal: the machine without variants that this one was made from; None if this one has no variants.
+
+    Examples:
+        >>> import exodrake as exo
+        >>> exo.load_robot("emps").machine
+        Machine(emps: carriage, scale, drive; 8 signals, 20 effects)
     """
 
     name: str

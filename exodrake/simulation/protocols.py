@@ -151,6 +151,11 @@ def short_sweeps(robot: Robot | None = None, *, period: float = 5.0) -> Referenc
     """Twelve of the sweeps in 60 s, as in the reference data: one other at 0, 33, 66, 100 %, the rest slack-free.
 
     The first tendon sweeps against the second, all later ones against the first. period: of one sweep [s].
+
+    Examples:
+        >>> import exodrake as exo
+        >>> short_sweeps(exo.load_robot()).values.shape
+        (3000, 3)
     """
     robot = robot_or_default(robot)
     tendons = len(robot.reference_limits()[1])
@@ -168,6 +173,11 @@ def maximum_tension(robot: Robot | None = None, *, ramp: float = 10.0, dwell: fl
 
     `identification.maximum_tension` reads from the log at which tension of each tendon the joints stop. The limits
     F_max of the robot file are then what is safe. ramp: duration up, and down [s]; dwell: before it, and at F_max [s].
+
+    Examples:
+        >>> import exodrake as exo
+        >>> maximum_tension(exo.load_robot()).values.shape
+        (3600, 3)
     """
     robot = robot_or_default(robot)
     time, frame = clock(robot, rest=dwell, up=ramp, dwell=dwell, down=ramp), robot.machine.frame

@@ -118,6 +118,12 @@ def from_log(path: str | Path, robot: Robot | None = None) -> Reference:
     Raises:
         InputError: for an unknown channel, a missing sample, a tension below 0, fewer than two rows, and another
             clock than the machine's.
+
+    Examples:
+        >>> import exodrake as exo
+        >>> exo.write_log(exo.simulate(exo.load_robot(), "caging"), "mine.csv")
+        >>> from_log("mine.csv").values.shape
+        (275, 3)
     """
     robot = robot_or_default(robot)
     machine = robot.machine

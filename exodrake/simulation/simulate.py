@@ -94,6 +94,11 @@ def record(
 
     Raises:
         InputError: the reference has another width than the machine, a parameter divides by zero, or the run diverges.
+
+    Examples:
+        >>> import exodrake as exo
+        >>> record(exo.load_robot(), "caging").signals["tension_read"].shape
+        (275, 3)
     """
     robot, reference = argument("robot", robot, Robot), argument("reference", reference, Reference, str)
     recording = run(robot, reference, seed, quantisation, engine, substeps)
@@ -182,6 +187,12 @@ def diagram_log(diagram: Diagram, context: Context, signals: Mapping[str, np.nda
 
     Returns:
         The columns of the machine.
+
+    Examples:
+        >>> import exodrake as exo
+        >>> diagram = exo.build_diagram(exo.load_robot(), exo.grasp("caging"))
+        >>> len(diagram_log(diagram, diagram.CreateDefaultContext()))
+        0
     """
     from exodrake.diagrams.diagram import check_diagram, find_parameter, logged_signals
 

@@ -94,6 +94,12 @@ def read_log(path: str | Path, required: Sequence[str] = (), complete: Sequence[
     Raises:
         InputError: naming file, column and row, for an unknown or unsuitable unit, a missing, doubled or empty column,
             text in a cell, a ragged row, an empty file and a clock that does not increase (`regularise` mends that).
+
+    Examples:
+        >>> import exodrake as exo
+        >>> exo.write_log(exo.simulate(exo.load_robot(), "caging"), "mine.csv")
+        >>> read_log("mine.csv")
+        Log(mine.csv: 275 rows, 0 to 5.48 s; tension_ref, tension, stroke, speed_cmd, angle)
     """
     log = read_table(path)
     check_columns(log, required, complete)
@@ -114,7 +120,12 @@ def read_table(path: str | Path) -> Log:
 
 
 def write_log(log: Log, path: str | Path) -> None:
-    """Writes a log in SI, whole or not at all; `read_log` gives it back to the last bit. InputError as `log_bytes`."""
+    """Writes a log in SI, whole or not at all; `read_log` gives it back to the last bit. InputError as `log_bytes`.
+
+    Examples:
+        >>> import exodrake as exo
+        >>> write_log(exo.simulate(exo.load_robot(), "caging"), "mine.npz")
+    """
     write_bytes(path, log_bytes(argument("log", log, Log), path))
 
 
