@@ -173,3 +173,11 @@ def test_a_robot_of_a_machine_of_ones_own_stands_alone_beside_its_folder(tmp_pat
     back = exo.load_robot(tmp_path / "all.yaml")
     assert back.effects() == {"servo.play": {"half_width": {"J1": 0.0, "J2": 0.02}}} and back["servo.ratio.J1"] == 0.9
     assert back.parameters()["servo.play.half_width.J2"].source == "fitted to b"
+
+
+def test_a_robot_file_that_is_not_there_is_answered_by_those_nearby(tmp_path):
+    (tmp_path / "answer").mkdir()
+    exo.write_robot(exo.load_robot("emps"), tmp_path / "answer" / "improved.yaml")
+    for name in ("improved.yaml", "answer/improved.yml"):
+        with pytest.raises(exo.InputError, match=r"no robot file .*; did you mean .*answer/improved\.yaml\?"):
+            exo.load_robot(tmp_path / name)

@@ -76,6 +76,9 @@ def load_robot(path: str | Path = "exo_index", above: tuple[str, ...] = ()) -> R
                 raise InputError(f"{path}: is a machine's folder; name it with --machine")
             if inside := sorted(map(str, file.glob("*.yaml"))):
                 raise InputError(f"{path}: is a folder; name a robot file, such as {inside[0]}")
+            if file.suffix in (".yaml", ".yml"):
+                there = [*file.parent.glob("*.yaml"), *file.parent.glob(f"*/{file.name}")]
+                raise InputError(f"no robot file {str(path)!r}{nearest(str(path), list(map(str, there)))}")
             names = list(robot_files())
             near, there = nearest(str(path), names), ", ".join(names)
             raise InputError(f"no robot file {str(path)!r}, nor a machine of that name{near or f'; there are {there}'}")
