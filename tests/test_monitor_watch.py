@@ -22,6 +22,7 @@ from exodrake.data.formats.csv import write
 from exodrake.data.import_log import read_mapping
 from exodrake.data.log import Log
 from exodrake.diagnosis.healthy import healthy_robot
+from exodrake.machines.position_servos import motor_machine
 from exodrake.monitor.alarm import choose_limits, date_rise, draw_work, measure_noise, share_at_most
 from exodrake.monitor.display import draw_screen
 from exodrake.monitor.watcher import Grid, Monitor, Tail, follow
@@ -78,6 +79,19 @@ def test_mapping_file_gives_the_rows_of_a_foreign_file(tmp_path, file, log):
     mapping.write_text(mapping.read_text().replace("offset: -1000", "filter: 5"))
     with pytest.raises(exo.InputError, match="exodrake import"):
         Tail(path, NOMINAL.machine, read_mapping(mapping))
+
+
+def test_a_growing_file_has_where_each_joint_stands_at_first(tmp_path):
+    """`take: first`, as in the mapping of `new-machine`, is the first sample that is there; a new log has its own."""
+    machine, names = motor_machine("arm", ("base",), 0.02, 2), ("angle_ref_base", "angle_base")
+    columns = ", ".join(f"{name}: {{name: {name}, unit: mrad}}" for name in names)
+    first = "angle_start_base: {of: angle_base, take: first}"
+    (tmp_path / "map.yaml").write_text(f"time: {{column: t, unit: s}}\ncolumns: {{{columns}}}\nderived: {{{first}}}\n")
+    path, rows = tmp_path / "live.csv", ["t,angle_ref_base,angle_base,current", "0,5,,0", "0.001,5,7,0", "0.002,5,9,0"]
+    path.write_text("\n".join([*rows, *rows[:1], "0,5,3,0", ""]))
+    tail = Tail(path, machine, read_mapping(tmp_path / "map.yaml"))
+    found = np.vstack([part.values for part in tail.poll()])[:, list(tail.wanted).index("angle_start_base")]
+    np.testing.assert_allclose(found, [np.nan, 7e-3, 7e-3, 3e-3])
 
 
 def test_half_lines_wait_and_units_are_converted(tmp_path, file, log):

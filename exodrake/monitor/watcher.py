@@ -12,7 +12,7 @@ import time
 from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from math import isinf, nan
+from math import isinf, isnan, nan
 from pathlib import Path
 
 import numpy as np
@@ -60,11 +60,15 @@ class Tail:
         self.layout = mapped or TextLayout()
         if mapped is not None and (  # only what converts each cell for itself, of a table with heading and time
             any(c.filter is not None or c.wrap is not None for c in mapped.columns)
-            or (mapped.derived or mapped.sync or mapped.skip or mapped.time is None or not mapped.heading)
+            or any(c.take != "first" or c.minus or c.filter is not None for c in mapped.derived)
+            or (mapped.sync or mapped.skip or mapped.time is None or not mapped.heading)
         ):
             raise InputError(
-                f"{path}: a growing file is mapped by name, unit, scale, offset, sign; else `exodrake import`"
+                f"{path}: a growing file is mapped by name, unit, scale, offset, sign, and what to `take: first`; else "
+                "`exodrake import`"
             )
+        derived, order = mapped.derived if mapped else (), list(self.wanted)
+        self.firsts = {order.index(c.name): (order.index(c.of), c) for c in derived if {c.name, c.of} <= {*order}}
         self.stream: io.BufferedReader | None = None
 
     def poll(self) -> Iterator[Rows]:
@@ -149,10 +153,11 @@ class Tail:
             names = [foreign.get(name, f"{name} (unmapped)") for name in names]
             for c in self.mapped.columns:
                 ends[c.name] = to_si(c.sign * (c.scale * line + c.offset), c.unit, source)
+        there = [*names, *(c.name for _, c in self.firsts.values())]
         for name, required in self.wanted.items():
-            if required and name not in names:
+            if required and name not in there:
                 raise MissingColumn(f"{self.path}: required column {name!r} is missing (found {', '.join(names)})")
-        self.heading = cells
+        self.heading, self.held = cells, dict.fromkeys(self.firsts, nan)
         self.places = [names.index(name) if name in names else None for name in self.wanted]
         self.shifts, second = np.transpose([ends.get(name, line) for name in self.wanted])
         self.factors = second - self.shifts
@@ -171,7 +176,12 @@ class Tail:
                 raise InputError(f"{where}: {cell[:40]!r} is not a number") from None
             if isinf(values[-1]) or (name == "time" and values[-1] != values[-1]):
                 raise InputError(f"{where}: {'infinite' if isinf(values[-1]) else 'empty'}")
-        return np.array(values) * self.factors + self.shifts
+        row = np.array(values) * self.factors + self.shifts
+        for place, (of, c) in self.firsts.items():
+            if isnan(self.held[place]):
+                self.held[place] = row[of] * c.scale + c.offset
+            row[place] = self.held[place]
+        return row
 
 
 class Grid:
