@@ -1,5 +1,7 @@
 """Units: every spelling, product and quotient in SI; a quantity of another kind is refused."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -66,6 +68,8 @@ def test_values_of_effects_have_ranges_too():
     robot = exo.load_robot().splice("tendon.slack", {"length": 2}, ["AF", "MF"])
     (note,) = implausible(robot)
     assert note.startswith("tendon.slack.length (AF, MF) = 2 m lies outside 0.0001 to 0.005 m; did you mean 2 mm?")
+    sources = dict.fromkeys(("tendon.slack.length.AF", "tendon.slack.length.MF"), "fitted to case on 2026-11-26")
+    assert not implausible(replace(robot, sources=robot.sources | sources))  # what a diagnosis found itself
     assert not implausible(exo.load_robot()) and not implausible(exo.load_robot("emps"))
 
 

@@ -81,7 +81,7 @@ def implausible(robot: Robot) -> list[str]:
     """A sentence for each parameter outside its plausible range, with the unit that may have been meant."""
     found = []
     for name, channels, one in alike(robot):
-        if not one.low <= one.value <= one.high:
+        if not one.low <= one.value <= one.high and not one.source.startswith("fitted to"):  # by a diagnosis
             words, at = one.texts, f" ({', '.join(channels)})" if channels else ""
             units = []  # with each occurrence of a symbol replaced, where that is a unit: N/m -> N/mm
             for symbol in MEANT:

@@ -132,7 +132,7 @@ def change_robot(
     for part in parts:
         robot = robot.with_part(part)
     numbers = dict(parse_number(text, robot) for text in parameters)
-    robot, spliced = robot.with_parameters(numbers), {}
+    robot, spliced = robot.with_parameters(numbers, "--set"), {}
     for effect in effects:
         identity, given = parse_effect(effect, robot)
         robot, spliced[identity] = robot.splice(identity, given, name_channels(given)), given
