@@ -229,6 +229,8 @@ def sweep_parameters(
         name, _, values = text.partition("=")
         try:
             ends = values.split(":")
+            if not name or len(ends) not in (1, 3):
+                raise ValueError
             grid[name.strip()] = (
                 np.linspace(float(ends[0]), float(ends[1]), int(ends[2])) if len(ends) == 3 else values.split(",")
             )
