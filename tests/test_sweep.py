@@ -85,3 +85,8 @@ def test_command_writes_table_and_figure(tmp_path):
     assert len((tmp_path / "out" / "sweep.csv").read_text().splitlines()) == 4
     refused = run("sweep", "caging")
     assert refused.exit_code == 2 and "one of --over, --robots and --diagnosis" in refused.stderr
+
+
+def test_a_range_that_is_not_low_high_count_is_refused_by_its_form():
+    found = run("sweep", "caging", "--over", f"{MU}=0.1:0.3")
+    assert found.exit_code == 2 and "is not NAME=VALUE,VALUE nor NAME=LOW:HIGH:COUNT" in found.stderr
