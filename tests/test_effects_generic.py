@@ -157,6 +157,7 @@ def test_two_sensors_of_one_machine_have_effects_of_their_own() -> None:
         for name, unit, size in (("p", "m", 2.0), ("q", "A", 3.0))
     )
     found = {effect.id: effect for part in (one, other) for effect in generic_effects(part)}
+    assert "p.backlash" in found and not {"q.backlash", "q.dead_zone"} & set(found)  # play is of travels
     assert found["p.offset"].at.keys() == {"reading_p.shown"} and found["q.offset"].at.keys() == {"reading_q.shown"}
     assert [found[i].parameters[0].unit for i in ("p.offset", "q.offset", "q.drift")] == ["m", "A", "A/s"]
     assert found["q.offset"].parameters[0].high == pytest.approx(0.9)

@@ -140,7 +140,12 @@ def test_every_effect_is_absent_at_its_null_value_and_bounded_over_its_range(nom
 
 @pytest.mark.parametrize(
     ("effect", "parameter", "value"),
-    [("coulomb_friction", "force", 0.1), ("lag", "time_constant", 0.06), ("duty_limit", "limit", 0.15)],
+    [
+        ("coulomb_friction", "force", 0.1),
+        ("lag", "time_constant", 0.06),
+        ("duty_limit", "limit", 0.15),
+        ("dead_band", "width", 0.03),
+    ],
 )
 def test_a_planted_effect_is_named_with_its_size(nominal, effect, parameter, value):
     worn = nominal.splice(f"servo.{effect}", {parameter: value}, ["elbow"])

@@ -71,15 +71,15 @@ def plugin_effects(parts: Iterable[Part], listed: Iterable[Effect]) -> tuple[Eff
 def generic_effects(part: Part) -> tuple[Effect, ...]:
     """The generic effects (`signal.*`, `sliding.*`) of a part's standard points, under ids of the part.
 
-    Ranges and units follow from the part's `scales`, and each channel of the part gets parameters of its own. Only a
-    sensor of a travel has play before it.
+    Ranges and units follow from the part's `scales`, and each channel of the part gets parameters of its own. Only
+    sensors of travel have play or a coupling centred by a spring before them.
     """
     own = {p.standard: p for p in part.points}
     travels = part.scales.get("value", (1.0, ""))[1] in ("rad", "m")
     names = {standard: point_key(part, p) for standard, p in own.items()}
     found = []
     for effect in (effect for effect in LIBRARY.values() if set(effect.at) <= set(own)):
-        if effect.id == "signal.backlash" and not travels:
+        if effect.id in ("signal.backlash", "signal.dead_zone") and not travels:
             continue
         axis, parameters = own[next(iter(effect.at))].axis, {}
         for p in effect.parameters:

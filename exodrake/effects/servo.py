@@ -3,7 +3,7 @@
 from math import cos, exp, inf
 
 from exodrake.effects.friction import bend_bristle, turn_bristle
-from exodrake.effects.signal import clip, cut_dead_zone, mix, scale, shift, take_up_play
+from exodrake.effects.signal import clip, mix, scale, shift, take_up_play
 from exodrake.model.effect import Effect, per_joint
 from exodrake.model.part import JOINTS, State
 from exodrake.physics.arithmetic import brake_dry
@@ -125,6 +125,16 @@ def settle_strands(dt, moved, setting, width, mu, spread, first, second, third):
     )
 
 
+def leave_small(error, width, jump):
+    """Error that the firmware acts on [rad]: none within a width, beyond it the whole error, or what exceeds the width.
+
+    e <- e - (1 - jump) width sgn(e) where |e| > width, else 0
+    """
+    if abs(error) <= width:
+        return 0.0
+    return error - (1.0 - jump) * width if error > 0.0 else error + (1.0 - jump) * width
+
+
 def drop_voltage(voltage, duty, back_emf, resistance, source):
     """Voltage of a supply [V] behind the resistance of its source and leads.
 
@@ -243,8 +253,9 @@ DEAD_BAND = Effect(
     id="servo.dead_band", summary="the firmware leaves small errors alone", family="dead zone",
     signature="the joint rests up to a width from its command, on the side that it came from",
     source="dead band registers of bus servos, 1-3 counts, more of hobby servos; range assumed",
-    at={"servo.firmware_error": cut_dead_zone}, formula="e = sgn(e) max(0, |e| - width)          e = q_ref - q",
-    parameters=(per_joint("width", "rad", null=0.0, low=0.002, high=0.1, default=0.02),),
+    at={"servo.firmware_error": leave_small},
+    parameters=(per_joint("width", "rad", null=0.0, low=0.002, high=0.1, default=0.02),
+                per_joint("jump", "-", null=1.0, low=0.0, high=1.0, default=0.5)),
 )  # fmt: skip
 DUTY_LIMIT = Effect(
     id="servo.duty_limit", summary="the firmware gives less than the whole supply", family="saturation",
