@@ -1,5 +1,7 @@
 """A case as a regression: noise, residuals of delayed, diverging and other robots."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -118,6 +120,22 @@ def test_residual_goes_on_in_a_straight_line_where_nothing_was_measured():
     subtract(found, measured, np.array([1.0, 2.0]))
     np.testing.assert_allclose(found[0, :, 0], line[:, 0])
     np.testing.assert_allclose(found[0, :, 1], np.minimum(line[:, 1] / 2.0, line[6, 1] / 2.0))
+
+
+def test_rows_that_a_log_lacks_are_bridged_and_nothing_counts_until_the_robot_has_settled(robot, case):
+    logs = []
+    for item in case.logs:
+        signals = {name: values.copy() for name, values in item.log.signals.items()}
+        for values in signals.values():
+            values[50:52] = values[100:120] = np.nan  # 40 ms, 0.4 s
+        logs.append(replace(item, log=replace(item.log, signals=signals)))
+    (trial,) = make_problem(replace(case, logs=tuple(logs)), robot).fit
+    (whole,) = make_problem(case, robot).fit
+    missing = np.isnan(trial.measured).all(axis=1)
+    assert missing[50:52].all() and missing[106:220].all() and missing.sum() < 2 + 122
+    for rows in (slice(49, 53), slice(99, 121)):
+        np.testing.assert_allclose(np.diff(trial.reference[rows], n=2, axis=0), 0.0, atol=1e-12)
+    np.testing.assert_array_equal(trial.reference[121:], whole.reference[121:])
 
 
 def test_run_that_divides_by_zero_is_bad_not_fatal(robot, case):

@@ -29,6 +29,8 @@ from exodrake.model.robot import Robot
 from exodrake.simulation.simulate import delay_columns
 
 ROWS = 4  # robots simulated at once: their records stay in the cache
+# s without a row after which the robot may be anywhere until it has settled, and s that this takes; assumed
+GAP, SETTLED = 0.1, 2.0
 STILL = 0.02  # of a joint's largest speed: below it the joint counts as at rest; assumed
 WILD = 1e4  # residuals are clipped here [noise_std]: a diverging candidate is bad, not infinite
 
@@ -271,7 +273,7 @@ def make_problem(case: Case, robot: Robot, tried: frozenset[str] | None = None) 
     Args:
         case: logs; repeats of a trial in its session count for the noise only. Without repeats, sensors are as noisy as
             the robot file says or as the logs show, whichever is more. Logs that are too short are left out. A missing
-            reference keeps its last value.
+            reference keeps its last value, in a missing row it goes on in a straight line.
         robot: nominal robot.
         tried: ids of the effects to try; by default all that are not `not_tried`.
 
@@ -287,8 +289,11 @@ def make_problem(case: Case, robot: Robot, tried: frozenset[str] | None = None) 
     columns, resting = find_columns(case, robot.machine), find_resting(case, robot.machine)
 
     def make_trial(item: CaseLog) -> Trial:
-        reference = fill_columns(reference_rows(robot.machine, item.log))
-        measured = np.column_stack([np.where(resting(item, c), np.nan, item.log[c]) for c in columns])
+        reference, measured = reference_rows(robot.machine, item.log), np.column_stack([item.log[c] for c in columns])
+        gone = np.isnan(reference).any(axis=1) & np.isnan(measured).all(axis=1)
+        reference = bridge(fill_columns(reference), gone)
+        measured[after_gaps(gone, robot.machine.frame)] = np.nan
+        measured[np.column_stack([np.broadcast_to(resting(item, c), len(measured)) for c in columns])] = np.nan
         return Trial(item.file, item.role, reference, measured, whole=item.protocol == EXPERIMENT)
 
     return Problem(
@@ -301,6 +306,27 @@ def make_problem(case: Case, robot: Robot, tried: frozenset[str] | None = None) 
         tried=frozenset(e.id for e in robot.machine.effects if not e.not_tried) if tried is None else tried,
         noisier=noisier,
     )
+
+
+def bridge(rows: np.ndarray, gone: np.ndarray) -> np.ndarray:
+    """Signals (n, columns) in a straight line over the rows (n,) that a log lacks."""
+    at = np.arange(len(rows))
+    if not gone.any() or gone.all():
+        return rows
+    return np.column_stack([np.interp(at, at[~gone], column[~gone]) for column in rows.T])
+
+
+def after_gaps(gone: np.ndarray, frame: float) -> np.ndarray:
+    """Mask (n,) of the rows about which nothing is known, since a robot has not settled after a gap in its log.
+
+    gone: (n,) rows that the log lacks; frame: its period [s].
+    """
+    out, length = gone.copy(), 0
+    for k in range(len(gone)):
+        length = length + 1 if gone[k] else 0
+        if length * frame > GAP:
+            out[k : k + 1 + round(SETTLED / frame)] = True
+    return out
 
 
 def find_resting(case: Case, machine: Machine) -> Callable[[CaseLog, str], np.ndarray | bool]:
