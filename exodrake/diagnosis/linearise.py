@@ -172,8 +172,9 @@ def scaled_points(parameters: Sequence[Parameter], start: np.ndarray, amplitudes
     for x in limits(lead)[1:] if lead.channels != ("",) else ():
         found.append(start.copy())
         found[-1][list(amplitudes)] = x
+    channels = {channel for p in parameters for channel in p.channels}
     for i, p in enumerate(parameters):
-        if not p.amplitude and (len(p.channels) > 1 or p.channels == ("",)):
+        if not p.amplitude and set(p.channels) == channels:
             low, high = p.bounds if first[i] > 0.5 * sum(p.bounds) else p.bounds[::-1]
             found.append(first.copy())
             found[-1][i] = ELSEWHERE * low + (1.0 - ELSEWHERE) * high

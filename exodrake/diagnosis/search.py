@@ -291,8 +291,11 @@ class Search:
                 found.setdefault(predicted.probe.effect, predicted)
         return list(found.values())
 
-    def expand(self, key: frozenset[str], fitted: int = FITTED, exchange: bool = False) -> None:
+    def expand(self, key: frozenset[str], fitted: int = FITTED, place: str = "") -> None:
         """Fit the most promising effects beside a set, which had new directions there.
+
+        place: effect in whose place they are; laws of its kind come first, as the linear model says little of their
+        shapes.
 
         Beside the best set all effects have where it leaves much: one may act only where this set has brought it. Where
         none of those that are fitted takes up half of that, the next ones are fitted, too. Of single effects the next
@@ -303,15 +306,19 @@ class Search:
         self.expanded.add(key)
         e, lin = self.sets[key].explanation, self.lin
         likelihood = self.likelihood.scaled_to(e.residual)
-        far = bool(key) and self.sets[key].excess > 1.0 and not exchange  # noise variances
+        far = bool(key) and self.sets[key].excess > 1.0 and not place  # noise variances
+        kinds = {x.id: (x.block, name_kind(x)) for x in self.effects}
+        alike = {i for i, kind in kinds.items() if kind == kinds.get(place)}
         if key:
-            promising = {p.probe.effect for p in self.screen_beside(e, lin)[: None if far else LOOKED]}
+            promising = alike | {p.probe.effect for p in self.screen_beside(e, lin)[: None if far else LOOKED]}
             some = [x for x in self.effects if x.id in promising]
             lin = linearise(likelihood.for_stage("linearise again"), e.robot, some, e.residual)
-        kinds = {(x.block, name_kind(x)) for x in self.effects if x.id in key and name_kind(x) in ONE}
-        barred = self.barred | {x.id for x in self.effects if (x.block, name_kind(x)) in kinds}
+        taken = {kinds[i] for i in key if i in kinds and kinds[i][1] in ONE}
+        barred = self.barred | {i for i, kind in kinds.items() if kind in taken}
         predicted = [p for p in self.screen_beside(e, lin) if p.probe.effect not in barred]
         new = [p for p in predicted if key | {p.probe.effect} not in self.sets]
+        new.sort(key=lambda p: p.probe.effect not in alike)
+        fitted += sum(p.probe.effect in alike for p in new)
         self.progress(Stage.FIT, e.name)
         left, most = self.sets[key].excess * (HALF if key else 1.0 - LARGE), 2 * fitted if far else fitted
         for at in range(0, most if key else len(new), fitted):
@@ -375,7 +382,7 @@ class Search:
             if self.best.effects != best.effects:
                 continue
             for effect in sorted(best.effects):
-                self.expand(best.effects - {effect}, exchange=True)
+                self.expand(best.effects - {effect}, place=effect)
             if self.best.effects == best.effects:
                 break
         best = self.plainer(self.best)
