@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -146,6 +147,7 @@ def answer(found: Isolation, started: float, progress: StageProgress) -> Diagnos
         "best": best.chi2,
     }
     prediction = {f"prediction_error_{name}": float(chi2[1]) for name, chi2 in robots.items() if len(chi2) > 1}
+    stated = {name: change_robot(problem, values, problem.case.name) for name, values in rows.items()}
     made = Diagnosis(
         case=problem.case.name,
         verdict=word,
@@ -161,9 +163,9 @@ def answer(found: Isolation, started: float, progress: StageProgress) -> Diagnos
         candidates=tuple(sorted(candidates, key=lambda c: -c.evidence)),
         baselines=choose_baselines(found),
         reasons=decision.reasons,
-        notes=write_notes(found, best),
+        notes=write_notes(found, best, stated["improved"]),
         run_time=time.perf_counter() - started,
-        robots={name: change_robot(problem, values, problem.case.name) for name, values in rows.items()},
+        robots=stated,
         evidence={name: float(chi2[0]) for name, chi2 in robots.items()} | prediction,
         # to a millisecond: fits side by side add their times in any order
         simulated={stage: round(spent, 3) for stage, spent in found.likelihood.simulated.items()},
@@ -229,10 +231,11 @@ def choose_baselines(found: Isolation) -> dict[str, str]:
     return {method: f.explanation.name for method, f in chosen.items()}
 
 
-def write_notes(found: Isolation, best: Fitted) -> tuple[str, ...]:
+def write_notes(found: Isolation, best: Fitted, improved: Robot) -> tuple[str, ...]:
     """Remarks beside the verdict: on the logs and their noise, on the part that was used, on the calibration."""
     problem, machine = found.whole, found.whole.robot.machine
-    notes = [*problem.case.notes, *suspicions(compare(problem.case, problem.stated))]
+    with_improved = partial(compare, problem.case, improved)
+    notes = [*problem.case.notes, *suspicions(compare(problem.case, problem.stated), with_improved)]
     for name in problem.noisier:
         level = in_words(problem.robot[name], machine.parameters[machine.index[name]].unit)
         notes.append(f"the noise of the logs counts: {name} of {level}")

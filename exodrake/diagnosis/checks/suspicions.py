@@ -46,9 +46,15 @@ DRIFTING = 7.0  # standard errors of a slope; predictions err alike for long, so
 ALONE = 0.75  # of an error, from which its cause is named
 
 
-def suspicions(comparison: Comparison) -> tuple[str, ...]:
-    """Sentences on what is suspicious about a case, none for a good one, whatever effects its robot has."""
-    return tuple(shorten(sentence, LONGEST) for check in CHECKS for sentence in check(comparison))
+def suspicions(comparison: Comparison, improved: Callable[[], Comparison] | None = None) -> tuple[str, ...]:
+    """Sentences on what is suspicious about a case, none for a good one, whatever effects its robot has.
+
+    improved: the comparison with the improved robot of a diagnosis, which explains why logs differ if it does.
+    """
+    found = {check: [shorten(sentence, LONGEST) for sentence in check(comparison)] for check in CHECKS}
+    if found[unlike_other_logs] and improved and not any(unlike_other_logs(improved())):
+        found[unlike_other_logs] = []
+    return tuple(sentence for said in found.values() for sentence in said)
 
 
 def group[K, V](pairs: Iterable[tuple[K, V]]) -> list[tuple[K, list[V]]]:
