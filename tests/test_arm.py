@@ -179,6 +179,15 @@ def test_both_engines_agree_to_the_last_bit(closed):
         assert all(np.array_equal(logs[0][c], logs[1][c]) for c in logs[0].columns if c.startswith(kind))
 
 
+def test_a_controller_that_compensates_no_gravity_is_one_without_a_model(closed):
+    """The effect takes away the share that the robot file states."""
+    sagging = closed.splice("arm_drive.gravity_compensation", {"share": -1.0})
+    bare = closed.with_parameters(dict.fromkeys((n for n in closed.machine.index if "drive.feedforward" in n), 0.0))
+    one, other, plain = (exo.simulate(robot, "random-motion:duration=2,seed=1", 1) for robot in (sagging, bare, closed))
+    assert all(np.array_equal(one[c], other[c]) for c in one.columns)
+    assert any(np.abs(one[c] - plain[c]).max() > 0.01 for c in one.columns if c.startswith("joint_position"))
+
+
 def test_the_closed_loop_follows_its_references(closed):
     log = exo.simulate(closed, "random-motion:duration=6,fastest=0.2", seed=None)
     for joint in closed.machine.axes.joints:

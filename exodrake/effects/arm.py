@@ -24,6 +24,13 @@ ENCODER_OFFSET = Effect(
     formula="q_j = measured + offset          the arm stands elsewhere than measured",
     parameters=(per_joint("offset", "rad", null=0.0, low=-0.3, high=0.3, default=0.05),),
 )  # fmt: skip
+GRAVITY_COMPENSATION = Effect(
+    id="arm_drive.gravity_compensation", summary="the controller gives another share of the arm's weight than stated",
+    family="load", signature="joints sag by their weight over their stiffness, as far as posture says; encoders see it",
+    source="controllers without a model of the arm, or with one of another load: share of -1; range assumed",
+    at={"arm_drive.compensated": shift}, formula="tau_ref = PD + (feedforward + share) g(q)",
+    parameters=(per_joint("share", "-", null=0.0, low=-1.0, high=0.5, default=-0.5),), same_meaning=True,
+)  # fmt: skip
 JOINT_COMPLIANCE = Effect(
     id="arm.joint_compliance", summary="elastic transmission between motor and joint", family="elasticity",
     signature="position at the motor off in proportion to the effort; a resonance of rotor against link",

@@ -267,7 +267,8 @@ def mechanism(robot: Robot) -> Mechanism:
             robot[f"arm.dry_friction.{j}"] + value(f"arm.coulomb_friction.force.{j}")
             + value(f"cable.dry_friction.{j}") / abs(ratio),
         ))  # fmt: skip
-        believed = value(f"drive.mass.{j}") * value(f"drive.feedforward.{j}")
+        share = value(f"drive.feedforward.{j}") + value(f"arm_drive.gravity_compensation.share.{j}")
+        believed = value(f"drive.mass.{j}") * share
         drives.append(Drive(
             kp=value("drive.kp") * value(f"drive.stiffness.{j}"), kv=value("drive.kd") * value(f"drive.viscosity.{j}"),
             gravity=believed / mass if mass else 0.0,
@@ -291,7 +292,7 @@ def mechanism(robot: Robot) -> Mechanism:
         Chain(joints, tuple(chain), tuple(bodies), np.array([robot[f"arm.tip_{axis}"] for axis in "xyz"])),
         tuple(drives), min(robot.machine.slot, robot.machine.frame / 4), frozenset(f"arm.{name}" for name in stated),
         payload=payload,
-        borne=value("drive.tip_mass") * value(f"drive.feedforward.{joints[-1]}") / payload if payload else 0.0,
+        borne=value("drive.tip_mass") * share / payload if payload else 0.0,
         tilt=(robot["arm.base_roll"], robot["arm.base_pitch"]), gravity=robot["arm.gravity"], notes=tuple(notes),
     )  # fmt: skip
 
