@@ -56,13 +56,16 @@ def test_as_many_tasks_as_threads_run_at_once(limit):
 
 
 def test_after_an_error_no_task_begins_and_it_is_raised(limit):
-    begun = []
+    begun, failed = [], threading.Event()
 
     def task(k):
         begun.append(k)
-        time.sleep(0.002)
         if k == 1:
+            failed.set()
             raise ZeroDivisionError
+        if k:
+            failed.wait()
+            time.sleep(0.2)  # longer than an error takes to be seen
         return k
 
     with pytest.raises(ZeroDivisionError):
