@@ -286,14 +286,14 @@ def make_problem(case: Case, robot: Robot, tried: frozenset[str] | None = None) 
     noise = {} if case.repeat_groups else logged_noise(compare(case, robot))
     noisier = {name: robot[name] for name in noise}
     robot = robot.with_parameters(noise, source="the logs") if noise else robot
-    columns, resting = find_columns(case, robot.machine), find_resting(case, robot.machine)
+    columns = find_columns(case, robot.machine)
 
     def make_trial(item: CaseLog) -> Trial:
         reference, measured = reference_rows(robot.machine, item.log), np.column_stack([item.log[c] for c in columns])
         gone = np.isnan(reference).any(axis=1) & np.isnan(measured).all(axis=1)
         reference = bridge(fill_columns(reference), gone)
         measured[after_gaps(gone, robot.machine.frame)] = np.nan
-        measured[np.column_stack([np.broadcast_to(resting(item, c), len(measured)) for c in columns])] = np.nan
+        measured[np.column_stack([at_rest(item, c, case, robot.machine) for c in columns])] = np.nan
         return Trial(item.file, item.role, reference, measured, whole=item.protocol == EXPERIMENT)
 
     return Problem(
@@ -329,23 +329,15 @@ def after_gaps(gone: np.ndarray, frame: float) -> np.ndarray:
     return out
 
 
-def find_resting(case: Case, machine: Machine) -> Callable[[CaseLog, str], np.ndarray | bool]:
-    """Which readings (n,) of a column in a log count as missing: those of a joint at rest, which friction may hold.
-
-    Samples about standstill are left out of the identification of friction, too (Swevers et al. 1997).
-    """
-
-    def find_speed(column: str) -> str:
-        kind, _, channel = column.rpartition("_")
-        return f"{machine.resting[kind]}_{channel}" if kind in machine.resting else ""
-
-    def find(item: CaseLog, column: str) -> np.ndarray | bool:
-        if not (name := find_speed(column)) or not item.log.has(name):
-            return False
-        speeds = [np.abs(one.log[name]) for one in case.fit_logs if one.log.has(name)]
-        return np.abs(item.log[name]) < STILL * max(np.nanmax(speed, initial=0.0) for speed in speeds)
-
-    return find
+def at_rest(item: CaseLog, column: str, case: Case, machine: Machine) -> np.ndarray:
+    """Which readings (n,) of a column count as missing: efforts of a joint at rest, as dry friction may hold any."""
+    kind, _, channel = column.rpartition("_")
+    name = f"{machine.resting.get(kind)}_{channel}"
+    if name not in item.log.signals:
+        return np.zeros(len(item.log), dtype=bool)
+    speeds = [np.abs(one.log[name]) for one in case.fit_logs if name in one.log.signals]
+    largest = max((np.nanmax(speed, initial=0.0) for speed in speeds), default=0.0)
+    return np.abs(item.log[name]) < STILL * largest
 
 
 def choose_tried(machine: Machine, only: Sequence[str] = (), without: Sequence[str] = ()) -> frozenset[str]:
