@@ -5,8 +5,9 @@ import pytest
 from diagnosis_cases import friction_problem
 
 from exodrake.diagnosis.likelihood import output_error
-from exodrake.diagnosis.linearise import PROBE, linearise, nominal_jacobian, probes
-from exodrake.diagnosis.parameter import apply, nominal_parameters
+from exodrake.diagnosis.linearise import PROBE, linearise, nominal_jacobian, probes, scaled_points
+from exodrake.diagnosis.parameter import apply, effect_parameters, nominal_parameters
+from exodrake.machines.robot_file import load_robot
 
 
 @pytest.fixture(scope="module")
@@ -76,3 +77,20 @@ def test_probes_stay_within_the_bounds_of_a_fit(problem):
             for factors in (probe.low, probe.high):
                 x = probe.coordinates(factors)
                 assert (x >= low - 1e-9).all() and (x <= high + 1e-9).all()
+
+
+@pytest.mark.parametrize(
+    ("machine", "effect", "shapes"),
+    [
+        ("exo_index", "motor.slow_velocity_loop", 2),
+        ("tendon_sheath", "sheath.capstan_play", 2),
+        ("so101", "servo.lag", 0),
+    ],
+)
+def test_shapes_of_a_law_are_tried_at_two_places_on_any_machine(machine, effect, shapes):
+    known = load_robot(machine).machine
+    parameters = effect_parameters(known, known.effect(effect))
+    amplitudes = tuple(i for i, p in enumerate(parameters) if p.amplitude)
+    points = scaled_points(parameters, np.array([p.start for p in parameters]), amplitudes)
+    moved = {i for x in points[1:] for i in np.flatnonzero(x != points[0])}
+    assert len(points) == 1 + shapes and not moved & set(amplitudes)

@@ -160,21 +160,17 @@ def probes(problem: Problem, effect: Effect, here: np.ndarray, at: int) -> list[
 def scaled_points(parameters: Sequence[Parameter], start: np.ndarray, amplitudes: Sequence[int]) -> list[np.ndarray]:
     """Coordinates at which directions are taken channel by channel.
 
-    A modest amplitude, further parameters at their initial values and elsewhere in their ranges; a limit that the
-    motion does not reach shows nothing, so that it is tried further down, too.
+    A modest amplitude, further parameters at their initial values and elsewhere in their ranges.
     """
     if not amplitudes:
         return []
-    first, lead = start.copy(), parameters[amplitudes[0]]
+    first = start.copy()
     for i in amplitudes:
         first[i] = PROBE * (start[i] if start[i] != 0.0 else parameters[i].scale)
     found = [first]
-    for x in limits(lead)[1:] if lead.channels != ("",) else ():
-        found.append(start.copy())
-        found[-1][list(amplitudes)] = x
-    channels = {channel for p in parameters for channel in p.channels}
+    channels = {channel for i in amplitudes for channel in parameters[i].channels}
     for i, p in enumerate(parameters):
-        if not p.amplitude and set(p.channels) == channels:
+        if not p.amplitude and (p.channels == ("",) or set(p.channels) == channels):
             low, high = p.bounds if first[i] > 0.5 * sum(p.bounds) else p.bounds[::-1]
             found.append(first.copy())
             found[-1][i] = ELSEWHERE * low + (1.0 - ELSEWHERE) * high
@@ -189,7 +185,10 @@ def limits(lead: Parameter) -> list[float]:
 
 
 def fixed_points(parameters: Sequence[Parameter], start: np.ndarray, amplitudes: Sequence[int]) -> list[np.ndarray]:
-    """Coordinates that are taken as they are: all channels at once, or a grid for an effect of the whole robot."""
+    """Coordinates that are taken as they are: all channels at once, or a grid for an effect of the whole robot.
+
+    A limit that the motion does not reach shows nothing: it is taken down through its range.
+    """
     if amplitudes and parameters[amplitudes[0]].channels != ("",):
         ends, found = np.array([p.bounds for p in parameters]).T, []
         for x in limits(parameters[amplitudes[0]]) or [STRONG * start[list(amplitudes)]]:
