@@ -138,39 +138,31 @@ def test_every_effect_is_absent_at_its_null_value_and_bounded_over_its_range(nom
                 assert all(np.array_equal(log[c], plain[c]) for c in plain.columns), effect.id
 
 
-@pytest.mark.parametrize(
-    ("effect", "parameter", "value"),
-    [
-        ("coulomb_friction", "force", 0.1),
-        ("lag", "time_constant", 0.06),
-        ("duty_limit", "limit", 0.15),
-        ("dead_band", "width", 0.03),
-    ],
-)
-def test_a_planted_effect_is_named_with_its_size(nominal, effect, parameter, value):
-    worn = nominal.splice(f"servo.{effect}", {parameter: value}, ["elbow"])
+def diagnose_planted(nominal, effect, **parameters):
+    """The diagnosis of a robot with an effect in one joint."""
+    worn = nominal.splice(f"servo.{effect}", parameters, ["elbow"])
     logs = [exo.simulate(worn, exo.protocol(f"random-motion:duration=12,seed={k}", worn), seed=k) for k in range(2)]
     items = [CaseLog(log, "motion", role, None, f"{role}.csv") for log, role in zip(logs, ("fit", "holdout"))]
-    found = exo.diagnose(Case("planted", {}, tuple(items), nominal.machine.frame), nominal)
+    return exo.diagnose(Case("planted", {}, tuple(items), nominal.machine.frame), nominal)
+
+
+@pytest.mark.parametrize(
+    ("effect", "parameter", "value"),
+    [("coulomb_friction", "force", 0.1), ("lag", "time_constant", 0.06), ("duty_limit", "limit", 0.15)],
+)
+def test_a_planted_effect_is_named_with_its_size(nominal, effect, parameter, value):
+    found = diagnose_planted(nominal, effect, **{parameter: value})
     assert found.verdict == "NAMED", found.reasons
     assert [e.id for e in found.effects if e.role == "cause"] == [f"servo.{effect}"]
     assert found.robots["improved"][f"servo.{effect}.{parameter}.elbow"] == pytest.approx(value, rel=0.1)
 
 
-def test_a_loop_whose_joint_friction_holds_is_analysed_and_tuned(nominal):
-    """Small steps do not move it: no margins, and a note says how to see it in motion; nothing raises."""
-    stuck = add_controller(nominal.splice("servo.coulomb_friction", {"force": 0.25}))
-    found = exo.analyse(stuck)
-    assert found.returns and np.isnan(found.responses[0].bandwidth) and not found.margins[0].loop.any()
-    assert any("--set servo.coulomb_friction.force=0 shows the loop in motion" in note for note in found.notes)
-    with warnings.catch_warnings(action="error"):
-        assert {"steps.png", "bode.png"} <= set(draw_figures(found)) and "nyquist.png" not in draw_figures(found)
-        parameters = {"force": {"value": 0.25, "low": 0.2, "high": 0.3, "unit": "N m"}}
-        effect = {"id": "servo.coulomb_friction", "wires": [], "joints": ["elbow"], "parameters": parameters}
-        answer = {"verdict": "NAMED", "effects": [effect | {"channels": {}}], "equivalents": []}
-        assert np.isfinite(assess_answer(stuck, answer, draws=2).deviation).all()
-    tuned = exo.tune(stuck, only=("I",), draws=0, judges=1)
-    assert tuned.best is None and tuned.limit is not None and tuned.limit.lqg is None
+@pytest.mark.parametrize("jump", [0.0, 1.0])
+def test_the_first_cause_is_a_dead_band_whether_or_not_the_error_jumps_at_its_edge(nominal, jump):
+    """Beside it an effect of little share may stand in for the jump, at which a residual is not smooth."""
+    found = diagnose_planted(nominal, "dead_band", width=0.03, jump=jump)
+    assert found.effects[0].id == "servo.dead_band" and found.effects[0].share.value > 0.8
+    assert found.robots["improved"]["servo.dead_band.width.elbow"] == pytest.approx(0.03, rel=0.1)
 
 
 def test_a_kind_of_servo_is_refused_for_an_arm(tmp_path):

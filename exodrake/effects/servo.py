@@ -255,7 +255,7 @@ DEAD_BAND = Effect(
     source="dead band registers of bus servos, 1-3 counts, more of hobby servos; range assumed",
     at={"servo.firmware_error": leave_small},
     parameters=(per_joint("width", "rad", null=0.0, low=0.002, high=0.1, default=0.02),
-                per_joint("jump", "-", null=1.0, low=0.0, high=1.0, default=0.5)),
+                per_joint("jump", "-", null=0.0, low=0.0, high=1.0, default=0.0)),
 )  # fmt: skip
 DUTY_LIMIT = Effect(
     id="servo.duty_limit", summary="the firmware gives less than the whole supply", family="saturation",
