@@ -165,6 +165,22 @@ def test_the_first_cause_is_a_dead_band_whether_or_not_the_error_jumps_at_its_ed
     assert found.robots["improved"]["servo.dead_band.width.elbow"] == pytest.approx(0.03, rel=0.1)
 
 
+def test_a_loop_whose_joint_friction_holds_is_analysed_and_tuned(nominal):
+    """Small steps do not move it: no margins, and a note says how to see it in motion; nothing raises."""
+    stuck = add_controller(nominal.splice("servo.coulomb_friction", {"force": 0.25}))
+    found = exo.analyse(stuck)
+    assert found.returns and np.isnan(found.responses[0].bandwidth) and not found.margins[0].loop.any()
+    assert any("--set servo.coulomb_friction.force=0 shows the loop in motion" in note for note in found.notes)
+    with warnings.catch_warnings(action="error"):
+        assert {"steps.png", "bode.png"} <= set(draw_figures(found)) and "nyquist.png" not in draw_figures(found)
+        parameters = {"force": {"value": 0.25, "low": 0.2, "high": 0.3, "unit": "N m"}}
+        effect = {"id": "servo.coulomb_friction", "wires": [], "joints": ["elbow"], "parameters": parameters}
+        answer = {"verdict": "NAMED", "effects": [effect | {"channels": {}}], "equivalents": []}
+        assert np.isfinite(assess_answer(stuck, answer, draws=2).deviation).all()
+    tuned = exo.tune(stuck, only=("I",), draws=0, judges=1)
+    assert tuned.best is None and tuned.limit is not None and tuned.limit.lqg is None
+
+
 def test_a_kind_of_servo_is_refused_for_an_arm(tmp_path):
     said = run("new-machine", tmp_path / "a", "--urdf", "linear_axis", "--servo", "motor")
     assert said.exit_code == 2 and "--servo is of a machine of position servos" in said.stderr
