@@ -153,7 +153,7 @@ def diagnose_planted(nominal, effect, **parameters):
 def test_a_planted_effect_is_named_with_its_size(nominal, effect, parameter, value):
     found = diagnose_planted(nominal, effect, **{parameter: value})
     assert found.verdict == "NAMED", found.reasons
-    assert [e.id for e in found.effects if e.role == "cause"] == [f"servo.{effect}"]
+    assert [e.id for e in found.effects] == [f"servo.{effect}"]
     assert found.robots["improved"][f"servo.{effect}.{parameter}.elbow"] == pytest.approx(value, rel=0.1)
 
 

@@ -105,9 +105,7 @@ def show(result: exo.ClosedLoop) -> None:
         if abs(pole.z) >= SHOWN and pole.z.imag >= 0.0:
             place = f"{pole.z.real:+.3f}" + (f" ±{pole.z.imag:.3f}i" if pole.z.imag else "")
             rest = (f"{v:.3g}" for v in (pole.frequency, pole.damping))
-            time = pole.time_constant
-            fold = "stays" if math.isinf(time) else f"{'grows' if time < 0.0 else 'decays'} in {abs(time):.3g} s"
-            poles.append((f"{abs(pole.z):.4f}", place, *rest, fold, pole.state))
+            poles.append((f"{abs(pole.z):.4f}", place, *rest, describe_course(pole.time_constant), pole.state))
     options.print_table(("channel", *(f">{name}\n\\[{unit}]" for name, unit in FIGURES.items())), rows)
     click.echo()
     options.print_table((">|z|", ">z", ">frequency\n\\[Hz]", ">damping\n\\[-]", "e-fold\n", "mostly in"), poles)
@@ -124,6 +122,12 @@ def show(result: exo.ClosedLoop) -> None:
         click.echo(f"over {band.name} ({', '.join(counts)}): {text or 'no margins'}")
     for line in (*uncertainty_lines(result), verdict(result), *(f"note: {note}" for note in result.notes)):
         click.echo(line)
+
+
+def describe_course(time_constant: float) -> str:
+    """What becomes of a mode, from its time constant [s]; by e in the time that is said."""
+    grows = time_constant < 0.0
+    return "stays" if math.isinf(time_constant) else f"{'grows' if grows else 'decays'} in {abs(time_constant):.3g} s"
 
 
 def uncertainty_lines(result: exo.ClosedLoop) -> list[str]:
