@@ -69,7 +69,7 @@ class Isolation:
         before, after = (max(float(np.mean(row**2)) - 1.0, 0.0) for row in rows)
         return float(np.clip(after / max(before, 1e-12), 1e-6, 1.0))
 
-    @cached_property
+    @property
     def differs_between_runs(self) -> bool:
         """Whether most of the gap differs from run to run, so that retuning seems to leave nothing.
 

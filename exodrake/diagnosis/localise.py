@@ -15,7 +15,7 @@ from exodrake.data.log import fill_gaps
 from exodrake.diagnosis.intervals import describe, fitted_effects
 from exodrake.diagnosis.isolation import Isolation
 from exodrake.diagnosis.likelihood import written_by
-from exodrake.diagnosis.problem import Problem, Trial, by_trial
+from exodrake.diagnosis.problem import STILL, Problem, Trial, by_trial
 from exodrake.diagnosis.result import CAUSE, NO_GAP, RETUNE, NamedEffect, Where
 from exodrake.diagnosis.search import LARGE, Fitted, is_memory, screen
 from exodrake.model.part import JOINTS, SCALAR, TENDONS
@@ -25,7 +25,6 @@ AFFECTED = 0.25  # share of the strongest channel's residual power, half its amp
 BINS = 10
 SLOW = 1.0  # Hz: below it a residual counts as slow
 SMOOTH = 15  # frames over which the steps of an encoder are averaged for direction and speed
-CRAWL = 0.02  # of the fastest motion: slower channels count as at rest; assumed
 
 
 def localise(found: Isolation, verdict: str, effects: tuple[NamedEffect, ...]) -> Where:
@@ -141,7 +140,7 @@ def motion(position: np.ndarray, width: int, still: float | None, period: float)
     from scipy.ndimage import uniform_filter1d
 
     speed = np.gradient(uniform_filter1d(position, width, mode="nearest"), period)
-    still = CRAWL * np.abs(speed).max() if still is None else still
+    still = STILL * np.abs(speed).max() if still is None else still
     direction, frames = np.where(np.abs(speed) < still, 0.0, np.sign(speed)), np.arange(len(position))
     turned = np.concatenate([[True], direction[1:] != direction[:-1]])
     return {

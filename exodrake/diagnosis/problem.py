@@ -31,7 +31,7 @@ from exodrake.simulation.simulate import delay_columns
 ROWS = 4  # robots simulated at once: their records stay in the cache
 # s without a row after which the robot may be anywhere until it has settled, and s that this takes; assumed
 GAP, SETTLED = 0.1, 2.0
-STILL = 0.02  # of a joint's largest speed: below it the joint counts as at rest; assumed
+STILL = 0.02  # of a channel's largest speed: below it the channel counts as at rest; assumed
 WILD = 1e4  # residuals are clipped here [noise_std]: a diverging candidate is bad, not infinite
 
 
@@ -287,13 +287,16 @@ def make_problem(case: Case, robot: Robot, tried: frozenset[str] | None = None) 
     noisier = {name: robot[name] for name in noise}
     robot = robot.with_parameters(noise, source="the logs") if noise else robot
     columns = find_columns(case, robot.machine)
+    resting = find_resting(case, robot.machine, columns)
 
     def make_trial(item: CaseLog) -> Trial:
         reference, measured = reference_rows(robot.machine, item.log), np.column_stack([item.log[c] for c in columns])
         gone = np.isnan(reference).any(axis=1) & np.isnan(measured).all(axis=1)
         reference = bridge(fill_columns(reference), gone)
         measured[after_gaps(gone, robot.machine.frame)] = np.nan
-        measured[np.column_stack([at_rest(item, c, case, robot.machine) for c in columns])] = np.nan
+        for i, (speed, least) in resting.items():
+            if speed in item.log.signals:
+                measured[np.abs(item.log[speed]) < least, i] = np.nan
         return Trial(item.file, item.role, reference, measured, whole=item.protocol == EXPERIMENT)
 
     return Problem(
@@ -329,15 +332,18 @@ def after_gaps(gone: np.ndarray, frame: float) -> np.ndarray:
     return out
 
 
-def at_rest(item: CaseLog, column: str, case: Case, machine: Machine) -> np.ndarray:
-    """Which readings (n,) of a column count as missing: efforts of a joint at rest, as dry friction may hold any."""
-    kind, _, channel = column.rpartition("_")
-    name = f"{machine.resting.get(kind)}_{channel}"
-    if name not in item.log.signals:
-        return np.zeros(len(item.log), dtype=bool)
-    speeds = [np.abs(one.log[name]) for one in case.fit_logs if name in one.log.signals]
-    largest = max((np.nanmax(speed, initial=0.0) for speed in speeds), default=0.0)
-    return np.abs(item.log[name]) < STILL * largest
+def find_resting(case: Case, machine: Machine, columns: Sequence[str]) -> dict[int, tuple[str, float]]:
+    """Place of each column whose readings count as missing at rest -> column of its speed, and the least that counts.
+
+    They are efforts, of which dry friction may hold any.
+    """
+    found = {}
+    for i, (kind, _, channel) in enumerate(column.rpartition("_") for column in columns):
+        if kind in machine.resting:
+            name = f"{machine.resting[kind]}_{channel}"
+            speeds = [np.abs(item.log[name]) for item in case.fit_logs if name in item.log.signals]
+            found[i] = name, STILL * max((np.nanmax(speed, initial=0.0) for speed in speeds), default=0.0)
+    return found
 
 
 def choose_tried(machine: Machine, only: Sequence[str] = (), without: Sequence[str] = ()) -> frozenset[str]:
