@@ -158,6 +158,15 @@ class Likelihood:
         """Reduced chi-square (views,) of a residual (samples,)."""
         return np.array([float(np.mean(part**2)) for part in self.split(residual)])
 
+    def excess_by_joint(self, residual: np.ndarray) -> np.ndarray:
+        """What a residual (samples,) leaves above noise [noise variances], views in the mean.
+
+        Of each joint (joints,) where none moves another, else of all together (1,).
+        """
+        masks = self.samples_of_joints() if self.robot.machine.separate else []
+        parts = [zip(self.split(residual), self.split(m), strict=True) for m in masks or [np.full(len(residual), True)]]
+        return np.array([np.mean([max(np.mean(part[own] ** 2) - 1.0, 0.0) for part, own in some]) for some in parts])
+
     @cached_property
     def samples_by_log(self) -> np.ndarray:
         """Number of samples (logs, views)."""

@@ -78,18 +78,21 @@ class Fitted:
         model: linear model about it.
         chi2: reduced chi-squares (views,).
         memory: frames that count as one in what it leaves.
+        excess_by_joint: what it leaves above noise, as `Likelihood.excess_by_joint`.
     """
 
     explanation: Explanation
     model: LinearModel
     chi2: np.ndarray
     memory: float
+    excess_by_joint: np.ndarray
 
     @classmethod
     def at(cls, likelihood: Likelihood, e: Explanation) -> Fitted:
         """A fit with its linear model on the logs that it was fitted to."""
         memory = likelihood.with_memory(e.residual).memory
-        return cls(e, linear_model(likelihood.scaled_to(e.residual), e), likelihood.chi2(e.residual), memory)
+        model, chi2 = linear_model(likelihood.scaled_to(e.residual), e), likelihood.chi2(e.residual)
+        return cls(e, model, chi2, memory, likelihood.excess_by_joint(e.residual))
 
     @property
     def effects(self) -> frozenset[str]:
@@ -98,8 +101,8 @@ class Fitted:
 
     @property
     def excess(self) -> float:
-        """What it leaves above noise, the views in the mean [noise variances]."""
-        return float(np.mean(np.maximum(self.chi2 - 1.0, 0.0)))
+        """What it leaves above noise, joints and views in the mean [noise variances]."""
+        return float(np.mean(self.excess_by_joint))
 
     @property
     def tolerance_cost(self) -> float:
@@ -256,13 +259,14 @@ class Search:
     def beats(self, a: Fitted, b: Fitted, more: int | None = None) -> bool:
         """Whether a set is better than another: more evidence, enough more if it has `more` effects.
 
-        One effect more is one choice among all that the machine has.
+        One effect more is one choice among all that the machine has. It takes up `GAIN` of what is left, in one joint
+        at least where joints are separate: the largest gap does not hide another joint's.
         """
         more = len(a.effects) - len(b.effects) if more is None else more
         memory = a.memory if more > 0 else b.memory if more < 0 else min(a.memory, b.memory)
         price = more * np.log(len(self.likelihood.robot.machine.effects))
         likelier = self.evidence(a, memory) - self.evidence(b, memory) > price
-        return likelier and (more <= 0 or a.excess < (1.0 - GAIN) ** more * b.excess)
+        return likelier and (more <= 0 or bool(np.any(a.excess_by_joint < (1.0 - GAIN) ** more * b.excess_by_joint)))
 
     def evidence(self, fitted: Fitted, memory: float | None = None) -> float:
         """Log evidence [nats] of a set; two sets are compared with the memory of what the larger one leaves."""
