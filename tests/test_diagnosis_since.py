@@ -22,7 +22,7 @@ from exodrake.report.diagnosis_html import render_report
 from exodrake.report.since import since as since_section, words
 from exodrake.simulation import protocols
 from exodrake.simulation.references import on_machine
-from studies.since_robots import KINDS, SESSIONS, sheath_case
+from studies.since import KINDS, SESSIONS, sheath_case
 
 SHAPES = {STEP: lambda t, tau: (t > tau) * 1.0, RAMP: lambda t, tau: np.maximum(t - tau, 0.0)}
 

@@ -18,9 +18,9 @@ from exodrake.core.errors import InputError
 from exodrake.physics import finger_statics as statics
 from exodrake.physics.tendon_finger import Parameters
 from studies.paper import stiffness
-from studies.paper.comparison import compare
 from studies.paper.printed_equations import tension_map_as_printed
 from studies.paper.stiffness import compliance, router_arms, tension_map
+from studies.paper.study import compare
 
 EXACT = Wearer(stiffness=0.0, rest=0.0, zero=0.0, drift=0.0, friction=0.0)
 TRIPLE = (5e-3, 5e-3, 5e-3)

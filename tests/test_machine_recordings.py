@@ -13,9 +13,7 @@ from exodrake.diagnosis.problem import list_required, make_problem
 from exodrake.machines.library import reader
 from exodrake.machines.robot_file import load_robot
 from studies.real_machines.growing_models import growing_models
-from studies.real_machines.measures import decimated, relative_error, rms_degrees
-from studies.real_machines.recordings import FOLDERS, MODELS
-from studies.real_machines.study import emps_numbers
+from studies.real_machines.study import FOLDERS, MODELS, decimated, emps_numbers, relative_error, rms_degrees
 
 
 @pytest.mark.parametrize("name", SETS)

@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from studies.paper import arms, equations, loop_sign
+from studies.paper import arms, equations
 from studies.paper.claim import AGREES, DOES_NOT, QUICK, UNKNOWN, VERDICTS, count
-from studies.paper.page import claims_csv, docs_page, page
-from studies.paper.reproduce import reproduce
+from studies.paper.page import claims_csv, docs_page, page, reproduce
 from studies.paper.study import DATA, HELD_OUT, MODEL
 
 
@@ -38,8 +37,8 @@ def test_numbers_of_the_model_page_and_of_the_physics_page():
     assert large == pytest.approx([5.000, 3.536, 1.830, 0.0], abs=1e-3)
     assert np.rad2deg(arms.zero_of("extensor (S)")) == pytest.approx(61.928, abs=1e-3)
     assert 1e3 * arms.as_printed(curves.at("extensor (S)", 90)) == pytest.approx(0.707, abs=1e-3)
-    assert [loop_sign.overshoot(kd) for kd in (0.0, 1.0)] == pytest.approx([0.20, 0.47], abs=0.01)
-    assert loop_sign.overshoot(-1.0) < 1e-3
+    assert [equations.overshoot(kd) for kd in (0.0, 1.0)] == pytest.approx([0.20, 0.47], abs=0.01)
+    assert equations.overshoot(-1.0) < 1e-3
     for degrees, off in ((5, 774), (30, 96), (89, 7)):
         assert 1e3 * equations.centre_error(degrees) == pytest.approx(off, abs=0.6)
         assert equations.residue(degrees, printed=False) < 1e-14 < equations.residue(degrees, printed=True)
@@ -114,7 +113,7 @@ def test_page_is_offline_small_and_says_what_is_simulated(html):
 def test_command_writes_both_files(found, tmp_path, monkeypatch):
     from studies.paper.__main__ import command
 
-    monkeypatch.setattr("studies.paper.reproduce.reproduce", lambda effort, seed: found)
+    monkeypatch.setattr("studies.paper.page.reproduce", lambda effort, seed: found)
     docs = tmp_path / "paper.md"
     run = CliRunner().invoke(command, ["--quick", "--out", str(tmp_path / "deep" / "out"), "--docs", str(docs)])
     assert run.exit_code == 0, run.output

@@ -16,7 +16,7 @@ from exodrake.identification.workspace import (
     solve_assisted,
     tip,
 )
-from studies.paper.table_2 import table_2
+from studies.paper.reach import table_2
 
 MM2 = 1e-6
 

@@ -10,7 +10,7 @@ import click
 from exodrake.cli.main import OneLineErrors
 
 if TYPE_CHECKING:
-    from studies.paper.reproduce import Reproduction
+    from studies.paper.page import Reproduction
 
 
 @click.command(cls=OneLineErrors)
@@ -29,8 +29,7 @@ def command(out: Path, quick: bool, docs: Path | None, seed: int) -> None:
 
     from exodrake.core.files import make_folder, write_text
     from studies.paper.claim import FULL, QUICK
-    from studies.paper.page import claims_csv, docs_page, page
-    from studies.paper.reproduce import reproduce
+    from studies.paper.page import claims_csv, docs_page, page, reproduce
 
     make_folder(out)
     with Console(stderr=True).status("simulating the paper: a minute, and one more where kernels must be compiled"):

@@ -4,15 +4,26 @@ from dataclasses import replace
 
 import numpy as np
 
+from exodrake.data.plot import new_figure
+from exodrake.engine.inputs import Reference
 from exodrake.grasping.plan import at_hold
 from exodrake.identification.kinematics.rigid import Axis, chain_poses
 from exodrake.identification.statics import find_maximum_tension
 from exodrake.machines.robot_file import load_robot
 from exodrake.physics.finger_statics import posture, read_parameters
-from exodrake.report.blocks import Drawing, Heading, Table
+from exodrake.report.blocks import (
+    AFTER,
+    BEFORE,
+    RULE,
+    SOFT,
+    Drawing,
+    Heading,
+    Table,
+    house_style,
+    render_svg,
+)  # fmt: skip
 from exodrake.simulation.protocols import grasp, maximum_tension
 from exodrake.simulation.simulate import simulate
-from studies.paper import loop_sign
 from studies.paper.claim import AGREES, DOES_NOT, UNKNOWN, Chapter, Claim
 from studies.paper.printed_equations import g_inverse, g_matrix, joint_angles, tension_map_as_printed
 from studies.paper.stiffness import compliance, router_arms, tension_map
@@ -24,6 +35,10 @@ PIP_ONLY = 0.7  # rad the PIP alone is bent by
 LIKELY = 1e-9  # agreement to rounding
 STILL = 0.05  # rad, joints that bend less count as at rest
 RAMP_TO = 30.0  # N
+STIFFNESS, LAG, FRAME = 3000.0, 0.02, 0.02  # N/m, s, s; lag assumed
+KP, KD = 5e-3, 1e-4  # m/(s N), m/N; assumed, none is printed
+FRAMES = 60
+REST, SETTLE = (4.0, 3.0, 1.0), 300  # N on AF, MF, AE before the step, as in `closed_loop.md`; frames
 DRAWS, ARMS = 3000, (1e-3, 6e-3)  # random sets of moment arms, m
 
 
@@ -39,7 +54,7 @@ def chapter(robot) -> Chapter:
     caption = (
         "Simulated: wire of 3 N/mm, drive lag 20 ms, one 20 ms frame late, kp 5 mm/(s N), kd 0.1 mm/N (all assumed)."
     )
-    drawing = (Heading("Eq. 3: a step of 1 N"), Drawing(loop_sign.figure(), caption))
+    drawing = (Heading("Eq. 3: a step of 1 N"), Drawing(draw_steps(), caption))
     lead = (
         "Each equation was coded twice, as printed and corrected, and tried against an identity it must satisfy. Most"
         " of what fails is a slip of one symbol; the authors' own code evidently used the right forms, or Table 1 could"
@@ -54,8 +69,8 @@ def chapter(robot) -> Chapter:
 
 def control(robot) -> tuple[Claim, ...]:
     """Eq. 3 on a simple loop and on the whole robot."""
-    printed, ours = (100.0 * loop_sign.overshoot(sign) for sign in (1.0, -1.0))
-    whole = [100.0 * loop_sign.robot_overshoot(one) for one in (robot.with_part("controller_as_printed"), robot)]
+    printed, ours = (100.0 * overshoot(sign) for sign in (1.0, -1.0))
+    whole = [100.0 * robot_overshoot(one) for one in (robot.with_part("controller_as_printed"), robot)]
     why = (
         "Neither gains nor drive are printed, and with a negative kd the printed form is right. On a simple loop with"
         f" lag (all numbers assumed) the printed sign takes damping away, {printed:.0f} % overshoot against"
@@ -66,6 +81,58 @@ def control(robot) -> tuple[Claim, ...]:
         Claim("Eq. 3", "+ kd dF/dt in the tension law", "sign +, no gains",
               f"robot: overshoot {whole[0]:.0f} % printed, {whole[1]:.0f} % with −", UNKNOWN, why),
     )  # fmt: skip
+
+
+def step(sign: float, kp: float = KP, kd: float = KD) -> tuple[np.ndarray, np.ndarray]:
+    """Time (frames,) [s] and tension (frames,) [N] after a step of the reference to 1 N.
+
+    The simplest loop that shows the sign in Eq. 3: tension F = k x, a drive with a lag, commands one frame late.
+
+        v_ref = kp (F_ref - F) + sign kd F'        tau v' = v_ref - v        F' = k v
+
+    Printed sign +1, corrected -1 (`physics.md` 1.3).
+    """
+    decay = np.exp(-FRAME / LAG)
+    tension = np.zeros(FRAMES)
+    place = speed = waiting = 0.0
+    for frame in range(FRAMES):
+        tension[frame] = STIFFNESS * place
+        rate = (tension[frame] - tension[frame - 1]) / FRAME if frame else 0.0
+        command, waiting = waiting, kp * (1.0 - tension[frame]) + sign * kd * rate
+        place += command * FRAME + (speed - command) * LAG * (1.0 - decay)
+        speed = command + (speed - command) * decay
+    return FRAME * np.arange(FRAMES), tension
+
+
+def overshoot(sign: float) -> float:
+    """Overshoot as a share of the step."""
+    return max(float(step(sign)[1].max()) - 1.0, 0.0)
+
+
+def robot_overshoot(robot) -> float:
+    """Largest overshoot of a tension after a step of its reference by 1 N, a share of it; simulated without noise."""
+    found = []
+    for wire, name in enumerate(robot.machine.axes.tendons):
+        rows = np.tile(REST, (2 * SETTLE, 1))
+        rows[SETTLE:, wire] += 1.0
+        tension = simulate(robot, Reference(rows, "step"), seed=None)[f"tension_{name}"]
+        found.append(tension[SETTLE:].max() - rows[-1, wire])
+    return max(0.0, float(max(found)))
+
+
+def draw_steps() -> str:
+    """Both signs' steps as SVG."""
+    with house_style():
+        drawn = new_figure(4.6, 2.5)
+        axes = drawn.subplots()
+        for sign, colour, label in ((1.0, BEFORE, "+ kd dF/dt, as printed"), (-1.0, AFTER, "− kd dF/dt, corrected")):
+            axes.plot(*step(sign), color=colour, lw=1.5, label=label)
+        axes.axhline(1.0, color=SOFT, lw=0.6, ls=(0, (4, 2)))
+        axes.set_xlabel("time [s]")
+        axes.set_ylabel("tension [N]")
+        axes.grid(color=RULE, lw=0.5)
+        axes.legend(loc="lower right")
+        return render_svg(drawn, "sign", "tension after a step with either sign of the derivative")
 
 
 def residue(degrees: float, printed: bool) -> float:

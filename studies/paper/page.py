@@ -1,19 +1,23 @@
-"""The page: results, the register of claims, a chapter per figure; and the register as CSV."""
+"""All chapters, and the page: results, the register of claims, a chapter per figure; and the register as CSV."""
 
 from __future__ import annotations
 
 import csv
 import io
 import re
+from dataclasses import dataclass
 from pathlib import Path
+from time import perf_counter
+
+from threadpoolctl import threadpool_limits
 
 from exodrake import __version__
 from exodrake.estimator.validate import HELD_OUT, RANDOM
+from exodrake.machines.robot_file import load_robot
 from exodrake.report.blocks import render
-from studies.paper.claim import AGREES, DOES_NOT, UNKNOWN, Claim, count
-from studies.paper.estimation import methods_table
-from studies.paper.reproduce import Reproduction
-from studies.paper.study import DATA, MODEL
+from studies.paper import arms, centres, equations, estimation, hardware, reach
+from studies.paper.claim import AGREES, DOES_NOT, FULL, UNKNOWN, Chapter, Claim, Effort, count
+from studies.paper.study import DATA, MODEL, Study, study
 
 SOURCE = (
     "B. Kim, J. Ryu, K.-J. Cho: Joint Angle Estimation of a Tendon-Driven Soft Wearable Robot through a Tension and"
@@ -21,6 +25,37 @@ SOURCE = (
 )
 MARKS = {AGREES: "yes", DOES_NOT: "no", UNKNOWN: "open"}
 HEADER = ("", "claim", "printed", "ours", "verdict", "reason")
+
+
+@dataclass(frozen=True, eq=False)
+class Reproduction:
+    """chapters of the page, the study behind Fig. 10 and 11, the seed and the seconds it took."""
+
+    chapters: tuple[Chapter, ...]
+    study: Study
+    seed: int
+    seconds: float
+
+    @property
+    def claims(self) -> tuple[Claim, ...]:
+        """The register, chapter by chapter."""
+        return tuple(claim for chapter in self.chapters for claim in chapter.claims)
+
+
+def reproduce(effort: Effort = FULL, seed: int = 0) -> Reproduction:
+    """Computes every chapter from simulation, in a minute on one core; compiling the simulator takes one more."""
+    start, robot = perf_counter(), load_robot()
+    with threadpool_limits(1):  # many small products: a second thread only waits
+        found = study(robot, effort, seed)
+    chapters = (
+        estimation.chapter(found),
+        arms.chapter(),
+        equations.chapter(robot),
+        hardware.chapter(robot, found.rate),
+        centres.chapter(centres.record(effort.marker_seconds, seed)),
+        reach.chapter(robot, effort.tensions),
+    )
+    return Reproduction(chapters, found, seed, perf_counter() - start)
 
 
 def page(found: Reproduction) -> str:
@@ -45,7 +80,7 @@ def page(found: Reproduction) -> str:
 def docs_page(found: Reproduction) -> str:
     """The page of the documentation as Markdown: the comparison of Fig. 11, and the claims by verdict."""
     study = found.study
-    table = methods_table(study)
+    table = estimation.methods_table(study)
     by_verdict = {verdict: [one for one in found.claims if one.verdict == verdict] for verdict in MARKS}
     return render(
         "docs.md", Path(__file__).parent / "templates", study=study, header=table.header, rows=table.rows,

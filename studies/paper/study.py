@@ -10,11 +10,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from exodrake.core.errors import InputError
 from exodrake.estimator.dataset import Sweeps, sweeps_from_logs
-from exodrake.estimator.validate import Score, score, validate
+from exodrake.estimator.gp import POINTS, condition, fit, learn
+from exodrake.estimator.validate import Score, fit_ridge, score, validate
 from exodrake.model.robot import Robot
+from exodrake.physics.finger_statics import follow, posture, read_parameters
+from exodrake.physics.tendon_finger import Parameters
+from exodrake.simulation.protocols import sweeps as protocol
+from exodrake.simulation.simulate import record, simulate, write_log
 from studies.paper.claim import Effort
-from studies.paper.comparison import Comparison, compare
+from studies.paper.stiffness import Stiffness, fit_stiffness, linear
 
 MU_PHI = 0.15  # capstan friction, wrap times coefficient; [A] within `physics.md` 4.B
 CREEP_STIFFNESS, CREEP_TIME = 8000.0, 10.0  # N/m, s; the initial values of the effect library
@@ -22,6 +28,59 @@ HELD_OUT = 12  # sweeps of the 48
 FEW = 12  # sweeps up and down that are compared with all training sweeps while loading
 FAST = 99.9  # percentile of the joint rates that counts as fastest
 DATA, MODEL = "Gaussian process", "constant stiffness"
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Errors on held-out sweeps.
+
+    Attributes:
+        rmse: RMSE (joints,) [rad] by method.
+        stiffness: The fitted constant stiffness.
+        solved: Fraction of rows in which the constant-stiffness model has an equilibrium; its RMSE is over those rows.
+    """
+
+    rmse: dict[str, np.ndarray]
+    stiffness: Stiffness
+    solved: float
+
+
+def compare(training: Sweeps, held_out: Sweeps, n: Parameters, points: int = POINTS) -> Comparison:
+    """Fit every method on training sweeps and compare them on held-out sweeps.
+
+    Methods: Gaussian process; quadratic ridge; constant stiffness (fitted, no end stops, Eq. 20-21: the paper's
+    model-based estimate); end stops (fitted stiffness, known stops); nominal (nothing fitted). The models see tension
+    only.
+
+    Args:
+        training: Sweeps to train and fit on.
+        held_out: Sweeps to compare on.
+        n: Parameters of the finger, with the routers and end stops of the models.
+        points: Training points of the Gaussian process.
+
+    Raises:
+        InputError: If the wires or joints are not three, or differ between the two.
+    """
+    for sweeps in (training, held_out):
+        if len(sweeps.wires) != 3 or len(sweeps.joints) != 3:
+            raise InputError(
+                f"the finger's statics have 3 wires and 3 joints, not {len(sweeps.wires)} and {len(sweeps.joints)}"
+            )
+    if (training.wires, training.joints) != (held_out.wires, held_out.joints):
+        raise InputError("training and held-out sweeps differ in wires or joints")
+    process = fit(training, points).predict(held_out.tension, held_out.stroke)[0]
+    constant = fit_stiffness(training.tension, training.angle, linear(n), posture)
+    stopped = fit_stiffness(training.tension, training.angle, n)
+    guesses = {
+        "Gaussian process": process,
+        "quadratic ridge": fit_ridge(training)(held_out)[0],
+        "constant stiffness": posture(held_out.tension, constant.parameters(linear(n))),
+        "end stops": follow(held_out.tension, stopped.parameters(n)),
+        "nominal": follow(held_out.tension, n),
+    }
+    solved = np.isfinite(guesses["constant stiffness"]).all(axis=1)
+    rmse = {name: np.sqrt(np.nanmean((guess - held_out.angle) ** 2, axis=0)) for name, guess in guesses.items()}
+    return Comparison(rmse, constant, float(np.mean(solved)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,12 +152,6 @@ def parted(sweeps: Sweeps, seed: int) -> tuple[Sweeps, Sweeps]:
 
 def study(robot: Robot, effort: Effort, seed: int) -> Study:
     """Simulate, learn, judge. robot: the nominal one."""
-    from exodrake.estimator.gp import condition, learn
-    from exodrake.physics.finger_statics import posture, read_parameters
-    from exodrake.simulation.protocols import sweeps as protocol
-    from exodrake.simulation.simulate import record, write_log
-    from studies.paper.stiffness import linear
-
     parameters, reference = read_parameters(robot), protocol(robot)
     recording = record(worn_robot(robot), reference, seed)
     rows = thinned(sweeps_from_logs([write_log(recording)]), effort.every)
@@ -117,8 +170,6 @@ def study(robot: Robot, effort: Effort, seed: int) -> Study:
 
 def recorded_sweeps(training: Sweeps, held: Sweeps, points: int) -> tuple[Score, ...]:
     """Scores on whole held-out sweeps after training on all sweeps, on a few, and on the loading half of all."""
-    from exodrake.estimator.gp import condition, learn
-
     labels = np.unique(training.sweep)
     few = labels[:: len(labels) // FEW][:FEW]
     choices = {
@@ -146,9 +197,6 @@ def loading(sweeps: Sweeps) -> np.ndarray:
 
 def clean_comparison(robot: Robot, reference, effort: Effort, seed: int) -> Comparison:
     """Comparison on the same sweeps with the same split, without friction and creep."""
-    from exodrake.physics.finger_statics import read_parameters
-    from exodrake.simulation.simulate import simulate
-
     rows = thinned(sweeps_from_logs([simulate(robot, reference, seed)]), effort.every)
     training, held = parted(rows, seed)
     return compare(training, held, read_parameters(robot), effort.clean_points)

@@ -6,44 +6,33 @@ from importlib.resources import files
 from pathlib import Path
 
 import click
+import yaml
 
 from exodrake.cli.main import OneLineErrors
-from exodrake.core.errors import InputError
+from exodrake.core.errors import InputError, markdown_table
+from exodrake.core.files import write_text
+from exodrake.diagnosis.result import Diagnosis, Interval
+from exodrake.machines.robot_file import write_robot
+from studies.real_machines.exam import Mark, exam, table
+from studies.real_machines.study import Result, available, study
 
 
 @click.command(cls=OneLineErrors)
-@click.option(
-    "--data",
-    required=True,
-    type=click.Path(path_type=Path),
-    help="Folder with emps, tendon_sheath, sage_so101, dvrk_wrist.",
-)
+@click.option("--data", required=True, type=click.Path(path_type=Path), help="Folder of recordings, one for each set.")
 @click.option("--out", required=True, type=click.Path(path_type=Path), help="Folder for real.md and real/*.png.")
 @click.option("--only", multiple=True, help="Only these sets; the page is not written then.")
 def main(data: Path, out: Path, only: tuple[str, ...]) -> None:
     """Diagnose recordings of real machines."""
-    import matplotlib
-    import yaml
-
-    matplotlib.use("Agg")
-    from exodrake.core.errors import markdown_table
-    from exodrake.core.files import write_text
-    from exodrake.machines.robot_file import write_robot
-    from studies.real_machines.exam import exam
-    from studies.real_machines.page import page, verdict
-    from studies.real_machines.recordings import available
-    from studies.real_machines.study import study
-
     names = [name for name in available(data) if not only or name in only]
     if not names:
         raise InputError(f"{data}: none of the sets is there")
     (out / "real").mkdir(parents=True, exist_ok=True)
     results = [study(name, data, out / "real", lambda step: click.echo(step, err=True)) for name in names]
     for result in results:
-        for title, robot in {f"{result.name}_named": result.diagnosis.robots["improved"], **result.robots}.items():
-            write_robot(
-                robot, out / "real" / f"{title}.yaml", f"fitted to {result.name} by python -m studies.real_machines"
-            )
+        robots = {f"{result.name}_named": result.diagnosis.robots["improved"], **result.robots}
+        for title, robot in robots.items():
+            notes = f"fitted to {result.name} by python -m studies.real_machines"
+            write_robot(robot, out / "real" / f"{title}.yaml", notes)
     if only:
         for result in results:
             click.echo(verdict(result.diagnosis))
@@ -54,6 +43,53 @@ def main(data: Path, out: Path, only: tuple[str, ...]) -> None:
     texts = yaml.safe_load((files("studies.real_machines") / "texts.yaml").read_text())
     write_text(out / "real.md", page(results, marks, texts))
     click.echo(f"written {out / 'real.md'}")
+
+
+def page(results: list[Result], marks: list[Mark], texts: dict[str, dict[str, str]]) -> str:
+    """The page in Markdown.
+
+    Args:
+        results: a section each.
+        marks: of the exam.
+        texts: of `texts.yaml`: set -> its title, published results and a remark; `page` -> head and last section.
+    """
+    agree, better = (sum(rows) for rows in ([m.agrees for m in marks], [m.no_worse for m in marks if m.errors]))
+    counts = (
+        f"{agree} of {len(marks)} answers agree; {better} of {sum(bool(m.errors) for m in marks)} predict no worse."
+    )
+    parts = [texts["page"]["head"], counts + "\n", table(marks) + "\n", texts["page"]["sets"]]
+    for result in results:
+        text = texts[result.name]
+        parts += [f"## {text['title']}\n\n{text['published'].strip()}\n", verdict(result.diagnosis)]
+        parts += [f"{title}:\n\n{markdown_table(rows[0], rows[1:])}\n" for title, rows in result.tables.items()]
+        parts += [f"![{result.name}](real/{name})\n" for name in result.figures]
+        parts.append(text.get("remark", "").strip() + "\n")
+    parts.append(texts["page"]["shortcomings"])
+    return "\n".join(parts).rstrip() + "\n"
+
+
+def verdict(found: Diagnosis) -> str:
+    """Verdict, place, effects with parameters, and closure."""
+    place = ", ".join(found.where.joints)
+    overall = found.closure.overall
+    lines = [
+        f"**{found.verdict}**, in the *{found.where.block}*" + (f" ({place})" if place else "") + ".",
+        f"Closure on held-out logs {overall.value:.4f} ({overall.low:.4f} to {overall.high:.4f}), "
+        f"{found.run_time:.0f} s.",
+    ]
+    lines += [f"Why: {reason}." for reason in found.reasons]
+    rows: list[tuple[str, ...]] = [("effect", "parameter", "joint", "value", "90 % interval")]
+    for effect in found.effects:
+        for name, item in effect.parameters.items():
+            channels = effect.channels.get(name, {}) or {"": item}
+            rows += [(effect.id, name, channel, *cells(one)) for channel, one in channels.items()]
+    return "\n".join([*lines, "", markdown_table(rows[0], rows[1:]) if len(rows) > 1 else "", ""])
+
+
+def cells(item: Interval) -> tuple[str, str]:
+    """Value with unit, and interval."""
+    unit = "" if item.unit == "-" else f" {item.unit}"
+    return f"{item.value:.4g}{unit}", f"{item.low:.4g} to {item.high:.4g}"
 
 
 if __name__ == "__main__":

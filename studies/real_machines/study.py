@@ -1,26 +1,67 @@
-"""Diagnosis of the four sets, fits of growing models, and figures: the results of `docs/real.md`."""
+"""The four sets, their diagnosis, error measures as papers state them, and figures: the results of `docs/real.md`."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from exodrake.data.case import Case
+from exodrake.data.plot import STYLE, new_figure, save_png
 from exodrake.diagnosis.pipeline import diagnose
 from exodrake.diagnosis.problem import Problem, make_problem
 from exodrake.diagnosis.result import Diagnosis
 from exodrake.machines.library import reader
 from exodrake.machines.robot_file import load_robot
 from exodrake.model.robot import Robot
-from studies.real_machines import figures
+from exodrake.report.blocks import AFTER, BEFORE, MEASURED
 from studies.real_machines.growing_models import growing_models, predicted
-from studies.real_machines.measures import decimated, inverse_dynamics, relative_error, rms_degrees
-from studies.real_machines.recordings import FOLDERS, MODELS
 
-Progress = Callable[[str], None]
+FOLDERS = {"emps": "emps", "tendon_sheath": "tendon_sheath", "so101": "sage_so101", "dvrk_wrist": "dvrk_wrist"}
+MODELS: dict[str, list[tuple[str, tuple[str, ...]]]] = {
+    "emps": [
+        ("frictionless inertia", ()),
+        ("viscous friction", ("carriage.viscous_friction",)),
+        ("viscous and Coulomb friction", ("carriage.coulomb_friction",)),
+        ("viscous and Coulomb friction, offset", ("carriage.offset",)),
+        ("the same, part of the friction builds up after a reversal", ("carriage.presliding_friction",)),
+        ("that, viscous friction by direction", ("carriage.direction",)),
+    ],
+    "tendon_sheath": [
+        ("rigid", ()),
+        ("gain and offset", ("sheath.gain", "sheath.offset")),
+        ("gain, offset and play", ("sheath.play",)),
+    ],
+    "sheath_alone": [
+        ("gain and offset", ("sheath.gain", "sheath.offset")),
+        ("gain, offset and play with round corners", ("sheath.capstan_play",)),
+    ],
+    "sheath_law": [
+        ("gain and offset", ("sheath.gain", "sheath.offset")),
+        ("with capstan play and bend loss", ("sheath.capstan_play", "sheath.bend_loss")),
+    ],
+    "so101": [
+        ("ideal servo", ()),
+        ("latency", ("servo.latency",)),
+        ("latency, sag", ("servo.gravity_sag",)),
+        ("latency, sag, dead band", ("servo.dead_band",)),
+        ("latency, sag, dead band, lag", ("servo.lag",)),
+    ],
+    "dvrk_wrist": [
+        ("rigid cables", ()),
+        ("gain and offset", ("cable.offset",)),
+        ("gain, offset and play", ("cable.play",)),
+        ("with drag by neighbours", ("cable.drag_by_next", "cable.drag_by_previous")),
+        ("with drag and coupling", ("cable.coupling_to_next", "cable.coupling_to_previous")),
+    ],
+}  # fmt: skip
+# EMPS forces, [Hz] and order of the filter, factor of its decimation: assumed, since the paper does not state its own
+CUT, ORDER, DECIMATION = 20.0, 4, 25
+FRICTION_RATE = 1e3  # Hz, at which EMPS was recorded
+WIDE, THIN, EDGE = 60.0, 10, 100  # Hz; rows kept of; rows left out at both ends, where filters ring: assumed
+DPI = 110
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +75,12 @@ class Result:
     figures: tuple[str, ...] = ()
 
 
-def study(name: str, data: Path, out: Path, progress: Progress) -> Result:
+def available(data: Path) -> list[str]:
+    """Names of the sets whose folders are there."""
+    return [name for name, folder in FOLDERS.items() if (data / folder).is_dir()]
+
+
+def study(name: str, data: Path, out: Path, progress: Callable[[str], None]) -> Result:
     """One set, diagnosed and tabulated; figures are written into `out`."""
     case, robot = reader(name)(data / FOLDERS[name]), load_robot(name)
     found = diagnose(case, robot, lambda stage, detail: progress(f"{name}: {stage.text} {detail}"))
@@ -64,7 +110,7 @@ def emps(found: Diagnosis, case: Case, robot: Robot, data: Path, out: Path) -> R
     ]
     span = slice(0, 6240)
     panels = [("force [N]", measured[span], before[span], after[span])]
-    figures.over_time(out / "emps.png", case.logs[1].log.time[span], panels)
+    over_time(out / "emps.png", case.logs[1].log.time[span], panels)
     kept = {"emps_direction": models[5].robot, "emps_offset": models[4].robot}
     return Result(
         "emps", found, kept, {"Force error on held-out cycles": rows, "Parameters": parameters}, ("emps.png",)
@@ -114,7 +160,7 @@ def tendon_sheath(found: Diagnosis, case: Case, robot: Robot, data: Path, out: P
         trial = problem.holdout[0]
         angles = (trial.reference[:, 0], trial.measured[:, 0], trial.measured[:, 0] - top.held[0][:, 0])
         panels.append((f"{bend} from the others", *map(np.degrees, angles)))
-    figures.loops(out / "tendon_sheath.png", panels)
+    loops(out / "tendon_sheath.png", panels)
     tables = {"Each configuration alone, second half held out": alone, "Capstan law over configurations": law}
     problem = make_problem(replace(case, logs=tuple(replace(i, role="fit") for i in case.logs)), robot)
     every = replace(problem, fit=(*problem.fit, *problem.holdout))
@@ -138,7 +184,7 @@ def so101(found: Diagnosis, case: Case, robot: Robot, data: Path, out: Path) -> 
     panels = [
         (f"{j} [°]", *(np.degrees(a[span, i]) for a in (trial.measured, before, after))) for i, j in enumerate(joints)
     ]
-    figures.over_time(out / "so101.png", time, panels, errors=False)
+    over_time(out / "so101.png", time, panels, errors=False)
     return Result(
         "so101", found, {"so101_all": models[-1].robot}, {"RMS error on the second halves": rows}, ("so101.png",)
     )
@@ -182,9 +228,95 @@ def dvrk_wrist(found: Diagnosis, case: Case, robot: Robot, data: Path, out: Path
     panels = [
         (f"{j} [°]", *(np.degrees(a[:, i]) for a in (trial.measured, before, after))) for i, j in enumerate(joints)
     ]
-    figures.over_time(out / "dvrk_wrist.png", np.arange(len(trial.measured), dtype=float), panels, errors=False)
+    over_time(out / "dvrk_wrist.png", np.arange(len(trial.measured), dtype=float), panels, errors=False)
     tables = {"Each run alone, the moved joint": alone, "One robot for all runs": together}
     return Result("dvrk_wrist", found, {"dvrk_wrist_drag": models[3].robot}, tables, ("dvrk_wrist.png",))
+
+
+def relative_error(measured: np.ndarray, error: np.ndarray) -> float:
+    """|error| / |measured| of a force (n,)."""
+    return float(np.linalg.norm(error) / np.linalg.norm(measured))
+
+
+def decimated(force: np.ndarray) -> np.ndarray:
+    """A force (n,) filtered both ways and thinned out, as identification papers do before they compare."""
+    from scipy.signal import butter, filtfilt
+
+    return filtfilt(*butter(ORDER, CUT / (0.5 * FRICTION_RATE)), force)[::DECIMATION]  # pyright: ignore
+
+
+def rms_degrees(residual: np.ndarray) -> float:
+    """RMS of an angle's residual (n,) [rad] in degrees."""
+    return float(np.degrees(np.sqrt(np.nanmean(residual**2))))
+
+
+def inverse_dynamics(place: np.ndarray, force: np.ndarray) -> tuple[np.ndarray, float]:
+    """Mass [kg], viscous [N s/m] and Coulomb [N] friction and offset [N] by regression, and the relative error left.
+
+    The method of the published EMPS results; signals are filtered both ways and subsampled.
+
+    Args:
+        place: (n,) positions [m].
+        force: (n,) forces [N].
+    """
+    from scipy.signal import butter, filtfilt
+
+    low, high = butter(ORDER, WIDE / (0.5 * FRICTION_RATE))  # pyright: ignore
+    smooth, wanted = filtfilt(low, high, place), filtfilt(low, high, force)[EDGE:-EDGE:THIN]
+    speed = np.gradient(smooth, 1.0 / FRICTION_RATE)
+    columns = (np.gradient(speed, 1.0 / FRICTION_RATE), speed, filtfilt(low, high, np.sign(speed)), np.ones_like(speed))
+    matrix = np.column_stack(columns)[EDGE:-EDGE:THIN]
+    found = np.linalg.lstsq(matrix, wanted, rcond=None)[0]
+    return found, relative_error(wanted, wanted - matrix @ found)
+
+
+def over_time(path: Path, time: np.ndarray, panels: Sequence[tuple], errors: bool = True) -> None:
+    """Draws panels over time, one above the other.
+
+    Args:
+        path: PNG to write.
+        time: (n,) [s].
+        panels: label, measured, nominal, improved (n,) each.
+        errors: whether the error of the improved robot is drawn below each panel.
+    """
+    import matplotlib
+
+    step = 2 if errors else 1
+    with matplotlib.rc_context(STYLE):
+        figure = new_figure(9.0, 1.9 * step * len(panels) * (0.75 if errors else 1.0) + 0.5)
+        heights = [2, 1] * len(panels) if errors else None
+        axes = figure.subplots(step * len(panels), 1, sharex=True, squeeze=False, height_ratios=heights)[:, 0]
+        for k, (label, measured, nominal, improved) in enumerate(panels):
+            axes[step * k].plot(time, nominal, color=BEFORE, lw=1.0, label="nominal")
+            axes[step * k].plot(time, measured, color=MEASURED, lw=1.4, label="measured")
+            axes[step * k].plot(time, improved, color=AFTER, lw=1.0, ls="--", label="improved")
+            axes[step * k].set_ylabel(label)
+            if errors:
+                axes[step * k + 1].plot(time, measured - improved, color=AFTER, lw=0.8)
+                axes[step * k + 1].axhline(0.0, color=MEASURED, lw=0.5)
+                axes[step * k + 1].set_ylabel("error left")
+        axes[0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3)
+        axes[-1].set_xlabel("time [s]")
+        axes[-1].set_xlim(time[0], time[-1])
+        figure.align_ylabels()
+        save_png(figure, path, DPI)
+
+
+def loops(path: Path, panels: Sequence[tuple]) -> None:
+    """Draws hysteresis loops side by side: title; command, measured and predicted angle (n,) [deg]."""
+    import matplotlib
+
+    with matplotlib.rc_context(STYLE):
+        figure = new_figure(2.6 * len(panels), 2.9)
+        axes = figure.subplots(1, len(panels), sharex=True, sharey=True, squeeze=False)[0]
+        for axis, (title, command, measured, predicted) in zip(axes, panels, strict=True):
+            axis.plot(command, measured, color=MEASURED, lw=1.4, label="measured")
+            axis.plot(command, predicted, color=AFTER, lw=1.0, ls="--", label="predicted")
+            axis.set_title(title)
+            axis.set_xlabel("command [°]")
+        axes[0].set_ylabel("angle [°]")
+        axes[0].legend()
+        save_png(figure, path, DPI)
 
 
 STUDIES = {"emps": emps, "tendon_sheath": tendon_sheath, "so101": so101, "dvrk_wrist": dvrk_wrist}
