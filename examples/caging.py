@@ -1,6 +1,6 @@
 """Caging grasp in a Diagram of one's own: add_exo_index, Drake's Connect, Simulator and logs; Meshcat with --meshcat.
 
-Run: python examples/caging.py [FOLDER] [--meshcat]
+Run: python examples/caging.py [--meshcat]
 """
 
 import sys

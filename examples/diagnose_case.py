@@ -42,7 +42,7 @@ print(f"gap of the nominal robot on held-out motion: {gap:.1f} noise standard de
 found = exo.diagnose(case, nominal, progress=lambda stage, detail: print("  ", stage.text, detail))
 print_summary(found)
 
-# 3. the page, and the robot file with the effect in it
+# 3. the report, and the robot file with the effect in it
 write_text(MADE / "report.html", report_html(found, problem))
 improved = found.robots["improved"]
 exo.write_robot(improved, MADE / "robot.yaml")

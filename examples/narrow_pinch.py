@@ -1,6 +1,6 @@
 """Narrow pinch through Drake's own sources: a ramp by TrajectorySource, and the compiled simulator's log beside it.
 
-Run: python examples/narrow_pinch.py [FOLDER] [--meshcat]
+Run: python examples/narrow_pinch.py [--meshcat]
 """
 
 import sys

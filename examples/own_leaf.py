@@ -1,4 +1,7 @@
-"""A Drake system of one's own in the loop: a limiter that lets go of the tendons when the DIP joint bends too far."""
+"""A Drake system of one's own in the loop: a limiter that lets go of the tendons when the DIP joint bends too far.
+
+Run: python examples/own_leaf.py [FOLDER]
+"""
 
 import sys
 from pathlib import Path

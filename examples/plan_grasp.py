@@ -23,9 +23,7 @@ for mode, size in (("narrow-pinch", 0.03), ("wide-pinch", 0.06), ("caging", 0.06
     if not plan.feasible:
         print(f"  {plan.reason}")
         continue
-    log = exo.simulate(
-        robot, plan.reference(robot)
-    )  # the compiled simulator: the Diagram's numbers, without the estimator
+    log = exo.simulate(robot, plan.reference(robot))
     error = np.abs(at_hold(log, "angle", plan.joints) - plan.planned)
     print(f"  reached within {error.max():.3f} rad")
 

@@ -1,6 +1,8 @@
 """Train the joint-angle estimator on simulated sweeps, validate it under two splits, and apply it to a grasp.
 
 The simulated wearer is the same in every sweep, so the errors are smaller than those of a real wearer.
+
+Run: python examples/train_estimator.py
 """
 
 from dataclasses import replace

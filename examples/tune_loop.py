@@ -1,9 +1,9 @@
 """Choose the gains of the tension loop: the fastest with a disk margin of 0.7 and little overshoot.
 
-    python tune_loop.py [folder]
+Tunes the robot's own law alone, for the nominal robot at its three operating points, in some minutes; `exodrake tune`
+compares further controllers and allows for tolerances. Writes the robot file and the figure of both loops.
 
-Tunes the robot's own law alone, for the nominal robot at its three operating points; `exodrake tune` compares further
-controllers and allows for tolerances. Writes the robot file and the figure of both loops.
+Run: python examples/tune_loop.py [FOLDER]
 """
 
 import sys

@@ -3,7 +3,7 @@
 The nominal DIP has no stiffness left at 8.1 N of AF, so its wide pinch is slight; `exo_index/wide_pinch` has a stiffer
 DIP and a softer PIP. Both wires are pulled together along a ramp; the references are an input port of the Diagram.
 
-Run: python examples/wide_pinch.py [FOLDER] [--meshcat]
+Run: python examples/wide_pinch.py [--meshcat]
 """
 
 import sys
