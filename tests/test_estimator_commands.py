@@ -14,7 +14,8 @@ def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("estimator")
     for name, seed in (("a", 0), ("b", 1), ("fresh", 2)):
         write_log(as_log(worn_sweeps(12, seed, rows=60)), folder / f"{name}.csv.gz")
-    result = run("train", folder / "a.csv.gz", folder / "b.csv.gz", "--out", folder / "e.npz", "--points", 120)
+    logs, options = (folder / "a.csv.gz", folder / "b.csv.gz"), ("--points", 120, "--robot", "exo_index")
+    result = run("train", *logs, "--out", folder / "e.npz", *options)
     assert result.exit_code == 0, result.output
     (folder / "table.txt").write_text(result.output)
     return folder
@@ -28,7 +29,8 @@ def test_training_prints_both_splits_side_by_side(folder):
 
 
 def test_estimating_adds_columns_and_scores(folder):
-    result = run("estimate", "--estimator", folder / "e.npz", folder / "fresh.csv.gz", "--out", folder / "out.csv")
+    options = ("--estimator", folder / "e.npz", "--out", folder / "out.csv", "--robot", "exo_index")
+    result = run("estimate", folder / "fresh.csv.gz", *options)
     assert result.exit_code == 0, result.output
     assert "unlike the training sweeps" in result.output and "DIP: RMSE" in result.output
     log = read_log(folder / "out.csv")
@@ -64,7 +66,7 @@ def test_other_wires_missing_samples_and_other_robots_are_refused(folder, tmp_pa
     write_log(log.with_signals({"tension_AF": np.full(len(log), np.nan)}), tmp_path / "nan.csv")
     names = {name: log[name] for name in log.columns if not name.endswith("_AE")}
     write_log(type(log)(log.time, names), tmp_path / "two.csv")
-    (tmp_path / "robot.yaml").write_text("base: exo_index\n")
+    (tmp_path / "robot.yaml").write_text("base: exo_index\nparameters: {finger.kappa.MCP: 0.09}\n")
     for arguments, message in (
         ([tmp_path / "nan.csv"], "tension_AF"),
         ([tmp_path / "two.csv"], "wires AF, MF"),

@@ -6,7 +6,7 @@ import click
 
 import exodrake as exo
 from exodrake.cli.options import AnyPath, OutputFile, print_table, waiting, write_files
-from exodrake.core.files import hash_file, make_folder
+from exodrake.core.files import make_folder
 
 
 @click.command()
@@ -26,12 +26,12 @@ def train_estimator(
     """
     from dataclasses import replace
 
+    from exodrake.core.provenance import robot_digest
     from exodrake.estimator.dataset import sweeps_from_logs
     from exodrake.estimator.gp import condition, learn, learn_strokes, save
     from exodrake.estimator.validate import validate
-    from exodrake.machines.library import robot_yaml
 
-    mark = hash_file(robot_yaml(robot) or robot) if robot else ""
+    mark = robot_digest(exo.load_robot(robot)) if robot else ""
     read = [exo.read_log(path, ("tension_ref", "tension", "stroke")) for path in logs]
     sweeps = sweeps_from_logs(read, one_per_log=[log.label for log in read] if one_sweep_per_log else ())
     with waiting("learning") as say:
@@ -73,11 +73,11 @@ def estimate_angles(
     Tests whether the zeros of the strokes have moved since the training, as re-donning does, and corrects them. Where
     LOG has measured angles, prints the error and the share inside the 95 % interval.
     """
+    from exodrake.core.provenance import robot_digest
     from exodrake.estimator.gp import load
     from exodrake.estimator.validate import estimate
-    from exodrake.machines.library import robot_yaml
 
-    trained = load(estimator, hash_file(robot_yaml(robot) or robot) if robot else None)
+    trained = load(estimator, robot_digest(exo.load_robot(robot)) if robot else None)
     found = estimate(trained, exo.read_log(log, ("tension", "stroke")), correct=not as_trained)
     if out:
         write_files({out: found.log}, announce=False)
