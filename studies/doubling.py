@@ -12,16 +12,21 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from exodrake.cli.main import OneLineErrors
+from exodrake.core.errors import markdown_table
+from exodrake.core.files import write_text
+from exodrake.data.case import Case, read_case
+from exodrake.diagnosis.pipeline import diagnose
+from exodrake.diagnosis.problem import list_required
+from exodrake.machines.robot_file import load_robot
 from exodrake.reference.score import list_classes
-
-if TYPE_CHECKING:
-    from exodrake.data.case import Case
+from studies.page_text import keep as keep_answer, share
 
 COPY = "again-"  # before the file's name
 
@@ -42,16 +47,12 @@ def said(answer: dict[str, Any]) -> str:
 
 def page(rows: dict[str, tuple[str, str]], command: str) -> str:
     """The page, of each case's answers once and twice."""
-    from exodrake.core.confidence import binomial_interval
-
-    same = [once == twice for once, twice in rows.values()]
-    low, high = binomial_interval(sum(same), len(same))
-    words = [once.split()[0] == twice.split()[0] for once, twice in rows.values()]
-    lines = ["# Every log twice", "", TEXT.format(command=command), ""]
-    lines += [f"The same answer: {sum(same)} of {len(same)} ({low:.0%} to {high:.0%}); the same verdict: {sum(words)}."]
-    lines += ["", "| case | once | twice |", "|---|---|---|"]
-    lines += [f"| {name} | {once} | {'the same' if once == twice else twice} |" for name, (once, twice) in rows.items()]
-    return "\n".join(lines) + "\n"
+    same = sum(once == twice for once, twice in rows.values())
+    words = sum(once.split()[0] == twice.split()[0] for once, twice in rows.values())
+    cells = [(name, once, "the same" if once == twice else twice) for name, (once, twice) in rows.items()]
+    count = f"The same answer: {share(same, len(rows))}; the same verdict: {words}."
+    table = markdown_table(("case", "once", "twice"), cells)
+    return "\n\n".join(["# Every log twice", TEXT.format(command=command), count, table]) + "\n"
 
 
 TEXT = """Answers to cases of the reference simulator, and to the same cases with a copy of every fitted log. The same
@@ -67,20 +68,13 @@ answer: verdict, and causes with their rivals.
 @click.option("--out", type=click.Path(path_type=Path), default=None, help="Write the page.")
 def command(folder: Path, cases: int, keep: Path, out: Path | None) -> None:
     """Diagnose cases of FOLDER, which holds their answers, with every log twice."""
-    from exodrake.core.files import write_text
-    from exodrake.data.case import read_case
-    from exodrake.diagnosis.pipeline import diagnose
-    from exodrake.diagnosis.problem import list_required
-    from exodrake.machines.robot_file import load_robot
-
     keep.mkdir(parents=True, exist_ok=True)
     robot, rows = load_robot(), {}
+    read = partial(read_case, required=list_required(robot.machine), period=robot.machine.frame)
     for answered in sorted(folder.glob("*/diagnosis.json"))[:cases]:
         name, place = answered.parent.name, keep / f"{folder.name}-{answered.parent.name}.json"
-        if not place.is_file():
-            case = read_case(answered.parent, list_required(robot.machine), robot.machine.frame)
-            write_text(place, json.dumps(diagnose(doubled(case), robot).to_json(), indent=1) + "\n")
-        rows[name] = (said(json.loads(answered.read_text())), said(json.loads(place.read_text())))
+        twice = keep_answer(place, lambda case=answered.parent: diagnose(doubled(read(case)), robot).to_json())
+        rows[name] = (said(json.loads(answered.read_text())), said(twice))
         click.echo(f"{name}: {' | '.join(rows[name])}")
     if out:
         words = f"python -m studies.doubling {folder.name} --cases {cases} --keep kept --out {out}"

@@ -16,20 +16,34 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from time import process_time
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 import numpy as np
+from scipy.stats import binomtest
 
 from exodrake.cli.main import OneLineErrors
+from exodrake.core.errors import markdown_table
+from exodrake.core.files import write_text
+from exodrake.core.parallel import one_blas_thread
+from exodrake.core.schema import read_json
+from exodrake.data.case import EXPERIMENT, Case, CaseLog, read_case
+from exodrake.data.log import Log
+from exodrake.diagnosis.pipeline import diagnose
+from exodrake.diagnosis.problem import list_required, make_problem
+from exodrake.diagnosis.result import Rival
+from exodrake.engine.inputs import Reference
+from exodrake.experiment.contest import Contest, information, prepare_contest
+from exodrake.experiment.design import check_length, design
+from exodrake.machines.robot_file import load_robot
+from exodrake.reference.answers import ANSWER, find_cases
+from exodrake.reference.make import round_columns
+from exodrake.reference.robot import RobotSpec
 from exodrake.reference.score import found_ids
+from exodrake.reference.simulator import simulate
+from exodrake.simulation.references import protocol
 from studies.page_text import share
-
-if TYPE_CHECKING:
-    from exodrake.data.case import Case
-    from exodrake.diagnosis.result import Rival
-    from exodrake.experiment.contest import Contest
-    from exodrake.reference.robot import RobotSpec
+from studies.transfer.study import withheld
 
 MOTIONS = DESIGNED, RANDOM = "designed", "random"
 LOG_SEED = 9  # of the noise of further logs
@@ -57,11 +71,6 @@ def measure(
         duration: length of the experiment [s].
         motions: those wanted.
     """
-    from exodrake.diagnosis.problem import make_problem
-    from exodrake.diagnosis.result import Rival
-    from exodrake.experiment.contest import prepare_contest
-    from exodrake.machines.robot_file import load_robot
-
     if "before" not in row:
         before, found = explain(case, effects)
         rivals = [{"effects": r.effects, "parameters": r.parameters} for r in found]
@@ -84,10 +93,6 @@ def measure(
 
 def choose_motion(motion: str, contest: Contest, duration: float | None) -> tuple[np.ndarray, dict[str, Any]]:
     """A motion (frames, references) [SI], designed or random, and what it promises."""
-    from exodrake.experiment.contest import information
-    from exodrake.experiment.design import check_length, design
-    from exodrake.simulation.references import protocol
-
     started, robot = process_time(), contest.problem.robot
     if motion == DESIGNED:
         made = design(contest, duration)
@@ -103,8 +108,6 @@ def choose_motion(motion: str, contest: Contest, duration: float | None) -> tupl
 
 def explain(case: Case, effects: frozenset[str]) -> tuple[dict[str, Any], tuple[Rival, ...]]:
     """Verdict of a case by some effects, with causes and their rivals, and the explanations still in play."""
-    from exodrake.diagnosis.pipeline import diagnose
-
     made = diagnose(case, tried=effects)
     causes = [e for e in made.effects if e.role == "cause"]
     left = [cause.id for cause in causes] + [rival.id for cause in causes for rival in cause.rivals]
@@ -113,12 +116,6 @@ def explain(case: Case, effects: frozenset[str]) -> tuple[dict[str, Any], tuple[
 
 def add_log(case: Case, spec: RobotSpec, reference: np.ndarray) -> Case:
     """The case with the log that its robot leaves on a reference (frames, tendons) [N]."""
-    from exodrake.data.case import EXPERIMENT, CaseLog
-    from exodrake.data.log import Log
-    from exodrake.engine.inputs import Reference
-    from exodrake.reference.make import round_columns
-    from exodrake.reference.simulator import simulate
-
     columns = round_columns(simulate(spec, Reference(reference, EXPERIMENT), LOG_SEED))
     time = columns.pop("time")
     has = case.logs[0].log.has
@@ -129,44 +126,37 @@ def add_log(case: Case, spec: RobotSpec, reference: np.ndarray) -> Case:
 def make_page(rows: dict[str, dict[str, Any]], command: str) -> str:
     """The page, from what was measured by case."""
     used = {name: row for name, row in rows.items() if row.get("after")}
-    lines = ["# The next experiment, measured", "", TEXT, "", f"    {command}", ""]
-    lines += ["| motion | resolved | one left, but not the true one |", "|---|---|---|"]
+    totals, kinds, cases = [], [], []
     for motion in MOTIONS:
         run = [row for row in used.values() if motion in row["after"]]
         right = count_resolved(run, motion)
         wrong = sum(row["after"][motion]["verdict"] == "NAMED" for row in run) - right
-        lines.append(f"| {motion} | {share(right, len(run))} | {wrong} |")
-    lines += ["", compare_motions(list(used.values())), ""]
-    lines += [
-        "| effects that are to be told apart | cases | by the designed | by the random motion |",
-        4 * "|---" + "|",
-    ]
+        totals.append((motion, share(right, len(run)), wrong))
     for kind in sorted({", ".join(sorted(row["before"]["class"])) for row in used.values()}):
         some = [row for row in used.values() if ", ".join(sorted(row["before"]["class"])) == kind]
         run = [[row for row in some if motion in row["after"]] for motion in MOTIONS]
         counts = [f"{count_resolved(part, m)} of {len(part)}" for part, m in zip(run, MOTIONS, strict=True)]
-        lines.append(f"| {kind} | {len(some)} | {' | '.join(counts)} |")
-    lines += ["", "| case | true | class before | T designed, random | after the designed | after a random one |"]
-    lines.append(6 * "|---" + "|")
+        kinds.append((kind, len(some), *counts))
     for name, row in used.items():
         left = ", ".join(f"{row['promised'][m]['left']:.0f}" if m in row["promised"] else "-" for m in MOTIONS)
         after = []
         for motion in MOTIONS:
             found = row["after"].get(motion)
             after.append("not measured" if found is None else "the same log" if found.get("same") else describe(found))
-        start = f"{name} | {', '.join(row['truth']) or 'healthy'} | {', '.join(row['before']['class'])}"
-        lines.append(f"| {start} | {left} | {' | '.join(after)} |")
+        cases.append((name, ", ".join(row["truth"]) or "healthy", ", ".join(row["before"]["class"]), left, *after))
+    by = ("effects that are to be told apart", "cases", "by the designed", "by the random motion")
+    head = ("case", "true", "class before", "T designed, random", "after the designed", "after a random one")
+    parts = ["# The next experiment, measured", TEXT, f"    {command}"]
+    parts += [markdown_table(("motion", "resolved", "one left, but not the true one"), totals)]
+    parts += [compare_motions(list(used.values())), markdown_table(by, kinds), markdown_table(head, cases)]
     if decided := {name: row for name, row in rows.items() if len(row["before"]["class"]) < 2}:
-        lines += ["", "No longer ambiguous, without a further log:", ""]
-        for name, row in decided.items():
-            lines.append(f"- {name}, {', '.join(row['truth']) or 'healthy'}: {describe(row['before'])}")
-    return "\n".join(lines) + "\n"
+        listed = [f"- {n}, {', '.join(r['truth']) or 'healthy'}: {describe(r['before'])}" for n, r in decided.items()]
+        parts += ["No longer ambiguous, without a further log:", "\n".join(listed)]
+    return "\n\n".join(parts) + "\n"
 
 
 def compare_motions(rows: list[dict[str, Any]]) -> str:
     """Cases that either motion alone resolves, of those that have both, with McNemar's exact test."""
-    from scipy.stats import binomtest
-
     both = [tuple(is_resolved(row, motion) for motion in MOTIONS) for row in rows if set(MOTIONS) <= set(row["after"])]
     if not both:
         return "No case has both motions yet."
@@ -207,15 +197,6 @@ def command(
     keep: Path, out: Path | None,
 ) -> None:  # fmt: skip
     """Measure what the designed experiment resolves on ambiguous cases of the sets in FOLDERS."""
-    from exodrake.core.files import write_text
-    from exodrake.core.parallel import one_blas_thread
-    from exodrake.core.schema import read_json
-    from exodrake.data.case import read_case
-    from exodrake.diagnosis.problem import list_required
-    from exodrake.machines.robot_file import load_robot
-    from exodrake.reference.answers import ANSWER, find_cases
-    from studies.transfer.study import withheld
-
     if len(labels) != len(folders):
         raise click.UsageError("one --labels for each set")
     rows, wanted, machine = {}, list(filter(None, cases.split(","))), load_robot().machine

@@ -11,16 +11,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 import numpy as np
 
 from exodrake.cli.main import OneLineErrors
 from exodrake.core.confidence import NORMAL_95
-
-if TYPE_CHECKING:
-    from exodrake.estimator.dataset import Sweeps
+from exodrake.core.files import write_text
+from exodrake.estimator.dataset import Sweeps, sweeps_from_logs
+from exodrake.estimator.gp import fit
+from exodrake.identification.kinematics.identify import identify
+from exodrake.identification.kinematics.markers import Faults, Hand, synthesise
+from exodrake.machines.robot_file import load_robot
+from exodrake.simulation.protocols import sweeps
+from exodrake.simulation.simulate import simulate
 
 NOISE, SECONDS, RATE, GAPS = 3e-4, 20.0, 50.0, 6.0  # m RMS per axis, s, Hz, per marker and minute
 FIRST = 1000  # seed of the first recording
@@ -49,9 +53,6 @@ class Recordings:
 
 def identified(seed: int, seconds: float = SECONDS, rate: float = RATE) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Errors (21,), half widths (21,) and RMSE of the angles (4,) of one synthetic recording."""
-    from exodrake.identification.kinematics.identify import identify
-    from exodrake.identification.kinematics.markers import Faults, Hand, synthesise
-
     recording, truth = synthesise(Hand(), Faults(noise=NOISE, dropouts=GAPS), seconds, rate, seed)
     found = identify(recording)
     errors, halves = [np.subtract(found.lengths, truth.lengths)], [np.array(found.intervals)]
@@ -84,12 +85,6 @@ class Sessions:
 
 def sessions(count: int, seed: int = 0) -> list[Sessions]:
     """Estimate angles in `count` sessions of a simulated robot: no shift, then each shift of each wire."""
-    from exodrake.estimator.dataset import sweeps_from_logs
-    from exodrake.estimator.gp import fit
-    from exodrake.machines.robot_file import load_robot
-    from exodrake.simulation.protocols import sweeps
-    from exodrake.simulation.simulate import simulate
-
     robot = load_robot()
     estimator = fit(sweeps_from_logs([simulate(robot, sweeps(robot), seed=seed)]), points=250)
     rng, fresh = np.random.default_rng(seed), []
@@ -208,8 +203,6 @@ A changed rest posture or hand orientation looks like a shift. A session whose s
 @click.option("--sessions", "many", default=96, show_default=True, help="Sessions of the estimator per case.")
 def command(out: Path, count: int, many: int) -> None:
     """Measure the kinematic identification and the zeros of sessions on simulated cases."""
-    from exodrake.core.files import write_text
-
     write_text(out, page(recordings(count), sessions(many), many))
     click.echo(f"wrote {out}")
 

@@ -19,6 +19,7 @@ from pathlib import Path
 import click
 import numpy as np
 
+from exodrake.core.errors import markdown_table
 from exodrake.core.parallel import one_blas_thread
 from exodrake.data.case import Case
 from exodrake.diagnosis.discovery.discover import LEAD, MissingLaw, discover, measure_lead
@@ -149,16 +150,16 @@ def limit(leads: Sequence[float]) -> float:
 def table(rows: list[Row]) -> str:
     """A table of cases in Markdown, and their formulas."""
     columns = ("injected", "gap", "law found", "channels", "fitted", "held out", "runner-up distinguished")
-    lines = [f"| {' | '.join(columns)} |", 7 * "|---" + "|"]
+    lines = []
     for r in rows:
         place, _, words = r.law.partition(":")
         wrong = "" if r.right or not r.blocks else "**wrong part** "
         apart = f"{'yes' if r.lead > LEAD else 'no'}, `{r.runner_up}`" if r.runner_up else "none fitted"
         cells = (f"{wrong}`{place}`{words}", ", ".join(r.channels), percent(r.share), closure(r.closure), apart)
         gap = f"{r.gap:.1f}" if np.isfinite(r.gap) else "-"
-        lines.append(f"| `{r.name}` | {gap} | {' | '.join(cells if r.found else (r.reason, '', '', '', ''))} |")
-    formulas = [f"- `{r.name}`: {r.formula}" for r in rows if r.formula]
-    return "\n".join(lines + (["", "Plain formulas, SI:", "", *formulas] if formulas else []))
+        lines.append((f"`{r.name}`", gap, *(cells if r.found else (r.reason, "", "", "", ""))))
+    formulas = "\n".join(f"- `{r.name}`: {r.formula}" for r in rows if r.formula)
+    return markdown_table(columns, lines) + (f"\n\nPlain formulas, SI:\n\n{formulas}" if formulas else "")
 
 
 def summary(rows: list[Row]) -> list[str]:

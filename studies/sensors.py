@@ -12,15 +12,21 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from exodrake.cli.main import OneLineErrors
-from studies.page_text import made
-
-if TYPE_CHECKING:
-    from exodrake.data.case import Case
+from exodrake.core.errors import markdown_table
+from exodrake.core.files import write_text
+from exodrake.core.parallel import one_blas_thread
+from exodrake.data.case import Case, read_case
+from exodrake.diagnosis.checks.preflight import identifiability
+from exodrake.diagnosis.isolation import isolate
+from exodrake.diagnosis.problem import list_required, make_problem
+from exodrake.diagnosis.verdict import decide
+from exodrake.machines.robot_file import load_robot
+from studies.page_text import keep as keep_result, made
 
 SETS = {
     "all": (),
@@ -43,10 +49,6 @@ def without(case: Case, hidden: tuple[str, ...]) -> Case:
 
 def computed(case: Case) -> dict[str, dict[str, str]]:
     """Effect -> sensors -> what the logs of a case would do of it, on the channel where they do best."""
-    from exodrake.core.parallel import one_blas_thread
-    from exodrake.diagnosis.checks.preflight import identifiability
-    from exodrake.machines.robot_file import load_robot
-
     with one_blas_thread():
         whole = identifiability(case, load_robot())
     found: dict[str, dict[str, str]] = {}
@@ -61,12 +63,6 @@ def computed(case: Case) -> dict[str, dict[str, str]]:
 
 def measured(case: Case, hidden: tuple[str, ...]) -> dict[str, Any]:
     """Verdict of a case without some columns, and its causes with their rivals."""
-    from exodrake.core.parallel import one_blas_thread
-    from exodrake.diagnosis.isolation import isolate
-    from exodrake.diagnosis.problem import make_problem
-    from exodrake.diagnosis.verdict import decide
-    from exodrake.machines.robot_file import load_robot
-
     with one_blas_thread():
         found = isolate(make_problem(without(case, hidden), load_robot()))
         decision = decide(found)
@@ -91,27 +87,20 @@ OUTCOMES = ("named", "in the class", "partly", "unknown", "not seen", "another n
 
 def page(effects: dict[str, dict[str, str]], rows: dict[str, dict[str, Any]], command: str) -> str:
     """The page."""
-    lines = ["# Fewer sensors", "", TEXT.format(command=command, made=made()), "", "## Computed", ""]
-    lines += [f"| of {len(effects)} effects | {' | '.join(SETS)} |", "|---" * (1 + len(SETS)) + "|"]
-    for state in (CLEAR, MISTAKEN, HIDDEN):
-        counts = (str(sum(states[sensors] == state for states in effects.values())) for sensors in SETS)
-        lines.append(f"| {state} | {' | '.join(counts)} |")
-    lines += ["", RELATIVE, "", "Effects for which the sensors make a difference:", ""]
-    lines += [f"| effect | {' | '.join(SETS)} |", "|---" * (1 + len(SETS)) + "|"]
-    for effect, states in effects.items():
-        if len(set(states.values())) > 1:
-            lines.append(f"| `{effect}` | {' | '.join(states[sensors] for sensors in SETS)} |")
+    states = (CLEAR, MISTAKEN, HIDDEN)
+    counts = [(s, *(sum(own[sensors] == s for own in effects.values()) for sensors in SETS)) for s in states]
+    differ = [(f"`{e}`", *(own[sensors] for sensors in SETS)) for e, own in effects.items() if len({*own.values()}) > 1]
+    parts = ["# Fewer sensors", TEXT.format(command=command, made=made()), "## Computed"]
+    parts += [markdown_table((f"of {len(effects)} effects", *SETS), counts), RELATIVE]
+    parts += ["Effects for which the sensors make a difference:", markdown_table(("effect", *SETS), differ)]
     if rows:
-        lines += ["", "## Measured", "", MEASURED.format(count=len(rows)), ""]
-        lines += [f"| sensors | {' | '.join(OUTCOMES)} |", "|---" * (1 + len(OUTCOMES)) + "|"]
-        for sensors in SETS:
-            own = [outcome(row[sensors], row["truth"]) for row in rows.values()]
-            lines.append(f"| {sensors} | {' | '.join(str(own.count(word)) for word in OUTCOMES)} |")
-        lines += ["", f"| case | effect | {' | '.join(SETS)} |", "|---" * (2 + len(SETS)) + "|"]
-        for name, row in rows.items():
-            said = " | ".join(outcome(row[sensors], row["truth"]) for sensors in SETS)
-            lines.append(f"| {name} | `{row['truth']}` | {said} |")
-    return "\n".join(lines) + "\n"
+        found = {name: [outcome(row[sensors], row["truth"]) for sensors in SETS] for name, row in rows.items()}
+        columns = zip(SETS, zip(*found.values()))
+        totals = [(sensors, *(own.count(word) for word in OUTCOMES)) for sensors, own in columns]
+        cases = [(name, f"`{row['truth']}`", *found[name]) for name, row in rows.items()]
+        parts += ["## Measured", MEASURED.format(count=len(rows)), markdown_table(("sensors", *OUTCOMES), totals)]
+        parts += [markdown_table(("case", "effect", *SETS), cases)]
+    return "\n\n".join(parts) + "\n"
 
 
 TEXT = """What the diagnosis of the Exo-Index can still name without motion capture (joint angles), without load cells
@@ -135,21 +124,13 @@ are the same in each row; their controllers measure tension in all of them."""
 @click.option("--out", type=click.Path(path_type=Path), default=None, help="Write the page.")
 def command(folder: Path, labels: Path, cases: int, keep: Path, out: Path | None) -> None:
     """Compute and measure what can be named with fewer sensors, on cases of the set in FOLDER."""
-    from exodrake.core.files import write_text
-    from exodrake.data.case import read_case
-    from exodrake.diagnosis.problem import list_required
-    from exodrake.machines.robot_file import load_robot
-
     keep.mkdir(parents=True, exist_ok=True)
     machine, truths = load_robot().machine, json.loads(labels.read_text())
     truths = truths.get("cases", truths)
     single = [name for name, label in truths.items() if label["kind"] == "single"][:cases]
 
-    def kept(name: str, make: Any) -> Any:
-        place = keep / f"{folder.name}-{name}.json"
-        if not place.is_file():
-            write_text(place, json.dumps(make(), indent=1) + "\n")
-        return json.loads(place.read_text())
+    def kept(name: str, measure: Any) -> Any:
+        return keep_result(keep / f"{folder.name}-{name}.json", measure)
 
     def read(name: str) -> Case:
         return read_case(folder / name, list_required(machine), machine.frame)

@@ -10,7 +10,6 @@ the command can be repeated.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
@@ -35,7 +34,7 @@ from exodrake.reference.robot import InjectedFault, RobotSpec, draw_parameters
 from exodrake.reference.simulator import simulate as simulate_reference
 from exodrake.simulation import protocols
 from exodrake.simulation.references import on_machine
-from studies.page_text import made, share
+from studies.page_text import keep as keep_answer, made, share
 
 START = datetime(2026, 1, 1, tzinfo=UTC)
 SESSIONS, SECONDS = 10, 10.0
@@ -218,9 +217,7 @@ def tried(make: Callable[[Kind, int], tuple[Case, exo.Robot, float]], kind: Kind
     """Diagnosis of a drawn robot, kept in a file, beside the truth."""
     case, nominal, begin = make(kind, seed)
     place = keep / f"{case.name}-{seed}.json"
-    if not place.is_file():
-        write_text(place, json.dumps(said_of(case, nominal), indent=1) + "\n")
-    return judged(place.stem, json.loads(place.read_text()), kind, begin)
+    return judged(place.stem, keep_answer(place, lambda: said_of(case, nominal)), kind, begin)
 
 
 def misses(found: list[Outcome]) -> list[str]:

@@ -6,9 +6,11 @@ R = dl/dq (ours, signed)        R = 0.5 |A x B| / |A - B| (as printed in our cop
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import brentq
 
+from exodrake.data.plot import new_figure
 from exodrake.physics.wire_paths import EXTENSOR, FLEXOR, path
-from exodrake.report.blocks import Drawing, Table
+from exodrake.report.blocks import RULE, SOFT, Drawing, Table, house_style, render_svg
 from studies.paper.claim import AGREES, DOES_NOT, Chapter, Claim
 
 LENGTH, LOW, HIGH = 5e-3, 3e-3, 5e-3  # m, paper Fig. 2: a = b, and m = n of the flexor and extensor (S), of (L)
@@ -54,8 +56,6 @@ def as_printed(arms):
 
 def zero_of(name: str) -> float:
     """Angle [rad] at which an arm vanishes."""
-    from scipy.optimize import brentq
-
     return float(brentq(lambda angle: arm(name, angle), 0.1, 2.0))  # pyright: ignore[reportArgumentType]
 
 
@@ -125,9 +125,6 @@ def claims(found: Arms) -> tuple[Claim, ...]:
 
 def figure(found: Arms) -> str:
     """Both versions side by side on the same axes, as SVG."""
-    from exodrake.data.plot import new_figure
-    from exodrake.report.blocks import RULE, SOFT, house_style, render_svg
-
     with house_style():
         drawn = new_figure(9.6, 3.2)
         panels = drawn.subplots(1, 2, sharey=True)

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from exodrake.data.plot import new_figure
 from exodrake.identification.kinematics.identify import SMALLEST_ANGLE, Kinematics, identify
-from exodrake.identification.kinematics.markers import Faults, Hand, Truth, synthesise
-from exodrake.report.blocks import Drawing, Heading, Table
+from exodrake.identification.kinematics.markers import Faults, Hand, Layout, Truth, synthesise
+from exodrake.report.blocks import RULE, Drawing, Heading, Table, house_style, render_svg
 from studies.paper.claim import AGREES, DOES_NOT, UNKNOWN, Chapter, Claim
 
 NOISE, SLIDING, RATE = 3e-4, 2e-3, 50.0  # m RMS per axis, m/rad of skin, Hz
@@ -179,8 +180,6 @@ def slopes_found(markers: Markers) -> str:
 
 def marker_count() -> Claim:
     """The fourteen markers."""
-    from exodrake.identification.kinematics.markers import Layout
-
     layout = Layout()
     made = len(layout.finger), len(layout.thumb)
     good = AGREES if made == (12, 2) else DOES_NOT
@@ -189,9 +188,6 @@ def marker_count() -> Claim:
 
 def figure(found: Kinematics) -> str:
     """Centres and their lines, a panel per joint, as SVG."""
-    from exodrake.data.plot import new_figure
-    from exodrake.report.blocks import RULE, house_style, render_svg
-
     with house_style():
         drawn = new_figure(9.6, 3.1)
         for axes, joint in zip(drawn.subplots(1, 3), found.joints):

@@ -4,7 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from exodrake.report.blocks import Drawing, Heading, Table
+from exodrake.data.plot import new_figure
+from exodrake.engine.inputs import Reference
+from exodrake.report.blocks import AFTER, BEFORE, RULE, Drawing, Heading, Table, house_style, render_svg
+from exodrake.simulation.simulate import simulate
 from studies.paper.claim import AGREES, DOES_NOT, Chapter, Claim
 
 CELL, CELL_NONLINEARITY = 0.002, 0.1  # N, load cell as printed
@@ -31,9 +34,6 @@ class Staircase:
 
 def staircase(robot, resolution: float, encoder: float) -> Staircase:
     """A slow ramp of all wires, read with a tension resolution [N] and an encoder resolution [rad]."""
-    from exodrake.engine.inputs import Reference
-    from exodrake.simulation.simulate import simulate
-
     changed = robot.with_parameters({"sensor.q_F": resolution, "encoder.q_theta": encoder})
     rest, frames = round(1.0 / robot.machine.frame), round(SECONDS / robot.machine.frame)
     ramp = BASE + np.concatenate([np.zeros(2 * rest), np.linspace(0.0, RISE, frames)])
@@ -127,9 +127,6 @@ def timing_claims(machine, rate: float) -> tuple[Claim, ...]:
 
 def figure(coarse: Staircase, fine: Staircase) -> str:
     """The staircases of both resolutions as SVG."""
-    from exodrake.data.plot import new_figure
-    from exodrake.report.blocks import AFTER, BEFORE, RULE, house_style, render_svg
-
     names = (("0.004 N, as printed", "0.001 N, corrected"), ("0.00569 rad, 16 lines", "0.001423 rad, quadrature"))
     with house_style():
         drawn = new_figure(9.6, 2.7)
