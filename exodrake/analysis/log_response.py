@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from control import frd
+from scipy.signal import csd
 
 from exodrake.core.errors import InputError, argument
 from exodrake.core.plain import plain
@@ -100,8 +102,6 @@ class LogResponse:
 
     def to_control(self, model: str = "") -> Any:
         """A python-control `FrequencyResponseData` of what was measured, or of a robot by its name."""
-        from control import frd
-
         found = self.models[model] if model else self.response
         return frd(found, 2.0 * np.pi * self.frequency, inputs=[self.input], outputs=[self.output])  # pyright: ignore
 
@@ -244,8 +244,6 @@ def cross_spectra(
 
     Segments have `length` rows, half of which overlap; `counts` are the numbers of segments of the logs.
     """
-    from scipy.signal import csd
-
     frequency, total = np.zeros(0), np.zeros((2, 2, 1))
     for log, count in zip(logs, counts, strict=True):
         rows = np.array([fill_gaps(log[name], f"{log.label}, column {name!r}") for name in (input, output)])

@@ -9,6 +9,7 @@ from typing import Any
 
 import control
 import numpy as np
+from scipy.optimize import minimize
 
 from exodrake.analysis import linear_model as lm
 from exodrake.analysis.responses import first_crossing
@@ -173,8 +174,6 @@ def disk_margin(sensitivity: np.ndarray) -> np.ndarray:
     Returns:
         The margins; their minimum is exact, others may be a little pessimistic.
     """
-    from scipy.optimize import minimize
-
     balanced = sensitivity - 0.5 * np.eye(sensitivity.shape[-1])  # (S - T) / 2 with T = I - S
     bound, scales = structured_bound(balanced)
     done: set[int] = set()

@@ -17,6 +17,7 @@ from typing import Any
 import control
 import numpy as np
 from scipy.linalg import block_diag
+from scipy.optimize import differential_evolution, linprog, minimize
 
 from exodrake.analysis import linear_model as lm
 from exodrake.analysis.closed_loop import list_remarks
@@ -212,8 +213,6 @@ def tune(
 
 def find_limit(plants: list[Plant], tuned: Tuned, wanted: Requirements) -> Limit:
     """How fast any controller could be that moves its commands as little as a tuned one, and how fast LQG is."""
-    from scipy.optimize import differential_evolution, minimize
-
     plant, loop, frame = plants[0], plants[0].model.loop, plants[0].system.dt
     size, m = loop.loop.step, len(loop.channels)
     settling = max(s.settling for s in tuned.steps)
@@ -435,8 +434,6 @@ def search_gains(
 
     Without gains to start from, a global search over the nominal plants comes before the local one over all.
     """
-    from scipy.optimize import differential_evolution, minimize
-
     names = [g.parameter for g in structure.gains]
     bounds = [(np.log(g.low), np.log(g.high)) for g in structure.gains]
 
@@ -470,8 +467,6 @@ def bound_settling(
 
     `peak` is in command / step; overshoot and crosstalk are fractions of the step.
     """
-    from scipy.optimize import linprog
-
     m, pulse, x = plant.ninputs, np.zeros((frames, plant.ninputs, plant.ninputs)), np.array(plant.B)
     for k in range(frames):
         pulse[k], x = plant.C @ x, plant.A @ x

@@ -16,9 +16,13 @@ from typing import Any
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
+from scipy.optimize import minimize
 from scipy.stats import f as fisher
+from sklearn.exceptions import ConvergenceWarning
+from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import RBF, ConstantKernel, DotProduct, Kernel, Matern, Sum, WhiteKernel
 
+from exodrake import __version__
 from exodrake.core.confidence import NORMAL_95
 from exodrake.core.errors import InputError, short_repr
 from exodrake.core.files import read_bytes, write_bytes
@@ -28,6 +32,8 @@ from exodrake.data.formats.npz import read_arrays
 from exodrake.estimator.dataset import Sweeps, sweeps_from_logs
 from exodrake.model.robot import Robot
 from exodrake.physics.gp_estimator import Weights, predict_rows
+from exodrake.simulation.protocols import sweeps
+from exodrake.simulation.simulate import simulate
 
 POINTS = 500
 JITTER = 1e-10  # scikit-learn's default, added to the diagonal
@@ -117,9 +123,6 @@ class Prior:
 
 def learn(sweeps: Sweeps, points: int = POINTS) -> Prior:
     """Fit scaling and hyperparameters by marginal likelihood, from the start values of `sweep_kernel`."""
-    from scipy.optimize import minimize
-    from sklearn.exceptions import ConvergenceWarning
-    from sklearn.gaussian_process import GaussianProcessRegressor
 
     def optimise(objective, start, bounds):
         options = {"maxfun": EVALUATIONS}
@@ -349,8 +352,6 @@ def leave_one_sweep_out(inverse: np.ndarray, targets: np.ndarray, sweep: np.ndar
 
 def estimator_bytes(estimator: Estimator, notes: dict[str, Any] | None = None) -> bytes:
     """Content of an estimator's file (.npz), with notes, such as validation errors, in its record."""
-    from exodrake import __version__
-
     kept = ("wires", "joints", "robot", "logs", "sweeps", "kernel", "limit")
     record = {"format": FORMAT, "exodrake": __version__, "units": UNITS, "notes": notes or {}}
     record |= {name: getattr(estimator, name) for name in kept}
@@ -413,9 +414,6 @@ def load(path: str | Path, robot: str | None = None) -> Estimator:
 
 def quick_estimator(robot: Robot, cache: Path | None = None) -> Estimator:
     """An estimator of simulated sweeps of a robot without effects, or the one kept in a file for that robot."""
-    from exodrake.simulation.protocols import sweeps
-    from exodrake.simulation.simulate import simulate
-
     if cache is not None and cache.is_file():
         try:
             return load(cache, robot_digest(robot))

@@ -28,6 +28,7 @@ from exodrake.diagnosis.linear import LinearModel
 from exodrake.diagnosis.linearise import nominal_jacobian, with_effects
 from exodrake.diagnosis.many import ANSWER
 from exodrake.diagnosis.parameter import effect_parameters, nominal_parameters
+from exodrake.diagnosis.pipeline import diagnose
 from exodrake.diagnosis.problem import Problem, Trial, list_required, make_problem
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, Rival, record_provenance
 from exodrake.diagnosis.search import LAW, NATS
@@ -79,8 +80,6 @@ def read_rivals(
             raise InputError(f"{place}: it was made from {differs}; diagnose again")
         answer = None if differs else answer
     if answer is None:
-        from exodrake.diagnosis.pipeline import diagnose
-
         found = diagnose(case, robot, progress)
         verdict, rivals = found.verdict, found.rivals
     else:

@@ -12,6 +12,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.optimize import least_squares
+from scipy.spatial import KDTree
 
 from exodrake.core.errors import InputError, argument, short_repr
 from exodrake.data.log import Log
@@ -123,8 +125,6 @@ def project(
     confirm: Confirm,
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """Tensions (3,) [N] within limits whose posture (3,) [rad], from rest along the ramp, is nearest `wanted`."""
-    from scipy.optimize import least_squares
-
     low, high = limits
 
     def miss(x: np.ndarray) -> np.ndarray:
@@ -184,8 +184,6 @@ def plan_grasp(mode: str, size: float, robot: Robot | None = None, hand: Hand | 
         >>> [round(tension, 1) for tension in plan.tensions]  # N
         [5.5, 1.4, 2.9]
     """
-    from scipy.spatial import KDTree
-
     robot, hand = robot_or_default(robot), hand or Hand()
     way, n, (low, high) = find_mode(mode), read_parameters(robot), robot.reference_limits()
     size = check_size(size, hand, n)

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import binned_statistic
 
 from exodrake.core.errors import InputError, argument
 from exodrake.data.log import Log
@@ -41,8 +42,6 @@ def find_maximum_tension(log: Log, robot: Robot | None = None) -> tuple[MaximumT
         >>> [(found.tendon, round(found.tension, 1)) for found in find_maximum_tension(log)]
         [('AF', 11.9), ('MF', 8.0), ('AE', 8.0)]
     """
-    from scipy.stats import binned_statistic
-
     log, axes = argument("log", log, Log), robot_or_default(robot).machine.axes
     reference, tension = log.array("tension_ref", axes.tendons), log.array("tension", axes.tendons)
     angle = log.array("angle", axes.joints)

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.signal import lfilter
 
 from exodrake.reference import dynamics
 from exodrake.reference.robot import FRAME, JOINTS, WIRES, InjectedFault, settle_routing
@@ -81,8 +82,6 @@ def draw_bursts(rng, time, gap, length):
 
 def wandering_rest(build, where, p, rng):
     """The wearer's resting posture wanders, with standard deviation `size` and correlation time `memory` [s]."""
-    from scipy.signal import lfilter
-
     keep = np.exp(-FRAME / p["memory"])
     kicks = p["size"] * np.sqrt(1 - keep**2) * rng.standard_normal((3, len(build.time)))
     kicks[:, 0] = 0.0

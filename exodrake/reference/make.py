@@ -19,6 +19,7 @@ from exodrake.core.errors import InputError
 from exodrake.core.files import write_text
 from exodrake.core.parallel import each
 from exodrake.core.progress import Count, no_progress
+from exodrake.core.provenance import digest, source_files
 from exodrake.data.case import FILE, Case, CaseLog, write_case
 from exodrake.data.log import Log
 from exodrake.reference.answers import COMMITMENT, write_committed
@@ -152,8 +153,6 @@ def make(
         InputError: For a bad number of cases, a set that is finished there, another one that was started, labels inside
             the folder, and naming cases that could not be made.
     """
-    from exodrake.core.provenance import digest, source_files
-
     folder = Path(folder)
     labels = Path(labels) if labels else folder.with_name(folder.name + "-labels.json")
     if cases < 1:

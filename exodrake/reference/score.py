@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.stats import binomtest
 
 from exodrake.core.confidence import binomial_interval
 from exodrake.core.errors import markdown_table, plural
@@ -140,8 +141,6 @@ class Paired:
     @property
     def p(self) -> float:
         """Two-sided p-value of equal shares: the cases in which one holds alone are a fair coin (McNemar)."""
-        from scipy.stats import binomtest
-
         differing = self.first + self.second
         return float(binomtest(self.first, differing).pvalue) if differing else 1.0
 

@@ -11,6 +11,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from scipy.signal import welch
 
 from exodrake import __version__
 from exodrake.analysis.log_response import COLUMNS, LogResponse, block_responses, plot_responses
@@ -25,6 +26,7 @@ from exodrake.diagnosis.problem import Problem, Trial
 from exodrake.diagnosis.result import CAUSE, REFINEMENT, Diagnosis, SignalGap
 from exodrake.diagnosis.search import GAIN, LARGE, LAW, NATS, NEGLIGIBLE
 from exodrake.diagnosis.verdict import EXPLAINED, MOST
+from exodrake.diagrams.block_diagram import wiring_svg
 from exodrake.model.display import Display, find_display
 from exodrake.report import blocks, wording as w
 from exodrake.report.blocks import AFTER, BAND, LINE, RULE, SOFT, Bars, Drawing, Table, render, render_svg
@@ -164,8 +166,6 @@ def how_far(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
 
 def spectra(runs: SimulatedLogs, robot: str, kind: str) -> tuple[np.ndarray, np.ndarray]:
     """Frequency [Hz] and mean power density [1/Hz] (Welch) of normalised residuals of one kind, over judged logs."""
-    from scipy.signal import welch
-
     indices = [i for i, (own, _) in enumerate(runs.parts) if own == kind]
     columns = [np.nan_to_num(log.residuals[robot][:, i]) for log in runs.judged for i in indices]
     found = [welch(c, 1.0 / runs.period, nperseg=max(SHORTEST, len(c) // SECTIONS)) for c in columns]
@@ -215,8 +215,6 @@ def curves(runs: SimulatedLogs, robots: Sequence[str]) -> dict[str, Any]:
 
 def where(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
     """Values of the section's template; nothing where there is no place."""
-    from exodrake.diagrams.block_diagram import wiring_svg
-
     found, conditions = diagnosis.where, None
     if found.block == "none":
         return {"wiring": None, "conditions": None, "figures": []}

@@ -13,6 +13,7 @@ from pathlib import Path
 from urllib.parse import quote
 
 import numpy as np
+from markupsafe import Markup
 
 from exodrake import __version__
 from exodrake.core.errors import plural, printable
@@ -125,8 +126,6 @@ def find_reports(folder: Path, report: Path) -> dict[str, str]:
 
 def robot_table(robots: Sequence[Member], links: Mapping[str, str] | None = None) -> Table:
     """Robots: last verdict and cause, its change, size and closure; the last case with a link, number of cases."""
-    from markupsafe import Markup
-
     rows = []
     for m in robots:
         row, counts = m.last, Counter(effect for row in m.rows for effect in row.effects)

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import zip_longest
-from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.markup import escape
+from rich.panel import Panel
+from rich.table import Table
 
 from exodrake.core.progress import Stage
 from exodrake.diagnosis.result import AMBIGUOUS, CAUSE, NO_GAP, PARTLY, UNKNOWN, Diagnosis
 from exodrake.report import wording as w
 from exodrake.report.missing_law import law_lines
 from exodrake.report.since import words as since_words
-
-if TYPE_CHECKING:
-    from rich.console import Console
-    from rich.table import Table
 
 TOP = 5  # candidates that are listed
 SIMULATES = {"retune": Stage.RETUNE, "linearise": Stage.LINEARISE}  # simulated time by stage; the rest is of the fits
@@ -27,8 +27,6 @@ def table(titles: Sequence[str], rows: Iterable[Sequence[str]] = (), wrapped: in
 
     One column, by its index `wrapped`, may be wrapped.
     """
-    from rich.table import Table
-
     made = Table(box=None, pad_edge=False, header_style="dim", padding=(0, 2, 0, 0))
     for k, title in enumerate(titles):
         justify = "right" if title.startswith(">") else "left"
@@ -40,10 +38,6 @@ def table(titles: Sequence[str], rows: Iterable[Sequence[str]] = (), wrapped: in
 
 def print_summary(diagnosis: Diagnosis, console: Console | None = None) -> None:
     """Prints the verdict, where, which, how far and the best candidates; to standard output without a console."""
-    from rich.console import Console
-    from rich.markup import escape
-    from rich.panel import Panel
-
     console, where = console or Console(highlight=False), diagnosis.where
     lines = [f"[bold]{escape(w.headline(diagnosis))}[/bold]"]
     if where.block != "none":
@@ -116,8 +110,6 @@ def closing_lines(diagnosis: Diagnosis) -> list[str]:
 
 def print_profile(diagnosis: Diagnosis, spent: Mapping[Stage, float]) -> None:
     """Prints processor time [s] by stage beside the time that it simulated."""
-    from rich.console import Console
-
     simulated = dict.fromkeys(spent, 0.0)
     for name, time in diagnosis.simulated.items():
         stage = SIMULATES.get(name, Stage.FIT)

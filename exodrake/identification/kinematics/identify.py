@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.signal import whittaker_henderson
 from scipy.spatial.transform import Rotation
 
 from exodrake.core.confidence import NORMAL_95
@@ -239,8 +240,6 @@ def smooth(time: np.ndarray, positions: np.ndarray, cutoff: float, source: str =
     Raises:
         InputError: For uneven frames or a cut-off [Hz] beyond half the frame rate; it names the source.
     """
-    from scipy.signal import whittaker_henderson
-
     steps = np.diff(time)
     step = float(np.median(steps))
     uneven = np.flatnonzero(np.abs(steps - step) > step / 2)
