@@ -1,11 +1,11 @@
 """Figures of a closed loop, its robustness and its limit cycles, and of a tuning."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import matplotlib
 import numpy as np
+from matplotlib.colors import BoundaryNorm, ListedColormap
+from matplotlib.figure import Figure
 
 from exodrake.analysis.closed_loop import ClosedLoop
 from exodrake.analysis.limit_cycles import LimitCycles
@@ -15,9 +15,6 @@ from exodrake.analysis.robustness import Uncertainty
 from exodrake.analysis.tuning import Tuning
 from exodrake.data.plot import STYLE, new_figure, render_png
 from exodrake.model.display import choose_colour, find_display, shown_unit
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 FAINT, GREY, DARK = "#9aa2ad", "#5b6470", "#333333"
 DASHED: dict[str, Any] = {"color": "#555", "lw": 0.7, "ls": (0, (4, 2))}
@@ -147,9 +144,9 @@ def plot_nyquist(result: ClosedLoop) -> Figure:
 
     The curve must not enter the disk about -1.
     """
-    figure, (panels,), colours = channel_panels(result, "{}", {"Im L": 1.0}, "Re L", 3.0)
+    figure, (panels,), _ = channel_panels(result, "{}", {"Im L": 1.0}, "Re L", 3.0)
     turn = np.linspace(0.0, 2.0 * np.pi, 200)
-    for j, (m, axes, colour) in enumerate(zip(result.margins, panels, colours)):
+    for j, (m, axes) in enumerate(zip(result.margins, panels)):
         for k, band in enumerate(result.bands):
             for member in band.members:
                 loop = member.loops[:, j]
@@ -163,15 +160,14 @@ def plot_nyquist(result: ClosedLoop) -> Figure:
             middle, radius = 0.5 * (low + high), 0.5 * (high - low)
             axes.fill(middle + radius * np.cos(turn), radius * np.sin(turn), color="#f7b98d", alpha=0.6, lw=0)
             words += f"\ndisk margin {m.disk_margin:.2f}"
-        axes.plot(np.real(m.loop), np.imag(m.loop), color=colour, lw=1.4)
-        axes.plot(np.real(m.loop), -np.imag(m.loop), color=colour, lw=0.8, ls=(0, (3, 2)))
+        axes.plot(np.real(m.loop), np.imag(m.loop), color="black", lw=1.4, label="this robot")
+        axes.plot(np.real(m.loop), -np.imag(m.loop), color="black", lw=0.8, ls=(0, (3, 2)))
         axes.plot(-1.0, 0.0, "+", color="black", ms=7, mew=1.4)
         axes.text(0.03, 0.97, words, transform=axes.transAxes, va="top", fontsize=7.5, color=DARK, bbox=BOX)
         axes.set(xlim=(-2.6, 1.4), ylim=(-2.0, 2.0), aspect="equal")
     for k, band in enumerate(result.bands):
         panels[0].plot([], [], color=BAND_COLOURS[k], lw=0.8, label=band.name)
-    if result.bands:
-        figure.legend(loc="outside lower center", ncols=len(result.bands))
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
     return figure
 
 
@@ -317,8 +313,6 @@ def plot_limit_cycles(cycles: tuple[LimitCycles, ...]) -> Figure:
 
 def plot_stability(result: ClosedLoop) -> Figure:
     """Spectral radius over two gains, blue stable, orange not, the boundary black, and over added command latency."""
-    from matplotlib.colors import BoundaryNorm, ListedColormap
-
     latency, gains, robot = result.latency, result.gains, result.robot
     figure = new_figure(7.0 if latency else 4.4, 3.3)
     panels = figure.subplots(1, 2, width_ratios=[1.45, 1.0]) if latency else [figure.subplots()]
@@ -362,7 +356,7 @@ def plot_stability(result: ClosedLoop) -> Figure:
 def plot_tuning(tuning: Tuning) -> Figure:
     """Steps of the channels above; settling, overshoot, disk margin and noise of each controller below.
 
-    Numbers are grey where they miss the requirement.
+    A grey area misses the requirement.
     """
     channels = [s.channel for s in tuning.compared[0].steps]
     figure = new_figure(7.4, 2.6 + 1.1 + 0.24 * len(tuning.compared))

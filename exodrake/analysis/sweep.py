@@ -131,12 +131,16 @@ def variations(robot: Robot, over: Any, draws: int, seed: int) -> tuple[list[dic
 
 
 def plot_sweep(table: Any) -> Any:
-    """Figure of a sweep: each summary, of the default ones the RMS, over one parameter, coloured by the second."""
+    """Figure of a sweep: each summary, of the default ones the RMS, over one parameter, coloured by the second.
+
+    Where more than two vary, as in robots within tolerances, no two of them say more than the rest: then by run.
+    """
     import matplotlib
 
     units, varied = table.attrs["units"], table.attrs["varied"]
     numbers = table.select_dtypes("number").columns
     shown = [name for name in numbers if name not in varied and not name.endswith((" peak", " final"))]
+    first, second = (*varied, None, None)[:2] if len(varied) <= 2 else (None, None)
     with matplotlib.rc_context(STYLE):
         columns = min(3, len(shown))
         rows = -(-len(shown) // columns)
@@ -144,11 +148,11 @@ def plot_sweep(table: Any) -> Any:
         panels = figure.subplots(rows, columns, sharex=True, squeeze=False)
         for axes in panels.flat[len(shown) :]:
             axes.set_axis_off()
-        tint = {"c": table[varied[1]], "cmap": "viridis"} if len(varied) > 1 else {"color": IMPROVED["color"]}
+        tint = {"c": table[second], "cmap": "viridis"} if second else {"color": IMPROVED["color"]}
         for axes, name in zip(panels.flat, shown, strict=False):
-            dots = axes.scatter(table[varied[0]] if varied else table.index, table[name], s=12, **tint)
+            dots = axes.scatter(table[first] if first else table.index, table[name], s=12, **tint)
             axes.set_title(f"{name} [{units[name]}]" if name in units else name, fontsize=8.5)
-        if len(varied) > 1:
-            figure.colorbar(dots, ax=panels, label=f"{varied[1]} [{units[varied[1]]}]", aspect=40)
-        figure.supxlabel(f"{varied[0]} [{units[varied[0]]}]" if varied else "run", fontsize=9)
+        if second:
+            figure.colorbar(dots, ax=panels, label=f"{second} [{units[second]}]", aspect=40)
+        figure.supxlabel(f"{first} [{units[first]}]" if first else "run", fontsize=9)
     return figure
