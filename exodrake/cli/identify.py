@@ -154,8 +154,7 @@ def fit_parameters(cases, free, bounds, held_out, prediction, file, parameters, 
     frees each channel; names in one text, separated by blanks, move together. --effect puts an effect into the robot
     whose parameters may be fitted.
     """
-    from rich.console import Console
-    from rich.markdown import Markdown
+    from rich.markup import escape
 
     from exodrake.machines.robot_file import robot_text
 
@@ -169,10 +168,12 @@ def fit_parameters(cases, free, bounds, held_out, prediction, file, parameters, 
     with options.waiting("fitting (the first run after a change compiles for half a minute)"):
         robot = options.change_robot(exo.load_robot(file), parameters, effects, parts)
         found = exo.fit(robot, cases[0] if len(cases) == 1 else cases, free, limits, held_out, prediction)
-    console = Console(stderr=json_file == "-")
-    console.print(Markdown(found.table))
+    aside = json_file == "-"
+    for titles, rows in found.tables:
+        options.print_table([escape(title).replace("held out, ", "held out\n") for title in titles], rows, aside=aside)
+        click.echo(err=aside)
     for line in (repr(found).splitlines()[-1].strip(), *(f"note: {note}" for note in found.notes)):
-        console.print(line, highlight=False, soft_wrap=True)
+        click.echo(line, err=aside)
     robot_file = robot_text(found.robot, f"{', '.join(free)} fitted to {found.case} by exodrake fit")
     files = {"robot.yaml": robot_file, "fit.png": found.plot()} if out else {}
     options.write_answer(found.to_dict(), "fit", json_file, out, files)

@@ -226,10 +226,10 @@ def sweep_parameters(
         raise InputError("wanted a protocol or --reference, and one of --over, --robots and --diagnosis")
     robot, grid = options.change_robot(exo.load_robot(file), parameters, effects, parts), {}
     for text in over:
-        name, _, values = text.partition("=")
+        name, equals, values = text.partition("=")
         try:
             ends = values.split(":")
-            if not name or len(ends) not in (1, 3):
+            if not name or not equals or len(ends) not in (1, 3):
                 raise ValueError
             grid[name.strip()] = (
                 np.linspace(float(ends[0]), float(ends[1]), int(ends[2])) if len(ends) == 3 else values.split(",")

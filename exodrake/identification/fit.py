@@ -12,6 +12,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.optimize import least_squares
+from scipy.signal import lfilter, lfiltic
+from scipy.stats import chi2, norm, t as student
 
 from exodrake.core.errors import InputError, argument, markdown_table
 from exodrake.core.plain import to_dict
@@ -101,16 +104,20 @@ class Fit:
         return self.covariance / np.outer(std, std)
 
     @property
-    def table(self) -> str:
-        """Parameters and signals as tables in Markdown."""
+    def tables(self) -> tuple[tuple[Sequence[str], list[tuple[str, ...]]], ...]:
+        """Headings and rows of the parameters, and of the signals; a heading that begins with `>` heads numbers."""
         rows = [(p.name, *(f"{x:.5g}" for x in (p.start, p.value, p.low, p.high)), p.unit) for p in self.parameters]
-        first = markdown_table(("parameter", ">start", ">fitted", ">low", ">high", "unit"), rows)
         titles = ("fit [%] of", ">start", ">fitted", ">ARX", ">held out, start", ">held out, fitted", ">held out, ARX")
         signals = []
         for s in self.signals:
             percents = (s.start, s.fitted, s.arx, s.held_start, s.held_fitted, s.held_arx)
             signals.append((s.column, *("" if x != x else f"{max(x, -100.0):.1f}" for x in percents)))
-        return first + "\n\n" + markdown_table(titles, signals)
+        return (("parameter", ">start", ">fitted", ">low", ">high", "unit"), rows), (titles, signals)
+
+    @property
+    def table(self) -> str:
+        """Parameters and signals as tables in Markdown."""
+        return "\n\n".join(markdown_table(*one) for one in self.tables)
 
     def draw(self, count: int, seed: int = 0) -> list[Robot]:
         """Robots drawn from the normal distribution of the fitted values, for `exo.sweep`."""
@@ -189,9 +196,6 @@ def fit(
         Fit(caging: tendon.k.AF 2599 (2029 to 3169) N/m)
           median fit 97.6 -> 97.7 %, chi2 4.167 -> 1.05
     """
-    from scipy.optimize import least_squares
-    from scipy.stats import t as student
-
     machine = argument("robot", robot, Robot).machine
     case = gather_logs(logs, held_out, machine.frame, list_required(machine))
     problem = make_problem(case, robot)
@@ -356,8 +360,6 @@ def arx_percents(inputs: Sequence[Sequence[np.ndarray]], outputs: Sequence[Seque
 
     Inputs are (n, inputs) for each log, of fitted and of held-out logs; outputs (n,) [SI].
     """
-    from scipy.signal import lfilter, lfiltic
-
     known = [[fill_columns(y[:, None])[:, 0] for y in ys] for ys in outputs]
 
     def delay(rows: np.ndarray, delays: range, order: int) -> np.ndarray:
@@ -390,8 +392,6 @@ def check_residual(errors: Sequence[np.ndarray], inputs: Sequence[np.ndarray]) -
     sec. 16.6); of all lags and inputs the largest counts, by Bonferroni's inequality. Of each log, errors are (n,) and
     inputs (n, inputs).
     """
-    from scipy.stats import chi2, norm
-
     centred = [np.nan_to_num(e - np.nanmean(e)) for e in errors]
     count = sum(map(len, centred))
     own = np.array([sum(e[k:] @ e[: len(e) - k] for e in centred) for k in range(LAGS + 1)])
