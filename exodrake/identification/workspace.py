@@ -7,11 +7,12 @@ unions of polygons, checked by random points, and those that the wires reach: `d
 from itertools import pairwise
 from typing import NamedTuple
 
+import matplotlib
 import numpy as np
 import shapely
 
 from exodrake.core.errors import InputError
-from exodrake.data.plot import new_figure, render_png
+from exodrake.data.plot import STYLE, new_figure, render_png
 
 FINGERTIP, DISTAL = "fingertip", "distal phalanx"
 ARC = 0.01  # rad; finest step along arcs and curves
@@ -194,6 +195,7 @@ def areas_csv(rows: list[tuple[str, ...]]) -> str:
     return "\n".join(",".join(row) for row in (HEAD, *rows)) + "\n"
 
 
+@matplotlib.rc_context(STYLE)
 def workspace_figure(lengths, ranges: Ranges, assisted=None) -> bytes:
     """Draw fingertip and distal phalanx as PNG for phalanx lengths (3,) [m]; `assisted` may be None."""
     figure = new_figure(10.5, 5.6)
@@ -203,7 +205,7 @@ def workspace_figure(lengths, ranges: Ranges, assisted=None) -> bytes:
     for panel, what in zip(panels, (FINGERTIP, DISTAL), strict=True):
         shown = [(reach(lengths, ranges, what), "0.25", 0.25, "full range of motion")]
         if assisted is not None:
-            shown.append((assisted.region(lengths, what), "#c8372d", 0.45, "assisted, nominal robot"))
+            shown.append((assisted.region(lengths, what), "#c8372d", 0.45, "assisted by the tendons"))
         for region, colour, alpha, name in shown:
             label = f"{name}, {1e6 * region.area:.0f} mm²"
             for part in getattr(region, "geoms", [region]):
@@ -213,9 +215,7 @@ def workspace_figure(lengths, ranges: Ranges, assisted=None) -> bytes:
                 label = None
         x, y = 1e3 * np.array(joints).T
         panel.plot(x, y, "-o", color="#1f4f7a", lw=3, ms=6, mfc="white", zorder=5, label="finger, mid range")
-        panel.set_title(f"{what} workspace", fontsize=11)
-        panel.set(xlabel="x, along the proximal phalanx at MCP 0 [mm]", aspect="equal", axisbelow=True)
-        panel.legend(loc="upper left", fontsize=8, framealpha=0.95)
-        panel.grid(color="0.9", lw=0.6)
+        panel.set(title=f"{what} workspace", xlabel="x, along the proximal phalanx at MCP 0 [mm]", aspect="equal")
+        panel.legend(loc="upper left", fontsize=8)
     panels[0].set(ylabel="y, palmar [mm]", ylim=(90, -55))  # palmar down, as the hand lies
     return render_png(figure, dpi=130)

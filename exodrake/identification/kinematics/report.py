@@ -2,11 +2,12 @@
 
 from pathlib import Path
 
+import matplotlib
 import numpy as np
 
 from exodrake.core.errors import markdown_table
 from exodrake.core.files import write_folder
-from exodrake.data.plot import new_figure, render_png
+from exodrake.data.plot import STYLE, new_figure, render_png
 from exodrake.identification.kinematics.identify import SMALLEST_ANGLE, Kinematics
 from exodrake.identification.kinematics.markers import SEGMENTS
 
@@ -95,6 +96,7 @@ def write_report(found: Kinematics, folder: str | Path) -> list[Path]:
     return write_folder(folder, {**contents, "kinematics.png": centre_figure(found)})
 
 
+@matplotlib.rc_context(STYLE)
 def centre_figure(found: Kinematics) -> bytes:
     """Draw the figure as PNG: a column per joint, a row per axis of the proximal frame, equal heights in mm."""
     figure = new_figure(11.0, 8.0)
@@ -118,11 +120,10 @@ def centre_figure(found: Kinematics) -> bytes:
             equation = f"{gradient:+.2f} θ {intercept:+.2f},  RMSE {rmse:.2f} mm"
             box = {"fc": "white", "ec": "none", "pad": 1.5}
             panel.text(0.03, 0.97, equation, transform=panel.transAxes, va="top", fontsize=8, bbox=box)
-            panel.grid(color="0.88", lw=0.6)
-            panel.set(ylim=np.mean(middle) + height * np.array([-0.5, 0.5]), axisbelow=True)
+            panel.set_ylim(np.mean(middle) + height * np.array([-0.5, 0.5]))
             panel.set_ylabel("" if column else f"{axis} [mm]")
         panels[0, column].set_title(f"{joint.name} centre, seen from the\n{frame}", fontsize=10)
         panels[2, column].set_xlabel(f"{joint.name} flexion [rad]")
     handles, labels = panels[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False, markerscale=5)
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), markerscale=5)
     return render_png(figure, dpi=130)
