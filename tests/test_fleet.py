@@ -215,7 +215,7 @@ def test_a_verdict_of_a_newer_version_is_shown_as_it_is(tmp_path):
     assert "grew by a factor of 47,000" in fleet_html(rows, "answers")
     page = (tmp_path / "f.html").read_text()
     assert "PARTLY" in page and 'href="answers/new/diagnosis.json"' in page
-    assert "mu_phi AF 0." in page and f"{100 * answer['closure']['overall']['value']:.0f} %" in page
+    assert "mu_phi AF 0." in page and f"{100 * answer['closure']['overall']['value']:.0f}\u00a0%" in page
 
 
 def test_a_cause_that_held_out_logs_do_not_confirm_is_shown_so(tmp_path):

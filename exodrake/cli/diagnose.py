@@ -222,7 +222,8 @@ def summarise_fleet(sources: tuple[Path, ...], out: Path | None, table: Path | N
     files: dict[Path, str | bytes] = {} if table is None else {table: table_bytes(rows)}
     if out is not None:
         links = find_reports(sources[0], out) if sources[0].is_dir() else {}
-        files[out] = fleet_html(rows, sources[0].resolve().name, links)
+        title = sources[0].resolve().name if len(sources) == 1 else f"{len(sources)} folders or files"
+        files[out] = fleet_html(rows, title, links)
     shown = robot_table(members(rows))
     cells: list[Any] = [[escape(cell.replace("`", "")) for cell in row[:LISTED]] for row in shown.rows]
     options.print_table(shown.header[:LISTED], cells, wrapped=CAUSES)
