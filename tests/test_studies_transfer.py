@@ -18,8 +18,18 @@ from exodrake.reference.simulator import assemble
 from studies.transfer import control_task, study as transferring
 from studies.transfer.__main__ import command
 from studies.transfer.control_task import by_cost, cost, motion, own_gains, predicted
-from studies.transfer.study import MODELS, Prediction, Transfer, Transferred, real_cost, transfer, withheld
-from studies.transfer.table import as_json, measures, tables
+from studies.transfer.study import (
+    MODELS,
+    Prediction,
+    Transfer,
+    Transferred,
+    as_json,
+    measures,
+    real_cost,
+    tables,
+    transfer,
+    withheld,
+)  # fmt: skip
 
 LATE = {"frames": 3.0}  # latency of the commands
 

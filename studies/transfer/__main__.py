@@ -21,8 +21,7 @@ from exodrake.core.progress import show_count
 from exodrake.reference.score import markdown as markdown_of
 from exodrake.report.terminal import table
 from studies.transfer.control_task import TUNERS
-from studies.transfer.study import transfer
-from studies.transfer.table import as_json, tables
+from studies.transfer.study import as_json, tables, transfer
 
 
 @click.command(cls=OneLineErrors)
