@@ -60,7 +60,7 @@ def build_diagram(
         >>> diagram.GetOutputPort("finger.angle").size()
         3
     """
-    machine = argument("robot", robot, Robot).machine
+    machine, systems = argument("robot", robot, Robot).machine, [argument("systems", one, System) for one in systems]
     rows: dict[str, np.ndarray] = {}
     if (reference := argument("reference", reference, Reference, type(None))) is not None:
         written = {port.get_name() for system in systems for port in list_outputs(system)}
