@@ -8,10 +8,7 @@ import pytest
 
 import exodrake as exo
 from exodrake.diagnosis.checks.compare import check_case, compare
-from exodrake.diagnosis.checks.suspicions import (
-    CHECKS,
-    suspicions as suspicions_in,
-)
+from exodrake.diagnosis.checks.suspicions import CHECKS, suspicions as suspicions_in
 from exodrake.engine.inputs import reference_width
 from exodrake.machines.library import machine_folders
 

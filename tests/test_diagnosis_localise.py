@@ -82,10 +82,7 @@ def test_effect_that_is_not_tried_is_found_in_its_block(robot, injected, block):
     assert (place.wires, place.joints) == (robot.machine.axes.tendons, ())
 
 
-@pytest.mark.parametrize(
-    "injected, block",
-    [("servo.dead_band", "servo"), ("reading.drift", "reading")],
-)
+@pytest.mark.parametrize("injected, block", [("servo.dead_band", "servo"), ("reading.drift", "reading")])
 def test_effect_of_a_servo_that_is_not_tried_is_found_in_its_block(injected, block):
     so101 = exo.load_robot("so101")
     place = place_without(so101, injected, Reference(motion_of("so101"), "motion"))

@@ -179,10 +179,7 @@ def test_arrays_of_structs_and_cells_have_an_index(tmp_path):
     cell = np.empty(2, dtype=object)
     cell[:] = [np.zeros(3), Q]
     savemat(stream, {"trial": [{"t": TIME}, {"t": 1.0 + TIME}], "c": cell})
-    mapping = {
-        "time": {"column": "trial[1].t"},
-        "columns": {"c[1][0]": {"name": "angle_wrist", "unit": "rad"}},
-    }
+    mapping = {"time": {"column": "trial[1].t"}, "columns": {"c[1][0]": {"name": "angle_wrist", "unit": "rad"}}}
     log = imported(tmp_path, stream.getvalue(), mapping, "run.mat")
     np.testing.assert_array_equal(log.time, 1.0 + TIME)
     np.testing.assert_array_equal(log["angle_wrist"], Q[:, 0])

@@ -6,16 +6,7 @@ from scipy.linalg import expm
 from scipy.spatial.transform import RigidTransform
 
 from exodrake.core.errors import InputError
-from exodrake.identification.kinematics.rigid import (
-    Axis,
-    apply,
-    centres,
-    fit_pose,
-    hat,
-    inverse,
-    motion,
-    rotation,
-)
+from exodrake.identification.kinematics.rigid import Axis, apply, centres, fit_pose, hat, inverse, motion, rotation
 from studies.paper.printed_equations import g_inverse, g_matrix, joint_angles
 
 TILTED = np.array([2.0, -1.0, 2.0]) / 3.0

@@ -63,8 +63,7 @@ def test_mass_matrix_and_coriolis_terms_against_multibody_plant():
 
 
 @pytest.mark.parametrize(
-    ("degrees", "flexor", "extensor"),
-    [(0, 3.000, 5.000), (30, 4.192, 3.536), (60, 5.098, 1.830), (90, 5.657, 0.0)],
+    ("degrees", "flexor", "extensor"), [(0, 3.000, 5.000), (30, 4.192, 3.536), (60, 5.098, 1.830), (90, 5.657, 0.0)]
 )
 def test_moment_arms_of_the_paper(degrees, flexor, extensor):
     """Flexor over h = 3 mm and long extensor over h = 5 mm routers, a = 5 mm [mm]."""

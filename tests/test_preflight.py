@@ -10,14 +10,7 @@ from click.testing import CliRunner
 from exodrake.cli.main import cli
 from exodrake.data.case import Case, CaseLog, write_case
 from exodrake.data.log import Log
-from exodrake.diagnosis.checks.preflight import (
-    SEEN,
-    find_band,
-    find_problems,
-    identifiability,
-    judge_clock,
-    preflight,
-)
+from exodrake.diagnosis.checks.preflight import SEEN, find_band, find_problems, identifiability, judge_clock, preflight
 from exodrake.diagnosis.checks.suspicions import held_shares
 from exodrake.diagnosis.likelihood import CORRELATION
 from exodrake.diagnosis.linearise import PROBE

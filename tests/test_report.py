@@ -18,14 +18,7 @@ from rich.console import Console
 from exodrake.data.log import Log
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, PARTLY, RETUNE, UNKNOWN, Interval
 from exodrake.report import wording
-from exodrake.report.diagnosis_html import (
-    CURVE_LEVELS,
-    MOST_SAMPLES,
-    SimulatedLogs,
-    curves,
-    render_report,
-    which,
-)
+from exodrake.report.diagnosis_html import CURVE_LEVELS, MOST_SAMPLES, SimulatedLogs, curves, render_report, which
 from exodrake.report.terminal import print_summary
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)

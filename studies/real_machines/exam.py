@@ -219,14 +219,7 @@ def rms(mark: Mark) -> str:
 def table(marks: Sequence[Mark]) -> str:
     """The exam as a table, wrong answers first."""
     order = sorted(marks, key=lambda m: (m.agrees, m.no_worse))
-    head = (
-        "recording",
-        "experts' fit",
-        "answer: causes; refinements",
-        "left",
-        "error [simple model's]",
-        "agrees",
-    )
+    head = ("recording", "experts' fit", "answer: causes; refinements", "left", "error [simple model's]", "agrees")
     rows = [
         (
             m.paper.name,
