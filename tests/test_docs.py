@@ -20,10 +20,9 @@ from exodrake.machines.library import machine_folders
 
 ROOT = Path(__file__).parent.parent
 sys.path.insert(0, str(ROOT / "docs"))
-import _figures  # noqa: E402
 import _notebook  # noqa: E402
 import _pages  # noqa: E402
-from _effects import effect_paths, linked  # noqa: E402
+from _effects import effect_figure, effect_paths, linked  # noqa: E402
 
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 FENCE = re.compile(r"^```(\w*)[^\n]*\n(.*?)^```", re.M | re.S)
@@ -164,7 +163,7 @@ def test_pages_are_in_the_nav_and_every_command_and_effect_has_one():
     assert len(set(paths)) == len(paths) == sum(len(robot.machine.effects) for robot in robots)
     assert found.keys() - machine_folders() == {"serial arms"}
     for robot in robots:  # a figure shows an effect beyond the noise
-        shown, svg = _figures.effect_figure(robot, robot.machine.effects[0])
+        shown, svg = effect_figure(robot, robot.machine.effects[0])
         assert shown.size > 2.0 and b"<svg" in svg
 
 
