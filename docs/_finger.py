@@ -9,10 +9,11 @@ from pathlib import Path
 import matplotlib
 import numpy as np
 from PIL import Image
+from pydrake.math import RotationMatrix
 
 import exodrake as exo
 from exodrake.data.plot import IMPROVED, MEASURED, NOMINAL, STYLE, new_figure
-from exodrake.diagrams.meshcat import span, turn
+from exodrake.diagrams.meshcat import span
 from exodrake.model.mechanism import Skeleton
 
 EVERY, DPI, COLOURS = 5, 100, 64  # frames of 20 ms, dots per inch, colours of the picture
@@ -25,7 +26,7 @@ def places(bones: Skeleton, angle: np.ndarray) -> list[tuple[np.ndarray, np.ndar
     for i, flexed in enumerate(angle):
         origin, rotation = found[-1]
         start = np.array([bones.lengths[i - 1] if i else 0.0, 0.0, 0.0])
-        found.append((origin + rotation @ start, rotation @ turn(flexed)))
+        found.append((origin + rotation @ start, rotation @ RotationMatrix.MakeYRotation(flexed).matrix()))
     return found
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import ast
-import inspect
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -269,11 +267,8 @@ class MachinePart(PartSystem):
         for signal in dict.fromkeys(s for item in (*part.tasks, *part.outputs) for s in item.reads):
             if signal not in self.writer:
                 self.DeclareVectorInputPort(signal, len(self.machine.channels(signal)))
-        if start_vectors(part) and not part.fills_start:
-            tree = ast.parse(inspect.getsource(part.module.start))
-            used = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
-            for vector in (name for name in start_vectors(part) if name in used):
-                self.DeclareVectorInputPort(vector, tendons)
+        for vector in () if part.fills_start else start_vectors(part):
+            self.DeclareVectorInputPort(vector, tendons)
         self.declare_outputs(*self.writer)
         for row, vector in enumerate(start_vectors(part) if part.fills_start else ()):
             self.DeclareVectorOutputPort(vector, tendons, partial(self.show_start, row), {self.parameters_ticket})

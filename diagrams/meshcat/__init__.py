@@ -39,12 +39,12 @@ STOPS = ((0.0, (0.55, 0.60, 0.67)), (0.35, (0.96, 0.76, 0.22)), (0.7, (0.91, 0.3
 ROOT, GHOST = "/robot", "/ghost"  # Meshcat paths of the robot and of the second one
 GHOSTLY = (0.42, 0.45, 0.50, 0.45)  # colour, which no load has, and opacity of the second robot
 DARK, STEEL = (0.27, 0.31, 0.38, 1.0), (0.55, 0.60, 0.67, 1.0)
-EYE, HERE = np.eye(3), np.zeros(3)
+HERE, UPRIGHT = np.zeros(3), RotationMatrix()
 # of a finger: radii [m]; height and width [m] of the squares on the ground, and half their number
 BONE, TENDON, GUIDE = 0.0018, 0.0008, 0.0012
 GROUND, CELL, CELLS = -0.085, 0.01, 12
 BONES, SKIN = (0.93, 0.90, 0.83, 1.0), (0.87, 0.68, 0.58, 0.20)
-ACROSS = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0.0]])  # z lies along the joints' axes
+ACROSS = RotationMatrix.MakeXRotation(-np.pi / 2.0)  # z lies along the joints' axes
 # of an arm
 SMALLEST = 0.3  # m, reach of a drawn arm at least, for an axis whose frames coincide: assumed
 PLATE, THICK = 0.16, 0.03  # width and thickness of the base: shares of the size
@@ -76,36 +76,23 @@ def skeleton(robot: Robot) -> Skeleton | Shape:
     return robot.machine.skeleton(robot)
 
 
-def turn(angle: float) -> np.ndarray:
-    """Rotation (3, 3) [-] by the angle of a finger's joint [rad]."""
-    return RotationMatrix.MakeYRotation(float(angle)).matrix()
-
-
 def span(bones: Skeleton, piece: Piece, angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Ends (3,), (3,) [m] of a piece in the frame of its first segment; angle (joints,) [rad]."""
     if piece.first == piece.last:
         return piece.start, piece.end
     joint = np.array([bones.lengths[piece.first - 1] if piece.first else 0.0, 0.0, 0.0])
-    return piece.start, joint + turn(angle[piece.first]) @ piece.end
+    return piece.start, joint + RotationMatrix.MakeYRotation(angle[piece.first]) @ piece.end
 
 
-def along(start: np.ndarray, end: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-    """Middle (3,) [m], rotation (3, 3) that takes z to start -> end, and length [m]."""
-    length = float(np.linalg.norm(end - start))
-    z = (end - start) / length
-    x = np.cross([0.0, 1.0, 0.0] if abs(z[1]) < 0.9 else [1.0, 0.0, 0.0], z)
-    x /= np.linalg.norm(x)
-    return (start + end) / 2.0, np.column_stack([x, np.cross(z, x), z]), length
+def along(start: np.ndarray, end: np.ndarray) -> tuple[np.ndarray, RotationMatrix, float]:
+    """Middle (3,) [m], rotation that takes z to start -> end, and length [m]."""
+    rotation = RotationMatrix.MakeFromOneVector(end - start, axis_index=2)
+    return (start + end) / 2.0, rotation, float(np.linalg.norm(end - start))
 
 
 def segment_path(bones: Skeleton | Shape, segment: int, root: str = ROOT) -> str:
     """Meshcat path of a segment."""
     return "/".join([root, *bones.carriers(segment)])
-
-
-def pose(position: np.ndarray | list[float], rotation: np.ndarray = EYE) -> RigidTransform:
-    """A Drake transform from a position (3,) [m] and a rotation matrix (3, 3) [-]."""
-    return RigidTransform(RotationMatrix(rotation), np.asarray(position, dtype=float))
 
 
 class Scene:
@@ -114,10 +101,10 @@ class Scene:
     def __init__(self, meshcat: Any, bones: Any) -> None:
         self.meshcat, self.bones = meshcat, bones
 
-    def put(self, path: str, body: Any, colour: tuple, position: Any = HERE, rotation: np.ndarray = EYE) -> None:
-        """Draws a body at a place (3,) [m], turned by (3, 3) [-], in the frame of the path that it hangs on."""
+    def put(self, path: str, body: Any, colour: tuple, position: Any = HERE, rotation: Any = UPRIGHT) -> None:
+        """Draws a body at a place (3,) [m], turned, in the frame of the path that it hangs on."""
         self.meshcat.SetObject(path, body, Rgba(*colour))
-        self.meshcat.SetTransform(path, pose(position, rotation))
+        self.meshcat.SetTransform(path, RigidTransform(rotation, position))
 
     def draw_ground(self, height: float, width: float, count: int) -> None:
         """Draws a white background and a pale grid of 2 `count` squares of that width [m] a side, at a height [m]."""
@@ -170,12 +157,13 @@ class Finger(Scene):
         for i, radius in enumerate([first, *radii]):
             middle = [(lengths[i] if i else -lengths[0]) / 2.0, 0.0, 0.0]
             path = f"{segment_path(self.bones, i, root)}/.{name}"
-            self.put(path, Capsule(radius, lengths[i]), colour, middle, turn(np.pi / 2))
+            self.put(path, Capsule(radius, lengths[i]), colour, middle, RotationMatrix.MakeYRotation(np.pi / 2.0))
 
     def turn(self, root: str, time: float, angle: np.ndarray) -> None:
         """Adds a frame at a time [s] with these angles (joints,) [rad]."""
         for i in range(len(self.bones.joints)):
-            place = pose([self.bones.lengths[i - 1] if i else 0.0, 0.0, 0.0], turn(angle[i]))
+            joint = [self.bones.lengths[i - 1] if i else 0.0, 0.0, 0.0]
+            place = RigidTransform(RotationMatrix.MakeYRotation(angle[i]), joint)
             self.meshcat.SetTransform(segment_path(self.bones, i + 1, root), place, time)
 
     def frame(self, time: float, angle: np.ndarray, colour: np.ndarray, live: bool = False) -> None:
@@ -187,7 +175,7 @@ class Finger(Scene):
         for piece, path in self.tendons:
             if piece.first != piece.last:
                 middle, rotation, length = along(*span(self.bones, piece, angle))
-                self.meshcat.SetTransform(path, pose(middle, rotation), time)
+                self.meshcat.SetTransform(path, RigidTransform(rotation, middle), time)
                 self.meshcat.SetProperty(path, "scale", [1.0, 1.0, length], time)
             shade = colour[self.bones.tendons.index(piece.tendon)].tolist()
             if live:
@@ -203,7 +191,7 @@ class Arm(Scene):
         super().__init__(meshcat, bones)
         self.reach = max(SMALLEST, bones.reach)
         self.size = 3.0 * SPACING if bones.beside else self.reach  # to which widths are in proportion
-        self.fixed = [RollPitchYaw(*angles).ToRotationMatrix().matrix() for angles in bones.angles]
+        self.fixed = [RollPitchYaw(*angles).ToRotationMatrix() for angles in bones.angles]
 
     def begin(self, position: np.ndarray, ghost: bool) -> None:
         """Draws what there is at positions (joints,) [rad] or [m]; ghost: a second arm, too."""
@@ -212,10 +200,10 @@ class Arm(Scene):
         if shape.beside and shape.sliding.any():
             wide = wide[[1, 0, 2]]  # along the rail
         self.put(f"{ROOT}/.base", Box(*wide), DARK, [0.0, 0.0, -below])
-        tilt = RollPitchYaw(shape.tilt[0], shape.tilt[1], 0.0).ToRotationMatrix().matrix()
+        tilt = RollPitchYaw(shape.tilt[0], shape.tilt[1], 0.0).ToRotationMatrix()
         for root, colour, width in ((ROOT, LIMB, 1.0), (GHOST, GHOSTLY, 1.25))[: 1 + ghost]:
             self._limbs(root, colour, width)
-            self.meshcat.SetTransform(root, pose(HERE, tilt))
+            self.meshcat.SetTransform(root, RigidTransform(tilt, HERE))
             self.turn(root, 0.0, position)
         step = 10.0 ** np.floor(np.log10(self.reach)) * (0.5 if self.reach < 3.0 * SMALLEST else 1.0)
         self.draw_ground(-0.5 * wide[2] - below, float(step) / 2.0, round(2.4 * self.reach / step) + 2)
@@ -242,9 +230,9 @@ class Arm(Scene):
         """Adds a frame at a time [s] with these positions (joints,)."""
         shape = self.bones
         for j, (q, fixed, origin) in enumerate(zip(position, self.fixed, shape.origins)):
-            place = pose(origin + fixed @ (q * shape.axes[j]), fixed)
+            place = RigidTransform(fixed, origin + fixed @ (q * shape.axes[j]))
             if not shape.sliding[j]:
-                place = pose(origin, fixed @ RotationMatrix(AngleAxis(float(q), shape.axes[j])).matrix())
+                place = RigidTransform(fixed @ RotationMatrix(AngleAxis(float(q), shape.axes[j])), origin)
             self.meshcat.SetTransform(segment_path(shape, j + 1, root), place, time)
 
     def frame(self, time: float, position: np.ndarray, colour: np.ndarray) -> None:
@@ -300,7 +288,8 @@ def recording_html(
         "names": names,
     }  # fmt: skip
     end = "its limit" if limits_load(robot, bones) else "its largest here"
-    tops = dict.fromkeys(f"{top:.3g}" for top in (min(readings["top"]), max(readings["top"])))
+    ends = min(readings["top"]), max(readings["top"])
+    tops = dict.fromkeys(f"{float(format(top, '.3g')):g}" for top in ends)
     unit = display.unit.replace("deg", "°")
     lowest, highest = (f"{value} {unit}".replace(" °", "°") for value in ("0", " to ".join(tops)))
     added = render(
