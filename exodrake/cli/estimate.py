@@ -6,7 +6,6 @@ import click
 
 import exodrake as exo
 from exodrake.cli.options import AnyPath, OutputFile, print_table, waiting, write_files
-from exodrake.core.files import make_folder
 
 
 @click.command()
@@ -28,7 +27,7 @@ def train_estimator(
 
     from exodrake.core.provenance import robot_digest
     from exodrake.estimator.dataset import sweeps_from_logs
-    from exodrake.estimator.gp import condition, learn, learn_strokes, save
+    from exodrake.estimator.gp import condition, estimator_bytes, learn, learn_strokes
     from exodrake.estimator.validate import validate
 
     mark = robot_digest(exo.load_robot(robot)) if robot else ""
@@ -39,8 +38,8 @@ def train_estimator(
         estimator = replace(condition(prior, sweeps, points), robot=mark, strokes=learn_strokes(sweeps))
         say("validating on held-out sweeps")
         scores = validate(prior, sweeps, points, seed)
-    make_folder(out.parent)
-    save(estimator, out, notes={f"{s.method}, {s.split}": [float(value) for value in s.rmse] for s in scores})
+    notes = {f"{s.method}, {s.split}": [float(value) for value in s.rmse] for s in scores}
+    write_files({out: estimator_bytes(estimator, notes)}, announce=False)
     splits, rows = list(dict.fromkeys(score.split for score in scores)), []
     for method in dict.fromkeys(score.method for score in scores):
         own = [next(s for s in scores if (s.method, s.split) == (method, split)) for split in splits]

@@ -25,7 +25,7 @@ from sklearn.gaussian_process.kernels import RBF, ConstantKernel, DotProduct, Ke
 from exodrake import __version__
 from exodrake.core.confidence import NORMAL_95
 from exodrake.core.errors import InputError, short_repr
-from exodrake.core.files import read_bytes, write_bytes
+from exodrake.core.files import read_bytes
 from exodrake.core.parallel import thread_limit
 from exodrake.core.provenance import robot_digest
 from exodrake.data.formats.npz import read_arrays
@@ -362,11 +362,6 @@ def estimator_bytes(estimator: Estimator, notes: dict[str, Any] | None = None) -
     stream = io.BytesIO()
     np.savez(stream, record=np.array(json.dumps(record)), **arrays)
     return stream.getvalue()
-
-
-def save(estimator: Estimator, path: str | Path, notes: dict[str, Any] | None = None) -> None:
-    """Write an estimator with notes. InputError if it cannot."""
-    write_bytes(path, estimator_bytes(estimator, notes))
 
 
 def load(path: str | Path, robot: str | None = None) -> Estimator:
