@@ -162,7 +162,7 @@ class Finger(Scene):
     def turn(self, root: str, time: float, angle: np.ndarray) -> None:
         """Adds a frame at a time [s] with these angles (joints,) [rad]."""
         for i in range(len(self.bones.joints)):
-            joint = [self.bones.lengths[i - 1] if i else 0.0, 0.0, 0.0]
+            joint = np.array([self.bones.lengths[i - 1] if i else 0.0, 0.0, 0.0])
             place = RigidTransform(RotationMatrix.MakeYRotation(angle[i]), joint)
             self.meshcat.SetTransform(segment_path(self.bones, i + 1, root), place, time)
 
