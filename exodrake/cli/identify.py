@@ -33,7 +33,7 @@ def kinematics(file: Path, out: Path, names: Path | None, cutoff: float, repair:
     """
     from exodrake.identification.kinematics import markers
     from exodrake.identification.kinematics.identify import identify
-    from exodrake.identification.kinematics.report import length_rows, table_rows, write_report
+    from exodrake.identification.kinematics.report import length_rows, make_report, table_rows
 
     recording = markers.read_markers(file)
     layout = markers.read_layout(names) if names else markers.Layout()
@@ -44,7 +44,7 @@ def kinematics(file: Path, out: Path, names: Path | None, cutoff: float, repair:
             click.echo(f"exchanged {swap.names[0]} and {swap.names[1]} in frames {swap.first} to {swap.last}")
     with options.waiting("adjusting axes to the markers"):
         found = identify(recording, layout, cutoff or None)
-        files = write_report(found, out)
+        files = options.write_together(out, make_report(found))
     rows = [(joint, axis, f"{a} ± {c}", f"{b} ± {d}", rmse) for joint, axis, a, c, b, d, rmse in table_rows(found)]
     click.echo(f"joint centres of {Path(found.source).name}: centre = gradient x angle + intercept")
     options.print_table(("joint", "axis", ">gradient \\[mm/rad]", ">intercept \\[mm]", ">RMSE \\[mm]"), rows)
@@ -119,7 +119,6 @@ def find_workspace(robot: str, out: Path, samples: int, steps: int, seed: int) -
     """
     from rich.markup import escape
 
-    from exodrake.core.files import write_folder
     from exodrake.identification.workspace import HEAD, SPONTANEOUS, areas, areas_csv, solve_assisted, workspace_figure
 
     loaded = exo.load_robot(robot)
@@ -129,7 +128,7 @@ def find_workspace(robot: str, out: Path, samples: int, steps: int, seed: int) -
         wired = solve_assisted(loaded, steps)
         rows = areas(lengths, SPONTANEOUS, wired, samples, seed)
         figure = workspace_figure(lengths, SPONTANEOUS, wired)
-    files = write_folder(out, {"workspace.csv": areas_csv(rows).encode(), "workspace.png": figure})
+    files = options.write_together(out, {"workspace.csv": areas_csv(rows), "workspace.png": figure})
     marks = [f">{heading}" if "[" in heading else heading for heading in HEAD]
     options.print_table([escape(heading).replace(" \\[", "\n\\[") for heading in marks], rows)
     click.echo("wrote " + ", ".join(str(name) for name in files))

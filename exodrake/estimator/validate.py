@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import PolynomialFeatures, StandardScaler
 
 from exodrake.core.confidence import NORMAL_95
 from exodrake.core.errors import InputError
@@ -29,8 +31,6 @@ def fit_ridge(sweeps: Sweeps) -> Predictor:
     """Fit a quadratic ridge; penalty and standard deviation by cross-validation; predicts (n, joints) [rad]."""
     from sklearn.linear_model import Ridge
     from sklearn.model_selection import GroupKFold, cross_val_predict
-    from sklearn.pipeline import make_pipeline
-    from sklearn.preprocessing import PolynomialFeatures, StandardScaler
 
     folds, errors = GroupKFold(min(RIDGE_FOLDS, sweeps.count)), []
     models = [make_pipeline(StandardScaler(), PolynomialFeatures(2), Ridge(penalty)) for penalty in PENALTIES]
@@ -45,8 +45,6 @@ def fit_ridge(sweeps: Sweeps) -> Predictor:
 def fit_nearest(sweeps: Sweeps) -> Predictor:
     """Fit a nearest-neighbour look-up without standard deviation (NaN); predicts (n, joints) [rad]."""
     from sklearn.neighbors import KNeighborsRegressor
-    from sklearn.pipeline import make_pipeline
-    from sklearn.preprocessing import StandardScaler
 
     model = make_pipeline(StandardScaler(), KNeighborsRegressor(1)).fit(sweeps.inputs, sweeps.angle)
     return lambda new: (model.predict(new.inputs), np.full((len(new), sweeps.angle.shape[1]), np.nan))

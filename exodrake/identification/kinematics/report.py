@@ -6,7 +6,6 @@ import matplotlib
 import numpy as np
 
 from exodrake.core.errors import markdown_table
-from exodrake.core.files import write_folder
 from exodrake.data.plot import STYLE, new_figure, render_png
 from exodrake.identification.kinematics.identify import SMALLEST_ANGLE, Kinematics
 from exodrake.identification.kinematics.markers import SEGMENTS
@@ -85,15 +84,14 @@ def robot_yaml(found: Kinematics) -> str:
     return "\n".join(lines) + "\n"
 
 
-def write_report(found: Kinematics, folder: str | Path) -> list[Path]:
-    """Write kinematics.csv, .md, .png and robot.yaml into a folder and return the files. InputError if it cannot."""
+def make_report(found: Kinematics) -> dict[str, str | bytes]:
+    """Contents of kinematics.csv, .md, .png and robot.yaml."""
     texts = {
         "kinematics.csv": table_csv(found),
         "kinematics.md": table_markdown(found),
         "robot.yaml": robot_yaml(found),
     }
-    contents = {name: text.encode() for name, text in texts.items()}
-    return write_folder(folder, {**contents, "kinematics.png": centre_figure(found)})
+    return {**texts, "kinematics.png": centre_figure(found)}
 
 
 @matplotlib.rc_context(STYLE)
