@@ -86,12 +86,10 @@ def robot_yaml(found: Kinematics) -> str:
 
 def make_report(found: Kinematics) -> dict[str, str | bytes]:
     """Contents of kinematics.csv, .md, .png and robot.yaml."""
-    texts = {
-        "kinematics.csv": table_csv(found),
-        "kinematics.md": table_markdown(found),
-        "robot.yaml": robot_yaml(found),
-    }
-    return {**texts, "kinematics.png": centre_figure(found)}
+    return {
+        "kinematics.csv": table_csv(found), "kinematics.md": table_markdown(found),
+        "robot.yaml": robot_yaml(found), "kinematics.png": centre_figure(found),
+    }  # fmt: skip
 
 
 @matplotlib.rc_context(STYLE)
