@@ -145,7 +145,7 @@ def test_isolation_uses_no_more_than_is_affordable_and_the_answer_says_so(monkey
     found = isolation.isolate(problem)
     assert found.likelihood.views[0].samples == pytest.approx(0.3 * size, rel=0.01)
     assert found.best.effects == {"tendon.capstan_friction"}
-    assert "the logs are long: the first 30% of each was fitted" in write_notes(found, found.best, problem.robot)
+    assert "the logs are long: the first 30 % of each was fitted" in write_notes(found, found.best, problem.robot)
 
 
 def test_more_of_a_log_is_fitted_where_an_effect_begins_after_the_part_that_would_be():

@@ -77,7 +77,7 @@ def test_missing_samples_are_bridged_and_many_refused():
     )
     assert np.abs(whole.response - mended.response)[:20].max() < 0.03
     holes[::3] = np.nan
-    with pytest.raises(exo.InputError, match="column 'angle_PIP': 35% of the samples are missing"):
+    with pytest.raises(exo.InputError, match="column 'angle_PIP': 35 % of the samples are missing"):
         exo.frequency_response(log.with_signals({"angle_PIP": holes}), "tension_AF", "angle_PIP")
 
 

@@ -20,6 +20,7 @@ from exodrake.data.case import LogSource, gather_logs
 from exodrake.data.log import Log
 from exodrake.data.plot import IMPROVED, MEASURED, NOMINAL, STYLE, new_figure
 from exodrake.engine.inputs import Reference
+from exodrake.model.display import percent
 from exodrake.model.robot import Robot
 from exodrake.simulation.references import reference_rows
 from exodrake.simulation.simulate import simulate
@@ -191,7 +192,7 @@ def fill_gaps(values: np.ndarray, where: str) -> np.ndarray:
     """A signal (n,) [any unit] with missing samples read between their neighbours; InputError if many are missing."""
     known, at = np.isfinite(values), np.arange(len(values))
     if (lost := 1.0 - known.mean()) > MOST_MISSING:
-        raise InputError(f"{where}: {lost:.0%} of the samples are missing, at most {MOST_MISSING:.0%} may")
+        raise InputError(f"{where}: {percent(lost)} of the samples are missing, at most {percent(MOST_MISSING)} may")
     return np.interp(at, at[known], values[known])
 
 

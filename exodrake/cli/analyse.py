@@ -193,6 +193,7 @@ def find_response(cases, input, output, file, parameters, effects, parts, improv
     """
     from exodrake.analysis.log_response import TICKS, block_responses, plot_responses
     from exodrake.data.case import gather_logs
+    from exodrake.model.display import percent
 
     if bool(input) != bool(output):
         raise InputError("--from and --to belong together; without both, every block is estimated")
@@ -213,7 +214,7 @@ def find_response(cases, input, output, file, parameters, effects, parts, improv
         f = one.frequency[one.band]
         band = f"{f[0]:.3g} to {f[-1]:.3g}" if len(f) else "unresolved"
         gaps = (one.in_words(name) for name in models)
-        rows.append((f"{one.input} → {one.output}", band, f"{one.explained:.0%}", *gaps))
+        rows.append((f"{one.input} → {one.output}", band, percent(one.explained), *gaps))
     titles = ("response", ">resolved\n\\[Hz]", ">explained", *(f">measured /\n{name}" for name in models))
     options.print_table(titles, rows, aside=json_file == "-")
     if len(found) == 1:

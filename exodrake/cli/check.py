@@ -28,7 +28,7 @@ def command(case: Path, robot: str, only: str, without: str, figure: Path | None
     from exodrake.core.parallel import one_blas_thread
     from exodrake.diagnosis.checks.compare import list_few
     from exodrake.diagnosis.checks.preflight import SEEN, draw_figure, preflight
-    from exodrake.model.display import find_display
+    from exodrake.model.display import find_display, percent
 
     nominal = exo.load_robot(robot)
     options.refuse_cases(case)
@@ -41,16 +41,17 @@ def command(case: Path, robot: str, only: str, without: str, figure: Path | None
 
     tables = {
         ("log", ">rows", ">duration", ">step", ">jitter", ">missing frames"): [
-            (escape(c.file), str(c.rows), f"{c.duration:.4g} s", f"{1e3 * c.step:.4g} ms", f"{c.jitter:.1%}",
+            (escape(c.file), str(c.rows), f"{c.duration:.4g} s", f"{1e3 * c.step:.4g} ms", f"{100.0 * c.jitter:.1f} %",
              str(c.missing)) for c in found.clocks
         ],
         ("channel", ">motion (std)", ">fast noise (std)", ">missing", ">at its ends"): [
-            (c.column, show(c.column, c.motion), show(c.column, c.noise), f"{c.missing:.1%}", f"{c.saturated:.1%}")
+            (c.column, show(c.column, c.motion), show(c.column, c.noise), f"{100.0 * c.missing:.1f} %",
+             f"{100.0 * c.saturated:.1f} %")
             for c in found.channels
         ],
         ("reference", ">span", ">of its limits", ">95 % below", ">turns", ">at rest"): [
-            (e.column, show(e.column, e.span), "" if e.share != e.share else f"{e.share:.0%}", f"{e.band:.2g} Hz",
-             str(e.reversals), f"{e.rest:.0%}") for e in found.excitations
+            (e.column, show(e.column, e.span), "" if e.share != e.share else percent(e.share), f"{e.band:.2g} Hz",
+             str(e.reversals), percent(e.rest)) for e in found.excitations
         ],
     }  # fmt: skip
     for titles, rows in tables.items():

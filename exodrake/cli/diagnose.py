@@ -248,11 +248,12 @@ def count_errors(
     --case they follow the machine's own experiments. The same seed gives the same robots, whatever --jobs is; fewer
     where the time ends before.
     """
+    from exodrake.core.confidence import binomial_interval
     from exodrake.core.provenance import configuration
     from exodrake.diagnosis.calibrate import calibrate, count_rates
-    from exodrake.diagnosis.calibration import RATES, Calibration, calibration_text, state_rate
+    from exodrake.diagnosis.calibration import RATES, Calibration, calibration_text
     from exodrake.diagnosis.problem import list_required
-    from exodrake.report.wording import percent
+    from exodrake.model.display import percent
 
     machine = exo.load_robot(robot).machine
     case = exo.read_case(folder, list_required(machine), machine.frame) if folder else None
@@ -273,7 +274,7 @@ def count_errors(
     rows = []
     for name, (k, total) in (found.rates or {}).items():
         if total:
-            ends = "{low:.0%} to {high:.0%}".format(**state_rate(k, total))
+            ends = " to ".join(map(percent, binomial_interval(k, total)))
             rows.append((name, RATES[name], f"{k} of {total}", percent(k / total), ends))
     options.print_table(("rate", "meaning", ">count", ">share", ">95 % interval"), rows, wrapped=1)
     options.write_files({out: calibration_text(found)})

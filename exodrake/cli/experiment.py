@@ -40,7 +40,7 @@ def command(
     from exodrake.core.progress import stages
     from exodrake.experiment.contest import prepare_contest, read_rivals
     from exodrake.experiment.design import check_length, design, draw_experiment
-    from exodrake.model.display import in_words
+    from exodrake.model.display import in_words, percent
 
     nominal, picture = exo.load_robot(robot), figure or out.with_suffix(".png")
     if out.parent.is_dir():
@@ -57,12 +57,12 @@ def command(
         best = design(contest, duration, seed)
     expected, names = best.information, [e.name for e in contest.explanations]
     rows = [
-        (names[true], names[rival], f"{left:.3g}", f"{expected.power(true, rival):.0%}")
+        (names[true], names[rival], f"{left:.3g}", percent(expected.power(true, rival)))
         for (true, rival), left in sorted(expected.left.items())
     ]
     options.print_table(("if the cause is", "rejected", ">what it leaves (T)", ">probability"), rows, wrapped=0)
-    click.echo(f"\n{expected.probability:.0%} expected: all but the true cause are rejected")
-    click.echo(f"{best.random:.0%} promised by a random motion as long, the median of those that were tried")
+    click.echo(f"\n{percent(expected.probability)} expected: all but the true cause are rejected")
+    click.echo(f"{percent(best.random)} promised by a random motion as long, the median of those that were tried")
     if expected.probability < ENOUGH:
         click.echo(f"{click.style('note', fg='yellow')}    {ADVICE}")
     rows = [
@@ -72,7 +72,7 @@ def command(
     click.echo()
     options.print_table(("signal", ">on any explanation", ">allowed"), rows)
     if best.size < 1.0:
-        click.echo(f"made smaller, to {best.size:.0%}, so that no signal leaves its range")
+        click.echo(f"made smaller, to {percent(best.size)}, so that no signal leaves its range")
     click.echo()
     machine, values = nominal.machine, best.reference.values
     columns = dict(zip(machine.log_names(machine.references), values.T, strict=True))

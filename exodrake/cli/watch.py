@@ -73,6 +73,7 @@ def find_alarm_limits(
     import numpy as np
     import yaml
 
+    from exodrake.model.display import percent
     from exodrake.monitor.alarm import MINUTE, choose_limits, measure_all_peaks, measure_noise, share_at_most
     from exodrake.simulation.segments import list_channels
 
@@ -85,7 +86,8 @@ def find_alarm_limits(
         name = f"{channel.segment} {channel.column}"
         click.echo(f"{name:28s} median {np.median(column):7.2f}  largest {column.max():7.2f}  limit {limit:7.2f}")
     click.echo(
-        f"at most {share_at_most(robots):.1%} of healthy robots raise an alarm in {minutes:g} min (95 % confidence)"
+        f"at most {percent(share_at_most(robots))} of healthy robots raise an alarm in {minutes:g} min "
+        "(95 % confidence)"
     )
     if out:
         head = (

@@ -192,7 +192,9 @@ def add_legends(panels: Mapping[str, Any], log: Log, logs: Mapping[str, Mapping[
     for kind, axes in panels.items():
         if log.names(kind) in explained:
             continue
-        handles, _ = axes.get_legend_handles_labels()
+        handles = [
+            Line2D([], [], color=h.get_color(), label=h.get_label()) for h in axes.get_legend_handles_labels()[0]
+        ]
         if len(handles) > MOST_NAMES:
             more = Line2D([], [], ls="", label=f"and {len(handles) - MOST_NAMES} more")
             handles = [*handles[:MOST_NAMES], more]
@@ -259,5 +261,5 @@ def remarks(found: Comparison, log: Log, machine: Machine | None = None) -> dict
         values = {n: found.signals[f"{kind}_{n}"] for n in log.names(kind) if f"{kind}_{n}" in found.signals}
         if values and find_kind(f"{kind}_x") == kind:
             listed = ", ".join(f"{name} {display.factor * one.rms:.3g}" for name, one in values.items())
-            said[kind] = f"RMS difference: {listed} {display.symbol}".rstrip()
+            said[kind] = f"RMS difference: {listed} {display.symbol}".replace(" °", "°").rstrip()
     return said

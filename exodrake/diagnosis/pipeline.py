@@ -46,7 +46,7 @@ from exodrake.diagnosis.search import Fitted
 from exodrake.diagnosis.since import follow_sessions
 from exodrake.diagnosis.verdict import Decision, decide, find_rivals, jackknife_share, list_moved, screen_alike
 from exodrake.machines.robot_file import robot_or_default
-from exodrake.model.display import in_words
+from exodrake.model.display import in_words, percent
 from exodrake.model.part import JOINTS, TENDONS
 from exodrake.model.robot import Robot
 
@@ -241,7 +241,7 @@ def write_notes(found: Isolation, best: Fitted, improved: Robot) -> tuple[str, .
         notes.append(f"the noise of the logs counts: {name} of {level}")
     if affordable(problem) < 1.0:
         used, whole = (sum(len(trial.reference) for trial in p.fit) for p in (found.problem, problem))
-        note, robot = f"the logs are long: the first {used / whole:.0%} of each was fitted", best.explanation.robot
+        note, robot = f"the logs are long: the first {percent(used / whole)} of each was fitted", best.explanation.robot
         hidden = not best.effects and excess(found.problem, robot, found.likelihood)[0] < 0.0 <= found.excess(robot)
         notes.append(note + ("; the rest shows a gap that this part does not: diagnose that alone" if hidden else ""))
     return (*notes, *calibration_notes(machine))

@@ -29,6 +29,7 @@ from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.result import AMBIGUOUS, CAUSE, NAMED, NO_GAP, PARTLY, RETUNE, UNKNOWN, Interval
 from exodrake.diagnosis.search import NATS, Predicted
 from exodrake.diagnosis.verdict import EXPLAINED, MOST, VISIBLE, Decision, Part
+from exodrake.model.display import percent
 
 RESIDUAL = "residual"  # name of the series of the residual's power
 SAMPLES = 500_000  # in which changes are sought: 4 GB with the 60 parameters of an Exo-Index
@@ -325,7 +326,7 @@ def follow_effects(
         alike = {other: 1.0 - share for other, fit, share in rest if most - fit.model.evidence(memory) < NATS}
         word = PARTLY if explained < EXPLAINED else AMBIGUOUS if alike else NAMED
         unsure = float("nan"), float("nan")
-        reason = f"{name} changed: with an amplitude for each session it explains {explained:.0%} of the gap"
+        reason = f"{name} changed: with an amplitude for each session it explains {percent(explained)} of the gap"
         part = Part(name, CAUSE, Interval(explained, *unsure), alike)
         fitted = found.search.sets[frozenset({name})]
         decided = Decision(word, fitted, (part,), Interval(left[0], *unsure), (reason,))

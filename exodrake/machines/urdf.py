@@ -1,7 +1,7 @@
 """Serial arms from URDF files: joints, link inertias and limits, each checked when read; meshes are not read.
 
 The file is data of somebody else: its size is limited, and document types and entities are refused, so that nothing is
-expanded or fetched. Drake's parser reads the same values (`tests/test_arm_urdf.py`).
+expanded or fetched. Drake's parser reads the same values (`tests/test_arm.py`).
 """
 
 import math

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 from exodrake.model.machine import Machine
@@ -10,6 +11,7 @@ from exodrake.model.units import KINDS, conversion
 # SI unit -> unit shown, unless the machine's column names another
 SHOWN = {"m": "mm", "m/s": "mm/s", "rad": "deg", "rad/s": "deg/s", "N/m": "N/mm", "N m": "mN m", "A": "mA"}
 SYMBOLS = {"deg": "°", "deg/s": "°/s", "-": ""}
+NEARLY = 0.985  # a fraction above it is given to a tenth of a per cent, so that 0.996 is not printed as 100 %
 PALETTE = ("#0072b2", "#009e73", "#d55e00", "#cc79a7", "#56b4e9", "#e69f00")  # Okabe and Ito: distinct to all eyes
 
 
@@ -43,6 +45,15 @@ def in_words(value: float, si: str) -> str:
     unit, factor = shown_unit(si)
     symbol = SYMBOLS.get(unit, unit)
     return f"{factor * value:.4g}{'' if symbol.startswith('°') else ' '}{symbol}".rstrip()
+
+
+def percent(fraction: float) -> str:
+    """A fraction as per cent; 0.9953 is `99.5 %`, and only 1 is `100 %`."""
+    if not math.isfinite(fraction):
+        return "none"
+    if NEARLY < fraction < 1.0:
+        return f"{math.floor(1000 * fraction) / 10:.1f} %"
+    return f"{100 * fraction:.0f} %"
 
 
 def find_display(kind: str, machine: Machine | None = None, si: str = "") -> Display:

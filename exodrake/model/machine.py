@@ -369,7 +369,8 @@ class Machine:
         """The effect of that id; raises InputError with the nearest ids."""
         known = {effect.id: effect for effect in self.effects}
         if identity not in known:
-            raise InputError(f"unknown effect {identity!r}{nearest(identity, list(known))}")
+            hint = nearest(identity, list(known)) or f"; `exodrake effects --machine {self.name}` lists them"
+            raise InputError(f"unknown effect {identity!r}{hint}")
         return known[identity]
 
     def column(self, kind: str) -> Column:

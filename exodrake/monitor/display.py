@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from exodrake.model.display import percent
 from exodrake.monitor.alarm import SKIP, WINDOW, Alarm, Reading, read_calibration, share_at_most
 from exodrake.monitor.watcher import Monitor
 from exodrake.simulation.segments import LOOP
@@ -25,7 +26,7 @@ def describe_rate(monitor: Monitor) -> str:
     if made is None:
         return f"no limits are calibrated for {monitor.machine.name}: gaps only, no alarm"
     share = share_at_most(made["robots"])
-    return f"no alarm (at most {share:.0%} of healthy robots raise one in {made['minutes']:g} minutes)"
+    return f"no alarm (at most {percent(share)} of healthy robots raise one in {made['minutes']:g} minutes)"
 
 
 def name_segment(segment: str) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 from exodrake.core.errors import plural
 from exodrake.diagnosis import result
 from exodrake.diagnosis.result import Diagnosis, Interval, NamedEffect, SignalGap, Where
-from exodrake.model.display import SYMBOLS, Display, find_display, shown_unit
+from exodrake.model.display import SYMBOLS, Display, find_display, percent, shown_unit
 from exodrake.model.effect import Effect
 from exodrake.model.machine import Machine
 
@@ -20,7 +20,6 @@ LOOKS = {
 }  # fmt: skip
 COLOURS, STYLES = ({verdict: look[k] for verdict, look in LOOKS.items()} for k in (0, 1))
 DIGITS = 3  # significant digits of a quantity
-NEARLY = 0.985  # a fraction above it is given to a tenth of a per cent, so that 0.996 is not printed as 100 %
 MOST_MOVED = 4  # parameters that a sentence lists
 MOST_SEATS = 4  # channels that a sentence lists where an effect sits on all of them
 SMALL = 1.1  # noise standard deviations: a gap below it leaves nothing to close
@@ -61,15 +60,6 @@ def interval(item: Interval) -> tuple[str, str]:
         return with_unit(digits(value), name), f"{digits(low)} to {digits(high)}"
     places = max(0, min(8, 1 - math.floor(math.log10(width))))
     return with_unit(f"{value:z.{places}f}", name), f"{low:.{places}f} to {high:.{places}f}"
-
-
-def percent(fraction: float) -> str:
-    """A fraction as per cent; 0.9953 is `99.5 %`, and only 1 is `100 %`."""
-    if not math.isfinite(fraction):
-        return "none"
-    if NEARLY < fraction < 1.0:
-        return f"{math.floor(1000 * fraction) / 10:.1f} %"
-    return f"{100 * fraction:.0f} %"
 
 
 def closure(fraction: float) -> str:

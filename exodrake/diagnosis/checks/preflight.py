@@ -29,6 +29,7 @@ from exodrake.diagnosis.noise import sensor_noise_std
 from exodrake.diagnosis.parameter import nominal_parameters
 from exodrake.diagnosis.problem import Problem, list_required, make_problem
 from exodrake.diagnosis.search import LAW
+from exodrake.model.display import percent
 from exodrake.model.machine import Column, Machine
 from exodrake.model.part import Signal
 from exodrake.model.robot import Robot
@@ -202,7 +203,7 @@ def find_problems(
     """A sentence for each problem of clocks, channels and excitation."""
     for c in clocks:
         if c.jitter > JITTER:
-            yield f"{c.file}: steps of the clock scatter by {c.jitter:.0%} of a frame"
+            yield f"{c.file}: steps of the clock scatter by {percent(c.jitter)} of a frame"
         if abs(c.drift) > DRIFT + 3.0 * c.jitter / c.rows:  # both ends of the log are as uncertain
             word = "slowly" if c.drift > 0.0 else "fast"
             yield f"{c.file}: its rows come {abs(1e6 * c.drift):.0f} ppm too {word}"
@@ -216,7 +217,7 @@ def find_problems(
             yield f"{e.column} never moves, so its channel shows no friction, play, lag or gain"
             continue
         if e.share < SMALL:
-            yield f"{e.column} uses {e.share:.0%} of the span between its limits"
+            yield f"{e.column} uses {percent(e.share)} of the span between its limits"
         if e.reversals < REVERSALS:
             yield f"{e.column} turns {e.reversals} times: play and friction need reversals"
 
@@ -382,7 +383,7 @@ def draw_figure(found: Preflight) -> bytes:
             left: dict[str, float] = {}
             for other, share in (i for d in result.directions if d.effect == effect for i in d.taken_for.items()):
                 left[other] = min(share, left.get(other, 1.0))
-            words = [f"{other} ({share:.0%})" for other, share in sorted(left.items(), key=lambda item: item[1])]
+            words = [f"{other} ({percent(share)})" for other, share in sorted(left.items(), key=lambda item: item[1])]
             beside.text(0.0, row, list_few(words, LISTED), va="center", fontsize=7.5, color="#8a5a00")
         figure.suptitle(f"{found.case.name}: what it could tell", fontsize=11, fontweight="bold", x=0.01, ha="left")
         return render_png(figure)

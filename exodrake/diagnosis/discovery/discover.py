@@ -32,6 +32,7 @@ from exodrake.diagnosis.search import LAW, NATS, NEGLIGIBLE
 from exodrake.diagnosis.verdict import LARGE, MOST
 from exodrake.engine.compose import compile_machine
 from exodrake.engine.inputs import NOTHING, NoiseInputs, input_rows
+from exodrake.model.display import percent
 from exodrake.model.machine import Machine, signal_count, stack, state_size
 from exodrake.model.part import HYSTERESIS, RELAXATION, FreeLaw
 from exodrake.model.robot import Robot
@@ -252,7 +253,7 @@ def discover(
         reason = f"no law takes up more than noise lets one (p = {p:.2g})"
         return MissingLaw(False, reason, p_noise=p, others=others)
     if shares[0] < LARGE:
-        reason = f"the best law, {best.candidate.name}, removes only {shares[0]:.0%} of what {rest} leaves"
+        reason = f"the best law, {best.candidate.name}, removes only {percent(shares[0])} of what {rest} leaves"
         return MissingLaw(False, reason, p_noise=p, others=others)
     progress(Stage.CLOSURE, best.candidate.name)
     for effect in best.explanation.effects:  # without those that no longer earn their place beside it
@@ -282,7 +283,7 @@ def discover(
     known = replace(found.whole.robot, values=np.where(kept, found.whole.robot.values, robot[index]))
     words, key = candidate.form.words, candidate.law.key
     return MissingLaw(
-        found=True, reason=f"a free law of {words} at {key} removes {shares[0]:.0%} of what {rest} leaves",
+        found=True, reason=f"a free law of {words} at {key} removes {percent(shares[0])} of what {rest} leaves",
         id=others[0].id, words=words, unit=candidate.form.unit,
         channels=tuple(name for name in (candidate.channels[i] for i in best.active) if name),
         share=shares[0], p_noise=p, runner_up=None if rival is None else others[rival], lead=lead,
