@@ -14,6 +14,7 @@ from exodrake.analysis.figures import draw_figures
 from exodrake.analysis.linear_model import add_controller
 from exodrake.analysis.robustness import assess_answer
 from exodrake.data.case import Case, CaseLog
+from exodrake.diagnosis.problem import make_problem
 from exodrake.physics import servo
 
 KT, R, VOLTS = 1.3, 2.75, 7.4  # N m/A, V/A, V
@@ -163,6 +164,17 @@ def test_the_first_cause_is_a_dead_band_whether_or_not_the_error_jumps_at_its_ed
     found = diagnose_planted(nominal, "dead_band", width=0.03, jump=jump)
     assert found.effects[0].id == "servo.dead_band" and found.effects[0].share.value > 0.8
     assert found.robots["improved"]["servo.dead_band.width.elbow"] == pytest.approx(0.03, rel=0.1)
+
+
+def test_where_a_joint_stands_at_first_is_not_what_an_offset_reading_says(nominal):
+    """A log that begins in motion, of joints that stand elsewhere than they are read."""
+    shifted = nominal.splice("reading.offset", {"offset": 0.04})
+    log = exo.simulate(shifted, "random-motion:duration=12,seed=2", seed=2).between(3.0, 12.0)
+    log = log.with_signals({f"angle_start_{j}": np.full(len(log), log[f"angle_{j}"][0]) for j in ("shoulder", "elbow")})
+    case = Case("moving", {}, (CaseLog(log, "motion", "fit", None, "moving.csv"),), nominal.machine.frame)
+    problem = make_problem(case, nominal)
+    (residual,) = problem.residual(problem.silent(shifted)[None], problem.fit)
+    assert np.mean(residual**2) < 1.5
 
 
 def test_a_loop_whose_joint_friction_holds_is_analysed_and_tuned(nominal):

@@ -294,6 +294,7 @@ def make_problem(case: Case, robot: Robot, tried: frozenset[str] | None = None) 
         gone = np.isnan(reference).any(axis=1) & np.isnan(measured).all(axis=1)
         reference = bridge(fill_columns(reference), gone)
         measured[after_gaps(gone, robot.machine.frame)] = np.nan
+        measured[: round(robot.machine.settling / robot.machine.frame)] = np.nan
         for i, (speed, least) in resting.items():
             if speed in item.log.signals:
                 measured[np.abs(item.log[speed]) < least, i] = np.nan

@@ -1,7 +1,7 @@
 """Search for the set of effects of largest evidence: stepwise, forward, backward and by exchange.
 
     best = the retuned robot
-    repeat: try one effect more beside it, one less, and one in place of another, until none has more evidence
+    repeat: try one effect less, one in place of another, and one more beside it, until none has more evidence
 
 An effect is predicted by algebra on the linear model (its directions beside the set, all fitted parameters eliminated),
 and the most promising ones are fitted. Evidence is that of the linear model about each fit (`LinearModel.evidence`).
@@ -36,6 +36,7 @@ from exodrake.diagnosis.linearise import Linearisation, linearise
 from exodrake.model.effect import Effect
 
 SINGLES, FITTED, LOOKED = 4, 3, 10  # first effects fitted; further ones; those whose directions are taken anew
+SETTLED = 3  # times that a rival set is fitted on with new derivatives while it gains
 NATS = 4.0  # of evidence within which two explanations are as likely: odds of 1 to 50
 GAIN = 0.05  # share of what is left that one effect more must take up
 LARGE = 0.1  # share of the gap from which an effect is a cause, not a refinement
@@ -126,7 +127,7 @@ class Search:
         lin: directions of all effects beside the retuned robot.
         whole: the case with whole logs, on which shares are measured; the likelihood where these were fitted.
         sets: fitted sets by their effects.
-        expanded: sets beside which further effects were tried.
+        expanded: sets beside which further effects were tried, and effects in whose place.
         barred: laws for which a plainer one of their kind stands.
         known: evidence of sets by the memory that counts [nats].
         squares: mean squares (logs, views) of what sets leave.
@@ -138,7 +139,7 @@ class Search:
     lin: Linearisation
     whole: Likelihood
     sets: dict[frozenset[str], Fitted] = field(default_factory=dict)
-    expanded: set[frozenset[str]] = field(default_factory=set)
+    expanded: set[tuple[frozenset[str], str]] = field(default_factory=set)
     barred: set[str] = field(default_factory=set)
     known: dict[tuple[Fitted, float], float] = field(default_factory=dict)
     squares: dict[Fitted, np.ndarray] = field(default_factory=dict)
@@ -305,9 +306,9 @@ class Search:
         none of those that are fitted takes up half of that, the next ones are fitted, too. Of single effects the next
         ones are as long as none takes up a tenth: directions say little of a limit that a linear model does not reach.
         """
-        if key in self.expanded:
+        if (key, place) in self.expanded:
             return
-        self.expanded.add(key)
+        self.expanded.add((key, place))
         e, lin = self.sets[key].explanation, self.lin
         likelihood = self.likelihood.scaled_to(e.residual)
         far = bool(key) and self.sets[key].excess > 1.0 and not place  # noise variances
@@ -328,6 +329,20 @@ class Search:
         for at in range(0, most if key else len(new), fitted):
             self.add(fit_beside(likelihood.for_stage("refine"), e, new[at : at + fitted]))
             if any(f.excess < left for k, f in self.sets.items() if key < k and self.usable(f)):
+                break
+
+    def exchange(self, best: Fitted, effect: str) -> None:
+        """Fit other effects in the place of one of a set, and the likeliest of them on, as that set was."""
+        self.expand(best.effects - {effect}, place=effect)
+        others = [f for f in self.find_replacements(best, effect).values() if self.usable(f)]
+        if not others:
+            return
+        rival = max(others, key=self.evidence)
+        for _ in range(SETTLED):
+            before = self.evidence(rival)
+            self.add([settle(self.likelihood.for_stage("refine again"), rival.explanation)])
+            rival = self.sets[rival.effects]
+            if self.evidence(rival) - before < NATS:
                 break
 
     def expand_nominal(self, nominal: Explanation) -> None:
@@ -351,7 +366,7 @@ class Search:
             return minimise(likelihood.scaled_to(start.residual), start, tol=ROUGH)
 
         self.add(side_by_side([partial(fit, f.explanation) for key, f in before.sets.items() if key]))
-        self.expanded.add(frozenset())
+        self.expanded.add((frozenset(), ""))
 
     def reduce(self, key: frozenset[str], again: bool = False) -> None:
         """Fit the sets with one effect less, from this set; again: also those that were fitted from elsewhere."""
@@ -380,13 +395,13 @@ class Search:
                 self.reduce(best.effects)
             if self.best.effects != best.effects:
                 continue
+            for effect in sorted(best.effects) if len(best.effects) > 1 else ():
+                self.exchange(best, effect)
+            if self.best.effects != best.effects:
+                continue
             if len(best.effects) < most and best.excess > 0.0:
                 self.expand(best.effects)
                 self.bar_richer_laws()
-            if self.best.effects != best.effects:
-                continue
-            for effect in sorted(best.effects):
-                self.expand(best.effects - {effect}, place=effect)
             if self.best.effects == best.effects:
                 break
         best = self.plainer(self.best)

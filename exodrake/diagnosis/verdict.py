@@ -150,7 +150,7 @@ def decide_retuned(found: Isolation, decision: Decision) -> Decision:
 def drop_refinements(found: Isolation) -> tuple[Fitted, tuple[Part, ...]]:
     """The best set without refinements that do not help, and its effects.
 
-    Such leave more over the whole logs than the set without them, or logs predict each other no better by them. Where
+    Such leave more over the whole logs than the set without them, or logs predict each other worse by them. Where
     none is a cause, each stands in for the others: they go until one is.
     """
     search, best = found.search, found.best
@@ -159,7 +159,7 @@ def drop_refinements(found: Isolation) -> tuple[Fitted, tuple[Part, ...]]:
         worse, alike = [p for p in small if p.share.value < 0.0], len(small) == len(parts)
         tried = worse or (small if alike or best.model.log.max() > 0 else [])
         better = min((search.sets[best.effects - {p.effect}] for p in tried), key=search.predict_error, default=best)
-        if better is best or not (worse or alike or search.predict_error(better) <= search.predict_error(best)):
+        if better is best or not (worse or alike or search.predict_error(better) < search.predict_error(best)):
             break
         best = better
         search.reduce(best.effects)

@@ -141,6 +141,8 @@ def joint_machine(
     )  # fmt: skip
 
 
+# s in which a joint comes to rest that stands elsewhere than its reading says: assumed, as the position loops of arms
+SETTLING = 0.5
 TICK = 5e-4  # s, of the motors' equation of motion at most
 FRICTION = 0.05  # N m, of a small servo's gear; ranges of its friction scale with it: Rhoban/bam, 0.02-0.2
 TURNING = 1.0  # rad/s at which viscous friction of that size counts; assumed
@@ -169,7 +171,8 @@ def motor_machine(
     ideal = joint_machine(name, "servo", joints, OF_COMMANDS[:1], frame, max_effects)
     parts = (servo.part(scales), *ideal.parts[1:])
     found = (*OF_COMMANDS, *(effect for effect in effects_of(parts) if effect.id not in LEFT_OUT))
-    return replace(ideal, parts=parts, effects=found, slots=max(4, ceil(frame / TICK)), mechanism=motor_mechanism)
+    slots = max(4, ceil(frame / TICK))
+    return replace(ideal, parts=parts, effects=found, slots=slots, settling=SETTLING, mechanism=motor_mechanism)
 
 
 def motor_mechanism(robot: Robot) -> Mechanism:

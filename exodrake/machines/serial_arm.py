@@ -29,6 +29,7 @@ STEP = 0.02  # rad or m, of a reference for the analysis: assumed
 SWING, SPEED, BRISK = 1.0, 0.5, 2.0  # rad, rad/s, rad/s2 of a moderate motion: assumed
 SHARE = 0.05  # of friction in the largest effort: assumed
 BANDWIDTH = 2.0 * np.pi * 2.0  # rad/s of the nominal position loops: assumed
+SETTLING = 2.0 * np.pi / BANDWIDTH  # s, a period of them
 STOP = 2.0 * np.pi * 20.0  # rad/s of a link on its end stop, half of critically damped: assumed, stiff rubber
 FAR = 1e6  # rad or m: no end stop
 POSTURES = 20  # at which efforts are evaluated
@@ -135,7 +136,7 @@ def closed_machine(name: str, chain: Chain, frame: float) -> Machine:
         name, chain, frame, parts, {position: "encoder", effort: "torque"}, CROSSTALK,
         (*given, *noise("position", "effort")), (*inner, Signal("link_position", unit["position"], JOINTS)), found,
         segments=(Segment("drive", effort, (position,)), Segment("arm", position, (effort,))),
-        loop=joint_control(chain, {"arm.coulomb_friction": {}}),
+        loop=joint_control(chain, {"arm.coulomb_friction": {}}), settling=SETTLING,
         defaults=chain_values(chain, "arm") | drive_defaults(chain, efforts, frame),
     )  # fmt: skip
 
@@ -171,7 +172,7 @@ def cable_machine(name: str, chain: Chain, frame: float) -> Machine:
         (*(f"{sensor}.crosstalk" for sensor in SENSORS.values()), *rubbing, *OF_CABLES), (*given, *noise(*SEEN)),
         tuple(Signal(signal, u, JOINTS) for signal, u in inner.items()),
         (*(Column(s.name, s.name) for s in given), *COLUMNS), slots=6, segments=SEGMENTS,
-        loop=joint_control(chain, {}), defaults=cable_defaults(chain, efforts, frame),
+        loop=joint_control(chain, {}), settling=SETTLING, defaults=cable_defaults(chain, efforts, frame),
     )  # fmt: skip
 
 

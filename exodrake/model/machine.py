@@ -217,6 +217,7 @@ class Machine:
         defaults: values [SI] by full name of parameters that a robot file need not state.
         recorded: full name of a parameter -> its largest value [its unit] from the sizes of recorded signals by unit.
         resting: column kind of an effort -> that of the speed without which dry friction may hold any effort.
+        settling: s from the start of a log after which samples count, where motion goes on that the log does not tell.
         nominal: the machine without variants that this one was made from; None if this one has no variants.
 
     Examples:
@@ -256,6 +257,7 @@ class Machine:
     separate: bool = False
     recorded: Mapping[str, Callable[[Mapping[str, float]], float]] = field(default_factory=dict)
     resting: Mapping[str, str] = field(default_factory=dict)
+    settling: float = 0.0
     nominal: Machine | None = None  # the machine without variants that this one was made from
 
     def __post_init__(self) -> None:
