@@ -192,9 +192,8 @@ def add_legends(panels: Mapping[str, Any], log: Log, logs: Mapping[str, Mapping[
     for kind, axes in panels.items():
         if log.names(kind) in explained:
             continue
-        handles = [
-            Line2D([], [], color=h.get_color(), label=h.get_label()) for h in axes.get_legend_handles_labels()[0]
-        ]
+        drawn, _ = axes.get_legend_handles_labels()
+        handles: list[Any] = [Line2D([], [], color=line.get_color(), label=line.get_label()) for line in drawn]
         if len(handles) > MOST_NAMES:
             more = Line2D([], [], ls="", label=f"and {len(handles) - MOST_NAMES} more")
             handles = [*handles[:MOST_NAMES], more]
