@@ -20,6 +20,7 @@ from exodrake.core.errors import InputError
 from exodrake.core.progress import StageProgress, no_progress
 from exodrake.core.schema import having, listing, names, number, read_json, text
 from exodrake.data.case import read_case
+from exodrake.diagnosis import pipeline
 from exodrake.diagnosis.detect import detect
 from exodrake.diagnosis.fit import Explanation, linear_model, minimise, whole_jacobian, without
 from exodrake.diagnosis.isolation import USED, affordable
@@ -28,7 +29,6 @@ from exodrake.diagnosis.linear import LinearModel
 from exodrake.diagnosis.linearise import nominal_jacobian, with_effects
 from exodrake.diagnosis.many import ANSWER
 from exodrake.diagnosis.parameter import effect_parameters, nominal_parameters
-from exodrake.diagnosis.pipeline import diagnose
 from exodrake.diagnosis.problem import Problem, Trial, list_required, make_problem
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, Rival, record_provenance
 from exodrake.diagnosis.search import LAW, NATS
@@ -80,7 +80,7 @@ def read_rivals(
             raise InputError(f"{place}: it was made from {differs}; diagnose again")
         answer = None if differs else answer
     if answer is None:
-        found = diagnose(case, robot, progress)
+        found = pipeline.diagnose(case, robot, progress)
         verdict, rivals = found.verdict, found.rivals
     else:
         verdict = answer["verdict"]
