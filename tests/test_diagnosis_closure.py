@@ -62,7 +62,7 @@ def test_robot_without_a_log_is_that_fitted_to_the_others():
     fit = -np.linalg.solve(jacobian @ jacobian.T + np.eye(4) / PRIOR**2, jacobian @ offset)
     e = explanation(likelihood, nominal(4, PRIOR), fit, jacobian)
     model = linear_model(likelihood.scaled_to(e.residual), e)
-    fitted, weight = Fitted(e, model, likelihood.chi2(e.residual), 1.0), 1.0 / float(model.variance[0])
+    fitted, weight = Fitted(e, model, likelihood.chi2(e.residual), 1.0, np.zeros(1)), 1.0 / float(model.variance[0])
     starts = np.cumsum((0, *FRAMES))
     for k in range(3):
         kept = np.ones(sum(FRAMES), dtype=bool)

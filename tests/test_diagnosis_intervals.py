@@ -103,10 +103,10 @@ def test_covariance_of_effects_that_meet_is_that_of_all_fitted_parameters_togeth
     wanted = least_squares(lambda x: np.r_[x @ columns + noise, memory**0.5 * x[0] / prior], np.zeros(3))
     e = explanation(likelihood, parameters, wanted.x, columns[:1], ("a", "b"))
     model = linear_model(likelihood.scaled_to(e.residual), e)
-    found = fitted_effects(Fitted(e, model, model.variance, memory))
+    found = fitted_effects(Fitted(e, model, model.variance, memory, np.zeros(1)))
     normal = columns @ columns.T / (memory * model.variance[0]) + np.diag([prior**-2, 12.0 / 200**2, 12.0 / 200**2])
     assert found.covariance == pytest.approx(np.linalg.inv(normal)[1:, 1:], rel=1e-3)
-    alone = fitted_effects(Fitted(e, model, model.variance, memory)).of("a")
+    alone = fitted_effects(Fitted(e, model, model.variance, memory, np.zeros(1))).of("a")
     assert alone.std[0] == pytest.approx(found.std[0]) and [p.effect for p in alone.parameters] == ["a"]
 
 
