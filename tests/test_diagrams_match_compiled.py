@@ -52,10 +52,8 @@ print(np.abs(compiled - both(nominal(), wavy(2.0))[0]).max())
 
 def test_parts_as_printed():
     """As plain Python, since compiling a second machine takes a minute."""
-    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
-    run = subprocess.run(
-        [sys.executable, "-c", PRINTED], cwd=Path(__file__).parent, env=environment, capture_output=True, text=True
-    )
+    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": str(Path(__file__).parent)}
+    run = subprocess.run([sys.executable, "-c", PRINTED], env=environment, capture_output=True, text=True)
     assert run.returncode == 0, run.stderr[-2000:]
     assert float(run.stdout) > 0.1
 
