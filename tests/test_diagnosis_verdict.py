@@ -21,7 +21,7 @@ def sets():
 
 @pytest.mark.parametrize(
     ("share", "with_it", "without", "kept"),
-    [(0.02, 1.0, 1.5, True), (0.02, 1.0, 1.0, True), (0.02, 1.5, 1.0, False), (-0.02, 1.0, 1.5, False)],
+    [(0.02, 1.0, 1.5, True), (0.02, 1.5, 1.5, True), (0.02, 1.5, 1.0, False), (-0.02, 1.0, 1.5, False)],
 )
 def test_a_refinement_stays_where_whole_logs_and_their_predictions_want_it(
     monkeypatch, sets, share, with_it, without, kept

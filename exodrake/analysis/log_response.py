@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from control import frd
 from scipy.signal import csd
 
 from exodrake.core.errors import InputError, argument
@@ -103,6 +102,8 @@ class LogResponse:
 
     def to_control(self, model: str = "") -> Any:
         """A python-control `FrequencyResponseData` of what was measured, or of a robot by its name."""
+        from control import frd
+
         found = self.models[model] if model else self.response
         return frd(found, 2.0 * np.pi * self.frequency, inputs=[self.input], outputs=[self.output])  # pyright: ignore
 
