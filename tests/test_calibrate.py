@@ -1,5 +1,6 @@
 """Calibration: error rates counted by hand and against scipy, its file, and robots drawn for it."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,7 +12,7 @@ from exodrake.cli.main import cli
 from exodrake.core.errors import InputError
 from exodrake.core.schema import read_yaml
 from exodrake.data.case import Case, CaseLog, write_case
-from exodrake.diagnosis import calibration
+from exodrake.diagnosis import calibrate as simulated_robots, calibration, pipeline
 from exodrake.diagnosis.calibrate import Record, alike, calibrate, count_rates, record
 from exodrake.diagnosis.calibration import (
     ALARM,
@@ -144,6 +145,26 @@ def test_records_depend_on_the_seed_and_not_on_jobs():
     assert alone[:2] == calibrate(SHEATH, 2, 5, case)[0] and alone != calibrate(SHEATH, 3, 6, case)[0]
     assert alone[0].effect == "" and all(r.effect for r in alone[1:])
     assert len(calibrate(SHEATH, 5, 5, case, seconds=0.0)[0]) == 1  # time that ends leaves fewer robots
+
+
+def test_a_robot_whose_loop_diverges_is_drawn_again(monkeypatch):
+    """No such robot is recorded: its logs grow without end."""
+    case, made = sheath_case(), []
+
+    def follow(motion, robot, rng):
+        case = follow_case(motion, robot, rng)
+        made.append((case, robot))
+        if len(made) > 2:
+            return case
+        first, *others = case.logs
+        grown = np.where(np.arange(400) < 200, first.log["angle_bending"], (np.inf, 1e9)[len(made) - 1])
+        return replace(case, logs=(replace(first, log=first.log.with_signals({"angle_bending": grown})), *others))
+
+    monkeypatch.setattr(simulated_robots, "follow_case", follow)
+    monkeypatch.setattr(simulated_robots, "record", lambda answer, robot, effect: (answer, robot, effect))
+    monkeypatch.setattr(pipeline, "diagnose", lambda case, nominal: case)
+    answered, robot, effect = simulated_robots.simulated_robot(SHEATH, case, 5, 1)
+    assert len(made) == 3 and (answered, robot) == made[-1] and effect
 
 
 def test_error_rates_of_a_sheath():

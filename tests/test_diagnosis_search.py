@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from math import inf
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -98,6 +99,44 @@ def test_an_effect_that_explains_the_first_samples_alone_is_ranked_beside_those_
     case.directions[0] = np.where(early, case.known.residual, 30.0 * rng.standard_normal(SAMPLES))
     lin = linearisation(case.known, case.directions, [probe(effect, rows) for effect, rows in PROBES.items()])
     assert list(case.screened())[-1] == "a"
-    search = Search(case.likelihood, (), lin, case.likelihood)
+    search = Search(case.likelihood, (), lin, case.likelihood, lambda robot: False)
     ranked = search.screen_beside(case.known, replace(lin, early=early))
     assert "a" in [p.probe.effect for p in ranked[:2]] and len(ranked) == len(PROBES)
+
+
+def test_joined_directions_predict_as_those_taken_together():
+    case = Linear(1).settled()
+    parts = [probe(effect, range(len(rows)), -1e3, 1e3) for effect, rows in PROBES.items()]
+    b, c = (linearisation(case.known, case.directions[list(PROBES[i])], [parts[k]]) for k, i in ((1, "b"), (2, "c")))
+    lin = b.join(c)
+    found = {p.probe.effect: p.gain for p in screen(case.likelihood, case.known, lin, lin.kept)}
+    together = case.screened()
+    assert found == pytest.approx({i: together[i].gain for i in "bc"}, rel=1e-6)
+
+
+def test_a_set_is_fitted_on_as_long_as_its_gap_is_visible(monkeypatch):
+    """Not one that leaves too much, and no longer than evidence grows."""
+    case, calls = Linear(0).settled(), []
+
+    def fit_on(sequence, visible, most=inf, excess=1.0):
+        search, key = Search(case.likelihood, (), linearisation(case.known), case.likelihood, lambda robot: False), "a"
+        states = iter(sequence)
+        calls.clear()
+
+        def take(found):
+            search.sets[key] = SimpleNamespace(
+                explanation=SimpleNamespace(robot=None), excess=excess, value=next(states)
+            )
+
+        take(())
+        monkeypatch.setattr(Search, "add", lambda self, found: (calls.append(1), take(found)))
+        monkeypatch.setattr(Search, "evidence", lambda self, fitted: fitted.value)
+        monkeypatch.setattr("exodrake.diagnosis.search.settle", lambda likelihood, e: e)
+        search.negligible = lambda robot: len(calls) >= visible
+        search.settle(key, most)
+        return len(calls)
+
+    assert fit_on([0.0, 50.0, 90.0, 120.0], visible=9) == 3  # times at most
+    assert fit_on([0.0, 50.0, 51.0, 120.0], visible=9) == 2  # the second gains one nat
+    assert fit_on([0.0, 50.0, 90.0, 120.0], visible=1) == 1
+    assert fit_on([0.0, 50.0], visible=9, most=0.5) == 0

@@ -21,7 +21,13 @@ def sets():
 
 @pytest.mark.parametrize(
     ("share", "with_it", "without", "kept"),
-    [(0.02, 1.0, 1.5, True), (0.02, 1.5, 1.5, True), (0.02, 1.5, 1.0, False), (-0.02, 1.0, 1.5, False)],
+    [
+        (0.02, (1.0, 1.0), (1.5, 1.6), True),
+        (0.02, (1.5, 1.5), (1.5, 1.5), True),
+        (0.02, (1.5, 1.6), (1.0, 1.0), False),
+        (0.02, (1.5, 3.0), (1.6, 1.0), True),  # one log better, one worse: 0.95 +- 1.05
+        (-0.02, (1.0, 1.0), (1.5, 1.6), False),
+    ],
 )
 def test_a_refinement_stays_where_whole_logs_and_their_predictions_want_it(
     monkeypatch, sets, share, with_it, without, kept
@@ -33,7 +39,7 @@ def test_a_refinement_stays_where_whole_logs_and_their_predictions_want_it(
         )
 
     monkeypatch.setattr(verdict, "divide_gap", divide)
-    predicted = {len(k): error for k, error in zip(sets, (with_it, without), strict=True)}
+    predicted = {len(k): np.array(error) for k, error in zip(sets, (with_it, without), strict=True)}
     search = SimpleNamespace(sets=sets, predict_error=lambda f: predicted[len(f.effects)], reduce=lambda effects: None)
     best, parts = verdict.drop_refinements(
         SimpleNamespace(search=search, whole=SimpleNamespace(detected=()), best=sets[frozenset({"friction", "drift"})])
@@ -53,8 +59,10 @@ def test_effects_that_stand_in_for_each_other_go_until_one_is_a_cause(monkeypatc
     sets[frozenset({"drift"})] = SimpleNamespace(
         effects=frozenset({"drift"}), model=sets[frozenset({"friction"})].model
     )
-    error = {frozenset({"friction"}): 1.5, frozenset({"drift"}): 2.0}
-    search = SimpleNamespace(sets=sets, predict_error=lambda f: error.get(f.effects, 1.0), reduce=lambda effects: None)
+    error = {frozenset({"friction"}): np.array([1.5]), frozenset({"drift"}): np.array([2.0])}
+    search = SimpleNamespace(
+        sets=sets, predict_error=lambda f: error.get(f.effects, np.ones(1)), reduce=lambda effects: None
+    )
     both = sets[frozenset({"friction", "drift"})]
     best, parts = verdict.drop_refinements(
         SimpleNamespace(search=search, whole=SimpleNamespace(detected=()), best=both)

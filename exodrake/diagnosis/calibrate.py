@@ -23,6 +23,8 @@ from exodrake.machines.robot_file import load_robot
 from exodrake.model.robot import Robot
 
 EACH_HEALTHY = 3  # one robot in so many is healthy
+# draws of a robot at most, and times the motion's largest value from which it counts as unstable: no such is recorded
+DRAWS, DIVERGED = 20, 1e6
 
 
 @dataclass(frozen=True)
@@ -94,11 +96,24 @@ def simulated_robot(robot: str, case: Case | None, seed: int, number: int) -> Re
     nominal, rng = load_robot(robot), np.random.default_rng([seed, number])
     nominal = nominal.with_parameters(case.robot, source=case.name) if case else nominal
     motion = case or healthy_case(nominal, int(rng.integers(SEEDS)))
-    drawn, effect = healthy_robot(nominal, rng), ""
-    if number % EACH_HEALTHY:
-        one = nominal.machine.effects[rng.integers(len(nominal.machine.effects))]
-        drawn, effect = with_effect(drawn, one, rng), one.id
-    return record(diagnose(follow_case(motion, drawn, rng), nominal), drawn, effect)
+    for _ in range(DRAWS):
+        drawn, effect = healthy_robot(nominal, rng), ""
+        if number % EACH_HEALTHY:
+            one = nominal.machine.effects[rng.integers(len(nominal.machine.effects))]
+            drawn, effect = with_effect(drawn, one, rng), one.id
+        logs = follow_case(motion, drawn, rng)
+        if largest(logs) < DIVERGED * largest(motion):
+            break
+    return record(diagnose(logs, nominal), drawn, effect)
+
+
+def largest(case: Case) -> float:
+    """Largest value of all signals of a case [SI]; infinite where a simulated robot's are not finite."""
+    return max(
+        float(np.max(np.abs(item.log[name]), where=~np.isnan(item.log[name]), initial=0.0))
+        for item in case.logs
+        for name in item.log.columns
+    )
 
 
 def record(answer: Diagnosis, true: Robot, effect: str) -> Record:

@@ -11,7 +11,7 @@ import numpy as np
 
 from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.diagnosis.detect import detect
-from exodrake.diagnosis.fit import HALF, Explanation, minimise, renew, settle
+from exodrake.diagnosis.fit import HALF, Explanation, minimise, renew
 from exodrake.diagnosis.likelihood import Likelihood, make_likelihood, output_error, with_prediction
 from exodrake.diagnosis.linearise import Linearisation, linearise, nominal_jacobian
 from exodrake.diagnosis.noise import sensor_noise_std
@@ -26,7 +26,7 @@ PRECISE = 30_000  # samples to which the answer is fitted on: four times as many
 # PARTS is fitted that shows at least SHOWN of that gap. Assumed
 PARTS, HIDDEN, SHOWN = 20, 0.02, 0.5
 SAMPLING = 3.0  # standard deviations of a mean square over runs with noise that a gap must exceed, too
-ROUNDS, LEAST_GAIN = 3, 0.1  # nominal Jacobians of retuning; mean log chi-square that one gains for a next one
+ROUNDS, LEAST_GAIN = 3, 0.1  # nominal Jacobians of a fit; mean log chi-square that one gains for a next one
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,15 +118,8 @@ def retune(problem: Problem, x: np.ndarray | None = None) -> tuple[Explanation, 
     nominal, values = nominal_parameters(problem.robot), problem.silent()
     likelihood = output_error(with_prediction(problem)[-1], "retune")
     x = np.zeros(len(nominal)) if x is None else x
-    (found,) = Explanation((), nominal, x, values, np.zeros(0), np.zeros((len(nominal), 0))).at_each(likelihood, [x])
-    for _ in range(ROUNDS if nominal else 0):
-        before, likelihood = likelihood.mean_log(found.residual), likelihood.scaled_to(found.residual)
-        jacobian = nominal_jacobian(likelihood, values, nominal, found.x, found.residual)
-        found = minimise(likelihood, found.change(jacobian=jacobian), 4, 1e-3)
-        left = likelihood.mean_log(found.residual)
-        if min(left, before - left) < LEAST_GAIN:
-            break
-    return found, likelihood.simulated
+    start = Explanation((), nominal, x, values, np.zeros(0), np.zeros((len(nominal), 0)))
+    return fit_nominal(likelihood, start.at(likelihood, x)), likelihood.simulated
 
 
 def isolate(
@@ -165,11 +158,11 @@ def isolate(
             return 0.0
         return float(shares[np.argmax(gaps >= SHOWN * gaps.max())]) * count_samples(problem)
 
-    def unseen(f: Fitted) -> bool:
-        return bool(excess(whole, f.explanation.robot, likelihood)[0] < 0.0)
+    def negligible(robot: np.ndarray) -> bool:
+        return bool(excess(whole, robot, likelihood)[0] < 0.0)
 
     zero, shares = replace(start, x=np.zeros(len(start.x))), np.linspace(part, affordable(problem), PARTS)
-    if excess(whole, zero.robot, likelihood)[0] < 0.0:
+    if negligible(zero.robot):
         none = np.zeros((len(start.x), likelihood.samples), dtype=np.float32)
         (retuned,) = replace(zero, jacobian=none).at_each(likelihood, [zero.x])
         effects = ()
@@ -178,7 +171,7 @@ def isolate(
         if more := count_needed(retuned.robot):
             wide = make_likelihood(whole.shorten(affordable(problem, more)), retuned.robot, simulated)
             by_more = fit_nominal(wide, retuned.at_each(wide, [retuned.x])[0])
-            if excess(whole, by_more.robot, likelihood)[0] >= 0.0:
+            if not negligible(by_more.robot):
                 return isolate(problem, progress, more)
             (retuned,) = retuned.at_each(likelihood, [by_more.x])
     (nominal,) = retuned.at_each(likelihood, [zero.x])
@@ -186,7 +179,7 @@ def isolate(
     share = max(SCREENED, affordable(short, LEAST_SCREENED))
     lin = linearise(likelihood, retuned.robot, effects, retuned.residual, share)
     logs = likelihood.on(whole.shorten(affordable(whole))).for_stage("measure")
-    search = Search(likelihood, effects, lin, logs, progress=progress)
+    search = Search(likelihood, effects, lin, logs, negligible, progress=progress)
     search.add([retuned])
     if before is not None:
         search.take_over(before)
@@ -197,8 +190,9 @@ def isolate(
         best = search.run(max(machine.max_effects - certain, 0))
         if best.effects and (more := count_needed(best.explanation.robot, GAIN * gap)):
             return isolate(problem, progress, more, search)
-        if best.effects and unseen(best):  # of sets that leave nothing visible
-            best = next(filter(unseen, search.list_sparing(best)), best)
+        if best.effects and negligible(best.explanation.robot):
+            sparing = (f for f in search.list_sparing(best) if negligible(f.explanation.robot))
+            best = next(sparing, best)
             search.reduce(best.effects)
     return Isolation(short, whole, likelihood, lin, nominal, search, best)
 
@@ -225,10 +219,14 @@ def fit_on(found: Isolation, best: Fitted) -> tuple[Fitted, Fitted]:
 
 
 def fit_nominal(likelihood: Likelihood, e: Explanation) -> Explanation:
-    """The nominal parameters of an explanation fitted in all views, until their derivatives change no more."""
-    jacobian = nominal_jacobian(likelihood, e.values, e.parameters, e.x, e.residual)
-    found = minimise(likelihood.scaled_to(e.residual).for_stage("refine"), replace(e, jacobian=jacobian))
-    return settle(likelihood.for_stage("refine"), found)
+    """The nominal parameters of an explanation fitted in all views, with new derivatives as long as that gains."""
+    for _ in range(ROUNDS):
+        before, likelihood = likelihood.mean_log(e.residual), likelihood.scaled_to(e.residual)
+        jacobian = nominal_jacobian(likelihood, e.values, e.parameters, e.x, e.residual)
+        e = minimise(likelihood, e.change(jacobian=jacobian))
+        if before - likelihood.mean_log(e.residual) < LEAST_GAIN:
+            break
+    return e
 
 
 def affordable(problem: Problem, most: float = MOST) -> float:

@@ -70,6 +70,12 @@ class Linearisation:
     kept: np.ndarray
     early: np.ndarray
 
+    def join(self, other: Linearisation) -> Linearisation:
+        """The directions of both, at one robot."""
+        at = len(self.directions)
+        moved = tuple(replace(probe, rows=at + probe.rows) for probe in other.probes)
+        return replace(self, directions=np.concatenate([self.directions, other.directions]), probes=self.probes + moved)
+
 
 def with_effects(values: np.ndarray, effects: Sequence[tuple[Machine, Effect]]) -> np.ndarray:
     """Flat parameter vector with the fixed parameters of some effects set."""

@@ -9,7 +9,7 @@ and the most promising ones are fitted. Evidence is that of the linear model abo
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -126,11 +126,13 @@ class Search:
         effects: effects to try.
         lin: directions of all effects beside the retuned robot.
         whole: the case with whole logs, on which shares are measured; the likelihood where these were fitted.
+        negligible: whether a robot (parameters,) leaves no visible gap.
         sets: fitted sets by their effects.
         expanded: sets beside which further effects were tried, and effects in whose place.
         barred: laws for which a plainer one of their kind stands.
         known: evidence of sets by the memory that counts [nats].
         squares: mean squares (logs, views) of what sets leave.
+        beside: the fit that was grown last, and directions of effects there.
         progress: called with the stage and what it works on.
     """
 
@@ -138,11 +140,13 @@ class Search:
     effects: tuple[Effect, ...]
     lin: Linearisation
     whole: Likelihood
+    negligible: Callable[[np.ndarray], bool]
     sets: dict[frozenset[str], Fitted] = field(default_factory=dict)
     expanded: set[tuple[frozenset[str], str]] = field(default_factory=set)
     barred: set[str] = field(default_factory=set)
     known: dict[tuple[Fitted, float], float] = field(default_factory=dict)
     squares: dict[Fitted, np.ndarray] = field(default_factory=dict)
+    beside: tuple[Explanation, Linearisation] | None = None
     progress: StageProgress = no_progress
 
     @property
@@ -315,9 +319,8 @@ class Search:
         kinds = {x.id: (x.block, name_kind(x)) for x in self.effects}
         alike = {i for i, kind in kinds.items() if kind == kinds.get(place)}
         if key:
-            promising = alike | {p.probe.effect for p in self.screen_beside(e, lin)[: None if far else LOOKED]}
-            some = [x for x in self.effects if x.id in promising]
-            lin = linearise(likelihood.for_stage("linearise again"), e.robot, some, e.residual)
+            promising = [p.probe.effect for p in self.screen_beside(e, lin)[: None if far else LOOKED]]
+            lin = self.linearise_beside(e, alike.union(promising), keep=not place)
         taken = {kinds[i] for i in key if i in kinds and kinds[i][1] in ONE}
         barred = self.barred | {i for i, kind in kinds.items() if kind in taken}
         predicted = [p for p in self.screen_beside(e, lin) if p.probe.effect not in barred]
@@ -331,18 +334,37 @@ class Search:
             if any(f.excess < left for k, f in self.sets.items() if key < k and self.usable(f)):
                 break
 
+    def linearise_beside(self, e: Explanation, wanted: Collection[str], keep: bool) -> Linearisation:
+        """Directions beside an explanation, of some effects at least; keep: for further calls beside the same one."""
+        known = self.beside[1] if self.beside and self.beside[0] is e else None
+        have = {probe.effect for probe in known.probes} if known else set[str]()
+        some = [x for x in self.effects if x.id in wanted and x.id not in have]
+        lin = linearise(self.likelihood.for_stage("linearise again"), e.robot, some, e.residual)
+        lin = known.join(lin) if known else lin
+        self.beside = (e, lin) if keep else self.beside
+        return lin
+
     def exchange(self, best: Fitted, effect: str) -> None:
-        """Fit other effects in the place of one of a set, and the likeliest of them on, as that set was."""
-        self.expand(best.effects - {effect}, place=effect)
+        """Fit other effects in the place of one of a set, and the likeliest of them on, as that set was.
+
+        Unless it leaves so much of what the one takes up that a cause would be lacking.
+        """
+        rest = best.effects - {effect}
+        self.expand(rest, place=effect)
         others = [f for f in self.find_replacements(best, effect).values() if self.usable(f)]
         if not others:
             return
         rival = max(others, key=self.evidence)
+        self.settle(rival.effects, best.excess + LARGE * (self.sets[rest].excess - best.excess))
+
+    def settle(self, key: frozenset[str], most: float = np.inf) -> None:
+        """Fit a set on with new derivatives as long as it gains and its gap is visible; most: that it may leave."""
         for _ in range(SETTLED):
-            before = self.evidence(rival)
-            self.add([settle(self.likelihood.for_stage("refine again"), rival.explanation)])
-            rival = self.sets[rival.effects]
-            if self.evidence(rival) - before < NATS:
+            before = self.sets[key]
+            if before.excess > most or self.negligible(before.explanation.robot):
+                break
+            self.add([settle(self.likelihood.for_stage("refine again"), before.explanation)])
+            if self.evidence(self.sets[key]) - self.evidence(before) < NATS:
                 break
 
     def expand_nominal(self, nominal: Explanation) -> None:
@@ -366,7 +388,7 @@ class Search:
             return minimise(likelihood.scaled_to(start.residual), start, tol=ROUGH)
 
         self.add(side_by_side([partial(fit, f.explanation) for key, f in before.sets.items() if key]))
-        self.expanded.add((frozenset(), ""))
+        self.expanded = {(key, place) for key, place in before.expanded if place or not key}
 
     def reduce(self, key: frozenset[str], again: bool = False) -> None:
         """Fit the sets with one effect less, from this set; again: also those that were fitted from elsewhere."""
@@ -391,7 +413,7 @@ class Search:
             self.likelihood = self.likelihood.with_memory(best.explanation.residual)
             best = self.best
             if best.effects:
-                self.add([settle(self.likelihood.for_stage("refine again"), best.explanation)])
+                self.settle(best.effects)
                 self.reduce(best.effects)
             if self.best.effects != best.effects:
                 continue
@@ -399,13 +421,16 @@ class Search:
                 self.exchange(best, effect)
             if self.best.effects != best.effects:
                 continue
-            if len(best.effects) < most and best.excess > 0.0:
+            if len(best.effects) < most and not self.negligible(best.explanation.robot):
                 self.expand(best.effects)
                 self.bar_richer_laws()
             if self.best.effects == best.effects:
                 break
-        best = self.plainer(self.best)
+        best, left = self.plainer(self.best), most
         self.reduce(best.effects, again=True)
+        while left and self.best.effects < best.effects:  # fitted again, it leaves as little
+            best, left = self.plainer(self.best), left - 1
+            self.reduce(best.effects, again=True)
         return best
 
     def list_sparing(self, best: Fitted) -> list[Fitted]:
@@ -414,11 +439,9 @@ class Search:
         others = [f for f in self.sets.values() if len(f.effects) == len(best.effects) and self.usable(f)]
         return sorted((f for f in others if f.tolerance_cost < limit), key=lambda f: f.tolerance_cost)
 
-    def predict_error(self, fitted: Fitted) -> float:
-        """Mean logarithm over views of the reduced chi-square of each log as the others predict it."""
-        model = fitted.model
-        found, samples = model.leave_out(model.log), self.likelihood.samples_by_log
-        return float(np.mean(np.log(np.maximum(np.sum(found * samples, axis=0) / samples.sum(axis=0), 1.0))))
+    def predict_error(self, fitted: Fitted) -> np.ndarray:
+        """Mean logarithm over views of the reduced chi-square of each log as the others predict it (logs,)."""
+        return np.nanmean(np.log(np.maximum(fitted.model.leave_out(fitted.model.log), 1.0)), axis=1)
 
 
 def screen(likelihood: Likelihood, e: Explanation, lin: Linearisation, kept: np.ndarray) -> list[Predicted]:

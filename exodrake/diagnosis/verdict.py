@@ -150,18 +150,20 @@ def decide_retuned(found: Isolation, decision: Decision) -> Decision:
 def drop_refinements(found: Isolation) -> tuple[Fitted, tuple[Part, ...]]:
     """The best set without refinements that do not help, and its effects.
 
-    Such leave more over the whole logs than the set without them, or logs predict each other worse by them. Where
-    none is a cause, each stands in for the others: they go until one is.
+    Such leave more over the whole logs than the set without them, or logs predict each other worse by them, by more
+    than its standard error. Where none is a cause, each stands in for the others: they go until one is.
     """
     search, best = found.search, found.best
     parts, least = divide_gap(found, best), 1 - any(d.certain for d in found.whole.detected)
     while small := [p for p in parts if p.role == REFINEMENT and len(parts) > least]:
         worse, alike = [p for p in small if p.share.value < 0.0], len(small) == len(parts)
         tried = worse or (small if alike or best.model.log.max() > 0 else [])
-        better = min((search.sets[best.effects - {p.effect}] for p in tried), key=search.predict_error, default=best)
-        if better is best or not (worse or alike or search.predict_error(better) < search.predict_error(best)):
+        smaller = [search.sets[best.effects - {p.effect}] for p in tried]
+        gains = [search.predict_error(best) - search.predict_error(f) for f in smaller]
+        k = max(range(len(gains)), key=lambda k: gains[k].mean(), default=-1)
+        if k < 0 or not (worse or alike or gains[k].mean() > gains[k].std(ddof=1) / np.sqrt(len(gains[k]))):
             break
-        best = better
+        best = smaller[k]
         search.reduce(best.effects)
         parts = divide_gap(found, best)
     return best, parts

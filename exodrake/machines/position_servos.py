@@ -14,7 +14,7 @@ from exodrake.effects.servo import lag_behind, limit_speed
 from exodrake.effects.signal import scale, shift, take_up_play
 from exodrake.effects.timing import delay_command
 from exodrake.model.effect import Effect
-from exodrake.model.machine import Column, Controller, Gain, Loop, Machine, Segment
+from exodrake.model.machine import SETTLING, Column, Controller, Gain, Loop, Machine, Segment
 from exodrake.model.mechanism import GRAVITY, Body, Chain, Drive, Joint, Mechanism, axes_side_by_side
 from exodrake.model.part import JOINTS, NORMAL, SCALAR, UNIFORM, Axes, Signal
 from exodrake.model.robot import Robot
@@ -141,8 +141,6 @@ def joint_machine(
     )  # fmt: skip
 
 
-# s in which a joint comes to rest that stands elsewhere than its reading says: assumed, as the position loops of arms
-SETTLING = 0.5
 TICK = 5e-4  # s, of the motors' equation of motion at most
 FRICTION = 0.05  # N m, of a small servo's gear; ranges of its friction scale with it: Rhoban/bam, 0.02-0.2
 TURNING = 1.0  # rad/s at which viscous friction of that size counts; assumed

@@ -18,7 +18,7 @@ from exodrake.core.schema import mapping, number, text
 from exodrake.effects import effects_of, friction
 from exodrake.machines.urdf import read_urdf
 from exodrake.model.effect import Effect
-from exodrake.model.machine import Column, Controller, Gain, Loop, Machine, Segment
+from exodrake.model.machine import SETTLING, Column, Controller, Gain, Loop, Machine, Segment
 from exodrake.model.mechanism import GRAVITY, Body, Chain, Drive, Joint, Mechanism, Shape
 from exodrake.model.part import JOINTS, NORMAL, UNIFORM, Axes, Output, Part, Signal, Task
 from exodrake.model.robot import Robot
@@ -29,7 +29,6 @@ STEP = 0.02  # rad or m, of a reference for the analysis: assumed
 SWING, SPEED, BRISK = 1.0, 0.5, 2.0  # rad, rad/s, rad/s2 of a moderate motion: assumed
 SHARE = 0.05  # of friction in the largest effort: assumed
 BANDWIDTH = 2.0 * np.pi * 2.0  # rad/s of the nominal position loops: assumed
-SETTLING = 2.0 * np.pi / BANDWIDTH  # s, a period of them
 STOP = 2.0 * np.pi * 20.0  # rad/s of a link on its end stop, half of critically damped: assumed, stiff rubber
 FAR = 1e6  # rad or m: no end stop
 POSTURES = 20  # at which efforts are evaluated

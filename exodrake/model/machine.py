@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from exodrake.model.mechanism import Mechanism, Shape, Skeleton
     from exodrake.model.robot import Robot
 
+SETTLING = 0.5  # s in which a joint stands as its loop holds it, a period of a position loop of 2 Hz: assumed
+
 
 @dataclass(frozen=True)
 class ParameterInfo:
