@@ -264,12 +264,13 @@ class Search:
     def beats(self, a: Fitted, b: Fitted, more: int | None = None) -> bool:
         """Whether a set is better than another: more evidence, enough more if it has `more` effects.
 
-        One effect more is one choice among all that the machine has. It takes up `GAIN` of what is left, in one joint
-        at least where joints are separate: the largest gap does not hide another joint's.
+        One effect more is one choice among all that the machine has, and no more as likely without it. It takes up
+        `GAIN` of what is left, in one joint at least where joints are separate: the largest gap does not hide another
+        joint's.
         """
         more = len(a.effects) - len(b.effects) if more is None else more
         memory = a.memory if more > 0 else b.memory if more < 0 else min(a.memory, b.memory)
-        price = more * np.log(len(self.likelihood.robot.machine.effects))
+        price = more * (np.log(len(self.likelihood.robot.machine.effects)) + NATS)
         likelier = self.evidence(a, memory) - self.evidence(b, memory) > price
         return likelier and (more <= 0 or bool(np.any(a.excess_by_joint < (1.0 - GAIN) ** more * b.excess_by_joint)))
 
@@ -350,7 +351,8 @@ class Search:
         Unless it leaves so much of what the one takes up that a cause would be lacking.
         """
         rest = best.effects - {effect}
-        self.expand(rest, place=effect)
+        if rest:
+            self.expand(rest, place=effect)
         others = [f for f in self.find_replacements(best, effect).values() if self.usable(f)]
         if not others:
             return
@@ -358,13 +360,14 @@ class Search:
         self.settle(rival.effects, best.excess + LARGE * (self.sets[rest].excess - best.excess))
 
     def settle(self, key: frozenset[str], most: float = np.inf) -> None:
-        """Fit a set on with new derivatives as long as it gains and its gap is visible; most: that it may leave."""
+        """Fit a set on with new derivatives as long as it gains and leaves a visible gap, but no more than `most`."""
         for _ in range(SETTLED):
             before = self.sets[key]
-            if before.excess > most or self.negligible(before.explanation.robot):
+            if before.excess > most:
                 break
             self.add([settle(self.likelihood.for_stage("refine again"), before.explanation)])
-            if self.evidence(self.sets[key]) - self.evidence(before) < NATS:
+            after = self.sets[key]
+            if self.evidence(after) - self.evidence(before) < NATS or self.negligible(after.explanation.robot):
                 break
 
     def expand_nominal(self, nominal: Explanation) -> None:
@@ -417,7 +420,7 @@ class Search:
                 self.reduce(best.effects)
             if self.best.effects != best.effects:
                 continue
-            for effect in sorted(best.effects) if len(best.effects) > 1 else ():
+            for effect in sorted(best.effects):
                 self.exchange(best, effect)
             if self.best.effects != best.effects:
                 continue
