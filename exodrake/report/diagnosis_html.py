@@ -408,7 +408,7 @@ def decision_numbers() -> list[tuple[str, str]]:
     return [
         ("a gap is negligible below, in every channel", f"{NEGLIGIBLE:g} noise standard deviations RMS beyond noise"),
         ("and below, so that sampling shows no gap", f"{SAMPLING:g} standard errors of a mean square"),
-        ("one effect more adds evidence of at least", "the logarithm of the number of effects, in nats"),
+        ("one effect more adds evidence of at least", f"{NATS:g} nats and the logarithm of the number of effects"),
         ("and takes up of what is left at least", w.percent(GAIN)),
         ("two explanations are as likely within", f"{NATS:g} nats"),
         ("a cause takes up of the gap at least", w.percent(LARGE)),
