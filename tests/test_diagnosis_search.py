@@ -133,7 +133,7 @@ def test_a_set_is_fitted_on_as_long_as_its_gap_is_visible(monkeypatch):
         monkeypatch.setattr(Search, "evidence", lambda self, fitted: fitted.value)
         monkeypatch.setattr("exodrake.diagnosis.search.settle", lambda likelihood, e: e)
         search.negligible = lambda robot: len(calls) >= visible
-        search.settle(key, most)
+        search.converge(key, most)
         return len(calls)
 
     assert fit_on([0.0, 50.0, 90.0, 120.0], visible=9) == 3  # times at most

@@ -109,11 +109,7 @@ def simulated_robot(robot: str, case: Case | None, seed: int, number: int) -> Re
 
 def largest(case: Case) -> float:
     """Largest value of all signals of a case [SI]; infinite where a simulated robot's are not finite."""
-    return max(
-        float(np.max(np.abs(item.log[name]), where=~np.isnan(item.log[name]), initial=0.0))
-        for item in case.logs
-        for name in item.log.columns
-    )
+    return float(np.nanmax(np.abs(np.concatenate([item.log[name] for item in case.logs for name in item.log.columns]))))
 
 
 def record(answer: Diagnosis, true: Robot, effect: str) -> Record:

@@ -220,6 +220,7 @@ def fit_on(found: Isolation, best: Fitted) -> tuple[Fitted, Fitted]:
 
 def fit_nominal(likelihood: Likelihood, e: Explanation) -> Explanation:
     """The nominal parameters of an explanation fitted in all views, with new derivatives as long as that gains."""
+    likelihood = likelihood.for_stage("retune")
     for _ in range(ROUNDS):
         before, likelihood = likelihood.mean_log(e.residual), likelihood.scaled_to(e.residual)
         jacobian = nominal_jacobian(likelihood, e.values, e.parameters, e.x, e.residual)

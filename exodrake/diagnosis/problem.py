@@ -184,7 +184,6 @@ class Problem:
             found[:, np.isnan(trial.measured)] = 0.0
             out[some, here] = found.reshape(len(found), -1)
 
-        compile_machine(self.robot.machine)  # once, before several threads ask for it
         ends = np.cumsum([trial.measured.size for trial in trials])
         chunks = [slice(k, k + ROWS) for k in range(0, len(rows), ROWS)]
         places = [(t, slice(end - t.measured.size, end)) for t, end in zip(trials, ends, strict=True)]

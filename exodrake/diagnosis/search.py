@@ -36,7 +36,7 @@ from exodrake.diagnosis.linearise import Linearisation, linearise
 from exodrake.model.effect import Effect
 
 SINGLES, FITTED, LOOKED = 4, 3, 10  # first effects fitted; further ones; those whose directions are taken anew
-SETTLED = 3  # times that a rival set is fitted on with new derivatives while it gains
+SETTLED = 3  # times at most that a set is fitted on with new derivatives
 NATS = 4.0  # of evidence within which two explanations are as likely: odds of 1 to 50
 GAIN = 0.05  # share of what is left that one effect more must take up
 LARGE = 0.1  # share of the gap from which an effect is a cause, not a refinement
@@ -357,9 +357,9 @@ class Search:
         if not others:
             return
         rival = max(others, key=self.evidence)
-        self.settle(rival.effects, best.excess + LARGE * (self.sets[rest].excess - best.excess))
+        self.converge(rival.effects, best.excess + LARGE * (self.sets[rest].excess - best.excess))
 
-    def settle(self, key: frozenset[str], most: float = np.inf) -> None:
+    def converge(self, key: frozenset[str], most: float = np.inf) -> None:
         """Fit a set on with new derivatives as long as it gains and leaves a visible gap, but no more than `most`."""
         for _ in range(SETTLED):
             before = self.sets[key]
@@ -416,7 +416,7 @@ class Search:
             self.likelihood = self.likelihood.with_memory(best.explanation.residual)
             best = self.best
             if best.effects:
-                self.settle(best.effects)
+                self.converge(best.effects)
                 self.reduce(best.effects)
             if self.best.effects != best.effects:
                 continue
@@ -429,12 +429,11 @@ class Search:
                 self.bar_richer_laws()
             if self.best.effects == best.effects:
                 break
-        best, left = self.plainer(self.best), most
-        self.reduce(best.effects, again=True)
-        while left and self.best.effects < best.effects:  # fitted again, it leaves as little
-            best, left = self.plainer(self.best), left - 1
+        while True:
+            best = self.plainer(self.best)
             self.reduce(best.effects, again=True)
-        return best
+            if not self.best.effects < best.effects:  # a smaller set, fitted again, may leave as little
+                return best
 
     def list_sparing(self, best: Fitted) -> list[Fitted]:
         """Sets as large as the best one that spare `SURE` of the tolerances, the sparest first."""

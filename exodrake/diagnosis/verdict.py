@@ -153,17 +153,19 @@ def drop_refinements(found: Isolation) -> tuple[Fitted, tuple[Part, ...]]:
     Such leave more over the whole logs than the set without them, or logs predict each other worse by them, by more
     than its standard error. Where none is a cause, each stands in for the others: they go until one is.
     """
+    from scipy.stats import sem
+
     search, best = found.search, found.best
     parts, least = divide_gap(found, best), 1 - any(d.certain for d in found.whole.detected)
     while small := [p for p in parts if p.role == REFINEMENT and len(parts) > least]:
         worse, alike = [p for p in small if p.share.value < 0.0], len(small) == len(parts)
         tried = worse or (small if alike or best.model.log.max() > 0 else [])
-        smaller = [search.sets[best.effects - {p.effect}] for p in tried]
-        gains = [search.predict_error(best) - search.predict_error(f) for f in smaller]
-        k = max(range(len(gains)), key=lambda k: gains[k].mean(), default=-1)
-        if k < 0 or not (worse or alike or gains[k].mean() > gains[k].std(ddof=1) / np.sqrt(len(gains[k]))):
+        error, smaller = search.predict_error(best), {p.effect: search.sets[best.effects - {p.effect}] for p in tried}
+        gains = {effect: error - search.predict_error(fitted) for effect, fitted in smaller.items()}
+        effect = max(gains, key=lambda i: gains[i].mean(), default="")
+        if not effect or not (worse or alike or gains[effect].mean() > sem(gains[effect])):
             break
-        best = smaller[k]
+        best = smaller[effect]
         search.reduce(best.effects)
         parts = divide_gap(found, best)
     return best, parts

@@ -7,12 +7,14 @@ from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
+from threading import RLock
 from types import ModuleType
 from typing import Any
 
 from exodrake.core.files import write_whole
 
 CACHED = "cache=True"  # in generated code
+MAKING = RLock()  # of the values that are made once
 _loaded: dict[str, ModuleType] = {}
 
 
@@ -86,7 +88,12 @@ def print_once(reason: str) -> None:
 
 
 def once[T](owner: Any, name: str, make: Callable[[], T]) -> T:
-    """A value kept beside the fields of an instance, frozen or not, as `cached_property` does; copies lack it."""
+    """A value kept beside the fields of an instance, frozen or not, as `cached_property` does; copies lack it.
+
+    Of several threads that ask for it, one makes it.
+    """
     if name not in owner.__dict__:
-        owner.__dict__[name] = make()
+        with MAKING:
+            if name not in owner.__dict__:
+                owner.__dict__[name] = make()
     return owner.__dict__[name]
