@@ -13,7 +13,7 @@ from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.diagnosis.detect import detect
 from exodrake.diagnosis.fit import HALF, Explanation, minimise, renew
 from exodrake.diagnosis.likelihood import Likelihood, make_likelihood, output_error, with_prediction
-from exodrake.diagnosis.linearise import Linearisation, linearise, nominal_jacobian
+from exodrake.diagnosis.linearise import Linearisation, nominal_jacobian
 from exodrake.diagnosis.noise import sensor_noise_std
 from exodrake.diagnosis.parameter import nominal_parameters
 from exodrake.diagnosis.problem import Problem, by_trial
@@ -37,7 +37,6 @@ class Isolation:
         problem: the part of the case that was fitted, with what detectors found.
         whole: the same with whole logs.
         likelihood: views of the part.
-        lin: directions of all effects beside the retuned robot.
         nominal: the nominal robot.
         search: all fitted sets.
         best: the best of them.
@@ -46,10 +45,14 @@ class Isolation:
     problem: Problem
     whole: Problem
     likelihood: Likelihood
-    lin: Linearisation
     nominal: Explanation
     search: Search
     best: Fitted
+
+    @property
+    def lin(self) -> Linearisation:
+        """Directions of all effects beside the retuned robot."""
+        return self.search.lin
 
     @property
     def retuned(self) -> Fitted:
@@ -175,11 +178,9 @@ def isolate(
                 return isolate(problem, progress, more)
             (retuned,) = retuned.at_each(likelihood, [by_more.x])
     (nominal,) = retuned.at_each(likelihood, [zero.x])
-    progress(Stage.LINEARISE, "")
     share = max(SCREENED, affordable(short, LEAST_SCREENED))
-    lin = linearise(likelihood, retuned.robot, effects, retuned.residual, share)
     logs = likelihood.on(whole.shorten(affordable(whole))).for_stage("measure")
-    search = Search(likelihood, effects, lin, logs, negligible, progress=progress)
+    search = Search(likelihood, effects, share, logs, negligible, progress=progress)
     search.add([retuned])
     if before is not None:
         search.take_over(before)
@@ -194,7 +195,7 @@ def isolate(
             sparing = (f for f in search.list_sparing(best) if negligible(f.explanation.robot))
             best = next(sparing, best)
             search.reduce(best.effects)
-    return Isolation(short, whole, likelihood, lin, nominal, search, best)
+    return Isolation(short, whole, likelihood, nominal, search, best)
 
 
 def fit_on(found: Isolation, best: Fitted) -> tuple[Fitted, Fitted]:

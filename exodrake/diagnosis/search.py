@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -124,7 +124,7 @@ class Search:
     Attributes:
         likelihood: the case.
         effects: effects to try.
-        lin: directions of all effects beside the retuned robot.
+        share: part of each log, from its beginning, on which all effects are tried beside the retuned robot.
         whole: the case with whole logs, on which shares are measured; the likelihood where these were fitted.
         negligible: whether a robot (parameters,) leaves no visible gap.
         sets: fitted sets by their effects.
@@ -138,7 +138,7 @@ class Search:
 
     likelihood: Likelihood
     effects: tuple[Effect, ...]
-    lin: Linearisation
+    share: float
     whole: Likelihood
     negligible: Callable[[np.ndarray], bool]
     sets: dict[frozenset[str], Fitted] = field(default_factory=dict)
@@ -153,6 +153,13 @@ class Search:
     def none(self) -> Fitted:
         """The retuned robot without an effect."""
         return self.sets[frozenset()]
+
+    @cached_property
+    def lin(self) -> Linearisation:
+        """Directions of all effects beside the retuned robot; none are simulated where sets of a search before end it."""
+        self.progress(Stage.LINEARISE, "")
+        e = self.none.explanation
+        return linearise(self.likelihood.for_stage("linearise"), e.robot, self.effects, e.residual, self.share)
 
     def measure_left(self, fitted: Fitted) -> float:
         """Share of the gap beyond retuning that a set leaves, the mean of the views that have one."""
@@ -314,11 +321,12 @@ class Search:
         if (key, place) in self.expanded:
             return
         self.expanded.add((key, place))
-        e, lin = self.sets[key].explanation, self.lin
+        e = self.sets[key].explanation
         likelihood = self.likelihood.scaled_to(e.residual)
         far = bool(key) and self.sets[key].excess > 1.0 and not place  # noise variances
         kinds = {x.id: (x.block, name_kind(x)) for x in self.effects}
         alike = {i for i, kind in kinds.items() if kind == kinds.get(place)}
+        lin = self.lin
         if key:
             promising = [p.probe.effect for p in self.screen_beside(e, lin)[: None if far else LOOKED]]
             lin = self.linearise_beside(e, alike.union(promising), keep=not place)
