@@ -156,7 +156,7 @@ class Search:
 
     @cached_property
     def lin(self) -> Linearisation:
-        """Directions of all effects beside the retuned robot; none are simulated where sets of a search before end it."""
+        """Directions of all effects beside the retuned robot, simulated where they are needed first."""
         self.progress(Stage.LINEARISE, "")
         e = self.none.explanation
         return linearise(self.likelihood.for_stage("linearise"), e.robot, self.effects, e.residual, self.share)
