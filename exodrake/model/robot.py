@@ -204,22 +204,20 @@ class Robot:
                 initial values where left out.
             channels: channels it sits on; all if empty.
         """
-        effect = self.machine.effect(identity)
-        given = dict(parameters or {})
-        known = {p.name for p in effect.parameters}
+        effect, given = self.machine.effect(identity), dict(parameters or {})
+        known = sorted(p.name for p in effect.parameters)
         for name in given:
             if name not in known:
-                raise InputError(f"{identity} has no parameter {name!r}{nearest(name, sorted(known))}")
+                raise InputError(f"{identity} has no parameter {name!r}{nearest(name, known)}")
         values, wanted = self.values.copy(), check_channels(self.machine, effect, channels)
         for parameter in effect.parameters:
             value = given.get(parameter.name, parameter.initial)
             if isinstance(value, Mapping):
                 check_channels(self.machine, effect, (channel for channel in value if channel))
-            indices = self.machine.effect_indices(identity, parameter.name)
-            for channel in wanted if parameter.axis else [""]:
-                one = value.get(channel, parameter.null) if isinstance(value, Mapping) else value
-                i = indices[channel]
-                values[i] = quantity(one, parameter.unit, self.machine.parameters[i].name)
+            for channel, i in self.machine.effect_indices(identity, parameter.name).items():
+                if channel in wanted or not parameter.axis:
+                    one = value.get(channel, parameter.null) if isinstance(value, Mapping) else value
+                    values[i] = quantity(one, parameter.unit, self.machine.parameters[i].name)
         return replace(self, values=values)
 
     def without_effects(self) -> Robot:
@@ -261,10 +259,10 @@ class Robot:
             raise InputError(f"unknown part {name!r}{nearest(name, known)}; {there}")
         base = machine.nominal or machine
         chosen = tuple(n for n in known if n == name or n in machine.variant_names)
-        if chosen not in base.varied:
+        if chosen not in base.machines:
             variants = dict(machine.variants_available[n] for n in chosen)
-            base.varied[chosen] = replace(base, variants=variants, nominal=base)
-        return replace(self, machine=base.varied[chosen])
+            base.machines[chosen] = replace(base, variants=variants, nominal=base)
+        return replace(self, machine=base.machines[chosen])
 
 
 def refuse_negative(robot: Robot) -> Robot:
