@@ -94,7 +94,9 @@ def scenario_from(
     parts: tuple[str, ...], seed: int | None, no_noise: bool, no_quantisation: bool, engine: str,
 ) -> Scenario:  # fmt: skip
     """The scenario of the options; those given replace the file's, in the order variants, parameters, effects."""
-    from exodrake.simulation.scenario import Scenario, change_robot, embed_robot, read_scenario
+    from exodrake.core.files import is_file
+    from exodrake.core.schema import read_yaml
+    from exodrake.simulation.scenario import Scenario, change_robot, read_scenario
 
     if protocol and reference:
         raise InputError("both a protocol and --reference: wanted one of them")
@@ -102,7 +104,9 @@ def scenario_from(
         raise InputError("nothing to follow: name a protocol or grasp mode (see --help), a --reference or a --scenario")
     scenario = read_scenario(file) if file else Scenario(protocol, reference)
     given: dict[str, Any] = {"protocol": protocol, "reference": reference} if protocol or reference else {}
-    given |= {"robot": embed_robot(robot)} if robot else {}
+    if robot:
+        exo.load_robot(robot)
+        given["robot"] = read_yaml(robot) if is_file(robot) else robot  # so that the scenario stands alone
     given |= {"seed": None if no_noise else seed} if seed is not None or no_noise else {}
     given |= {"quantisation": False} if no_quantisation else {}
     given |= {"engine": engine} if engine else {}
@@ -160,9 +164,6 @@ def warn(robot: exo.Robot) -> None:
         click.secho(f"note: {sentence}", fg="yellow", err=True)
 
 
-JOBS = {"the compiled simulator": "compiled", "the Drake leaves": "drake"}  # and the engine that uses them
-
-
 @click.command()
 def compile_kernels() -> None:
     """Compile the nominal robot's simulation into numba's cache; later sessions load it in a second or two."""
@@ -170,16 +171,15 @@ def compile_kernels() -> None:
 
     from exodrake.core.parallel import each
     from exodrake.engine.compose import compile_machine
+    from exodrake.simulation.simulate import ENGINES
 
-    start, left = perf_counter(), dict(enumerate(JOBS))
-    with options.waiting(f"compiling {', '.join(JOBS)}") as say:
+    start = perf_counter()
+    with options.waiting("compiling the simulator and the Drake leaves"):
         compile_machine(exo.load_robot().machine)  # writes the module, once for all processes
-        for outcome in each(use_engine, ((engine,) for engine in JOBS.values()), jobs=len(JOBS)):
-            name = left.pop(outcome.number)
+        for outcome in each(use_engine, ((engine,) for engine in ENGINES), jobs=len(ENGINES)):
             if outcome.reason:
-                raise RuntimeError(f"compiling {name} failed: {outcome.reason}\n{outcome.trace}")
-            say(f"compiled {name}; still {', '.join(left.values()) or 'nothing'}")
-    click.echo(f"compiled {', '.join(JOBS)} in {perf_counter() - start:.0f} s")
+                raise RuntimeError(f"engine {ENGINES[outcome.number]}: {outcome.reason}\n{outcome.trace}")
+    click.echo(f"compiled the simulator and the Drake leaves in {perf_counter() - start:.0f} s")
 
 
 def use_engine(engine: str) -> None:
