@@ -5,7 +5,7 @@ from __future__ import annotations
 import shlex
 from datetime import date
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import click
 
@@ -43,9 +43,8 @@ class Targets(NamedTuple):
 @click.option("--allow-outside", is_flag=True, help="Read logs that lie outside the folder of their case, too.")
 @click.option("--redo", is_flag=True, help="Of several cases: answer anew what another configuration answered.")
 def command(
-    cases: tuple[str, ...], json_file: Path | str | None, report: Path | None, out_robot: Path | None, robot: str,
-    only: str, without: str, jobs: int | None, out: Path | None, cluster: str | None, redo: bool,
-    allow_outside: bool, profile: bool, discover: bool | None, out_law: Path | None,
+    cases, json_file, report, out_robot, robot, only, without, jobs, out, cluster, redo, allow_outside, profile,
+    discover, out_law,
 ) -> None:  # fmt: skip
     """Say where the logs of CASE differ from the robot's model, which effect causes it and how far it shrinks.
 
@@ -55,19 +54,20 @@ def command(
     Several cases, or a folder of cases, are diagnosed side by side into FOLDER/CASE, with fleet.html. Each answer is
     written as soon as it is there; the same command goes on where it was interrupted.
     """
-    targets = Targets(json_file, report, out_robot, out_law)
-    first, *others = cases
-    if others or options.cases_in(Path(first)):
-        given = dict(zip(("--json", "--report", "--out-robot", "--out-law"), targets)) | {"--discover": discover}
-        for name in (name for name, value in given.items() if value):
-            raise click.UsageError(f"{name} is for one case; the answers to several are written to --out")
-        tried = options.choose_effects(robot, only, without)
+    several = len(cases) > 1 or options.cases_in(Path(cases[0]))
+    of_one = {"--json": json_file, "--report": report, "--out-robot": out_robot, "--out-law": out_law}
+    for name, value in (
+        of_one | {"--discover": discover} if several else {"--cluster": cluster, "--redo": redo}
+    ).items():
+        if value:
+            kinds = "one case; the answers to several are written to --out" if several else "several cases"
+            raise click.UsageError(f"{name} is for {kinds}")
+    tried = options.choose_effects(robot, only, without)
+    if several:
         return diagnose_many(cases, out or DIAGNOSED, robot, jobs or -1, cluster, redo, tried, allow_outside)
-    if cluster or redo:
-        raise click.UsageError("--cluster and --redo are for several cases")
     if out is not None:
-        files = json_file or out / "diagnosis.json", report or out / REPORT, out_robot or out / "improved.yaml"
-        targets = Targets(*files, out_law)
+        json_file, report = json_file or out / "diagnosis.json", report or out / REPORT
+        out_robot = out_robot or out / "improved.yaml"
     if jobs is not None:
         import numba
 
@@ -76,7 +76,8 @@ def command(
         numba.set_num_threads(min(jobs, numba.config.NUMBA_NUM_THREADS))  # pyright: ignore
         thread_limit(count=jobs)
     discover = True if out_law is not None and discover is None else discover
-    diagnose_case(first, robot, targets, options.choose_effects(robot, only, without), allow_outside, profile, discover)
+    targets = Targets(json_file, report, out_robot, out_law)
+    diagnose_case(cases[0], robot, targets, tried, allow_outside, profile, discover)
 
 
 def diagnose_case(
@@ -91,6 +92,7 @@ def diagnose_case(
 
     from exodrake.core.progress import Stage, stages
     from exodrake.diagnosis.problem import list_required, make_problem
+    from exodrake.report import diagnosis_html
     from exodrake.report.terminal import print_profile, print_summary
 
     nominal = exo.load_robot(robot or options.DEFAULT)
@@ -99,35 +101,30 @@ def diagnose_case(
     written: dict[Path, None] = {}
     spent: dict[Stage, float] = {}
 
-    def write(contents: dict[Path, str]) -> None:
-        options.write_files(contents, announce=False)
-        written.update(dict.fromkeys(contents))
-
     def keep(found: exo.Diagnosis) -> None:
         """Writes the answer with its command, and the report last."""
-        made = found.provenance
-        known[:] = [found if made is None else replace(found, provenance=replace(made, command=options.command_line()))]
-        if isinstance(targets.json, Path):
-            options.write_json(known[0].to_json(), targets.json, announce=False)
-            written[targets.json] = None
-        if targets.robot is not None:
-            write({targets.robot: found.robot_file(found.robot)})
-        if targets.report is not None:
-            from exodrake.report.diagnosis_html import report_html
-
-            write({targets.report: report_html(known[0], found.problem or make_problem(read, nominal))})
+        if made := found.provenance:
+            found = replace(found, provenance=replace(made, command=options.command_line()))
+        known[:] = [found]
+        for path, text in (
+            (targets.json, lambda: options.json_text(found.to_json())),
+            (targets.robot, lambda: found.robot_file(found.robot)),
+            (targets.report, lambda: diagnosis_html.report_html(found, found.problem or make_problem(read, nominal))),
+        ):
+            if isinstance(path, Path):
+                options.write_files({path: text()}, announce=False)
+                written[path] = None
 
     try:
         with stages(spent) as progress:
             from exodrake.diagnosis.pipeline import diagnose
             from exodrake.diagnosis.result import UNKNOWN
 
-            found = diagnose(
-                read, nominal, progress, tried, lambda v: v == UNKNOWN if discover is None else discover, answered=keep
-            )
+            wanted = (lambda verdict: verdict == UNKNOWN) if discover is None else lambda _: discover
+            found = diagnose(read, nominal, progress, tried, wanted, answered=keep)
         keep(found)
         law = found.missing_law
-        if targets.law is not None and law is not None and law.robot is not None:
+        if targets.law and law and law.robot:
             from exodrake.diagnosis.discovery.law_code import write_law
 
             written.update(dict.fromkeys(write_law(targets.law, law.id, law.text, law.robot, found.case)))
@@ -198,14 +195,11 @@ def map_places(cases: tuple[str, ...], out: Path) -> dict[Path, Path]:
     return {path: place for place, path in cases_of.items()}
 
 
-LISTED, CAUSES = 4, 2  # columns of the report's table that the terminal shows, and the one that is wrapped
-
-
 @click.command()
 @click.argument("sources", nargs=-1, required=True, type=options.AnyPath(), metavar="ANSWERS...")
 @click.option("--out", type=options.OutputFile(FLEET), help="Write the report: which robots, which causes, since when.")
 @click.option("--table", type=options.OutputFile("fleet.parquet"), help="Write the table, a row each case, as Parquet.")
-def summarise_fleet(sources: tuple[Path, ...], out: Path | None, table: Path | None) -> None:
+def summarise_fleet(sources, out, table) -> None:
     """Say of many diagnosed cases which robots have which causes, and since when.
 
     ANSWERS are folders that `exodrake diagnose CASE... --out FOLDER` wrote, files of `exodrake diagnose --json`,
@@ -219,14 +213,14 @@ def summarise_fleet(sources: tuple[Path, ...], out: Path | None, table: Path | N
 
     tabled = len(sources) == 1 and sources[0].suffix.lower() != ".json" and not sources[0].is_dir()
     rows = read_table(sources[0]) if tabled else read_answers(*sources)
-    files: dict[Path, str | bytes] = {} if table is None else {table: table_bytes(rows)}
-    if out is not None:
+    files: dict[Path, str | bytes] = {table: table_bytes(rows)} if table else {}
+    if out:
         links = find_reports(sources[0], out) if sources[0].is_dir() else {}
         title = sources[0].resolve().name if len(sources) == 1 else f"{len(sources)} folders or files"
         files[out] = fleet_html(rows, title, links)
-    shown = robot_table(members(rows))
-    cells: list[Any] = [[escape(cell.replace("`", "")) for cell in row[:LISTED]] for row in shown.rows]
-    options.print_table(shown.header[:LISTED], cells, wrapped=CAUSES)
+    shown = robot_table(members(rows))  # of its columns the first four
+    cells = [[escape(cell.replace("`", "")) for cell in row[:4]] for row in shown.rows]
+    options.print_table(shown.header[:4], cells, wrapped=shown.header.index("Cause"))
     options.write_files(files)
 
 
@@ -239,9 +233,7 @@ def summarise_fleet(sources: tuple[Path, ...], out: Path | None, table: Path | N
 @where_to_run
 @click.option("--out", default="calibration.yaml", show_default=True, type=options.OutputFile("calibration.yaml"),
               help="File, or the machine's folder, whose verdicts then state the rates.")  # fmt: skip
-def count_errors(
-    robot: str, folder: str | None, cases: int, minutes: float, seed: int, jobs: int, cluster: str | None, out: Path
-) -> None:  # fmt: skip
+def count_errors(robot, folder, cases, minutes, seed, jobs, cluster, out) -> None:
     """Count how often the diagnosis of a machine errs, on simulated robots.
 
     The robots' parameters are drawn within their tolerances; two of three have an effect of the library. Without

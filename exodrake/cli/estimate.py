@@ -1,7 +1,5 @@
 """`exodrake train` and `estimate`: the joint-angle estimator, validated under both splits, and the angles of a log."""
 
-from pathlib import Path
-
 import click
 
 import exodrake as exo
@@ -16,9 +14,7 @@ from exodrake.cli.options import AnyPath, OutputFile, print_table, waiting, writ
 @click.option("--robot", default="", metavar="FILE", help="Robot file or machine whose signature to record.")
 @click.option("--one-sweep-per-log", is_flag=True, help="Do not cut logs at the ramps of their tension references.")
 @click.option("--seed", default=0, show_default=True, help="Of the validation's folds.")
-def train_estimator(
-    logs: tuple[Path, ...], out: Path, points: int, robot: str, one_sweep_per_log: bool, seed: int
-) -> None:
+def train_estimator(logs, out, points, robot, one_sweep_per_log, seed) -> None:
     """Train the joint-angle estimator on LOGS (tension, stroke and measured angles).
 
     Prints the error on random rows beside that on whole held-out sweeps; only the second predicts a new sweep.
@@ -64,9 +60,7 @@ BAND = "black: estimate, with a band of two standard deviations; in colour: meas
               help="Figure of the log with the estimated angles [beside --out].")  # fmt: skip
 @click.option("--robot", default="", metavar="FILE", help="Robot file or machine that the estimator must belong to.")
 @click.option("--as-trained", is_flag=True, help="Keep the zeros of the training, even if those of LOG have moved.")
-def estimate_angles(
-    log: Path, estimator: Path, out: Path | None, figure: Path | None, robot: str, as_trained: bool
-) -> None:
+def estimate_angles(log, estimator, out, figure, robot, as_trained) -> None:
     """Joint angles of LOG with their standard deviations, and the share of samples unlike the training sweeps.
 
     Tests whether the zeros of the strokes have moved since the training, as re-donning does, and corrects them. Where

@@ -65,10 +65,7 @@ def kinematics(file: Path, out: Path, names: Path | None, cutoff: float, repair:
 @click.option("--dropouts", type=float, default=0.0, show_default=True, help="Gaps per marker and minute.")
 @click.option("--swap", nargs=2, help="Two markers that exchange names for half a second in the middle.")
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True)
-def synthesise(
-    file: Path, duration: float, rate: float, noise: float, artefact: float, dropouts: float,
-    swap: tuple[str, str] | None, seed: int,
-) -> None:  # fmt: skip
+def synthesise(file, duration, rate, noise, artefact, dropouts, swap, seed) -> None:
     """Write a synthetic 14-marker recording, CSV or C3D by its name, and its truth into FILE.truth.yaml."""
     from exodrake.identification.kinematics import markers
 

@@ -25,10 +25,7 @@ MAPPING = "mapping.yaml"  # in the folder of a machine
 @click.option("--episodes", default="", metavar="0,2,...", help="Of a LeRobot data set [all].")
 @click.option("--out", **FILE, help="Log to write; its ending is the format. Another name: the folder of a case.")
 @click.pass_context
-def command(
-    context: click.Context, recordings: tuple[Path, ...], map_file: Path | None, known: str | None, unit: str,
-    episodes: str, out: Path | None,
-) -> None:  # fmt: skip
+def command(context, recordings, map_file, known, unit, episodes, out) -> None:
     """Turn RECORDINGs into a log, or a case of several logs, in our names and SI; without --out list what they hold.
 
     Text, MAT (structs, version 7.3 too), HDF5, JSON, NPY, NPZ, Parquet, ROS 2 bags (MCAP, SQLite), MCAP with JSON

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 @click.option("--out", type=options.AnyPath(), help="File to write [LOG with .html].")
 @click.option("--estimated", is_flag=True, help="Show the estimated joint angles, not the measured ones.")
 @click.option("--open", "show", is_flag=True, help="Open the file in the browser.")
-def show_log(log: Path, robot: str, out: Path | None, estimated: bool, show: bool) -> None:
+def show_log(log, robot, out, estimated, show) -> None:
     """Write LOG as HTML with the moving robot, its tendons coloured by tension.
 
     LOG is a log file, or a folder that `exodrake simulate` wrote.
@@ -48,7 +48,7 @@ def show_log(log: Path, robot: str, out: Path | None, estimated: bool, show: boo
 @click.option("--out", type=options.OutputFile("compare.png"), default=Path("compare.png"), show_default=True,
               help="Figure to write, or a folder for it.")  # fmt: skip
 @options.json_option
-def compare_logs(first: Path, second: Path, robot: str, out: Path, json_file: Path | str | None) -> None:
+def compare_logs(first, second, robot, out, json_file) -> None:
     """Overlay logs A and B, draw B less A below, and print RMS, mean and largest difference of each common signal.
 
     A and B are log files, or folders that `exodrake simulate` wrote. Where the clocks differ, B is read between its
@@ -91,10 +91,7 @@ def compare_logs(first: Path, second: Path, robot: str, out: Path, json_file: Pa
               help="Write a log as text with the names and units of this mapping file.")  # fmt: skip
 @click.option("--start", type=float, help="Of a log: leave out rows before this time [s].")
 @click.option("--end", type=float, help="Of a log: leave out rows from this time on [s].")
-def export_log(
-    subject: str, form: str | None, robot: str, out: Path, map_file: Path | None,
-    start: float | None, end: float | None,
-) -> None:  # fmt: skip
+def export_log(subject, form, robot, out, map_file, start, end) -> None:
     """Turn a LOG into .mcap (Foxglove, PlotJuggler), .parquet, .mat, .npz, .csv or .csv.gz, or a ROBOT into MJCF,
     URDF or actuators of Isaac Lab.
 

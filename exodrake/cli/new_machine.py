@@ -34,9 +34,7 @@ FAULTS = {
 @click.option("--urdf", default="", metavar="FILE", help="An arm: its URDF, or cable_arm, linear_axis, rotary_axis.")
 @click.option("--form", default=None, help="Of an arm: inverse, closed-loop or cable. [inverse]")
 @click.option("--tip", default="", metavar="LINK", help="Of an arm whose joints branch: its last link.")
-def command(
-    folder: Path, joints: str, servo: str | None, frame: float | None, urdf: str, form: str | None, tip: str
-) -> None:
+def command(folder, joints, servo, frame, urdf, form, tip) -> None:
     """Write FOLDER with a machine of position servos: machine.py, robot.yaml, mapping.yaml, a test and a README.
 
     With --servo ideal a joint takes its commanded position at once. With --servo motor it moves by the equation of

@@ -120,17 +120,19 @@ def json_option(command: Callable) -> Callable:
     )(command)  # fmt: skip
 
 
-def write_json(content: Any, target: Path | str | None, announce: bool = True) -> bool:
-    """Print plain data as JSON, or write it; True if it was printed, and nothing else should be."""
+def json_text(content: Any) -> str:
+    """Plain data as the text of a JSON file."""
     import json
 
-    if target is None:
-        return False
-    text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False)
+    return json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def write_json(content: Any, target: Path | str | None, announce: bool = True) -> bool:
+    """Print plain data as JSON, or write it; True if it was printed, and nothing else should be."""
     if target == "-":
-        click.echo(text)
-    else:
-        write_files({Path(target): text + "\n"}, announce)
+        click.echo(json_text(content), nl=False)
+    elif target is not None:
+        write_files({Path(target): json_text(content)}, announce)
     return target == "-"
 
 
