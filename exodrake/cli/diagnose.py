@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import shlex
+from dataclasses import replace
 from datetime import date
 from pathlib import Path
 from typing import NamedTuple
 
 import click
+from rich.markup import escape
 
 import exodrake as exo
 from exodrake.cli import options
 from exodrake.core.errors import InputError
-from exodrake.core.progress import show_count, where_to_run
+from exodrake.core.progress import Stage, show_count, stages, where_to_run
 
-REPORT, FLEET, DIAGNOSED = "report.html", "fleet.html", Path("diagnosed")
+FILES = _, REPORT, IMPROVED = "diagnosis.json", "report.html", "improved.yaml"  # of the answer to one case
+FLEET, DIAGNOSED = "fleet.html", Path("diagnosed")
 
 
 class Targets(NamedTuple):
@@ -31,7 +34,7 @@ class Targets(NamedTuple):
 @click.option("--out", type=options.OutputFolder(), help="Folder for all files [of several cases: diagnosed].")
 @options.json_option
 @click.option("--report", type=options.OutputFile(REPORT), help="Write the report alone, as one HTML file.")
-@click.option("--out-robot", type=options.OutputFile("improved.yaml"), help="Write the improved robot alone.")
+@click.option("--out-robot", type=options.OutputFile(IMPROVED), help="Write the improved robot alone.")
 @options.robot_option(default="")
 @click.option("--effects", "only", default="", metavar="ID,...", help="Try these effects only.")
 @click.option("--without", default="", metavar="ID,...", help="Do not try these effects.")
@@ -54,20 +57,15 @@ def command(
     Several cases, or a folder of cases, are diagnosed side by side into FOLDER/CASE, with fleet.html. Each answer is
     written as soon as it is there; the same command goes on where it was interrupted.
     """
-    several = len(cases) > 1 or options.cases_in(Path(cases[0]))
-    of_one = {"--json": json_file, "--report": report, "--out-robot": out_robot, "--out-law": out_law}
-    for name, value in (
-        of_one | {"--discover": discover} if several else {"--cluster": cluster, "--redo": redo}
-    ).items():
-        if value:
-            kinds = "one case; the answers to several are written to --out" if several else "several cases"
-            raise click.UsageError(f"{name} is for {kinds}")
     tried = options.choose_effects(robot, only, without)
-    if several:
+    if len(cases) > 1 or options.cases_in(Path(cases[0])):
+        of_one = {"--json": json_file, "--report": report, "--out-robot": out_robot, "--out-law": out_law}
+        if given := [name for name, value in (of_one | {"--discover": discover}).items() if value]:
+            raise click.UsageError(f"{given[0]} is for one case; the answers to several are written to --out")
         return diagnose_many(cases, out or DIAGNOSED, robot, jobs or -1, cluster, redo, tried, allow_outside)
-    if out is not None:
-        json_file, report = json_file or out / "diagnosis.json", report or out / REPORT
-        out_robot = out_robot or out / "improved.yaml"
+    if cluster or redo:
+        raise click.UsageError("--cluster and --redo are for several cases")
+    targets = [given or (out and out / name) for given, name in zip((json_file, report, out_robot), FILES)]
     if jobs is not None:
         import numba
 
@@ -76,8 +74,7 @@ def command(
         numba.set_num_threads(min(jobs, numba.config.NUMBA_NUM_THREADS))  # pyright: ignore
         thread_limit(count=jobs)
     discover = True if out_law is not None and discover is None else discover
-    targets = Targets(json_file, report, out_robot, out_law)
-    diagnose_case(cases[0], robot, targets, tried, allow_outside, profile, discover)
+    diagnose_case(cases[0], robot, Targets(*targets, law=out_law), tried, allow_outside, profile, discover)
 
 
 def diagnose_case(
@@ -88,9 +85,6 @@ def diagnose_case(
 
     The answer is written before a missing law is sought, and before the report: an error in either loses nothing.
     """
-    from dataclasses import replace
-
-    from exodrake.core.progress import Stage, stages
     from exodrake.diagnosis.problem import list_required, make_problem
     from exodrake.report import diagnosis_html
     from exodrake.report.terminal import print_profile, print_summary
@@ -143,8 +137,6 @@ def diagnose_many(
     tried: frozenset[str] | None, allow_outside: bool = False,
 ) -> None:  # fmt: skip
     """Diagnose cases in parallel. Exit status 1 if some fail; InputError before the work starts."""
-    from rich.markup import escape
-
     from exodrake.diagnosis.fleet import read_answers
     from exodrake.diagnosis.many import diagnose_all, read_stored
     from exodrake.diagnosis.result import CAUSE
@@ -206,8 +198,6 @@ def summarise_fleet(sources, out, table) -> None:
     folders of these, or the one table that --table made. Cases belong to the robot that `serial:` names in their
     case.yaml, and are ordered by `date:`.
     """
-    from rich.markup import escape
-
     from exodrake.diagnosis.fleet import read_answers, read_table, table_bytes
     from exodrake.report.fleet import find_reports, fleet_html, members, robot_table
 
@@ -240,17 +230,14 @@ def count_errors(robot, folder, cases, minutes, seed, jobs, cluster, out) -> Non
     --case they follow the machine's own experiments. The same seed gives the same robots, whatever --jobs is; fewer
     where the time ends before.
     """
-    from exodrake.core.confidence import binomial_interval
-    from exodrake.core.provenance import configuration
-    from exodrake.diagnosis.calibrate import calibrate, count_rates
-    from exodrake.diagnosis.calibration import RATES, Calibration, calibration_text
-    from exodrake.diagnosis.problem import list_required
+    from exodrake.core import confidence, provenance
+    from exodrake.diagnosis import calibrate, calibration, problem
     from exodrake.model.display import percent
 
     machine = exo.load_robot(robot).machine
-    case = exo.read_case(folder, list_required(machine), machine.frame) if folder else None
+    case = exo.read_case(folder, problem.list_required(machine), machine.frame) if folder else None
     with show_count("calibrating", "nothing is kept") as count:
-        records, failed = calibrate(robot, cases, seed, case, jobs, cluster, count, 60.0 * minutes)
+        records, failed = calibrate.calibrate(robot, cases, seed, case, jobs, cluster, count, 60.0 * minutes)
     if failed:
         first = min(failed)
         click.echo(f"{len(failed)} robots failed; robot {first}: {failed[first]}", err=True)
@@ -262,11 +249,12 @@ def count_errors(robot, folder, cases, minutes, seed, jobs, cluster, out) -> Non
     motion = ["--case", Path(folder).name] if folder else []
     words = ["exodrake", "calibrate", "--robot", Path(robot).name, *motion, "--cases", str(counted_robots)]
     source = f"{shlex.join([*words, '--seed', str(seed)])}, {date.today()}"
-    found = Calibration(source, configuration()["code"], count_rates(records))
+    code = provenance.configuration()["code"]
+    found = calibration.Calibration(source, code, calibrate.count_rates(records))
     rows = []
     for name, (k, total) in (found.rates or {}).items():
         if total:
-            ends = " to ".join(map(percent, binomial_interval(k, total)))
-            rows.append((name, RATES[name], f"{k} of {total}", percent(k / total), ends))
+            ends = " to ".join(map(percent, confidence.binomial_interval(k, total)))
+            rows.append((name, calibration.RATES[name], f"{k} of {total}", percent(k / total), ends))
     options.print_table(("rate", "meaning", ">count", ">share", ">95 % interval"), rows, wrapped=1)
-    options.write_files({out: calibration_text(found)})
+    options.write_files({out: calibration.calibration_text(found)})

@@ -1,5 +1,7 @@
 """`exodrake train` and `estimate`: the joint-angle estimator, validated under both splits, and the angles of a log."""
 
+from dataclasses import replace
+
 import click
 
 import exodrake as exo
@@ -19,23 +21,19 @@ def train_estimator(logs, out, points, robot, one_sweep_per_log, seed) -> None:
 
     Prints the error on random rows beside that on whole held-out sweeps; only the second predicts a new sweep.
     """
-    from dataclasses import replace
-
     from exodrake.core.provenance import robot_digest
-    from exodrake.estimator.dataset import sweeps_from_logs
-    from exodrake.estimator.gp import condition, estimator_bytes, learn, learn_strokes
-    from exodrake.estimator.validate import validate
+    from exodrake.estimator import dataset, gp, validate
 
     mark = robot_digest(exo.load_robot(robot)) if robot else ""
     read = [exo.read_log(path, ("tension_ref", "tension", "stroke")) for path in logs]
-    sweeps = sweeps_from_logs(read, one_per_log=[log.label for log in read] if one_sweep_per_log else ())
+    sweeps = dataset.sweeps_from_logs(read, one_per_log=[log.label for log in read] if one_sweep_per_log else ())
     with waiting("learning") as say:
-        prior = learn(sweeps, points)
-        estimator = replace(condition(prior, sweeps, points), robot=mark, strokes=learn_strokes(sweeps))
+        prior = gp.learn(sweeps, points)
+        estimator = replace(gp.condition(prior, sweeps, points), robot=mark, strokes=gp.learn_strokes(sweeps))
         say("validating on held-out sweeps")
-        scores = validate(prior, sweeps, points, seed)
+        scores = validate.validate(prior, sweeps, points, seed)
     notes = {f"{s.method}, {s.split}": [float(value) for value in s.rmse] for s in scores}
-    write_files({out: estimator_bytes(estimator, notes)}, announce=False)
+    write_files({out: gp.estimator_bytes(estimator, notes)}, announce=False)
     splits, rows = list(dict.fromkeys(score.split for score in scores)), []
     for method in dict.fromkeys(score.method for score in scores):
         own = [next(s for s in scores if (s.method, s.split) == (method, split)) for split in splits]
@@ -67,11 +65,10 @@ def estimate_angles(log, estimator, out, figure, robot, as_trained) -> None:
     LOG has measured angles, prints the error and the share inside the 95 % interval.
     """
     from exodrake.core.provenance import robot_digest
-    from exodrake.estimator.gp import load
-    from exodrake.estimator.validate import estimate
+    from exodrake.estimator import gp, validate
 
-    trained = load(estimator, robot_digest(exo.load_robot(robot)) if robot else None)
-    found = estimate(trained, exo.read_log(log, ("tension", "stroke")), correct=not as_trained)
+    trained = gp.load(estimator, robot_digest(exo.load_robot(robot)) if robot else None)
+    found = validate.estimate(trained, exo.read_log(log, ("tension", "stroke")), correct=not as_trained)
     if out:
         write_files({out: found.log}, announce=False)
         click.echo(f"{out}: {len(found.log)} rows with angle_est and angle_std")

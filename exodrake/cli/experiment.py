@@ -4,6 +4,7 @@ import click
 
 import exodrake as exo
 from exodrake.cli import options
+from exodrake.core.progress import stages
 
 REFERENCE = "reference.csv"
 ENOUGH = 0.5  # probability below which an experiment is not recommended: assumed
@@ -33,7 +34,6 @@ def command(case, out, figure, folder, duration, seed, robot) -> None:
     import numpy as np
 
     from exodrake.core.parallel import one_blas_thread
-    from exodrake.core.progress import stages
     from exodrake.experiment.contest import prepare_contest, read_rivals
     from exodrake.experiment.design import check_length, design, draw_experiment
     from exodrake.model.display import in_words, percent

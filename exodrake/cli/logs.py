@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+import csv
+import io
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -127,9 +129,6 @@ def export_log(subject, form, robot, out, map_file, start, end) -> None:
 
 def owner_table(log: exo.Log, mapped: Mapped, source: str) -> bytes:
     """A log as text with its owner's names, units and layout: a mapping read backwards; `wrap` stays continuous."""
-    import csv
-    import io
-
     import numpy as np
 
     from exodrake.model.units import to_si

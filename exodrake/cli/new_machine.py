@@ -8,6 +8,7 @@ import click
 
 from exodrake.cli.options import AnyPath
 from exodrake.core.errors import InputError, nearest
+from exodrake.core.files import is_file, read_bytes, write_folder
 
 SCAFFOLD, MOTOR_SCAFFOLD = Path(__file__).parent / "scaffold", Path(__file__).parent / "scaffold_motor"
 NAME = re.compile(r"[a-z][a-z0-9_]*")
@@ -48,7 +49,6 @@ def command(folder, joints, servo, frame, urdf, form, tip) -> None:
     make it yours. Nothing that exists is overwritten.
     """
     from exodrake import machines
-    from exodrake.core.files import write_folder
     from exodrake.machines.library import machine_folders
 
     name, step = folder.resolve().name, FRAME if frame is None else frame
@@ -116,7 +116,6 @@ WHAT = {
 
 def arm_files(values: dict[str, Any], urdf: str, form: str, tip: str, frame: float | None) -> dict[str, bytes]:
     """Contents of an arm's folder by file name. InputError for an unknown form, and for a URDF of no serial arm."""
-    from exodrake.core.files import is_file, read_bytes
     from exodrake.machines.serial_arm import FRAME, RATIO, cable_defaults, middle, typical_efforts, units
     from exodrake.machines.urdf import read_urdf
 

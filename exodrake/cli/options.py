@@ -6,6 +6,7 @@ diagnosis.json, robot.yaml. `--json` prints numbers, or writes them into the fil
 
 from __future__ import annotations
 
+import json
 import os
 import shlex
 from collections.abc import Callable, Mapping, Sequence
@@ -122,8 +123,6 @@ def json_option(command: Callable) -> Callable:
 
 def json_text(content: Any) -> str:
     """Plain data as the text of a JSON file."""
-    import json
-
     return json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 

@@ -8,13 +8,18 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 import click
+from rich.markup import escape
 
 import exodrake as exo
 from exodrake.cli import options
 from exodrake.core.errors import InputError
+from exodrake.core.files import check_folder, is_file
+from exodrake.core.progress import show_count
+from exodrake.core.schema import read_json, read_yaml
 
 if TYPE_CHECKING:
     from exodrake.simulation.scenario import Scenario
@@ -42,9 +47,7 @@ def command(protocol: str, reference: str, file: str, robot: str, out: Path | No
     `chirp:low=0.1,high=1.5`. For a wide pinch that bends the PIP by 0.4 rad: `--robot exo_index/wide_pinch`.
     """
     import numpy as np
-    from rich.markup import escape
 
-    from exodrake.core.files import check_folder
     from exodrake.model.display import find_display
 
     scenario = scenario_from(protocol, reference, file, robot, **changed)
@@ -94,8 +97,6 @@ def scenario_from(
     parts: tuple[str, ...], seed: int | None, no_noise: bool, no_quantisation: bool, engine: str,
 ) -> Scenario:  # fmt: skip
     """The scenario of the options; those given replace the file's, in the order variants, parameters, effects."""
-    from exodrake.core.files import is_file
-    from exodrake.core.schema import read_yaml
     from exodrake.simulation.scenario import Scenario, change_robot, read_scenario
 
     if protocol and reference:
@@ -167,8 +168,6 @@ def warn(robot: exo.Robot) -> None:
 @click.command()
 def compile_kernels() -> None:
     """Compile the nominal robot's simulation into numba's cache; later sessions load it in a second or two."""
-    from time import perf_counter
-
     from exodrake.core.parallel import each
     from exodrake.engine.compose import compile_machine
     from exodrake.simulation.simulate import ENGINES
@@ -219,8 +218,6 @@ def sweep_parameters(
     import numpy as np
 
     from exodrake.analysis.sweep import plot_sweep
-    from exodrake.core.progress import show_count
-    from exodrake.core.schema import read_json
 
     if bool(protocol) == bool(reference) or bool(over) + bool(robots) + bool(diagnosis) != 1:
         raise InputError("wanted a protocol or --reference, and one of --over, --robots and --diagnosis")
