@@ -221,6 +221,7 @@ class Machine:
         resting: column kind of an effort -> that of the speed without which dry friction may hold any effort.
         settling: s from the start of a log after which samples count, where motion goes on that the log does not tell.
         nominal: the machine without variants that this one was made from; None if this one has no variants.
+        machines: those made from this one, by names of their variants, so that each is compiled once.
 
     Examples:
         >>> import exodrake as exo
@@ -261,7 +262,6 @@ class Machine:
     resting: Mapping[str, str] = field(default_factory=dict)
     settling: float = 0.0
     nominal: Machine | None = None
-    # those made from this one by `Robot.with_part`, by names of variants, so that each is compiled once
     machines: dict[tuple[str, ...], Machine] = field(default_factory=dict, init=False, compare=False)
 
     def __post_init__(self) -> None:

@@ -58,8 +58,7 @@ def alike(robot: Robot) -> Iterator[tuple[str, tuple[str, ...], StatedParameter]
         own = any(channel in axis for axis in robot.machine.axes)
         key = (name if own else one.name, one.value, one.low, one.high, one.source)
         rows.setdefault(key, ([], one))[0].extend([channel] * own)
-    for (name, *_), (channels, one) in rows.items():
-        yield name, tuple(channels), one
+    yield from ((name, tuple(channels), one) for (name, *_), (channels, one) in rows.items())
 
 
 def effect_in_words(robot: Robot, identity: str) -> str:
@@ -245,11 +244,10 @@ class Robot:
         """Lowest and highest reference, (channels,) arrays [SI]; without stated limits 0 and infinity."""
         channels = self.machine.channels(self.machine.references[0].signal)
         low, high = self.machine.reference_limits or ("", "")
-        for channel in channels if high else ():
-            if channel not in self.limits.get(high, {}):
-                raise InputError(f"{self.source or self.machine.name}: no limit {high}.{channel}")
-        lowest = [self.limits.get(low, {}).get(channel, 0.0) for channel in channels]
-        return np.array(lowest), np.array([self.limits.get(high, {}).get(channel, math.inf) for channel in channels])
+        lowest, highest = self.limits.get(low, {}), self.limits.get(high, {})
+        if high and (lacking := [channel for channel in channels if channel not in highest]):
+            raise InputError(f"{self.source or self.machine.name}: no limit {high}.{lacking[0]}")
+        return np.array([lowest.get(c, 0.0) for c in channels]), np.array([highest.get(c, math.inf) for c in channels])
 
     def with_part(self, name: str) -> Robot:
         """The robot with one more variant of a part; InputError with the machine's variants for an unknown one."""
