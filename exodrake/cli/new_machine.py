@@ -16,13 +16,6 @@ CHANNEL = re.compile(r"[A-Za-z][A-Za-z0-9]*")
 FRAME = 0.02  # s, of servos on a bus: assumed
 TURN = 1.0  # rad either way that a protocol asks for until the owner says otherwise: assumed, a moderate motion
 SLOWEST = 10.0  # s, as the longest frame of a case
-# what the test of a machine of position servos injects, by --servo: effect, parameter and its size in words and in SI
-FAULTS = {
-    "ideal": {"name": "play", "effect": "servo.play", "parameter": "half_width", "size": "width", "value": 0.05},
-    "motor": {
-        "name": "dry_friction", "effect": "servo.coulomb_friction", "parameter": "force", "size": "force", "value": 0.1,
-    },
-}  # fmt: skip
 
 
 @click.command()
@@ -75,7 +68,7 @@ def command(folder, joints, servo, frame, urdf, form, tip) -> None:
         texts = arm_files(values, urdf, form or "inverse", tip, frame)
     else:
         ends = {key: by_joint(names, [turn] * len(names)) for key, turn in (("lowest", -TURN), ("highest", TURN))}
-        values |= {"joints": names, "frame": f"{step:g}", "fault": FAULTS[servo or "ideal"], **ends}
+        values |= {"joints": names, "frame": f"{step:g}", "servo": servo or "ideal", **ends}
         texts = fill_templates(values, *[MOTOR_SCAFFOLD] * (servo == "motor"), SCAFFOLD)
     files = write_folder(folder, texts)
     click.echo(f"{folder}: {', '.join(file.name for file in files)}")
