@@ -76,17 +76,17 @@ def estimate_angles(log, estimator, out, figure, robot, as_trained) -> None:
     if figure:
         write_files({figure: found.log.plot(f"{log.name}, estimated", details=[BAND])}, announce=False)
         click.echo(f"{figure}: the log with its estimate")
-    if found.zeros is not None:
-        zeros = found.zeros
+    if zeros := found.zeros:
         parts = zip(zeros.wires, 1e3 * zeros.shift, 1e3 * zeros.half_widths, strict=True)
         shifts = ", ".join(f"{wire} {shift:+.2f} ± {half:.2f}" for wire, shift, half in parts)
         text = f"zeros of the strokes since the training: {shifts} mm"
-        done = "not corrected, by --as-trained" if as_trained else "corrected"
         if zeros.unlike:
             text += "\nand more than a shift: contact, other tensions, another wearer or robot? Nothing corrected."
+        elif zeros.moved:
+            done = "not corrected, by --as-trained" if as_trained else "corrected"
+            text += f": moved, {done}. Re-donned? A changed rest posture looks the same."
         else:
-            moved = f": moved, {done}. Re-donned? A changed rest posture looks the same."
-            text += moved if zeros.moved else ": not moved"
+            text += ": not moved"
         click.echo(text)
     click.echo(f"unlike the training sweeps: {100 * found.flagged:.1f} % of samples")
     if found.flagged > 0.5:

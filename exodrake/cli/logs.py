@@ -118,8 +118,7 @@ def export_log(subject, form, robot, out, map_file, start, end) -> None:
         raise InputError("a robot is exported with --mjcf, --urdf or --isaac; else name a log")
     table = exo.read_log(options.log_in(Path(subject)))
     first, last = float(table.time[0]), float(table.time[-1])
-    if start is not None or end is not None:
-        table = table.between(first if start is None else start, float("inf") if end is None else end)
+    table = table.between(first if start is None else start, float("inf") if end is None else end)
     if not len(table):
         raise InputError(f"{subject}: no rows between --start and --end (the log runs from {first:g} to {last:g} s)")
     data = owner_table(table, read_mapping(map_file), str(map_file)) if map_file else table
