@@ -56,7 +56,7 @@ def test_a_machine_without_a_loop_is_refused_in_one_sentence(arm_folder):
 @pytest.mark.parametrize(
     ("arguments", "word"),
     [
-        (["--at", "AF=4"], "MF"), (["--at", "AF:4"], "AF:4"), (["--at", "AF=4,AF=3"], "AF=3"),
+        (["--at", "AF=4"], "MF"), (["--at", "AF:4"], "AF:4"), (["--at", "AF=4,AF=3"], "'AF' comes twice"),
         (["--set", "controller.kpp=1"], "kpp"), (["--effect", "no.such"], "no.such"), (["--part", "x"], "'x'"),
         (["--robot", "absent.yaml"], "absent.yaml"), (["--set", "controller.kp=0"], "kp = 0"),
         (["--at", "AF=nan,MF=1,AE=1"], "AF"), (["--at", "smal"], "did you mean small"),

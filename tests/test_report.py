@@ -208,7 +208,7 @@ def test_curves_are_read_under_the_pointer_and_zoom(pages, tmp_path):
     dom = browsed(file, tmp_path, "--virtual-time-budget=3000", "--dump-dom")
     found = re.search(r"<title>([^<]*)</title>", dom)
     assert found is not None
-    log = simulated_logs(frames=600).judged[0]
+    log = simulated_logs(frames=600).closure_logs[0]
     for text, time in zip(found[1].split(" | "), (6.0, 3.0), strict=True):
         seconds, *values = (float(number) for number in re.findall(r"-?[\d.]+", text))
         assert seconds == pytest.approx(time, abs=0.1), found[1]
@@ -247,7 +247,7 @@ def test_curves_are_read_back_to_half_a_level():
     (log,) = curves(runs, ROBOTS)["logs"]
     for i, column in enumerate(log["columns"]):
         factor = runs.display(column["kind"]).factor
-        measured = factor * runs.judged[0].trial.measured[:, i]
+        measured = factor * runs.closure_logs[0].trial.measured[:, i]
         read = unpacked(column["measured"])
         assert np.array_equal(np.isnan(read), np.isnan(measured))
         assert np.nanmax(np.abs(read - measured)) <= 0.51 * column["measured"]["height"]
@@ -255,7 +255,7 @@ def test_curves_are_read_back_to_half_a_level():
 
 def test_long_logs_are_drawn_by_their_envelope_and_lose_no_peak():
     runs = simulated_logs(frames=60_000)
-    runs.judged[0].trial.measured[31_234, 0] = 99.0  # N, one sample
+    runs.closure_logs[0].trial.measured[31_234, 0] = 99.0  # N, one sample
     (log,) = curves(runs, ROBOTS)["logs"]
     assert log["stretch"] > 1 and log["samples"] <= MOST_SAMPLES
     assert log["samples"] * log["step"] == pytest.approx(60_000 * runs.period, rel=0.01)
@@ -296,11 +296,11 @@ def test_gaps_count_in_noise_standard_deviations_under_the_label_and_unit_of_the
     columns = tuple(replace(c, label="Pull", unit="mN") if c.kind == "tension" else c for c in robot.machine.columns)
     other = replace(robot, machine=replace(robot.machine, columns=columns))
     found = wording.kind_gaps(replace(diagnosis(), robots=dict.fromkeys(diagnosis().robots, other)))
-    assert [g.kind for g in found] == ["tension", "stroke", "speed_cmd", "angle"]
-    gap = found[0].gap
+    assert list(found) == ["tension", "stroke", "speed_cmd", "angle"]
+    display, gap = found["tension"]
     assert gap.closure == pytest.approx(1 - (1.05**2 - 1) / ((gap.before / gap.noise_std) ** 2 - 1))
-    assert found[0].display.axis == "Pull [mN]"
-    assert wording.quantity(gap.noise_std, "N", found[0].display.unit) == "10.0 mN"
+    assert display.axis == "Pull [mN]"
+    assert wording.quantity(gap.noise_std, "N", display.unit) == "10.0 mN"
 
 
 def test_answer_as_json_has_the_keys_of_its_page():

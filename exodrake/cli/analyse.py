@@ -43,18 +43,20 @@ def command(file, parameters, effects, parts, at, draws, diagnosis, seed, out, j
     Linearises the whole sampled loop at an operating point, and measures the full nonlinear one by steps and multisine.
     Bands are over robots within the tolerances and over the machine's operating points.
     """
-    from exodrake.analysis import robustness
-    from exodrake.analysis.closed_loop import model_bytes, to_plain
-    from exodrake.analysis.figures import draw_figures
-    from exodrake.analysis.limit_cycles import limit_cycles
-    from exodrake.analysis.linear_model import add_controller
+    from exodrake.analysis import closed_loop, figures, limit_cycles, linear_model, robustness
     from exodrake.cli.simulate import warn
+    from exodrake.model.units import quantity
+    from exodrake.simulation.references import split_options
 
     answer, improved = robustness.read_diagnosis(diagnosis) if diagnosis else (None, None)
     if improved and click.get_current_context().get_parameter_source("file") == ParameterSource.DEFAULT:
         file = str(improved)
-    robot = options.change_robot(add_controller(exo.load_robot(file)), parameters, effects, parts)
-    point, bands, uncertainty = parse_point(at), [], None
+    robot = options.change_robot(linear_model.add_controller(exo.load_robot(file)), parameters, effects, parts)
+    point, bands, uncertainty = at.strip() or None, [], None
+    if any(mark in at for mark in "=,:"):  # references, not the name of a point
+        loop, (_, given) = robot.machine.loop, split_options(f"--at:{at}")
+        unit = robot.machine.signal[loop.reference].unit if loop else "-"
+        point = {channel: quantity(value, unit, f"--at: {channel}") for channel, value in given.items()}
     with options.waiting("analysing (the first run after a change compiles for half a minute)"):
         result = exo.analyse(robot, point, seed)
         if draws and robot.machine.tolerances:
@@ -65,31 +67,14 @@ def command(file, parameters, effects, parts, at, draws, diagnosis, seed, out, j
         if robot.machine.loop and len(robot.machine.loop.points) > 1:
             bands.append(robustness.points_band(robot))
         result = replace(result, bands=tuple(bands), uncertainty=uncertainty)
-        cycles = limit_cycles(robot, point) if out or json_file else ()
-        figures, numbers = draw_figures(result, cycles) if out else {}, to_plain(result, cycles)
+        cycles = limit_cycles.limit_cycles(robot, point) if out or json_file else ()
+        drawn, numbers = figures.draw_figures(result, cycles) if out else {}, closed_loop.to_plain(result, cycles)
     if json_file != "-":
         show(result)
     warn(robot)
-    options.write_answer(numbers, "analysis", json_file, out, figures)
+    options.write_answer(numbers, "analysis", json_file, out, drawn)
     if model:
-        options.write_files({model: model_bytes(result)}, json_file != "-")
-
-
-def parse_point(text: str) -> dict[str, float] | str | None:
-    """`AF=4,MF=3,AE=1` as references [SI], or a name; None if empty. InputError naming what is not of that form."""
-    if text.strip() and "=" not in text and "," not in text and ":" not in text:
-        return text.strip()
-    found: dict[str, float] = {}
-    for item in filter(None, (part.strip() for part in text.split(","))):
-        name, equals, value = (part.strip() for part in item.partition("="))
-        try:
-            if not equals or name in found:
-                raise ValueError
-            found[name] = float(value)
-        except ValueError:
-            words = "is not CHANNEL=NUMBER, each channel once, nor the name of a point"
-            raise InputError(f"--at: {item!r} {words}") from None
-    return found or None
+        options.write_files({model: closed_loop.model_bytes(result)}, json_file != "-")
 
 
 def show(result: exo.ClosedLoop) -> None:
@@ -97,9 +82,9 @@ def show(result: exo.ClosedLoop) -> None:
     rows, poles = [], []
     for step, response, m in zip(result.steps, result.responses, result.margins):
         row = (step.rise, 100.0 * step.overshoot, step.settling, response.bandwidth)
-        row = row if result.stable else (math.nan,) * len(row)  # of a growing oscillation
         margin = (m.gain_margin_db, m.phase_margin_deg, 1e3 * m.delay_margin, m.disk_margin)
-        cells = [f"{v:.2f}" for v in row] + [f"{v:.3g}" for v in margin]
+        cells = [f"{v:.2f}" if result.stable else "-" for v in row]  # a growing oscillation has none
+        cells += [f"{v:.3g}" for v in margin]
         rows.append((step.channel, *("-" if cell == "nan" else cell for cell in cells)))
     for pole in result.model.poles():
         if abs(pole.z) >= SHOWN and pole.z.imag >= 0.0:

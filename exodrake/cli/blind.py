@@ -1,10 +1,9 @@
 """`exodrake blind`: withheld cases from a reference simulator, their diagnoses and scores."""
 
-from pathlib import Path
-
 import click
 
 from exodrake.cli.options import AnyPath, OutputFile, json_option, print_table, write_files, write_json
+from exodrake.core.errors import InputError
 from exodrake.core.progress import show_count, where_to_run
 
 
@@ -24,14 +23,11 @@ def command() -> None:
     " no-load-cells, encoders-alone, same-block (two effects) or three (effects); several times for several mixes.",
 )  # fmt: skip
 @where_to_run
-def make(
-    seed: int, cases: int, out: Path, labels: Path | None, mixes: tuple[str, ...], jobs: int, cluster: str | None
-) -> None:
+def make(seed, cases, out, labels, mixes, jobs, cluster) -> None:
     """Draw robots from the reference simulator and write their logs; the labels are committed to apart.
 
     The same seed makes the same set, whatever --jobs is. If it is interrupted, the same command goes on from there.
     """
-    from exodrake.core.errors import InputError
     from exodrake.reference.cases import MIXES
     from exodrake.reference.make import make as make_set
 
@@ -47,7 +43,7 @@ def make(
 @click.argument("folder", type=AnyPath())
 @where_to_run
 @click.option("--redo", is_flag=True, help="Answer anew what another version or other code answered.")
-def run(folder: Path, jobs: int, cluster: str | None, redo: bool) -> None:
+def run(folder, jobs, cluster, redo) -> None:
     """Diagnose every case of FOLDER that has no diagnosis yet.
 
     Each answer is written as soon as it is there. If it is interrupted, the same command goes on from there; a case
@@ -70,9 +66,7 @@ def run(folder: Path, jobs: int, cluster: str | None, redo: bool) -> None:
 @click.option("--against", type=AnyPath(), help="Folder of other answers to the same cases.")
 @json_option
 @click.option("--markdown", type=OutputFile("score.md"), help="Write the score as Markdown.")
-def score(
-    folder: Path, labels: Path, against: Path | None, json_file: Path | str | None, markdown: Path | None
-) -> None:
+def score(folder, labels, against, json_file, markdown) -> None:
     """Check the commitment and score the diagnoses of FOLDER against the labels.
 
     --against compares them, case by case, with the answers that another method or configuration gave.
@@ -81,10 +75,11 @@ def score(
 
     result = score_set(folder, labels, against)
     for title, headings, rows in tables(result) if not write_json(as_json(result), json_file) else ():
-        click.echo(f"\n{title}")
         if headings is CONFUSION:  # wrong answers in red
-            print_table(headings, [row if row[2] else [f"[red]{cell}[/red]" for cell in row] for row in rows])
+            rows = [row if row[2] else [f"[red]{cell}[/red]" for cell in row] for row in rows]
         else:
-            print_table([heading if not k else f">{heading}" for k, heading in enumerate(headings)], rows)
+            headings = [headings[0], *(f">{heading}" for heading in headings[1:])]
+        click.echo(f"\n{title}")
+        print_table(headings, rows)
     if markdown:
         write_files({markdown: as_markdown(tables(result))})

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import click
+from rich.markup import escape
 
 import exodrake as exo
 from exodrake.cli import options
@@ -23,8 +24,6 @@ def command(case: Path, robot: str, only: str, without: str, figure: Path | None
     CASE is a folder of logs or one log. The effects are judged on its references alone, by simulating each of them at a
     typical size on the nominal robot; the measured values are not fitted.
     """
-    from rich.markup import escape
-
     from exodrake.core.parallel import one_blas_thread
     from exodrake.diagnosis.checks.compare import list_few
     from exodrake.diagnosis.checks.preflight import SEEN, draw_figure, preflight

@@ -23,11 +23,9 @@ HIDDEN = """Another simulator, with other equations, other numbers within 3 % an
 @click.option("--out", type=OutputFolder(), default=Path("demo"), show_default=True, help="Folder.")
 def command(seed: int, out: Path) -> None:
     """Simulate a grasp, inject a fault into an independent reference simulator, and find it from logs alone."""
-    from exodrake.cli.diagnose import Targets, diagnose_case
+    from exodrake.cli.diagnose import FILES, Targets, diagnose_case
     from exodrake.cli.simulate import make_files
-    from exodrake.reference.answers import write_committed
-    from exodrake.reference.make import make_case
-    from exodrake.reference.simulator import warm_up
+    from exodrake.reference import answers, make, simulator
     from exodrake.simulation.scenario import Scenario
 
     if (out / CASE).exists() or (out / LABELS).exists():
@@ -42,14 +40,13 @@ def command(seed: int, out: Path) -> None:
     click.echo(f"   {GRASP} for {log.duration:.0f} s: {reached}")
     chapter(2, "A robot with a hidden fault", HIDDEN)
     with waiting("the reference simulator runs"):
-        warm_up()
-        label = make_case(case_plan(seed), out)
-        write_committed({CASE: label}, out / LABELS, out / COMMITMENT)
+        simulator.warm_up()
+        label = make.make_case(case_plan(seed), out)
+        answers.write_committed({CASE: label}, out / LABELS, out / COMMITMENT)
     digest = (out / COMMITMENT).read_text()[:16]
     click.echo(f"   five logs in {out / CASE}, SHA-256 of the label {digest}…")
     chapter(3, "The diagnosis", "Only the logs and the nominal robot are known. This takes a minute or two.")
-    files = Targets(out / "diagnosis.json", out / "report.html", out / "improved.yaml")
-    found = diagnose_case(str(out / CASE), "", files)
+    found = diagnose_case(str(out / CASE), "", Targets(*(out / name for name in FILES)))
     chapter(4, "The label", "Now the label is read, and checked against its SHA-256 commitment.")
     reveal(out, found)
     click.echo(f"\n{click.style('look at', bold=True)}  {out}/grasp/recording.html   the finger in 3D")

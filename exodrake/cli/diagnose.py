@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import shlex
+from dataclasses import replace
 from datetime import date
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import click
+from rich.markup import escape
 
 import exodrake as exo
 from exodrake.cli import options
 from exodrake.core.errors import InputError
-from exodrake.core.progress import show_count, where_to_run
+from exodrake.core.progress import Stage, show_count, stages, where_to_run
 
-REPORT, FLEET, DIAGNOSED = "report.html", "fleet.html", Path("diagnosed")
+FILES = _, REPORT, IMPROVED = "diagnosis.json", "report.html", "improved.yaml"  # of the answer to one case
+FLEET, DIAGNOSED = "fleet.html", Path("diagnosed")
 
 
 class Targets(NamedTuple):
@@ -31,7 +34,7 @@ class Targets(NamedTuple):
 @click.option("--out", type=options.OutputFolder(), help="Folder for all files [of several cases: diagnosed].")
 @options.json_option
 @click.option("--report", type=options.OutputFile(REPORT), help="Write the report alone, as one HTML file.")
-@click.option("--out-robot", type=options.OutputFile("improved.yaml"), help="Write the improved robot alone.")
+@click.option("--out-robot", type=options.OutputFile(IMPROVED), help="Write the improved robot alone.")
 @options.robot_option(default="")
 @click.option("--effects", "only", default="", metavar="ID,...", help="Try these effects only.")
 @click.option("--without", default="", metavar="ID,...", help="Do not try these effects.")
@@ -43,9 +46,8 @@ class Targets(NamedTuple):
 @click.option("--allow-outside", is_flag=True, help="Read logs that lie outside the folder of their case, too.")
 @click.option("--redo", is_flag=True, help="Of several cases: answer anew what another configuration answered.")
 def command(
-    cases: tuple[str, ...], json_file: Path | str | None, report: Path | None, out_robot: Path | None, robot: str,
-    only: str, without: str, jobs: int | None, out: Path | None, cluster: str | None, redo: bool,
-    allow_outside: bool, profile: bool, discover: bool | None, out_law: Path | None,
+    cases, json_file, report, out_robot, robot, only, without, jobs, out, cluster, redo, allow_outside, profile,
+    discover, out_law,
 ) -> None:  # fmt: skip
     """Say where the logs of CASE differ from the robot's model, which effect causes it and how far it shrinks.
 
@@ -55,19 +57,15 @@ def command(
     Several cases, or a folder of cases, are diagnosed side by side into FOLDER/CASE, with fleet.html. Each answer is
     written as soon as it is there; the same command goes on where it was interrupted.
     """
-    targets = Targets(json_file, report, out_robot, out_law)
-    first, *others = cases
-    if others or options.cases_in(Path(first)):
-        given = dict(zip(("--json", "--report", "--out-robot", "--out-law"), targets)) | {"--discover": discover}
-        for name in (name for name, value in given.items() if value):
-            raise click.UsageError(f"{name} is for one case; the answers to several are written to --out")
-        tried = options.choose_effects(robot, only, without)
+    tried = options.choose_effects(robot, only, without)
+    if len(cases) > 1 or options.cases_in(Path(cases[0])):
+        of_one = {"--json": json_file, "--report": report, "--out-robot": out_robot, "--out-law": out_law}
+        if given := [name for name, value in (of_one | {"--discover": discover}).items() if value]:
+            raise click.UsageError(f"{given[0]} is for one case; the answers to several are written to --out")
         return diagnose_many(cases, out or DIAGNOSED, robot, jobs or -1, cluster, redo, tried, allow_outside)
     if cluster or redo:
         raise click.UsageError("--cluster and --redo are for several cases")
-    if out is not None:
-        files = json_file or out / "diagnosis.json", report or out / REPORT, out_robot or out / "improved.yaml"
-        targets = Targets(*files, out_law)
+    targets = [given or (out and out / name) for given, name in zip((json_file, report, out_robot), FILES)]
     if jobs is not None:
         import numba
 
@@ -76,7 +74,7 @@ def command(
         numba.set_num_threads(min(jobs, numba.config.NUMBA_NUM_THREADS))  # pyright: ignore
         thread_limit(count=jobs)
     discover = True if out_law is not None and discover is None else discover
-    diagnose_case(first, robot, targets, options.choose_effects(robot, only, without), allow_outside, profile, discover)
+    diagnose_case(cases[0], robot, Targets(*targets, law=out_law), tried, allow_outside, profile, discover)
 
 
 def diagnose_case(
@@ -87,10 +85,8 @@ def diagnose_case(
 
     The answer is written before a missing law is sought, and before the report: an error in either loses nothing.
     """
-    from dataclasses import replace
-
-    from exodrake.core.progress import Stage, stages
     from exodrake.diagnosis.problem import list_required, make_problem
+    from exodrake.report import diagnosis_html
     from exodrake.report.terminal import print_profile, print_summary
 
     nominal = exo.load_robot(robot or options.DEFAULT)
@@ -99,35 +95,30 @@ def diagnose_case(
     written: dict[Path, None] = {}
     spent: dict[Stage, float] = {}
 
-    def write(contents: dict[Path, str]) -> None:
-        options.write_files(contents, announce=False)
-        written.update(dict.fromkeys(contents))
-
     def keep(found: exo.Diagnosis) -> None:
         """Writes the answer with its command, and the report last."""
-        made = found.provenance
-        known[:] = [found if made is None else replace(found, provenance=replace(made, command=options.command_line()))]
-        if isinstance(targets.json, Path):
-            options.write_json(known[0].to_json(), targets.json, announce=False)
-            written[targets.json] = None
-        if targets.robot is not None:
-            write({targets.robot: found.robot_file(found.robot)})
-        if targets.report is not None:
-            from exodrake.report.diagnosis_html import report_html
-
-            write({targets.report: report_html(known[0], found.problem or make_problem(read, nominal))})
+        if made := found.provenance:
+            found = replace(found, provenance=replace(made, command=options.command_line()))
+        known[:] = [found]
+        for path, text in (
+            (targets.json, lambda: options.json_text(found.to_json())),
+            (targets.robot, lambda: found.robot_file(found.robot)),
+            (targets.report, lambda: diagnosis_html.report_html(found, found.problem or make_problem(read, nominal))),
+        ):
+            if isinstance(path, Path):
+                options.write_files({path: text()}, announce=False)
+                written[path] = None
 
     try:
         with stages(spent) as progress:
             from exodrake.diagnosis.pipeline import diagnose
             from exodrake.diagnosis.result import UNKNOWN
 
-            found = diagnose(
-                read, nominal, progress, tried, lambda v: v == UNKNOWN if discover is None else discover, answered=keep
-            )
+            wanted = (lambda verdict: verdict == UNKNOWN) if discover is None else lambda _: discover
+            found = diagnose(read, nominal, progress, tried, wanted, answered=keep)
         keep(found)
         law = found.missing_law
-        if targets.law is not None and law is not None and law.robot is not None:
+        if targets.law and law and law.robot:
             from exodrake.diagnosis.discovery.law_code import write_law
 
             written.update(dict.fromkeys(write_law(targets.law, law.id, law.text, law.robot, found.case)))
@@ -146,8 +137,6 @@ def diagnose_many(
     tried: frozenset[str] | None, allow_outside: bool = False,
 ) -> None:  # fmt: skip
     """Diagnose cases in parallel. Exit status 1 if some fail; InputError before the work starts."""
-    from rich.markup import escape
-
     from exodrake.diagnosis.fleet import read_answers
     from exodrake.diagnosis.many import diagnose_all, read_stored
     from exodrake.diagnosis.result import CAUSE
@@ -198,35 +187,30 @@ def map_places(cases: tuple[str, ...], out: Path) -> dict[Path, Path]:
     return {path: place for place, path in cases_of.items()}
 
 
-LISTED, CAUSES = 4, 2  # columns of the report's table that the terminal shows, and the one that is wrapped
-
-
 @click.command()
 @click.argument("sources", nargs=-1, required=True, type=options.AnyPath(), metavar="ANSWERS...")
 @click.option("--out", type=options.OutputFile(FLEET), help="Write the report: which robots, which causes, since when.")
 @click.option("--table", type=options.OutputFile("fleet.parquet"), help="Write the table, a row each case, as Parquet.")
-def summarise_fleet(sources: tuple[Path, ...], out: Path | None, table: Path | None) -> None:
+def summarise_fleet(sources, out, table) -> None:
     """Say of many diagnosed cases which robots have which causes, and since when.
 
     ANSWERS are folders that `exodrake diagnose CASE... --out FOLDER` wrote, files of `exodrake diagnose --json`,
     folders of these, or the one table that --table made. Cases belong to the robot that `serial:` names in their
     case.yaml, and are ordered by `date:`.
     """
-    from rich.markup import escape
-
     from exodrake.diagnosis.fleet import read_answers, read_table, table_bytes
     from exodrake.report.fleet import find_reports, fleet_html, members, robot_table
 
     tabled = len(sources) == 1 and sources[0].suffix.lower() != ".json" and not sources[0].is_dir()
     rows = read_table(sources[0]) if tabled else read_answers(*sources)
-    files: dict[Path, str | bytes] = {} if table is None else {table: table_bytes(rows)}
-    if out is not None:
+    files: dict[Path, str | bytes] = {table: table_bytes(rows)} if table else {}
+    if out:
         links = find_reports(sources[0], out) if sources[0].is_dir() else {}
         title = sources[0].resolve().name if len(sources) == 1 else f"{len(sources)} folders or files"
         files[out] = fleet_html(rows, title, links)
-    shown = robot_table(members(rows))
-    cells: list[Any] = [[escape(cell.replace("`", "")) for cell in row[:LISTED]] for row in shown.rows]
-    options.print_table(shown.header[:LISTED], cells, wrapped=CAUSES)
+    shown = robot_table(members(rows))  # of its columns the first four
+    cells = [[escape(cell.replace("`", "")) for cell in row[:4]] for row in shown.rows]
+    options.print_table(shown.header[:4], cells, wrapped=shown.header.index("Cause"))
     options.write_files(files)
 
 
@@ -239,26 +223,21 @@ def summarise_fleet(sources: tuple[Path, ...], out: Path | None, table: Path | N
 @where_to_run
 @click.option("--out", default="calibration.yaml", show_default=True, type=options.OutputFile("calibration.yaml"),
               help="File, or the machine's folder, whose verdicts then state the rates.")  # fmt: skip
-def count_errors(
-    robot: str, folder: str | None, cases: int, minutes: float, seed: int, jobs: int, cluster: str | None, out: Path
-) -> None:  # fmt: skip
+def count_errors(robot, folder, cases, minutes, seed, jobs, cluster, out) -> None:
     """Count how often the diagnosis of a machine errs, on simulated robots.
 
     The robots' parameters are drawn within their tolerances; two of three have an effect of the library. Without
     --case they follow the machine's own experiments. The same seed gives the same robots, whatever --jobs is; fewer
     where the time ends before.
     """
-    from exodrake.core.confidence import binomial_interval
-    from exodrake.core.provenance import configuration
-    from exodrake.diagnosis.calibrate import calibrate, count_rates
-    from exodrake.diagnosis.calibration import RATES, Calibration, calibration_text
-    from exodrake.diagnosis.problem import list_required
+    from exodrake.core import confidence, provenance
+    from exodrake.diagnosis import calibrate, calibration, problem
     from exodrake.model.display import percent
 
     machine = exo.load_robot(robot).machine
-    case = exo.read_case(folder, list_required(machine), machine.frame) if folder else None
+    case = exo.read_case(folder, problem.list_required(machine), machine.frame) if folder else None
     with show_count("calibrating", "nothing is kept") as count:
-        records, failed = calibrate(robot, cases, seed, case, jobs, cluster, count, 60.0 * minutes)
+        records, failed = calibrate.calibrate(robot, cases, seed, case, jobs, cluster, count, 60.0 * minutes)
     if failed:
         first = min(failed)
         click.echo(f"{len(failed)} robots failed; robot {first}: {failed[first]}", err=True)
@@ -270,11 +249,12 @@ def count_errors(
     motion = ["--case", Path(folder).name] if folder else []
     words = ["exodrake", "calibrate", "--robot", Path(robot).name, *motion, "--cases", str(counted_robots)]
     source = f"{shlex.join([*words, '--seed', str(seed)])}, {date.today()}"
-    found = Calibration(source, configuration()["code"], count_rates(records))
+    code = provenance.configuration()["code"]
+    found = calibration.Calibration(source, code, calibrate.count_rates(records))
     rows = []
     for name, (k, total) in (found.rates or {}).items():
         if total:
-            ends = " to ".join(map(percent, binomial_interval(k, total)))
-            rows.append((name, RATES[name], f"{k} of {total}", percent(k / total), ends))
+            ends = " to ".join(map(percent, confidence.binomial_interval(k, total)))
+            rows.append((name, calibration.RATES[name], f"{k} of {total}", percent(k / total), ends))
     options.print_table(("rate", "meaning", ">count", ">share", ">95 % interval"), rows, wrapped=1)
-    options.write_files({out: calibration_text(found)})
+    options.write_files({out: calibration.calibration_text(found)})

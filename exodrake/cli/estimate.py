@@ -1,6 +1,6 @@
 """`exodrake train` and `estimate`: the joint-angle estimator, validated under both splits, and the angles of a log."""
 
-from pathlib import Path
+from dataclasses import replace
 
 import click
 
@@ -16,30 +16,24 @@ from exodrake.cli.options import AnyPath, OutputFile, print_table, waiting, writ
 @click.option("--robot", default="", metavar="FILE", help="Robot file or machine whose signature to record.")
 @click.option("--one-sweep-per-log", is_flag=True, help="Do not cut logs at the ramps of their tension references.")
 @click.option("--seed", default=0, show_default=True, help="Of the validation's folds.")
-def train_estimator(
-    logs: tuple[Path, ...], out: Path, points: int, robot: str, one_sweep_per_log: bool, seed: int
-) -> None:
+def train_estimator(logs, out, points, robot, one_sweep_per_log, seed) -> None:
     """Train the joint-angle estimator on LOGS (tension, stroke and measured angles).
 
     Prints the error on random rows beside that on whole held-out sweeps; only the second predicts a new sweep.
     """
-    from dataclasses import replace
-
     from exodrake.core.provenance import robot_digest
-    from exodrake.estimator.dataset import sweeps_from_logs
-    from exodrake.estimator.gp import condition, estimator_bytes, learn, learn_strokes
-    from exodrake.estimator.validate import validate
+    from exodrake.estimator import dataset, gp, validate
 
     mark = robot_digest(exo.load_robot(robot)) if robot else ""
     read = [exo.read_log(path, ("tension_ref", "tension", "stroke")) for path in logs]
-    sweeps = sweeps_from_logs(read, one_per_log=[log.label for log in read] if one_sweep_per_log else ())
+    sweeps = dataset.sweeps_from_logs(read, one_per_log=[log.label for log in read] if one_sweep_per_log else ())
     with waiting("learning") as say:
-        prior = learn(sweeps, points)
-        estimator = replace(condition(prior, sweeps, points), robot=mark, strokes=learn_strokes(sweeps))
+        prior = gp.learn(sweeps, points)
+        estimator = replace(gp.condition(prior, sweeps, points), robot=mark, strokes=gp.learn_strokes(sweeps))
         say("validating on held-out sweeps")
-        scores = validate(prior, sweeps, points, seed)
+        scores = validate.validate(prior, sweeps, points, seed)
     notes = {f"{s.method}, {s.split}": [float(value) for value in s.rmse] for s in scores}
-    write_files({out: estimator_bytes(estimator, notes)}, announce=False)
+    write_files({out: gp.estimator_bytes(estimator, notes)}, announce=False)
     splits, rows = list(dict.fromkeys(score.split for score in scores)), []
     for method in dict.fromkeys(score.method for score in scores):
         own = [next(s for s in scores if (s.method, s.split) == (method, split)) for split in splits]
@@ -64,20 +58,17 @@ BAND = "black: estimate, with a band of two standard deviations; in colour: meas
               help="Figure of the log with the estimated angles [beside --out].")  # fmt: skip
 @click.option("--robot", default="", metavar="FILE", help="Robot file or machine that the estimator must belong to.")
 @click.option("--as-trained", is_flag=True, help="Keep the zeros of the training, even if those of LOG have moved.")
-def estimate_angles(
-    log: Path, estimator: Path, out: Path | None, figure: Path | None, robot: str, as_trained: bool
-) -> None:
+def estimate_angles(log, estimator, out, figure, robot, as_trained) -> None:
     """Joint angles of LOG with their standard deviations, and the share of samples unlike the training sweeps.
 
     Tests whether the zeros of the strokes have moved since the training, as re-donning does, and corrects them. Where
     LOG has measured angles, prints the error and the share inside the 95 % interval.
     """
     from exodrake.core.provenance import robot_digest
-    from exodrake.estimator.gp import load
-    from exodrake.estimator.validate import estimate
+    from exodrake.estimator import gp, validate
 
-    trained = load(estimator, robot_digest(exo.load_robot(robot)) if robot else None)
-    found = estimate(trained, exo.read_log(log, ("tension", "stroke")), correct=not as_trained)
+    trained = gp.load(estimator, robot_digest(exo.load_robot(robot)) if robot else None)
+    found = validate.estimate(trained, exo.read_log(log, ("tension", "stroke")), correct=not as_trained)
     if out:
         write_files({out: found.log}, announce=False)
         click.echo(f"{out}: {len(found.log)} rows with angle_est and angle_std")
@@ -85,17 +76,17 @@ def estimate_angles(
     if figure:
         write_files({figure: found.log.plot(f"{log.name}, estimated", details=[BAND])}, announce=False)
         click.echo(f"{figure}: the log with its estimate")
-    if found.zeros is not None:
-        zeros = found.zeros
+    if zeros := found.zeros:
         parts = zip(zeros.wires, 1e3 * zeros.shift, 1e3 * zeros.half_widths, strict=True)
         shifts = ", ".join(f"{wire} {shift:+.2f} ± {half:.2f}" for wire, shift, half in parts)
         text = f"zeros of the strokes since the training: {shifts} mm"
-        done = "not corrected, by --as-trained" if as_trained else "corrected"
         if zeros.unlike:
             text += "\nand more than a shift: contact, other tensions, another wearer or robot? Nothing corrected."
+        elif zeros.moved:
+            done = "not corrected, by --as-trained" if as_trained else "corrected"
+            text += f": moved, {done}. Re-donned? A changed rest posture looks the same."
         else:
-            moved = f": moved, {done}. Re-donned? A changed rest posture looks the same."
-            text += moved if zeros.moved else ": not moved"
+            text += ": not moved"
         click.echo(text)
     click.echo(f"unlike the training sweeps: {100 * found.flagged:.1f} % of samples")
     if found.flagged > 0.5:

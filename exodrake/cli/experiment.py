@@ -1,11 +1,10 @@
 """`exodrake experiment`: the motion that tells the explanations still in play apart."""
 
-from pathlib import Path
-
 import click
 
 import exodrake as exo
 from exodrake.cli import options
+from exodrake.core.progress import stages
 
 REFERENCE = "reference.csv"
 ENOUGH = 0.5  # probability below which an experiment is not recommended: assumed
@@ -25,9 +24,7 @@ ADVICE = (
 @click.option("--duration", type=float, default=None, help="Length of the experiment, 20 to 60 s [60].")
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the search.")
 @options.robot_option()
-def command(
-    case: Path, out: Path, figure: Path | None, folder: Path | None, duration: float | None, seed: int, robot: str
-) -> None:
+def command(case, out, figure, folder, duration, seed, robot) -> None:
     """Design the experiment that tells apart the explanations that the logs of CASE do not reject.
 
     CASE is a folder of logs, whose diagnosis.json is used if it is up to date, or an answer (`diagnose --json`). The
@@ -37,7 +34,6 @@ def command(
     import numpy as np
 
     from exodrake.core.parallel import one_blas_thread
-    from exodrake.core.progress import stages
     from exodrake.experiment.contest import prepare_contest, read_rivals
     from exodrake.experiment.design import check_length, design, draw_experiment
     from exodrake.model.display import in_words, percent
@@ -55,21 +51,18 @@ def command(
     with options.waiting("searching for the motion that tells them apart"), one_blas_thread():
         contest = prepare_contest(problem, rivals)
         best = design(contest, duration, seed)
-    expected, names = best.information, [e.name for e in contest.explanations]
-    rows = [
-        (names[true], names[rival], f"{left:.3g}", percent(expected.power(true, rival)))
-        for (true, rival), left in sorted(expected.left.items())
-    ]
+    expected, names, rows = best.information, [e.name for e in contest.explanations], []
+    for (true, rival), left in sorted(expected.left.items()):
+        rows.append((names[true], names[rival], f"{left:.3g}", percent(expected.power(true, rival))))
     options.print_table(("if the cause is", "rejected", ">what it leaves (T)", ">probability"), rows, wrapped=0)
     click.echo(f"\n{percent(expected.probability)} expected: all but the true cause are rejected")
     click.echo(f"{percent(best.random)} promised by a random motion as long, the median of those that were tried")
     if expected.probability < ENOUGH:
         click.echo(f"{click.style('note', fg='yellow')}    {ADVICE}")
-    rows = [
-        (name, *(" to ".join(in_words(x, unit) for x in pair) for pair in pairs))
-        for name, unit, *pairs in best.safety.spans(contest.records(best.reference))
-    ]
     click.echo()
+    rows = []
+    for name, unit, *pairs in best.safety.spans(contest.records(best.reference)):
+        rows.append((name, *(" to ".join(in_words(x, unit) for x in pair) for pair in pairs)))
     options.print_table(("signal", ">on any explanation", ">allowed"), rows)
     if best.size < 1.0:
         click.echo(f"made smaller, to {percent(best.size)}, so that no signal leaves its range")

@@ -1,19 +1,16 @@
 """`exodrake grasp`: a grasp mode and an object's size to tensions, run in the Diagram with the estimator listening."""
 
-from __future__ import annotations
-
+import json
+from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 import exodrake as exo
 from exodrake.cli import options
 from exodrake.core.errors import InputError
-
-if TYPE_CHECKING:
-    from exodrake.estimator.gp import Estimator
-    from exodrake.grasping.plan import Plan
+from exodrake.core.files import check_folder
 
 ESTIMATOR = "estimator.npz"
 RECORDINGS = {  # name -> posture that it shows, and the columns that it is in
@@ -38,30 +35,43 @@ def command(mode: str, size: str, file: Path | None, robot: str, seed: int, out:
     and, without --estimator, the estimator.npz it trained. For a grasp out of reach the nearest one that the tendons
     hold is shown.
     """
-    from exodrake.core.files import check_folder
-    from exodrake.estimator.gp import load, quick_estimator
-    from exodrake.grasping.plan import at_hold, run_plan
+    import numpy as np
+
+    from exodrake.diagrams import meshcat
+    from exodrake.estimator import gp
+    from exodrake.grasping.plan import at_hold, grasp_figure, run_plan
 
     built, wanted = exo.load_robot(robot), parse_size(size)
     options.refuse_others("grasp", built, "finger.length")
-    listening = load(file) if file else None
+    listening = gp.load(file) if file else None
     with options.waiting("planning (the statics compile first)") as say:
         plan = exo.plan_grasp(mode, wanted, built)
         folder = out or Path("grasps") / f"{plan.mode}-{1e3 * plan.size:g}mm"
         check_folder(folder)
         if listening is None:
             say("training an estimator on simulated sweeps")
-            listening = quick_estimator(built.without_effects(), folder / ESTIMATOR)
+            listening = gp.quick_estimator(built.without_effects(), folder / ESTIMATOR)
         say("simulating the Diagram")
         log = run_plan(plan, built, listening, seed)
         say("drawing")
-        contents = make_files(plan, log, built, None if file else listening)
-        options.write_together(folder, {"log.csv": log, **contents})
+        width = WIDTH if plan.mode == "caging" else None
+        thing = meshcat.Thing((plan.centre[0], -plan.centre[1]), plan.size / 2.0, width)
+        shown = log.with_array("angle_plan", plan.joints, np.tile(plan.planned, (len(log), 1)))
+        contents: dict[str, Any] = {
+            "log.csv": log,
+            "plan.json": json.dumps(asdict(plan), indent=1, allow_nan=False) + "\n",
+            "figure.png": grasp_figure(plan, log, built),
+        }
+        for name, (what, kind) in RECORDINGS.items():
+            title = f"{plan.mode.replace('-', ' ').capitalize()}, {1e3 * plan.size:g} mm, {what}"
+            contents[name] = meshcat.recording_html(shown, built, title, thing, kind)
+        if file is None:
+            contents[ESTIMATOR] = gp.estimator_bytes(listening)
+        options.write_together(folder, contents)
     click.echo(f"{plan.mode}  {1e3 * plan.size:g} mm {'feasible' if plan.feasible else 'not feasible'}")
     click.echo(f"fingertip at x {1e3 * plan.target[0]:.1f}, y {1e3 * plan.target[1]:.1f} mm (palmar) of the MCP")
     rows = []
-    reached = at_hold(log, "angle", plan.joints)
-    guess, deviation = at_hold(log, "angle_est", plan.joints), at_hold(log, "angle_std", plan.joints)
+    reached, guess, deviation = (at_hold(log, kind, plan.joints) for kind in ("angle", "angle_est", "angle_std"))
     for i, (tendon, joint) in enumerate(zip(plan.tendons, plan.joints)):
         angles = (f"{v:.3f}" for v in (plan.wanted[i], plan.planned[i], plan.shortfall[i], reached[i]))
         estimated = f"{guess[i]:.3f} ± {deviation[i]:.3f} rad"
@@ -70,30 +80,7 @@ def command(mode: str, size: str, file: Path | None, robot: str, seed: int, out:
     options.print_table(titles, rows)
     if not plan.feasible:
         click.secho(f"not feasible: {plan.reason}", fg="yellow", err=True)
-    click.echo(f"wrote {folder}/: log.csv, {', '.join(contents)}")
-
-
-def make_files(plan: Plan, log: exo.Log, robot: exo.Robot, trained: Estimator | None) -> dict[str, Any]:
-    """Contents of all files but the log; trained: an estimator to keep."""
-    import json
-    from dataclasses import asdict
-
-    import numpy as np
-
-    from exodrake.diagrams.meshcat import Thing, recording_html
-    from exodrake.estimator.gp import estimator_bytes
-    from exodrake.grasping.plan import grasp_figure
-
-    thing = Thing((plan.centre[0], -plan.centre[1]), plan.size / 2.0, WIDTH if plan.mode == "caging" else None)
-    shown = log.with_array("angle_plan", plan.joints, np.tile(plan.planned, (len(log), 1)))
-    title = f"{plan.mode.replace('-', ' ').capitalize()}, {1e3 * plan.size:g} mm"
-    contents = {
-        "plan.json": json.dumps(asdict(plan), indent=1, allow_nan=False) + "\n",
-        "figure.png": grasp_figure(plan, log, robot),
-    }
-    for name, (what, kind) in RECORDINGS.items():
-        contents[name] = recording_html(shown, robot, f"{title}, {what}", thing, kind)
-    return contents | ({} if trained is None else {ESTIMATOR: estimator_bytes(trained)})
+    click.echo(f"wrote {folder}/: {', '.join(contents)}")
 
 
 def parse_size(text: str) -> float:

@@ -6,6 +6,7 @@
 from pathlib import Path
 
 import click
+from rich.markup import escape
 
 import exodrake as exo
 from exodrake.cli import options
@@ -31,9 +32,7 @@ def kinematics(file: Path, out: Path, names: Path | None, cutoff: float, repair:
     Writes kinematics.csv, kinematics.md, kinematics.png and robot.yaml. The recording begins with the finger straight
     and still for 1 s.
     """
-    from exodrake.identification.kinematics import markers
-    from exodrake.identification.kinematics.identify import identify
-    from exodrake.identification.kinematics.report import length_rows, make_report, table_rows
+    from exodrake.identification.kinematics import identify, markers, report
 
     recording = markers.read_markers(file)
     layout = markers.read_layout(names) if names else markers.Layout()
@@ -43,13 +42,17 @@ def kinematics(file: Path, out: Path, names: Path | None, cutoff: float, repair:
         for swap in swaps:
             click.echo(f"exchanged {swap.names[0]} and {swap.names[1]} in frames {swap.first} to {swap.last}")
     with options.waiting("adjusting axes to the markers"):
-        found = identify(recording, layout, cutoff or None)
-        files = options.write_together(out, make_report(found))
-    rows = [(joint, axis, f"{a} ± {c}", f"{b} ± {d}", rmse) for joint, axis, a, c, b, d, rmse in table_rows(found)]
+        found = identify.identify(recording, layout, cutoff or None)
+        files = options.write_together(out, report.make_report(found))
+    rows = [
+        (joint, axis, f"{a} ± {c}", f"{b} ± {d}", rmse) for joint, axis, a, c, b, d, rmse in report.table_rows(found)
+    ]
     click.echo(f"joint centres of {Path(found.source).name}: centre = gradient x angle + intercept")
     options.print_table(("joint", "axis", ">gradient \\[mm/rad]", ">intercept \\[mm]", ">RMSE \\[mm]"), rows)
     ranges = ["{:.2f} to {:.2f}".format(*joint.range) for joint in found.joints]
-    lengths = [(j, span, bone, f"{mm} ± {half}") for span, (j, bone, mm, half) in zip(ranges, length_rows(found))]
+    lengths = [
+        (j, span, bone, f"{mm} ± {half}") for span, (j, bone, mm, half) in zip(ranges, report.length_rows(found))
+    ]
     options.print_table(("joint", ">flexion \\[rad]", "phalanx", ">length \\[mm]"), lengths)
     for remark in found.remarks:
         click.echo(f"note: {remark}")
@@ -65,10 +68,7 @@ def kinematics(file: Path, out: Path, names: Path | None, cutoff: float, repair:
 @click.option("--dropouts", type=float, default=0.0, show_default=True, help="Gaps per marker and minute.")
 @click.option("--swap", nargs=2, help="Two markers that exchange names for half a second in the middle.")
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True)
-def synthesise(
-    file: Path, duration: float, rate: float, noise: float, artefact: float, dropouts: float,
-    swap: tuple[str, str] | None, seed: int,
-) -> None:  # fmt: skip
+def synthesise(file, duration, rate, noise, artefact, dropouts, swap, seed) -> None:
     """Write a synthetic 14-marker recording, CSV or C3D by its name, and its truth into FILE.truth.yaml."""
     from exodrake.identification.kinematics import markers
 
@@ -117,8 +117,6 @@ def find_workspace(robot: str, out: Path, samples: int, steps: int, seed: int) -
 
     Writes workspace.csv and workspace.png; `make paper` compares them with the paper's Table 2.
     """
-    from rich.markup import escape
-
     from exodrake.identification.workspace import HEAD, SPONTANEOUS, areas, areas_csv, solve_assisted, workspace_figure
 
     loaded = exo.load_robot(robot)
@@ -153,8 +151,6 @@ def fit_parameters(cases, free, bounds, held_out, prediction, file, parameters, 
     frees each channel; names in one text, separated by blanks, move together. --effect puts an effect into the robot
     whose parameters may be fitted.
     """
-    from rich.markup import escape
-
     from exodrake.machines.robot_file import robot_text
 
     limits = {}

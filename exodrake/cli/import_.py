@@ -3,11 +3,13 @@
 from pathlib import Path
 
 import click
+from rich.markup import escape
 
 import exodrake as exo
 from exodrake.cli.options import DEFAULT, MACHINE, AnyPath, print_table, register_machine, write_files
 from exodrake.core.errors import InputError
-from exodrake.machines.library import machine_folders, machine_named, recorded_machines
+from exodrake.core.files import read_bytes
+from exodrake.machines.library import machine_folders, machine_named, reader, recorded_machines
 
 FILE = {"type": AnyPath(), "default": None, "metavar": "FILE"}
 MAPPING = "mapping.yaml"  # in the folder of a machine
@@ -25,10 +27,7 @@ MAPPING = "mapping.yaml"  # in the folder of a machine
 @click.option("--episodes", default="", metavar="0,2,...", help="Of a LeRobot data set [all].")
 @click.option("--out", **FILE, help="Log to write; its ending is the format. Another name: the folder of a case.")
 @click.pass_context
-def command(
-    context: click.Context, recordings: tuple[Path, ...], map_file: Path | None, known: str | None, unit: str,
-    episodes: str, out: Path | None,
-) -> None:  # fmt: skip
+def command(context, recordings, map_file, known, unit, episodes, out) -> None:
     """Turn RECORDINGs into a log, or a case of several logs, in our names and SI; without --out list what they hold.
 
     Text, MAT (structs, version 7.3 too), HDF5, JSON, NPY, NPZ, Parquet, ROS 2 bags (MCAP, SQLite), MCAP with JSON
@@ -45,10 +44,8 @@ def command(
       angle_speed_MCP: {of: angle_MCP, take: rate, filter: 8}
     period: 0.02       # optional: frames of this length [s]
     """  # noqa: D301 - click reads the character \b
-    from exodrake.data.case import notes_name
-    from exodrake.data.formats import ending, find_format
+    from exodrake.data import case as cases, formats
     from exodrake.data.import_log import Imported, frame_period, import_all, read_mapping
-    from exodrake.machines.library import reader
 
     if out is None:
         for recording in recordings:
@@ -57,7 +54,7 @@ def command(
     if known is not None:
         if map_file or len(recordings) > 1:
             raise InputError("--from reads one set, without --map")
-        case = reader(known)(next(iter(recordings)))
+        case = reader(known)(recordings[0])
         exo.write_case(case, out)
         click.echo(f"{out}: {len(case.logs)} logs; exodrake diagnose {out} --robot {known}")
         return
@@ -76,11 +73,11 @@ def command(
                 raise InputError(f"{recording}: there is a log {name!r} already")
             logs[name] = item
     first = next(iter(logs.values()))
-    if ending(out) or out.suffix:
-        find_format(out)
+    if formats.ending(out) or out.suffix:
+        formats.find_format(out)
         if len(logs) > 1:
             raise InputError(f"{out}: {len(logs)} logs, wanted the folder of a case, or --episodes with one number")
-        notes = {out.with_name(notes_name(out)): "\n".join((*first.notes, ""))} if first.notes else {}
+        notes = {out.with_name(cases.notes_name(out)): "\n".join((*first.notes, ""))} if first.notes else {}
         write_files({out: first.log, **notes}, announce=False)
     else:
         roles = dict.fromkeys(logs, "fit") | ({list(logs)[-1]: "holdout"} if len(logs) > 1 else {})
@@ -98,26 +95,22 @@ def command(
 
 def list_contents(recording: Path) -> None:
     """Prints the columns of a recording, or the topics of a bag, as a mapping file names them."""
-    from rich.markup import escape
-
-    from exodrake.core.files import read_bytes
+    from exodrake.data import ros2, tables
     from exodrake.data.import_log import refuse_folder
-    from exodrake.data.ros2 import is_bag, read_topics
-    from exodrake.data.tables import episodes, is_dataset, list_columns
 
     rows = []
-    if is_bag(recording):
+    if ros2.is_bag(recording):
         unknown = "cannot be decoded: neither JSON nor a ROS 2 message with its definition"
-        for topic, (kind, count, fields) in read_topics(recording).items():
+        for topic, (kind, count, fields) in ros2.read_topics(recording).items():
             rows.append((escape(topic), kind, str(count), unknown if fields is None else escape(", ".join(fields))))
         print_table(("topic", "type", ">messages", "fields: column is TOPIC:FIELD"), rows, wrapped=3)
         return
-    if is_dataset(recording):
-        name, columns = next(episodes(recording))
+    if tables.is_dataset(recording):
+        name, columns = next(tables.episodes(recording))
         click.echo(f"LeRobot data set, {name}")
     else:
         refuse_folder(recording)
-        columns = list_columns(read_bytes(recording), str(recording))
+        columns = tables.list_columns(read_bytes(recording), str(recording))
     for name, values in columns.items():
         known = values[values == values]
         ends = [f"{value:.6g}" for value in (known.min(), known.max())] if len(known) else ["", ""]

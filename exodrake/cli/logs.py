@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+import csv
+import io
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -24,7 +26,7 @@ if TYPE_CHECKING:
 @click.option("--out", type=options.AnyPath(), help="File to write [LOG with .html].")
 @click.option("--estimated", is_flag=True, help="Show the estimated joint angles, not the measured ones.")
 @click.option("--open", "show", is_flag=True, help="Open the file in the browser.")
-def show_log(log: Path, robot: str, out: Path | None, estimated: bool, show: bool) -> None:
+def show_log(log, robot, out, estimated, show) -> None:
     """Write LOG as HTML with the moving robot, its tendons coloured by tension.
 
     LOG is a log file, or a folder that `exodrake simulate` wrote.
@@ -48,7 +50,7 @@ def show_log(log: Path, robot: str, out: Path | None, estimated: bool, show: boo
 @click.option("--out", type=options.OutputFile("compare.png"), default=Path("compare.png"), show_default=True,
               help="Figure to write, or a folder for it.")  # fmt: skip
 @options.json_option
-def compare_logs(first: Path, second: Path, robot: str, out: Path, json_file: Path | str | None) -> None:
+def compare_logs(first, second, robot, out, json_file) -> None:
     """Overlay logs A and B, draw B less A below, and print RMS, mean and largest difference of each common signal.
 
     A and B are log files, or folders that `exodrake simulate` wrote. Where the clocks differ, B is read between its
@@ -91,10 +93,7 @@ def compare_logs(first: Path, second: Path, robot: str, out: Path, json_file: Pa
               help="Write a log as text with the names and units of this mapping file.")  # fmt: skip
 @click.option("--start", type=float, help="Of a log: leave out rows before this time [s].")
 @click.option("--end", type=float, help="Of a log: leave out rows from this time on [s].")
-def export_log(
-    subject: str, form: str | None, robot: str, out: Path, map_file: Path | None,
-    start: float | None, end: float | None,
-) -> None:  # fmt: skip
+def export_log(subject, form, robot, out, map_file, start, end) -> None:
     """Turn a LOG into .mcap (Foxglove, PlotJuggler), .parquet, .mat, .npz, .csv or .csv.gz, or a ROBOT into MJCF,
     URDF or actuators of Isaac Lab.
 
@@ -119,8 +118,7 @@ def export_log(
         raise InputError("a robot is exported with --mjcf, --urdf or --isaac; else name a log")
     table = exo.read_log(options.log_in(Path(subject)))
     first, last = float(table.time[0]), float(table.time[-1])
-    if start is not None or end is not None:
-        table = table.between(first if start is None else start, float("inf") if end is None else end)
+    table = table.between(first if start is None else start, float("inf") if end is None else end)
     if not len(table):
         raise InputError(f"{subject}: no rows between --start and --end (the log runs from {first:g} to {last:g} s)")
     data = owner_table(table, read_mapping(map_file), str(map_file)) if map_file else table
@@ -130,9 +128,6 @@ def export_log(
 
 def owner_table(log: exo.Log, mapped: Mapped, source: str) -> bytes:
     """A log as text with its owner's names, units and layout: a mapping read backwards; `wrap` stays continuous."""
-    import csv
-    import io
-
     import numpy as np
 
     from exodrake.model.units import to_si

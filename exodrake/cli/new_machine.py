@@ -8,6 +8,7 @@ import click
 
 from exodrake.cli.options import AnyPath
 from exodrake.core.errors import InputError, nearest
+from exodrake.core.files import is_file, read_bytes, write_folder
 
 SCAFFOLD, MOTOR_SCAFFOLD = Path(__file__).parent / "scaffold", Path(__file__).parent / "scaffold_motor"
 NAME = re.compile(r"[a-z][a-z0-9_]*")
@@ -15,13 +16,6 @@ CHANNEL = re.compile(r"[A-Za-z][A-Za-z0-9]*")
 FRAME = 0.02  # s, of servos on a bus: assumed
 TURN = 1.0  # rad either way that a protocol asks for until the owner says otherwise: assumed, a moderate motion
 SLOWEST = 10.0  # s, as the longest frame of a case
-# what the test of a machine of position servos injects, by --servo: effect, parameter and its size in words and in SI
-FAULTS = {
-    "ideal": {"name": "play", "effect": "servo.play", "parameter": "half_width", "size": "width", "value": 0.05},
-    "motor": {
-        "name": "dry_friction", "effect": "servo.coulomb_friction", "parameter": "force", "size": "force", "value": 0.1,
-    },
-}  # fmt: skip
 
 
 @click.command()
@@ -34,9 +28,7 @@ FAULTS = {
 @click.option("--urdf", default="", metavar="FILE", help="An arm: its URDF, or cable_arm, linear_axis, rotary_axis.")
 @click.option("--form", default=None, help="Of an arm: inverse, closed-loop or cable. [inverse]")
 @click.option("--tip", default="", metavar="LINK", help="Of an arm whose joints branch: its last link.")
-def command(
-    folder: Path, joints: str, servo: str | None, frame: float | None, urdf: str, form: str | None, tip: str
-) -> None:
+def command(folder, joints, servo, frame, urdf, form, tip) -> None:
     """Write FOLDER with a machine of position servos: machine.py, robot.yaml, mapping.yaml, a test and a README.
 
     With --servo ideal a joint takes its commanded position at once. With --servo motor it moves by the equation of
@@ -50,7 +42,6 @@ def command(
     make it yours. Nothing that exists is overwritten.
     """
     from exodrake import machines
-    from exodrake.core.files import write_folder
     from exodrake.machines.library import machine_folders
 
     name, step = folder.resolve().name, FRAME if frame is None else frame
@@ -77,7 +68,7 @@ def command(
         texts = arm_files(values, urdf, form or "inverse", tip, frame)
     else:
         ends = {key: by_joint(names, [turn] * len(names)) for key, turn in (("lowest", -TURN), ("highest", TURN))}
-        values |= {"joints": names, "frame": f"{step:g}", "fault": FAULTS[servo or "ideal"], **ends}
+        values |= {"joints": names, "frame": f"{step:g}", "servo": servo or "ideal", **ends}
         texts = fill_templates(values, *[MOTOR_SCAFFOLD] * (servo == "motor"), SCAFFOLD)
     files = write_folder(folder, texts)
     click.echo(f"{folder}: {', '.join(file.name for file in files)}")
@@ -118,7 +109,6 @@ WHAT = {
 
 def arm_files(values: dict[str, Any], urdf: str, form: str, tip: str, frame: float | None) -> dict[str, bytes]:
     """Contents of an arm's folder by file name. InputError for an unknown form, and for a URDF of no serial arm."""
-    from exodrake.core.files import is_file, read_bytes
     from exodrake.machines.serial_arm import FRAME, RATIO, cable_defaults, middle, typical_efforts, units
     from exodrake.machines.urdf import read_urdf
 

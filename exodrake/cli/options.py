@@ -6,6 +6,7 @@ diagnosis.json, robot.yaml. `--json` prints numbers, or writes them into the fil
 
 from __future__ import annotations
 
+import json
 import os
 import shlex
 from collections.abc import Callable, Mapping, Sequence
@@ -120,17 +121,17 @@ def json_option(command: Callable) -> Callable:
     )(command)  # fmt: skip
 
 
+def json_text(content: Any) -> str:
+    """Plain data as the text of a JSON file."""
+    return json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+
 def write_json(content: Any, target: Path | str | None, announce: bool = True) -> bool:
     """Print plain data as JSON, or write it; True if it was printed, and nothing else should be."""
-    import json
-
-    if target is None:
-        return False
-    text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False)
     if target == "-":
-        click.echo(text)
-    else:
-        write_files({Path(target): text + "\n"}, announce)
+        click.echo(json_text(content), nl=False)
+    elif target is not None:
+        write_files({Path(target): json_text(content)}, announce)
     return target == "-"
 
 

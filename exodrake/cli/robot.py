@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+from rich.markup import escape
 
 import exodrake as exo
 from exodrake.cli.options import DEFAULT, OutputFile, json_option, print_table, robot_option, write_files, write_json
@@ -26,8 +27,6 @@ def list_parameters(name: str, robot: str, only: str, json_file: Path | None) ->
 
     NAME is a machine or a robot file, as for --robot, or part of a parameter's name, as for --only.
     """
-    from rich.markup import escape
-
     from exodrake.machines.library import robot_yaml
     from exodrake.model.robot import alike, effect_in_words, implausible
 

@@ -8,13 +8,18 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 import click
+from rich.markup import escape
 
 import exodrake as exo
 from exodrake.cli import options
 from exodrake.core.errors import InputError
+from exodrake.core.files import check_folder, is_file
+from exodrake.core.progress import show_count
+from exodrake.core.schema import read_json, read_yaml
 
 if TYPE_CHECKING:
     from exodrake.simulation.scenario import Scenario
@@ -42,9 +47,7 @@ def command(protocol: str, reference: str, file: str, robot: str, out: Path | No
     `chirp:low=0.1,high=1.5`. For a wide pinch that bends the PIP by 0.4 rad: `--robot exo_index/wide_pinch`.
     """
     import numpy as np
-    from rich.markup import escape
 
-    from exodrake.core.files import check_folder
     from exodrake.model.display import find_display
 
     scenario = scenario_from(protocol, reference, file, robot, **changed)
@@ -94,7 +97,7 @@ def scenario_from(
     parts: tuple[str, ...], seed: int | None, no_noise: bool, no_quantisation: bool, engine: str,
 ) -> Scenario:  # fmt: skip
     """The scenario of the options; those given replace the file's, in the order variants, parameters, effects."""
-    from exodrake.simulation.scenario import Scenario, change_robot, embed_robot, read_scenario
+    from exodrake.simulation.scenario import Scenario, change_robot, read_scenario
 
     if protocol and reference:
         raise InputError("both a protocol and --reference: wanted one of them")
@@ -102,7 +105,9 @@ def scenario_from(
         raise InputError("nothing to follow: name a protocol or grasp mode (see --help), a --reference or a --scenario")
     scenario = read_scenario(file) if file else Scenario(protocol, reference)
     given: dict[str, Any] = {"protocol": protocol, "reference": reference} if protocol or reference else {}
-    given |= {"robot": embed_robot(robot)} if robot else {}
+    if robot:
+        exo.load_robot(robot)
+        given["robot"] = read_yaml(robot) if is_file(robot) else robot  # so that the scenario stands alone
     given |= {"seed": None if no_noise else seed} if seed is not None or no_noise else {}
     given |= {"quantisation": False} if no_quantisation else {}
     given |= {"engine": engine} if engine else {}
@@ -160,26 +165,20 @@ def warn(robot: exo.Robot) -> None:
         click.secho(f"note: {sentence}", fg="yellow", err=True)
 
 
-JOBS = {"the compiled simulator": "compiled", "the Drake leaves": "drake"}  # and the engine that uses them
-
-
 @click.command()
 def compile_kernels() -> None:
     """Compile the nominal robot's simulation into numba's cache; later sessions load it in a second or two."""
-    from time import perf_counter
-
     from exodrake.core.parallel import each
     from exodrake.engine.compose import compile_machine
+    from exodrake.simulation.simulate import ENGINES
 
-    start, left = perf_counter(), dict(enumerate(JOBS))
-    with options.waiting(f"compiling {', '.join(JOBS)}") as say:
+    start = perf_counter()
+    with options.waiting("compiling the simulator and the Drake leaves"):
         compile_machine(exo.load_robot().machine)  # writes the module, once for all processes
-        for outcome in each(use_engine, ((engine,) for engine in JOBS.values()), jobs=len(JOBS)):
-            name = left.pop(outcome.number)
+        for outcome in each(use_engine, ((engine,) for engine in ENGINES), jobs=len(ENGINES)):
             if outcome.reason:
-                raise RuntimeError(f"compiling {name} failed: {outcome.reason}\n{outcome.trace}")
-            say(f"compiled {name}; still {', '.join(left.values()) or 'nothing'}")
-    click.echo(f"compiled {', '.join(JOBS)} in {perf_counter() - start:.0f} s")
+                raise RuntimeError(f"engine {ENGINES[outcome.number]}: {outcome.reason}\n{outcome.trace}")
+    click.echo(f"compiled the simulator and the Drake leaves in {perf_counter() - start:.0f} s")
 
 
 def use_engine(engine: str) -> None:
@@ -219,8 +218,6 @@ def sweep_parameters(
     import numpy as np
 
     from exodrake.analysis.sweep import plot_sweep
-    from exodrake.core.progress import show_count
-    from exodrake.core.schema import read_json
 
     if bool(protocol) == bool(reference) or bool(over) + bool(robots) + bool(diagnosis) != 1:
         raise InputError("wanted a protocol or --reference, and one of --over, --robots and --diagnosis")

@@ -14,6 +14,7 @@ import click
 import exodrake as exo
 from exodrake.cli import options
 from exodrake.core.errors import InputError
+from exodrake.core.files import is_file
 
 ABOVE = click.FloatRange(min=0.0, min_open=True)
 
@@ -129,7 +130,6 @@ def find_commands(wanted: str, robot: str, out: Path, map_file: Path | None) -> 
 
     from exodrake.analysis.feedforward import feedforward
     from exodrake.cli.logs import owner_table
-    from exodrake.core.files import is_file
     from exodrake.data.formats import find_format
     from exodrake.data.import_log import read_mapping
     from exodrake.model.display import find_display

@@ -66,9 +66,7 @@ def command(log: Path, robot: str, until_idle: float | None, map_file: Path | No
 @click.option("--out", "--write", "out", type=OutputFile("alarm_limits.yaml"), default=None,
               help="The machine's folder, where `watch` finds alarm_limits.yaml, or a file.")  # fmt: skip
 @where_to_run
-def find_alarm_limits(
-    robot: str, seed: int, robots: int, minutes: float, out: Path | None, jobs: int, cluster: str | None
-) -> None:
+def find_alarm_limits(robot, seed, robots, minutes, out, jobs, cluster) -> None:
     """Find gaps that healthy robots stay below, from simulated ones at work whose parameters lie within tolerance."""
     import numpy as np
     import yaml

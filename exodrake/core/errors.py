@@ -79,9 +79,9 @@ def printable(text: str) -> str:
     return text if text.isprintable() else "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
 
 
-def shorten(text: str, most: int = MAX_MESSAGE, tail: int = TAIL) -> str:
+def shorten(text: str, most: int = MAX_MESSAGE) -> str:
     """Text of at most so many characters: what is longer loses its middle."""
-    return text if len(text) <= most else f"{text[: most - tail - 5]} ... {text[-tail:]}"
+    return text if len(text) <= most else f"{text[: most - TAIL - 5]} ... {text[-TAIL:]}"
 
 
 def nearest(word: str, words: list[str]) -> str:

@@ -149,7 +149,7 @@ def each(
                     else:
                         retries.append((number, task))
     except CancelledError:  # a cluster cancels what it can no longer run
-        raise workers.lost() from None
+        raise InputError(workers.lost) from None
     finally:
         workers.close()
 
@@ -180,6 +180,8 @@ def attempt(function: Callable[..., Any], task: tuple, alone: bool = True) -> tu
 class LokyWorkers:
     """Processes on this machine; loky starts new ones in place of those that a crash, or their size, has ended."""
 
+    lost = "the worker processes were ended; what was done until then is kept"
+
     def __init__(self, jobs: int) -> None:
         self.jobs = jobs
         warnings.filterwarnings("ignore", GROWN, UserWarning)
@@ -195,10 +197,6 @@ class LokyWorkers:
                 return self.find_executor().submit(*call)
             except BrokenExecutor:  # a worker crashed between the two calls
                 return self.find_executor().submit(*call)
-
-    def lost(self) -> InputError:
-        """Error to raise when no more tasks are taken."""
-        return InputError("the worker processes were ended; what was done until then is kept")
 
     def close(self) -> None:
         """End the tasks in flight and release the workers; loky's thread, which waits for them, prints no traceback."""
@@ -240,7 +238,7 @@ class DaskWorkers:
         except (OSError, ValueError) as error:
             raise InputError(f"--cluster {address}: no Dask scheduler answers ({error})") from None
         logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # `lost` says it in one line
-        self.address = address
+        self.lost = f"--cluster {address}: the scheduler has gone; what was done until then is kept"
         self.executor = self.client.get_executor(pure=False)
 
     def capacity(self) -> int:
@@ -248,16 +246,12 @@ class DaskWorkers:
         try:
             workers: Any = self.client.nthreads()
         except OSError:
-            raise self.lost() from None
+            raise InputError(self.lost) from None
         return QUEUED * max(1, len(workers))
 
     def submit(self, *call: Any) -> Future:
         """Start a call."""
         return self.executor.submit(*call)
-
-    def lost(self) -> InputError:
-        """Error to raise when no more tasks are taken."""
-        return InputError(f"--cluster {self.address}: the scheduler has gone; what was done until then is kept")
 
     def close(self) -> None:
         """End the tasks in flight and release the workers."""

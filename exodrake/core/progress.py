@@ -6,7 +6,6 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from enum import Enum
-from functools import partial
 from typing import Any
 
 import click
@@ -43,12 +42,11 @@ def show_bar(*columns: str, transient: bool = False) -> Any:
     from rich.console import Console
 
     known = {
-        "spinner": rich.SpinnerColumn, "bar": rich.BarColumn, "short bar": partial(rich.BarColumn, bar_width=28),
-        "count": rich.MofNCompleteColumn, "elapsed": rich.TimeElapsedColumn, "remaining": rich.TimeRemainingColumn,
+        "spinner": rich.SpinnerColumn(), "bar": rich.BarColumn(), "count": rich.MofNCompleteColumn(),
+        "elapsed": rich.TimeElapsedColumn(), "remaining": rich.TimeRemainingColumn(),
     }  # fmt: skip
-    made = [known.get(name, partial(rich.TextColumn, name))() for name in columns]
-    console = Console(stderr=True)
-    return rich.Progress(*made, console=console, transient=transient, disable=not sys.stderr.isatty())
+    made, hidden = [known.get(name, name) for name in columns], not sys.stderr.isatty()
+    return rich.Progress(*made, console=Console(stderr=True), transient=transient, disable=hidden)
 
 
 @contextmanager
@@ -65,7 +63,7 @@ def stages(spent: dict[Stage, float] | None = None) -> Iterator[StageProgress]:
 
     `spent` takes the processor time [s] of each stage, whole at the end of the context.
     """
-    with show_bar("spinner", "short bar", "elapsed", "{task.description}", transient=True) as bar:
+    with show_bar("spinner", "bar", "elapsed", "{task.description}", transient=True) as bar:
         task, done, times = bar.add_task("reading", total=100), 0.0, {} if spent is None else spent
         current, began = Stage.CHECK, time.process_time()
 

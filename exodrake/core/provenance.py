@@ -23,25 +23,21 @@ ASIDE = ("diagnosis/healthy.py", "diagnosis/calibra", "data/plot.py", "model/dis
 def configuration() -> dict[str, str]:
     """Version of the package, and first digits of the SHA-256 of the code and numbers that find answers."""
     folders = [*(PACKAGE / name for name in ANSWERING), *plugins.folders()]
-    return {"version": __version__, "code": digest(tuple(file for place in folders for file in source_files(place)))}
-
-
-def source_files(place: Path) -> tuple[Path, ...]:
-    """Python and YAML files that bear on an answer, sorted: the file itself, or all below a folder."""
-    found = [place] if place.is_file() else sorted([*place.rglob("*.py"), *place.rglob("*.yaml")])
-    return tuple(file for file in found if not shorten_path(file).startswith(ASIDE) and file.name != "calibration.yaml")
-
-
-def shorten_path(file: Path) -> str:
-    """A file's path in the package, or its last two parts outside."""
-    return (file.relative_to(PACKAGE) if file.is_relative_to(PACKAGE) else Path(*file.parts[-2:])).as_posix()
+    return {"version": __version__, "code": digest(*folders)}
 
 
 @cache
-def digest(files: tuple[Path, ...]) -> str:
-    """First 12 hexadecimal digits of the SHA-256 of names and contents."""
-    whole = b"".join(shorten_path(file).encode() + b"\0" + file.read_bytes() + b"\0" for file in files)
-    return hashlib.sha256(whole).hexdigest()[:DIGITS]
+def digest(*folders: Path) -> str:
+    """First 12 hexadecimal digits of the SHA-256 of names and contents of the Python and YAML files in folders.
+
+    Names are paths in the package, or the last two parts of others; files without bearing on an answer are left out.
+    """
+    whole = hashlib.sha256()
+    for file in (file for folder in folders for file in sorted([*folder.rglob("*.py"), *folder.rglob("*.yaml")])):
+        name = (file.relative_to(PACKAGE) if file.is_relative_to(PACKAGE) else Path(*file.parts[-2:])).as_posix()
+        if not name.startswith(ASIDE) and file.name != "calibration.yaml":
+            whole.update(name.encode() + b"\0" + file.read_bytes() + b"\0")
+    return whole.hexdigest()[:DIGITS]
 
 
 def robot_digest(robot: Robot) -> str:

@@ -9,12 +9,11 @@ import json
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from difflib import get_close_matches
 from itertools import takewhile
 from pathlib import Path
 from typing import Any, Concatenate
 
-from exodrake.core.errors import InputError
+from exodrake.core.errors import InputError, nearest
 from exodrake.core.files import read_bytes
 
 MAX_JSON = 200_000_000  # bytes, a thousand times the longest answer
@@ -22,7 +21,8 @@ MAX_BYTES = 4_000_000  # of YAML, a hundred times the longest robot file
 MAX_DEPTH = 20  # nested mappings and lists; a scenario with a robot in it has 7
 BREAKS = "\x85\u2028\u2029\ufeff"  # line breaks and marks of Unicode that must be escaped
 MAX_DIGITS = 4000  # Python converts no longer integers
-CONSTANTS = {"": None, "~": None, "true": True, "false": False, "null": None}
+CONSTANTS: dict[str, Any] = dict.fromkeys(("", "~", "null", "Null", "NULL"))
+CONSTANTS |= dict.fromkeys(("true", "True", "TRUE"), True) | dict.fromkeys(("false", "False", "FALSE"), False)
 INTEGER = re.compile(r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+")
 FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
 SPECIAL = re.compile(r"[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
@@ -135,8 +135,8 @@ def _node(event: Any, events: Iterator[Any], source: str, depth: int) -> Any:
 
 def _scalar(text: str) -> Any:
     """A plain scalar by the core schema of YAML 1.2; a number too large for its type stays text."""
-    if text in CONSTANTS or text in ("True", "TRUE", "False", "FALSE", "Null", "NULL"):
-        return CONSTANTS[text.lower()]
+    if text in CONSTANTS:
+        return CONSTANTS[text]
     if INTEGER.fullmatch(text) and len(text) < MAX_DIGITS:
         return int(text, {"0o": 8, "0x": 16}.get(text[:2], 10))
     if FLOAT.fullmatch(text) and math.isfinite(float(text)):
@@ -251,9 +251,8 @@ def mapping(value: Any, where: str, known: Mapping[str, Schema], required: Seque
         raise refusal(where, f"wanted keys and values ({', '.join(known)}), found {quote(value)}")
     for key in value:
         if key not in known:
-            near = get_close_matches(str(key), list(known), n=1)
-            hint = f"did you mean {near[0]!r}?" if near else f"known keys: {', '.join(known)}"
-            raise refusal(where, f"unknown key {quote(str(key))}; {hint}")
+            hint = nearest(str(key), list(known)) or f"; known keys: {', '.join(known)}"
+            raise refusal(where, f"unknown key {quote(str(key))}{hint}")
     for key in required:
         if value.get(key) is None:
             raise refusal(where, f"key {key!r} is missing")

@@ -40,11 +40,16 @@ def shown_unit(si: str, unit: str = "") -> tuple[str, float]:
     return (si, 1.0) if name == si or found is None else (name, float(found.denominator / found.numerator))
 
 
+def with_unit(number: str, unit: str) -> str:
+    """A printed number with its unit; no space before a degree sign."""
+    symbol = SYMBOLS.get(unit, unit)
+    return f"{number}{'' if symbol.startswith('°') else ' '}{symbol}".rstrip()
+
+
 def in_words(value: float, si: str) -> str:
     """A quantity [SI] in the unit shown: 0.002, "m" -> `2 mm`."""
     unit, factor = shown_unit(si)
-    symbol = SYMBOLS.get(unit, unit)
-    return f"{factor * value:.4g}{'' if symbol.startswith('°') else ' '}{symbol}".rstrip()
+    return with_unit(f"{factor * value:.4g}", unit)
 
 
 def percent(fraction: float) -> str:

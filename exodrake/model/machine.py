@@ -221,6 +221,7 @@ class Machine:
         resting: column kind of an effort -> that of the speed without which dry friction may hold any effort.
         settling: s from the start of a log after which samples count, where motion goes on that the log does not tell.
         nominal: the machine without variants that this one was made from; None if this one has no variants.
+        machines: those made from this one, by names of their variants, so that each is compiled once.
 
     Examples:
         >>> import exodrake as exo
@@ -260,7 +261,8 @@ class Machine:
     recorded: Mapping[str, Callable[[Mapping[str, float]], float]] = field(default_factory=dict)
     resting: Mapping[str, str] = field(default_factory=dict)
     settling: float = 0.0
-    nominal: Machine | None = None  # the machine without variants that this one was made from
+    nominal: Machine | None = None
+    machines: dict[tuple[str, ...], Machine] = field(default_factory=dict, init=False, compare=False)
 
     def __post_init__(self) -> None:
         """Checks signals, schedule and effects. InputError names the machine and what is wrong."""
@@ -292,11 +294,11 @@ class Machine:
         for effect in self.effects:
             if ids.count(effect.id) > 1:
                 raise InputError(f"{self.name}: two effects have the id {effect.id!r}")
-            for point in (point for point in effect.at if point not in points):
-                hint = nearest(point, list(points))
-                raise InputError(f"{effect.id} acts at {point!r}, which {self.name} lacks{hint}")
-            parts = sorted({points[point].name for point in effect.at})
-            if len(parts) > 1:
+            for point in effect.at:
+                if point not in points:
+                    hint = nearest(point, list(points))
+                    raise InputError(f"{effect.id} acts at {point!r}, which {self.name} lacks{hint}")
+            if len(parts := sorted({points[point].name for point in effect.at})) > 1:
                 raise InputError(f"{effect.id} acts on {' and '.join(parts)}; an effect acts on one part only")
 
     def __repr__(self) -> str:
@@ -407,11 +409,6 @@ class Machine:
     def variant_names(self) -> tuple[str, ...]:
         """Names of the variants in use."""
         return tuple(name for name, (point, _) in self.variants_available.items() if point in self.variants)
-
-    @cached_property
-    def varied(self) -> dict[tuple[str, ...], Machine]:
-        """Machines made from this one by `Robot.with_part`, so that each is compiled once."""
-        return {}
 
 
 def stack[K](widths: Mapping[K, int]) -> dict[K, slice]:

@@ -58,8 +58,7 @@ def alike(robot: Robot) -> Iterator[tuple[str, tuple[str, ...], StatedParameter]
         own = any(channel in axis for axis in robot.machine.axes)
         key = (name if own else one.name, one.value, one.low, one.high, one.source)
         rows.setdefault(key, ([], one))[0].extend([channel] * own)
-    for (name, *_), (channels, one) in rows.items():
-        yield name, tuple(channels), one
+    yield from ((name, tuple(channels), one) for (name, *_), (channels, one) in rows.items())
 
 
 def effect_in_words(robot: Robot, identity: str) -> str:
@@ -204,22 +203,20 @@ class Robot:
                 initial values where left out.
             channels: channels it sits on; all if empty.
         """
-        effect = self.machine.effect(identity)
-        given = dict(parameters or {})
-        known = {p.name for p in effect.parameters}
+        effect, given = self.machine.effect(identity), dict(parameters or {})
+        known = sorted(p.name for p in effect.parameters)
         for name in given:
             if name not in known:
-                raise InputError(f"{identity} has no parameter {name!r}{nearest(name, sorted(known))}")
+                raise InputError(f"{identity} has no parameter {name!r}{nearest(name, known)}")
         values, wanted = self.values.copy(), check_channels(self.machine, effect, channels)
         for parameter in effect.parameters:
             value = given.get(parameter.name, parameter.initial)
             if isinstance(value, Mapping):
                 check_channels(self.machine, effect, (channel for channel in value if channel))
-            indices = self.machine.effect_indices(identity, parameter.name)
-            for channel in wanted if parameter.axis else [""]:
-                one = value.get(channel, parameter.null) if isinstance(value, Mapping) else value
-                i = indices[channel]
-                values[i] = quantity(one, parameter.unit, self.machine.parameters[i].name)
+            for channel, i in self.machine.effect_indices(identity, parameter.name).items():
+                if channel in wanted or not parameter.axis:
+                    one = value.get(channel, parameter.null) if isinstance(value, Mapping) else value
+                    values[i] = quantity(one, parameter.unit, self.machine.parameters[i].name)
         return replace(self, values=values)
 
     def without_effects(self) -> Robot:
@@ -247,11 +244,10 @@ class Robot:
         """Lowest and highest reference, (channels,) arrays [SI]; without stated limits 0 and infinity."""
         channels = self.machine.channels(self.machine.references[0].signal)
         low, high = self.machine.reference_limits or ("", "")
-        for channel in channels if high else ():
-            if channel not in self.limits.get(high, {}):
-                raise InputError(f"{self.source or self.machine.name}: no limit {high}.{channel}")
-        lowest = [self.limits.get(low, {}).get(channel, 0.0) for channel in channels]
-        return np.array(lowest), np.array([self.limits.get(high, {}).get(channel, math.inf) for channel in channels])
+        lowest, highest = self.limits.get(low, {}), self.limits.get(high, {})
+        if high and (lacking := [channel for channel in channels if channel not in highest]):
+            raise InputError(f"{self.source or self.machine.name}: no limit {high}.{lacking[0]}")
+        return np.array([lowest.get(c, 0.0) for c in channels]), np.array([highest.get(c, math.inf) for c in channels])
 
     def with_part(self, name: str) -> Robot:
         """The robot with one more variant of a part; InputError with the machine's variants for an unknown one."""
@@ -261,10 +257,10 @@ class Robot:
             raise InputError(f"unknown part {name!r}{nearest(name, known)}; {there}")
         base = machine.nominal or machine
         chosen = tuple(n for n in known if n == name or n in machine.variant_names)
-        if chosen not in base.varied:
+        if chosen not in base.machines:
             variants = dict(machine.variants_available[n] for n in chosen)
-            base.varied[chosen] = replace(base, variants=variants, nominal=base)
-        return replace(self, machine=base.varied[chosen])
+            base.machines[chosen] = replace(base, variants=variants, nominal=base)
+        return replace(self, machine=base.machines[chosen])
 
 
 def refuse_negative(robot: Robot) -> Robot:

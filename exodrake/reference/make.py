@@ -19,7 +19,7 @@ from exodrake.core.errors import InputError
 from exodrake.core.files import write_text
 from exodrake.core.parallel import each
 from exodrake.core.progress import Count, no_progress
-from exodrake.core.provenance import digest, source_files
+from exodrake.core.provenance import digest
 from exodrake.data.case import FILE, Case, CaseLog, write_case
 from exodrake.data.log import Log
 from exodrake.reference.answers import COMMITMENT, write_committed
@@ -164,7 +164,7 @@ def make(
     if (folder / COMMITMENT).exists():
         raise InputError(f"{folder}: already committed; a committed set is not made over")
     folder.mkdir(parents=True, exist_ok=True)
-    code, mark = digest(source_files(Path(__file__).parent)), folder / MARK
+    code, mark = digest(Path(__file__).parent), folder / MARK
     stamp = hashlib.sha256(f"{seed} {cases} {mixes} {code}".encode()).hexdigest()  # of what the set follows from
     if mark.is_file():
         if mark.read_text().strip() != stamp:

@@ -79,10 +79,10 @@ class SimulatedLogs:
     logs: tuple[SimulatedLog, ...]
 
     @property
-    def judged(self) -> tuple[SimulatedLog, ...]:
+    def closure_logs(self) -> tuple[SimulatedLog, ...]:
         """Logs that the closure is measured on; none where no column is compared."""
-        judged = {trial.name for trial in self.problem.judged}
-        return tuple(log for log in self.logs if log.trial.name in judged) if self.problem.columns else ()
+        names = {trial.name for trial in self.problem.judged}
+        return tuple(log for log in self.logs if log.trial.name in names) if self.problem.columns else ()
 
     @property
     def period(self) -> float:
@@ -129,7 +129,7 @@ def how_far(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
         | {"overall": closed.get(key), "effect": step.get(key)}
         for key, name, rms in rows
     ]
-    gaps, titles = {found.kind: found for found in w.kind_gaps(diagnosis)}, w.robot_titles(diagnosis)
+    gaps, titles = w.kind_gaps(diagnosis), w.robot_titles(diagnosis)
     header = ("Signal", *titles, "Noise std", f"{titles[-1]} / noise std", *(["Closure"] if len(robots) > 1 else []))
 
     def gap_row(title: str, gap: SignalGap, unit: str) -> tuple[str, ...]:
@@ -142,19 +142,24 @@ def how_far(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
     rows = []  # of each signal, behind a fold
     for name, gap in closure.signals.items():
         kind, channel = split_column(name, diagnosis.machine)
-        rows.append(gap_row(f"{gaps[kind].display.label} {channel}", gap, gaps[kind].display.unit))
-    totals = [gap_row(k.display.label, k.gap, k.display.unit) for k in gaps.values()]
+        display, _ = gaps[kind]
+        rows.append(gap_row(f"{display.label} {channel}", gap, display.unit))
+    totals = [gap_row(display.label, gap, display.unit) for display, gap in gaps.values()]
     tables = [Table(header, totals), Table(header, rows, folded=f"Each of the {len(rows)} signals")]
     answer: dict[str, Any] = {"errors": errors, "curves": None, "gaps": tables, "spectrum": None}
-    if not runs.judged:
+    if not runs.closure_logs:
         return answer
     with blocks.house_style():  # a panel of spectra for each kind of signal, each robot in its style
         figure = new_figure(9.6, 2.35)
         panels = figure.subplots(1, len(runs.kinds), sharey=True, squeeze=False)[0]
         white = 2.0 * runs.period  # density of white noise of unit variance up to the Nyquist frequency
         for axes, kind in zip(panels, runs.kinds):
-            for robot, style in drawn.items():
-                frequency, power = spectra(runs, robot, kind)
+            indices = [i for i, (own, _) in enumerate(runs.parts) if own == kind]
+            for robot, style in drawn.items():  # mean of Welch's estimates over the logs; some may be shorter
+                columns = [np.nan_to_num(log.residuals[robot][:, i]) for log in runs.closure_logs for i in indices]
+                found = [welch(c, 1.0 / runs.period, nperseg=max(SHORTEST, len(c) // SECTIONS)) for c in columns]
+                frequency = min((frequency for frequency, _ in found), key=len)
+                power = np.mean([power for _, power in found if len(power) == len(frequency)], axis=0)
                 axes.loglog(frequency[1:], power[1:], **style)
             axes.axhline(white, color=SOFT, lw=0.9, ls=":")
             axes.set(title=runs.display(kind).label, xlabel="Frequency [Hz]")
@@ -164,15 +169,6 @@ def how_far(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
     return answer | {"curves": curves(runs, list(drawn)), "spectrum": Drawing(svg, wide=True)}
 
 
-def spectra(runs: SimulatedLogs, robot: str, kind: str) -> tuple[np.ndarray, np.ndarray]:
-    """Frequency [Hz] and mean power density [1/Hz] (Welch) of normalised residuals of one kind, over judged logs."""
-    indices = [i for i, (own, _) in enumerate(runs.parts) if own == kind]
-    columns = [np.nan_to_num(log.residuals[robot][:, i]) for log in runs.judged for i in indices]
-    found = [welch(c, 1.0 / runs.period, nperseg=max(SHORTEST, len(c) // SECTIONS)) for c in columns]
-    frequency = min((frequency for frequency, _ in found), key=len)
-    return frequency, np.mean([power for _, power in found if len(power) == len(frequency)], axis=0)
-
-
 def curves(runs: SimulatedLogs, robots: Sequence[str]) -> dict[str, Any]:
     """Curves of the report over time: for each judged log what was measured, and each robot with its error.
 
@@ -180,10 +176,10 @@ def curves(runs: SimulatedLogs, robots: Sequence[str]) -> dict[str, Any]:
         Plain data: `kinds` (name, label, unit), `robots`, and `logs` (name, samples, step [s], stretch, columns). A
         column has each curve as least value, height of a level, and levels in base 64; NaN is the one after the last.
     """
-    count = (1 + 2 * len(robots)) * max(len(runs.problem.columns), 1) * max(len(runs.judged), 1)
+    count = (1 + 2 * len(robots)) * max(len(runs.problem.columns), 1) * max(len(runs.closure_logs), 1)
     most = int(np.clip(SIZE / (CHARACTERS * count), FEWEST_SAMPLES, MOST_SAMPLES))
     displays, logs = {kind: runs.display(kind) for kind in runs.kinds}, []
-    for log in runs.judged:
+    for log in runs.closure_logs:
         stretch = choose_stretch(len(log.trial.measured), most)
         rows = {"measured": log.trial.measured}
         for name in robots:
@@ -246,18 +242,19 @@ def response_figure(diagnosis: Diagnosis, runs: SimulatedLogs) -> Drawing | None
         found = block_responses(runs.problem.case, robots) if machine.references else []
     except InputError:
         return None
-    by_block: dict[str, list[tuple[float, LogResponse]]] = {segment.name: [] for segment in machine.segments}
-    for one in found:
-        name = next(s.name for s in machine.segments if s.output == split_column(one.output, machine)[0])
-        if one.resolved.any() and all(np.isfinite(model).all() for model in one.models.values()):
-            # mean square of the relative error of the nominal response, weighted by power; 0 at unresolved lines
-            error = np.where(one.resolved, np.abs(one.models[NOMINAL] / one.response - 1.0), 0.0)
-            by_block[name].append((float(np.average(error**2, weights=one.power)), one))
-    by_block = {name: sorted(each, key=lambda pair: pair[0])[::-1] for name, each in by_block.items() if each}
-    if not by_block:
+
+    def gap(one: LogResponse) -> float:
+        """Mean square of the relative error of the nominal response, weighted by power; 0 at unresolved lines."""
+        error = np.where(one.resolved, np.abs(one.models[NOMINAL] / one.response - 1.0), 0.0)
+        return float(np.average(error**2, weights=one.power))
+
+    drawable = [one for one in found if one.resolved.any() and all(np.isfinite(m).all() for m in one.models.values())]
+    kinds = {one.output: split_column(one.output, machine)[0] for one in drawable}
+    by_block = {s.name: [one for one in drawable if kinds[one.output] == s.output] for s in machine.segments}
+    chosen = {name: sorted(each, key=gap)[::-1] for name, each in by_block.items() if each}
+    if not chosen:
         return None
-    count = max(1, COLUMNS // len(by_block))
-    chosen = {name: [one for _, one in each[:count]] for name, each in by_block.items()}
+    chosen = {name: each[: max(1, COLUMNS // len(chosen))] for name, each in chosen.items()}
     figure = plot_responses([one for each in chosen.values() for one in each], style=blocks.STYLE)
     label = "frequency responses of the blocks, measured, nominal and improved"
     parts = w.join_words([f"{name} ({w.join_words([one.output for one in each])})" for name, each in chosen.items()])
@@ -273,9 +270,9 @@ def condition_figure(diagnosis: Diagnosis, runs: SimulatedLogs) -> Drawing | Non
 
     Samples, and means of bins, of the retuned and of the last robot. The loop's answer to an error does not count.
     """
-    if not diagnosis.where.regime or not runs.judged:
+    if not diagnosis.where.regime or not runs.closure_logs:
         return None
-    log = max(runs.judged, key=lambda log: np.nanmean(log.residuals[NOMINAL] ** 2))
+    log = max(runs.closure_logs, key=lambda log: np.nanmean(log.residuals[NOMINAL] ** 2))
     power = np.nanmean(log.residuals[RETUNED] ** 2, axis=0)
     plain = [i for i, (kind, _) in enumerate(runs.parts) if kind != runs.loop_answer]
     column = max(plain or range(len(power)), key=lambda i: power[i])

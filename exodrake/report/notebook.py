@@ -22,12 +22,13 @@ def diagnosis_html(diagnosis: Diagnosis) -> str:
     """The headline, the error of each kind of signal with each robot, and the values of the causes."""
     import matplotlib
 
-    rows = [row for effect in w.causes(diagnosis) for row in w.parameter_values(effect, known=True)]
-    cells = ("".join(f"<td>{escape(cell)}</td>" for cell in row) for row in rows)
-    head = "<tr><th>Parameter</th><th>Value</th><th>90 % interval</th></tr>"
-    table = f"<table>{head}{''.join(f'<tr>{row}</tr>' for row in cells)}</table>" if rows else ""
+    table = ""
+    for row in (row for effect in w.causes(diagnosis) for row in w.parameter_values(effect, known=True)):
+        table = table or "<tr><th>Parameter</th><th>Value</th><th>90 % interval</th></tr>"
+        table += f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>"
+    table = f"<table>{table}</table>" if table else ""
     title = f"<p><b>{escape(diagnosis.verdict)}</b> {escape(w.headline(diagnosis))}</p>"
-    kinds, robots = w.kind_gaps(diagnosis), w.list_robots(diagnosis)
+    kinds, robots = list(w.kind_gaps(diagnosis).values()), w.list_robots(diagnosis)
     if not kinds:
         return f"<div>{title}{table}</div>"
     colours = {"before": plot.NOMINAL["color"], "retuned": RETUNED, "after": plot.IMPROVED["color"]}
@@ -36,10 +37,10 @@ def diagnosis_html(diagnosis: Diagnosis) -> str:
         axes = figure.subplots()
         for k, (key, name) in enumerate(robots.items()):
             places = [i + 0.8 * (k + 0.5) / len(robots) - 0.4 for i in range(len(kinds))]
-            values = [getattr(kind.gap, key) / kind.gap.noise_std for kind in kinds]
+            values = [getattr(gap, key) / gap.noise_std for _, gap in kinds]
             axes.barh(places, values, 0.7 / len(robots), color=colours[key], label=name)
         axes.axvline(1.0, color="#1f2328", lw=0.8, ls=":")
-        axes.set_yticks(range(len(kinds)), [kind.display.label for kind in kinds])
+        axes.set_yticks(range(len(kinds)), [display.label for display, _ in kinds])
         axes.invert_yaxis()
         axes.set(xscale="log", xlabel="RMS error / noise standard deviation (dotted: noise alone)")
         figure.legend(loc="outside upper left", ncols=3)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import zip_longest
+from math import isnan
 
 from rich.console import Console
 from rich.markup import escape
@@ -64,16 +65,27 @@ def print_summary(diagnosis: Diagnosis, console: Console | None = None) -> None:
             rows += [(*(a or ("", "")), *(b or ("", "", ""))) for a, b in zip_longest(left, values)]
         console.print(table(("effect", ">of the gap", "parameter", ">value", ">90 % interval"), rows))
     rows, closes = [], diagnosis.verdict != NO_GAP
-    for found in w.kind_gaps(diagnosis):
-        gap = found.gap
+    for display, gap in w.kind_gaps(diagnosis).values():
         gaps = (gap.before, gap.after, gap.noise_std) if closes else (gap.before, gap.noise_std)
-        cells = [w.quantity(x, gap.unit, found.display.unit) for x in gaps]
+        cells = [w.quantity(x, gap.unit, display.unit) for x in gaps]
         closed = w.closure(gap.closure) if gap.before > w.SMALL * gap.noise_std else "-"
-        rows.append((found.display.label.lower(), *cells, *([closed] if closes else [])))
+        rows.append((display.label.lower(), *cells, *([closed] if closes else [])))
     titles = (">before", ">after", ">noise std", ">closure") if closes else (">nominal", ">noise std")
     console.print(table(("gap (RMS)", *titles), rows))
-    for line in closing_lines(diagnosis):
-        console.print(line)
+    if closes:
+        closure = diagnosis.closure
+        said = w.closure_words(closure.overall, "the excess error", f"with the {w.last_robot(diagnosis)}")
+        console.print(f"closure [bold]{said}[/bold]")
+        if diagnosis.effects and not isnan(closure.effect.value):
+            console.print(f"        {w.closure_words(closure.effect, 'what retuning alone leaves')}")
+        if words := w.motion_words(diagnosis):
+            console.print(f"        {words}")
+        robots = ", ".join(f"{name} {w.digits(closure.rms[key])}" for key, name in w.list_robots(diagnosis).items())
+        console.print(f"error   {robots} noise standard deviations (RMS)")
+    if alike := w.alike_words(diagnosis):
+        console.print(f"moved   {alike}")
+    if diagnosis.rivals:
+        console.print(f"next    {w.EXPERIMENT}")
     for k, line in enumerate(since_words(diagnosis)):
         console.print(f"{'since  ' if k == 0 else '       '} {escape(line)}")
     for line in law_lines(diagnosis.missing_law):
@@ -86,26 +98,6 @@ def print_summary(diagnosis: Diagnosis, console: Console | None = None) -> None:
         console.print(table(("fitted set", ">explains", ">chi-square", ">evidence", ""), rows, wrapped=0))
     for note in diagnosis.notes:
         console.print(f"[yellow]note[/yellow]    {escape(note)}")
-
-
-def closing_lines(diagnosis: Diagnosis) -> list[str]:
-    """Closure with its interval; for an ambiguous verdict the class and the next experiment."""
-    lines = []
-    if diagnosis.verdict != NO_GAP:
-        overall, rms = diagnosis.closure.overall, diagnosis.closure.rms
-        said = w.closure_words(overall, "the excess error", f"with the {w.last_robot(diagnosis)}")
-        lines.append(f"closure [bold]{said}[/bold]")
-        step = diagnosis.closure.effect
-        if diagnosis.effects and step.value == step.value:
-            lines.append(f"        {w.closure_words(step, 'what retuning alone leaves')}")
-        lines += [f"        {words}"] if (words := w.motion_words(diagnosis)) else []
-        robots = ", ".join(f"{name} {w.digits(rms[key])}" for key, name in w.list_robots(diagnosis).items())
-        lines.append(f"error   {robots} noise standard deviations (RMS)")
-    if alike := w.alike_words(diagnosis):
-        lines.append(f"moved   {alike}")
-    if diagnosis.rivals:
-        lines.append(f"next    {w.EXPERIMENT}")
-    return lines
 
 
 def print_profile(diagnosis: Diagnosis, spent: Mapping[Stage, float]) -> None:

@@ -2,14 +2,13 @@
 
 import math
 from collections.abc import Mapping
-from typing import NamedTuple
 
 import numpy as np
 
 from exodrake.core.errors import plural
 from exodrake.diagnosis import result
 from exodrake.diagnosis.result import Diagnosis, Interval, NamedEffect, SignalGap, Where
-from exodrake.model.display import SYMBOLS, Display, find_display, percent, shown_unit
+from exodrake.model.display import Display, find_display, percent, shown_unit, with_unit
 from exodrake.model.effect import Effect
 from exodrake.model.machine import Machine
 
@@ -37,12 +36,6 @@ def digits(value: float, count: int = DIGITS) -> str:
     if not -count < places < 8:
         return f"{value:.{count - 1}e}"
     return f"{value:.{max(0, places)}f}"
-
-
-def with_unit(number: str, unit: str) -> str:
-    """A printed number with its unit; no space before a degree sign."""
-    symbol = SYMBOLS.get(unit, unit)
-    return f"{number}{symbol}" if symbol.startswith("°") else f"{number} {symbol}".rstrip()
 
 
 def quantity(value: float, si: str, unit: str = "") -> str:
@@ -96,14 +89,6 @@ def join_words(items: tuple[str, ...] | list[str], last: str = "and") -> str:
     """Items in a sentence: `a, b and c`."""
     items = list(items)
     return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} {last} {items[-1]}" if items else ""
-
-
-class KindGap(NamedTuple):
-    """RMS over the signals of one kind on held-out logs [SI]: gaps, noise; closure; how the kind is shown."""
-
-    kind: str
-    display: Display
-    gap: SignalGap
 
 
 def split_column(name: str, machine: Machine) -> tuple[str, str]:
@@ -172,11 +157,11 @@ def parameter_values(effect: NamedEffect, known: bool = False) -> list[tuple[str
 
 def by_channel(effect: NamedEffect) -> str:
     """Values of the first parameter channel by channel, where they differ: `mu_phi 0.31 at AF, 0.12 at MF`."""
-    name, item = next(iter(effect.parameters.items()), ("", result.WHOLE))
-    channels = {c: i for c, i in effect.channels.get(name, {}).items() if says_something(i)}
-    if len(channels) < 2 or all(item.low <= one.value <= item.high for one in channels.values()):
-        return ""
-    return f"{name} " + ", ".join(f"{interval(one)[0]} at {channel}" for channel, one in channels.items())
+    for name, item in list(effect.parameters.items())[:1]:
+        channels = {c: i for c, i in effect.channels.get(name, {}).items() if says_something(i)}
+        if len(channels) > 1 and not all(item.low <= one.value <= item.high for one in channels.values()):
+            return f"{name} " + ", ".join(f"{interval(one)[0]} at {channel}" for channel, one in channels.items())
+    return ""
 
 
 def says_something(item: Interval) -> bool:
@@ -200,10 +185,8 @@ def headline(diagnosis: Diagnosis) -> str:
     """The verdict in one sentence: causes, places, shares, what remains, and what held-out motion says of them."""
     if diagnosis.verdict == result.NO_GAP:
         return "What the nominal robot leaves beyond noise is negligible on every signal."
-    unconfirmed = ""
-    if diagnosis.confirmed is False:
-        contradicted = diagnosis.closure.effect.high < 0.0
-        unconfirmed = f"; held-out motion {'contradicts' if contradicted else 'does not confirm'} it"
+    doubt = "contradicts" if diagnosis.closure.effect.high < 0.0 else "does not confirm"
+    unconfirmed = f"; held-out motion {doubt} it" if diagnosis.confirmed is False else ""
     if diagnosis.verdict == result.RETUNE:
         changed = diagnosis.retune.moved  # the largest change first
         shown = [f"{m.name} {digits(m.nominal, 3)} -> {digits(m.value, 3)} {m.unit}" for m in changed[:MOST_MOVED]]
@@ -215,11 +198,11 @@ def headline(diagnosis: Diagnosis) -> str:
         place = seat(where, diagnosis.machine)
         within = f" in the {where.block}" if where.block != "none" else ""
         text = f"There is a gap{within}{f' at {place}' if place else ''}{regime_words(where.regime)}"
+        text += ", that no effect of the library explains"
         best = min(diagnosis.candidates, key=lambda c: abs(c.share - explained), default=None)
-        would = ""
         if best and explained > 0.005:
-            would = f"; the best set, {best.id}, would explain {share(explained)} of it"
-        return f"{text}, that no effect of the library explains{would}{unconfirmed}."
+            text += f"; the best set, {best.id}, would explain {share(explained)} of it"
+        return f"{text}{unconfirmed}."
     said, named = [], "explains {} of the gap"  # by each cause; those with rivals first
     for effect in sorted(causes(diagnosis), key=lambda e: not e.rivals):
         (kind, place), values = name_place(diagnosis, effect), by_channel(effect)
@@ -276,19 +259,19 @@ def robot_titles(diagnosis: Diagnosis) -> list[str]:
     return [name.removesuffix(" robot").partition(" (")[0].capitalize() for name in list_robots(diagnosis).values()]
 
 
-def kind_gaps(diagnosis: Diagnosis) -> list[KindGap]:
-    """Gap per kind of signal, from the gaps of its signals."""
+def kind_gaps(diagnosis: Diagnosis) -> dict[str, tuple[Display, SignalGap]]:
+    """Gap of each kind of signal, RMS [SI] over the signals of that kind, and how the kind is shown."""
     by_kind: dict[str, list[SignalGap]] = {}
     for name, gap in diagnosis.closure.signals.items():
         by_kind.setdefault(split_column(name, diagnosis.machine)[0], []).append(gap)
-    found = []
+    found = {}
     for kind, gaps in by_kind.items():
         rows = np.array([[s.before, s.retuned, s.after, s.noise_std] for s in gaps])
         excess = np.mean((rows[:, :3] / rows[:, 3:]) ** 2, axis=0) - 1.0
         closed = 1.0 - max(excess[2], 0.0) / excess[0] if excess[0] > 0.0 else math.nan
         before, retuned, after, noise_std = np.sqrt(np.mean(rows**2, axis=0)).tolist()
         total = SignalGap(before, retuned, after, noise_std, float(closed), gaps[0].unit)
-        found.append(KindGap(kind, find_display(kind, diagnosis.machine), total))
+        found[kind] = find_display(kind, diagnosis.machine), total
     return found
 
 

@@ -78,9 +78,8 @@ def on_machine(function: Callable[..., Reference], robot: Robot, **options: floa
     Tensions are shares of the highest one, other references, such as angles, of the span between both limits.
     `kind_start` stands where `kind_ref` begins, rates are those of the smoothed motion, further inputs stand at 0.
     """
-    machine = robot.machine
+    machine, limits = robot.machine, robot.machine.reference_limits
     first, *others = machine.references
-    limits = machine.reference_limits
     if not limits or not all(robot.limits.get(name) for name in limits):
         raise InputError(
             f"{machine.name} has no limits of {first.kind} (`reference_limits` of machine.py, `limits` of robot.yaml), "
@@ -92,18 +91,19 @@ def on_machine(function: Callable[..., Reference], robot: Robot, **options: floa
     channels = machine.channels(first.signal)
     unit = replace(robot, limits={name: dict.fromkeys(channels, level) for name, level in zip(limits, (0.0, 1.0))})
     shares = function(unit, **options)
-    first_rows = low + shares.values * (high - low)
-    rows = {first.kind: first_rows}
+    stated = low + shares.values * (high - low)
+    rows = {first.kind: stated}
     if any(column.rate_of for column in others):  # a body with mass cannot follow corners
         from scipy.ndimage import gaussian_filter1d
 
-        rows = {first.kind: gaussian_filter1d(first_rows, SMOOTH / machine.frame, axis=0, mode="nearest")}
+        rows = {first.kind: gaussian_filter1d(stated, SMOOTH / machine.frame, axis=0, mode="nearest")}
     for column in others:
-        start = column.kind == first.kind.removesuffix("_ref") + "_start"
-        held = first_rows[0] if start else np.zeros(len(machine.channels(column.signal)))
-        rows[column.kind] = np.tile(held, (len(first_rows), 1))
         if column.rate_of:
             rows[column.kind] = np.gradient(rows[column.rate_of], machine.frame, axis=0)
+            continue
+        start = column.kind == first.kind.removesuffix("_ref") + "_start"
+        held = stated[0] if start else np.zeros(len(machine.channels(column.signal)))
+        rows[column.kind] = np.tile(held, (len(stated), 1))
     return Reference(np.hstack(list(rows.values())), shares.name)
 
 
@@ -125,9 +125,7 @@ def from_log(path: str | Path, robot: Robot | None = None) -> Reference:
         >>> from_log("mine.csv").values.shape
         (275, 3)
     """
-    robot = robot_or_default(robot)
-    machine = robot.machine
-    log = read_log(path)
+    machine, log = robot_or_default(robot).machine, read_log(path)
     for column in machine.references:
         signal, channels = machine.signal[column.signal], machine.channels(column.signal)
         for channel in log.names(column.kind):

@@ -17,8 +17,8 @@ from typing import Any
 
 from exodrake import __version__
 from exodrake.core.errors import InputError
-from exodrake.core.files import is_file, read_bytes
-from exodrake.core.schema import anything, dump_yaml, mapping, optional, parse_yaml, read_yaml, text
+from exodrake.core.files import read_bytes
+from exodrake.core.schema import anything, dump_yaml, mapping, optional, parse_yaml, text
 from exodrake.data.log import CHANGED, MODEL, Log
 from exodrake.engine.inputs import Reference
 from exodrake.machines.robot_file import EFFECTS, PARAMETERS, VARIANTS, build, load_robot
@@ -92,10 +92,9 @@ def read_scenario(path: str | Path) -> Scenario:
     """A scenario from its file; InputError naming file and key. Files it names lie beside it."""
     name = Path(path).name
     content = SCHEMA(parse_yaml(read_bytes(path), name), name)
-    content.pop("exodrake", None)
     if content.get("reference"):
         content["reference"] = str(Path(path).parent / content["reference"])
-    given: dict[str, Any] = {k: v for k, v in content.items() if v is not None or k == "seed"}
+    given: dict[str, Any] = {k: v for k, v in content.items() if k != "exodrake" and (v is not None or k == "seed")}
     try:
         return Scenario(**given)
     except InputError as problem:
@@ -109,30 +108,22 @@ def scenario_text(scenario: Scenario) -> str:
     return dump_yaml({"exodrake": __version__, **kept})
 
 
-def embed_robot(robot: str) -> str | Mapping[str, Any]:
-    """A built-in robot's name as it is; a robot file's content, so that the scenario stands alone."""
-    if not is_file(robot):
-        return robot
-    load_robot(robot)
-    return read_yaml(robot)
-
-
-def parse_number(text: str, robot: Robot) -> tuple[str, float]:
-    """`finger.kappa.MCP=0.09` or `tendon.k=2.7 N/mm` as name and value [SI]; InputError naming name, value or unit."""
-    name, equals, value = (part.strip() for part in text.partition("="))
-    if not equals:
-        raise InputError(f"{text!r} is not of the form name=number, with a unit if it is not in SI")
-    return name, quantity(value, robot.machine.parameters[robot.indices(name)[0]].unit, name)
-
-
 def change_robot(
     robot: Robot, parameters: Sequence[str], effects: Sequence[str], parts: Sequence[str] = ()
 ) -> tuple[Robot, dict[str, float], dict[str, dict[str, Any]]]:
-    """A robot with parts, then parameters, then effects as the command line has them, and values of the last two."""
+    """A robot with parts, then parameters, then effects as the command line has them, and values of the last two.
+
+    A parameter is `finger.kappa.MCP=0.09` or `tendon.k=2.7 N/mm`, an effect as in `parse_effect`.
+    """
     for part in parts:
         robot = robot.with_part(part)
-    numbers = dict(parse_number(text, robot) for text in parameters)
-    robot, spliced = robot.with_parameters(numbers, "--set"), {}
+    numbers, spliced = {}, {}
+    for word in parameters:
+        name, equals, value = (part.strip() for part in word.partition("="))
+        if not equals:
+            raise InputError(f"{word!r} is not of the form name=number, with a unit if it is not in SI")
+        numbers[name] = quantity(value, robot.machine.parameters[robot.indices(name)[0]].unit, name)
+    robot = robot.with_parameters(numbers, "--set")
     for effect in effects:
         identity, given = parse_effect(effect, robot)
         robot, spliced[identity] = robot.splice(identity, given, name_channels(given)), given

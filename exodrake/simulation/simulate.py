@@ -37,10 +37,9 @@ def cubic(values: np.ndarray, at: np.ndarray) -> np.ndarray:
 def delay_columns(machine: Machine, records: np.ndarray, indices: list[int]) -> np.ndarray:
     """Channels `indices` (runs, frames, indices) [SI] of noise-free runs (runs, frames, channels), with delays."""
     at, chosen = machine.offsets, records[:, :, indices]
-    for column in (column for column in machine.columns if column.delay):
-        assert column.delay
-        own = [k for k, i in enumerate(indices) if at[column.signal].start <= i < at[column.signal].stop]
-        for row, late in enumerate(records[:, :, at[column.delay.signal].start]):
+    for signal, delay in ((column.signal, column.delay) for column in machine.columns if column.delay):
+        own = [k for k, i in enumerate(indices) if at[signal].start <= i < at[signal].stop]
+        for row, late in enumerate(records[:, :, at[delay.signal].start]):
             if own and late.any():
                 chosen[row][:, own] = cubic(chosen[row][:, own], np.arange(len(late)) - late / machine.frame)
     return chosen
@@ -152,10 +151,11 @@ def write_log(recording: Recording) -> Log:
 def log_of_signals(machine: Machine, time: np.ndarray, signals: Mapping[str, np.ndarray], source: str) -> Log:
     """The columns of a machine that there are signals (frames, channels) [SI] for, marked as simulated."""
     found, units = {}, {}
-    for column in (column for column in machine.columns if column.signal in signals):
-        names = machine.log_names([column])
-        found |= dict(zip(names, signals[column.signal].T, strict=True))
-        units |= dict.fromkeys(names, machine.signal[column.signal].unit)
+    for column in machine.columns:
+        if column.signal in signals:
+            names = machine.log_names([column])
+            found |= dict(zip(names, signals[column.signal].T, strict=True))
+            units |= dict.fromkeys(names, machine.signal[column.signal].unit)
     return Log(time, found, units, source=source, simulated=MODEL)
 
 
