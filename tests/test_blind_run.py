@@ -180,7 +180,7 @@ def test_diagnose_takes_several_cases(uninterrupted, tmp_path):
         (["a", "b", "--out", "o", "--json", "x.json"], "--json is for one case"),
         (["a", "--cluster", "nowhere"], "for several cases"),
         (["c/a", "d/c/a", "--out", "o"], "same name as c/a"),
-        (["a", "gone", "--out", "o"], "gone: no such folder"),
+        (["a", "gone", "--out", "o"], "gone: no such file or folder"),
     ],
 )
 def test_diagnose_refuses_what_does_not_fit_before_it_works(tmp_path, monkeypatch, words, said):

@@ -76,7 +76,7 @@ def test_without_case_file_the_last_of_several_is_held_out(folder):
     (folder / "case.yaml").write_text("robot: {kp: 6e-3, name: soft}\nlogs: [{file: a.csv}]\n")
     assert read_case(folder).robot == {"kp": 0.006, "name": "soft"}
     (folder / "empty").mkdir()
-    for wrong, said in (("none", "no such folder"), ("empty", "no logs")):
+    for wrong, said in (("none", "no such file or folder"), ("empty", "no logs")):
         with pytest.raises(InputError, match=said):
             read_case(folder / wrong)
 

@@ -39,6 +39,9 @@ def test_a_part_of_a_name_finds_it():
         (("robot", "tendon.k"), "tendon.k"),
         (("simulate", "caging", "--set", "kp=0.02"), "did you mean controller.kp"),
         (("simulate", "caging", "--set", "admittance.kp=0.02"), "did you mean controller.kp"),
+        (("robot", "tendn.k"), "did you mean tendon.k?"),
+        (("diagnose", "nofile.csv"), "nofile.csv: no such file or folder"),
+        (("fit", "nofile.csv", "--free", "kp"), "nofile.csv"),
         (("limits",), "did you mean alarm-limits?"),
     ):
         assert found in run(*words).output, words

@@ -169,5 +169,7 @@ def test_each_machine_is_exported_by_the_command(machine, tmp_path):
         result = run("export", machine, f"--{form}", "--out", tmp_path / f"robot.{form}")
         assert result.exit_code == 0, result.output
         assert ElementTree.parse(tmp_path / f"robot.{form}").getroot().tag in ("mujoco", "robot")
+    result = run("export", machine, "--mjcf", "--out", tmp_path / "other.urdf")
+    assert result.exit_code == 2 and ".mjcf" in result.stderr and not (tmp_path / "other.urdf").exists()
     result = run("export", machine, "--out", tmp_path / "robot.xml")
     assert result.exit_code == 2 and "--mjcf" in result.stderr

@@ -10,7 +10,15 @@ from click.testing import CliRunner
 from exodrake.cli.main import cli
 from exodrake.data.case import Case, CaseLog, write_case
 from exodrake.data.log import Log
-from exodrake.diagnosis.checks.preflight import SEEN, find_band, find_problems, identifiability, judge_clock, preflight
+from exodrake.diagnosis.checks.preflight import (
+    SEEN,
+    Sensor,
+    find_band,
+    find_problems,
+    identifiability,
+    judge_clock,
+    preflight,
+)
 from exodrake.diagnosis.checks.suspicions import held_shares
 from exodrake.diagnosis.likelihood import CORRELATION
 from exodrake.diagnosis.linearise import PROBE
@@ -103,7 +111,7 @@ def test_clipped_samples_are_counted_and_a_smooth_top_is_not():
     assert find_band(np.ones(100), 0.02) == 0.0
 
 
-def test_the_command_prints_tables_and_draws_the_figure(tmp_path):
+def test_the_command_prints_tables_and_draws_the_figure(tmp_path, monkeypatch):
     case = case_of(sines(0.1))
     log = case.logs[0].log
     clipped = log.with_signals({"angle_Jaw": np.clip(log["angle_Jaw"], -0.15, 0.15)})
@@ -120,7 +128,11 @@ def test_the_command_prints_tables_and_draws_the_figure(tmp_path):
     found = preflight(tmp_path / "case", bare, frozenset({"servo.gain"}), progress=said.append)
     assert len(said) == 3 and "1 effect" in said[1] and any("no tolerances" in problem for problem in found.problems)
     nothing = CliRunner().invoke(cli, ["check", str(tmp_path / "none"), "--robot", "so101"])
-    assert nothing.exit_code == 2 and "no such folder" in nothing.stderr
+    assert nothing.exit_code == 2 and "no such file or folder" in nothing.stderr
+    angle = Sensor(ROBOT.machine.signal["angle"], 1e-3, found.identifiability)
+    again = found._replace(identifiability=found.identifiability._replace(sensors=(angle,)))
+    monkeypatch.setattr("exodrake.diagnosis.checks.preflight.preflight", lambda *_: again)
+    assert "angle once more, by a second sensor, would help most" in CliRunner().invoke(cli, words).stdout
 
 
 def test_what_a_sensor_less_would_tell_is_what_a_log_without_it_tells():

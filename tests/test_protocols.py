@@ -89,7 +89,8 @@ def test_a_log_lends_its_references(tmp_path):
     columns = {f"tension_ref_{w}": reference.values[:, i] for i, w in enumerate(("AF", "MF", "AE"))}
     log = exo.Log(0.02 * np.arange(len(reference.values)), columns)
     exo.write_log(log, tmp_path / "steps.csv")
-    assert np.array_equal(exo.from_log(tmp_path / "steps.csv").values, reference.values)
+    for one in (tmp_path / "steps.csv", log):
+        assert np.array_equal(exo.from_log(one).values, reference.values)
     bad = columns["tension_ref_MF"].copy()
     for value, word in ((np.nan, "row 9, wanted"), (-1.0, "-1 N in row 9")):
         bad[7] = value

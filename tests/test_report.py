@@ -19,7 +19,7 @@ from exodrake.data.log import Log
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, PARTLY, RETUNE, UNKNOWN, Interval
 from exodrake.report import wording
 from exodrake.report.diagnosis_html import CURVE_LEVELS, MOST_SAMPLES, SimulatedLogs, curves, render_report, which
-from exodrake.report.terminal import print_summary
+from exodrake.report.terminal import print_summary, print_table
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 ROBOTS = ("nominal", "improved")
@@ -110,6 +110,8 @@ def test_rivals_belong_to_one_cause_and_the_others_stand_besides():
     text = wording.headline(replace(found, effects=(besides, base)))
     assert "cannot tell latency (servo.latency) from lag (servo.lag) at joint base, which explains 70 %" in text
     assert "; hysteresis (encoder.hysteresis) in the encoder besides explains 3 % of it; 6 % remains" in text
+    alone = wording.headline(replace(found, effects=(replace(base, joints=("joint",)),)))
+    assert "from lag (servo.lag) at the joint, which" in alone, "whose name says no more"
 
 
 def test_headline_states_values_by_channel_where_these_differ_and_no_share_where_there_is_none():
@@ -216,6 +218,18 @@ def test_curves_are_read_under_the_pointer_and_zoom(pages, tmp_path):
         near = slice(max(frame - 2, 0), frame + 3)
         wanted = [log.trial.measured[near, 0], log.simulated["nominal"][near, 0], log.simulated["improved"][near, 0]]
         assert all(w.min() - 0.01 <= v <= w.max() + 0.01 for v, w in zip(values, wanted, strict=True)), found[1]
+
+
+@pytest.mark.parametrize("width", [80, 40])
+def test_a_narrow_terminal_cuts_neither_ids_nor_numbers(width):
+    console = Console(record=True, width=width, file=StringIO())
+    rows = [("[bold]tendon.capstan_friction[/bold] refinement", "48 % (4-92 %)", "0.138 to 0.209", "-0.553 to -0.4")]
+    print_table(console, (">effect", ">of the gap", "parameter AF", ">90 % interval"), rows * 2, wrapped=0)
+    text = console.export_text()
+    assert "…" not in text and max(map(len, text.splitlines())) <= width
+    letters = sorted(text.replace(" ", "").replace("\n", ""))
+    heads = "effectofthegapparameterAF90%interval"
+    assert letters == sorted(heads + 2 * "tendon.capstan_frictionrefinement48%(4-92%)0.138to0.209-0.553to-0.4")
 
 
 @pytest.mark.parametrize("verdict", VERDICTS)

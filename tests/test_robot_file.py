@@ -175,6 +175,18 @@ def test_a_robot_of_a_machine_of_ones_own_stands_alone_beside_its_folder(tmp_pat
     assert back.parameters()["servo.play.half_width.J2"].source == "fitted to b"
 
 
+@pytest.mark.parametrize("given", ["arm_at_home", "arm_at_home/robot.yaml", "arm_at_home/mine.yaml"])
+def test_a_machines_folder_or_a_robot_file_beside_its_code_loads_it_without_more(tmp_path, given):
+    assert run("new-machine", tmp_path / "arm_at_home", "--joints", "J1").exit_code == 0
+    (tmp_path / "arm_at_home" / "mine.yaml").write_bytes((tmp_path / "arm_at_home" / "robot.yaml").read_bytes())
+    code = f"import exodrake as exo; print(exo.load_robot({given!r}).machine.axes.joints)"
+    python = (sys.executable, "-c", code)
+    command = (sys.executable, "-m", "exodrake", "robot", given)
+    for words, said in ((python, "('J1',)"), (command, "machine arm_at_home")):
+        found = subprocess.run(words, check=True, cwd=tmp_path, capture_output=True, text=True)
+        assert said in found.stdout, found.stderr
+
+
 def test_a_robot_file_that_is_not_there_is_answered_by_those_nearby(tmp_path):
     (tmp_path / "answer").mkdir()
     exo.write_robot(exo.load_robot("emps"), tmp_path / "answer" / "improved.yaml")

@@ -45,7 +45,7 @@ def test_the_nominal_run_is_the_same_without_the_options(made):
     nominal = exo.read_log(made[0] / "nominal.csv")
     assert nominal.equals(exo.simulate(exo.load_robot(), SHORT, seed=3))
     page = (made[0] / "recording.html").read_text()
-    assert "grey: nominal" in page and "mu_phi 0.3 on AF, AE" in page and "seed 3" in page
+    assert "grey: nominal" in page and "mu_phi 0.3 on AF, AE" in page and "noise of seed 3" in page
 
 
 def test_the_folder_of_a_run_stands_for_its_log(made, tmp_path):

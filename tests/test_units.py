@@ -42,6 +42,13 @@ def test_what_is_no_such_quantity_is_refused_by_name(value):
         quantity(value, "N/m", "tendon.k")
 
 
+@pytest.mark.parametrize("value", ["0.05-0.06", ".5 - 1", "1 -2"])
+def test_a_span_is_no_number_with_a_unit(value):
+    with pytest.raises(exo.InputError, match="wanted a number"):
+        quantity(value, "-", "ratio")
+    assert quantity("0.5 -", "-", "ratio") == 0.5
+
+
 def test_python_command_line_and_file_take_the_same_notation():
     robot = exo.load_robot()
     np.testing.assert_array_equal(robot.with_parameters({"tendon.k": "2.5 N/mm"})["tendon.k"], 2500.0)

@@ -78,10 +78,11 @@ def command(case: Path, robot: str, only: str, without: str, figure: Path | None
         f"\n{len(result.clear)} of {len(result.directions)} effects and channels are seen and distinguished, "
         f"{len(result.mistaken)} could be mistaken, {len(result.hidden)} are not seen"
     )
-    for sensor in result.sensors[:1]:
+    for signal, noise, left in result.sensors[:1]:
+        again = " once more, by a second sensor," if any(signal.name == c.kind for c in nominal.machine.columns) else ""
         click.echo(
-            f"{sensor.signal.name} would help most: measured with a noise of {sensor.noise:.2g} {sensor.signal.unit}, "
-            f"{len(sensor.left.mistaken)} could be mistaken and {len(sensor.left.hidden)} not seen"
+            f"{signal.name}{again} would help most: measured with a noise of {noise:.2g} {signal.unit}, "
+            f"{len(left.mistaken)} could be mistaken and {len(left.hidden)} not seen"
         )
     if result.fewer:
         rows = [

@@ -177,7 +177,7 @@ def map_places(cases: tuple[str, ...], out: Path) -> dict[Path, Path]:
     paths = [path for name in cases for path in options.cases_in(Path(name)) or [Path(name)]]
     for path in paths:
         if not path.exists():
-            raise InputError(f"{path}: no such folder")
+            raise InputError(f"{path}: no such file or folder")
     names = [path.resolve().name if path.is_dir() else stem(str(path)) for path in paths]
     cases_of: dict[Path, Path] = {}
     for path, name in zip(paths, names):

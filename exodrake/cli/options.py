@@ -175,11 +175,11 @@ def print_table(titles: Sequence[str], rows: Sequence[Any], wrapped: int = -1, a
     """Print a table, `aside` on standard error; into a pipe 120 columns wide."""
     from rich.console import Console
 
-    from exodrake.report.terminal import table
+    from exodrake.report import terminal
 
     console = Console(highlight=False, stderr=aside)
     console.width = console.width if console.is_terminal else max(console.width, 120)
-    console.print(table(titles, rows, wrapped))
+    terminal.print_table(console, titles, rows, wrapped)
 
 
 def cases_in(folder: Path) -> list[Path]:
@@ -224,7 +224,7 @@ def robot_option(name: str = "robot", default: str = DEFAULT) -> Callable[[Calla
         )  # fmt: skip
         robot = click.option(
             "--robot", name, default=default, metavar="FILE", callback=choose_robot,
-            help="Robot file, or the name of a machine or built-in robot.",
+            help="Robot file, a machine's folder, or the name of a machine or built-in robot.",
         )  # fmt: skip
         return robot(machine(command))
 

@@ -27,11 +27,14 @@ def list_parameters(name: str, robot: str, only: str, json_file: Path | None) ->
 
     NAME is a machine or a robot file, as for --robot, or part of a parameter's name, as for --only.
     """
-    from exodrake.machines.library import robot_yaml
+    from exodrake.machines.library import robot_files, robot_yaml
     from exodrake.model.robot import alike, effect_in_words, implausible
 
-    named = bool(name) and (Path(name).exists() or robot_yaml(name) is not None)
-    if name and not named and any(name in one for one in exo.load_robot(robot).parameters()):
+    if name and not (Path(name).suffix == ".yaml" or Path(name).exists() or robot_yaml(name)):
+        full = list(exo.load_robot(robot).parameters())
+        if not any(name in one for one in full):
+            words = [*robot_files(), *dict.fromkeys(one.rpartition(".")[0] for one in full), *full]
+            raise InputError(f"no robot, nor a parameter, with {name!r} in its name{nearest(name, words)}")
         name, only = "", name
     found = exo.load_robot(name or robot)
     known = found.parameters()

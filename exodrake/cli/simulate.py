@@ -151,8 +151,8 @@ def changes(scenario: Scenario, robot: exo.Robot) -> list[str]:
         said.append(f"{name} = {' and '.join(in_words(value, unit) for value in values)}")
     said += robot.machine.variant_names
     _, _, tail = scenario.protocol.partition(":")
-    said += [option.replace("=", " = ") for option in filter(None, tail.split(","))]
-    said += ["no noise"] if scenario.seed is None else [f"seed {scenario.seed}"] * (scenario.seed != 0)
+    said += [option.replace("=", " ") for option in filter(None, tail.split(","))]
+    said += ["no noise"] if scenario.seed is None else [f"noise of seed {scenario.seed}"] * (scenario.seed != 0)
     said += ["readings unrounded"] * (not scenario.quantisation) + ["in Drake"] * (scenario.engine == "drake")
     return said
 

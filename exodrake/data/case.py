@@ -221,7 +221,7 @@ def read_case(
     else:
         place = place.parent if place.name == FILE and is_file(place) else place
         if not is_folder(place):
-            raise InputError(f"{folder}: no such folder")
+            raise InputError(f"{folder}: no such file or folder")
         if is_file(place / FILE):
             content, hashes[FILE] = read_case_file(place / FILE), hash_file(place / FILE)
         for file in [entry["file"] for entry in content["logs"]] if content else log_names(place):

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from exodrake.core.errors import InputError, MissingColumn, argument, require_extra, short_repr
+from exodrake.core.errors import InputError, MissingColumn, argument, nearest, require_extra, short_repr
 from exodrake.model.units import KINDS, check_unit, default_unit, find_kind, to_si
 
 SEPARATORS = {";": "';'", "\t": "tabs"}
@@ -138,7 +138,8 @@ class Log:
         """
         chosen = self.names(kind) if names is None else tuple(names)
         if not chosen:
-            raise InputError(f"{self.label}: no column {kind!r} (it has {', '.join(self.signals) or 'none'})")
+            near, known = nearest(kind, list(self.signals)), ", ".join(self.signals)
+            raise InputError(f"{self.label}: no column {kind!r}{near or f' (it has {known or "none"})'}")
         return np.column_stack([self[f"{kind}_{name}"] for name in chosen])
 
     def rows(self, which: slice | np.ndarray) -> Log:

@@ -7,9 +7,9 @@ REMEMBERED = 12  # commands that the bus remembers [-]
 
 
 def delay_command(command, history, first, frames):
-    """Speed that reaches the drive [m/s] whole frames late.
+    """Command that arrives late by a number of frames.
 
-    v(n) = v_cmd(n - frames)          between whole frames the two neighbours are mixed, so that a fit can move through
+    c(n) = c_cmd(n - frames)          a part of a frame mixes the two neighbours, so that a fit can move through
     """
     frames = min(max(frames, 0.0), REMEMBERED - 2.0)
     whole = int(frames)
@@ -29,8 +29,8 @@ def jitter_command(command, history, first, frame_arrival, spread):
 
 
 COMMAND_LATENCY = Effect(
-    id="timing.command_latency", summary="commands reach the motor whole frames late", family="delay",
-    signature="stroke follows the command late by a fixed time: phase without loss of magnitude; the loop overshoots",
+    id="timing.command_latency", summary="commands arrive late by a number of frames", family="delay",
+    signature="the motion follows the command late by a fixed time: phase without loss of magnitude; a loop overshoots",
     source="physics.md 4.E; 0-20 ms and more on a shared bus", at={"bus.sent": delay_command},
     parameters=(EffectParameter("frames", "-", null=0.0, low=0.25, high=6.0, default=2.0),), same_meaning=True,
 )  # fmt: skip

@@ -23,6 +23,7 @@ LEFT_OUT = {
              "compliance": "rad/(N m)", "backlash": "rad", "spring": "N m/rad", "rest": "rad"},
     "isaac": {"gain": "-", "offset": "rad", "lag": "s", "gravity": "-", "compliance": "rad/(N m)", "backlash": "rad"},
 }  # fmt: skip
+ENDINGS = {"mjcf": (".xml", ".mjcf"), "urdf": (".urdf", ".xml"), "isaac": (".py",)}
 TINY = 1e-6  # kg and kg m2 of bodies that stand for a rotor: assumed, far below any link's
 THIN = 0.03  # of the arm's longest link: radius with which links are drawn
 PHYSICS_STEP = 0.005  # s, of Isaac Lab's examples
@@ -43,7 +44,10 @@ def export_robot(robot: Robot, path: str | Path, form: str = "mjcf") -> None:
         >>> import exodrake as exo
         >>> export_robot(exo.load_robot("so101"), "so101.xml", "mjcf")
     """
-    write_text(path, robot_as(argument("robot", robot, Robot), form))
+    text, ending = robot_as(argument("robot", robot, Robot), form), Path(path).suffix.lower()
+    if ending not in ENDINGS[form]:
+        raise InputError(f"{path}: wanted a file whose name ends in {' or '.join(ENDINGS[form])}, as {form} does")
+    write_text(path, text)
 
 
 def robot_as(robot: Robot, form: str) -> str:

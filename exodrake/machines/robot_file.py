@@ -56,7 +56,7 @@ def load_robot(path: str | Path = "exo_index", above: tuple[str, ...] = ()) -> R
     """The robot of a file, or of a machine by its name.
 
     Args:
-        path: robot file, or name of a machine or of another built-in robot, such as `exo_index/wide_pinch`.
+        path: robot file, folder of a machine, or name of a machine or other built-in robot: `exo_index/wide_pinch`.
         above: files whose base this one is, for the message about a ring.
 
     Raises:
@@ -66,14 +66,13 @@ def load_robot(path: str | Path = "exo_index", above: tuple[str, ...] = ()) -> R
         >>> load_robot("exo_index")["finger.kappa.MCP"]
         0.08
     """
-    shipped = robot_yaml(str(path))
+    file, shipped = Path(path), robot_yaml(str(path))
+    if shipped is None and plugins.is_machine(file):
+        shipped = robot_yaml(plugins.add_plugin(file).name)
     if shipped is not None:
-        source, data, place = f"{path}.yaml", read_bytes(shipped), None
+        source, data, place, file = f"{path}.yaml", read_bytes(shipped), None, shipped
     else:
-        file = Path(path)
         if not is_file(file):
-            if plugins.is_machine(file):
-                raise InputError(f"{path}: is a machine's folder; name it with --machine")
             if inside := sorted(map(str, file.glob("*.yaml"))):
                 raise InputError(f"{path}: is a folder; name a robot file, such as {inside[0]}")
             if file.suffix in (".yaml", ".yml"):
@@ -82,8 +81,9 @@ def load_robot(path: str | Path = "exo_index", above: tuple[str, ...] = ()) -> R
             names = list(robot_files())
             near, there = nearest(str(path), names), ", ".join(names)
             raise InputError(f"no robot file {str(path)!r}, nor a machine of that name{near or f'; there are {there}'}")
-        source, data = file.name, read_bytes(file)
-        place = file.parent
+        source, data, place = file.name, read_bytes(file), file.parent
+    if file.name == plugins.ROBOT:  # as every machine's is called
+        source = f"{file.resolve().parent.name}/{file.name}"
     return build(schema.parse_yaml(data, source), source, above or (str(path),), place)
 
 
@@ -95,16 +95,19 @@ def robot_or_default(robot: Robot | None) -> Robot:
 def build(content: Any, source: str, above: tuple[str, ...] = (), folder: Path | None = None) -> Robot:
     """A robot from the content of the file `source` in a folder, to which some bases above led.
 
-    A base that is a machine's folder beside the file or its folder, or that folder itself, is known from then on, code
-    and all, as `--machine` would make it; a base that is a file is looked for there first. InputError names the key.
+    A machine that is the file's own folder, and a base that is a machine's folder beside the file or its folder too,
+    is known from then on, code and all, as `--machine` would make it; a base that is a file is looked for there first.
+    InputError names the key.
     """
     content = SCHEMA(content, source)
     base = content.get("base")
-    if folder is not None and base and robot_yaml(base) is None:
-        for beside in (folder / base, folder.resolve(), folder.resolve().parent / base):
-            if beside.name == base and plugins.is_machine(beside):
+    named = base or content.get("machine")
+    if folder is not None and named and robot_yaml(named) is None:
+        own = folder.resolve()
+        for beside in (folder / named, own, own.parent / named) if base else (own,):
+            if beside.name == named and plugins.is_machine(beside):
                 plugins.add_plugin(beside)
-        if is_file(folder / base):
+        if base and is_file(folder / base):
             base = str(folder / base)
     if base in above:
         raise InputError(f"{source}: base {content['base']!r} comes back to itself")

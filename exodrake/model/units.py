@@ -135,7 +135,8 @@ def quantity(value: Any, unit: str, where: str, given: str = "") -> float:
     """
     number, written = value, given
     if isinstance(value, str):
-        found = re.fullmatch(r"\s*([-+]?(?:inf|nan|(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?))\s*(\D.*)?", value, re.I)
+        digits = r"[-+]?(?:inf|nan|(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)"
+        found = re.fullmatch(rf"\s*(?>({digits}))(?!\s*-\s*[.\d])\s*(\D.*)?", value, re.I)  # 1-2 is no 1 of a unit -2
         number, written = (float(found[1]), found[2] or given) if found else (None, "")
     if isinstance(number, bool) or not isinstance(number, int | float | np.floating | np.integer):
         raise InputError(f"{where} is {value!r}, wanted a number, with its unit if that is not {unit}")

@@ -61,7 +61,7 @@ def draw_screen(monitor: Monitor, path: Path) -> RenderableType:
     table = Table(box=None, pad_edge=False, header_style="bold")
     nearest = "largest" if limit is None else "nearest its limit"
     for title in ("segment", f"{WINDOW} s", "so far", nearest, "gap"):
-        table.add_column(title, justify="left" if title in ("segment", nearest) else "right")
+        table.add_column(title, justify="left" if title in ("segment", nearest) else "right", overflow="fold")
     table.add_column("" if limit is None else "of the limit│", width=BAR)
     shares = reading.recent if limit is None else reading.recent / limit
     at = round(BAR * CALM)  # where the bar marks the limit

@@ -6,10 +6,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from itertools import zip_longest
 from math import isnan
 
+from rich.cells import cell_len
 from rich.console import Console
 from rich.markup import escape
 from rich.panel import Panel
 from rich.table import Table
+from rich.text import Text
 
 from exodrake.core.progress import Stage
 from exodrake.diagnosis.result import AMBIGUOUS, CAUSE, NO_GAP, PARTLY, UNKNOWN, Diagnosis
@@ -19,22 +21,31 @@ from exodrake.report.since import words as since_words
 
 TOP = 5  # candidates that are listed
 SIMULATES = {"retune": Stage.RETUNE, "linearise": Stage.LINEARISE}  # simulated time by stage; the rest is of the fits
-BAR = 20  # characters of a full bar
+BAR = 12  # characters of a full bar
+GAP = 2  # characters between columns
 REGIMES = 3  # conditions that are named
 
 
-def table(titles: Sequence[str], rows: Iterable[Sequence[str]] = (), wrapped: int = -1) -> Table:
-    """A table without lines. Titles that begin with `>` head numbers, aligned right; cells may hold rich markup.
+def print_table(console: Console, titles: Sequence[str], rows: Iterable[Sequence[str]], wrapped: int = -1) -> None:
+    """Print a table without lines. Titles that begin with `>` head numbers, aligned right; cells may hold rich markup.
 
-    One column, by its index `wrapped`, may be wrapped.
+    Nothing is cut: in a narrow terminal the column `wrapped` is wrapped first, then the others, at last within words.
     """
-    made = Table(box=None, pad_edge=False, header_style="dim", padding=(0, 2, 0, 0))
-    for k, title in enumerate(titles):
-        justify = "right" if title.startswith(">") else "left"
-        made.add_column(title.lstrip(">"), justify=justify, no_wrap=k != wrapped, ratio=1 if k == wrapped else None)
+    made, rows = Table(box=None, pad_edge=False, header_style="dim", padding=(0, GAP, 0, 0)), list(rows)
+    heads = [title.lstrip(">") for title in titles]
+    cells = [[Text.from_markup(row[k]).plain for row in [heads, *rows] if k < len(row)] for k in range(len(titles))]
+    widths = [max(cell_len(line) for cell in column for line in [*cell.splitlines(), ""]) for column in cells]
+    words = [max(cell_len(word) for cell in column for word in [*cell.split(), ""]) for column in cells]
+    for _ in range(sum(widths) + GAP * (len(widths) - 1) - console.width):
+        spare = [width - word for width, word in zip(widths, words)]
+        ranked = spare if max(spare) > 0 else widths
+        first = wrapped if wrapped >= 0 and spare[wrapped] > 0 else ranked.index(max(ranked))
+        widths[first] = max(widths[first] - 1, 1)
+    for title, head, width in zip(titles, heads, widths):
+        made.add_column(head, justify="right" if head != title else "left", overflow="fold", width=width)
     for row in rows:
         made.add_row(*row)
-    return made
+    console.print(made)
 
 
 def print_summary(diagnosis: Diagnosis, console: Console | None = None) -> None:
@@ -63,7 +74,7 @@ def print_summary(diagnosis: Diagnosis, console: Console | None = None) -> None:
                 channels = {f"{name} {channel}": one for channel, one in effect.channels.get(name, {}).items()}
                 values += [(title, *w.interval(one)) for title, one in (channels or {name: item}).items()]
             rows += [(*(a or ("", "")), *(b or ("", "", ""))) for a, b in zip_longest(left, values)]
-        console.print(table(("effect", ">of the gap", "parameter", ">value", ">90 % interval"), rows))
+        print_table(console, ("effect", ">of the gap", "parameter", ">value", ">90 % interval"), rows)
     rows, closes = [], diagnosis.verdict != NO_GAP
     for display, gap in w.kind_gaps(diagnosis).values():
         gaps = (gap.before, gap.after, gap.noise_std) if closes else (gap.before, gap.noise_std)
@@ -71,7 +82,7 @@ def print_summary(diagnosis: Diagnosis, console: Console | None = None) -> None:
         closed = w.closure(gap.closure) if gap.before > w.SMALL * gap.noise_std else "-"
         rows.append((display.label.lower(), *cells, *([closed] if closes else [])))
     titles = (">before", ">after", ">noise std", ">closure") if closes else (">nominal", ">noise std")
-    console.print(table(("gap (RMS)", *titles), rows))
+    print_table(console, ("gap (RMS)", *titles), rows)
     if closes:
         closure = diagnosis.closure
         said = w.closure_words(closure.overall, "the excess error", f"with the {w.last_robot(diagnosis)}")
@@ -95,7 +106,7 @@ def print_summary(diagnosis: Diagnosis, console: Console | None = None) -> None:
         for one in diagnosis.candidates[:TOP]:
             bar = "━" * round(BAR * min(max(one.share, 0.0), 1.0))
             rows.append((one.id or "retune", w.share(one.share), w.digits(one.chi2), f"{one.evidence:,.0f} nats", bar))
-        console.print(table(("fitted set", ">explains", ">chi-square", ">evidence", ""), rows, wrapped=0))
+        print_table(console, ("fitted set", ">explains", ">chi-square", ">evidence", ""), rows, wrapped=0)
     for note in diagnosis.notes:
         console.print(f"[yellow]note[/yellow]    {escape(note)}")
 
@@ -110,4 +121,4 @@ def print_profile(diagnosis: Diagnosis, spent: Mapping[Stage, float]) -> None:
     rows.append(
         ("all", f"{sum(spent.values()):.2f} s in {diagnosis.run_time:.1f} s", f"{diagnosis.simulated_time:,.0f} s")
     )
-    Console(highlight=False).print(table(("stage", ">processor", ">simulated"), rows))
+    print_table(Console(highlight=False), ("stage", ">processor", ">simulated"), rows)

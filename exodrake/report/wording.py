@@ -105,7 +105,7 @@ def seat(place: Where | NamedEffect, machine: Machine) -> str:
         if len(names) > MOST_SEATS and set(names) == set(machine.axes.of(f"{axis}s")):
             parts.append(f"all {len(names)} {axis}s")
         elif names:
-            parts.append(f"{plural(len(names), axis)} {join_words(list(names))}")
+            parts.append(f"the {axis}" if names == (axis,) else f"{plural(len(names), axis)} {join_words(list(names))}")
     return " and ".join(parts)
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from exodrake.core.errors import InputError, nearest
+from exodrake.core.errors import InputError, argument, nearest
 from exodrake.data.formats import read_log
 from exodrake.data.log import ALIKE, Log
 from exodrake.engine.inputs import Reference
@@ -112,8 +112,8 @@ def reference_rows(machine: Machine, log: Log) -> np.ndarray:
     return np.column_stack([log.array(c.kind, machine.channels(c.signal)) for c in machine.references])
 
 
-def from_log(path: str | Path, robot: Robot | None = None) -> Reference:
-    """The references of a log, as they are.
+def from_log(path: str | Path | Log, robot: Robot | None = None) -> Reference:
+    """The references of a log or its file, as they are.
 
     Raises:
         InputError: for an unknown channel, a missing sample, a tension below 0, fewer than two rows, and another
@@ -125,7 +125,8 @@ def from_log(path: str | Path, robot: Robot | None = None) -> Reference:
         >>> from_log("mine.csv").values.shape
         (275, 3)
     """
-    machine, log = robot_or_default(robot).machine, read_log(path)
+    machine = robot_or_default(robot).machine
+    log = path if isinstance(path, Log) else read_log(argument("path", path, str, Path, Log))
     for column in machine.references:
         signal, channels = machine.signal[column.signal], machine.channels(column.signal)
         for channel in log.names(column.kind):
@@ -139,4 +140,4 @@ def from_log(path: str | Path, robot: Robot | None = None) -> Reference:
             raise InputError(f"{log.label}: {column.kind}_{channels[k]} {what} in row {row + 2}, wanted {wanted}")
     if len(log) < 2 or np.abs(np.diff(log.time) - machine.frame).max() > ALIKE:
         raise InputError(f"{log.label}: not two rows or more, {machine.frame:g} s apart; see exodrake.regularise")
-    return Reference(reference_rows(machine, log), Path(path).name.split(".")[0])
+    return Reference(reference_rows(machine, log), Path(log.label).name.split(".")[0])
