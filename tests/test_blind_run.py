@@ -172,6 +172,9 @@ def test_diagnose_takes_several_cases(uninterrupted, tmp_path):
     assert result.exit_code == 0 and result.output.count("NO_GAP") == 2, result.output
     assert answers(tmp_path / "out") == {name: uninterrupted[name] for name in ("case_00", "case_01")}
     assert not list((tmp_path / "set").glob("*/diagnosis.json"))
+    page = (tmp_path / "out" / "fleet.html").read_text()
+    for name in ("case_00", "case_01"):
+        assert (tmp_path / "out" / name / "report.html").is_file() and f'href="{name}/report.html"' in page
 
 
 @pytest.mark.parametrize(

@@ -29,7 +29,7 @@ from exodrake.diagnosis.fleet import (
     table_bytes,
 )
 from exodrake.diagnosis.many import read_stored
-from exodrake.diagnosis.result import NAMED, NO_GAP, RETUNE, UNKNOWN
+from exodrake.diagnosis.result import CAUSE, NAMED, NO_GAP, REFINEMENT, RETUNE, UNKNOWN
 from exodrake.report.fleet import fleet_html, members, strip
 
 START = datetime(2026, 1, 5, tzinfo=UTC)
@@ -143,7 +143,7 @@ def test_the_page_says_robots_causes_dates_and_failures():
 def test_answers_of_a_diagnosis_make_a_row():
     found = diagnosis(NAMED)
     row = read_row(json.loads(json.dumps(found.to_json())), "mine")
-    assert row.verdict == NAMED and row.effects == tuple(e.id for e in found.effects)
+    assert row.verdict == NAMED and row.effects == tuple(e.id for e in found.effects if e.role == CAUSE)
     assert row.amounts[0].value == next(iter(next(iter(found.effects[0].channels.values())).values())).value
     with pytest.raises(InputError, match="mine"):
         read_row({"verdict": NAMED}, "mine")
@@ -191,6 +191,27 @@ def written(folder, name, answer):
     """A folder of an answer."""
     (folder / name).mkdir(parents=True)
     (folder / name / "diagnosis.json").write_text(json.dumps(answer))
+
+
+def test_answers_without_a_serial_are_different_robots_and_refinements_are_no_causes(tmp_path):
+    """Each case is called `case`, as `import --out case` calls it; the folders of the answers are alike, too."""
+    found = diagnosis(NAMED)
+    refinement = replace(found.effects[0], id="sensor.gain", role=REFINEMENT)
+    answer = json.loads(json.dumps(replace(found, case="case", effects=(*found.effects, refinement)).to_json()))
+    for place in ("loop", "hob"):
+        written(tmp_path / place, "answer", answer)
+    (tmp_path / "hob" / "answer" / "report.html").write_text("")
+    rows = read_answers(tmp_path / "loop" / "answer", tmp_path / "hob" / "answer")
+    assert {row.serial for row in rows} == {"loop/answer", "hob/answer"} and len(members(rows)) == 2
+    assert all("sensor.gain" not in row.effects and len(row.amounts) == len(rows[0].amounts) for row in rows)
+    words = ["fleet", str(tmp_path / "loop" / "answer"), str(tmp_path / "hob" / "answer")]
+    result = CliRunner().invoke(cli, [*words, "--out", str(tmp_path / "f.html")])
+    assert "sensor.gain" not in result.output
+    page = (tmp_path / "f.html").read_text()
+    assert 'href="hob/answer/report.html"' in page and 'href="loop/answer/diagnosis.json"' in page
+    written(tmp_path / "week1", "answer", answer | {"serial": "exo-7"})
+    written(tmp_path / "week2", "answer", answer | {"serial": "exo-7"})
+    assert len(members(read_answers(tmp_path / "week1", tmp_path / "week2"))) == 1
 
 
 def test_a_fleet_whose_robots_were_repaired_has_a_page():

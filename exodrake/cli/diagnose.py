@@ -54,8 +54,8 @@ def command(
     CASE is a folder of logs (see its case.yaml) or one log file. --out FOLDER takes diagnosis.json, report.html and
     improved.yaml, the robot for `exodrake simulate --robot`.
 
-    Several cases, or a folder of cases, are diagnosed side by side into FOLDER/CASE, with fleet.html. Each answer is
-    written as soon as it is there; the same command goes on where it was interrupted.
+    Several cases, or a folder of cases, are diagnosed side by side into FOLDER/CASE, with fleet.html above them. Each
+    answer is written as soon as it is there; the same command goes on where it was interrupted.
     """
     tried = options.choose_effects(robot, only, without)
     if len(cases) > 1 or options.cases_in(Path(cases[0])):
@@ -137,15 +137,16 @@ def diagnose_many(
     tried: frozenset[str] | None, allow_outside: bool = False,
 ) -> None:  # fmt: skip
     """Diagnose cases in parallel. Exit status 1 if some fail; InputError before the work starts."""
-    from exodrake.diagnosis.fleet import read_answers
+    from exodrake.diagnosis.fleet import find_places, read_answers
     from exodrake.diagnosis.many import diagnose_all, read_stored
     from exodrake.diagnosis.result import CAUSE
-    from exodrake.report.fleet import fleet_html
+    from exodrake.report.diagnosis_html import report_html
+    from exodrake.report.fleet import find_reports, fleet_html
     from exodrake.report.wording import closure, share
 
     places = map_places(cases, out)
     with show_count("diagnosing") as count:
-        failed = diagnose_all(places, jobs, cluster, count, redo, robot, tried, allow_outside)
+        failed = diagnose_all(places, jobs, cluster, count, redo, robot, tried, allow_outside, report_html)
     rows = []
     for name, answer in ((escape(place.name), read_stored(place)) for place in places.values()):
         if answer is None:
@@ -160,7 +161,8 @@ def diagnose_many(
         refuted = " (not confirmed)" if answer.get("confirmed") is False else ""
         rows.append((name, answer["verdict"] + refuted, ", ".join(causes), "" if value is None else closure(value)))
     options.print_table(("case", "verdict", "causes", ">closure"), rows, wrapped=2)
-    options.write_files({out / FLEET: fleet_html(read_answers(out), out.resolve().name)})
+    links = find_reports(find_places(out), out / FLEET)
+    options.write_files({out / FLEET: fleet_html(read_answers(out), out.resolve().name, links)})
     for name, reason in failed.items():
         click.echo(f"{name}: {reason}", err=True)
     if failed:
@@ -195,17 +197,17 @@ def summarise_fleet(sources, out, table) -> None:
     """Say of many diagnosed cases which robots have which causes, and since when.
 
     ANSWERS are folders that `exodrake diagnose CASE... --out FOLDER` wrote, files of `exodrake diagnose --json`,
-    folders of these, or the one table that --table made. Cases belong to the robot that `serial:` names in their
-    case.yaml, and are ordered by `date:`.
+    folders of these, or the one table that --table made. A case belongs to the robot that `serial:` names in its
+    case.yaml, else to one of its own; `date:` orders them.
     """
-    from exodrake.diagnosis.fleet import read_answers, read_table, table_bytes
+    from exodrake.diagnosis.fleet import find_places, read_answers, read_table, table_bytes
     from exodrake.report.fleet import find_reports, fleet_html, members, robot_table
 
     tabled = len(sources) == 1 and sources[0].suffix.lower() != ".json" and not sources[0].is_dir()
     rows = read_table(sources[0]) if tabled else read_answers(*sources)
     files: dict[Path, str | bytes] = {table: table_bytes(rows)} if table else {}
     if out:
-        links = find_reports(sources[0], out) if sources[0].is_dir() else {}
+        links = {} if tabled else find_reports(find_places(*sources), out)
         title = sources[0].resolve().name if len(sources) == 1 else f"{len(sources)} folders or files"
         files[out] = fleet_html(rows, title, links)
     shown = robot_table(members(rows))  # of its columns the first four

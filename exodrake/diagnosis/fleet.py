@@ -3,12 +3,14 @@
     rows = read_answers("answers")                  # folders that `exodrake diagnose --out` or `blind run` wrote
     write_text("fleet.parquet", table_bytes(rows))
 
-A case belongs to the robot that its `serial` names (case.yaml), else to one of the case's own name.
+A case belongs to the robot that its `serial` names (case.yaml), else to one of its own.
 """
 
 from __future__ import annotations
 
 import io
+import os
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from datetime import UTC, datetime, timedelta
@@ -25,7 +27,7 @@ from exodrake.core.schema import read_json
 from exodrake.data.formats.parquet import import_pyarrow, parse_rows
 from exodrake.diagnosis.change_point import DRAWS, LEAST, ROUNDING, Change, ChangePoint
 from exodrake.diagnosis.many import ANSWER, FAILED, FAILURE, check_answer
-from exodrake.diagnosis.result import NAMED, NO_GAP, RETUNE
+from exodrake.diagnosis.result import CAUSE, NAMED, NO_GAP, RETUNE
 from exodrake.machines.library import machine_folders, machine_named
 
 MAGIC = b"PAR1"  # a Parquet file begins so
@@ -73,7 +75,8 @@ def read_row(answer: Mapping[str, Any], name: str) -> Row:
     """The row of a diagnosis.json. InputError naming the case, and the key of what is damaged."""
     found = check_answer(answer, name)
     made, rms, amounts = found.get("provenance") or {}, found["closure"].get("rms") or {}, []
-    for effect in found["effects"]:  # its first parameter, channel by channel where it has several
+    causes = [effect for effect in found["effects"] if effect.get("role", CAUSE) == CAUSE]
+    for effect in causes:  # its first parameter, channel by channel where it has several
         for parameter, item in list(effect["parameters"].items())[:1]:
             for channel, one in (effect["channels"].get(parameter) or {"": item}).items():
                 head = effect["id"], printable(parameter), printable(channel)
@@ -81,12 +84,12 @@ def read_row(answer: Mapping[str, Any], name: str) -> Row:
                 amounts.append(Amount(*head, value, low, high, one["unit"]))
     return Row(
         case=name,
-        serial=found.get("serial") or found.get("case") or name,
+        serial=found.get("serial") or name,
         machine=made.get("robot") or "",
         date=found.get("date"),
         verdict=found["verdict"],
         block=found["where"]["block"],
-        effects=tuple(found["equivalents"] or [e["id"] for e in found["effects"]]),
+        effects=tuple(found["equivalents"] or [e["id"] for e in causes]),
         amounts=tuple(amounts),
         closure=to_float(found["closure"]["overall"].get("value")),
         confirmed=found.get("confirmed"),
@@ -105,39 +108,58 @@ def to_float(value: float | None) -> float:
     return float("nan") if value is None else value
 
 
+def find_places(*sources: str | Path) -> dict[str, Path]:
+    """Places of answers and failures by name: folders of them, and files that `exodrake diagnose --json` wrote.
+
+    Args:
+        sources: such places, and folders of them. Places of one name have those of their folders before it.
+    """
+    found: dict[Path, str] = {}
+    for source in map(Path, sources):
+        inside = [source, *sorted(source.iterdir())] if is_folder(source) else []
+        for place in filter(is_place, inside) if inside else [source]:
+            found[place.resolve()] = printable(place.resolve().name.removesuffix(".json"))
+    counts, folders = Counter(found.values()), [place.parent for place in found]
+    root = os.path.commonpath(folders) if folders else ""
+    return {
+        name if counts[name] == 1 else printable(os.path.relpath(place, root)).removesuffix(".json"): place
+        for place, name in found.items()
+    }
+
+
+def is_place(place: Path) -> bool:
+    """Whether a folder holds an answer or a failure, or a file may be one of `exodrake diagnose --json`."""
+    if is_folder(place):
+        return is_file(place / ANSWER) or is_file(place / FAILED)
+    return place.suffix.lower() == ".json" and place.name not in (ANSWER, FAILED)
+
+
 def read_answers(*sources: str | Path) -> list[Row]:
     """Rows of answers and failures, by robot and date; InputError for a file that is no answer, and without answers.
 
     Args:
-        sources: files that `exodrake diagnose --json` wrote, folders of these or of folders with `diagnosis.json`, and
-            such a folder itself.
+        sources: as in `find_places`.
     """
-    rows = []
-    for source in map(Path, sources):
-        if is_folder(source):
-            rows += [row for place in (source, *sorted(source.iterdir())) if (row := read_place(place)) is not None]
-        else:
-            rows.append(read_row(read_json(source), printable(source.stem)))
+    rows, stated = [], {Path(source).resolve() for source in sources}
+    for name, place in find_places(*sources).items():
+        answer, failed = (place / ANSWER, place / FAILED) if is_folder(place) else (place, None)
+        try:
+            if failed and not is_file(answer):
+                failure = read_json(failed)
+                known = isinstance(failure, Mapping)
+                reason = str(failure.get("reason", "")) if known else f"{failed}: its answer cannot be read"
+                rows.append(Row(name, name, reason=printable(reason)))
+            else:
+                rows.append(read_row(read_json(answer), name))
+        except InputError as error:
+            if failed:
+                rows.append(Row(name, name, reason=str(error)))
+            elif place in stated:
+                raise
     if not rows:
         names = ", ".join(map(str, sources))
         raise InputError(f"{names}: no answers in it (folders with {ANSWER}, or files of `exodrake diagnose --json`)")
     return sort_rows(rows)
-
-
-def read_place(place: Path) -> Row | None:
-    """The row of a folder with an answer or a failure, or of a file of `diagnose --json`; None of anything else."""
-    folder, name = is_folder(place), printable(place.resolve().name.removesuffix(".json"))
-    answer, failed = place / ANSWER if folder else place, place / FAILED
-    try:
-        if folder and is_file(failed) and not is_file(answer):
-            failure = read_json(failed)
-            known = isinstance(failure, Mapping)
-            reason = printable(str(failure.get("reason", ""))) if known else f"{failed}: its answer cannot be read"
-            return Row(name, name, reason=reason)
-        named = folder or (place.suffix.lower() == ".json" and place.name not in (ANSWER, FAILED))
-        return read_row(read_json(answer), name) if named and is_file(answer) else None
-    except InputError as error:
-        return Row(name, name, reason=str(error)) if folder else None
 
 
 def sort_rows(rows: Iterable[Row]) -> list[Row]:

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from exodrake.core.errors import InputError, printable
 from exodrake.core.files import write_folder, write_text
@@ -35,9 +36,13 @@ from exodrake.core.schema import (
 from exodrake.data.case import Case, parse_date, read_case
 from exodrake.machines.robot_file import load_robot
 
+if TYPE_CHECKING:
+    from exodrake.diagnosis.problem import Problem
+    from exodrake.diagnosis.result import Diagnosis
+
 ANSWER, FAILED = "diagnosis.json", "failed.json"
 FAILURE = "FAILED"  # verdict of a case without an answer
-RETUNED, IMPROVED = "retuned.yaml", "improved.yaml"  # robot files beside an answer
+RETUNED, IMPROVED, REPORT = "retuned.yaml", "improved.yaml", "report.html"  # beside an answer
 WORD = re.compile(r"[A-Z][A-Z_]{0,30}")
 
 
@@ -127,10 +132,14 @@ def get_configuration(robot: str, tried: frozenset[str] | None = None) -> dict[s
     return configuration() | choice | ({"robot": robot_digest(load_robot(robot))} if robot else {})
 
 
-def diagnose_one(case: Case, robot: str, wanted: dict[str, str], tried: frozenset[str] | None = None) -> dict[str, Any]:
+def diagnose_one(
+    case: Case, robot: str, wanted: dict[str, str], tried: frozenset[str] | None = None,
+    report: Callable[[Diagnosis, Problem], str] | None = None,
+) -> dict[str, Any]:  # fmt: skip
     """Diagnose a case into plain data. RuntimeError where a configuration other than `wanted` is installed.
 
-    Beside the answer, `robots` holds the texts of the retuned and the improved robot's files by name.
+    Beside the answer, `files` holds the texts of the retuned and the improved robot's files, and of the report, if one
+    is wanted, by name.
     """
     from exodrake.diagnosis.pipeline import diagnose
 
@@ -142,7 +151,12 @@ def diagnose_one(case: Case, robot: str, wanted: dict[str, str], tried: frozense
     found = diagnose(case, load_robot(robot) if robot else None, tried=tried)
     robots = {RETUNED: found.robots["retuned"], IMPROVED: found.robot}
     texts = {name: found.robot_file(robot) for name, robot in robots.items()}
-    return found.to_json() | {"configuration": wanted, "robots": texts}
+    if report and found.problem:
+        try:
+            texts[REPORT] = report(found, found.problem)
+        except Exception as error:  # which shall lose no answer
+            found = replace(found, notes=(*found.notes, f"no report: {type(error).__name__}: {error}"))
+    return found.to_json() | {"configuration": wanted, "files": texts}
 
 
 def diagnose_all(
@@ -154,6 +168,7 @@ def diagnose_all(
     robot: str = "",
     tried: frozenset[str] | None = None,
     allow_outside: bool = False,
+    report: Callable[[Diagnosis, Problem], str] | None = None,
 ) -> dict[str, str]:
     """Diagnose the unfinished of many cases; an interruption loses no answer.
 
@@ -166,6 +181,7 @@ def diagnose_all(
         robot: Nominal robot, a name or a file that each worker reads itself; the built-in robot if empty.
         tried: Ids of the effects to try; None for the default ones.
         allow_outside: Read logs that lie outside the folder of their case, too.
+        report: Text of the report of an answer, which is written beside it; none without.
 
     Returns:
         {name of the answer's folder: reason} of the cases that failed; they stay unfinished.
@@ -196,7 +212,7 @@ def diagnose_all(
         place = places[case]
         place.mkdir(parents=True, exist_ok=True)
         if outcome.reason is None:
-            texts = outcome.value.pop("robots")
+            texts = outcome.value.pop("files")
             texts |= {ANSWER: json.dumps(outcome.value, indent=1, allow_nan=False) + "\n"}
             write_folder(place, {name: text.encode() for name, text in texts.items()})
             (place / FAILED).unlink(missing_ok=True)
@@ -204,12 +220,12 @@ def diagnose_all(
         else:
             failure = {"reason": outcome.reason, "traceback": outcome.trace.splitlines()}
             write_text(place / FAILED, json.dumps(failure, indent=1) + "\n")
-            for name in (ANSWER, RETUNED, IMPROVED):
+            for name in (ANSWER, RETUNED, IMPROVED, REPORT):
                 (place / name).unlink(missing_ok=True)
             failed[place.name] = outcome.reason
         progress(answered, len(failed), len(places))
 
-    def read_tasks() -> Iterator[tuple[Case, str, dict[str, str], frozenset[str] | None]]:
+    def read_tasks() -> Iterator[tuple[Any, ...]]:
         machine = (load_robot(robot) if robot else load_robot()).machine
         for path in waiting:
             try:
@@ -218,7 +234,7 @@ def diagnose_all(
                 write(path, Outcome(-1, reason=f"{type(error).__name__}: {error}"))
                 continue
             sent.append(path)
-            yield case, robot, wanted, tried
+            yield case, robot, wanted, tried, report
 
     with closing(each(diagnose_one, read_tasks(), jobs, cluster)) as outcomes:
         try:

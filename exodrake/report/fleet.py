@@ -16,10 +16,10 @@ import numpy as np
 from markupsafe import Markup
 
 from exodrake import __version__
-from exodrake.core.errors import plural, printable
+from exodrake.core.errors import plural
 from exodrake.diagnosis.change_point import RAMP, STEP
 from exodrake.diagnosis.fleet import Row, Trend, find_trends
-from exodrake.diagnosis.many import ANSWER, FAILURE
+from exodrake.diagnosis.many import ANSWER, FAILURE, REPORT
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, PARTLY, RETUNE, UNKNOWN, Interval
 from exodrake.report import wording as w
 from exodrake.report.blocks import Bars, Table, render
@@ -114,13 +114,13 @@ def strip(rows: Sequence[Row]) -> list[tuple[str, str]]:
     return cells
 
 
-def find_reports(folder: Path, report: Path) -> dict[str, str]:
-    """Case -> address of its report.html, else of its answer, in the folders of a folder, as seen from a report."""
+def find_reports(places: Mapping[str, Path], page: Path) -> dict[str, str]:
+    """Case -> address of its report.html, else of its answer, as seen from a page, from the places by case."""
     found = {}
-    for place in (path for path in folder.iterdir() if path.is_dir()):
-        file = next((place / name for name in ("report.html", ANSWER) if (place / name).is_file()), None)
+    for case, place in places.items():
+        file = next((file for file in (place / REPORT, place / ANSWER, place) if file.is_file()), None)
         if file is not None:
-            found[printable(place.name)] = quote(os.path.relpath(file, report.parent))
+            found[case] = quote(os.path.relpath(file, page.resolve().parent))
     return found
 
 
