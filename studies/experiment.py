@@ -28,7 +28,6 @@ from exodrake.core.files import write_text
 from exodrake.core.parallel import one_blas_thread
 from exodrake.core.schema import read_json
 from exodrake.data.case import EXPERIMENT, Case, CaseLog, read_case
-from exodrake.data.log import Log
 from exodrake.diagnosis.pipeline import diagnose
 from exodrake.diagnosis.problem import list_required, make_problem
 from exodrake.diagnosis.result import Rival
@@ -37,10 +36,9 @@ from exodrake.experiment.contest import Contest, information, prepare_contest
 from exodrake.experiment.design import check_length, design
 from exodrake.machines.robot_file import load_robot
 from exodrake.reference.answers import ANSWER, find_cases
-from exodrake.reference.make import round_columns
+from exodrake.reference.make import record_log
 from exodrake.reference.robot import RobotSpec
 from exodrake.reference.score import found_ids
-from exodrake.reference.simulator import simulate
 from exodrake.simulation.references import protocol
 from studies.page_text import share
 from studies.transfer.study import withheld
@@ -116,10 +114,8 @@ def explain(case: Case, effects: frozenset[str]) -> tuple[dict[str, Any], tuple[
 
 def add_log(case: Case, spec: RobotSpec, reference: np.ndarray) -> Case:
     """The case with the log that its robot leaves on a reference (frames, tendons) [N]."""
-    columns = round_columns(simulate(spec, Reference(reference, EXPERIMENT), LOG_SEED))
-    time = columns.pop("time")
-    has = case.logs[0].log.has
-    log = Log(time, {name: values for name, values in columns.items() if has(name)})
+    log = record_log(spec, Reference(reference, EXPERIMENT), LOG_SEED)
+    log = log.only(filter(case.logs[0].log.has, log.columns))
     return replace(case, logs=(*case.logs, CaseLog(log, EXPERIMENT, "fit", None, "experiment.csv")))
 
 

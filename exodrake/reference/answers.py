@@ -104,7 +104,7 @@ def read_answers(folder: Path, truths: dict[str, dict[str, Any]]) -> tuple[Answe
     for name, label in truths.items():
         path = folder / name / ANSWER
         if path.is_file() or path.with_name(FAILED).is_file():
-            diagnosis = read_diagnosis(path) if path.is_file() else {"verdict": FAILURE}
+            diagnosis = SCHEMA(read_json(path), str(path)) if path.is_file() else {"verdict": FAILURE}
             answered.append(Answered(name, label["kind"], label["effects"], diagnosis, label.get("mix", "standard")))
     if not answered:
         raise InputError(f"{folder}: no case has a diagnosis yet; run `exodrake blind run` first")
@@ -116,8 +116,3 @@ def read_answers(folder: Path, truths: dict[str, dict[str, Any]]) -> tuple[Answe
             f"{folder}: answered with several configurations ({'; '.join(sorted(found))}); `blind run --redo`"
         )
     return tuple(answered)
-
-
-def read_diagnosis(path: Path) -> Diagnosis:
-    """Read one diagnosis. InputError naming file and key if it is none."""
-    return SCHEMA(read_json(path), str(path))
