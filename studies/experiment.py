@@ -20,7 +20,6 @@ from typing import Any
 
 import click
 import numpy as np
-from scipy.stats import binomtest
 
 from exodrake.cli.main import OneLineErrors
 from exodrake.core.errors import markdown_table
@@ -38,7 +37,7 @@ from exodrake.machines.robot_file import load_robot
 from exodrake.reference.answers import ANSWER, find_cases
 from exodrake.reference.make import record_log
 from exodrake.reference.robot import RobotSpec
-from exodrake.reference.score import found_ids
+from exodrake.reference.score import Share, found_ids, pair_shares
 from exodrake.simulation.references import protocol
 from studies.page_text import share
 from studies.transfer.study import withheld
@@ -153,14 +152,13 @@ def make_page(rows: dict[str, dict[str, Any]], command: str) -> str:
 
 def compare_motions(rows: list[dict[str, Any]]) -> str:
     """Cases that either motion alone resolves, of those that have both, with McNemar's exact test."""
-    both = [tuple(is_resolved(row, motion) for motion in MOTIONS) for row in rows if set(MOTIONS) <= set(row["after"])]
-    if not both:
+    tried = {k: row for k, row in enumerate(rows) if set(MOTIONS) <= set(row["after"])}
+    if not tried:
         return "No case has both motions yet."
-    designed, random = both.count((True, False)), both.count((False, True))
-    p = binomtest(designed, designed + random).pvalue if designed + random else 1.0
+    found = pair_shares(*(Share({k: is_resolved(row, motion) for k, row in tried.items()}) for motion in MOTIONS))
     return (
-        f"Of {len(both)} cases with both motions {both.count((True, True))} are resolved by either one, {designed} by "
-        f"the designed one alone, {random} by the random one alone (McNemar's exact test: p = {p:.2g})."
+        f"Of {len(tried)} cases with both motions {found.both} are resolved by either one, {found.first} by the "
+        f"designed one alone, {found.second} by the random one alone (McNemar's exact test: p = {found.p:.2g})."
     )
 
 
