@@ -37,7 +37,7 @@ from exodrake.machines.robot_file import load_robot
 from exodrake.reference.answers import ANSWER, find_cases
 from exodrake.reference.make import record_log
 from exodrake.reference.robot import RobotSpec
-from exodrake.reference.score import Share, found_ids, pair_shares
+from exodrake.reference.score import count_share, found_ids, pair_shares
 from exodrake.simulation.references import protocol
 from studies.page_text import share
 from studies.transfer.study import withheld
@@ -155,7 +155,7 @@ def compare_motions(rows: list[dict[str, Any]]) -> str:
     tried = {k: row for k, row in enumerate(rows) if set(MOTIONS) <= set(row["after"])}
     if not tried:
         return "No case has both motions yet."
-    found = pair_shares(*(Share({k: is_resolved(row, motion) for k, row in tried.items()}) for motion in MOTIONS))
+    found = pair_shares(*(count_share({k: is_resolved(row, motion) for k, row in tried.items()}) for motion in MOTIONS))
     return (
         f"Of {len(tried)} cases with both motions {found.both} are resolved by either one, {found.first} by the "
         f"designed one alone, {found.second} by the random one alone (McNemar's exact test: p = {found.p:.2g})."

@@ -15,8 +15,8 @@ from exodrake.reference.answers import Answered, read_committed, write_committed
 from exodrake.reference.cases import CaseMix
 from exodrake.reference.score import (
     Paired,
-    Share,
     compute_shares,
+    count_share,
     interval_score,
     is_in_class,
     is_kind_right,
@@ -196,8 +196,8 @@ def test_two_methods_are_compared_on_the_cases_that_both_answered(tiny, tmp_path
 
 def test_mcnemar_is_the_sign_test_of_a_textbook():
     """Fore and hind leg lengths of ten deer (Zar, Biostatistical Analysis, sign test)."""
-    first = Share({deer: deer < 8 for deer in range(10)})
-    second = Share({deer: deer >= 8 for deer in range(10)})
+    first = count_share({deer: deer < 8 for deer in range(10)})
+    second = count_share({deer: deer >= 8 for deer in range(10)})
     assert pair_shares(first, second) == Paired(0, 8, 2, 0, p=pytest.approx(0.109375))
     assert pair_shares(first, first) == Paired(8, 0, 0, 2, p=1.0)
 

@@ -56,10 +56,7 @@ def read_committed(labels: str | Path, commitment: str | Path) -> dict[str, Any]
 
 def find_cases(folder: str | Path) -> list[Path]:
     """Case folders of a set, sorted. InputError if there is none."""
-    folder = Path(folder)
-    if not folder.is_dir():
-        raise InputError(f"{folder}: no such folder")
-    cases = sorted(path.parent for path in folder.glob("*/case.yaml") if not path.parent.name.startswith("."))
+    cases = sorted(path.parent for path in Path(folder).glob("*/case.yaml") if not path.parent.name.startswith("."))
     if not cases:
         raise InputError(f"{folder}: no case in it (a folder with case.yaml)")
     return cases

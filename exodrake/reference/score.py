@@ -189,37 +189,27 @@ def intervals(cases: Sequence[Answered], exact: bool) -> list[ParameterInterval]
     return [interval for case in named for interval in list_intervals(case) if interval.exact == exact]
 
 
-@dataclass(frozen=True)
-class Share:
-    """Share of the cases in which something holds, from case (or a part of one) -> whether it does; `wanted`: goal."""
+class Share(NamedTuple):
+    """Share of the cases in which something holds, with its exact 95 % interval; NaN for no cases."""
 
-    outcomes: Mapping[Any, bool]
-    wanted: str = ""
-
-    @property
-    def hits(self) -> int:
-        """Number of cases in which it holds."""
-        return sum(self.outcomes.values())
-
-    @property
-    def total(self) -> int:
-        """Number of cases."""
-        return len(self.outcomes)
-
-    @property
-    def value(self) -> float:
-        """Share; NaN for no cases."""
-        return self.hits / self.total if self.total else math.nan
-
-    @property
-    def interval(self) -> tuple[float, float]:
-        """95 % interval of the share."""
-        return binomial_interval(self.hits, self.total)
+    outcomes: Mapping[Any, bool]  # Case, or part of one -> whether it holds
+    wanted: str
+    hits: int
+    total: int
+    value: float
+    low: float
+    high: float
 
     def to_json(self) -> dict[str, Any]:
-        """Counts, share, its interval and the goal."""
-        found = {name: getattr(self, name) for name in ("hits", "total", "value", "wanted")}
-        return found | dict(zip(("low", "high"), self.interval))
+        """All but the single outcomes."""
+        return {name: value for name, value in self._asdict().items() if name != "outcomes"}
+
+
+def count_share(outcomes: Mapping[Any, bool], wanted: str = "") -> Share:
+    """Share of the outcomes that hold; `wanted`: the goal in words."""
+    hits, total = sum(outcomes.values()), len(outcomes)
+    interval = binomial_interval(hits, total)
+    return Share(outcomes, wanted, hits, total, hits / total if total else math.nan, *interval)
 
 
 class Quantity(NamedTuple):
@@ -291,10 +281,10 @@ def compute_shares(cases: Sequence[Answered]) -> dict[str, Share]:
         (f"C(effect given retune), lower bound > {CLOSED:g}", closed,
          lambda case: (closure(case, "effect", "low") or 0.0) > CLOSED, ">= 95 %"),
     ]  # fmt: skip
-    shares = {name: Share({c.name: bool(holds(c)) for c in some}, wanted) for name, some, holds, wanted in rows}
+    shares = {name: count_share({c.name: bool(holds(c)) for c in some}, wanted) for name, some, holds, wanted in rows}
     for law, exact, _ in LAWS:
         covered = {interval.key: interval.covers for interval in intervals(cases, exact)}
-        shares[f"90 % interval covers, {law}"] = Share(covered, "85-95 %")
+        shares[f"90 % interval covers, {law}"] = count_share(covered, "85-95 %")
     return shares
 
 
@@ -395,8 +385,7 @@ def tables(score: Score) -> Iterator[tuple[str, Row, list[Row]]]:
     for mix, found in score.mixes.items():
         rows = []
         for name, one in found.shares.items():
-            low, high = one.interval
-            cells = f"{100 * one.value:.1f} %", f"{100 * low:.1f}-{100 * high:.1f} %", f"{one.hits}/{one.total}"
+            cells = f"{100 * one.value:.1f} %", f"{100 * one.low:.1f}-{100 * one.high:.1f} %", f"{one.hits}/{one.total}"
             rows += [(name, one.wanted, *cells)] * bool(one.total)
         rows += [
             (name, q.wanted, f"{q.value:.3g}", "", str(q.cases)) for name, q in found.quantities.items() if q.cases

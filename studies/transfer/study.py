@@ -29,7 +29,7 @@ from exodrake.model.robot import Robot
 from exodrake.reference.answers import ANSWER, find_cases, read_labels
 from exodrake.reference.faults import ENTRIES
 from exodrake.reference.robot import InjectedFault, RobotSpec
-from exodrake.reference.score import Row, Share, count_cases
+from exodrake.reference.score import Row, count_cases, count_share
 from exodrake.reference.simulator import simulate
 from studies.transfer.control_task import Gains, Tuner, by_cost, cost, motion, own_gains, predicted
 
@@ -282,8 +282,8 @@ def better_than_nominal(found: Transfer, model: str) -> Measured:
 
 def share(name: str, model: str, found: Transfer, other: str) -> Measured:
     """Share of cases in which one controller really costs less than another, with its exact interval."""
-    outcomes = Share({case.prediction.name: case.real[model] < case.real[other] for case in found.cases})
-    return Measured(name, model, outcomes.value, *outcomes.interval, f"{outcomes.hits}/{outcomes.total}")
+    won = count_share({case.prediction.name: case.real[model] < case.real[other] for case in found.cases})
+    return Measured(name, model, won.value, won.low, won.high, f"{won.hits}/{won.total}")
 
 
 def tables(found: Transfer) -> Iterator[tuple[str, Row, list[Row]]]:
