@@ -372,10 +372,10 @@ def identify(recording: Recording, layout: Layout | None = None, cutoff: float |
     values, covariance = measure(found, layout.distal.index(layout.tip))
     half = NORMAL_95 * np.sqrt(np.diag(covariance)[:3])
     finger, joints = found.finger, []
+    poses = [rigid.fit_pose(triad, smoothed[:, 3 * k : 3 * k + 3])[0] for k, triad in enumerate(finger.markers)]
     for k, name in enumerate(JOINTS):
         axis, angle, side = finger.axes[k + 1], angles[:, k + 1].copy(), angles[:, 0].copy()
-        near, far = (rigid.fit_pose(finger.markers[i], smoothed[:, 3 * i : 3 * i + 3])[0] for i in (k, k + 1))
-        turns = rigid.inverse(near) @ far
+        turns = rigid.inverse(poses[k]) @ poses[k + 1]
         seen = np.isfinite(turns).all(axis=(1, 2))
         angle[~seen] = side[~seen] = np.nan
         if k == 0:
