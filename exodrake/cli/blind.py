@@ -75,16 +75,9 @@ def score(folder, labels, against, json_file, markdown) -> None:
     from exodrake.reference.score import Answers, markdown as as_markdown, score as score_set, tables
 
     result = score_set(folder, labels, against)
-<<<<<<< HEAD
-    for title, headings, rows in tables(result) if not write_json(as_json(result), json_file) else ():
-        if headings is CONFUSION:  # wrong answers in red
-            rows = [row if row[2] else [f"[red]{cell}[/red]" for cell in row] for row in rows]
-=======
     for title, headings, rows in tables(result) if not write_json(to_dict(result), json_file) else ():
-        click.echo(f"\n{title}")
         if headings is Answers._fields:  # wrong answers in red
-            print_table(headings, [row if row[2] else [f"[red]{cell}[/red]" for cell in row] for row in rows])
->>>>>>> reference
+            rows = [row if row[2] else [f"[red]{cell}[/red]" for cell in row] for row in rows]
         else:
             headings = [headings[0], *(f">{heading}" for heading in headings[1:])]
         click.echo(f"\n{title}")

@@ -119,13 +119,7 @@ def find_workspace(robot: str, out: Path, samples: int, steps: int, seed: int) -
 
     Writes workspace.csv and workspace.png; `make paper` compares them with the paper's Table 2.
     """
-<<<<<<< HEAD
-    from exodrake.identification.workspace import HEAD, SPONTANEOUS, areas, areas_csv, solve_assisted, workspace_figure
-=======
-    from rich.markup import escape
-
     from exodrake.identification.workspace import HEAD, SPONTANEOUS, areas, solve_assisted, workspace_figure
->>>>>>> reference
 
     loaded = exo.load_robot(robot)
     options.refuse_others("workspace", loaded, "finger.length")
