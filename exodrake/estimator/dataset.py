@@ -70,15 +70,8 @@ def sweeps_from_logs(logs: Sequence[Log], one_per_log: Sequence[str] = ()) -> Sw
     wires, joints = logs[0].names("tension"), logs[0].names("angle")
     inputs, angles, labels, times, first = [], [], [], [], 0
     for log in logs:
-        inputs.append(read_inputs(log, wires))
-        found = log.names("angle")
-        if not found:
-            raise InputError(f"{log.label}: no joint angles, which training needs (columns angle_...)")
-        if set(found) != set(joints):
-            have, wanted = ", ".join(found), ", ".join(joints) or "none"
-            raise InputError(f"{log.label}: angles of joints {have}, the estimator needs {wanted}")
-        check_columns(log, (), [f"angle_{joint}" for joint in joints])
-        angles.append(log.array("angle", joints))
+        inputs.append(read_columns(log, ("tension", "stroke"), wires))
+        angles.append(read_columns(log, ("angle",), joints))
         label = np.zeros(len(log), int) if log.label in one_per_log else cut(log.array("tension_ref", wires), log.dt)
         labels.append(first + label)
         first += int(label[-1]) + 1
@@ -91,19 +84,19 @@ def sweeps_from_logs(logs: Sequence[Log], one_per_log: Sequence[str] = ()) -> Sw
     return Sweeps(*parts, wires=wires, joints=joints, logs=tuple(log.label for log in logs))
 
 
-def read_inputs(log: Log, wires: tuple[str, ...]) -> np.ndarray:
-    """Tensions [N] and strokes [m] (n, 2 x wires) of a log. InputError for other wires or missing samples."""
-    found = log.names("tension")
-    if not wires or set(found) != set(wires):
-        have = ", ".join(found) or "none"
-        raise InputError(f"{log.label}: tensions of wires {have}, the estimator needs {', '.join(wires) or 'none'}")
-    check_columns(log, (), [f"{kind}_{wire}" for kind in ("tension", "stroke") for wire in wires])
-    return np.hstack([log.array("tension", wires), log.array("stroke", wires)])
+def read_columns(log: Log, kinds: tuple[str, ...], channels: tuple[str, ...]) -> np.ndarray:
+    """Columns (n, kinds x channels) [SI] of a log. InputError if it has other channels, or none, or lacks a sample."""
+    found = log.names(kinds[0])
+    if not channels or set(found) != set(channels):
+        have, wanted = ", ".join(found) or "none", ", ".join(channels) or "some"
+        raise InputError(f"{log.label}: columns {kinds[0]}_... of {have}, the estimator needs {wanted}")
+    check_columns(log, (), [f"{kind}_{channel}" for kind in kinds for channel in channels])
+    return np.hstack([log.array(kind, channels) for kind in kinds])
 
 
 def read_session(log: Log, wires: tuple[str, ...], joints: tuple[str, ...]) -> Sweeps:
     """Cut a log; its angles (rows, joints) are left NaN. InputError for other wires or missing samples."""
-    inputs, references = read_inputs(log, wires), set(log.names("tension_ref")) >= set(wires)
+    inputs, references = read_columns(log, ("tension", "stroke"), wires), set(log.names("tension_ref")) >= set(wires)
     label = cut(log.array("tension_ref", wires), log.dt) if references else np.zeros(len(log), int)
     return Sweeps(inputs, np.full((len(log), len(joints)), np.nan), label, log.time, wires, joints, (log.label,))
 
