@@ -107,11 +107,11 @@ def variations(robot: Robot, over: Any, draws: int, seed: int) -> tuple[list[dic
     items = list(over) if isinstance(over, Iterable) else [over]
     if not items:
         raise InputError("nothing to run: no values, no robots")
+    if all(isinstance(item, Robot) for item in items):
+        differ = np.flatnonzero(np.any([one.values != robot.values for one in items], axis=0))
+        return [{robot.machine.parameters[i].name: float(one.values[i]) for i in differ} for one in items], items
     points, robots = [], []
     for item in items:
-        if isinstance(item, Robot):
-            robots.append(item)
-            continue
         values = {
             name: quantity(value, robot.machine.parameters[robot.indices(name)[0]].unit, name)
             for name, value in argument("over", item, Mapping).items()
@@ -122,11 +122,6 @@ def variations(robot: Robot, over: Any, draws: int, seed: int) -> tuple[list[dic
                 changed = changed.splice(effect.id)
         points.append(values)
         robots.append(changed.with_parameters(values))
-    if not points:
-        differ = np.flatnonzero(np.any([one.values != robot.values for one in robots], axis=0))
-        points = [{robot.machine.parameters[i].name: float(one.values[i]) for i in differ} for one in robots]
-    if len(points) != len(robots):
-        raise InputError("robots and parameters together: wanted one or the other")
     return points, robots
 
 
