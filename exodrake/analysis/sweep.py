@@ -99,8 +99,7 @@ def variations(robot: Robot, over: Any, draws: int, seed: int) -> tuple[list[dic
     if isinstance(over, int):
         over = [one for _, one in within_tolerances(robot, over, seed)] if over > 0 else []
     elif hasattr(over, "verdict") or (isinstance(over, Mapping) and "verdict" in over):
-        answer = over if isinstance(over, Mapping) else to_dict(over)
-        over = [one for _, one in within_intervals(robot, answer, draws, seed)]
+        over = [one for _, one in within_intervals(robot, to_dict(over), draws, seed)]
     elif isinstance(over, Mapping):
         grid = [[values] if isinstance(values, str | float | int) else list(values) for values in over.values()]
         over = [dict(zip(over, values, strict=True)) for values in product(*grid)] if over else []

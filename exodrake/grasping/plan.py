@@ -65,7 +65,7 @@ REACH = 1.2  # rad beyond rest that the PIP bends at most in a pinch
 class Hand:
     """The thumb in the finger's plane, and how soft skin is; all values are assumed.
 
-    The splint holds the thumb (paper, Section 2.1), but the paper does not say where: so that the nominal finger, which
+    The splint holds the thumb (paper, Section 2.1), but the paper does not say where. Here the nominal finger, which
     the tendons bend by some 0.7 rad at the MCP, meets objects of 20 to 90 mm.
     """
 
@@ -117,22 +117,13 @@ def check_size(size: float, hand: Hand, n: Parameters) -> float:
     return float(size)
 
 
-@dataclass(frozen=True, eq=False)
-class Candidates:
-    """Postures (k, 3) [rad] that touch the object, its complex centre (k,) [m], and its gap (k,) to the thumb [m].
+def list_postures(
+    mode: Mode, size: float, hand: Hand, n: Parameters
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """All postures (k, 3) [rad] of a mode that touch an object of a size [m], admissible or not.
 
-    `miss` (k,) is by how much a posture violates limits of joints or mode, penetrates a phalanx or lets the object out
-    [rad, or m / DEPTH]; 0 for an admissible one.
-    """
-
-    angles: np.ndarray
-    centre: np.ndarray
-    gap: np.ndarray
-    miss: np.ndarray
-
-
-def candidates(mode: Mode, size: float, hand: Hand, n: Parameters) -> Candidates:
-    """All postures of a mode about an object of a size [m], admissible (miss = 0) or not.
+    With each go the object's complex centre (k,) [m], its gap (k,) to the thumb [m], and by how much (k,) the posture
+    violates limits of joints or mode, penetrates a phalanx or lets the object out [rad, or m / DEPTH].
 
     The contacts fix the object's centre C in a frame of the straight proximal phalanx. In a pinch the pad touches at s
     along the distal phalanx; in a cage all phalanges do (`wrap_postures`). The MCP then turns C against the thumb's tip
@@ -171,7 +162,7 @@ def candidates(mode: Mode, size: float, hand: Hand, n: Parameters) -> Candidates
         miss += np.where(cosine < 0.0, beyond, 0.0) + np.maximum(opening - size, 0.0) / DEPTH
     else:
         miss += beyond
-    return Candidates(angles, centre, gap, miss)
+    return angles, centre, gap, miss
 
 
 def bounds(mode: Mode, hand: Hand, n: Parameters) -> tuple[np.ndarray, np.ndarray]:
@@ -342,21 +333,21 @@ def plan_grasp(mode: str, size: float, robot: Robot | None = None, hand: Hand | 
     robot, hand = robot_or_default(robot), hand or Hand()
     way, n, (low, high) = find_mode(mode), read_parameters(robot), robot.reference_limits()
     size = check_size(size, hand, n)
-    found = candidates(way, size, hand, n)
-    allowed = np.flatnonzero(found.miss <= 0.0)
+    angles, centres, gap, miss = list_postures(way, size, hand, n)
+    allowed = np.flatnonzero(miss <= 0.0)
     # weighted departure from rest, and distance of a caged object from the thumb
-    cost = (found.angles - np.array(n.q0)) ** 2 @ np.array(way.weight) + (np.maximum(found.gap, 0.0) / GAP) ** 2
+    cost = (angles - np.array(n.q0)) ** 2 @ np.array(way.weight) + (np.maximum(gap, 0.0) / GAP) ** 2
     nominal, axes = robot.without_effects(), robot.machine.axes
 
-    def confirm(tension: np.ndarray, angles: np.ndarray) -> bool:
+    def confirm(tension: np.ndarray, planned: np.ndarray) -> bool:
         reference = grasp("trial", nominal, dict(zip(axes.tendons, tension)), rest=REST, approach=APPROACH, hold=HOLD)
         log = write_log(run(nominal, reference, seed=None))
-        return bool(np.abs(at_hold(log, "angle", axes.joints) - angles).max() <= CLOSE)
+        return bool(np.abs(at_hold(log, "angle", axes.joints) - planned).max() <= CLOSE)
 
-    best = holdable(found.angles[allowed], cost[allowed], low, high, n, confirm) if len(allowed) else None
+    best = holdable(angles[allowed], cost[allowed], low, high, n, confirm) if len(allowed) else None
     if best is not None:
         place, tension = int(allowed[best[0]]), np.clip(best[1], low, high)
-        wanted, planned = found.angles[place], ramp_posture(tension, low, n)
+        wanted, planned = angles[place], ramp_posture(tension, low, n)
     else:
         levels = [np.linspace(a, b, STEPS) for a, b in zip(low, high)]
         tension = np.stack(np.meshgrid(*levels, indexing="ij"), axis=-1).reshape(-1, 3)
@@ -365,10 +356,10 @@ def plan_grasp(mode: str, size: float, robot: Robot | None = None, hand: Hand | 
         kept[kept] = steady(held[kept], tension[kept], n)
         tension, held = tension[kept], held[kept]
         # the admissible posture nearest those that the tendons hold; else the least miss
-        place = int(found.miss.argmin())
+        place = int(miss.argmin())
         if len(allowed):
-            place = int(allowed[KDTree(held).query(found.angles[allowed])[0].argmin()])
-        wanted = np.clip(found.angles[place], *bounds(way, hand, n))
+            place = int(allowed[KDTree(held).query(angles[allowed])[0].argmin()])
+        wanted = np.clip(angles[place], *bounds(way, hand, n))
         tension, planned = project(wanted, tension, held, (low, high), n, confirm)
     shortfall = wanted - planned
     feasible = bool(len(allowed) and np.abs(shortfall).max() <= TOLERANCE)
@@ -385,7 +376,7 @@ def plan_grasp(mode: str, size: float, robot: Robot | None = None, hand: Hand | 
         reason = f"{what} is out of the tendons' reach: no tensions hold the posture, which falls short by {short}; "
         edge = f"the nearest they hold has {' and '.join(at)}"
         reason += edge if at else "nearer ones are not stable or not on the ramp"
-    target, centre = ((float(point.real), float(point.imag)) for point in (joints(wanted, n)[3], found.centre[place]))
+    target, centre = ((float(point.real), float(point.imag)) for point in (joints(wanted, n)[3], centres[place]))
     return Plan(
         way.name, size, target, centre, tuple(wanted.tolist()), tuple(tension.tolist()), tuple(planned.tolist()),
         tuple(shortfall.tolist()), feasible, reason, axes.tendons, axes.joints, hand,
