@@ -199,8 +199,8 @@ def plot_robust(result: ClosedLoop) -> Figure:
     panels[0, 1].set_ylim(0.09, 1.5 * max(1.0, float(result.robust.sigma_t.max())))
     panels[1, 0].set_ylim(0.3, 3.0)
     for axes in panels.flat:
-        axes.set_xlim(frequency[0], frequency[-1])
-        axes.set_yticks([tick for tick in TICKS if axes.get_ylim()[0] <= tick <= axes.get_ylim()[1]])
+        low, high = axes.get_ylim()
+        axes.set(xlim=(frequency[0], frequency[-1]), yticks=[tick for tick in TICKS if low <= tick <= high])
         axes.yaxis.set_major_formatter("{x:g}")
         axes.yaxis.set_minor_formatter("")
     for axes in panels[1]:

@@ -288,10 +288,9 @@ def plot_responses(responses: Sequence[LogResponse], style: Mapping[Any, Any] = 
             coherence.plot(f, one.coherence[one.band], **MEASURED)
             coherence.set_ylim(0.0, 1.05)
             level.set_title(f"{one.input} → {one.output} [{one.unit}]".replace("_", " "), fontsize=8.5)
+            ticks, ends = [tick for tick in TICKS if f[0] <= tick <= f[-1]], (f[0], f[-1] if len(f) > 1 else 2.0 * f[0])
             for axes, label in zip(panels, ("Gain [dB]", "Phase [°]", "Coherence")):
-                axes.set(xscale="log", xlim=(f[0], f[-1] if len(f) > 1 else 2.0 * f[0]))
-                axes.set_ylabel(label if k % columns == 0 else "")
-                axes.set_xticks([tick for tick in TICKS if f[0] <= tick <= f[-1]])
+                axes.set(xscale="log", xlim=ends, xticks=ticks, ylabel=label if k % columns == 0 else "")
                 axes.xaxis.set_major_formatter("{x:g}")
                 axes.xaxis.set_minor_formatter("")
                 axes.tick_params(labelbottom=axes is coherence)

@@ -16,6 +16,7 @@ MIN_SWEEPS = 4  # fewer do not show the variation between sweeps
 MIN_RAMP = 0.3  # s, a shorter rise or fall of a reference is a step between sweeps
 MAX_STEP = 0.05  # of a reference's range in one frame: more is a jump, not a ramp
 MIN_STEP = 1e-4  # of a reference's range in one frame: less is a hold
+ARRAYS = ("inputs", "angle", "sweep", "time")  # of sweeps, a row a sample
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +51,7 @@ class Sweeps:
 
     def rows(self, which: np.ndarray) -> "Sweeps":
         """Select rows by a mask (n,) [-] or indices."""
-        return replace(self, **{name: getattr(self, name)[which] for name in ("inputs", "angle", "sweep", "time")})
+        return replace(self, **{name: getattr(self, name)[which] for name in ARRAYS})
 
     def select_equispaced(self, count: int) -> "Sweeps":
         """Select at most `count` rows, equally spaced."""
@@ -68,20 +69,18 @@ def sweeps_from_logs(logs: Sequence[Log], one_per_log: Sequence[str] = ()) -> Sw
     if not logs:
         raise InputError("no logs to train the estimator on")
     wires, joints = logs[0].names("tension"), logs[0].names("angle")
-    inputs, angles, labels, times, first = [], [], [], [], 0
+    sessions, first = [], 0
     for log in logs:
-        inputs.append(read_columns(log, ("tension", "stroke"), wires))
-        angles.append(read_columns(log, ("angle",), joints))
+        session = replace(read_session(log, wires, joints), angle=read_columns(log, ("angle",), joints))
         label = np.zeros(len(log), int) if log.label in one_per_log else cut(log.array("tension_ref", wires), log.dt)
-        labels.append(first + label)
+        sessions.append(replace(session, sweep=first + label))
         first += int(label[-1]) + 1
-        times.append(log.time)
     if first < MIN_SWEEPS:
         raise InputError(
             f"{logs[0].label}: too few sweeps: {first} in {len(logs)} log(s), at least {MIN_SWEEPS} are needed"
         )
-    parts = (np.concatenate(part) for part in (inputs, angles, labels, times))
-    return Sweeps(*parts, wires=wires, joints=joints, logs=tuple(log.label for log in logs))
+    arrays = {name: np.concatenate([getattr(session, name) for session in sessions]) for name in ARRAYS}
+    return Sweeps(**arrays, wires=wires, joints=joints, logs=tuple(log.label for log in logs))
 
 
 def read_columns(log: Log, kinds: tuple[str, ...], channels: tuple[str, ...]) -> np.ndarray:

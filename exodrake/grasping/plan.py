@@ -18,7 +18,7 @@ from scipy.spatial import KDTree
 
 from exodrake.core.errors import InputError, argument, nearest, short_repr
 from exodrake.data.log import Log
-from exodrake.data.plot import STYLE, draw_estimate, draw_panel, new_figure
+from exodrake.data.plot import STYLE, add_legends, draw_panel, new_figure
 from exodrake.engine.inputs import Reference
 from exodrake.machines.robot_file import robot_or_default
 from exodrake.model.display import choose_colour, find_display
@@ -438,29 +438,21 @@ THUMB_BONE = complex(-0.030, 0.012)  # from the thumb's tip backwards, for the d
 def grasp_figure(plan: Plan, log: Log, robot: Robot) -> Figure:
     """The figure of a plan and of its run (`run_plan`)."""
     import matplotlib
-    from matplotlib.lines import Line2D
 
     with matplotlib.rc_context(STYLE):
         figure = new_figure(10.4, 5.4)
         grid = figure.add_gridspec(2, 2, width_ratios=(1.0, 1.1), height_ratios=(1.5, 1.0))
         draw_posture(figure.add_subplot(grid[:, 0]), plan, log, robot)
-        angle = figure.add_subplot(grid[0, 1])
-        display = find_display("angle", robot.machine)
+        angle, factor = figure.add_subplot(grid[0, 1]), find_display("angle", robot.machine).factor
+        draw_panel(angle, log, "angle", robot.machine)
         for i, name in enumerate(plan.joints):
             colour = choose_colour(name, i, robot.machine)
-            angle.plot(log.time, display.factor * log[f"angle_{name}"], color=colour, label=name)
-            draw_estimate(angle, log, "angle", name, colour, display.factor)
-            angle.axhline(display.factor * plan.planned[i], color=colour, lw=0.9, ls=(0, (4, 2)))
-        handles = angle.get_legend_handles_labels()[0]
-        handles.append(Line2D([], [], color="black", lw=0.6, label="estimate"))
-        handles.append(Line2D([], [], color="#555", lw=0.9, ls=(0, (4, 2)), label="planned"))
-        angle.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.0, 1.04), handlelength=1.8)
-        angle.set_ylabel(display.axis)
+            angle.axhline(factor * plan.planned[i], color=colour, lw=0.9, ls=(0, (4, 2)))
+        angle.set_title("dashed: planned", loc="right", fontsize=7.5)
         tension = figure.add_subplot(grid[1, 1], sharex=angle)
         draw_panel(tension, log, "tension", robot.machine)
-        tension.legend(loc="upper left", bbox_to_anchor=(1.0, 1.04), handlelength=1.8)
-        tension.set_xlabel("Time [s]")
-        tension.set_xlim(log.time[0], log.time[-1])
+        add_legends({"angle": angle, "tension": tension}, log, {})
+        tension.set(xlabel="Time [s]", xlim=(log.time[0], log.time[-1]))
         angle.tick_params(labelbottom=False)
         figure.align_ylabels([angle, tension])
         state = "" if plan.feasible else ": not feasible, nearest shown"
@@ -491,11 +483,9 @@ def draw_posture(axes: Any, plan: Plan, log: Log, robot: Robot) -> None:
         x, y = mm(joints(angle, n))
         axes.plot(x, y, color=colour, ls=dash, lw=width, label=name, marker="o", ms=size)
     axes.plot(*mm(complex(*plan.target)), "x", color="#cc79a7", ms=8, mew=1.8, label="target")
-    axes.set_aspect("equal")
+    axes.set(aspect="equal", xlabel="distal [mm]", ylabel="palmar [mm]")
     axes.invert_yaxis()
     axes.margins(0.06)
-    axes.set_xlabel("distal [mm]")
-    axes.set_ylabel("palmar [mm]")
     axes.legend(loc="lower left", ncols=3, handlelength=2.2, columnspacing=1.0, bbox_to_anchor=(0.0, 1.0))
 
 
