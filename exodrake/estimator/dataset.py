@@ -83,21 +83,25 @@ def sweeps_from_logs(logs: Sequence[Log], one_per_log: Sequence[str] = ()) -> Sw
     return Sweeps(**arrays, wires=wires, joints=joints, logs=tuple(log.label for log in logs))
 
 
-def read_columns(log: Log, kinds: tuple[str, ...], channels: tuple[str, ...]) -> np.ndarray:
-    """Columns (n, kinds x channels) [SI] of a log. InputError if it has other channels, or none, or lacks a sample."""
+def read_columns(log: Log, kinds: tuple[str, ...], channels: tuple[str, ...], complete: bool = True) -> np.ndarray:
+    """Columns (n, kinds x channels) [SI]. InputError for other channels, or none, or missing samples if `complete`."""
     found = log.names(kinds[0])
     if not channels or set(found) != set(channels):
         have, wanted = ", ".join(found) or "none", ", ".join(channels) or "some"
         raise InputError(f"{log.label}: columns {kinds[0]}_... of {have}, the estimator needs {wanted}")
-    check_columns(log, (), [f"{kind}_{channel}" for kind in kinds for channel in channels])
+    if complete:
+        check_columns(log, (), [f"{kind}_{channel}" for kind in kinds for channel in channels])
     return np.hstack([log.array(kind, channels) for kind in kinds])
 
 
 def read_session(log: Log, wires: tuple[str, ...], joints: tuple[str, ...]) -> Sweeps:
-    """Cut a log; its angles (rows, joints) are left NaN. InputError for other wires or missing samples."""
+    """Cut a log; angles that it lacks are NaN. InputError for other wires or joints, or missing tensions or strokes."""
     inputs, references = read_columns(log, ("tension", "stroke"), wires), set(log.names("tension_ref")) >= set(wires)
     label = cut(log.array("tension_ref", wires), log.dt) if references else np.zeros(len(log), int)
-    return Sweeps(inputs, np.full((len(log), len(joints)), np.nan), label, log.time, wires, joints, (log.label,))
+    angle = np.full((len(log), len(joints)), np.nan)
+    if log.names("angle"):
+        angle = read_columns(log, ("angle",), joints, complete=False)
+    return Sweeps(inputs, angle, label, log.time, wires, joints, (log.label,))
 
 
 def cut(reference: np.ndarray, dt: float) -> np.ndarray:
