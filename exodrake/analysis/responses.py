@@ -98,10 +98,10 @@ class FrequencyResponse:
 
     channel: str
     frequency: np.ndarray  # [Hz]
-    measured: np.ndarray  # complex mean over the draws
-    spread: np.ndarray  # standard deviation over them
-    coherence: np.ndarray  # share of the reading's power that the reference explains, over the draws
-    linear: np.ndarray  # complex, from the frame map
+    measured: np.ndarray = field(repr=False)  # complex mean over the draws
+    spread: np.ndarray = field(repr=False)  # standard deviation over them
+    coherence: np.ndarray = field(repr=False)  # share of the reading's power that the reference explains
+    linear: np.ndarray = field(repr=False)  # complex, from the frame map
     bandwidth: float  # -3 dB against the frame map's static gain [Hz], from the frame map; nan if none
     bandwidth_measured: float  # the same from the multisine
 

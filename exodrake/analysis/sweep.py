@@ -132,8 +132,8 @@ def plot_sweep(table: Any) -> Any:
     import matplotlib
 
     units, varied = table.attrs["units"], table.attrs["varied"]
-    numbers = table.select_dtypes("number").columns
-    shown = [name for name in numbers if name not in varied and not name.endswith((" peak", " final"))]
+    numbers = [name for name in table.select_dtypes("number").columns if name not in varied]
+    shown = [name for name in numbers if not name.endswith((" peak", " final"))] or numbers
     first, second = (*varied, None, None)[:2] if len(varied) <= 2 else (None, None)
     with matplotlib.rc_context(STYLE):
         columns = min(3, len(shown))
