@@ -41,7 +41,7 @@ def test_differences_at_rest_have_converged(point, model):
 
 def test_the_slowest_pole_is_the_decay_of_a_small_perturbation(loop, point, model):
     state = point.state.copy()
-    names = [n for _, n in name_states(loop.robot.machine)]
+    names = [n for _, _, n in name_states(loop.robot.machine)]
     state[names.index("motor.theta.AF")] += 1e-5
     rows = np.tile(point.references, (200, 1))
     away = (loop.run(state, rows)[1] - loop.run(point.state, rows)[1])[:, loop.signals["tension"]][:, 0]
@@ -102,7 +102,11 @@ def test_latency_ends_stability(loop, point, model):
 
 @pytest.mark.parametrize(
     ("at", "word"),
-    [({"AF": 4.0}, "lacks"), ({"AF": 1, "MF": 1, "AE": 1, "XX": 1}, "XX"), ({"AF": 99, "MF": 1, "AE": 1}, "99")],
+    [
+        ({"AF": 4.0}, "names AF; wanted AF, MF, AE"),
+        ({"AF": 1, "MF": 1, "AE": 1, "XX": 1}, "XX"),
+        ({"AF": 99, "MF": 1, "AE": 1}, "99"),
+    ],
 )
 def test_bad_operating_points_are_named(at, word):
     with pytest.raises(exo.InputError, match=word):

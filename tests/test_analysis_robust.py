@@ -155,7 +155,7 @@ def test_robots_within_the_intervals_of_a_diagnosis():
 
 @pytest.mark.parametrize(
     ("answer", "word"),
-    [([], "no list of effects"), ({"effects": []}, "names no effect"), ({"effects": [{"id": "x"}]}, "without id")],
+    [([], "no effect"), ({"effects": []}, "no effect"), ({"effects": [{"id": "x"}]}, "without id")],
 )
 def test_what_is_no_diagnosis_is_refused(answer, word):
     with pytest.raises(exo.InputError, match=word):

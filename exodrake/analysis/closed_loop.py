@@ -20,7 +20,8 @@ from exodrake.model.robot import Robot
 UNITS = {  # names of fields in JSON
     "rise": "rise_time [s]", "settling": "settling_time [s]", "time_constant": "time_constant [s]",
     "frequency": "frequency [Hz]", "bandwidth": "bandwidth [Hz]", "bandwidth_measured": "bandwidth_measured [Hz]",
-    "crossover": "crossover [Hz]", "delay_margin": "delay_margin [s]",
+    "crossover": "crossover [Hz]", "delay_margin": "delay_margin [s]", "to_control": "reading to law [s]",
+    "to_write": "law to plant [s]", "hold": "hold [s]", "margin": "margin [s]", "spare_slots": "margin [slots]",
 }  # fmt: skip
 ROUGH = 1e-3  # slopes of two step sizes that differ by more deserve a word
 STEADY_ERROR = 0.02  # share of a step
@@ -224,11 +225,8 @@ def to_plain(result: ClosedLoop, cycles: tuple[LimitCycles, ...] = ()) -> dict[s
             "frequency_response": {r.channel: name_fields(r, "channel") for r in result.responses},
             "margins": {m.channel: name_fields(m, "channel", "frequency", "loop") for m in result.margins},
             "delays": {
-                d.channel: {
-                    "slots": dict(zip(("read", "control", "write"), d.slots)),
-                    "reading to law [s]": d.to_control, "law to plant [s]": d.to_write, "hold [s]": d.hold,
-                    "total [s]": d.total, "margin [s]": d.margin, "margin [slots]": d.spare_slots,
-                }
+                d.channel: name_fields(d, "channel")
+                | {"slots": dict(zip(("read", "control", "write"), d.slots)), "total [s]": d.total}
                 for d in result.delays
             },
             "robustness": result.robust.numbers,
