@@ -9,7 +9,8 @@ phase phi is a random walk:
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -62,31 +63,30 @@ def detect(problem: Problem, effect: Effect, values: np.ndarray) -> Problem:
         return problem
     centres = [k * peak.frequency for k in range(1, OVERTONES + 1)]  # those up to the highest that a log shows
     bands = tuple((max(f - NOTCHED, SLOWEST), f + NOTCHED) for f in centres if f + ASIDE < 0.5 / machine.frame)
-    torques = tuple(machine.effect_indices(effect.id, effect.parameters[0].name).values())
-    noise = WanderingPhase(torques, bands, phase_rate(problem, left, peak))
+    torques = [*machine.effect_indices(effect.id, effect.parameters[0].name).values()]
+    noise = partial(draw_phase, torques, bands, phase_rate(problem, left, peak))
     detection = replace(fit_torques(problem, effect, values, peak), noise=noise)
     return replace(problem.without(bands), detected=(*problem.detected, detection))
 
 
-@dataclass(frozen=True)
-class WanderingPhase:
-    """Draws of what a tremor of wandering phase leaves beyond its simulation of one frequency."""
+def draw_phase(
+    torques: list[int], bands: Bands, rate: float,
+    problem: Problem, values: np.ndarray, trial: Trial, rng: np.random.Generator,
+) -> np.ndarray:  # fmt: skip
+    """The tremor of a robot with a phase that walks, less that with its one frequency: (n, columns) [SI].
 
-    torques: tuple[int, ...]  # positions of its amplitudes in the flat parameter vector
-    bands: Bands  # that it holds [Hz]
-    rate: float  # of the variance of its phase [rad^2/s]
+    torques: positions of its amplitudes in the flat vector `values` (parameters,). bands: that it holds [Hz]. rate: of
+    the variance of its phase [rad^2/s].
+    """
+    from scipy.signal import hilbert
 
-    def __call__(self, problem: Problem, values: np.ndarray, trial: Trial, rng: np.random.Generator) -> np.ndarray:
-        """The tremor of a robot (parameters,) with a phase that walks, less that without: (n, columns) [SI]."""
-        from scipy.signal import hilbert
-
-        frame, still = problem.robot.machine.frame, values.copy()
-        still[list(self.torques)] = 0.0
-        tremor = np.subtract(*problem.predict(np.array([values, still]), trial))
-        line = tremor - outside(self.bands, tremor, frame)
-        steps = rng.normal(0.0, np.sqrt(self.rate * frame), len(line))
-        phase = rng.uniform(0.0, 2.0 * np.pi) + np.cumsum(steps)
-        return np.real(hilbert(line, axis=0) * (np.exp(1j * phase) - 1.0)[:, None])
+    frame, still = problem.robot.machine.frame, values.copy()
+    still[torques] = 0.0
+    tremor = np.subtract(*problem.predict(np.array([values, still]), trial))
+    line = tremor - outside(bands, tremor, frame)
+    steps = rng.normal(0.0, np.sqrt(rate * frame), len(line))
+    phase = rng.uniform(0.0, 2.0 * np.pi) + np.cumsum(steps)
+    return np.real(hilbert(line, axis=0) * (np.exp(1j * phase) - 1.0)[:, None])
 
 
 def phase_rate(problem: Problem, logs: list[np.ndarray], peak: Peak) -> float:
