@@ -244,12 +244,12 @@ def identifiability(whole: Problem, progress: Callable[[str], object] = no_progr
     bare = Explanation((), nominal, x, values, residual, jacobian)
     model = LinearModel.with_directions(bare, jacobian, lin.directions, blocks, memory)
 
-    def with_kinds(some: Sequence[str], every: bool = False) -> Identifiability:
+    def with_kinds(some: Sequence[str]) -> Identifiability:
         gram = model.eliminate(len(nominal), np.isin(known, some)).normal
-        return Identifiability(find_directions(lin, machine, gram, every))
+        return Identifiability(find_directions(lin, machine, gram))
 
     own = [k for k in known if not k.startswith(EXTRA)]
-    found, sensors = with_kinds(own, every=True), []
+    found, sensors = with_kinds(own), []
     for k in known[len(own) :]:
         better, noise = with_kinds([*own, k]), float(problem.noise_std[kinds == k].max())
         if len(better.select(CLEAR)) > len(found.select(CLEAR)):
@@ -287,12 +287,12 @@ def plan_experiment(problem: Problem) -> Problem:
     return replace(every, columns=tuple(np.array(columns)[keep].tolist()), noise_std=stated[keep], fit=fit)
 
 
-def find_directions(lin: Linearisation, machine: Machine, gram: np.ndarray, every: bool) -> tuple[Direction, ...]:
+def find_directions(lin: Linearisation, machine: Machine, gram: np.ndarray) -> tuple[Direction, ...]:
     """All effects of typical size on each channel, by the products (directions, directions) of what they change.
 
     An effect changes the logs by a direction d [noise_std], nominal parameters free within their tolerances, and is
     seen where |d| exceeds `SEEN`. Another one, of directions D, can be taken for it where min |d - D f| over its range
-    of f is below `SEEN` or the error `LAW` of a law times |d|. every: whether all such effects are sought, or one.
+    of f is below `SEEN` or the error `LAW` of a law times |d|.
     """
     found, size = [], np.sqrt(np.maximum(np.diag(gram), 0.0))
     # what any sizes of a probe's directions leave of each direction (probes, directions)
@@ -325,8 +325,6 @@ def find_directions(lin: Linearisation, machine: Machine, gram: np.ndarray, ever
                 rest = float(np.sqrt(max(gram[row, row] + 2.0 * gain, 0.0)))
                 if rest < most:
                     taken[rival.effect] = min(taken.get(rival.effect, 1.0), rest / seen)
-                    if not every:
-                        break
             taken = dict(sorted(taken.items(), key=lambda item: item[1]))
             found.append(Direction(effect, channel, info.unit, parameter.value(x), seen, smallest, taken))
     return tuple(found)
