@@ -21,10 +21,10 @@ import numpy as np
 from exodrake.core.errors import InputError, printable
 from exodrake.core.files import is_file, is_folder, read_bytes
 from exodrake.core.processes import in_child
-from exodrake.core.schema import read_json
+from exodrake.core.schema import having, read_json
 from exodrake.data.formats.parquet import import_pyarrow, parse_rows
 from exodrake.diagnosis.change_point import DRAWS, LEAST, ROUNDING, Change, ChangePoint
-from exodrake.diagnosis.many import ANSWER, FAILED, FAILURE, check_answer
+from exodrake.diagnosis.many import ANSWER, FAILED, FAILURE, check_answer, line
 from exodrake.diagnosis.result import NAMED, NO_GAP, RETUNE
 from exodrake.machines.library import machine_folders, machine_named
 
@@ -130,10 +130,7 @@ def read_place(place: Path) -> Row | None:
     answer, failed = place / ANSWER if folder else place, place / FAILED
     try:
         if folder and is_file(failed) and not is_file(answer):
-            failure = read_json(failed)
-            known = isinstance(failure, Mapping)
-            reason = printable(str(failure.get("reason", ""))) if known else f"{failed}: its answer cannot be read"
-            return Row(name, name, reason=reason)
+            return Row(name, name, reason=having({"reason": line})(read_json(failed), str(failed)).get("reason", ""))
         named = folder or (place.suffix.lower() == ".json" and place.name not in (ANSWER, FAILED))
         return read_row(read_json(answer), name) if named and is_file(answer) else None
     except InputError as error:
