@@ -11,9 +11,9 @@ import csv
 import io
 import json
 import re
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
-from functools import partial
 from itertools import chain, islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -54,8 +54,7 @@ def read_columns(data: bytes, source: str, mapped: Mapped) -> dict[str, np.ndarr
     """Mapped columns (n,) of a foreign table by name, as recorded, and others of a table of numbers."""
     data, tree = open_table(data, source)
     if tree is None:
-        cells = text_cells(data, source, mapped, mapped.foreign)
-        return {name: _numbers(column, name, source, mapped.decimal) for name, column in cells.items()}
+        return text_columns(data, source, mapped, mapped.foreign)
     columns = flatten(tree, source, side=mapped.samples)
     refuse_doubled(columns, source)
     if mapped.time is None or mapped.samples is not None:
@@ -68,10 +67,10 @@ def list_columns(data: bytes, source: str) -> dict[str, np.ndarray]:
     """All columns of numbers of a foreign table, for a look at what it holds. InputError if there are none."""
     data, tree = open_table(data, source)
     if tree is None:
-        guess = guess_layout(data)
-        cells = text_cells(data, source, guess, ragged=True).items()
-        whole = {name: column for name, column in cells if all(_is_number(cell, guess.decimal) for cell in column)}
-        found = {name: _numbers(column, name, source, guess.decimal) for name, column in whole.items()}
+        guess, found = guess_layout(data), {}
+        for name, cells in text_cells(data, source, guess, ragged=True).items():
+            with suppress(InputError):
+                found[name] = _numbers(cells, name, source, guess.decimal)
     else:
         found = flatten(tree, source)
     if not found:
@@ -84,21 +83,12 @@ def open_table(data: bytes, source: str) -> tuple[bytes, Any]:
     name = Path(source).name.lower()
     if name.endswith(".gz"):
         data, name = unpack(data, source), name.removesuffix(".gz")
-    readers = {
-        (".mat",): mat.read_variables, (".npy", ".npz"): npz.read_arrays,
-        (".parquet",): partial(read_named, parquet.parse, what="Parquet"),
-        (".mcap",): partial(read_named, mcap.parse, what="MCAP"), JSON: partial(read_apart, parse_records, what="JSON"),
-        HDF5: partial(read_apart, mat.parse_hdf5, what="HDF5"),
-    }  # fmt: skip
-    reader = next((reader for endings, reader in readers.items() if name.endswith(endings)), lambda *_: None)
-    return data, reader(data, source)
-
-
-def read_named(parser: Callable[..., Any], data: bytes, source: str, what: str) -> dict[str, Any]:
-    """Columns of numbers by name, (n,) or (n, m), that a parser finds in a file. InputError for a doubled one."""
-    columns = read_apart(parser, data, source, what)
-    refuse_doubled((name for name, _ in columns), source)
-    return {name: values for name, values in columns if not isinstance(values, str)}
+    if name.endswith((".npy", ".npz")):
+        return data, npz.read_arrays(data, source)
+    parsers = {".mat": mat.parse, ".parquet": parquet.parse, ".mcap": mcap.parse}
+    parsers |= dict.fromkeys(JSON, parse_records) | dict.fromkeys(HDF5, mat.parse_hdf5)
+    parser = parsers.get(Path(name).suffix)
+    return data, None if parser is None else read_apart(parser, data, source)
 
 
 def resolve(name: str, columns: Mapping[str, Any]) -> str:
@@ -178,6 +168,12 @@ def _array(value: Any) -> np.ndarray | None:
         return None
     array = array.reshape([n for n in array.shape if n > 1] or [1])
     return array if array.ndim <= 2 else None
+
+
+def text_columns(data: bytes, source: str, layout: TextLayout, wanted: Collection[str] = ()) -> dict[str, np.ndarray]:
+    """Columns (n,) of a text table by name, the wanted ones or all. InputError for a cell that is no number."""
+    cells = text_cells(data, source, layout, wanted).items()
+    return {name: _numbers(column, name, source, layout.decimal) for name, column in cells}
 
 
 def text_cells(
@@ -305,7 +301,8 @@ def episodes(path: Path) -> Iterator[tuple[str, dict[str, np.ndarray]]]:
         raise InputError(f"{path}: no Parquet file in its folder 'data'")
     samples, place_of = 0, dict[float, Path]()
     for file in files:
-        table = read_named(parquet.parse, read_bytes(file), str(file), "Parquet")
+        columns = read_apart(parquet.parse, read_bytes(file), str(file))
+        table = {name: values for name, values in columns.items() if not isinstance(values, str)}
         check_size(samples := samples + sum(values.size for values in table.values()), str(path))
         if EPISODE not in table or TIME not in table:
             raise InputError(f"{file}: no column {EPISODE!r} and {TIME!r}, as a LeRobot data set has")

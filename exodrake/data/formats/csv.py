@@ -14,12 +14,12 @@ from exodrake.core.errors import InputError
 from exodrake.core.files import MAX_BYTES, limit_size
 from exodrake.data.log import Log, check_size, headings, log_from_columns, refuse_separator
 
-ENDINGS = (".csv",)
+ENDINGS = (".csv.gz", ".csv")
 
 
 def read(data: bytes, source: str) -> Log:
     """Parse a CSV log. InputError names file, column and row (row 1 is the first below the heading)."""
-    names, values = read_cells(data, source)
+    names, values = read_cells(unpack(data, source) if source.lower().endswith(".gz") else data, source)
     return log_from_columns(zip(names, values.T, strict=True), source)
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from exodrake.core.errors import InputError, require_extra
-from exodrake.data.formats import read_apart, read_whole
+from exodrake.data.formats import read_apart
 from exodrake.data.log import Log, check_size, log_from_columns
 
 ENDINGS = (".mat",)
@@ -23,7 +23,7 @@ HIDDEN = ("#refs#", "#subsystem#")  # where MATLAB keeps what its cells refer to
 
 def read(data: bytes, source: str) -> Log:
     """Parse a MAT file that `write` made. InputError for a damaged file or one without `units`."""
-    variables = read_variables(data, source)
+    variables = read_apart(parse, data, source)
     units = variables.get("units")
     if not isinstance(units, dict):
         raise InputError(f"{source}: no struct 'units' as a log has; use `exodrake import` with a mapping file")
@@ -48,13 +48,8 @@ def write(log: Log) -> bytes:
     return stream.getvalue()
 
 
-def read_variables(data: bytes, source: str) -> dict[str, Any]:
-    """Variables of a MAT file, HDF5 too: structs as mappings, cells as lists. InputError for a damaged file."""
-    return read_apart(parse, data, source, "MAT")
-
-
 def parse(data: bytes, source: str) -> dict[str, Any]:
-    """`read_variables` in this process."""
+    """Variables of a MAT file, HDF5 too: structs as mappings, cells as lists."""
     from scipy.io import loadmat
     from scipy.io.matlab import MatReadWarning
 
@@ -63,7 +58,7 @@ def parse(data: bytes, source: str) -> dict[str, Any]:
             warnings.filterwarnings("error", "Duplicate variable name")
             found = loadmat(io.BytesIO(data), squeeze_me=False, struct_as_record=False)
     except NotImplementedError:
-        return read_whole(parse_hdf5, data, source, "HDF5")
+        return parse_hdf5(data, source)
     except MatReadWarning as warning:
         raise InputError(f"{source}: variable {str(warning).split('"')[1]!r} comes twice") from None
     return {name: plain(value) for name, value in found.items() if not name.startswith("__")}
