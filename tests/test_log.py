@@ -130,7 +130,7 @@ def test_windows_files_and_quotes(tmp_path):
 
 def test_a_failed_write_leaves_the_old_file(log, tmp_path, monkeypatch):
     path = save(tmp_path, GOOD)
-    with pytest.raises(InputError, match="inf;"):
+    with pytest.raises(InputError, match="infinite;"):
         write_log(log.with_signals({"angle_MCP": np.full(50, np.inf)}), path)
     monkeypatch.setattr("os.replace", lambda *_: (_ for _ in ()).throw(OSError(28, "No space left on device")))
     with pytest.raises(InputError, match="No space left"):

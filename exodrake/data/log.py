@@ -196,8 +196,7 @@ class Log:
         columns = [(str(name), _vector(values, str(name), source)) for name, values in frame.items()]
         if not any(name.partition("[")[0].strip() == "time" for name, _ in columns):
             columns.insert(0, ("time", _vector(frame.index, "time", source)))
-        signals, known = columns_in_si(columns, source, {**frame.attrs.get("units", {}), **(units or {})})
-        log = Log(signals.pop("time"), signals, {name: known[name] for name in signals}, source)
+        log = log_from_columns(columns, source, {**frame.attrs.get("units", {}), **(units or {})})
         check_clock(log)
         return log
 
@@ -309,19 +308,20 @@ def headings(log: Log) -> list[str]:
     return ["time [s]", *(f"{name} [{log.units[name]}]" for name in log.columns)]
 
 
-def log_from_columns(columns: Iterable[tuple[str, np.ndarray]], source: str) -> Log:
-    """A log from pairs of heading and values (n,) [its unit]; refuses doubled columns, no time and no rows."""
-    signals, units = columns_in_si(columns, source)
+def log_from_columns(
+    columns: Iterable[tuple[str, np.ndarray]], source: str, units: Mapping[str, str] | None = None
+) -> Log:
+    """A log of `columns_in_si`. InputError for no time, a missing instant and no rows."""
+    signals, known = columns_in_si(columns, source, units)
     if "time" not in signals:
         found = ", ".join(signals) or "no columns"
         raise MissingColumn(f"{source}: required column 'time [s]' is missing (found {found})")
     time = signals.pop("time")
-    units.pop("time")
     if not len(time):
         raise InputError(f"{source}: no rows")
     if (row := find_first(np.isnan(time))) is not None:
         raise InputError(f"{source}: column 'time', row {row + 1}: empty")
-    return Log(time, signals, units, source)
+    return Log(time, signals, {name: known[name] for name in signals}, source)
 
 
 def check_columns(log: Log, required: Sequence[str], complete: Sequence[str] = ()) -> None:

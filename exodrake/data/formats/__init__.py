@@ -18,7 +18,7 @@ from exodrake.core import plugins
 from exodrake.core.errors import InputError, argument
 from exodrake.core.files import is_file, is_folder, read_bytes, refuse_special, write_bytes
 from exodrake.core.processes import in_child
-from exodrake.data.log import CHANGED, LARGEST, MODEL, Log, check_clock, check_columns, find_first
+from exodrake.data.log import CHANGED, MODEL, Log, check_clock, check_columns, headings, log_from_columns
 
 plugins.extend(__path__, "data/formats")
 GZIPPED = ".csv.gz"
@@ -123,19 +123,16 @@ def log_bytes(log: Log, path: str | Path) -> bytes:
     """Content of a log's file.
 
     Raises:
-        InputError: for an unknown ending, and for what no file would give back: no rows, a sample that is infinite or
-            larger than any signal, a hole in the clock, a name that no heading can hold.
+        InputError: for an unknown ending, and for what would be refused when it is read: no rows, a sample that is
+            infinite or larger than any signal, a hole in the clock, a name that no heading can hold.
     """
     write = find_format(path).write
-    if not len(log):
-        raise InputError(f"{path}: the log has no rows, it is not written")
-    for name, values in {"time": log.time, **log.signals}.items():
-        row = find_first((np.abs(values) > LARGEST) | (np.isnan(values) if name == "time" else False))
-        if row is not None:
-            raise InputError(f"{path}: column {name!r}, row {row + 1}: {values[row]:g}; the log is not written")
-    for name in log.columns:
-        if not name.isprintable() or name in ("", "time") or name != name.strip() or set(name) & set("[]"):
-            raise InputError(f"{path}: {name!r} cannot be the name of a column; the log is not written")
+    try:
+        columns = log_from_columns(zip(headings(log), [log.time, *log.signals.values()]), str(path)).columns
+    except InputError as problem:
+        raise InputError(f"{problem}; the log is not written") from None
+    if columns != log.columns:
+        raise InputError(f"{path}: a column's name begins or ends with a blank; the log is not written")
     marked = log.with_signals({MARK: np.full(len(log), float(log.simulated))}, {MARK: "-"}) if log.simulated else log
     data = write(marked)  # gzipped without a time stamp, so that the same log gives the same bytes
     return gzip.compress(data, compresslevel=6, mtime=0) if ending(path) == GZIPPED else data
