@@ -22,7 +22,7 @@ HIDDEN = ("#refs#", "#subsystem#")  # where MATLAB keeps what its cells refer to
 
 
 def read(data: bytes, source: str) -> Log:
-    """Parse a MAT file that `write` made. InputError for a damaged file or one without `units`."""
+    """Parse a MAT file that `write` made. InputError for a damaged file, no `units`, and what is no numeric vector."""
     variables = read_apart(parse, data, source)
     units = variables.get("units")
     if not isinstance(units, dict):
@@ -31,7 +31,11 @@ def read(data: bytes, source: str) -> Log:
     for name, unit in units.items():
         if name not in variables:
             raise InputError(f"{source}: column {name!r} has a unit but no values")
-        columns.append((f"{name} [{unit}]", column(variables[name], name, source)))
+        array = np.asarray(variables[name])
+        if array.dtype.kind not in "fiub" or array.ndim > 2 or (array.ndim == 2 and 1 not in array.shape):
+            found = f"{array.dtype} of shape {array.shape}"
+            raise InputError(f"{source}: variable {name!r} is {found}, wanted a vector of numbers")
+        columns.append((f"{name} [{unit}]", array.ravel().astype(float)))
     return log_from_columns(columns, source)
 
 
@@ -76,15 +80,6 @@ def plain(value: Any) -> Any:
         return value
     items = [plain(one) for one in value.ravel()]
     return items[0] if len(items) == 1 else items
-
-
-def column(values: object, name: str, source: str) -> np.ndarray:
-    """A variable as (n,) float64. InputError unless it is a real numeric vector."""
-    array = np.asarray(values)
-    if array.dtype.kind not in "fiub" or array.ndim > 2 or (array.ndim == 2 and 1 not in array.shape):
-        found = f"{array.dtype} of shape {array.shape}"
-        raise InputError(f"{source}: variable {name!r} is {found}, wanted a vector of numbers")
-    return array.ravel().astype(float)
 
 
 def parse_hdf5(data: bytes, source: str) -> dict[str, Any]:
