@@ -97,8 +97,8 @@ def test_units_are_converted_at_the_door(tmp_path, heading, cell, value):
         (GOOD.replace(",0.003", ""), ["row 3", "3 cells"]),
         (GOOD.replace(",0.003", ",0.003,7"), ["row 3", "5 cells"]),
         (GOOD.replace(",1.5,", ",,").replace("1.25", ""), ["tension_AF", "empty"]),
-        (GOOD.replace(",", ";"), ["';'"]),
-        (GOOD.replace(",", "\t"), ["separated by tabs"]),
+        (GOOD.replace(",", ";"), ['separator: ";"']),
+        (GOOD.replace(",", "\t"), ['separator: "\\t"']),
         (GOOD.encode("utf-16"), ["not a text file"]),
     ],
 )

@@ -27,7 +27,8 @@ from exodrake.data.log import (
     refuse_doubled,
 )  # fmt: skip
 from exodrake.data.ros2 import STATE, Track, is_bag, read_bag, read_topics
-from exodrake.data.tables import TIME, TextLayout, element_names, episodes, is_dataset, read_columns, read_info, resolve
+from exodrake.data.tables import TIME, element_names, episodes, is_dataset, read_columns, read_info, resolve
+from exodrake.data.text import TextLayout
 from exodrake.model.units import check_unit, si_unit, to_si
 
 BAG_PERIOD = 0.02  # s, frames of a bag whose mapping states none

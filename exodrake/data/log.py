@@ -17,7 +17,6 @@ from numpy.typing import ArrayLike
 from exodrake.core.errors import InputError, MissingColumn, argument, require_extra, short_repr
 from exodrake.model.units import KINDS, check_unit, default_unit, find_kind, to_si
 
-SEPARATORS = {";": "';'", "\t": "tabs"}
 MODEL, CHANGED = 1, 2  # robots by which exodrake simulated a log: as its file states it; changed for the run
 LARGEST = 1e12  # in SI: beyond any signal of a robot, and the square of a sum of squares is still finite
 MAX_SAMPLES = 20_000_000  # assumed: an hour of 100 columns at 50 Hz
@@ -256,13 +255,6 @@ def refuse_doubled(names: Iterable[str], source: str) -> None:
         if visible in known:
             raise InputError(f"{source}: column {visible!r} comes twice")
         known.add(visible)
-
-
-def refuse_separator(cells: list[str], source: str) -> None:
-    """InputError for a heading that other separators than commas leave in one cell."""
-    for sign, said in SEPARATORS.items():
-        if len(cells) == 1 and sign in cells[0].strip():
-            raise InputError(f"{source}: cells are separated by {said}, wanted ','; `exodrake import` converts it")
 
 
 def columns_in_si(

@@ -21,8 +21,8 @@ from exodrake.core.errors import InputError, MissingColumn
 from exodrake.core.files import refuse_special
 from exodrake.data.formats import ending, read_table
 from exodrake.data.import_log import Mapped, import_recording
-from exodrake.data.log import STRETCH, check_columns, columns_in_si, other_rate, refuse_doubled, refuse_separator
-from exodrake.data.tables import TextLayout
+from exodrake.data.log import STRETCH, check_columns, columns_in_si, other_rate, refuse_doubled
+from exodrake.data.text import TextLayout, to_number
 from exodrake.model.machine import Machine
 from exodrake.model.robot import Robot
 from exodrake.model.units import to_si
@@ -142,7 +142,6 @@ class Tail:
         """Finds the columns of a heading; InputError naming a missing or doubled one or an unsuitable unit."""
         source, line = str(self.path), np.arange(2.0)  # values of a cell by which its conversion to SI is known
         if self.mapped is None:
-            refuse_separator(cells, source)
             ends, _ = columns_in_si([(text, line) for text in cells], source)
             names = [*ends]
         else:
@@ -170,8 +169,7 @@ class Tail:
         for name, place in zip(self.wanted, self.places):
             cell, where = "" if place is None else cells[place], f"{self.path}: column {name!r}, row {self.row}"
             try:
-                number = "text" if "_" in cell else cell.replace(self.layout.decimal, ".")  # no 1_000
-                values.append(float(number) if cell.strip() else nan)
+                values.append(to_number(cell, self.layout))
             except ValueError:
                 raise InputError(f"{where}: {cell[:40]!r} is not a number") from None
             if isinf(values[-1]) or (name == "time" and values[-1] != values[-1]):

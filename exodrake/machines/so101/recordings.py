@@ -12,7 +12,7 @@ import numpy as np
 from exodrake.core.files import read_bytes
 from exodrake.data.case import Case
 from exodrake.data.log import Log
-from exodrake.data.tables import TextLayout, text_columns
+from exodrake.data.text import read_text
 from exodrake.machines.recording_tools import find_files, halve_log, joint_log
 
 FRAME = 0.02  # s
@@ -36,5 +36,5 @@ def read(run: Path) -> Log:
 
 def read_positions(file: Path, joints: int) -> np.ndarray:
     """The lists in column `positions` (n, joints)."""
-    found = text_columns(read_bytes(file), str(file), TextLayout(), [f"positions[{k}]" for k in range(joints)])
+    found = read_text(read_bytes(file), str(file), wanted=[f"positions[{k}]" for k in range(joints)])
     return np.column_stack([*found.values()])

@@ -13,7 +13,7 @@ from exodrake.core.errors import InputError
 from exodrake.core.files import read_bytes
 from exodrake.data.case import Case, CaseLog
 from exodrake.data.log import Log
-from exodrake.data.tables import TextLayout, text_columns
+from exodrake.data.text import TextLayout, read_text
 from exodrake.machines.recording_tools import find_files, halve_log, joint_log
 
 FRAME = 0.025  # s
@@ -41,7 +41,7 @@ def read_bend(file: Path) -> float:
 
 def read(file: Path) -> Log:
     """One configuration, a row for each time of the trajectory."""
-    columns = text_columns(read_bytes(file), str(file), TextLayout(heading=False))
+    columns = read_text(read_bytes(file), str(file), TextLayout(heading=False))
     if len(columns) != COLUMNS:
         raise InputError(f"{file}: {len(columns)} columns, wanted {COLUMNS}")
     rows = np.column_stack([*columns.values()])
