@@ -138,7 +138,7 @@ def test_truncated_rotated_and_repeated_headings_begin_anew(file):
         (lambda t: t.replace(t.splitlines()[3].split(",")[4], "loose", 1), ["row 3", "tension_AF", "loose"]),
         (lambda t: t.replace(t.splitlines()[3], "1,2,3", 1), ["row 3", "3 cells"]),
         (lambda t: t + t.splitlines()[5] + "\n", ["row 1501", "comes after"]),
-        (lambda t: t.replace("\n", "\n\n", 3) + t.splitlines()[5] + "\n", ["row 1504", "comes after"]),
+        (lambda t: t.replace("\n", "\n\n", 3) + t.splitlines()[5] + "\n", ["row 1501", "comes after"]),
         (lambda t: t.replace(",", ";"), ["time [s];tension_ref_AF [N]", "brackets"]),
     ],
 )

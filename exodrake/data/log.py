@@ -258,11 +258,12 @@ def refuse_doubled(names: Iterable[str], source: str) -> None:
 
 
 def columns_in_si(
-    columns: Iterable[tuple[str, np.ndarray]], source: str, units: Mapping[str, str] | None = None
+    columns: Iterable[tuple[str, np.ndarray]], source: str, units: Mapping[str, str] | None = None, before: int = 0
 ) -> tuple[dict[str, np.ndarray], dict[str, str]]:
     """Values (n,) [SI] by name, time among them, and their SI units, from pairs of heading and values (n,).
 
-    A bare name takes its unit from `units`, else SI by its kind; units of None: each heading has its unit.
+    A bare name takes its unit from `units`, else SI by its kind; units of None: each heading has its unit. `before`:
+    number of rows before the first, for messages.
     """
     signals: dict[str, np.ndarray] = {}
     known: dict[str, str] = {}
@@ -281,7 +282,7 @@ def columns_in_si(
         if (row := find_first(np.abs(signals[name]) > LARGEST)) is not None:
             value = signals[name][row]
             reason = "infinite" if np.isinf(value) else f"{value:g} in SI is beyond any signal"
-            raise InputError(f"{where}, row {row + 1}: {reason}")
+            raise InputError(f"{where}, row {before + row + 1}: {reason}")
     plain: dict[str, str] = {}  # letters are others in capitals and in other forms of Unicode
     for name in signals:
         if not name.isprintable():

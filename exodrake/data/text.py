@@ -49,12 +49,13 @@ def split_rows(data: bytes, source: str, layout: TextLayout = LOG) -> Iterator[l
 
 
 def read_text(
-    data: bytes, source: str, layout: TextLayout = LOG, wanted: Collection[str] = (), strict: bool = True
-) -> dict[str, np.ndarray]:
+    data: bytes, source: str, layout: TextLayout = LOG, wanted: Collection[str] = (), strict: bool = True,
+    before: int = 0,
+) -> dict[str, np.ndarray]:  # fmt: skip
     """Columns (n,) of numbers by name, the wanted ones or all, NaN where a cell is empty.
 
-    InputError names row (1 is the first below the heading) and column of what is no number. If not `strict`, a row of
-    another length is left out, and so is a column with text.
+    InputError names column and row of what is no number: `before` + 1 is the first below the heading. If not `strict`,
+    a row of another length is left out, and so is a column with text.
     """
     check_size(sum(data.count(end) for end in {b"\n", b"\r", layout.separator.encode()}), source)
     rows = split_rows(data, source, layout)
@@ -78,7 +79,7 @@ def read_text(
     lists = {k for k, i in chosen.values() if i is not None}
     body = data[max(data.find(b"\n"), 0) if layout.heading else 0 :]
     simple = layout.decimal == "." and body.isascii() and b"_" not in body  # else float() may take 1_000
-    for number, row in enumerate(chain([second] if second else [], rows), 1):
+    for number, row in enumerate(chain([second] if second else [], rows), before + 1):
         if len(row) != len(names):
             if strict:
                 length = f"row {number} has {len(row)} cells, wanted {len(names)}"
