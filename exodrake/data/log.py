@@ -265,8 +265,7 @@ def columns_in_si(
     A bare name takes its unit from `units`, else SI by its kind; units of None: each heading has its unit. `before`:
     number of rows before the first, for messages.
     """
-    signals: dict[str, np.ndarray] = {}
-    known: dict[str, str] = {}
+    signals, known, plain = dict[str, np.ndarray](), dict[str, str](), dict[str, str]()
     for text, values in columns:
         name, bracket, rest = text.strip().partition("[")
         name, (unit, closing, tail) = name.strip(), rest.partition("]")
@@ -277,22 +276,19 @@ def columns_in_si(
             raise InputError(f"{source}: column heading {text.strip()!r}: {wanted}")
         if name in signals:
             raise InputError(f"{source}: column {name!r} comes twice")
+        if not name.isprintable():
+            raise InputError(f"{source}: column {name!r}: its name holds a sign that cannot be seen")
+        folded = unicodedata.normalize("NFKC", name).casefold()  # without capitals and other forms of Unicode
+        if (other := plain.setdefault(folded, name)) != name:
+            raise InputError(f"{source}: column {name!r} is {other!r} in other letters, so one of them is too much")
+        if (kind := find_kind(folded)) is not None and find_kind(name) is None:
+            raise InputError(f"{source}: column {name!r}: did you mean {kind + name[len(kind) :]!r}?")
         where = f"{source}, column {name!r}"
         known[name], signals[name] = check_unit(name, unit, where), to_si(values, unit, where)
         if (row := find_first(np.abs(signals[name]) > LARGEST)) is not None:
             value = signals[name][row]
             reason = "infinite" if np.isinf(value) else f"{value:g} in SI is beyond any signal"
             raise InputError(f"{where}, row {before + row + 1}: {reason}")
-    plain: dict[str, str] = {}  # letters are others in capitals and in other forms of Unicode
-    for name in signals:
-        if not name.isprintable():
-            raise InputError(f"{source}: column {name!r}: its name holds a sign that cannot be seen")
-        folded = unicodedata.normalize("NFKC", name).casefold()
-        if (other := plain.setdefault(folded, name)) != name:
-            raise InputError(f"{source}: column {name!r} is {other!r} in other letters, so one of them is too much")
-        kind = find_kind(folded)
-        if kind is not None and find_kind(name) is None:
-            raise InputError(f"{source}: column {name!r}: did you mean {kind + name[len(kind) :]!r}?")
     return signals, known
 
 
