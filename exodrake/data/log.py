@@ -300,7 +300,7 @@ def headings(log: Log) -> list[str]:
 def log_from_columns(
     columns: Iterable[tuple[str, np.ndarray]], source: str, units: Mapping[str, str] | None = None
 ) -> Log:
-    """A log of `columns_in_si`. InputError for no time, a missing instant and no rows."""
+    """A log from pairs of heading and values (n,) [its unit], as `columns_in_si`; refuses no time and no rows."""
     signals, known = columns_in_si(columns, source, units)
     if "time" not in signals:
         found = ", ".join(signals) or "no columns"
