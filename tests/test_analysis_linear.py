@@ -121,9 +121,16 @@ def test_friction_is_reported_as_a_kink_and_simulation_decides():
     assert returns(model.loop, model.point)
 
 
-def test_a_tremor_leaves_no_operating_point():
-    with pytest.raises(exo.InputError, match="does not come to rest"):
-        operating_point(FrameMap.from_robot(exo.load_robot().splice("finger.tremor")))
+def test_creep_leaves_no_operating_point():
+    with pytest.raises(exo.InputError, match=r"does not come to rest.*\(tendon\.creep\)"):
+        operating_point(FrameMap.from_robot(exo.load_robot().splice("tendon.creep")))
+
+
+@pytest.mark.parametrize("effect", ["finger.tremor", "sensor.drift"])
+def test_what_acts_from_outside_moves_no_pole(effect):
+    robot = exo.load_robot()
+    model, nominal = (linearise_robot(one) for one in (robot.splice(effect), robot))
+    assert model.loop.outside == (effect,) and np.array_equal(model.system.A, nominal.system.A)
 
 
 @pytest.mark.parametrize(("kd", "radius"), [(1e-4, 0.9621), (-1e-4, 0.9596), (3.75e-4, None), (-3.75e-4, None)])

@@ -34,6 +34,7 @@ FRACTIONS = (0.5, 0.25, 0.1, 0.05, 0.02)
 FRACTION = 0.05  # where one will do
 OUTSIDE = 1e-6  # width of the ring about the unit circle in which poles count as neither in nor out
 ON_CIRCLE = 1e-9  # of |z|: what rounding leaves of an eigenvalue on the unit circle [-]
+EXOGENOUS = ("drift", "disturbance")  # families of effects that come from outside
 KINK = 0.02  # difference of one-sided slopes from which a note is given
 CHUNK, CHUNKS = 100, 30  # frames between two checks for rest; checks
 REST = 1e-8  # change over a frame, in units of a state's excursion, below which the loop rests
@@ -72,14 +73,17 @@ class FrameMap:
     loop: Loop  # closed loop that the machine declares: its signals and gains
     parameters: np.ndarray
     module: ModuleType
+    outside: tuple[str, ...] = ()  # effects that act from outside, as noise does, and are left out: they move no pole
 
     @staticmethod
     def from_robot(robot: Robot) -> FrameMap:
         """The frame map of a robot. InputError if a parameter is missing, or the machine has no loop."""
         robot = add_controller(robot)
         assert robot.machine.loop is not None  # `add_controller` sees to it
-        values = prepare_values(robot, quantisation=False)
-        return FrameMap(robot, robot.machine.loop, values, compile_machine(robot.machine))
+        outside = tuple(i for i in robot.effects() if robot.machine.effect(i).family in EXOGENOUS)
+        still = robot.without_effects(outside)
+        values = prepare_values(still, quantisation=False)
+        return FrameMap(still, robot.machine.loop, values, compile_machine(robot.machine), outside)
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -432,7 +436,7 @@ def operating_point(loop: FrameMap, at: Mapping[str, float] | str | None = None)
     """The loop at rest under references `at` [SI per channel, or the name of a point of the machine].
 
     Where the robot's own gains do not bring it to rest, gentle ones do; that state counts if its own keep it at rest.
-    InputError where neither does, for such a loop has no operating point: drift, creep, tremor, a limit cycle.
+    InputError where neither does, for such a loop has no operating point: creep, a limit cycle.
     """
     references, machine, frames = resolve_references(loop, at), loop.robot.machine, 0
     state, residual, steady = loop.start(), np.inf, True
@@ -447,7 +451,9 @@ def operating_point(loop: FrameMap, at: Mapping[str, float] | str | None = None)
     else:
         unit = machine.signal[loop.loop.reference].unit
         words = ", ".join(f"{name} = {r:g} {unit}" for name, r in zip(loop.channels, references))
-        raise InputError(f"the loop does not come to rest at {words}: it still moves {residual:.2g} a frame")
+        present = ", ".join(loop.robot.effects()) or "no effect in it"
+        still = f"a state still moves {residual:.2g} of its excursion a frame ({present})"
+        raise InputError(f"the loop does not come to rest at {words}: {still}")
     _, signals = loop.run(state, references[None, :])
     output = signals[0, loop.signals[loop.loop.output]]
     readings = {c.kind: signals[0, loop.signals[c.signal]] for c in machine.columns}
