@@ -1,4 +1,4 @@
-"""Generates the engine: one frame as its slots in order, the run over frames, the batch over rows of parameters.
+"""Generates the engine: one frame as its slots in order, and the run over frames.
 
 The one `run` serves simulation, prediction-error simulation and replay. Where something is imposed, signals carry
 measured values: those of fixed segments (`model.machine.Segment`), so that no error of a segment reaches the others,
@@ -251,19 +251,6 @@ def correct_state(machine: Machine) -> list[str]:
             f"            {state} += {gain} * off / {part.name}_p[{divisor} + j]",
         ]
     return lines + ["    " + line for line in held_outputs(machine, part)]
-
-
-def generate_batch(machine: Machine) -> str:
-    """`batch(rows, size, given..., dt, substeps, records, follow)`: a run for each row of parameters."""
-    given = [f"{name}_rows" for name in machine.inputs]
-    lines = [
-        "for i in range(rows.shape[0]):",
-        "    state, w, fine = np.zeros(size), np.zeros(records.shape[2]), np.zeros((0, 0))",
-        "    begin(rows[i], state)",
-        f"    run(rows[i], state, w, {', '.join(given)}, dt, substeps, records[i], fine, follow)",
-    ]
-    header = f"def batch(rows, size, {', '.join(given)}, dt, substeps, records, follow):\n"
-    return "@njit(cache=True, nogil=True)\n" + header + indent(lines)
 
 
 def generate_moves(machine: Machine) -> str:

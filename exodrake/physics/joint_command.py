@@ -17,13 +17,10 @@ class Parameters(NamedTuple):
 DEPTH = 12  # commands remembered per joint, the newest first: as many as the motor bus remembers
 
 
-def sent(e, z, j, command, history, first, applied, packet_arrival, frame_arrival):
-    """Point: angle [rad] that reaches drive j.
-
-    Args: history: commands of all joints, the newest of this one at `first`, older ones after it; applied: angle held
-        so far [rad]; packet_arrival, frame_arrival: 1, as no command is ever lost or late here.
-    """
-    return command
+send = Point("sent", JOINTS, "command, history, first, applied, packet_arrival, frame_arrival",
+             "angle [rad] that reaches drive j, from the newest command; history: commands of all joints [rad], the "
+             "newest of this one at `first`, older ones after it; applied: angle so far [rad]; packet_arrival, "
+             "frame_arrival: 1, as no command is ever lost or late here", laws=())  # fmt: skip
 
 
 def take(x, z, n, e, angle_ref, angle_start):
@@ -34,7 +31,7 @@ def take(x, z, n, e, angle_ref, angle_start):
             x[DEPTH * j + k] = x[DEPTH * j + k - 1] if x[(DEPTH + 3) * joints] > 0.0 else angle_ref[j]
         x[DEPTH * j] = angle_ref[j]
         held = DEPTH * joints + j
-        x[held] = sent(e, z, j, angle_ref[j], x, DEPTH * j, x[held], 1.0, 1.0)
+        x[held] = send(e, z, j, angle_ref[j], x, DEPTH * j, x[held], 1.0, 1.0)
         x[held + joints] = angle_start[j]
     x[(DEPTH + 3) * joints] = 1.0
 
@@ -55,6 +52,6 @@ PART = Part(
     ),
     tasks=(Task("take", ("angle_ref", "angle_start"), slots=(0,)),),
     outputs=(Output.of_states(held="command", origin="origin", setting="setting", started="ready"),),
-    points=(Point("sent", JOINTS, laws=()),), group="timing",
+    points=(send,), group="timing",
 )  # fmt: skip
 SET_PART = replace(PART, tasks=(Task("take_set", ("angle_ref", "angle_start", "bend"), slots=(0,)),))

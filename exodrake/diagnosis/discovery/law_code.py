@@ -7,7 +7,6 @@ shape. The same text serves the search (all points of a machine) and the fitted 
 from __future__ import annotations
 
 import hashlib
-import inspect
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -20,7 +19,17 @@ from exodrake.engine.cache import cache_folder, once, write_if_different
 from exodrake.machines.robot_file import robot_text
 from exodrake.model.effect import Effect
 from exodrake.model.machine import Machine
-from exodrake.model.part import HYSTERESIS, PLACE, RELAXATION, FreeLaw, Point, free_memory, module_name, module_of_file
+from exodrake.model.part import (
+    HYSTERESIS,
+    PLACE,
+    RELAXATION,
+    FreeLaw,
+    Point,
+    free_memory,
+    module_of_file,
+    point_arguments,
+    point_key,
+)  # fmt: skip
 from exodrake.model.robot import Robot
 
 SIZE = 8  # knots of a curve, or elements of a memory
@@ -113,17 +122,14 @@ def law_points(machine: Machine) -> list[LawPoint]:
     """Points of a machine where a law may be missing, one for each id."""
     found: dict[str, LawPoint] = {}
     for part in machine.parts:
-        arguments: dict[str, tuple[str, ...]] = {}  # after the effects' parameters, their states and the channel
-        for point in part.points:
-            names = inspect.signature(getattr(point.module or part.module, point.name)).parameters
-            arguments[point.name] = tuple(names)[3 if point.axis else 2 :]
+        arguments = {point.name: point_arguments(part, point) for point in part.points}
         for point in part.points:
             own = arguments[point.name]
             laws = STANDARD.get(point.standard) if point.laws is None else point.laws
             if laws is None:
                 laws = tuple(FreeLaw(f"{own[0]} over {name}", name, "") for name in own if name not in PLAIN)
             if laws:
-                key = f"{module_name(point.module or part.module)}.{point.name}"
+                key = point_key(part, point)
                 blocks = [effect.block for effect in machine.effects if key in effect.at] or [part.name]
                 identity = f"{max(blocks, key=blocks.count)}.law_{point.name}"
                 forms = tuple(replace(f, factor=f.factor.replace(VALUE, own[0])) for f in laws)
