@@ -13,7 +13,7 @@ from importlib.util import module_from_spec, spec_from_file_location
 from inspect import signature
 from pathlib import Path
 from types import ModuleType
-from typing import Any, NamedTuple, get_args, get_type_hints
+from typing import Annotated, Any, NamedTuple, get_args, get_type_hints
 
 TENDONS, JOINTS, SCALAR = "tendons", "joints", ""
 NORMAL, UNIFORM = "standard normal", "uniform in 0 .. 1"
@@ -98,6 +98,12 @@ class Unit:
     axis: str = SCALAR
     group: str = ""
     name: str = ""
+
+
+def parameter_class(*groups: tuple[str, Mapping[str, str]]) -> Any:
+    """A class of a part's parameters, a named tuple: the axis of each group, and the SI unit of each of its names."""
+    fields = [(name, axis, unit) for axis, units in groups for name, unit in units.items()]
+    return NamedTuple("Parameters", [(n, Annotated[tuple if axis else float, Unit(u, axis)]) for n, axis, u in fields])
 
 
 @dataclass(frozen=True)

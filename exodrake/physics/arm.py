@@ -13,9 +13,9 @@ The friction family (`sliding.*`) acts on each joint. Link frames, axes and iner
 
 import sys
 from math import cos, sin
-from typing import Annotated, NamedTuple
+from typing import Any
 
-from exodrake.model.part import JOINTS, SCALAR, Output, Part, Point, State, Task, Unit
+from exodrake.model.part import JOINTS, SCALAR, Output, Part, Point, State, Task, parameter_class
 from exodrake.physics.arithmetic import add, brake_dry, cross, dot, multiply
 
 ROTATION, ORIGIN, SCREW, INERTIA, MOTION, CHANGE, WRENCH, WIDTH = 0, 9, 12, 18, 28, 34, 40, 46
@@ -224,7 +224,7 @@ def link(x, z, n, e, j, count, q):
 def body(x, n, j, count, q, mass, payload):
     """Place and inertia of link j with this mass, and payload at the tip [kg].
 
-    For any part whose parameters begin with those of `fields`, such as a controller with a model of the arm.
+    For any part whose parameters begin with those of `parameters_with`, such as a controller with a model of the arm.
     """
     origin, angles = (n.x[j], n.y[j], n.z[j]), (n.roll[j], n.pitch[j], n.yaw[j])
     place(x, j, origin, angles, (n.axis_x[j], n.axis_y[j], n.axis_z[j]), n.sliding[j], q)
@@ -369,12 +369,9 @@ BODY = {
 }  # fmt: skip
 
 
-def fields(joints: dict[str, str], scalars: dict[str, str]) -> list:
-    """Fields of a parameter class with units: those of an arm first, then further ones of each joint, and scalars."""
-    each = [(name, Annotated[tuple, Unit(unit, JOINTS)]) for name, unit in LINK.items()]
-    each += [(name, Annotated[float, Unit(unit)]) for name, unit in BODY.items()]
-    each += [(name, Annotated[tuple, Unit(unit, JOINTS)]) for name, unit in joints.items()]
-    return each + [(name, Annotated[float, Unit(unit)]) for name, unit in scalars.items()]
+def parameters_with(joints: dict[str, str], scalars: dict[str, str] | None = None) -> Any:
+    """A class of parameters with units: those of an arm first, then further ones of each joint, and scalars."""
+    return parameter_class((JOINTS, LINK), (SCALAR, BODY), (JOINTS, joints), (SCALAR, scalars or {}))
 
 
 def forward_part(count: int, slot: int, scales: dict[str, tuple[float, str]], unit: dict[str, str]) -> Part:
@@ -394,7 +391,7 @@ def forward_part(count: int, slot: int, scales: dict[str, tuple[float, str]], un
     angle, rate = unit["position"], unit["velocity"]
     own = ("angle", angle), ("speed", rate), ("rotor", angle), ("rotor_speed", rate), ("push", "-"), ("impulse", "-")
     return Part(
-        name="arm", module=sys.modules[__name__], parameters=NamedTuple("Parameters", fields(per_joint, {})),
+        name="arm", module=sys.modules[__name__], parameters=parameters_with(per_joint),
         states=(
             State("link", JOINTS, WIDTH), State("matrix", JOINTS, count),
             *(State(name, JOINTS, unit=u) for name, u in own), State("placed"),
@@ -411,8 +408,7 @@ def inverse_part(scales: dict[str, tuple[float, str]], unit: dict[str, str]) -> 
         "rotor_inertia": unit["inertia"], "damping": unit["effort/speed"], "dry_friction": unit["effort"],
     }  # fmt: skip
     return Part(
-        name="arm", module=sys.modules[__name__],
-        parameters=NamedTuple("Parameters", fields(per_joint, {"mobility": "-"})),
+        name="arm", module=sys.modules[__name__], parameters=parameters_with(per_joint, {"mobility": "-"}),
         states=(State("link", JOINTS, WIDTH), State("effort", JOINTS, unit=unit["effort"])),
         tasks=(Task("compute_efforts", ("position", "velocity", "acceleration")),),
         outputs=(Output.of_states(effort="effort"),), scales=scales,

@@ -6,10 +6,9 @@ K and D are the gains of each joint, kp and kd factors on all of them; the deriv
 """
 
 import sys
-from typing import NamedTuple
 
 from exodrake.model.part import JOINTS, Output, Part, Point, State, Task
-from exodrake.physics.arm import WIDTH, WRENCH, body, downwards, effort, fields, gather, move
+from exodrake.physics.arm import WIDTH, WRENCH, body, downwards, effort, gather, move, parameters_with
 
 gravity_share = Point(
     "compensated", JOINTS, "share", "share of the believed gravity that the controller gives to joint j"
@@ -39,7 +38,7 @@ def part(slot: int, unit: dict[str, str]) -> Part:
     joints = {"stiffness": unit["effort/position"], "viscosity": unit["effort/speed"], "feedforward": "-"}
     return Part(
         name="drive", module=sys.modules[__name__],
-        parameters=NamedTuple("Parameters", fields(joints, {"kp": "-", "kd": "-", "period": "s"})),
+        parameters=parameters_with(joints, {"kp": "-", "kd": "-", "period": "s"}),
         states=(
             State("link", JOINTS, WIDTH), State("effort", JOINTS, unit=unit["effort"]),
             State("before", JOINTS, unit=unit["position"]), State("started"),

@@ -1,17 +1,10 @@
 """Motor bus: hands each speed command to its drive in its slot, held until the next one (`model.md`, Timing)."""
 
 import sys
-from typing import NamedTuple
 
-from exodrake.model.part import TENDONS, Output, Part, Point, State, Task
-
-
-class Parameters(NamedTuple):
-    """The bus has no parameters of its own."""
-
+from exodrake.model.part import TENDONS, Output, Part, Point, State, Task, parameter_class
 
 DEPTH = 12  # commands remembered per wire, the newest first
-
 
 send = Point("sent", TENDONS, "command, history, first, held, arrival, frame_arrival",
              "speed [m/s] that reaches drive j, from the newest command; history: commands of all tendons [m/s], the "
@@ -29,7 +22,7 @@ def write(x, z, n, e, j, speed_cmd, packet_arrival):
 
 
 PART = Part(
-    name="bus", module=sys.modules[__name__], parameters=Parameters,
+    name="bus", module=sys.modules[__name__], parameters=parameter_class(),
     states=(State("history", TENDONS, DEPTH, "m/s"), State("applied", TENDONS, unit="m/s")),
     tasks=(Task("write", ("speed_cmd", "packet_arrival"), slots=(5, 6, 7), per_channel=True),),
     outputs=(Output.of_states(applied="speed_applied"),), points=(send,), group="timing",

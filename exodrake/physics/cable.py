@@ -15,13 +15,11 @@ Euler's rule for the speeds, then for the positions with the new speeds; the arm
 """
 
 import sys
-from typing import Annotated, NamedTuple
 
-from exodrake.model.part import JOINTS, Output, Part, Point, State, Task, Unit
+from exodrake.model.part import JOINTS, Output, Part, Point, State, Task, parameter_class
 from exodrake.physics.arithmetic import brake_dry
 
 ANGLE, SPEED, STRETCH, STATES = 0, 1, 2, 3
-
 
 ratio = Point("ratio", JOINTS, "share", "what joint j takes of its own motor's angle [-]")
 by_previous = Point("by_previous", JOINTS, "share, own",
@@ -158,9 +156,8 @@ def part(slot: int, friction: float, speed: float, unit: dict[str, str]) -> Part
         **dict.fromkeys(("ratio", "by_previous", "by_next"), "-"), "stiffness": unit["effort/position"],
         "pretension": unit["effort"], "loss": "s", "inertia": "kg m2", "damping": "N m s/rad", "dry_friction": "N m",
     }  # fmt: skip
-    fields = [(name, Annotated[tuple, Unit(u, JOINTS)]) for name, u in per_joint.items()]
     return Part(
-        name="cable", module=sys.modules[__name__], parameters=NamedTuple("Parameters", fields),
+        name="cable", module=sys.modules[__name__], parameters=parameter_class((JOINTS, per_joint)),
         states=(
             State("angle", JOINTS, unit="rad"), State("speed", JOINTS, unit="rad/s"),
             State("stretch", JOINTS, unit=unit["position"]), State("placed", width=2),

@@ -9,19 +9,11 @@ speed away after the push, at most all of it, so that a fixed step never turns a
 """
 
 import sys
-from typing import Annotated, NamedTuple
 
-from exodrake.model.part import SCALAR, Output, Part, Point, State, Task, Unit
+from exodrake.model.part import SCALAR, Output, Part, Point, State, Task, parameter_class
 
-
-class Parameters(NamedTuple):
-    """Moving mass, the motor's inertia included."""
-
-    M: Annotated[float, Unit("kg")]
-
-
+Parameters = parameter_class((SCALAR, {"M": "kg"}))  # moving mass, the motor's inertia included
 PLACE, SPEED, STARTED = 0, 1, 2
-
 
 push_carriage = Point("pushed", SCALAR, "force, speed", "force on the mass [N], from that of the drive; speed [m/s]",
                       standard="sliding.pushed")  # fmt: skip

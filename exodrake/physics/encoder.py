@@ -1,18 +1,12 @@
 """Encoder on the gear's output, read over the bus: stroke = r theta, theta rounded to q_theta (`model.md`, Encoder)."""
 
 import sys
-from typing import Annotated, NamedTuple
 
-from exodrake.model.part import TENDONS, FreeLaw, Output, Part, Point, State, Task, Unit
+from exodrake.model.part import SCALAR, TENDONS, FreeLaw, Output, Part, Point, State, Task, parameter_class
 from exodrake.physics.arithmetic import round_to
 
-
-class Parameters(NamedTuple):
-    """Resolution at the gear's output, and the spool radius that turns it into wire."""
-
-    q_theta: Annotated[float, Unit("rad")]
-    radius: Annotated[float, Unit("m")]
-
+# resolution at the gear's output, and the spool radius that turns it into wire
+Parameters = parameter_class((SCALAR, {"q_theta": "rad", "radius": "m"}))
 
 home_stroke = Point("homed", TENDONS, "stroke", "stroke [m] as counted from the encoder's zero, before rounding",
                     laws=(FreeLaw("error of the reading over stroke", "stroke", "m"),))  # fmt: skip

@@ -17,7 +17,6 @@ NUDGE = 1e-6  # of difference quotients [rad]
 HERE = sys.modules[__name__]
 AGAINST = "rate / (abs(rate) + 0.05)"  # direction of a joint, blurred over a slow turn [rad/s]: assumed
 
-
 passive = Point(
     "passive", JOINTS, "torque, bend, rate, elastic, clock",
     "passive torque [N m] at joint i, against flexion; bend: q - q0 [rad]; elastic: kappa (q - q0) [N m]", module=HERE,

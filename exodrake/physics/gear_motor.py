@@ -7,19 +7,13 @@ The reported effort is the one that the current stands for with these constants;
 
 import sys
 from math import exp
-from typing import Annotated, NamedTuple
 
-from exodrake.model.part import JOINTS, Output, Part, Point, State, Task, Unit
+from exodrake.model.part import JOINTS, Output, Part, Point, State, Task, parameter_class
 
-
-class Parameters(NamedTuple):
-    """Torque constant, gear ratio (of a sliding joint in 1/m), limit of the current, time constant of its loop or 0."""
-
-    torque_constant: Annotated[tuple, Unit("N m/A", JOINTS)]
-    ratio: Annotated[tuple, Unit("-", JOINTS)]
-    current_max: Annotated[tuple, Unit("A", JOINTS)]
-    time_constant: Annotated[tuple, Unit("s", JOINTS)]
-
+# torque constant, gear ratio (of a sliding joint in 1/m), limit of the current, time constant of its loop or 0
+Parameters = parameter_class(
+    (JOINTS, {"torque_constant": "N m/A", "ratio": "-", "current_max": "A", "time_constant": "s"})
+)
 
 joint_effort = Point("driven", JOINTS, "effort", "effort on joint j [N m], from the one that the current stands for")
 

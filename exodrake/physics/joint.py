@@ -6,16 +6,10 @@ What the model leaves out sits where a joint aims, how it follows, and what its 
 """
 
 import sys
-from typing import Annotated, NamedTuple
 
-from exodrake.model.part import JOINTS, SCALAR, FreeLaw, Output, Part, Point, State, Task, Unit, free_memory
+from exodrake.model.part import JOINTS, SCALAR, FreeLaw, Output, Part, Point, State, Task, free_memory, parameter_class
 
-
-class Parameters(NamedTuple):
-    """How far a joint goes for its command, as its maker says."""
-
-    ratio: Annotated[tuple, Unit("-", JOINTS)]
-
+Parameters = parameter_class((JOINTS, {"ratio": "-"}))  # how far a joint goes for its command, as its maker says
 
 aim_joint = Point(
     "aimed", JOINTS, "aim, ahead, behind, setting",

@@ -5,17 +5,10 @@ Two blocks: `BLOCK`, and `SET_BLOCK` for joints that have a setting of their own
 
 import sys
 from dataclasses import replace
-from typing import NamedTuple
 
-from exodrake.model.part import JOINTS, SCALAR, Output, Part, Point, State, Task
-
-
-class Parameters(NamedTuple):
-    """None of its own."""
-
+from exodrake.model.part import JOINTS, SCALAR, Output, Part, Point, State, Task, parameter_class
 
 DEPTH = 12  # commands remembered per joint, the newest first: as many as the motor bus remembers
-
 
 send = Point("sent", JOINTS, "command, history, first, applied, packet_arrival, frame_arrival",
              "angle [rad] that reaches drive j, from the newest command; history: commands of all joints [rad], the "
@@ -45,7 +38,7 @@ def take_set(x, z, n, e, angle_ref, angle_start, bend):
 
 
 PART = Part(
-    name="command", module=sys.modules[__name__], parameters=Parameters,
+    name="command", module=sys.modules[__name__], parameters=parameter_class(),
     states=(
         State("history", JOINTS, DEPTH, "rad"), State("held", JOINTS, unit="rad"), State("origin", JOINTS, unit="rad"),
         State("setting", JOINTS, unit="rad"), State("started", SCALAR),

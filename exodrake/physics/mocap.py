@@ -4,20 +4,11 @@ Where its clock and the controller's meet, a picture may be late: the log takes 
 """
 
 import sys
-from typing import Annotated, NamedTuple
 
-from exodrake.model.part import JOINTS, SCALAR, FreeLaw, Output, Part, Point, State, Task, Unit
+from exodrake.model.part import JOINTS, SCALAR, FreeLaw, Output, Part, Point, State, Task, parameter_class
 
-
-class Parameters(NamedTuple):
-    """Noise of an angle, time between pictures."""
-
-    sigma_q: Annotated[float, Unit("rad")]
-    period: Annotated[float, Unit("s")]
-
-
+Parameters = parameter_class((SCALAR, {"sigma_q": "rad", "period": "s"}))  # noise of an angle, time between pictures
 READING, LATE, PICTURES = 0, 3, 4
-
 
 marker_angle = Point("seen", JOINTS, "angle", "angle of joint i [rad] as the markers show it",
                      laws=(FreeLaw("error of the reading over angle", "angle", "rad"),))  # fmt: skip

@@ -8,24 +8,14 @@ Integrated by the classical Runge-Kutta rule over one tick with command and tens
 """
 
 import sys
-from typing import Annotated, NamedTuple
 
-from exodrake.model.part import TENDONS, FreeLaw, Output, Part, Point, State, Task, Unit, free_memory
+from exodrake.model.part import SCALAR, TENDONS, FreeLaw, Output, Part, Point, State, Task, free_memory, parameter_class
 
-
-class Parameters(NamedTuple):
-    """Motor, gear, spool and drive of each wire; the gear ratio and the spool radius configured in all drives."""
-
-    kM: Annotated[tuple, Unit("N m/A", TENDONS)]
-    J: Annotated[tuple, Unit("kg m2", TENDONS)]
-    b: Annotated[tuple, Unit("N m s/rad", TENDONS)]
-    N: Annotated[float, Unit("-")]
-    r: Annotated[tuple, Unit("m", TENDONS)]
-    r_set: Annotated[float, Unit("m")]
-    Kp: Annotated[tuple, Unit("A s/rad", TENDONS)]
-    Ki: Annotated[tuple, Unit("A/rad", TENDONS)]
-    i_max: Annotated[tuple, Unit("A", TENDONS)]
-
+# of motor, gear, spool and drive of each wire; the gear ratio and the spool radius configured in all drives
+Parameters = parameter_class(
+    (TENDONS, {"kM": "N m/A", "J": "kg m2", "b": "N m s/rad"}), (SCALAR, {"N": "-"}), (TENDONS, {"r": "m"}),
+    (SCALAR, {"r_set": "m"}), (TENDONS, {"Kp": "A s/rad", "Ki": "A/rad", "i_max": "A"}),
+)  # fmt: skip
 
 follow = Point("follow", TENDONS, "dt, speed, loop_time",
                "before a tick, states of the effects on the command [m/s] of motor j after dt [s]; loop_time: time "

@@ -5,9 +5,8 @@ of its own for each signal that it measures: `sensor("reading", "angle", unit="r
 """
 
 from dataclasses import replace
-from typing import Annotated, NamedTuple
 
-from exodrake.model.part import JOINTS, Output, Part, Point, State, Task, Unit, module_of_file
+from exodrake.model.part import JOINTS, SCALAR, Output, Part, Point, State, Task, module_of_file, parameter_class
 from exodrake.physics.arithmetic import round_to
 
 mix_channels = Point("mixed", JOINTS, "value, other",
@@ -51,12 +50,10 @@ def sensor(
         size: by how much the signal typically moves [SI]; ranges of the generic effects scale with it.
         channels: how many the signal has; crosstalk takes two.
     """
-    quantity = Annotated[tuple, Unit(unit, JOINTS)]
-    fields = [("sigma", quantity), ("step", quantity), ("repeatability", Annotated[float, Unit(unit)])]
     return Part(
         name=name,
         module=module_of_file(f"{__name__}_{name}", __file__),  # its own, since points of two parts cannot share one
-        parameters=NamedTuple("Parameters", fields),
+        parameters=parameter_class((JOINTS, {"sigma": unit, "step": unit}), (SCALAR, {"repeatability": unit})),
         states=(State("reading", JOINTS, unit=unit), State("clock", unit="s", width=2), State("started")),
         tasks=(Task("age", ()), Task("read", signals[:3], slots=(slot,))),
         outputs=(Output.of_states(reading=signals[3]),),

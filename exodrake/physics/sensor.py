@@ -7,23 +7,14 @@ The cell reads 2 T and is halved; its amplifier is a first-order lag, exact for 
 
 import sys
 from math import exp
-from typing import Annotated, NamedTuple
 
-from exodrake.model.part import SCALAR, TENDONS, FreeLaw, Output, Part, Point, State, Task, Unit, free_memory
+from exodrake.model.part import SCALAR, TENDONS, FreeLaw, Output, Part, Point, State, Task, free_memory, parameter_class
 from exodrake.physics.arithmetic import round_to
 
-
-class Parameters(NamedTuple):
-    """Amplifier lag, noise and resolution in units of tension."""
-
-    tau_F: Annotated[float, Unit("s")]
-    sigma_F: Annotated[float, Unit("N")]
-    q_F: Annotated[float, Unit("N")]
-
-
+# amplifier lag, noise and resolution in units of tension
+Parameters = parameter_class((SCALAR, {"tau_F": "s", "sigma_F": "N", "q_F": "N"}))
 CELL, LOAD, READING, CLOCK, TICK, SLIDE = 0, 3, 6, 9, 10, 11
 PRESLIDING = 5e-5  # wire travel over which friction at the sensing pulley turns round [m]; assumed
-
 
 cell_load = Point("felt", TENDONS, "tension, slide",
                   "load on cell j [N] from the wire's tension; slide [-1 .. 1] > 0 while the spool takes wire in",

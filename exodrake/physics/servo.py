@@ -14,32 +14,19 @@ takes speed away after the push, at most all of it. Without friction the fastest
 
 import sys
 from math import exp, sin, sqrt
-from typing import Annotated, NamedTuple
 
-from exodrake.model.part import JOINTS, SCALAR, Output, Part, Point, State, Task, Unit
+from exodrake.model.part import JOINTS, SCALAR, Output, Part, Point, State, Task, parameter_class
 from exodrake.physics.arithmetic import brake_dry
 
 # rad, of a gear's fastest oscillation in a tick; stiffer gears count as this stiff, so that they are stable
 RIGID = 1.0
 LOSS = 0.1  # damping of a gear's oscillation over the critical one: assumed
 
-
-class Parameters(NamedTuple):
-    """Motor, supply, firmware, friction and load of each joint, at the output of its gear; gear's compliance or 0."""
-
-    kt: Annotated[tuple, Unit("N m/A", JOINTS)]
-    R: Annotated[tuple, Unit("V/A", JOINTS)]
-    supply: Annotated[tuple, Unit("V", JOINTS)]
-    kp: Annotated[tuple, Unit("1/rad", JOINTS)]
-    kd: Annotated[tuple, Unit("s/rad", JOINTS)]
-    armature: Annotated[tuple, Unit("kg m2", JOINTS)]
-    damping: Annotated[tuple, Unit("N m s/rad", JOINTS)]
-    dry_friction: Annotated[tuple, Unit("N m", JOINTS)]
-    compliance: Annotated[tuple, Unit("rad/(N m)", JOINTS)]
-    inertia: Annotated[tuple, Unit("kg m2", JOINTS)]
-    moment: Annotated[tuple, Unit("N m", JOINTS)]
-    hanging: Annotated[tuple, Unit("rad", JOINTS)]
-
+# of motor, supply, firmware, friction and load of each joint, at the output of its gear; gear's compliance or 0
+Parameters = parameter_class((JOINTS, {
+    "kt": "N m/A", "R": "V/A", "supply": "V", "kp": "1/rad", "kd": "s/rad", "armature": "kg m2", "damping": "N m s/rad",
+    "dry_friction": "N m", "compliance": "rad/(N m)", "inertia": "kg m2", "moment": "N m", "hanging": "rad",
+}))  # fmt: skip
 
 firmware_reference = Point("firmware_reference", JOINTS, "aim, before, dt",
                            "that the firmware follows [rad], from the command; before: so far [rad]")  # fmt: skip

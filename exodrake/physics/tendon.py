@@ -17,7 +17,6 @@ HERE = sys.modules[__name__]
 TAUT = 0.1  # tension above which the wire lies against its sheath [N]; assumed
 GRIP = "-min(1.0, tension / 0.1)"  # friction fades as the wire goes slack (`grip`)
 
-
 stretch = Point(
     "stretch", TENDONS, "extension, tension_finger", "elastic stretch of the wire [m], from s - l [m]", module=HERE,
     laws=(
