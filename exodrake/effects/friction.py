@@ -19,6 +19,11 @@ def bend_bristle(bristle, travel, width):
     return end + (bristle - end) * exp(-abs(travel) / width)
 
 
+def settle_bristle(dt, value, size, width, bristle, before):
+    """Bristle [-1 .. 1], and the value that it has seen [unit of width]."""
+    return bend_bristle(bristle, value - before, width), value
+
+
 def turn_bristle(bristle, travel, width):
     """The same with a straight rise: stiff up to the end, then sliding [-1 .. 1]."""
     return min(max(bristle + travel / width, -1.0), 1.0)

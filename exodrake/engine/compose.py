@@ -263,7 +263,7 @@ def compose_point(machine: Machine, part: Part, point: Point, function: ast.Func
 def choose_context(effect: Effect, key: str, context: list[str], own: int) -> list[str]:
     """Those of a point's arguments after the value that a law names, else all. InputError if neither fits."""
     code = effect.at[key].__code__
-    names = list(code.co_varnames[1 : max(1, code.co_argcount - own)])
+    names = [effect.names.get(name, name) for name in code.co_varnames[1 : max(1, code.co_argcount - own)]]
     if code.co_argcount > own and set(names) <= set(context):
         return names
     if code.co_argcount == own + 1 + len(context):

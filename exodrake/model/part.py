@@ -102,8 +102,12 @@ class Unit:
 
 def parameter_class(*groups: tuple[str, Mapping[str, str]]) -> Any:
     """A class of a part's parameters, a named tuple: the axis of each group, and the SI unit of each of its names."""
-    fields = [(name, axis, unit) for axis, units in groups for name, unit in units.items()]
-    return NamedTuple("Parameters", [(n, Annotated[tuple if axis else float, Unit(u, axis)]) for n, axis, u in fields])
+    fields: Any = [
+        (name, Annotated[tuple if axis else float, Unit(unit, axis)])
+        for axis, units in groups
+        for name, unit in units.items()
+    ]
+    return NamedTuple("Parameters", fields)
 
 
 @dataclass(frozen=True)
