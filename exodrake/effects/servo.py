@@ -2,7 +2,7 @@
 
 from math import cos, exp, inf
 
-from exodrake.effects.friction import bend_bristle, turn_bristle
+from exodrake.effects.friction import bend_bristle, brake_by_load, turn_bristle
 from exodrake.effects.signal import clip, mix, scale, shift, take_up_play
 from exodrake.model.effect import Effect, per_joint
 from exodrake.model.part import JOINTS, State
@@ -120,14 +120,6 @@ def drop_voltage(voltage, duty, back_emf, resistance, source):
     V = V_0 - source u i,  i = (u V - back_emf) / resistance          u: duty cycle
     """
     return (voltage + source * duty * back_emf / resistance) / (1.0 + source * duty * duty / resistance)
-
-
-def brake_by_load(speed, mobility, opposed, coefficient):
-    """Speed [rad/s] after dry friction proportional to the load's torque acted for a tick.
-
-    q' after the tick = q' - sgn(q') min(|q'|, coefficient |tau_load| dt / J)
-    """
-    return brake_dry(speed, coefficient * abs(opposed) * mobility)
 
 
 def brake_by_shared_load(speed, mobility, load, opposed, coefficient):
@@ -305,7 +297,8 @@ BACKDRIVING_FRICTION = Effect(
     id="servo.backdriving_friction", summary="dry friction proportional to the torque of the load", family="friction",
     signature="a load holds itself: as dry friction, in proportion to the weight at this posture",
     source="Duclusaud et al., ICRA 2025 (Rhoban/bam M5: load_friction_external 0.0-0.5)",
-    at={"servo.braked": brake_by_load},
+    at={"servo.braked": brake_by_load}, names={"load": "opposed"},
+    formula="q' after the tick = q' - sgn(q') min(|q'|, coefficient |tau_load| dt / J)",
     parameters=(per_joint("coefficient", "-", null=0.0, low=0.02, high=0.8, default=0.25),),
 )  # fmt: skip
 QUADRATIC_FRICTION = Effect(
