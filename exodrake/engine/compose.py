@@ -20,7 +20,7 @@ from exodrake.engine.cache import load_text, once
 from exodrake.engine.schedule import generate_begin, generate_equations, generate_moves, generate_run
 from exodrake.model.effect import Effect, EffectParameter
 from exodrake.model.machine import Machine, stack
-from exodrake.model.part import SCALAR, Part, Point, module_name, part_modules, point_key, prefix
+from exodrake.model.part import SCALAR, Part, Point, State, module_name, part_modules, point_key, prefix
 
 # Functions of parts allocate nothing. Without reference counts an array costs a call nothing, with them some 10 ns.
 PLAIN, INLINED = "@njit(_nrt=False)\n", "@njit(_nrt=False, forceinline=True)\n"
@@ -222,15 +222,18 @@ def generate_effects(machine: Machine, part: Part) -> str:
     return "\n".join([*lines, "    return e"])
 
 
-def parameter_values(
-    machine: Machine, part: Part, effect: Effect, parameter: EffectParameter, channel: str | None
+def effect_values(
+    machine: Machine, part: Part, effect: Effect, item: EffectParameter | State, channel: str | None
 ) -> list[str]:
-    """A parameter of a channel as source, or those of all channels where the point has none."""
-    places = stack({(e.id, n.name): machine.width(n.axis) for e in machine.effects_on(part) for n in e.parameters})
-    at = len(part.points) + places[effect.id, parameter.name].start
-    if parameter.axis != SCALAR and channel:
-        return [f"e[{at} + {channel}]"]
-    return [f"e[{at + i}]" for i in range(machine.width(parameter.axis))]
+    """A parameter (in e) or a state (in z) of an effect as source: of a channel, or of all where the point has none."""
+    kind, vector, first = ("states", "z", 0) if isinstance(item, State) else ("parameters", "e", len(part.points))
+    items = [(e.id, one) for e in machine.effects_on(part) for one in getattr(e, kind)]
+    sizes = {(owner, one.name): machine.width(one.axis) * getattr(one, "width", 1) for owner, one in items}
+    span, width, found = stack(sizes)[effect.id, item.name], machine.width(item.axis), []
+    for at in range(first + span.start, first + span.stop, width):
+        one = channel and item.axis != SCALAR
+        found += [f"{vector}[{at} + {channel}]"] if one else [f"{vector}[{at + i}]" for i in range(width)]
+    return found
 
 
 def compose_point(machine: Machine, part: Part, point: Point, function: ast.FunctionDef, effects: list[Effect]) -> str:
@@ -244,8 +247,8 @@ def compose_point(machine: Machine, part: Part, point: Point, function: ast.Func
     body = []  # lines through which the value passes
     for effect in effects:
         act, own = effect.at[key], channel if effect.axis == point.axis or effect.axis == SCALAR else None
-        states = state_indices(machine, part, effect, own)
-        values = [parameter_values(machine, part, effect, n, own) for n in effect.parameters]
+        states = [place for state in effect.states for place in effect_values(machine, part, effect, state, own)]
+        values = [effect_values(machine, part, effect, parameter, own) for parameter in effect.parameters]
         parameters = [v[0] if len(v) == 1 else f"({', '.join(v)})" for v in values]
         given = choose_context(effect, key, context, len(parameters) + len(states))
         call = f"{prefix(act.__module__)}__{act.__name__}({', '.join([value, *given, *parameters, *states])})"
@@ -278,19 +281,7 @@ def choose_context(effect: Effect, key: str, context: list[str], own: int) -> li
 def guard(machine: Machine, part: Part, effect: Effect, channel: str | None) -> str:
     """Condition under which the effect is present."""
     first = effect.parameters[0]
-    return " or ".join(f"{v} != {float(first.null)!r}" for v in parameter_values(machine, part, effect, first, channel))
-
-
-def state_indices(machine: Machine, part: Part, effect: Effect, channel: str | None) -> list[str]:
-    """Where the effect's own states lie in the part's vector z, as source."""
-    states = [(other.id, state) for other in machine.effects_on(part) for state in other.states]
-    own, places = stack({(i, s.name): machine.width(s.axis) * s.width for i, s in states}), []
-    for state in effect.states:
-        width, span = machine.width(state.axis), own[effect.id, state.name]
-        for at in range(span.start, span.stop, width):
-            one = channel and state.axis != SCALAR
-            places += [f"z[{at} + {channel}]"] if one else [f"z[{at + i}]" for i in range(width)]
-    return places
+    return " or ".join(f"{v} != {float(first.null)!r}" for v in effect_values(machine, part, effect, first, channel))
 
 
 def compile_machine(machine: Machine) -> ModuleType:
