@@ -57,8 +57,9 @@ class ModuleSource:
         for home, alias in ((n.module, a) for n in self.imports for a in n.names):
             if home and self.equations(home):
                 name = alias.asname or alias.name
-                point = getattr(self.module, name)
-                table[name] = f"{prefix(home)}__{point.name if isinstance(point, Point) else alias.name}"
+                own = getattr(self.module, name)
+                full = own.name if isinstance(own, Point) else getattr(own, "__name__", alias.name)
+                table[name] = f"{prefix(home)}__{full}"
         return table
 
 

@@ -41,7 +41,7 @@ COUNTS = tuple(f"c{i + 1}" for i in range(BINS))
 SEEN = ("low_seen", "high_seen", *COUNTS, "place", "started")
 WATCHED = ("low", "high")  # range in which a watch counts
 PLAIN = ("dt", "held", "arrival", "period", "mobility", "bones", "history")  # arguments that no law depends on
-FUNCTIONS = ("curve", "dragged", "faded", "inside", "slope", "stop_operator")  # of `effects.law_table`
+FUNCTIONS = ("curve", "inside", "lose_speed", "maxwell_element", "slope", "stop_operator")  # of `effects.law_table`
 HEADER = '''"""{summary}"""
 
 from exodrake.model.effect import Effect, EffectParameter
@@ -60,7 +60,7 @@ DEFINITION = """{name} = Effect(
 {more}    family="law",
     not_tried="a free law, which `--discover` tries",
 )"""
-DRAGGED = "dragged(speed, law * mobility)"  # dry friction never turns a stop into a push
+BRAKED = "lose_speed(speed, law * mobility)"  # dry friction never turns a stop into a push
 VALUE = "{value}"  # the point's own value, whose name differs between parts
 # of the points that are standard ones (`Point.standard`): forces and losses of what slides, and readings
 STANDARD = {
@@ -71,9 +71,9 @@ STANDARD = {
         *free_memory("of force over place", "travel", "m", "settle", "-1.0", moves=True),
     ),
     "sliding.braked": (
-        FreeLaw("dry friction over speed", "abs(speed)", "m/s", fine=True, result=DRAGGED),
-        FreeLaw("dry friction over load", "load", "N", result=DRAGGED),
-        FreeLaw("dry friction over place", "travel", "m", "", PLACE, "settle", moves=True, result=DRAGGED),
+        FreeLaw("dry friction over speed", "abs(speed)", "m/s", fine=True, result=BRAKED),
+        FreeLaw("dry friction over load", "load", "N", result=BRAKED),
+        FreeLaw("dry friction over place", "travel", "m", "", PLACE, "settle", moves=True, result=BRAKED),
     ),
     "sliding.settle": (),
     "signal.shown": (
@@ -181,7 +181,7 @@ def write_effect(
                 step = {
                     PLACE: "{s} = {s} + change",
                     HYSTERESIS: "{s} = stop_operator({s}, change, {k})",
-                    RELAXATION: f"{{s}} = faded({{s}}, change, {'period' if here else 'dt'}, {{k}})",
+                    RELAXATION: f"{{s}} = maxwell_element({{s}}, change, {'period' if here else 'dt'}, {{k}})",
                 }[f.kind]
                 move = f.variable if f.moves else f"{f.variable} - last if started > 0.0 else 0.0"
                 last = "0.0" if f.moves else f.variable
