@@ -27,8 +27,8 @@ by_previous = Point("by_previous", JOINTS, "share, own",
 by_next = Point("by_next", JOINTS, "share, own",
                 "what joint j takes of the angle of the motor after its own [-]; own: of its own's")  # fmt: skip
 cable_stretch = Point("taken", JOINTS, "stretch", "stretch of the cables of joint j [rad], from psi - q")
-loop_stiffness = Point("stiff", JOINTS, "stiffness", "of the loop of joint j with both strands taut [N m/rad]")
-loop_pretension = Point("tensioned", JOINTS, "pretension", "of the loop of joint j, effort of one strand [N m]")
+loop_stiffness = Point("stiff", JOINTS, "stiffness", "stiffness of loop j with both strands taut [N m/rad]")
+loop_pretension = Point("tensioned", JOINTS, "pretension", "pretension of loop j, effort of one strand [N m]")
 push_motor = Point("pushed", JOINTS, "effort, speed", "effort on motor j [N m], from its current's; speed [rad/s]",
                    standard="sliding.pushed")  # fmt: skip
 brake_motor = Point("braked", JOINTS, "speed, mobility, load",

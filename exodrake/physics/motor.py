@@ -11,7 +11,7 @@ import sys
 
 from exodrake.model.part import SCALAR, TENDONS, FreeLaw, Output, Part, Point, State, Task, free_memory, parameter_class
 
-# of motor, gear, spool and drive of each wire; the gear ratio and the spool radius configured in all drives
+# motor, gear, spool and drive of each wire; the gear ratio and the spool radius configured in all drives
 Parameters = parameter_class(
     (TENDONS, {"kM": "N m/A", "J": "kg m2", "b": "N m s/rad"}), (SCALAR, {"N": "-"}), (TENDONS, {"r": "m"}),
     (SCALAR, {"r_set": "m"}), (TENDONS, {"Kp": "A s/rad", "Ki": "A/rad", "i_max": "A"}),

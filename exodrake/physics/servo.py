@@ -22,21 +22,21 @@ from exodrake.physics.arithmetic import brake_dry
 RIGID = 1.0
 LOSS = 0.1  # damping of a gear's oscillation over the critical one: assumed
 
-# of motor, supply, firmware, friction and load of each joint, at the output of its gear; gear's compliance or 0
+# motor, supply, firmware, friction and load of each joint, at the output of its gear; gear's compliance or 0
 Parameters = parameter_class((JOINTS, {
     "kt": "N m/A", "R": "V/A", "supply": "V", "kp": "1/rad", "kd": "s/rad", "armature": "kg m2", "damping": "N m s/rad",
     "dry_friction": "N m", "compliance": "rad/(N m)", "inertia": "kg m2", "moment": "N m", "hanging": "rad",
 }))  # fmt: skip
 
 firmware_reference = Point("firmware_reference", JOINTS, "aim, before, dt",
-                           "that the firmware follows [rad], from the command; before: so far [rad]")  # fmt: skip
+                           "reference of the firmware [rad], from the command; before: so far [rad]")  # fmt: skip
 firmware_error = Point("firmware_error", JOINTS, "error", "error that the firmware acts on [rad]")
 firmware_gain = Point("firmware_gain", JOINTS, "gain", "gain of the firmware, duty cycle per error [1/rad]")
 duty = Point("duty", JOINTS, "cycle", "duty cycle that the firmware gives, -1 .. 1")
 supply_voltage = Point("supply_voltage", JOINTS, "voltage, duty, back_emf, resistance",
-                       "[V] under a duty cycle, a back-EMF [V] and the resistance of the winding [V/A]")  # fmt: skip
+                       "voltage [V] under a duty cycle, a back-EMF [V], the winding's resistance [V/A]")  # fmt: skip
 torque_constant = Point("torque_constant", JOINTS, "constant",
-                        "of the motor [N m/A], which is that of its back-EMF [V s/rad]")  # fmt: skip
+                        "torque constant [N m/A], which is that of the back-EMF [V s/rad]")  # fmt: skip
 load_inertia = Point("load_inertia", JOINTS, "inertia", "inertia of the load [kg m2]")
 load_moment = Point("load_moment", JOINTS, "moment", "largest moment of the load's weight [N m]")
 gear_compliance = Point("gear_compliance", JOINTS, "compliance", "compliance of the gear [rad/(N m)]")

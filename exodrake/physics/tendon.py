@@ -50,8 +50,8 @@ transmit = Point(
         *free_memory("of friction over travel", "travel", "m", "settle", GRIP, moves=True),
     ),
 )  # fmt: skip
-at_cell = Point("at_cell", TENDONS, "tension", "on the cell [N], from that of the wire before its sheath", (), HERE)
-at_spool = Point("at_spool", TENDONS, "tension", "at the spool [N], from that of the wire before its sheath", (), HERE)
+at_cell = Point("at_cell", TENDONS, "tension", "load on the cell [N], from that of the wire", (), HERE)
+at_spool = Point("at_spool", TENDONS, "tension", "tension at the spool [N], from that of the wire", (), HERE)
 settle = Point(
     "settle", TENDONS, "dt, stretched, tension, tension_finger, travel",
     "states of the effects on the wire after dt [s]; stretched, travel [m]; tensions [N]", (), HERE,
