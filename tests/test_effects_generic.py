@@ -177,5 +177,6 @@ def test_a_law_takes_of_its_point_what_it_names_and_is_refused_for_what_the_poin
     fits, lacks = (replace(LIBRARY["joint.gain"], at={"joint.aimed": f}) for f in (neighbour_twice, mistaken))
     given = ["ahead", "behind", "setting"]
     assert choose_context(fits, "joint.aimed", given, 1) == ["behind"]
+    assert choose_context(replace(lacks, names={"neighbour": "ahead"}), "joint.aimed", given, 1) == ["ahead"]
     with pytest.raises(InputError, match=r"mistaken\(aim, neighbour, share\) does not fit joint.aimed"):
         choose_context(lacks, "joint.aimed", given, 1)
