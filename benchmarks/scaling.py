@@ -26,7 +26,6 @@ import numpy as np
 
 from exodrake.core.parallel import each, thread_limit
 from exodrake.data.case import Case, CaseLog
-from exodrake.data.log import Log
 from exodrake.reference.cases import CasePlan
 from exodrake.reference.make import case_and_label
 
@@ -76,13 +75,8 @@ def faultless() -> Case:
 
 def cut(case: Case, seconds: float) -> Case:
     """Cut every log of a case to a duration [s]."""
-    return replace(case, logs=tuple(replace(item, log=shortened(item.log, seconds)) for item in case.logs))
-
-
-def shortened(log: Log, seconds: float) -> Log:
-    """Cut a log to a duration [s]."""
-    kept = log.time <= log.time[0] + seconds
-    return replace(log, time=log.time[kept], signals={name: values[kept] for name, values in log.signals.items()})
+    logs = [replace(item, log=item.log.rows(item.log.time <= item.log.time[0] + seconds)) for item in case.logs]
+    return replace(case, logs=tuple(logs))
 
 
 def cost(case: Case, library: int | None = None) -> Cost:

@@ -75,18 +75,17 @@ def compiled_speed(robot: Robot, reference: Reference, rows: int, batch: bool) -
     parameters = np.tile(prepare_values(robot), (rows, 1))
     records = np.zeros((rows, len(reference.values), signal_count(machine)))
 
-    def one_after_another() -> None:
-        for row, recording in zip(parameters, records, strict=True):
-            state, wires = np.zeros(state_size(machine)), np.zeros(signal_count(machine))
-            module.begin(row, state)
-            module.run(row, state, wires, *given, machine.slot, 1, recording, NOTHING, NOTHING)
+    def run(k: int) -> None:
+        state, wires = np.zeros(state_size(machine)), np.zeros(signal_count(machine))
+        module.begin(parameters[k], state)
+        module.run(parameters[k], state, wires, *given, machine.slot, 1, records[k], NOTHING, NOTHING)
 
-    def row(k: int) -> None:
-        some, size = slice(k, k + 1), state_size(machine)
-        module.batch(parameters[some], size, *given, machine.slot, 1, records[some], NOTHING)
+    def one_after_another() -> None:
+        for k in range(rows):
+            run(k)
 
     def at_once() -> None:
-        side_by_side([partial(row, k) for k in range(rows)])
+        side_by_side([partial(run, k) for k in range(rows)])
 
     return rows * machine.frame * len(reference.values) / best(at_once if batch else one_after_another, 4)
 

@@ -15,7 +15,7 @@ found = identify(recording)
 
 print("joint  centre = gradient x angle + intercept [mm/rad, mm]      true gradient [mm/rad]")
 for joint, true in zip(found.joints, truth.axes[1:]):
-    gradient, intercept = 1e3 * joint.line.gradient, 1e3 * joint.line.intercept
+    gradient, intercept = 1e3 * joint.axis.slope, 1e3 * joint.axis.point
     line = f"{np.round(gradient, 2)} x angle + {np.round(intercept, 2)}"
     print(f"{joint.name}   {line:55s} {np.round(1e3 * true.slope, 2)}")
 

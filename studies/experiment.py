@@ -20,7 +20,6 @@ from typing import Any
 
 import click
 import numpy as np
-from scipy.stats import binomtest
 
 from exodrake.cli.main import OneLineErrors
 from exodrake.core.errors import markdown_table
@@ -28,7 +27,6 @@ from exodrake.core.files import write_text
 from exodrake.core.parallel import one_blas_thread
 from exodrake.core.schema import read_json
 from exodrake.data.case import EXPERIMENT, Case, CaseLog, read_case
-from exodrake.data.log import Log
 from exodrake.diagnosis.pipeline import diagnose
 from exodrake.diagnosis.problem import list_required, make_problem
 from exodrake.diagnosis.result import Rival
@@ -37,10 +35,9 @@ from exodrake.experiment.contest import Contest, information, prepare_contest
 from exodrake.experiment.design import check_length, design
 from exodrake.machines.robot_file import load_robot
 from exodrake.reference.answers import ANSWER, find_cases
-from exodrake.reference.make import round_columns
+from exodrake.reference.make import record_log
 from exodrake.reference.robot import RobotSpec
-from exodrake.reference.score import found_ids
-from exodrake.reference.simulator import simulate
+from exodrake.reference.score import count_share, found_ids, pair_shares
 from exodrake.simulation.references import protocol
 from studies.page_text import share
 from studies.transfer.study import withheld
@@ -116,10 +113,8 @@ def explain(case: Case, effects: frozenset[str]) -> tuple[dict[str, Any], tuple[
 
 def add_log(case: Case, spec: RobotSpec, reference: np.ndarray) -> Case:
     """The case with the log that its robot leaves on a reference (frames, tendons) [N]."""
-    columns = round_columns(simulate(spec, Reference(reference, EXPERIMENT), LOG_SEED))
-    time = columns.pop("time")
-    has = case.logs[0].log.has
-    log = Log(time, {name: values for name, values in columns.items() if has(name)})
+    log = record_log(spec, Reference(reference, EXPERIMENT), LOG_SEED)
+    log = log.only(filter(case.logs[0].log.has, log.columns))
     return replace(case, logs=(*case.logs, CaseLog(log, EXPERIMENT, "fit", None, "experiment.csv")))
 
 
@@ -157,14 +152,13 @@ def make_page(rows: dict[str, dict[str, Any]], command: str) -> str:
 
 def compare_motions(rows: list[dict[str, Any]]) -> str:
     """Cases that either motion alone resolves, of those that have both, with McNemar's exact test."""
-    both = [tuple(is_resolved(row, motion) for motion in MOTIONS) for row in rows if set(MOTIONS) <= set(row["after"])]
-    if not both:
+    tried = {k: row for k, row in enumerate(rows) if set(MOTIONS) <= set(row["after"])}
+    if not tried:
         return "No case has both motions yet."
-    designed, random = both.count((True, False)), both.count((False, True))
-    p = binomtest(designed, designed + random).pvalue if designed + random else 1.0
+    found = pair_shares(*(count_share({k: is_resolved(row, motion) for k, row in tried.items()}) for motion in MOTIONS))
     return (
-        f"Of {len(both)} cases with both motions {both.count((True, True))} are resolved by either one, {designed} by "
-        f"the designed one alone, {random} by the random one alone (McNemar's exact test: p = {p:.2g})."
+        f"Of {len(tried)} cases with both motions {found.both} are resolved by either one, {found.first} by the "
+        f"designed one alone, {found.second} by the random one alone (McNemar's exact test: p = {found.p:.2g})."
     )
 
 

@@ -57,9 +57,8 @@ def identified(seed: int, seconds: float = SECONDS, rate: float = RATE) -> tuple
     found = identify(recording)
     errors, halves = [np.subtract(found.lengths, truth.lengths)], [np.array(found.intervals)]
     for joint, axis in zip(found.joints, truth.axes[1:]):
-        line = joint.line
-        errors += [line.gradient - axis.slope, line.intercept - axis.point]
-        halves += [line.gradient_interval, line.intercept_interval]
+        errors += [joint.axis.slope - axis.slope, joint.axis.point - axis.point]
+        halves += [*joint.half_widths]
     abduction = np.asarray(found.joints[0].abduction)
     angles = np.stack([abduction, *(joint.angle for joint in found.joints)], axis=1)
     return np.concatenate(errors), np.concatenate(halves), np.sqrt(np.nanmean((angles - truth.angles) ** 2, axis=0))

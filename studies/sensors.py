@@ -21,7 +21,7 @@ from exodrake.core.errors import markdown_table
 from exodrake.core.files import write_text
 from exodrake.core.parallel import one_blas_thread
 from exodrake.data.case import Case, read_case
-from exodrake.diagnosis.checks.preflight import identifiability
+from exodrake.diagnosis.checks.preflight import CLEAR, HIDDEN, MISTAKEN, identifiability
 from exodrake.diagnosis.isolation import isolate
 from exodrake.diagnosis.problem import list_required, make_problem
 from exodrake.diagnosis.verdict import decide
@@ -34,7 +34,6 @@ SETS = {
     "without load cells": ("tension",),
     "encoders alone": ("tension", "angle"),
 }  # sensors -> kinds of columns withheld; commands are no sensors and stay
-CLEAR, MISTAKEN, HIDDEN = "distinguished", "could be mistaken", "not seen"
 
 
 def without(case: Case, hidden: tuple[str, ...]) -> Case:
@@ -50,11 +49,11 @@ def without(case: Case, hidden: tuple[str, ...]) -> Case:
 def computed(case: Case) -> dict[str, dict[str, str]]:
     """Effect -> sensors -> what the logs of a case would do of it, on the channel where they do best."""
     with one_blas_thread():
-        whole = identifiability(case, load_robot())
+        whole = identifiability(make_problem(case, load_robot()))
     found: dict[str, dict[str, str]] = {}
     for sensors, hidden in SETS.items():
-        left = next(item.left for item in whole.fewer if not {*item.kinds} & {*hidden}) if hidden else whole
-        clear, mistaken = ({d.effect for d in some} for some in (left.clear, left.mistaken))
+        left = next(left for kinds, left in whole.fewer.items() if not {*kinds} & {*hidden}) if hidden else whole
+        clear, mistaken = ({d.effect for d in left.select(state)} for state in (CLEAR, MISTAKEN))
         for effect in dict.fromkeys(d.effect for d in left.directions):
             state = CLEAR if effect in clear else MISTAKEN if effect in mistaken else HIDDEN
             found.setdefault(effect, {})[sensors] = state

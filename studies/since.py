@@ -26,12 +26,10 @@ from exodrake.core.confidence import ALPHA, CONFIDENCE
 from exodrake.core.files import write_text
 from exodrake.core.plain import plain
 from exodrake.data.case import Case, CaseLog
-from exodrake.data.log import Log
 from exodrake.diagnosis.healthy import healthy_robot
 from exodrake.reference.cases import wander
-from exodrake.reference.make import round_columns
+from exodrake.reference.make import record_log
 from exodrake.reference.robot import InjectedFault, RobotSpec, draw_parameters
-from exodrake.reference.simulator import simulate as simulate_reference
 from exodrake.simulation import protocols
 from exodrake.simulation.references import on_machine
 from studies.page_text import keep as keep_answer, made, share
@@ -117,8 +115,7 @@ def exo_case(kind: Kind, seed: int) -> tuple[Case, exo.Robot, float]:
     for k in range(SESSIONS):
         fault = InjectedFault(kind.effect, wires=("AF",), parameters={kind.parameter: kind.value(float(k), begin)})
         motion = wander(rng, EXO_SHARE)
-        columns = round_columns(simulate_reference(RobotSpec(parameters, (fault,)), motion, [seed, k]))
-        log = Log(columns.pop("time"), columns, {}, f"{k}.csv")
+        log = record_log(RobotSpec(parameters, (fault,)), motion, [seed, k], f"{k}.csv")
         logs.append(CaseLog(log, "random", "fit", None, f"{k}.csv", START + timedelta(days=k)))
     return Case("exo", {}, tuple(logs)), exo.load_robot(), begin
 

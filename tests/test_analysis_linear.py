@@ -41,7 +41,7 @@ def test_differences_at_rest_have_converged(point, model):
 
 def test_the_slowest_pole_is_the_decay_of_a_small_perturbation(loop, point, model):
     state = point.state.copy()
-    names = [n for _, n in name_states(loop.robot.machine)]
+    names = [n for _, _, n in name_states(loop.robot.machine)]
     state[names.index("motor.theta.AF")] += 1e-5
     rows = np.tile(point.references, (200, 1))
     away = (loop.run(state, rows)[1] - loop.run(point.state, rows)[1])[:, loop.signals["tension"]][:, 0]
@@ -102,7 +102,11 @@ def test_latency_ends_stability(loop, point, model):
 
 @pytest.mark.parametrize(
     ("at", "word"),
-    [({"AF": 4.0}, "lacks"), ({"AF": 1, "MF": 1, "AE": 1, "XX": 1}, "XX"), ({"AF": 99, "MF": 1, "AE": 1}, "99")],
+    [
+        ({"AF": 4.0}, "names AF; wanted AF, MF, AE"),
+        ({"AF": 1, "MF": 1, "AE": 1, "XX": 1}, "XX"),
+        ({"AF": 99, "MF": 1, "AE": 1}, "99"),
+    ],
 )
 def test_bad_operating_points_are_named(at, word):
     with pytest.raises(exo.InputError, match=word):
@@ -117,9 +121,16 @@ def test_friction_is_reported_as_a_kink_and_simulation_decides():
     assert returns(model.loop, model.point)
 
 
-def test_a_tremor_leaves_no_operating_point():
-    with pytest.raises(exo.InputError, match="does not come to rest"):
-        operating_point(FrameMap.from_robot(exo.load_robot().splice("finger.tremor")))
+def test_creep_leaves_no_operating_point():
+    with pytest.raises(exo.InputError, match=r"does not come to rest.*\(tendon\.creep\)"):
+        operating_point(FrameMap.from_robot(exo.load_robot().splice("tendon.creep")))
+
+
+@pytest.mark.parametrize("effect", ["finger.tremor", "sensor.drift"])
+def test_what_acts_from_outside_moves_no_pole(effect):
+    robot = exo.load_robot()
+    model, nominal = (linearise_robot(one) for one in (robot.splice(effect), robot))
+    assert model.loop.outside == (effect,) and np.array_equal(model.system.A, nominal.system.A)
 
 
 @pytest.mark.parametrize(("kd", "radius"), [(1e-4, 0.9621), (-1e-4, 0.9596), (3.75e-4, None), (-3.75e-4, None)])

@@ -132,7 +132,7 @@ def test_bands_over_tolerances_and_points_hold_the_nominal_robot(found):
 def test_an_unstable_member_has_no_numbers_and_is_counted():
     robot = exo.load_robot()
     fast = robot.with_parameters({"controller.kp": 0.03})
-    mixed = band("two", [("own", robot), ("fast", fast), ("shaky", robot.splice("finger.tremor"))])
+    mixed = band("two", [("own", robot), ("fast", fast), ("shaky", robot.splice("tendon.creep"))])
     assert mixed.unstable == 1 and np.isnan(mixed.members[1].numbers["disk margin"])
     assert len(mixed.failures) == 1 and "shaky" in mixed.failures[0]
     assert mixed.range("disk margin")[0] == mixed.members[0].numbers["disk margin"]
@@ -155,7 +155,7 @@ def test_robots_within_the_intervals_of_a_diagnosis():
 
 @pytest.mark.parametrize(
     ("answer", "word"),
-    [([], "no list of effects"), ({"effects": []}, "names no effect"), ({"effects": [{"id": "x"}]}, "without id")],
+    [([], "no effect"), ({"effects": []}, "no effect"), ({"effects": [{"id": "x"}]}, "without id")],
 )
 def test_what_is_no_diagnosis_is_refused(answer, word):
     with pytest.raises(exo.InputError, match=word):

@@ -97,8 +97,7 @@ def test_a_set_of_several_mixes_is_made_and_scored_mix_by_mix(short_cases, tmp_p
     assert labels["case_00"]["gaps"] and not any(name.startswith("angle") for name in labels["case_00"]["gaps"])
     for name in labels:
         (folder / name / "diagnosis.json").write_text(json.dumps({"verdict": "RETUNE"}))
-    groups = score(folder, folder.with_name("set-labels.json")).groups
-    assert [group.name for group in groups] == ["no-mocap", "healthy"]
+    assert list(score(folder, folder.with_name("set-labels.json")).mixes) == ["no-mocap", "healthy"]
 
 
 def test_labels_say_where_outside_faults_act(short_cases):

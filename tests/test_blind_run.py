@@ -105,7 +105,8 @@ def test_a_case_that_fails_is_recorded_tried_again_and_counted(tmp_path):
     assert json.loads((folder / "case_01" / "failed.json").read_text())["reason"] == failed["case_01"]
     result = score(folder, labels)
     assert result.failed == ("case_01",) and result.missing == () and result.cases == 2
-    assert next((s.hits, s.total) for s in result.groups[0].shares if s.name == "false alarm on healthy") == (1, 2)
+    alarms = result.mixes["standard"].shares["false alarm on healthy"]
+    assert (alarms.hits, alarms.total) == (1, 2)
     log.write_text(whole)
     assert run(folder) == {}
     assert sorted(answers(folder)) == ["case_00", "case_01"] and not list(folder.glob("*/failed.json"))

@@ -12,7 +12,6 @@ from exodrake.machines.robot_file import load_robot
 from exodrake.simulation import protocols
 from exodrake.simulation.simulate import simulate
 
-KINDS = ("speed_cmd", "stroke", "tension")
 READING = 1.2e-5  # m, of an encoder
 
 
@@ -22,7 +21,8 @@ def robot():
 
 
 def decoded(robot, log):
-    return packet_loss.decode(robot.machine, robot.values, {kind: log.array(kind) for kind in KINDS}, READING)
+    rows = [log.array(kind) for kind in packet_loss.list_needed(robot.machine)]
+    return packet_loss.Drive(robot.machine, robot.values, rows, READING).decode()
 
 
 def test_lost_commands_are_decoded(robot):

@@ -77,9 +77,9 @@ def test_friction_of_the_load_is_a_share_of_the_drive() -> None:
     """A part of 2 kg driven by 10 N with a fifth of it lost moves as under 8 N, and never starts by itself."""
     mass, dt, v = 2.0, 1e-3, 0.0
     for _ in range(500):
-        v = friction.brake_by_drive(v + dt * 10.0 / mass, dt / mass, 10.0, 0.2)
+        v = friction.brake_by_load(v + dt * 10.0 / mass, dt / mass, 10.0, 0.2)
     assert v == pytest.approx(0.5 * 8.0 / mass)
-    assert friction.brake_by_drive(1e-6, dt / mass, 10.0, 0.2) == 0.0
+    assert friction.brake_by_load(1e-6, dt / mass, 10.0, 0.2) == 0.0
     assert friction.coulomb(-1e-6, dt / mass, 2.0) == 0.0
     slow, fast = (1.0 - friction.stribeck(1.0, 1e-3, 5.0, 2.0, s) for s in (10.0, 0.1))
     assert (slow, fast) == (pytest.approx(1e-2, rel=0.02), pytest.approx(5e-3))
@@ -177,5 +177,6 @@ def test_a_law_takes_of_its_point_what_it_names_and_is_refused_for_what_the_poin
     fits, lacks = (replace(LIBRARY["joint.gain"], at={"joint.aimed": f}) for f in (neighbour_twice, mistaken))
     given = ["ahead", "behind", "setting"]
     assert choose_context(fits, "joint.aimed", given, 1) == ["behind"]
+    assert choose_context(replace(lacks, names={"neighbour": "ahead"}), "joint.aimed", given, 1) == ["ahead"]
     with pytest.raises(InputError, match=r"mistaken\(aim, neighbour, share\) does not fit joint.aimed"):
         choose_context(lacks, "joint.aimed", given, 1)

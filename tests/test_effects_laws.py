@@ -75,12 +75,13 @@ LAWS = [
     (timing.delay_command, (12.0, HISTORY, 12, 1.0), 13.0),
     (timing.delay_command, (12.0, HISTORY, 12, 2.5), 14.5), (timing.delay_command, (12.0, HISTORY, 12, 99.0), 22.0),
     (servo.lose_in_bends, (0.5, pi, 0.1), 0.5 * exp(-0.1 * pi)), (servo.sag_level, (0.0, 0.03), 0.03),
-    (servo.sag_level, (pi / 2, 0.03), pi / 2), (servo.mix_next, (0.1, 1.0, 0.2), 0.3),
-    (servo.mix_previous, (0.1, 1.0, 0.2), 0.3), (servo.drag_by_next, (0.01, 0.1, 0.2, 0.1, 0.05), 0.07),
-    (servo.drag_by_previous, (0.01, -1.0, 0.2, 0.1, 0.05), -0.1), (servo.half_width, (0.0, 0.3, 0.17), 0.3),
+    (servo.sag_level, (pi / 2, 0.03), pi / 2),
+    (servo.drag_along, (0.01, 0.1, 0.2, 0.1, 0.05), 0.07), (servo.drag_along, (0.01, -1.0, 0.2, 0.1, 0.05), -0.1),
+    (servo.half_width, (0.0, 0.3, 0.17), 0.3),
     (servo.half_width, (pi, 0.3, 0.17), 0.3 * exp(0.17 * pi)),  # round a capstan
     (servo.drop_voltage, (7.4, 0.8, 2.0, 2.75, 0.5), (7.4 + 0.5 * 0.8 * 2.0 / 2.75) / (1.0 + 0.5 * 0.64 / 2.75)),
-    (servo.brake_by_load, (1.0, 0.1, -2.0, 0.25), 0.95), (servo.brake_by_shared_load, (1.0, 0.1, 0.5, 2.0, 0.4), 0.99),
+    (friction.brake_by_load, (1.0, 0.1, -2.0, 0.25), 0.95),
+    (servo.brake_by_shared_load, (1.0, 0.1, 0.5, 2.0, 0.4), 0.99),
     (servo.brake_by_shared_load, (1.0, 0.1, 0.5, -2.0, 0.4), 1.0),
 ]  # fmt: skip
 
@@ -261,8 +262,8 @@ def test_pulley_friction_over_half_a_turn() -> None:
 def test_cell_creep_and_hysteresis() -> None:
     crept = sensor.settle_creep(10.0, 8.0, 0.05, 10.0, 0.0)
     assert sensor.crept_reading(8.0, 0.05, 10.0, crept) == pytest.approx(8.0 + 0.4 * (1.0 - exp(-1.0)))
-    up = sensor.settle_hysteresis(DT, 8.0, 0.1, 1.0, 0.0, 0.0)
-    down = sensor.settle_hysteresis(DT, 1.0, 0.1, 1.0, *up)
+    up = friction.settle_bristle(DT, 8.0, 0.1, 1.0, 0.0, 0.0)
+    down = friction.settle_bristle(DT, 1.0, 0.1, 1.0, *up)
     assert (up[1], down[1]) == (8.0, 1.0)
     readings = [sensor.hysteretic_reading(4.0, 0.1, 1.0, *state) for state in (up, down)]
     assert readings[0] - readings[1] == pytest.approx(0.2, rel=2e-3)
@@ -287,7 +288,7 @@ def test_hysteresis_loop_area() -> None:
     for k, bend in enumerate(bends[1:]):
         held = finger.hysteretic(0.0, float(bend), torque, width, *state)
         work += held * (bend - bends[k]) * (k >= 20000)
-        state = finger.relax_bristle(DT, float(bend), torque, width, *state)
+        state = friction.settle_bristle(DT, float(bend), torque, width, *state)
     assert work == pytest.approx(4.0 * torque * (amplitude - width), rel=2e-3)
 
 

@@ -5,7 +5,7 @@ import pytest
 from estimator_sweeps import as_log, reference, worn_sweeps
 
 from exodrake.core.errors import InputError
-from exodrake.estimator.dataset import cut, read_inputs, sweeps_from_logs
+from exodrake.estimator.dataset import cut, read_session, sweeps_from_logs
 
 
 def test_ramps_up_and_down_are_cut_where_they_were_joined():
@@ -37,7 +37,7 @@ def test_bad_logs_are_refused_by_name():
     log = as_log(data)
     blind = log.only([name for name in log.columns if not name.startswith("angle_")])
     broken = log.with_signals({"stroke_MF": np.where(np.arange(len(log)) == 7, np.nan, log["stroke_MF"])})
-    with pytest.raises(InputError, match="no joint angles"):
+    with pytest.raises(InputError, match="of none, the estimator needs some"):
         sweeps_from_logs([blind])
     with pytest.raises(InputError, match="stroke_MF', row 8"):
         sweeps_from_logs([broken])
@@ -45,5 +45,5 @@ def test_bad_logs_are_refused_by_name():
         sweeps_from_logs([log.between(0.0, 2.0)])
     with pytest.raises(InputError, match="no logs"):
         sweeps_from_logs([])
-    with pytest.raises(InputError, match="wires AF, MF, AE, the estimator needs AF, XF"):
-        read_inputs(log, ("AF", "XF"))
+    with pytest.raises(InputError, match="of AF, MF, AE, the estimator needs AF, XF"):
+        read_session(log, ("AF", "XF"), ())

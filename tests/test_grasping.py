@@ -12,8 +12,7 @@ import exodrake as exo
 from exodrake.cli.grasp import parse_size
 from exodrake.cli.main import cli
 from exodrake.core.errors import InputError
-from exodrake.grasping.hand import MODES, find_mode
-from exodrake.grasping.plan import at_hold, run_plan, tensions_for
+from exodrake.grasping.plan import MODES, at_hold, find_mode, run_plan, tensions_for
 from exodrake.physics.finger_statics import read_parameters
 
 SIZES = [size / 1e3 for size in range(20, 95, 5)]

@@ -464,7 +464,7 @@ def test_what_is_wrong_in_a_mapping_is_named(tmp_path, key, value, word):
 )
 def test_a_mapping_without_the_separator_is_told_it(tmp_path, text, lacks):
     mapping = {"time": {"column": "ms", "unit": "ms"}, "columns": {"q": {"name": "angle_a", "unit": "rad"}}}
-    with pytest.raises(InputError, match=re.escape(f"the mapping file lacks {lacks}")):
+    with pytest.raises(InputError, match=re.escape(f"a mapping file must say {lacks}")):
         imported(tmp_path, text, mapping)
     marks = yaml.safe_load("\n".join(lacks.split(" and ")))
     assert imported(tmp_path, text, mapping | marks)["angle_a"].tolist() == [1.5, 1.6]

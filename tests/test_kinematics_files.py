@@ -50,12 +50,15 @@ def test_marker_files_read_back(tmp_path, ending):
     ("text", "message"),
     [
         ("time [s],B1_x [mm]\n0,1\n", "B1 lacks its y, z column"),
-        ("time [s],B1_x,B1_y [mm],B1_z [mm]\n0,1,1,1\n", "'B1_x' has no unit"),
-        ("time [s],B1_x [kg],B1_y [mm],B1_z [mm]\n0,1,1,1\n", "not a length"),
+        ("time [s],B1_x,B1_y [mm],B1_z [mm]\n0,1,1,1\n", "'B1_x': wanted a name and a unit in brackets"),
+        (
+            "time [s],B1_x [kg],B1_y [mm],B1_z [mm]\n0,1,1,1\n",
+            "column 'B1_x' is in [kg], which does not convert to [m]",
+        ),
         ("B1_x [mm],B1_y [mm],B1_z [mm]\n1,1,1\n", "no column 'time [s]'"),
         ("time [s],other\n0,1\n", "no marker columns"),
         ("time [s],B1_x [mm],B1_y [mm],B1_z [mm]\n0,1,1,1\n0,1,1,1\n", "time does not rise at frame 1"),
-        ("time [s],B1_x [mm],B1_y [mm],B1_z [mm]\n0,1,1,inf\n", "B1 is infinite in frame 0"),
+        ("time [s],B1_x [mm],B1_y [mm],B1_z [mm]\n0,1,1,inf\n", "column 'B1_z', row 1: infinite"),
         ("# nothing\n", "empty"),
     ],
 )

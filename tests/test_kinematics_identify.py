@@ -35,9 +35,9 @@ def test_noise_free_truth_is_recovered(clean):
         axis = truth.axes[number]
         np.testing.assert_allclose(joint.angle, truth.angles[:, number], atol=1e-9)
         np.testing.assert_allclose(joint.axis.direction, axis.direction, atol=1e-9)
-        np.testing.assert_allclose(joint.line.gradient, axis.slope, atol=1e-9)
-        np.testing.assert_allclose(joint.line.intercept, axis.point, atol=1e-9)
-        assert joint.line.rmse_3d < 1e-9
+        np.testing.assert_allclose(joint.axis.slope, axis.slope, atol=1e-9)
+        np.testing.assert_allclose(joint.axis.point, axis.point, atol=1e-9)
+        assert joint.rmse.max() < 1e-9
     np.testing.assert_allclose(found.joints[0].abduction_axis.direction, truth.axes[0].direction, atol=1e-9)
 
 

@@ -97,8 +97,8 @@ def test_units_are_converted_at_the_door(tmp_path, heading, cell, value):
         (GOOD.replace(",0.003", ""), ["row 3", "3 cells"]),
         (GOOD.replace(",0.003", ",0.003,7"), ["row 3", "5 cells"]),
         (GOOD.replace(",1.5,", ",,").replace("1.25", ""), ["tension_AF", "empty"]),
-        (GOOD.replace(",", ";"), ["';'"]),
-        (GOOD.replace(",", "\t"), ["separated by tabs"]),
+        (GOOD.replace(",", ";"), ['separator: ";"']),
+        (GOOD.replace(",", "\t"), ['separator: "\\t"']),
         (GOOD.encode("utf-16"), ["not a text file"]),
     ],
 )
@@ -130,7 +130,7 @@ def test_windows_files_and_quotes(tmp_path):
 
 def test_a_failed_write_leaves_the_old_file(log, tmp_path, monkeypatch):
     path = save(tmp_path, GOOD)
-    with pytest.raises(InputError, match="inf;"):
+    with pytest.raises(InputError, match="infinite;"):
         write_log(log.with_signals({"angle_MCP": np.full(50, np.inf)}), path)
     monkeypatch.setattr("os.replace", lambda *_: (_ for _ in ()).throw(OSError(28, "No space left on device")))
     with pytest.raises(InputError, match="No space left"):

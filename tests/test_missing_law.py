@@ -5,6 +5,7 @@ Every form of arm, servo and cable machine, and the built-in ones, have points w
 
 import ast
 import builtins
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -22,10 +23,18 @@ from exodrake.data.formats import read_log
 from exodrake.data.log import Log
 from exodrake.diagnosis.discovery import law_code
 from exodrake.diagnosis.discovery.discover import discover, weigh_scales
-from exodrake.diagnosis.discovery.law_code import add_laws, law_points, module_text, robot_on, write_law
+from exodrake.diagnosis.discovery.law_code import (
+    add_laws,
+    law_points,
+    load_effects,
+    module_text,
+    robot_on,
+    write_law,
+)  # fmt: skip
 from exodrake.diagnosis.isolation import isolate
 from exodrake.diagnosis.problem import make_problem
 from exodrake.effects import law_table
+from exodrake.engine.compose import generate_module
 from exodrake.report.missing_law import figure_svg, law_lines
 from exodrake.simulation.references import protocol
 from exodrake.simulation.simulate import simulate
@@ -230,6 +239,15 @@ def test_laws_of_every_machine_read_the_arguments_of_their_points_alone(arm_fold
     if name in BUILT_IN:
         laws = law_points(machine)
         assert len(laws) >= 3 and {law.key for law in laws} <= {p for e in add_laws(machine).effects for p in e.at}
+
+
+def test_files_of_laws_that_earlier_versions_found_act_as_they_did():
+    machine = exo.load_robot("emps").machine
+    text = module_text(machine)
+    former = text.replace("maxwell_element", "faded").replace("lose_speed", "dragged")
+    made = [generate_module(replace(machine, effects=load_effects(t, "emps"))) for t in (text, former)]
+    new, old = (re.sub(r"free_laws_emps_\w{12}", "laws", t) for t in made)
+    assert former != text and new == old
 
 
 def test_discovery_finds_the_friction_that_an_inverse_arm_is_not_told_of(arm_folder, monkeypatch):

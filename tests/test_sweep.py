@@ -52,6 +52,7 @@ def test_robots_within_the_intervals_of_a_diagnosis_with_a_function_of_the_log(r
     answer = {"verdict": "NAMED", "effects": [EFFECT]}
     table = exo.sweep(robot, answer, "caging", {"end": lambda log: log["angle_PIP"][-1]}, draws=12)
     assert table[f"{MU}.AF"].between(0.22, 0.26).all() and table[f"{MU}.AF"].nunique() == table["end"].nunique() == 12
+    assert plot_sweep(table.rename(columns={"end": "tip final"})).axes[0].collections  # one of those left out
     monkeypatch.setitem(sys.modules, "pandas", None)
     with pytest.raises(exo.InputError, match=r"pip install exodrake\[pandas\]"):
         exo.sweep(robot, 2, "caging")

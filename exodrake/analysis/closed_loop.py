@@ -20,7 +20,8 @@ from exodrake.model.robot import Robot
 UNITS = {  # names of fields in JSON
     "rise": "rise_time [s]", "settling": "settling_time [s]", "time_constant": "time_constant [s]",
     "frequency": "frequency [Hz]", "bandwidth": "bandwidth [Hz]", "bandwidth_measured": "bandwidth_measured [Hz]",
-    "crossover": "crossover [Hz]", "delay_margin": "delay_margin [s]",
+    "crossover": "crossover [Hz]", "delay_margin": "delay_margin [s]", "to_control": "reading to law [s]",
+    "to_write": "law to plant [s]", "hold": "hold [s]", "margin": "margin [s]", "spare_slots": "margin [slots]",
 }  # fmt: skip
 ROUGH = 1e-3  # slopes of two step sizes that differ by more deserve a word
 STEADY_ERROR = 0.02  # share of a step
@@ -160,6 +161,7 @@ def list_remarks(
     moving = f"; --set {' --set '.join(held)} shows the loop in motion" if held else ""
     unit, idle = loop.robot.machine.signal[loop.loop.output].unit, [m.channel for m in found if not m.loop.any()]
     remarks = {
+        f"left out: {', '.join(loop.outside)}, which moves the loop from outside and no pole": loop.outside,
         "the robot's own gains do not bring it to rest; the operating point was reached with gentler ones": (
             not point.steady
         ),
@@ -224,11 +226,8 @@ def to_plain(result: ClosedLoop, cycles: tuple[LimitCycles, ...] = ()) -> dict[s
             "frequency_response": {r.channel: name_fields(r, "channel") for r in result.responses},
             "margins": {m.channel: name_fields(m, "channel", "frequency", "loop") for m in result.margins},
             "delays": {
-                d.channel: {
-                    "slots": dict(zip(("read", "control", "write"), d.slots)),
-                    "reading to law [s]": d.to_control, "law to plant [s]": d.to_write, "hold [s]": d.hold,
-                    "total [s]": d.total, "margin [s]": d.margin, "margin [slots]": d.spare_slots,
-                }
+                d.channel: name_fields(d, "channel")
+                | {"slots": dict(zip(("read", "control", "write"), d.slots)), "total [s]": d.total}
                 for d in result.delays
             },
             "robustness": result.robust.numbers,

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from exodrake.analysis.closed_loop import ClosedLoop
 from exodrake.analysis.limit_cycles import LimitCycles
 from exodrake.analysis.linear_model import evaluate
+from exodrake.analysis.log_response import TICKS
 from exodrake.analysis.margins import close, decibel
 from exodrake.analysis.robustness import Uncertainty
 from exodrake.analysis.tuning import Tuning
@@ -25,7 +26,6 @@ BOX = {**WHITE, "alpha": 0.85}
 NOTE = {"va": "center", "fontsize": 8, "color": DARK, "bbox": WHITE}
 BAND_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")
 CONTROLLERS = ("#5b6470", "#0072b2", "#009e73", "#d55e00", "#cc79a7", "#e69f00", "#56b4e9")
-TICKS = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
 FACTORS = (0.02, 20.0)  # of the loop gain, along the root locus
 LEVELS = [0.90, 0.92, 0.94, 0.96, 0.98, 1.0, 1.1, 1.25, 1.5, 2.0]  # of the spectral radius
 INSIDE = ["#1f6f8b", "#3f8aa3", "#68a6b9", "#97c3cf", "#c8e0e5"]
@@ -68,12 +68,8 @@ def plot_steps(result: ClosedLoop) -> Figure:
             axes.plot(step.time, course, color=colour, label=name, **look)
         axes.plot([step.time[0], 0, 0, step.time[-1]], [0, 0, 1, 1], color="#444", lw=0.8, ls=(0, (4, 2)))
         axes.set_xlim(-0.04 * shown, shown)
-        lines = (
-            f"rise {step.rise:.3g} s",
-            f"overshoot {100 * step.overshoot:.1f} %",
-            f"settles in {step.settling:.3g} s",
-        )
-        words = "\n".join(line for line in lines if "nan" not in line)
+        words = f"rise {step.rise:.3g} s\novershoot {100 * step.overshoot:.1f} %\nsettles in {step.settling:.3g} s"
+        words = "\n".join(line for line in words.splitlines() if "nan" not in line)
         axes.text(0.97, 0.55, words, transform=axes.transAxes, ha="right", **NOTE)
     low, high = np.min(changes), np.max(changes)  # an unstable step must not hide the rest
     panels[0].set_ylim(max(low - 0.05, -1.0), min(max(high, 1.0) + 0.12, 2.5))
@@ -174,26 +170,27 @@ def plot_nyquist(result: ClosedLoop) -> Figure:
 def plot_robust(result: ClosedLoop) -> Figure:
     """Singular values of S and T, disk margin for all commands at once, and coupling, with bands."""
     figure = new_figure(7.0, 5.0)
-    panels = figure.subplots(2, 2, sharex=True)
+    panels, frequency = figure.subplots(2, 2, sharex=True), result.robust.frequency
+
+    def fill(axes: Any, curves: list[np.ndarray], **look: Any) -> None:
+        """The range of the curves (f,) [-] of a band's members."""
+        if curves:
+            axes.fill_between(frequency, np.min(curves, axis=0), np.max(curves, axis=0), lw=0, **look)
+
     curves = (("sigma_s", "max σ(S)"), ("sigma_t", "max σ(T)"), ("disk", "Disk margin, all commands"))
     for axes, (name, label) in zip(panels.flat, curves):
         for k, band in enumerate(result.bands):
             stable = [getattr(m, name) for m in band.members if m.stable]
-            if stable:
-                ends = np.min(stable, axis=0), np.max(stable, axis=0)
-                look = {"color": BAND_COLOURS[k], "alpha": 0.25, "lw": 0, "label": band.name}
-                axes.fill_between(result.robust.frequency, *ends, **look)
-        axes.plot(result.robust.frequency, getattr(result.robust, name), color="black", lw=1.1, label="this robot")
+            fill(axes, stable, color=BAND_COLOURS[k], alpha=0.25, label=band.name)
+        axes.plot(frequency, getattr(result.robust, name), color="black", lw=1.1, label="this robot")
         axes.set(ylabel=label, yscale="log", xscale="log")
     coupling, gains = panels[1, 1], result.robust.gain_array  # its diagonal over frequency
     coupling.set_visible(len(result.margins) > 1)
     for j, m in enumerate(result.margins):
         colour = choose_colour(m.channel, j, result.robot.machine)
-        values = [member.gain_array[:, j] for band in result.bands[:1] for member in band.members]
-        if values:
-            ends = np.min(values, axis=0), np.max(values, axis=0)
-            coupling.fill_between(result.robust.frequency, *ends, color=colour, alpha=0.2, lw=0)
-        coupling.plot(result.robust.frequency, gains[:, j], color=colour, label=m.channel)
+        drawn = [member.gain_array[:, j] for band in result.bands[:1] for member in band.members]
+        fill(coupling, drawn, color=colour, alpha=0.2)
+        coupling.plot(frequency, gains[:, j], color=colour, label=m.channel)
     coupling.legend(fontsize=7.5)
     coupling.axhline(1.0, **DASHED)
     coupling.set(ylabel="|Relative gain|; 1: no coupling", xscale="log", yscale="log")
@@ -202,8 +199,8 @@ def plot_robust(result: ClosedLoop) -> Figure:
     panels[0, 1].set_ylim(0.09, 1.5 * max(1.0, float(result.robust.sigma_t.max())))
     panels[1, 0].set_ylim(0.3, 3.0)
     for axes in panels.flat:
-        axes.set_xlim(result.robust.frequency[0], result.robust.frequency[-1])
-        axes.set_yticks([tick for tick in TICKS if axes.get_ylim()[0] <= tick <= axes.get_ylim()[1]])
+        low, high = axes.get_ylim()
+        axes.set(xlim=(frequency[0], frequency[-1]), yticks=[tick for tick in TICKS if low <= tick <= high])
         axes.yaxis.set_major_formatter("{x:g}")
         axes.yaxis.set_minor_formatter("")
     for axes in panels[1]:
@@ -236,28 +233,24 @@ def plot_root_locus(result: ClosedLoop) -> Figure:
         axes.plot(np.real([z, z]).T, np.imag([z, z.conj()]).T, color=FAINT, lw=0.5, ls=(0, (1, 1.5)))
         axes.text(1.08 * z[0].real, 1.06 * z[0].imag, f"{share * 0.5 / result.model.system.dt:g} Hz", **TAG)
     factors = np.geomspace(*FACTORS, 240)
-    roots = [np.linalg.eigvals(close(result.opened, g)) for g in factors]
-    z, tint = np.concatenate(roots), np.repeat(np.log10(factors), [len(r) for r in roots])
-    shown = np.abs(z) > 1e-3
-    dots = axes.scatter(np.real(z[shown]), np.imag(z[shown]), c=tint[shown], s=3, cmap="viridis", lw=0, zorder=3)
+    roots = np.array([np.linalg.eigvals(close(result.opened, g)) for g in factors])
+    z, tint = roots[np.abs(roots) > 1e-3], np.log10(factors)[np.nonzero(np.abs(roots) > 1e-3)[0]]
+    dots = axes.scatter(np.real(z), np.imag(z), c=tint, s=3, cmap="viridis", lw=0, zorder=3)
     loop = result.opened[: result.opened.ninputs, :]
     marks = ((loop.poles(), "x", "open-loop poles"), (loop.zeros(), "o", "open-loop zeros"),
              (np.linalg.eigvals(close(result.opened)), "s", "poles of this robot"))  # fmt: skip
     for z, mark, label in marks:
         z = z[(np.abs(z) > 1e-3) & (np.abs(z) < 2.0)]
         axes.plot(np.real(z), np.imag(z), mark, mfc="none", mec="black", ms=4.5, mew=0.9, label=label, zorder=4)
-    radius = np.array([np.abs(r).max() for r in roots])
-    over = np.flatnonzero((radius > 1.0 + 1e-6) & (factors > 1.0))
+    over = np.flatnonzero((np.abs(roots).max(axis=1) > 1.0 + 1e-6) & (factors > 1.0))
+    title = "Root locus over the gain of all commands"
     if result.robust.stable and len(over):
-        axes.set_title(f"Root locus; unstable from {factors[over[0]]:.2g} of the loop gain")
-    else:
-        axes.set_title("Root locus over the gain of all commands")
-    axes.set(xlim=(-1.35, 1.35), ylim=(-1.25, 1.25), aspect="equal", xlabel="Re z", ylabel="Im z")
+        title = f"Root locus; unstable from {factors[over[0]]:.2g} of the loop gain"
+    axes.set(xlim=(-1.35, 1.35), ylim=(-1.25, 1.25), aspect="equal", xlabel="Re z", ylabel="Im z", title=title)
     axes.grid(False)
     axes.legend(loc="lower left", fontsize=7.5, frameon=True, framealpha=0.9, edgecolor="none")
-    ticks = (0.02, 0.1, 0.3, 1, 3, 10, 20)
-    bar = figure.colorbar(dots, ax=axes, label="Factor on the loop gain", ticks=np.log10(ticks))
-    bar.ax.set_yticklabels([f"{tick:g}" for tick in ticks])
+    ticks, label = np.log10([0.02, 0.1, 0.3, 1, 3, 10, 20]), "Factor on the loop gain"
+    figure.colorbar(dots, ax=axes, label=label, ticks=ticks, format=lambda tick, _: f"{10.0**tick:g}")
     return figure
 
 
@@ -359,8 +352,8 @@ def plot_tuning(tuning: Tuning) -> Figure:
     A grey area misses the requirement.
     """
     channels = [s.channel for s in tuning.compared[0].steps]
-    figure = new_figure(7.4, 2.6 + 1.1 + 0.24 * len(tuning.compared))
     heights = [2.6, 1.1 + 0.24 * len(tuning.compared)]
+    figure = new_figure(7.4, sum(heights))
     top, bottom = figure.subfigures(2, 1, squeeze=False, height_ratios=heights)[:, 0]
     panels = top.subplots(1, len(channels), sharey=True, squeeze=False)[0]
     settled = [s.settling for t in tuning.compared for s in t.steps if np.isfinite(s.settling)]
@@ -395,8 +388,7 @@ def plot_tuning(tuning: Tuning) -> Figure:
             axes.text(at, row, text, va="center", fontsize=7, color=DARK, bbox=BOX)
         if limit is not None:
             axes.axvline(limit, color="black", lw=1.0, ls=(0, (3, 2)))
-            side = 0.0 if above else limit
-            axes.axvspan(side, limit if above else 1.6 * top, color=GREY, alpha=0.12, lw=0)
+            axes.axvspan(limit, 0.0 if above else 1.6 * top, color=GREY, alpha=0.12, lw=0)
         axes.set(xlabel=label, xlim=(0.0, 1.35 * top), yticks=rows, yticklabels=[t.name for t in tuning.compared])
         axes.grid(axis="y", visible=False)
         axes.tick_params(axis="y", length=0)
@@ -429,14 +421,11 @@ def plot_uncertainty(found: Uncertainty) -> Figure:
 
 def draw_figures(result: ClosedLoop, cycles: tuple[LimitCycles, ...] = ()) -> dict[str, bytes]:
     """File name -> PNG of every figure with something in it: no margins where no command acts, as of stuck joints."""
-    figures = {
-        "steps": plot_steps, "stability": plot_stability, "bode": plot_bode,
-        "margins": plot_margins, "nyquist": plot_nyquist, "robust": plot_robust, "root_locus": plot_root_locus,
-        "delays": plot_delays,
-    }  # fmt: skip
-    idle = () if any(m.loop.any() for m in result.margins) else ("margins", "nyquist", "robust", "root_locus")
+    plots = [plot_steps, plot_stability, plot_bode, plot_delays]
+    if any(m.loop.any() for m in result.margins):
+        plots += [plot_margins, plot_nyquist, plot_robust, plot_root_locus]
     with matplotlib.rc_context(STYLE):
-        drawn = {name: plot(result) for name, plot in figures.items() if name not in idle}
+        drawn = {plot.__name__.removeprefix("plot_"): plot(result) for plot in plots}
         drawn |= {"limit_cycles": plot_limit_cycles(cycles)} if cycles else {}
         drawn |= {"uncertainty": plot_uncertainty(result.uncertainty)} if result.uncertainty else {}
     return {f"{name}.png": render_png(figure) for name, figure in drawn.items()}

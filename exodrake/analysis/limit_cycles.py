@@ -13,6 +13,7 @@ import numpy as np
 
 from exodrake.analysis import margins as mg
 from exodrake.analysis.linear_model import FrameMap, FrameModel, OperatingPoint, linearise_robot
+from exodrake.core.errors import short_repr
 from exodrake.engine.inputs import prepare_values
 from exodrake.model.robot import Robot
 
@@ -27,6 +28,7 @@ UNBOUNDED = 1e3  # amplitude of a command that grows without bound, in the same 
 FAINT = 1e-3  # amplitude below which nothing oscillates, in units of the smallest one tried
 
 
+@short_repr
 @dataclass(frozen=True, eq=False)
 class LimitCycles:
     """Limit cycles of one nonlinearity, its `label`, in the loop of one channel."""
@@ -45,27 +47,10 @@ class LimitCycles:
     swing: np.ndarray  # (m,) simulated amplitude of the command [SI]; 0 at rest, inf where it grows without bound
     swing_frequency: np.ndarray  # (m,) [Hz]; 0 at rest, nan where it grows without bound
 
-    def __repr__(self) -> str:
-        size, frequency = self.read_simulation()
-        cycle = f"{size:.3g} {self.unit} at {frequency:.3g} Hz" if size else "none"
-        return (
-            f"LimitCycles of {self.label} ({self.channel}): gain margin {self.gain_margin_db:.3g} dB, phase margin "
-            f"{self.phase_margin_deg.min():.3g} deg at the worst amplitude\nsimulated limit cycle: {cycle}"
-        )
-
     @property
     def gain_margin_db(self) -> float:
         """Describing-function gain margin [dB] at the worst amplitude; inf where no amplitude has a limit."""
         return float(mg.decibel(np.nanmin(self.factor, initial=np.inf)))
-
-    def predict(self, factor: float = 1.0) -> tuple[float, float]:
-        """Amplitude [SI] and frequency [Hz] of the smallest stable limit cycle at a factor; 0 and 0 without any."""
-        low, high = self.factor[:-1], self.factor[1:]
-        for k in np.flatnonzero((low <= factor) & (factor < high)):
-            share = (factor - low[k]) / (high[k] - low[k])
-            size = np.exp(np.log(self.amplitude[k]) * (1.0 - share) + np.log(self.amplitude[k + 1]) * share)
-            return float(size), float(self.frequency[k] * (1.0 - share) + self.frequency[k + 1] * share)
-        return 0.0, 0.0
 
     def read_simulation(self) -> tuple[float, float]:
         """Amplitude [SI] and frequency [Hz] of the simulated command with the robot's own gains; 0 and 0 at rest."""

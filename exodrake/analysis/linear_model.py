@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 from types import ModuleType
@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 import control
 import numpy as np
 
-from exodrake.core.errors import InputError, nearest
+from exodrake.core.errors import InputError, nearest, short_repr
 from exodrake.engine.compose import compile_machine
 from exodrake.engine.inputs import NOTHING, NoiseInputs, prepare_values
 from exodrake.model.machine import Loop, Machine, full_name, signal_count, stack, state_size
@@ -34,6 +34,7 @@ FRACTIONS = (0.5, 0.25, 0.1, 0.05, 0.02)
 FRACTION = 0.05  # where one will do
 OUTSIDE = 1e-6  # width of the ring about the unit circle in which poles count as neither in nor out
 ON_CIRCLE = 1e-9  # of |z|: what rounding leaves of an eigenvalue on the unit circle [-]
+EXOGENOUS = ("drift", "disturbance")  # families of effects that come from outside
 KINK = 0.02  # difference of one-sided slopes from which a note is given
 CHUNK, CHUNKS = 100, 30  # frames between two checks for rest; checks
 REST = 1e-8  # change over a frame, in units of a state's excursion, below which the loop rests
@@ -42,8 +43,8 @@ BESIDE = 1e-8  # distance at which a response is taken beside a pole on the circ
 BATCH = 200  # frequencies solved at a time, for memory
 
 
-def name_states(machine: Machine) -> list[tuple[str, str]]:
-    """Owner and state, and full name with channel, of each state: those of each part, then of the effects on it."""
+def name_states(machine: Machine) -> list[tuple[str, str, str]]:
+    """Part, owner and state, and full name with channel, of each state: those of each part, then of its effects."""
     found = []
     for block in machine.parts:
         for owner, states in ((block.name, block.states), *((e.id, e.states) for e in machine.effects_on(block))):
@@ -51,7 +52,7 @@ def name_states(machine: Machine) -> list[tuple[str, str]]:
                 for channel in machine.axes.of(state.axis):
                     for k in range(state.width):
                         parts = (owner, state.name, channel, str(k) if state.width > 1 else "")
-                        found.append((f"{owner}.{state.name}", full_name(*parts)))
+                        found.append((block.name, f"{owner}.{state.name}", full_name(*parts)))
     return found
 
 
@@ -72,14 +73,17 @@ class FrameMap:
     loop: Loop  # closed loop that the machine declares: its signals and gains
     parameters: np.ndarray
     module: ModuleType
+    outside: tuple[str, ...] = ()  # effects that act from outside, as noise does, and are left out: they move no pole
 
     @staticmethod
     def from_robot(robot: Robot) -> FrameMap:
         """The frame map of a robot. InputError if a parameter is missing, or the machine has no loop."""
         robot = add_controller(robot)
         assert robot.machine.loop is not None  # `add_controller` sees to it
-        values = prepare_values(robot, quantisation=False)
-        return FrameMap(robot, robot.machine.loop, values, compile_machine(robot.machine))
+        outside = tuple(i for i in robot.effects() if robot.machine.effect(i).family in EXOGENOUS)
+        still = robot.without_effects(outside)
+        values = prepare_values(still, quantisation=False)
+        return FrameMap(still, robot.machine.loop, values, compile_machine(robot.machine), outside)
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -164,10 +168,8 @@ class FrameMap:
     @cached_property
     def own(self) -> np.ndarray:
         """Whether a state (states,) is the controller's own: the plant does not see it; the held command it does."""
-        machine, part = self.robot.machine, next(p for p in self.robot.machine.parts if p.name == self.loop.part)
-        owners = tuple(f"{owner}." for owner in (part.name, *(e.id for e in machine.effects_on(part))))
-        held = f"{part.name}.{self.loop.held}"
-        return np.array([group.startswith(owners) and group != held for group, _ in name_states(machine)])
+        own, held = self.loop.part, f"{self.loop.part}.{self.loop.held}"
+        return np.array([part == own and group != held for part, group, _ in name_states(self.robot.machine)])
 
     def with_values(self, values: Mapping[str, float]) -> FrameMap:
         """The frame map with other parameters: name -> value [SI]; a name without its channel sets all channels."""
@@ -180,8 +182,7 @@ class FrameMap:
 def resolve_references(loop: FrameMap, at: Mapping[str, float] | str | None) -> np.ndarray:
     """References (channels,) [SI] of an operating point, by its name or channel by channel; the machine's own without.
 
-    Raises:
-        InputError: an unknown point or channel, a missing one, or a reference outside its limits.
+    InputError for an unknown point, other channels than the loop's, or a reference outside its limits.
     """
     robot, channels, points = loop.robot, loop.channels, loop.loop.points
     at = next(iter(points)) if at is None else at
@@ -190,13 +191,10 @@ def resolve_references(loop: FrameMap, at: Mapping[str, float] | str | None) -> 
         if at not in points:
             raise InputError(f"no operating point {at!r}{nearest(at, list(points))}; there are {', '.join(points)}")
         at = {c: float(np.clip(points[at][c], *ends)) for c, *ends in zip(channels, lowest, highest)}
-    for name in at:
-        if name not in channels:
-            raise InputError(f"operating point names {name!r}; the loop has {', '.join(channels)}")
+    if set(at) != set(channels):
+        raise InputError(f"operating point names {', '.join(at)}; wanted {', '.join(channels)}")
     unit, lowest = robot.machine.signal[loop.loop.reference].unit, np.minimum(lowest, 0.0)
     for name, low, high in zip(channels, lowest if robot.machine.reference_limits else -highest, highest):
-        if name not in at:
-            raise InputError(f"operating point lacks {name}; wanted {', '.join(channels)}")
         if not math.isfinite(at[name]) or not low <= at[name] <= high:
             limits = f"{low:g} .. {high:g} {unit}"
             raise InputError(f"operating point {name} = {at[name]:g} {unit} is outside {limits}")
@@ -252,6 +250,7 @@ class OperatingPoint:
     slack: tuple[str, ...]  # channels whose reference is above 0 and whose output is not, such as slack tendons
 
 
+@short_repr
 @dataclass(frozen=True, eq=False)
 class FrameModel:
     """Linear model of a loop at an operating point with one step per frame, from the references to all signals, SI.
@@ -259,8 +258,8 @@ class FrameModel:
     Signals of the log have their columns' names; of two signals that share one, the one not in the log ends in `_true`.
     """
 
-    loop: FrameMap
-    point: OperatingPoint
+    loop: FrameMap = field(repr=False)
+    point: OperatingPoint = field(repr=False)
     system: System
     N: np.ndarray  # (n, noises) and M (outputs, noises): answer to sensor noise of unit variance
     M: np.ndarray
@@ -270,13 +269,6 @@ class FrameModel:
     convergence: float  # change of A against the next fraction [excursions]
     kink: float  # largest difference of one-sided slopes [excursions]
     where: str  # state that shows it
-
-    def __repr__(self) -> str:
-        s = self.system
-        return (
-            f"FrameModel: {s.nstates} states, {s.ninputs} references, {s.noutputs} outputs, a frame of {s.dt:g} s\n"
-            f"spectral radius {self.spectral_radius:.4f}" + ("" if self.decides else "; poles mean little (kink)")
-        )
 
     @property
     def spectral_radius(self) -> float:
@@ -345,7 +337,7 @@ def measure_excursions(loop: FrameMap, state: np.ndarray, references: np.ndarray
             stepped, _ = loop.run(stepped, rows[None, :])
             still, _ = loop.run(still, references[None, :])
             size = np.maximum(size, np.abs(stepped - still))
-    groups = np.array([group for group, _ in name_states(loop.robot.machine)])
+    groups = np.array([group for _, group, _ in name_states(loop.robot.machine)])
     for group in set(groups):
         size[groups == group] = size[groups == group].max()
     size[size < 1e-12] = UNMOVED
@@ -420,7 +412,7 @@ def linearise(loop: FrameMap, point: OperatingPoint) -> FrameModel:
     rows = {name: n + i for name, i in loop.outputs.items() if not central[n + i, left_out].any()}
     c, d, m = np.split(central[list(rows.values())], [n, n + len(references)], axis=1)
     bends = np.abs(bend[np.ix_(keep, keep)] * size[keep] / size[keep, None]).max(axis=0, initial=0.0)
-    names = [name_states(machine)[i][1] for i in keep]
+    names = [name_states(machine)[i][2] for i in keep]
     system = System(
         a[np.ix_(keep, keep)], b[keep], c[:, keep], d, machine.frame,
         states=[name.replace(".", "_") for name in names], outputs=list(rows),
@@ -444,7 +436,7 @@ def operating_point(loop: FrameMap, at: Mapping[str, float] | str | None = None)
     """The loop at rest under references `at` [SI per channel, or the name of a point of the machine].
 
     Where the robot's own gains do not bring it to rest, gentle ones do; that state counts if its own keep it at rest.
-    InputError where neither does, for such a loop has no operating point: drift, creep, tremor, a limit cycle.
+    InputError where neither does, for such a loop has no operating point: creep, a limit cycle.
     """
     references, machine, frames = resolve_references(loop, at), loop.robot.machine, 0
     state, residual, steady = loop.start(), np.inf, True
@@ -459,7 +451,9 @@ def operating_point(loop: FrameMap, at: Mapping[str, float] | str | None = None)
     else:
         unit = machine.signal[loop.loop.reference].unit
         words = ", ".join(f"{name} = {r:g} {unit}" for name, r in zip(loop.channels, references))
-        raise InputError(f"the loop does not come to rest at {words}: it still moves {residual:.2g} a frame")
+        present = ", ".join(loop.robot.effects()) or "no effect in it"
+        still = f"a state still moves {residual:.2g} of its excursion a frame ({present})"
+        raise InputError(f"the loop does not come to rest at {words}: {still}")
     _, signals = loop.run(state, references[None, :])
     output = signals[0, loop.signals[loop.loop.output]]
     readings = {c.kind: signals[0, loop.signals[c.signal]] for c in machine.columns}

@@ -148,11 +148,7 @@ def block_responses(case: LogSource, robots: Mapping[str, Robot], segment: float
     """Frequency response of each block of a machine: from the signal before it to its own, a channel each.
 
     A block whose input has other channels than its output gets the input that explains most of the output's power.
-
-    Args:
-        case: as in `frequency_response`.
-        robots: name -> robot; all of one machine.
-        segment: as in `frequency_response`.
+    The robots are all of one machine; case and segment as in `frequency_response`.
     """
     machine = next(iter(robots.values())).machine
     logs = [item.log for item in gather_logs(case, period=machine.frame).logs]
@@ -270,14 +266,11 @@ def plot_responses(responses: Sequence[LogResponse], style: Mapping[Any, Any] = 
     with matplotlib.rc_context(dict(style)):
         figure = new_figure(1.0 + 2.9 * columns, 0.4 + 3.0 * rows)
         grid = figure.subplots(3 * rows, columns, squeeze=False, height_ratios=[1.5, 1.0, 0.75] * rows)
-        for k in range(rows * columns):
-            i, j = divmod(k, columns)
-            panels = grid[3 * i : 3 * i + 3, j]
-            if k >= len(shown):
-                for axes in panels:
-                    axes.set_axis_off()
-                continue
-            (level, phase, coherence), one = panels, shown[k]
+        stacks = grid.reshape(rows, 3, columns).swapaxes(1, 2).reshape(-1, 3)
+        for axes in stacks[len(shown) :].flat:
+            axes.set_axis_off()
+        for k, (panels, one) in enumerate(zip(stacks, shown)):
+            level, phase, coherence = panels
             f, known, h = one.frequency[one.band], one.resolved[one.band], one.response[one.band]
             measured, look = np.where(known, 1.0, np.nan), {"color": MEASURED["color"], "alpha": 0.18, "lw": 0}
             angle = np.interp(f, f[known], np.degrees(np.unwrap(np.angle(h[known]))))
@@ -295,10 +288,9 @@ def plot_responses(responses: Sequence[LogResponse], style: Mapping[Any, Any] = 
             coherence.plot(f, one.coherence[one.band], **MEASURED)
             coherence.set_ylim(0.0, 1.05)
             level.set_title(f"{one.input} → {one.output} [{one.unit}]".replace("_", " "), fontsize=8.5)
+            ticks, ends = [tick for tick in TICKS if f[0] <= tick <= f[-1]], (f[0], f[-1] if len(f) > 1 else 2.0 * f[0])
             for axes, label in zip(panels, ("Gain [dB]", "Phase [°]", "Coherence")):
-                axes.set(xscale="log", xlim=(f[0], f[-1] if len(f) > 1 else 2.0 * f[0]))
-                axes.set_ylabel(label if j == 0 else "")
-                axes.set_xticks([tick for tick in TICKS if f[0] <= tick <= f[-1]])
+                axes.set(xscale="log", xlim=ends, xticks=ticks, ylabel=label if k % columns == 0 else "")
                 axes.xaxis.set_major_formatter("{x:g}")
                 axes.xaxis.set_minor_formatter("")
                 axes.tick_params(labelbottom=axes is coherence)

@@ -3,7 +3,7 @@
 Margins of an unstable loop mean nothing and are NaN. Poles decide whether a loop is stable.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
 
@@ -13,7 +13,7 @@ from scipy.optimize import minimize
 
 from exodrake.analysis import linear_model as lm
 from exodrake.analysis.responses import first_crossing
-from exodrake.core.errors import InputError
+from exodrake.core.errors import InputError, short_repr
 from exodrake.model.part import Part
 
 LEAST_GAIN = 1e-3  # factor on the loop gain below which a lower margin counts as none
@@ -40,11 +40,8 @@ def break_loop(system: lm.System, own: np.ndarray, v: list[int], y: list[int]) -
 
         B = B_r D^-1, 0 in the controller's states         A = A_closed - B C         L(z) = -C (z - A)^-1 B
 
-    Args:
-        system: closed loop from its references.
-        own: mask (states,) [-] of the controller's states.
-        v: indices of the commands among the outputs.
-        y: those of the readings.
+    `own` is a mask (states,) [-] of the controller's states; v and y are indices of commands and readings among the
+    outputs.
     """
     direct, commands = system.D[v], [system.output_labels[i] for i in v]
     if (np.abs(direct).max(axis=1) == 0.0).any() or np.linalg.cond(direct) > 1e12:
@@ -84,13 +81,14 @@ def frequency_grid(whole: lm.System) -> np.ndarray:
     return np.concatenate([np.geomspace(4e-5 * top, 0.04 * top, 300), np.linspace(0.04, 1.0, 1500)[1:] * top])
 
 
+@short_repr
 @dataclass(frozen=True, eq=False)
 class Margins:
     """Margins of one channel's open loop L; NaN where the closed loop is unstable."""
 
     channel: str
-    frequency: np.ndarray  # (n,) [Hz]
-    loop: np.ndarray  # L (n,) [-]
+    frequency: np.ndarray = field(repr=False)  # (n,) [Hz]
+    loop: np.ndarray = field(repr=False)  # L (n,) [-]
     gain_margin_db: float  # gain above 0 dB at the limit of stability
     gain_low_db: float  # gain below 0 dB at which a conditionally stable loop loses stability; -inf without
     phase_margin_deg: float  # at the crossover with the least delay margin
@@ -100,13 +98,6 @@ class Margins:
     peak_sensitivity: float  # largest |S|; its inverse is the distance of L from -1
     open_unstable: int  # poles outside the unit circle
     closed_unstable: int
-
-    def __repr__(self) -> str:
-        return (
-            f"Margins of {self.channel}: gain {self.gain_margin_db:.3g} dB, phase {self.phase_margin_deg:.3g} deg "
-            f"at {self.crossover:.3g} Hz, delay {1e3 * self.delay_margin:.3g} ms, disk margin {self.disk_margin:.3g}\n"
-            f"unstable poles: {self.open_unstable} open, {self.closed_unstable} closed"
-        )
 
     @property
     def encirclements(self) -> int:
@@ -138,9 +129,8 @@ def margins(whole: lm.System, channel: int, name: str = "") -> Margins:
 def loop_margins(frequency: np.ndarray, loop: np.ndarray) -> tuple[float, float, float, float, float]:
     """Margins of a loop L (n,) [-], sampled at frequencies (n,) [Hz] up to Nyquist, where it is real.
 
-    Returns:
-        Largest factor < 1 and smallest > 1 that put L on -1, 0 and inf without any; phase margin [deg], crossover [Hz]
-        and delay margin [s] at the crossover with the least delay margin, inf, nan and inf without any.
+    They are the largest factor < 1 and the smallest > 1 that put L on -1, 0 and inf without any; phase margin [deg],
+    crossover [Hz] and delay margin [s] at the crossover with the least delay margin, inf, nan and inf without any.
     """
     gains, phases, _, _, crossovers, _ = control.stability_margins(
         control.frd(loop, 2.0 * np.pi * frequency), returnall=True
@@ -153,26 +143,19 @@ def loop_margins(frequency: np.ndarray, loop: np.ndarray) -> tuple[float, float,
     high = float(factors[factors > 1.0].min(initial=np.inf))
     if not len(crossovers):
         return low, high, np.inf, np.nan, np.inf
-    phase = np.asarray(phases) % 360.0
-    k = int(np.argmin(phase / crossovers))
-    late = float(np.radians(phase[k]) / crossovers[k])
-    return low, high, float(phase[k]), float(crossovers[k] / (2.0 * np.pi)), late
+    phase, w = min(zip(np.asarray(phases) % 360.0, crossovers), key=lambda pair: pair[0] / pair[1])
+    return low, high, float(phase), float(w / (2.0 * np.pi)), float(np.radians(phase) / w)
 
 
 def disk_margin(sensitivity: np.ndarray) -> np.ndarray:
-    """Balanced disk margin (f,) [-] at each frequency, for all channels at once (Seiler, Packard, Gahinet 2020).
+    """Balanced disk margin (f,) [-] of sensitivities S (f, channels, channels) [-], for all channels at once.
 
     Each command j passes (1 + d_j / 2) / (1 - d_j / 2), d_j complex with |d_j| < alpha. The loop stays stable for all
     of them if and only if alpha max mu((S - T) / 2) < 1 over all frequencies, mu for diagonal uncertainty. The bound
     min sigma_max(Q M Q^-1) over diagonal Q > 0 is mu itself for up to three channels, and above it for more. alpha
-    covers gains from (2 - alpha) / (2 + alpha) to its inverse and phases to 2 atan(alpha / 2). python-control needs
-    slycot, a Fortran package without wheels, for more than one channel.
-
-    Args:
-        sensitivity: S (f, channels, channels) of the commands [-].
-
-    Returns:
-        The margins; their minimum is exact, others may be a little pessimistic.
+    covers gains from (2 - alpha) / (2 + alpha) to its inverse and phases to 2 atan(alpha / 2) (Seiler, Packard, Gahinet
+    2020). The least margin is exact, others may be a little pessimistic. python-control needs slycot, a Fortran package
+    without wheels, for more than one channel.
     """
     balanced = sensitivity - 0.5 * np.eye(sensitivity.shape[-1])  # (S - T) / 2 with T = I - S
     bound, scales = structured_bound(balanced)

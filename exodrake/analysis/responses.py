@@ -1,12 +1,13 @@
 """Responses of a closed loop: steps of the nonlinear loop, and frequency response by multisine and the frame map."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import control
 import numpy as np
 
 from exodrake.analysis.linear_model import FrameMap, FrameModel, OperatingPoint, evaluate
+from exodrake.core.errors import short_repr
 from exodrake.engine.inputs import prepare_values
 from exodrake.model.machine import signal_count
 
@@ -33,27 +34,21 @@ def first_crossing(x: np.ndarray, y: np.ndarray, level: float) -> float:
     return float(x[k - 1] + (x[k] - x[k - 1]) * (level - y[k - 1]) / (y[k] - y[k - 1]))
 
 
+@short_repr
 @dataclass(frozen=True, eq=False)
 class StepResponse:
     """Response of the controlled quantity to a step of one channel's reference, without noise."""
 
     channel: str
     size: float  # [SI]
-    time: np.ndarray  # (n,) one per slot [s]; the frame with the new reference starts at 0
-    output: np.ndarray  # (n, channels) [SI]
+    time: np.ndarray = field(repr=False)  # (n,) one per slot [s]; the frame with the new reference starts at 0
+    output: np.ndarray = field(repr=False)  # (n, channels) [SI]
     rise: float  # from 10 to 90 % [s]
     overshoot: float  # as a fraction of the step
     settling: float  # last time outside +-2 % [s], nan if never inside
     steady_error: float  # reference minus output at the end [SI]
     crosstalk: float  # largest change of another channel, as a fraction of the step
     command_peak: float  # largest change of a command [SI]
-
-    def __repr__(self) -> str:
-        return (
-            f"StepResponse of {self.channel}: rises in {self.rise:.3g} s, overshoots {100.0 * self.overshoot:.2g} %, "
-            f"settles in {self.settling:.3g} s\nstep {self.size:g}, steady error {self.steady_error:.2g}, "
-            f"crosstalk {100.0 * self.crosstalk:.2g} %, commands up to {self.command_peak:.3g} (SI)"
-        )
 
 
 def step_response(loop: FrameMap, point: OperatingPoint, channel: int) -> StepResponse:
@@ -96,25 +91,19 @@ def returns(loop: FrameMap, point: OperatingPoint) -> bool:
     return True
 
 
+@short_repr
 @dataclass(frozen=True, eq=False)
 class FrequencyResponse:
     """Frequency response from reference to reading of one channel; arrays are (lines,)."""
 
     channel: str
     frequency: np.ndarray  # [Hz]
-    measured: np.ndarray  # complex mean over the draws
-    spread: np.ndarray  # standard deviation over them
-    coherence: np.ndarray  # share of the reading's power that the reference explains, over the draws
-    linear: np.ndarray  # complex, from the frame map
+    measured: np.ndarray = field(repr=False)  # complex mean over the draws
+    spread: np.ndarray = field(repr=False)  # standard deviation over them
+    coherence: np.ndarray = field(repr=False)  # share of the reading's power that the reference explains
+    linear: np.ndarray = field(repr=False)  # complex, from the frame map
     bandwidth: float  # -3 dB against the frame map's static gain [Hz], from the frame map; nan if none
     bandwidth_measured: float  # the same from the multisine
-
-    def __repr__(self) -> str:
-        return (
-            f"FrequencyResponse of {self.channel}: -3 dB at {self.bandwidth:.3g} Hz, "
-            f"measured {self.bandwidth_measured:.3g} Hz\n{len(self.frequency)} lines, {self.frequency[0]:.3g} to "
-            f"{self.frequency[-1]:.3g} Hz, coherence from {np.nanmin(self.coherence):.3g}"
-        )
 
 
 def multisine(rms: float, lines: np.ndarray, period: int, rng: np.random.Generator) -> np.ndarray:

@@ -18,7 +18,7 @@ from exodrake.analysis.linear_model import FrameModel, compute_noise, linearise_
 from exodrake.analysis.margins import decibel, disk_margin, loop_margins, open_loop, open_responses
 from exodrake.analysis.responses import StepResponse, returns, step_response
 from exodrake.core.confidence import NORMAL_90
-from exodrake.core.errors import InputError
+from exodrake.core.errors import InputError, short_repr
 from exodrake.core.schema import read_json
 from exodrake.model.robot import Robot, drawn_robot
 
@@ -146,10 +146,8 @@ def within_intervals(
         InputError: the answer has no effects, or names parameters that the robot lacks.
     """
     effects = answer.get("effects") if isinstance(answer, Mapping) else None
-    if not isinstance(effects, list):
-        raise InputError("the diagnosis holds no list of effects: not an answer of exodrake diagnose --json")
-    if not effects:
-        raise InputError("the diagnosis names no effect, so there are no intervals to draw from")
+    if not isinstance(effects, list) or not effects:
+        raise InputError("no effect to draw intervals of: wanted an answer of exodrake diagnose --json that names one")
 
     def draw(interval: Mapping[str, Any], end: float | None, rng: np.random.Generator) -> float:
         # inside its 90 % interval, since tails could leave what a robot can be; an unknown end is the estimate
@@ -170,6 +168,7 @@ def within_intervals(
         yield f"draw {k + 1}" if end is None else ("lower ends", "estimate", "upper ends")[int(end) + 1], drawn
 
 
+@short_repr
 @dataclass(frozen=True, eq=False)
 class Uncertainty:
     """The robots of a diagnosis' answer in the loop."""
@@ -184,13 +183,6 @@ class Uncertainty:
     deviation: np.ndarray  # (f,) largest relative deviation of a plant from the improved one's [-]
     weight: control.TransferFunction  # in s, of order 1 or 2, covers the deviation
     peak: float  # largest |weight| max sigma(T): below 1 every plant within the weight is stable; nan if T means little
-
-    def __repr__(self) -> str:
-        return (
-            f"Uncertainty: {self.robots - len(self.unstable)} of {self.robots} robots stable, {self.kicked} by a kick\n"
-            f"gain margin from {self.gain_margin_db:.3g} dB, phase margin from {self.phase_margin_deg:.3g} deg over "
-            f"amplitude; deviation up to {self.deviation.max():.3g}, |w T| up to {self.peak:.3g}"
-        )
 
     @property
     def gain_margin_db(self) -> float:
@@ -223,8 +215,8 @@ def assess_answer(
     """
     ((_, improved),) = within_intervals(robot, answer, 1, ends=(0.0,))
     model = linearise_robot(improved, at)
-    smooth, frequency = model.decides, np.geomspace(WEIGHT_SLOWEST, 1.0, WEIGHT_POINTS) * 0.5 / model.system.dt
-    ratio, nominal = open_responses(open_loop(model), frequency) if smooth else (None, None)
+    frequency = np.geomspace(WEIGHT_SLOWEST, 1.0, WEIGHT_POINTS) * 0.5 / model.system.dt
+    ratio, nominal = open_responses(open_loop(model), frequency) if model.decides else (None, None)
     unstable, failures, kicked, deviations = [], [], 0, []
     dead_band, cycles = find_dead_band(model.loop, model.point), list(limit_cycles(improved, at, own_only=True))
     for k, (label, drawn) in enumerate(within_intervals(robot, answer, draws)):

@@ -99,19 +99,18 @@ def variations(robot: Robot, over: Any, draws: int, seed: int) -> tuple[list[dic
     if isinstance(over, int):
         over = [one for _, one in within_tolerances(robot, over, seed)] if over > 0 else []
     elif hasattr(over, "verdict") or (isinstance(over, Mapping) and "verdict" in over):
-        answer = over if isinstance(over, Mapping) else to_dict(over)
-        over = [one for _, one in within_intervals(robot, answer, draws, seed)]
+        over = [one for _, one in within_intervals(robot, to_dict(over), draws, seed)]
     elif isinstance(over, Mapping):
         grid = [[values] if isinstance(values, str | float | int) else list(values) for values in over.values()]
         over = [dict(zip(over, values, strict=True)) for values in product(*grid)] if over else []
     items = list(over) if isinstance(over, Iterable) else [over]
     if not items:
         raise InputError("nothing to run: no values, no robots")
+    if all(isinstance(item, Robot) for item in items):
+        differ = np.flatnonzero(np.any([one.values != robot.values for one in items], axis=0))
+        return [{robot.machine.parameters[i].name: float(one.values[i]) for i in differ} for one in items], items
     points, robots = [], []
     for item in items:
-        if isinstance(item, Robot):
-            robots.append(item)
-            continue
         values = {
             name: quantity(value, robot.machine.parameters[robot.indices(name)[0]].unit, name)
             for name, value in argument("over", item, Mapping).items()
@@ -122,11 +121,6 @@ def variations(robot: Robot, over: Any, draws: int, seed: int) -> tuple[list[dic
                 changed = changed.splice(effect.id)
         points.append(values)
         robots.append(changed.with_parameters(values))
-    if not points:
-        differ = np.flatnonzero(np.any([one.values != robot.values for one in robots], axis=0))
-        points = [{robot.machine.parameters[i].name: float(one.values[i]) for i in differ} for one in robots]
-    if len(points) != len(robots):
-        raise InputError("robots and parameters together: wanted one or the other")
     return points, robots
 
 
@@ -138,8 +132,8 @@ def plot_sweep(table: Any) -> Any:
     import matplotlib
 
     units, varied = table.attrs["units"], table.attrs["varied"]
-    numbers = table.select_dtypes("number").columns
-    shown = [name for name in numbers if name not in varied and not name.endswith((" peak", " final"))]
+    numbers = [name for name in table.select_dtypes("number").columns if name not in varied]
+    shown = [name for name in numbers if not name.endswith((" peak", " final"))] or numbers
     first, second = (*varied, None, None)[:2] if len(varied) <= 2 else (None, None)
     with matplotlib.rc_context(STYLE):
         columns = min(3, len(shown))

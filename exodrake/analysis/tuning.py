@@ -25,6 +25,7 @@ from exodrake.analysis.margins import decibel, open_loop, open_responses, struct
 from exodrake.analysis.responses import BAND, StepResponse, step_response
 from exodrake.analysis.robustness import Band, band, points_band, within_tolerances
 from exodrake.core.errors import InputError, argument, short_repr
+from exodrake.core.progress import no_progress
 from exodrake.model.machine import Controller
 from exodrake.model.robot import Robot
 
@@ -89,6 +90,7 @@ class Tuned:
     missed: tuple[str, ...]  # requirements that it does not hold, a phrase each
 
 
+@short_repr
 @dataclass(frozen=True, eq=False)
 class Limit:
     """How fast a loop could be, beside the best tuned controller, or the robot as it is without one.
@@ -103,10 +105,6 @@ class Limit:
     lqg: Performance | None  # worst of the LQG design over all plants of the search; None if it destabilises one
     missed: tuple[str, ...]  # what LQG does not hold
     law: lm.System | None  # the LQG design; None without one
-
-    def __repr__(self) -> str:
-        lqg = f"LQG settles in {self.lqg.settling:.3g} s" if self.lqg else "LQG does not stabilise all plants"
-        return f"Limit: settles in {self.tuned:.3g} s, at least {self.settling:.3g} s with such commands\n{lqg}"
 
 
 @short_repr
@@ -152,12 +150,11 @@ class Tuning:
         def name_numbers(one: Requirements | Tuned) -> dict[str, Any]:
             return {key: getattr(one, name) for name, key in keys.items()}
 
-        compared = {t.name: name_numbers(t) | {"gains": t.gains, "misses": list(t.missed)} for t in self.compared}
         return {
             "required": name_numbers(self.requirements),
-            "compared": compared,
+            "compared": {t.name: name_numbers(t) | {"gains": t.gains, "misses": t.missed} for t in self.compared},
             "best": self.best and self.best.name,
-            "notes": list(self.notes),
+            "notes": self.notes,
             "limit": self.limit and {k: v for k, v in vars(self.limit).items() if k != "law"},
             "schedule": {p: {"gains": gains, "settling [s]": t} for p, (gains, t) in self.schedule.items()},
         }
@@ -182,21 +179,19 @@ def tune(
     """
     first = lm.FrameMap.from_robot(argument("robot", robot, Robot))
     robot, loop = first.robot, first.loop
-    requirements = argument("requirements", requirements, Requirements, type(None))
-    known = [c.name for c in loop.controllers]
+    wanted = argument("requirements", requirements, Requirements, type(None)) or Requirements()
+    say, known = progress or no_progress, [c.name for c in loop.controllers]
     if (name := next((name for name in only if name not in known), None)) is not None:
         raise InputError(f"{robot.machine.name}: no controller {name!r}; there are {'; '.join(known)}")
     plants = [linearise_plant(robot, at) for at in loop.points]
     plants += [linearise_plant(drawn) for _, drawn in within_tolerances(robot, draws, DESIGN_SEED)]
-    wanted = requirements or Requirements()
     if wanted.noise is None:
         noises = [predict_performance(plant, linearise_law(plant, {})).noise for plant in plants]
-        if known_noises := [n for n in noises if np.isfinite(n)]:
-            wanted = replace(wanted, noise=NOISE_FACTOR * max(known_noises))
+        if np.isfinite(noises).any():
+            wanted = replace(wanted, noise=NOISE_FACTOR * max(filter(np.isfinite, noises)))
     compared = [assess(OWN, robot, {}, wanted, judges)]
     for structure in (c for c in loop.controllers if not only or c.name in only):
-        if progress is not None:
-            progress(structure.name)
+        say(structure.name)
         fixed = {**structure.fixed, **compliance(plants[0], structure)}
         gains, named = search_gains(plants, structure, fixed, wanted), {}
         for name, value in {**fixed, **gains}.items():
@@ -205,8 +200,7 @@ def tune(
         changed = robot.with_parameters(named, f"tuned by exodrake as {structure.name}")
         compared.append(assess(structure.name, changed, gains, wanted, judges))
     tuning = Tuning(robot, wanted, tuple(compared), list_remarks(plants[0].model))
-    if progress is not None:
-        progress("LQG and bound")
+    say("LQG and bound")
     tuning = replace(tuning, limit=find_limit(plants, tuning.best or compared[0], wanted))
     return replace(tuning, schedule=schedule_gains(plants[: len(loop.points)], tuning)) if tuning.best else tuning
 
@@ -220,24 +214,22 @@ def find_limit(plants: list[Plant], tuned: Tuned, wanted: Requirements) -> Limit
     frames = int(np.clip(1.2 * settling / frame, 2, FRAMES)) if np.isfinite(settling) else FRAMES
     limits = [bound_settling(plant.system, j, peak, wanted.overshoot, crosstalk, frames) for j in range(m)]
 
-    def design(logs: np.ndarray) -> lm.System:
+    def design(logs: np.ndarray) -> lm.System | None:
         effort, integral, disturbance = np.exp(logs)
-        return design_lqg(plant.system, (plant.N, plant.M), effort / peak**2, integral, disturbance * peak)
+        try:
+            return design_lqg(plant.system, (plant.N, plant.M), effort / peak**2, integral, disturbance * peak)
+        except (np.linalg.LinAlgError, ValueError):
+            return None
 
     def cost(logs: np.ndarray, over: list[Plant]) -> float:
-        try:
-            law = design(logs)
-        except (np.linalg.LinAlgError, ValueError):
-            return 1e3 * UNSTABLE
-        return worst_cost(over, lambda _: law, wanted)
+        law = design(logs)
+        return worst_cost(over, lambda _: law, wanted) if law else 1e3 * UNSTABLE
 
     nominal = [p for p in plants if p.model.loop.robot is loop.robot]
     first = differential_evolution(cost, LQG_BOUNDS, (nominal,), **SEARCH)
     found = minimize(cost, first.x, (plants,), method="Nelder-Mead", options={"maxfev": LQG_RUNS, "xatol": 0.05})
     bound = min(max(limits), settling)
-    try:
-        law = design(found.x)
-    except (np.linalg.LinAlgError, ValueError):
+    if (law := design(found.x)) is None:
         return Limit(bound, settling, peak, crosstalk, None, ("no LQG design",), None)
     radii, settlings, overshoots, disks, noises = zip(*(astuple(predict_performance(one, law)) for one in plants))
     lqg = Performance(max(radii), max(settlings), max(overshoots), min(disks), max(noises))
@@ -500,10 +492,8 @@ def design_lqg(
     It minimises the mean of |y - r|^2 + integral |E|^2 + effort |v|^2; states are estimated by a Kalman filter for
     sensor noise of unit variance, N (n, noises) and M (channels, noises), and for white noise of a standard deviation
     `disturbance` [command] on the commands. The reference enters by the state and the command that hold it. E sums the
-    readings' distance from the undisturbed answer, so that a step of the reference leaves it at 0.
-
-    Raises:
-        LinAlgError: where the Riccati equations have no solution.
+    readings' distance from the undisturbed answer, so that a step of the reference leaves it at 0. LinAlgError where
+    the Riccati equations have no solution.
     """
     a, b, c, n, m = plant.A, plant.B, plant.C, plant.nstates, plant.ninputs
     weights = block_diag(c.T @ c, integral * np.eye(m))

@@ -71,11 +71,12 @@ def score(folder, labels, against, json_file, markdown) -> None:
 
     --against compares them, case by case, with the answers that another method or configuration gave.
     """
-    from exodrake.reference.score import CONFUSION, as_json, markdown as as_markdown, score as score_set, tables
+    from exodrake.core.plain import to_dict
+    from exodrake.reference.score import Answers, markdown as as_markdown, score as score_set, tables
 
     result = score_set(folder, labels, against)
-    for title, headings, rows in tables(result) if not write_json(as_json(result), json_file) else ():
-        if headings is CONFUSION:  # wrong answers in red
+    for title, headings, rows in tables(result) if not write_json(to_dict(result), json_file) else ():
+        if headings is Answers._fields:  # wrong answers in red
             rows = [row if row[2] else [f"[red]{cell}[/red]" for cell in row] for row in rows]
         else:
             headings = [headings[0], *(f">{heading}" for heading in headings[1:])]

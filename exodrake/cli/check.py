@@ -26,7 +26,7 @@ def command(case: Path, robot: str, only: str, without: str, figure: Path | None
     """
     from exodrake.core.parallel import one_blas_thread
     from exodrake.diagnosis.checks.compare import list_few
-    from exodrake.diagnosis.checks.preflight import SEEN, draw_figure, preflight
+    from exodrake.diagnosis.checks.preflight import CLEAR, HIDDEN, MISTAKEN, SEEN, draw_figure, preflight
     from exodrake.model.display import find_display, percent
 
     nominal = exo.load_robot(robot)
@@ -75,20 +75,22 @@ def command(case: Path, robot: str, only: str, without: str, figure: Path | None
         rows.append((f"[bold]{effect}[/bold]", size, hidden, taken))
     options.print_table(("effect", ">seen from", "not seen at typical size", "could be taken for"), rows, wrapped=3)
     click.echo(
-        f"\n{len(result.clear)} of {len(result.directions)} effects and channels are seen and distinguished, "
-        f"{len(result.mistaken)} could be mistaken, {len(result.hidden)} are not seen"
+        f"\n{len(result.select(CLEAR))} of {len(result.directions)} effects and channels are seen and distinguished, "
+        f"{len(result.select(MISTAKEN))} could be mistaken, {len(result.select(HIDDEN))} are not seen"
     )
     for signal, noise, left in result.sensors[:1]:
         again = " once more, by a second sensor," if any(signal.name == c.kind for c in nominal.machine.columns) else ""
         click.echo(
             f"{signal.name}{again} would help most: measured with a noise of {noise:.2g} {signal.unit}, "
-            f"{len(left.mistaken)} could be mistaken and {len(left.hidden)} not seen"
+            f"{len(left.select(MISTAKEN))} could be mistaken and {len(left.select(HIDDEN))} not seen"
         )
     if result.fewer:
-        rows = [
-            (", ".join(kinds), *(str(len(d)) for d in (left.clear, left.mistaken, left.hidden)), list_few(lost, FEW))
-            for kinds, left, lost in result.fewer
-        ]
+        rows = []
+        for kinds, left in result.fewer.items():
+            clear = {d.effect for d in left.select(CLEAR)}
+            lost = list_few((d.effect for d in result.select(CLEAR) if d.effect not in clear), FEW)
+            numbers = (str(len(left.select(state))) for state in (CLEAR, MISTAKEN, HIDDEN))
+            rows.append((", ".join(kinds), *numbers, lost))
         counts = ">distinguished", ">mistaken", ">not seen"
         click.echo()
         options.print_table(("with these columns alone", *counts, "effects no longer distinguished"), rows, wrapped=4)

@@ -109,15 +109,17 @@ def maximum_tension(log: Path, robot: str) -> None:
 @options.robot_option()
 @click.option("--out", type=options.OutputFolder(), default=Path("workspace"), show_default=True,
               help="Folder for the files.")  # fmt: skip
-@click.option("--samples", type=int, default=40_000, show_default=True, help="Points of the Monte Carlo areas.")
-@click.option("--steps", type=int, default=25, show_default=True, help="Tensions per tendon in the assisted workspace.")
+@click.option("--samples", type=click.IntRange(100), default=40_000, show_default=True,
+              help="Points of the Monte Carlo areas.")  # fmt: skip
+@click.option("--steps", type=click.IntRange(3), default=25, show_default=True,
+              help="Tensions per tendon in the assisted workspace.")  # fmt: skip
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True)
 def find_workspace(robot: str, out: Path, samples: int, steps: int, seed: int) -> None:
     """Areas that fingertip and distal phalanx reach, by polygon union and Monte Carlo.
 
     Writes workspace.csv and workspace.png; `make paper` compares them with the paper's Table 2.
     """
-    from exodrake.identification.workspace import HEAD, SPONTANEOUS, areas, areas_csv, solve_assisted, workspace_figure
+    from exodrake.identification.workspace import HEAD, SPONTANEOUS, areas, solve_assisted, workspace_figure
 
     loaded = exo.load_robot(robot)
     options.refuse_others("workspace", loaded, "finger.length")
@@ -126,7 +128,8 @@ def find_workspace(robot: str, out: Path, samples: int, steps: int, seed: int) -
         wired = solve_assisted(loaded, steps)
         rows = areas(lengths, SPONTANEOUS, wired, samples, seed)
         figure = workspace_figure(lengths, SPONTANEOUS, wired)
-    files = options.write_together(out, {"workspace.csv": areas_csv(rows), "workspace.png": figure})
+    table = "".join(",".join(row) + "\n" for row in (HEAD, *rows))
+    files = options.write_together(out, {"workspace.csv": table, "workspace.png": figure})
     marks = [f">{heading}" if "[" in heading else heading for heading in HEAD]
     options.print_table([escape(heading).replace(" \\[", "\n\\[") for heading in marks], rows)
     click.echo("wrote " + ", ".join(str(name) for name in files))

@@ -27,7 +27,8 @@ from exodrake.data.log import (
     refuse_doubled,
 )  # fmt: skip
 from exodrake.data.ros2 import STATE, Track, is_bag, read_bag, read_topics
-from exodrake.data.tables import TIME, TextLayout, element_names, episodes, is_dataset, read_columns, read_info, resolve
+from exodrake.data.tables import TIME, element_names, episodes, is_dataset, read_columns, read_info, resolve
+from exodrake.data.text import TextLayout
 from exodrake.model.units import check_unit, si_unit, to_si
 
 BAG_PERIOD = 0.02  # s, frames of a bag whose mapping states none
@@ -59,6 +60,7 @@ TIME_KEYS = {
     "column": schema.optional(lambda value, where: TEXT(str(value) if type(value) is int else value, where)),
     "unit": TEXT, "start": schema.optional(FINITE), "period": schema.optional(STEP),
 }  # fmt: skip
+TIME_FIELDS = {"column": "time", "unit": "time_unit", "start": "start", "period": "time_period"}  # of `Mapped`
 PLAIN = {
     "hold": WHOLE, "separator": schema.text(length=1), "decimal": schema.text(length=1), "skip": WHOLE,
     "samples": schema.text(("rows", "columns")), "stamp": schema.text(("log", "header")),
@@ -154,11 +156,9 @@ def read_mapping(path: str | Path) -> Mapped:
                 raise schema.refusal(where, f"{name!r} is no column{nearest(name, ours)}")
         if item["by"] not in item["columns"] or item["with"] in item["columns"]:
             raise schema.refusal(where, "`by` is one of the columns that are moved, and `with` is none of them")
-    return Mapped(
-        tuple(columns), time.get("column"), time.get("unit", "s"), time.get("period"), time.get("start"),
-        content.get("period"), derived=tuple(derived), sync=tuple(content.get("sync") or ()),
-        **{key: content[key] for key in PLAIN if key in content},
-    )  # fmt: skip
+    plain = {key: content[key] for key in ("period", *PLAIN) if key in content}
+    plain |= {TIME_FIELDS[key]: value for key, value in time.items()}
+    return Mapped(tuple(columns), derived=tuple(derived), sync=tuple(content.get("sync") or ()), **plain)
 
 
 @dataclass(frozen=True, eq=False)
@@ -364,15 +364,13 @@ def lay_on_frames(
     """
     start = min(track.time.min() for track in tracks.values())
     end = max(track.time.max() for track in tracks.values())
-    if (end - start) / period > 1e7:
-        many = f"{end - start:.6g} s are too many frames of {period:g} s"
-        raise InputError(f"{source}: {many}; is the unit of time right?")
-    count, most = int(np.floor((end - start) / period + ROUNDED)) + 1, max(len(t.time) for t in tracks.values())
-    if count < FEWEST < most / FEWEST:
+    most, frames = max(len(track.time) for track in tracks.values()), (end - start) / period + ROUNDED
+    if frames < FEWEST - 1 and most > FEWEST**2:
         raise InputError(f"{source}: {most} samples in {end - start:.3g} s; is the unit of time right?")
-    if count > LONGEST * (most + LONGEST):
-        many = f"{count} frames of {period:g} s, far more than samples"
-        raise InputError(f"{source}: {many}; cut it where its clock jumps")
+    if frames > min(1e7, LONGEST * (most + LONGEST)):
+        many = f"{frames:.0f} frames of {period:g} s for {most} samples are too many"
+        raise InputError(f"{source}: {many}; is the unit of time right? Else cut it where its clock jumps")
+    count = int(np.floor(frames)) + 1
     time = start + period * np.arange(count)
     step = median_step(np.unique(np.concatenate([track.time for track in tracks.values()])))
     begin = time - 0.5 * period if abs(step / period - 1.0) < ALIKE else time

@@ -17,7 +17,6 @@ from numpy.typing import ArrayLike
 from exodrake.core.errors import InputError, MissingColumn, argument, nearest, require_extra, short_repr
 from exodrake.model.units import KINDS, check_unit, default_unit, find_kind, to_si
 
-SEPARATORS = {";": "';'", "\t": "tabs"}
 MODEL, CHANGED = 1, 2  # robots by which exodrake simulated a log: as its file states it; changed for the run
 LARGEST = 1e12  # in SI: beyond any signal of a robot, and the square of a sum of squares is still finite
 MAX_SAMPLES = 20_000_000  # assumed: an hour of 100 columns at 50 Hz
@@ -197,8 +196,7 @@ class Log:
         columns = [(str(name), _vector(values, str(name), source)) for name, values in frame.items()]
         if not any(name.partition("[")[0].strip() == "time" for name, _ in columns):
             columns.insert(0, ("time", _vector(frame.index, "time", source)))
-        signals, known = columns_in_si(columns, source, {**frame.attrs.get("units", {}), **(units or {})})
-        log = Log(signals.pop("time"), signals, {name: known[name] for name in signals}, source)
+        log = log_from_columns(columns, source, {**frame.attrs.get("units", {}), **(units or {})})
         check_clock(log)
         return log
 
@@ -260,22 +258,15 @@ def refuse_doubled(names: Iterable[str], source: str) -> None:
         known.add(visible)
 
 
-def refuse_separator(cells: list[str], source: str) -> None:
-    """InputError for a heading that other separators than commas leave in one cell."""
-    for sign, said in SEPARATORS.items():
-        if len(cells) == 1 and sign in cells[0].strip():
-            raise InputError(f"{source}: cells are separated by {said}, wanted ','; `exodrake import` converts it")
-
-
 def columns_in_si(
-    columns: Iterable[tuple[str, np.ndarray]], source: str, units: Mapping[str, str] | None = None
+    columns: Iterable[tuple[str, np.ndarray]], source: str, units: Mapping[str, str] | None = None, before: int = 0
 ) -> tuple[dict[str, np.ndarray], dict[str, str]]:
     """Values (n,) [SI] by name, time among them, and their SI units, from pairs of heading and values (n,).
 
-    A bare name takes its unit from `units`, else SI by its kind; units of None: each heading has its unit.
+    A bare name takes its unit from `units`, else SI by its kind; units of None: each heading has its unit. `before`:
+    number of rows before the first, for messages.
     """
-    signals: dict[str, np.ndarray] = {}
-    known: dict[str, str] = {}
+    signals, known, plain = dict[str, np.ndarray](), dict[str, str](), dict[str, str]()
     for text, values in columns:
         name, bracket, rest = text.strip().partition("[")
         name, (unit, closing, tail) = name.strip(), rest.partition("]")
@@ -286,22 +277,19 @@ def columns_in_si(
             raise InputError(f"{source}: column heading {text.strip()!r}: {wanted}")
         if name in signals:
             raise InputError(f"{source}: column {name!r} comes twice")
+        if not name.isprintable():
+            raise InputError(f"{source}: column {name!r}: its name holds a sign that cannot be seen")
+        folded = unicodedata.normalize("NFKC", name).casefold()  # without capitals and other forms of Unicode
+        if (other := plain.setdefault(folded, name)) != name:
+            raise InputError(f"{source}: column {name!r} is {other!r} in other letters, so one of them is too much")
+        if (kind := find_kind(folded)) is not None and find_kind(name) is None:
+            raise InputError(f"{source}: column {name!r}: did you mean {kind + name[len(kind) :]!r}?")
         where = f"{source}, column {name!r}"
         known[name], signals[name] = check_unit(name, unit, where), to_si(values, unit, where)
         if (row := find_first(np.abs(signals[name]) > LARGEST)) is not None:
             value = signals[name][row]
             reason = "infinite" if np.isinf(value) else f"{value:g} in SI is beyond any signal"
-            raise InputError(f"{where}, row {row + 1}: {reason}")
-    plain: dict[str, str] = {}  # letters are others in capitals and in other forms of Unicode
-    for name in signals:
-        if not name.isprintable():
-            raise InputError(f"{source}: column {name!r}: its name holds a sign that cannot be seen")
-        folded = unicodedata.normalize("NFKC", name).casefold()
-        if (other := plain.setdefault(folded, name)) != name:
-            raise InputError(f"{source}: column {name!r} is {other!r} in other letters, so one of them is too much")
-        kind = find_kind(folded)
-        if kind is not None and find_kind(name) is None:
-            raise InputError(f"{source}: column {name!r}: did you mean {kind + name[len(kind) :]!r}?")
+            raise InputError(f"{where}, row {before + row + 1}: {reason}")
     return signals, known
 
 
@@ -310,19 +298,20 @@ def headings(log: Log) -> list[str]:
     return ["time [s]", *(f"{name} [{log.units[name]}]" for name in log.columns)]
 
 
-def log_from_columns(columns: Iterable[tuple[str, np.ndarray]], source: str) -> Log:
-    """A log from pairs of heading and values (n,) [its unit]; refuses doubled columns, no time and no rows."""
-    signals, units = columns_in_si(columns, source)
+def log_from_columns(
+    columns: Iterable[tuple[str, np.ndarray]], source: str, units: Mapping[str, str] | None = None
+) -> Log:
+    """A log from pairs of heading and values (n,) [its unit], as `columns_in_si`; refuses no time and no rows."""
+    signals, known = columns_in_si(columns, source, units)
     if "time" not in signals:
         found = ", ".join(signals) or "no columns"
         raise MissingColumn(f"{source}: required column 'time [s]' is missing (found {found})")
     time = signals.pop("time")
-    units.pop("time")
     if not len(time):
         raise InputError(f"{source}: no rows")
     if (row := find_first(np.isnan(time))) is not None:
         raise InputError(f"{source}: column 'time', row {row + 1}: empty")
-    return Log(time, signals, units, source)
+    return Log(time, signals, {name: known[name] for name in signals}, source)
 
 
 def check_columns(log: Log, required: Sequence[str], complete: Sequence[str] = ()) -> None:

@@ -52,7 +52,7 @@ def bag_files(path: str | Path) -> list[Path]:
 def read_bag(path: str | Path, columns: Sequence[str], stamp: str) -> dict[str, Track]:
     """Column -> samples with their times [s] of a bag; a bag of several files as one."""
     read = partial(read_tracks, columns=list(columns), stamp=stamp)
-    parts, found = [read_apart(read, read_bytes(f), str(f), "MCAP or SQLite") for f in bag_files(path)], {}
+    parts, found = [read_apart(read, read_bytes(f), str(f)) for f in bag_files(path)], {}
     for column in columns:
         tracks = [part[column] for part in parts]
         found[column] = Track(*(np.concatenate(item) for item in zip(*((t.time, t.values) for t in tracks))))
@@ -66,10 +66,7 @@ def read_topics(path: str | Path) -> dict[str, Topic]:
     """Topic -> type, number of messages, and numeric fields of its first message, None if it cannot be decoded."""
     found: dict[str, Topic] = {}
     for file in bag_files(path):
-        topics = read_apart(list_topics, read_bytes(file), str(file), "MCAP or SQLite")
-        for topic, (kind, count, fields) in topics.items():
-            _, before, known = found.get(topic, (kind, 0, fields))
-            found[topic] = kind, before + count, known or fields
+        found = read_apart(partial(list_topics, found=found), read_bytes(file), str(file))
     return found
 
 
@@ -98,9 +95,8 @@ def read_tracks(data: bytes, source: str, columns: Sequence[str], stamp: str) ->
     return {column: Track(*np.array(rows).reshape(-1, 2).T.copy()) for column, rows in samples.items()}
 
 
-def list_topics(data: bytes, source: str) -> dict[str, Topic]:
-    """`read_topics` of one file, in this process."""
-    found: dict[str, Topic] = {}
+def list_topics(data: bytes, source: str, found: dict[str, Topic]) -> dict[str, Topic]:
+    """`read_topics` of one file, with what was found in those before."""
     for topic, kind, message, _ in messages(data, source, None):
         _, count, fields = found.get(topic, (kind, 0, None))
         found[topic] = kind, count + 1, numeric_fields(message) if fields is None and message is not None else fields

@@ -1,20 +1,13 @@
 """Columns of foreign tables by name: text, MAT, HDF5, JSON, NPY, NPZ, Parquet, MCAP of ours, and LeRobot data sets.
 
-A cell `[1, 2, 3]`, and a matrix, make columns `name[0]`, `name[1]` ...; a field of a struct or group is `outer.inner`.
+A matrix makes columns `name[0]`, `name[1]` ...; a field of a struct or group is `outer.inner`.
 A LeRobot data set (v2 or v3) is a folder with `meta/info.json` and Parquet files of episodes; video is left out. Its
 columns of several numbers are also called by the names that it states: `action[shoulder_pan]`.
 """
 
 from __future__ import annotations
 
-import csv
-import io
-import json
-import re
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from functools import partial
-from itertools import chain, islice
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,36 +19,23 @@ from exodrake.core.schema import parse_json, read_json
 from exodrake.data.formats import mat, mcap, npz, parquet, read_apart
 from exodrake.data.formats.csv import unpack
 from exodrake.data.log import MAX_COLUMNS, check_size, refuse_doubled
+from exodrake.data.text import guess_layout, read_text
 
 if TYPE_CHECKING:
     from exodrake.data.import_log import Mapped
 
 JSON, HDF5 = (".json", ".jsonl", ".ndjson"), (".h5", ".hdf5", ".hdf")
 MAX_DEPTH = 20  # of nested values
-MISSING = ("", "nan", "na", "null", "none", "-")
-SEPARATORS = (",", ";", "\t", " ")
-LOOK, LINES = 1_000_000, 20  # bytes, and lines in them, by which separator and decimal mark are guessed
 INFO = "meta/info.json"
 EPISODE, TIME = "episode_index", "timestamp"
 FASTEST = 1e6  # Hz
-
-
-@dataclass(frozen=True, kw_only=True)
-class TextLayout:
-    """Layout of a text table: separator of cells, decimal mark, lines before the heading, and whether there is one."""
-
-    separator: str = ","
-    decimal: str = "."
-    skip: int = 0
-    heading: bool = True
 
 
 def read_columns(data: bytes, source: str, mapped: Mapped) -> dict[str, np.ndarray]:
     """Mapped columns (n,) of a foreign table by name, as recorded, and others of a table of numbers."""
     data, tree = open_table(data, source)
     if tree is None:
-        cells = text_cells(data, source, mapped, mapped.foreign)
-        return {name: _numbers(column, name, source, mapped.decimal) for name, column in cells.items()}
+        return read_text(data, source, mapped, mapped.foreign)
     columns = flatten(tree, source, side=mapped.samples)
     refuse_doubled(columns, source)
     if mapped.time is None or mapped.samples is not None:
@@ -67,13 +47,7 @@ def read_columns(data: bytes, source: str, mapped: Mapped) -> dict[str, np.ndarr
 def list_columns(data: bytes, source: str) -> dict[str, np.ndarray]:
     """All columns of numbers of a foreign table, for a look at what it holds. InputError if there are none."""
     data, tree = open_table(data, source)
-    if tree is None:
-        guess = guess_layout(data)
-        cells = text_cells(data, source, guess, ragged=True).items()
-        whole = {name: column for name, column in cells if all(_is_number(cell, guess.decimal) for cell in column)}
-        found = {name: _numbers(column, name, source, guess.decimal) for name, column in whole.items()}
-    else:
-        found = flatten(tree, source)
+    found = read_text(data, source, guess_layout(data), strict=False) if tree is None else flatten(tree, source)
     if not found:
         raise InputError(f"{source}: no column of numbers")
     return found
@@ -84,21 +58,12 @@ def open_table(data: bytes, source: str) -> tuple[bytes, Any]:
     name = Path(source).name.lower()
     if name.endswith(".gz"):
         data, name = unpack(data, source), name.removesuffix(".gz")
-    readers = {
-        (".mat",): mat.read_variables, (".npy", ".npz"): npz.read_arrays,
-        (".parquet",): partial(read_named, parquet.parse, what="Parquet"),
-        (".mcap",): partial(read_named, mcap.parse, what="MCAP"), JSON: partial(read_apart, parse_records, what="JSON"),
-        HDF5: partial(read_apart, mat.parse_hdf5, what="HDF5"),
-    }  # fmt: skip
-    reader = next((reader for endings, reader in readers.items() if name.endswith(endings)), lambda *_: None)
-    return data, reader(data, source)
-
-
-def read_named(parser: Callable[..., Any], data: bytes, source: str, what: str) -> dict[str, Any]:
-    """Columns of numbers by name, (n,) or (n, m), that a parser finds in a file. InputError for a doubled one."""
-    columns = read_apart(parser, data, source, what)
-    refuse_doubled((name for name, _ in columns), source)
-    return {name: values for name, values in columns if not isinstance(values, str)}
+    if name.endswith((".npy", ".npz")):
+        return data, npz.read_arrays(data, source)
+    parsers = {".mat": mat.parse, ".parquet": parquet.parse, ".mcap": mcap.parse}
+    parsers |= dict.fromkeys(JSON, parse_records) | dict.fromkeys(HDF5, mat.parse_hdf5)
+    parser = parsers.get(Path(name).suffix)
+    return data, None if parser is None else read_apart(parser, data, source)
 
 
 def resolve(name: str, columns: Mapping[str, Any]) -> str:
@@ -180,100 +145,6 @@ def _array(value: Any) -> np.ndarray | None:
     return array if array.ndim <= 2 else None
 
 
-def text_cells(
-    data: bytes, source: str, layout: TextLayout, wanted: Collection[str] = (), ragged: bool = False
-) -> dict[str, list[str]]:
-    """Cells of a text table by column, of the wanted columns or all; of lists as `name[0]`, `name[1]` ..."""
-    check_size(sum(data.count(end) for end in {b"\n", b"\r", layout.separator.encode()}), source)
-    rows = _rows(data, source, layout)
-    first = next(rows, [])
-    if not first:
-        raise InputError(f"{source}: empty file")
-    if len(first) > MAX_COLUMNS:
-        raise InputError(f"{source}: {len(first)} columns, more than {MAX_COLUMNS}")
-    names = [cell.strip() for cell in first] if layout.heading else [str(number) for number in range(len(first))]
-    refuse_doubled(names, source)
-    lists = {name.rpartition("[")[0] for name in wanted if name.endswith("]") and name not in names}
-    kept = {name: k for k, name in enumerate(names) if not wanted or name in wanted or name in lists}
-    cells: dict[str, list[str]] = {name: [] for name in kept}
-    for number, row in enumerate(rows if layout.heading else chain([first], rows), 1):
-        if len(row) == len(names):
-            for name, k in kept.items():
-                cells[name].append(row[k].strip())
-        elif not ragged:
-            raise InputError(f"{source}: row {number} has {len(row)} cells, wanted {len(names)}{_hint(data, layout)}")
-    for name, column in list(cells.items()):
-        if name in lists or (not wanted and column and column[0].startswith(("[", "("))):
-            items = [[item.strip() for item in cell.strip("[]() ").replace(";", ",").split(",")] for cell in column]
-            count = max(map(len, items), default=0)
-            check_size(count * len(items), source)
-            for k in range(count if count <= MAX_COLUMNS else 0):
-                cells[f"{name}[{k}]"] = [one[k] if k < len(one) else cell for one, cell in zip(items, column)]
-    for absent in sorted(set(wanted) - set(cells)):
-        raise InputError(f"{source}: no column {absent!r} (it has {', '.join(names)[:400]}){_hint(data, layout)}")
-    return {name: cells[name] for name in wanted or cells}
-
-
-def _rows(data: bytes, source: str, layout: TextLayout) -> Iterator[list[str]]:
-    """Rows of cells that are not all empty, after the lines to skip."""
-    try:
-        lines = islice(io.TextIOWrapper(io.BytesIO(data), "utf-8-sig"), layout.skip, None)
-        space = layout.separator.isspace() and layout.separator != "\t"
-        split = (line.split() for line in lines) if space else csv.reader(lines, delimiter=layout.separator)
-        yield from (row for row in split if any(map(str.strip, row)))
-    except UnicodeDecodeError:
-        raise InputError(f"{source}: not a text file") from None
-    except csv.Error as error:
-        raise InputError(f"{source}: not a table of text ({error})") from None
-
-
-def _numbers(cells: Sequence[str], name: str, source: str, decimal: str) -> np.ndarray:
-    """A column of text (n,) as numbers."""
-    for row, cell in enumerate(cells, 1):
-        if not _is_number(cell, decimal):
-            mark = f" with the decimal mark {decimal!r} (`decimal` of a mapping)" if set(cell) & set(".,'") else ""
-            raise InputError(f"{source}: column {name!r}, row {row}: {cell[:40]!r} is not a number{mark}")
-    return np.array([np.nan if cell.lower() in MISSING else float(cell.replace(decimal, ".")) for cell in cells])
-
-
-def _is_number(cell: str, decimal: str) -> bool:
-    """Whether a cell holds a number, or says that one is missing; no mark parts thousands, as Python's `1_000` does."""
-    mark = re.escape(decimal)
-    number = rf"[-+]?(?:(?:[0-9]+(?:{mark}[0-9]*)?|{mark}[0-9]+)(?:e[-+]?[0-9]+)?|inf|infinity|nan)"
-    return cell.lower() in MISSING or bool(re.fullmatch(number, cell, re.IGNORECASE))  # `re` keeps compiled patterns
-
-
-def _hint(data: bytes, layout: TextLayout) -> str:
-    """What a mapping lacks whose separator leaves all cells of the first lines in one."""
-    guess = guess_layout(data)
-    other = [key for key in ("separator", "decimal") if getattr(guess, key) != getattr(layout, key)]
-    lacks = " and ".join(f"{key}: {json.dumps(getattr(guess, key))}" for key in other)
-    parts = [mark.separator.encode() in data[:LOOK].partition(b"\n")[0] for mark in (guess, layout)]
-    return f"; the mapping file lacks {lacks}" if parts == [True, False] else ""
-
-
-def guess_layout(data: bytes) -> TextLayout:
-    """The layout of a text table: separator and decimal mark by which most cells of its first lines are numbers."""
-    text = data[:LOOK].decode("utf-8-sig", "replace")
-    lines = [line for line in text.splitlines() if line.strip()][:LINES]
-
-    def cells(line: str, separator: str) -> list[str]:
-        try:
-            found = line.split() if separator == " " else next(csv.reader([line], delimiter=separator), [])
-            return [cell.strip() for cell in found]
-        except csv.Error:
-            return [line.strip()]
-
-    def fit(marks: tuple[str, str]) -> int:
-        first, *rows = [cells(line, marks[0]) for line in lines] or [[]]
-        whole = [len(row) == len(first) and _is_number(cell, marks[1]) for row in rows or [first] for cell in row]
-        return 2 * sum(whole) - len(whole)
-
-    separator, decimal = max(((s, d) for d in ".," for s in SEPARATORS if s != d), key=fit)
-    heading = not all(_is_number(cell, decimal) for line in lines[:1] for cell in cells(line, separator))
-    return TextLayout(separator=separator, decimal=decimal, heading=heading)
-
-
 def is_dataset(path: str | Path) -> bool:
     """Whether a path is the folder of a LeRobot data set."""
     return is_file(Path(path) / INFO)
@@ -305,7 +176,8 @@ def episodes(path: Path) -> Iterator[tuple[str, dict[str, np.ndarray]]]:
         raise InputError(f"{path}: no Parquet file in its folder 'data'")
     samples, place_of = 0, dict[float, Path]()
     for file in files:
-        table = read_named(parquet.parse, read_bytes(file), str(file), "Parquet")
+        columns = read_apart(parquet.parse, read_bytes(file), str(file))
+        table = {name: values for name, values in columns.items() if not isinstance(values, str)}
         check_size(samples := samples + sum(values.size for values in table.values()), str(path))
         if EPISODE not in table or TIME not in table:
             raise InputError(f"{file}: no column {EPISODE!r} and {TIME!r}, as a LeRobot data set has")

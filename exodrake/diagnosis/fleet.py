@@ -23,10 +23,10 @@ import numpy as np
 from exodrake.core.errors import InputError, printable
 from exodrake.core.files import is_file, is_folder, read_bytes
 from exodrake.core.processes import in_child
-from exodrake.core.schema import read_json
+from exodrake.core.schema import having, read_json
 from exodrake.data.formats.parquet import import_pyarrow, parse_rows
 from exodrake.diagnosis.change_point import DRAWS, LEAST, ROUNDING, Change, ChangePoint
-from exodrake.diagnosis.many import ANSWER, FAILED, FAILURE, check_answer
+from exodrake.diagnosis.many import ANSWER, FAILED, FAILURE, check_answer, line
 from exodrake.diagnosis.result import CAUSE, NAMED, NO_GAP, RETUNE
 from exodrake.machines.library import machine_folders, machine_named
 
@@ -145,10 +145,8 @@ def read_answers(*sources: str | Path) -> list[Row]:
         answer, failed = (place / ANSWER, place / FAILED) if is_folder(place) else (place, None)
         try:
             if failed and not is_file(answer):
-                failure = read_json(failed)
-                known = isinstance(failure, Mapping)
-                reason = str(failure.get("reason", "")) if known else f"{failed}: its answer cannot be read"
-                rows.append(Row(name, name, reason=printable(reason)))
+                failure = having({"reason": line})(read_json(failed), str(failed))
+                rows.append(Row(name, name, reason=failure.get("reason", "")))
             else:
                 rows.append(read_row(read_json(answer), name))
         except InputError as error:

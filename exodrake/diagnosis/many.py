@@ -111,8 +111,6 @@ WHOLE = having(  # what an answer of `diagnose` holds; other methods may say les
 
 def check_answer(answer: Any, where: str) -> dict[str, Any]:
     """An answer as plain data, its `date` as a moment. InputError naming the key of what is missing or mistyped."""
-    if not isinstance(answer, dict):
-        raise InputError(f"{where}: no answer of a diagnosis, found {quote(answer)}")
     return WHOLE(SCHEMA(answer, where), where)
 
 

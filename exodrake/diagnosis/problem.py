@@ -149,12 +149,14 @@ class Problem:
         noise_inputs |= {name: values[:n] for name, values in trial.latent.items()}
         given = input_rows(machine, trial.reference, noise_inputs).values()
         records = np.full((len(rows), n, signal_count(machine)), np.inf)  # what a run leaves that ends early
-        follow, batch = NOTHING if trial.follow is None else trial.follow, compile_machine(machine).batch
-        rows, size = np.ascontiguousarray(rows), state_size(machine)
+        follow, module = NOTHING if trial.follow is None else trial.follow, compile_machine(machine)
+        rows = np.ascontiguousarray(rows)
 
         def run(k: int) -> None:
+            state, w = np.zeros(state_size(machine)), np.zeros(signal_count(machine))
             with suppress(ZeroDivisionError):
-                batch(rows[k : k + 1], size, *given, machine.slot, 1, records[k : k + 1], follow)
+                module.begin(rows[k], state)
+                module.run(rows[k], state, w, *given, machine.slot, 1, records[k], NOTHING, follow)
 
         side_by_side([partial(run, k) for k in range(len(rows))])
         return records

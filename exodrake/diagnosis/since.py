@@ -160,9 +160,8 @@ class Logs:
         These are the amplitudes of its effects, or the nominal parameters that moved. Logs by date are simulated again
         with what their session has found, and the step is repeated.
         """
-        n, residual = e.nominal, self.likelihood.residual(e.robot[None])[0]
-        columns = nominal_jacobian(self.likelihood, e.at_nominal, e.parameters[:n], e.x[:n], residual)
-        e = replace(e, residual=residual, jacobian=columns)
+        e = e.at(self.likelihood, e.x)
+        e = replace(e, jacobian=nominal_jacobian(self.likelihood, *e.nominal_part, e.residual))
         leads = {next(p.name for p in e.parameters if p.effect == effect) for effect in e.effects}
         own = [i for i, p in enumerate(e.parameters) if p.name in leads or (p.effect and p.amplitude)]
         if not e.effects:

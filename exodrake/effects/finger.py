@@ -5,7 +5,7 @@ At `finger.external` a law takes and returns the torques on all joints; bones: (
 
 from math import cos, inf, pi, sin
 
-from exodrake.effects.friction import bend_bristle
+from exodrake.effects.friction import bend_bristle, settle_bristle
 from exodrake.effects.signal import relax, shift
 from exodrake.model.effect import ANY_SHAPE, Effect, EffectParameter, per_joint, per_tendon
 from exodrake.model.part import JOINTS, TENDONS, State
@@ -72,11 +72,6 @@ def relax_tissue(dt, elastic, fraction, time_constant, relaxed_torque):
 def hysteretic(passive_torque, bend, torque, width, bristle, bend_before):
     """Passive torque [N m] with a bristle: tau_p = elastic + torque z + end stops; dz/dq = (1 - z sgn(q')) / width."""
     return passive_torque + torque * bend_bristle(bristle, bend - bend_before, width)
-
-
-def relax_bristle(dt, bend, torque, width, bristle, bend_before):
-    """Bristle [-1 .. 1] and the bend it has seen [rad]."""
-    return bend_bristle(bristle, bend - bend_before, width), bend
 
 
 def spastic(torque, rate, gain, threshold):
@@ -199,7 +194,8 @@ VISCOELASTICITY = Effect(
 HYSTERESIS = Effect(
     id="finger.hysteresis", summary="rate-independent loss in the joints", family="hysteresis",
     signature="loop of angle against tension and against stroke, rate-free, width independent of load",
-    source="physics.md 4.D and 5 [A]", at={"finger.passive": hysteretic, "finger.relax": relax_bristle},
+    source="physics.md 4.D and 5 [A]", at={"finger.passive": hysteretic, "finger.relax": settle_bristle},
+    names={"value": "bend"},
     parameters=(per_joint("torque", "N m", null=0.0, low=3e-4, high=1e-2, default=3e-3),
                 per_joint("width", "rad", null=0.05, low=0.01, high=0.3, default=0.05, transform="log")),
     states=(State("bristle", JOINTS), State("bend_before", JOINTS, unit="rad")), advances=("finger.relax",),

@@ -19,6 +19,11 @@ def bend_bristle(bristle, travel, width):
     return end + (bristle - end) * exp(-abs(travel) / width)
 
 
+def settle_bristle(dt, value, size, width, bristle, before):
+    """Bristle [-1 .. 1], and the value that it has seen [unit of width]."""
+    return bend_bristle(bristle, value - before, width), value
+
+
 def turn_bristle(bristle, travel, width):
     """The same with a straight rise: stiff up to the end, then sliding [-1 .. 1]."""
     return min(max(bristle + travel / width, -1.0), 1.0)
@@ -84,9 +89,9 @@ def coulomb(speed, mobility, force):
     return brake_dry(speed, force * mobility)
 
 
-def brake_by_drive(speed, mobility, load, coefficient):
-    """Speed [m/s] after a tick of friction by the drive's load: v <- v - sgn(v) min(|v|, coefficient |F| dt / M)."""
-    return brake_dry(speed, coefficient * load * mobility)
+def brake_by_load(speed, mobility, load, coefficient):
+    """Speed [m/s] after a tick of friction by a load: v <- v - sgn(v) min(|v|, coefficient |F| dt / M)."""
+    return brake_dry(speed, coefficient * abs(load) * mobility)
 
 
 def stribeck(speed, mobility, force, ratio, stribeck_speed):
@@ -151,7 +156,7 @@ LOAD_FRICTION = Effect(
     id="sliding.load_friction", summary="dry friction proportional to the drive's force", family="friction",
     signature="the drive needs more force in proportion to the force it gives, accelerating as braking",
     source="gear and screw efficiency 0.5-0.98; Duclusaud et al., ICRA 2025 (load-dependent friction of servos)",
-    at={"sliding.braked": brake_by_drive},
+    at={"sliding.braked": brake_by_load},
     parameters=(EffectParameter("coefficient", "-", null=0.0, low=0.02, high=0.6, default=0.15),),
 )  # fmt: skip
 STRIBECK_FRICTION = Effect(

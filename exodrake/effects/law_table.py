@@ -40,12 +40,12 @@ def stop_operator(s, change, reach):
     return min(max(s + change, -reach), reach)
 
 
-def faded(h, change, dt, time_constant):
+def maxwell_element(h, change, dt, time_constant):
     """Maxwell element after its input moved by `change` in dt [s]."""
     return (h + change) * exp(-dt / time_constant)
 
 
-def dragged(speed, loss):
+def lose_speed(speed, loss):
     """Speed after it lost `loss`, never turned round by a positive one; a negative one drives it on."""
     if loss < 0.0:
         return speed - loss if speed > 0.0 else speed + loss if speed < 0.0 else 0.0
@@ -56,3 +56,6 @@ def inside(u, low, high, bin_, bins):
     """1 if u lies in a bin of `bins` equal ones from low to high, else 0."""
     at = (u - low) / (high - low) * bins
     return 1.0 if bin_ <= at < bin_ + 1.0 else 0.0
+
+
+faded, dragged = maxwell_element, lose_speed  # as files of laws that earlier versions found import them

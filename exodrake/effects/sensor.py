@@ -2,7 +2,7 @@
 
 from math import exp, pi
 
-from exodrake.effects.friction import bend_bristle, find_stiffness, slip_spring
+from exodrake.effects.friction import find_stiffness, settle_bristle, slip_spring
 from exodrake.effects.signal import drift, mix, relax, scale, shift
 from exodrake.model.effect import ANY_SHAPE, Effect, per_tendon
 from exodrake.model.part import TENDONS, State
@@ -76,11 +76,6 @@ def hysteretic_reading(tension, error, width, bristle, load_before):
     return tension + error * bristle
 
 
-def settle_hysteresis(dt, load, error, width, bristle, load_before):
-    """Bristle [-1 .. 1] and the load it has seen [N]."""
-    return bend_bristle(bristle, load - load_before, width), load
-
-
 def bend_reading(tension, error):
     """Tension as read [N] with a parabolic error: F = T + error T (T_s - T) / (T_s / 2)^2; T_s = 20 N full scale."""
     half = 0.5 * FULL_SCALE
@@ -130,7 +125,7 @@ HYSTERESIS = Effect(
     id="sensor.hysteresis", summary="the cell remembers the way its load has come", family="hysteresis",
     signature="reading differs between rising and falling tension by an amount independent of stroke and rate",
     source="physics.md 4.C; 0.05-0.2 % of full scale, more for a cheap cell",
-    at={"sensor.reading": hysteretic_reading, "sensor.settle": settle_hysteresis},
+    at={"sensor.reading": hysteretic_reading, "sensor.settle": settle_bristle}, names={"value": "load"},
     parameters=(per_tendon("error", "N", null=0.0, low=-0.5, high=0.5, default=0.1),
                 per_tendon("width", "N", null=1.0, low=0.2, high=5.0, default=1.0, transform="log")),
     states=(State("bristle", TENDONS), State("load_before", TENDONS, unit="N")), advances=("sensor.settle",),

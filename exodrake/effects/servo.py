@@ -2,7 +2,7 @@
 
 from math import cos, exp, inf
 
-from exodrake.effects.friction import bend_bristle, turn_bristle
+from exodrake.effects.friction import bend_bristle, brake_by_load, turn_bristle
 from exodrake.effects.signal import clip, mix, scale, shift, take_up_play
 from exodrake.model.effect import Effect, per_joint
 from exodrake.model.part import JOINTS, State
@@ -19,22 +19,6 @@ def lose_in_bends(aim, setting, loss):
     return aim * exp(-loss * setting)
 
 
-def mix_next(aim, ahead, share):
-    """Angle aimed at [rad], as the cables of the next joint along the chain run past this one's axis.
-
-    aim_j = command_j + share command_k          k: the next joint along the chain
-    """
-    return mix(aim, ahead, share)
-
-
-def mix_previous(aim, behind, share):
-    """Angle aimed at [rad], as the cables of the previous joint run past this one's axis.
-
-    aim_j = command_j + share command_k          k: the previous joint
-    """
-    return mix(aim, behind, share)
-
-
 def add_deflection(angle, share, reach, deflection):
     """Angle at the joint [rad], which the cables that pass it drag along until they slip.
 
@@ -43,14 +27,9 @@ def add_deflection(angle, share, reach, deflection):
     return angle + deflection
 
 
-def drag_by_next(dt, ahead, share, reach, deflection):
-    """Deflection [rad] after the aim of the next joint along the chain moved."""
-    return clip(deflection + share * ahead, reach)
-
-
-def drag_by_previous(dt, behind, share, reach, deflection):
-    """Deflection [rad] after the aim of the previous joint moved."""
-    return clip(deflection + share * behind, reach)
+def drag_along(dt, moved, share, reach, deflection):
+    """Deflection [rad] after the aim of a neighbour moved [rad]."""
+    return clip(deflection + share * moved, reach)
 
 
 def sag_level(aim, sag):
@@ -85,7 +64,7 @@ def stop_short(angle, error, width, bristle):
     return angle - error * bristle
 
 
-def settle_bristle(dt, moved, error, width, bristle):
+def settle_gear_bristle(dt, moved, error, width, bristle):
     """The bristle [-1 .. 1] after the aim moved [rad]: dz/daim = (1 - z sgn(aim')) / width."""
     return bend_bristle(bristle, moved, width)
 
@@ -143,14 +122,6 @@ def drop_voltage(voltage, duty, back_emf, resistance, source):
     return (voltage + source * duty * back_emf / resistance) / (1.0 + source * duty * duty / resistance)
 
 
-def brake_by_load(speed, mobility, opposed, coefficient):
-    """Speed [rad/s] after dry friction proportional to the load's torque acted for a tick.
-
-    q' after the tick = q' - sgn(q') min(|q'|, coefficient |tau_load| dt / J)
-    """
-    return brake_dry(speed, coefficient * abs(opposed) * mobility)
-
-
 def brake_by_shared_load(speed, mobility, load, opposed, coefficient):
     """Speed [rad/s] after dry friction acted for a tick, quadratic in what motor and load put on the gear together.
 
@@ -171,10 +142,12 @@ COUPLING_TO_NEXT, COUPLING_TO_PREVIOUS = (
         id=f"joint.coupling_to_{side}", summary="cables run past another joint's axis, whose motion moves this one",
         family="crosstalk",
         signature="a joint that is commanded to rest moves in proportion to its neighbour's command, without a loop",
-        source="Hwang et al., RA-L 2020: coupled wrist cables; range assumed", at={"joint.aimed": law},
+        source="Hwang et al., RA-L 2020: coupled wrist cables; range assumed",
+        at={"joint.aimed": mix}, names={"other": argument},
+        formula=f"aim_j = command_j + share command_k          k: the {side} joint along the chain",
         parameters=(per_joint("share", "-", null=0.0, low=-0.4, high=0.4, default=0.1),), same_meaning=True,
     )
-    for side, law in (("next", mix_next), ("previous", mix_previous))
+    for side, argument in (("next", "ahead"), ("previous", "behind"))
 )  # fmt: skip
 DRAG_BY_NEXT, DRAG_BY_PREVIOUS = (
     Effect(
@@ -182,12 +155,13 @@ DRAG_BY_NEXT, DRAG_BY_PREVIOUS = (
         family="friction",
         signature="a joint that is commanded to rest goes to and fro between two stops as its neighbour turns round",
         source="friction of cables that pass a joint (Hwang et al., RA-L 2020); range assumed",
-        at={"joint.shown": add_deflection, "joint.settle": law}, advances=("joint.settle",),
+        at={"joint.shown": add_deflection, "joint.settle": drag_along}, advances=("joint.settle",),
+        names={"moved": argument},
         parameters=(per_joint("share", "-", null=0.0, low=-1.0, high=1.0, default=0.4),
                     per_joint("reach", "rad", null=0.1, low=0.02, high=0.4, default=0.1, transform="log")),
         states=(State("deflection", JOINTS, unit="rad"),),
     )
-    for side, law in (("next", drag_by_next), ("previous", drag_by_previous))
+    for side, argument in (("next", "ahead"), ("previous", "behind"))
 )  # fmt: skip
 GAIN = Effect(
     id="joint.gain", summary="the joint goes further or less far than commanded", family="gain",
@@ -206,7 +180,7 @@ HYSTERESIS = Effect(
     family="hysteresis",
     signature="angle against command is a loop with rounded corners, rate-free, which a small motion does not fill",
     source="friction over stiffness of a proportional servo (Rhoban/bam), 0.2-5 deg; Dahl 1968; range assumed",
-    at={"joint.shown": stop_short, "joint.settle": settle_bristle}, advances=("joint.settle",),
+    at={"joint.shown": stop_short, "joint.settle": settle_gear_bristle}, advances=("joint.settle",),
     parameters=(per_joint("error", "rad", null=0.0, low=0.002, high=0.3, default=0.02),
                 per_joint("width", "rad", null=0.05, low=0.005, high=0.5, default=0.05, transform="log")),
     states=(State("bristle", JOINTS),),
@@ -323,7 +297,8 @@ BACKDRIVING_FRICTION = Effect(
     id="servo.backdriving_friction", summary="dry friction proportional to the torque of the load", family="friction",
     signature="a load holds itself: as dry friction, in proportion to the weight at this posture",
     source="Duclusaud et al., ICRA 2025 (Rhoban/bam M5: load_friction_external 0.0-0.5)",
-    at={"servo.braked": brake_by_load},
+    at={"servo.braked": brake_by_load}, names={"load": "opposed"},
+    formula="q' after the tick = q' - sgn(q') min(|q'|, coefficient |tau_load| dt / J)",
     parameters=(per_joint("coefficient", "-", null=0.0, low=0.02, high=0.8, default=0.25),),
 )  # fmt: skip
 QUADRATIC_FRICTION = Effect(

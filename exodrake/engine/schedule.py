@@ -1,4 +1,4 @@
-"""Generates the engine: one frame as its slots in order, the run over frames, the batch over rows of parameters.
+"""Generates the engine: one frame as its slots in order, and the run over frames.
 
 The one `run` serves simulation, prediction-error simulation and replay. Where something is imposed, signals carry
 measured values: those of fixed segments (`model.machine.Segment`), so that no error of a segment reaches the others,
@@ -50,8 +50,8 @@ def call_output(machine: Machine, part: Part, output: Output) -> list[str]:
         return [call(part, output.function, [f"w_{name}" for name in (*output.reads, *output.writes)])]
     lines = []
     for name, state in zip(output.writes, output.states):
-        lines += [f"for j in range({len(machine.channels(name))}):"]
-        lines += [f"    w_{name}[j] = {part.name}_x[{machine.state_index(part, state)} + j]"]
+        shown = f"w_{name}[j] = {part.name}_x[{machine.state_index(part, state)} + j]"
+        lines += nest(f"for j in range({len(machine.channels(name))}):", [shown])
     return lines
 
 
@@ -114,24 +114,20 @@ def generate_run(machine: Machine) -> str:
     """
     given = [f"{name}_rows" for name in machine.inputs]
     private = dict.fromkeys((i.part, i.signal) for _, i in impositions(machine) if i.part)
+    slot = nest("for _ in range(substeps):", tick(machine, private))
+    for k in range(machine.slots):
+        if lines := slot_tasks(machine, k):
+            slot += nest(f"if slot == {k}:", lines)
+    slot += impose_all(machine) + nest("if fine.shape[0] > 0:", [f"fine[{machine.slots} * frame + slot, :] = w"])
+    frame = [f"w_{name}[:] = {name}_rows[frame]" for name in machine.inputs]
+    frame += [*nest(f"for slot in range({machine.slots}):", slot), "record[frame, :] = w", *correct_state(machine)]
     body = [*views(machine), "imposing = readings.shape[0] > 0 or targets.shape[0] > 0 or fixed.any()"]
     body += [f"{part}_reads_{name} = np.zeros_like(w_{name}) if imposing else w_{name}" for part, name in private]
-    body += ["if not imposing:", *("    " + line for line in outputs(machine))]
-    body += [f"for frame in range({given[0]}.shape[0]):"]
-    inner = [f"w_{name}[:] = {name}_rows[frame]" for name in machine.inputs]
-    inner += [f"for slot in range({machine.slots}):"]
-    inner += ["    for _ in range(substeps):", *("        " + line for line in tick(machine, private))]
-    for slot in range(machine.slots):
-        if lines := slot_tasks(machine, slot):
-            inner += [f"    if slot == {slot}:", *("        " + line for line in lines)]
-    inner += ["    " + line for line in impose_all(machine)]
-    inner += ["    if fine.shape[0] > 0:", f"        fine[{machine.slots} * frame + slot, :] = w"]
-    inner += ["record[frame, :] = w", *correct_state(machine)]
-    head = "@njit(cache=True, nogil=True)\ndef "
+    body += nest("if not imposing:", outputs(machine)) + nest(f"for frame in range({given[0]}.shape[0]):", frame)
     own = f"(p, state, w, {', '.join(given)}, dt, substeps, record, fine, follow"
     run = ["none = np.zeros((0, 0))", f"frames{own}, none, none, np.zeros(0, dtype=np.bool_), none, none, none)"]
-    frames = f"{head}frames{own}, {IMPOSED}):\n" + indent(body + ["    " + line for line in inner])
-    return f"{frames}\n\n\n{head}run{own}):\n{indent(run)}"
+    head = "@njit(cache=True, nogil=True)\ndef "
+    return f"{head}frames{own}, {IMPOSED}):\n{indent(body)}\n\n\n{head}run{own}):\n{indent(run)}"
 
 
 def tick(machine: Machine, private: Container[tuple[str, str]]) -> list[str]:
@@ -140,11 +136,10 @@ def tick(machine: Machine, private: Container[tuple[str, str]]) -> list[str]:
     private: parts and signals that the part reads as the segments impose them on it alone.
     """
     plant = [(b, t) for b in machine.parts for t in b.tasks if not t.slots]
-    lines: list[str] = []
-    if alone := [(s, i) for s, i in impositions(machine) if i.part]:
-        copies = dict.fromkeys(f"    {i.part}_reads_{i.signal}[:] = w_{i.signal}" for _, i in alone)
-        lines += ["if imposing:", *copies]
-        lines += ["    " + line for s, i in alone for line in impose_segment(machine, s, i)]
+    alone = [(s, i) for s, i in impositions(machine) if i.part]
+    copies = dict.fromkeys(f"{i.part}_reads_{i.signal}[:] = w_{i.signal}" for _, i in alone)
+    measured = (line for s, i in alone for line in impose_segment(machine, s, i))
+    lines = nest("if imposing:", [*copies, *measured]) if alone else []
     for part, task in plant:
         reads = [f"{part.name}_reads_{n}" if (part.name, n) in private else f"w_{n}" for n in task.reads]
         lines.append(call(part, task.function, ["dt", *reads]))
@@ -154,7 +149,7 @@ def tick(machine: Machine, private: Container[tuple[str, str]]) -> list[str]:
             part = next(b for b in machine.parts if b.name == segment.hold[0])
             width = machine.column_width(segment.output)
             values = ", ".join(measured_output(machine, segment, str(j)) for j in range(width))
-            lines += [f"if imposing and fixed[{k}]:", "    " + call(part, segment.hold[1], [f"({values})"])]
+            lines += nest(f"if imposing and fixed[{k}]:", [call(part, segment.hold[1], [f"({values})"])])
     return lines + impose_all(machine) or ["pass"]
 
 
@@ -172,7 +167,7 @@ def slot_tasks(machine: Machine, slot: int) -> list[str]:
         signal = machine.column(observer.measured_input).signal
         if any(signal in output.writes for b, _ in here for output in b.outputs):
             width = machine.column_width(observer.measured_input)
-            lines += ["if follow.shape[0] > 0:", f"    w_{signal}[:] = follow[frame, :{width}]"]
+            lines += nest("if follow.shape[0] > 0:", [f"w_{signal}[:] = follow[frame, :{width}]"])
     return lines
 
 
@@ -202,8 +197,8 @@ def impose_segment(machine: Machine, segment: Segment, imposed: Imposed) -> list
     value = f"max({value}, {imposed.low!r})" if imposed.low is not None else value
     value = f"{imposed.gain!r} * ({value})" if imposed.gain != 1.0 else value
     target = f"{imposed.part}_reads_{imposed.signal}" if imposed.part else f"w_{imposed.signal}"
-    loop = f"    for j in range({machine.column_width(segment.output)}):"
-    return [f"if fixed[{machine.segments.index(segment)}]:", loop, f"        {target}[j] = {value}"]
+    loop = nest(f"for j in range({machine.column_width(segment.output)}):", [f"{target}[j] = {value}"])
+    return nest(f"if fixed[{machine.segments.index(segment)}]:", loop)
 
 
 def impose(machine: Machine, signals: Container[str]) -> list[str]:
@@ -214,8 +209,8 @@ def impose(machine: Machine, signals: Container[str]) -> list[str]:
         signal = machine.column(kind).signal
         if signal in signals:
             value = f"readings[frame, {at.start} + j]"
-            lines += ["if readings.shape[0] > 0:", f"    for j in range({at.stop - at.start}):"]
-            lines += [f"        if {value} == {value}:", f"            w_{signal}[j] = {value}"]
+            there = nest(f"if {value} == {value}:", [f"w_{signal}[j] = {value}"])
+            lines += nest("if readings.shape[0] > 0:", nest(f"for j in range({at.stop - at.start}):", there))
     return lines
 
 
@@ -225,7 +220,7 @@ def impose_all(machine: Machine) -> list[str]:
     for part, k in feedthrough_order(machine):
         if (output := part.outputs[k]).reads:
             lines += [*call_output(machine, part, output), *impose(machine, output.writes)]
-    return ["if imposing:", *("    " + line for line in lines)] if lines else []
+    return nest("if imposing:", lines) if lines else []
 
 
 def correct_state(machine: Machine) -> list[str]:
@@ -239,31 +234,15 @@ def correct_state(machine: Machine) -> list[str]:
     signal, first = machine.column(observer.output).signal, machine.column_width(observer.measured_input)
 
     state, lines = f"{part.name}_x[{machine.state_index(part, observer.state[1])} + j]", []
+    channels = f"for j in range({machine.column_width(observer.output)}):"
     for rows, target, gain in (
         ("follow", f"follow[frame, {first} + j]", repr(observer.gain)),
         ("targets", "targets[frame, j]", "gains[frame, j]"),
     ):
-        lines += [
-            f"if {rows}.shape[0] > 0:",
-            f"    for j in range({machine.column_width(observer.output)}):",
-            f"        off = {target} - w_{signal}[j]",
-            "        if off == off:",
-            f"            {state} += {gain} * off / {part.name}_p[{divisor} + j]",
-        ]
+        off = [f"off = {target} - w_{signal}[j]"]
+        off += nest("if off == off:", [f"{state} += {gain} * off / {part.name}_p[{divisor} + j]"])
+        lines += nest(f"if {rows}.shape[0] > 0:", nest(channels, off))
     return lines + ["    " + line for line in held_outputs(machine, part)]
-
-
-def generate_batch(machine: Machine) -> str:
-    """`batch(rows, size, given..., dt, substeps, records, follow)`: a run for each row of parameters."""
-    given = [f"{name}_rows" for name in machine.inputs]
-    lines = [
-        "for i in range(rows.shape[0]):",
-        "    state, w, fine = np.zeros(size), np.zeros(records.shape[2]), np.zeros((0, 0))",
-        "    begin(rows[i], state)",
-        f"    run(rows[i], state, w, {', '.join(given)}, dt, substeps, records[i], fine, follow)",
-    ]
-    header = f"def batch(rows, size, {', '.join(given)}, dt, substeps, records, follow):\n"
-    return "@njit(cache=True, nogil=True)\n" + header + indent(lines)
 
 
 def generate_moves(machine: Machine) -> str:
@@ -277,14 +256,11 @@ def generate_moves(machine: Machine) -> str:
     (task,) = (t for t in part.tasks if not t.slots)
     loads = [name for name in outer_reads(part, task.reads) if name != link.received]
     body = [f"{part.name}_p = p", *(f"w_{n} = np.zeros({len(machine.channels(n))})" for n in held_signals(part))]
-    body += ["for k in range(states.shape[0]):"]
+    ticks = [f"w_{link.received} = after[k] if tick >= switch else before[k]"]
+    ticks += [call(part, task.function, ["dt", *(f"w_{n}" for n in task.reads)]), *held_outputs(machine, part)]
     inner = [*part_views(machine, part, "states[k]"), *held_outputs(machine, part), f"moved[k] = -w_{link.moved}"]
-    inner += ["for tick in range(slots):", f"    w_{link.received} = after[k] if tick >= switch else before[k]"]
-    inner += [
-        "    " + line
-        for line in (call(part, task.function, ["dt", *(f"w_{n}" for n in task.reads)]), *held_outputs(machine, part))
-    ]
-    body += ["    " + line for line in (*inner, f"moved[k] += w_{link.moved}")]
+    inner += [*nest("for tick in range(slots):", ticks), f"moved[k] += w_{link.moved}"]
+    body += nest("for k in range(states.shape[0]):", inner)
     arguments = ", ".join(("states, p, dt, slots, switch, before, after", *(f"w_{n}" for n in loads), "moved"))
     return f"@njit(cache=True)\ndef moves({arguments}):\n{indent(body)}"
 
@@ -299,6 +275,11 @@ def generate_equations(machine: Machine, part: Part) -> list[str]:
         head = f"@njit(cache=True)\ndef {part.name}__equation__{name}({', '.join(['state', 'p', *given])}):\n"
         lines.append(head + indent([f"{part.name}_p = p", *part_views(machine, part, "state"), line]))
     return lines
+
+
+def nest(head: str, lines: list[str]) -> list[str]:
+    """Lines under a head such as `if ...:`."""
+    return [head, *("    " + line for line in lines)]
 
 
 def indent(lines: list[str]) -> str:

@@ -16,6 +16,7 @@ MIN_SWEEPS = 4  # fewer do not show the variation between sweeps
 MIN_RAMP = 0.3  # s, a shorter rise or fall of a reference is a step between sweeps
 MAX_STEP = 0.05  # of a reference's range in one frame: more is a jump, not a ramp
 MIN_STEP = 1e-4  # of a reference's range in one frame: less is a hold
+ARRAYS = ("inputs", "angle", "sweep", "time")  # of sweeps, a row a sample
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +51,7 @@ class Sweeps:
 
     def rows(self, which: np.ndarray) -> "Sweeps":
         """Select rows by a mask (n,) [-] or indices."""
-        return replace(self, **{name: getattr(self, name)[which] for name in ("inputs", "angle", "sweep", "time")})
+        return replace(self, **{name: getattr(self, name)[which] for name in ARRAYS})
 
     def select_equispaced(self, count: int) -> "Sweeps":
         """Select at most `count` rows, equally spaced."""
@@ -68,44 +69,39 @@ def sweeps_from_logs(logs: Sequence[Log], one_per_log: Sequence[str] = ()) -> Sw
     if not logs:
         raise InputError("no logs to train the estimator on")
     wires, joints = logs[0].names("tension"), logs[0].names("angle")
-    inputs, angles, labels, times, first = [], [], [], [], 0
+    sessions, first = [], 0
     for log in logs:
-        inputs.append(read_inputs(log, wires))
-        found = log.names("angle")
-        if not found:
-            raise InputError(f"{log.label}: no joint angles, which training needs (columns angle_...)")
-        if set(found) != set(joints):
-            have, wanted = ", ".join(found), ", ".join(joints) or "none"
-            raise InputError(f"{log.label}: angles of joints {have}, the estimator needs {wanted}")
-        check_columns(log, (), [f"angle_{joint}" for joint in joints])
-        angles.append(log.array("angle", joints))
+        session = replace(read_session(log, wires, joints), angle=read_columns(log, ("angle",), joints))
         label = np.zeros(len(log), int) if log.label in one_per_log else cut(log.array("tension_ref", wires), log.dt)
-        labels.append(first + label)
+        sessions.append(replace(session, sweep=first + label))
         first += int(label[-1]) + 1
-        times.append(log.time)
     if first < MIN_SWEEPS:
         raise InputError(
             f"{logs[0].label}: too few sweeps: {first} in {len(logs)} log(s), at least {MIN_SWEEPS} are needed"
         )
-    parts = (np.concatenate(part) for part in (inputs, angles, labels, times))
-    return Sweeps(*parts, wires=wires, joints=joints, logs=tuple(log.label for log in logs))
+    arrays = {name: np.concatenate([getattr(session, name) for session in sessions]) for name in ARRAYS}
+    return Sweeps(**arrays, wires=wires, joints=joints, logs=tuple(log.label for log in logs))
 
 
-def read_inputs(log: Log, wires: tuple[str, ...]) -> np.ndarray:
-    """Tensions [N] and strokes [m] (n, 2 x wires) of a log. InputError for other wires or missing samples."""
-    found = log.names("tension")
-    if not wires or set(found) != set(wires):
-        have = ", ".join(found) or "none"
-        raise InputError(f"{log.label}: tensions of wires {have}, the estimator needs {', '.join(wires) or 'none'}")
-    check_columns(log, (), [f"{kind}_{wire}" for kind in ("tension", "stroke") for wire in wires])
-    return np.hstack([log.array("tension", wires), log.array("stroke", wires)])
+def read_columns(log: Log, kinds: tuple[str, ...], channels: tuple[str, ...], complete: bool = True) -> np.ndarray:
+    """Columns (n, kinds x channels) [SI]. InputError for other channels, or none, or missing samples if `complete`."""
+    found = log.names(kinds[0])
+    if not channels or set(found) != set(channels):
+        have, wanted = ", ".join(found) or "none", ", ".join(channels) or "some"
+        raise InputError(f"{log.label}: columns {kinds[0]}_... of {have}, the estimator needs {wanted}")
+    if complete:
+        check_columns(log, (), [f"{kind}_{channel}" for kind in kinds for channel in channels])
+    return np.hstack([log.array(kind, channels) for kind in kinds])
 
 
 def read_session(log: Log, wires: tuple[str, ...], joints: tuple[str, ...]) -> Sweeps:
-    """Cut a log; its angles (rows, joints) are left NaN. InputError for other wires or missing samples."""
-    inputs, references = read_inputs(log, wires), set(log.names("tension_ref")) >= set(wires)
+    """Cut a log; angles that it lacks are NaN. InputError for other wires or joints, or missing tensions or strokes."""
+    inputs, references = read_columns(log, ("tension", "stroke"), wires), set(log.names("tension_ref")) >= set(wires)
     label = cut(log.array("tension_ref", wires), log.dt) if references else np.zeros(len(log), int)
-    return Sweeps(inputs, np.full((len(log), len(joints)), np.nan), label, log.time, wires, joints, (log.label,))
+    angle = np.full((len(log), len(joints)), np.nan)
+    if log.names("angle"):
+        angle = read_columns(log, ("angle",), joints, complete=False)
+    return Sweeps(inputs, angle, label, log.time, wires, joints, (log.label,))
 
 
 def cut(reference: np.ndarray, dt: float) -> np.ndarray:

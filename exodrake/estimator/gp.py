@@ -70,11 +70,6 @@ class OnColumns(Kernel):
         columns = list(self.columns)
         return self.kernel(X[:, columns], None if Y is None else Y[:, columns], eval_gradient)
 
-    def get_params(self, deep=True):
-        """Parameters, those of the inner kernel as `kernel__...`."""
-        inner = {f"kernel__{name}": value for name, value in self.kernel.get_params().items()} if deep else {}
-        return {"kernel": self.kernel, "columns": self.columns, **inner}
-
     def diag(self, X):
         """Prior variances (n,)."""
         return self.kernel.diag(X[:, list(self.columns)])
@@ -371,10 +366,8 @@ def load(path: str | Path, robot: str | None = None) -> Estimator:
         record = json.loads(str(arrays.pop("record")))
     except (ValueError, KeyError, RecursionError) as error:
         raise InputError(f"{path}: not an estimator file ({error})") from None
-    if not isinstance(record, dict) or record.get("format") != FORMAT:
-        raise InputError(f"{path}: not an estimator file of this version ({FORMAT!r})")
-    if record.get("units") != UNITS:
-        raise InputError(f"{path}: estimator in units {record.get('units')}, wanted {UNITS}")
+    if not isinstance(record, dict) or (record.get("format"), record.get("units")) != (FORMAT, UNITS):
+        raise InputError(f"{path}: not an estimator file of this version ({FORMAT!r}, units {UNITS})")
     if robot is not None and record.get("robot") != robot:
         known = str(record.get("robot"))[:12] or "unknown"
         raise InputError(

@@ -14,7 +14,6 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import PolynomialFeatures, StandardScaler
 
 from exodrake.core.confidence import NORMAL_95
-from exodrake.core.errors import InputError
 from exodrake.core.parallel import thread_limit
 from exodrake.data.log import Log
 from exodrake.estimator.dataset import Sweeps, read_session
@@ -123,17 +122,12 @@ class Estimate:
 
 def estimate(estimator: Estimator, log: Log, correct: bool = True) -> Estimate:
     """Joint angles of a log, a session of its own; `correct`: its strokes follow a change of their zeros."""
-    session, measured = read_session(log, estimator.wires, estimator.joints), log.names("angle")
-    if measured and set(measured) != set(estimator.joints):
-        raise InputError(
-            f"{log.label}: joints {', '.join(measured)}, the estimator's are {', '.join(estimator.joints)}"
-        )
+    session = read_session(log, estimator.wires, estimator.joints)
     zeros = estimator.zeros(session) if estimator.strokes else None
     if correct and zeros is not None and zeros.moved:
         estimator = estimator.correct_zeros(zeros, session)
     mean, std, flag = estimator.predict(session.tension, session.stroke)
     new = log.with_array("angle_est", estimator.joints, mean).with_array("angle_std", estimator.joints, std)
-    angle = log.array("angle", estimator.joints) if measured else session.angle
-    seen = np.isfinite(angle).all(axis=1)
-    judged = score("estimator", log.label, angle[seen], mean[seen], std[seen]) if seen.any() else None
+    seen = np.isfinite(session.angle).all(axis=1)
+    judged = score("estimator", log.label, session.angle[seen], mean[seen], std[seen]) if seen.any() else None
     return Estimate(new, float(np.mean(flag)), judged, zeros)

@@ -65,7 +65,7 @@ def read_rivals(
         raise InputError(f"--case {folder}: for an answer (a JSON file); {place} is a case itself")
     stored = place if is_answer else place / ANSWER
     try:
-        answer = SCHEMA(read_json(stored), str(stored)) if is_answer or stored.is_file() else None
+        answer = SCHEMA(read_json(stored), str(stored))
     except InputError:
         if is_answer:
             raise

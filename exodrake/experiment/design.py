@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
+from itertools import pairwise
 from operator import add
 from typing import NamedTuple
 
@@ -15,12 +16,12 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from exodrake.core.errors import InputError
-from exodrake.data.plot import STYLE, new_figure, render_png
+from exodrake.data.log import Log
+from exodrake.data.plot import LONG, plot_log, render_png
 from exodrake.diagnosis.parameter import apply
 from exodrake.diagnosis.problem import Problem, Trial
 from exodrake.engine.inputs import Reference
 from exodrake.experiment.contest import Contest, Information, information, refit
-from exodrake.model.display import choose_colour, find_display
 from exodrake.model.machine import Machine
 from exodrake.model.robot import Robot
 from exodrake.simulation.protocols import smooth
@@ -45,9 +46,6 @@ WHOLE = 6  # random motions for two rivals that the sequences are held against: 
 FINAL = 2  # motions on which refits are carried to their end: assumed
 LIBRARY = 6  # one in so many of the motifs is kept, those on which the rivals as they are differ most
 SMALLER, SHRINKS = 0.8, 5  # factor by which an unsafe motion shrinks towards rest, and how often
-DRAWN = 3  # kinds of columns in the figure
-ROOM = 1.1, 2.1  # times what is largest, below and above, where the legend stands
-BAND = 1.96  # standard deviations that hold 95 % (normal law)
 
 
 class Motif(NamedTuple):
@@ -92,16 +90,15 @@ class Stage:
     def __init__(self, robot: Robot, trials: tuple[Trial, ...]) -> None:
         machine, (self.low, self.high) = robot.machine, robot.reference_limits()  # (channels,) [SI]
         first, *others = machine.references
-        width, begin, self.frame, starts = len(self.low), trials[0].reference[0], machine.frame, list[int]()
+        width, begin, self.frame = len(self.low), trials[0].reference[0], machine.frame
         self.fastest = np.full(width, np.inf)  # rate of the reference [SI / s]; infinite for what may step
         if machine.signal[first.signal].unit in POSITIONS:
             rows = [t.reference[:, :width] for t in trials if len(t.reference) > 1]
             self.fastest = np.max([np.abs(np.diff(r, axis=0)).max(axis=0) for r in rows], axis=0) / self.frame
-        for column in others:
-            follows = column.kind == first.kind.removesuffix("_ref") + "_start"
-            starts += [k if follows else -1 for k in range(len(machine.channels(column.signal)))]
-        # (others,) further inputs [SI], and the channel whose first reference one states instead; -1 for none
-        self.others, self.starts = begin[width:], np.array(starts, dtype=int)
+        # further inputs [SI], and whether they state the first reference instead
+        ends = width + np.cumsum([0, *(len(machine.channels(column.signal)) for column in others)])
+        starts = [column.kind == first.kind.removesuffix("_ref") + "_start" for column in others]
+        self.others = [(begin[a:b], start) for (a, b), start in zip(pairwise(ends), starts, strict=True)]
         # (channels,) where motions begin and end, in shares of the span
         self.rest = np.clip((begin[:width] - self.low) / np.maximum(self.high - self.low, 1e-12), 0.0, 1.0)
 
@@ -117,8 +114,8 @@ class Stage:
                 slow = slow[::-1].copy()
             slow = uniform_filter1d(slow, max(round(CORNER / self.frame), 3), axis=0, mode="nearest")
             rows = np.where(np.isfinite(most), slow, rows)
-        others = np.where(self.starts >= 0, rows[0][np.maximum(self.starts, 0)], self.others)
-        return Reference(np.hstack([rows, np.tile(others, (len(rows), 1))]), "experiment")
+        others = [np.tile(rows[0] if start else held, (len(rows), 1)) for held, start in self.others]
+        return Reference(np.hstack([rows, *others]), "experiment")
 
 
 def check_length(robot: Robot, duration: float | None) -> int:
@@ -327,47 +324,26 @@ def design(contest: Contest, duration: float | None = None, seed: int = 0) -> De
 
 
 def draw_experiment(contest: Contest, design: Design) -> bytes:
-    """References of an experiment, and the difference of the two closest explanations on it, as PNG.
+    """References of an experiment and the logs of the two closest explanations on it, with differences, as PNG.
 
-    The rival is refitted. The band is of noise and of the errors of the laws, as large as the logs show them.
+    The rival is refitted. Differences are stated in units of noise and of the errors of the laws.
     """
-    import matplotlib
-
     problem, machine, (true, rival) = contest.problem, contest.problem.robot.machine, design.information.closest
-    e, trial = contest.explanations[rival], contest.trial(true, design.reference.values)
+    reference, e = design.reference.values, contest.explanations[rival]
     refitted = apply(e.values, e.parameters, design.information.refit(true, rival))
-    logs = problem.predict(np.array([refitted, *contest.robots[[true, rival]], *contest.bare[[true, rival]]]), trial)
+    robots = np.array([refitted, *contest.robots[[true, rival]], *contest.bare[[true, rival]]])
+    logs = problem.predict(robots, contest.trial(true, reference))
     errors = contest.error[[true, rival], None, None] * (logs[3:] - logs[1:3])
-    difference, std = logs[1] - logs[0], np.sqrt(problem.noise_std**2 + np.sum(errors**2, axis=0))
-    size = np.sqrt(np.mean((difference / std) ** 2, axis=0))
-    best: dict[str, int] = {}
-    for k in np.argsort(-size):
-        best.setdefault(problem.kinds[k], int(k))
-    shown, time = list(best.values())[:DRAWN], machine.frame * np.arange(len(difference))
-    with matplotlib.rc_context(STYLE):
-        figure = new_figure(8.0, 2.4 + 1.6 * len(shown))
-        rows = figure.subplots(1 + len(shown), 1, sharex=True, squeeze=False, height_ratios=[1.35, *[1.0] * len(shown)])
-        references, column = rows[0, 0], machine.references[0]
-        channels, display = machine.channels(column.signal), find_display(column.kind, machine)
-        for k, channel in enumerate(channels):
-            course = display.factor * design.reference.values[:, k]
-            references.plot(time, course, color=choose_colour(channel, k, machine), label=channel)
-        references.set(ylabel=display.axis, xlim=time[[0, -1]])
-        references.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=min(len(channels), 8), borderaxespad=0.1)
-        for axes, k in zip(rows[1:, 0], shown, strict=True):
-            kind, channel = problem.columns[k].rsplit("_", 1)
-            display = find_display(kind, machine)
-            course, band = display.factor * difference[:, k], BAND * display.factor * std[:, k]
-            largest = max(float(band.max()), float(np.abs(course).max()))
-            axes.fill_between(time, -band, band, color="#c9d0d8", lw=0, label="95 % of noise and of the error of a law")
-            axes.plot(time, course, color="#d55e00", label=channel)
-            axes.set(ylabel=f"{channel}\n{display.axis}", ylim=(-ROOM[0] * largest, ROOM[1] * largest))
-            title = f"RMS {size[k]:.2g} standard deviations"
-            axes.legend(loc="upper right", ncols=2, fontsize=7.5, title=title, title_fontsize=7.5)
-        words = f"difference: {contest.explanations[true].name} against {e.name} refitted"
-        rows[1, 0].set_title(words, fontsize=9, loc="left")
-        rows[-1, 0].set_xlabel("Time [s]")
-        title = f"{problem.case.name}: references of the experiment"
-        figure.suptitle(title, fontsize=11, fontweight="bold", x=0.01, ha="left")
-        figure.align_ylabels(list(rows[:, 0]))
-        return render_png(figure)
+    std = np.sqrt(problem.noise_std**2 + np.sum(errors**2, axis=0))
+    size, kinds = np.sqrt(np.mean(((logs[1] - logs[0]) / std) ** 2, axis=0)), np.array(problem.kinds)
+    said = {k: f"RMS difference: {size[kinds == k].max():.2g} standard deviations" for k in problem.kinds}
+    columns = *problem.columns, *machine.log_names(machine.references)
+    units = {c: machine.signal[machine.column(c.rsplit("_", 1)[0]).signal].unit for c in columns}
+    few = slice(None, None, -(-len(reference) // LONG))  # rows, of which a figure shows each
+    time = machine.frame * np.arange(len(reference))[few]
+    second, first = (Log(time, dict(zip(columns, np.hstack([x, reference])[few].T)), units) for x in logs[:2])
+    title, words = (
+        f"{problem.case.name}: the experiment",
+        f"{contest.explanations[true].name}; dotted: {e.name} refitted",
+    )
+    return render_png(plot_log(first, title, second, ("", ""), machine, [words], said, difference=True))

@@ -1,8 +1,9 @@
 """Plans: mode and object size -> posture -> tensions, and the part of the posture that the tendons cannot hold.
 
-Given a posture the statics are linear in the tensions, P(q)^T T = tau_p(q): the paper's Eq. 22 corrected, with rest
-posture and end stops. T must also lie in F_min .. F_max, the equilibrium be stable, which tension softens as arms grow
-with the angle, and the ramp lead to it: the nominal robot, simulated without noise, must stand there at the hold.
+Postures that hold a round object of radius R are a closed form. Given a posture the statics are linear in the tensions,
+P(q)^T T = tau_p(q): the paper's Eq. 22 corrected, with rest posture and end stops. T must also lie in F_min .. F_max,
+the equilibrium be stable, which tension softens as arms grow with the angle, and the ramp lead to it: the nominal
+robot, simulated without noise, must stand there at the hold.
 """
 
 from __future__ import annotations
@@ -15,11 +16,10 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.spatial import KDTree
 
-from exodrake.core.errors import InputError, argument, short_repr
+from exodrake.core.errors import InputError, argument, nearest, short_repr
 from exodrake.data.log import Log
-from exodrake.data.plot import STYLE, draw_estimate, draw_panel, new_figure
+from exodrake.data.plot import STYLE, add_legends, draw_panel, new_figure
 from exodrake.engine.inputs import Reference
-from exodrake.grasping.hand import Hand, bounds, candidates, check_size, find_mode, joints
 from exodrake.machines.robot_file import robot_or_default
 from exodrake.model.display import choose_colour, find_display
 from exodrake.model.robot import Robot
@@ -53,6 +53,152 @@ CLOSE = 0.03  # rad between plan and simulation
 TOLERANCE = 0.02  # rad, a shortfall below this still counts as the posture: the estimator's error is larger
 GAP = 0.01  # m off the thumb that count in a cage like 1 rad
 KI = 0.5  # 1/s: a quarter of the tension loop's bandwidth, which settles in 1.8 s; assumed
+
+FREE = 9.0  # rad, no limit
+GRID = 81  # points along each free direction
+OFF = 0.9  # rad, how far a cage may stay off the thumb
+DEPTH = 0.02  # m of penetration or of an open cage that count like 1 rad beyond a limit
+REACH = 1.2  # rad beyond rest that the PIP bends at most in a pinch
+
+
+@dataclass(frozen=True)
+class Hand:
+    """The thumb in the finger's plane, and how soft skin is; all values are assumed.
+
+    The splint holds the thumb (paper, Section 2.1), but the paper does not say where. Here the nominal finger, which
+    the tendons bend by some 0.7 rad at the MCP, meets objects of 20 to 90 mm.
+    """
+
+    thumb: tuple[float, float] = (0.030, 0.090)  # centre of its round tip (x, y palmar) [m]
+    thumb_radius: float = 0.009  # of the tip [m]
+    pad: float = 0.75  # where the distal phalanx touches in a pinch, as a fraction of its length
+    soft: float = 0.0025  # how deep an object sinks into a pad [m]
+    tissue: float = 0.15  # how far joints go beyond the onset of their end stops [rad]
+
+
+@dataclass(frozen=True)
+class Mode:
+    """A way to grasp, with limits of the joint angles less the rest posture [rad].
+
+    `weight` is the cost of each joint's departure from rest; `wraps` whether all phalanges touch, or the distal alone.
+    """
+
+    name: str
+    low: tuple[float, float, float]
+    high: tuple[float, float, float]
+    weight: tuple[float, float, float]
+    wraps: bool = False
+
+
+# Paper, Section 2.2.2: "wide pinch, which only bends the PIP joint", narrow pinch by MCP flexion, caging by all joints.
+# The others stay within STILL of rest, in flexion and in extension.
+STILL = 0.1  # rad, assumed
+NARROW = Mode("narrow-pinch", (-FREE, -STILL, -STILL), (FREE, STILL, STILL), (0.0, 1.0, 1.0))
+WIDE = Mode("wide-pinch", (-STILL, 0.0, -STILL), (STILL, FREE, STILL), (1.0, 0.0, 1.0))
+CAGING = Mode("caging", (-FREE, -FREE, -FREE), (FREE, FREE, FREE), (0.0, 0.0, 0.0), wraps=True)
+MODES = {mode.name: mode for mode in (CAGING, NARROW, WIDE)}
+
+
+def find_mode(name: str) -> Mode:
+    """The mode of that name, spaces or underscores allowed; InputError with the nearest one otherwise."""
+    plain = "-".join(name.lower().replace("_", " ").replace("-", " ").split())
+    if plain not in MODES:
+        raise InputError(f"unknown grasp mode {name!r}{nearest(plain, list(MODES))}; there are {', '.join(MODES)}")
+    return MODES[plain]
+
+
+def check_size(size: float, hand: Hand, n: Parameters) -> float:
+    """The size of an object [m]. InputError if it is not a length, or wider than finger and thumb can span."""
+    span = abs(complex(*hand.thumb)) + sum(n.length) - hand.thumb_radius - n.radius[2]
+    number = isinstance(size, (int, float, np.number)) and not isinstance(size, bool)
+    if not (number and 0.0 < size <= span):
+        wanted = f"wanted more than 0 and at most {span:.3f} m: finger and thumb span that"
+        raise InputError(f"object size is {f'{size:g} m' if number else repr(size)}, {wanted}")
+    return float(size)
+
+
+def list_postures(
+    mode: Mode, size: float, hand: Hand, n: Parameters
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """All postures (k, 3) [rad] of a mode that touch an object of a size [m], admissible or not.
+
+    With each go the object's complex centre (k,) [m], its gap (k,) to the thumb [m], and by how much (k,) the posture
+    violates limits of joints or mode, penetrates a phalanx or lets the object out [rad, or m / DEPTH].
+
+    The contacts fix the object's centre C in a frame of the straight proximal phalanx. In a pinch the pad touches at s
+    along the distal phalanx; in a cage all phalanges do (`wrap_postures`). The MCP then turns C against the thumb's tip
+    T of radius r_T by the law of cosines, in front of it. What is left free is a grid.
+
+        C = L1 + L2 e^{i q2} + (s + i (R + r3)) e^{i (q2 + q3)}
+        q1 = arg T - acos((|C|^2 + |T|^2 - (R + r_T)^2) / (2 |C| |T|)) - arg C
+    """
+    radius, thumb = size / 2.0, complex(*hand.thumb)
+    low, high = bounds(mode, hand, n)
+    if mode.wraps:
+        bend, held, off = wrap_postures(radius, n)
+    else:  # the pad touches, whatever PIP and DIP
+        spans = [np.linspace(low[i], min(high[i], n.q0[i] + REACH), GRID) for i in (1, 2)]
+        pip, dip = (axis.ravel() for axis in np.meshgrid(*spans))
+        pad = hand.pad * n.length[2] + 1j * (radius + n.radius[2])
+        held = n.length[0] + n.length[1] * np.exp(1j * pip) + pad * np.exp(1j * (pip + dip))
+        bend, off = np.column_stack([pip, dip]), np.zeros(len(pip))
+    touch = radius + hand.thumb_radius
+    cosine = (np.abs(held) ** 2 + abs(thumb) ** 2 - touch**2) / (2.0 * np.abs(held) * abs(thumb))
+    beyond = np.maximum(np.abs(cosine) - 1.0, 0.0)
+    mcp = np.angle(thumb) - np.arccos(np.clip(cosine, -1.0, 1.0)) - np.angle(held) - off
+    angles = np.column_stack([mcp, bend])
+    centre = held * np.exp(1j * mcp)
+    gap = np.abs(centre - thumb) - touch
+    miss = np.maximum(np.maximum(low - angles, angles - high), 0.0).sum(axis=1)
+    ends, pierced = joints(angles, n), np.zeros(len(angles))  # m, by which the object enters a phalanx
+    for i in range(3):
+        bone = ends[:, i + 1] - ends[:, i]
+        along = (centre - ends[:, i]) * bone.conj() / np.abs(bone)
+        away = np.abs(along - np.clip(along.real, 0.0, np.abs(bone)))
+        pierced = np.maximum(pierced, radius + n.radius[i] - away)
+    miss += np.maximum(pierced - hand.soft, 0.0) / DEPTH
+    if mode.wraps:
+        opening = np.abs(ends[:, 3] - thumb) - n.radius[2] - hand.thumb_radius  # m, between fingertip and thumb
+        miss += np.where(cosine < 0.0, beyond, 0.0) + np.maximum(opening - size, 0.0) / DEPTH
+    else:
+        miss += beyond
+    return angles, centre, gap, miss
+
+
+def bounds(mode: Mode, hand: Hand, n: Parameters) -> tuple[np.ndarray, np.ndarray]:
+    """Lowest and highest joint angles (3,) [rad] of a mode."""
+    rest = np.array(n.q0)
+    low, high = np.array(n.q_e) - hand.tissue, np.array(n.q_f) + hand.tissue
+    return np.maximum(low, rest + mode.low), np.minimum(high, rest + mode.high)
+
+
+def wrap_postures(radius: float, n: Parameters) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """PIP and DIP (k, 2) [rad], centre (k,) [m] and how far off the thumb (k,) [rad], all phalanges tangent.
+
+    With contact at s along the middle phalanx and rho_i = R + r_i: h^2 = s^2 + rho_2^2, h'^2 = (L2 - s)^2 + rho_2^2,
+
+        q2 = pi - atan2(rho_2, s) - asin(rho_1 / h)        q3 = pi - atan2(rho_2, L2 - s) - asin(rho_3 / h')
+    """
+    first, second, third = radius + np.array(n.radius)
+    shortest = np.sqrt(max(first**2 - second**2, 0.0))
+    along = np.linspace(min(shortest, n.length[1]), n.length[1], 2 * GRID)
+    far = np.maximum(np.hypot(along, second), first)
+    rest = n.length[1] - along
+    beyond = np.maximum(np.hypot(rest, second), third)
+    pip = np.pi - np.arctan2(second, along) - np.arcsin(first / far)
+    dip = np.pi - np.arctan2(second, rest) - np.arcsin(third / beyond)
+    near, end = np.sqrt(far**2 - first**2), np.sqrt(beyond**2 - third**2)
+    on = (near <= n.length[0]) & (end <= n.length[2])
+    on = on if on.any() else np.ones_like(on)
+    held, bend = n.length[0] - near[on] + 1j * first, np.column_stack([pip, dip])[on]
+    off = np.linspace(0.0, OFF, GRID // 2)
+    return np.repeat(bend, len(off), axis=0), np.repeat(held, len(off)), np.tile(off, len(bend))
+
+
+def joints(angles: np.ndarray, n: Parameters) -> np.ndarray:
+    """MCP, PIP, DIP and fingertip (..., 4) complex [m]; angles (..., 3) [rad]."""
+    bones = np.array(n.length) * np.exp(1j * np.cumsum(angles, axis=-1))
+    return np.concatenate([np.zeros_like(bones[..., :1]), np.cumsum(bones, axis=-1)], axis=-1)
 
 
 def passive(angles: np.ndarray, n: Parameters) -> np.ndarray:
@@ -187,21 +333,21 @@ def plan_grasp(mode: str, size: float, robot: Robot | None = None, hand: Hand | 
     robot, hand = robot_or_default(robot), hand or Hand()
     way, n, (low, high) = find_mode(mode), read_parameters(robot), robot.reference_limits()
     size = check_size(size, hand, n)
-    found = candidates(way, size, hand, n)
-    allowed = np.flatnonzero(found.miss <= 0.0)
+    angles, centres, gap, miss = list_postures(way, size, hand, n)
+    allowed = np.flatnonzero(miss <= 0.0)
     # weighted departure from rest, and distance of a caged object from the thumb
-    cost = (found.angles - np.array(n.q0)) ** 2 @ np.array(way.weight) + (np.maximum(found.gap, 0.0) / GAP) ** 2
+    cost = (angles - np.array(n.q0)) ** 2 @ np.array(way.weight) + (np.maximum(gap, 0.0) / GAP) ** 2
     nominal, axes = robot.without_effects(), robot.machine.axes
 
-    def confirm(tension: np.ndarray, angles: np.ndarray) -> bool:
+    def confirm(tension: np.ndarray, planned: np.ndarray) -> bool:
         reference = grasp("trial", nominal, dict(zip(axes.tendons, tension)), rest=REST, approach=APPROACH, hold=HOLD)
         log = write_log(run(nominal, reference, seed=None))
-        return bool(np.abs(at_hold(log, "angle", axes.joints) - angles).max() <= CLOSE)
+        return bool(np.abs(at_hold(log, "angle", axes.joints) - planned).max() <= CLOSE)
 
-    best = holdable(found.angles[allowed], cost[allowed], low, high, n, confirm) if len(allowed) else None
+    best = holdable(angles[allowed], cost[allowed], low, high, n, confirm) if len(allowed) else None
     if best is not None:
         place, tension = int(allowed[best[0]]), np.clip(best[1], low, high)
-        wanted, planned = found.angles[place], ramp_posture(tension, low, n)
+        wanted, planned = angles[place], ramp_posture(tension, low, n)
     else:
         levels = [np.linspace(a, b, STEPS) for a, b in zip(low, high)]
         tension = np.stack(np.meshgrid(*levels, indexing="ij"), axis=-1).reshape(-1, 3)
@@ -210,10 +356,10 @@ def plan_grasp(mode: str, size: float, robot: Robot | None = None, hand: Hand | 
         kept[kept] = steady(held[kept], tension[kept], n)
         tension, held = tension[kept], held[kept]
         # the admissible posture nearest those that the tendons hold; else the least miss
-        place = int(found.miss.argmin())
+        place = int(miss.argmin())
         if len(allowed):
-            place = int(allowed[KDTree(held).query(found.angles[allowed])[0].argmin()])
-        wanted = np.clip(found.angles[place], *bounds(way, hand, n))
+            place = int(allowed[KDTree(held).query(angles[allowed])[0].argmin()])
+        wanted = np.clip(angles[place], *bounds(way, hand, n))
         tension, planned = project(wanted, tension, held, (low, high), n, confirm)
     shortfall = wanted - planned
     feasible = bool(len(allowed) and np.abs(shortfall).max() <= TOLERANCE)
@@ -230,7 +376,7 @@ def plan_grasp(mode: str, size: float, robot: Robot | None = None, hand: Hand | 
         reason = f"{what} is out of the tendons' reach: no tensions hold the posture, which falls short by {short}; "
         edge = f"the nearest they hold has {' and '.join(at)}"
         reason += edge if at else "nearer ones are not stable or not on the ramp"
-    target, centre = ((float(point.real), float(point.imag)) for point in (joints(wanted, n)[3], found.centre[place]))
+    target, centre = ((float(point.real), float(point.imag)) for point in (joints(wanted, n)[3], centres[place]))
     return Plan(
         way.name, size, target, centre, tuple(wanted.tolist()), tuple(tension.tolist()), tuple(planned.tolist()),
         tuple(shortfall.tolist()), feasible, reason, axes.tendons, axes.joints, hand,
@@ -292,29 +438,21 @@ THUMB_BONE = complex(-0.030, 0.012)  # from the thumb's tip backwards, for the d
 def grasp_figure(plan: Plan, log: Log, robot: Robot) -> Figure:
     """The figure of a plan and of its run (`run_plan`)."""
     import matplotlib
-    from matplotlib.lines import Line2D
 
     with matplotlib.rc_context(STYLE):
         figure = new_figure(10.4, 5.4)
         grid = figure.add_gridspec(2, 2, width_ratios=(1.0, 1.1), height_ratios=(1.5, 1.0))
         draw_posture(figure.add_subplot(grid[:, 0]), plan, log, robot)
-        angle = figure.add_subplot(grid[0, 1])
-        display = find_display("angle", robot.machine)
+        angle, factor = figure.add_subplot(grid[0, 1]), find_display("angle", robot.machine).factor
+        draw_panel(angle, log, "angle", robot.machine)
         for i, name in enumerate(plan.joints):
             colour = choose_colour(name, i, robot.machine)
-            angle.plot(log.time, display.factor * log[f"angle_{name}"], color=colour, label=name)
-            draw_estimate(angle, log, "angle", name, colour, display.factor)
-            angle.axhline(display.factor * plan.planned[i], color=colour, lw=0.9, ls=(0, (4, 2)))
-        handles = angle.get_legend_handles_labels()[0]
-        handles.append(Line2D([], [], color="black", lw=0.6, label="estimate"))
-        handles.append(Line2D([], [], color="#555", lw=0.9, ls=(0, (4, 2)), label="planned"))
-        angle.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.0, 1.04), handlelength=1.8)
-        angle.set_ylabel(display.axis)
+            angle.axhline(factor * plan.planned[i], color=colour, lw=0.9, ls=(0, (4, 2)))
+        angle.set_title("dashed: planned", loc="right", fontsize=7.5)
         tension = figure.add_subplot(grid[1, 1], sharex=angle)
         draw_panel(tension, log, "tension", robot.machine)
-        tension.legend(loc="upper left", bbox_to_anchor=(1.0, 1.04), handlelength=1.8)
-        tension.set_xlabel("Time [s]")
-        tension.set_xlim(log.time[0], log.time[-1])
+        add_legends({"angle": angle, "tension": tension}, log, {})
+        tension.set(xlabel="Time [s]", xlim=(log.time[0], log.time[-1]))
         angle.tick_params(labelbottom=False)
         figure.align_ylabels([angle, tension])
         state = "" if plan.feasible else ": not feasible, nearest shown"
@@ -345,11 +483,9 @@ def draw_posture(axes: Any, plan: Plan, log: Log, robot: Robot) -> None:
         x, y = mm(joints(angle, n))
         axes.plot(x, y, color=colour, ls=dash, lw=width, label=name, marker="o", ms=size)
     axes.plot(*mm(complex(*plan.target)), "x", color="#cc79a7", ms=8, mew=1.8, label="target")
-    axes.set_aspect("equal")
+    axes.set(aspect="equal", xlabel="distal [mm]", ylabel="palmar [mm]")
     axes.invert_yaxis()
     axes.margins(0.06)
-    axes.set_xlabel("distal [mm]")
-    axes.set_ylabel("palmar [mm]")
     axes.legend(loc="lower left", ncols=3, handlelength=2.2, columnspacing=1.0, bbox_to_anchor=(0.0, 1.0))
 
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.optimize import least_squares
 from scipy.signal import lfilter, lfiltic
-from scipy.stats import chi2, norm, t as student
+from scipy.stats import chi2, norm, qmc, t as student
 
 from exodrake.core.errors import InputError, argument, markdown_table
 from exodrake.core.plain import to_dict
@@ -34,6 +34,10 @@ STEP = 1e-3  # of a parameter's scale, for central differences
 BLOCKS, FEWEST = 32, 8  # stretches of time of the jackknife, most and least: t of 31 is 3 % off the normal; assumed
 REPEATS = 4.0  # times over which a model's error repeats, in a stretch at least, so that these are independent; assumed
 RUNS = 60  # evaluations of the residual, at most
+# starts that are spread over the ranges, and the best of them from which a fit begins, too: a limit that is not reached
+# has no slope, and latency and lag have several minima; assumed
+SPREAD, FARTHER = 64, 3
+HIGHER = 0.01  # of the cost by which another minimum is noted
 CONFIDENCE = 0.9
 LAGS = 25  # of the tests of residuals, as many as MATLAB's `resid`
 ORDERS = range(1, 11)  # of the ARX models, of which the best in simulation counts; assumed
@@ -227,12 +231,19 @@ def fit(
         if np.linalg.cond(slopes / sizes) > ALIKE:
             raise InputError(f"{case.name}: {', '.join(names)} act alike on these logs; free fewer of them")
 
+    def minimise(start: np.ndarray) -> Any:
+        """The least-squares fit from coordinates (parameters,)."""
+        return least_squares(
+            lambda x: residual((base + x @ scales)[None])[0], start, jacobian, (low, high), x_scale="jac",  # pyright: ignore
+            max_nfev=RUNS,
+        )  # fmt: skip
+
     before = residual(base[None])[0]
     refuse_alike(jacobian(np.zeros(len(names))))
-    found = least_squares(
-        lambda x: residual((base + x @ scales)[None])[0], np.zeros(len(names)), jacobian, (low, high), x_scale="jac",  # pyright: ignore
-        max_nfev=RUNS,
-    )  # fmt: skip
+    spread = spread_starts(base, scales, low, high)
+    costs = [float(left @ left) for (left,) in (residual((base + x @ scales)[None]) for x in spread)]
+    minima = [minimise(x) for x in (np.zeros(len(names)), *spread[np.argsort(costs)[:FARTHER]])]
+    found = min(minima, key=lambda one: one.cost)
     x, left, slopes = found.x, found.fun, found.jac
     refuse_alike(slopes)
     fitted, stretches = base + x @ scales, []
@@ -266,6 +277,11 @@ def fit(
     notes = [*case.notes, *(f"{p.name} ended at a bound" for p in parameters if p.at_bound)]
     advice = f"not converged after {RUNS} evaluations: free fewer parameters, or narrow their bounds"
     notes += [] if found.success else [advice]
+    higher = [one.cost for one in minima if one.cost > (1.0 + HIGHER) * found.cost]
+    if higher:
+        least, most = (f"{2.0 * cost / len(left):.4g}" for cost in (min(higher), max(higher)))
+        words = f"{len(higher)} of {len(minima)} starts ended in another minimum, chi2 {least} to {most}"
+        notes.append(f"{words}: the values that count may not be those of the deepest one")
     return Fit(
         case.name, problem.stated.with_parameters(values, f"fitted to {case.name}"), parameters,
         covariance * np.outer(size, size), compare_signals(problem, np.array([base, fitted])), scales / size[:, None],
@@ -316,6 +332,22 @@ def free_parameters(
             ends = sorted(((least - value) / scales[k, i], (most - value) / scales[k, i]))
             low[k], high[k] = max(low[k], ends[0]), min(high[k], ends[1])
     return [" ".join(group) for group in groups], scales, low, high
+
+
+def spread_starts(base: np.ndarray, scales: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Coordinates (`SPREAD`, parameters) spread evenly between the ends of each one, by ratio where its sign is fixed.
+
+    Where there is no end, from half to twice the value. base: flat vector (n,); scales, low, high: `free_parameters`.
+    """
+    first = np.abs(scales).argmax(axis=1)
+    value, size = base[first], scales[np.arange(len(first)), first]
+    least = np.where(np.isfinite(low), value + low * size, value - 0.5 * np.abs(value))
+    most = np.where(np.isfinite(high), value + high * size, value + np.abs(value))
+    share = qmc.Sobol(len(first), seed=0).random(SPREAD)
+    by_ratio = least * most > 0.0
+    ratio = np.where(by_ratio, most / np.where(by_ratio, least, 1.0), 1.0)
+    points = np.where(by_ratio, least * ratio**share, least + (most - least) * share)
+    return np.clip((points - value) / size, low, high)
 
 
 def jackknife(left: np.ndarray, slopes: np.ndarray, block: np.ndarray) -> np.ndarray:

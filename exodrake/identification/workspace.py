@@ -110,14 +110,8 @@ def reach(lengths, ranges: Ranges, what: str = FINGERTIP, steps: int = 60):
 
 
 def monte_carlo(lengths, ranges: Ranges, what: str = FINGERTIP, samples: int = 40_000, seed: int = 0) -> Area:
-    """Estimate the area of `reach` by random points in the bounding box.
-
-    Raises:
-        InputError: For impossible lengths or ranges, or fewer than 100 samples.
-    """
+    """Estimate the area of `reach` by random points in the bounding box. InputError for what is impossible."""
     check(lengths, ranges)
-    if samples < 100:
-        raise InputError(f"workspace: {samples} samples are too few; at least 100")
     # bounding box of a grid of postures, with a margin for postures between
     q = np.meshgrid(*(np.linspace(*span, 61) for span in ranges), indexing="ij")
     grid = tip(lengths, *q).reshape(-1, 2)
@@ -159,15 +153,12 @@ class Assisted(NamedTuple):
 
 
 def solve_assisted(robot, steps: int = 25) -> Assisted:
-    """Solve the statics of a robot over `steps` tensions per wire, between its limits F_min and F_max.
+    """Solve the statics of a robot over `steps` tensions per wire, two or more, between its limits F_min and F_max.
 
-    Raises:
-        InputError: For fewer than 3 steps, or naming a tension without equilibrium.
+    InputError naming a tension without equilibrium.
     """
     from exodrake.physics.finger_statics import posture, read_parameters  # compiles
 
-    if steps < 3:
-        raise InputError(f"workspace: {steps} tensions per tendon are too few; at least 3")
     low, high = robot.limits["F_min"], robot.limits["F_max"]
     tensions = [np.linspace(low[wire], high[wire], steps) for wire in ("AF", "MF", "AE")]
     grid = np.stack(np.meshgrid(*tensions, indexing="ij"), axis=-1)
@@ -178,38 +169,31 @@ def solve_assisted(robot, steps: int = 25) -> Assisted:
     return Assisted(grid, angles)
 
 
-def areas(lengths, ranges: Ranges, wired: Assisted | None, samples: int, seed: int) -> list[tuple[str, ...]]:
-    """Rows under HEAD: areas of the full range of motion (K.M.) and, if given, of the assisted motion (A.M.)."""
+def areas(lengths, ranges: Ranges, assisted: Assisted, samples: int, seed: int) -> list[tuple[str, ...]]:
+    """Rows under HEAD: areas of the full range of motion (K.M.), then of the assisted motion (A.M.)."""
     rows = []
     for what in (FINGERTIP, DISTAL):
         exact, drawn = reach(lengths, ranges, what).area, monte_carlo(lengths, ranges, what, samples, seed)
         rows.append(("K.M.", what, f"{1e6 * exact:.1f}", *(f"{1e6 * x:.0f}" for x in drawn[:2]), str(samples)))
-    if wired is not None:
-        for what in (FINGERTIP, DISTAL):
-            rows.append(("A.M.", what, f"{1e6 * wired.region(lengths, what).area:.1f}", "", "", ""))
+    for what in (FINGERTIP, DISTAL):
+        rows.append(("A.M.", what, f"{1e6 * assisted.region(lengths, what).area:.1f}", "", "", ""))
     return rows
 
 
-def areas_csv(rows: list[tuple[str, ...]]) -> str:
-    """Format the areas as CSV."""
-    return "\n".join(",".join(row) for row in (HEAD, *rows)) + "\n"
-
-
 @matplotlib.rc_context(STYLE)
-def workspace_figure(lengths, ranges: Ranges, assisted=None) -> bytes:
-    """Draw fingertip and distal phalanx as PNG for phalanx lengths (3,) [m]; `assisted` may be None."""
+def workspace_figure(lengths, ranges: Ranges, assisted: Assisted) -> bytes:
+    """Draw fingertip and distal phalanx as PNG for phalanx lengths (3,) [m]."""
     figure = new_figure(10.5, 5.6)
     panels = figure.subplots(1, 2, sharex=True, sharey=True)
     q = [float(np.mean(span)) for span in ranges]
     joints = [np.zeros(2), tip((lengths[0], 0, 0), q[0], 0, 0), tip((*lengths[:2], 0.0), *q), tip(lengths, *q)]
     for panel, what in zip(panels, (FINGERTIP, DISTAL), strict=True):
-        shown = [(reach(lengths, ranges, what), "0.25", 0.25, "full range of motion")]
-        if assisted is not None:
-            shown.append((assisted.region(lengths, what), "#c8372d", 0.45, "assisted by the tendons"))
-        for region, colour, alpha, name in shown:
+        whole, part = reach(lengths, ranges, what), assisted.region(lengths, what)
+        drawn = (whole, "0.25", 0.25, "full range of motion"), (part, "#c8372d", 0.45, "assisted by the tendons")
+        for region, colour, alpha, name in drawn:
             label = f"{name}, {1e6 * region.area:.0f} mm²"
-            for part in getattr(region, "geoms", [region]):
-                x, y = 1e3 * np.array(part.exterior.coords).T
+            for piece in getattr(region, "geoms", [region]):
+                x, y = 1e3 * np.array(piece.exterior.coords).T
                 panel.fill(x, y, color=colour, alpha=alpha, lw=0, label=label)
                 panel.plot(x, y, color=colour, lw=1)
                 label = None

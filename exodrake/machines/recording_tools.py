@@ -1,4 +1,4 @@
-"""What the importers share: logs of joints from arrays, and logs cut into what is fitted and what is held out."""
+"""What the importers share: files of a set, logs of joints from arrays, and logs cut into fitted and held-out parts."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -6,10 +6,16 @@ from pathlib import Path
 import numpy as np
 
 from exodrake.core.errors import InputError
-from exodrake.core.files import read_bytes
 from exodrake.data.case import CaseLog
-from exodrake.data.formats.npz import read_arrays
 from exodrake.data.log import Log
+
+
+def find_files(path: Path, *patterns: str) -> list[Path]:
+    """The file itself, or those of a folder by their patterns, in order. InputError if there are none."""
+    found = [path] if path.is_file() else sorted(file for pattern in patterns for file in path.glob(pattern))
+    if not found:
+        raise InputError(f"{path}: no {patterns[0]}")
+    return found
 
 
 def joint_log(joints: Sequence[str], command: np.ndarray, angle: np.ndarray, frame: float, source: str) -> Log:
@@ -33,34 +39,3 @@ def restart_log(log: Log) -> Log:
     starts = [column for column in log.columns if column.startswith(("angle_start_", "position_start_"))]
     anew = {column: np.full(len(log), log[column.replace("_start", "", 1)][0]) for column in starts}
     return Log(log.time - log.time[0], log.signals | anew, log.units, log.source)
-
-
-def find_file(path: Path, name: str) -> Path:
-    """The file itself, or the one of that name in a folder. InputError if there is none."""
-    found = path / name if path.is_dir() else path
-    if not found.is_file():
-        raise InputError(f"{found}: no such file")
-    return found
-
-
-def read_text(path: Path) -> str:
-    """Content of a text file. InputError for one that is none."""
-    try:
-        return read_bytes(path).decode()
-    except UnicodeDecodeError:
-        raise InputError(f"{path}: not a text file") from None
-
-
-def read_table(path: Path) -> np.ndarray:
-    """A table of a NumPy file, or of text with commas. InputError for one that does not parse."""
-    data = read_bytes(path)
-    if path.suffix == ".npy":
-        found = next(iter(read_arrays(data, str(path)).values()), np.zeros(0))
-    else:
-        try:
-            found = np.array([line.split(",") for line in data.decode().splitlines() if line.strip()], float)
-        except ValueError as error:
-            raise InputError(f"{path}: not a table of numbers ({error})") from None
-    if found.ndim != 2 or found.dtype.kind not in "fiu":
-        raise InputError(f"{path}: {found.dtype} of shape {found.shape}, wanted a table of numbers")
-    return found

@@ -34,6 +34,7 @@ FAR = 1e6  # rad or m: no end stop
 POSTURES = 20  # at which efforts are evaluated
 TURNS = {"position": "rad", "velocity": "rad/s", "acceleration": "rad/s2", "effort": "N m", "inertia": "kg m2"}
 SLIDES = {"position": "m", "velocity": "m/s", "acceleration": "m/s2", "effort": "N", "inertia": "kg"}
+RATES = {"velocity": "position", "acceleration": "velocity"}  # kind -> the one whose rate of change it is
 FORMS = ("inverse", "closed-loop", "cable")
 SLOWEST, TICK = 10.0, 5e-4  # s: longest frame; the plant's tick at most, so that a wrist's resonance is resolved
 SECTION = mapping(
@@ -106,7 +107,7 @@ def inverse_machine(name: str, chain: Chain, frame: float) -> Machine:
     speed, force = unit["velocity"], unit["effort"]
     motion = signals(unit, "position", "velocity", "acceleration")
     shown = {**{s.name: s.name for s in motion}, "effort": "effort_read"}
-    found = columns(chain, shown, {"velocity": "position", "acceleration": "velocity"})
+    found = columns(chain, shown)
     torque = reading("torque", "effort", unit, 0, frame, float(efforts.max()), len(chain.names))
     return make_machine(
         name, chain, frame, (dynamics.inverse_part(scales(efforts, unit), unit), torque), {found[-1].kind: "torque"},
@@ -129,7 +130,7 @@ def closed_machine(name: str, chain: Chain, frame: float) -> Machine:
     inner = signals(unit, "position", "position_read", "effort_ref", "effort", "effort_true", "effort_read")
     shown = {s.name: s.name for s in given}
     shown |= {"effort_ref": "effort_ref", "position": "position_read", "effort": "effort_read"}
-    found = columns(chain, shown, {})
+    found = columns(chain, shown)
     position, effort = found[-2].kind, found[-1].kind
     return make_machine(
         name, chain, frame, parts, {position: "encoder", effort: "torque"}, CROSSTALK,
@@ -201,12 +202,12 @@ def noise(*names: str) -> tuple[Signal, ...]:
     return tuple(Signal(f"{kind}_{name}", "-", JOINTS, law) for kind, law in kinds for name in names)
 
 
-def columns(chain: Chain, shown: Mapping[str, str], rates: Mapping[str, str]) -> tuple[Column, ...]:
-    """Log columns: kind -> signal; rates: kind -> the one whose rate it is. Kinds of mixed joints say so."""
+def columns(chain: Chain, shown: Mapping[str, str]) -> tuple[Column, ...]:
+    """Log columns: kind -> signal. Kinds of mixed joints say so."""
     before, unit = "joint_" if len(set(chain.sliding)) > 1 else "", units(chain)
     found = []
     for kind, signal in shown.items():
-        rate, own = before + rates[kind] if kind in rates else "", unit["effort"] if "effort" in kind else ""
+        rate, own = before + RATES[kind] if kind in RATES else "", unit["effort"] if "effort" in kind else ""
         found.append(Column(before + kind, signal, required=kind != "effort_ref", unit=own, rate_of=rate))
     return tuple(found)
 

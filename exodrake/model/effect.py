@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from functools import partial
 from inspect import cleandoc
 
@@ -81,6 +81,8 @@ class Effect:
     order: int = LAST
     filters: tuple[str, ...] = ()  # points where it returns the value, then the new states: of a sampled signal
     formula: str = ""  # equation in this effect's own letters, where its law serves several
+    # argument of a law -> argument of the point that it takes, where that has another name
+    names: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def block(self) -> str:

@@ -10,9 +10,10 @@ import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from importlib.util import module_from_spec, spec_from_file_location
+from inspect import signature
 from pathlib import Path
 from types import ModuleType
-from typing import NamedTuple, get_args, get_type_hints
+from typing import Annotated, Any, NamedTuple, get_args, get_type_hints
 
 TENDONS, JOINTS, SCALAR = "tendons", "joints", ""
 NORMAL, UNIFORM = "standard normal", "uniform in 0 .. 1"
@@ -99,6 +100,16 @@ class Unit:
     name: str = ""
 
 
+def parameter_class(*groups: tuple[str, Mapping[str, str]]) -> Any:
+    """A class of a part's parameters, a named tuple: the axis of each group, and the SI unit of each of its names."""
+    fields: Any = [
+        (name, Annotated[tuple if axis else float, Unit(unit, axis)])
+        for axis, units in groups
+        for name, unit in units.items()
+    ]
+    return NamedTuple("Parameters", fields)
+
+
 @dataclass(frozen=True)
 class State:
     """A discrete state of a part: `width` values for each channel of its axis."""
@@ -142,18 +153,32 @@ class Output:
 
 @dataclass(frozen=True)
 class Point:
-    """A named point where effects act: the module's function of that name, whose value passes through each effect.
+    """A named point where effects act: a function that returns its value, which passes through each effect there.
 
-    Calls have the form `name(e, z, [channel,] value, *context)`; an effect's function gets
-    `(value, *context, *parameters, *states)`, where it names all of the context or only what it needs. `laws`: free
-    laws that may be missing there; None for a curve over each argument.
+    Calls have the form `point(e, z, [channel,] value, *context)`; an effect's function gets
+    `(value, *context, *parameters, *states)`, where it names all of the context or only what it needs. A module may
+    also define a point as a function of its name. `laws`: free laws that may be missing there; None for a curve over
+    each argument.
     """
 
-    name: str
+    name: str  # as effects and files name it
     axis: str = SCALAR
+    arguments: str = ""  # names of value and context; "" for a point that its module defines as a function
+    about: str = ""  # what the value is, from what, and what the context is, with units
+    laws: tuple[FreeLaw, ...] | None = None
     module: ModuleType | None = None  # the module that defines it, if not the part's own
     standard: str = ""  # the point of generic effects ("signal.shown", "sliding.braked") that this one is, if any
-    laws: tuple[FreeLaw, ...] | None = None
+
+    def __call__(self, e: Any, z: Any, *given: Any) -> Any:
+        """The value, as it is without effects."""
+        return given[self.axis != SCALAR]
+
+    @property
+    def source(self) -> str:
+        """The function that the point is."""
+        channel = "j, " if self.axis else ""
+        head = f"def {self.name}(e, z, {channel}{self.arguments}):"
+        return f'{head}\n    """Point: {self.about}."""\n    return {self.arguments.split(", ")[0]}\n'
 
 
 @dataclass(frozen=True)
@@ -201,6 +226,14 @@ def part_modules(part: Part) -> list[ModuleType]:
 def point_key(part: Part, point: Point) -> str:
     """`module.point`, by which an effect names a point."""
     return f"{module_name(point.module or part.module)}.{point.name}"
+
+
+def point_arguments(part: Part, point: Point) -> tuple[str, ...]:
+    """Names of a point's value and of its context."""
+    if point.arguments:
+        return tuple(point.arguments.split(", "))
+    names = signature(getattr(point.module or part.module, point.name)).parameters
+    return tuple(names)[3 if point.axis else 2 :]
 
 
 def map_points(parts: Iterable[Part]) -> dict[str, Part]:

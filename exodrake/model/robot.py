@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from importlib import import_module
 from typing import Any
@@ -219,10 +219,13 @@ class Robot:
                     values[i] = quantity(one, parameter.unit, self.machine.parameters[i].name)
         return replace(self, values=values)
 
-    def without_effects(self) -> Robot:
-        """The robot with every effect at its null value."""
-        values = [v if p.null is None else p.null for v, p in zip(self.values, self.machine.parameters, strict=True)]
-        return replace(self, values=np.array(values, dtype=float))
+    def without_effects(self, some: Collection[str] | None = None) -> Robot:
+        """The robot with effects at their null values: those with some ids, or every one."""
+        gone = [e for e in self.machine.effects if some is None or e.id in some]
+        values = self.values.copy()
+        for effect, parameter in ((e, p) for e in gone for p in e.parameters):
+            values[list(self.machine.effect_indices(effect.id, parameter.name).values())] = parameter.null
+        return replace(self, values=values)
 
     def effects(self) -> dict[str, dict[str, dict[str, float]]]:
         """Effects present: id -> parameter -> channel -> value [SI] ("" for a parameter without channels)."""

@@ -5,14 +5,14 @@ A new log begins where the file shrinks, is replaced by another of its name or r
 
 from __future__ import annotations
 
-import csv
 import io
 import os
 import time
+from codecs import BOM_UTF8
 from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from math import isinf, isnan, nan
+from math import nan
 from pathlib import Path
 
 import numpy as np
@@ -21,11 +21,10 @@ from exodrake.core.errors import InputError, MissingColumn
 from exodrake.core.files import refuse_special
 from exodrake.data.formats import ending, read_table
 from exodrake.data.import_log import Mapped, import_recording
-from exodrake.data.log import STRETCH, check_columns, columns_in_si, other_rate, refuse_doubled, refuse_separator
-from exodrake.data.tables import TextLayout
+from exodrake.data.log import STRETCH, check_columns, columns_in_si, find_first, other_rate
+from exodrake.data.text import TextLayout, read_text, split_rows
 from exodrake.model.machine import Machine
 from exodrake.model.robot import Robot
-from exodrake.model.units import to_si
 from exodrake.monitor.alarm import BEFORE, Alarm, Gap, Reading, date_rise, judge, measure_noise, read_limits
 from exodrake.simulation.segments import LOOP, OnlineReplay, list_channels, replayed_segments
 
@@ -48,7 +47,7 @@ class Rows:
 
     values: np.ndarray  # (n, columns) in the order of `log_columns` [SI], NaN where a sample or a frame is missing
     restart: bool  # whether a log begins, or the model must begin anew
-    numbers: Sequence[int] = ()  # of rows of a file, 1 below the heading, empty lines included
+    numbers: Sequence[int] = ()  # of rows of a file, 1 below the heading, empty lines left out
     note: str = ""  # reason of a restart within a file
 
 
@@ -67,8 +66,7 @@ class Tail:
                 f"{path}: a growing file is mapped by name, unit, scale, offset, sign, and what to `take: first`; else "
                 "`exodrake import`"
             )
-        derived, order = mapped.derived if mapped else (), list(self.wanted)
-        self.firsts = {order.index(c.name): (order.index(c.of), c) for c in derived if {c.name, c.of} <= {*order}}
+        self.firsts = {c.name: c for c in (mapped.derived if mapped else ()) if {c.name, c.of} <= {*self.wanted}}
         self.stream: io.BufferedReader | None = None
 
     def poll(self) -> Iterator[Rows]:
@@ -98,7 +96,7 @@ class Tail:
         refuse_special(self.path)
         if self.stream is not None:
             self.stream.close()
-        self.stream, self.heading, self.part, self.head, self.row, self.restart = None, [], b"", b"", 0, True
+        self.stream, self.heading, self.part, self.head, self.row = None, b"", b"", b"", 0
         try:
             self.stream = open(self.path, "rb")  # noqa: SIM115
         except FileNotFoundError:
@@ -110,78 +108,57 @@ class Tail:
         """Rows of the whole lines so far, cut where the heading comes again."""
         self.head += data[: HEAD - len(self.head)]
         whole, end, self.part = (self.part + data).rpartition(b"\n")
-        if not end:
-            return
-        found: dict[int, np.ndarray] = {}
-        try:
-            text = io.StringIO(whole.decode("utf-8-sig"), newline="")
-            for cells in csv.reader(text, delimiter=self.layout.separator, strict=True):
-                if not self.heading or cells == self.heading:
-                    yield from self.take(found)
-                    self.read_heading(cells)
-                    found, self.restart = {}, True
-                    continue
-                self.row += 1  # an empty line counts, so that a row is named by its place in the file
-                if cells:
-                    found[self.row] = self.read_row(cells)
-        except UnicodeDecodeError:
-            raise InputError(
-                f"{self.path}: not a text file near row {self.row + 1}; a growing log must be CSV"
-            ) from None
-        except csv.Error as error:
-            raise InputError(f"{self.path}: not a CSV file near row {self.row + 1} ({error})") from None
-        yield from self.take(found)
+        block: list[bytes] = []
+        for line in (whole + end).removeprefix(BOM_UTF8).splitlines(keepends=True):
+            if line.strip() and (not self.heading or line.strip() == self.heading.strip()):
+                yield from self.convert(block)
+                self.begin(line)
+                block = []
+            else:
+                block.append(line)
+        yield from self.convert(block)
 
-    def take(self, found: dict[int, np.ndarray]) -> Iterator[Rows]:
-        """Rows with the mark of a new log, which holds for the first of them only."""
-        if found:
-            restart, self.restart = self.restart, False
-            yield Rows(np.array([*found.values()]), restart, [*found])
-
-    def read_heading(self, cells: list[str]) -> None:
-        """Finds the columns of a heading; InputError naming a missing or doubled one or an unsuitable unit."""
-        source, line = str(self.path), np.arange(2.0)  # values of a cell by which its conversion to SI is known
+    def begin(self, heading: bytes) -> None:
+        """Finds the columns of a new log; InputError naming a missing one or an unsuitable unit."""
+        cells = [cell.strip() for cell in next(split_rows(heading, str(self.path), self.layout), [])]
         if self.mapped is None:
-            refuse_separator(cells, source)
-            ends, _ = columns_in_si([(text, line) for text in cells], source)
-            names = [*ends]
+            found, _ = columns_in_si([(cell, np.zeros(0)) for cell in cells], str(self.path))
+            there = dict(zip(found, cells, strict=True))
         else:
-            names = [cell.strip() for cell in cells]
-            refuse_doubled(names, source)
-            ends = {"time": to_si(line, self.mapped.time_unit, source)}
-            foreign = {self.mapped.time: "time"} | {column.of: column.name for column in self.mapped.columns}
-            names = [foreign.get(name, f"{name} (unmapped)") for name in names]
-            for c in self.mapped.columns:
-                ends[c.name] = to_si(c.sign * (c.scale * line + c.offset), c.unit, source)
-        there = [*names, *(c.name for _, c in self.firsts.values())]
+            foreign = {"time": self.mapped.time} | {column.name: column.of for column in self.mapped.columns}
+            there = {name: of for name, of in foreign.items() if of in cells}
         for name, required in self.wanted.items():
-            if required and name not in there:
-                raise MissingColumn(f"{self.path}: required column {name!r} is missing (found {', '.join(names)})")
-        self.heading, self.held = cells, dict.fromkeys(self.firsts, nan)
-        self.places = [names.index(name) if name in names else None for name in self.wanted]
-        self.shifts, second = np.transpose([ends.get(name, line) for name in self.wanted])
-        self.factors = second - self.shifts
+            if required and name not in there and name not in self.firsts:
+                raise MissingColumn(f"{self.path}: required column {name!r} is missing (found {', '.join(cells)})")
+        self.columns = {name: there[name] for name in self.wanted if name in there}
+        self.heading, self.held, self.restart = heading, dict[str, float](), True
 
-    def read_row(self, cells: list[str]) -> np.ndarray:
-        """Values (columns,) [SI], NaN where a cell is empty or missing. InputError naming file, column and row."""
-        if len(cells) != len(self.heading):
-            raise InputError(f"{self.path}: row {self.row} has {len(cells)} cells, the heading has {len(self.heading)}")
-        values = []
-        for name, place in zip(self.wanted, self.places):
-            cell, where = "" if place is None else cells[place], f"{self.path}: column {name!r}, row {self.row}"
-            try:
-                number = "text" if "_" in cell else cell.replace(self.layout.decimal, ".")  # no 1_000
-                values.append(float(number) if cell.strip() else nan)
-            except ValueError:
-                raise InputError(f"{where}: {cell[:40]!r} is not a number") from None
-            if isinf(values[-1]) or (name == "time" and values[-1] != values[-1]):
-                raise InputError(f"{where}: {'infinite' if isinf(values[-1]) else 'empty'}")
-        row = np.array(values) * self.factors + self.shifts
-        for place, (of, c) in self.firsts.items():
-            if isnan(self.held[place]):
-                self.held[place] = row[of] * c.scale + c.offset
-            row[place] = self.held[place]
-        return row
+    def convert(self, block: list[bytes]) -> Iterator[Rows]:
+        """Rows [SI] of lines below the heading. InputError naming file, column and row."""
+        source, table = str(self.path), dict[str, np.ndarray]()
+        if any(map(bytes.strip, block)):
+            data = b"".join([self.heading, *block])
+            table = read_text(data, source, self.layout, [*self.columns.values()], before=self.row)
+        if not (count := len(next(iter(table.values()), ()))):
+            return
+        pairs = table.items()
+        if self.mapped is not None:
+            pairs = [(f"time [{self.mapped.time_unit}]", table[self.columns["time"]])]
+            pairs += [(f"{c.name} [{c.unit}]", c.sign * (c.scale * table[c.of] + c.offset))
+                      for c in self.mapped.columns if c.name in self.columns]  # fmt: skip
+        found, _ = columns_in_si(pairs, source, before=self.row)
+        if (row := find_first(np.isnan(found["time"]))) is not None:
+            raise InputError(f"{source}: column 'time', row {self.row + row + 1}: empty")
+        nothing = np.full(count, nan)
+        for name, column in self.firsts.items():
+            values = found.get(column.of, nothing) * column.scale + column.offset
+            known = np.logical_or.accumulate(np.isfinite(values)) | (name in self.held)
+            if known.any():
+                self.held.setdefault(name, float(values[known.argmax()]))
+            found[name] = np.where(known, self.held.get(name, nan), nan)
+        values = np.column_stack([found.get(name, nothing) for name in self.wanted])
+        yield Rows(values, self.restart, range(self.row + 1, self.row + count + 1))
+        self.row, self.restart = self.row + count, False
 
 
 class Grid:

@@ -13,9 +13,9 @@ The friction family (`sliding.*`) acts on each joint. Link frames, axes and iner
 
 import sys
 from math import cos, sin
-from typing import Annotated, NamedTuple
+from typing import Any
 
-from exodrake.model.part import JOINTS, SCALAR, Output, Part, Point, State, Task, Unit
+from exodrake.model.part import JOINTS, SCALAR, Output, Part, Point, State, Task, parameter_class
 from exodrake.physics.arithmetic import add, brake_dry, cross, dot, multiply
 
 ROTATION, ORIGIN, SCREW, INERTIA, MOTION, CHANGE, WRENCH, WIDTH = 0, 9, 12, 18, 28, 34, 40, 46
@@ -202,54 +202,29 @@ def downwards(gravity, roll, pitch):
     return gravity * sin(pitch), -gravity * cos(pitch) * sin(roll), -gravity * cos(pitch) * cos(roll)
 
 
-def weighed(e, z, j, mass):
-    """Point: mass of link j [kg]."""
-    return mass
-
-
-def carried(e, z, mass):
-    """Point: mass at the tip [kg]."""
-    return mass
-
-
-def geared(e, z, j, inertia):
-    """Point: inertia of the rotor of joint j as the joint feels it [kg m2]."""
-    return inertia
-
-
-def seen(e, z, j, position):
-    """Point: position of joint j [rad], from the measured one, in inverse dynamics."""
-    return position
-
-
-def sprung(e, z, j, compliance):
-    """Point: compliance between drive and joint j [rad/(N m)], in forward dynamics."""
-    return compliance
-
-
-def pushed(e, z, j, effort, speed):
-    """Point: effort on joint j [N m], from that of the drive; speed [rad/s]."""
-    return effort
-
-
-def braked(e, z, j, speed, mobility, load):
-    """Point: speed of joint j [rad/s] after dry friction; mobility: speed per effort; load: |effort| [N m]."""
-    return speed
-
-
-def settle(e, z, j, dt, travel):
-    """Point: after a tick, states of the effects on joint j advance by dt [s]; travel [rad]."""
+link_mass = Point("weighed", JOINTS, "mass", "mass of link j [kg]")
+tip_mass = Point("carried", SCALAR, "mass", "mass at the tip [kg]")
+rotor_inertia = Point("geared", JOINTS, "inertia", "inertia of the rotor of joint j as the joint feels it [kg m2]")
+joint_position = Point("seen", JOINTS, "position", "position of joint j [rad], from the measured one: inverse dynamics")
+joint_compliance = Point("sprung", JOINTS, "compliance", "compliance of joint j [rad/(N m)]: forward dynamics")
+push_joint = Point("pushed", JOINTS, "effort, speed", "effort on joint j [N m], from that of the drive; speed [rad/s]",
+                   standard="sliding.pushed")  # fmt: skip
+brake_joint = Point("braked", JOINTS, "speed, mobility, load",
+                    "speed of joint j [rad/s] after dry friction; mobility: speed per effort; load: |effort| [N m]",
+                    standard="sliding.braked")  # fmt: skip
+settle = Point("settle", JOINTS, "dt, travel", "states of the effects on joint j after dt [s]; travel [rad]",
+               standard="sliding.settle")  # fmt: skip
 
 
 def link(x, z, n, e, j, count, q):
     """Place and inertia of link j at q; the last one holds the payload."""
-    body(x, n, j, count, q, weighed(e, z, j, n.mass[j]), carried(e, z, n.tip_mass))
+    body(x, n, j, count, q, link_mass(e, z, j, n.mass[j]), tip_mass(e, z, n.tip_mass))
 
 
 def body(x, n, j, count, q, mass, payload):
     """Place and inertia of link j with this mass, and payload at the tip [kg].
 
-    For any part whose parameters begin with those of `fields`, such as a controller with a model of the arm.
+    For any part whose parameters begin with those of `parameters_with`, such as a controller with a model of the arm.
     """
     origin, angles = (n.x[j], n.y[j], n.z[j]), (n.roll[j], n.pitch[j], n.yaw[j])
     place(x, j, origin, angles, (n.axis_x[j], n.axis_y[j], n.axis_z[j]), n.sliding[j], q)
@@ -270,14 +245,14 @@ def compute_efforts(x, z, n, e, dt, position, velocity, acceleration):
     count = position.shape[0]
     gravity = downwards(n.gravity, n.base_roll, n.base_pitch)
     for j in range(count):
-        link(x, z, n, e, j, count, seen(e, z, j, position[j]))
+        link(x, z, n, e, j, count, joint_position(e, z, j, position[j]))
         move(x, j, velocity[j], acceleration[j], gravity)
     gather(x, count, WRENCH, WIDTH - WRENCH)
     for j in range(count):
         speed = velocity[j]
-        torque = effort(x, j) + geared(e, z, j, n.rotor_inertia[j]) * acceleration[j] + n.damping[j] * speed
-        rest = braked(e, z, j, brake_dry(speed, n.dry_friction[j] * n.mobility), n.mobility, abs(torque))
-        drag = torque - pushed(e, z, j, torque, speed)
+        torque = effort(x, j) + rotor_inertia(e, z, j, n.rotor_inertia[j]) * acceleration[j] + n.damping[j] * speed
+        rest = brake_joint(e, z, j, brake_dry(speed, n.dry_friction[j] * n.mobility), n.mobility, abs(torque))
+        drag = torque - push_joint(e, z, j, torque, speed)
         x[WIDTH * count + j] = torque + drag + (speed - rest) / n.mobility
         settle(e, z, j, dt, dt * speed)
 
@@ -317,7 +292,7 @@ def update(x, z, n, e, dt, effort_true):
         for j in range(count):
             at, rotor, speed = find_place(count, ANGLE, j), find_place(count, ROTOR, j), x[find_place(count, SPEED, j)]
             x[at] += dt * speed
-            if sprung(e, z, j, n.compliance[j]) > 0.0:
+            if joint_compliance(e, z, j, n.compliance[j]) > 0.0:
                 speed = x[find_place(count, ROTOR_SPEED, j)]
                 x[rotor] += dt * speed
             else:
@@ -328,13 +303,13 @@ def update(x, z, n, e, dt, effort_true):
 def drive(x, z, n, e, j, count, dt, given):
     """Effort on link j without its bias; an elastic joint's rotor moves on, a rigid one's inertia joins the link's."""
     rotor, speed = find_place(count, ROTOR, j), x[find_place(count, ROTOR_SPEED, j)]
-    inertia, compliance = geared(e, z, j, n.rotor_inertia[j]), sprung(e, z, j, n.compliance[j])
-    push = pushed(e, z, j, given, speed) - n.damping[j] * speed
+    inertia, compliance = rotor_inertia(e, z, j, n.rotor_inertia[j]), joint_compliance(e, z, j, n.compliance[j])
+    push = push_joint(e, z, j, given, speed) - n.damping[j] * speed
     if compliance > 0.0:
         spring = (x[rotor] - x[find_place(count, ANGLE, j)]) / compliance
         free, mobility = speed + dt * (push - spring) / inertia, dt / inertia
         free = brake_dry(free, n.dry_friction[j] * mobility)
-        x[find_place(count, ROTOR_SPEED, j)] = braked(e, z, j, free, mobility, abs(given))
+        x[find_place(count, ROTOR_SPEED, j)] = brake_joint(e, z, j, free, mobility, abs(given))
         push = spring
     else:
         x[WIDTH * count + count * j + j] += inertia
@@ -357,12 +332,12 @@ def brake(x, z, n, e, count, dt, efforts):
     for _ in range(SWEEPS):
         change = 0.0
         for j in range(count):
-            if sprung(e, z, j, n.compliance[j]) > 0.0:
+            if joint_compliance(e, z, j, n.compliance[j]) > 0.0:
                 continue
             own, at = x[WIDTH * count + count * j + j], find_place(count, IMPULSE, j)
             free = x[find_place(count, SPEED, j)] - own * x[at]
             after = brake_dry(free, n.dry_friction[j] * dt * own)
-            after = braked(e, z, j, after, dt * own, abs(efforts[j]))
+            after = brake_joint(e, z, j, after, dt * own, abs(efforts[j]))
             more = (after - free) / own - x[at]
             x[at] += more
             change = max(change, abs(more))
@@ -394,22 +369,9 @@ BODY = {
 }  # fmt: skip
 
 
-def fields(joints: dict[str, str], scalars: dict[str, str]) -> list:
-    """Fields of a parameter class with units: those of an arm first, then further ones of each joint, and scalars."""
-    each = [(name, Annotated[tuple, Unit(unit, JOINTS)]) for name, unit in LINK.items()]
-    each += [(name, Annotated[float, Unit(unit)]) for name, unit in BODY.items()]
-    each += [(name, Annotated[tuple, Unit(unit, JOINTS)]) for name, unit in joints.items()]
-    return each + [(name, Annotated[float, Unit(unit)]) for name, unit in scalars.items()]
-
-
-def points(*names: str) -> tuple[Point, ...]:
-    """The points by name; those of the friction family are standard ones."""
-    friction = ("pushed", "braked", "settle")
-    return tuple(
-        Point(name, SCALAR if name == "carried" else JOINTS, sys.modules[__name__],
-              f"sliding.{name}" if name in friction else "")
-        for name in ("weighed", "carried", "geared", *names, *friction)
-    )  # fmt: skip
+def parameters_with(joints: dict[str, str], scalars: dict[str, str] | None = None) -> Any:
+    """A class of parameters with units: those of an arm first, then further ones of each joint, and scalars."""
+    return parameter_class((JOINTS, LINK), (SCALAR, BODY), (JOINTS, joints), (SCALAR, scalars or {}))
 
 
 def forward_part(count: int, slot: int, scales: dict[str, tuple[float, str]], unit: dict[str, str]) -> Part:
@@ -429,13 +391,14 @@ def forward_part(count: int, slot: int, scales: dict[str, tuple[float, str]], un
     angle, rate = unit["position"], unit["velocity"]
     own = ("angle", angle), ("speed", rate), ("rotor", angle), ("rotor_speed", rate), ("push", "-"), ("impulse", "-")
     return Part(
-        name="arm", module=sys.modules[__name__], parameters=NamedTuple("Parameters", fields(per_joint, {})),
+        name="arm", module=sys.modules[__name__], parameters=parameters_with(per_joint),
         states=(
             State("link", JOINTS, WIDTH), State("matrix", JOINTS, count),
             *(State(name, JOINTS, unit=u) for name, u in own), State("placed"),
         ),
         tasks=(Task("update", ("effort_true",)), Task("stand", ("position_start",), slots=(slot,))),
-        outputs=(Output.of_states(rotor="position", angle="link_position"),), points=points("sprung"), scales=scales,
+        outputs=(Output.of_states(rotor="position", angle="link_position"),), scales=scales,
+        points=(link_mass, tip_mass, rotor_inertia, joint_compliance, push_joint, brake_joint, settle),
     )  # fmt: skip
 
 
@@ -445,9 +408,9 @@ def inverse_part(scales: dict[str, tuple[float, str]], unit: dict[str, str]) -> 
         "rotor_inertia": unit["inertia"], "damping": unit["effort/speed"], "dry_friction": unit["effort"],
     }  # fmt: skip
     return Part(
-        name="arm", module=sys.modules[__name__],
-        parameters=NamedTuple("Parameters", fields(per_joint, {"mobility": "-"})),
+        name="arm", module=sys.modules[__name__], parameters=parameters_with(per_joint, {"mobility": "-"}),
         states=(State("link", JOINTS, WIDTH), State("effort", JOINTS, unit=unit["effort"])),
         tasks=(Task("compute_efforts", ("position", "velocity", "acceleration")),),
-        outputs=(Output.of_states(effort="effort"),), points=points("seen"), scales=scales,
+        outputs=(Output.of_states(effort="effort"),), scales=scales,
+        points=(link_mass, tip_mass, rotor_inertia, joint_position, push_joint, brake_joint, settle),
     )  # fmt: skip

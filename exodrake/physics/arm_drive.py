@@ -6,15 +6,13 @@ K and D are the gains of each joint, kp and kd factors on all of them; the deriv
 """
 
 import sys
-from typing import NamedTuple
 
 from exodrake.model.part import JOINTS, Output, Part, Point, State, Task
-from exodrake.physics.arm import WIDTH, WRENCH, body, downwards, effort, fields, gather, move
+from exodrake.physics.arm import WIDTH, WRENCH, body, downwards, effort, gather, move, parameters_with
 
-
-def compensated(e, z, j, share):
-    """Point: share of the believed gravity that the controller gives to joint j."""
-    return share
+gravity_share = Point(
+    "compensated", JOINTS, "share", "share of the believed gravity that the controller gives to joint j"
+)
 
 
 def control(x, z, n, e, position_ref, position_read):
@@ -30,7 +28,7 @@ def control(x, z, n, e, position_ref, position_read):
         error = position_ref[j] - position_read[j]
         rate = (error - x[before + j]) / n.period if x[started] > 0.0 else 0.0
         law = n.kp * n.stiffness[j] * error + n.kd * n.viscosity[j] * rate
-        x[held + j] = law + compensated(e, z, j, n.feedforward[j]) * effort(x, j)
+        x[held + j] = law + gravity_share(e, z, j, n.feedforward[j]) * effort(x, j)
         x[before + j] = error
     x[started] = 1.0
 
@@ -40,12 +38,12 @@ def part(slot: int, unit: dict[str, str]) -> Part:
     joints = {"stiffness": unit["effort/position"], "viscosity": unit["effort/speed"], "feedforward": "-"}
     return Part(
         name="drive", module=sys.modules[__name__],
-        parameters=NamedTuple("Parameters", fields(joints, {"kp": "-", "kd": "-", "period": "s"})),
+        parameters=parameters_with(joints, {"kp": "-", "kd": "-", "period": "s"}),
         states=(
             State("link", JOINTS, WIDTH), State("effort", JOINTS, unit=unit["effort"]),
             State("before", JOINTS, unit=unit["position"]), State("started"),
         ),
         tasks=(Task("control", ("position_ref", "position_read"), slots=(slot,)),),
         outputs=(Output.of_states(effort="effort_ref"),),
-        points=(Point("compensated", JOINTS),),
+        points=(gravity_share,),
     )  # fmt: skip

@@ -1,26 +1,15 @@
 """Motor bus: hands each speed command to its drive in its slot, held until the next one (`model.md`, Timing)."""
 
 import sys
-from typing import NamedTuple
 
-from exodrake.model.part import TENDONS, Output, Part, Point, State, Task
-
-
-class Parameters(NamedTuple):
-    """The bus has no parameters of its own."""
-
+from exodrake.model.part import TENDONS, Output, Part, Point, State, Task, parameter_class
 
 DEPTH = 12  # commands remembered per wire, the newest first
 
-
-def sent(e, z, j, command, history, first, held, arrival, frame_arrival):
-    """Point: speed [m/s] that reaches drive j.
-
-    command: the newest [m/s]; history: commands of all tendons [m/s], the newest of this one at `first`, older ones
-    after it; held: speed so far [m/s]; arrival: uniform draw in 0 .. 1 of this frame and drive; frame_arrival: of this
-    frame, the same for all drives.
-    """
-    return command
+send = Point("sent", TENDONS, "command, history, first, held, arrival, frame_arrival",
+             "speed [m/s] that reaches drive j, from the newest command; history: commands of all tendons [m/s], the "
+             "newest of this one at `first`, older ones after it; held: speed so far [m/s]; arrival, frame_arrival: "
+             "uniform draws in 0 .. 1 of this frame, for this drive and for all drives", laws=())  # fmt: skip
 
 
 def write(x, z, n, e, j, speed_cmd, packet_arrival):
@@ -29,12 +18,12 @@ def write(x, z, n, e, j, speed_cmd, packet_arrival):
         x[DEPTH * j + k] = x[DEPTH * j + k - 1]
     x[DEPTH * j] = speed_cmd[j]
     applied = 3 * DEPTH + j
-    x[applied] = sent(e, z, j, speed_cmd[j], x, DEPTH * j, x[applied], packet_arrival[j], packet_arrival[0])
+    x[applied] = send(e, z, j, speed_cmd[j], x, DEPTH * j, x[applied], packet_arrival[j], packet_arrival[0])
 
 
 PART = Part(
-    name="bus", module=sys.modules[__name__], parameters=Parameters,
+    name="bus", module=sys.modules[__name__], parameters=parameter_class(),
     states=(State("history", TENDONS, DEPTH, "m/s"), State("applied", TENDONS, unit="m/s")),
     tasks=(Task("write", ("speed_cmd", "packet_arrival"), slots=(5, 6, 7), per_channel=True),),
-    outputs=(Output.of_states(applied="speed_applied"),), points=(Point("sent", TENDONS, laws=()),), group="timing",
+    outputs=(Output.of_states(applied="speed_applied"),), points=(send,), group="timing",
 )  # fmt: skip

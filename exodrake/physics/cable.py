@@ -15,56 +15,27 @@ Euler's rule for the speeds, then for the positions with the new speeds; the arm
 """
 
 import sys
-from typing import Annotated, NamedTuple
 
-from exodrake.model.part import JOINTS, Output, Part, Point, State, Task, Unit
+from exodrake.model.part import JOINTS, Output, Part, Point, State, Task, parameter_class
 from exodrake.physics.arithmetic import brake_dry
 
 ANGLE, SPEED, STRETCH, STATES = 0, 1, 2, 3
 
-
-def ratio(e, z, j, share):
-    """Point: what joint j takes of its own motor's angle [-]."""
-    return share
-
-
-def by_previous(e, z, j, share, own):
-    """Point: what joint j takes of the angle of the motor before its own [-]; own: of that of its own."""
-    return share
-
-
-def by_next(e, z, j, share, own):
-    """Point: what joint j takes of the angle of the motor after its own [-]; own: of that of its own."""
-    return share
-
-
-def taken(e, z, j, stretch):
-    """Point: stretch of the cables of joint j [rad], from psi - q."""
-    return stretch
-
-
-def stiff(e, z, j, stiffness):
-    """Point: stiffness of the loop of joint j with both strands taut [N m/rad]."""
-    return stiffness
-
-
-def tensioned(e, z, j, pretension):
-    """Point: pretension of the loop of joint j, as the effort of one strand [N m]."""
-    return pretension
-
-
-def pushed(e, z, j, effort, speed):
-    """Point: effort on motor j [N m], from that of its current; speed [rad/s]."""
-    return effort
-
-
-def braked(e, z, j, speed, mobility, load):
-    """Point: speed of motor j [rad/s] after dry friction; mobility: speed per effort; load: |effort| [N m]."""
-    return speed
-
-
-def settle(e, z, j, dt, travel):
-    """Point: after a tick, states of the effects on motor j advance by dt [s]; travel [rad]."""
+ratio = Point("ratio", JOINTS, "share", "what joint j takes of its own motor's angle [-]")
+by_previous = Point("by_previous", JOINTS, "share, own",
+                    "what joint j takes of the angle of the motor before its own [-]; own: of its own's")  # fmt: skip
+by_next = Point("by_next", JOINTS, "share, own",
+                "what joint j takes of the angle of the motor after its own [-]; own: of its own's")  # fmt: skip
+cable_stretch = Point("taken", JOINTS, "stretch", "stretch of the cables of joint j [rad], from psi - q")
+loop_stiffness = Point("stiff", JOINTS, "stiffness", "stiffness of loop j with both strands taut [N m/rad]")
+loop_pretension = Point("tensioned", JOINTS, "pretension", "pretension of loop j, effort of one strand [N m]")
+push_motor = Point("pushed", JOINTS, "effort, speed", "effort on motor j [N m], from its current's; speed [rad/s]",
+                   standard="sliding.pushed")  # fmt: skip
+brake_motor = Point("braked", JOINTS, "speed, mobility, load",
+                    "speed of motor j [rad/s] after dry friction; mobility: speed per effort; load: |effort| [N m]",
+                    standard="sliding.braked")  # fmt: skip
+settle = Point("settle", JOINTS, "dt, travel", "states of the effects on motor j after dt [s]; travel [rad]",
+               standard="sliding.settle")  # fmt: skip
 
 
 def couple_motors(angle, z, n, e, first, j, count):
@@ -94,7 +65,7 @@ def pull_loop(stretch, stiffness, pretension):
 
 def stretch_loop(x, z, n, e, j, count, position):
     """Stretch d of the loop of joint j [rad], its play taken up."""
-    return taken(e, z, j, couple_motors(x, z, n, e, ANGLE * count, j, count) - position)
+    return cable_stretch(e, z, j, couple_motors(x, z, n, e, ANGLE * count, j, count) - position)
 
 
 def update(x, z, n, e, dt, motor_effort_true, effort_true, position):
@@ -106,10 +77,10 @@ def update(x, z, n, e, dt, motor_effort_true, effort_true, position):
         x[STATES * count + 1] = dt
         for j in range(count):
             speed, given = x[SPEED * count + j], motor_effort_true[j]
-            push = pushed(e, z, j, given, speed) - n.damping[j] * speed - load(effort_true, z, n, e, j, count)
+            push = push_motor(e, z, j, given, speed) - n.damping[j] * speed - load(effort_true, z, n, e, j, count)
             mobility = dt / n.inertia[j]
             free = brake_dry(speed + mobility * push, n.dry_friction[j] * mobility)
-            after = braked(e, z, j, free, mobility, abs(given))
+            after = brake_motor(e, z, j, free, mobility, abs(given))
             x[SPEED * count + j] = after
             x[ANGLE * count + j] += dt * after
             settle(e, z, j, dt, dt * after)
@@ -146,7 +117,8 @@ def output(x, z, n, e, position, motor_position, effort_true):
         if x[STATES * count] > 0.0:
             stretch, dt = stretch_loop(x, z, n, e, j, count, position[j]), x[STATES * count + 1]
             stretch += n.loss[j] * (stretch - x[STRETCH * count + j]) / dt if dt > 0.0 else 0.0
-            effort_true[j] = pull_loop(stretch, stiff(e, z, j, n.stiffness[j]), tensioned(e, z, j, n.pretension[j]))
+            stiffness, pretension = loop_stiffness(e, z, j, n.stiffness[j]), loop_pretension(e, z, j, n.pretension[j])
+            effort_true[j] = pull_loop(stretch, stiffness, pretension)
 
 
 def read_positions(x, z, n, e, motor_position_read, position_read):
@@ -184,10 +156,8 @@ def part(slot: int, friction: float, speed: float, unit: dict[str, str]) -> Part
         **dict.fromkeys(("ratio", "by_previous", "by_next"), "-"), "stiffness": unit["effort/position"],
         "pretension": unit["effort"], "loss": "s", "inertia": "kg m2", "damping": "N m s/rad", "dry_friction": "N m",
     }  # fmt: skip
-    fields = [(name, Annotated[tuple, Unit(u, JOINTS)]) for name, u in per_joint.items()]
-    points = ("ratio", "by_previous", "by_next", "taken", "stiff", "tensioned")
     return Part(
-        name="cable", module=sys.modules[__name__], parameters=NamedTuple("Parameters", fields),
+        name="cable", module=sys.modules[__name__], parameters=parameter_class((JOINTS, per_joint)),
         states=(
             State("angle", JOINTS, unit="rad"), State("speed", JOINTS, unit="rad/s"),
             State("stretch", JOINTS, unit=unit["position"]), State("placed", width=2),
@@ -203,8 +173,8 @@ def part(slot: int, friction: float, speed: float, unit: dict[str, str]) -> Part
             Output("share_efforts", ("motor_effort_ref",), reads=("effort_ref",)),
         ),
         points=(
-            *(Point(name, JOINTS) for name in points),
-            *(Point(name, JOINTS, standard=f"sliding.{name}") for name in ("pushed", "braked", "settle")),
+            ratio, by_previous, by_next, cable_stretch, loop_stiffness, loop_pretension,
+            push_motor, brake_motor, settle,
         ),
         scales={
             "force": (friction, "N m"), "speed": (speed, "rad/s"), "force/speed": (friction / speed, "N m s/rad"),

@@ -9,40 +9,27 @@ speed away after the push, at most all of it, so that a fixed step never turns a
 """
 
 import sys
-from typing import Annotated, NamedTuple
 
-from exodrake.model.part import SCALAR, Output, Part, Point, State, Task, Unit
+from exodrake.model.part import SCALAR, Output, Part, Point, State, Task, parameter_class
 
-
-class Parameters(NamedTuple):
-    """Moving mass, the motor's inertia included."""
-
-    M: Annotated[float, Unit("kg")]
-
-
+Parameters = parameter_class((SCALAR, {"M": "kg"}))  # moving mass, the motor's inertia included
 PLACE, SPEED, STARTED = 0, 1, 2
 
-
-def pushed(e, z, force, speed):
-    """Point: force on the mass [N], from that of the drive; speed [m/s]."""
-    return force
-
-
-def braked(e, z, speed, mobility, load):
-    """Point: speed [m/s] after dry friction; mobility: dt / M [s/kg]; load: size of the drive's force [N]."""
-    return speed
-
-
-def settle(e, z, dt, travel):
-    """Point: after a tick, states of the effects advance by dt [s]; travel [m]."""
+push_carriage = Point("pushed", SCALAR, "force, speed", "force on the mass [N], from that of the drive; speed [m/s]",
+                      standard="sliding.pushed")  # fmt: skip
+brake_carriage = Point("braked", SCALAR, "speed, mobility, load",
+                       "speed [m/s] after dry friction; mobility: dt / M [s/kg]; load: size of the drive's force [N]",
+                       standard="sliding.braked")  # fmt: skip
+settle = Point("settle", SCALAR, "dt, travel", "states of the effects after dt [s]; travel [m]",
+               standard="sliding.settle")  # fmt: skip
 
 
 def update(x, z, n, e, dt, force):
     """One tick; signal [N]."""
     if x[STARTED] > 0.0:
         before = x[SPEED]
-        free = before + dt * pushed(e, z, force[0], before) / n.M
-        x[SPEED] = braked(e, z, free, dt / n.M, abs(force[0]))
+        free = before + dt * push_carriage(e, z, force[0], before) / n.M
+        x[SPEED] = brake_carriage(e, z, free, dt / n.M, abs(force[0]))
         travel = 0.5 * dt * (before + x[SPEED])
         x[PLACE] += travel
         settle(e, z, dt, travel)
@@ -61,6 +48,6 @@ PART = Part(
     states=(State("place", SCALAR, unit="m"), State("speed", SCALAR, unit="m/s"), State("started", SCALAR)),
     tasks=(Task("update", ("force",)), Task("place", ("position_start", "speed_start"), slots=(0,))),
     outputs=(Output.of_states(place="position"),),
-    points=tuple(Point(name, SCALAR, standard=f"sliding.{name}") for name in ("pushed", "braked", "settle")),
+    points=(push_carriage, brake_carriage, settle),
     scales={"force": (15.0, "N"), "speed": (0.1, "m/s"), "force/speed": (150.0, "N s/m"), "length": (0.1, "m")},
 )  # fmt: skip

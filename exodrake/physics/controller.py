@@ -11,27 +11,15 @@ each tendon takes in for a newton more on tendon k. Lags are backward difference
 """
 
 import sys
-from typing import Annotated, NamedTuple
 
-from exodrake.model.part import SCALAR, TENDONS, Output, Part, State, Task, Unit
+from exodrake.model.part import SCALAR, TENDONS, Output, Part, State, Task, parameter_class
 
-
-class Parameters(NamedTuple):
-    """Gains, lags, compliance, speed limit and the frame that they were tuned for."""
-
-    kp: Annotated[float, Unit("m/(s N)")]
-    kd: Annotated[float, Unit("m/N")]
-    v_max: Annotated[float, Unit("m/s")]
-    period: Annotated[float, Unit("s")]
-    ki: Annotated[float, Unit("m/(s2 N)")]
-    tau_D: Annotated[float, Unit("s")]
-    tau_R: Annotated[float, Unit("s")]
-    feed: Annotated[float, Unit("-")]
-    compliance_1: Annotated[tuple, Unit("m/N", TENDONS)]
-    compliance_2: Annotated[tuple, Unit("m/N", TENDONS)]
-    compliance_3: Annotated[tuple, Unit("m/N", TENDONS)]
-
-
+# gains, speed limit and the frame that they were tuned for, lags, compliance
+Parameters = parameter_class(
+    (SCALAR, {"kp": "m/(s N)", "kd": "m/N", "v_max": "m/s", "period": "s", "ki": "m/(s2 N)"}),
+    (SCALAR, {"tau_D": "s", "tau_R": "s", "feed": "-"}),
+    (TENDONS, {"compliance_1": "m/N", "compliance_2": "m/N", "compliance_3": "m/N"}),
+)
 COMMAND, BEFORE, STARTED, INTEGRAL, RATE, MODEL = 0, 3, 6, 7, 10, 13
 
 

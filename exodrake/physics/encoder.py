@@ -1,27 +1,20 @@
 """Encoder on the gear's output, read over the bus: stroke = r theta, theta rounded to q_theta (`model.md`, Encoder)."""
 
 import sys
-from typing import Annotated, NamedTuple
 
-from exodrake.model.part import TENDONS, FreeLaw, Output, Part, Point, State, Task, Unit
+from exodrake.model.part import SCALAR, TENDONS, FreeLaw, Output, Part, Point, State, Task, parameter_class
 from exodrake.physics.arithmetic import round_to
 
+# resolution at the gear's output, and the spool radius that turns it into wire
+Parameters = parameter_class((SCALAR, {"q_theta": "rad", "radius": "m"}))
 
-class Parameters(NamedTuple):
-    """Resolution at the gear's output, and the spool radius that turns it into wire."""
-
-    q_theta: Annotated[float, Unit("rad")]
-    radius: Annotated[float, Unit("m")]
-
-
-def homed(e, z, j, stroke):
-    """Point: stroke [m] as counted from the encoder's zero, before rounding."""
-    return stroke
+home_stroke = Point("homed", TENDONS, "stroke", "stroke [m] as counted from the encoder's zero, before rounding",
+                    laws=(FreeLaw("error of the reading over stroke", "stroke", "m"),))  # fmt: skip
 
 
 def read(x, z, n, e, j, spool_angle):
     """The bus reads encoder j; signal [rad]."""
-    x[j] = round_to(homed(e, z, j, n.radius * spool_angle[j]), n.q_theta * n.radius)
+    x[j] = round_to(home_stroke(e, z, j, n.radius * spool_angle[j]), n.q_theta * n.radius)
 
 
 def start(x, z, n, e, start_stroke):
@@ -34,5 +27,5 @@ PART = Part(
     name="encoder", module=sys.modules[__name__], parameters=Parameters, states=(State("reading", TENDONS, unit="m"),),
     tasks=(Task("read", ("spool_angle",), slots=(1, 2, 3), per_channel=True),),
     outputs=(Output.of_states(reading="stroke_read"),),
-    points=(Point("homed", TENDONS, laws=(FreeLaw("error of the reading over stroke", "stroke", "m"),)),),
+    points=(home_stroke,),
 )  # fmt: skip

@@ -7,25 +7,34 @@ distal to it. Passive torque (`model.md`, Finger):
     tau_p = kappa (q - q0) + A (exp(beta (q - q_f)) - 1) [q > q_f] - A (exp(beta (q_e - q)) - 1) [q < q_e]
 """
 
+import sys
 from math import exp
 
+from exodrake.model.part import JOINTS, SCALAR, FreeLaw, Point, free_memory
 from exodrake.physics.arithmetic import quotient
 
 NUDGE = 1e-6  # of difference quotients [rad]
+HERE = sys.modules[__name__]
+AGAINST = "rate / (abs(rate) + 0.05)"  # direction of a joint, blurred over a slow turn [rad/s]: assumed
 
-
-def passive(e, z, i, torque, bend, rate, elastic, clock):
-    """Point: passive torque [N m] at joint i, against flexion; bend: q - q0 [rad]; elastic: kappa (q - q0) [N m]."""
-    return torque
-
-
-def external(e, z, torque, angle, rate, bones, clock):
-    """Point: torques from outside on the three joints [N m]; bones: (lengths [m], moments m c [kg m]); clock [s]."""
-    return torque
-
-
-def relax(e, z, i, dt, bend, rate, elastic):
-    """Point: after a tick, states of the effects at joint i advance by dt [s]."""
+passive = Point(
+    "passive", JOINTS, "torque, bend, rate, elastic, clock",
+    "passive torque [N m] at joint i, against flexion; bend: q - q0 [rad]; elastic: kappa (q - q0) [N m]", module=HERE,
+    laws=(
+        FreeLaw("torque over bend", "bend", "rad"),
+        FreeLaw("torque over rate", "rate", "rad/s", fine=True),
+        FreeLaw("friction over bend", "bend", "rad", AGAINST),
+        FreeLaw("torque over time", "clock", "s"),
+        FreeLaw("stiffness over time", "clock", "s", "elastic"),
+        *free_memory("of torque over bend", "bend", "rad", "relax"),
+    ),
+)  # fmt: skip
+external = Point(
+    "external", SCALAR, "torque, angle, rate, bones, clock",
+    "torques from outside on the three joints [N m]; bones: (lengths [m], moments m c [kg m]); clock [s]",
+    laws=(), module=HERE,
+)  # fmt: skip
+relax = Point("relax", JOINTS, "dt, bend, rate, elastic", "states of the effects at joint i after dt [s]", (), HERE)
 
 
 def inertia(length, mass, radius):

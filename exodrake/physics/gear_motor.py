@@ -7,23 +7,15 @@ The reported effort is the one that the current stands for with these constants;
 
 import sys
 from math import exp
-from typing import Annotated, NamedTuple
 
-from exodrake.model.part import JOINTS, Output, Part, Point, State, Task, Unit
+from exodrake.model.part import JOINTS, Output, Part, Point, State, Task, parameter_class
 
+# torque constant, gear ratio (of a sliding joint in 1/m), limit of the current, time constant of its loop or 0
+Parameters = parameter_class(
+    (JOINTS, {"torque_constant": "N m/A", "ratio": "-", "current_max": "A", "time_constant": "s"})
+)
 
-class Parameters(NamedTuple):
-    """Torque constant, gear ratio (of a sliding joint in 1/m), limit of the current, time constant of its loop or 0."""
-
-    torque_constant: Annotated[tuple, Unit("N m/A", JOINTS)]
-    ratio: Annotated[tuple, Unit("-", JOINTS)]
-    current_max: Annotated[tuple, Unit("A", JOINTS)]
-    time_constant: Annotated[tuple, Unit("s", JOINTS)]
-
-
-def driven(e, z, j, effort):
-    """Point: effort on joint j [N m], from the one that the current stands for."""
-    return effort
+joint_effort = Point("driven", JOINTS, "effort", "effort on joint j [N m], from the one that the current stands for")
 
 
 def update(x, z, n, e, dt, effort_ref):
@@ -34,7 +26,7 @@ def update(x, z, n, e, dt, effort_ref):
         aim = min(max(effort_ref[j] / scale, -n.current_max[j]), n.current_max[j])
         x[j] = aim + (x[j] - aim) * exp(-dt / n.time_constant[j]) if n.time_constant[j] > 0.0 else aim
         x[count + j] = scale * x[j]
-        x[2 * count + j] = driven(e, z, j, scale * x[j])
+        x[2 * count + j] = joint_effort(e, z, j, scale * x[j])
 
 
 PART = Part(
@@ -44,5 +36,5 @@ PART = Part(
         State("effort_true", JOINTS, unit="N m"),
     ),
     tasks=(Task("update", ("effort_ref",)),), outputs=(Output.of_states(effort="effort", effort_true="effort_true"),),
-    points=(Point("driven", JOINTS),),
+    points=(joint_effort,),
 )  # fmt: skip

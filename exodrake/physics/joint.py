@@ -6,41 +6,39 @@ What the model leaves out sits where a joint aims, how it follows, and what its 
 """
 
 import sys
-from typing import Annotated, NamedTuple
 
-from exodrake.model.part import JOINTS, SCALAR, FreeLaw, Output, Part, Point, State, Task, Unit, free_memory
+from exodrake.model.part import JOINTS, SCALAR, FreeLaw, Output, Part, Point, State, Task, free_memory, parameter_class
 
+Parameters = parameter_class((JOINTS, {"ratio": "-"}))  # how far a joint goes for its command, as its maker says
 
-class Parameters(NamedTuple):
-    """How far a joint goes for its command, as its maker says."""
-
-    ratio: Annotated[tuple, Unit("-", JOINTS)]
-
-
-def aimed(e, z, j, aim, ahead, behind, setting):
-    """Point: angle that the drive aims at [rad], from the command.
-
-    ahead, behind: commands of the next and the previous joint, 0 at the ends; setting: of this joint [rad].
-    """
-    return aim
-
-
-def followed(e, z, j, aim, before, dt, setting):
-    """Point: angle after the tick [rad], from the aim; before: angle so far [rad]."""
-    return aim
-
-
-def shown(e, z, j, angle):
-    """Point: angle at the joint [rad], from that of its drive."""
-    return angle
-
-
-def settle(e, z, j, dt, moved, ahead, behind, setting):
-    """Point: states of the effects on joint j advance.
-
-    moved: how far its aim moved in this tick [rad], first from where the joint stands; ahead, behind: those of the next
-    and the previous joint, 0 at the ends; setting: of this joint [rad].
-    """
+aim_joint = Point(
+    "aimed", JOINTS, "aim, ahead, behind, setting",
+    "angle that the drive aims at [rad], from the command; ahead, behind: commands of the next and the previous joint, "
+    "0 at the ends; setting: of this joint [rad]",
+    laws=(
+        FreeLaw("angle over command", "aim", "rad"),
+        FreeLaw("angle over command of the next joint", "ahead", "rad"),
+        FreeLaw("angle over command of the previous joint", "behind", "rad"),
+        FreeLaw("gain over setting", "setting", "rad", "aim"),
+    ),
+)  # fmt: skip
+follow_aim = Point(
+    "followed", JOINTS, "aim, before, dt, setting", "angle after the tick [rad], from the aim; before: so far [rad]",
+    laws=free_memory("of angle over command", "moved", "rad", "settle", moves=True),
+)  # fmt: skip
+joint_angle = Point(
+    "shown", JOINTS, "angle", "angle at the joint [rad], from that of its drive",
+    laws=(
+        *free_memory("of angle over command of the next joint", "ahead", "rad", "settle", moves=True),
+        *free_memory("of angle over command of the previous joint", "behind", "rad", "settle", moves=True),
+    ),
+)  # fmt: skip
+settle = Point(
+    "settle", JOINTS, "dt, moved, ahead, behind, setting",
+    "states of the effects on joint j; moved: how far its aim moved in this tick [rad], first from where the joint "
+    "stands; ahead, behind: those of the next and the previous joint, 0 at the ends; setting: of this joint [rad]",
+    laws=(),
+)  # fmt: skip
 
 
 def other(values, first, k, count):
@@ -55,7 +53,7 @@ def update(x, z, n, e, dt, command, origin, setting, ready):
         first = x[3 * count] == 0.0
         for j in range(count):
             after, before = other(command, 0, j + 1, count), other(command, 0, j - 1, count)
-            aim = aimed(e, z, j, n.ratio[j] * command[j], after, before, setting[j])
+            aim = aim_joint(e, z, j, n.ratio[j] * command[j], after, before, setting[j])
             x[2 * count + j] = 0.0 if first else aim - x[count + j]
             x[count + j] = aim
             if first:
@@ -64,30 +62,15 @@ def update(x, z, n, e, dt, command, origin, setting, ready):
             ahead, behind = other(x, 2 * count, j + 1, count), other(x, 2 * count, j - 1, count)
             moved = x[count + j] - x[j] if first else x[2 * count + j]
             settle(e, z, j, dt, moved, ahead, behind, setting[j])
-            x[j] = followed(e, z, j, x[count + j], x[j], dt, setting[j])
+            x[j] = follow_aim(e, z, j, x[count + j], x[j], dt, setting[j])
         x[3 * count] = 1.0
 
 
 def output(x, z, n, e, angle):
     """Angles [rad]."""
     for j in range(angle.shape[0]):
-        angle[j] = shown(e, z, j, x[j])
+        angle[j] = joint_angle(e, z, j, x[j])
 
-
-FREE_LAWS = {
-    "aimed": (
-        FreeLaw("angle over command", "aim", "rad"),
-        FreeLaw("angle over command of the next joint", "ahead", "rad"),
-        FreeLaw("angle over command of the previous joint", "behind", "rad"),
-        FreeLaw("gain over setting", "setting", "rad", "aim"),
-    ),
-    "followed": free_memory("of angle over command", "moved", "rad", "settle", moves=True),
-    "shown": (
-        *free_memory("of angle over command of the next joint", "ahead", "rad", "settle", moves=True),
-        *free_memory("of angle over command of the previous joint", "behind", "rad", "settle", moves=True),
-    ),
-    "settle": (),
-}
 
 PART = Part(
     name="joint", module=sys.modules[__name__], parameters=Parameters,
@@ -96,5 +79,5 @@ PART = Part(
         State("started", SCALAR),
     ),
     tasks=(Task("update", ("command", "origin", "setting", "ready")),), outputs=(Output("output", ("angle",)),),
-    points=tuple(Point(p, JOINTS, laws=laws) for p, laws in FREE_LAWS.items()),
+    points=(aim_joint, follow_aim, joint_angle, settle),
 )  # fmt: skip

@@ -5,25 +5,15 @@ Two blocks: `BLOCK`, and `SET_BLOCK` for joints that have a setting of their own
 
 import sys
 from dataclasses import replace
-from typing import NamedTuple
 
-from exodrake.model.part import JOINTS, SCALAR, Output, Part, Point, State, Task
-
-
-class Parameters(NamedTuple):
-    """None of its own."""
-
+from exodrake.model.part import JOINTS, SCALAR, Output, Part, Point, State, Task, parameter_class
 
 DEPTH = 12  # commands remembered per joint, the newest first: as many as the motor bus remembers
 
-
-def sent(e, z, j, command, history, first, applied, packet_arrival, frame_arrival):
-    """Point: angle [rad] that reaches drive j.
-
-    Args: history: commands of all joints, the newest of this one at `first`, older ones after it; applied: angle held
-        so far [rad]; packet_arrival, frame_arrival: 1, as no command is ever lost or late here.
-    """
-    return command
+send = Point("sent", JOINTS, "command, history, first, applied, packet_arrival, frame_arrival",
+             "angle [rad] that reaches drive j, from the newest command; history: commands of all joints [rad], the "
+             "newest of this one at `first`, older ones after it; applied: angle so far [rad]; packet_arrival, "
+             "frame_arrival: 1, as no command is ever lost or late here", laws=())  # fmt: skip
 
 
 def take(x, z, n, e, angle_ref, angle_start):
@@ -34,7 +24,7 @@ def take(x, z, n, e, angle_ref, angle_start):
             x[DEPTH * j + k] = x[DEPTH * j + k - 1] if x[(DEPTH + 3) * joints] > 0.0 else angle_ref[j]
         x[DEPTH * j] = angle_ref[j]
         held = DEPTH * joints + j
-        x[held] = sent(e, z, j, angle_ref[j], x, DEPTH * j, x[held], 1.0, 1.0)
+        x[held] = send(e, z, j, angle_ref[j], x, DEPTH * j, x[held], 1.0, 1.0)
         x[held + joints] = angle_start[j]
     x[(DEPTH + 3) * joints] = 1.0
 
@@ -48,13 +38,13 @@ def take_set(x, z, n, e, angle_ref, angle_start, bend):
 
 
 PART = Part(
-    name="command", module=sys.modules[__name__], parameters=Parameters,
+    name="command", module=sys.modules[__name__], parameters=parameter_class(),
     states=(
         State("history", JOINTS, DEPTH, "rad"), State("held", JOINTS, unit="rad"), State("origin", JOINTS, unit="rad"),
         State("setting", JOINTS, unit="rad"), State("started", SCALAR),
     ),
     tasks=(Task("take", ("angle_ref", "angle_start"), slots=(0,)),),
     outputs=(Output.of_states(held="command", origin="origin", setting="setting", started="ready"),),
-    points=(Point("sent", JOINTS, laws=()),), group="timing",
+    points=(send,), group="timing",
 )  # fmt: skip
 SET_PART = replace(PART, tasks=(Task("take_set", ("angle_ref", "angle_start", "bend"), slots=(0,)),))

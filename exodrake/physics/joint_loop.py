@@ -6,17 +6,11 @@ The error is that of the reference which the reading answers, so ideal servos ge
 """
 
 import sys
-from typing import Annotated, NamedTuple
 
-from exodrake.model.part import JOINTS, SCALAR, Output, Part, State, Task, Unit
+from exodrake.model.part import JOINTS, SCALAR, Output, Part, State, Task, parameter_class
 
-
-class Parameters(NamedTuple):
-    """Gains, and the frame that they were tuned for."""
-
-    kp: Annotated[float, Unit("-")]
-    ki: Annotated[float, Unit("1/s")]
-    period: Annotated[float, Unit("s")]
+# gains, and the frame that they were tuned for
+Parameters = parameter_class((SCALAR, {"kp": "-", "ki": "1/s", "period": "s"}))
 
 
 def control(x, z, n, e, angle_ref, angle_read):

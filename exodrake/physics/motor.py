@@ -8,79 +8,49 @@ Integrated by the classical Runge-Kutta rule over one tick with command and tens
 """
 
 import sys
-from typing import Annotated, NamedTuple
 
-from exodrake.model.part import TENDONS, FreeLaw, Output, Part, Point, State, Task, Unit, free_memory
+from exodrake.model.part import SCALAR, TENDONS, FreeLaw, Output, Part, Point, State, Task, free_memory, parameter_class
 
+# motor, gear, spool and drive of each wire; the gear ratio and the spool radius configured in all drives
+Parameters = parameter_class(
+    (TENDONS, {"kM": "N m/A", "J": "kg m2", "b": "N m s/rad"}), (SCALAR, {"N": "-"}), (TENDONS, {"r": "m"}),
+    (SCALAR, {"r_set": "m"}), (TENDONS, {"Kp": "A s/rad", "Ki": "A/rad", "i_max": "A"}),
+)  # fmt: skip
 
-class Parameters(NamedTuple):
-    """Motor, gear, spool and drive of each wire; the gear ratio and the spool radius configured in all drives."""
-
-    kM: Annotated[tuple, Unit("N m/A", TENDONS)]
-    J: Annotated[tuple, Unit("kg m2", TENDONS)]
-    b: Annotated[tuple, Unit("N m s/rad", TENDONS)]
-    N: Annotated[float, Unit("-")]
-    r: Annotated[tuple, Unit("m", TENDONS)]
-    r_set: Annotated[float, Unit("m")]
-    Kp: Annotated[tuple, Unit("A s/rad", TENDONS)]
-    Ki: Annotated[tuple, Unit("A/rad", TENDONS)]
-    i_max: Annotated[tuple, Unit("A", TENDONS)]
-
-
-def command(e, z, j, speed, tension):
-    """Point: wire speed that the drive follows [m/s], from the one that it was sent; tension [N]."""
-    return speed
-
-
-def loop_gain(e, z, j, gain):
-    """Point: factor on both gains of the speed loop [-]."""
-    return gain
-
-
-def integral_gain(e, z, j, gain):
-    """Point: factor on the integral gain of the speed loop [-]."""
-    return gain
-
-
-def follow(e, z, j, dt, speed, loop_time):
-    """Point: before a tick, states of the effects on the command [m/s] of motor j advance by dt [s].
-
-    loop_time: time constant J / (Kp kM) of the nominal speed loop [s].
-    """
-
-
-def current_limit(e, z, j, limit):
-    """Point: current at which the drive clips [A]."""
-    return limit
-
-
-def current(e, z, j, clipped, wanted, limit):
-    """Point: current that flows [A] where the drive wants another one and clips it [A]."""
-    return clipped
-
-
-def load(e, z, j, tension, spool):
-    """Point: wire tension felt by the gear at the spool's nominal radius [N]; spool: r theta [m]."""
-    return tension
-
-
-def drag(e, z, j, torque):
-    """Point: torque that the wire's load and losses put on the rotor [N m]."""
-    return torque
-
-
-def wound(e, z, j, stroke):
-    """Point: wire on the spool [m], from r theta."""
-    return stroke
-
-
-def winding(e, z, j, speed, spool):
-    """Point: speed of the wire [m/s] at the spool, from r theta'; spool: r theta [m]."""
-    return speed
-
-
-def settle(e, z, j, dt, rotor_speed):
-    """Point: after a tick, states of the effects on motor j advance by dt [s]; rotor speed [rad/s]."""
+follow = Point("follow", TENDONS, "dt, speed, loop_time",
+               "before a tick, states of the effects on the command [m/s] of motor j after dt [s]; loop_time: time "
+               "constant J / (Kp kM) of the nominal speed loop [s]", laws=())  # fmt: skip
+command = Point(
+    "command", TENDONS, "speed, tension",
+    "wire speed that the drive follows [m/s], from the one that it was sent; tension [N]",
+    laws=(
+        FreeLaw("speed over its command", "speed", "m/s", fine=True),
+        FreeLaw("loss of speed over tension", "tension", "N", "-1.0"),
+        *free_memory("of speed over its command", "speed", "m/s", "follow"),
+    ),
+)  # fmt: skip
+loop_gain = Point("loop_gain", TENDONS, "gain", "factor on both gains of the speed loop [-]", laws=())
+integral_gain = Point("integral_gain", TENDONS, "gain", "factor on the integral gain of the speed loop [-]", laws=())
+current_limit = Point("current_limit", TENDONS, "limit", "current at which the drive clips [A]", laws=())
+current = Point("current", TENDONS, "clipped, wanted, limit",
+                "current that flows [A] where the drive wants another one and clips it [A]")  # fmt: skip
+load = Point(
+    "load", TENDONS, "tension, spool",
+    "wire tension felt by the gear at the spool's nominal radius [N]; spool: r theta [m]",
+    laws=(
+        FreeLaw("load over tension", "tension", "N"),
+        FreeLaw("radius for the load over wire wound", "spool", "m", "tension"),
+    ),
+)  # fmt: skip
+drag = Point("drag", TENDONS, "torque", "torque that the wire's load and losses put on the rotor [N m]", laws=())
+wind_wire = Point(
+    "wound", TENDONS, "stroke", "wire on the spool [m], from r theta",
+    laws=(FreeLaw("wire wound over spool angle", "stroke", "m", rate=("winding", "spool", "speed * (1.0 + slope)")),),
+)  # fmt: skip
+winding_speed = Point("winding", TENDONS, "speed, spool",
+                      "speed of the wire [m/s] at the spool, from r theta'; spool: r theta [m]", laws=())  # fmt: skip
+settle = Point("settle", TENDONS, "dt, rotor_speed",
+               "states of the effects on motor j after dt [s]; rotor speed [rad/s]", laws=())  # fmt: skip
 
 
 def slope(e, z, w, integral, w_ref, load_torque, kp, ki, i_max, j, n):
@@ -121,8 +91,8 @@ def output(x, z, n, e, stroke, wire_speed, spool_angle):
     """Wire wound in [m], its speed [m/s], and the spool's angle, which the encoder sees [rad]."""
     for j in range(3):
         spool_angle[j] = x[6 + j]
-        stroke[j] = wound(e, z, j, n.r[j] * x[6 + j])
-        wire_speed[j] = winding(e, z, j, n.r[j] * x[j] / n.N, n.r[j] * x[6 + j])
+        stroke[j] = wind_wire(e, z, j, n.r[j] * x[6 + j])
+        wire_speed[j] = winding_speed(e, z, j, n.r[j] * x[j] / n.N, n.r[j] * x[6 + j])
 
 
 def start(x, z, n, e, start_stroke):
@@ -132,25 +102,6 @@ def start(x, z, n, e, start_stroke):
         x[6 + j] = start_stroke[j] / n.r[j]
 
 
-FREE_LAWS = {
-    "command": (
-        FreeLaw("speed over its command", "speed", "m/s", fine=True),
-        FreeLaw("loss of speed over tension", "tension", "N", "-1.0"),
-        *free_memory("of speed over its command", "speed", "m/s", "follow"),
-    ),
-    "load": (
-        FreeLaw("load over tension", "tension", "N"),
-        FreeLaw("radius for the load over wire wound", "spool", "m", "tension"),
-    ),
-    "wound": (
-        FreeLaw("wire wound over spool angle", "stroke", "m", rate=("winding", "spool", "speed * (1.0 + slope)")),
-    ),
-}
-POINTS = (
-    "follow", "command", "loop_gain", "integral_gain", "current_limit", "current", "load", "drag", "wound", "winding",
-    "settle",
-)  # fmt: skip
-
 PART = Part(
     name="motor", module=sys.modules[__name__], parameters=Parameters,
     states=(
@@ -158,5 +109,7 @@ PART = Part(
     ),
     tasks=(Task("update", ("speed_applied", "tension_spool")),),
     outputs=(Output("output", ("stroke", "wire_speed", "spool_angle")),),
-    points=tuple(Point(p, TENDONS, laws=None if p == "current" else FREE_LAWS.get(p, ())) for p in POINTS),
+    points=(
+        follow, command, loop_gain, integral_gain, current_limit, current, load, drag, wind_wire, winding_speed, settle,
+    ),
 )  # fmt: skip

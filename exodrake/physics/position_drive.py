@@ -8,21 +8,11 @@ with one frame to 3.3 %.
 """
 
 import sys
-from typing import Annotated, NamedTuple
 
-from exodrake.model.part import SCALAR, Output, Part, State, Task, Unit
+from exodrake.model.part import SCALAR, Output, Part, State, Task, parameter_class
 
-
-class Parameters(NamedTuple):
-    """Gains of the two loops, force per volt, frame; standard deviation of the force between runs."""
-
-    kp: Annotated[float, Unit("1/s")]
-    kv: Annotated[float, Unit("V s/m")]
-    gain: Annotated[float, Unit("N/V")]
-    period: Annotated[float, Unit("s")]
-    repeatability: Annotated[float, Unit("N")]
-
-
+# gains of the two loops, force per volt, frame; standard deviation of the force between runs
+Parameters = parameter_class((SCALAR, {"kp": "1/s", "kv": "V s/m", "gain": "N/V", "period": "s", "repeatability": "N"}))
 FORCE, BEFORE, EARLIER, STARTED = 0, 1, 2, 3
 
 

@@ -7,49 +7,33 @@ The cell reads 2 T and is halved; its amplifier is a first-order lag, exact for 
 
 import sys
 from math import exp
-from typing import Annotated, NamedTuple
 
-from exodrake.model.part import SCALAR, TENDONS, FreeLaw, Output, Part, Point, State, Task, Unit, free_memory
+from exodrake.model.part import SCALAR, TENDONS, FreeLaw, Output, Part, Point, State, Task, free_memory, parameter_class
 from exodrake.physics.arithmetic import round_to
 
-
-class Parameters(NamedTuple):
-    """Amplifier lag, noise and resolution in units of tension."""
-
-    tau_F: Annotated[float, Unit("s")]
-    sigma_F: Annotated[float, Unit("N")]
-    q_F: Annotated[float, Unit("N")]
-
-
+# amplifier lag, noise and resolution in units of tension
+Parameters = parameter_class((SCALAR, {"tau_F": "s", "sigma_F": "N", "q_F": "N"}))
 CELL, LOAD, READING, CLOCK, TICK, SLIDE = 0, 3, 6, 9, 10, 11
 PRESLIDING = 5e-5  # wire travel over which friction at the sensing pulley turns round [m]; assumed
 
-
-def felt(e, z, j, tension, slide):
-    """Point: load on cell j [N] from the wire's tension; slide [-1 .. 1] > 0 while the spool takes wire in."""
-    return tension
-
-
-def lag(e, z, j, time_constant):
-    """Point: amplifier's time constant [s]."""
-    return time_constant
-
-
-def mixed(e, z, j, load, following):
-    """Point: what the amplifier sees [N], from the cell's load and the tension of the following wire [N]."""
-    return load
-
-
-def settle(e, z, j, dt, load, cell, travel):
-    """Point: after a tick, states of the effects on cell j advance by dt [s].
-
-    load: on the cell [N]; cell: the same behind the amplifier [N]; travel: of the wire in this tick [m].
-    """
-
-
-def reading(e, z, j, tension, clock):
-    """Point: tension [N] before noise and rounding; clock [s]."""
-    return tension
+cell_load = Point("felt", TENDONS, "tension, slide",
+                  "load on cell j [N] from the wire's tension; slide [-1 .. 1] > 0 while the spool takes wire in",
+                  laws=(FreeLaw("friction at the cell over tension", "tension", "N", "-slide"),))  # fmt: skip
+lag = Point("lag", TENDONS, "time_constant", "amplifier's time constant [s]", laws=())
+mix_loads = Point("mixed", TENDONS, "load, following",
+                  "what the amplifier sees [N], from the cell's load and the tension of the following wire [N]",
+                  laws=())  # fmt: skip
+settle = Point("settle", TENDONS, "dt, load, cell, travel",
+               "states of the effects on cell j after dt [s]; load: on the cell [N]; cell: the same behind the "
+               "amplifier [N]; travel: of the wire in this tick [m]", laws=())  # fmt: skip
+reading = Point(
+    "reading", TENDONS, "tension, clock", "tension [N] before noise and rounding; clock [s]",
+    laws=(
+        FreeLaw("error of the reading over tension", "tension", "N"),
+        FreeLaw("error of the reading over time", "clock", "s"),
+        *free_memory("of the reading", "load", "N", "settle"),
+    ),
+)  # fmt: skip
 
 
 def lag_ramp(cell, before, now, dt, tau):
@@ -63,7 +47,7 @@ def lag_ramp(cell, before, now, dt, tau):
 
 def load_on(x, z, e, j, tension):
     """Load that the amplifier of wire j sees [N]."""
-    return mixed(e, z, j, felt(e, z, j, tension[j], x[SLIDE + j]), tension[j + 1 if j < 2 else 0])
+    return mix_loads(e, z, j, cell_load(e, z, j, tension[j], x[SLIDE + j]), tension[j + 1 if j < 2 else 0])
 
 
 def update(x, z, n, e, dt, tension, wire_speed):
@@ -94,18 +78,6 @@ def read(x, z, n, e, j, cell, noise_tension):
     x[READING + j] = round_to(reading(e, z, j, cell[j], x[CLOCK]) + n.sigma_F * noise_tension[j], n.q_F)
 
 
-FREE_LAWS = {
-    "felt": (FreeLaw("friction at the cell over tension", "tension", "N", "-slide"),),
-    "lag": (),
-    "mixed": (),
-    "settle": (),
-    "reading": (
-        FreeLaw("error of the reading over tension", "tension", "N"),
-        FreeLaw("error of the reading over time", "clock", "s"),
-        *free_memory("of the reading", "load", "N", "settle"),
-    ),
-}
-
 PART = Part(
     name="sensor", module=sys.modules[__name__], parameters=Parameters,
     states=(
@@ -117,5 +89,5 @@ PART = Part(
         Task("read", ("cell", "noise_tension"), slots=(1, 2, 3), per_channel=True),
     ),
     outputs=(Output("output", ("cell",), reads=("tension",)), Output.of_states(reading="tension_read")),
-    points=tuple(Point(p, TENDONS, laws=FREE_LAWS[p]) for p in FREE_LAWS),
+    points=(cell_load, lag, mix_loads, settle, reading),
 )  # fmt: skip

@@ -14,99 +14,41 @@ takes speed away after the push, at most all of it. Without friction the fastest
 
 import sys
 from math import exp, sin, sqrt
-from typing import Annotated, NamedTuple
 
-from exodrake.model.part import JOINTS, SCALAR, Output, Part, Point, State, Task, Unit
+from exodrake.model.part import JOINTS, SCALAR, Output, Part, Point, State, Task, parameter_class
 from exodrake.physics.arithmetic import brake_dry
 
 # rad, of a gear's fastest oscillation in a tick; stiffer gears count as this stiff, so that they are stable
 RIGID = 1.0
 LOSS = 0.1  # damping of a gear's oscillation over the critical one: assumed
 
+# motor, supply, firmware, friction and load of each joint, at the output of its gear; gear's compliance or 0
+Parameters = parameter_class((JOINTS, {
+    "kt": "N m/A", "R": "V/A", "supply": "V", "kp": "1/rad", "kd": "s/rad", "armature": "kg m2", "damping": "N m s/rad",
+    "dry_friction": "N m", "compliance": "rad/(N m)", "inertia": "kg m2", "moment": "N m", "hanging": "rad",
+}))  # fmt: skip
 
-class Parameters(NamedTuple):
-    """Motor, supply, firmware, friction and load of each joint, at the output of its gear; gear's compliance or 0."""
-
-    kt: Annotated[tuple, Unit("N m/A", JOINTS)]
-    R: Annotated[tuple, Unit("V/A", JOINTS)]
-    supply: Annotated[tuple, Unit("V", JOINTS)]
-    kp: Annotated[tuple, Unit("1/rad", JOINTS)]
-    kd: Annotated[tuple, Unit("s/rad", JOINTS)]
-    armature: Annotated[tuple, Unit("kg m2", JOINTS)]
-    damping: Annotated[tuple, Unit("N m s/rad", JOINTS)]
-    dry_friction: Annotated[tuple, Unit("N m", JOINTS)]
-    compliance: Annotated[tuple, Unit("rad/(N m)", JOINTS)]
-    inertia: Annotated[tuple, Unit("kg m2", JOINTS)]
-    moment: Annotated[tuple, Unit("N m", JOINTS)]
-    hanging: Annotated[tuple, Unit("rad", JOINTS)]
-
-
-def firmware_reference(e, z, j, aim, before, dt):
-    """Point: reference that the firmware follows [rad], from the command; before: reference so far [rad]."""
-    return aim
-
-
-def firmware_error(e, z, j, error):
-    """Point: error that the firmware acts on [rad]."""
-    return error
-
-
-def firmware_gain(e, z, j, gain):
-    """Point: gain of the firmware, duty cycle per error [1/rad]."""
-    return gain
-
-
-def duty(e, z, j, cycle):
-    """Point: duty cycle that the firmware gives, -1 .. 1."""
-    return cycle
-
-
-def supply_voltage(e, z, j, voltage, duty, back_emf, resistance):
-    """Point: voltage of the supply [V] under a duty cycle, a back-EMF [V] and the resistance of the winding [V/A]."""
-    return voltage
-
-
-def torque_constant(e, z, j, constant):
-    """Point: torque constant of the motor [N m/A], which is that of its back-EMF [V s/rad]."""
-    return constant
-
-
-def load_inertia(e, z, j, inertia):
-    """Point: inertia of the load [kg m2]."""
-    return inertia
-
-
-def load_moment(e, z, j, moment):
-    """Point: largest moment of the load's weight [N m]."""
-    return moment
-
-
-def gear_compliance(e, z, j, compliance):
-    """Point: compliance of the gear [rad/(N m)]."""
-    return compliance
-
-
-def gear_play(e, z, j, half_width):
-    """Point: half the play of the gear [rad]."""
-    return half_width
-
-
-def pushed(e, z, j, torque, speed):
-    """Point: torque on the rotor [N m], from that of the motor; speed [rad/s]."""
-    return torque
-
-
-def braked(e, z, j, speed, mobility, load, opposed):
-    """Point: speed of the rotor [rad/s] after dry friction.
-
-    mobility: speed per torque in this tick; load: |torque of the motor| [N m]; opposed: torque of the load against that
-    of the motor [N m], negative where it helps.
-    """
-    return speed
-
-
-def settle(e, z, j, dt, travel):
-    """Point: after a tick, states of the effects on joint j advance by dt [s]; travel of the rotor [rad]."""
+firmware_reference = Point("firmware_reference", JOINTS, "aim, before, dt",
+                           "reference of the firmware [rad], from the command; before: so far [rad]")  # fmt: skip
+firmware_error = Point("firmware_error", JOINTS, "error", "error that the firmware acts on [rad]")
+firmware_gain = Point("firmware_gain", JOINTS, "gain", "gain of the firmware, duty cycle per error [1/rad]")
+duty = Point("duty", JOINTS, "cycle", "duty cycle that the firmware gives, -1 .. 1")
+supply_voltage = Point("supply_voltage", JOINTS, "voltage, duty, back_emf, resistance",
+                       "voltage [V] under a duty cycle, a back-EMF [V], the winding's resistance [V/A]")  # fmt: skip
+torque_constant = Point("torque_constant", JOINTS, "constant",
+                        "torque constant [N m/A], which is that of the back-EMF [V s/rad]")  # fmt: skip
+load_inertia = Point("load_inertia", JOINTS, "inertia", "inertia of the load [kg m2]")
+load_moment = Point("load_moment", JOINTS, "moment", "largest moment of the load's weight [N m]")
+gear_compliance = Point("gear_compliance", JOINTS, "compliance", "compliance of the gear [rad/(N m)]")
+gear_play = Point("gear_play", JOINTS, "half_width", "half the play of the gear [rad]")
+push_rotor = Point("pushed", JOINTS, "torque, speed", "torque on the rotor [N m], from the motor's; speed [rad/s]",
+                   standard="sliding.pushed")  # fmt: skip
+brake_rotor = Point("braked", JOINTS, "speed, mobility, load, opposed",
+                    "speed of the rotor [rad/s] after dry friction; mobility: speed per torque in this tick; load: "
+                    "|torque of the motor| [N m]; opposed: torque of the load against that of the motor [N m], < 0 "
+                    "where it helps", standard="sliding.braked")  # fmt: skip
+settle = Point("settle", JOINTS, "dt, travel", "states of the effects on joint j after dt [s]; travel: rotor's [rad]",
+               standard="sliding.settle")  # fmt: skip
 
 
 def update(x, z, n, e, dt, command, origin, ready):
@@ -150,21 +92,14 @@ def turn(x, z, n, e, j, count, dt):
         x[j] = angle + dt * x[count + j]
     decay = exp(-drag * dt / moved)
     mobility = (1.0 - decay) / drag
-    free = rotor_speed * decay + mobility * (pushed(e, z, j, given, rotor_speed) - external)
+    free = rotor_speed * decay + mobility * (push_rotor(e, z, j, given, rotor_speed) - external)
     free = brake_dry(free, n.dry_friction[j] * mobility)
     opposed = external if torque > 0.0 else -external
-    after = braked(e, z, j, free, mobility, abs(torque), opposed)
+    after = brake_rotor(e, z, j, free, mobility, abs(torque), opposed)
     x[3 * count + j], x[2 * count + j] = after, rotor + dt * after
     if rigid:
         x[count + j], x[j] = after, rotor + dt * after
     settle(e, z, j, dt, dt * after)
-
-
-FRICTION = ("pushed", "braked", "settle")
-POINTS = (
-    "firmware_reference", "firmware_error", "firmware_gain", "duty", "supply_voltage", "torque_constant",
-    "load_inertia", "load_moment", "gear_compliance", "gear_play", *FRICTION,
-)  # fmt: skip
 
 
 def part(scales: dict[str, tuple[float, str]]) -> Part:
@@ -177,5 +112,9 @@ def part(scales: dict[str, tuple[float, str]]) -> Part:
             State("reference", JOINTS, unit="rad"), State("started", SCALAR),
         ),
         tasks=(Task("update", ("command", "origin", "ready")),), outputs=(Output.of_states(angle="angle"),),
-        points=tuple(Point(p, JOINTS, standard=f"sliding.{p}" if p in FRICTION else "") for p in POINTS), scales=scales,
+        points=(
+            firmware_reference, firmware_error, firmware_gain, duty, supply_voltage, torque_constant, load_inertia,
+            load_moment, gear_compliance, gear_play, push_rotor, brake_rotor, settle,
+        ),
+        scales=scales,
     )  # fmt: skip

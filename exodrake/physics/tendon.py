@@ -9,53 +9,53 @@ reversal, clipped to +-presliding, over presliding: -1 .. 1, +1 while the finger
 lets go of its sheath: slide is then kept within `grip`.
 """
 
+import sys
+
+from exodrake.model.part import TENDONS, FreeLaw, Point, free_memory
+
+HERE = sys.modules[__name__]
 TAUT = 0.1  # tension above which the wire lies against its sheath [N]; assumed
+GRIP = "-min(1.0, tension / 0.1)"  # friction fades as the wire goes slack (`grip`)
 
-
-def stretch(e, z, j, extension, tension_finger):
-    """Point: elastic stretch of the wire [m], from s - l [m]."""
-    return extension
-
-
-def elastic(e, z, j, tension, stretch, stiffness):
-    """Point: tension [N] of the stretched wire, from k stretch [N]."""
-    return tension
-
-
-def near_end(e, z, j, tension, stretched, travel):
-    """Point: tension [N] at the cell's end of the sheath, from that of the whole wire.
-
-    stretched: [m]; travel: of the finger's end in this tick [m].
-    """
-    return tension
-
-
-def far_end(e, z, j, tension, stretched, travel):
-    """Point: tension [N] at the finger's end of the sheath, from that at the cell's end; as in `near_end`."""
-    return tension
-
-
-def at_cell(e, z, j, tension):
-    """Point: load on the cell, as tension [N], from that of the wire before its sheath."""
-    return tension
-
-
-def at_spool(e, z, j, tension):
-    """Point: tension at the spool [N], from that of the wire before its sheath."""
-    return tension
-
-
-def transmit(e, z, j, tension, slide, travel, speed):
-    """Point: tension at the finger [N] from the one at the load cell.
-
-    slide: state of the presliding friction [-1 .. 1]; travel: in this tick [m]; speed: [m/s], > 0 while the finger
-    takes wire in.
-    """
-    return tension
-
-
-def settle(e, z, j, dt, stretched, tension, tension_finger, travel):
-    """Point: after a tick, states of the effects on the wire advance by dt [s]; stretched, travel [m], tensions [N]."""
+stretch = Point(
+    "stretch", TENDONS, "extension, tension_finger", "elastic stretch of the wire [m], from s - l [m]", module=HERE,
+    laws=(
+        FreeLaw("lengthening over tension", "tension_finger", "N", "-1.0"),
+        *free_memory("of length over tension", "tension", "N", "settle"),
+    ),
+)  # fmt: skip
+elastic = Point(
+    "elastic", TENDONS, "tension, stretch, stiffness", "tension [N] of the stretched wire, from k stretch [N]",
+    module=HERE, laws=(
+        FreeLaw("tension over stretch", "stretch", "m"),
+        *free_memory("of tension", "stretched", "m", "settle"),
+    ),
+)  # fmt: skip
+near_end = Point(
+    "near_end", TENDONS, "tension, stretched, travel",
+    "tension [N] at the cell's end of the sheath, from that of the whole wire; stretched [m]; travel: of the finger's "
+    "end in this tick [m]", (), HERE,
+)  # fmt: skip
+far_end = Point(
+    "far_end", TENDONS, "tension, stretched, travel",
+    "tension [N] at the finger's end of the sheath, from that at the cell's end; as in `near_end`", (), HERE,
+)  # fmt: skip
+transmit = Point(
+    "transmit", TENDONS, "tension, slide, travel, speed",
+    "tension at the finger [N] from the one at the load cell; slide: state of the presliding friction [-1 .. 1]; "
+    "travel: in this tick [m]; speed: [m/s], > 0 while the finger takes wire in", module=HERE,
+    laws=(
+        FreeLaw("friction over tension", "tension", "N", "-slide"),
+        FreeLaw("friction over speed", "speed", "m/s", GRIP, fine=True),
+        *free_memory("of friction over travel", "travel", "m", "settle", GRIP, moves=True),
+    ),
+)  # fmt: skip
+at_cell = Point("at_cell", TENDONS, "tension", "load on the cell [N], from that of the wire", (), HERE)
+at_spool = Point("at_spool", TENDONS, "tension", "tension at the spool [N], from that of the wire", (), HERE)
+settle = Point(
+    "settle", TENDONS, "dt, stretched, tension, tension_finger, travel",
+    "states of the effects on the wire after dt [s]; stretched, travel [m]; tensions [N]", (), HERE,
+)  # fmt: skip
 
 
 def stretch_wire(e, z, j, extension, tension_finger):

@@ -11,7 +11,7 @@ import sys
 from math import cos, sin
 from typing import Annotated, NamedTuple
 
-from exodrake.model.part import JOINTS, SCALAR, TENDONS, FreeLaw, Output, Part, Point, State, Task, Unit, free_memory
+from exodrake.model.part import JOINTS, SCALAR, TENDONS, Output, Part, State, Task, Unit
 from exodrake.physics import finger, tendon, wire_paths
 from exodrake.physics.arithmetic import along, column, dot, solve
 from exodrake.physics.finger import coriolis, external_with_slope, inertia, mass_matrix, passive_with_slope, relax
@@ -237,33 +237,6 @@ def start(x, z, n, e, start_stroke):
         x[TAKEN + j] = start_stroke[j] = taken[j]
 
 
-GRIP = "-min(1.0, tension / 0.1)"  # friction fades as the wire goes slack (`tendon.grip`)
-AGAINST = "rate / (abs(rate) + 0.05)"  # direction of a joint, blurred over a slow turn [rad/s]: assumed
-TENDON_POINTS = ("stretch", "elastic", "near_end", "far_end", "transmit", "at_cell", "at_spool", "settle")
-TENDON_LAWS = {
-    "stretch": (
-        FreeLaw("lengthening over tension", "tension_finger", "N", "-1.0"),
-        *free_memory("of length over tension", "tension", "N", "settle"),
-    ),
-    "elastic": (
-        FreeLaw("tension over stretch", "stretch", "m"),
-        *free_memory("of tension", "stretched", "m", "settle"),
-    ),
-    "transmit": (
-        FreeLaw("friction over tension", "tension", "N", "-slide"),
-        FreeLaw("friction over speed", "speed", "m/s", GRIP, fine=True),
-        *free_memory("of friction over travel", "travel", "m", "settle", GRIP, moves=True),
-    ),
-}
-JOINT_LAWS = (
-    FreeLaw("torque over bend", "bend", "rad"),
-    FreeLaw("torque over rate", "rate", "rad/s", fine=True),
-    FreeLaw("friction over bend", "bend", "rad", AGAINST),
-    FreeLaw("torque over time", "clock", "s"),
-    FreeLaw("stiffness over time", "clock", "s", "elastic"),
-    *free_memory("of torque over bend", "bend", "rad", "relax"),
-)
-
 PART = Part(
     name="finger", module=sys.modules[__name__], parameters=Parameters, fills_start=True,
     states=(
@@ -278,12 +251,8 @@ PART = Part(
         Output("output_tension", ("tension", "tension_spool"), reads=("stroke",)),
     ),
     points=(
-        Point("router_height", JOINTS, wire_paths, laws=(FreeLaw("height", "height", "m"),)),
-        Point("worn_height", TENDONS, wire_paths, laws=(FreeLaw("height over tension", "tension", "N"),)),
-        Point("lever_height", TENDONS, wire_paths, laws=()),
-        *(Point(name, TENDONS, tendon, laws=TENDON_LAWS.get(name, ())) for name in TENDON_POINTS),
-        Point("passive", JOINTS, finger, laws=JOINT_LAWS),
-        Point("external", SCALAR, finger, laws=()),
-        Point("relax", JOINTS, finger, laws=()),
+        wire_paths.router_height, wire_paths.worn_height, wire_paths.lever_height,
+        tendon.stretch, tendon.elastic, tendon.near_end, tendon.far_end, tendon.transmit, at_cell, at_spool, settle,
+        finger.passive, finger.external, relax,
     ),
 )  # fmt: skip

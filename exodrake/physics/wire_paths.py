@@ -12,9 +12,13 @@ with sigma = +1 for a flexor, -1 for the extensor. l is the wire taken in by the
 (`physics.md` 1.1). For a = b, m = n = h this is rho sin(alpha +- q/2) of `model.md`.
 """
 
+import sys
 from math import sqrt
 
+from exodrake.model.part import JOINTS, TENDONS, FreeLaw, Point
+
 FLEXOR, EXTENSOR = 1.0, -1.0
+HERE = sys.modules[__name__]
 
 
 def path(cos_q, sin_q, a, b, m, n, side):
@@ -43,19 +47,13 @@ def applied_arm_as_printed(arm):
     return 0.5 * abs(arm) if arm > 0.0 else -0.5 * abs(arm)
 
 
-def router_height(e, z, i, height):
-    """Point: router height at joint i [m]."""
-    return height
-
-
-def worn_height(e, z, j, height, tension):
-    """Point: router height under wire j [m], which its tension [N] may move."""
-    return height
-
-
-def lever_height(e, z, j, height):
-    """Point: router height [m] with which wire j turns the joints, from that of its path."""
-    return height
+router_height = Point("router_height", JOINTS, "height", "router height at joint i [m]",
+                      (FreeLaw("height", "height", "m"),), HERE)  # fmt: skip
+worn_height = Point("worn_height", TENDONS, "height, tension",
+                    "router height under wire j [m], which its tension [N] may move",
+                    (FreeLaw("height over tension", "tension", "N"),), HERE)  # fmt: skip
+lever_height = Point("lever_height", TENDONS, "height",
+                     "router height [m] with which wire j turns the joints, from its path's", (), HERE)  # fmt: skip
 
 
 def levers(e, z, high):

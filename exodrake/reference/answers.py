@@ -56,10 +56,7 @@ def read_committed(labels: str | Path, commitment: str | Path) -> dict[str, Any]
 
 def find_cases(folder: str | Path) -> list[Path]:
     """Case folders of a set, sorted. InputError if there is none."""
-    folder = Path(folder)
-    if not folder.is_dir():
-        raise InputError(f"{folder}: no such folder")
-    cases = sorted(path.parent for path in folder.glob("*/case.yaml") if not path.parent.name.startswith("."))
+    cases = sorted(path.parent for path in Path(folder).glob("*/case.yaml") if not path.parent.name.startswith("."))
     if not cases:
         raise InputError(f"{folder}: no case in it (a folder with case.yaml)")
     return cases
@@ -104,7 +101,7 @@ def read_answers(folder: Path, truths: dict[str, dict[str, Any]]) -> tuple[Answe
     for name, label in truths.items():
         path = folder / name / ANSWER
         if path.is_file() or path.with_name(FAILED).is_file():
-            diagnosis = read_diagnosis(path) if path.is_file() else {"verdict": FAILURE}
+            diagnosis = SCHEMA(read_json(path), str(path)) if path.is_file() else {"verdict": FAILURE}
             answered.append(Answered(name, label["kind"], label["effects"], diagnosis, label.get("mix", "standard")))
     if not answered:
         raise InputError(f"{folder}: no case has a diagnosis yet; run `exodrake blind run` first")
@@ -116,8 +113,3 @@ def read_answers(folder: Path, truths: dict[str, dict[str, Any]]) -> tuple[Answe
             f"{folder}: answered with several configurations ({'; '.join(sorted(found))}); `blind run --redo`"
         )
     return tuple(answered)
-
-
-def read_diagnosis(path: Path) -> Diagnosis:
-    """Read one diagnosis. InputError naming file and key if it is none."""
-    return SCHEMA(read_json(path), str(path))

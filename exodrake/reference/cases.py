@@ -6,7 +6,7 @@ out are grasps or, sometimes, a smooth random motion of all wires that resembles
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -113,6 +113,8 @@ MASKED = (
 )  # fmt: skip
 VISIBLE = 2.0  # noise standard deviations: smallest gap of an effect that a diagnosis is expected to see [assumed]
 SAME_NATURE = 0.3  # share of pairs of one block that the kind "pair" keeps [assumed]
+# kind -> number of effects of a case
+KINDS = {"healthy": 0, "single": 1, "pair": 2, "unknown": 1, "same-block": 2, "three": 3}
 STANDARD = {"healthy": 0.20, "single": 0.50, "pair": 0.15, "unknown": 0.15}
 
 
@@ -121,7 +123,7 @@ class CaseMix:
     """Distribution of the cases of a set."""
 
     name: str = "standard"  # Name of the mix, which the labels and the score repeat
-    # Kind of case -> weight; kinds: healthy, single, pair, unknown, same-block and three
+    # Kind of case, of KINDS -> weight
     weights: Mapping[str, float] = field(default_factory=STANDARD.copy)
     unseen: float = 0.35  # Share of held-out motions that resemble no fit motion
     # Range of the gap that each effect leaves [noise standard deviations]; larger ones are weakened
@@ -171,41 +173,27 @@ class DrawnCase:
 
 
 def draw_kinds(mix: CaseMix, total: int, rng: np.random.Generator) -> list[tuple[str, tuple[str, ...]]]:
-    """Kind and effects of each case of a mix, in order of kind."""
+    """Kind and effects of each case of a mix, in order of kind; of several effects none masks another."""
     library, outside = ([name for name in names if name not in mix.left_out] for names in (LIBRARY, OUTSIDE))
-    weights = np.array(list(mix.weights.values()))  # cases per kind, by largest remainders
+    weights = np.array([mix.weights.get(kind, 0.0) for kind in KINDS])  # cases per kind, by largest remainders
     exact = total * weights / weights.sum()
-    whole = np.floor(exact).astype(int)
-    for index in np.argsort(whole - exact)[: total - whole.sum()]:
-        whole[index] += 1
-    count = dict.fromkeys((*STANDARD, "same-block", "three"), 0) | dict(zip(mix.weights, whole.tolist()))
-
-    def draw_singles(kind: str, names: list[str]) -> list[tuple[str, ...]]:
-        """One effect a case, every one used before any comes again, in random order."""
-        chosen: list[tuple[str, ...]] = []
-        while len(chosen) < count[kind]:
-            chosen += [(names[index],) for index in rng.permutation(len(names))]
-        return chosen[: count[kind]]
-
-    def draw_sets(kind: str, size: int, accepts: Callable[[set[str]], bool]) -> list[tuple[str, ...]]:
-        """Different effects for each case, none of which masks another, and whose blocks are accepted."""
-        found: list[tuple[str, ...]] = []
-        while len(found) < count[kind]:
-            chosen = tuple(str(name) for name in rng.choice(library, size, replace=False))
-            blocks = {find_blocks(name)[0] for name in chosen}
-            if not any(masked <= set(chosen) for masked in MASKED) and accepts(blocks):
-                found.append(chosen)
-        return found
-
-    drawn = {
-        "healthy": [()] * count["healthy"],
-        "single": draw_singles("single", library),
-        "pair": draw_sets("pair", 2, lambda blocks: len(blocks) == 2 or rng.random() < SAME_NATURE),
-        "unknown": draw_singles("unknown", outside),
-        "same-block": draw_sets("same-block", 2, lambda blocks: len(blocks) == 1),
-        "three": draw_sets("three", 3, lambda blocks: True),
-    }
-    return [(kind, ids) for kind, chosen in drawn.items() for ids in chosen]
+    count = np.floor(exact).astype(int)
+    count[np.argsort(count - exact)[: total - count.sum()]] += 1
+    drawn = []
+    for (kind, size), wanted in zip(KINDS.items(), count.tolist()):
+        names, chosen = outside if kind == "unknown" else library, [()] * wanted if size == 0 else []
+        while len(chosen) < wanted:
+            if size == 1:  # every one is used before any comes again, in random order
+                chosen += [(names[index],) for index in rng.permutation(len(names))]
+                continue
+            ids = tuple(str(name) for name in rng.choice(names, size, replace=False))
+            one_block = len({find_blocks(name)[0] for name in ids}) == 1
+            if any(masked <= set(ids) for masked in MASKED) or (kind == "same-block" and not one_block):
+                continue
+            if kind != "pair" or not one_block or rng.random() < SAME_NATURE:
+                chosen.append(ids)
+        drawn += [(kind, ids) for ids in chosen[:wanted]]
+    return drawn
 
 
 def plan(seed: int, total: int, *mixes: CaseMix) -> list[CasePlan]:

@@ -42,9 +42,8 @@ CREEP_FAST, CREEP_SLOW, GARMENT, PULLEY, MOUNT, MOUNT_RATE, FELT_TENSION = range
 ANGLE, RATE, RELAX_FAST, RELAX_SLOW, JOINT_LOSS = range(45, 60, 3)
 
 # Inputs that change over time, one column each, linear between frames.
-(REST_SHIFT, VOLUNTARY, STIFFENED, TREMOR_PHASE, WIRE_SHIFT, SUPPLY, ROUTER_SHIFT, CELL_DRIFT, MARKER_SHIFT, NEXT) = (
-    0, 3, 6, 9, 10, 13, 14, 15, 18, 21)  # fmt: skip
-INPUT_SIZE = NEXT
+REST_SHIFT, VOLUNTARY, STIFFENED, TREMOR_PHASE, WIRE_SHIFT, SUPPLY = 0, 3, 6, 9, 10, 13
+ROUTER_SHIFT, CELL_DRIFT, MARKER_SHIFT, INPUT_SIZE = 14, 15, 18, 21
 
 # Fields of the parameter record: values of the whole robot, of each wire or joint, of each side and joint.
 _SCALARS = """

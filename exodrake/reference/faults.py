@@ -145,13 +145,16 @@ class Entry:
     # Whether the parameters mean what effects.md's mean, so that intervals can be checked against them
     exact: bool = False
     signed: tuple[str, ...] = ()  # Parameters that get either sign
+    # Null value of the first parameter, which sets the strength; None for an effect that is there or not there, for a
+    # wire whose toe stays when its slack goes, and for a stiffness that is replaced whole
+    null: float | None = 0.0
 
 
 # fmt: off
 LIBRARY = {
-    "motor.slow_velocity_loop": Entry("wire", slow_loop, {"factor": (0.15, 0.5)}),
+    "motor.slow_velocity_loop": Entry("wire", slow_loop, {"factor": (0.15, 0.5)}, null=1.0),
     "motor.dead_zone": Entry("wire", {"dead_zone": "width"}, {"width": (0.6e-3, 3e-3)}),
-    "motor.current_limit": Entry("wire", {"soft_limit": "limit"}, {"limit": (0.045, 0.12)}),
+    "motor.current_limit": Entry("wire", {"soft_limit": "limit"}, {"limit": (0.045, 0.12)}, null=math.inf),
     "motor.spool_growth": Entry("wire", {"growth": "growth"}, {"growth": (1.5, 5.5)}),
     "tendon.capstan_friction": Entry("wire", {"capstan": "mu_phi"}, {"mu_phi": (0.1, 0.6)}),
     "tendon.coulomb_friction": Entry("wire", {"coulomb": "force"}, {"force": (0.15, 0.8)}),
@@ -162,13 +165,14 @@ LIBRARY = {
     # Kelvin-Voigt, mildly stiffening; the stated stiffness is the secant at MIDDLE_LOAD
     "tendon.compliance": Entry(
         "wire", {"garment": lambda p: p["stiffness"] / 1.25,
-                 "garment_stiffening": lambda p: 0.25 * p["stiffness"] / MIDDLE_LOAD}, {"stiffness": (700.0, 6000.0)}),
+                 "garment_stiffening": lambda p: 0.25 * p["stiffness"] / MIDDLE_LOAD}, {"stiffness": (700.0, 6000.0)},
+        null=math.inf),
     "tendon.creep": Entry("wire", {"creep": "stiffness", "creep_time": "time_constant"},
-                          {"stiffness": (4000.0, 15000.0), "time_constant": (2.0, 30.0)}),
-    "tendon.slack": Entry("wire", {"slack": "length", "toe": lambda p: TOE}, {"length": (0.5e-3, 3e-3)}),
+                          {"stiffness": (4000.0, 15000.0), "time_constant": (2.0, 30.0)}, null=math.inf),
+    "tendon.slack": Entry("wire", {"slack": "length", "toe": lambda p: TOE}, {"length": (0.5e-3, 3e-3)}, null=None),
     # the parabola k e (1 + stiffening e / 2) is the start of an exponential k (exp(stiffening e) - 1) / stiffening
     "tendon.stiffening": Entry("wire", {"wire_stiffness": "soft_stiffness", "stiffening": "stiffening"},
-                               {"soft_stiffness": (700.0, 1600.0), "stiffening": (80.0, 400.0)}),
+                               {"soft_stiffness": (700.0, 1600.0), "stiffening": (80.0, 400.0)}, null=None),
     "sensor.gain": Entry("wire", {"cell_gain": "gain"}, {"gain": (0.02, 0.12)}, exact=True, signed=("gain",)),
     "sensor.offset": Entry("wire", {"cell_offset": "offset"}, {"offset": (0.1, 0.8)}, exact=True, signed=("offset",)),
     "sensor.drift": Entry("wire", drift, {"rate": (3e-3, 2e-2)}, signed=("rate",)),
@@ -176,7 +180,7 @@ LIBRARY = {
     "sensor.lag": Entry("wire", {"cell_lag": "time_constant"}, {"time_constant": (0.015, 0.08)}),
     "sensor.pulley_friction": Entry("wire", {"pulley": "mu"}, {"mu": (0.01, 0.06)}),
     "sensor.crosstalk": Entry("wire", {"crosstalk": "coefficient"}, {"coefficient": (0.01, 0.05)}, exact=True),
-    "finger.stiffness": Entry("joint", {"factor": "factor"}, {"factor": (0.55, 1.8)}, exact=True),
+    "finger.stiffness": Entry("joint", {"factor": "factor"}, {"factor": (0.55, 1.8)}, exact=True, null=1.0),
     "finger.hardening": Entry("joint", {"hardening": "coefficient"}, {"coefficient": (0.01, 0.08)}),
     "finger.viscoelasticity": Entry("joint", {"relaxing": "fraction", "relaxing_time": "time_constant"},
                                     {"fraction": (0.12, 0.6), "time_constant": (0.7, 10.0)}),
@@ -189,13 +193,13 @@ LIBRARY = {
     # the pitch turns the base the way flexion turns a joint: x distal sinks, palm down at 0
     "finger.gravity": Entry("", {"gravity_x": lambda p: GRAVITY * np.sin(p["pitch"]),
                                  "gravity_y": lambda p: -GRAVITY * np.cos(p["pitch"])},
-                            {"pitch": (-0.3, 0.3)}, exact=True),
+                            {"pitch": (-0.3, 0.3)}, exact=True, null=None),
     "finger.contact": Entry("", {"contact_depth": "distance", "contact_stiffness": "stiffness"},
-                            {"distance": (0.034, 0.055), "stiffness": (1000.0, 8000.0)}),
+                            {"distance": (0.034, 0.055), "stiffness": (1000.0, 8000.0)}, null=math.inf),
     "finger.tremor": Entry("one joint", tremor, {"torque": (2e-3, 1e-2), "frequency": (4.0, 10.0)}),
     "finger.spasticity": Entry("joint", {"spastic_gain": "gain", "spastic_threshold": "threshold"},
                                {"gain": (5e-3, 4e-2), "threshold": (0.15, 0.6)}),
-    "timing.command_latency": Entry("", {"latency": "frames"}, {"frames": (1, 3)}, exact=True),
+    "timing.command_latency": Entry("", {"latency": "frames"}, {"frames": (1, 3)}, exact=True, null=None),
     "timing.dropped_commands": Entry("", drop_frames, {"probability": (0.05, 0.35)}, exact=True),
     "timing.mocap_delay": Entry("", {"mocap_delay": "delay"}, {"delay": (0.012, 0.08)}, exact=True),
     "timing.mocap_clock_skew": Entry("", {"mocap_skew": "skew"}, {"skew": (6e-4, 3e-3)}, exact=True, signed=("skew",)),
@@ -249,13 +253,7 @@ OUTSIDE = {
 # fmt: on
 ENTRIES = LIBRARY | OUTSIDE
 MARKER_FAULTS = tuple(name for name in ENTRIES if "mocap" in name or "marker" in name)  # unseen without joint angles
-
-# effects without a strength: there or not there, a wire whose toe stays when its slack goes, a stiffness that is
-# replaced whole
-WITHOUT_STRENGTH = ("finger.gravity", "tendon.slack", "tendon.stiffening", "timing.command_latency")
-# effect -> null value of its first parameter, which sets its strength; 0 for the others
-NULLS = {"motor.slow_velocity_loop": 1.0, "finger.stiffness": 1.0}
-NULLS |= dict.fromkeys(("motor.current_limit", "tendon.compliance", "tendon.creep", "finger.contact"), math.inf)
+WITHOUT_STRENGTH = tuple(name for name, entry in LIBRARY.items() if entry.null is None)
 
 
 def inject(build, effect: InjectedFault, rng: np.random.Generator) -> None:
@@ -280,7 +278,7 @@ def find_blocks(effect_id: str) -> tuple[str, ...]:
 def weaken(effect: InjectedFault, strength: float) -> InjectedFault:
     """Injected effect between absent (strength 0) and as it is (1)."""
     name, value = next(iter(effect.parameters.items()))
-    null = NULLS.get(effect.id, 0.0)
+    null = ENTRIES[effect.id].null or 0.0
     weaker = value / strength if null == math.inf else null + strength * (value - null)
     return replace(effect, parameters=effect.parameters | {name: weaker})
 

@@ -8,7 +8,7 @@ import hashlib
 import json
 import shutil
 from collections.abc import Sequence
-from contextlib import closing, suppress
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -20,33 +20,48 @@ from exodrake.core.files import write_text
 from exodrake.core.parallel import each
 from exodrake.core.progress import Count, no_progress
 from exodrake.core.provenance import digest
+from exodrake.core.schema import read_json
 from exodrake.data.case import FILE, Case, CaseLog, write_case
 from exodrake.data.log import Log
+from exodrake.engine.inputs import Reference
 from exodrake.reference.answers import COMMITMENT, write_committed
 from exodrake.reference.cases import MIXES, CaseMix, CasePlan, DrawnCase, draw_case, plan
 from exodrake.reference.faults import ENTRIES, find_blocks, weaken
-from exodrake.reference.robot import JOINTS, WIRES, RobotSpec
+from exodrake.reference.robot import JOINTS, WIRES, InjectedFault, RobotSpec
 from exodrake.reference.simulator import simulate, warm_up
 
 Columns = dict[str, np.ndarray]  # column -> values (n,) [SI]
 Gaps = dict[str, float]  # signal -> gap [noise standard deviations]
+Label = dict[str, Any]
 NOISE_STD = {"tension": 0.01, "stroke": 12.3e-6, "angle": 0.005}  # N, m, rad
+# digits that a real log carries, as in the practice data
+DECIMALS = {"time": 2, "tension_ref": 3, "tension": 3, "stroke": 6, "speed_cmd": 5, "angle": 4}
 ATTEMPTS = 6  # draws of magnitudes and channels
 BISECTIONS = 12
 WEAKEST = 1e-3  # strength of an effect, relative to its draw, that counts as absent [assumed]
+HELD_OUT, REPEATS = "grasps", {"sweeps_2": "sweeps_1.csv.gz"}  # the other logs are fitted
+MARK = ".incomplete"  # of a set that is not complete
 
 
 def strip_channel(column: str) -> str:
     """Column name without its wire or joint."""
-    return column.rsplit("_", 1)[0] if column != "time" else column
+    return column.rpartition("_")[0] or column
 
 
-def gap_in_noise(with_effect: Columns, without: Columns) -> Gaps:
-    """Gap per signal between two logs."""
+def record_log(spec: RobotSpec, motion: Reference, seed: int | list[int], file: str = "") -> Log:
+    """Log of a robot, rounded to the digits that a real one carries, so that floats print short."""
+    columns = simulate(spec, motion, seed)
+    rounded = {name: np.round(values, DECIMALS[strip_channel(name)]) + 0.0 for name, values in columns.items()}
+    return Log(rounded.pop("time"), rounded, {}, file)
+
+
+def gap_in_noise(with_effect: Columns, without: Columns, hidden: tuple[str, ...] = ()) -> Gaps:
+    """Gap per signal between two logs, but of hidden kinds."""
     gaps = {}
     for name, values in with_effect.items():
-        if strip_channel(name) in NOISE_STD:
-            gaps[name] = float(np.sqrt(np.mean((values - without[name]) ** 2)) / NOISE_STD[strip_channel(name)])
+        kind = strip_channel(name)
+        if kind in NOISE_STD and kind not in hidden:
+            gaps[name] = float(np.sqrt(np.mean((values - without[name]) ** 2)) / NOISE_STD[kind])
     return gaps
 
 
@@ -57,23 +72,14 @@ def parts_gaps(case: DrawnCase, seed: list[int], hidden: tuple[str, ...] = ()) -
         What each effect adds to the others, a list of the largest signal's gap; and the gap of all by signal.
     """
 
-    def gaps(without: RobotSpec) -> Gaps:
-        robots = (replace(robot, noisy=False) for robot in (case.spec, without))
-        found = gap_in_noise(*(simulate(robot, case.protocols[HELD_OUT], seed) for robot in robots))
-        return {name: gap for name, gap in found.items() if strip_channel(name) not in hidden}
+    def gaps(*effects: InjectedFault) -> Gaps:
+        robots = (replace(case.spec, effects=some, noisy=False) for some in (case.spec.effects, effects))
+        return gap_in_noise(*(simulate(robot, case.protocols[HELD_OUT], seed) for robot in robots), hidden=hidden)
 
-    effects, whole = case.spec.effects, gaps(replace(case.spec, effects=()))
+    effects, whole = case.spec.effects, gaps()
     if len(effects) < 2:
         return [max(whole.values())] * len(effects), whole
-    others = [tuple(other for other in effects if other is not effect) for effect in effects]
-    return [max(gaps(replace(case.spec, effects=rest)).values()) for rest in others], whole
-
-
-Label = dict[str, Any]
-# digits that a real log carries, as in the practice data
-DECIMALS = {"time": 2, "tension_ref": 3, "tension": 3, "stroke": 6, "speed_cmd": 5, "angle": 4}
-HELD_OUT, REPEATS = "grasps", {"sweeps_2": "sweeps_1.csv.gz"}  # the other logs are fitted
-MARK = ".incomplete"  # of a set that is not complete
+    return [max(gaps(*(e for e in effects if e is not left)).values()) for left in effects], whole
 
 
 def make_label(plan: CasePlan, case: DrawnCase, each: list[float], whole: Gaps) -> Label:
@@ -90,11 +96,6 @@ def make_label(plan: CasePlan, case: DrawnCase, each: list[float], whole: Gaps) 
         "kind": plan.kind, "mix": plan.mix.name, "effects": effects, "gap": max(whole.values(), default=0.0),
         "gaps": whole, "unseen_motion": plan.unseen, "numbers": parameters,
     }  # fmt: skip
-
-
-def round_columns(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Round columns (n,) [SI] to the digits a real log carries; floats print short."""
-    return {name: np.round(values, DECIMALS[strip_channel(name)]) + 0.0 for name, values in columns.items()}
 
 
 def case_and_label(plan: CasePlan) -> tuple[Case, Label]:
@@ -122,12 +123,11 @@ def case_and_label(plan: CasePlan) -> tuple[Case, Label]:
             break
     case, gaps, whole = best
     logs = []
-    for index, (log, protocol) in enumerate(case.protocols.items()):
-        columns = round_columns(simulate(case.spec, protocol, [*plan.seed, 5, index]))
-        columns = {name: values for name, values in columns.items() if strip_channel(name) not in plan.mix.hidden}
-        time = columns.pop("time")
-        role = "holdout" if log == HELD_OUT else "fit"
-        logs.append(CaseLog(Log(time, columns), log, role, REPEATS.get(log), f"{log}.csv.gz"))
+    for index, (name, motion) in enumerate(case.protocols.items()):
+        log = record_log(case.spec, motion, [*plan.seed, 5, index])
+        log = log.only(c for c in log.columns if strip_channel(c) not in plan.mix.hidden)
+        role = "holdout" if name == HELD_OUT else "fit"
+        logs.append(CaseLog(log, name, role, REPEATS.get(name), f"{name}.csv.gz"))
     return Case(plan.name, {}, tuple(logs)), make_label(plan, case, gaps, whole)
 
 
@@ -145,18 +145,16 @@ def make(
 ) -> Path:  # fmt: skip
     """Make a set: case folders, the commitment, and the labels file outside the folder.
 
-    A case's folder appears whole, then its label in `labels`.part; the labels file and the commitment when all are
+    A case's label appears in `labels`.part, then its folder, whole; the labels file and the commitment when all are
     there. An interrupted set is continued. Everything in it follows from the seed; `cases` is the number of each mix,
     `labels` the path that is returned, `folder`-labels.json if None; `jobs` and `cluster` are as in `parallel.each`.
 
     Raises:
-        InputError: For a bad number of cases, a set that is finished there, another one that was started, labels inside
-            the folder, and naming cases that could not be made.
+        InputError: For a set that is finished there, another one that was started, labels inside the folder, and
+            naming cases that could not be made.
     """
     folder = Path(folder)
     labels = Path(labels) if labels else folder.with_name(folder.name + "-labels.json")
-    if cases < 1:
-        raise InputError(f"--cases {cases}: at least one case is wanted")
     if folder.resolve() in labels.resolve().parents:
         raise InputError(f"{labels}: the labels would lie inside the cases' folder {folder}")
     if labels.exists():
@@ -174,33 +172,29 @@ def make(
     write_text(mark, stamp + "\n")
     for half in folder.glob(".*.part"):  # of a run that was killed
         shutil.rmtree(half)
-    parts = labels.with_name(labels.name + ".part")  # labels by case until all are there
-    parts.mkdir(parents=True, exist_ok=True)
-    plans, found, failed = plan(seed, cases, *mixes), {}, {}
-    for item in plans:
-        if (folder / item.name / FILE).is_file():
-            with suppress(OSError, ValueError):
-                found[item.name] = json.loads((parts / f"{item.name}.json").read_text())
+    plans, failed = plan(seed, cases, *mixes), dict[str, str]()
+    kept = labels.with_name(labels.name + ".part")  # labels by case until all are there
+    kept.mkdir(parents=True, exist_ok=True)
+    label_files = {item.name: kept / f"{item.name}.json" for item in plans}
+    waiting = [item for item in plans if not (folder / item.name / FILE).is_file()]
     warm_up()
-    waiting = [item for item in plans if item.name not in found]
-    progress(len(found), 0, len(plans))
+    made = len(plans) - len(waiting)
+    progress(made, 0, len(plans))
     with closing(each(case_and_label, ((item,) for item in waiting), jobs, cluster)) as outcomes:
         for outcome in outcomes:
             name = waiting[outcome.number].name
             if outcome.reason is None:
                 case, label = outcome.value
-                if not (folder / name / FILE).is_file():
-                    write_case(case, folder / name)
-                text = json.dumps(label, indent=1) + "\n"
-                write_text(parts / f"{name}.json", text)
-                found[name] = json.loads(text)
+                write_text(label_files[name], json.dumps(label))
+                write_case(case, folder / name)
+                made += 1
             else:
                 failed[name] = outcome.reason
-            progress(len(found), len(failed), len(plans))
+            progress(made, len(failed), len(plans))
     if failed:
         why = "; ".join(f"{name} ({reason})" for name, reason in sorted(failed.items()))
         raise InputError(f"{folder}: not made: {why}")
-    write_committed({item.name: found[item.name] for item in plans}, labels, folder / COMMITMENT)
-    shutil.rmtree(parts)
+    write_committed({name: read_json(file) for name, file in label_files.items()}, labels, folder / COMMITMENT)
+    shutil.rmtree(kept)
     mark.unlink()
     return labels

@@ -10,7 +10,7 @@ pairs (McNemar 1947, exact test). Interval score of (l, u) for the true value x 
 import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 from functools import cache
 from itertools import chain, permutations, product
 from pathlib import Path
@@ -21,13 +21,18 @@ from scipy.stats import binomtest
 
 from exodrake.core.confidence import binomial_interval
 from exodrake.core.errors import markdown_table, plural
-from exodrake.core.plain import to_dict
 from exodrake.diagnosis.many import FAILURE
 from exodrake.diagnosis.result import CAUSE
 from exodrake.diagnosis.search import name_kind
 from exodrake.machines.robot_file import load_robot
 from exodrake.reference.answers import Answered, Diagnosis, Truth, read_answers, read_labels
 from exodrake.reference.faults import ENTRIES
+
+ALPHA = 0.1  # of a 90 % interval
+NO_EFFECT = ("NO_GAP", "RETUNE")
+LAWS = (("same meaning", True, "<= 0.03"), ("other law", False, "<= 0.2"))  # name, `exact`, wanted half width
+NAMEABLE = {"single": ">= 90 %", "pair": ">= 80 %", "same-block": "", "three": ""}  # kind -> exactly named, wanted
+CLOSED = 0.8  # closure that an effect's lower bound has to exceed
 
 
 def accepted_ids(truth: Truth) -> set[str]:
@@ -99,127 +104,6 @@ def has_matching(stated: Sequence[Any], accepted: Sequence[set]) -> bool:
     )
 
 
-@dataclass(frozen=True)
-class Share:
-    """Share of the cases in which something holds, from case (or a part of one) -> whether it does; `wanted`: goal."""
-
-    name: str
-    outcomes: Mapping[Any, bool]
-    wanted: str = ""
-
-    @property
-    def hits(self) -> int:
-        """Number of cases in which it holds."""
-        return sum(map(bool, self.outcomes.values()))
-
-    @property
-    def total(self) -> int:
-        """Number of cases."""
-        return len(self.outcomes)
-
-    @property
-    def value(self) -> float:
-        """Share; NaN for no cases."""
-        return self.hits / self.total if self.total else math.nan
-
-    @property
-    def interval(self) -> tuple[float, float]:
-        """95 % interval of the share."""
-        return binomial_interval(self.hits, self.total)
-
-
-@dataclass(frozen=True)
-class Paired:
-    """Two shares on the same cases: in how many both hold, only the first, only the second, neither."""
-
-    name: str
-    both: int
-    first: int
-    second: int
-    neither: int
-
-    @property
-    def p(self) -> float:
-        """Two-sided p-value of equal shares: the cases in which one holds alone are a fair coin (McNemar)."""
-        differing = self.first + self.second
-        return float(binomtest(self.first, differing).pvalue) if differing else 1.0
-
-
-def pair_shares(first: Share, second: Share, name: str = "") -> Paired:
-    """Pair two shares on the cases that both count."""
-    common = first.outcomes.keys() & second.outcomes
-    count = Counter((bool(first.outcomes[key]), bool(second.outcomes[key])) for key in common)
-    cells = (True, True), (True, False), (False, True), (False, False)
-    return Paired(name or first.name, *(count[cell] for cell in cells))
-
-
-ALPHA = 0.1  # of a 90 % interval
-
-
-def interval_score(low: float, high: float, true: float) -> float:
-    """Interval score in the unit of the parameter."""
-    return high - low + 2 / ALPHA * (max(low - true, 0.0) + max(true - high, 0.0))
-
-
-class ParameterInterval(NamedTuple):
-    """A stated 90 % interval beside the true value."""
-
-    key: tuple[str, str, str, str | None]  # Case, effect, parameter, and channel or None
-    exact: bool  # Whether the parameter means the same in the law of the reference simulator
-    covers: bool  # Whether the interval holds the true value
-    half_width: float  # Relative to the parameter
-    score: float  # Interval score relative to the parameter
-
-
-def list_intervals(case: Answered) -> Iterator[ParameterInterval]:
-    """Stated intervals of the effects that are named by their true id.
-
-    They are those of the channels of the truth; of an effect without channels the overall one.
-    """
-    for truth in case.truths:
-        seat = (*truth["wires"], *truth["joints"])
-        named = [cause for cause in list_causes(case.diagnosis) if cause["id"] == truth["id"]]
-        for (name, true), effect in product(truth["parameters"].items(), named):
-            overall = (effect.get("parameters") or {}).get(name) or {}
-            stated = (effect.get("channels") or {}).get(name) or {None: overall}
-            for channel, bounds in stated.items():
-                low, high = bounds.get("low"), bounds.get("high")
-                if (channel is None or not seat or channel in seat) and low is not None and high is not None:
-                    drawn = ENTRIES[truth["id"]].ranges if truth["id"] in ENTRIES else {}
-                    least, most = drawn.get(name, (0.0, 0.0))
-                    scale = max(abs(true), -least, most) if least < 0 else abs(true)  # of a range through zero its end
-                    relative = (high - low) / 2 / scale, interval_score(low, high, true) / scale
-                    key = case.name, truth["id"], name, channel
-                    yield ParameterInterval(key, bool(truth["exact"]), low <= true <= high, *relative)
-
-
-NO_EFFECT = ("NO_GAP", "RETUNE")
-LAWS = (("same meaning", True, "<= 0.03"), ("other law", False, "<= 0.2"))  # name, `exact`, wanted half width
-NAMEABLE = {"single": ">= 90 %", "pair": ">= 80 %", "same-block": "", "three": ""}  # kind -> exactly named, wanted
-CLOSED = 0.8  # closure that an effect's lower bound has to exceed
-
-
-@dataclass(frozen=True)
-class Quantity:
-    """A quantity of so many cases; NaN for none."""
-
-    name: str
-    value: float
-    count: int
-    wanted: str = ""
-
-
-def share(name: str, cases: Iterable[Answered], holds: Callable[[Answered], Any], wanted: str = "") -> Share:
-    """Share of cases in which something holds."""
-    return Share(name, {case.name: bool(holds(case)) for case in cases}, wanted)
-
-
-def quantity(name: str, statistic: Callable[[Any], Any], values: Iterable[float | None], wanted: str = "") -> Quantity:
-    """Statistic of the values that are known."""
-    known = [value for value in values if value is not None]
-    return Quantity(name, float(statistic(known)) if known else math.nan, len(known), wanted)
-
-
 def is_named_exactly(case: Answered) -> bool:
     """The true effects are named and nothing else; a class of provably inseparable effects counts as one name."""
     inseparable = set().union(*map(accepted_ids, case.truths))
@@ -230,6 +114,12 @@ def is_named_exactly(case: Answered) -> bool:
 def in_class(case: Answered) -> bool:
     """Every true effect is a cause that is named, or a rival of one."""
     return case.verdict in ("NAMED", "AMBIGUOUS") and is_in_class(case.truths, case.diagnosis)
+
+
+def is_first(case: Answered) -> bool:
+    """The truth comes first, whatever the verdict: among the causes, else in the best fitted set."""
+    sets = (one["id"] for one in case.diagnosis.get("candidates") or () if one["id"] not in ("", "retune"))
+    return is_truth(case.truths, named_ids(case.diagnosis) or tuple(next(sets, "").split(" + ")))
 
 
 def is_right(case: Answered) -> bool:
@@ -256,14 +146,100 @@ def select_visible(cases: Sequence[Answered], kinds: Iterable[str]) -> list[Answ
     return [case for case in cases if case.kind in kinds and case.visible]
 
 
+class ParameterInterval(NamedTuple):
+    """A stated 90 % interval beside the true value."""
+
+    key: tuple[str, str, str, str | None]  # Case, effect, parameter, and channel or None
+    exact: bool  # Whether the parameter means the same in the law of the reference simulator
+    covers: bool  # Whether the interval holds the true value
+    half_width: float  # Relative to the parameter
+    score: float  # Interval score relative to the parameter
+
+
+def interval_score(low: float, high: float, true: float) -> float:
+    """Interval score in the unit of the parameter."""
+    return high - low + 2 / ALPHA * (max(low - true, 0.0) + max(true - high, 0.0))
+
+
+def list_intervals(case: Answered) -> Iterator[ParameterInterval]:
+    """Stated intervals of the effects that are named by their true id.
+
+    They are those of the channels of the truth; of an effect without channels the overall one.
+    """
+    for truth in case.truths:
+        seat = (*truth["wires"], *truth["joints"])
+        named = [cause for cause in list_causes(case.diagnosis) if cause["id"] == truth["id"]]
+        for (name, true), effect in product(truth["parameters"].items(), named):
+            overall = (effect.get("parameters") or {}).get(name) or {}
+            stated = (effect.get("channels") or {}).get(name) or {None: overall}
+            for channel, bounds in stated.items():
+                low, high = bounds.get("low"), bounds.get("high")
+                if (channel is None or not seat or channel in seat) and low is not None and high is not None:
+                    drawn = ENTRIES[truth["id"]].ranges if truth["id"] in ENTRIES else {}
+                    least, most = drawn.get(name, (0.0, 0.0))
+                    scale = max(abs(true), -least, most) if least < 0 else abs(true)  # of a range through zero its end
+                    relative = (high - low) / 2 / scale, interval_score(low, high, true) / scale
+                    key = case.name, truth["id"], name, channel
+                    yield ParameterInterval(key, bool(truth["exact"]), low <= true <= high, *relative)
+
+
 def intervals(cases: Sequence[Answered], exact: bool) -> list[ParameterInterval]:
     """Intervals stated for exactly named effects, of parameters of one kind."""
     named = filter(is_named_exactly, select_visible(cases, NAMEABLE))
     return [interval for case in named for interval in list_intervals(case) if interval.exact == exact]
 
 
-def compute_shares(cases: Sequence[Answered]) -> tuple[Share, ...]:
-    """Measures that are shares of cases."""
+class Share(NamedTuple):
+    """Share of the cases in which something holds, with its exact 95 % interval; NaN for no cases."""
+
+    outcomes: Mapping[Any, bool]  # Case, or part of one -> whether it holds
+    wanted: str
+    hits: int
+    total: int
+    value: float
+    low: float
+    high: float
+
+    def to_json(self) -> dict[str, Any]:
+        """All but the single outcomes."""
+        return {name: value for name, value in self._asdict().items() if name != "outcomes"}
+
+
+def count_share(outcomes: Mapping[Any, bool], wanted: str = "") -> Share:
+    """Share of the outcomes that hold; `wanted`: the goal in words."""
+    hits, total = sum(outcomes.values()), len(outcomes)
+    interval = binomial_interval(hits, total)
+    return Share(outcomes, wanted, hits, total, hits / total if total else math.nan, *interval)
+
+
+class Quantity(NamedTuple):
+    """A quantity of so many cases; NaN for none."""
+
+    value: float
+    cases: int
+    wanted: str
+
+
+class Paired(NamedTuple):
+    """Two shares on the same cases: in how many both hold, only the first, only the second, neither."""
+
+    both: int
+    first: int
+    second: int
+    neither: int
+    p: float  # two-sided, of equal shares: the cases in which one holds alone are a fair coin (McNemar)
+
+
+def pair_shares(first: Share, second: Share) -> Paired:
+    """Pair two shares on the cases that both count."""
+    common = first.outcomes.keys() & second.outcomes
+    count = Counter((first.outcomes[key], second.outcomes[key]) for key in common)
+    both, one, other, neither = (count[cell] for cell in ((True, True), (True, False), (False, True), (False, False)))
+    return Paired(both, one, other, neither, float(binomtest(one, one + other).pvalue) if one + other else 1.0)
+
+
+def compute_shares(cases: Sequence[Answered]) -> dict[str, Share]:
+    """Measures that are shares of cases, by name."""
     nameable, outside = select_visible(cases, NAMEABLE), select_visible(cases, ["unknown"])
     healthy = [case for case in cases if case.kind == "healthy"]
     named = [case for case in nameable if case.verdict == "NAMED"]
@@ -271,107 +247,104 @@ def compute_shares(cases: Sequence[Answered]) -> tuple[Share, ...]:
     located = [case for case in nameable + outside if "where" in case.diagnosis or case.verdict == FAILURE]
     partly = [case for case in nameable if case.verdict == "PARTLY"]
 
-    def is_first(case: Answered) -> bool:
-        """The truth comes first, whatever the verdict: among the causes, else in the best fitted set."""
-        sets = (one["id"] for one in case.diagnosis.get("candidates") or () if one["id"] not in ("", "retune"))
-        return is_truth(case.truths, named_ids(case.diagnosis) or tuple(next(sets, "").split(" + ")))
+    def seats(case: Answered, key: str) -> set[str]:
+        return {seat for truth in case.truths for seat in truth[key]}
 
     def read_where(case: Answered, key: str) -> Any:
         return (case.diagnosis.get("where") or {}).get(key)
+
+    def is_seat_right(key: str) -> Callable[[Answered], bool]:
+        return lambda case: set(read_where(case, key) or ()) == seats(case, key)
 
     tests = {
         "exactly named": is_named_exactly,
         "truth named or in its class": in_class,
         "kind and block right": lambda c: c.verdict in ("NAMED", "AMBIGUOUS") and is_kind_right(c.truths, c.diagnosis),
     }
-    wanted = {f"exactly named, {kind}": goal for kind, goal in NAMEABLE.items()}
-    named_kinds = ((f"{name}, {kind}", kind, holds) for name, holds in tests.items() for kind in NAMEABLE)
-    rows = [
-        share(name, select_visible(cases, [kind]), holds, wanted.get(name, "")) for name, kind, holds in named_kinds
+    rows: list[tuple[str, Iterable[Answered], Callable[[Answered], Any], str]] = [
+        (f"{name}, {kind}", select_visible(cases, [kind]), holds, goal if holds is is_named_exactly else "")
+        for (name, holds), (kind, goal) in product(tests.items(), NAMEABLE.items())
     ]
     rows += [
-        share("PARTLY, and its causes hold the truth", partly, lambda case: is_in_class(case.truths, case.diagnosis)),
-        share("truth first", nameable, is_first, ">= 95 %"),
-        share("UNKNOWN outside the library", outside, lambda case: case.verdict == "UNKNOWN", ">= 90 %"),
-        share("not named outside the library", outside, lambda case: case.verdict in ("UNKNOWN", "PARTLY", *NO_EFFECT)),
-        share("wrongly UNKNOWN", healthy + nameable, lambda case: case.verdict == "UNKNOWN", "<= 3 %"),
-        share("false alarm on healthy", healthy, lambda case: case.verdict not in NO_EFFECT, "0-1 cases"),
-        share("missed (NO_GAP or RETUNE) though visible", nameable, lambda case: case.verdict in NO_EFFECT),
-        share("another effect named, or one too many", named,
-              lambda case: not set(named_ids(case.diagnosis)) <= set().union(*map(accepted_ids, case.truths))),
-        share("block right", filter(blocks, located),
-              lambda case: read_where(case, "block") in blocks(case), ">= 95 %"),
+        ("PARTLY, and its causes hold the truth", partly, lambda case: is_in_class(case.truths, case.diagnosis), ""),
+        ("truth first", nameable, is_first, ">= 95 %"),
+        ("UNKNOWN outside the library", outside, lambda case: case.verdict == "UNKNOWN", ">= 90 %"),
+        ("not named outside the library", outside, lambda case: case.verdict in ("UNKNOWN", "PARTLY", *NO_EFFECT), ""),
+        ("wrongly UNKNOWN", healthy + nameable, lambda case: case.verdict == "UNKNOWN", "<= 3 %"),
+        ("false alarm on healthy", healthy, lambda case: case.verdict not in NO_EFFECT, "0-1 cases"),
+        ("missed (NO_GAP or RETUNE) though visible", nameable, lambda case: case.verdict in NO_EFFECT, ""),
+        ("another effect named, or one too many", named,
+         lambda case: not set(named_ids(case.diagnosis)) <= set().union(*map(accepted_ids, case.truths)), ""),
+        ("block right", filter(blocks, located), lambda case: read_where(case, "block") in blocks(case), ">= 95 %"),
+        ("tendons right", [c for c in located if seats(c, "wires")], is_seat_right("wires"), ">= 95 %"),
+        ("joints right", [c for c in located if seats(c, "joints")], is_seat_right("joints"), ">= 95 %"),
+        (f"C(effect given retune), lower bound > {CLOSED:g}", closed,
+         lambda case: (closure(case, "effect", "low") or 0.0) > CLOSED, ">= 95 %"),
     ]  # fmt: skip
-    for name, key in (("tendons", "wires"), ("joints", "joints")):
-        seats = {c.name: {seat for truth in c.truths for seat in truth[key]} for c in located}
-        right_seats = {c.name: set(read_where(c, key) or ()) == seats[c.name] for c in located if seats[c.name]}
-        rows.append(Share(f"{name} right", right_seats, ">= 95 %"))
-    lower = f"C(effect given retune), lower bound > {CLOSED:g}"
-    rows.append(share(lower, closed, lambda case: (closure(case, "effect", "low") or 0.0) > CLOSED, ">= 95 %"))
+    shares = {name: count_share({c.name: bool(holds(c)) for c in some}, wanted) for name, some, holds, wanted in rows}
     for law, exact, _ in LAWS:
         covered = {interval.key: interval.covers for interval in intervals(cases, exact)}
-        rows.append(Share(f"90 % interval covers, {law}", covered, "85-95 %"))
-    return tuple(rows)
+        shares[f"90 % interval covers, {law}"] = count_share(covered, "85-95 %")
+    return shares
 
 
-def compute_quantities(cases: Sequence[Answered]) -> tuple[Quantity, ...]:
-    """Measures that are no shares."""
+def compute_quantities(cases: Sequence[Answered]) -> dict[str, Quantity]:
+    """Measures that are no shares, by name."""
     answers = [case.diagnosis for case in cases]
     named = [case for case in select_visible(cases, NAMEABLE) if case.verdict == "NAMED"]
     ambiguous = (answer for answer in answers if answer["verdict"] == "AMBIGUOUS")
     sizes = [len(ids) for answer in ambiguous for ids in list_classes(answer) if len(ids) > 1]
-    rows = [quantity("size of an AMBIGUOUS class, mean", np.mean, sizes, "<= 2.2")]
+    rows: list[tuple[str, Callable[[Any], Any], Iterable[float | None], str]] = [
+        ("size of an AMBIGUOUS class, mean", np.mean, sizes, "<= 2.2")
+    ]
     for label, part in (("C(overall)", "overall"), ("C(retune)", "retune"), ("C(effect given retune)", "effect")):
-        rows.append(quantity(f"{label} when named, median", np.median, (closure(c, part, "value") for c in named)))
+        rows.append((f"{label} when named, median", np.median, [closure(c, part, "value") for c in named], ""))
     for law, exact, wanted in LAWS:
         found = intervals(cases, exact)
-        rows.append(quantity(f"relative half width, {law}, median", np.median, [i.half_width for i in found], wanted))
-        rows.append(quantity(f"relative interval score, {law}, mean", np.mean, [i.score for i in found]))
+        rows.append((f"relative half width, {law}, median", np.median, [i.half_width for i in found], wanted))
+        rows.append((f"relative interval score, {law}, mean", np.mean, [i.score for i in found], ""))
     for name, key, middle, end in (
         ("simulated seconds a case", "simulated_seconds", "<= 60000", ""),
         ("seconds a case", "seconds", "<= 12", "<= 20"),
     ):
         values = [answer.get(key) for answer in answers]
-        rows.append(quantity(f"{name}, median", np.median, values, middle))
-        rows.append(quantity(f"{name}, 95 %", lambda known: np.percentile(known, 95), values, end))
-    return tuple(rows)
-
-
-def compute_baselines(cases: Sequence[Answered]) -> tuple[Share, ...]:
-    """Trivial answers to the visible cases with one effect, those that the diagnosis carries among them."""
-    single = select_visible(cases, ["single"])
-    rows = []
-    for label, key in (("effect", "id"), ("block", "block")):
-        values = [case.truths[0][key] for case in single]
-        commonest = max(values, key=values.count, default="")
-        rows.append(share(f"always the commonest {label}", single, lambda c, k=key, v=commonest: c.truths[0][k] == v))
-    for name in sorted({name for case in single for name in case.diagnosis.get("baselines") or ()}):
-        ids = {c.name: (c.diagnosis.get("baselines") or {}).get(name) or "" for c in single}
-        named = [c for c in single if is_truth(c.truths, ids[c.name].split(" + "))]
-        rows.append(share(f"{name} names the truth", single, lambda c, named=named: c in named))
-    return tuple(rows)
+        rows.append((f"{name}, median", np.median, values, middle))
+        rows.append((f"{name}, 95 %", lambda known: np.percentile(known, 95), values, end))
+    quantities = {}
+    for name, statistic, values, wanted in rows:
+        known = [value for value in values if value is not None]
+        quantities[name] = Quantity(float(statistic(known)) if known else math.nan, len(known), wanted)
+    return quantities
 
 
 @dataclass(frozen=True)
-class Group:
-    """Measures of the cases of one mix."""
+class Measures:
+    """Measures of the cases of one mix, by name."""
 
-    name: str  # Name of the mix
     cases: int  # How many there are
-    shares: tuple[Share, ...]
-    quantities: tuple[Quantity, ...]
-    baselines: tuple[Share, ...]  # Trivial answers to the cases with one effect
-    paired: tuple[Paired, ...]  # The diagnosis against the baselines that it carries, then against the other answers
+    shares: dict[str, Share]
+    quantities: dict[str, Quantity]
+    paired: dict[str, Paired]  # The shares of the diagnosis and of other answers
+
+
+class Answers(NamedTuple):
+    """Number of cases with the same truth and answer.
+
+    Several effects are joined by +; an answer without a name is its verdict.
+    """
+
+    truth: str
+    answer: str
+    right: bool
+    cases: int
 
 
 @dataclass(frozen=True)
 class Score:
-    """Measures of a set."""
+    """Measures of a set; `to_dict` makes plain data of it, null for the value of no case."""
 
-    groups: tuple[Group, ...]  # Measures of each mix
-    # (truth, answer, whether it is right) -> number of cases; several effects are joined by +, an answer without a name
-    # is its verdict
-    confusion: dict[tuple[str, str, bool], int]
+    mixes: dict[str, Measures]  # Measures of each mix
+    confusion: list[Answers]
     missing: tuple[str, ...]  # Names of the cases without a diagnosis
     cases: int  # Number of cases that were answered, or failed
     failed: tuple[str, ...] = ()  # Names of those that failed
@@ -385,14 +358,12 @@ def score(folder: str | Path, labels: str | Path, against: str | Path | None = N
     truths = read_labels(Path(folder), Path(labels))
     cases = read_answers(Path(folder), truths)
     others = read_answers(Path(against), truths) if against else ()
-    groups, confusion = [], Counter()
+    mixes, confusion = {}, Counter[tuple[str, str, bool]]()
     for mix in dict.fromkeys(case.mix for case in cases):
         here, there = ([case for case in answers if case.mix == mix] for answers in (cases, others))
-        shares, baselines = compute_shares(here), compute_baselines(here)
-        first = next(item for item in shares if item.name == "truth first")
-        compared = [pair_shares(first, item, f"truth first; {item.name}") for item in baselines if "names" in item.name]
-        compared += [pair_shares(one, other) for one, other in zip(shares, compute_shares(there))] if there else []
-        groups.append(Group(mix, len(here), shares, compute_quantities(here), baselines, tuple(compared)))
+        shares, theirs = compute_shares(here), compute_shares(there)
+        paired = {name: pair_shares(one, theirs[name]) for name, one in shares.items() if there}
+        mixes[mix] = Measures(len(here), shares, compute_quantities(here), paired)
     for case in cases:
         truth = " + ".join(effect["id"] for effect in case.truths) or "healthy"
         named = " + ".join(named_ids(case.diagnosis))
@@ -401,40 +372,32 @@ def score(folder: str | Path, labels: str | Path, against: str | Path | None = N
         confusion[truth, answer, is_right(case)] += 1
     missing = tuple(sorted(set(truths) - {case.name for case in cases}))
     failed = tuple(case.name for case in cases if case.verdict == FAILURE)
-    return Score(tuple(groups), dict(sorted(confusion.items())), missing, len(cases), failed)
+    return Score(mixes, [Answers(*row, n) for row, n in sorted(confusion.items())], missing, len(cases), failed)
 
 
 HEADINGS = ("measure", "wanted", "found", "95 % interval", "of")
 PAIRED = ("paired, McNemar", "both", "first alone", "second alone", "neither", "p")
-CONFUSION = ("truth", "answer", "right", "cases")
 Row = tuple[str, ...]
-
-
-def share_rows(shares: Iterable[Share], prefix: str = "") -> list[Row]:
-    """Cells of the shares that count any case."""
-    rows = []
-    for item in shares:
-        low, high = item.interval
-        found = f"{100 * item.value:.1f} %", f"{100 * low:.1f}-{100 * high:.1f} %", f"{item.hits}/{item.total}"
-        rows += [(prefix + item.name, item.wanted, *found)] if item.total else []
-    return rows
 
 
 def tables(score: Score) -> Iterator[tuple[str, Row, list[Row]]]:
     """Title, headings and rows of each table; rows that count no case are left out."""
-    for group in score.groups:
-        rows = share_rows(group.shares)
-        rows += [(q.name, q.wanted, f"{q.value:.3g}", "", str(q.count)) for q in group.quantities if q.count]
-        rows += share_rows(group.baselines, "baseline: ")
-        yield f"{group.name}, {count_cases(group.cases)}", HEADINGS, rows
-        compared = [(name, *map(str, cells), f"{one.p:.2g}") for one in group.paired for name, *cells in [astuple(one)]
-                    if any(cells)]  # fmt: skip
+    for mix, found in score.mixes.items():
+        rows = []
+        for name, one in found.shares.items():
+            cells = f"{100 * one.value:.1f} %", f"{100 * one.low:.1f}-{100 * one.high:.1f} %", f"{one.hits}/{one.total}"
+            rows += [(name, one.wanted, *cells)] * bool(one.total)
+        rows += [
+            (name, q.wanted, f"{q.value:.3g}", "", str(q.cases)) for name, q in found.quantities.items() if q.cases
+        ]
+        yield f"{mix}, {count_cases(found.cases)}", HEADINGS, rows
+        compared = [(name, *map(str, cells), f"{p:.2g}") for name, (*cells, p) in found.paired.items() if any(cells)]
         if compared:
-            yield f"{group.name}, paired", PAIRED, compared
+            yield f"{mix}, paired", PAIRED, compared
     failed = f", {len(score.failed)} of them failed" if score.failed else ""
     lacking = f", {len(score.missing)} without a diagnosis" if score.missing else ""
-    rows = [(truth, answer, "yes" if right else "", str(n)) for (truth, answer, right), n in score.confusion.items()]
-    yield f"truth and answer, {count_cases(score.cases)}{failed}{lacking}", CONFUSION, rows
+    rows = [(truth, answer, "yes" if right else "", str(n)) for truth, answer, right, n in score.confusion]
+    yield f"truth and answer, {count_cases(score.cases)}{failed}{lacking}", Answers._fields, rows
 
 
 def count_cases(cases: int) -> str:
@@ -445,27 +408,3 @@ def count_cases(cases: int) -> str:
 def markdown(tables: Iterable[tuple[str, Row, list[Row]]]) -> str:
     """Tables of title, headings and rows as Markdown; a heading that begins with `>` heads numbers on the right."""
     return "\n".join(f"{title}\n\n{markdown_table(headings, rows)}\n" for title, headings, rows in tables)
-
-
-def as_json(score: Score) -> dict[str, Any]:
-    """Plain data of the score; a share or a quantity of no case has the value null."""
-
-    def shares_json(shares: Iterable[Share]) -> dict[str, Any]:
-        return {
-            item.name: {"hits": item.hits, "total": item.total, "value": item.value}
-            | dict(zip(("low", "high"), item.interval))
-            for item in shares
-        }
-
-    mixes = {
-        group.name: {
-            "cases": group.cases, "shares": shares_json(group.shares),
-            "quantities": {q.name: {"value": q.value, "cases": q.count} for q in group.quantities},
-            "baselines": shares_json(group.baselines),
-            "paired": {item.name: vars(item) | {"p": item.p} for item in group.paired},
-        }
-        for group in score.groups
-    }  # fmt: skip
-    confusion = [dict(zip(CONFUSION, (*row, count))) for row, count in score.confusion.items()]
-    parts = {"cases": score.cases, "missing": score.missing, "failed": score.failed, "mixes": mixes}
-    return to_dict(parts | {"confusion": confusion})

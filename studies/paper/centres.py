@@ -78,8 +78,8 @@ def table_rows(markers: Markers) -> list[tuple[str, ...]]:
     for k, name in enumerate(JOINTS):
         true = markers.truth.axes[k + 1]
         found = [kinematics.joints[k] for kinematics in (markers.rigid, markers.sliding)]
-        slopes = [f"{1e3 * np.linalg.norm(joint.line.gradient):.2f}" for joint in found]
-        scatter = [f"{1e3 * joint.line.rmse_3d:.2f}" for joint in found]
+        slopes = [f"{1e3 * np.linalg.norm(joint.axis.slope):.2f}" for joint in found]
+        scatter = [f"{1e3 * np.linalg.norm(joint.rmse):.2f}" for joint in found]
         lengths = [f"{1e3 * kinematics.lengths[k]:.2f}" for kinematics in (markers.rigid, markers.sliding)]
         rows.append(
             (name, f"{np.linalg.norm(GRADIENT[name]):.2f}", f"{1e3 * np.linalg.norm(true.slope):.2f}", *slopes,
@@ -98,13 +98,13 @@ def axis_rows(markers: Markers) -> list[tuple[str, ...]]:
     """Rows under AXIS_HEAD; * in the frames of the synthetic hand's markers, which are not the paper's."""
     rows = []
     for k, name in enumerate(JOINTS):
-        line, true = markers.rigid.joints[k].line, markers.truth.axes[k + 1].slope
+        joint, true = markers.rigid.joints[k], markers.truth.axes[k + 1].slope
         for i, axis in enumerate(COLOURS):
-            found = f"{1e3 * line.gradient[i]:.2f} ± {1e3 * line.gradient_interval[i]:.2f}"
+            found = f"{1e3 * joint.axis.slope[i]:.2f} ± {1e3 * joint.half_widths[0][i]:.2f}"
             rows.append(
                 (name if i == 0 else "", axis, f"{GRADIENT[name][i]:.2f}", f"{1e3 * true[i]:.2f}", found,
-                 f"{INTERCEPT[name][i]:.2f}", f"{1e3 * line.intercept[i]:.2f}", f"{RMSE[name][i]:.2f}",
-                 f"{1e3 * line.rmse[i]:.2f}")
+                 f"{INTERCEPT[name][i]:.2f}", f"{1e3 * joint.axis.point[i]:.2f}", f"{RMSE[name][i]:.2f}",
+                 f"{1e3 * joint.rmse[i]:.2f}")
             )  # fmt: skip
     return rows
 
@@ -112,7 +112,7 @@ def axis_rows(markers: Markers) -> list[tuple[str, ...]]:
 def inside(markers: Markers) -> int:
     """Number of the nine true slopes inside their 95 % intervals."""
     return sum(
-        int(np.sum(np.abs(joint.line.gradient - axis.slope) <= joint.line.gradient_interval))
+        int(np.sum(np.abs(joint.axis.slope - axis.slope) <= joint.half_widths[0]))
         for joint, axis in zip(markers.rigid.joints, markers.truth.axes[1:])
     )
 
@@ -171,9 +171,9 @@ def slopes_found(markers: Markers) -> str:
     """Slopes of PIP and DIP found again, with the 95 % half width of their largest part."""
     parts = []
     for k in (1, 2):
-        line = markers.rigid.joints[k].line
+        joint = markers.rigid.joints[k]
         parts.append(
-            f"{JOINTS[k]} {1e3 * np.linalg.norm(line.gradient):.2f} ± {1e3 * line.gradient_interval.max():.2f}"
+            f"{JOINTS[k]} {1e3 * np.linalg.norm(joint.axis.slope):.2f} ± {1e3 * joint.half_widths[0].max():.2f}"
         )
     return ", ".join(parts)
 
@@ -197,11 +197,10 @@ def figure(found: Kinematics) -> str:
                 for which, alpha in ((used, 0.6), (~used, 0.25)):
                     axes.plot(joint.angle[which], 1e3 * joint.centre[which, number], ".", ms=2.4, mew=0, color=colour,
                               alpha=alpha, rasterized=True)  # fmt: skip
-                line = joint.line
-                slope, level = 1e3 * line.gradient[number], 1e3 * line.intercept[number]
+                slope, level = 1e3 * joint.axis.slope[number], 1e3 * joint.axis.point[number]
                 words = f"{axis} = {slope:.2f} θ {level:+.2f}".replace("-", "−")
-                axes.plot(span, 1e3 * line.at(span)[:, number], color=colour, lw=1.3, label=words)
-            lines = 1e3 * joint.line.at(span)
+                axes.plot(span, 1e3 * joint.axis.centre(span)[:, number], color=colour, lw=1.3, label=words)
+            lines = 1e3 * joint.axis.centre(span)
             axes.set_ylim(lines.min() - 6.0, lines.max() + 6.0)
             axes.set_title(f"{joint.name} centre")
             axes.set_xlabel("flexion θ [rad]")

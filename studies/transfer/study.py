@@ -21,14 +21,15 @@ from exodrake.core.errors import InputError
 from exodrake.core.parallel import each
 from exodrake.core.plain import plain
 from exodrake.core.progress import Count, no_progress
-from exodrake.diagnosis.many import IMPROVED, RETUNED
+from exodrake.core.schema import read_json
+from exodrake.diagnosis.many import IMPROVED, RETUNED, SCHEMA
 from exodrake.engine.inputs import Reference
 from exodrake.machines.robot_file import load_robot
 from exodrake.model.robot import Robot
-from exodrake.reference.answers import ANSWER, find_cases, read_diagnosis, read_labels
+from exodrake.reference.answers import ANSWER, find_cases, read_labels
 from exodrake.reference.faults import ENTRIES
 from exodrake.reference.robot import InjectedFault, RobotSpec
-from exodrake.reference.score import Row, Share, count_cases
+from exodrake.reference.score import Row, count_cases, count_share
 from exodrake.reference.simulator import simulate
 from studies.transfer.control_task import Gains, Tuner, by_cost, cost, motion, own_gains, predicted
 
@@ -134,7 +135,7 @@ def prediction(folder: Path, seed: int, tuner: Tuner, nominal_gains: Gains) -> P
         "retuned": load_robot(folder / RETUNED),
         "improved": load_robot(folder / IMPROVED),
     }
-    verdict = read_diagnosis(folder / ANSWER)["verdict"]
+    verdict = SCHEMA(read_json(folder / ANSWER), str(folder / ANSWER))["verdict"]
     return predict(folder.name, verdict, robots, seed, tuner, nominal_gains)
 
 
@@ -281,8 +282,8 @@ def better_than_nominal(found: Transfer, model: str) -> Measured:
 
 def share(name: str, model: str, found: Transfer, other: str) -> Measured:
     """Share of cases in which one controller really costs less than another, with its exact interval."""
-    outcomes = Share(name, {case.prediction.name: case.real[model] < case.real[other] for case in found.cases})
-    return Measured(name, model, outcomes.value, *outcomes.interval, f"{outcomes.hits}/{outcomes.total}")
+    won = count_share({case.prediction.name: case.real[model] < case.real[other] for case in found.cases})
+    return Measured(name, model, won.value, won.low, won.high, f"{won.hits}/{won.total}")
 
 
 def tables(found: Transfer) -> Iterator[tuple[str, Row, list[Row]]]:

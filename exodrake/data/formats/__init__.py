@@ -10,7 +10,7 @@ from dataclasses import replace
 from functools import cache
 from importlib import import_module
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -18,33 +18,22 @@ from exodrake.core import plugins
 from exodrake.core.errors import InputError, argument
 from exodrake.core.files import is_file, is_folder, read_bytes, refuse_special, write_bytes
 from exodrake.core.processes import in_child
-from exodrake.data.log import CHANGED, LARGEST, MODEL, Log, check_clock, check_columns, find_first
+from exodrake.data.log import CHANGED, MODEL, Log, check_clock, check_columns, headings, log_from_columns
 
 plugins.extend(__path__, "data/formats")
+GZIPPED = ".csv.gz"
 MARK = "simulated"  # column of a file, of any format, that marks what exodrake simulated
 
 
-class Format(NamedTuple):
-    """Reader of a file's bytes, named for messages, and writer of a log."""
-
-    read: Callable[[bytes, str], Log]
-    write: Callable[[Log], bytes]
-
-
 @cache
-def formats() -> dict[str, Format]:
-    """Formats by ending; where two modules claim an ending, the first by name has it."""
-    found: dict[str, Format] = {}
+def formats() -> dict[str, Any]:
+    """Modules of the formats by ending; where two claim an ending, the first by name has it."""
+    found: dict[str, Any] = {}
     for name in plugins.module_names(__path__):
         with plugins.shown_errors():
             module = import_module(f"{__name__}.{name}")
-            if name == "csv":  # without a time stamp, so that the same log gives the same bytes
-                found[".csv.gz"] = Format(
-                    lambda data, source, csv=module: csv.read(csv.unpack(data, source), source),
-                    lambda log, csv=module: gzip.compress(csv.write(log), compresslevel=6, mtime=0),
-                )
         for ending in module.ENDINGS:
-            found.setdefault(ending, Format(module.read, module.write))
+            found.setdefault(ending, module)
     return found
 
 
@@ -60,27 +49,28 @@ def stem(path: str | Path) -> str:
     return name[: -len(ending(name) or "")] if ending(name) else Path(name).stem
 
 
-def find_format(path: str | Path) -> Format:
-    """The format of a file; InputError with all endings for an unknown one."""
+def find_format(path: str | Path) -> Any:
+    """The module of a file's format; InputError with all endings for an unknown one."""
     known = ending(path)
     if known is None:
         raise InputError(f"{path}: ending is none of {', '.join(formats())}")
     return formats()[known]
 
 
-def read_apart[T](reader: Callable[[bytes, str], T], data: bytes, source: str, what: str) -> T:
-    """What a reader makes of a file, in the child process. InputError for a file that is no whole `what`."""
-    return in_child(read_whole, reader, data, source, what, source=source, size=len(data))
+def read_apart[T](reader: Callable[[bytes, str], T], data: bytes, source: str) -> T:
+    """What a reader makes of a file, in the child process. InputError for a damaged file."""
+    return in_child(read_whole, reader, data, source, source=source, size=len(data))
 
 
-def read_whole(reader: Callable[[bytes, str], Any], data: bytes, source: str, what: str) -> Any:
+def read_whole(reader: Callable[[bytes, str], Any], data: bytes, source: str) -> Any:
     """`read_apart` in this process."""
     try:
         return reader(data, source)
     except InputError:
         raise
     except Exception as error:  # a parser raises whatever damaged bytes lead it to
-        raise InputError(f"{source}: not a whole {what} file ({type(error).__name__})") from None
+        kind = Path(source.removesuffix(".gz")).suffix[1:].upper()
+        raise InputError(f"{source}: not a whole {kind} file ({type(error).__name__})") from None
 
 
 def read_log(path: str | Path, required: Sequence[str] = (), complete: Sequence[str] = ()) -> Log:
@@ -133,18 +123,16 @@ def log_bytes(log: Log, path: str | Path) -> bytes:
     """Content of a log's file.
 
     Raises:
-        InputError: for an unknown ending, and for what no file would give back: no rows, a sample that is infinite or
-            larger than any signal, a hole in the clock, a name that no heading can hold.
+        InputError: for an unknown ending, and for what would be refused when it is read: no rows, a sample that is
+            infinite or larger than any signal, a hole in the clock, a name that no heading can hold.
     """
     write = find_format(path).write
-    if not len(log):
-        raise InputError(f"{path}: the log has no rows, it is not written")
-    for name, values in {"time": log.time, **log.signals}.items():
-        row = find_first((np.abs(values) > LARGEST) | (np.isnan(values) if name == "time" else False))
-        if row is not None:
-            raise InputError(f"{path}: column {name!r}, row {row + 1}: {values[row]:g}; the log is not written")
-    for name in log.columns:
-        if not name.isprintable() or name in ("", "time") or name != name.strip() or set(name) & set("[]"):
-            raise InputError(f"{path}: {name!r} cannot be the name of a column; the log is not written")
+    try:
+        columns = log_from_columns(zip(headings(log), [log.time, *log.signals.values()]), str(path)).columns
+    except InputError as problem:
+        raise InputError(f"{problem}; the log is not written") from None
+    if columns != log.columns:
+        raise InputError(f"{path}: a column's name begins or ends with a blank; the log is not written")
     marked = log.with_signals({MARK: np.full(len(log), float(log.simulated))}, {MARK: "-"}) if log.simulated else log
-    return write(marked)
+    data = write(marked)  # gzipped without a time stamp, so that the same log gives the same bytes
+    return gzip.compress(data, compresslevel=6, mtime=0) if ending(path) == GZIPPED else data

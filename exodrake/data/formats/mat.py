@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from exodrake.core.errors import InputError, require_extra
-from exodrake.data.formats import read_apart, read_whole
+from exodrake.data.formats import read_apart
 from exodrake.data.log import Log, check_size, log_from_columns
 
 ENDINGS = (".mat",)
@@ -22,8 +22,8 @@ HIDDEN = ("#refs#", "#subsystem#")  # where MATLAB keeps what its cells refer to
 
 
 def read(data: bytes, source: str) -> Log:
-    """Parse a MAT file that `write` made. InputError for a damaged file or one without `units`."""
-    variables = read_variables(data, source)
+    """Parse a MAT file that `write` made. InputError for a damaged file, no `units`, and what is no numeric vector."""
+    variables = read_apart(parse, data, source)
     units = variables.get("units")
     if not isinstance(units, dict):
         raise InputError(f"{source}: no struct 'units' as a log has; use `exodrake import` with a mapping file")
@@ -31,7 +31,11 @@ def read(data: bytes, source: str) -> Log:
     for name, unit in units.items():
         if name not in variables:
             raise InputError(f"{source}: column {name!r} has a unit but no values")
-        columns.append((f"{name} [{unit}]", column(variables[name], name, source)))
+        array = np.asarray(variables[name])
+        if array.dtype.kind not in "fiub" or array.ndim > 2 or (array.ndim == 2 and 1 not in array.shape):
+            found = f"{array.dtype} of shape {array.shape}"
+            raise InputError(f"{source}: variable {name!r} is {found}, wanted a vector of numbers")
+        columns.append((f"{name} [{unit}]", array.ravel().astype(float)))
     return log_from_columns(columns, source)
 
 
@@ -48,13 +52,8 @@ def write(log: Log) -> bytes:
     return stream.getvalue()
 
 
-def read_variables(data: bytes, source: str) -> dict[str, Any]:
-    """Variables of a MAT file, HDF5 too: structs as mappings, cells as lists. InputError for a damaged file."""
-    return read_apart(parse, data, source, "MAT")
-
-
 def parse(data: bytes, source: str) -> dict[str, Any]:
-    """`read_variables` in this process."""
+    """Variables of a MAT file, HDF5 too: structs as mappings, cells as lists."""
     from scipy.io import loadmat
     from scipy.io.matlab import MatReadWarning
 
@@ -63,7 +62,7 @@ def parse(data: bytes, source: str) -> dict[str, Any]:
             warnings.filterwarnings("error", "Duplicate variable name")
             found = loadmat(io.BytesIO(data), squeeze_me=False, struct_as_record=False)
     except NotImplementedError:
-        return read_whole(parse_hdf5, data, source, "HDF5")
+        return parse_hdf5(data, source)
     except MatReadWarning as warning:
         raise InputError(f"{source}: variable {str(warning).split('"')[1]!r} comes twice") from None
     return {name: plain(value) for name, value in found.items() if not name.startswith("__")}
@@ -81,15 +80,6 @@ def plain(value: Any) -> Any:
         return value
     items = [plain(one) for one in value.ravel()]
     return items[0] if len(items) == 1 else items
-
-
-def column(values: object, name: str, source: str) -> np.ndarray:
-    """A variable as (n,) float64. InputError unless it is a real numeric vector."""
-    array = np.asarray(values)
-    if array.dtype.kind not in "fiub" or array.ndim > 2 or (array.ndim == 2 and 1 not in array.shape):
-        found = f"{array.dtype} of shape {array.shape}"
-        raise InputError(f"{source}: variable {name!r} is {found}, wanted a vector of numbers")
-    return array.ravel().astype(float)
 
 
 def parse_hdf5(data: bytes, source: str) -> dict[str, Any]:

@@ -16,7 +16,7 @@ from exodrake.core.errors import InputError, require_extra
 from exodrake.core.files import is_file
 from exodrake.core.schema import parse_json
 from exodrake.data.formats import read_apart
-from exodrake.data.log import Log, log_from_columns
+from exodrake.data.log import Log, log_from_columns, refuse_doubled
 from exodrake.model.units import find_kind
 
 ENDINGS = (".mcap",)
@@ -42,11 +42,11 @@ def is_log(path: str | Path) -> bool:
 
 def read(data: bytes, source: str) -> Log:
     """Parse an MCAP file that `write` made. InputError for a damaged or foreign file, and for mcap not installed."""
-    return log_from_columns(read_apart(parse, data, source, "MCAP"), source)
+    return log_from_columns(read_apart(parse, data, source).items(), source)
 
 
-def parse(data: bytes, source: str) -> list[tuple[str, np.ndarray]]:
-    """Headings and columns, in this process."""
+def parse(data: bytes, source: str) -> dict[str, np.ndarray]:
+    """Columns by their headings."""
     with require_extra(f"{source}: {MISSING}"):
         from mcap.reader import make_reader
     reader = make_reader(io.BytesIO(data))
@@ -66,7 +66,8 @@ def parse(data: bytes, source: str) -> list[tuple[str, np.ndarray]]:
             count = f"{len(lost)} messages are" if len(lost) > 1 else "a message is"
             first = f"the first is message {lost[0][0]} at {lost[0][1] * 1e-9:g} s"
             raise InputError(f"{source}: topic {topic!r}: {count} missing that other topics have, {first}")
-    return [(f"{n} [{u}]", np.array([float(topics[t][row].get(f, np.nan)) for row in rows])) for n, u, t, f in places]
+    refuse_doubled((f"{name} [{unit}]" for name, unit, *_ in places), source)
+    return {f"{n} [{u}]": np.array([float(topics[t][row].get(f, np.nan)) for row in rows]) for n, u, t, f in places}
 
 
 def write(log: Log) -> bytes:

@@ -8,28 +8,29 @@ import numpy as np
 
 from exodrake.core.errors import InputError, require_extra
 from exodrake.data.formats import read_apart
-from exodrake.data.log import Log, check_size, headings, log_from_columns
+from exodrake.data.log import Log, check_size, headings, log_from_columns, refuse_doubled
 
 ENDINGS = (".parquet",)
 
 
 def read(data: bytes, source: str) -> Log:
     """Parse a Parquet log. InputError for a damaged file, a column that is not numeric, and pyarrow not installed."""
-    columns = read_apart(parse, data, source, "Parquet")
-    for name, values in columns:
+    columns = read_apart(parse, data, source)
+    for name, values in columns.items():
         if isinstance(values, str) or values.ndim > 1:
             found = values if isinstance(values, str) else "a list"
             raise InputError(f"{source}: column {name!r} is {found}, wanted numbers")
-    return log_from_columns(columns, source)
+    return log_from_columns(columns.items(), source)
 
 
-def parse(data: bytes, source: str) -> list[tuple[str, Any]]:
-    """Names, which may come twice, and values of columns, (n,) or of lists (n, m), or their type if not numeric."""
+def parse(data: bytes, source: str) -> dict[str, Any]:
+    """Values of columns by name, (n,) or of lists (n, m), or their type if not numeric."""
     _, parquet = import_pyarrow(source)
     file = parquet.ParquetFile(io.BytesIO(data))
     check_size(file.metadata.num_rows * file.metadata.num_columns, source)
     table = file.read()
-    return [(name, _values(table.column(i))) for i, name in enumerate(table.column_names)]
+    refuse_doubled(table.column_names, source)
+    return {name: _values(table.column(i)) for i, name in enumerate(table.column_names)}
 
 
 def parse_rows(data: bytes, source: str, wanted: Any, optional: Collection[str] = ()) -> list[dict[str, Any]]:
@@ -65,17 +66,15 @@ def _values(column: Any) -> np.ndarray | str:
     """A column as numbers (n,), of lists of equal length m (n, m), or its type where it is neither."""
     import pyarrow
 
-    types, kind, count = pyarrow.types, column.type, 0
-    if types.is_list(kind) or types.is_large_list(kind) or types.is_fixed_size_list(kind):
-        arrays = column.combine_chunks()
-        column = arrays.flatten() if len(arrays) else arrays
-        count = len(column) // max(len(arrays), 1)
-        if not count or arrays.null_count or any(len(one) != count for one in arrays.to_pylist()):
-            return str(kind)
-    if not (types.is_floating(column.type) or types.is_integer(column.type) or types.is_null(column.type)):
-        return str(kind)
-    values = column.cast(pyarrow.float64(), safe=False).fill_null(float("nan"))
-    return values.to_numpy(zero_copy_only=False).reshape(-1, count) if count else values.to_numpy()
+    types, kind = pyarrow.types, column.type
+    listed = types.is_list(kind) or types.is_large_list(kind) or types.is_fixed_size_list(kind)
+    inner = kind.value_type if listed else kind
+    numeric = types.is_floating(inner) or types.is_integer(inner) or types.is_null(inner)
+    if numeric and not listed:
+        return column.cast(pyarrow.float64(), safe=False).fill_null(float("nan")).to_numpy()
+    rows = column.to_pylist() if numeric else []
+    counts = {len(row or ()) for row in rows}
+    return np.array(rows, dtype=float) if len(counts) == 1 and counts != {0} else str(kind)
 
 
 def import_pyarrow(source: str) -> tuple[Any, Any]:

@@ -6,7 +6,7 @@ signals logged by the nominal robot.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -14,12 +14,12 @@ from typing import NamedTuple
 import numpy as np
 
 from exodrake.core.progress import no_progress
-from exodrake.data.case import FILE, Case, find_logs, read_case, read_case_file
+from exodrake.data.case import Case, read_case
 from exodrake.data.formats import read_table
 from exodrake.data.log import Log
 from exodrake.data.plot import STYLE, new_figure, render_png
 from exodrake.diagnosis.calibration import calibration_notes
-from exodrake.diagnosis.checks.compare import check_case, compare, fast_noise, list_few
+from exodrake.diagnosis.checks.compare import compare, fast_noise, list_few
 from exodrake.diagnosis.checks.suspicions import HELD, LEAST_MOTION, held_shares, suspicions
 from exodrake.diagnosis.fit import Explanation
 from exodrake.diagnosis.likelihood import duration, output_error
@@ -41,7 +41,8 @@ SMALL = 0.1  # of the span between the limits: less motion shows little
 REVERSALS = 4  # fewer show neither play nor friction: assumed
 LISTED = 2  # rivals that are named
 CEILING = 1000.0  # standard deviations; what stands out further is as clear as can be
-COLOURS = {"distinguished": "#009e73", "could be mistaken": "#e69f00", "not seen": "#b0b7bf"}
+CLEAR, MISTAKEN, HIDDEN = "distinguished", "could be mistaken", "not seen"
+COLOURS = {CLEAR: "#009e73", MISTAKEN: "#e69f00", HIDDEN: "#b0b7bf"}
 SEEN = 4.0  # standard deviations; that of one test among a hundred effects and channels at 0.3 % (normal law)
 STRETCH = (0.0, 1.5)  # by which a direction that was simulated at one size only may be scaled: assumed
 FRAMES = 1500  # of the case that are simulated for each direction; they stand for all, so that a check takes seconds
@@ -93,6 +94,11 @@ class Direction(NamedTuple):
     smallest: float  # value that could just be seen [unit], within the plausible range; NaN where sizes do not scale
     taken_for: dict[str, float]  # effects that could be taken for it -> share of the change that they leave
 
+    @property
+    def state(self) -> str:
+        """What the logs would do of it: `CLEAR`, `MISTAKEN` or `HIDDEN`."""
+        return HIDDEN if self.seen < SEEN else MISTAKEN if self.taken_for else CLEAR
+
 
 class Sensor(NamedTuple):
     """A signal that is not logged, and identifiability if it were, with some noise [its unit]."""
@@ -102,35 +108,16 @@ class Sensor(NamedTuple):
     left: Identifiability
 
 
-class Fewer(NamedTuple):
-    """Identifiability with some kinds of sensors alone, and the effects that are then no longer distinguished."""
-
-    kinds: tuple[str, ...]
-    left: Identifiability
-    lost: tuple[str, ...]
-
-
 class Identifiability(NamedTuple):
     """Identifiability of effects from the references and columns of a case."""
 
     directions: tuple[Direction, ...]
     sensors: tuple[Sensor, ...] = ()  # signals whose measurement would help most, best first
-    fewer: tuple[Fewer, ...] = ()  # with one kind of sensor less, and with each alone
+    fewer: Mapping[tuple[str, ...], Identifiability] = {}  # by kinds of columns: one less, and each alone
 
-    @property
-    def clear(self) -> tuple[Direction, ...]:
-        """Directions that the logs would show and distinguish from other effects."""
-        return tuple(d for d in self.directions if d.seen >= SEEN and not d.taken_for)
-
-    @property
-    def hidden(self) -> tuple[Direction, ...]:
-        """Directions that the logs would not show."""
-        return tuple(d for d in self.directions if d.seen < SEEN)
-
-    @property
-    def mistaken(self) -> tuple[Direction, ...]:
-        """Directions that they would show, and another effect could be taken for."""
-        return tuple(d for d in self.directions if d.seen >= SEEN and d.taken_for)
+    def select(self, state: str) -> list[Direction]:
+        """Directions of a state."""
+        return [d for d in self.directions if d.state == state]
 
 
 class Preflight(NamedTuple):
@@ -160,18 +147,14 @@ def preflight(
     Raises:
         InputError: where a diagnosis has one.
     """
-    case = read_case(path, list_required(robot.machine), robot.machine.frame, allow_outside)
-    robot = robot.with_parameters(case.robot, source=case.name) if case.robot else robot
-    check_case(case, robot.machine)
+    machine = robot.machine
+    case = read_case(path, list_required(machine), machine.frame, allow_outside)
     progress("comparing the logs with the nominal robot")
-    machine, comparison = robot.machine, compare(case, robot)
-    # logs as they were recorded, before their clocks are mended
-    place = Path(path).parent if Path(path).name == FILE else Path(path)
-    files = {place.name: place}
-    if place.is_dir():
-        entries = read_case_file(place / FILE)["logs"] if (place / FILE).is_file() else find_logs(place)[0]
-        files = {entry["file"]: place / entry["file"] for entry in entries}
-    clocks = tuple(judge_clock(read_table(where), file, machine.frame) for file, where in files.items())
+    problem = make_problem(case, robot, tried)
+    robot, comparison = problem.stated, compare(case, problem.stated)
+    place = Path(path) if Path(path).is_dir() else Path(path).parent
+    recorded = [(read_table(place / item.file), item.file) for item in case.logs]  # before their clocks are mended
+    clocks = tuple(judge_clock(log, file, machine.frame) for log, file in recorded)
     channels, logs = [], [pair.item.log for pair in comparison.pairs]
     whole = [~np.isnan(np.column_stack(list(log.signals.values()))).all(axis=1) for log in logs]
     for i, column in enumerate(comparison.columns):
@@ -193,7 +176,7 @@ def preflight(
         excitations.append(Excitation(name, span, span / most, band, turns, rest))
     found = find_problems(clocks, channels, excitations)
     problems = dict.fromkeys([*case.notes, *found, *suspicions(comparison), *calibration_notes(machine)])
-    result = identifiability(case, robot, tried, progress)
+    result = identifiability(problem, progress)
     return Preflight(case, clocks, tuple(channels), tuple(excitations), result, tuple(problems))
 
 
@@ -207,8 +190,6 @@ def find_problems(
         if abs(c.drift) > DRIFT + 3.0 * c.jitter / c.rows:  # both ends of the log are as uncertain
             word = "slowly" if c.drift > 0.0 else "fast"
             yield f"{c.file}: its rows come {abs(1e6 * c.drift):.0f} ppm too {word}"
-        if c.missing:
-            yield f"{c.file}: {c.missing} of {c.rows + c.missing} frames are missing"
     for c in channels:
         if 0.0 < c.motion < LEAST_MOTION * c.noise:
             yield f"{c.column} moves by only {c.motion / c.noise:.1f} times its noise"
@@ -243,11 +224,8 @@ def find_band(values: np.ndarray, frame: float) -> float:
     return float(np.fft.rfftfreq(len(values), frame)[int(np.searchsorted(np.cumsum(power) / power.sum(), POWER))])
 
 
-def identifiability(
-    case: Case, robot: Robot, tried: frozenset[str] | None = None, progress: Callable[[str], object] = no_progress
-) -> Identifiability:
-    """Identifiability of effects (ids; those of a diagnosis by default) from the references and columns of a case."""
-    whole = make_problem(case, robot, tried)
+def identifiability(whole: Problem, progress: Callable[[str], object] = no_progress) -> Identifiability:
+    """Identifiability of the effects that a case tries from its references and columns."""
     problem = plan_experiment(whole)
     machine = problem.robot.machine
     effects = [effect for effect in machine.effects if effect.id in problem.tried]
@@ -266,26 +244,23 @@ def identifiability(
     bare = Explanation((), nominal, x, values, residual, jacobian)
     model = LinearModel.with_directions(bare, jacobian, lin.directions, blocks, memory)
 
-    def with_kinds(some: Sequence[str], every: bool = False) -> Identifiability:
+    def with_kinds(some: Sequence[str]) -> Identifiability:
         gram = model.eliminate(len(nominal), np.isin(known, some)).normal
-        return Identifiability(find_directions(lin, machine, gram, every))
+        return Identifiability(find_directions(lin, machine, gram))
 
     own = [k for k in known if not k.startswith(EXTRA)]
-    found, sensors, fewer = with_kinds(own, every=True), [], []
+    found, sensors = with_kinds(own), []
     for k in known[len(own) :]:
         better, noise = with_kinds([*own, k]), float(problem.noise_std[kinds == k].max())
-        if len(better.clear) > len(found.clear):
+        if len(better.select(CLEAR)) > len(found.select(CLEAR)):
             sensors.append(Sensor(machine.signal[machine.column(k).signal], noise, better))
-    sensors.sort(key=lambda sensor: (-len(sensor.left.clear), len(sensor.left.hidden)))
+    sensors.sort(key=lambda sensor: (-len(sensor.left.select(CLEAR)), len(sensor.left.select(HIDDEN))))
     # one kind of sensor less, and each alone; a command that is logged is no sensor, and stays
     removable = [k for k in own if machine.observer is None or k != machine.observer.measured_input]
     sets = [tuple(k for k in own if k != gone) for gone in removable]
     sets += [tuple(k for k in own if k == kept or k not in removable) for kept in removable]
-    for some in dict.fromkeys(sets) if len(removable) > 1 else ():
-        left = with_kinds(some)
-        clear = {d.effect for d in left.clear}
-        fewer.append(Fewer(some, left, tuple(dict.fromkeys(d.effect for d in found.clear if d.effect not in clear))))
-    return found._replace(sensors=tuple(sensors), fewer=tuple(fewer))
+    fewer = {some: with_kinds(some) for some in dict.fromkeys(sets)} if len(removable) > 1 else {}
+    return found._replace(sensors=tuple(sensors), fewer=fewer)
 
 
 def plan_experiment(problem: Problem) -> Problem:
@@ -312,12 +287,12 @@ def plan_experiment(problem: Problem) -> Problem:
     return replace(every, columns=tuple(np.array(columns)[keep].tolist()), noise_std=stated[keep], fit=fit)
 
 
-def find_directions(lin: Linearisation, machine: Machine, gram: np.ndarray, every: bool) -> tuple[Direction, ...]:
+def find_directions(lin: Linearisation, machine: Machine, gram: np.ndarray) -> tuple[Direction, ...]:
     """All effects of typical size on each channel, by the products (directions, directions) of what they change.
 
     An effect changes the logs by a direction d [noise_std], nominal parameters free within their tolerances, and is
     seen where |d| exceeds `SEEN`. Another one, of directions D, can be taken for it where min |d - D f| over its range
-    of f is below `SEEN` or the error `LAW` of a law times |d|. every: whether all such effects are sought, or one.
+    of f is below `SEEN` or the error `LAW` of a law times |d|.
     """
     found, size = [], np.sqrt(np.maximum(np.diag(gram), 0.0))
     # what any sizes of a probe's directions leave of each direction (probes, directions)
@@ -350,8 +325,6 @@ def find_directions(lin: Linearisation, machine: Machine, gram: np.ndarray, ever
                 rest = float(np.sqrt(max(gram[row, row] + 2.0 * gain, 0.0)))
                 if rest < most:
                     taken[rival.effect] = min(taken.get(rival.effect, 1.0), rest / seen)
-                    if not every:
-                        break
             taken = dict(sorted(taken.items(), key=lambda item: item[1]))
             found.append(Direction(effect, channel, info.unit, parameter.value(x), seen, smallest, taken))
     return tuple(found)
@@ -366,10 +339,10 @@ def draw_figure(found: Preflight) -> bytes:
     with matplotlib.rc_context(STYLE):
         figure = new_figure(10.0, 1.9 + 0.2 * max(len(effects), 8))
         axes, beside = figure.subplots(1, 2, width_ratios=(1.0, 0.9), sharey=True)
-        groups = (result.clear, result.mistaken, result.hidden)
-        for (word, colour), own in zip(COLOURS.items(), groups, strict=True):
+        for state, colour in COLOURS.items():
+            own = result.select(state)
             seen, rows = [min(max(d.seen, 0.1), CEILING) for d in own], [effects.index(d.effect) for d in own]
-            axes.plot(seen, rows, "o", color=colour, ms=5, label=word, alpha=0.85)
+            axes.plot(seen, rows, "o", color=colour, ms=5, label=state, alpha=0.85)
         axes.axvline(SEEN, color="#555", lw=0.9, ls=(0, (4, 2)))
         axes.set_xscale("log")
         axes.set_xlim(0.08, 1.4 * CEILING)

@@ -6,7 +6,7 @@ Most compare a statistic of a measured channel with the nominal robot's; the las
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
-from itertools import combinations, pairwise, product
+from itertools import chain, combinations, pairwise, product
 from textwrap import shorten
 
 import numpy as np
@@ -127,14 +127,12 @@ def references_beyond_limits(comparison: Comparison) -> dict[str, str]:
     """A command is far beyond the limits that the robot file states: sentence -> file. A measured motion has none."""
     machine, found = comparison.robot.machine, {}
     first = machine.references[0]
-    if not (first.kind.endswith("_ref") and machine.reference_limits and comparison.robot.limits):
-        return {}
     try:
         limits = np.maximum(*map(np.abs, comparison.robot.reference_limits()))
     except InputError:  # not stated for each channel
         return {}
     columns, unit = machine.log_names([first]), machine.signal[first.signal].unit
-    for pair in comparison.pairs:
+    for pair in comparison.pairs if first.kind.endswith("_ref") else ():
         largest = np.abs(pair.reference[:, : len(columns)]).max(axis=0)
         ratios = np.divide(largest, limits, out=np.zeros_like(largest), where=limits > 0.0)
         if (worst := int(ratios.argmax())) in (beyond := np.flatnonzero(ratios > ANOTHER_UNIT)):
@@ -187,32 +185,32 @@ def frozen_channels(comparison: Comparison) -> Iterator[str]:
 
     A robot that sticks or rests does so in other logs, too.
     """
-    other, pairs, found = OtherLogs(comparison), comparison.pairs, []
+    other, found = OtherLogs(comparison), []
     for column, name in enumerate(comparison.columns):
-        values = [pair.measured[:, column] for pair in pairs]
+        values, nominals = ([getattr(p, x)[:, column] for p in comparison.pairs] for x in ("measured", "nominal"))
         if np.ptp(np.concatenate(values)) == 0.0:
-            found += [name + " of every log"] if any(np.ptp(pair.nominal[:, column]) > 0.0 for pair in pairs) else []
+            found += [f"{name} of every log"] if any(np.ptp(nominal) > 0.0 for nominal in nominals) else []
             continue
-        runs = [  # of one value, with the motion that is predicted in each
-            (log, int(n), int(start), float(np.std(predicted[start : start + n])))
-            for log, one in enumerate(values)
-            for predicted in [other.predict(column, log)]
-            for start, n in zip(*find_runs(one))
-            if n >= LONG
-        ]
-        for log in dict.fromkeys(run[0] for run in runs):
-            _, n, start, own = max((run for run in runs if run[0] == log), key=lambda run: run[1])
-            stuck = [run[-1] for run in runs if run[0] != log]
-            usual = max([SMALL, *stuck, *other.errors(column, log)])
+        runs = []  # of one value, in each log: length, start, and the motion that is predicted
+        for log, one in enumerate(values):
+            spans, predicted = (
+                [(int(n), int(s)) for s, n in zip(*find_runs(one)) if n >= LONG],
+                other.predict(column, log),
+            )
+            runs.append([(n, start, float(np.std(predicted[start : start + n]))) for n, start in spans])
+        for log in (k for k, own in enumerate(runs) if own):
+            one, nominal, (n, start, own) = values[log], nominals[log], max(runs[log], key=lambda run: run[0])
+            stuck = [moved for *_, moved in chain(*runs[:log], *runs[log + 1 :])]
+            frozen = own > BEYOND * max([SMALL, *stuck, *other.errors(column, log)])
             # or the samples change all the time but in this run, which is no end of the range
-            pair, one, run, stops = pairs[log], values[log], slice(start, start + n), False
-            rest, nominal = np.delete(one, run), pair.nominal[:, column]
+            item, run = comparison.pairs[log].item, slice(start, start + n)
+            rest = np.delete(one, run)
             if len(rest) >= LONG and n >= BEYOND * max(longest_run(nominal)[1], longest_run(rest)[1]):
-                outside = Channel(name, pair.item.file, rest, np.delete(nominal, run))
+                outside = Channel(name, item.file, rest, np.delete(nominal, run))
                 noisy = outside.carries_noise and outside.noise / outside.nominal_noise > 1.0 / CLEAR
-                stops = noisy and one[start] not in (one.min(), one.max())
-            if own > BEYOND * usual or stops:
-                found.append(f"{name} of {pair.item.file} from {pair.item.log.time[start]:.6g} s on for {n} frames")
+                frozen |= noisy and one[start] not in (one.min(), one.max())
+            if frozen:
+                found.append(f"{name} of {item.file} from {item.log.time[start]:.6g} s on for {n} frames")
     if found:
         verb = "are" if len(found) > 1 else "is"
         yield f"{list_few(found)} {verb} frozen: one value repeats where the channel should move or be noisy"
@@ -522,13 +520,13 @@ class OtherLogs:
                 left = np.mean((error[block] - shape @ fitted) ** 2)
                 if inverse[2, 2] > 0.0 and left > 0.0:
                     found.append((block.mean(), -fitted[2], 1.0 / (inverse[2, 2] * left)))
-        if len(found) < BLOCKS // 2:
+        if len(found) < BLOCKS // 2 or len({time for time, *_ in found}) < 2:
             return 0.0, 0.0
         time, delay, weight = np.array(found).T
         time, delay = (x - np.average(x, weights=weight) for x in (time, delay))
         spread = float(weight @ time**2)
-        slope = float(weight @ (time * delay)) / spread if spread > 0.0 else 0.0
-        error = np.sqrt(weight @ (delay - slope * time) ** 2 / (len(time) - 2) / spread) if spread > 0.0 else 0.0
+        slope = float(weight @ (time * delay)) / spread
+        error = np.sqrt(weight @ (delay - slope * time) ** 2 / (len(time) - 2) / spread)
         return slope, abs(slope) / float(error) if error > 0.0 else 0.0
 
 

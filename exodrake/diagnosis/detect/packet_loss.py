@@ -12,8 +12,8 @@ seen may be lost as well: what that changes in a log counts as noise.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -27,7 +27,7 @@ from exodrake.diagnosis.search import name_kind
 from exodrake.engine.compose import compile_machine
 from exodrake.engine.schedule import outer_reads
 from exodrake.model.effect import Effect
-from exodrake.model.machine import CommandLink, Machine
+from exodrake.model.machine import Machine
 
 # -log of the probabilities that a run of losses begins at a change (6e-6), and goes on (0.4), where none is known yet
 ENTER, STAY = 12.0, 1.0
@@ -62,99 +62,48 @@ def detect(problem: Problem, effect: Effect, values: np.ndarray) -> Problem:
     the losses leave few, and is none elsewhere.
     """
     machine, nominal, kinds = problem.robot.machine, problem.silent(), np.array(problem.kinds)
-    link, noise, lead = machine.command_link, 0.0, effect.parameters[0]
-    if link is not None and link.output in kinds:
-        noise = float(np.median(problem.noise_std[kinds == link.output]))
-        noise = sensor_noise_std(problem.robot).get(link.output, noise)
-
-    def decode_log(trial: Trial, enter: float = ENTER, known: PacketLoss | None = None) -> PacketLoss | None:
-        log = {kind: trial.measured[:, kinds == kind] for kind in problem.kinds}
-        return decode(machine, nominal, log, noise, enter, known)
-
-    trials, count, share = (*problem.fit, *problem.holdout), len(problem.fit), (0.0, 0.0, 0.0)
-    decoded = [decode_log(trial) for trial in trials]
-    arrived, left = sum((losses.errors for losses in decoded[:count] if losses), start=np.zeros(2))
-    if not arrived or left > CLEAR * arrived:
-        return replace(problem, tried=problem.tried - {effect.id})
-    for _ in range(ROUNDS):
-        share = loss_probability([losses for losses in decoded[:count] if losses])
-        enter = max(float(np.log(1.0 / share[0] - 1.0)), STAY)
-        decoded = [d and decode_log(trial, enter, d) for trial, d in zip(trials, decoded, strict=True)]
-    lost = int(sum(np.sum(d.packet_arrival == LOST) for d in decoded[:count] if d))
-    heard = tuple(
-        replace(trial, latent={**trial.latent, INPUT: d.packet_arrival}) if d else trial
-        for trial, d in zip(trials, decoded, strict=True)
+    needed, lead, absent = (
+        list_needed(machine),
+        effect.parameters[0],
+        replace(problem, tried=problem.tried - {effect.id}),
     )
+    if not needed or any(np.sum(kinds == kind) < max(machine.column_width(kind), 1) for kind in needed):
+        return absent
+    noise = float(np.median(problem.noise_std[kinds == needed[1]]))
+    noise = sensor_noise_std(problem.robot).get(needed[1], noise)
+    trials, count, share = (*problem.fit, *problem.holdout), len(problem.fit), (0.0, 0.0, 0.0)
+    drives = [Drive(machine, nominal, [t.measured[:, kinds == kind] for kind in needed], noise) for t in trials]
+    decoded = [drive.decode() for drive in drives]
+    arrived, left = sum((losses.errors for losses in decoded[:count]), start=np.zeros(2))
+    if not arrived or left > CLEAR * arrived:
+        return absent
+    for _ in range(ROUNDS):
+        share = loss_probability(decoded[:count])
+        enter = max(float(np.log(1.0 / share[0] - 1.0)), STAY)
+        decoded = [drive.decode(enter, known) for drive, known in zip(drives, decoded, strict=True)]
+    arrivals = [losses.packet_arrival for losses in decoded]
+    heard = tuple(replace(t, latent={**t.latent, INPUT: a}) for t, a in zip(trials, arrivals, strict=True))
     named = NamedEffect(effect.id, (), (), {lead.name: Interval(*share, lead.unit)}, {}, name_kind(effect))
-    unseen = UnseenLosses(tuple(machine.effect_indices(effect.id, lead.name).values()), share[0])
-    detection = Detection(named, {}, f"{lost} commands look lost, one by one", unseen)
-    detected = (*problem.detected, detection)
+    reason = f"{sum(np.sum(arrival == LOST) for arrival in arrivals[:count])} commands look lost, one by one"
+    unseen = partial(draw_unseen, [*machine.effect_indices(effect.id, lead.name).values()], share[0])
+    detected = (*problem.detected, Detection(named, {}, reason, unseen))
     return replace(problem, fit=heard[:count], holdout=heard[count:], detected=detected)
 
 
-@dataclass(frozen=True)
-class UnseenLosses:
-    """Draws of what lost commands change in a log where no reading shows them."""
+def draw_unseen(
+    places: list[int], probability: float, problem: Problem, values: np.ndarray, trial: Trial, rng: np.random.Generator
+) -> np.ndarray:
+    """A run of a robot that loses some more commands, where no reading shows them, less that as decoded.
 
-    places: tuple[int, ...]  # of the probability in the flat parameter vector
-    probability: float  # of a loss
-
-    def __call__(self, problem: Problem, values: np.ndarray, trial: Trial, rng: np.random.Generator) -> np.ndarray:
-        """A run of a robot (parameters,) that loses some more commands, less that as decoded: (n, columns) [SI]."""
-        if INPUT not in trial.latent:
-            return np.zeros(trial.measured.shape)
-        values, arrival = values.copy(), trial.latent[INPUT]
-        values[list(self.places)] = self.probability
-        drawn = np.where(arrival == UNSEEN, rng.uniform(size=arrival.shape), arrival)
-        drawn = replace(trial, latent={**trial.latent, INPUT: drawn})
-        return np.subtract(*(problem.predict(values[None], one)[0] for one in (drawn, trial)))
-
-
-def decode(
-    machine: Machine, values: np.ndarray, measured: Mapping[str, np.ndarray], noise: float,
-    enter: float = ENTER, known: PacketLoss | None = None,
-) -> PacketLoss | None:  # fmt: skip
-    """Lost commands of one log; None of a machine without a command link, or where a column is missing.
-
-    Args:
-        machine: machine that wrote it.
-        values: (parameters,) flat [SI].
-        measured: column kind -> (n, channels) as logged [SI].
-        noise: standard deviation of a reading of the position [its unit].
-        enter: cost of the beginning of a run of losses [nats].
-        known: losses that were decoded before, which tell how well the drive's model follows without them.
+    places: of the probability of a loss in the flat vector `values` (parameters,). Returns (n, columns) [SI].
     """
-    link, frame = machine.command_link, machine.frame
-    if link is None:
-        return None
-    part = next(b for b in machine.parts if b.name == link.part)
-    (task,) = (t for t in part.tasks if not t.slots)
-    imposed = {i.signal: s.output for s in machine.segments for i in s.imposed if not i.part}
-    loads = [imposed[name] for name in outer_reads(part, task.reads) if name != link.received]
-    needed = (link.command, link.output, *loads)
-    if any(kind not in measured or measured[kind].shape[1] < machine.column_width(kind) for kind in needed):
-        return None
-    command, position, *loads = (fill_columns(measured[kind]) for kind in needed)
-    drive, moved = Drive(machine, values, link, command, loads), np.diff(position, axis=0)
-    whole = np.zeros(command.shape, dtype=bool)
-    errors = drive.errors(moved, whole)
-    clean = errors if known is None else drive.errors(moved, known.packet_arrival == LOST)
-    # two readings, and the drive's model: a share of what the commands of the last frames change, by the lower quartile
-    # of the errors where nothing is lost, which commands that are lost in less than half of the time do not enlarge
-    change = np.abs(np.diff(command[: len(errors)], axis=0, prepend=0.0)) * frame
-    recent = sum((np.roll(change, k, axis=0) for k in range(1, LAGS)), start=change)
-    large = recent > SHOWN * noise
-    share = np.quantile(np.abs(clean[large]) / recent[large], 0.25) / QUARTILE if large.any() else 0.0
-    spread = np.sqrt(2.0 * noise**2 + (share * recent) ** 2)
-    lost = drive.best_path(moved, spread, STILL * noise / frame, enter)
-    around = sum((np.roll(lost, k, axis=0) for k in range(LAGS)), start=whole)[: len(moved)]
-    sure = np.maximum(SHOWN * noise, SURE * np.vstack([spread, spread[-1:]])) / frame
-    explained = drive.errors(moved, lost) if lost.any() else errors
-    squared = np.array([np.sum((e / spread)[around] ** 2 - 1.0) for e in (errors, explained)])
-    _, events, gone = count_visible(command, lost, sure)
-    least = 2.0 * enter**0.5 * np.vstack([spread, spread[-1:]]) / frame
-    seen, *_ = count_visible(command, lost, least)
-    return PacketLoss(np.where(lost, LOST, np.where(seen, ARRIVED, UNSEEN)), events, gone, squared)
+    if INPUT not in trial.latent:
+        return np.zeros(trial.measured.shape)
+    values, arrival = values.copy(), trial.latent[INPUT]
+    values[places] = probability
+    drawn = np.where(arrival == UNSEEN, rng.uniform(size=arrival.shape), arrival)
+    drawn = replace(trial, latent={**trial.latent, INPUT: drawn})
+    return np.subtract(*(problem.predict(values[None], one)[0] for one in (drawn, trial)))
 
 
 def count_visible(command: np.ndarray, lost: np.ndarray, sure: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -201,21 +150,36 @@ def loss_probability(losses: list[PacketLoss]) -> tuple[float, float, float]:
     return float(weights @ share / weights.sum()), low, high
 
 
-class Drive:
-    """The drives of a machine without its other parts, from frame to frame.
+def list_needed(machine: Machine) -> list[str]:
+    """Kinds of columns that drives are simulated on: commands, positions and loads; none without a command link."""
+    link = machine.command_link
+    if link is None:
+        return []
+    part = next(b for b in machine.parts if b.name == link.part)
+    (task,) = (t for t in part.tasks if not t.slots)
+    imposed = {i.signal: s.output for s in machine.segments for i in s.imposed if not i.part}
+    loads = [imposed[name] for name in outer_reads(part, task.reads) if name != link.received]
+    return [link.command, link.output, *loads]
 
-    They run on measured commands (n, channels) [their unit] and on loads (n, channels) [SI] of each signal that the
-    drives read besides.
+
+class Drive:
+    """The drives of a machine without its other parts, in one log, from frame to frame.
+
+    Args:
+        machine: machine that wrote the log, with a command link.
+        values: (parameters,) flat [SI].
+        rows: (n, channels) of each kind of `list_needed` as logged [SI].
+        noise: standard deviation of a reading of the position [its unit].
     """
 
-    def __init__(
-        self, machine: Machine, values: np.ndarray, link: CommandLink, command: np.ndarray, loads: list[np.ndarray]
-    ) -> None:
+    def __init__(self, machine: Machine, values: np.ndarray, rows: list[np.ndarray], noise: float) -> None:
         def find_slot(signal: str) -> int:
             """First slot in which the part that writes a signal runs."""
             writer = next(b for b in machine.parts if any(signal in o.writes for o in b.outputs))
             return min(slot for task in writer.tasks for slot in task.slots)
 
+        link = machine.command_link
+        assert link is not None, "a command link"
         part = next(b for b in machine.parts if b.name == link.part)
         switch = find_slot(link.received) - find_slot(machine.column(link.output).signal)
         p = values[[i for i, info in enumerate(machine.parameters) if info.part == part.name]]
@@ -223,7 +187,36 @@ class Drive:
         self.rest = np.zeros((1, sum(machine.part_sizes[part.name])))
         states = (*part.states, *(s for e in machine.effects_on(part) for s in e.states))
         self.channel = np.concatenate([np.repeat(np.arange(machine.width(s.axis)), s.width) for s in states])
-        self.command, self.loads = command, loads
+        self.frame, self.noise = machine.frame, noise
+        self.command, position, *self.loads = map(fill_columns, rows)
+        self.moved = np.diff(position, axis=0)  # (frames, channels), by which positions move
+
+    def decode(self, enter: float = ENTER, known: PacketLoss | None = None) -> PacketLoss:
+        """Lost commands of the log.
+
+        Args:
+            enter: cost of the beginning of a run of losses [nats].
+            known: losses that were decoded before, which tell how well the drive's model follows without them.
+        """
+        whole = np.zeros(self.command.shape, dtype=bool)
+        errors = self.errors(whole)
+        clean = errors if known is None else self.errors(known.packet_arrival == LOST)
+        # two readings, and the drive's model: a share of what the commands of the last frames change, by the lower
+        # quartile of the errors where nothing is lost, which commands that are lost in less than half of the time do
+        # not enlarge
+        change = np.abs(np.diff(self.command[: len(errors)], axis=0, prepend=0.0)) * self.frame
+        recent = sum((np.roll(change, k, axis=0) for k in range(1, LAGS)), start=change)
+        large = recent > SHOWN * self.noise
+        share = np.quantile(np.abs(clean[large]) / recent[large], 0.25) / QUARTILE if large.any() else 0.0
+        spread = np.sqrt(2.0 * self.noise**2 + (share * recent) ** 2)
+        lost = self.best_path(spread, enter)
+        around = sum((np.roll(lost, k, axis=0) for k in range(LAGS)), start=whole)[: len(errors)]
+        explained = self.errors(lost) if lost.any() else errors
+        squared = np.array([np.sum((e / spread)[around] ** 2 - 1.0) for e in (errors, explained)])
+        wide = np.vstack([spread, spread[-1:]])
+        _, events, gone = count_visible(self.command, lost, np.maximum(SHOWN * self.noise, SURE * wide) / self.frame)
+        seen, *_ = count_visible(self.command, lost, 2.0 * enter**0.5 * wide / self.frame)
+        return PacketLoss(np.where(lost, LOST, np.where(seen, ARRIVED, UNSEEN)), events, gone, squared)
 
     def advance(self, states: np.ndarray, before: np.ndarray, after: np.ndarray, frame: int) -> np.ndarray:
         """Advances states (k, states) in place by one frame, in which the commands (k, channels) change.
@@ -235,33 +228,31 @@ class Drive:
         self.moves(states, *self.given, before, after, *(rows[frame] for rows in self.loads), moved)
         return moved
 
-    def errors(self, moved: np.ndarray, lost: np.ndarray) -> np.ndarray:
-        """Errors of the changes of position (frames, channels) with the commands (n, channels) that are lost."""
-        states, before, errors = self.rest.copy(), np.zeros((1, moved.shape[1])), np.zeros(moved.shape)
-        for n in range(len(moved)):
+    def errors(self, lost: np.ndarray) -> np.ndarray:
+        """Errors (frames, channels) of the changes of position with the commands (n, channels) that are lost."""
+        states, before, errors = self.rest.copy(), np.zeros((1, lost.shape[1])), np.zeros(self.moved.shape)
+        for n in range(len(errors)):
             held = np.where(lost[n], before, self.command[n])
-            errors[n] = self.advance(states, before, held, n)[0] - moved[n]
+            errors[n] = self.advance(states, before, held, n)[0] - self.moved[n]
             before = held
         return errors
 
-    def best_path(self, moved: np.ndarray, spread: np.ndarray, still: float, enter: float) -> np.ndarray:
+    def best_path(self, spread: np.ndarray, enter: float) -> np.ndarray:
         """Mask (n, channels) of the commands that are lost on the path of least cost of each channel.
 
-        Paths of all channels are advanced side by side; a path of one channel knows nothing of the others. Positions
-        move by `moved` (frames, channels) with a standard deviation of `spread` (frames, channels); commands that
-        change by less than `still` [their unit] do not count. A run of losses costs `enter` [nats].
+        Paths of all channels are advanced side by side; a path of one channel knows nothing of the others. Moves have
+        a standard deviation of `spread` (frames, channels); a run of losses costs `enter` [nats].
         """
-        channel, history, states = np.arange(moved.shape[1]), [], self.rest.copy()
+        channel, history, states = np.arange(spread.shape[1]), [], self.rest.copy()
+        still = STILL * self.noise / self.frame
         # command that arrived last, whether the last one was lost, and cost so far: (paths, channels)
         held, gone, cost = (np.zeros((1, len(channel)), dtype=kind) for kind in (float, bool, float))
-        for n, command in enumerate(self.command[: len(moved)]):
+        for n, command in enumerate(self.command[: len(spread)]):
             each = []
             for c, value in enumerate(command):  # it arrives on the best path, or is lost on some
-                best = int(cost[:, c].argmin())
-                found = {(float(cost[best, c]), best, False)}
-                for k in np.flatnonzero(np.abs(held[:, c] - value) > still):
-                    found.add((float(cost[k, c]) + (STAY if gone[k, c] else enter), int(k), True))
-                branches = sorted(found)
+                best, apart = int(cost[:, c].argmin()), np.flatnonzero(np.abs(held[:, c] - value) > still).tolist()
+                lost_now = [(float(cost[k, c]) + (STAY if gone[k, c] else enter), k, True) for k in apart]
+                branches = sorted([(float(cost[best, c]), best, False), *lost_now])
                 each.append([branch for branch in branches if branch[0] < branches[0][0] + FAR][:PATHS])
             count = max(map(len, each))
             filled = [branches + branches[:1] * (count - len(branches)) for branches in each]
@@ -271,7 +262,7 @@ class Drive:
             states = states[parent[:, self.channel], np.arange(len(self.channel))]
             before = held[parent, channel]
             held = np.where(gone, before, command)
-            cost = cost + 0.5 * ((self.advance(states, before, held, n) - moved[n]) / spread[n]) ** 2
+            cost = cost + 0.5 * ((self.advance(states, before, held, n) - self.moved[n]) / spread[n]) ** 2
         lost, path = np.zeros(self.command.shape, dtype=bool), cost.argmin(axis=0)
         for n, (parent, gone) in reversed(list(enumerate(history))):
             lost[n], path = gone[path, channel], parent[path, channel]

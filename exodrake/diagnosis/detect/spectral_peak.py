@@ -9,7 +9,8 @@ phase phi is a random walk:
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -62,31 +63,30 @@ def detect(problem: Problem, effect: Effect, values: np.ndarray) -> Problem:
         return problem
     centres = [k * peak.frequency for k in range(1, OVERTONES + 1)]  # those up to the highest that a log shows
     bands = tuple((max(f - NOTCHED, SLOWEST), f + NOTCHED) for f in centres if f + ASIDE < 0.5 / machine.frame)
-    torques = tuple(machine.effect_indices(effect.id, effect.parameters[0].name).values())
-    noise = WanderingPhase(torques, bands, phase_rate(problem, left, peak))
+    torques = [*machine.effect_indices(effect.id, effect.parameters[0].name).values()]
+    noise = partial(draw_phase, torques, bands, phase_rate(problem, left, peak))
     detection = replace(fit_torques(problem, effect, values, peak), noise=noise)
     return replace(problem.without(bands), detected=(*problem.detected, detection))
 
 
-@dataclass(frozen=True)
-class WanderingPhase:
-    """Draws of what a tremor of wandering phase leaves beyond its simulation of one frequency."""
+def draw_phase(
+    torques: list[int], bands: Bands, rate: float,
+    problem: Problem, values: np.ndarray, trial: Trial, rng: np.random.Generator,
+) -> np.ndarray:  # fmt: skip
+    """The tremor of a robot with a phase that walks, less that with its one frequency: (n, columns) [SI].
 
-    torques: tuple[int, ...]  # positions of its amplitudes in the flat parameter vector
-    bands: Bands  # that it holds [Hz]
-    rate: float  # of the variance of its phase [rad^2/s]
+    torques: positions of its amplitudes in the flat vector `values` (parameters,). bands: that it holds [Hz]. rate: of
+    the variance of its phase [rad^2/s].
+    """
+    from scipy.signal import hilbert
 
-    def __call__(self, problem: Problem, values: np.ndarray, trial: Trial, rng: np.random.Generator) -> np.ndarray:
-        """The tremor of a robot (parameters,) with a phase that walks, less that without: (n, columns) [SI]."""
-        from scipy.signal import hilbert
-
-        frame, still = problem.robot.machine.frame, values.copy()
-        still[list(self.torques)] = 0.0
-        tremor = np.subtract(*problem.predict(np.array([values, still]), trial))
-        line = tremor - outside(self.bands, tremor, frame)
-        steps = rng.normal(0.0, np.sqrt(self.rate * frame), len(line))
-        phase = rng.uniform(0.0, 2.0 * np.pi) + np.cumsum(steps)
-        return np.real(hilbert(line, axis=0) * (np.exp(1j * phase) - 1.0)[:, None])
+    frame, still = problem.robot.machine.frame, values.copy()
+    still[torques] = 0.0
+    tremor = np.subtract(*problem.predict(np.array([values, still]), trial))
+    line = tremor - outside(bands, tremor, frame)
+    steps = rng.normal(0.0, np.sqrt(rate * frame), len(line))
+    phase = rng.uniform(0.0, 2.0 * np.pi) + np.cumsum(steps)
+    return np.real(hilbert(line, axis=0) * (np.exp(1j * phase) - 1.0)[:, None])
 
 
 def phase_rate(problem: Problem, logs: list[np.ndarray], peak: Peak) -> float:
@@ -111,23 +111,23 @@ def find_peak(problem: Problem, logs: list[np.ndarray]) -> Peak:
     """
     logs = [log for log in logs if len(log) >= round(WINDOW / problem.robot.machine.frame)] or logs
     frequency, densities = compute_spectra(problem, logs)
-    sums = np.array([density.sum(axis=1) for density in densities])
+    sums = densities.sum(axis=2)
     sought = frequency[(frequency >= LOWEST) & (frequency <= min(HIGHEST, frequency[-1] - ASIDE))]
     if not len(sought):
-        return Peak(LOWEST, np.zeros(densities[0].shape[1]), 0.0, 0.0)
+        return Peak(LOWEST, np.zeros(densities.shape[2]), 0.0, 0.0)
     prominences = []  # in the log where it is least
     for away in (np.abs(frequency - centre) for centre in sought):
         ground = np.maximum(np.median(sums[:, (away > HALF) & (away < ASIDE)], axis=1), 1e-12)
         prominences.append(np.min(sums[:, away <= HALF].mean(axis=1) / ground))
     near = np.abs(frequency - sought[int(np.argmax(prominences))]) <= HALF
     centre = float(frequency[near][np.argmax(sums.sum(axis=0)[near])])
-    powers = np.array([sum_band(frequency, density, centre) for density in densities])
+    powers = sum_band(frequency, densities, centre)
     each, power = powers.sum(axis=1), np.average(powers, axis=0, weights=[len(log) for log in logs])
     return Peak(centre, power, float(np.max(prominences)), float(each.min() / max(each.mean(), 1e-12)))
 
 
-def compute_spectra(problem: Problem, logs: Sequence[np.ndarray]) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Frequencies (f,) [Hz] and power densities (f, columns) [noise variance/Hz] of logs (n, columns).
+def compute_spectra(problem: Problem, logs: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies (f,) [Hz] and power densities (logs, f, columns) [noise variance/Hz] of logs (n, columns).
 
     Windows are as long as the shortest log at most.
     """
@@ -136,15 +136,15 @@ def compute_spectra(problem: Problem, logs: Sequence[np.ndarray]) -> tuple[np.nd
     frame = problem.robot.machine.frame
     size = min(round(WINDOW / frame), *(len(log) for log in logs))
     found = [welch(log, 1.0 / frame, nperseg=size, axis=0) for log in logs]
-    return found[0][0], [density for _, density in found]
+    return found[0][0], np.array([density for _, density in found])
 
 
-def sum_band(frequency: np.ndarray, density: np.ndarray, centre: float) -> np.ndarray:
-    """Power of the band around a peak (columns,) above its neighbourhood."""
+def sum_band(frequency: np.ndarray, densities: np.ndarray, centre: float) -> np.ndarray:
+    """Power (logs, columns) of the band around a peak, above its neighbourhood."""
     away = np.abs(frequency - centre)
     beside = (away > HALF) & (away < ASIDE)
-    ground = np.median(density[beside], axis=0) if beside.any() else 0.0
-    return np.maximum((density[away <= HALF] - ground).sum(axis=0) * (frequency[1] - frequency[0]), 0.0)
+    ground = np.median(densities[:, beside], axis=1, keepdims=True) if beside.any() else 0.0
+    return np.maximum((densities[:, away <= HALF] - ground).sum(axis=1) * (frequency[1] - frequency[0]), 0.0)
 
 
 def fit_torques(problem: Problem, effect: Effect, values: np.ndarray, peak: Peak) -> Detection:
@@ -159,9 +159,8 @@ def fit_torques(problem: Problem, effect: Effect, values: np.ndarray, peak: Peak
     rows = np.array([values, *(apply(values, parameters, row) for row in alone)])
     logs = problem.predict(rows, problem.fit[0]) / problem.noise_std
     frequencies, densities = compute_spectra(problem, logs[1:] - logs[0])
-    unit = [sum_band(frequencies, density, peak.frequency) for density in densities]
-    scale = np.sqrt(peak.power + 1e-3)  # a power is known the better the smaller it is
-    shares, _ = nnls(np.array(unit).T / scale[:, None], peak.power / scale)
+    unit, scale = sum_band(frequencies, densities, peak.frequency), np.sqrt(peak.power + 1e-3)
+    shares, _ = nnls(unit.T / scale[:, None], peak.power / scale)  # a power is known the better the smaller it is
     x[joints] *= np.sqrt(shares)
     robot = apply(values, parameters, x)
     found = {problem.robot.machine.parameters[i].name: float(robot[i]) for p in parameters for i in p.index}

@@ -18,7 +18,7 @@ from exodrake.core.confidence import ALPHA, NORMAL_90
 from exodrake.core.parallel import side_by_side
 from exodrake.core.plain import plain
 from exodrake.core.progress import Stage, StageProgress, no_progress
-from exodrake.diagnosis.closure import measure
+from exodrake.diagnosis.closure import change_robot, measure
 from exodrake.diagnosis.discovery import law_code
 from exodrake.diagnosis.discovery.law_code import KNOTS, SIZE, WEIGHTS, LawPoint
 from exodrake.diagnosis.fit import Explanation, linear_model, minimise, settle, whole_jacobian, without
@@ -144,13 +144,9 @@ class LawFit:
     candidate: Candidate
     scales: np.ndarray  # (channels,) prior standard deviations of its modes; 0 where it is absent
     explanation: Explanation  # coordinates of the law's modes are the last ones
+    base: Explanation  # without the law
     likelihood: Likelihood  # views of the case that were fitted
     gain: float = 0.0  # of log evidence by the linear model [nats]
-
-    @property
-    def block(self) -> str:
-        """Block of the robot that the law acts in."""
-        return self.candidate.law.block
 
     @property
     def is_memory(self) -> bool:
@@ -212,27 +208,28 @@ def discover(
         who = accepted.explanation.name if accepted.effects else "retuning"
         return MissingLaw(False, f"what {who} leaves is negligible: no law is missing")
     progress(Stage.LINEARISE, "free laws")
-    machine = law_code.add_laws(problem.robot.machine)
-    whole = replace(found.whole, robot=law_code.robot_on(found.whole.robot, machine))
-    laws = [law for law in law_code.law_points(problem.robot.machine) if not blocks or law.block in blocks]
-    one, bare = found.likelihood.views[0].problem, problem.robot.machine
-    likelihood = found.likelihood.on(replace(one, robot=law_code.robot_on(one.robot, machine))).for_stage("discover")
+    bare = problem.robot.machine
+    machine = law_code.add_laws(bare)
+    laws = [law for law in law_code.law_points(bare) if not blocks or law.block in blocks]
+    part, whole = (replace(p, robot=law_code.robot_on(p.robot, machine)) for p in (found.problem, found.whole))
+    likelihood, index = (
+        found.likelihood.on(part).for_stage("discover"),
+        [machine.index[p.name] for p in bare.parameters],
+    )
     likelihood = replace(likelihood, memory=min(likelihood.memory, max(SAMPLE / machine.frame, 1.0)))
-    index = [machine.index[p.name] for p in bare.parameters]
-    groups: list[tuple[Likelihood, Explanation, int, list[LawFit]]] = []
+    fits, tried = list[LawFit](), dict[str, int]()
     for e in {id(f): f.explanation for f in (accepted, found.retuned)}.values():
         parameters = tuple(replace(p, index=tuple(index[i] for i in p.index)) for p in e.parameters)
         base = e.change(parameters=parameters, values=law_code.values_on(e.values, bare, machine))
-        scaled = likelihood.scaled_to(e.residual)
-        tried = list_candidates(whole, base.robot, laws)
-        screened = side_by_side([partial(screen, scaled, base, candidate) for candidate in tried])
-        groups.append((scaled, base, len(tried), fit_best(base, screened, progress)))
-    memory = min((fit.model.memory for *_, fits in groups for fit in fits), default=1.0)
-    evidence = [max((fit.model.evidence(memory) for fit in fits), default=-np.inf) for *_, fits in groups]
-    likelihood, base, tried, fits = groups[int(np.argmax(evidence))]
+        scaled, candidates = likelihood.scaled_to(e.residual), list_candidates(whole, base.robot, laws)
+        tried[base.name] = len(candidates)
+        fits += fit_best(side_by_side([partial(screen, scaled, base, candidate) for candidate in candidates]), progress)
     if not fits:
         return MissingLaw(False, "the logs are as likely without any law as with one", p_noise=1.0)
+    memory = min(fit.model.memory for fit in fits)
     fits.sort(key=lambda fit: -fit.model.evidence(memory))
+    base, likelihood = fits[0].base, fits[0].likelihood
+    fits = [fit for fit in fits if fit.base is base]
     before = np.maximum(likelihood.chi2(base.residual) - 1.0, 0.0)
     wide = before > NEGLIGIBLE**2
     after = [np.maximum(likelihood.chi2(fit.explanation.residual) - 1.0, 0.0) for fit in fits]
@@ -248,7 +245,7 @@ def discover(
     best, memory, rest = fits[0], fits[0].model.memory, base.name if base.effects else "retuning"
     gain = best.model.evidence(memory) - linear_model(likelihood, base).evidence(memory)
     # evidence exceeds exp(g) times that of no law with probability exp(-g) at most (Markov); any of those tried may
-    p = float(min(1.0, tried * len(SCALES) * np.exp(-gain)))
+    p = float(min(1.0, tried[base.name] * len(SCALES) * np.exp(-gain)))
     if p > ALPHA:
         reason = f"no law takes up more than noise lets one (p = {p:.2g})"
         return MissingLaw(False, reason, p_noise=p, others=others)
@@ -268,7 +265,7 @@ def discover(
         e = settle(on_whole, e, np.ones(e.nominal, dtype=bool))
     best = replace(best, explanation=e, likelihood=on_whole)
     candidate, robot, weights = best.candidate, best.explanation.robot, best.weights
-    rival = next((k for k, fit in enumerate(fits) if fit.block != best.block), None)
+    rival = next((k for k, fit in enumerate(fits) if fit.candidate.law.block != candidate.law.block), None)
     lead = 1.0 if rival is None else measure_lead(shares[0], shares[rival])
     watched = {"form": float(candidate.number), "low": candidate.low, "high": candidate.high}
     states = run_watches(whole, base.robot, {candidate.law.identity: watched})[candidate.law.identity]
@@ -278,9 +275,7 @@ def discover(
     at = candidate.knots[strongest], weights[strongest]
     text = law_code.effect_text(candidate.law, candidate.form, *at, problem.case.name, short)
     rows = np.array([law_code.values_on(found.whole.silent(), bare, machine), base.robot, robot])
-    # the robot with the law as an effect, noise and resolutions as they were
-    kept = robot[index] == replace(found.whole, detected=()).silent()
-    known = replace(found.whole.robot, values=np.where(kept, found.whole.robot.values, robot[index]))
+    known = change_robot(found.whole, robot[index], problem.case.name)
     words, key = candidate.form.words, candidate.law.key
     return MissingLaw(
         found=True, reason=f"a free law of {words} at {key} removes {percent(shares[0])} of what {rest} leaves",
@@ -386,7 +381,7 @@ def screen(likelihood: Likelihood, base: Explanation, candidate: Candidate) -> L
     modes = np.zeros((channels, SIZE))
     modes[:, :MODES] = found.reshape(channels, MODES)
     x = np.r_[base.x + reduced.others(np.arange(len(found)), found), modes[scales > 0.0].ravel()]
-    return LawFit(candidate, scales, replace(join_law(machine, base, candidate, scales), x=x), likelihood, gain)
+    return LawFit(candidate, scales, replace(join_law(machine, base, candidate, scales), x=x), base, likelihood, gain)
 
 
 def weigh_scales(normal: np.ndarray, slope: np.ndarray, channel: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
@@ -429,12 +424,13 @@ def join_law(
     return Explanation(base.effects, tuple(parameters), x, values, base.residual, base.jacobian)
 
 
-def fit_best(base: Explanation, screened: Sequence[LawFit], progress: StageProgress) -> list[LawFit]:
+def fit_best(screened: Sequence[LawFit], progress: StageProgress) -> list[LawFit]:
     """The most promising laws fitted, in the block of the best one and outside it."""
 
     def start(law: LawFit) -> LawFit:
         """A screened law simulated with as much of its predicted weights as fits best."""
-        e, none = law.explanation, np.r_[base.x, np.zeros(len(law.explanation.x) - len(base.x))]
+        e, known = law.explanation, law.base.x
+        none = np.r_[known, np.zeros(len(e.x) - len(known))]
         tried = e.at_each(law.likelihood, [none + share * (e.x - none) for share in SHARES])
         return replace(law, explanation=min((replace(e, x=none), *tried), key=lambda one: one.cost(law.likelihood)))
 
@@ -449,7 +445,7 @@ def fit_best(base: Explanation, screened: Sequence[LawFit], progress: StageProgr
         scales[fit.active] = weigh_scales(reduced.normal, slope, np.repeat(np.arange(len(fit.active)), SIZE))[0]
         if not scales.any():
             return fit
-        e = join_law(likelihood.robot.machine, base, fit.candidate, scales)
+        e = join_law(likelihood.robot.machine, fit.base, fit.candidate, scales)
         x = np.r_[fit.explanation.x[: fit.beside], fit.modes[scales > 0.0].ravel()]
         e = replace(e, jacobian=fit.explanation.jacobian).at(likelihood, x)
         return replace(fit, scales=scales, explanation=minimise(likelihood.scaled_to(e.residual), e))
@@ -460,7 +456,8 @@ def fit_best(base: Explanation, screened: Sequence[LawFit], progress: StageProgr
             chosen.append(law)
     starts = side_by_side([partial(start, law) for law in chosen])
     starts.sort(key=lambda law: law.explanation.cost(law.likelihood))
-    inside, outside = ([f for f in starts if (f.block == starts[0].block) is here] for here in (True, False))
+    blocks = [law.candidate.law.block for law in starts]
+    inside, outside = ([f for f, b in zip(starts, blocks) if (b == blocks[0]) is here] for here in (True, False))
     wanted = [*inside[:FITTED], *outside[:OTHERS]]
     progress(Stage.FIT, ", ".join(dict.fromkeys(f.candidate.law.learned for f in wanted)))
     return side_by_side([partial(fit_law, f) for f in wanted])

@@ -7,7 +7,6 @@ shape. The same text serves the search (all points of a machine) and the fitted 
 from __future__ import annotations
 
 import hashlib
-import inspect
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -20,7 +19,17 @@ from exodrake.engine.cache import cache_folder, once, write_if_different
 from exodrake.machines.robot_file import robot_text
 from exodrake.model.effect import Effect
 from exodrake.model.machine import Machine
-from exodrake.model.part import HYSTERESIS, PLACE, RELAXATION, FreeLaw, Point, free_memory, module_name, module_of_file
+from exodrake.model.part import (
+    HYSTERESIS,
+    PLACE,
+    RELAXATION,
+    FreeLaw,
+    Point,
+    free_memory,
+    module_of_file,
+    point_arguments,
+    point_key,
+)  # fmt: skip
 from exodrake.model.robot import Robot
 
 SIZE = 8  # knots of a curve, or elements of a memory
@@ -32,7 +41,7 @@ COUNTS = tuple(f"c{i + 1}" for i in range(BINS))
 SEEN = ("low_seen", "high_seen", *COUNTS, "place", "started")
 WATCHED = ("low", "high")  # range in which a watch counts
 PLAIN = ("dt", "held", "arrival", "period", "mobility", "bones", "history")  # arguments that no law depends on
-FUNCTIONS = ("curve", "dragged", "faded", "inside", "slope", "stop_operator")  # of `effects.law_table`
+FUNCTIONS = ("curve", "inside", "lose_speed", "maxwell_element", "slope", "stop_operator")  # of `effects.law_table`
 HEADER = '''"""{summary}"""
 
 from exodrake.model.effect import Effect, EffectParameter
@@ -51,7 +60,7 @@ DEFINITION = """{name} = Effect(
 {more}    family="law",
     not_tried="a free law, which `--discover` tries",
 )"""
-DRAGGED = "dragged(speed, law * mobility)"  # dry friction never turns a stop into a push
+BRAKED = "lose_speed(speed, law * mobility)"  # dry friction never turns a stop into a push
 VALUE = "{value}"  # the point's own value, whose name differs between parts
 # of the points that are standard ones (`Point.standard`): forces and losses of what slides, and readings
 STANDARD = {
@@ -62,9 +71,9 @@ STANDARD = {
         *free_memory("of force over place", "travel", "m", "settle", "-1.0", moves=True),
     ),
     "sliding.braked": (
-        FreeLaw("dry friction over speed", "abs(speed)", "m/s", fine=True, result=DRAGGED),
-        FreeLaw("dry friction over load", "load", "N", result=DRAGGED),
-        FreeLaw("dry friction over place", "travel", "m", "", PLACE, "settle", moves=True, result=DRAGGED),
+        FreeLaw("dry friction over speed", "abs(speed)", "m/s", fine=True, result=BRAKED),
+        FreeLaw("dry friction over load", "load", "N", result=BRAKED),
+        FreeLaw("dry friction over place", "travel", "m", "", PLACE, "settle", moves=True, result=BRAKED),
     ),
     "sliding.settle": (),
     "signal.shown": (
@@ -113,17 +122,14 @@ def law_points(machine: Machine) -> list[LawPoint]:
     """Points of a machine where a law may be missing, one for each id."""
     found: dict[str, LawPoint] = {}
     for part in machine.parts:
-        arguments: dict[str, tuple[str, ...]] = {}  # after the effects' parameters, their states and the channel
-        for point in part.points:
-            names = inspect.signature(getattr(point.module or part.module, point.name)).parameters
-            arguments[point.name] = tuple(names)[3 if point.axis else 2 :]
+        arguments = {point.name: point_arguments(part, point) for point in part.points}
         for point in part.points:
             own = arguments[point.name]
             laws = STANDARD.get(point.standard) if point.laws is None else point.laws
             if laws is None:
                 laws = tuple(FreeLaw(f"{own[0]} over {name}", name, "") for name in own if name not in PLAIN)
             if laws:
-                key = f"{module_name(point.module or part.module)}.{point.name}"
+                key = point_key(part, point)
                 blocks = [effect.block for effect in machine.effects if key in effect.at] or [part.name]
                 identity = f"{max(blocks, key=blocks.count)}.law_{point.name}"
                 forms = tuple(replace(f, factor=f.factor.replace(VALUE, own[0])) for f in laws)
@@ -175,7 +181,7 @@ def write_effect(
                 step = {
                     PLACE: "{s} = {s} + change",
                     HYSTERESIS: "{s} = stop_operator({s}, change, {k})",
-                    RELAXATION: f"{{s}} = faded({{s}}, change, {'period' if here else 'dt'}, {{k}})",
+                    RELAXATION: f"{{s}} = maxwell_element({{s}}, change, {'period' if here else 'dt'}, {{k}})",
                 }[f.kind]
                 move = f.variable if f.moves else f"{f.variable} - last if started > 0.0 else 0.0"
                 last = "0.0" if f.moves else f.variable

@@ -262,42 +262,6 @@ def smooth(time: np.ndarray, positions: np.ndarray, cutoff: float, source: str =
     return result
 
 
-@dataclass(frozen=True)
-class CentreLine:
-    """Centre = gradient theta + intercept, per axis of the frame proximal to the joint."""
-
-    gradient: np.ndarray  # (3,) [m/rad]
-    intercept: np.ndarray  # (3,) [m]
-    covariance: np.ndarray  # (6, 6) of gradient, then intercept
-    rmse: np.ndarray  # (3,) scatter about the line of the centres of single frames [m]
-    frames: int  # in number, whose angle is large enough for that
-
-    @property
-    def gradient_interval(self) -> np.ndarray:
-        """Half width (3,) of the 95 % interval [m/rad]."""
-        return NORMAL_95 * np.sqrt(np.diag(self.covariance)[:3])
-
-    @property
-    def intercept_interval(self) -> np.ndarray:
-        """Half width (3,) of the 95 % interval [m]."""
-        return NORMAL_95 * np.sqrt(np.diag(self.covariance)[3:])
-
-    @property
-    def rmse_3d(self) -> float:
-        """Root of the sum of squares of the RMSE of the three axes [m]."""
-        return float(np.linalg.norm(self.rmse))
-
-    def at(self, angle: np.ndarray) -> np.ndarray:
-        """Centre (..., 3) [m] at angles (...) [rad]."""
-        return self.intercept + self.gradient * np.asarray(angle)[..., None]
-
-    def band(self, angle: np.ndarray) -> np.ndarray:
-        """95 % half width of the line (..., 3) [m] at angles (...) [rad]."""
-        theta, shared = np.asarray(angle)[..., None], np.diag(self.covariance, 3)
-        variance = (theta * self.gradient_interval) ** 2 + self.intercept_interval**2
-        return np.sqrt(np.maximum(variance + 2 * theta * shared * NORMAL_95**2, 0.0))
-
-
 def measures(finger: Finger, tip: int) -> np.ndarray:
     """Lengths of the three phalanges, then gradient and intercept of MCP, PIP, DIP, (21,) [m, m/rad].
 
@@ -340,7 +304,9 @@ class Joint:
     axis: rigid.Axis  # of flexion
     angle: np.ndarray  # (frames,) flexion [rad]
     centre: np.ndarray  # (frames, 3) normal to the axis, from each frame alone [m]
-    line: CentreLine  # of the centre over the angle
+    covariance: np.ndarray  # (6, 6) of the axis's slope, then its point [SI]
+    rmse: np.ndarray  # (3,) scatter of single centres about the line of the axis [m]
+    frames: int  # in number, whose angle is large enough for that
     abduction_axis: rigid.Axis | None = None  # of the MCP
     abduction: np.ndarray | None = None  # (frames,) [rad]
 
@@ -348,6 +314,17 @@ class Joint:
     def range(self) -> tuple[float, float]:
         """Smallest and largest flexion in the recording [rad]."""
         return float(np.nanmin(self.angle)), float(np.nanmax(self.angle))
+
+    @property
+    def half_widths(self) -> np.ndarray:
+        """Half widths (2, 3) of the 95 % intervals of the axis's slope [m/rad] and point [m]."""
+        return NORMAL_95 * np.sqrt(np.diag(self.covariance)).reshape(2, 3)
+
+    def band(self, angle: np.ndarray) -> np.ndarray:
+        """95 % half width of the centre (..., 3) [m] at angles (...) [rad]."""
+        theta, shared, (slope, point) = np.asarray(angle)[..., None], np.diag(self.covariance, 3), self.half_widths
+        variance = (theta * slope) ** 2 + point**2 + 2 * theta * shared * NORMAL_95**2
+        return np.sqrt(np.maximum(variance, 0.0))
 
 
 @dataclass(frozen=True)
@@ -395,10 +372,10 @@ def identify(recording: Recording, layout: Layout | None = None, cutoff: float |
     values, covariance = measure(found, layout.distal.index(layout.tip))
     half = NORMAL_95 * np.sqrt(np.diag(covariance)[:3])
     finger, joints = found.finger, []
+    poses = [rigid.fit_pose(triad, smoothed[:, 3 * k : 3 * k + 3])[0] for k, triad in enumerate(finger.markers)]
     for k, name in enumerate(JOINTS):
         axis, angle, side = finger.axes[k + 1], angles[:, k + 1].copy(), angles[:, 0].copy()
-        near, far = (rigid.fit_pose(finger.markers[i], smoothed[:, 3 * i : 3 * i + 3])[0] for i in (k, k + 1))
-        turns = rigid.inverse(near) @ far
+        turns = rigid.inverse(poses[k]) @ poses[k + 1]
         seen = np.isfinite(turns).all(axis=(1, 2))
         angle[~seen] = side[~seen] = np.nan
         if k == 0:
@@ -407,12 +384,10 @@ def identify(recording: Recording, layout: Layout | None = None, cutoff: float |
         own = axis.express_in(pose)
         centre = rigid.centres(turns, axis.direction, angle, finger.markers[k + 1].mean(axis=0))
         centre = rigid.across(rigid.apply(rigid.inverse(pose), centre), own.direction)
-        part = slice(3 + 6 * k, 9 + 6 * k)
-        (gradient, intercept), used = np.split(values[part], 2), np.abs(np.nan_to_num(angle)) >= SMALLEST_ANGLE
-        rmse = np.sqrt(np.mean((centre[used] - intercept - gradient * angle[used, None]) ** 2, axis=0))
-        line = CentreLine(gradient, intercept, covariance[part, part], rmse, int(used.sum()))
-        abduction_axis, abduction = (None, None) if k else (finger.axes[0].express_in(pose), side)
-        joints.append(Joint(name, own, angle, centre, line, abduction_axis, abduction))
+        part, used = slice(3 + 6 * k, 9 + 6 * k), np.abs(np.nan_to_num(angle)) >= SMALLEST_ANGLE
+        rmse = np.sqrt(np.mean((centre[used] - own.point - own.slope * angle[used, None]) ** 2, axis=0))
+        abduction = (None, None) if k else (finger.axes[0].express_in(pose), side)
+        joints.append(Joint(name, own, angle, centre, covariance[part, part], rmse, int(used.sum()), *abduction))
     residuals = tuple(float(np.nanmedian(residual)) for _, residual in fits)
     return Kinematics(
         (joints[0], joints[1], joints[2]), tuple(values[:3].tolist()), tuple(half.tolist()),

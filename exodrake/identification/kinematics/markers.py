@@ -18,6 +18,7 @@ from exodrake.core.errors import InputError
 from exodrake.core.files import read_bytes
 from exodrake.core.processes import in_child
 from exodrake.core.schema import listing, mapping, optional, read_yaml, text
+from exodrake.data.log import columns_in_si
 from exodrake.identification.kinematics import rigid
 from exodrake.identification.workspace import LENGTHS, SPONTANEOUS
 from exodrake.model.units import si_unit, to_si
@@ -94,7 +95,7 @@ def read_layout(path: str | Path) -> Layout:
     return layout
 
 
-HEADING = re.compile(r"^(time|(?P<marker>.+)_(?P<axis>[xyz]))\s*\[(?P<unit>[^\]]*)\]$")
+HEADING = re.compile(r"(time|.+_[xyz])\s*(\[.*\])?$")  # of columns that are read
 
 
 @dataclass(frozen=True)
@@ -121,27 +122,21 @@ def parse_csv(data: bytes, source: str) -> Recording:
 
     lines = data.splitlines(keepends=True)
     headings, values = read_cells(b"".join(line for line in lines if not line.lstrip().startswith(b"#")), source)
-    columns: dict[tuple[str | None, str | None], np.ndarray] = {}  # by marker and axis, neither for time
-    for heading, column in zip(headings, values.T):
-        if found := HEADING.match(heading):
-            wanted = ("m", "a length") if found["marker"] else ("s", "a time, wanted [s] or [ms]")
-            if si_unit(found["unit"], f"{source}, column {heading!r}") != wanted[0]:
-                raise InputError(f"{source}: column {heading!r} is not {wanted[1]}")
-            if (key := (found["marker"], found["axis"])) in columns:
-                raise InputError(f"{source}: column {heading!r} occurs twice")
-            columns[key] = to_si(column, found["unit"])
-        elif re.search(r"_[xyz]$", heading):
-            raise InputError(f"{source}: column {heading!r} has no unit, wanted '{heading} [mm]'")
-    names = tuple(dict.fromkeys(name for name, _ in columns if name))
-    for name in names:
-        if lost := [axis for axis in "xyz" if (name, axis) not in columns]:
-            raise InputError(f"{source}: marker {name} lacks its {', '.join(lost)} column")
+    used = [(heading, column) for heading, column in zip(headings, values.T) if HEADING.match(heading)]
+    columns, units = columns_in_si(used, source)
+    for column, unit in units.items():
+        if unit != (wanted := "s" if column == "time" else "m"):
+            raise InputError(f"{source}: column {column!r} is in [{unit}], which does not convert to [{wanted}]")
+    if "time" not in columns:
+        raise InputError(f"{source}: no column 'time [s]'")
+    names = tuple(dict.fromkeys(column[:-2] for column in columns if column != "time"))
     if not names:
         raise InputError(f"{source}: no marker columns such as 'B1_x [mm]'")
-    if (None, None) not in columns:
-        raise InputError(f"{source}: no column 'time [s]'")
-    positions = np.transpose([[columns[name, axis] for axis in "xyz"] for name in names], (2, 0, 1))
-    return check_recording(Recording(names, columns[None, None], positions, source))
+    for name in names:
+        if lost := [axis for axis in "xyz" if f"{name}_{axis}" not in columns]:
+            raise InputError(f"{source}: marker {name} lacks its {', '.join(lost)} column")
+    positions = np.transpose([[columns[f"{name}_{axis}"] for axis in "xyz"] for name in names], (2, 0, 1))
+    return check_recording(Recording(names, columns["time"], positions, source))
 
 
 def check_recording(recording: Recording) -> Recording:

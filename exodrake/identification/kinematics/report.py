@@ -25,11 +25,9 @@ def table_rows(found: Kinematics) -> list[tuple[str, ...]]:
     """Format the rows under HEAD, three per joint, in mm and mm/rad."""
     rows = []
     for joint in found.joints:
-        line = joint.line
-        columns = (line.gradient, line.gradient_interval, line.intercept, line.intercept_interval, line.rmse)
-        rows += [
-            (joint.name, axis, *(f"{1e3 * x:.3f}" for x in row)) for axis, row in zip("XYZ", np.transpose(columns))
-        ]
+        slope, point = joint.half_widths
+        columns = np.transpose([joint.axis.slope, slope, joint.axis.point, point, joint.rmse])
+        rows += [(joint.name, axis, *(f"{1e3 * x:.3f}" for x in row)) for axis, row in zip("XYZ", columns)]
     return rows
 
 
@@ -48,7 +46,7 @@ def table_csv(found: Kinematics) -> str:
 def table_markdown(found: Kinematics) -> str:
     """Format the table as Markdown, followed by lengths, ranges, quality and remarks."""
     joints = [
-        (name, "{:.3f} .. {:.3f}".format(*joint.range), joint.line.frames, f"{1e3 * joint.line.rmse_3d:.2f}", *rest)
+        (name, "{:.3f} .. {:.3f}".format(*joint.range), joint.frames, f"{1e3 * np.linalg.norm(joint.rmse):.2f}", *rest)
         for joint, (name, *rest) in zip(found.joints, length_rows(found), strict=True)
     ]
     residuals = ", ".join(f"{name} {1e3 * value:.2f}" for name, value in zip(SEGMENTS, found.residuals, strict=True))
@@ -79,7 +77,7 @@ def robot_yaml(found: Kinematics) -> str:
     for joint, length, half in zip(found.joints, found.lengths, found.intervals, strict=True):
         lines.append(f"  finger.length.{joint.name}: {length:.5f}  # +- {half:.5f} m, source: markers, {name}")
     for joint in found.joints:
-        (low, high), speed = joint.range, 1e3 * np.linalg.norm(joint.line.gradient)
+        (low, high), speed = joint.range, 1e3 * np.linalg.norm(joint.axis.slope)
         lines.append(f"# seen: {joint.name} {low:.3f} .. {high:.3f} rad, centre moves {speed:.2f} mm/rad")
     return "\n".join(lines) + "\n"
 
@@ -97,14 +95,14 @@ def centre_figure(found: Kinematics) -> bytes:
     """Draw the figure as PNG: a column per joint, a row per axis of the proximal frame, equal heights in mm."""
     figure = new_figure(11.0, 8.0)
     panels = figure.subplots(3, len(found.joints), sharex="col")
-    ends = [1e3 * joint.line.at(np.array(joint.range)) for joint in found.joints]
-    heights = [np.abs(b - a) + 8e3 * joint.line.rmse for (a, b), joint in zip(ends, found.joints)]
+    ends = [1e3 * joint.axis.centre(np.array(joint.range)) for joint in found.joints]
+    heights = [np.abs(b - a) + 8e3 * joint.rmse for (a, b), joint in zip(ends, found.joints)]
     height = float(np.max(heights))  # mm, of line and scatter
     for column, (joint, frame) in enumerate(zip(found.joints, PROXIMAL, strict=True)):
         used, span = np.abs(np.nan_to_num(joint.angle)) >= SMALLEST_ANGLE, np.linspace(*joint.range, 60)
         for row, (axis, colour) in enumerate(COLOURS.items()):
-            panel, line = panels[row, column], joint.line
-            middle, half = 1e3 * line.at(span)[:, row], 1e3 * line.band(span)[:, row]
+            panel = panels[row, column]
+            middle, half = 1e3 * joint.axis.centre(span)[:, row], 1e3 * joint.band(span)[:, row]
             dots = {"ms": 3, "color": colour, "alpha": 0.3, "mec": "none", "label": "a frame"}
             panel.plot(joint.angle[used], 1e3 * joint.centre[used, row], ".", **dots)
             band = {"color": "0.15", "alpha": 0.25, "lw": 0, "label": "95 % band of the line"}
@@ -112,7 +110,7 @@ def centre_figure(found: Kinematics) -> bytes:
             panel.plot(span, middle, color="0.15", lw=1.4, label="line, of all frames together")
             left_out = {"color": "0.93", "lw": 0, "zorder": 0, "label": "angle too small, left out"}
             panel.axvspan(max(joint.range[0], -SMALLEST_ANGLE), SMALLEST_ANGLE, **left_out)
-            gradient, intercept, rmse = (1e3 * v[row] for v in (line.gradient, line.intercept, line.rmse))
+            gradient, intercept, rmse = (1e3 * v[row] for v in (joint.axis.slope, joint.axis.point, joint.rmse))
             equation = f"{gradient:+.2f} θ {intercept:+.2f},  RMSE {rmse:.2f} mm"
             box = {"fc": "white", "ec": "none", "pad": 1.5}
             panel.text(0.03, 0.97, equation, transform=panel.transAxes, va="top", fontsize=8, bbox=box)

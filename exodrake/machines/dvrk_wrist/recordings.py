@@ -10,9 +10,11 @@ from pathlib import Path
 import numpy as np
 
 from exodrake.core.errors import InputError
+from exodrake.core.files import read_bytes
 from exodrake.data.case import Case
+from exodrake.data.formats.npz import read_arrays
 from exodrake.data.log import Log
-from exodrake.machines.recording_tools import find_file, halve_log, joint_log, read_table
+from exodrake.machines.recording_tools import find_files, halve_log, joint_log
 
 FRAME = 1.0  # s
 WRIST = slice(3, 6)
@@ -21,19 +23,18 @@ WANTED, SEEN = "_q_des_raw.npy", "_q_act_raw.npy"
 
 def case(path: Path) -> Case:
     """The case of all runs in a folder, or of the one whose file is named."""
-    files = [path] if path.is_file() else sorted(path.glob(f"*{WANTED}"))
-    if not files:
-        raise InputError(f"{path}: no *{WANTED}")
-    runs = [(f.parent, f.name.split("_q_")[0]) for f in files]
+    runs = [(f.parent, f.name.split("_q_")[0]) for f in find_files(path, f"*{WANTED}")]
     items = [item for folder, run in runs for item in halve_log(read(folder, run), run)]
     return Case("dvrk_wrist", {}, tuple(items), FRAME)
 
 
 def read(folder: Path, run: str) -> Log:
     """One run."""
-    wanted, seen = (read_table(find_file(folder, run + ending)) for ending in (WANTED, SEEN))
-    if wanted.shape != seen.shape or seen.ndim != 2 or seen.shape[1] < WRIST.stop:
-        raise InputError(f"{folder / run}: shapes {wanted.shape} and {seen.shape}, wanted the same (n, 6)")
+    files = [folder / (run + ending) for ending in (WANTED, SEEN)]
+    wanted, seen = (read_arrays(read_bytes(file), str(file)).get("", np.zeros(0)) for file in files)
+    numbers = all(table.dtype.kind in "fiu" for table in (wanted, seen))
+    if wanted.shape != seen.shape or seen.ndim != 2 or seen.shape[1] < WRIST.stop or not numbers:
+        raise InputError(f"{folder / run}: shapes {wanted.shape} and {seen.shape}, wanted the same (n, 6) of numbers")
     known = ~np.all(seen == 0.0, axis=1)
     if not known.any():
         raise InputError(f"{folder / run}: the camera saw nothing in any row")

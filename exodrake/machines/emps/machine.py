@@ -1,6 +1,5 @@
 """EMPS, an electro-mechanical positioning system: drive -> carriage -> scale, a position loop at 1 kHz."""
 
-from collections.abc import Callable
 from functools import cache
 
 import numpy as np
@@ -35,11 +34,6 @@ LOOP = Loop(
 )  # fmt: skip
 
 
-def noise_std(parameter: Callable[[str], float]) -> dict[str, float]:
-    """Repeatability of position [m] and force [N]."""
-    return {"position": parameter("scale.repeatability"), "force": parameter("drive.repeatability")}
-
-
 def mechanism(robot: Robot) -> Mechanism:
     """The carriage under its cascade, as a position loop: kp kv and kv, both times the amplifier's gain."""
     kv = robot["drive.gain"] * robot["drive.kv"]
@@ -64,7 +58,7 @@ def machine() -> Machine:
         inputs=tuple(s.name for s in INPUTS), columns=COLUMNS, effects=effects_of(PARTS), frame=FRAME,
         slots=16,  # so short that from reading to force takes the drive next to no time
         noise=("scale.sigma.carriage",), resolution=("scale.step.carriage",), compared=("position", "force"),
-        noise_std=noise_std,
+        noise_std=lambda value: {"position": value("scale.repeatability"), "force": value("drive.repeatability")},
         segments=(Segment("drive", "force", ("position",)), Segment("carriage", "position", ("force",))),
         max_effects=4, reference_limits=("position_min", "position_max"),
         skeleton=lambda robot: axes_side_by_side(robot.machine.axes.joints, "position", "force", "x", sliding=True),

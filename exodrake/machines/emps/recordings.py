@@ -12,9 +12,9 @@ import numpy as np
 from exodrake.core.errors import InputError
 from exodrake.core.files import read_bytes
 from exodrake.data.case import Case, CaseLog
-from exodrake.data.formats.mat import column, read_variables
 from exodrake.data.log import Log
-from exodrake.machines.recording_tools import find_file, restart_log
+from exodrake.data.tables import list_columns
+from exodrake.machines.recording_tools import find_files, restart_log
 
 FRAME, CYCLE = 1e-3, 6240  # s, rows
 NAMES = ("t", "qg", "qm", "vir", "gtau")
@@ -22,12 +22,12 @@ NAMES = ("t", "qg", "qm", "vir", "gtau")
 
 def case(path: Path) -> Case:
     """The case of the MAT file or of its folder. InputError for variables that are missing or too short."""
-    file = find_file(path, "DATA_EMPS.mat")
-    variables = read_variables(read_bytes(file), str(file))
+    file = find_files(path, "DATA_EMPS.mat")[0]
+    columns = list_columns(read_bytes(file), str(file))
     for name in NAMES:
-        if name not in variables:
+        if name not in columns:
             raise InputError(f"{file}: no variable {name!r}, wanted {', '.join(NAMES)}")
-    t, reference, place, volts, gain = (column(variables[name], name, str(file)) for name in NAMES)
+    t, reference, place, volts, gain = (columns[name] for name in NAMES)
     if len({len(t), len(reference), len(place), len(volts)}) > 1 or len(t) < 3:
         raise InputError(f"{file}: t, qg, qm and vir differ in length, or are too short")
     start = {"position_start_carriage": np.full(len(place), place[0]), "speed_start_carriage": np.zeros(len(place))}

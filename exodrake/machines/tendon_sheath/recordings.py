@@ -10,9 +10,11 @@ from pathlib import Path
 import numpy as np
 
 from exodrake.core.errors import InputError
+from exodrake.core.files import read_bytes
 from exodrake.data.case import Case, CaseLog
 from exodrake.data.log import Log
-from exodrake.machines.recording_tools import halve_log, joint_log, read_table
+from exodrake.data.text import TextLayout, read_text
+from exodrake.machines.recording_tools import find_files, halve_log, joint_log
 
 FRAME = 0.025  # s
 TIME, COMMAND, ANGLE, COLUMNS = 0, 1, 3, 8
@@ -20,10 +22,7 @@ TIME, COMMAND, ANGLE, COLUMNS = 0, 1, 3, 8
 
 def case(path: Path) -> Case:
     """The case of one configuration's file, or of a folder of them. InputError for a name that is no bend."""
-    files = [path] if path.is_file() else sorted(path.glob("*.txt"), key=read_bend)
-    if not files:
-        raise InputError(f"{path}: no configuration, such as 60.txt")
-    logs = [(f"bend_{f.stem}", read(f)) for f in files]
+    logs = [(f"bend_{f.stem}", read(f)) for f in sorted(find_files(path, "*.txt"), key=read_bend)]
     if len(logs) < 3:
         items = [item for name, log in logs for item in halve_log(log, name)]
     else:
@@ -42,9 +41,10 @@ def read_bend(file: Path) -> float:
 
 def read(file: Path) -> Log:
     """One configuration, a row for each time of the trajectory."""
-    rows = read_table(file)
-    if rows.shape[1] != COLUMNS:
-        raise InputError(f"{file}: {rows.shape[1]} columns, wanted {COLUMNS}")
+    columns = read_text(read_bytes(file), str(file), TextLayout(heading=False))
+    if len(columns) != COLUMNS:
+        raise InputError(f"{file}: {len(columns)} columns, wanted {COLUMNS}")
+    rows = np.column_stack([*columns.values()])
     rows = rows[np.concatenate([[True], np.diff(rows[:, TIME]) > 0])]
     command, angle = np.radians(rows[:, [COMMAND]]), np.radians(rows[:, [ANGLE]])
     log = joint_log(("bending",), command, angle, FRAME, str(file))
