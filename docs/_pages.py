@@ -110,7 +110,8 @@ def command_pages() -> Iterator[tuple[str, str]]:
     """Generate (path, Markdown) of the list of commands, and of the page of each."""
     context = click.Context(cli, info_name="exodrake")
     names = cli.list_commands(context)
-    text = "# Commands\n\n`--out FOLDER` takes the files of a command, `--json` prints its numbers.\n"
+    text = "# Commands\n\n`--out` names the folder of a command's files, or the file of one that writes one. "
+    text += "`--json` prints the numbers alone.\n"
     for heading, group in COMMAND_GROUPS.items():
         lines = [f"| [`exodrake {name}`]({name}.md) | {COMMANDS[name][1]} |" for name in group]
         text += f"\n## {heading}\n\n| | |\n|---|---|\n" + "\n".join(lines) + "\n"

@@ -185,7 +185,7 @@ def test_command_prints_and_writes_the_rates(tmp_path):
     assert written["source"].startswith("exodrake calibrate --robot tendon_sheath --case case --cases 3 --seed 0")
     assert set(written["rates"]) == set(RATES) and written["rates"][ALARM]["n"] == 1
     assert str(tmp_path) not in file.read_text()
-    result = CliRunner().invoke(cli, ["calibrate", "--robot", "emps", "--cases", "1"])
+    result = CliRunner().invoke(cli, ["calibrate", "--robot", "emps", "--cases", "1", "--out", str(tmp_path)])
     assert result.exit_code == 2 and "--case CASE" in result.stderr
 
 

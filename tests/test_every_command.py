@@ -1,11 +1,13 @@
 """Every command with every built-in machine: it works, or says in one sentence why it does not."""
 
+import json
 import os
 
 import click
 import pytest
 from arm_folders import MIXED
 from command_line import run
+from report_synthetic import diagnosis
 
 import exodrake as exo
 from exodrake.cli.main import cli
@@ -28,7 +30,7 @@ ALL = {
     "check": ["{}/log.csv", "--effects", "{effect}"],
     "diagnose": ["{}/log.csv"],  # up to the diagnosis itself, which takes minutes
     "experiment": ["{}/log.csv", "--out", "{}/e.csv"],  # up to the diagnosis
-    "calibrate": ["--case", "{}/absent"],  # a refusal: with robots it takes minutes
+    "calibrate": ["--case", "{}/absent", "--out", "{}"],  # a refusal: with robots it takes minutes
     "response": ["{}/log.csv"],
     "fit": ["{}/log.csv", "--free", "absent"],  # a refusal: no parameter is free in all machines
     "sweep": ["--reference", "{}/log.csv", "--robots", "2"],
@@ -107,6 +109,32 @@ def test_a_command_for_any_machine_works_with_each(name, machine, folders, monke
         assert "absent" in result.stderr
     else:
         assert result.exit_code in (0, 1 if name == "watch" else 0), result.output
+
+
+@pytest.mark.parametrize("name", ["compare", "robot", "effects", "check", "response", "sweep", "alarm-limits", "fleet"])
+def test_json_is_printed_alone_and_nothing_is_written_unasked(name, folders, tmp_path, monkeypatch):
+    """Of each command with numbers that needs no `--out`; the current folder stays empty."""
+    answer = folders["emps"] / "answers" / "one"
+    answer.mkdir(parents=True, exist_ok=True)
+    (answer / "diagnosis.json").write_text(json.dumps(diagnosis().to_json()))
+    monkeypatch.chdir(tmp_path)
+    effect = exo.load_robot("emps").machine.effects[0].id
+    given = [word for word in {**ALL, "fleet": ["{}/answers"]}[name] if not word.endswith("/out")]
+    words = [word.replace("{}", str(folders["emps"])).replace("{effect}", effect) for word in given]
+    words = words[: words.index("--out")] if "--out" in words else words
+    result = run(name, *words, *([] if name == "fleet" else ["--robot", "emps"]), "--json")
+    assert result.exit_code == 0 and json.loads(result.stdout), result.output
+    assert not list(tmp_path.iterdir())
+
+
+def test_every_command_with_an_answer_prints_it_as_json():
+    """A command that returns something has `--json`, and the other way round; `diagnose` prints before it ends."""
+    for name in cli.list_commands(click.Context(cli)):
+        command = cli.get_command(click.Context(cli), name)
+        for one in command.commands.values() if isinstance(command, click.Group) else [command]:
+            returned = getattr(one.callback, "__annotations__", {}).get("return", "None")
+            takes = any("--json" in parameter.opts for parameter in one.params)
+            assert name == "diagnose" or takes == (returned not in (None, "None")), (name, one.name)
 
 
 @pytest.mark.parametrize("machine", EVERY)

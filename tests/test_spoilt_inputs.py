@@ -137,7 +137,7 @@ def test_every_yaml_file_is_plain_data(tmp_path, text, kind):
     (tmp_path / "log.csv.gz").write_bytes(packed(b"time [s],B1_x [mm],B1_y [mm],B1_z [mm]\n0,1,1,1\n"))
     (tmp_path / "log.csv").write_bytes(b"time [s],B1_x [mm],B1_y [mm],B1_z [mm]\n0,1,1,1\n")
     words = {
-        "robot": ["draw", "--robot", page],
+        "robot": ["robot", page],
         "scenario": ["simulate", "--scenario", page],
         "case": ["diagnose", tmp_path],
         "mapping": ["import", tmp_path / "log.csv.gz", "--map", page, "--out", tmp_path / "x.csv"],

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import click
 from click.core import ParameterSource
@@ -37,7 +38,7 @@ SHOWN = 0.3  # poles of smaller modulus are gone within a few frames
 @click.option(
     "--to-control", "model", type=options.OutputFile(), help="NPZ with A, B, C, D, dt and names for python-control."
 )
-def command(file, parameters, effects, parts, at, draws, diagnosis, seed, out, json_file, model) -> None:
+def command(file, parameters, effects, parts, at, draws, diagnosis, seed, out, model) -> Any:
     """How stable, how fast and how robust the closed loop of a robot is, seen once a frame.
 
     Linearises the whole sampled loop at an operating point, and measures the full nonlinear one by steps and multisine.
@@ -48,6 +49,7 @@ def command(file, parameters, effects, parts, at, draws, diagnosis, seed, out, j
     from exodrake.model.units import quantity
     from exodrake.simulation.references import split_options
 
+    wanted = click.get_current_context().params["json_file"]
     answer, improved = robustness.read_diagnosis(diagnosis) if diagnosis else (None, None)
     if improved and click.get_current_context().get_parameter_source("file") == ParameterSource.DEFAULT:
         file = str(improved)
@@ -67,14 +69,13 @@ def command(file, parameters, effects, parts, at, draws, diagnosis, seed, out, j
         if robot.machine.loop and len(robot.machine.loop.points) > 1:
             bands.append(robustness.points_band(robot))
         result = replace(result, bands=tuple(bands), uncertainty=uncertainty)
-        cycles = limit_cycles.limit_cycles(robot, point) if out or json_file else ()
+        cycles = limit_cycles.limit_cycles(robot, point) if out or wanted else ()
         drawn, numbers = figures.draw_figures(result, cycles) if out else {}, closed_loop.to_plain(result, cycles)
-    if json_file != "-":
-        show(result)
+    show(result)
     warn(robot)
-    options.write_answer(numbers, "analysis", json_file, out, drawn)
     if model:
-        options.write_files({model: closed_loop.model_bytes(result)}, json_file != "-")
+        options.write_files({model: closed_loop.model_bytes(result)})
+    return options.write_answer(numbers, "analysis", out, drawn)
 
 
 def show(result: exo.ClosedLoop) -> None:
@@ -170,7 +171,7 @@ def verdict(result: exo.ClosedLoop) -> str:
 @click.option("--segment", type=click.FloatRange(0.0, min_open=True), help="Length of Welch's segments [s].")
 @click.option("--out", type=options.OutputFolder(), help="Folder for response.png and response.json.")
 @options.json_option
-def find_response(cases, input, output, file, parameters, effects, parts, improved, segment, out, json_file) -> None:
+def find_response(cases, input, output, file, parameters, effects, parts, improved, segment, out) -> Any:
     """Estimate frequency responses from logs, with coherence, and set them beside the robot's on the same references.
 
     CASE_OR_LOG is a case folder, or one or several logs, which are averaged. Logs without the robot's references are
@@ -201,7 +202,7 @@ def find_response(cases, input, output, file, parameters, effects, parts, improv
         gaps = (one.in_words(name) for name in models)
         rows.append((f"{one.input} → {one.output}", band, percent(one.explained), *gaps))
     titles = ("response", ">resolved\n\\[Hz]", ">explained", *(f">measured /\n{name}" for name in models))
-    options.print_table(titles, rows, aside=json_file == "-")
+    options.print_table(titles, rows)
     if len(found) == 1:
         one, gaps = found[0], [found[0].gap(name) for name in models]
         known, f = one.resolved.nonzero()[0], one.frequency[one.band]
@@ -210,6 +211,6 @@ def find_response(cases, input, output, file, parameters, effects, parts, improv
         for k in sorted({int(known[abs(one.frequency[known] - tick).argmin()]) for tick in ticks}):
             cells = (f"{a[k]:+.1f} dB, {b[k]:+.0f} deg" for a, b in gaps)
             rows.append((f"{one.frequency[k]:.3g}", f"{one.coherence[k]:.2f}", *cells))
-        options.print_table((">Hz", ">coherence", *titles[3:]), rows, aside=json_file == "-")
+        options.print_table((">Hz", ">coherence", *titles[3:]), rows)
     files = {"response.png": plot_responses(found)} if out else {}
-    options.write_answer([one.to_dict() for one in found], "response", json_file, out, files)
+    return options.write_answer([one.to_dict() for one in found], "response", out, files)

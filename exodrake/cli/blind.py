@@ -1,8 +1,10 @@
 """`exodrake blind`: withheld cases from a reference simulator, their diagnoses and scores."""
 
+from typing import Any
+
 import click
 
-from exodrake.cli.options import AnyPath, OutputFile, json_option, print_table, write_files, write_json
+from exodrake.cli.options import AnyPath, OutputFile, json_option, print_table, write_files
 from exodrake.core.errors import InputError
 from exodrake.core.progress import show_count, where_to_run
 
@@ -66,16 +68,15 @@ def run(folder, jobs, cluster, redo) -> None:
 @click.option("--against", type=AnyPath(), help="Folder of other answers to the same cases.")
 @json_option
 @click.option("--markdown", type=OutputFile("score.md"), help="Write the score as Markdown.")
-def score(folder, labels, against, json_file, markdown) -> None:
+def score(folder, labels, against, markdown) -> Any:
     """Check the commitment and score the diagnoses of FOLDER against the labels.
 
     --against compares them, case by case, with the answers that another method or configuration gave.
     """
-    from exodrake.core.plain import to_dict
     from exodrake.reference.score import Answers, markdown as as_markdown, score as score_set, tables
 
     result = score_set(folder, labels, against)
-    for title, headings, rows in tables(result) if not write_json(to_dict(result), json_file) else ():
+    for title, headings, rows in tables(result):
         if headings is Answers._fields:  # wrong answers in red
             rows = [row if row[2] else [f"[red]{cell}[/red]" for cell in row] for row in rows]
         else:
@@ -84,3 +85,4 @@ def score(folder, labels, against, json_file, markdown) -> None:
         print_table(headings, rows)
     if markdown:
         write_files({markdown: as_markdown(tables(result))})
+    return result

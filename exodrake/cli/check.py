@@ -1,6 +1,7 @@
 """`exodrake check`: what a case is good for, before it is diagnosed."""
 
 from pathlib import Path
+from typing import Any
 
 import click
 from rich.markup import escape
@@ -18,7 +19,8 @@ TOP, FEW = 3, 4  # effects that are listed for each; for fewer sensors
 @click.option("--without", default="", metavar="ID,...", help="Not these effects.")
 @click.option("--out", "--figure", "figure", type=options.OutputFile("check.png"), help="Figure, or a folder for it.")
 @click.option("--allow-outside", is_flag=True, help="Read logs that lie outside the folder of their case, too.")
-def command(case: Path, robot: str, only: str, without: str, figure: Path | None, allow_outside: bool) -> None:
+@options.json_option
+def command(case: Path, robot: str, only: str, without: str, figure: Path | None, allow_outside: bool) -> Any:
     """Say what CASE is good for: clocks, gaps, saturation, excitation, and which effects it could not tell apart.
 
     CASE is a folder of logs or one log. The effects are judged on its references alone, by simulating each of them at a
@@ -96,3 +98,4 @@ def command(case: Path, robot: str, only: str, without: str, figure: Path | None
         options.print_table(("with these columns alone", *counts, "effects no longer distinguished"), rows, wrapped=4)
     if figure:
         options.write_files({figure: draw_figure(found)})
+    return found._asdict() | {"case": found.case.name}

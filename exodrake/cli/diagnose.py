@@ -6,7 +6,7 @@ import shlex
 from dataclasses import replace
 from datetime import date
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import click
 from rich.markup import escape
@@ -32,7 +32,7 @@ class Targets(NamedTuple):
 @click.command()
 @click.argument("cases", nargs=-1, required=True, metavar="CASE...")
 @click.option("--out", type=options.OutputFolder(), help="Folder for all files [of several cases: diagnosed].")
-@options.json_option
+@options.json_target
 @click.option("--report", type=options.OutputFile(REPORT), help="Write the report alone, as one HTML file.")
 @click.option("--out-robot", type=options.OutputFile(IMPROVED), help="Write the improved robot alone.")
 @options.robot_option(default="")
@@ -193,7 +193,8 @@ def map_places(cases: tuple[str, ...], out: Path) -> dict[Path, Path]:
 @click.argument("sources", nargs=-1, required=True, type=options.AnyPath(), metavar="ANSWERS...")
 @click.option("--out", type=options.OutputFile(FLEET), help="Write the report: which robots, which causes, since when.")
 @click.option("--table", type=options.OutputFile("fleet.parquet"), help="Write the table, a row each case, as Parquet.")
-def summarise_fleet(sources, out, table) -> None:
+@options.json_option
+def summarise_fleet(sources, out, table) -> Any:
     """Say of many diagnosed cases which robots have which causes, and since when.
 
     ANSWERS are folders that `exodrake diagnose CASE... --out FOLDER` wrote, files of `exodrake diagnose --json`,
@@ -214,6 +215,7 @@ def summarise_fleet(sources, out, table) -> None:
     cells = [[escape(cell.replace("`", "")) for cell in row[:4]] for row in shown.rows]
     options.print_table(shown.header[:4], cells, wrapped=shown.header.index("Cause"))
     options.write_files(files)
+    return rows
 
 
 @click.command()
@@ -223,9 +225,10 @@ def summarise_fleet(sources, out, table) -> None:
 @click.option("--minutes", default=9.0, show_default=True, type=click.FloatRange(min=0.0), help="Time for them.")
 @click.option("--seed", default=0, show_default=True, type=click.IntRange(min=0), help="Of everything that is drawn.")
 @where_to_run
-@click.option("--out", default="calibration.yaml", show_default=True, type=options.OutputFile("calibration.yaml"),
+@click.option("--out", required=True, type=options.OutputFile("calibration.yaml"),
               help="File, or the machine's folder, whose verdicts then state the rates.")  # fmt: skip
-def count_errors(robot, folder, cases, minutes, seed, jobs, cluster, out) -> None:
+@options.json_option
+def count_errors(robot, folder, cases, minutes, seed, jobs, cluster, out) -> Any:
     """Count how often the diagnosis of a machine errs, on simulated robots.
 
     The robots' parameters are drawn within their tolerances; two of three have an effect of the library. Without
@@ -260,3 +263,4 @@ def count_errors(robot, folder, cases, minutes, seed, jobs, cluster, out) -> Non
             rows.append((name, calibration.RATES[name], f"{k} of {total}", percent(k / total), ends))
     options.print_table(("rate", "meaning", ">count", ">share", ">95 % interval"), rows, wrapped=1)
     options.write_files({out: calibration.calibration_text(found)})
+    return found

@@ -1,11 +1,12 @@
 """`exodrake train` and `estimate`: the joint-angle estimator, validated under both splits, and the angles of a log."""
 
 from dataclasses import replace
+from typing import Any
 
 import click
 
 import exodrake as exo
-from exodrake.cli.options import AnyPath, OutputFile, print_table, waiting, write_files
+from exodrake.cli.options import AnyPath, OutputFile, json_option, print_table, waiting, write_files
 
 
 @click.command()
@@ -16,7 +17,8 @@ from exodrake.cli.options import AnyPath, OutputFile, print_table, waiting, writ
 @click.option("--robot", default="", metavar="FILE", help="Robot file or machine whose signature to record.")
 @click.option("--one-sweep-per-log", is_flag=True, help="Do not cut logs at the ramps of their tension references.")
 @click.option("--seed", default=0, show_default=True, help="Of the validation's folds.")
-def train_estimator(logs, out, points, robot, one_sweep_per_log, seed) -> None:
+@json_option
+def train_estimator(logs, out, points, robot, one_sweep_per_log, seed) -> dict[str, Any]:
     """Train the joint-angle estimator on LOGS (tension, stroke and measured angles).
 
     Prints the error on random rows beside that on whole held-out sweeps; only the second predicts a new sweep.
@@ -45,6 +47,7 @@ def train_estimator(logs, out, points, robot, one_sweep_per_log, seed) -> None:
     click.echo("estimator and baselines by split: a new sweep is like the right column")
     print_table(("method", "figure", *(f">{split}" for split in splits)), rows)
     click.echo(f"wrote {out}: {estimator.points} points of {estimator.sweeps} sweeps in {len(read)} log(s)")
+    return {"joints": estimator.joints, "rmse": notes}
 
 
 BAND = "black: estimate, with a band of two standard deviations; in colour: measured"
@@ -58,7 +61,8 @@ BAND = "black: estimate, with a band of two standard deviations; in colour: meas
               help="Figure of the log with the estimated angles [beside --out].")  # fmt: skip
 @click.option("--robot", default="", metavar="FILE", help="Robot file or machine that the estimator must belong to.")
 @click.option("--as-trained", is_flag=True, help="Keep the zeros of the training, even if those of LOG have moved.")
-def estimate_angles(log, estimator, out, figure, robot, as_trained) -> None:
+@json_option
+def estimate_angles(log, estimator, out, figure, robot, as_trained) -> dict[str, Any]:
     """Joint angles of LOG with their standard deviations, and the share of samples unlike the training sweeps.
 
     Tests whether the zeros of the strokes have moved since the training, as re-donning does, and corrects them. Where
@@ -91,8 +95,10 @@ def estimate_angles(log, estimator, out, figure, robot, as_trained) -> None:
     click.echo(f"unlike the training sweeps: {100 * found.flagged:.1f} % of samples")
     if found.flagged > 0.5:
         click.echo("most samples are: other tensions, another wearer or robot? Train again before trusting the angles.")
+    answer = {"joints": trained.joints, "flagged": found.flagged, "zeros": found.zeros, "score": found.score}
     if found.score is None:
         click.echo("no measured angles in this log: error unknown")
-        return
+        return answer
     for joint, rmse, coverage in zip(trained.joints, found.score.rmse, found.score.coverage, strict=True):
         click.echo(f"{joint}: RMSE {rmse:.4f} rad, {100 * coverage:.1f} % inside the 95 % interval")
+    return answer

@@ -1,12 +1,13 @@
 """`exodrake experiment`: the motion that tells the explanations still in play apart."""
 
+from typing import Any
+
 import click
 
 import exodrake as exo
 from exodrake.cli import options
 from exodrake.core.progress import stages
 
-REFERENCE = "reference.csv"
 ENOUGH = 0.5  # probability below which an experiment is not recommended: assumed
 ADVICE = (
     "no motion of the free robot within its limits tells them apart for certain; measure at a known state instead: at "
@@ -16,7 +17,7 @@ ADVICE = (
 
 @click.command()
 @click.argument("case", type=options.AnyPath())
-@click.option("--out", type=options.OutputFile(REFERENCE), default=REFERENCE, show_default=True,
+@click.option("--out", type=options.OutputFile("reference.csv"), required=True,
               help="References to be sent to the robot, or a folder for them.")  # fmt: skip
 @click.option("--figure", type=options.OutputFile("reference.png"), default=None, help="Figure (PNG) [beside --out].")
 @click.option("--case", "folder", default=None, metavar="FOLDER", type=options.AnyPath(),
@@ -24,7 +25,8 @@ ADVICE = (
 @click.option("--duration", type=float, default=None, help="Length of the experiment, 20 to 60 s [60].")
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the search.")
 @options.robot_option()
-def command(case, out, figure, folder, duration, seed, robot) -> None:
+@options.json_option
+def command(case, out, figure, folder, duration, seed, robot) -> dict[str, Any]:
     """Design the experiment that tells apart the explanations that the logs of CASE do not reject.
 
     CASE is a folder of logs, whose diagnosis.json is used if it is up to date, or an answer (`diagnose --json`). The
@@ -47,13 +49,16 @@ def command(case, out, figure, folder, duration, seed, robot) -> None:
         problem, rivals, why_none = read_rivals(case, nominal, folder, progress)
     if why_none:
         click.echo(why_none)
-        return
+        return {"probability": None, "reason": why_none}
     with options.waiting("searching for the motion that tells them apart"), one_blas_thread():
         contest = prepare_contest(problem, rivals)
         best = design(contest, duration, seed)
-    expected, names, rows = best.information, [e.name for e in contest.explanations], []
-    for (true, rival), left in sorted(expected.left.items()):
-        rows.append((names[true], names[rival], f"{left:.3g}", percent(expected.power(true, rival))))
+    expected, names = best.information, [e.name for e in contest.explanations]
+    pairs = [
+        (names[one], names[other], left, expected.power(one, other))
+        for (one, other), left in sorted(expected.left.items())
+    ]
+    rows = [(true, rival, f"{left:.3g}", percent(power)) for true, rival, left, power in pairs]
     options.print_table(("if the cause is", "rejected", ">what it leaves (T)", ">probability"), rows, wrapped=0)
     click.echo(f"\n{percent(expected.probability)} expected: all but the true cause are rejected")
     click.echo(f"{percent(best.random)} promised by a random motion as long, the median of those that were tried")
@@ -61,8 +66,8 @@ def command(case, out, figure, folder, duration, seed, robot) -> None:
         click.echo(f"{click.style('note', fg='yellow')}    {ADVICE}")
     click.echo()
     rows = []
-    for name, unit, *pairs in best.safety.spans(contest.records(best.reference)):
-        rows.append((name, *(" to ".join(in_words(x, unit) for x in pair) for pair in pairs)))
+    for name, unit, *spans in best.safety.spans(contest.records(best.reference)):
+        rows.append((name, *(" to ".join(in_words(x, unit) for x in span) for span in spans)))
     options.print_table(("signal", ">on any explanation", ">allowed"), rows)
     if best.size < 1.0:
         click.echo(f"made smaller, to {percent(best.size)}, so that no signal leaves its range")
@@ -74,3 +79,5 @@ def command(case, out, figure, folder, duration, seed, robot) -> None:
     click.echo(
         "save its log as experiment.csv in the folder of the case (in its case.yaml: role fit), and diagnose again"
     )
+    told = [dict(zip(("cause", "rejected", "left", "probability"), pair)) for pair in pairs]
+    return {"probability": expected.probability, "random": best.random, "size": best.size, "pairs": told}

@@ -28,7 +28,8 @@ WIDTH = 0.04  # m, of a caged cylinder across the finger in the recording
 @options.robot_option()
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Seed of the noise.")
 @click.option("--out", type=options.OutputFolder(), help="Folder for the files [grasps/MODE-SIZE].")
-def command(mode: str, size: str, file: Path | None, robot: str, seed: int, out: Path | None) -> None:
+@options.json_option
+def command(mode: str, size: str, file: Path | None, robot: str, seed: int, out: Path | None) -> Any:
     """Plan a grasp (caging, narrow-pinch, wide-pinch), simulate it, and show planned, reached and estimated posture.
 
     Writes log.csv, plan.json, figure.png, Meshcat recordings (recording.html as reached, estimated.html, planned.html)
@@ -81,6 +82,7 @@ def command(mode: str, size: str, file: Path | None, robot: str, seed: int, out:
     if not plan.feasible:
         click.secho(f"not feasible: {plan.reason}", fg="yellow", err=True)
     click.echo(f"wrote {folder}/: {', '.join(contents)}")
+    return plan
 
 
 def parse_size(text: str) -> float:

@@ -4,6 +4,7 @@
 """
 
 from pathlib import Path
+from typing import Any
 
 import click
 from rich.markup import escape
@@ -89,7 +90,8 @@ def synthesise(file, duration, rate, noise, artefact, dropouts, swap, seed) -> N
 @command.command("maximum-tension", short_help="Tension of each tendon beyond which the joints hardly move.")
 @click.argument("log", type=options.AnyPath())
 @options.robot_option()
-def maximum_tension(log: Path, robot: str) -> None:
+@options.json_option
+def maximum_tension(log: Path, robot: str) -> Any:
     r"""The tension of each tendon that maximises the movement, from LOG of the protocol `maximum-tension`.
 
     \b
@@ -103,6 +105,7 @@ def maximum_tension(log: Path, robot: str) -> None:
         click.echo(f"{one.tendon}: {one.tension:.1f} N, moved {moved} rad{state}")
     limits = ", ".join(f"{one.tendon}: {one.tension:.1f}" for one in found)
     click.echo(f"robot file: limits: {{F_max: {{{limits}}}}}")
+    return found
 
 
 @click.command()
@@ -114,7 +117,8 @@ def maximum_tension(log: Path, robot: str) -> None:
 @click.option("--steps", type=click.IntRange(3), default=25, show_default=True,
               help="Tensions per tendon in the assisted workspace.")  # fmt: skip
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True)
-def find_workspace(robot: str, out: Path, samples: int, steps: int, seed: int) -> None:
+@options.json_option
+def find_workspace(robot: str, out: Path, samples: int, steps: int, seed: int) -> Any:
     """Areas that fingertip and distal phalanx reach, by polygon union and Monte Carlo.
 
     Writes workspace.csv and workspace.png; `make paper` compares them with the paper's Table 2.
@@ -133,6 +137,7 @@ def find_workspace(robot: str, out: Path, samples: int, steps: int, seed: int) -
     marks = [f">{heading}" if "[" in heading else heading for heading in HEAD]
     options.print_table([escape(heading).replace(" \\[", "\n\\[") for heading in marks], rows)
     click.echo("wrote " + ", ".join(str(name) for name in files))
+    return [dict(zip(HEAD, [*row[:2], *(float(cell or "nan") for cell in row[2:])])) for row in rows]
 
 
 @click.command()
@@ -147,7 +152,7 @@ def find_workspace(robot: str, out: Path, samples: int, steps: int, seed: int) -
 @options.robot_changes
 @click.option("--out", type=options.OutputFolder(), help="Folder for robot.yaml, fit.png and fit.json.")
 @options.json_option
-def fit_parameters(cases, free, bounds, held_out, prediction, file, parameters, effects, parts, out, json_file) -> None:
+def fit_parameters(cases, free, bounds, held_out, prediction, file, parameters, effects, parts, out) -> Any:
     """Fit parameters of a robot to logs by least squares, with 90 % intervals that allow for coloured residuals.
 
     CASE_OR_LOG is a case folder, whose held-out logs are held out, or one or several logs. A name without channel
@@ -166,12 +171,11 @@ def fit_parameters(cases, free, bounds, held_out, prediction, file, parameters, 
     with options.waiting("fitting (the first run after a change compiles for half a minute)"):
         robot = options.change_robot(exo.load_robot(file), parameters, effects, parts)
         found = exo.fit(robot, cases[0] if len(cases) == 1 else cases, free, limits, held_out, prediction)
-    aside = json_file == "-"
     for titles, rows in found.tables:
-        options.print_table([escape(title).replace("held out, ", "held out\n") for title in titles], rows, aside=aside)
-        click.echo(err=aside)
+        options.print_table([escape(title).replace("held out, ", "held out\n") for title in titles], rows)
+        click.echo()
     for line in (repr(found).splitlines()[-1].strip(), *(f"note: {note}" for note in found.notes)):
-        click.echo(line, err=aside)
+        click.echo(line)
     robot_file = robot_text(found.robot, f"{', '.join(free)} fitted to {found.case} by exodrake fit")
     files = {"robot.yaml": robot_file, "fit.png": found.plot()} if out else {}
-    options.write_answer(found.to_dict(), "fit", json_file, out, files)
+    return options.write_answer(found.to_dict(), "fit", out, files)

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 @click.command()
 @click.argument("log", type=options.AnyPath())
 @options.robot_option()
-@click.option("--out", type=options.AnyPath(), help="File to write [LOG with .html].")
+@click.option("--out", type=options.OutputFile("recording.html"), help="File to write, or folder [LOG with .html].")
 @click.option("--estimated", is_flag=True, help="Show the estimated joint angles, not the measured ones.")
 @click.option("--open", "show", is_flag=True, help="Open the file in the browser.")
 def show_log(log, robot, out, estimated, show) -> None:
@@ -47,16 +47,14 @@ def show_log(log, robot, out, estimated, show) -> None:
 @click.argument("first", type=options.AnyPath(), metavar="A")
 @click.argument("second", type=options.AnyPath(), metavar="B")
 @options.robot_option()
-@click.option("--out", type=options.OutputFile("compare.png"), default=Path("compare.png"), show_default=True,
-              help="Figure to write, or a folder for it.")  # fmt: skip
+@click.option("--out", type=options.OutputFile("compare.png"), help="Figure to write, or a folder for it.")
 @options.json_option
-def compare_logs(first, second, robot, out, json_file) -> None:
+def compare_logs(first, second, robot, out) -> exo.Comparison:
     """Overlay logs A and B, draw B less A below, and print RMS, mean and largest difference of each common signal.
 
     A and B are log files, or folders that `exodrake simulate` wrote. Where the clocks differ, B is read between its
     samples. The robot gives labels, units and colours.
     """
-    from exodrake.core.plain import plain
     from exodrake.data.plot import remarks
     from exodrake.model.display import find_display
     from exodrake.model.units import find_kind
@@ -65,21 +63,22 @@ def compare_logs(first, second, robot, out, json_file) -> None:
     one, other = (exo.read_log(options.log_in(path)) for path in (first, second))
     found = exo.compare(one, other)
     names = (first.name, second.name) if first.name != second.name else found.names
-    said = remarks(found, one, machine)
-    figure = one.plot(" and ".join(names), other, names, machine=machine, remarks=said, difference=True)
     rows = []
-    for name, one in found.signals.items():
+    for name, gap in found.signals.items():
         kind = find_kind(name) or name
-        display, channel = find_display(kind, machine, one.unit), name.removeprefix(kind).strip("_")
-        cells = (f"{display.factor * x:.3g}" for x in (one.rms, one.mean, one.largest))
-        rows.append((f"{kind} {channel}".rstrip(), display.unit, *cells, f"{one.at:.2f} s"))
-    if json_file != "-":
-        click.echo(f"B less A, {found.start:g} to {found.end:g} s; A is {found.names[0]}, B {found.names[1]}")
-        options.print_table(("signal", "unit", ">RMS", ">mean", ">largest", ">at"), rows)
+        display, channel = find_display(kind, machine, gap.unit), name.removeprefix(kind).strip("_")
+        cells = (f"{display.factor * x:.3g}" for x in (gap.rms, gap.mean, gap.largest))
+        rows.append((f"{kind} {channel}".rstrip(), display.unit, *cells, f"{gap.at:.2f} s"))
+    click.echo(f"B less A, {found.start:g} to {found.end:g} s; A is {found.names[0]}, B {found.names[1]}")
+    options.print_table(("signal", "unit", ">RMS", ">mean", ">largest", ">at"), rows)
     for note in found.notes:
         click.secho(f"note: {note}", fg="yellow", err=True)
-    printed = options.write_json(plain(found), json_file)
-    options.write_files({out: figure}, not printed)
+    if out:
+        said = remarks(found, one, machine)
+        options.write_files(
+            {out: one.plot(" and ".join(names), other, names, machine=machine, remarks=said, difference=True)}
+        )
+    return found
 
 
 @click.command()

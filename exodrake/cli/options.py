@@ -1,15 +1,20 @@
 """What commands share: options, files that they write, and the display while they work.
 
-`--out FOLDER` takes all files of a command, which have the same names everywhere: log.csv, figure.png, report.html,
-diagnosis.json, robot.yaml. `--json` prints numbers, or writes them into the file that it names.
+The convention: `--out` is the folder of a command's files, or the file of one that writes one (a folder for it will
+do). They have the same names everywhere: log.csv, figure.png, report.html, diagnosis.json, robot.yaml. Without it a run
+goes into a folder named after it, an animation beside its log, and nothing else is written. `--json` prints a command's
+numbers and nothing else, or writes them into the file that it names.
 """
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import shlex
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext, redirect_stdout
+from functools import wraps
 from pathlib import Path
 from typing import Any
 
@@ -113,12 +118,25 @@ def check_target(path: Path) -> None:
         raise InputError(f"{path}: its folder takes no files")
 
 
+json_target = click.option(
+    "--json", "json_file", type=JsonTarget(), is_flag=False, flag_value="-", metavar="[FILE]",
+    help="Print the numbers as JSON, in SI, and nothing else; or write them into FILE.",
+)  # fmt: skip
+
+
 def json_option(command: Callable) -> Callable:
-    """Adds --json to a command: numbers in SI, printed alone or written into a file."""
-    return click.option(
-        "--json", "json_file", type=JsonTarget(), is_flag=False, flag_value="-", metavar="[FILE]",
-        help="Print the numbers as JSON, in SI, and nothing else; or write them into FILE.",
-    )(command)  # fmt: skip
+    """Adds --json to a command, for the answer that it returns; printed, it is all that goes to standard output."""
+
+    @wraps(command)
+    def answering(*arguments: Any, json_file: Path | str | None, **options: Any) -> None:
+        with redirect_stdout(io.StringIO()) if json_file == "-" else nullcontext():
+            answer = command(*arguments, **options)
+        if json_file:
+            from exodrake.core.plain import plain
+
+            write_json(plain(answer), json_file)
+
+    return json_target(answering)
 
 
 def json_text(content: Any) -> str:
@@ -126,12 +144,12 @@ def json_text(content: Any) -> str:
     return json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
-def write_json(content: Any, target: Path | str | None, announce: bool = True) -> bool:
+def write_json(content: Any, target: Path | str | None) -> bool:
     """Print plain data as JSON, or write it; True if it was printed, and nothing else should be."""
     if target == "-":
         click.echo(json_text(content), nl=False)
     elif target is not None:
-        write_files({Path(target): json_text(content)}, announce)
+        write_files({Path(target): json_text(content)})
     return target == "-"
 
 
@@ -159,25 +177,23 @@ def write_together(folder: Path, contents: Mapping[str, Any]) -> list[Path]:
     return write_folder(folder, {name: encode(folder / name, content) for name, content in contents.items()})
 
 
-def write_answer(
-    answer: Any, name: str, json_file: Path | str | None, out: Path | None, files: Mapping[str, Any]
-) -> None:
-    """Write an answer as JSON, and with further files into the folder `out`; print nothing beside printed numbers."""
+def write_answer(answer: Any, name: str, out: Path | None, files: Mapping[str, Any]) -> Any:
+    """Write an answer as JSON, and further files, into the folder `out`, if there is one; returns it as plain data."""
     from exodrake.core.plain import plain
 
-    printed = write_json(plain(answer), json_file)
+    content = plain(answer)
     if out:
-        write_files({out / file: data for file, data in files.items()}, not printed)
-        write_json(plain(answer), out / f"{name}.json", not printed)
+        write_files({out / file: data for file, data in {**files, f"{name}.json": json_text(content)}.items()})
+    return content
 
 
-def print_table(titles: Sequence[str], rows: Sequence[Any], wrapped: int = -1, aside: bool = False) -> None:
-    """Print a table, `aside` on standard error; into a pipe 120 columns wide."""
+def print_table(titles: Sequence[str], rows: Sequence[Any], wrapped: int = -1) -> None:
+    """Print a table; into a pipe 120 columns wide."""
     from rich.console import Console
 
     from exodrake.report import terminal
 
-    console = Console(highlight=False, stderr=aside)
+    console = Console(highlight=False)
     console.width = console.width if console.is_terminal else max(console.width, 120)
     terminal.print_table(console, titles, rows, wrapped)
 

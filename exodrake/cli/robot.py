@@ -10,7 +10,7 @@ import click
 from rich.markup import escape
 
 import exodrake as exo
-from exodrake.cli.options import DEFAULT, OutputFile, json_option, print_table, robot_option, write_files, write_json
+from exodrake.cli.options import DEFAULT, OutputFile, json_option, print_table, robot_option, write_files
 from exodrake.core.errors import InputError, nearest
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 @robot_option()
 @click.option("--only", default="", metavar="TEXT", help="Parameters with this in their name, such as finger.kappa.")
 @json_option
-def list_parameters(name: str, robot: str, only: str, json_file: Path | None) -> None:
+def list_parameters(name: str, robot: str, only: str) -> dict[str, Any]:
     """List each parameter of a robot with value, unit, plausible range, tolerance and source.
 
     NAME is a machine or a robot file, as for --robot, or part of a parameter's name, as for --only.
@@ -42,19 +42,18 @@ def list_parameters(name: str, robot: str, only: str, json_file: Path | None) ->
     if not names:
         raise InputError(f"{found.source}: no parameter with {only!r} in its name{nearest(only, list(known))}")
     content = exo.to_dict(found)
-    if not write_json(content | {"parameters": {one: content["parameters"][one] for one in names}}, json_file):
-        rows, group = [], ""
-        for full, channels, one in alike(found):
-            if one.name in names or any(f"{full}.{channel}" in names for channel in channels):
-                rows += [()] if group and full.split(".")[0] != group else []
-                group, texts, at = full.split(".")[0], one.texts, ", ".join(channels)
-                values = texts["value"], texts["range"], texts["tolerance"], escape(one.source)
-                rows.append((f"[bold]{escape(full)}[/bold] {at}".rstrip(), *values))
-        click.echo(f"{found.source or found.machine.name}: machine {found.machine.name}, {len(names)} parameters")
-        print_table(("parameter", ">value", "plausible", "tolerance", "source"), rows, wrapped=4)
-        for sentence in implausible(found):
-            click.echo(f"note  {sentence}")
-    if not only and json_file != "-":
+    rows, group = [], ""
+    for full, channels, one in alike(found):
+        if one.name in names or any(f"{full}.{channel}" in names for channel in channels):
+            rows += [()] if group and full.split(".")[0] != group else []
+            group, texts, at = full.split(".")[0], one.texts, ", ".join(channels)
+            values = texts["value"], texts["range"], texts["tolerance"], escape(one.source)
+            rows.append((f"[bold]{escape(full)}[/bold] {at}".rstrip(), *values))
+    click.echo(f"{found.source or found.machine.name}: machine {found.machine.name}, {len(names)} parameters")
+    print_table(("parameter", ">value", "plausible", "tolerance", "source"), rows, wrapped=4)
+    for sentence in implausible(found):
+        click.echo(f"note  {sentence}")
+    if not only:
         machine, unit = found.machine, found.machine.signal[found.machine.references[0].signal].unit
         for identity in found.effects():
             click.echo(f"with {effect_in_words(found, identity)}")
@@ -64,13 +63,14 @@ def list_parameters(name: str, robot: str, only: str, json_file: Path | None) ->
                 click.echo(f"{title} {key}  {listed} {unit}")
         click.echo(f"variants of parts: {', '.join(machine.variants_available) or 'none'}")
         click.echo(f"set one: exodrake simulate ... --set '{names[0]}=VALUE UNIT'")
+    return content | {"parameters": {one: content["parameters"][one] for one in names}}
 
 
 @click.command()
 @click.argument("identity", required=False, default="", metavar="[ID]")
 @json_option
 @robot_option()
-def list_effects(identity: str, json_file: Path | None, robot: str) -> None:
+def list_effects(identity: str, robot: str) -> Any:
     """List the effect library: id, what it is, parameters with unit and plausible range.
 
     With ID, all about one effect, or a list of those that have the text in their id.
@@ -81,8 +81,6 @@ def list_effects(identity: str, json_file: Path | None, robot: str) -> None:
     chosen = exact or within or [machine.effect(identity)]
     single = bool(identity) and len(chosen) == 1
     described = [describe(machine, effect) for effect in chosen]
-    if write_json(described[0] if single else described, json_file):
-        return
     rows, block = [], ""
     if single:
         effect = chosen[0]
@@ -96,7 +94,7 @@ def list_effects(identity: str, json_file: Path | None, robot: str) -> None:
         texts = {"shows as": effect.signature, "acts at": ", ".join(effect.at), "source": effect.source}
         for title, text in (texts | {"try": example(machine, effect)}).items():
             click.echo(f"\n{click.style(title, bold=True)}\n{text}")
-        return
+        return described[0]
     for effect in chosen:
         rows += [()] if block and effect.block != block else []
         block = effect.block
@@ -104,6 +102,7 @@ def list_effects(identity: str, json_file: Path | None, robot: str) -> None:
         rows.append((f"[bold]{effect.id}[/bold]", effect.summary, "\n".join(ends), per))
     print_table(("effect", "what it is", "parameters", "per"), rows, wrapped=1)
     click.echo(f"\n{len(chosen)} effects. `exodrake effects ID` describes one.")
+    return described
 
 
 def describe(machine: exo.Machine, effect: Effect) -> dict[str, Any]:
@@ -138,7 +137,7 @@ def word_range(parameter: EffectParameter) -> str:
 
 @click.command()
 @robot_option()
-@click.option("--out", default="wiring.svg", show_default=True, type=OutputFile("wiring.svg"), help="SVG, or folder.")
+@click.option("--out", required=True, type=OutputFile("wiring.svg"), help="SVG to write, or a folder for it.")
 def draw(robot: str, out: Path) -> None:
     """Draw the robot's block diagram: parts, signals with their units, and the tasks in the slots of a frame."""
     machine = exo.load_robot(robot).machine

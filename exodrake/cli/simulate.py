@@ -212,8 +212,8 @@ def use_engine(engine: str) -> None:
 @click.option("--out", type=options.OutputFolder(), help="Folder for sweep.csv, sweep.png and sweep.json.")
 @options.json_option
 def sweep_parameters(
-    protocol, reference, over, robots, diagnosis, file, parameters, effects, parts, seed, noise, out, json_file
-) -> None:  # fmt: skip
+    protocol, reference, over, robots, diagnosis, file, parameters, effects, parts, seed, noise, out
+) -> Any:  # fmt: skip
     """Run a robot on PROTOCOL once for each variation, and tabulate RMS from the robot's own run, peak and end."""
     import numpy as np
 
@@ -239,7 +239,7 @@ def sweep_parameters(
         found = exo.sweep(robot, what, followed, seed=seed, noise=noise, progress=count)
     numbers = found.describe().T[["mean", "std", "min", "max"]]
     rows = [(name, *(f"{x:.4g}" for x in row), found.attrs["units"].get(name, "")) for name, row in numbers.iterrows()]
-    options.print_table(("", ">mean", ">std", ">least", ">largest", "unit"), rows, aside=json_file == "-")
+    options.print_table(("", ">mean", ">std", ">least", ">largest", "unit"), rows)
     files = {"sweep.csv": found.to_csv(index=False), "sweep.png": plot_sweep(found)} if out else {}
     answer = {"units": found.attrs["units"], "rows": found.to_dict("records")}
-    options.write_answer(answer, "sweep", json_file, out, files)
+    return options.write_answer(answer, "sweep", out, files)

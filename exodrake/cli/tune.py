@@ -35,8 +35,8 @@ ABOVE = click.FloatRange(min=0.0, min_open=True)
               help="Write the robot with the best controller alone.")  # fmt: skip
 @options.json_option
 def command(
-    file, parameters, effects, parts, settling, overshoot, disk_margin, noise, only, draws, out, out_robot, json_file
-) -> None:  # fmt: skip
+    file, parameters, effects, parts, settling, overshoot, disk_margin, noise, only, draws, out, out_robot
+) -> Any:  # fmt: skip
     """Choose the gains of a robot's closed loop that settle fastest within requirements.
 
     They hold at every operating point of the machine and for robots within the tolerances. Every controller that the
@@ -51,8 +51,7 @@ def command(
     wanted = exo.Requirements(settling, overshoot / 100.0, disk_margin, noise)
     with options.waiting("tuning") as say:
         tuning = exo.tune(robot, wanted, only, draws, progress=lambda name: say(f"tuning: {name}"))
-    if json_file != "-":
-        show(tuning)
+    show(tuning)
     files: dict[str, Any] = {"tune.png": plot_tuning(tuning)} if out else {}
     if tuning.best and (out or out_robot) and not (robot.machine.loop and robot.machine.loop.outer):
         best = tuning.best
@@ -63,11 +62,12 @@ def command(
             f"{best.disk_margin:.2g}"
         )
         files["tuned.yaml"] = robot_text(best.robot, notes)
-    options.write_answer(tuning.to_dict(), "tune", json_file, out, files)
+    answer = options.write_answer(tuning.to_dict(), "tune", out, files)
     if out_robot and tuning.best:
-        options.write_files({out_robot: files["tuned.yaml"]}, json_file != "-")
+        options.write_files({out_robot: files["tuned.yaml"]})
     if out_robot and not tuning.best:
         raise InputError("no controller holds all requirements: no robot file written")
+    return answer
 
 
 def show(tuning: exo.Tuning) -> None:
@@ -117,10 +117,13 @@ def show(tuning: exo.Tuning) -> None:
 @click.command()
 @click.argument("wanted")
 @options.robot_option()
-@click.option("--out", required=True, type=options.OutputFile(), metavar="FILE", help="Log of the commands.")
+@click.option(
+    "--out", required=True, type=options.OutputFile("commands.csv"), help="Log of the commands, or a folder for it."
+)
 @click.option("--map", "map_file", type=options.AnyPath(), metavar="FILE",
               help="Write them with the names and units of this mapping file, not as a log.")  # fmt: skip
-def find_commands(wanted: str, robot: str, out: Path, map_file: Path | None) -> None:
+@options.json_option
+def find_commands(wanted: str, robot: str, out: Path, map_file: Path | None) -> dict[str, Any]:
     """Find the commands with which the robot does what WANTED asks, and write them as a log of references.
 
     WANTED is a protocol such as random-motion, or a log whose references are what is wanted. With the improved robot of
@@ -152,3 +155,5 @@ def find_commands(wanted: str, robot: str, out: Path, map_file: Path | None) -> 
     rows = list(zip(machine.channels(machine.references[0].signal), *ends, strict=True))
     options.print_table(("channel", ">RMS error if sent as wanted", ">with these commands"), rows)
     click.echo("the errors are those of the model")
+    sent = zip(machine.channels(machine.references[0].signal), found.before, found.after, strict=True)
+    return {"kind": found.kind, "rms": {channel: {"wanted": one, "commands": other} for channel, one, other in sent}}

@@ -3,11 +3,12 @@
 import sys
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import click
 
 import exodrake as exo
-from exodrake.cli.options import AnyPath, OutputFile, robot_option, write_files
+from exodrake.cli.options import AnyPath, OutputFile, json_option, robot_option, write_files
 from exodrake.core.progress import where_to_run
 
 REDRAW = 4  # times a second
@@ -66,7 +67,8 @@ def command(log: Path, robot: str, until_idle: float | None, map_file: Path | No
 @click.option("--out", "--write", "out", type=OutputFile("alarm_limits.yaml"), default=None,
               help="The machine's folder, where `watch` finds alarm_limits.yaml, or a file.")  # fmt: skip
 @where_to_run
-def find_alarm_limits(robot, seed, robots, minutes, out, jobs, cluster) -> None:
+@json_option
+def find_alarm_limits(robot, seed, robots, minutes, out, jobs, cluster) -> dict[str, Any]:
     """Find gaps that healthy robots stay below, from simulated ones at work whose parameters lie within tolerance."""
     import numpy as np
     import yaml
@@ -87,10 +89,11 @@ def find_alarm_limits(robot, seed, robots, minutes, out, jobs, cluster) -> None:
         f"at most {percent(share_at_most(robots))} of healthy robots raise an alarm in {minutes:g} min "
         "(95 % confidence)"
     )
+    content = {"robots": robots, "minutes": minutes, "limits": written}
     if out:
         head = (
             "# gaps over 10 s [noise standard deviations] above which the alarm is raised; made by\n#   exodrake "
             f"alarm-limits --robot {nominal.machine.name} --seed {seed} --robots {robots} --minutes {minutes:g}\n"
         )
-        content = yaml.safe_dump({"robots": robots, "minutes": minutes, "limits": written}, sort_keys=False)
-        write_files({out: head + content})
+        write_files({out: head + yaml.safe_dump(content, sort_keys=False)})
+    return content
