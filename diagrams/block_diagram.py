@@ -5,7 +5,7 @@ what it reads arrives along its column. The label where row and column meet name
 """
 
 from collections.abc import Mapping
-from itertools import accumulate, permutations
+from itertools import accumulate, groupby, permutations
 from pathlib import Path
 
 from exodrake.core.errors import argument
@@ -112,13 +112,24 @@ def wiring_svg(machine: Machine, shares: Mapping[str, float] | None = None, sche
          "hue": hue[name], "part": name in order[1:-1]}
         for name in order
     ]  # fmt: skip
-    slots, below, step = [], top + grid + 26, (width - 2 * MARGIN) / machine.slots
-    for slot in range(machine.slots if schedule else 0):
-        tasks = []
+
+    def slot_tasks(slot: int) -> list[tuple[str, str]]:
+        found = []
         for part, task in ((p, t) for p in machine.parts for t in p.tasks if slot in t.slots):
             channel = machine.channels(task.reads[0])[task.slots.index(slot)] if task.per_channel else ""
-            tasks.append((part.name, f"{task.function} {channel}".strip()))
-        slots.append({"x": MARGIN + step * (slot + 0.5), "tasks": tasks})
+            found.append((part.name, f"{task.function} {channel}".strip()))
+        return found
+
+    runs = [(tasks, list(run)) for tasks, run in groupby(range(machine.slots if schedule else 0), slot_tasks)]
+    words = [word for tasks, run in runs for word in (f"slots {run[0]}–{run[-1]}", *sum(tasks, ()))]
+    below, step = top + grid + 26, LETTER * max(map(len, words), default=0) + 16
+    step = max(step, (width - 2 * MARGIN) / max(len(runs), 1))
+    width, slots = max(width, 2 * MARGIN + step * len(runs)), []
+    for k, (tasks, run) in enumerate(runs):  # neighbours with the same tasks, or none, as one
+        ends = dict.fromkeys((run[0], run[-1]))
+        name = f"slot{'s' * (len(ends) > 1)} {'–'.join(map(str, ends))}"
+        time = "–".join(f"{1e3 * machine.slot * (end + 0.5):g}" for end in ends) + " ms"
+        slots.append({"x": MARGIN + step * (k + 0.5), "tasks": tasks, "name": name, "time": time})
     most = max((len(slot["tasks"]) for slot in slots), default=0)
     chips = CHIP + (CHIP + 4) * (most - 1) + 8 if most else 0
     height = below + 64 + chips + MARGIN if schedule else top + grid + MARGIN
