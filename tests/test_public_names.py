@@ -67,10 +67,11 @@ def full(cls: type) -> object:
 def test_every_result_has_a_repr_of_at_most_two_lines():
     real = {
         "Robot": exo.load_robot(), "Machine": exo.load_robot().machine,
-        "ClosedLoop": exo.analyse(exo.load_robot("emps")),
+        "ClosedLoop": exo.analyse(exo.load_robot("emps")), "Diagnosis": diagnosis(),
         "Log": exo.Log(np.arange(9.0), {f"angle_{k}": np.zeros(9) for k in range(99)}),
     }  # fmt: skip
-    assert {*real, "Case", "Diagnosis", "Reference", "Recording"} <= set(RESULTS)
+    assert "NAMED" in repr(diagnosis()) and repr(diagnosis()).endswith("explains 91 % of the gap; 6 % remains.")
+    assert {*real, "Case", "Reference", "Recording"} <= set(RESULTS)
     for name in RESULTS:
         written = repr(real[name] if name in real else full(getattr(exo, name)))
         assert len(written.splitlines()) <= 2 and len(written) <= 240 and name in written

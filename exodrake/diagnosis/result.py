@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from exodrake.core.errors import short_repr
 from exodrake.core.plain import plain
 from exodrake.core.provenance import configuration, robot_digest
 from exodrake.diagnosis.calibration import read_calibration
@@ -189,7 +188,6 @@ class Provenance:
     files: dict[str, str]  # file of the case -> SHA-256; none for a case that was not read from files
 
 
-@short_repr
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
     """Localisation, isolation and closure of a gap, with their evidence.
@@ -240,8 +238,12 @@ class Diagnosis:
     missing_law: MissingLaw | None = None
     problem: Problem | None = None
 
+    def __repr__(self) -> str:
+        said = import_module("exodrake.report.wording").headline(self)  # a room above this one
+        return f"Diagnosis({self.verdict}, {self.case})\n{said}"
+
     def _repr_html_(self) -> str:
-        return import_module("exodrake.report.notebook").diagnosis_html(self)  # a room above this one
+        return import_module("exodrake.report.notebook").diagnosis_html(self)
 
     @property
     def machine(self) -> Machine:
