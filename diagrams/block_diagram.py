@@ -72,7 +72,7 @@ def wiring_svg(machine: Machine, shares: Mapping[str, float] | None = None, sche
         '<svg'
     """
     machine = argument("machine", machine, Machine)
-    order, found = [OUTSIDE, *stream_order(machine), LOG], links(machine)
+    order, joined = [OUTSIDE, *stream_order(machine), LOG], links(machine)
     hue = {name: HUES[i % len(HUES)] for i, name in enumerate(order[1:-1])} | {OUTSIDE: SOFT, LOG: SOFT}
     notes, fills = {OUTSIDE: "a row a frame", LOG: "end of frame"}, {name: blend(hue[name], 0.16) for name in order}
     for part in machine.parts:  # when its tasks run
@@ -87,7 +87,7 @@ def wiring_svg(machine: Machine, shares: Mapping[str, float] | None = None, sche
         notes |= {part.name: f"{100 * within[part.name]:.0f} %" for part in machine.parts}
         fills = {name: blend(SHARE, share) for name, share in within.items()}
     units = {signal.name: "" if signal.unit == "-" else signal.unit for signal in machine.signals}
-    texts = {pair: [(name, units[name]) for name in names] for pair, names in found.items()}
+    texts = {pair: [(name, units[name]) for name in names] for pair, names in joined.items()}
     labels = {  # widths and heights
         pair: (LETTER * max(len(f"{name} {unit}".strip()) for name, unit in lines) + 15, LINE * len(lines) + 8)
         for pair, lines in texts.items()
@@ -105,31 +105,27 @@ def wiring_svg(machine: Machine, shares: Mapping[str, float] | None = None, sche
             "start": x[writer] + way * boxes[writer] / 2, "end": y[reader] - way * (BOX / 2 + 2),
             "width": labels[writer, reader][0], "height": labels[writer, reader][1], "lines": texts[writer, reader],
         }
-        for writer, reader in found
+        for writer, reader in joined
     ]  # fmt: skip
     blocks = [
         {"name": name, "note": notes[name], "x": x[name], "y": y[name], "width": boxes[name], "fill": fills[name],
          "hue": hue[name], "part": name in order[1:-1]}
         for name in order
     ]  # fmt: skip
-
-    def slot_tasks(slot: int) -> list[tuple[str, str]]:
-        found = []
-        for part, task in ((p, t) for p in machine.parts for t in p.tasks if slot in t.slots):
-            channel = machine.channels(task.reads[0])[task.slots.index(slot)] if task.per_channel else ""
-            found.append((part.name, f"{task.function} {channel}".strip()))
-        return found
-
-    runs = [(tasks, list(run)) for tasks, run in groupby(range(machine.slots if schedule else 0), slot_tasks)]
-    words = [word for tasks, run in runs for word in (f"slots {run[0]}–{run[-1]}", *sum(tasks, ()))]
-    below, step = top + grid + 26, LETTER * max(map(len, words), default=0) + 16
-    step = max(step, (width - 2 * MARGIN) / max(len(runs), 1))
+    found = [
+        [(p.name, f"{t.function} {machine.channels(t.reads[0])[t.slots.index(k)] if t.per_channel else ''}".strip())
+         for p in machine.parts for t in p.tasks if k in t.slots]
+        for k in range(machine.slots if schedule else 0)
+    ]  # fmt: skip
+    runs = [list(run) for _, run in groupby(range(len(found)), found.__getitem__)]  # neighbours with the same tasks
+    letters = max((len(word) for tasks in found for word in ("slots 00-00", *sum(tasks, ()))), default=0)
+    below, step = top + grid + 26, max(LETTER * letters + 16, (width - 2 * MARGIN) / max(len(runs), 1))
     width, slots = max(width, 2 * MARGIN + step * len(runs)), []
-    for k, (tasks, run) in enumerate(runs):  # neighbours with the same tasks, or none, as one
-        ends = dict.fromkeys((run[0], run[-1]))
+    for k, run in enumerate(runs):
+        ends = list(dict.fromkeys((run[0], run[-1])))
         name = f"slot{'s' * (len(ends) > 1)} {'–'.join(map(str, ends))}"
         time = "–".join(f"{1e3 * machine.slot * (end + 0.5):g}" for end in ends) + " ms"
-        slots.append({"x": MARGIN + step * (k + 0.5), "tasks": tasks, "name": name, "time": time})
+        slots.append({"x": MARGIN + step * (k + 0.5), "tasks": found[run[0]], "name": name, "time": time})
     most = max((len(slot["tasks"]) for slot in slots), default=0)
     chips = CHIP + (CHIP + 4) * (most - 1) + 8 if most else 0
     height = below + 64 + chips + MARGIN if schedule else top + grid + MARGIN

@@ -292,7 +292,7 @@ def test_an_error_in_a_machine_is_shown_with_its_line(puppet, monkeypatch, text)
     (own / "machine.py").write_text(text.replace("puppet", own.name))
     (own / "robot.yaml").write_text((own / "robot.yaml").read_text().replace("puppet", own.name))
     monkeypatch.setenv(plugins.VARIABLE, "")
-    drawn = run("draw", "--machine", own)
+    drawn = run("draw", "--machine", own, "--out", own / "x.svg")
     assert drawn.exit_code == 2 and BROKEN[text] in drawn.stderr and "Traceback" not in drawn.stderr, drawn.stderr
 
 

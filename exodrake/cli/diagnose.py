@@ -123,7 +123,9 @@ def diagnose_case(
 
             written.update(dict.fromkeys(write_law(targets.law, law.id, law.text, law.robot, found.case)))
     finally:  # also of a search for a law, or a report, that is interrupted or fails
-        if known and not options.write_json(known[0].to_json(), "-" if targets.json == "-" else None):
+        if known and targets.json == "-":
+            options.write_json(known[0].to_json(), "-")
+        elif known:
             print_summary(known[0])
             if profile:
                 print_profile(known[0], spent)
@@ -137,7 +139,7 @@ def diagnose_many(
     tried: frozenset[str] | None, allow_outside: bool = False,
 ) -> None:  # fmt: skip
     """Diagnose cases in parallel. Exit status 1 if some fail; InputError before the work starts."""
-    from exodrake.diagnosis.fleet import find_places, read_answers
+    from exodrake.diagnosis.fleet import find_answers, read_answers
     from exodrake.diagnosis.many import diagnose_all, read_stored
     from exodrake.diagnosis.result import CAUSE
     from exodrake.report.diagnosis_html import report_html
@@ -161,7 +163,7 @@ def diagnose_many(
         refuted = " (not confirmed)" if answer.get("confirmed") is False else ""
         rows.append((name, answer["verdict"] + refuted, ", ".join(causes), "" if value is None else closure(value)))
     options.print_table(("case", "verdict", "causes", ">closure"), rows, wrapped=2)
-    links = find_reports(find_places(out), out / FLEET)
+    links = find_reports(find_answers(out), out / FLEET)
     options.write_files({out / FLEET: fleet_html(read_answers(out), out.resolve().name, links)})
     for name, reason in failed.items():
         click.echo(f"{name}: {reason}", err=True)
@@ -201,14 +203,14 @@ def summarise_fleet(sources, out, table) -> Any:
     folders of these, or the one table that --table made. A case belongs to the robot that `serial:` names in its
     case.yaml, else to one of its own; `date:` orders them.
     """
-    from exodrake.diagnosis.fleet import find_places, read_answers, read_table, table_bytes
+    from exodrake.diagnosis.fleet import find_answers, read_answers, read_table, table_bytes
     from exodrake.report.fleet import find_reports, fleet_html, members, robot_table
 
     tabled = len(sources) == 1 and sources[0].suffix.lower() != ".json" and not sources[0].is_dir()
     rows = read_table(sources[0]) if tabled else read_answers(*sources)
     files: dict[Path, str | bytes] = {table: table_bytes(rows)} if table else {}
     if out:
-        links = {} if tabled else find_reports(find_places(*sources), out)
+        links = {} if tabled else find_reports(find_answers(*sources), out)
         title = sources[0].resolve().name if len(sources) == 1 else f"{len(sources)} folders or files"
         files[out] = fleet_html(rows, title, links)
     shown = robot_table(members(rows))  # of its columns the first four

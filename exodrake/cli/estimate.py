@@ -56,13 +56,12 @@ BAND = "black: estimate, with a band of two standard deviations; in colour: meas
 @click.command()
 @click.argument("log", type=AnyPath())
 @click.option("--estimator", required=True, type=AnyPath(), help="File written by `exodrake train`.")
-@click.option("--out", type=OutputFile("estimated.csv"), help="Write the log with angle_est and angle_std columns.")
-@click.option("--figure", type=OutputFile("estimated.png"),
-              help="Figure of the log with the estimated angles [beside --out].")  # fmt: skip
+@click.option("--out", type=OutputFile("estimated.csv"),
+              help="Write the log with angle_est and angle_std columns; its figure lies beside.")  # fmt: skip
 @click.option("--robot", default="", metavar="FILE", help="Robot file or machine that the estimator must belong to.")
 @click.option("--as-trained", is_flag=True, help="Keep the zeros of the training, even if those of LOG have moved.")
 @json_option
-def estimate_angles(log, estimator, out, figure, robot, as_trained) -> dict[str, Any]:
+def estimate_angles(log, estimator, out, robot, as_trained) -> dict[str, Any]:
     """Joint angles of LOG with their standard deviations, and the share of samples unlike the training sweeps.
 
     Tests whether the zeros of the strokes have moved since the training, as re-donning does, and corrects them. Where
@@ -76,8 +75,7 @@ def estimate_angles(log, estimator, out, figure, robot, as_trained) -> dict[str,
     if out:
         write_files({out: found.log}, announce=False)
         click.echo(f"{out}: {len(found.log)} rows with angle_est and angle_std")
-        figure = figure or out.with_name(out.name.split(".")[0] + ".png")
-    if figure:
+        figure = out.with_name(out.name.split(".")[0] + ".png")
         write_files({figure: found.log.plot(f"{log.name}, estimated", details=[BAND])}, announce=False)
         click.echo(f"{figure}: the log with its estimate")
     if zeros := found.zeros:

@@ -18,15 +18,14 @@ ADVICE = (
 @click.command()
 @click.argument("case", type=options.AnyPath())
 @click.option("--out", type=options.OutputFile("reference.csv"), required=True,
-              help="References to be sent to the robot, or a folder for them.")  # fmt: skip
-@click.option("--figure", type=options.OutputFile("reference.png"), default=None, help="Figure (PNG) [beside --out].")
+              help="References to be sent to the robot, or a folder for them; the figure lies beside.")  # fmt: skip
 @click.option("--case", "folder", default=None, metavar="FOLDER", type=options.AnyPath(),
               help="Folder of the case, for an answer that lies elsewhere.")  # fmt: skip
 @click.option("--duration", type=float, default=None, help="Length of the experiment, 20 to 60 s [60].")
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the search.")
 @options.robot_option()
 @options.json_option
-def command(case, out, figure, folder, duration, seed, robot) -> dict[str, Any]:
+def command(case, out, folder, duration, seed, robot) -> dict[str, Any]:
     """Design the experiment that tells apart the explanations that the logs of CASE do not reject.
 
     CASE is a folder of logs, whose diagnosis.json is used if it is up to date, or an answer (`diagnose --json`). The
@@ -40,7 +39,7 @@ def command(case, out, figure, folder, duration, seed, robot) -> dict[str, Any]:
     from exodrake.experiment.design import check_length, design, draw_experiment
     from exodrake.model.display import in_words, percent
 
-    nominal, picture = exo.load_robot(robot), figure or out.with_suffix(".png")
+    nominal, picture = exo.load_robot(robot), out.with_suffix(".png")
     if out.parent.is_dir():
         options.check_target(picture)
     options.refuse_cases(case)
@@ -54,10 +53,7 @@ def command(case, out, figure, folder, duration, seed, robot) -> dict[str, Any]:
         contest = prepare_contest(problem, rivals)
         best = design(contest, duration, seed)
     expected, names = best.information, [e.name for e in contest.explanations]
-    pairs = [
-        (names[one], names[other], left, expected.power(one, other))
-        for (one, other), left in sorted(expected.left.items())
-    ]
+    pairs = [(names[i], names[j], left, expected.power(i, j)) for (i, j), left in sorted(expected.left.items())]
     rows = [(true, rival, f"{left:.3g}", percent(power)) for true, rival, left, power in pairs]
     options.print_table(("if the cause is", "rejected", ">what it leaves (T)", ">probability"), rows, wrapped=0)
     click.echo(f"\n{percent(expected.probability)} expected: all but the true cause are rejected")

@@ -144,13 +144,12 @@ def json_text(content: Any) -> str:
     return json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
-def write_json(content: Any, target: Path | str | None) -> bool:
-    """Print plain data as JSON, or write it; True if it was printed, and nothing else should be."""
+def write_json(content: Any, target: Path | str) -> None:
+    """Print plain data as JSON if the target is `-`, else write them."""
     if target == "-":
         click.echo(json_text(content), nl=False)
-    elif target is not None:
+    else:
         write_files({Path(target): json_text(content)})
-    return target == "-"
 
 
 def encode(path: Path, content: Any) -> bytes:

@@ -41,15 +41,9 @@ class Record:
 
 
 def calibrate(
-    robot: str,
-    cases: int,
-    seed: int = 0,
-    case: Case | None = None,
-    jobs: int = 1,
-    cluster: str | None = None,
-    progress: Count = no_progress,
-    seconds: float = float("inf"),
-) -> tuple[list[Record], dict[int, str]]:
+    robot: str, cases: int, seed: int = 0, case: Case | None = None, jobs: int = 1, cluster: str | None = None,
+    progress: Count = no_progress, seconds: float = float("inf"),
+) -> tuple[list[Record], dict[int, str]]:  # fmt: skip
     """Records of simulated robots, the same whatever `jobs` is if the time suffices.
 
     Args:

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from exodrake.core.errors import InputError, printable
-from exodrake.core.files import is_file, is_folder, read_bytes
+from exodrake.core.files import is_folder, read_bytes
 from exodrake.core.processes import in_child
 from exodrake.core.schema import having, read_json
 from exodrake.data.formats.parquet import import_pyarrow, parse_rows
@@ -83,24 +83,14 @@ def read_row(answer: Mapping[str, Any], name: str) -> Row:
                 value, low, high = (to_float(one.get(end)) for end in ("value", "low", "high"))
                 amounts.append(Amount(*head, value, low, high, one["unit"]))
     return Row(
-        case=name,
-        serial=found.get("serial") or name,
-        machine=made.get("robot") or "",
-        date=found.get("date"),
-        verdict=found["verdict"],
-        block=found["where"]["block"],
-        effects=tuple(found["equivalents"] or [e["id"] for e in causes]),
-        amounts=tuple(amounts),
-        closure=to_float(found["closure"]["overall"].get("value")),
-        confirmed=found.get("confirmed"),
-        before=to_float(rms.get("before")),
-        after=to_float(rms.get("after")),
+        name, found.get("serial") or name, made.get("robot") or "", found.get("date"), found["verdict"],
+        found["where"]["block"], tuple(found["equivalents"] or [e["id"] for e in causes]), tuple(amounts),
+        closure=to_float(found["closure"]["overall"].get("value")), confirmed=found.get("confirmed"),
+        before=to_float(rms.get("before")), after=to_float(rms.get("after")),
         began=((found.get("since") or {}).get("began") or {}).get("value") or "",
-        run_time=to_float(found.get("seconds")),
-        reason="; ".join(found.get("reasons") or []),
-        version=made.get("version") or "",
-        code=str(made.get("code") or ""),
-    )
+        run_time=to_float(found.get("seconds")), reason="; ".join(found.get("reasons") or []),
+        version=made.get("version") or "", code=str(made.get("code") or ""),
+    )  # fmt: skip
 
 
 def to_float(value: float | None) -> float:
@@ -108,52 +98,41 @@ def to_float(value: float | None) -> float:
     return float("nan") if value is None else value
 
 
-def find_places(*sources: str | Path) -> dict[str, Path]:
-    """Places of answers and failures by name: folders of them, and files that `exodrake diagnose --json` wrote.
+def find_answers(*sources: str | Path) -> dict[str, Path]:
+    """Files of answers and failures by the name of their case; several of one name have those of their folders, too.
 
     Args:
-        sources: such places, and folders of them. Places of one name have those of their folders before it.
+        sources: files that `exodrake diagnose --json` wrote, folders of these or of folders with `diagnosis.json`, and
+            such a folder itself.
     """
-    found: dict[Path, str] = {}
+    found: dict[Path, Path] = {}  # place -> file
     for source in map(Path, sources):
-        inside = [source, *sorted(source.iterdir())] if is_folder(source) else []
-        for place in filter(is_place, inside) if inside else [source]:
-            found[place.resolve()] = printable(place.resolve().name.removesuffix(".json"))
-    counts, folders = Counter(found.values()), [place.parent for place in found]
-    root = os.path.commonpath(folders) if folders else ""
-    return {
-        name if counts[name] == 1 else printable(os.path.relpath(place, root)).removesuffix(".json"): place
-        for place, name in found.items()
-    }
-
-
-def is_place(place: Path) -> bool:
-    """Whether a folder holds an answer or a failure, or a file may be one of `exodrake diagnose --json`."""
-    if is_folder(place):
-        return is_file(place / ANSWER) or is_file(place / FAILED)
-    return place.suffix.lower() == ".json" and place.name not in (ANSWER, FAILED)
+        kinds = ("*.json", f"*/{FAILED}", f"*/{ANSWER}", ANSWER)  # of two in a folder the last counts
+        for file in (file for kind in kinds for file in source.glob(kind)) if is_folder(source) else [source]:
+            found[(file.parent if file.name in (ANSWER, FAILED) else file).resolve()] = file
+    counts, root = Counter(place.name for place in found), os.path.commonpath([place.parent for place in found] or "/")
+    names = (place.name if counts[place.name] == 1 else os.path.relpath(place, root) for place in found)
+    return {printable(name.removesuffix(".json")): file for name, file in zip(names, found.values())}
 
 
 def read_answers(*sources: str | Path) -> list[Row]:
     """Rows of answers and failures, by robot and date; InputError for a file that is no answer, and without answers.
 
     Args:
-        sources: as in `find_places`.
+        sources: as in `find_answers`.
     """
-    rows, stated = [], {Path(source).resolve() for source in sources}
-    for name, place in find_places(*sources).items():
-        answer, failed = (place / ANSWER, place / FAILED) if is_folder(place) else (place, None)
+    rows, stated = [], set(map(Path, sources))
+    for name, file in find_answers(*sources).items():
         try:
-            if failed and not is_file(answer):
-                failure = having({"reason": line})(read_json(failed), str(failed))
-                rows.append(Row(name, name, reason=failure.get("reason", "")))
+            content = read_json(file)
+            if file.name == FAILED:
+                rows.append(Row(name, name, reason=having({"reason": line})(content, str(file)).get("reason", "")))
             else:
-                rows.append(read_row(read_json(answer), name))
+                rows.append(read_row(content, name))
         except InputError as error:
-            if failed:
-                rows.append(Row(name, name, reason=str(error)))
-            elif place in stated:
+            if file in stated:
                 raise
+            rows += [Row(name, name, reason=str(error))] if file.name in (ANSWER, FAILED) else []
     if not rows:
         names = ", ".join(map(str, sources))
         raise InputError(f"{names}: no answers in it (folders with {ANSWER}, or files of `exodrake diagnose --json`)")

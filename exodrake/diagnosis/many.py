@@ -13,36 +13,22 @@ from contextlib import closing
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from exodrake.core import schema
 from exodrake.core.errors import InputError, printable
 from exodrake.core.files import write_folder, write_text
 from exodrake.core.parallel import Outcome, each
 from exodrake.core.progress import Count, no_progress
 from exodrake.core.provenance import configuration, describe_configuration, robot_digest
-from exodrake.core.schema import (
-    anything,
-    flag,
-    having,
-    listing,
-    names,
-    number,
-    optional,
-    quote,
-    read_json,
-    refusal,
-    text,
-)
+from exodrake.core.schema import anything, flag, having, listing, names, number, optional, quote, refusal, text
 from exodrake.data.case import Case, parse_date, read_case
 from exodrake.machines.robot_file import load_robot
-
-if TYPE_CHECKING:
-    from exodrake.diagnosis.problem import Problem
-    from exodrake.diagnosis.result import Diagnosis
 
 ANSWER, FAILED = "diagnosis.json", "failed.json"
 FAILURE = "FAILED"  # verdict of a case without an answer
 RETUNED, IMPROVED, REPORT = "retuned.yaml", "improved.yaml", "report.html"  # beside an answer
+type Report = Callable[[Any, Any], str]  # of a Diagnosis and its Problem
 WORD = re.compile(r"[A-Z][A-Z_]{0,30}")
 
 
@@ -117,7 +103,7 @@ def check_answer(answer: Any, where: str) -> dict[str, Any]:
 def read_stored(folder: Path) -> dict[str, Any] | None:
     """Read the answer in a folder; None if there is none that is whole."""
     try:
-        answer = read_json(folder / ANSWER)
+        answer = schema.read_json(folder / ANSWER)
         check_answer(answer, ANSWER)
     except InputError:
         return None
@@ -131,13 +117,11 @@ def get_configuration(robot: str, tried: frozenset[str] | None = None) -> dict[s
 
 
 def diagnose_one(
-    case: Case, robot: str, wanted: dict[str, str], tried: frozenset[str] | None = None,
-    report: Callable[[Diagnosis, Problem], str] | None = None,
-) -> dict[str, Any]:  # fmt: skip
+    case: Case, robot: str, wanted: dict[str, str], tried: frozenset[str] | None = None, report: Report | None = None
+) -> dict[str, Any]:
     """Diagnose a case into plain data. RuntimeError where a configuration other than `wanted` is installed.
 
-    Beside the answer, `files` holds the texts of the retuned and the improved robot's files, and of the report, if one
-    is wanted, by name.
+    Beside the answer, `files` holds the texts of the robots' files, and of the report, if one is wanted, by name.
     """
     from exodrake.diagnosis.pipeline import diagnose
 
@@ -158,16 +142,10 @@ def diagnose_one(
 
 
 def diagnose_all(
-    places: Mapping[Path, Path],
-    jobs: int = 1,
-    cluster: str | None = None,
-    progress: Count = no_progress,
-    redo: bool = False,
-    robot: str = "",
-    tried: frozenset[str] | None = None,
-    allow_outside: bool = False,
-    report: Callable[[Diagnosis, Problem], str] | None = None,
-) -> dict[str, str]:
+    places: Mapping[Path, Path], jobs: int = 1, cluster: str | None = None, progress: Count = no_progress,
+    redo: bool = False, robot: str = "", tried: frozenset[str] | None = None, allow_outside: bool = False,
+    report: Report | None = None,
+) -> dict[str, str]:  # fmt: skip
     """Diagnose the unfinished of many cases; an interruption loses no answer.
 
     Args:

@@ -295,12 +295,7 @@ def record_provenance(problem: Problem) -> Provenance:
     """The provenance of an answer that is made now."""
     robot, code = problem.robot, configuration()
     return Provenance(
-        date=datetime.now(UTC).replace(microsecond=0).isoformat(),
-        version=code["version"],
-        code=code["code"],
-        command="",
-        robot=robot.source or robot.machine.name,
-        parameters=robot_digest(robot),
-        calibration=read_calibration(robot.machine).source or "none",
-        files=dict(problem.case.hashes),
-    )
+        date=datetime.now(UTC).replace(microsecond=0).isoformat(), version=code["version"], code=code["code"],
+        command="", robot=robot.source or robot.machine.name, parameters=robot_digest(robot),
+        calibration=read_calibration(robot.machine).source or "none", files=dict(problem.case.hashes),
+    )  # fmt: skip

@@ -395,8 +395,7 @@ def list_assumptions(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any
             ("Robot", f"`{made.robot}`, parameters `{made.parameters}`"),
             ("Calibration", made.calibration),
         ]
-        folded = "Date, version, command, robot and calibration"
-        provenance = Table((), rows, words=2, wide=False, folded=folded)
+        provenance = Table((), rows, words=2, wide=False, folded="Date, version, command, robot and calibration")
     return {"logs": logs, "numbers": numbers, "provenance": provenance}
 
 

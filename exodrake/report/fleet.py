@@ -19,7 +19,7 @@ from exodrake import __version__
 from exodrake.core.errors import plural
 from exodrake.diagnosis.change_point import RAMP, STEP
 from exodrake.diagnosis.fleet import Row, Trend, find_trends
-from exodrake.diagnosis.many import ANSWER, FAILURE, REPORT
+from exodrake.diagnosis.many import ANSWER, FAILED, FAILURE, REPORT
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, PARTLY, RETUNE, UNKNOWN, Interval
 from exodrake.report import wording as w
 from exodrake.report.blocks import Bars, Table, render
@@ -114,13 +114,13 @@ def strip(rows: Sequence[Row]) -> list[tuple[str, str]]:
     return cells
 
 
-def find_reports(places: Mapping[str, Path], page: Path) -> dict[str, str]:
-    """Case -> address of its report.html, else of its answer, as seen from a page, from the places by case."""
+def find_reports(answers: Mapping[str, Path], page: Path) -> dict[str, str]:
+    """Case -> address of the report beside its answer, else of the answer, as seen from a page; none of a failure."""
     found = {}
-    for case, place in places.items():
-        file = next((file for file in (place / REPORT, place / ANSWER, place) if file.is_file()), None)
-        if file is not None:
-            found[case] = quote(os.path.relpath(file, page.resolve().parent))
+    for case, file in ((case, file) for case, file in answers.items() if file.name != FAILED):
+        report = file.with_name(REPORT)
+        shown = report if file.name == ANSWER and report.is_file() else file
+        found[case] = quote(os.path.relpath(shown, page.resolve().parent))
     return found
 
 
