@@ -51,6 +51,10 @@ def add_exo_index(builder: DiagramBuilder, robot: Robot | None = None, substeps:
 
     Raises:
         InputError: a system in a part's place does not show what the part shows, or there is no such part.
+
+    Examples:
+        >>> add_exo_index(DiagramBuilder()).motor.GetOutputPort("stroke").size()
+        3
     """
     robot = robot_or_default(robot)
     parts = {

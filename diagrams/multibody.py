@@ -71,6 +71,11 @@ class MultibodyFinger(Diagram):
 
     Raises:
         InputError: the robot has no finger, or an effect on it, which the MultibodyPlant does not know.
+
+    Examples:
+        >>> import exodrake as exo
+        >>> MultibodyFinger(exo.load_robot()).plant.num_positions()
+        3
     """
 
     def __init__(self, robot: Robot, step: float = 0.0) -> None:

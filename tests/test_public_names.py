@@ -4,6 +4,7 @@ import dataclasses
 import doctest
 import inspect
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -33,6 +34,7 @@ def test_every_public_name_resolves_and_has_a_docstring_and_a_plain_signature():
 @pytest.mark.parametrize("name", [name for name in exo.PUBLIC if ">>> " in (getattr(exo, name).__doc__ or "")])
 def test_examples_of_docstrings_run_and_print_what_they_say(name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("EXODRAKE_PLUGINS", os.environ.get("EXODRAKE_PLUGINS", ""))
     found = getattr(exo, name)
     module = vars(sys.modules[found.__module__])
     test = doctest.DocTestParser().get_doctest(inspect.getdoc(found) or "", dict(module), name, None, None)

@@ -27,6 +27,11 @@ def add_plugin(folder: str | Path) -> Path:
 
     Raises:
         InputError: if the folder is absent, holds nothing of a plugin, or comes too late for modules already in use.
+
+    Examples:
+        >>> Path("mine/effects").mkdir(parents=True)
+        >>> add_plugin("mine").name
+        'mine'
     """
     path = Path(folder).resolve()
     if not path.is_dir():

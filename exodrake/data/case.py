@@ -38,6 +38,11 @@ class CaseLog:
         repeats: file of the log whose reference this one runs again, or None.
         file: name of the log's file.
         date: date of its session, or None; logs of one date are one session.
+
+    Examples:
+        >>> import numpy as np
+        >>> CaseLog(Log(np.arange(3.0), {"angle_MCP": np.zeros(3)}), "grasp", "fit", None, "a.csv").role
+        'fit'
     """
 
     log: Log
