@@ -374,3 +374,9 @@ def test_a_slow_drive_lags_by_its_own_loop_time() -> None:
         for k in range(1, 2000):
             filtered = motor.filter_command(DT, k * DT, loop_time, 0.4, 0.8, 1.0, filtered)
         assert 1999 * DT - filtered == pytest.approx(0.8 * 1.5 * loop_time, abs=DT)
+
+
+def test_a_latency_is_told_in_words_that_hold_for_any_machine():
+    latency = exo.load_robot("so101").machine.effect("servo.latency")
+    words = set(f"{latency.summary} {latency.signature} {latency.equation}".replace(":", " ").split())
+    assert not words & {"stroke", "Speed", "[m/s]", "motor", "whole", "tension"}

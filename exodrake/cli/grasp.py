@@ -1,6 +1,5 @@
 """`exodrake grasp`: a grasp mode and an object's size to tensions, run in the Diagram with the estimator listening."""
 
-import json
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -60,7 +59,7 @@ def command(mode: str, size: str, file: Path | None, robot: str, seed: int, out:
         shown = log.with_array("angle_plan", plan.joints, np.tile(plan.planned, (len(log), 1)))
         contents: dict[str, Any] = {
             "log.csv": log,
-            "plan.json": json.dumps(asdict(plan), indent=1, allow_nan=False) + "\n",
+            "plan.json": options.json_text(asdict(plan)),
             "figure.png": grasp_figure(plan, log, built),
         }
         for name, (what, kind) in RECORDINGS.items():

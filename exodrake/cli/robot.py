@@ -14,7 +14,7 @@ from exodrake.cli.options import DEFAULT, OutputFile, json_option, print_table, 
 from exodrake.core.errors import InputError, nearest
 
 if TYPE_CHECKING:
-    from exodrake.model.effect import Effect, EffectParameter
+    from exodrake.model.effect import Effect
 
 
 @click.command()
@@ -98,7 +98,8 @@ def list_effects(identity: str, robot: str) -> Any:
     for effect in chosen:
         rows += [()] if block and effect.block != block else []
         block = effect.block
-        ends, per = (f"{n.name}  {word_range(n)}" for n in effect.parameters), effect.axis.removesuffix("s") or "robot"
+        ends = (f"{n.name}  {n.low:g} to {n.high:g} {n.unit}".removesuffix(" -") for n in effect.parameters)
+        per = effect.axis.removesuffix("s") or "robot"
         rows.append((f"[bold]{effect.id}[/bold]", effect.summary, "\n".join(ends), per))
     print_table(("effect", "what it is", "parameters", "per"), rows, wrapped=1)
     click.echo(f"\n{len(chosen)} effects. `exodrake effects ID` describes one.")
@@ -128,11 +129,6 @@ def example(machine: exo.Machine, effect: Effect) -> str:
     what = "caging" if machine.name == DEFAULT else f"chirp --robot {machine.name}"
     at = f"@{channel}" if channel else ""
     return f"exodrake simulate {what} --effect {effect.id}:{parameter.name}={parameter.initial:.3g}{at}"
-
-
-def word_range(parameter: EffectParameter) -> str:
-    """Plausible range with unit."""
-    return f"{parameter.low:g} to {parameter.high:g} {parameter.unit}".removesuffix(" -")
 
 
 @click.command()

@@ -155,5 +155,4 @@ def find_commands(wanted: str, robot: str, out: Path, map_file: Path | None) -> 
     rows = list(zip(machine.channels(machine.references[0].signal), *ends, strict=True))
     options.print_table(("channel", ">RMS error if sent as wanted", ">with these commands"), rows)
     click.echo("the errors are those of the model")
-    sent = zip(machine.channels(machine.references[0].signal), found.before, found.after, strict=True)
-    return {"kind": found.kind, "rms": {channel: {"wanted": one, "commands": other} for channel, one, other in sent}}
+    return {"kind": found.kind, "before": found.before, "after": found.after}

@@ -43,8 +43,8 @@ def export_robot(robot: Robot, path: str | Path, form: str = "mjcf") -> None:
         >>> import exodrake as exo
         >>> export_robot(exo.load_robot("so101"), "so101.xml", "mjcf")
     """
-    text, ending = robot_as(argument("robot", robot, Robot), form), Path(path).suffix.lower()
-    if ending not in ENDINGS[form]:
+    text = robot_as(argument("robot", robot, Robot), form)
+    if Path(path).suffix.lower() not in ENDINGS[form]:
         raise InputError(f"{path}: wanted a file whose name ends in {' or '.join(ENDINGS[form])}, as {form} does")
     write_text(path, text)
 
