@@ -194,7 +194,7 @@ def plot_robust(result: ClosedLoop) -> Figure:
     coupling.legend(fontsize=7.5)
     coupling.axhline(1.0, **DASHED)
     coupling.set(ylabel="|Relative gain|; 1: no coupling", xscale="log", yscale="log")
-    coupling.set_ylim(min(0.5, 0.8 * float(gains.min())), max(2.0, 1.3 * float(gains.max())))
+    coupling.set_ylim(min(0.5, 0.8 * float(gains[gains > 0.0].min(initial=1.0))), max(2.0, 1.3 * float(gains.max())))
     panels[0, 0].set_ylim(bottom=0.02)
     panels[0, 1].set_ylim(0.09, 1.5 * max(1.0, float(result.robust.sigma_t.max())))
     panels[1, 0].set_ylim(0.3, 3.0)
@@ -297,7 +297,7 @@ def plot_limit_cycles(cycles: tuple[LimitCycles, ...]) -> Figure:
         axes.axvline(1.0, color=FAINT, lw=0.8, label="this robot's gain")
         axes.set(xlabel="Factor on the loop gain", yscale="log", xlim=(0.0, 1.4 * c.limit))
         axes.set_ylim(0.45 * factor * c.amplitude[0], 1.5 * top)
-        axes.set_title(f"{c.label}\n({c.channel})", fontsize=8.5)
+        axes.set_title(f"{c.label} ({c.channel})".replace(" + ", "\n+ "), fontsize=8.5)
     panels[0].set_ylabel(f"Amplitude of the command [{shown_unit(cycles[0].unit)[0]}]")
     shown = {label: line for axes in panels for line, label in zip(*axes.get_legend_handles_labels())}
     figure.legend(shown.values(), shown.keys(), loc="outside upper center", ncols=min(3, 2 * len(cycles)), fontsize=8)
@@ -407,10 +407,11 @@ def plot_uncertainty(found: Uncertainty) -> Figure:
     panels[0].plot(f, np.abs(found.weight(2j * np.pi * f)), color="black", lw=1.1, label="weight")
     panels[0].set(xscale="log", yscale="log", xlabel="Frequency [Hz]", ylabel="Relative deviation of the plant [-]")
     panels[0].legend(fontsize=7.5)
-    for cycle, label in zip(found.worst, ("improved robot", "lower ends", "upper ends")):
+    ends = {"improved robot": "black", "lower ends": "#0072b2", "upper ends": "#d55e00"}
+    for cycle, (label, colour) in zip(found.worst, ends.items()):
         size = shown_unit(cycle.unit)[1] * cycle.amplitude
-        panels[1].plot(size, decibel(cycle.factor), ".-", lw=0.9, ms=3, label=label)
-        panels[2].plot(size, cycle.phase_margin_deg, ".-", lw=0.9, ms=3)
+        panels[1].plot(size, decibel(cycle.factor), ".-", lw=0.9, ms=3, color=colour, label=label)
+        panels[2].plot(size, cycle.phase_margin_deg, ".-", lw=0.9, ms=3, color=colour)
         panels[2].set_visible(np.isfinite(found.phase_margin_deg))
     for axes, label in zip(panels[1:], ("Gain margin [dB]", "Phase margin [deg]")):
         unit = shown_unit(found.cycles[0].unit)[0]
