@@ -239,14 +239,18 @@ def make_loop(joints: tuple[str, ...], frame: float, library: tuple[Effect, ...]
             loop=replace(loop, outer=None),
         )  # fmt: skip
         values = {name: float(robot.values[i]) for name, i in machine.index.items()}
-        values |= {"joint_loop.kp": 0.0, "joint_loop.ki": first, "joint_loop.period": frame}
+        values |= {"joint_loop.kp": 0.0, "joint_loop.ki": first, "joint_loop.lag": 0.0, "joint_loop.period": frame}
         return replace(robot, machine=closed, values=np.array([values[p.name] for p in closed.parameters]))
 
     loop = Loop(
         reference="angle_ref", command="angle_sent", output="angle", measured="angle_read", part="joint_loop",
         held="sent", gains=(proportional, integral), gentle={"joint_loop.kp": 0.0, "joint_loop.ki": 0.5 * first},
         step=STEP, points={"rest": dict.fromkeys(joints, 0.0)},
-        controllers=(Controller("I", (integral,)), Controller("PI", (proportional, integral))),
+        controllers=(
+            Controller("I", (integral,), {"joint_loop.lag": 0.0}),
+            Controller("PI", (proportional, integral), {"joint_loop.lag": 0.0}),
+            Controller("I, filtered reference", (integral, Gain("joint_loop.lag", frame, 1.0))),
+        ),
         latency=next(latency, ""), resolution="reading.step", outer=add_controller,
         note="the drives cannot be opened: judged is a loop about them, its gains assumed (--set joint_loop.ki=5)",
     )  # fmt: skip
