@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from arm_folders import made as new_machine
 from command_line import run
 from effects_motion import motion_of
 from scipy.stats import norm
@@ -127,6 +128,19 @@ def test_another_speed_tells_viscous_from_coulomb_friction_the_same_speed_does_n
     both = [information(contest, stage.reference(shares).values) for shares in (one, two)]
     assert both[0] is not None and both[1] is not None
     assert both[1].left[0, 1] > 3.0 * both[0].left[0, 1]
+
+
+def test_rates_among_the_inputs_are_those_of_the_motion(arm_folder):
+    """Of inverse dynamics velocity and acceleration are inputs beside the position."""
+    robot = new_machine(arm_folder, "rates", "--urdf", "cable_arm")
+    joints = len(robot.machine.axes.joints)
+    course = np.repeat(0.3 * np.sin(np.linspace(0.0, 9.0, 900))[:, None], 3 * joints, axis=1)
+    stage = Stage(robot, (SimpleNamespace(reference=course),))
+    moved = stage.reference(0.5 + 0.1 * np.sin(np.linspace(0.0, 3.0, 900))[:, None] * np.ones(joints)).values
+    position, velocity, acceleration = np.split(moved, 3, axis=1)
+    assert np.ptp(position, axis=0).min() > 0.1
+    for rate, of in ((velocity, position), (acceleration, velocity)):
+        assert rate == pytest.approx(np.gradient(of, robot.machine.frame, axis=0))
 
 
 def test_motion_beyond_a_limit_is_not_safe(contest):

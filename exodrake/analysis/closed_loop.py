@@ -161,6 +161,7 @@ def list_remarks(
     moving = f"; --set {' --set '.join(held)} shows the loop in motion" if held else ""
     unit, idle = loop.robot.machine.signal[loop.loop.output].unit, [m.channel for m in found if not m.loop.any()]
     remarks = {
+        loop.loop.note: loop.loop.note,
         f"left out: {', '.join(loop.outside)}, which moves the loop from outside and no pole": loop.outside,
         "the robot's own gains do not bring it to rest; the operating point was reached with gentler ones": (
             not point.steady

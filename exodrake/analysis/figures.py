@@ -194,7 +194,7 @@ def plot_robust(result: ClosedLoop) -> Figure:
     coupling.legend(fontsize=7.5)
     coupling.axhline(1.0, **DASHED)
     coupling.set(ylabel="|Relative gain|; 1: no coupling", xscale="log", yscale="log")
-    coupling.set_ylim(min(0.5, 0.8 * float(gains.min())), max(2.0, 1.3 * float(gains.max())))
+    coupling.set_ylim(min(0.5, 0.8 * float(gains[gains > 0.0].min(initial=1.0))), max(2.0, 1.3 * float(gains.max())))
     panels[0, 0].set_ylim(bottom=0.02)
     panels[0, 1].set_ylim(0.09, 1.5 * max(1.0, float(result.robust.sigma_t.max())))
     panels[1, 0].set_ylim(0.3, 3.0)
@@ -297,7 +297,7 @@ def plot_limit_cycles(cycles: tuple[LimitCycles, ...]) -> Figure:
         axes.axvline(1.0, color=FAINT, lw=0.8, label="this robot's gain")
         axes.set(xlabel="Factor on the loop gain", yscale="log", xlim=(0.0, 1.4 * c.limit))
         axes.set_ylim(0.45 * factor * c.amplitude[0], 1.5 * top)
-        axes.set_title(f"{c.label}\n({c.channel})", fontsize=8.5)
+        axes.set_title(f"{c.label} ({c.channel})".replace(" + ", "\n+ "), fontsize=8.5)
     panels[0].set_ylabel(f"Amplitude of the command [{shown_unit(cycles[0].unit)[0]}]")
     shown = {label: line for axes in panels for line, label in zip(*axes.get_legend_handles_labels())}
     figure.legend(shown.values(), shown.keys(), loc="outside upper center", ncols=min(3, 2 * len(cycles)), fontsize=8)
@@ -358,13 +358,15 @@ def plot_tuning(tuning: Tuning) -> Figure:
     panels = top.subplots(1, len(channels), sharey=True, squeeze=False)[0]
     settled = [s.settling for t in tuning.compared for s in t.steps if np.isfinite(s.settling)]
     end = min(1.15 * max(settled, default=np.inf), tuning.compared[0].steps[0].time[-1])
+    shares = [(s.output[:, j] - s.output[0, j]) / s.size for t in tuning.compared for j, s in enumerate(t.steps)]
+    highest = max(float(np.nanmax(share)) for share in shares)
     for j, (axes, channel) in enumerate(zip(panels, channels)):
         for k, tuned in enumerate(tuning.compared):
             step, look = tuned.steps[j], {"color": CONTROLLERS[k % len(CONTROLLERS)], "lw": 1.1 if tuned.gains else 1.6}
             axes.plot(step.time, (step.output[:, j] - step.output[0, j]) / step.size, **look)
         axes.axhline(1.0, **DASHED)
         axes.set(title=f"Step on {channel}", xlabel="Time [s]", xlim=(0.0, end))
-    panels[0].set(ylabel="Response / step [-]", ylim=(-0.05, 1.35))
+    panels[0].set(ylabel="Response / step [-]", ylim=(-0.05, min(max(1.35, 1.05 * highest), 2.2)))
     title = "No controller holds all requirements"
     if best := tuning.best:
         title = f"Fastest within the requirements: {best.name}, settles in {best.settling:.3g} s"
@@ -383,7 +385,7 @@ def plot_tuning(tuning: Tuning) -> Figure:
         axes.barh(rows, np.nan_to_num(values), color=[CONTROLLERS[k % len(CONTROLLERS)] for k in rows], height=0.62)
         top = max([*values[np.isfinite(values)], limit or 0.0]) or 1.0
         for row, value in zip(rows, values):
-            text = f"{value if value > VISIBLE * top else 0.0:.3g}" if np.isfinite(value) else "unstable"
+            text = f"{value if value > VISIBLE * top else 0.0:.3g}" if np.isfinite(value) else "-"
             at = max(np.nan_to_num(value), 0.0) + 0.02 * top
             axes.text(at, row, text, va="center", fontsize=7, color=DARK, bbox=BOX)
         if limit is not None:
@@ -405,14 +407,15 @@ def plot_uncertainty(found: Uncertainty) -> Figure:
     panels[0].plot(f, np.abs(found.weight(2j * np.pi * f)), color="black", lw=1.1, label="weight")
     panels[0].set(xscale="log", yscale="log", xlabel="Frequency [Hz]", ylabel="Relative deviation of the plant [-]")
     panels[0].legend(fontsize=7.5)
-    for cycle, label in zip(found.cycles, ("improved robot", "lower ends", "upper ends")):
+    ends = {"improved robot": "black", "lower ends": "#0072b2", "upper ends": "#d55e00"}
+    for cycle, (label, colour) in zip(found.worst, ends.items()):
         size = shown_unit(cycle.unit)[1] * cycle.amplitude
-        panels[1].plot(size, decibel(cycle.factor), ".-", lw=0.9, ms=3, label=label)
-        panels[2].plot(size, cycle.phase_margin_deg, ".-", lw=0.9, ms=3)
+        panels[1].plot(size, decibel(cycle.factor), ".-", lw=0.9, ms=3, color=colour, label=label)
+        panels[2].plot(size, cycle.phase_margin_deg, ".-", lw=0.9, ms=3, color=colour)
         panels[2].set_visible(np.isfinite(found.phase_margin_deg))
     for axes, label in zip(panels[1:], ("Gain margin [dB]", "Phase margin [deg]")):
         unit = shown_unit(found.cycles[0].unit)[0]
-        axes.set(xscale="log", xlabel=f"Command [{unit}]", ylabel=label)
+        axes.set(xscale="log", xlabel=f"Command of {found.worst[0].channel} [{unit}]", ylabel=label)
         axes.axhline(0.0, color="black", lw=0.8)
     if found.cycles:
         panels[1].legend(fontsize=7.5)

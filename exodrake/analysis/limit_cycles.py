@@ -23,6 +23,7 @@ AMPLITUDES = np.geomspace(2e-3, 10.0, 12)  # of the command, in units of its ans
 FACTORS = (0.2, 0.4, 0.6, 0.8, 0.9, 0.95, 1.05, 1.1, 1.2, 1.3)  # simulated factors, in units of the gain margin
 RUN, SEEN = 1000, 250  # frames simulated; last ones in which an oscillation is measured
 RAMP = 6000  # frames in which a reference is approached: slow, or what relaxes after it narrows the dead band
+BELOW = 2.0  # the crossover lies above the lowest line by this factor
 LEAST = 1e-4  # of the open loop where it crosses the real axis, below which it does not
 UNBOUNDED = 1e3  # amplitude of a command that grows without bound, in the same unit
 FAINT = 1e-3  # amplitude below which nothing oscillates, in units of the smallest one tried
@@ -67,6 +68,20 @@ class CommandedLoop:
     direct: np.ndarray  # (channels, channels) dv/dr of its controller
     channel: int
 
+    @classmethod
+    def of(cls, model: FrameModel, channel: int) -> "CommandedLoop":
+        """The loop of a linear model, at its operating point."""
+        return cls(model.loop, model.point.references, model.system.D[model.rows(model.loop.loop.command)], channel)
+
+    @property
+    def unit(self) -> float:
+        """The command's answer to a step of the reference [SI]."""
+        return abs(self.direct[self.channel, self.channel]) * self.loop.loop.step
+
+    def sweep(self, state: np.ndarray, amplitude: float, lines: list[tuple[int, int]]) -> np.ndarray:
+        """Describing functions (lines,) at an amplitude [SI] and lines (cycles, frames)."""
+        return np.array([describing_function(self, state, amplitude, *line) for line in lines])
+
     def run(self, state: np.ndarray, frames: int, rule: Callable[[int, float], float]) -> tuple[np.ndarray, np.ndarray]:
         """Command and reading (frames,) [SI] of the channel under a rule (frame, command of the controller) -> command.
 
@@ -89,16 +104,18 @@ class CommandedLoop:
         return rows[:, 0], rows[:, 1]
 
 
-def describing_function(plant: CommandedLoop, state: np.ndarray, amplitude: float, cycles: int) -> complex:
-    """First harmonic of the reading over that of the command, a cosine of so many cycles in the window.
+def describing_function(
+    plant: CommandedLoop, state: np.ndarray, amplitude: float, cycles: int, window: int = WINDOW
+) -> complex:
+    """First harmonic of the reading over that of the command, a cosine of so many cycles in a window of frames.
 
     A cosine of an amplitude [SI] moves the actuator about its state of rest (states,) [SI], a sine to one side. Its
     harmonics are fitted by least squares (Gelb, Vander Velde 1968).
     """
-    phase = 2.0 * np.pi * cycles / WINDOW * np.arange(2 * WINDOW)
-    command, reading = plant.run(state, 2 * WINDOW, lambda n, _: amplitude * np.cos(phase[n]))
-    basis = np.column_stack([np.cos(phase), np.sin(phase), phase, np.ones_like(phase)])[WINDOW:]  # a drift, too
-    harmonic = np.linalg.lstsq(basis, np.column_stack([command, reading])[WINDOW:], rcond=None)[0][:2]
+    phase = 2.0 * np.pi * cycles / window * np.arange(2 * window)
+    command, reading = plant.run(state, 2 * window, lambda n, _: amplitude * np.cos(phase[n]))
+    basis = np.column_stack([np.cos(phase), np.sin(phase), phase, np.ones_like(phase)])[window:]  # a drift, too
+    harmonic = np.linalg.lstsq(basis, np.column_stack([command, reading])[window:], rcond=None)[0][:2]
     sent, read = harmonic[0] - 1j * harmonic[1]
     return complex(read / sent)
 
@@ -106,59 +123,75 @@ def describing_function(plant: CommandedLoop, state: np.ndarray, amplitude: floa
 def limit_cycles(
     robot: Robot, at: Mapping[str, float] | str | None = None, own_only: bool = False
 ) -> tuple[LimitCycles, ...]:
-    """Limit cycles of the channel with the least gain margin, for the robot and for each nonlinearity its loop names.
+    """Limit cycles of the robot, on each channel that its effects sit on, and of each nonlinearity its loop names.
 
-    Effects of the robot that are smooth where it rests belong to its linear loop; where they are not, that loop is
-    without them, and they are the first nonlinearity. The reading is rounded at the edge between two values, its worst
-    place. None for a loop that is unstable without nonlinearities, has no gain margin, or whose reading does not answer
-    to its command. With `own_only`, none of the nonlinearities but the robot's own effects.
+    These are on the channel with the least gain margin. Effects of the robot that are smooth where it rests belong to
+    its linear loop; where they are not, or let no command through to its reading, that loop is without them, and they
+    are the first nonlinearity. The reading is rounded at the edge between two values, its worst place. None for a loop
+    that is unstable without nonlinearities, has no gain margin, or whose reading does not answer to its command. With
+    `own_only`, none of the nonlinearities but the robot's own effects.
     """
     for plain in (robot, robot.without_effects()):
         model = linearise_robot(plain, at)
-        if model.decides:
+        whole = mg.open_loop(model)
+        grid, opened = mg.frequency_grid(whole), [mg.open_channel(whole, j) for j in range(whole.ninputs)]
+        ratios = [mg.open_responses(one, grid)[0][:, 0, 0] for one in opened]
+        if model.decides and all(ratio.any() for ratio in ratios):
             break
     if model.spectral_radius >= 1.0:
         return ()
-    whole, loop, own = mg.open_loop(model), model.loop.loop, robot.effects()
-    grid, opened = mg.frequency_grid(whole), [mg.open_channel(whole, j) for j in range(whole.ninputs)]
-    ratios = [mg.open_responses(one, grid)[0][:, 0, 0] for one in opened]
-    margins = [mg.loop_margins(grid, ratio)[1] if np.abs(ratio).max() > 0.0 else np.inf for ratio in ratios]
-    channel = int(np.argmin(margins))
-    answer = mg.open_responses(opened[channel], np.array(CYCLES) / (WINDOW * whole.dt))[1]
-    if not np.isfinite(margins[channel]) or not np.abs(answer).min() > 0.0:
-        return ()
-    nonlinear = [(" + ".join(own), robot, False)] if own and plain is not robot else []
+    loop, own = model.loop.loop, robot.effects()
+    margins = [mg.loop_margins(grid, ratio)[1] if ratio.any() else np.inf for ratio in ratios]
+    least = int(np.argmin(margins))
+    nonlinear: list[tuple[str, Robot, bool, int]] = []
+    if own and plain is not robot:
+        nulls = {e.id: e.parameters[0].null for e in robot.machine.effects}
+        sits = {c for i, p in own.items() for c, value in next(iter(p.values())).items() if value != nulls[i]}
+        on = [j for j, channel in enumerate(model.loop.channels) if channel in sits]
+        nonlinear += [(" + ".join(own), robot, False, j) for j in on or [least]]
     if not own_only:
         if loop.resolution and plain.channels(loop.resolution).max() > 0.0:
-            nonlinear.append((f"rounding, {loop.resolution}", plain, True))
+            nonlinear.append((f"rounding, {loop.resolution}", plain, True, least))
         further = {name: values for name, values in loop.nonlinear.items() if name not in own}
-        nonlinear += [(name, plain.splice(name, values), False) for name, values in further.items()]
-    linear = model, channel, margins[channel]
-    return tuple(compare_cycles(label, one, *linear, rounded) for label, one, rounded in nonlinear)
+        nonlinear += [(name, plain.splice(name, values), False, least) for name, values in further.items()]
+    found = []
+    for channel in {j: None for *_, j in nonlinear if np.isfinite(margins[j])}:
+        crossover = mg.loop_margins(grid, ratios[channel])[3]
+        longer = int(np.ceil(BELOW / (WINDOW * whole.dt * crossover))) if crossover > 0.0 else 1
+        lines = [*((n, longer * WINDOW) for n in range(1, longer)), *((n, WINDOW) for n in CYCLES)]
+        plant = CommandedLoop.of(model, channel)
+        response = plant.sweep(model.point.state, plant.unit * AMPLITUDES[0], lines)
+        if not response.all():
+            continue
+        frequency = np.array([n / (window * whole.dt) for n, window in lines])
+        law = mg.open_responses(opened[channel], frequency)[0][:, 0, 0] / response
+        linear = model, channel, margins[channel], lines, law
+        mine = [(label, one, rounded) for label, one, rounded, j in nonlinear if j == channel]
+        found += [compare_cycles(label, one, *linear, rounded) for label, one, rounded in mine]
+    return tuple(found)
 
 
 def compare_cycles(
-    label: str, robot: Robot, model: FrameModel, channel: int, limit: float, rounded: bool
-) -> LimitCycles:
+    label: str, robot: Robot, model: FrameModel, channel: int, limit: float, lines: list[tuple[int, int]],
+    law: np.ndarray, rounded: bool,
+) -> LimitCycles:  # fmt: skip
     """Predicted and simulated limit cycles of a robot with a nonlinearity, whose readings may be rounded.
 
-    The model is of the loop without it, `limit` the gain margin of the channel there.
+    The model is of the loop without it, `limit` the gain margin of the channel there, `law` (lines,) the controller.
     """
-    loop, references, state = FrameMap.from_robot(robot), model.point.references, model.point.state
-    loop = replace(loop, parameters=prepare_values(robot, quantisation=rounded))
+    references, state = model.point.references, model.point.state
+    loop = FrameMap.from_robot(robot)
+    loop = replace(loop, parameters=prepare_values(loop.robot, quantisation=rounded))
     if rounded:
         edge = np.zeros(len(references))
         edge[channel] = 0.5 * np.broadcast_to(robot.channels(loop.loop.resolution), len(edge))[channel]
         references = references + edge
         rows = np.tile(references, (RUN, 1))
         state = replace(loop, parameters=prepare_values(robot, quantisation=False)).run(state, rows)[0]
-    direct = model.system.D[model.rows(loop.loop.command)]
-    plant, unit = CommandedLoop(loop, references, direct, channel), abs(direct[channel, channel]) * loop.loop.step
-    one = mg.open_channel(mg.open_loop(model), channel)
-    frequency = np.array(CYCLES) / (WINDOW * one.dt)
-    ratio, response = (full[:, 0, 0] for full in mg.open_responses(one, frequency))
-    law = ratio / response
-    measured = np.array([[describing_function(plant, state, a, n) for n in CYCLES] for a in unit * AMPLITUDES])
+    plant = replace(CommandedLoop.of(model, channel), loop=loop, references=references)
+    unit, dt = plant.unit, model.system.dt
+    frequency = np.array([n / (window * dt) for n, window in lines])
+    measured = np.array([plant.sweep(state, a, lines) for a in unit * AMPLITUDES])
     curve = [(*find_crossing(frequency, law * n), mg.loop_margins(frequency, law * n)[2]) for n in measured]
     factors, swings = np.sort(np.append(limit * np.array(FACTORS), 1.0)), []
     for g in factors:
@@ -170,7 +203,7 @@ def compare_cycles(
         tail = command[-SEEN:] - command[-SEEN:].mean()
         swing = float(np.sqrt(2.0) * tail.std())
         k = int(np.abs(np.fft.rfft(tail * np.hanning(SEEN)))[1:].argmax()) + 1
-        swings.append((0.0, 0.0) if swing < FAINT * unit * AMPLITUDES[0] else (swing, k / (SEEN * one.dt)))
+        swings.append((0.0, 0.0) if swing < FAINT * unit * AMPLITUDES[0] else (swing, k / (SEEN * dt)))
     return LimitCycles(
         label, loop.channels[channel], loop.robot.machine.signal[loop.loop.command].unit, limit, unit * AMPLITUDES,
         *np.array(curve).T, measured, frequency, factors, *np.array(swings).T,  # pyright: ignore

@@ -178,7 +178,8 @@ class Uncertainty:
     kicked: int  # number of those that a simulated kick decides, because their poles mean little
     failures: tuple[str, ...]  # why others have no operating point, a sentence each
     dead_band: dict[str, float]  # log column -> half the range in which it may rest [SI], the worst of the robots
-    cycles: tuple[LimitCycles, ...]  # of the improved robot and the intervals' ends; empty if it is smooth at rest
+    # on each channel of the improved robot, then of the intervals' ends; empty if it is smooth at rest
+    cycles: tuple[LimitCycles, ...]
     frequency: np.ndarray  # (f,) [Hz]
     deviation: np.ndarray  # (f,) largest relative deviation of a plant from the improved one's [-]
     weight: control.TransferFunction  # in s, of order 1 or 2, covers the deviation
@@ -188,6 +189,12 @@ class Uncertainty:
     def gain_margin_db(self) -> float:
         """Worst describing-function gain margin over amplitudes and intervals [dB]; nan without nonlinearities."""
         return min((c.gain_margin_db for c in self.cycles), default=np.nan)
+
+    @property
+    def worst(self) -> tuple[LimitCycles, ...]:
+        """Cycles of the channel with the least margins: the improved robot's, then those of the intervals' ends."""
+        least = min(self.cycles, key=lambda c: (c.gain_margin_db, np.nanmin(c.phase_margin_deg)), default=None)
+        return tuple(c for c in self.cycles if least and c.channel == least.channel)
 
     @property
     def phase_margin_deg(self) -> float:

@@ -131,8 +131,8 @@ class Tuning:
 
     @property
     def best(self) -> Tuned | None:
-        """The fastest tuned controller that holds all requirements."""
-        held = [t for t in self.compared[1:] if not t.missed]
+        """The fastest controller that holds all requirements, the robot's own among them."""
+        held = [t for t in self.compared if not t.missed]
         return min(held, key=lambda t: t.settling, default=None)
 
     @property
@@ -202,7 +202,7 @@ def tune(
     tuning = Tuning(robot, wanted, tuple(compared), list_remarks(plants[0].model))
     say("LQG and bound")
     tuning = replace(tuning, limit=find_limit(plants, tuning.best or compared[0], wanted))
-    return replace(tuning, schedule=schedule_gains(plants[: len(loop.points)], tuning)) if tuning.best else tuning
+    return replace(tuning, schedule=schedule_gains(plants[: len(loop.points)], tuning))
 
 
 def find_limit(plants: list[Plant], tuned: Tuned, wanted: Requirements) -> Limit:
@@ -240,7 +240,8 @@ def find_limit(plants: list[Plant], tuned: Tuned, wanted: Requirements) -> Limit
 def schedule_gains(plants: list[Plant], tuning: Tuning) -> dict[str, tuple[dict[str, float], float]]:
     """Gains of the best structure at each operating point alone, where its margins move by half over the points."""
     best, loop, channels = tuning.best, plants[0].model.loop.loop, plants[0].model.loop.channels
-    assert best is not None  # the caller sees to it
+    if best is None or best is tuning.compared[0]:
+        return {}
     margins = [[m.numbers[f"gain margin {c} [dB]"] for m in best.bands[0].members] for c in channels]
     if len(plants) < 2 or np.ptp(margins, axis=1).max() < decibel(MOVED):
         return {}

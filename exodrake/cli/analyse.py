@@ -129,7 +129,7 @@ def uncertainty_lines(result: exo.ClosedLoop) -> list[str]:
     if u.cycles:
         found.append(
             f"describing functions, worst amplitude and interval: gain margin {u.gain_margin_db:.3g} dB, phase margin "
-            f"{u.phase_margin_deg:.3g} deg ({u.cycles[0].channel})"
+            f"{u.phase_margin_deg:.3g} deg ({u.worst[0].channel})"
         )
         size, frequency = max(c.read_simulation() for c in u.cycles)
         unit, factor = shown_unit(u.cycles[0].unit)

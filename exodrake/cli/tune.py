@@ -108,8 +108,9 @@ def show(tuning: exo.Tuning) -> None:
     def word_gains(gains: dict[str, float]) -> str:
         return ", ".join(f"{name} = {value:.4g}" for name, value in gains.items())
 
-    click.echo(f"best: {best.name}, settles in {best.settling:.3g} s (now {tuning.compared[0].settling:.3g} s)")
-    click.echo("  " + word_gains(best.gains))
+    own = tuning.compared[0]
+    click.echo(f"best: {best.name}, settles in {best.settling:.3g} s (now {own.settling:.3g} s)")
+    click.echo("  " + (word_gains(best.gains) if best is not own else "no tuned controller that holds all is faster"))
     for point, (gains, settling) in tuning.schedule.items():
         click.echo(f"  scheduled, {point}: {word_gains(gains)}; settles in {settling:.3g} s")
 

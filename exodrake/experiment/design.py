@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
-from itertools import pairwise
 from operator import add
 from typing import NamedTuple
 
@@ -25,7 +24,7 @@ from exodrake.experiment.contest import Contest, Information, information, refit
 from exodrake.model.machine import Machine
 from exodrake.model.robot import Robot
 from exodrake.simulation.protocols import smooth
-from exodrake.simulation.references import protocol
+from exodrake.simulation.references import complete_inputs, protocol
 
 SHORTEST, LONGEST, DEFAULT = 20.0, 60.0, 60.0  # s of an experiment
 FEWEST, MOST = 60, 200  # frames of one, for a machine whose frames are long: assumed
@@ -84,23 +83,19 @@ def lead_from_rest(course: np.ndarray, rest: np.ndarray, rise: float) -> np.ndar
 class Stage:
     """Map from shares of a span to references within their limits, which `check_length` demands.
 
-    Rest is where the first log begins; positions go no faster than in the logs, further inputs stay as they were there.
+    Rest is where the first log begins; positions go no faster than in the logs, further inputs stay as they were there,
+    but for rates of change, which are those of the motion.
     """
 
     def __init__(self, robot: Robot, trials: tuple[Trial, ...]) -> None:
-        machine, (self.low, self.high) = robot.machine, robot.reference_limits()  # (channels,) [SI]
-        first, *others = machine.references
-        width, begin, self.frame = len(self.low), trials[0].reference[0], machine.frame
+        self.machine, (self.low, self.high) = robot.machine, robot.reference_limits()  # (channels,) [SI]
+        width, self.begin, self.frame = len(self.low), trials[0].reference[0], robot.machine.frame
         self.fastest = np.full(width, np.inf)  # rate of the reference [SI / s]; infinite for what may step
-        if machine.signal[first.signal].unit in POSITIONS:
+        if self.machine.signal[self.machine.references[0].signal].unit in POSITIONS:
             rows = [t.reference[:, :width] for t in trials if len(t.reference) > 1]
             self.fastest = np.max([np.abs(np.diff(r, axis=0)).max(axis=0) for r in rows], axis=0) / self.frame
-        # further inputs [SI], and whether they state the first reference instead
-        ends = width + np.cumsum([0, *(len(machine.channels(column.signal)) for column in others)])
-        starts = [column.kind == first.kind.removesuffix("_ref") + "_start" for column in others]
-        self.others = [(begin[a:b], start) for (a, b), start in zip(pairwise(ends), starts, strict=True)]
         # (channels,) where motions begin and end, in shares of the span
-        self.rest = np.clip((begin[:width] - self.low) / np.maximum(self.high - self.low, 1e-12), 0.0, 1.0)
+        self.rest = np.clip((self.begin[:width] - self.low) / np.maximum(self.high - self.low, 1e-12), 0.0, 1.0)
 
     def reference(self, shares: np.ndarray) -> Reference:
         """The reference of shares (frames, channels): no faster than allowed, further inputs beside it."""
@@ -114,8 +109,7 @@ class Stage:
                 slow = slow[::-1].copy()
             slow = uniform_filter1d(slow, max(round(CORNER / self.frame), 3), axis=0, mode="nearest")
             rows = np.where(np.isfinite(most), slow, rows)
-        others = [np.tile(rows[0] if start else held, (len(rows), 1)) for held, start in self.others]
-        return Reference(np.hstack([rows, *others]), "experiment")
+        return Reference(complete_inputs(self.machine, rows, self.begin), "experiment")
 
 
 def check_length(robot: Robot, duration: float | None) -> int:

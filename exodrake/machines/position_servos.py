@@ -27,6 +27,7 @@ BEND = Signal("bend", "rad", JOINTS)
 ANGLE = ("angle", "noise_angle", "reading_arrival", "angle_read")  # what the sensor of the joints reads and writes
 COLUMN = Column("angle", "angle_read", label="Joint angle")
 STANDARD = ("speed_limit", "hysteresis")  # laws that every drive may have
+OUTER = 0.2  # s, over which the integral of an outer loop acts at least; assumed
 SLOW = 0.2  # s, frames of a quasi-static log, which shows no speed: assumed
 STEP = 0.02  # rad, of a reference for the analysis: assumed
 SWING = 1.0  # rad, by which a joint typically moves; ranges of the generic effects scale with it; assumed
@@ -221,7 +222,11 @@ def motor_mechanism(robot: Robot) -> Mechanism:
 
 
 def make_loop(joints: tuple[str, ...], frame: float, library: tuple[Effect, ...]) -> Loop:
-    """The outer loop that `analyse` and `tune` look at; its integral acts over ten frames at first: assumed."""
+    """The outer loop that `analyse` and `tune` look at; its integral acts over ten frames at first, `OUTER` at least.
+
+    A servo turns no faster for a log of more frames a second.
+    """
+    first = min(0.1 / frame, 1.0 / OUTER)
     proportional, integral = Gain("joint_loop.kp", 0.01, 2.0), Gain("joint_loop.ki", 1e-3 / frame, 1.0 / frame)
     latency = (f"{e.id}.frames" for e in library if e.family == LIBRARY["timing.command_latency"].family)
 
@@ -234,14 +239,19 @@ def make_loop(joints: tuple[str, ...], frame: float, library: tuple[Effect, ...]
             loop=replace(loop, outer=None),
         )  # fmt: skip
         values = {name: float(robot.values[i]) for name, i in machine.index.items()}
-        values |= {"joint_loop.kp": 0.0, "joint_loop.ki": 0.1 / frame, "joint_loop.period": frame}
+        values |= {"joint_loop.kp": 0.0, "joint_loop.ki": first, "joint_loop.lag": 0.0, "joint_loop.period": frame}
         return replace(robot, machine=closed, values=np.array([values[p.name] for p in closed.parameters]))
 
     loop = Loop(
         reference="angle_ref", command="angle_sent", output="angle", measured="angle_read", part="joint_loop",
-        held="sent", gains=(proportional, integral), gentle={"joint_loop.kp": 0.0, "joint_loop.ki": 0.05 / frame},
+        held="sent", gains=(proportional, integral), gentle={"joint_loop.kp": 0.0, "joint_loop.ki": 0.5 * first},
         step=STEP, points={"rest": dict.fromkeys(joints, 0.0)},
-        controllers=(Controller("I", (integral,)), Controller("PI", (proportional, integral))),
+        controllers=(
+            Controller("I", (integral,), {"joint_loop.lag": 0.0}),
+            Controller("PI", (proportional, integral), {"joint_loop.lag": 0.0}),
+            Controller("I, filtered reference", (integral, Gain("joint_loop.lag", frame, 1.0))),
+        ),
         latency=next(latency, ""), resolution="reading.step", outer=add_controller,
+        note="the drives cannot be opened: judged is a loop about them, its gains assumed (--set joint_loop.ki=5)",
     )  # fmt: skip
     return loop

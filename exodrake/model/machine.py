@@ -156,6 +156,7 @@ class Loop:
     nonlinear: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     # adds the controller to a machine whose own drives cannot be opened; None where it has one
     outer: Callable[[Robot], Robot] | None = None
+    note: str = ""  # what its reader must know, in a sentence
 
 
 @dataclass(frozen=True)

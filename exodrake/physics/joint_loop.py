@@ -1,6 +1,6 @@
 """Outer loop about position servos, once a frame: what a computer adds to the reference of drives that it cannot open.
 
-    sent = q_ref + kp e + ki E      E' = e      e = q_ref of the frame before - q
+    sent = q_d + kp e + ki E      E' = e      e = q_d of the frame before - q      lag q_d' = q_ref - q_d
 
 The error is that of the reference which the reading answers, so ideal servos get the reference itself.
 """
@@ -9,18 +9,19 @@ import sys
 
 from exodrake.model.part import JOINTS, SCALAR, Output, Part, State, Task, parameter_class
 
-# gains, and the frame that they were tuned for
-Parameters = parameter_class((SCALAR, {"kp": "-", "ki": "1/s", "period": "s"}))
+# gains, lag of a filter of the reference, and the frame that they were tuned for
+Parameters = parameter_class((SCALAR, {"kp": "-", "ki": "1/s", "lag": "s", "period": "s"}))
 
 
 def control(x, z, n, e, angle_ref, angle_read):
-    """The law; signals [rad]. x: angles sent, integrals of the errors [rad s], references before, started."""
-    count = angle_ref.shape[0]
+    """The law; signals [rad]. x: angles sent, integrals of the errors [rad s], filtered references before, started."""
+    count, kept = angle_ref.shape[0], n.lag / (n.lag + n.period) if x[3 * angle_ref.shape[0]] > 0.0 else 0.0
     for j in range(count):
+        desired = angle_ref[j] + kept * (x[2 * count + j] - angle_ref[j])
         error = x[2 * count + j] - angle_read[j] if x[3 * count] > 0.0 else 0.0  # nothing is read in the first frame
         x[count + j] += n.period * error
-        x[j] = angle_ref[j] + n.kp * error + n.ki * x[count + j]
-        x[2 * count + j] = angle_ref[j]
+        x[j] = desired + n.kp * error + n.ki * x[count + j]
+        x[2 * count + j] = desired
     x[3 * count] = 1.0
 
 

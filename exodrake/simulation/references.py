@@ -76,7 +76,7 @@ def on_machine(function: Callable[..., Reference], robot: Robot, **options: floa
     """A protocol on any machine. InputError if the machine or its robot file states no limits of the reference.
 
     Tensions are shares of the highest one, other references, such as angles, of the span between both limits.
-    `kind_start` stands where `kind_ref` begins, rates are those of the smoothed motion, further inputs stand at 0.
+    Further inputs are those of `complete_inputs`.
     """
     machine, limits = robot.machine, robot.machine.reference_limits
     first, *others = machine.references
@@ -91,20 +91,30 @@ def on_machine(function: Callable[..., Reference], robot: Robot, **options: floa
     channels = machine.channels(first.signal)
     unit = replace(robot, limits={name: dict.fromkeys(channels, level) for name, level in zip(limits, (0.0, 1.0))})
     shares = function(unit, **options)
-    stated = low + shares.values * (high - low)
-    rows = {first.kind: stated}
+    return Reference(complete_inputs(machine, low + shares.values * (high - low)), shares.name)
+
+
+def complete_inputs(machine: Machine, stated: np.ndarray, held: np.ndarray | None = None) -> np.ndarray:
+    """All inputs (n, inputs) [SI] of a motion that states the first ones, (n, channels) [SI].
+
+    `kind_start` stands where `kind_ref` begins, rates are those of the smoothed motion, further inputs stand as in
+    `held` (inputs,) [SI], or at 0.
+    """
+    first, *others = machine.references
+    rows, at = {first.kind: stated}, stated.shape[1]
     if any(column.rate_of for column in others):  # a body with mass cannot follow corners
         from scipy.ndimage import gaussian_filter1d
 
         rows = {first.kind: gaussian_filter1d(stated, SMOOTH / machine.frame, axis=0, mode="nearest")}
     for column in others:
+        begin, at = at, at + len(machine.channels(column.signal))
         if column.rate_of:
             rows[column.kind] = np.gradient(rows[column.rate_of], machine.frame, axis=0)
             continue
         start = column.kind == first.kind.removesuffix("_ref") + "_start"
-        held = stated[0] if start else np.zeros(len(machine.channels(column.signal)))
-        rows[column.kind] = np.tile(held, (len(stated), 1))
-    return Reference(np.hstack(list(rows.values())), shares.name)
+        still = stated[0] if start else np.zeros(at - begin) if held is None else held[begin:at]
+        rows[column.kind] = np.tile(still, (len(stated), 1))
+    return np.hstack(list(rows.values()))
 
 
 def reference_rows(machine: Machine, log: Log) -> np.ndarray:
