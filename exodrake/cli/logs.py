@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 @click.command()
 @click.argument("log", type=options.AnyPath())
 @options.robot_option()
-@click.option("--out", type=options.OutputFile("recording.html"), help="File to write, or folder [LOG with .html].")
+@click.option("--out", type=options.AnyPath(), help="File to write [LOG with .html].")
 @click.option("--estimated", is_flag=True, help="Show the estimated joint angles, not the measured ones.")
 @click.option("--open", "show", is_flag=True, help="Open the file in the browser.")
 def show_log(log, robot, out, estimated, show) -> None:
