@@ -10,7 +10,7 @@ import matplotlib
 import numpy as np
 
 from exodrake.cli.new_machine import ARM_SCAFFOLD
-from exodrake.cli.robot import describe, word_range
+from exodrake.cli.robot import describe
 from exodrake.data.log import Log
 from exodrake.data.plot import MEASURED, NOMINAL, STYLE, new_figure
 from exodrake.engine.inputs import Reference
@@ -276,7 +276,8 @@ def body(machine: Machine, effect: Effect, level: str) -> list[str]:
     for number, row in zip(effect.parameters, page["parameters"], strict=True):
         absent = f"{number.null:g}" if number is effect.parameters[0] else ""
         per = ", ".join(row["channels"]) or "robot"
-        lines.append(f"| `{number.name}` | {word_range(number)} | {number.initial:.4g} | {absent} | {per} |")
+        ends = f"{number.low:g} to {number.high:g} {number.unit}".removesuffix(" -")
+        lines.append(f"| `{number.name}` | {ends} | {number.initial:.4g} | {absent} | {per} |")
     lines += ["", f"{level} In logs", "", sentence(page["signature"]), ""]
     if effect.not_tried:
         lines += [f"A diagnosis does not try it unless `--effects` names it: {effect.not_tried}.", ""]
