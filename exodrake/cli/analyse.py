@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any
 
 import click
 from click.core import ParameterSource
@@ -38,7 +37,7 @@ SHOWN = 0.3  # poles of smaller modulus are gone within a few frames
 @click.option(
     "--to-control", "model", type=options.OutputFile(), help="NPZ with A, B, C, D, dt and names for python-control."
 )
-def command(file, parameters, effects, parts, at, draws, diagnosis, seed, out, model) -> Any:
+def command(file, parameters, effects, parts, at, draws, diagnosis, seed, out, model) -> object:
     """How stable, how fast and how robust the closed loop of a robot is, seen once a frame.
 
     Linearises the whole sampled loop at an operating point, and measures the full nonlinear one by steps and multisine.
@@ -171,7 +170,7 @@ def verdict(result: exo.ClosedLoop) -> str:
 @click.option("--segment", type=click.FloatRange(0.0, min_open=True), help="Length of Welch's segments [s].")
 @click.option("--out", type=options.OutputFolder(), help="Folder for response.png and response.json.")
 @options.json_option
-def find_response(cases, input, output, file, parameters, effects, parts, improved, segment, out) -> Any:
+def find_response(cases, input, output, file, parameters, effects, parts, improved, segment, out) -> object:
     """Estimate frequency responses from logs, with coherence, and set them beside the robot's on the same references.
 
     CASE_OR_LOG is a case folder, or one or several logs, which are averaged. Logs without the robot's references are

@@ -1,7 +1,5 @@
 """`exodrake blind`: withheld cases from a reference simulator, their diagnoses and scores."""
 
-from typing import Any
-
 import click
 
 from exodrake.cli.options import AnyPath, OutputFile, json_option, print_table, write_files
@@ -68,7 +66,7 @@ def run(folder, jobs, cluster, redo) -> None:
 @click.option("--against", type=AnyPath(), help="Folder of other answers to the same cases.")
 @json_option
 @click.option("--markdown", type=OutputFile("score.md"), help="Write the score as Markdown.")
-def score(folder, labels, against, markdown) -> Any:
+def score(folder, labels, against, markdown) -> object:
     """Check the commitment and score the diagnoses of FOLDER against the labels.
 
     --against compares them, case by case, with the answers that another method or configuration gave.

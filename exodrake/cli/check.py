@@ -1,7 +1,6 @@
 """`exodrake check`: what a case is good for, before it is diagnosed."""
 
 from pathlib import Path
-from typing import Any
 
 import click
 from rich.markup import escape
@@ -20,7 +19,7 @@ TOP, FEW = 3, 4  # effects that are listed for each; for fewer sensors
 @click.option("--out", "--figure", "figure", type=options.OutputFile("check.png"), help="Figure, or a folder for it.")
 @click.option("--allow-outside", is_flag=True, help="Read logs that lie outside the folder of their case, too.")
 @options.json_option
-def command(case: Path, robot: str, only: str, without: str, figure: Path | None, allow_outside: bool) -> Any:
+def command(case: Path, robot: str, only: str, without: str, figure: Path | None, allow_outside: bool) -> object:
     """Say what CASE is good for: clocks, gaps, saturation, excitation, and which effects it could not tell apart.
 
     CASE is a folder of logs or one log. The effects are judged on its references alone, by simulating each of them at a

@@ -23,7 +23,7 @@ HIDDEN = """Another simulator, with other equations, other numbers within 3 % an
 @click.option("--out", type=OutputFolder(), default=Path("demo"), show_default=True, help="Folder.")
 def command(seed: int, out: Path) -> None:
     """Simulate a grasp, inject a fault into an independent reference simulator, and find it from logs alone."""
-    from exodrake.cli.diagnose import FILES, Targets, diagnose_case
+    from exodrake.cli.diagnose import FILES, diagnose_case
     from exodrake.cli.simulate import make_files
     from exodrake.reference import answers, make, simulator
     from exodrake.simulation.scenario import Scenario
@@ -46,7 +46,8 @@ def command(seed: int, out: Path) -> None:
     digest = (out / COMMITMENT).read_text()[:16]
     click.echo(f"   five logs in {out / CASE}, SHA-256 of the label {digest}…")
     chapter(3, "The diagnosis", "Only the logs and the nominal robot are known. This takes a minute or two.")
-    found = diagnose_case(str(out / CASE), "", Targets(*(out / name for name in FILES)))
+    answer, report, improved = (out / name for name in FILES)
+    found = diagnose_case(str(out / CASE), "", answer, report, improved)
     chapter(4, "The label", "Now the label is read, and checked against its SHA-256 commitment.")
     reveal(out, found)
     click.echo(f"\n{click.style('look at', bold=True)}  {out}/grasp/recording.html   the finger in 3D")

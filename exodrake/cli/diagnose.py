@@ -6,7 +6,6 @@ import shlex
 from dataclasses import replace
 from datetime import date
 from pathlib import Path
-from typing import Any, NamedTuple
 
 import click
 from rich.markup import escape
@@ -18,15 +17,6 @@ from exodrake.core.progress import Stage, show_count, stages, where_to_run
 
 FILES = _, REPORT, IMPROVED = "diagnosis.json", "report.html", "improved.yaml"  # of the answer to one case
 FLEET, DIAGNOSED = "fleet.html", Path("diagnosed")
-
-
-class Targets(NamedTuple):
-    """Files for the answer of one case; `-` prints the JSON."""
-
-    json: Path | str | None = None
-    report: Path | None = None
-    robot: Path | None = None
-    law: Path | None = None
 
 
 @click.command()
@@ -65,7 +55,8 @@ def command(
         return diagnose_many(cases, out or DIAGNOSED, robot, jobs or -1, cluster, redo, tried, allow_outside)
     if cluster or redo:
         raise click.UsageError("--cluster and --redo are for several cases")
-    targets = [given or (out and out / name) for given, name in zip((json_file, report, out_robot), FILES)]
+    wanted = zip((json_file, report, out_robot), FILES)
+    json, report, improved = (given or (out and out / name) for given, name in wanted)
     if jobs is not None:
         import numba
 
@@ -74,14 +65,15 @@ def command(
         numba.set_num_threads(min(jobs, numba.config.NUMBA_NUM_THREADS))  # pyright: ignore
         thread_limit(count=jobs)
     discover = True if out_law is not None and discover is None else discover
-    diagnose_case(cases[0], robot, Targets(*targets, law=out_law), tried, allow_outside, profile, discover)
+    diagnose_case(cases[0], robot, json, report, improved, out_law, tried, allow_outside, profile, discover)
 
 
 def diagnose_case(
-    case: str, robot: str, targets: Targets, tried: frozenset[str] | None = None, allow_outside: bool = False,
-    profile: bool = False, discover: bool | None = None,
+    case: str, robot: str, json: Path | str | None, report: Path | None, improved: Path | None,
+    law: Path | None = None, tried: frozenset[str] | None = None, allow_outside: bool = False, profile: bool = False,
+    discover: bool | None = None,
 ) -> exo.Diagnosis:  # fmt: skip
-    """Diagnose one case, print the summary and write the files.
+    """Diagnose one case, print the summary and write the files; `json`, which may be `-`, prints the answer alone.
 
     The answer is written before a missing law is sought, and before the report: an error in either loses nothing.
     """
@@ -101,9 +93,9 @@ def diagnose_case(
             found = replace(found, provenance=replace(made, command=options.command_line()))
         known[:] = [found]
         for path, text in (
-            (targets.json, lambda: options.json_text(found.to_json())),
-            (targets.robot, lambda: found.robot_file(found.robot)),
-            (targets.report, lambda: diagnosis_html.report_html(found, found.problem or make_problem(read, nominal))),
+            (json, lambda: options.json_text(found.to_json())),
+            (improved, lambda: found.robot_file(found.robot)),
+            (report, lambda: diagnosis_html.report_html(found, found.problem or make_problem(read, nominal))),
         ):
             if isinstance(path, Path):
                 options.write_files({path: text()}, announce=False)
@@ -117,13 +109,13 @@ def diagnose_case(
             wanted = (lambda verdict: verdict == UNKNOWN) if discover is None else lambda _: discover
             found = diagnose(read, nominal, progress, tried, wanted, answered=keep)
         keep(found)
-        law = found.missing_law
-        if targets.law and law and law.robot:
+        missing = found.missing_law
+        if law and missing and missing.robot:
             from exodrake.diagnosis.discovery.law_code import write_law
 
-            written.update(dict.fromkeys(write_law(targets.law, law.id, law.text, law.robot, found.case)))
+            written.update(dict.fromkeys(write_law(law, missing.id, missing.text, missing.robot, found.case)))
     finally:  # also of a search for a law, or a report, that is interrupted or fails
-        if known and targets.json == "-":
+        if known and json == "-":
             options.write_json(known[0].to_json(), "-")
         elif known:
             print_summary(known[0])
@@ -196,7 +188,7 @@ def map_places(cases: tuple[str, ...], out: Path) -> dict[Path, Path]:
 @click.option("--out", type=options.OutputFile(FLEET), help="Write the report: which robots, which causes, since when.")
 @click.option("--table", type=options.OutputFile("fleet.parquet"), help="Write the table, a row each case, as Parquet.")
 @options.json_option
-def summarise_fleet(sources, out, table) -> Any:
+def summarise_fleet(sources, out, table) -> object:
     """Say of many diagnosed cases which robots have which causes, and since when.
 
     ANSWERS are folders that `exodrake diagnose CASE... --out FOLDER` wrote, files of `exodrake diagnose --json`,
@@ -230,7 +222,7 @@ def summarise_fleet(sources, out, table) -> Any:
 @click.option("--out", required=True, type=options.OutputFile("calibration.yaml"),
               help="File, or the machine's folder, whose verdicts then state the rates.")  # fmt: skip
 @options.json_option
-def count_errors(robot, folder, cases, minutes, seed, jobs, cluster, out) -> Any:
+def count_errors(robot, folder, cases, minutes, seed, jobs, cluster, out) -> object:
     """Count how often the diagnosis of a machine errs, on simulated robots.
 
     The robots' parameters are drawn within their tolerances; two of three have an effect of the library. Without

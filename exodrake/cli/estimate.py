@@ -1,7 +1,6 @@
 """`exodrake train` and `estimate`: the joint-angle estimator, validated under both splits, and the angles of a log."""
 
 from dataclasses import replace
-from typing import Any
 
 import click
 
@@ -18,7 +17,7 @@ from exodrake.cli.options import AnyPath, OutputFile, json_option, print_table, 
 @click.option("--one-sweep-per-log", is_flag=True, help="Do not cut logs at the ramps of their tension references.")
 @click.option("--seed", default=0, show_default=True, help="Of the validation's folds.")
 @json_option
-def train_estimator(logs, out, points, robot, one_sweep_per_log, seed) -> dict[str, Any]:
+def train_estimator(logs, out, points, robot, one_sweep_per_log, seed) -> object:
     """Train the joint-angle estimator on LOGS (tension, stroke and measured angles).
 
     Prints the error on random rows beside that on whole held-out sweeps; only the second predicts a new sweep.
@@ -61,7 +60,7 @@ BAND = "black: estimate, with a band of two standard deviations; in colour: meas
 @click.option("--robot", default="", metavar="FILE", help="Robot file or machine that the estimator must belong to.")
 @click.option("--as-trained", is_flag=True, help="Keep the zeros of the training, even if those of LOG have moved.")
 @json_option
-def estimate_angles(log, estimator, out, robot, as_trained) -> dict[str, Any]:
+def estimate_angles(log, estimator, out, robot, as_trained) -> object:
     """Joint angles of LOG with their standard deviations, and the share of samples unlike the training sweeps.
 
     Tests whether the zeros of the strokes have moved since the training, as re-donning does, and corrects them. Where

@@ -1,7 +1,5 @@
 """`exodrake experiment`: the motion that tells the explanations still in play apart."""
 
-from typing import Any
-
 import click
 
 import exodrake as exo
@@ -25,7 +23,7 @@ ADVICE = (
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the search.")
 @options.robot_option()
 @options.json_option
-def command(case, out, folder, duration, seed, robot) -> dict[str, Any]:
+def command(case, out, folder, duration, seed, robot) -> object:
     """Design the experiment that tells apart the explanations that the logs of CASE do not reject.
 
     CASE is a folder of logs, whose diagnosis.json is used if it is up to date, or an answer (`diagnose --json`). The

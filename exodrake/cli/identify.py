@@ -4,7 +4,6 @@
 """
 
 from pathlib import Path
-from typing import Any
 
 import click
 from rich.markup import escape
@@ -91,7 +90,7 @@ def synthesise(file, duration, rate, noise, artefact, dropouts, swap, seed) -> N
 @click.argument("log", type=options.AnyPath())
 @options.robot_option()
 @options.json_option
-def maximum_tension(log: Path, robot: str) -> Any:
+def maximum_tension(log: Path, robot: str) -> object:
     r"""The tension of each tendon that maximises the movement, from LOG of the protocol `maximum-tension`.
 
     \b
@@ -118,7 +117,7 @@ def maximum_tension(log: Path, robot: str) -> Any:
               help="Tensions per tendon in the assisted workspace.")  # fmt: skip
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True)
 @options.json_option
-def find_workspace(robot: str, out: Path, samples: int, steps: int, seed: int) -> Any:
+def find_workspace(robot: str, out: Path, samples: int, steps: int, seed: int) -> object:
     """Areas that fingertip and distal phalanx reach, by polygon union and Monte Carlo.
 
     Writes workspace.csv and workspace.png; `make paper` compares them with the paper's Table 2.
@@ -152,7 +151,7 @@ def find_workspace(robot: str, out: Path, samples: int, steps: int, seed: int) -
 @options.robot_changes
 @click.option("--out", type=options.OutputFolder(), help="Folder for robot.yaml, fit.png and fit.json.")
 @options.json_option
-def fit_parameters(cases, free, bounds, held_out, prediction, file, parameters, effects, parts, out) -> Any:
+def fit_parameters(cases, free, bounds, held_out, prediction, file, parameters, effects, parts, out) -> object:
     """Fit parameters of a robot to logs by least squares, with 90 % intervals that allow for coloured residuals.
 
     CASE_OR_LOG is a case folder, whose held-out logs are held out, or one or several logs. A name without channel

@@ -3,7 +3,6 @@
 import sys
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
 import click
 
@@ -68,7 +67,7 @@ def command(log: Path, robot: str, until_idle: float | None, map_file: Path | No
               help="The machine's folder, where `watch` finds alarm_limits.yaml, or a file.")  # fmt: skip
 @where_to_run
 @json_option
-def find_alarm_limits(robot, seed, robots, minutes, out, jobs, cluster) -> dict[str, Any]:
+def find_alarm_limits(robot, seed, robots, minutes, out, jobs, cluster) -> object:
     """Find gaps that healthy robots stay below, from simulated ones at work whose parameters lie within tolerance."""
     import numpy as np
     import yaml
