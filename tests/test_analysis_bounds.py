@@ -1,5 +1,7 @@
 """Bounds on settling and LQG: closed forms, python-control's Riccati solutions, and the nonlinear simulation."""
 
+from dataclasses import replace
+
 import control
 import numpy as np
 import pytest
@@ -75,9 +77,10 @@ def test_gains_are_scheduled_where_margins_move_by_half(plant):
     plants = [plant, *(linearise_plant(robot, at) for at in points[1:])]
     members = points_band(robot)
     tuned = Tuned("PD", robot, {"controller.kp": 6e-3, "controller.kd": 1e-4}, (), (members,), 1.0, 0.0, 1.0, 1.0, ())
-    tuning = Tuning(robot, Requirements(noise=1.0), (tuned, tuned))
+    tuning = Tuning(robot, Requirements(noise=1.0), (replace(tuned, name="as it is", settling=2.0), tuned))
     found = schedule_gains(plants, tuning)
     assert list(found) == points
     for gains, settling in found.values():
         assert gains["controller.kp"] > 6e-3 and settling < 2.0
     assert schedule_gains(plants[:1], tuning) == {}
+    assert schedule_gains(plants, replace(tuning, compared=(tuned,))) == {}  # its own gains are the best

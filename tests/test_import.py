@@ -98,7 +98,7 @@ def test_repeated_times_and_frames(tmp_path):
             TABLE,
             ["'columns.cell.scale'", "'big'"],
         ),
-        (changed(sepparator=";"), TABLE, ["'sepparator'", "'separator'"]),
+        (changed(sepparator=";"), TABLE, ["'sepparator'", "did you mean separator?"]),
         (changed(period=0), TABLE, ["'period'"]),
         (changed(period=1e-9), TABLE.replace("40000", "4e13"), ["too many"]),
         ("- 1", TABLE, ["map.yaml"]),

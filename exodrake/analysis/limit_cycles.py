@@ -177,7 +177,8 @@ def compare_cycles(
 ) -> LimitCycles:  # fmt: skip
     """Predicted and simulated limit cycles of a robot with a nonlinearity, whose readings may be rounded.
 
-    The model is of the loop without it, `limit` the gain margin of the channel there, `law` (lines,) the controller.
+    The model is of the loop without it, `limit` the gain margin of the channel there [-], `law` (lines,) the
+    controller from readings to commands [command / reading] at lines of (cycles, frames).
     """
     references, state = model.point.references, model.point.state
     loop = FrameMap.from_robot(robot)

@@ -337,7 +337,13 @@ def free_parameters(
 def spread_starts(base: np.ndarray, scales: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """Coordinates (`SPREAD`, parameters) spread evenly between the ends of each one, by ratio where its sign is fixed.
 
-    Where there is no end, from half to twice the value. base: flat vector (n,); scales, low, high: `free_parameters`.
+    Where there is no end, from half to twice the value.
+
+    Args:
+        base: (n,) flat vector of the start [SI].
+        scales: (parameters, n) directions [SI].
+        low, high: (parameters,) ends of the coordinates [-].
+
     """
     first = np.abs(scales).argmax(axis=1)
     value, size = base[first], scales[np.arange(len(first)), first]
