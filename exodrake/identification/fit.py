@@ -342,14 +342,15 @@ def spread_starts(base: np.ndarray, scales: np.ndarray, low: np.ndarray, high: n
     Args:
         base: (n,) flat vector of the start [SI].
         scales: (parameters, n) directions [SI].
-        low, high: (parameters,) ends of the coordinates [-].
+        low: (parameters,) lower ends of the coordinates [-].
+        high: (parameters,) their upper ends [-].
 
     """
     first = np.abs(scales).argmax(axis=1)
     value, size = base[first], scales[np.arange(len(first)), first]
     least = np.where(np.isfinite(low), value + low * size, value - 0.5 * np.abs(value))
     most = np.where(np.isfinite(high), value + high * size, value + np.abs(value))
-    share = qmc.Sobol(len(first), seed=0).random(SPREAD)
+    share = qmc.Sobol(len(first), rng=0).random(SPREAD)
     by_ratio = least * most > 0.0
     ratio = np.where(by_ratio, most / np.where(by_ratio, least, 1.0), 1.0)
     points = np.where(by_ratio, least * ratio**share, least + (most - least) * share)

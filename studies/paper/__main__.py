@@ -45,13 +45,11 @@ def command(out: Path, quick: bool, docs: Path | None, seed: int) -> None:
 
 def show(found: Reproduction) -> None:
     """The claims by verdict, and the line that matters."""
-    from rich.console import Console
-
-    from exodrake.report.terminal import table
+    from exodrake.cli.options import print_table
     from studies.paper.claim import count
     from studies.paper.study import DATA, MODEL
 
-    Console().print(table(("", "claim", "verdict"), [(c.where, c.what, c.verdict) for c in found.claims]))
+    print_table(("", "claim", "verdict"), [(c.where, c.what, c.verdict) for c in found.claims])
     click.echo(", ".join(f"{number} {verdict}" for verdict, number in count(found.claims).items()))
     data, model = found.study.error(DATA), found.study.error(MODEL)
     click.echo(

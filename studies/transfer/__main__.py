@@ -19,7 +19,7 @@ from exodrake.core.errors import InputError
 from exodrake.core.files import write_text
 from exodrake.core.progress import show_count
 from exodrake.reference.score import markdown as markdown_of
-from exodrake.report.terminal import table
+from exodrake.report.terminal import print_table
 from studies.transfer.control_task import TUNERS
 from studies.transfer.study import as_json, tables, transfer
 
@@ -51,7 +51,7 @@ def command(
     console = Console()
     for title, headings, rows in tables(found):
         console.print(f"[bold]{title}[/bold]")
-        console.print(table(headings, rows, wrapped=0))
+        print_table(console, headings, rows, wrapped=0)
     for name, reason in found.failed.items():
         click.echo(f"{name}: {reason}", err=True)
     if json_file:
