@@ -185,17 +185,7 @@ def use_engine(engine: str) -> None:
     """Uses once all that an engine compiles."""
     import numpy as np
 
-    from exodrake.engine.compose import compile_machine
-    from exodrake.engine.inputs import NOTHING, NoiseInputs, input_rows, prepare_values
-    from exodrake.model.machine import signal_count, state_size
-
-    robot, reference = exo.load_robot(), exo.Reference(np.tile([5.0, 3.0, 1.0], (3, 1)), "warm-up")
-    machine, frames = robot.machine, len(reference.values)
-    exo.record(robot, reference, engine=engine)
-    if engine == "compiled":
-        given = input_rows(machine, reference.values, NoiseInputs.draw(frames, 0, machine)).values()
-        records, batch = np.zeros((1, frames, signal_count(machine))), compile_machine(machine).batch
-        batch(prepare_values(robot)[None], state_size(machine), *given, machine.slot, 1, records, NOTHING)
+    exo.record(exo.load_robot(), exo.Reference(np.tile([5.0, 3.0, 1.0], (3, 1)), "warm-up"), engine=engine)
 
 
 @click.command()
