@@ -1,5 +1,6 @@
 """Figures of a closed loop, its robustness and its limit cycles, and of a tuning."""
 
+from operator import attrgetter
 from typing import Any
 
 import matplotlib
@@ -358,15 +359,16 @@ def plot_tuning(tuning: Tuning) -> Figure:
     panels = top.subplots(1, len(channels), sharey=True, squeeze=False)[0]
     settled = [s.settling for t in tuning.compared for s in t.steps if np.isfinite(s.settling)]
     end = min(1.15 * max(settled, default=np.inf), tuning.compared[0].steps[0].time[-1])
-    shares = [(s.output[:, j] - s.output[0, j]) / s.size for t in tuning.compared for j, s in enumerate(t.steps)]
-    highest = max(float(np.nanmax(share)) for share in shares)
+    highest = 1.35 / 1.05
     for j, (axes, channel) in enumerate(zip(panels, channels)):
         for k, tuned in enumerate(tuning.compared):
             step, look = tuned.steps[j], {"color": CONTROLLERS[k % len(CONTROLLERS)], "lw": 1.1 if tuned.gains else 1.6}
-            axes.plot(step.time, (step.output[:, j] - step.output[0, j]) / step.size, **look)
+            share = (step.output[:, j] - step.output[0, j]) / step.size
+            highest = max(highest, float(np.nanmax(share)))
+            axes.plot(step.time, share, **look)
         axes.axhline(1.0, **DASHED)
         axes.set(title=f"Step on {channel}", xlabel="Time [s]", xlim=(0.0, end))
-    panels[0].set(ylabel="Response / step [-]", ylim=(-0.05, min(max(1.35, 1.05 * highest), 2.2)))
+    panels[0].set(ylabel="Response / step [-]", ylim=(-0.05, min(1.05 * highest, 2.2)))
     title = "No controller holds all requirements"
     if best := tuning.best:
         title = f"Fastest within the requirements: {best.name}, settles in {best.settling:.3g} s"
@@ -408,17 +410,19 @@ def plot_uncertainty(found: Uncertainty) -> Figure:
     panels[0].set(xscale="log", yscale="log", xlabel="Frequency [Hz]", ylabel="Relative deviation of the plant [-]")
     panels[0].legend(fontsize=7.5)
     ends = {"improved robot": "black", "lower ends": "#0072b2", "upper ends": "#d55e00"}
-    for cycle, (label, colour) in zip(found.worst, ends.items()):
-        size = shown_unit(cycle.unit)[1] * cycle.amplitude
-        panels[1].plot(size, decibel(cycle.factor), ".-", lw=0.9, ms=3, color=colour, label=label)
-        panels[2].plot(size, cycle.phase_margin_deg, ".-", lw=0.9, ms=3, color=colour)
-        panels[2].set_visible(np.isfinite(found.phase_margin_deg))
-    for axes, label in zip(panels[1:], ("Gain margin [dB]", "Phase margin [deg]")):
-        unit = shown_unit(found.cycles[0].unit)[0]
-        axes.set(xscale="log", xlabel=f"Command of {found.worst[0].channel} [{unit}]", ylabel=label)
+    curves = (
+        ("Gain margin [dB]", found.list_worst(attrgetter("gain_margin_db")), lambda c: decibel(c.factor)),
+        ("Phase margin [deg]", found.list_worst(attrgetter("least_phase_deg")), attrgetter("phase_margin_deg")),
+    )
+    for axes, (name, cycles, margin) in zip(panels[1:], curves):
+        unit, factor = shown_unit(cycles[0].unit)
+        for cycle, (label, colour) in zip(cycles, ends.items()):
+            axes.plot(factor * cycle.amplitude, margin(cycle), ".-", lw=0.9, ms=3, color=colour, label=label)
+        axes.set(xscale="log", xlabel=f"Command of {cycles[0].channel} [{unit}]", ylabel=name)
         axes.axhline(0.0, color="black", lw=0.8)
     if found.cycles:
         panels[1].legend(fontsize=7.5)
+        panels[2].set_visible(np.isfinite(found.phase_margin_deg))
     return figure
 
 

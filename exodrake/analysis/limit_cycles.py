@@ -53,6 +53,11 @@ class LimitCycles:
         """Describing-function gain margin [dB] at the worst amplitude; inf where no amplitude has a limit."""
         return float(mg.decibel(np.nanmin(self.factor, initial=np.inf)))
 
+    @property
+    def least_phase_deg(self) -> float:
+        """Describing-function phase margin [deg] at the worst amplitude; inf where no amplitude has a crossover."""
+        return float(np.nanmin(self.phase_margin_deg))
+
     def read_simulation(self) -> tuple[float, float]:
         """Amplitude [SI] and frequency [Hz] of the simulated command with the robot's own gains; 0 and 0 at rest."""
         k = int(np.flatnonzero(self.factors == 1.0)[0])
@@ -81,6 +86,10 @@ class CommandedLoop:
     def sweep(self, state: np.ndarray, amplitude: float, lines: list[tuple[int, int]]) -> np.ndarray:
         """Describing functions (lines,) at an amplitude [SI] and lines (cycles, frames)."""
         return np.array([describing_function(self, state, amplitude, *line) for line in lines])
+
+    def find_frequency(self, lines: list[tuple[int, int]]) -> np.ndarray:
+        """Frequencies [Hz] (lines,) of lines (cycles, frames)."""
+        return np.array([n / (window * self.loop.robot.machine.frame) for n, window in lines])
 
     def run(self, state: np.ndarray, frames: int, rule: Callable[[int, float], float]) -> tuple[np.ndarray, np.ndarray]:
         """Command and reading (frames,) [SI] of the channel under a rule (frame, command of the controller) -> command.
@@ -163,8 +172,7 @@ def limit_cycles(
         response = plant.sweep(model.point.state, plant.unit * AMPLITUDES[0], lines)
         if not response.all():
             continue
-        frequency = np.array([n / (window * whole.dt) for n, window in lines])
-        law = mg.open_responses(opened[channel], frequency)[0][:, 0, 0] / response
+        law = mg.open_responses(opened[channel], plant.find_frequency(lines))[0][:, 0, 0] / response
         linear = model, channel, margins[channel], lines, law
         mine = [(label, one, rounded) for label, one, rounded, j in nonlinear if j == channel]
         found += [compare_cycles(label, one, *linear, rounded) for label, one, rounded in mine]
@@ -191,7 +199,7 @@ def compare_cycles(
         state = replace(loop, parameters=prepare_values(robot, quantisation=False)).run(state, rows)[0]
     plant = replace(CommandedLoop.of(model, channel), loop=loop, references=references)
     unit, dt = plant.unit, model.system.dt
-    frequency = np.array([n / (window * dt) for n, window in lines])
+    frequency = plant.find_frequency(lines)
     measured = np.array([plant.sweep(state, a, lines) for a in unit * AMPLITUDES])
     curve = [(*find_crossing(frequency, law * n), mg.loop_margins(frequency, law * n)[2]) for n in measured]
     factors, swings = np.sort(np.append(limit * np.array(FACTORS), 1.0)), []

@@ -3,7 +3,7 @@
 Populations are drawn within the tolerances of the robot file, or within the intervals of a diagnosis.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -190,16 +190,15 @@ class Uncertainty:
         """Worst describing-function gain margin over amplitudes and intervals [dB]; nan without nonlinearities."""
         return min((c.gain_margin_db for c in self.cycles), default=np.nan)
 
-    @property
-    def worst(self) -> tuple[LimitCycles, ...]:
-        """Cycles of the channel with the least margins: the improved robot's, then those of the intervals' ends."""
-        least = min(self.cycles, key=lambda c: (c.gain_margin_db, np.nanmin(c.phase_margin_deg)), default=None)
+    def list_worst(self, margin: Callable[[LimitCycles], float]) -> tuple[LimitCycles, ...]:
+        """Cycles of the channel where a margin is least: the improved robot's, then those of the intervals' ends."""
+        least = min(self.cycles, key=margin, default=None)
         return tuple(c for c in self.cycles if least and c.channel == least.channel)
 
     @property
     def phase_margin_deg(self) -> float:
         """Worst describing-function phase margin over amplitudes and intervals [deg]; nan without nonlinearities."""
-        return min((float(np.nanmin(c.phase_margin_deg)) for c in self.cycles), default=np.nan)
+        return min((c.least_phase_deg for c in self.cycles), default=np.nan)
 
     def to_dict(self) -> dict[str, Any]:
         """All numbers as plain data; the weight by its coefficients in s, the highest power first."""

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from operator import attrgetter
 
 import click
 from click.core import ParameterSource
@@ -126,9 +127,10 @@ def uncertainty_lines(result: exo.ClosedLoop) -> list[str]:
     words += f", {u.kicked} by a simulated kick" if u.kicked else ""
     found = [words + (f"; unstable: {', '.join(u.unstable)}" if u.unstable else "")]
     if u.cycles:
+        gain, phase = (u.list_worst(attrgetter(name)) for name in ("gain_margin_db", "least_phase_deg"))
         found.append(
-            f"describing functions, worst amplitude and interval: gain margin {u.gain_margin_db:.3g} dB, phase margin "
-            f"{u.phase_margin_deg:.3g} deg ({u.worst[0].channel})"
+            f"describing functions, worst amplitude and interval: gain margin {u.gain_margin_db:.3g} dB "
+            f"({gain[0].channel}), phase margin {u.phase_margin_deg:.3g} deg ({phase[0].channel})"
         )
         size, frequency = max(c.read_simulation() for c in u.cycles)
         unit, factor = shown_unit(u.cycles[0].unit)
