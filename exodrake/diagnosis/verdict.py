@@ -47,6 +47,7 @@ REASONS = {
     UNKNOWN: "no effect explains half of the gap",
 }
 DIFFERS = "most of the gap differs from run to run of one motion, and no effect that was tried does"
+WORSE = 0.1  # probability of a chance by which a refinement seems to make predictions worse; as that of all intervals
 EXPLAINED, MOST = 0.9, 0.5  # shares of the gap from which causes are named, and from which they explain part of it
 
 
@@ -150,20 +151,23 @@ def decide_retuned(found: Isolation, decision: Decision) -> Decision:
 def drop_refinements(found: Isolation) -> tuple[Fitted, tuple[Part, ...]]:
     """The best set without refinements that do not help, and its effects.
 
-    Such leave more over the whole logs than the set without them, or logs predict each other worse by them, by more
-    than its standard error. Where none is a cause, each stands in for the others: they go until one is.
+    Such leave more over the whole logs than the set without them, or logs predict each other worse by them (one-sided
+    t-test at 10 %). Where none is a cause, each stands in for the others: they go until one is.
     """
-    from scipy.stats import sem
+    from scipy.stats import ttest_1samp
 
     search, best = found.search, found.best
     parts, least = divide_gap(found, best), 1 - any(d.certain for d in found.whole.detected)
     while small := [p for p in parts if p.role == REFINEMENT and len(parts) > least]:
         worse, alike = [p for p in small if p.share.value < 0.0], len(small) == len(parts)
         tried = worse or (small if alike or best.model.log.max() > 0 else [])
-        error, smaller = search.predict_error(best), {p.effect: search.sets[best.effects - {p.effect}] for p in tried}
+        smaller = {p.effect: search.sets[best.effects - {p.effect}] for p in tried}
+        error, smaller = search.predict_error(best), {i: f for i, f in smaller.items() if search.usable(f)}
         gains = {effect: error - search.predict_error(fitted) for effect, fitted in smaller.items()}
         effect = max(gains, key=lambda i: gains[i].mean(), default="")
-        if not effect or not (worse or alike or gains[effect].mean() > sem(gains[effect])):
+        if not effect:
+            break
+        if not (worse or alike) and ttest_1samp(gains[effect], 0.0, alternative="greater").pvalue > WORSE:
             break
         best = smaller[effect]
         search.reduce(best.effects)
