@@ -159,7 +159,6 @@ def diagnosis(verdict=NAMED):
         closure=closure(healthy),
         rivals=rivals if verdict == AMBIGUOUS else (),
         candidates=tuple(candidate(n, i, best) for i, n in enumerate(IDS)) if found else (),
-        baselines={"replay": IDS[0], "bic": IDS[3]},
         reasons=("the causes explain the gap, and nothing else does",),
         notes=("chirp.csv.gz: 2 repeated rows dropped",),
         run_time=48.2,

@@ -42,12 +42,10 @@ def test_injected_friction_is_named_with_its_coefficient():
     assert all(robot[name] == nominal[name] for name in (*nominal.machine.noise, *nominal.machine.resolution))
 
 
-def test_candidates_are_the_most_likely_first_and_baselines_are_among_them():
+def test_candidates_are_the_most_likely_first():
     found = friction_diagnosis()
     evidence = [c.evidence for c in found.candidates]
     assert evidence == sorted(evidence, reverse=True) and "tendon.capstan_friction" in found.candidates[0].id
-    singles = {c.id: c.chi2 for c in found.candidates if " + " not in c.id}
-    assert found.baselines["replay"] == min(singles, key=singles.get) and found.baselines["bic"] in singles
 
 
 def test_two_steps_of_the_closure_multiply_to_the_whole_and_each_motion_has_its_own():

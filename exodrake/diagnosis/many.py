@@ -73,7 +73,6 @@ SCHEMA = having(
             having({"overall": INTERVAL, "retune": INTERVAL, "effect": INTERVAL, "rms": optional(names(REAL))})
         ),
         "candidates": optional(listing(having({"id": line}, ("id",)))),
-        "baselines": optional(names(WORDS)),
         "reasons": NAMES,
         "seconds": REAL,
         "simulated_seconds": REAL,

@@ -161,7 +161,6 @@ def answer(found: Isolation, started: float, progress: StageProgress) -> Diagnos
         closure=closure,
         rivals=find_rivals(problem, found, decision, [p for _, p in others.values()]),
         candidates=tuple(sorted(candidates, key=lambda c: -c.evidence)),
-        baselines=choose_baselines(found),
         reasons=decision.reasons,
         notes=write_notes(found, best, stated["improved"]),
         run_time=time.perf_counter() - started,
@@ -214,21 +213,6 @@ def state_effects(
     taken = 1.0 - found.beside_detections if len(certain) == 1 else NONE  # nothing is known of one among several
     stated += [replace(effect, share=Interval(taken, taken, taken)) for effect in certain]
     return tuple(sorted(stated, key=lambda e: (e.role != CAUSE, -np.nan_to_num(e.share.value)))), gone
-
-
-def choose_baselines(found: Isolation) -> dict[str, str]:
-    """Explanations that trivial methods would choose among the same fits in closed loop.
-
-    The smallest residual, and raw BIC with every sample counted as independent.
-    """
-    few = [f for key, f in found.search.sets.items() if len(key) < 2]
-    singles, samples = [f for f in few if f.effects] or few, found.likelihood.views[0].samples
-
-    def bic(f: Fitted) -> float:
-        return samples * float(f.chi2[0]) + (len(f.explanation.x) - f.explanation.nominal) * np.log(samples)
-
-    chosen = {"replay": min(singles, key=lambda f: f.chi2[0]), "bic": min(few, key=bic)}
-    return {method: f.explanation.name for method, f in chosen.items()}
 
 
 def write_notes(found: Isolation, best: Fitted, improved: Robot) -> tuple[str, ...]:

@@ -202,7 +202,6 @@ class Diagnosis:
         closure: reduction of the gap on the judged logs.
         rivals: explanations that the logs do not tell apart, for `exodrake experiment`; none where one is left.
         candidates: all sets that were fitted, the most likely first.
-        baselines: trivial method -> explanation that it would choose among the same fits.
         reasons: reasons for the verdict, a sentence each.
         notes: remarks on logs, their used part and the calibration, a sentence each.
         run_time: duration of the diagnosis [s].
@@ -225,7 +224,6 @@ class Diagnosis:
     closure: Closure
     rivals: tuple[Rival, ...]
     candidates: tuple[Candidate, ...]
-    baselines: dict[str, str]
     reasons: tuple[str, ...]
     notes: tuple[str, ...]
     run_time: float
