@@ -62,20 +62,13 @@ def test_samples_that_count_as_one_divide_what_the_logs_say():
     assert many.step == pytest.approx(one.step, rel=1e-3)
 
 
-def test_a_block_left_out_is_predicted_by_a_fit_to_the_others():
+def test_a_block_left_out_counts_no_more():
     jacobian, residual, _ = example(4)
     precision = np.full(4, 0.1)
     found = model_of(jacobian, residual, precision)
-    chi2 = found.leave_out(found.log)[:, 0]
     some = model_of(jacobian[:, 50:150], residual[50:150], precision, blocks=2).posterior()
     kept = found.posterior(np.isin(found.log, [1, 2]))
     assert kept.step == pytest.approx(some.step) and kept.covariance == pytest.approx(some.covariance)
-    for k in range(4):
-        rest = np.r_[0 : 50 * k, 50 * (k + 1) : 200]
-        j, r = jacobian[:, rest], residual[rest]
-        step = -np.linalg.solve(j @ j.T + np.diag(precision), j @ r)
-        here = slice(50 * k, 50 * (k + 1))
-        assert chi2[k] == pytest.approx(np.mean((residual[here] + step @ jacobian[:, here]) ** 2), rel=1e-6)
 
 
 def test_eliminated_parameters_leave_the_cost_of_the_others():

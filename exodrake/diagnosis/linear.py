@@ -133,22 +133,6 @@ class LinearModel:
         found = model.posterior()
         return -0.5 * (float(model.effective @ np.log(model.variance)) + found.cost + found.volume)
 
-    def leave_out(self, folds: np.ndarray) -> np.ndarray:
-        """Reduced chi-squares (folds, views) of each fold predicted by the others; folds: (blocks,) numbers.
-
-        NaN where a fold has no sample in a view.
-        """
-        found = []
-        for fold in np.unique(folds):
-            here = folds == fold
-            both, row = np.r_[self.posterior(~here).step, 1.0], []
-            for v in range(len(self.variance)):
-                mine = here & (self.view == v)
-                count = self.samples[mine].sum()
-                row.append(float(both @ self.products[mine].sum(axis=0) @ both) / count if count else np.nan)
-            found.append(row)
-        return np.array(found)
-
     def eliminate(self, count: int, blocks: np.ndarray | None = None) -> Reduced:
         """The model of the last x alone, the first `count` of them eliminated (Schur complement).
 

@@ -449,10 +449,6 @@ class Search:
         others = [f for f in self.sets.values() if len(f.effects) == len(best.effects) and self.usable(f)]
         return sorted((f for f in others if f.tolerance_cost < limit), key=lambda f: f.tolerance_cost)
 
-    def predict_error(self, fitted: Fitted) -> np.ndarray:
-        """Mean logarithm over views of the reduced chi-square of each log as the others predict it (logs,)."""
-        return np.nanmean(np.log(np.maximum(fitted.model.leave_out(fitted.model.log), 1.0)), axis=1)
-
 
 def screen(likelihood: Likelihood, e: Explanation, lin: Linearisation, kept: np.ndarray) -> list[Predicted]:
     """Each effect that an explanation lacks, by its best probe, the one that lowers the cost most first.

@@ -47,7 +47,6 @@ REASONS = {
     UNKNOWN: "no effect explains half of the gap",
 }
 DIFFERS = "most of the gap differs from run to run of one motion, and no effect that was tried does"
-WORSE = 0.1  # probability of a chance by which a refinement seems to make predictions worse; as that of all intervals
 EXPLAINED, MOST = 0.9, 0.5  # shares of the gap from which causes are named, and from which they explain part of it
 
 
@@ -151,25 +150,19 @@ def decide_retuned(found: Isolation, decision: Decision) -> Decision:
 def drop_refinements(found: Isolation) -> tuple[Fitted, tuple[Part, ...]]:
     """The best set without refinements that do not help, and its effects.
 
-    Such leave more over the whole logs than the set without them, or logs predict each other worse by them (one-sided
-    t-test at 10 %). Where none is a cause, each stands in for the others: they go until one is.
+    Such leave more over the whole logs than the set without them. Where none is a cause, each stands in for the others:
+    they go, the smallest first, until one is. What cross-validation says against others is chance: on 38 splits of
+    recordings of real machines, held-out motion is predicted best with all of them.
     """
-    from scipy.stats import ttest_1samp
-
     search, best = found.search, found.best
     parts, least = divide_gap(found, best), 1 - any(d.certain for d in found.whole.detected)
-    while small := [p for p in parts if p.role == REFINEMENT and len(parts) > least]:
-        worse, alike = [p for p in small if p.share.value < 0.0], len(small) == len(parts)
-        tried = worse or (small if alike or best.model.log.max() > 0 else [])
-        smaller = {p.effect: search.sets[best.effects - {p.effect}] for p in tried}
-        error, smaller = search.predict_error(best), {i: f for i, f in smaller.items() if search.usable(f)}
-        gains = {effect: error - search.predict_error(fitted) for effect, fitted in smaller.items()}
-        effect = max(gains, key=lambda i: gains[i].mean(), default="")
-        if not effect:
+    while len(parts) > least:
+        alike = all(p.role == REFINEMENT for p in parts)
+        tried = [p for p in parts if p.role == REFINEMENT and (alike or p.share.value < 0.0)]
+        tried = [p for p in tried if search.usable(search.sets[best.effects - {p.effect}])]
+        if not tried:
             break
-        if not (worse or alike) and ttest_1samp(gains[effect], 0.0, alternative="greater").pvalue > WORSE:
-            break
-        best = smaller[effect]
+        best = search.sets[best.effects - {min(tried, key=lambda p: p.share.value).effect}]
         search.reduce(best.effects)
         parts = divide_gap(found, best)
     return best, parts
