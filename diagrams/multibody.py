@@ -20,6 +20,7 @@ from exodrake.core.errors import InputError
 from exodrake.machines.export import robot_as
 from exodrake.model.robot import Robot
 from exodrake.physics.finger_statics import MF_JOINTS, end_stop, joint_paths, read_parameters
+from exodrake.systems.part import Cloneable
 
 FINGER = "finger"
 
@@ -58,7 +59,7 @@ def multibody_finger(robot: Robot, step: float) -> MultibodyPlant:
     return plant
 
 
-class MultibodyFinger(Diagram):
+class MultibodyFinger(Cloneable, Diagram):
     """The nominal finger as a MultibodyPlant with elastic tendons.
 
     .. pydrake_system::
@@ -105,7 +106,7 @@ class MultibodyFinger(Diagram):
         self.set_name(FINGER)
 
 
-class ElasticTendons(LeafSystem):
+class ElasticTendons(Cloneable, LeafSystem):
     """Tensions of the tendons, and torques of tendons and passive joints without their damping.
 
     .. pydrake_system::

@@ -11,7 +11,7 @@ from weakref import ref
 import numpy as np
 from pydrake.common import RandomGenerator
 from pydrake.common.value import AbstractValue
-from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem, ValueProducer
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem, System, ValueProducer
 
 from exodrake.core.errors import InputError, nearest
 from exodrake.engine.compose import equations
@@ -77,7 +77,35 @@ def array_parameter(leaf: LeafSystem, name: str, sizes: Mapping[str, int]) -> Na
     return NamedParameter(leaf, name, tuple(range(sizes[name])), names.index(name))
 
 
-class PartSystem(LeafSystem):
+class Cloneable:
+    """Lets a system clone itself, by its constructor from the same arguments; systems among them are cloned, too.
+
+    Drake's own `Clone` asks for scalar conversion, which equations that numba compiles do not have.
+    """
+
+    arguments: tuple
+    named: dict[str, Any]
+
+    def __new__(cls, *arguments: Any, **named: Any) -> Any:
+        """An instance that knows its arguments."""
+        self = super().__new__(cls)
+        self.arguments, self.named = arguments, named
+        return self
+
+    def Clone(self: Any) -> Any:
+        """A system like this one."""
+
+        def copy(value: Any) -> Any:
+            if isinstance(value, list):
+                return [copy(one) for one in value]
+            return value.Clone() if isinstance(value, System) else value
+
+        clone = type(self)(*map(copy, self.arguments), **{name: copy(value) for name, value in self.named.items()})
+        clone.set_name(self.get_name())
+        return clone
+
+
+class PartSystem(Cloneable, LeafSystem):
     """A LeafSystem with the equations, the parameters and the discrete state of one part of a robot.
 
     A subclass declares ports and events, and its updates call `self.equations`: the functions of the part's module in
@@ -97,8 +125,6 @@ class PartSystem(LeafSystem):
     Raises:
         InputError: the robot has no such part.
     """
-
-    options: tuple = ()  # further arguments of a subclass, for `Clone`
 
     def __init__(self, robot: Robot | None, name: str) -> None:
         super().__init__()
@@ -224,10 +250,6 @@ class PartSystem(LeafSystem):
         """When a task of a slot runs: in its middle [s] after the start of the frame."""
         return (slot + 0.5) * self.machine.slot
 
-    def Clone(self) -> PartSystem:
-        """A leaf like this one."""
-        return type(self)(self.robot, *self.options)
-
     def SetRandomContext(self, context: Context, generator: RandomGenerator) -> None:
         """Draws the parameters of a leaf's own Context within their tolerances, with the default state."""
         super().SetRandomContext(context, generator)
@@ -263,7 +285,7 @@ class MachinePart(PartSystem):
     def __init__(self, robot: Robot | None, name: str, substeps: int = 1) -> None:
         """Takes the robot, the name of the part, and plant ticks per slot."""
         super().__init__(robot, name)
-        self.options, part, tendons = (name, substeps), self.part, len(self.machine.axes.tendons)
+        part, tendons = self.part, len(self.machine.axes.tendons)
         for signal in dict.fromkeys(s for item in (*part.tasks, *part.outputs) for s in item.reads):
             if signal not in self.writer:
                 self.DeclareVectorInputPort(signal, len(self.machine.channels(signal)))
