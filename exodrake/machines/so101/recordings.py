@@ -13,7 +13,7 @@ from exodrake.core.files import read_bytes
 from exodrake.data.case import Case
 from exodrake.data.log import Log
 from exodrake.data.text import read_text
-from exodrake.machines.recording_tools import find_files, halve_log, joint_log
+from exodrake.machines.library import find_files, halve_log, joint_log
 
 FRAME = 0.02  # s
 CONTROL, STATE, LIST = "control.csv", "state_motor.csv", "joint_list.txt"
