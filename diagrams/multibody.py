@@ -22,8 +22,6 @@ from exodrake.model.robot import Robot
 from exodrake.physics.finger_statics import MF_JOINTS, end_stop, joint_paths, read_parameters
 from exodrake.systems.part import Cloneable
 
-FINGER = "finger"
-
 
 def multibody_arm(robot: Robot, step: float = 0.0) -> MultibodyPlant:
     """The arm of a robot, finalized: links, joints with damping, rotors, payload and a tilted base.
@@ -82,7 +80,7 @@ class MultibodyFinger(Cloneable, Diagram):
     def __init__(self, robot: Robot, step: float = 0.0) -> None:
         """Takes the robot, and the step of a discrete plant [s]; 0 for a continuous one."""
         super().__init__()
-        part = next((part for part in robot.machine.parts if part.name == FINGER), None)
+        part = next((part for part in robot.machine.parts if part.name == "finger"), None)
         if part is None:
             raise InputError(f"{robot.machine.name}: no finger that a MultibodyPlant could stand for")
         for effect in robot.machine.effects_on(part):
@@ -103,7 +101,7 @@ class MultibodyFinger(Cloneable, Diagram):
         for name in ("tension_finger", "tension", "tension_spool"):
             builder.ExportOutput(tendons.GetOutputPort("tension"), name)
         builder.BuildInto(self)
-        self.set_name(FINGER)
+        self.set_name("finger")
 
 
 class ElasticTendons(Cloneable, LeafSystem):
