@@ -29,7 +29,7 @@ from exodrake.engine.inputs import NoiseInputs, Reference, input_rows, prepare_v
 from exodrake.machines.exo_index.machine import PARTS
 from exodrake.model.machine import Machine, find_places
 from exodrake.model.robot import Robot
-from exodrake.systems.part import MachinePart, NamedParameter, PartSystem
+from exodrake.systems.part import Cloneable, MachinePart, NamedParameter, PartSystem
 from exodrake.systems.sources import Noise, Playback, RobotDraw
 
 
@@ -82,7 +82,7 @@ def run_diagram(
     return read_signals(machine, diagram, simulator.get_context())
 
 
-class RobotDiagram(Diagram):
+class RobotDiagram(Cloneable, Diagram):
     """The closed loop of a robot: parts, sources of what comes from outside, and the log; see `build_diagram`.
 
     Subsystems beside the parts: `reference` plays the given signals, `noise` those of the sensors; `random` and `draw`
@@ -103,7 +103,6 @@ class RobotDiagram(Diagram):
         """Takes rows (frames, channels) of given signals [SI], and arguments as in `build_diagram`."""
         super().__init__()
         self.robot, self.quantisation, self.source = robot, quantisation, source
-        self._arguments = (robot, rows, seed, quantisation, substeps, systems, source)
         robot = replace(robot, values=prepare_values(robot, quantisation))
         machine, builder = robot.machine, DiagramBuilder()
         own = {system.get_name(): system for system in systems}
@@ -179,12 +178,6 @@ class RobotDiagram(Diagram):
                 builder.ExportOutput(port, f"{system.get_name()}.{name}")
         builder.BuildInto(self)
         self.set_name(machine.name)
-
-    def Clone(self) -> RobotDiagram:
-        """A Diagram like this one; systems of one's own must be able to clone themselves."""
-        robot, rows, seed, quantisation, substeps, systems, source = self._arguments
-        clones = [system.Clone() for system in systems]
-        return RobotDiagram(robot, rows, seed, quantisation, substeps, clones, source)
 
 
 def list_inputs(system: System) -> list[InputPort]:

@@ -20,8 +20,7 @@ from exodrake.core.errors import InputError
 from exodrake.machines.export import robot_as
 from exodrake.model.robot import Robot
 from exodrake.physics.finger_statics import MF_JOINTS, end_stop, joint_paths, read_parameters
-
-FINGER = "finger"
+from exodrake.systems.part import Cloneable
 
 
 def multibody_arm(robot: Robot, step: float = 0.0) -> MultibodyPlant:
@@ -58,7 +57,7 @@ def multibody_finger(robot: Robot, step: float) -> MultibodyPlant:
     return plant
 
 
-class MultibodyFinger(Diagram):
+class MultibodyFinger(Cloneable, Diagram):
     """The nominal finger as a MultibodyPlant with elastic tendons.
 
     .. pydrake_system::
@@ -81,7 +80,7 @@ class MultibodyFinger(Diagram):
     def __init__(self, robot: Robot, step: float = 0.0) -> None:
         """Takes the robot, and the step of a discrete plant [s]; 0 for a continuous one."""
         super().__init__()
-        part = next((part for part in robot.machine.parts if part.name == FINGER), None)
+        part = next((part for part in robot.machine.parts if part.name == "finger"), None)
         if part is None:
             raise InputError(f"{robot.machine.name}: no finger that a MultibodyPlant could stand for")
         for effect in robot.machine.effects_on(part):
@@ -102,10 +101,10 @@ class MultibodyFinger(Diagram):
         for name in ("tension_finger", "tension", "tension_spool"):
             builder.ExportOutput(tendons.GetOutputPort("tension"), name)
         builder.BuildInto(self)
-        self.set_name(FINGER)
+        self.set_name("finger")
 
 
-class ElasticTendons(LeafSystem):
+class ElasticTendons(Cloneable, LeafSystem):
     """Tensions of the tendons, and torques of tendons and passive joints without their damping.
 
     .. pydrake_system::

@@ -9,10 +9,11 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 from exodrake.model.machine import Machine
 from exodrake.physics.gp_estimator import Weights
 from exodrake.systems.gp_estimator import GPEstimator
+from exodrake.systems.part import Cloneable
 from exodrake.systems.posture_controller import PostureController, PosturePlan
 
 
-class PostureLoop(Diagram):
+class PostureLoop(Cloneable, Diagram):
     """Joint-angle estimator and posture controller around a tension loop (the paper's Fig. 4).
 
     .. pydrake_system::

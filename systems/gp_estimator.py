@@ -3,15 +3,15 @@
 import numpy as np
 from pydrake.systems.framework import BasicVector, Context, DiscreteStateIndex, DiscreteValues, LeafSystem
 
+from exodrake.machines.robot_file import robot_or_default
 from exodrake.model.machine import Machine
 from exodrake.physics.gp_estimator import Weights, predict_into, scratch
-from exodrake.systems.part import NamedParameter, array_parameter
+from exodrake.systems.part import Cloneable, NamedParameter, array_parameter
 
-FRAME, SLOT = 0.02, 0.002  # [s] of the Exo-Index
 LISTENS = 8  # slot of the frame: after the bus
 
 
-class GPEstimator(LeafSystem):
+class GPEstimator(Cloneable, LeafSystem):
     """Joint angles and their standard deviations from tension and stroke as read, once a frame in slot 8.
 
     .. pydrake_system::
@@ -40,7 +40,7 @@ class GPEstimator(LeafSystem):
     def __init__(self, weights: Weights, machine: Machine | None = None) -> None:
         super().__init__()
         self.set_name("estimator")
-        frame, slot = (machine.frame, machine.slot) if machine else (FRAME, SLOT)
+        machine = machine or robot_or_default(None).machine
         self.shapes = {name: values.shape for name, values in weights._asdict().items()}
         for values in weights:
             self.DeclareNumericParameter(BasicVector(np.ravel(values)))
@@ -49,7 +49,7 @@ class GPEstimator(LeafSystem):
         self.stroke_read = self.DeclareVectorInputPort("stroke_read", tendons)
         for name in ("angle_est", "angle_std"):
             self.DeclareStateOutputPort(name, DiscreteStateIndex(int(self.DeclareDiscreteState(unknown))))
-        self.DeclarePeriodicDiscreteUpdateEvent(frame, (LISTENS + 0.5) * slot, self.update)
+        self.DeclarePeriodicDiscreteUpdateEvent(machine.frame, (LISTENS + 0.5) * machine.slot, self.update)
 
     def update(self, context: Context, discrete: DiscreteValues) -> None:
         """One estimate."""

@@ -31,7 +31,7 @@ class MotorDynamics(PartSystem):
     def __init__(self, robot: Robot | None = None, substeps: int = 1) -> None:
         """Takes the robot, the nominal one if None, and plant ticks per slot."""
         super().__init__(robot, "motor")
-        self.options, self.dt = (substeps,), self.machine.slot / substeps
+        self.dt = self.machine.slot / substeps
         self.speed_applied = self.DeclareVectorInputPort("speed_applied", 3)
         self.tension_spool = self.DeclareVectorInputPort("tension_spool", 3)
         self.DeclareVectorInputPort("start_stroke", 3)

@@ -11,7 +11,7 @@ from weakref import ref
 import numpy as np
 from pydrake.common import RandomGenerator
 from pydrake.common.value import AbstractValue
-from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem, ValueProducer
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem, System, ValueProducer
 
 from exodrake.core.errors import InputError, nearest
 from exodrake.engine.compose import equations
@@ -77,7 +77,32 @@ def array_parameter(leaf: LeafSystem, name: str, sizes: Mapping[str, int]) -> Na
     return NamedParameter(leaf, name, tuple(range(sizes[name])), names.index(name))
 
 
-class PartSystem(LeafSystem):
+class Cloneable:
+    """Lets a system clone itself, by its constructor from the same arguments; systems among them are cloned, too.
+
+    Drake's own `Clone` asks for scalar conversion, which equations that numba compiles do not have.
+    """
+
+    def __new__(cls, *arguments: Any, **named: Any) -> Any:
+        """An instance that knows its arguments."""
+        self: Any = super().__new__(cls)
+        self.arguments, self.named = arguments, named
+        return self
+
+    def Clone(self: Any) -> Any:
+        """A system like this one."""
+
+        def copy(value: Any) -> Any:
+            if isinstance(value, list):
+                return [copy(one) for one in value]
+            return value.Clone() if isinstance(value, System) else value
+
+        clone = type(self)(*map(copy, self.arguments), **{name: copy(value) for name, value in self.named.items()})
+        clone.set_name(self.get_name())
+        return clone
+
+
+class PartSystem(Cloneable, LeafSystem):
     """A LeafSystem with the equations, the parameters and the discrete state of one part of a robot.
 
     A subclass declares ports and events, and its updates call `self.equations`: the functions of the part's module in
@@ -97,8 +122,6 @@ class PartSystem(LeafSystem):
     Raises:
         InputError: the robot has no such part.
     """
-
-    options: tuple = ()  # further arguments of a subclass, for `Clone`
 
     def __init__(self, robot: Robot | None, name: str) -> None:
         super().__init__()
@@ -149,14 +172,14 @@ class PartSystem(LeafSystem):
 
     def signal(self, context: Context, name: str) -> np.ndarray:
         """A signal that the part writes, or reads at a port, (channels,) [SI]; unconnected noise counts as none."""
-        output = self.writer.get(name)
+        output, x = self.writer.get(name), context.get_discrete_state(0).value()
         if output and output.states:
             at = self.machine.state_index(self.part, output.states[output.writes.index(name)])
-            return np.array(self.x(context)[at : at + len(self.machine.channels(name))])
+            return np.array(x[at : at + len(self.machine.channels(name))])
         if output:
             found = [np.zeros(len(self.machine.channels(signal))) for signal in output.writes]
             given = [self.signal(context, signal) for signal in output.reads]
-            getattr(self.equations, output.function)(self.x(context), self.p(context), *given, *found)
+            getattr(self.equations, output.function)(x, self.p(context), *given, *found)
             return found[output.writes.index(name)]
         port: Any = self.GetInputPort(name)
         kind = self.machine.signal[name].distribution
@@ -174,10 +197,6 @@ class PartSystem(LeafSystem):
         """Parameters in effect in a Context of the leaf, deviation included, (n,) [SI]; not to be written to."""
         found: Any = self.get_cache_entry(self._parameters).Eval(context)
         return found
-
-    def x(self, context: Context) -> np.ndarray:
-        """State (n,) of a Context of the leaf [units of its states]; not to be written to."""
-        return context.get_discrete_state(0).value()
 
     def parameter(self, name: str) -> NamedParameter:
         """A parameter by its full name, `finger.kappa.MCP`, or all channels of one, `finger.kappa`.
@@ -224,10 +243,6 @@ class PartSystem(LeafSystem):
         """When a task of a slot runs: in its middle [s] after the start of the frame."""
         return (slot + 0.5) * self.machine.slot
 
-    def Clone(self) -> PartSystem:
-        """A leaf like this one."""
-        return type(self)(self.robot, *self.options)
-
     def SetRandomContext(self, context: Context, generator: RandomGenerator) -> None:
         """Draws the parameters of a leaf's own Context within their tolerances, with the default state."""
         super().SetRandomContext(context, generator)
@@ -263,7 +278,7 @@ class MachinePart(PartSystem):
     def __init__(self, robot: Robot | None, name: str, substeps: int = 1) -> None:
         """Takes the robot, the name of the part, and plant ticks per slot."""
         super().__init__(robot, name)
-        self.options, part, tendons = (name, substeps), self.part, len(self.machine.axes.tendons)
+        part, tendons = self.part, len(self.machine.axes.tendons)
         for signal in dict.fromkeys(s for item in (*part.tasks, *part.outputs) for s in item.reads):
             if signal not in self.writer:
                 self.DeclareVectorInputPort(signal, len(self.machine.channels(signal)))

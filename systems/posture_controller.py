@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 from pydrake.systems.framework import BasicVector, Context, DiscreteStateIndex, DiscreteValues, LeafSystem
 
+from exodrake.machines.robot_file import robot_or_default
 from exodrake.model.machine import Machine
-from exodrake.systems.part import NamedParameter, array_parameter
+from exodrake.systems.part import Cloneable, NamedParameter, array_parameter
 
-FRAME, SLOT = 0.02, 0.002  # [s] of the Exo-Index
 RUNS = 3  # slot of the frame: before the tension controller
 PARAMETERS = ("ki", "gain", "low", "high")
 DAMPING = 0.1  # assumed: directions in which a tension moves the finger less than this share of the best are spared
@@ -72,7 +72,7 @@ class PosturePlan:
     ki: float
 
 
-class PostureController(LeafSystem):
+class PostureController(Cloneable, LeafSystem):
     """Tension references for a posture from the estimated angles, once a frame in slot 3.
 
     .. pydrake_system::
@@ -101,8 +101,8 @@ class PostureController(LeafSystem):
         """Takes the plan and the machine whose frame it keeps; None: that of the Exo-Index."""
         super().__init__()
         self.set_name("posture")
-        self.plan, slot = plan, machine.slot if machine else SLOT
-        self.frame = machine.frame if machine else FRAME
+        machine = machine or robot_or_default(None).machine
+        self.plan, self.frame = plan, machine.frame
         for name in PARAMETERS:
             self.DeclareNumericParameter(BasicVector(np.ravel(getattr(plan, name)).astype(float)))
         tendons, joints = plan.tension.shape[1], plan.angle.shape[1]
@@ -112,7 +112,7 @@ class PostureController(LeafSystem):
         for name, first in (("tension_ref", plan.tension[0]), ("angle_ref", plan.angle[0])):
             self.DeclareStateOutputPort(name, DiscreteStateIndex(int(self.DeclareDiscreteState(first))))
         self.DeclareDiscreteState(np.zeros(tendons))  # the correction
-        self.DeclarePeriodicDiscreteUpdateEvent(self.frame, (RUNS + 0.5) * slot, self.update)
+        self.DeclarePeriodicDiscreteUpdateEvent(self.frame, (RUNS + 0.5) * machine.slot, self.update)
 
     def update(self, context: Context, discrete: DiscreteValues) -> None:
         """One step of the law."""

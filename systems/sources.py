@@ -13,6 +13,7 @@ from pydrake.systems.primitives import RandomSource
 from exodrake.engine.inputs import NoiseInputs
 from exodrake.model.machine import Machine
 from exodrake.model.robot import Robot, drawn_deviation
+from exodrake.systems.part import Cloneable
 
 NO_NOISE = -1.0  # the seed of a run without noise
 AS_BUILT = -1.0  # the seed of the robot of the robot file
@@ -21,7 +22,7 @@ MANTISSA = 2**53  # a double in 0 .. 1 has as many values, each a seed
 ROUNDING = 1e-9  # frames: an instant this close to the start of a frame belongs to it
 
 
-class Playback(LeafSystem):
+class Playback(Cloneable, LeafSystem):
     """Rows of given signals, each held for a frame; the last one stays.
 
     .. pydrake_system::
@@ -62,7 +63,7 @@ class Playback(LeafSystem):
         output.set_value(self.rows[name][min(frame, len(self.rows[name]) - 1)])
 
 
-class Noise(LeafSystem):
+class Noise(Cloneable, LeafSystem):
     """Noise inputs of a machine, a row each frame, from streams that the seed and the signal's name determine.
 
     .. pydrake_system::
@@ -112,7 +113,7 @@ class Noise(LeafSystem):
         output.set_value(self.rows(seed, 1 << max(frame, 255).bit_length())[name][frame])
 
 
-class RobotDraw(LeafSystem):
+class RobotDraw(Cloneable, LeafSystem):
     """Which robot of its kind a Context holds: the one of the robot file, or one drawn within its tolerances.
 
     .. pydrake_system::
@@ -167,7 +168,7 @@ class RobotDraw(LeafSystem):
         output.set_value(np.zeros(len(own)) if seed == AS_BUILT else self.deviation(int(seed))[own])
 
 
-class SyncPulse(LeafSystem):
+class SyncPulse(Cloneable, LeafSystem):
     """The sync pulse of the paper's Fig. 5 and 8a: high at the start of every frame.
 
     The board sends it to the motion capture's analogue input, whose record of it ties both clocks together

@@ -34,7 +34,7 @@ class TendonFinger(PartSystem):
     def __init__(self, robot: Robot | None = None, substeps: int = 1) -> None:
         """Takes the robot, the nominal one if None, and plant ticks per slot."""
         super().__init__(robot, "finger")
-        self.options, self.dt = (substeps,), self.machine.slot / substeps
+        self.dt = self.machine.slot / substeps
         self.stroke = self.DeclareVectorInputPort("stroke", 3)
         self.wire_speed = self.DeclareVectorInputPort("wire_speed", 3)
         self.declare_outputs("angle", "rate", "tension_finger", "tension", "tension_spool")

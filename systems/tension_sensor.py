@@ -35,7 +35,7 @@ class TensionSensor(PartSystem):
     def __init__(self, robot: Robot | None = None, substeps: int = 1) -> None:
         """Takes the robot, the nominal one if None, and plant ticks per slot."""
         super().__init__(robot, "sensor")
-        self.options, self.dt = (substeps,), self.machine.slot / substeps
+        self.dt = self.machine.slot / substeps
         self.tension = self.DeclareVectorInputPort("tension", 3)
         self.wire_speed = self.DeclareVectorInputPort("wire_speed", 3)
         self.DeclareVectorInputPort("noise_tension", 3)

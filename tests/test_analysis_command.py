@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from arm_folders import made
+from arm_folders import MIXED, made
 from command_line import run
 
 import exodrake as exo
@@ -72,11 +72,13 @@ def test_bad_input_is_a_line_and_leaves_nothing(tmp_path, arguments, word):
 
 def test_what_new_machine_made_is_analysed_and_tuned(arm_folder):
     """The held integral about servos without dynamics: L = ki T / (z - 1), so a gain margin of 2 / 0.1 and 26 dB."""
-    made(arm_folder, "servos")
-    made(arm_folder, "axis", "--urdf", "linear_axis", "--form", "closed-loop")
-    servos, axis = (exo.analyse(exo.load_robot(name)) for name in ("servos", "axis"))
-    assert [m.gain_margin_db for m in servos.margins] == pytest.approx([20.0 * np.log10(20.0)] * 2, abs=0.02)
+    made(arm_folder, "servos", "--joints", "J1")
+    (arm_folder / "mixed.urdf").write_text(MIXED)
+    made(arm_folder, "arm", "--urdf", arm_folder / "mixed.urdf", "--form", "closed-loop")
+    servos, arm = (exo.analyse(exo.load_robot(name)) for name in ("servos", "arm"))
+    assert [m.gain_margin_db for m in servos.margins] == pytest.approx([20.0 * np.log10(20.0)], abs=0.02)
     assert servos.steps[0].overshoot < 1e-9 and servos.steps[0].settling < 0.021
-    assert axis.stable and axis.margins[0].gain_margin_db > 6.0
+    assert arm.stable and all(margin.gain_margin_db > 6.0 for margin in arm.margins)
+    axis = made(arm_folder, "axis", "--urdf", "linear_axis", "--form", "closed-loop")
     cable = made(arm_folder, "cabled", "--urdf", "cable_arm", "--form", "cable")
-    assert cable.machine.loop is not None and cable.machine.loop.command == "effort_ref"
+    assert all(robot.machine.loop.command == "effort_ref" for robot in (axis, cable))

@@ -173,10 +173,8 @@ def test_an_end_stop_that_a_link_leaves_does_not_pull_it(closed):
 
 
 def test_both_engines_agree_to_the_last_bit(closed):
-    for name in ("position", "effort"):
-        logs = [exo.simulate(closed, "steps:dwell=0.3", engine=engine) for engine in ("compiled", "drake")]
-        kind = f"joint_{name}"
-        assert all(np.array_equal(logs[0][c], logs[1][c]) for c in logs[0].columns if c.startswith(kind))
+    compiled, drake = (exo.simulate(closed, "steps:dwell=0.3", engine=engine) for engine in ("compiled", "drake"))
+    assert {"joint_position_J3", "joint_effort_J3"} <= set(compiled.columns) and compiled.equals(drake)
 
 
 def test_a_controller_that_compensates_no_gravity_is_one_without_a_model(closed):

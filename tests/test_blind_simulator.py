@@ -17,6 +17,8 @@ from exodrake.reference.cases import CaseMix, CasePlan, draw_case, grasps, plan
 from exodrake.reference.dynamics import (
     INPUT_SIZE,
     STATE_SIZE,
+    TOLERANCE,
+    advance,
     derivative,
     inverse_dynamics,
     limit_force,
@@ -26,7 +28,7 @@ from exodrake.reference.dynamics import (
 from exodrake.reference.faults import ENTRIES, LIBRARY, OUTSIDE, draw_effect
 from exodrake.reference.make import gap_in_noise
 from exodrake.reference.robot import FRAME, InjectedFault, RobotSpec, draw_parameters
-from exodrake.reference.simulator import TOLERANCE, advance, assemble, initial_state, simulate
+from exodrake.reference.simulator import assemble, initial_state, simulate
 
 REFERENCES = ("sweeps", "chirp", "holds", "grasps")
 NEAR = {"tension": 3e-3, "stroke": 3e-6, "angle": 6e-4}  # N, m, rad

@@ -31,12 +31,9 @@ def test_runs_with_noise_and_rounding_and_sub_steps(seconds, substeps):
 @pytest.mark.parametrize("effect", EFFECTS, ids=lambda effect: effect.id)
 def test_an_effect_at_typical_values(effect):
     robot = nominal().splice(effect.id)
-    reference = wavy(3.0)
-    compiled, drake = both(robot, reference)
+    compiled, drake = both(robot, wavy(3.0))
     assert np.isfinite(compiled).all()
     np.testing.assert_array_equal(compiled, drake)
-    short = Reference(reference.values[:50])
-    np.testing.assert_array_equal(*both(robot, short))
 
 
 PRINTED = """

@@ -1,20 +1,15 @@
 """The page on a machine of one's own: every line of it is executed, in order, from an empty folder."""
 
 import json
-import os
 import re
-import subprocess
-import sys
-from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import yaml
+from command_line import ROOT, follow
 
 from exodrake.data.formats import read_log
 
-ROOT = Path(__file__).parent.parent
 PAGE = ROOT / "docs" / "howto" / "machine.md"
 PIECES = re.compile(r"^```(\w+)\n(.*?)^```|^    (exodrake [^\n]*)$", re.M | re.S)
 NOMINAL_WATCH = "exodrake watch growing.csv --machine my_arm --until-idle 0"
@@ -26,20 +21,6 @@ REFUSED = [
     )
 ]  # fmt: skip
 ANSWERS = {"exodrake diagnose case": " --json found.json", "exodrake diagnose held/log.csv": " --json arm.json"}
-DRIVER = """
-import json, shlex, sys
-from click.testing import CliRunner
-from exodrake.cli.main import cli
-space, said = {}, []
-for kind, text in json.loads(sys.stdin.read()):
-    if kind == "python":
-        exec(compile(text, "machine.md", "exec"), space)
-        continue
-    result = CliRunner().invoke(cli, shlex.split(text)[1:])
-    broken = repr(result.exception) if result.exception and result.exc_info[0] is not SystemExit else ""
-    said.append([text, result.exit_code, result.stdout, result.stderr, broken])
-print("RESULTS" + json.dumps(said))
-"""
 
 
 @pytest.fixture(scope="module")
@@ -54,13 +35,7 @@ def done(tmp_path_factory):
         if language in ("", "python")
     ]
     steps += [("command", line) for line in (NOMINAL_WATCH, *REFUSED)]
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH"))))}
-    options = {"capture_output": True, "text": True, "cwd": folder, "env": environment}
-    process = subprocess.run([sys.executable, "-c", DRIVER], input=json.dumps(steps), **options)
-    assert process.returncode == 0, process.stderr
-    found = json.loads(process.stdout.partition("RESULTS")[2])
-    names = ("exit_code", "stdout", "stderr", "broken")
-    said = {line: SimpleNamespace(**dict(zip(names, rest, strict=True))) for line, *rest in found}
+    said = follow(steps, folder)
     for line, result in said.items():
         if line not in (NOMINAL_WATCH, *REFUSED):
             assert result.exit_code == 0, f"{line}: {result.stdout}{result.stderr}{result.broken}"

@@ -1,7 +1,6 @@
 """Plugins: a machine, a file format and a part from folders of one's own act through the command line."""
 
 import json
-import os
 import subprocess
 import sys
 from pathlib import Path
@@ -9,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from command_line import run
+from command_line import follow, run
 
 from exodrake.core import plugins
 from exodrake.core.errors import InputError
@@ -187,22 +186,23 @@ def dragging(tmp_path) -> Path:
 
 def test_an_effect_in_one_module_acts_and_is_diagnosed(dragging, tmp_path):
     """Motions at constant speed: the drive pushes as hard as the drag holds back."""
-    drag, logs = ("--plugin", dragging), []
-    listed = exodrake(*drag, "effects", "--robot", "emps").stdout
-    assert "grows with the square of speed" in listed and "carriage.quadratic" not in exodrake("effects").stdout
+    assert "carriage.quadratic" not in run("effects", "--robot", "emps").output
+    acting = "--effect carriage.quadratic_drag:coefficient=500"
+    lines = [f"simulate --reference {role}.csv {acting} --out {role}" for role in ("fit", "holdout")]
+    lines += ["effects", "diagnose . --effects carriage.quadratic_drag --json found.json"]
+    lines = [f"exodrake --plugin {dragging} {line} --robot emps" for line in lines]
     time = 1e-3 * np.arange(600)
     for speed, role in ((0.1, "fit"), (0.2, "holdout")):
         ramp = {"position_ref": speed * time, "position_start": 0.0 * time, "speed_start": 0.0 * time + speed}
-        write_log(Log(time, {f"{kind}_carriage": values for kind, values in ramp.items()}), tmp_path / "ramp.csv")
-        effect = ("--effect", "carriage.quadratic_drag:coefficient=500", "--robot", "emps")
-        made = exodrake(*drag, "simulate", "--reference", tmp_path / "ramp.csv", *effect, "--out", tmp_path / role)
-        assert made.returncode == 0, made.stderr
-        logs.append(CaseLog(read_log(tmp_path / role / "log.csv"), role, role, None, f"{role}.csv"))
-    assert logs[0].log["force_carriage"][-200:].mean() == pytest.approx(500.0 * 0.1**2, rel=0.02)
-    write_case(Case("ramps", {}, tuple(logs), 1e-3), tmp_path / "case")
-    choice = ("--robot", "emps", "--effects", "carriage.quadratic_drag", "--json", tmp_path / "found.json")
-    found = exodrake(*drag, "diagnose", tmp_path / "case", *choice)
-    assert found.returncode == 0, found.stderr
+        ramp = {f"{kind}_carriage": values for kind, values in ramp.items()}
+        write_log(Log(time, ramp), tmp_path / f"{role}.csv")
+    logs = [{"file": f"{role}/log.csv", "role": role} for role in ("fit", "holdout")]
+    (tmp_path / "case.yaml").write_text(yaml.safe_dump({"logs": logs}))
+    said = follow([("command", line) for line in lines], tmp_path)
+    assert all(result.exit_code == 0 for result in said.values()), said
+    assert "grows with the square of speed" in said[lines[2]].stdout
+    force = read_log(tmp_path / "fit" / "log.csv")["force_carriage"]
+    assert force[-200:].mean() == pytest.approx(500.0 * 0.1**2, rel=0.02)
     answer = json.loads((tmp_path / "found.json").read_text())
     assert [effect["id"] for effect in answer["effects"]] == ["carriage.quadratic_drag"]
 
@@ -380,14 +380,6 @@ parameters: {meter: {gain: 1.0, sigma: 0.001}}
 limits: {low: {main: 0.0}, high: {main: 1.0}}
 """,
 }
-ALL = """
-import shlex, sys
-from click.testing import CliRunner
-from exodrake.cli.main import cli
-for line in sys.stdin.read().splitlines():
-    result = CliRunner().invoke(cli, [*shlex.split(line), "--machine", "pump"])
-    print(f"{line}: {result.exit_code} {result.stdout} {result.stderr} {result.exception!r}".replace(chr(10), " "))
-"""
 
 
 def test_a_machine_of_unknown_kinds_without_a_tick_or_tolerances_takes_every_command(tmp_path):
@@ -403,16 +395,14 @@ def test_a_machine_of_unknown_kinds_without_a_tick_or_tolerances_takes_every_com
         "feedforward random-motion:duration=5 --robot better.yaml --out commands.csv",
         "import run/log.csv --out log.npz", "analyse", "show run/log.csv",
     ]  # fmt: skip
-    root = Path(__file__).parent.parent
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, (str(root), os.environ.get("PYTHONPATH"))))}
-    options = {"capture_output": True, "text": True, "cwd": tmp_path, "env": environment}
-    done = subprocess.run([sys.executable, "-c", ALL], input="\n".join(lines), **options)
-    said = dict(zip(lines, done.stdout.splitlines(), strict=True))
+    lines = [f"exodrake {line} --machine pump" for line in lines]
+    said = follow([("command", line) for line in lines], tmp_path)
     for line in lines[:-2]:
-        assert said[line].startswith(f"{line}: 0 "), said[line]
+        assert said[line].exit_code == 0, said[line]
     for line in lines[-2:]:
-        assert said[line].startswith(f"{line}: 2 ") and "error: pump" in said[line] and "SystemExit(2)" in said[line]
-    assert "NAMED" in said[lines[2]] and "states no tolerances" in said[lines[2]]
+        assert said[line].exit_code == 2 and "error: pump" in said[line].stderr and not said[line].broken, said[line]
+    diagnosed = said[lines[2]].stdout + said[lines[2]].stderr
+    assert "NAMED" in diagnosed and "states no tolerances" in diagnosed
     share = yaml.safe_load((tmp_path / "better.yaml").read_text())["effects"]["meter.leak"]["share"]
     assert share["source"].startswith("fitted to ") and share["value"] == pytest.approx(0.2, rel=0.02)
     assert "flow" in (tmp_path / "report.html").read_text()

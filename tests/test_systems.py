@@ -8,7 +8,7 @@ import weakref
 import numpy as np
 import pytest
 import yaml
-from diagram_runs import nominal, wavy
+from diagram_runs import made_up_weights, nominal, wavy
 from pydrake.common import RandomGenerator
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
@@ -18,6 +18,7 @@ import exodrake as exo
 from benchmarks.diagram import multibody_speed
 from exodrake.core.errors import InputError
 from exodrake.diagrams.diagram import build_diagram, read_signals
+from exodrake.diagrams.posture_loop import PostureLoop
 from exodrake.engine.inputs import Reference
 from exodrake.estimator.gp import quick_estimator
 from exodrake.machines.robot_file import load_robot
@@ -194,13 +195,16 @@ def test_clones_are_systems_of_the_same_robot():
         assert type(clone) is type(system) and clone is not system
         values = [s.CreateDefaultContext().get_numeric_parameter(0).value() for s in (system, clone)]
         np.testing.assert_array_equal(*values)
-    diagram = build_diagram(faulty(), wavy(0.2), seed=4)
-    clone, found = diagram.Clone(), []
-    for one in (diagram, clone):
-        simulator = Simulator(one)
-        simulator.AdvanceTo(0.2)
-        found.append(read_signals(one.robot.machine, one, simulator.get_context()))
-    np.testing.assert_array_equal(*found)
+    plan = PosturePlan(np.ones((1, 3)), np.zeros((1, 3)), np.eye(3), np.full(3, 0.3), np.full(3, 8.0), ki=0.5)
+    for systems in ([], [PostureLoop(plan, made_up_weights())]):  # the loop drives the references
+        diagram = build_diagram(faulty(), wavy(0.2), seed=4, systems=systems)
+        clone, found = diagram.Clone(), []
+        assert not {*diagram.GetSystems()} & {*clone.GetSystems()} and clone.get_name() == diagram.get_name()
+        for one in (diagram, clone):
+            simulator = Simulator(one)
+            simulator.AdvanceTo(0.2)
+            found.append(read_signals(one.robot.machine, one, simulator.get_context()))
+        np.testing.assert_array_equal(*found)
 
 
 def test_a_random_context_of_a_part_alone_draws_its_tolerances():

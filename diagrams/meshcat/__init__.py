@@ -30,6 +30,7 @@ from exodrake.data.log import Log
 from exodrake.model.display import find_display
 from exodrake.model.mechanism import SPACING, Piece, Shape, Skeleton
 from exodrake.model.robot import Robot
+from exodrake.systems.part import Cloneable
 
 TEMPLATES = Path(__file__).parent / "templates"
 FRAMES = 500  # at most, so that the file stays below 5 MB
@@ -366,7 +367,7 @@ def limits_load(robot: Robot, bones: Skeleton | Shape) -> bool:
     return bool(kind == bones.load != bones.angle and machine.reference_limits)
 
 
-class FingerView(LeafSystem):
+class FingerView(Cloneable, LeafSystem):
     """Finger and tendons in Meshcat, the tendons coloured by their tension as a share of its limit.
 
     .. pydrake_system::

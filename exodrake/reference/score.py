@@ -390,19 +390,15 @@ def tables(score: Score) -> Iterator[tuple[str, Row, list[Row]]]:
         rows += [
             (name, q.wanted, f"{q.value:.3g}", "", str(q.cases)) for name, q in found.quantities.items() if q.cases
         ]
-        yield f"{mix}, {count_cases(found.cases)}", HEADINGS, rows
+        yield f"{mix}, {found.cases} {plural(found.cases, 'case')}", HEADINGS, rows
         compared = [(name, *map(str, cells), f"{p:.2g}") for name, (*cells, p) in found.paired.items() if any(cells)]
         if compared:
             yield f"{mix}, paired", PAIRED, compared
     failed = f", {len(score.failed)} of them failed" if score.failed else ""
     lacking = f", {len(score.missing)} without a diagnosis" if score.missing else ""
     rows = [(truth, answer, "yes" if right else "", str(n)) for truth, answer, right, n in score.confusion]
-    yield f"truth and answer, {count_cases(score.cases)}{failed}{lacking}", Answers._fields, rows
-
-
-def count_cases(cases: int) -> str:
-    """Number of cases in words."""
-    return f"{cases} {plural(cases, 'case')}"
+    cases = f"{score.cases} {plural(score.cases, 'case')}"
+    yield f"truth and answer, {cases}{failed}{lacking}", Answers._fields, rows
 
 
 def markdown(tables: Iterable[tuple[str, Row, list[Row]]]) -> str:

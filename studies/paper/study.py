@@ -12,7 +12,7 @@ import numpy as np
 
 from exodrake.core.errors import InputError
 from exodrake.estimator.dataset import Sweeps, sweeps_from_logs
-from exodrake.estimator.gp import POINTS, condition, fit, learn
+from exodrake.estimator.gp import condition, learn
 from exodrake.estimator.validate import Score, fit_ridge, score, validate
 from exodrake.model.robot import Robot
 from exodrake.physics.finger_statics import follow, posture, read_parameters
@@ -45,8 +45,8 @@ class Comparison:
     solved: float
 
 
-def compare(training: Sweeps, held_out: Sweeps, n: Parameters, points: int = POINTS) -> Comparison:
-    """Fit every method on training sweeps and compare them on held-out sweeps.
+def compare(training: Sweeps, held_out: Sweeps, n: Parameters, estimate: np.ndarray) -> Comparison:
+    """Fit every model on training sweeps, and compare an estimate and the models on held-out sweeps.
 
     Methods: Gaussian process; quadratic ridge; constant stiffness (fitted, no end stops, Eq. 20-21: the paper's
     model-based estimate); end stops (fitted stiffness, known stops); nominal (nothing fitted). The models see tension
@@ -56,7 +56,7 @@ def compare(training: Sweeps, held_out: Sweeps, n: Parameters, points: int = POI
         training: Sweeps to train and fit on.
         held_out: Sweeps to compare on.
         n: Parameters of the finger, with the routers and end stops of the models.
-        points: Training points of the Gaussian process.
+        estimate: Angles (rows, 3) [rad] of the held-out sweeps by the Gaussian process.
 
     Raises:
         InputError: If the wires or joints are not three, or differ between the two.
@@ -68,11 +68,10 @@ def compare(training: Sweeps, held_out: Sweeps, n: Parameters, points: int = POI
             )
     if (training.wires, training.joints) != (held_out.wires, held_out.joints):
         raise InputError("training and held-out sweeps differ in wires or joints")
-    process = fit(training, points).predict(held_out.tension, held_out.stroke)[0]
     constant = fit_stiffness(training.tension, training.angle, linear(n), posture)
     stopped = fit_stiffness(training.tension, training.angle, n)
     guesses = {
-        "Gaussian process": process,
+        "Gaussian process": estimate,
         "quadratic ridge": fit_ridge(training)(held_out)[0],
         "constant stiffness": posture(held_out.tension, constant.parameters(linear(n))),
         "end stops": follow(held_out.tension, stopped.parameters(n)),
@@ -158,7 +157,7 @@ def study(robot: Robot, effort: Effort, seed: int) -> Study:
     training, held = parted(rows, seed)
     prior = learn(training, effort.points)
     mean, std, _ = condition(prior, training, effort.points).predict(held.tension, held.stroke)
-    worn = compare(training, held, parameters, effort.points)
+    worn = compare(training, held, parameters, mean)
     return Study(
         held, mean, std, posture(held.tension, worn.stiffness.parameters(linear(parameters))), worn,
         clean_comparison(robot, reference, effort, seed), validate(prior, rows, effort.points, seed),
@@ -199,4 +198,6 @@ def clean_comparison(robot: Robot, reference, effort: Effort, seed: int) -> Comp
     """Comparison on the same sweeps with the same split, without friction and creep."""
     rows = thinned(sweeps_from_logs([simulate(robot, reference, seed)]), effort.every)
     training, held = parted(rows, seed)
-    return compare(training, held, read_parameters(robot), effort.clean_points)
+    process = condition(learn(training, effort.clean_points), training, effort.clean_points)
+    estimate = process.predict(held.tension, held.stroke)[0]
+    return compare(training, held, read_parameters(robot), estimate)

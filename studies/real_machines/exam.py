@@ -19,8 +19,7 @@ from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis.pipeline import diagnose
 from exodrake.diagnosis.result import CAUSE, Diagnosis
 from exodrake.diagnosis.search import name_kind
-from exodrake.machines.library import reader
-from exodrake.machines.recording_tools import halve_log
+from exodrake.machines.library import halve_log, reader
 from exodrake.machines.robot_file import load_robot
 from exodrake.model.robot import Robot
 

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import bootstrap, quantile_test, rankdata
 
-from exodrake.core.errors import InputError
+from exodrake.core.errors import InputError, plural
 from exodrake.core.parallel import each
 from exodrake.core.plain import plain
 from exodrake.core.progress import Count, no_progress
@@ -29,7 +29,7 @@ from exodrake.model.robot import Robot
 from exodrake.reference.answers import ANSWER, find_cases, read_labels
 from exodrake.reference.faults import ENTRIES
 from exodrake.reference.robot import InjectedFault, RobotSpec
-from exodrake.reference.score import Row, count_cases, count_share
+from exodrake.reference.score import Row, count_share
 from exodrake.reference.simulator import simulate
 from studies.transfer.control_task import Gains, Tuner, by_cost, cost, motion, own_gains, predicted
 
@@ -288,7 +288,7 @@ def share(name: str, model: str, found: Transfer, other: str) -> Measured:
 
 def tables(found: Transfer) -> Iterator[tuple[str, Row, list[Row]]]:
     """Title, headings and rows of each table."""
-    title = f"controllers tuned on diagnosed models, {count_cases(len(found.cases))}"
+    title = f"controllers tuned on diagnosed models, {len(found.cases)} {plural(len(found.cases), 'case')}"
     yield title, MEASURES, [measured.row for measured in measures(found)]
     gains = ", ".join(name.split(".")[-1] for name in found.cases[0].prediction.gains[DEFAULT]) if found.cases else ""
     headings = tuple(heading.format(gains) for heading in COSTS)

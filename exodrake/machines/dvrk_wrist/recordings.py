@@ -14,7 +14,7 @@ from exodrake.core.files import read_bytes
 from exodrake.data.case import Case
 from exodrake.data.formats.npz import read_arrays
 from exodrake.data.log import Log
-from exodrake.machines.recording_tools import find_files, halve_log, joint_log
+from exodrake.machines.library import find_files, halve_log, joint_log
 
 FRAME = 1.0  # s
 WRIST = slice(3, 6)

@@ -14,7 +14,7 @@ from exodrake.core.files import read_bytes
 from exodrake.data.case import Case, CaseLog
 from exodrake.data.log import Log
 from exodrake.data.tables import list_columns
-from exodrake.machines.recording_tools import find_files, restart_log
+from exodrake.machines.library import find_files, restart_log
 
 FRAME, CYCLE = 1e-3, 6240  # s, rows
 NAMES = ("t", "qg", "qm", "vir", "gtau")

@@ -13,7 +13,7 @@ from exodrake.core.files import read_bytes
 from exodrake.data.case import Case
 from exodrake.data.log import Log
 from exodrake.data.text import read_text
-from exodrake.machines.recording_tools import find_files, halve_log, joint_log
+from exodrake.machines.library import find_files, halve_log, joint_log
 
 FRAME = 0.02  # s
 CONTROL, STATE, LIST = "control.csv", "state_motor.csv", "joint_list.txt"
@@ -29,12 +29,8 @@ def case(path: Path) -> Case:
 def read(run: Path) -> Log:
     """One run."""
     joints = read_bytes(run / LIST).decode(errors="replace").replace("_", "").split()
-    command, angle = (read_positions(run / name, len(joints)) for name in (CONTROL, STATE))
+    wanted = [f"positions[{k}]" for k in range(len(joints))]  # a column holds lists
+    tables = (read_text(read_bytes(run / name), str(run / name), wanted=wanted) for name in (CONTROL, STATE))
+    command, angle = (np.column_stack([*table.values()]) for table in tables)
     rows = min(len(command), len(angle))
     return joint_log(joints, command[:rows], angle[:rows], FRAME, str(run))
-
-
-def read_positions(file: Path, joints: int) -> np.ndarray:
-    """The lists in column `positions` (n, joints)."""
-    found = read_text(read_bytes(file), str(file), wanted=[f"positions[{k}]" for k in range(joints)])
-    return np.column_stack([*found.values()])

@@ -14,7 +14,7 @@ from exodrake.core.files import read_bytes
 from exodrake.data.case import Case, CaseLog
 from exodrake.data.log import Log
 from exodrake.data.text import TextLayout, read_text
-from exodrake.machines.recording_tools import find_files, halve_log, joint_log
+from exodrake.machines.library import find_files, halve_log, joint_log
 
 FRAME = 0.025  # s
 TIME, COMMAND, ANGLE, COLUMNS = 0, 1, 3, 8
