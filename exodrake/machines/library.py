@@ -1,10 +1,8 @@
 """The machine library: folders with `machine.py` and `robot.yaml`, here and in plugins.
 
-`recordings.py` of a folder makes cases of recordings of the real machine, which are not part of this repository. A
-folder `robots` holds further robots, `exo_index/wide_pinch` for `exo_index/robots/wide_pinch.yaml`.
+A folder `robots` holds further robots, `exo_index/wide_pinch` for `exo_index/robots/wide_pinch.yaml`.
 """
 
-from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from importlib import import_module
@@ -14,7 +12,6 @@ import exodrake.machines
 from exodrake.core import plugins
 from exodrake.core.errors import InputError, nearest
 from exodrake.core.schema import read_yaml
-from exodrake.data.case import Case
 from exodrake.model.machine import Machine, Tolerance
 from exodrake.model.units import add_kind
 
@@ -26,11 +23,6 @@ def machine_folders() -> dict[str, Path]:
         for file in sorted(place.glob(f"*/{plugins.ROBOT}")):
             found.setdefault(file.parent.name, file.parent)
     return {**plugins.single_machines(), **found}
-
-
-def recorded_machines() -> tuple[str, ...]:
-    """Names of the machines that have recordings to import."""
-    return tuple(name for name, folder in machine_folders().items() if (folder / "recordings.py").is_file())
 
 
 def robot_files() -> dict[str, Path]:
@@ -81,10 +73,3 @@ def machine_named(name: str, tolerances: tuple[Tolerance, ...] = ()) -> Machine:
     for column in found.columns:
         add_kind(column.kind, found.signal[column.signal].unit, f"machine {name}")
     return replace(found, tolerances=tolerances)
-
-
-def reader(name: str) -> Callable[[Path], Case]:
-    """The `case` function of a machine's recordings; InputError with the machines that have one."""
-    if name not in recorded_machines():
-        raise InputError(f"no recordings of {name!r}; there are {', '.join(recorded_machines())}")
-    return import_module(f"exodrake.machines.{name}.recordings").case
