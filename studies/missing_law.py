@@ -32,6 +32,7 @@ from exodrake.reference.faults import ENTRIES, find_blocks
 from exodrake.reference.make import case_and_label
 from exodrake.report.wording import closure, percent
 from studies.page_text import made, share
+from studies.real_machines.recordings import READERS
 
 SEED = 552031
 DURATION = 0.5  # of the logs, in that of a usual blind case: for the time it takes
@@ -107,10 +108,8 @@ def measure(name: str, seed: int, real: Path | None) -> Row:
     """One case made and searched."""
     blocks, gap, tried, robot = (), float("nan"), frozenset(), "exo_index"
     if name in REAL:
-        from exodrake.machines.library import reader
-
         assert real is not None
-        case, tried, robot, kind = reader(name)(real / REAL[name]), None, name, "real"
+        case, tried, robot, kind = READERS[name](real / REAL[name]), None, name, "real"
     else:
         case, blocks, gap = blind_case(name, seed)
         case = replace(case, name=name)

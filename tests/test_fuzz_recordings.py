@@ -23,6 +23,7 @@ from exodrake.analysis.robustness import read_diagnosis, within_intervals
 from exodrake.data.formats import formats
 from exodrake.diagnosis.fleet import Row, read_row, sort_rows, table_bytes
 from exodrake.report.fleet import fleet_html
+from studies.real_machines.recordings import READERS
 
 TIME = 0.02 * np.arange(6)
 LOG = exo.Log(TIME, {"stroke_AF": np.linspace(0.0, 5e-3, 6), "tension_AF": np.array([1, 2, np.nan, 4, 5, 6])})
@@ -214,8 +215,8 @@ def test_spoilt_recordings_of_machines(place, data, name):
     files = sorted(path for path in made(name, folder / "in").rglob("*") if path.is_file())
     spoilt = data.draw(st.sampled_from(files))
     spoilt.write_bytes(data.draw(spoilt_bytes(spoilt.read_bytes())))
-    said = run("import", folder / "in", "--from", name, "--out", folder / "out")
-    assert ("error: " in said) != (folder / "out" / "case.yaml").exists()
+    with suppress(exo.InputError):
+        assert READERS[name](folder / "in").logs
 
 
 @bounded(3)

@@ -10,16 +10,16 @@ from small_recordings import SETS, made
 from exodrake.core.errors import InputError
 from exodrake.data.case import read_case, write_case
 from exodrake.diagnosis.problem import list_required, make_problem
-from exodrake.machines.library import reader
 from exodrake.machines.robot_file import load_robot
 from studies.real_machines.growing_models import growing_models
+from studies.real_machines.recordings import READERS
 from studies.real_machines.study import FOLDERS, MODELS, decimated, emps_numbers, relative_error, rms_degrees
 
 
 @pytest.mark.parametrize("name", SETS)
 def test_a_case_survives_its_folder_and_suits_its_robot(name, tmp_path):
     (tmp_path / "in").mkdir()
-    case = reader(name)(made(name, tmp_path / "in"))
+    case = READERS[name](made(name, tmp_path / "in"))
     write_case(case, tmp_path / "out")
     machine = load_robot(name).machine
     again = read_case(tmp_path / "out", list_required(machine), machine.frame)
@@ -31,7 +31,7 @@ def test_values_units_and_dropped_rows(tmp_path):
     folders = {name: tmp_path / name for name in SETS}
     for folder in folders.values():
         folder.mkdir()
-    emps, sheath, so101, wrist = (reader(name)(made(name, folders[name])).logs for name in SETS)
+    emps, sheath, so101, wrist = (READERS[name](made(name, folders[name])).logs for name in SETS)
     assert emps[0].log["force_carriage"][3] == pytest.approx(35.0 * 0.3) and len(emps[0].log) == 20
     held = next(i for i in sheath if i.role == "holdout")
     assert held.protocol == "bend_60" and len(held.log) == 10  # four rows share each time
@@ -57,14 +57,14 @@ def test_bad_recordings_are_refused_by_name(name, file, text, says, tmp_path):
     if name == "dvrk_wrist":
         np.save(tmp_path / "exp3_q_act_raw.npy", np.ones((3, 6)))
     with pytest.raises(InputError, match=says):
-        reader(name)(tmp_path)
+        READERS[name](tmp_path)
     with pytest.raises(InputError):
-        reader(name)(tmp_path / "absent")
+        READERS[name](tmp_path / "absent")
 
 
 @needs_data("real")
 def test_emps_force_errors_are_the_published_ones():
-    case, robot = reader("emps")(data_folder("real") / FOLDERS["emps"]), load_robot("emps")
+    case, robot = READERS["emps"](data_folder("real") / FOLDERS["emps"]), load_robot("emps")
     problem = make_problem(case, robot)
     inertia, viscous, _, _, full, asymmetric = growing_models(problem, MODELS["emps"])
     force = problem.columns.index("force_carriage")
@@ -80,7 +80,7 @@ def test_emps_force_errors_are_the_published_ones():
 @needs_data("real")
 def test_emps_numbers_are_the_published_ones():
     """To 2 %, in closed loop, from all cycles as published."""
-    problem = make_problem(reader("emps")(data_folder("real") / FOLDERS["emps"]), load_robot("emps"))
+    problem = make_problem(READERS["emps"](data_folder("real") / FOLDERS["emps"]), load_robot("emps"))
     full = growing_models(replace(problem, fit=(*problem.fit, *problem.holdout)), MODELS["emps"][:5])[-1]
     found = [float(number) for number in emps_numbers(full.robot)]
     assert found == pytest.approx([95.11, 203.5, 20.39, -3.16], rel=0.02)
@@ -89,7 +89,7 @@ def test_emps_numbers_are_the_published_ones():
 @needs_data("real")
 @pytest.mark.parametrize("bend", ["0", "60", "120", "180"])
 def test_play_brings_each_sheath_near_a_degree(bend):
-    case = reader("tendon_sheath")(data_folder("real") / FOLDERS["tendon_sheath"] / f"{bend}.txt")
+    case = READERS["tendon_sheath"](data_folder("real") / FOLDERS["tendon_sheath"] / f"{bend}.txt")
     problem = make_problem(case, load_robot("tendon_sheath"))
     rigid, loose, play = growing_models(problem, MODELS["tendon_sheath"])
     rounded = growing_models(problem, MODELS["sheath_alone"])[-1]
@@ -100,6 +100,6 @@ def test_play_brings_each_sheath_near_a_degree(bend):
 
 @needs_data("real")
 def test_play_of_the_wrist_joints_own_cable():
-    case = reader("dvrk_wrist")(data_folder("real") / FOLDERS["dvrk_wrist"] / "exp3_q_des_raw.npy")
+    case = READERS["dvrk_wrist"](data_folder("real") / FOLDERS["dvrk_wrist"] / "exp3_q_des_raw.npy")
     _, loose, play = growing_models(make_problem(case, load_robot("dvrk_wrist")), MODELS["dvrk_wrist"][:3])
     assert np.degrees(loose.rms[0]) > 1.2 and np.degrees(play.rms[0]) < 0.5

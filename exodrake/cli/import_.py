@@ -9,7 +9,7 @@ import exodrake as exo
 from exodrake.cli.options import DEFAULT, MACHINE, AnyPath, print_table, register_machine, write_files
 from exodrake.core.errors import InputError
 from exodrake.core.files import read_bytes
-from exodrake.machines.library import machine_folders, machine_named, reader, recorded_machines
+from exodrake.machines.library import machine_folders, machine_named
 
 FILE = {"type": AnyPath(), "default": None, "metavar": "FILE"}
 MAPPING = "mapping.yaml"  # in the folder of a machine
@@ -22,12 +22,11 @@ MAPPING = "mapping.yaml"  # in the folder of a machine
     "--machine", metavar="FOLDER", expose_value=False, callback=register_machine,
     help="Machine of your own, whose mapping.yaml is used without --map.",
 )  # fmt: skip
-@click.option("--from", "known", type=click.Choice(recorded_machines()), help="A known set, which needs no mapping.")
 @click.option("--unit", default="", metavar="UNIT", help="Of the joints of a LeRobot data set: deg or rad.")
 @click.option("--episodes", default="", metavar="0,2,...", help="Of a LeRobot data set [all].")
 @click.option("--out", **FILE, help="Log to write; its ending is the format. Another name: the folder of a case.")
 @click.pass_context
-def command(context, recordings, map_file, known, unit, episodes, out) -> None:
+def command(context, recordings, map_file, unit, episodes, out) -> None:
     """Turn RECORDINGs into a log, or a case of several logs, in our names and SI; without --out list what they hold.
 
     Text, MAT (structs, version 7.3 too), HDF5, JSON, NPY, NPZ, Parquet, ROS 2 bags (MCAP, SQLite), MCAP with JSON
@@ -50,13 +49,6 @@ def command(context, recordings, map_file, known, unit, episodes, out) -> None:
     if out is None:
         for recording in recordings:
             list_contents(recording)
-        return
-    if known is not None:
-        if map_file or len(recordings) > 1:
-            raise InputError("--from reads one set, without --map")
-        case = reader(known)(recordings[0])
-        exo.write_case(case, out)
-        click.echo(f"{out}: {len(case.logs)} logs; exodrake diagnose {out} --robot {known}")
         return
     machine = context.meta.get(MACHINE)
     if map_file is None and machine is not None and (own := machine_folders()[machine] / MAPPING).is_file():

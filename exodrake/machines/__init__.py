@@ -1,4 +1,4 @@
-"""Machines, a folder each: machine.py (`machine()`) or none, robot.yaml, and recordings.py where recordings exist."""
+"""Machines, a folder each: machine.py (`machine()`) or none, and robot.yaml."""
 
 from exodrake.core import plugins
 

@@ -1,24 +1,17 @@
 """The machine library: folders with `machine.py` and `robot.yaml`, here and in plugins.
 
-A folder `robots` holds further robots, `exo_index/wide_pinch` for `exo_index/robots/wide_pinch.yaml`. `recordings.py`
-of a folder makes cases of recordings of the real machine, which are not part of this repository; what these modules
-share stands at the end.
+A folder `robots` holds further robots, `exo_index/wide_pinch` for `exo_index/robots/wide_pinch.yaml`.
 """
 
-from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache
 from importlib import import_module
 from pathlib import Path
 
-import numpy as np
-
 import exodrake.machines
 from exodrake.core import plugins
 from exodrake.core.errors import InputError, nearest
 from exodrake.core.schema import read_yaml
-from exodrake.data.case import Case, CaseLog
-from exodrake.data.log import Log
 from exodrake.model.machine import Machine, Tolerance
 from exodrake.model.units import add_kind
 
@@ -30,11 +23,6 @@ def machine_folders() -> dict[str, Path]:
         for file in sorted(place.glob(f"*/{plugins.ROBOT}")):
             found.setdefault(file.parent.name, file.parent)
     return {**plugins.single_machines(), **found}
-
-
-def recorded_machines() -> tuple[str, ...]:
-    """Names of the machines that have recordings to import."""
-    return tuple(name for name, folder in machine_folders().items() if (folder / "recordings.py").is_file())
 
 
 def robot_files() -> dict[str, Path]:
@@ -85,41 +73,3 @@ def machine_named(name: str, tolerances: tuple[Tolerance, ...] = ()) -> Machine:
     for column in found.columns:
         add_kind(column.kind, found.signal[column.signal].unit, f"machine {name}")
     return replace(found, tolerances=tolerances)
-
-
-def reader(name: str) -> Callable[[Path], Case]:
-    """The `case` function of a machine's recordings; InputError with the machines that have one."""
-    if name not in recorded_machines():
-        raise InputError(f"no recordings of {name!r}; there are {', '.join(recorded_machines())}")
-    return import_module(f"exodrake.machines.{name}.recordings").case
-
-
-def find_files(path: Path, *patterns: str) -> list[Path]:
-    """The file itself, or those of a folder by their patterns, in order. InputError if there are none."""
-    found = [path] if path.is_file() else sorted(file for pattern in patterns for file in path.glob(pattern))
-    if not found:
-        raise InputError(f"{path}: no {patterns[0]}")
-    return found
-
-
-def joint_log(joints: Sequence[str], command: np.ndarray, angle: np.ndarray, frame: float, source: str) -> Log:
-    """A log of joints from commands and angles (n, joints) [rad], a row a frame [s]; it starts at the first reading."""
-    signals = {}
-    for joint, wanted, found in zip(joints, command.T, angle.T, strict=True):
-        start = np.full(len(found), found[0])
-        signals |= {f"angle_ref_{joint}": wanted, f"angle_start_{joint}": start, f"angle_{joint}": found}
-    return Log(frame * np.arange(len(angle)), signals, source=source)
-
-
-def halve_log(log: Log, name: str) -> list[CaseLog]:
-    """The first half to fit and the second held out, each from its own first reading on."""
-    middle = len(log) // 2
-    parts = (("first", "fit", slice(0, middle)), ("second", "holdout", slice(middle, None)))
-    return [CaseLog(restart_log(log.rows(s)), name, role, None, f"{name}_{p}.csv.gz") for p, role, s in parts]
-
-
-def restart_log(log: Log) -> Log:
-    """A part of a log as one of its own: its clock from 0, and where it starts from its first readings."""
-    starts = [column for column in log.columns if column.startswith(("angle_start_", "position_start_"))]
-    anew = {column: np.full(len(log), log[column.replace("_start", "", 1)][0]) for column in starts}
-    return Log(log.time - log.time[0], log.signals | anew, log.units, log.source)

@@ -19,9 +19,9 @@ from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis.pipeline import diagnose
 from exodrake.diagnosis.result import CAUSE, Diagnosis
 from exodrake.diagnosis.search import name_kind
-from exodrake.machines.library import halve_log, reader
 from exodrake.machines.robot_file import load_robot
 from exodrake.model.robot import Robot
+from studies.real_machines.recordings import READERS, halve_log
 
 LATENCY, LAG, SPEED = "delay", "lag", "speed limit"
 DRY, VISCOUS, OFFSET, PLAY = "dry friction", "viscous friction", "offset", "backlash"
@@ -115,7 +115,7 @@ def ours(name: str, folder: str, *runs: str) -> Callable[[Path], tuple[Case, Rob
 
     def build(data: Path) -> tuple[Case, Robot]:
         places = [data / folder / run for run in runs] or [data / folder]
-        cases = [reader(name)(place) for place in places]
+        cases = [READERS[name](place) for place in places]
         return replace(cases[0], logs=tuple(item for case in cases for item in case.logs)), load_robot(name)
 
     return build
@@ -125,7 +125,7 @@ def other_motion(fitted: str, held: str) -> Callable[[Path], tuple[Case, Robot]]
     """One run of the SO-101 fitted whole, another one held out."""
 
     def build(data: Path) -> tuple[Case, Robot]:
-        parts = [reader("so101")(data / "sage_so101" / run) for run in (fitted, held)]
+        parts = [READERS["so101"](data / "sage_so101" / run) for run in (fitted, held)]
         roles = zip(parts, ("fit", "holdout"), strict=True)
         logs = tuple(replace(item, role=role) for case, role in roles for item in case.logs)
         return replace(parts[0], logs=logs), load_robot("so101")

@@ -13,11 +13,11 @@ from exodrake.data.plot import STYLE, new_figure, save_png
 from exodrake.diagnosis.pipeline import diagnose
 from exodrake.diagnosis.problem import Problem, make_problem
 from exodrake.diagnosis.result import Diagnosis
-from exodrake.machines.library import reader
 from exodrake.machines.robot_file import load_robot
 from exodrake.model.robot import Robot
 from exodrake.report.blocks import AFTER, BEFORE, MEASURED
 from studies.real_machines.growing_models import growing_models, predicted
+from studies.real_machines.recordings import READERS
 
 FOLDERS = {"emps": "emps", "tendon_sheath": "tendon_sheath", "so101": "sage_so101", "dvrk_wrist": "dvrk_wrist"}
 MODELS: dict[str, list[tuple[str, tuple[str, ...]]]] = {
@@ -82,7 +82,7 @@ def available(data: Path) -> list[str]:
 
 def study(name: str, data: Path, out: Path, progress: Callable[[str], None]) -> Result:
     """One set, diagnosed and tabulated; figures are written into `out`."""
-    case, robot = reader(name)(data / FOLDERS[name]), load_robot(name)
+    case, robot = READERS[name](data / FOLDERS[name]), load_robot(name)
     found = diagnose(case, robot, lambda stage, detail: progress(f"{name}: {stage.text} {detail}"))
     progress(f"{name}: growing models")
     return STUDIES[name](found, case, robot, data, out)
@@ -140,7 +140,7 @@ def emps_numbers(robot: Robot) -> tuple[str, ...]:
 def tendon_sheath(found: Diagnosis, case: Case, robot: Robot, data: Path, out: Path) -> Result:
     """RMS error of each configuration alone, second half held out; and of each one predicted from the others."""
     read, files = (
-        reader("tendon_sheath"),
+        READERS["tendon_sheath"],
         sorted((data / FOLDERS["tendon_sheath"]).glob("*.txt"), key=lambda f: float(f.stem)),
     )
     plain, rounded = MODELS["tendon_sheath"], MODELS["sheath_alone"]
