@@ -198,8 +198,9 @@ def plain_message(message: Any) -> Any:
         return {str(key): plain_message(value) for key, value in message.items()}
     if isinstance(message, Sequence) and not isinstance(message, str | bytes):
         return [plain_message(one) for one in message]
-    if (kind := getattr(message, "DESCRIPTOR", None)) is None:
+    if isinstance(message, bool | int | float | str | bytes):
         return message
+    kind = message.DESCRIPTOR
     if kind.full_name == "tensorflow.Example":
         lists = ((key, one.float_list.value or one.int64_list.value) for key, one in message.features.feature.items())
         return {key: list(values) for key, values in lists if values}
