@@ -283,11 +283,10 @@ def describe_rough(rough: list[str], tuned: Tuned) -> str:
     point, unit = lm.operating_point(loop), loop.robot.machine.signal[loop.loop.output].unit
     steps = [step_response(loop, point, j) for j in range(len(loop.channels))]
     worst, them = max(steps, key=lambda s: abs(s.steady_error)), "all" if len(rough) > 1 else "it"
-    kick = "dies" if returns(loop, point) else "does not die"
+    off = f"leaves {worst.channel} of {tuned.name!r} {worst.steady_error:+.2g} {unit} off"
     return (
         f"tuned without {', '.join(rough)}, beside which no response at rest is linear; with {them} a step of "
-        f"{worst.size:g} {unit} leaves {worst.channel} of {tuned.name!r} {worst.steady_error:+.2g} {unit} off, and a kick "
-        f"{kick} out"
+        f"{worst.size:g} {unit} {off}, and a kick {'dies' if returns(loop, point) else 'does not die'} out"
     )
 
 
