@@ -96,6 +96,47 @@ def json_mcap(messages, encoding="json") -> bytes:
     return stream.getvalue()
 
 
+def example_mcap(path, steps) -> None:
+    """An episode as the logger of Google's Safari SDK writes it: a `tensorflow.Example` for each step and topic.
+
+    Steps are (time [s], topic, features). The recorder's clock is that of the batch in which messages are written, the
+    publisher's that of the step.
+    """
+    from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+    from mcap_protobuf.writer import Writer as ProtobufWriter
+
+    file = descriptor_pb2.FileDescriptorProto(name="example.proto", package="tensorflow", syntax="proto3")
+    for name, kind in (("BytesList", "BYTES"), ("FloatList", "FLOAT"), ("Int64List", "INT64")):
+        own = file.message_type.add(name=name)
+        own.field.add(
+            name="value", number=1, label=3, type=getattr(descriptor_pb2.FieldDescriptorProto, f"TYPE_{kind}")
+        )
+    feature = file.message_type.add(name="Feature")
+    feature.oneof_decl.add(name="kind")
+    for number, name in enumerate(("bytes_list", "float_list", "int64_list"), 1):
+        kind = name.title().replace("_", "")
+        feature.field.add(name=name, number=number, label=1, type=11, type_name=f".tensorflow.{kind}", oneof_index=0)
+    features = file.message_type.add(name="Features")
+    entry = features.nested_type.add(name="FeatureEntry")
+    entry.options.map_entry = True
+    entry.field.add(name="key", number=1, label=1, type=9)
+    entry.field.add(name="value", number=2, label=1, type=11, type_name=".tensorflow.Feature")
+    features.field.add(name="feature", number=1, label=3, type=11, type_name=".tensorflow.Features.FeatureEntry")
+    whole = file.message_type.add(name="Example")
+    whole.field.add(name="features", number=1, label=1, type=11, type_name=".tensorflow.Features")
+    pool = descriptor_pool.DescriptorPool()
+    pool.Add(file)
+    example = message_factory.GetMessageClass(pool.FindMessageTypeByName("tensorflow.Example"))
+    with open(path, "wb") as stream, ProtobufWriter(stream) as writer:
+        for time, topic, values in steps:
+            message = example()
+            for key, (kind, numbers) in values.items():
+                getattr(message.features.feature[key], kind).value.extend(numbers)
+            writer.write_message(
+                topic, message, log_time=round(1e9 * (100.0 + time // 1.0)), publish_time=round(1e9 * time)
+            )
+
+
 def sqlite_bag(path, definitions: bool) -> None:
     """Joint states at 50 Hz and commands at 25 Hz as rosbag2 stores them, with or without message definitions."""
     kind = "sensor_msgs/msg/JointState"

@@ -10,7 +10,6 @@ from exodrake.analysis.linear_model import (
     Pole,
     linearise,
     linearise_robot,
-    name_states,
     operating_point,
     resolve_references,
 )
@@ -41,7 +40,7 @@ def test_differences_at_rest_have_converged(point, model):
 
 def test_the_slowest_pole_is_the_decay_of_a_small_perturbation(loop, point, model):
     state = point.state.copy()
-    names = [n for _, _, n in name_states(loop.robot.machine)]
+    names = [n for _, _, n in loop.states]
     state[names.index("motor.theta.AF")] += 1e-5
     rows = np.tile(point.references, (200, 1))
     away = (loop.run(state, rows)[1] - loop.run(point.state, rows)[1])[:, loop.signals["tension"]][:, 0]

@@ -39,6 +39,8 @@ def test_the_command_writes_figure_numbers_and_a_robot_that_holds_them(tuned):
     best = numbers["compared"][numbers["best"]]
     assert numbers["limit"]["settling"] <= numbers["limit"]["tuned"] <= best["settling [s]"] + 1e-9
     assert "bound: " in found.output and "LQG of " in found.output
+    held = [one["settling [s]"] for one in numbers["compared"].values() if not one["misses"]]
+    assert numbers["limit"]["settling"] <= min(held)
     assert best["disk_margin"] >= 0.7 and best["overshoot"] <= 0.2 and best["misses"] == []
     loop = exo.analyse(exo.load_robot(folder / "tuned.yaml"))
     assert loop.robot["drive.kp"] == pytest.approx(best["gains"]["drive.kp"])

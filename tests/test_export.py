@@ -72,10 +72,19 @@ def test_servos_with_effects_move_in_mujoco_as_in_the_own_engine(effects, most):
     assert np.sqrt(np.mean((found - wanted["angle"]) ** 2)) < most < 0.03 * wanted["angle"].std(axis=0).max()
 
 
-@pytest.mark.parametrize("effects", [{}, {"servo.gravity_moment": {"moment": 0.6}, "servo.supply": {"share": -0.4}}])
-def test_servos_with_motors_move_in_mujoco_as_in_the_own_engine(arm_folder, effects):
-    """Supply, back-EMF, inertia and weight at the end of each frame: 1 mrad, of swings of a radian."""
-    robot = made(arm_folder, f"geared_{len(effects)}", "--servo", "motor")
+@pytest.mark.parametrize(
+    "effects",
+    [
+        {},
+        {"servo.gravity_moment": {"moment": 0.6}, "servo.supply": {"share": -0.4}},
+        {"servo.coulomb_friction": {"force": 0.25}, "servo.viscous_friction": {"coefficient": 0.3}},
+        {"servo.latency": {"frames": 2.0}, "servo.lag": {"time_constant": 0.06}},
+    ],
+    ids=["plain", "weight and supply", "friction", "timing"],
+)
+def test_servos_with_motors_move_in_mujoco_as_in_the_own_engine(arm_folder, request, effects):
+    """Supply, back-EMF, inertia, weight, friction and timing at each frame's end: 1 mrad, of swings of a radian."""
+    robot = made(arm_folder, request.node.callspec.id.replace(" ", "_"), "--servo", "motor")
     for identity, parameters in effects.items():
         robot = robot.splice(identity, parameters)
     commands = np.repeat([[0.0, 0.0], [1.0, -0.8], [-0.5, 0.4]], 50, axis=0)

@@ -6,9 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from command_line import run
-from scipy import signal, stats
+from scipy import optimize, signal, stats
 
 import exodrake as exo
+from exodrake.data.case import gather_logs
+from exodrake.diagnosis.problem import make_problem
 from exodrake.identification import fit as module
 from exodrake.identification.fit import arx_percents, check_residual, jackknife
 from exodrake.model.robot import drawn_robot
@@ -32,6 +34,25 @@ def test_planted_parameters_come_back_from_logs_without_noise(robot):
         assert p.value == pytest.approx(PLANTED[p.name], rel=1e-5) and not p.at_bound
     assert all(s.fitted > 99.99 for s in found.signals)
     assert found.robot.sources["finger.kappa.MCP"] == "fitted to chirp"
+
+
+def test_values_and_white_deviations_are_those_of_scipys_curve_fit(robot):
+    """On runs of the public simulator, weighted by the same noise."""
+    log = exo.simulate(robot.with_parameters(PLANTED), "chirp", seed=3)
+    found = exo.fit(robot, log, list(PLANTED))
+    problem = make_problem(gather_logs(log, (), robot.machine.frame), robot)
+    scale, reference = problem.noise_std, exo.from_log(log, robot)
+
+    def predict(_, *values):
+        changed = robot.with_parameters(dict(zip(PLANTED, values, strict=True)))
+        run = exo.simulate(changed, reference, seed=None, quantisation=False)
+        return (np.column_stack([run[c] for c in problem.columns]) / scale).ravel()
+
+    measured = (np.column_stack([log[c] for c in problem.columns]) / scale).ravel()
+    start = [robot[name] for name in PLANTED]
+    values, covariance = optimize.curve_fit(predict, np.arange(len(measured)), measured, start, epsfcn=1e-6)
+    for p, value, std in zip(found.parameters, values, np.sqrt(np.diag(covariance)), strict=True):
+        assert p.value == pytest.approx(value, abs=0.02 * std) and p.std_white == pytest.approx(std, rel=0.02)
 
 
 def test_parameters_of_an_effect_and_prediction_errors(robot):

@@ -8,7 +8,7 @@ import h5py
 import numpy as np
 import pytest
 import yaml
-from bags import BAG, BAG_MAP, TIME, N, Q, imported, json_mcap, lerobot, sqlite_bag
+from bags import BAG, BAG_MAP, TIME, N, Q, example_mcap, imported, json_mcap, lerobot, sqlite_bag
 from command_line import run
 from mcap.reader import make_reader
 from mcap_ros2.writer import Writer as RosWriter
@@ -292,6 +292,26 @@ def test_json_messages_of_mcap(tmp_path, content, fields):
     log = imported(tmp_path, (tmp_path / "run.mcap").read_bytes(), mapping, "run.mcap")
     check(log)
     np.testing.assert_allclose(log["angle_ref_wrist"], np.radians(Q[:, 0]))
+
+
+def test_episodes_of_examples_in_protobuf_are_read_as_they_are(tmp_path):
+    """Protobuf examples of a step each, with images beside the joints; the publisher's clock is that of the step."""
+    pytest.importorskip("mcap_protobuf", reason="of the extra mcap")
+    steps = []
+    for time, q in zip(TIME, Q):
+        seen = {"observation/joints_pos": ("float_list", q), "observation/camera": ("bytes_list", [b"jpeg"])}
+        steps.append((time, "/timestep", seen | {"step_type": ("int64_list", [1])}))
+        steps.append((time, "/action", {"action": ("float_list", q[::-1])}))
+    example_mcap(tmp_path / "episode.mcap", steps)
+    listed = "".join(run("import", tmp_path / "episode.mcap").output.split())
+    assert all(field in listed for field in ("observation/joints_pos[0]", "observation/joints_pos[1]", "action[1]"))
+    assert "camera" not in listed
+    columns = {f"/timestep:observation/joints_pos[{k}]": {"name": name, "unit": "rad"} for k, name in enumerate(NAMES)}
+    columns |= {"/action:action[1]": {"name": "angle_ref_wrist", "unit": "rad"}}
+    mapping = {"time": {"start": 0}, "columns": columns, "stamp": "publish", "period": 0.02}
+    log = imported(tmp_path, (tmp_path / "episode.mcap").read_bytes(), mapping, "episode.mcap")
+    np.testing.assert_allclose(log["angle_ref_wrist"], log["angle_wrist"])
+    np.testing.assert_allclose(log["angle_elbow"], Q[:, 1], atol=1e-7)
 
 
 def test_json_messages_have_foxgloves_stamp_and_are_refused_by_topic(tmp_path):

@@ -13,6 +13,7 @@ import exodrake as exo
 from exodrake.analysis.figures import draw_figures
 from exodrake.analysis.linear_model import add_controller
 from exodrake.analysis.robustness import assess_answer
+from exodrake.analysis.tuning import find_rough
 from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis.problem import make_problem
 from exodrake.physics import servo
@@ -189,8 +190,11 @@ def test_a_loop_whose_joint_friction_holds_is_analysed_and_tuned(nominal):
         effect = {"id": "servo.coulomb_friction", "wires": [], "joints": ["elbow"], "parameters": parameters}
         answer = {"verdict": "NAMED", "effects": [effect | {"channels": {}}], "equivalents": []}
         assert np.isfinite(assess_answer(stuck, answer, draws=2).deviation).all()
-    tuned = exo.tune(stuck, only=("I",), draws=0, judges=1)
-    assert tuned.best is None and tuned.limit is not None and tuned.limit.lqg is None
+    late = nominal.splice("servo.lag", {"time_constant": 0.03}).splice("servo.coulomb_friction", {"force": 0.25})
+    assert find_rough(add_controller(late)) == ["servo.coulomb_friction"]
+    tuned = exo.tune(stuck, only=("I, filtered reference",), draws=0, judges=1)
+    assert tuned.best and tuned.best.robot.effects() == stuck.effects()
+    assert tuned.notes[0].startswith("tuned without servo.coulomb_friction") and "a kick dies out" in tuned.notes[0]
 
 
 def test_a_kind_of_servo_is_refused_for_an_arm(tmp_path):

@@ -408,7 +408,11 @@ def plot_uncertainty(found: Uncertainty) -> Figure:
     panels[0].plot(found.frequency, found.deviation, ".", ms=3, color="#0072b2", label="robots of the answer")
     panels[0].plot(f, np.abs(found.weight(2j * np.pi * f)), color="black", lw=1.1, label="weight")
     panels[0].set(xscale="log", yscale="log", xlabel="Frequency [Hz]", ylabel="Relative deviation of the plant [-]")
-    panels[0].legend(fontsize=7.5)
+    panels[0].set_yticks([tick for tick in TICKS if found.deviation.min() <= tick <= found.deviation.max()])
+    panels[0].yaxis.set_major_formatter("{x:g}")
+    panels[0].yaxis.set_minor_formatter("")
+    above: dict[str, Any] = {"fontsize": 7.5, "loc": "lower left", "bbox_to_anchor": (0.0, 1.0)}
+    panels[0].legend(**above)
     ends = {"improved robot": "black", "lower ends": "#0072b2", "upper ends": "#d55e00"}
     curves = (
         ("Gain margin [dB]", found.list_worst(attrgetter("gain_margin_db")), lambda c: decibel(c.factor)),
@@ -421,7 +425,7 @@ def plot_uncertainty(found: Uncertainty) -> Figure:
         axes.set(xscale="log", xlabel=f"Command of {cycles[0].channel} [{unit}]", ylabel=name)
         axes.axhline(0.0, color="black", lw=0.8)
     if found.cycles:
-        panels[1].legend(fontsize=7.5)
+        panels[1].legend(**above)
         panels[2].set_visible(np.isfinite(found.phase_margin_deg))
     return figure
 

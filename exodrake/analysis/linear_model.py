@@ -11,7 +11,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from copy import copy
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
 from types import ModuleType
@@ -23,7 +24,7 @@ import numpy as np
 from exodrake.core.errors import InputError, nearest, short_repr
 from exodrake.engine.compose import compile_machine
 from exodrake.engine.inputs import NOTHING, NoiseInputs, prepare_values
-from exodrake.model.machine import Loop, Machine, full_name, signal_count, stack, state_size
+from exodrake.model.machine import Loop, full_name, signal_count, stack, state_size
 from exodrake.model.part import NORMAL
 from exodrake.model.robot import Robot
 
@@ -41,19 +42,7 @@ REST = 1e-8  # change over a frame, in units of a state's excursion, below which
 SLOW = 1e-4  # the same after 60 s, below which a drift is too slow to matter
 BESIDE = 1e-8  # distance at which a response is taken beside a pole on the circle: of a joint that friction holds
 BATCH = 200  # frequencies solved at a time, for memory
-
-
-def name_states(machine: Machine) -> list[tuple[str, str, str]]:
-    """Part, owner and state, and full name with channel, of each state: those of each part, then of its effects."""
-    found = []
-    for block in machine.parts:
-        for owner, states in ((block.name, block.states), *((e.id, e.states) for e in machine.effects_on(block))):
-            for state in states:
-                for channel in machine.axes.of(state.axis):
-                    for k in range(state.width):
-                        parts = (owner, state.name, channel, str(k) if state.width > 1 else "")
-                        found.append((block.name, f"{owner}.{state.name}", full_name(*parts)))
-    return found
+FADED = 1e-100  # of an impulse response [SI], below which it is 0: products of such numbers are slow and negligible
 
 
 def add_controller(robot: Robot) -> Robot:
@@ -166,17 +155,31 @@ class FrameMap:
         return x, rows
 
     @cached_property
+    def states(self) -> list[tuple[str, str, str]]:
+        """Part, owner and state, and full name with channel, of each state: those of each part, then of its effects."""
+        machine, found = self.robot.machine, []
+        for block in machine.parts:
+            for owner, states in ((block.name, block.states), *((e.id, e.states) for e in machine.effects_on(block))):
+                for state in states:
+                    for channel in machine.axes.of(state.axis):
+                        for k in range(state.width):
+                            parts = (owner, state.name, channel, str(k) if state.width > 1 else "")
+                            found.append((block.name, f"{owner}.{state.name}", full_name(*parts)))
+        return found
+
+    @cached_property
     def own(self) -> np.ndarray:
         """Whether a state (states,) is the controller's own: the plant does not see it; the held command it does."""
         own, held = self.loop.part, f"{self.loop.part}.{self.loop.held}"
-        return np.array([part == own and group != held for part, group, _ in name_states(self.robot.machine)])
+        return np.array([part == own and group != held for part, group, _ in self.states])
 
     def with_values(self, values: Mapping[str, float]) -> FrameMap:
         """The frame map with other parameters: name -> value [SI]; a name without its channel sets all channels."""
-        parameters = self.parameters.copy()
+        changed, parameters = copy(self), self.parameters.copy()  # a copy keeps what is cached of the machine
         for name, value in values.items():
             parameters[self.robot.indices(name)] = value
-        return replace(self, parameters=parameters)
+        vars(changed)["parameters"] = parameters
+        return changed
 
 
 def resolve_references(loop: FrameMap, at: Mapping[str, float] | str | None) -> np.ndarray:
@@ -236,6 +239,7 @@ class System(control.StateSpace):
         dt: float
 
 
+@short_repr
 @dataclass(frozen=True, eq=False)
 class OperatingPoint:
     """State of rest of a loop at a frame's start, under constant references."""
@@ -318,9 +322,10 @@ def compute_noise(a: np.ndarray, n: np.ndarray, c: np.ndarray, m: np.ndarray) ->
     a is (n, n), n (n, noises), c (outputs, n) and m (outputs, noises); e is white with unit variance.
     """
     covariance = n @ n.T  # P = A P A' + N N' by doubling; scipy's solver is ill-conditioned for states in SI
-    while np.abs(a).max() > np.finfo(float).tiny:
+    while np.abs(a).max() > FADED:
         more = a @ covariance @ a.T
         covariance, a = covariance + more, a @ a
+        a[np.abs(a) < FADED] = 0.0
         if np.abs(more).max() <= np.finfo(float).eps * np.abs(covariance).max():
             break
     return np.sqrt(np.diag(c @ covariance @ c.T + m @ m.T))
@@ -337,7 +342,7 @@ def measure_excursions(loop: FrameMap, state: np.ndarray, references: np.ndarray
             stepped, _ = loop.run(stepped, rows[None, :])
             still, _ = loop.run(still, references[None, :])
             size = np.maximum(size, np.abs(stepped - still))
-    groups = np.array([group for _, group, _ in name_states(loop.robot.machine)])
+    groups = np.array([group for _, group, _ in loop.states])
     for group in set(groups):
         size[groups == group] = size[groups == group].max()
     size[size < 1e-12] = UNMOVED
@@ -398,7 +403,7 @@ def linearise(loop: FrameMap, point: OperatingPoint) -> FrameModel:
 
     Of the fractions of the excursions by which states are moved, that counts which agrees best with the one before it.
     """
-    machine, n, state, references = loop.robot.machine, len(point.state), point.state, point.references
+    n, state, references = len(point.state), point.state, point.references
     size = measure_excursions(loop, state, references)
     columns = np.arange(n + len(references) + len(loop.noises))
     tried = [differentiate(loop, state, references, size, f, columns) for f in FRACTIONS]
@@ -412,9 +417,9 @@ def linearise(loop: FrameMap, point: OperatingPoint) -> FrameModel:
     rows = {name: n + i for name, i in loop.outputs.items() if not central[n + i, left_out].any()}
     c, d, m = np.split(central[list(rows.values())], [n, n + len(references)], axis=1)
     bends = np.abs(bend[np.ix_(keep, keep)] * size[keep] / size[keep, None]).max(axis=0, initial=0.0)
-    names = [name_states(machine)[i][2] for i in keep]
+    names = [loop.states[i][2] for i in keep]
     system = System(
-        a[np.ix_(keep, keep)], b[keep], c[:, keep], d, machine.frame,
+        a[np.ix_(keep, keep)], b[keep], c[:, keep], d, loop.robot.machine.frame,
         states=[name.replace(".", "_") for name in names], outputs=list(rows),
         inputs=[f"{loop.loop.reference}_{channel}" for channel in loop.channels],
     )  # fmt: skip
@@ -424,12 +429,19 @@ def linearise(loop: FrameMap, point: OperatingPoint) -> FrameModel:
     )
 
 
-def measure_drift(loop: FrameMap, state: np.ndarray, references: np.ndarray) -> float:
-    """Largest change [excursions] over a frame from a state (states,), of the states on which the log depends."""
+def measure_drift(
+    loop: FrameMap, state: np.ndarray, references: np.ndarray, keep: np.ndarray | None = None
+) -> tuple[float, np.ndarray]:
+    """Largest change [excursions] over a frame from a state (states,) [SI], of the states on which the log depends.
+
+    Their indices come with it; where those of an earlier state are given (n,) [-], they are found anew only at rest.
+    """
     after, _ = loop.run(state, references[None, :])
     size = measure_excursions(loop, state, references)
-    keep = find_observed_states(loop, state, references, size)
-    return float(np.max(np.abs(after - state)[keep] / size[keep], initial=0.0))
+    change = np.abs(after - state) / size
+    if keep is None or not change[keep].max(initial=0.0) >= SLOW:
+        keep = find_observed_states(loop, state, references, size)
+    return float(change[keep].max(initial=0.0)), keep
 
 
 def operating_point(loop: FrameMap, at: Mapping[str, float] | str | None = None) -> OperatingPoint:
@@ -441,11 +453,11 @@ def operating_point(loop: FrameMap, at: Mapping[str, float] | str | None = None)
     references, machine, frames = resolve_references(loop, at), loop.robot.machine, 0
     state, residual, steady = loop.start(), np.inf, True
     for steady, tried in ((True, loop), (False, loop.with_values(loop.loop.gentle))):
-        state, drift, last = tried.start(), np.inf, frames + CHUNK * CHUNKS
+        state, drift, last, seen = tried.start(), np.inf, frames + CHUNK * CHUNKS, None
         while not drift < REST and frames < last:
             state, _ = tried.run(state, np.tile(references, (CHUNK, 1)))
-            drift, frames = measure_drift(tried, state, references), frames + CHUNK
-        residual = drift if steady else measure_drift(loop, state, references)
+            (drift, seen), frames = measure_drift(tried, state, references, seen), frames + CHUNK
+        residual = drift if steady else measure_drift(loop, state, references)[0]
         if residual < SLOW:
             break
     else:

@@ -19,6 +19,7 @@ from exodrake.model.part import Part
 LEAST_GAIN = 1e-3  # factor on the loop gain below which a lower margin counts as none
 ALMOST_REAL = 0.02  # share of |L| below which its imaginary part at the lowest frequency counts as 0
 DECOUPLED, FAR = 1e-20, 1e6  # share of squared coupling that scales nothing; bound of scalings
+BALANCINGS, BALANCED = 30, 1e-9  # rounds over all channels at most; relative change of scalings that ends them
 TIGHT = 1e-6  # of the search for scalings
 GAINS = 31  # points along each gain of the stability map
 LATENCIES = np.arange(0.0, 8.01, 0.25)  # frames
@@ -178,16 +179,22 @@ def disk_margin(sensitivity: np.ndarray) -> np.ndarray:
 def structured_bound(m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Largest singular value (f,) [-] of matrices (f, k, k) [-] under balancing scalings (f, k) [-], and these."""
     k = m.shape[-1]
-    size, scale = np.abs(m) ** 2, np.ones(m.shape[:2])
-    for _ in range(30 if k > 1 else 0):
+    coupling, square = np.abs(m) ** 2, np.ones(m.shape[:2])  # square: of the scalings
+    least = DECOUPLED * coupling.max(axis=(1, 2), initial=0.0)
+    coupling[:, range(k), range(k)] = 0.0
+    for _ in range(BALANCINGS if k > 1 else 0):
+        before = square.copy()
         for i in range(k):
-            weighted = size * scale[:, :, None] ** 2 / scale[:, None, :] ** 2
-            row, column = weighted[:, i].sum(-1) - weighted[:, i, i], weighted[:, :, i].sum(-1) - weighted[:, i, i]
-            least = DECOUPLED * size.max(axis=(1, 2))
-            scale[:, i] = np.clip(scale[:, i] * ((column + least) / (row + least)) ** 0.25, 1.0 / FAR, FAR)
+            row = np.einsum("fj,fj->f", coupling[:, i], 1.0 / square) * square[:, i] + least
+            column = np.einsum("fj,fj->f", coupling[:, :, i], square) / square[:, i] + least
+            square[:, i] = np.clip(square[:, i] * np.sqrt(column / row), FAR**-2, FAR**2)
+        if np.abs(square / before - 1.0).max() < BALANCED:
+            break
+    scale = np.sqrt(square)
     return np.linalg.norm(scale[:, :, None] * m / scale[:, None, :], 2, axis=(-2, -1)), scale
 
 
+@short_repr
 @dataclass(frozen=True)
 class DelayBudget:
     """Delays of one channel between a reading and its command [s], and the further delay that is allowed.
@@ -234,6 +241,7 @@ def delay_budget(loop: lm.FrameMap, margins: tuple[Margins, ...]) -> tuple[Delay
     return tuple(budgets)
 
 
+@short_repr
 @dataclass(frozen=True, eq=False)
 class StabilityMap:
     """Spectral radius over two gains, and the robot's own values."""
@@ -246,6 +254,7 @@ class StabilityMap:
     limit: np.ndarray  # (n,) first gain up to which the loop is stable; nan beyond the map, 0 where none is
 
 
+@short_repr
 @dataclass(frozen=True, eq=False)
 class LatencySweep:
     """Spectral radius over command latency that is added on all channels."""

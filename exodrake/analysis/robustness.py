@@ -29,6 +29,7 @@ ENDS = 2  # robots at the ends of the intervals, of which limit cycles are predi
 LESS = 0.9  # second order is taken where it covers the deviation with less than this share of the first order's excess
 
 
+@short_repr
 @dataclass(frozen=True, eq=False)
 class Robustness:
     """Robustness of one robot at one operating point."""
@@ -45,6 +46,7 @@ class Robustness:
     steps: tuple[StepResponse, ...]  # nonlinear, of each channel
 
 
+@short_repr
 @dataclass(frozen=True, eq=False)
 class Band:
     """A population: what was varied, its members, and why others have no operating point, a sentence each."""

@@ -11,6 +11,7 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections.abc import Callable, Mapping
 from dataclasses import astuple, dataclass, field, replace
+from functools import partial
 from itertools import chain
 from typing import Any
 
@@ -22,9 +23,10 @@ from scipy.optimize import differential_evolution, linprog, minimize
 from exodrake.analysis import linear_model as lm
 from exodrake.analysis.closed_loop import list_remarks
 from exodrake.analysis.margins import decibel, open_loop, open_responses, structured_bound
-from exodrake.analysis.responses import BAND, StepResponse, step_response
+from exodrake.analysis.responses import BAND, StepResponse, returns, step_response
 from exodrake.analysis.robustness import Band, band, points_band, within_tolerances
 from exodrake.core.errors import InputError, argument, short_repr
+from exodrake.core.parallel import one_blas_thread
 from exodrake.core.progress import no_progress
 from exodrake.model.machine import Controller
 from exodrake.model.robot import Robot
@@ -41,6 +43,7 @@ LQG_RUNS = 60  # designs that are tried over all plants
 # logarithms of the weights of command and integral, and of the disturbance, in units of the tuned loop's commands
 LQG_BOUNDS = np.log([(1e-4, 1e4), (1e-9, 1.0), (1e-4, 10.0)])
 MOVED = 1.5  # ratio of gain margins over operating points from which gains are scheduled
+BENT = 0.1  # RMS of a step by which the loop may differ from its linear model before effects are left out; assumed
 OWN = "as it is"
 NOISE_FACTOR = 2.0  # noise of the commands that is allowed by default, in units of what the robot has: assumed
 
@@ -89,26 +92,35 @@ class Tuned:
     noise: float  # [SI]
     missed: tuple[str, ...]  # requirements that it does not hold, a phrase each
 
+    def word_gains(self) -> str:
+        """The tuned gains in SI."""
+        return word_gains(self.gains) if self.gains else "no tuned controller that holds all is faster"
+
+
+def word_gains(gains: Mapping[str, float]) -> str:
+    """Gains [SI] by name as text."""
+    return ", ".join(f"{name} = {value:.4g}" for name, value in gains.items())
+
 
 @short_repr
 @dataclass(frozen=True, eq=False)
 class Limit:
     """How fast a loop could be, beside the best tuned controller, or the robot as it is without one.
 
-    The bound holds for any controller on the linear plant at the machine's own point, without noise.
+    The bound holds for any controller on the linear plant at the machine's own point, without noise, that overshoots no
+    more than required and whose commands and crosstalk are within those of the compared controllers that miss nothing.
     """
 
-    settling: float  # bound for commands, overshoot and crosstalk up to those of the tuned controller [s]
+    settling: float  # bound, of the slowest channel [s]
     tuned: float  # the tuned controller there [s]; the slowest channel's, as above
-    command_peak: float  # largest change of a command in its steps [command / reference]
+    command_peak: float  # largest change of a command in their steps [command / reference]
     crosstalk: float  # largest change of another channel, as a fraction of the step
     lqg: Performance | None  # worst of the LQG design over all plants of the search; None if it destabilises one
     missed: tuple[str, ...]  # what LQG does not hold
     law: lm.System | None  # the LQG design; None without one
 
 
-@short_repr
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Tuning:
     """Controllers that were tuned, compared with the robot's own.
 
@@ -120,6 +132,12 @@ class Tuning:
         limit: how fast any controller could be.
         schedule: operating point -> gains [SI] of the best structure tuned there alone, and the settling [s] predicted;
             empty where the gain margins of its fixed gains move by less than half over the points.
+
+    Examples:
+        >>> import exodrake as exo
+        >>> tuning = exo.tune(exo.load_robot("emps"), exo.Requirements(overshoot=0.2), draws=0, judges=1)
+        >>> tuning.best.name, tuning.best.settling < tuning.compared[0].settling
+        ('cascade', True)
     """
 
     robot: Robot
@@ -128,6 +146,12 @@ class Tuning:
     notes: tuple[str, ...] = ()
     limit: Limit | None = None
     schedule: Mapping[str, tuple[dict[str, float], float]] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        own, best = self.compared[0], self.best or self.compared[0]
+        settles = f"settles in {best.settling:.3g} s (now {own.settling:.3g} s)"
+        words = f"best {best.name}, {settles}" if self.best else "none holds all requirements"
+        return f"Tuning({self.robot.machine.name}: {len(self.compared)} controllers; {words})\n  {best.word_gains()}"
 
     @property
     def best(self) -> Tuned | None:
@@ -176,43 +200,105 @@ def tune(
 
     Raises:
         InputError: no closed loop, no state of rest, unknown structure.
+
+    Examples:
+        >>> import exodrake as exo
+        >>> wanted = exo.Requirements(overshoot=0.2, disk_margin=0.7)
+        >>> exo.tune(exo.load_robot("emps"), wanted, draws=0, judges=1).best.missed
+        ()
     """
-    first = lm.FrameMap.from_robot(argument("robot", robot, Robot))
-    robot, loop = first.robot, first.loop
+    argument("robot", robot, Robot)
     wanted = argument("requirements", requirements, Requirements, type(None)) or Requirements()
-    say, known = progress or no_progress, [c.name for c in loop.controllers]
+    with one_blas_thread():
+        return tune_structures(robot, wanted, only, draws, judges, progress or no_progress)
+
+
+def tune_structures(
+    robot: Robot, wanted: Requirements, only: tuple[str, ...], draws: int, judges: int, say: Callable[[str], None]
+) -> Tuning:
+    """`tune` of checked arguments.
+
+    Effects that leave no linear response at rest, such as dry friction or hysteresis, are left out of the plants and
+    the assessment, and stay in the robots of the answer.
+    """
+    whole = lm.FrameMap.from_robot(robot)
+    loop, known = whole.loop, [c.name for c in whole.loop.controllers]
     if (name := next((name for name in only if name not in known), None)) is not None:
-        raise InputError(f"{robot.machine.name}: no controller {name!r}; there are {'; '.join(known)}")
-    plants = [linearise_plant(robot, at) for at in loop.points]
-    plants += [linearise_plant(drawn) for _, drawn in within_tolerances(robot, draws, DESIGN_SEED)]
+        raise InputError(f"{robot.machine.name}: no controller {name!r}; there are {', '.join(known)}")
+    rough = find_rough(whole.robot) if whole.robot.effects() and not is_linear(whole.robot) else []
+    smooth = whole.robot.without_effects(rough)
+    plants = [linearise_plant(smooth, at) for at in loop.points]
+    plants += [linearise_plant(drawn) for _, drawn in within_tolerances(smooth, draws, DESIGN_SEED)]
     if wanted.noise is None:
         noises = [predict_performance(plant, linearise_law(plant, {})).noise for plant in plants]
         if np.isfinite(noises).any():
             wanted = replace(wanted, noise=NOISE_FACTOR * max(filter(np.isfinite, noises)))
-    compared = [assess(OWN, robot, {}, wanted, judges)]
+    compared = [replace(assess(OWN, smooth, {}, wanted, judges), robot=whole.robot)]
     for structure in (c for c in loop.controllers if not only or c.name in only):
         say(structure.name)
         fixed = {**structure.fixed, **compliance(plants[0], structure)}
         gains, named = search_gains(plants, structure, fixed, wanted), {}
         for name, value in {**fixed, **gains}.items():
-            places = [robot.machine.parameters[i].name for i in robot.indices(name)]
+            places = [smooth.machine.parameters[i].name for i in smooth.indices(name)]
             named |= dict(zip(places, np.broadcast_to(value, len(places)).tolist(), strict=True))
-        changed = robot.with_parameters(named, f"tuned by exodrake as {structure.name}")
-        compared.append(assess(structure.name, changed, gains, wanted, judges))
-    tuning = Tuning(robot, wanted, tuple(compared), list_remarks(plants[0].model))
+        changed = whole.robot.with_parameters(named, f"tuned by exodrake as {structure.name}")
+        found = assess(structure.name, changed.without_effects(rough), gains, wanted, judges)
+        compared.append(replace(found, robot=changed))
+    tuning = Tuning(whole.robot, wanted, tuple(compared), list_remarks(plants[0].model))
+    best = tuning.best or compared[0]
+    if rough:
+        tuning = replace(tuning, notes=(describe_rough(rough, best), *tuning.notes))
     say("LQG and bound")
-    tuning = replace(tuning, limit=find_limit(plants, tuning.best or compared[0], wanted))
+    tuning = replace(tuning, limit=find_limit(plants, best, compared, wanted))
     return replace(tuning, schedule=schedule_gains(plants[: len(loop.points)], tuning))
 
 
-def find_limit(plants: list[Plant], tuned: Tuned, wanted: Requirements) -> Limit:
-    """How fast any controller could be that moves its commands as little as a tuned one, and how fast LQG is."""
+def find_rough(robot: Robot) -> list[str]:
+    """Effects of a robot each of which alone leaves it no linear response about its rest; all, if only several do."""
+    own = robot.effects()
+    alone = [robot.without_effects([other for other in own if other != one]) for one in own]
+    return [one for one, left in zip(own, alone, strict=True) if not is_linear(left)] or list(own)
+
+
+def is_linear(robot: Robot) -> bool:
+    """Whether poles decide on stability where a robot rests, and its readings follow the linear model in a step."""
+    model = lm.linearise_robot(robot)
+    loop, references = model.loop, model.point.references
+    if not model.decides:
+        return False
+    rest, times = loop.run(model.point.state, references[None])[1][0], model.system.dt * np.arange(FRAMES)
+    for j, row in enumerate(model.rows(loop.loop.measured)):
+        rows = np.tile(references, (FRAMES, 1))
+        rows[:, j] += loop.loop.step
+        moved = (loop.run(model.point.state, rows)[1] - rest)[:, loop.signals[loop.loop.measured]][:, j]
+        linear = loop.loop.step * control.step_response(model.system[row, j], times).outputs
+        if not np.sqrt(np.mean((moved - linear) ** 2)) < BENT * loop.loop.step:
+            return False
+    return True
+
+
+def describe_rough(rough: list[str], tuned: Tuned) -> str:
+    """How a tuned loop moves with effects that its tuning left out, by simulation, in a sentence."""
+    loop = lm.FrameMap.from_robot(tuned.robot)
+    point, unit = lm.operating_point(loop), loop.robot.machine.signal[loop.loop.output].unit
+    steps = [step_response(loop, point, j) for j in range(len(loop.channels))]
+    worst, them = max(steps, key=lambda s: abs(s.steady_error)), "all" if len(rough) > 1 else "it"
+    off = f"leaves {worst.channel} of {tuned.name!r} {worst.steady_error:+.2g} {unit} off"
+    return (
+        f"tuned without {', '.join(rough)}, beside which no response at rest is linear; with {them} a step of "
+        f"{worst.size:g} {unit} {off}, and a kick {'dies' if returns(loop, point) else 'does not die'} out"
+    )
+
+
+def find_limit(plants: list[Plant], tuned: Tuned, compared: list[Tuned], wanted: Requirements) -> Limit:
+    """How fast any controller could be that is no rougher than those compared, and how fast LQG is."""
     plant, loop, frame = plants[0], plants[0].model.loop, plants[0].system.dt
     size, m = loop.loop.step, len(loop.channels)
-    settling = max(s.settling for s in tuned.steps)
-    peak, crosstalk = (max(values) for values in zip(*((s.command_peak / size, s.crosstalk) for s in tuned.steps)))
+    settling, peak = max(s.settling for s in tuned.steps), max(s.command_peak for s in tuned.steps) / size
+    held = [t for t in compared if not t.missed] or [tuned]
+    widest, crosstalk = (max(v) for v in zip(*((s.command_peak / size, s.crosstalk) for t in held for s in t.steps)))
     frames = int(np.clip(1.2 * settling / frame, 2, FRAMES)) if np.isfinite(settling) else FRAMES
-    limits = [bound_settling(plant.system, j, peak, wanted.overshoot, crosstalk, frames) for j in range(m)]
+    limits = [bound_settling(plant.system, j, widest, wanted.overshoot, crosstalk, frames) for j in range(m)]
 
     def design(logs: np.ndarray) -> lm.System | None:
         effort, integral, disturbance = np.exp(logs)
@@ -228,13 +314,15 @@ def find_limit(plants: list[Plant], tuned: Tuned, wanted: Requirements) -> Limit
     nominal = [p for p in plants if p.model.loop.robot is loop.robot]
     first = differential_evolution(cost, LQG_BOUNDS, (nominal,), **SEARCH)
     found = minimize(cost, first.x, (plants,), method="Nelder-Mead", options={"maxfev": LQG_RUNS, "xatol": 0.05})
-    bound = min(max(limits), settling)
+    own = [max(s.settling for s in t.steps) for t in held]  # read in slots, where the bound counts whole frames
+    bound = float(np.min([max(limits), *own]))
+    limit = partial(Limit, bound, settling, widest, crosstalk)
     if (law := design(found.x)) is None:
-        return Limit(bound, settling, peak, crosstalk, None, ("no LQG design",), None)
+        return limit(None, ("no LQG design",), None)
     radii, settlings, overshoots, disks, noises = zip(*(astuple(predict_performance(one, law)) for one in plants))
     lqg = Performance(max(radii), max(settlings), max(overshoots), min(disks), max(noises))
     missed = list_missed(wanted, lqg, loop.robot.machine.signal[loop.loop.command].unit)
-    return Limit(bound, settling, peak, crosstalk, lqg if lqg.radius < 1.0 else None, missed, law)
+    return limit(lqg if lqg.radius < 1.0 else None, missed, law)
 
 
 def schedule_gains(plants: list[Plant], tuning: Tuning) -> dict[str, tuple[dict[str, float], float]]:
@@ -370,15 +458,17 @@ def predict_performance(plant: Plant, law: lm.System) -> Performance:
     radius = lm.spectral_radius(a)
     if radius >= 1.0:
         return Performance(radius, np.inf, np.inf, 0.0, np.inf)
-    b, x, share = np.vstack([p.B @ direct, h]), np.zeros((len(a), m)), np.zeros((FRAMES, m))
+    b, x = np.vstack([p.B @ direct, h]), np.zeros((FRAMES + 1, len(a), m))
     for k in range(FRAMES):  # a step of each reference
-        x = a @ x + b
-        share[k] = np.diag(p.C @ x[: p.nstates])
+        x[k + 1] = a @ x[k] + b
+    share = np.einsum("cn,fnc->fc", p.C, x[1:, : p.nstates])
     outside = np.abs(share - 1.0) > BAND
     last = np.where(outside.any(axis=0), FRAMES - 1 - outside[::-1].argmax(axis=0), -1)
     missing = np.maximum(np.abs(share[-1] - 1.0) - BAND, 0.0)
     settling = float((p.dt * (last + 2 + FRAMES * missing)).max())
-    ratio = -lm.evaluate(law, plant.frequency)[:, :, :m] @ plant.response
+    kept = lm.find_observed(law.A.T, g.T)  # states that the readings move: those of a feed-forward are outside the loop
+    feedback = lm.System(law.A[np.ix_(kept, kept)], g[kept], law.C[:, kept], read, p.dt)
+    ratio = -lm.evaluate(feedback, plant.frequency) @ plant.response
     balanced = np.linalg.inv(np.eye(m) + ratio) - 0.5 * np.eye(m)
     drive = np.vstack([plant.N + p.B @ read @ plant.M, g @ plant.M])
     noise = lm.compute_noise(a, drive, np.hstack([read @ p.C, law.C]), read @ plant.M)

@@ -46,6 +46,7 @@ def command(file, parameters, effects, parts, at, draws, diagnosis, seed, out, m
     """
     from exodrake.analysis import closed_loop, figures, limit_cycles, linear_model, robustness
     from exodrake.cli.simulate import warn
+    from exodrake.core.parallel import one_blas_thread
     from exodrake.model.units import quantity
     from exodrake.simulation.references import split_options
 
@@ -59,7 +60,7 @@ def command(file, parameters, effects, parts, at, draws, diagnosis, seed, out, m
         loop, (_, given) = robot.machine.loop, split_options(f"--at:{at}")
         unit = robot.machine.signal[loop.reference].unit if loop else "-"
         point = {channel: quantity(value, unit, f"--at: {channel}") for channel, value in given.items()}
-    with options.waiting("analysing (the first run after a change compiles for half a minute)"):
+    with options.waiting("analysing (the first run after a change compiles for half a minute)"), one_blas_thread():
         result = exo.analyse(robot, point, seed)
         if draws and robot.machine.tolerances:
             bands.append(robustness.band("tolerances", robustness.within_tolerances(robot, draws), point))

@@ -72,6 +72,7 @@ def command(
 
 def show(tuning: exo.Tuning) -> None:
     """The controllers as a table, and the best one's gains."""
+    from exodrake.analysis.tuning import word_gains
     from exodrake.model.display import shown_unit
 
     unit, factor = shown_unit(tuning.noise_unit)
@@ -90,8 +91,9 @@ def show(tuning: exo.Tuning) -> None:
     )
     if (limit := tuning.limit) and math.isfinite(limit.settling):
         click.echo(
-            f"bound: without tolerances {limit.tuned:.3g} s; no controller with such commands and crosstalk (up to "
-            f"{100.0 * limit.crosstalk:.2g} %) does better than {limit.settling:.3g} s on the linear plant"
+            f"bound: {limit.settling:.3g} s on the linear plant without tolerances, where the best needs "
+            f"{limit.tuned:.3g} s: no controller settles sooner that overshoots no more than required, with commands "
+            f"and crosstalk (up to {100.0 * limit.crosstalk:.2g} %) as of those above that miss nothing"
         )
     if limit and limit.law and (p := limit.lqg):
         click.echo(
@@ -104,13 +106,8 @@ def show(tuning: exo.Tuning) -> None:
     if (best := tuning.best) is None:
         click.echo("no controller holds all of them")
         return
-
-    def word_gains(gains: dict[str, float]) -> str:
-        return ", ".join(f"{name} = {value:.4g}" for name, value in gains.items())
-
-    own = tuning.compared[0]
-    click.echo(f"best: {best.name}, settles in {best.settling:.3g} s (now {own.settling:.3g} s)")
-    click.echo("  " + (word_gains(best.gains) if best is not own else "no tuned controller that holds all is faster"))
+    click.echo(f"best: {best.name}, settles in {best.settling:.3g} s (now {tuning.compared[0].settling:.3g} s)")
+    click.echo(f"  {best.word_gains()}")
     for point, (gains, settling) in tuning.schedule.items():
         click.echo(f"  scheduled, {point}: {word_gains(gains)}; settles in {settling:.3g} s")
 

@@ -63,7 +63,7 @@ TIME_KEYS = {
 TIME_FIELDS = {"column": "time", "unit": "time_unit", "start": "start", "period": "time_period"}  # of `Mapped`
 PLAIN = {
     "hold": WHOLE, "separator": schema.text(length=1), "decimal": schema.text(length=1), "skip": WHOLE,
-    "samples": schema.text(("rows", "columns")), "stamp": schema.text(("log", "header")),
+    "samples": schema.text(("rows", "columns")), "stamp": schema.text(("log", "publish", "header")),
     "heading": schema.flag,
 }  # fmt: skip
 SCHEMA = schema.mapping(

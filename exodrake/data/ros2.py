@@ -1,7 +1,8 @@
-"""Messages of topics: ROS 2 bags in MCAP or SQLite storage, and MCAP with JSON messages. Needs the extra `mcap`.
+"""Messages of topics: ROS 2 bags in MCAP or SQLite storage, MCAP with JSON or Protobuf. Needs the extra `mcap`.
 
 A column is `TOPIC:FIELD`: `/joint_states:position[MCP]` (the element whose `name` is MCP), `/joint_states:effort[0]`,
-`/wrench:wrench.force.z`, `/speed_command:data`; a field of JSON stands by the same rules. Definitions of ROS messages
+`/wrench:wrench.force.z`, `/speed_command:data`; fields of JSON and Protobuf stand by the same rules, those of a
+`tensorflow.Example` by their keys: `/timestep:observation/joints[0]`. Definitions of ROS messages
 come from the bag; older SQLite bags hold none, and only the common types of ros2_messages.txt can be read from them.
 """
 
@@ -9,9 +10,10 @@ import io
 import math
 import re
 import sqlite3
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -71,7 +73,10 @@ def read_topics(path: str | Path) -> dict[str, Topic]:
 
 
 def read_tracks(data: bytes, source: str, columns: Sequence[str], stamp: str) -> dict[str, Track]:
-    """Column -> samples with their times [s]; stamp `log` is the recorder's time, `header` the message's own."""
+    """Column -> samples with their times [s], by a stamp.
+
+    `log` is the recorder's time, `publish` that of the publisher in MCAP, `header` the message's own.
+    """
     wanted: dict[str, list[str]] = {}
     for column in columns:
         topic, _, field = column.partition(":")
@@ -79,8 +84,8 @@ def read_tracks(data: bytes, source: str, columns: Sequence[str], stamp: str) ->
             raise InputError(f"{source}: column {column!r}: wanted TOPIC:FIELD, like '/joint_states:position[MCP]'")
         wanted.setdefault(topic, []).append(field)
     samples: dict[str, list[tuple[float, float]]] = {column: [] for column in columns}
-    for topic, _, message, log_time in messages(data, source, set(wanted)):
-        where, time = f"{source}: topic {topic!r}", log_time * 1e-9
+    for topic, _, message, nanoseconds in messages(data, source, set(wanted), stamp == "publish"):
+        where, time = f"{source}: topic {topic!r}", nanoseconds * 1e-9
         if stamp == "header":
             own = _get(_get(message, "header"), "stamp") or _get(message, "timestamp")  # of ROS, of Foxglove's JSON
             try:
@@ -137,18 +142,28 @@ def numeric_fields(message: Any, path: str = "") -> list[str]:
     return found
 
 
-def messages(data: bytes, source: str, topics: set[str] | None) -> Iterator[tuple[str, str, Any, int]]:
-    """(topic, type, message, log time [ns]) on some topics; on all for None, where undecodable messages are None."""
-    with require_extra(f"{source}: bags need mcap and mcap-ros2-support; install exodrake[mcap]"):
-        yield from (sqlite_messages if source.lower().endswith(SQLITE) else mcap_messages)(data, source, topics)
+def messages(
+    data: bytes, source: str, topics: set[str] | None, published: bool = False
+) -> Iterator[tuple[str, str, Any, int]]:
+    """(topic, type, message, log time [ns]) on some topics; on all for None, where undecodable messages are None.
+
+    With `published` the time is the publisher's, where the storage has it.
+    """
+    with require_extra(f"{source}: bags need the packages of the extra mcap; install exodrake[mcap]"):
+        if source.lower().endswith(SQLITE):
+            yield from sqlite_messages(data, source, topics)
+        else:
+            yield from mcap_messages(data, source, topics, published)
 
 
-def mcap_messages(data: bytes, source: str, topics: set[str] | None) -> Iterator[tuple[str, str, Any, int]]:
+def mcap_messages(
+    data: bytes, source: str, topics: set[str] | None, published: bool
+) -> Iterator[tuple[str, str, Any, int]]:
     """`messages` of MCAP storage by their numbers, else as stored: a recorder's clock may have stepped back."""
     from mcap.reader import make_reader
     from mcap_ros2.decoder import DecoderFactory
 
-    factory = DecoderFactory()
+    ros, protobuf = DecoderFactory(), None
     reader = make_reader(io.BytesIO(data))
     stored = list(reader.iter_messages(topics=list(topics) if topics else None, log_time_order=False))
     numbers: dict[int, list[int]] = {}
@@ -160,13 +175,37 @@ def mcap_messages(data: bytes, source: str, topics: set[str] | None) -> Iterator
         where = f"{source}: topic {channel.topic!r}"
         if channel.message_encoding == "json":
             message = parse_json(raw.data, where)
-        elif decode := factory.decoder_for(channel.message_encoding, schema):
+        elif decode := ros.decoder_for(channel.message_encoding, schema):
             message = decode(raw.data)
+        elif schema and schema.encoding == channel.message_encoding == "protobuf":
+            protobuf = protobuf or import_module("mcap_protobuf.decoder").DecoderFactory()
+            message = plain_message(protobuf.decoder_for("protobuf", schema)(raw.data))
         elif topics:
-            raise InputError(f"{where}: {channel.message_encoding!r} is read neither as a ROS 2 message nor as JSON")
+            words = "is read neither as a ROS 2 message nor as JSON or Protobuf"
+            raise InputError(f"{where}: {channel.message_encoding!r} {words}")
         else:
             message = None
-        yield channel.topic, schema.name if schema else channel.message_encoding, message, raw.log_time
+        time = raw.publish_time if published else raw.log_time
+        yield channel.topic, schema.name if schema else channel.message_encoding, message, time
+
+
+def plain_message(message: Any) -> Any:
+    """A Protobuf message without its bytes as JSON would have it; the numbers of a `tensorflow.Example` by their keys.
+
+    Such examples are what the logger of Google's robots writes, each on its topic `/timestep` or `/action`.
+    """
+    if isinstance(message, Mapping):
+        return {str(key): plain_message(value) for key, value in message.items()}
+    if isinstance(message, Sequence) and not isinstance(message, str | bytes):
+        return [plain_message(one) for one in message]
+    if isinstance(message, bool | int | float | str | bytes):
+        return message
+    kind = message.DESCRIPTOR
+    if kind.full_name == "tensorflow.Example":
+        lists = ((key, one.float_list.value or one.int64_list.value) for key, one in message.features.feature.items())
+        return {key: list(values) for key, values in lists if values}
+    fields = [f.name for f in kind.fields if not f.message_type or f.is_repeated or message.HasField(f.name)]
+    return {name: plain_message(getattr(message, name)) for name in fields}
 
 
 def sqlite_messages(data: bytes, source: str, topics: set[str] | None) -> Iterator[tuple[str, str, Any, int]]:
