@@ -55,7 +55,8 @@ def run(folder, jobs, cluster, redo) -> object:
 
     cases = find_cases(folder)
     with show_count("diagnosing") as count:
-        failed = diagnose_all({case: case for case in cases}, jobs, cluster, count, redo)
+        typed = options.command_line()
+        failed = diagnose_all({case: case for case in cases}, jobs, cluster, count, redo, command=typed)
     options.note_failures(failed)
     return {"cases": len(cases), "failed": failed}
 

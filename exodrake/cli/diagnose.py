@@ -141,7 +141,8 @@ def diagnose_many(
 
     places = map_places(cases, out)
     with show_count("diagnosing") as count:
-        failed = diagnose_all(places, jobs, cluster, count, redo, robot, tried, allow_outside, report_html)
+        typed = options.command_line()
+        failed = diagnose_all(places, jobs, cluster, count, redo, robot, tried, allow_outside, report_html, typed)
     rows = []
     for name, answer in ((escape(place.name), read_stored(place)) for place in places.values()):
         if answer is None:

@@ -2,8 +2,9 @@
 
 The convention: `--out` is the folder of a command's files, or the file of one that writes one (a folder for it will
 do). They have the same names everywhere: log.csv, figure.png, report.html, diagnosis.json, robot.yaml. Without it a run
-goes into a folder named after it, an animation beside its log, and nothing else is written. `--json` prints a command's
-numbers and nothing else, or writes them into the file that it names.
+goes into a folder named after it, an animation beside its log, and nothing else is written. Every command takes
+`--json`: it prints the numbers and nothing else, or writes them into the file that it names. A command without numbers
+lists the files that it wrote.
 """
 
 from __future__ import annotations
@@ -121,7 +122,7 @@ def check_target(path: Path) -> None:
 
 json_target = click.option(
     "--json", "json_file", type=JsonTarget(), is_flag=False, flag_value="-", metavar="[FILE]",
-    help="Print the numbers as JSON, in SI, and nothing else; or write them into FILE.",
+    help="Print the answer as JSON, in SI, and nothing else; or write it into FILE.",
 )  # fmt: skip
 
 
