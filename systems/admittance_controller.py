@@ -20,13 +20,16 @@ class AdmittanceController(PartSystem):
     Per tendon: tension_ref [N] and tension_read [N] come in; speed_cmd [m/s] is state. State: commands [m/s], readings
     before [N], started, integrals [N s], filtered rates [N/s], filtered references [N]. No direct feedthrough.
 
-    Example:
-        controller = AdmittanceController()
-        simulator = Simulator(controller)
-        controller.GetInputPort("tension_ref").FixValue(simulator.get_mutable_context(), [5.0, 3.0, 1.0])
-        controller.GetInputPort("tension_read").FixValue(simulator.get_mutable_context(), [4.0, 3.0, 2.0])
-        simulator.AdvanceTo(0.02)
-        print(controller.GetOutputPort("speed_cmd").Eval(simulator.get_context()))
+    Examples:
+        >>> import exodrake as exo
+        >>> from pydrake.systems.analysis import Simulator
+        >>> controller = exo.AdmittanceController()
+        >>> simulator = Simulator(controller)
+        >>> _ = controller.GetInputPort("tension_ref").FixValue(simulator.get_mutable_context(), [5.0, 3.0, 1.0])
+        >>> _ = controller.GetInputPort("tension_read").FixValue(simulator.get_mutable_context(), [4.0, 3.0, 2.0])
+        >>> _ = simulator.AdvanceTo(0.02)
+        >>> print(controller.GetOutputPort("speed_cmd").Eval(simulator.get_context()).round(3))
+        [ 0.006  0.    -0.006]
     """
 
     def __init__(self, robot: Robot | None = None) -> None:

@@ -23,12 +23,15 @@ class Bus(PartSystem):
     speed_applied [m/s] is state. State: the last twelve commands of each tendon and the one applied [m/s], memories of
     effects. Parameters are those of the effects `timing.*`. No direct feedthrough.
 
-    Example:
-        bus = Bus()
-        simulator = Simulator(bus)
-        bus.GetInputPort("speed_cmd").FixValue(simulator.get_mutable_context(), [0.02, 0.0, -0.02])
-        simulator.AdvanceTo(0.02)
-        print(bus.GetOutputPort("speed_applied").Eval(simulator.get_context()))
+    Examples:
+        >>> import exodrake as exo
+        >>> from pydrake.systems.analysis import Simulator
+        >>> bus = exo.Bus()
+        >>> simulator = Simulator(bus)
+        >>> _ = bus.GetInputPort("speed_cmd").FixValue(simulator.get_mutable_context(), [0.02, 0.0, -0.02])
+        >>> _ = simulator.AdvanceTo(0.02)
+        >>> print(bus.GetOutputPort("speed_applied").Eval(simulator.get_context()).round(3))
+        [ 0.02  0.   -0.02]
     """
 
     def __init__(self, robot: Robot | None = None) -> None:

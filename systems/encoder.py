@@ -22,12 +22,15 @@ class Encoder(PartSystem):
     Per tendon: spool_angle [rad] comes in, and start_stroke [m], which is shown until the first reading.
     stroke_read [m] is state. State: readings [m], then memories of effects. No direct feedthrough.
 
-    Example:
-        encoder = Encoder()
-        simulator = Simulator(encoder)
-        encoder.GetInputPort("spool_angle").FixValue(simulator.get_mutable_context(), [1.0, 0.5, 0.0])
-        simulator.AdvanceTo(0.02)
-        print(encoder.GetOutputPort("stroke_read").Eval(simulator.get_context()))
+    Examples:
+        >>> import exodrake as exo
+        >>> from pydrake.systems.analysis import Simulator
+        >>> encoder = exo.Encoder()
+        >>> simulator = Simulator(encoder)
+        >>> _ = encoder.GetInputPort("spool_angle").FixValue(simulator.get_mutable_context(), [1.0, 0.5, 0.0])
+        >>> _ = simulator.AdvanceTo(0.02)
+        >>> print(encoder.GetOutputPort("stroke_read").Eval(simulator.get_context()).round(3))
+        [0.008 0.004 0.   ]
     """
 
     def __init__(self, robot: Robot | None = None) -> None:

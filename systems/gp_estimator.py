@@ -28,13 +28,17 @@ class GPEstimator(Cloneable, LeafSystem):
         weights: of the trained estimator.
         machine: whose frame it keeps; None: that of the Exo-Index.
 
-    Example:
-        estimator = GPEstimator(quick_estimator(load_robot()).weights)
-        simulator = Simulator(estimator)
-        estimator.GetInputPort("tension_read").FixValue(simulator.get_mutable_context(), [5.0, 3.0, 1.0])
-        estimator.GetInputPort("stroke_read").FixValue(simulator.get_mutable_context(), [0.008, 0.002, 0.0])
-        simulator.AdvanceTo(0.02)
-        print(estimator.GetOutputPort("angle_est").Eval(simulator.get_context()))
+    Examples:
+        >>> import exodrake as exo
+        >>> from pydrake.systems.analysis import Simulator
+        >>> from exodrake.estimator.gp import quick_estimator
+        >>> estimator = exo.GPEstimator(quick_estimator(exo.load_robot()).weights)
+        >>> simulator = Simulator(estimator)
+        >>> _ = estimator.GetInputPort("tension_read").FixValue(simulator.get_mutable_context(), [5.0, 3.0, 1.0])
+        >>> _ = estimator.GetInputPort("stroke_read").FixValue(simulator.get_mutable_context(), [0.008, 0.002, 0.0])
+        >>> _ = simulator.AdvanceTo(0.02)
+        >>> print(estimator.GetOutputPort("angle_est").Eval(simulator.get_context()).round(3))
+        [0.202 0.285 0.228]
     """
 
     def __init__(self, weights: Weights, machine: Machine | None = None) -> None:

@@ -21,12 +21,15 @@ class MotionCapture(PartSystem):
     mocap_delay [s], by how much the picture is late (`exo.diagram_log` delays it), are state. State: readings [rad],
     delay [s], number of pictures, effects. No direct feedthrough.
 
-    Example:
-        mocap = MotionCapture()
-        simulator = Simulator(mocap)
-        mocap.GetInputPort("angle").FixValue(simulator.get_mutable_context(), [0.2, 0.4, 0.1])
-        simulator.AdvanceTo(0.02)
-        print(mocap.GetOutputPort("angle_read").Eval(simulator.get_context()))
+    Examples:
+        >>> import exodrake as exo
+        >>> from pydrake.systems.analysis import Simulator
+        >>> mocap = exo.MotionCapture()
+        >>> simulator = Simulator(mocap)
+        >>> _ = mocap.GetInputPort("angle").FixValue(simulator.get_mutable_context(), [0.2, 0.4, 0.1])
+        >>> _ = simulator.AdvanceTo(0.02)
+        >>> print(mocap.GetOutputPort("angle_read").Eval(simulator.get_context()).round(3))
+        [0.2 0.4 0.1]
     """
 
     def __init__(self, robot: Robot | None = None) -> None:

@@ -19,13 +19,16 @@ class MotorDynamics(PartSystem):
     stroke [m], wire_speed [m/s] and spool_angle [rad] are functions of the state. State: rotor speeds [rad/s], integral
     parts of the speed loops [A], spool angles [rad], then memories of effects. No direct feedthrough.
 
-    Example:
-        motor = MotorDynamics()
-        simulator = Simulator(motor)
-        motor.GetInputPort("speed_applied").FixValue(simulator.get_mutable_context(), [0.02, 0.0, -0.02])
-        motor.GetInputPort("tension_spool").FixValue(simulator.get_mutable_context(), [5.0, 3.0, 1.0])
-        simulator.AdvanceTo(1.0)
-        print(motor.GetOutputPort("wire_speed").Eval(simulator.get_context()))
+    Examples:
+        >>> import exodrake as exo
+        >>> from pydrake.systems.analysis import Simulator
+        >>> motor = exo.MotorDynamics()
+        >>> simulator = Simulator(motor)
+        >>> _ = motor.GetInputPort("speed_applied").FixValue(simulator.get_mutable_context(), [0.02, 0.01, -0.02])
+        >>> _ = motor.GetInputPort("tension_spool").FixValue(simulator.get_mutable_context(), [5.0, 3.0, 1.0])
+        >>> _ = simulator.AdvanceTo(1.0)
+        >>> print(motor.GetOutputPort("wire_speed").Eval(simulator.get_context()).round(3))
+        [ 0.02  0.01 -0.02]
     """
 
     def __init__(self, robot: Robot | None = None, substeps: int = 1) -> None:

@@ -267,12 +267,15 @@ class MachinePart(PartSystem):
 
     Unconnected noise counts as none. State: that of the part in the order of its `PART`, then memories of effects.
 
-    Example:
-        scale = MachinePart(load_robot("emps"), "scale")
-        simulator = Simulator(scale)
-        scale.GetInputPort("position").FixValue(simulator.get_mutable_context(), [0.1])
-        simulator.AdvanceTo(0.1)
-        print(scale.GetOutputPort("position_read").Eval(simulator.get_context()))
+    Examples:
+        >>> import exodrake as exo
+        >>> from pydrake.systems.analysis import Simulator
+        >>> scale = exo.MachinePart(exo.load_robot("emps"), "scale")
+        >>> simulator = Simulator(scale)
+        >>> _ = scale.GetInputPort("position").FixValue(simulator.get_mutable_context(), [0.1])
+        >>> _ = simulator.AdvanceTo(0.1)
+        >>> print(scale.GetOutputPort("position_read").Eval(simulator.get_context()).round(3))
+        [0.1]
     """
 
     def __init__(self, robot: Robot | None, name: str, substeps: int = 1) -> None:

@@ -86,13 +86,18 @@ class PostureController(Cloneable, LeafSystem):
     and angle_ref [rad] are state, and so is the correction [N]. `parameter("ki")`, `gain`, `low`, `high` are numeric
     parameters.
 
-    Example:
-        still = PosturePlan(np.ones((1, 3)), np.zeros((1, 3)), np.eye(3), np.full(3, 0.3), np.full(3, 8.0), ki=0.5)
-        posture = PostureController(still)
-        simulator = Simulator(posture)
-        posture.GetInputPort("angle_est").FixValue(simulator.get_mutable_context(), [-0.1, 0.0, 0.1])
-        simulator.AdvanceTo(1.0)
-        print(posture.GetOutputPort("tension_ref").Eval(simulator.get_context()))
+    Examples:
+        >>> import exodrake as exo
+        >>> from pydrake.systems.analysis import Simulator
+        >>> import numpy as np
+        >>> from exodrake.systems.posture_controller import PosturePlan
+        >>> still = PosturePlan(np.ones((1, 3)), np.zeros((1, 3)), np.eye(3), np.full(3, 0.3), np.full(3, 8.0), ki=0.5)
+        >>> posture = exo.PostureController(still)
+        >>> simulator = Simulator(posture)
+        >>> _ = posture.GetInputPort("angle_est").FixValue(simulator.get_mutable_context(), [-0.1, 0.0, 0.1])
+        >>> _ = simulator.AdvanceTo(1.0)
+        >>> print(posture.GetOutputPort("tension_ref").Eval(simulator.get_context()).round(3))
+        [1.05 1.   0.95]
     """
 
     optional = ("tension_planned", "angle_planned")  # input ports that may stay unconnected

@@ -38,11 +38,15 @@ class Playback(Cloneable, LeafSystem):
         frame: length of a frame [s].
         delay: when the row changes [s] after the frame's start.
 
-    Example:
-        player = Playback({"tension_ref": np.array([[5.0, 3.0, 1.0], [6.0, 3.0, 1.0]])}, frame=0.02)
-        simulator = Simulator(player)
-        simulator.AdvanceTo(0.03)
-        print(player.GetOutputPort("tension_ref").Eval(simulator.get_context()))
+    Examples:
+        >>> import exodrake as exo
+        >>> from pydrake.systems.analysis import Simulator
+        >>> import numpy as np
+        >>> player = exo.Playback({"tension_ref": np.array([[5.0, 3.0, 1.0], [6.0, 3.0, 1.0]])}, frame=0.02)
+        >>> simulator = Simulator(player)
+        >>> _ = simulator.AdvanceTo(0.03)
+        >>> print(player.GetOutputPort("tension_ref").Eval(simulator.get_context()).round(3))
+        [6. 3. 1.]
     """
 
     def __init__(self, rows: Mapping[str, np.ndarray], frame: float, delay: float = 2.5e-4) -> None:
@@ -80,11 +84,14 @@ class Noise(Cloneable, LeafSystem):
         machine: whose noise it is.
         seed: of the streams; None: no noise.
 
-    Example:
-        noise = Noise(load_robot().machine, seed=1)
-        simulator = Simulator(noise)
-        simulator.AdvanceTo(1.0)
-        print(noise.GetOutputPort("noise_tension").Eval(simulator.get_context()))
+    Examples:
+        >>> import exodrake as exo
+        >>> from pydrake.systems.analysis import Simulator
+        >>> noise = exo.Noise(exo.load_robot().machine, seed=1)
+        >>> simulator = Simulator(noise)
+        >>> _ = simulator.AdvanceTo(1.0)
+        >>> print(noise.GetOutputPort("noise_tension").Eval(simulator.get_context()).round(3))
+        [-1.794 -0.94   0.231]
     """
 
     def __init__(self, machine: Machine, seed: int | None = 0) -> None:

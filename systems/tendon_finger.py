@@ -22,13 +22,16 @@ class TendonFinger(PartSystem):
     at once (direct feedthrough). start_stroke [m], from the parameters alone: the tendons are just taut in the rest
     posture. State: angles, rates, both of the tick before, tendon paths [m], presliding, tensions, clock [s], effects.
 
-    Example:
-        finger = TendonFinger()
-        simulator = Simulator(finger)
-        finger.GetInputPort("stroke").FixValue(simulator.get_mutable_context(), [0.008, 0.002, 0.0])
-        finger.GetInputPort("wire_speed").FixValue(simulator.get_mutable_context(), [0.0, 0.0, 0.0])
-        simulator.AdvanceTo(1.0)
-        print(finger.GetOutputPort("angle").Eval(simulator.get_context()))
+    Examples:
+        >>> import exodrake as exo
+        >>> from pydrake.systems.analysis import Simulator
+        >>> finger = exo.TendonFinger()
+        >>> simulator = Simulator(finger)
+        >>> _ = finger.GetInputPort("stroke").FixValue(simulator.get_mutable_context(), [0.008, 0.002, 0.0])
+        >>> _ = finger.GetInputPort("wire_speed").FixValue(simulator.get_mutable_context(), [0.0, 0.0, 0.0])
+        >>> _ = simulator.AdvanceTo(1.0)
+        >>> print(finger.GetOutputPort("angle").Eval(simulator.get_context()).round(3))
+        [ 0.371  0.722 -0.164]
     """
 
     def __init__(self, robot: Robot | None = None, substeps: int = 1) -> None:

@@ -23,13 +23,16 @@ class TensionSensor(PartSystem):
     cell [N], behind the amplifier, answers the tension at once (direct feedthrough); tension_read [N] is state. State:
     cells, loads, readings [N], clock, length of the last tick [s], sliding of the tendons on the pulleys, effects.
 
-    Example:
-        sensor = TensionSensor()
-        simulator = Simulator(sensor)
-        sensor.GetInputPort("tension").FixValue(simulator.get_mutable_context(), [5.0, 3.0, 1.0])
-        sensor.GetInputPort("wire_speed").FixValue(simulator.get_mutable_context(), [0.0, 0.0, 0.0])
-        simulator.AdvanceTo(0.5)
-        print(sensor.GetOutputPort("tension_read").Eval(simulator.get_context()))
+    Examples:
+        >>> import exodrake as exo
+        >>> from pydrake.systems.analysis import Simulator
+        >>> sensor = exo.TensionSensor()
+        >>> simulator = Simulator(sensor)
+        >>> _ = sensor.GetInputPort("tension").FixValue(simulator.get_mutable_context(), [5.0, 3.0, 1.0])
+        >>> _ = sensor.GetInputPort("wire_speed").FixValue(simulator.get_mutable_context(), [0.0, 0.0, 0.0])
+        >>> _ = simulator.AdvanceTo(0.5)
+        >>> print(sensor.GetOutputPort("tension_read").Eval(simulator.get_context()).round(3))
+        [5. 3. 1.]
     """
 
     def __init__(self, robot: Robot | None = None, substeps: int = 1) -> None:

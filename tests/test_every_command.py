@@ -111,30 +111,52 @@ def test_a_command_for_any_machine_works_with_each(name, machine, folders, monke
         assert result.exit_code in (0, 1 if name == "watch" else 0), result.output
 
 
-@pytest.mark.parametrize("name", ["compare", "robot", "effects", "check", "response", "sweep", "alarm-limits", "fleet"])
+# every command that takes seconds, with arguments that let it answer; {} is a folder with a log of a machine
+ANSWERS = {
+    "simulate": [SHORT, "--out", "{}/run", "--robot", "emps"],
+    "sweep": ["--reference", "{}/log.csv", "--robots", "2", "--robot", "emps"],
+    "compare": ["{}/log.csv", "{}/log.csv", "--robot", "emps"],
+    "show": ["{}/log.csv", "--out", "{}/base.html", "--robot", "exo_index"],
+    "robot": ["emps"],
+    "effects": ["--robot", "emps"],
+    "draw": ["--out", "{}/wiring.svg"],
+    "check": ["{}/log.csv", "--effects", "{effect}", "--robot", "emps"],
+    "fleet": ["{}/answers"],
+    "watch": ["{}/log.csv", "--until-idle", "0", "--robot", "emps"],
+    "blind make": ["--seed", "1", "--cases", "1", "--out", "{}/cases"],
+    "import": ["{}/log.csv"],
+    "export": ["{}/log.csv", "--out", "{}/log.npz"],
+    "new-machine": ["{}/my_arm"],
+    "alarm-limits": ["--robots", "2", "--minutes", "0.5", "--jobs", "1", "--robot", "emps"],
+    "response": ["{}/log.csv", "--robot", "emps"],
+    "identify synthesise": ["{}/markers.csv", "--duration", "12"],
+    "identify kinematics": ["{}/markers.csv", "--out", "{}/kinematics"],
+}
+
+
+@pytest.mark.parametrize("name", ANSWERS)
 def test_json_is_printed_alone_and_nothing_is_written_unasked(name, folders, tmp_path, monkeypatch):
-    """Of each command with numbers that needs no `--out`; the current folder stays empty."""
-    answer = folders["emps"] / "answers" / "one"
+    """Of each command that takes seconds; the current folder stays empty."""
+    folder = folders["exo_index" if name == "show" else "emps"]
+    answer = folder / "answers" / "one"
     answer.mkdir(parents=True, exist_ok=True)
     (answer / "diagnosis.json").write_text(json.dumps(diagnosis().to_json()))
     monkeypatch.chdir(tmp_path)
     effect = exo.load_robot("emps").machine.effects[0].id
-    given = [word for word in {**ALL, "fleet": ["{}/answers"]}[name] if not word.endswith("/out")]
-    words = [word.replace("{}", str(folders["emps"])).replace("{effect}", effect) for word in given]
-    words = words[: words.index("--out")] if "--out" in words else words
-    result = run(name, *words, *([] if name == "fleet" else ["--robot", "emps"]), "--json")
+    words = [word.replace("{}", str(folder)).replace("{effect}", effect) for word in ANSWERS[name]]
+    result = run(*name.split(), *words, "--json")
     assert result.exit_code == 0 and json.loads(result.stdout), result.output
     assert not list(tmp_path.iterdir())
 
 
-def test_every_command_with_an_answer_prints_it_as_json():
-    """A command that returns something has `--json`, and the other way round; `diagnose` prints before it ends."""
+def test_every_command_takes_json_and_an_output_is_named_out():
+    """A command that writes files has --out; those of `blind` and `identify` too."""
     for name in cli.list_commands(click.Context(cli)):
         command = cli.get_command(click.Context(cli), name)
         for one in command.commands.values() if isinstance(command, click.Group) else [command]:
-            returned = getattr(one.callback, "__annotations__", {}).get("return", "None")
-            takes = any("--json" in parameter.opts for parameter in one.params)
-            assert name == "diagnose" or takes == (returned not in (None, "None")), (name, one.name)
+            taken = {word for parameter in one.params for word in parameter.opts}
+            assert "--json" in taken, (name, one.name)
+            assert "--out" in taken or not taken & {"--figure", "--out-robot", "--report", "--table"}, name
 
 
 @pytest.mark.parametrize("machine", EVERY)

@@ -15,6 +15,7 @@ from pydrake.systems.framework import DiagramBuilder
 from report_synthetic import diagnosis
 
 import exodrake as exo
+from exodrake.analysis.tuning import Tuned
 from exodrake.data.case import gather_logs
 
 ROOT = Path(__file__).parent.parent
@@ -31,8 +32,8 @@ def test_every_public_name_resolves_and_has_a_docstring_and_a_plain_signature():
         exo.nothing_of_the_kind  # noqa: B018
 
 
-@pytest.mark.parametrize("name", [name for name in exo.PUBLIC if ">>> " in (getattr(exo, name).__doc__ or "")])
-def test_examples_of_docstrings_run_and_print_what_they_say(name, tmp_path, monkeypatch):
+@pytest.mark.parametrize("name", exo.__all__)
+def test_every_public_name_has_examples_that_run_and_print_what_they_say(name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("EXODRAKE_PLUGINS", os.environ.get("EXODRAKE_PLUGINS", ""))
     found = getattr(exo, name)
@@ -71,12 +72,19 @@ def test_every_result_has_a_repr_of_at_most_two_lines():
         "Robot": exo.load_robot(), "Machine": exo.load_robot().machine,
         "ClosedLoop": exo.analyse(exo.load_robot("emps")), "Diagnosis": diagnosis(),
         "Log": exo.Log(np.arange(9.0), {f"angle_{k}": np.zeros(9) for k in range(99)}),
+        "Tuning": exo.Tuning(exo.load_robot(), exo.Requirements(), (tuned(),)),
     }  # fmt: skip
     assert "NAMED" in repr(diagnosis()) and repr(diagnosis()).endswith("explains 91 % of the gap; 6 % remains.")
     assert {*real, "Case", "Reference", "Recording"} <= set(RESULTS)
     for name in RESULTS:
         written = repr(real[name] if name in real else full(getattr(exo, name)))
         assert len(written.splitlines()) <= 2 and len(written) <= 240 and name in written
+
+
+def tuned() -> Tuned:
+    """A controller with four gains that holds all requirements."""
+    gains = {f"controller.gain_{k}.AF": 1.0 / 3.0 for k in range(4)}
+    return Tuned("PI, filtered", exo.load_robot(), gains, (), (), 1.0, 0.05, 0.7, 1.0, ())
 
 
 KINDS = {"Robot", "Reference", "Log", "Case", "Machine", "Diagram", "Context", "Plan", "Requirements"}

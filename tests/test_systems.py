@@ -1,8 +1,6 @@
 """The robot's parts as Drake systems: ports, feedthrough, Contexts, memory; each alone and in the Diagram."""
 
 import gc
-import inspect
-import textwrap
 import weakref
 
 import numpy as np
@@ -20,17 +18,14 @@ from exodrake.core.errors import InputError
 from exodrake.diagrams.diagram import build_diagram, read_signals
 from exodrake.diagrams.posture_loop import PostureLoop
 from exodrake.engine.inputs import Reference
-from exodrake.estimator.gp import quick_estimator
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation.simulate import record
 from exodrake.systems.admittance_controller import AdmittanceController
 from exodrake.systems.bus import Bus
 from exodrake.systems.encoder import Encoder
-from exodrake.systems.gp_estimator import GPEstimator
 from exodrake.systems.motion_capture import MotionCapture
 from exodrake.systems.motor import MotorDynamics
 from exodrake.systems.part import MachinePart, PartSystem
-from exodrake.systems.posture_controller import PostureController, PosturePlan
 from exodrake.systems.sources import Noise, Playback
 from exodrake.systems.tendon_finger import TendonFinger
 from exodrake.systems.tension_sensor import TensionSensor
@@ -87,17 +82,6 @@ def test_a_part_shows_the_ports_of_its_figure(cls):
     assert figure["output_ports"] == [leaf.get_output_port(i).get_name() for i in range(leaf.num_output_ports())]
     assert through(leaf) == THROUGH.get(cls.__name__, set())
     leaf.ValidateContext(leaf.CreateDefaultContext())
-
-
-@pytest.mark.parametrize("cls", [*PARTS, MachinePart, GPEstimator, PostureController, Playback, Noise])
-def test_the_example_of_a_docstring_runs_the_system_alone(cls, capsys):
-    """In at most six lines, and it prints what a port shows."""
-    lines = textwrap.dedent(inspect.cleandoc(cls.__doc__).split("Example:\n")[1])
-    assert len(lines.splitlines()) <= 6
-    names = {c.__name__: c for c in (*PARTS, MachinePart, GPEstimator, PostureController, Playback, Noise)}
-    names |= {"Simulator": Simulator, "load_robot": load_robot, "np": np}
-    exec(lines, names | {"PosturePlan": PosturePlan, "quick_estimator": quick_estimator})
-    assert "nan" not in (out := capsys.readouterr().out) and out.startswith("[")
 
 
 def test_an_unknown_part_is_refused_by_name():

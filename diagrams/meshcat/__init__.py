@@ -380,6 +380,15 @@ class FingerView(Cloneable, LeafSystem):
 
     Raises:
         InputError: the robot has no finger.
+
+    Examples:
+        >>> import exodrake as exo
+        >>> from pydrake.geometry import Meshcat
+        >>> robot = exo.load_robot()
+        >>> view = exo.FingerView(robot, Meshcat())  # in the browser, at view.finger.meshcat.web_url()
+        >>> diagram = exo.build_diagram(robot, exo.grasp("caging"), systems=[view])
+        >>> diagram.GetSubsystemByName("view") is view
+        True
     """
 
     def __init__(self, robot: Robot, meshcat: Meshcat, rate: float = 32.0) -> None:

@@ -23,7 +23,7 @@ FIGURES = {
 SHOWN = 0.3  # poles of smaller modulus are gone within a few frames
 
 
-@click.command()
+@options.command()
 @options.robot_option("file")
 @options.robot_changes
 @click.option("--at", default="", metavar="AF=4,MF=3,AE=1", help="Operating point: references, or its name: small.")
@@ -34,7 +34,6 @@ SHOWN = 0.3  # poles of smaller modulus are gone within a few frames
 )  # fmt: skip
 @click.option("--seed", type=click.IntRange(0), help="Measure the frequency response with sensor noise of this seed.")
 @click.option("--out", type=options.OutputFolder(), help="Folder for figures and analysis.json.")
-@options.json_option
 @click.option(
     "--to-control", "model", type=options.OutputFile(), help="NPZ with A, B, C, D, dt and names for python-control."
 )
@@ -163,7 +162,7 @@ def verdict(result: exo.ClosedLoop) -> str:
     return text
 
 
-@click.command()
+@options.command()
 @options.CASE
 @click.option("--from", "input", default="", metavar="COLUMN", help="Input, such as tension_AF; else every block.")
 @click.option("--to", "output", default="", metavar="COLUMN", help="Output, such as angle_PIP.")
@@ -172,7 +171,6 @@ def verdict(result: exo.ClosedLoop) -> str:
 @click.option("--improved", type=options.AnyPath(), metavar="FILE", help="Robot file of an improved robot.")
 @click.option("--segment", type=click.FloatRange(0.0, min_open=True), help="Length of Welch's segments [s].")
 @click.option("--out", type=options.OutputFolder(), help="Folder for response.png and response.json.")
-@options.json_option
 def find_response(cases, input, output, file, parameters, effects, parts, improved, segment, out) -> object:
     """Estimate frequency responses from logs, with coherence, and set them beside the robot's on the same references.
 

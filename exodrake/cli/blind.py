@@ -2,8 +2,8 @@
 
 import click
 
-from exodrake.cli.options import AnyPath, OutputFile, json_option, print_table, write_files
-from exodrake.core.errors import InputError
+from exodrake.cli import options
+from exodrake.core.errors import InputError, nearest
 from exodrake.core.progress import show_count, where_to_run
 
 
@@ -12,18 +12,18 @@ def command() -> None:
     """Make, commit to and score cases from the reference simulator."""
 
 
-@command.command(short_help="Write the logs of drawn robots, their labels committed to apart.")
+@options.command(command.command, short_help="Write the logs of drawn robots, their labels committed to apart.")
 @click.option("--seed", required=True, type=click.IntRange(min=0), help="Of everything in the set.")
 @click.option("--cases", required=True, type=click.IntRange(min=1), help="How many of each mix.")
-@click.option("--out", required=True, type=AnyPath(), help="Folder of the cases.")
-@click.option("--labels", type=AnyPath(), help="Labels file [default: OUT-labels.json].")
+@click.option("--out", required=True, type=options.AnyPath(), help="Folder of the cases.")
+@click.option("--labels", type=options.AnyPath(), help="Labels file [default: OUT-labels.json].")
 @click.option(
     "--mix", "mixes", multiple=True, default=("standard",), show_default=True, metavar="NAME",
     help="standard, healthy, small (effects near the detection limit), half (logs half as long), no-mocap,"
     " no-load-cells, encoders-alone, same-block (two effects) or three (effects); several times for several mixes.",
 )  # fmt: skip
 @where_to_run
-def make(seed, cases, out, labels, mixes, jobs, cluster) -> None:
+def make(seed, cases, out, labels, mixes, jobs, cluster) -> object:
     """Draw robots from the reference simulator and write their logs; the labels are committed to apart.
 
     The same seed makes the same set, whatever --jobs is. If it is interrupted, the same command goes on from there.
@@ -32,18 +32,19 @@ def make(seed, cases, out, labels, mixes, jobs, cluster) -> None:
     from exodrake.reference.make import make as make_set
 
     if unknown := [name for name in mixes if name not in MIXES]:
-        raise InputError(f"no case mix {unknown[0]!r}; there are {', '.join(MIXES)}")
+        raise InputError(f"no case mix {unknown[0]!r}{nearest(unknown[0], list(MIXES))}; there are {', '.join(MIXES)}")
     chosen = tuple(MIXES[name] for name in dict.fromkeys(mixes))
     with show_count("making") as count:
         path = make_set(out, seed, cases, labels, jobs, chosen, cluster, count)
     click.echo(f"cases in {out}: {cases * len(chosen)}; labels in {path}, committed in {out / 'seal.txt'}")
+    return {"cases": cases * len(chosen), "labels": path, "commitment": out / "seal.txt"}
 
 
-@command.command()
-@click.argument("folder", type=AnyPath())
+@options.command(command.command)
+@click.argument("folder", type=options.AnyPath())
 @where_to_run
 @click.option("--redo", is_flag=True, help="Answer anew what another version or other code answered.")
-def run(folder, jobs, cluster, redo) -> None:
+def run(folder, jobs, cluster, redo) -> object:
     """Diagnose every case of FOLDER that has no diagnosis yet.
 
     Each answer is written as soon as it is there. If it is interrupted, the same command goes on from there; a case
@@ -52,20 +53,19 @@ def run(folder, jobs, cluster, redo) -> None:
     from exodrake.diagnosis.many import diagnose_all
     from exodrake.reference.answers import find_cases
 
+    cases = find_cases(folder)
     with show_count("diagnosing") as count:
-        failed = diagnose_all({case: case for case in find_cases(folder)}, jobs, cluster, count, redo)
-    for name, reason in failed.items():
-        click.echo(f"{name}: {reason}", err=True)
-    if failed:
-        raise SystemExit(1)
+        typed = options.command_line()
+        failed = diagnose_all({case: case for case in cases}, jobs, cluster, count, redo, command=typed)
+    options.note_failures(failed)
+    return {"cases": len(cases), "failed": failed}
 
 
-@command.command(short_help="Score the diagnoses of FOLDER against the labels.")
-@click.argument("folder", type=AnyPath())
-@click.option("--labels", required=True, type=AnyPath(), help="Labels file of the set.")
-@click.option("--against", type=AnyPath(), help="Folder of other answers to the same cases.")
-@json_option
-@click.option("--markdown", type=OutputFile("score.md"), help="Write the score as Markdown.")
+@options.command(command.command, short_help="Score the diagnoses of FOLDER against the labels.")
+@click.argument("folder", type=options.AnyPath())
+@click.option("--labels", required=True, type=options.AnyPath(), help="Labels file of the set.")
+@click.option("--against", type=options.AnyPath(), help="Folder of other answers to the same cases.")
+@click.option("--markdown", type=options.OutputFile("score.md"), help="Write the score as Markdown.")
 def score(folder, labels, against, markdown) -> object:
     """Check the commitment and score the diagnoses of FOLDER against the labels.
 
@@ -80,7 +80,7 @@ def score(folder, labels, against, markdown) -> object:
         else:
             headings = [headings[0], *(f">{heading}" for heading in headings[1:])]
         click.echo(f"\n{title}")
-        print_table(headings, rows)
+        options.print_table(headings, rows)
     if markdown:
-        write_files({markdown: as_markdown(tables(result))})
+        options.write_files({markdown: as_markdown(tables(result))})
     return result

@@ -11,14 +11,13 @@ from exodrake.cli import options
 TOP, FEW = 3, 4  # effects that are listed for each; for fewer sensors
 
 
-@click.command()
+@options.command()
 @click.argument("case", type=options.AnyPath())
 @options.robot_option()
 @click.option("--effects", "only", default="", metavar="ID,...", help="These effects only.")
 @click.option("--without", default="", metavar="ID,...", help="Not these effects.")
 @click.option("--out", "--figure", "figure", type=options.OutputFile("check.png"), help="Figure, or a folder for it.")
 @click.option("--allow-outside", is_flag=True, help="Read logs that lie outside the folder of their case, too.")
-@options.json_option
 def command(case: Path, robot: str, only: str, without: str, figure: Path | None, allow_outside: bool) -> object:
     """Say what CASE is good for: clocks, gaps, saturation, excitation, and which effects it could not tell apart.
 

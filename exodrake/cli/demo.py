@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 import exodrake as exo
-from exodrake.cli.options import OutputFolder, waiting, write_together
+from exodrake.cli import options
 from exodrake.core.errors import InputError
 
 GRASP = "caging"
@@ -18,10 +18,10 @@ HIDDEN = """Another simulator, with other equations, other numbers within 3 % an
    lacks, writes five logs. The label is committed to by its SHA-256."""
 
 
-@click.command()
+@options.command()
 @click.option("--seed", type=click.IntRange(min=0), default=1, show_default=True, help="Which robot, and which fault.")
-@click.option("--out", type=OutputFolder(), default=Path("demo"), show_default=True, help="Folder.")
-def command(seed: int, out: Path) -> None:
+@click.option("--out", type=options.OutputFolder(), default=Path("demo"), show_default=True, help="Folder.")
+def command(seed: int, out: Path) -> dict[str, Any]:
     """Simulate a grasp, inject a fault into an independent reference simulator, and find it from logs alone."""
     from exodrake.cli.diagnose import FILES, diagnose_case
     from exodrake.cli.simulate import make_files
@@ -31,15 +31,15 @@ def command(seed: int, out: Path) -> None:
     if (out / CASE).exists() or (out / LABELS).exists():
         raise InputError(f"{out}: holds an earlier demo; name another folder with --out, or remove it")
     chapter(1, "A grasp of the nominal robot", "The model closes an index finger by three tendons.")
-    with waiting("simulating (the first run compiles for half a minute)") as say:
+    with options.waiting("simulating (the first run compiles for half a minute)") as say:
         scenario = Scenario(GRASP)
         robot, log = scenario.run()
-        write_together(out / "grasp", {"log.csv": log} | make_files(scenario, robot, log, GRASP, say))
+        options.write_together(out / "grasp", {"log.csv": log} | make_files(scenario, robot, log, GRASP, say))
     angles = log.array("angle")
     reached = ", ".join(f"{j} {57.3 * a:.0f}°" for j, a in zip(robot.machine.axes.joints, angles.max(axis=0)))
     click.echo(f"   {GRASP} for {log.duration:.0f} s: {reached}")
     chapter(2, "A robot with a hidden fault", HIDDEN)
-    with waiting("the reference simulator runs"):
+    with options.waiting("the reference simulator runs"):
         simulator.warm_up()
         label = make.make_case(case_plan(seed), out)
         answers.write_committed({CASE: label}, out / LABELS, out / COMMITMENT)
@@ -49,10 +49,11 @@ def command(seed: int, out: Path) -> None:
     answer, report, improved = (out / name for name in FILES)
     found = diagnose_case(str(out / CASE), "", answer, report, improved)
     chapter(4, "The label", "Now the label is read, and checked against its SHA-256 commitment.")
-    reveal(out, found)
+    truth, right = reveal(out, found)
     click.echo(f"\n{click.style('look at', bold=True)}  {out}/grasp/recording.html   the finger in 3D")
     click.echo(f"         {out}/report.html   the diagnosis")
     click.echo(f"         {out}/improved.yaml   the fitted robot, for exodrake simulate --robot")
+    return {"truth": truth, "found": right, "answer": found}
 
 
 def chapter(number: int, title: str, words: str) -> None:
@@ -72,14 +73,14 @@ def case_plan(seed: int) -> Any:
     return CasePlan(CASE, (seed, 1), "single", (identity,), False)
 
 
-def reveal(out: Path, found: exo.Diagnosis) -> None:
-    """Read the label, and print whether the verdict was right."""
+def reveal(out: Path, found: exo.Diagnosis) -> tuple[list[dict[str, Any]], bool]:
+    """Read the label, and print whether the verdict was right; its effects, and whether each was found."""
     from exodrake.reference.answers import read_committed
     from exodrake.reference.score import accepted_ids, found_ids
     from exodrake.report.wording import join_words
 
-    label = read_committed(out / LABELS, out / COMMITMENT)[CASE]
-    for truth in label["effects"]:
+    effects, right = read_committed(out / LABELS, out / COMMITMENT)[CASE]["effects"], True
+    for truth in effects:
         channels = join_words((*truth["wires"], *truth["joints"]))
         parameters = ", ".join(f"{name} {value:.3g}" for name, value in truth["parameters"].items())
         where = f" on {channels}" if channels else ""
@@ -89,7 +90,9 @@ def reveal(out: Path, found: exo.Diagnosis) -> None:
         if accepted_ids(truth) & found_ids(found.to_json()):
             click.echo(f"   {click.style('found', fg='green')}: the verdict was {found.verdict}")
             continue
+        right = False
         alone = [one.id for one in found.candidates if "+" not in one.id]
         rank = f"number {alone.index(truth['id']) + 1} of {len(alone)}" if truth["id"] in alone else "not listed"
         missed = f"the verdict was {found.verdict}; among single effects it is {rank}"
         click.echo(f"   {click.style('not named', fg='red')}: {missed}")
+    return effects, right

@@ -52,7 +52,8 @@ def command(
         of_one = {"--json": json_file, "--report": report, "--out-robot": out_robot, "--out-law": out_law}
         if given := [name for name, value in (of_one | {"--discover": discover}).items() if value]:
             raise click.UsageError(f"{given[0]} is for one case; the answers to several are written to --out")
-        return diagnose_many(cases, out or DIAGNOSED, robot, jobs or -1, cluster, redo, tried, allow_outside)
+        diagnose_many(cases, out or DIAGNOSED, robot, jobs or -1, cluster, redo, tried, allow_outside)
+        return options.end()
     if cluster or redo:
         raise click.UsageError("--cluster and --redo are for several cases")
     wanted = zip((json_file, report, out_robot), FILES)
@@ -140,7 +141,8 @@ def diagnose_many(
 
     places = map_places(cases, out)
     with show_count("diagnosing") as count:
-        failed = diagnose_all(places, jobs, cluster, count, redo, robot, tried, allow_outside, report_html)
+        typed = options.command_line()
+        failed = diagnose_all(places, jobs, cluster, count, redo, robot, tried, allow_outside, report_html, typed)
     rows = []
     for name, answer in ((escape(place.name), read_stored(place)) for place in places.values()):
         if answer is None:
@@ -157,10 +159,7 @@ def diagnose_many(
     options.print_table(("case", "verdict", "causes", ">closure"), rows, wrapped=2)
     links = find_reports(find_answers(out), out / FLEET)
     options.write_files({out / FLEET: fleet_html(read_answers(out), out.resolve().name, links)})
-    for name, reason in failed.items():
-        click.echo(f"{name}: {reason}", err=True)
-    if failed:
-        raise SystemExit(1)
+    options.note_failures(failed)
 
 
 def map_places(cases: tuple[str, ...], out: Path) -> dict[Path, Path]:
@@ -183,11 +182,10 @@ def map_places(cases: tuple[str, ...], out: Path) -> dict[Path, Path]:
     return {path: place for place, path in cases_of.items()}
 
 
-@click.command()
+@options.command()
 @click.argument("sources", nargs=-1, required=True, type=options.AnyPath(), metavar="ANSWERS...")
 @click.option("--out", type=options.OutputFile(FLEET), help="Write the report: which robots, which causes, since when.")
 @click.option("--table", type=options.OutputFile("fleet.parquet"), help="Write the table, a row each case, as Parquet.")
-@options.json_option
 def summarise_fleet(sources, out, table) -> object:
     """Say of many diagnosed cases which robots have which causes, and since when.
 
@@ -212,7 +210,7 @@ def summarise_fleet(sources, out, table) -> object:
     return rows
 
 
-@click.command()
+@options.command()
 @options.robot_option()
 @click.option("--case", "folder", metavar="CASE", help="Folder or log whose motion the robots follow.")
 @click.option("--cases", default=60, show_default=True, type=click.IntRange(min=1), help="How many robots at most.")
@@ -221,7 +219,6 @@ def summarise_fleet(sources, out, table) -> object:
 @where_to_run
 @click.option("--out", required=True, type=options.OutputFile("calibration.yaml"),
               help="File, or the machine's folder, whose verdicts then state the rates.")  # fmt: skip
-@options.json_option
 def count_errors(robot, folder, cases, minutes, seed, jobs, cluster, out) -> object:
     """Count how often the diagnosis of a machine errs, on simulated robots.
 

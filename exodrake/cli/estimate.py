@@ -5,18 +5,17 @@ from dataclasses import replace
 import click
 
 import exodrake as exo
-from exodrake.cli.options import AnyPath, OutputFile, json_option, print_table, waiting, write_files
+from exodrake.cli import options
 
 
-@click.command()
-@click.argument("logs", nargs=-1, required=True, type=AnyPath())
-@click.option("--out", required=True, type=OutputFile("estimator.npz"), help="Estimator file, or a folder.")
+@options.command()
+@click.argument("logs", nargs=-1, required=True, type=options.AnyPath())
+@click.option("--out", required=True, type=options.OutputFile("estimator.npz"), help="Estimator file, or a folder.")
 @click.option("--points", default=500, show_default=True, type=click.IntRange(50, 4000),
               help="Training points, equispaced.")  # fmt: skip
 @click.option("--robot", default="", metavar="FILE", help="Robot file or machine whose signature to record.")
 @click.option("--one-sweep-per-log", is_flag=True, help="Do not cut logs at the ramps of their tension references.")
 @click.option("--seed", default=0, show_default=True, help="Of the validation's folds.")
-@json_option
 def train_estimator(logs, out, points, robot, one_sweep_per_log, seed) -> object:
     """Train the joint-angle estimator on LOGS (tension, stroke and measured angles).
 
@@ -28,13 +27,13 @@ def train_estimator(logs, out, points, robot, one_sweep_per_log, seed) -> object
     mark = robot_digest(exo.load_robot(robot)) if robot else ""
     read = [exo.read_log(path, ("tension_ref", "tension", "stroke")) for path in logs]
     sweeps = dataset.sweeps_from_logs(read, one_per_log=[log.label for log in read] if one_sweep_per_log else ())
-    with waiting("learning") as say:
+    with options.waiting("learning") as say:
         prior = gp.learn(sweeps, points)
         estimator = replace(gp.condition(prior, sweeps, points), robot=mark, strokes=gp.learn_strokes(sweeps))
         say("validating on held-out sweeps")
         scores = validate.validate(prior, sweeps, points, seed)
     notes = {f"{s.method}, {s.split}": [float(value) for value in s.rmse] for s in scores}
-    write_files({out: gp.estimator_bytes(estimator, notes)}, announce=False)
+    options.write_files({out: gp.estimator_bytes(estimator, notes)}, announce=False)
     splits, rows = list(dict.fromkeys(score.split for score in scores)), []
     for method in dict.fromkeys(score.method for score in scores):
         own = [next(s for s in scores if (s.method, s.split) == (method, split)) for split in splits]
@@ -44,7 +43,7 @@ def train_estimator(logs, out, points, robot, one_sweep_per_log, seed) -> object
             cells = (" / ".join("-" if v != v else f"{v:.{digits}f}" for v in values) for values in found)
             rows.append(("", name, *cells))
     click.echo("estimator and baselines by split: a new sweep is like the right column")
-    print_table(("method", "figure", *(f">{split}" for split in splits)), rows)
+    options.print_table(("method", "figure", *(f">{split}" for split in splits)), rows)
     click.echo(f"wrote {out}: {estimator.points} points of {estimator.sweeps} sweeps in {len(read)} log(s)")
     return {"joints": estimator.joints, "rmse": notes}
 
@@ -52,14 +51,13 @@ def train_estimator(logs, out, points, robot, one_sweep_per_log, seed) -> object
 BAND = "black: estimate, with a band of two standard deviations; in colour: measured"
 
 
-@click.command()
-@click.argument("log", type=AnyPath())
-@click.option("--estimator", required=True, type=AnyPath(), help="File written by `exodrake train`.")
-@click.option("--out", type=OutputFile("estimated.csv"),
+@options.command()
+@click.argument("log", type=options.AnyPath())
+@click.option("--estimator", required=True, type=options.AnyPath(), help="File written by `exodrake train`.")
+@click.option("--out", type=options.OutputFile("estimated.csv"),
               help="Write the log with angle_est and angle_std columns; its figure lies beside.")  # fmt: skip
 @click.option("--robot", default="", metavar="FILE", help="Robot file or machine that the estimator must belong to.")
 @click.option("--as-trained", is_flag=True, help="Keep the zeros of the training, even if those of LOG have moved.")
-@json_option
 def estimate_angles(log, estimator, out, robot, as_trained) -> object:
     """Joint angles of LOG with their standard deviations, and the share of samples unlike the training sweeps.
 
@@ -72,10 +70,10 @@ def estimate_angles(log, estimator, out, robot, as_trained) -> object:
     trained = gp.load(estimator, robot_digest(exo.load_robot(robot)) if robot else None)
     found = validate.estimate(trained, exo.read_log(log, ("tension", "stroke")), correct=not as_trained)
     if out:
-        write_files({out: found.log}, announce=False)
+        options.write_files({out: found.log}, announce=False)
         click.echo(f"{out}: {len(found.log)} rows with angle_est and angle_std")
         figure = out.with_name(out.name.split(".")[0] + ".png")
-        write_files({figure: found.log.plot(f"{log.name}, estimated", details=[BAND])}, announce=False)
+        options.write_files({figure: found.log.plot(f"{log.name}, estimated", details=[BAND])}, announce=False)
         click.echo(f"{figure}: the log with its estimate")
     if zeros := found.zeros:
         parts = zip(zeros.wires, 1e3 * zeros.shift, 1e3 * zeros.half_widths, strict=True)

@@ -13,7 +13,7 @@ ADVICE = (
 )
 
 
-@click.command()
+@options.command()
 @click.argument("case", type=options.AnyPath())
 @click.option("--out", type=options.OutputFile("reference.csv"), required=True,
               help="References to be sent to the robot, or a folder for them; the figure lies beside.")  # fmt: skip
@@ -22,7 +22,6 @@ ADVICE = (
 @click.option("--duration", type=float, default=None, help="Length of the experiment, 20 to 60 s [60].")
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the search.")
 @options.robot_option()
-@options.json_option
 def command(case, out, folder, duration, seed, robot) -> object:
     """Design the experiment that tells apart the explanations that the logs of CASE do not reject.
 

@@ -20,14 +20,13 @@ RECORDINGS = {  # name -> posture that it shows, and the columns that it is in
 WIDTH = 0.04  # m, of a caged cylinder across the finger in the recording
 
 
-@click.command()
+@options.command()
 @click.argument("mode")
 @click.option("--size", required=True, metavar="SIZE", help="Diameter of the object with its unit: 60mm, '6 cm'.")
 @click.option("--estimator", "file", type=options.AnyPath(), help="File of `exodrake train`.")
 @options.robot_option()
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Seed of the noise.")
 @click.option("--out", type=options.OutputFolder(), help="Folder for the files [grasps/MODE-SIZE].")
-@options.json_option
 def command(mode: str, size: str, file: Path | None, robot: str, seed: int, out: Path | None) -> Any:
     """Plan a grasp (caging, narrow-pinch, wide-pinch), simulate it, and show planned, reached and estimated posture.
 

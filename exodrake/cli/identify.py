@@ -18,7 +18,7 @@ def command() -> None:
     """Find kinematics and maximum tensions from recordings, or make synthetic recordings."""
 
 
-@command.command(short_help="Joint axes, centres, angles and phalanx lengths.")
+@options.command(command.command, short_help="Joint axes, centres, angles and phalanx lengths.")
 @click.argument("file", type=options.AnyPath())
 @click.option("--out", type=options.OutputFolder(), default=Path("kinematics"), show_default=True,
               help="Folder for the files.")  # fmt: skip
@@ -26,7 +26,7 @@ def command() -> None:
 @click.option("--cutoff", type=float, default=4.0, show_default=True,
               help="Smoothing of marker paths [Hz]; 0 for none.")  # fmt: skip
 @click.option("--repair", is_flag=True, help="Exchange swapped markers back instead of refusing the file.")
-def kinematics(file: Path, out: Path, names: Path | None, cutoff: float, repair: bool) -> None:
+def kinematics(file: Path, out: Path, names: Path | None, cutoff: float, repair: bool) -> object:
     """Joint axes, moving joint centres, angles and phalanx lengths from a marker recording, CSV or C3D.
 
     Writes kinematics.csv, kinematics.md, kinematics.png and robot.yaml. The recording begins with the finger straight
@@ -57,9 +57,15 @@ def kinematics(file: Path, out: Path, names: Path | None, cutoff: float, repair:
     for remark in found.remarks:
         click.echo(f"note: {remark}")
     click.echo("wrote " + ", ".join(str(name) for name in files))
+    joints = {
+        joint.name: {"axis": joint.axis, "half_widths": joint.half_widths, "rmse": joint.rmse, "range": joint.range}
+        for joint in found.joints
+    }
+    lengths = {"lengths": found.lengths, "half_widths": found.intervals}
+    return {"source": found.source, "joints": joints, **lengths, "remarks": found.remarks}
 
 
-@command.command(short_help="Write a marker recording with known truth.")
+@options.command(command.command, short_help="Write a marker recording with known truth.")
 @click.argument("file", type=options.OutputFile())
 @click.option("--duration", type=float, default=40.0, show_default=True, help="Length of the recording.")
 @click.option("--rate", type=float, default=100.0, show_default=True, help="Frames per second.")
@@ -86,10 +92,11 @@ def synthesise(file, duration, rate, noise, artefact, dropouts, swap, seed) -> N
     click.echo(f"{len(recording.time)} frames, {len(recording.names)} markers")
 
 
-@command.command("maximum-tension", short_help="Tension of each tendon beyond which the joints hardly move.")
+@options.command(
+    command.command, "maximum-tension", short_help="Tension of each tendon beyond which the joints hardly move."
+)
 @click.argument("log", type=options.AnyPath())
 @options.robot_option()
-@options.json_option
 def maximum_tension(log: Path, robot: str) -> object:
     r"""The tension of each tendon that maximises the movement, from LOG of the protocol `maximum-tension`.
 
@@ -107,7 +114,7 @@ def maximum_tension(log: Path, robot: str) -> object:
     return found
 
 
-@click.command()
+@options.command()
 @options.robot_option()
 @click.option("--out", type=options.OutputFolder(), default=Path("workspace"), show_default=True,
               help="Folder for the files.")  # fmt: skip
@@ -116,7 +123,6 @@ def maximum_tension(log: Path, robot: str) -> object:
 @click.option("--steps", type=click.IntRange(3), default=25, show_default=True,
               help="Tensions per tendon in the assisted workspace.")  # fmt: skip
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True)
-@options.json_option
 def find_workspace(robot: str, out: Path, samples: int, steps: int, seed: int) -> object:
     """Areas that fingertip and distal phalanx reach, by polygon union and Monte Carlo.
 
@@ -139,7 +145,7 @@ def find_workspace(robot: str, out: Path, samples: int, steps: int, seed: int) -
     return [dict(zip(HEAD, [*row[:2], *(float(cell or "nan") for cell in row[2:])])) for row in rows]
 
 
-@click.command()
+@options.command()
 @options.CASE
 @click.option("--free", multiple=True, required=True, metavar="NAME",
               help="Parameter to fit, such as finger.kappa. Repeatable.")  # fmt: skip
@@ -150,7 +156,6 @@ def find_workspace(robot: str, out: Path, samples: int, steps: int, seed: int) -
 @options.robot_option("file")
 @options.robot_changes
 @click.option("--out", type=options.OutputFolder(), help="Folder for robot.yaml, fit.png and fit.json.")
-@options.json_option
 def fit_parameters(cases, free, bounds, held_out, prediction, file, parameters, effects, parts, out) -> object:
     """Fit parameters of a robot to logs by least squares, with 90 % intervals that allow for coloured residuals.
 

@@ -1,32 +1,33 @@
 """`exodrake import`: foreign recordings as a log or a case, or what they hold."""
 
 from pathlib import Path
+from typing import Any
 
 import click
 from rich.markup import escape
 
 import exodrake as exo
-from exodrake.cli.options import DEFAULT, MACHINE, AnyPath, print_table, register_machine, write_files
+from exodrake.cli import options
 from exodrake.core.errors import InputError
 from exodrake.core.files import read_bytes
 from exodrake.machines.library import machine_folders, machine_named
 
-FILE = {"type": AnyPath(), "default": None, "metavar": "FILE"}
+FILE = {"type": options.AnyPath(), "default": None, "metavar": "FILE"}
 MAPPING = "mapping.yaml"  # in the folder of a machine
 
 
-@click.command()
-@click.argument("recordings", type=AnyPath(), nargs=-1, required=True, metavar="RECORDING...")
+@options.command()
+@click.argument("recordings", type=options.AnyPath(), nargs=-1, required=True, metavar="RECORDING...")
 @click.option("--map", "map_file", **FILE, help="Mapping file (YAML), see below.")
 @click.option(
-    "--machine", metavar="FOLDER", expose_value=False, callback=register_machine,
+    "--machine", metavar="FOLDER", expose_value=False, callback=options.register_machine,
     help="Machine of your own, whose mapping.yaml is used without --map.",
 )  # fmt: skip
 @click.option("--unit", default="", metavar="UNIT", help="Of the joints of a LeRobot data set: deg or rad.")
 @click.option("--episodes", default="", metavar="0,2,...", help="Of a LeRobot data set [all].")
 @click.option("--out", **FILE, help="Log to write; its ending is the format. Another name: the folder of a case.")
 @click.pass_context
-def command(context, recordings, map_file, unit, episodes, out) -> None:
+def command(context, recordings, map_file, unit, episodes, out) -> object:
     """Turn RECORDINGs into a log, or a case of several logs, in our names and SI; without --out list what they hold.
 
     Text, MAT (structs, version 7.3 too), HDF5, JSON, NPY, NPZ, Parquet, ROS 2 bags (MCAP, SQLite), MCAP with JSON
@@ -47,10 +48,8 @@ def command(context, recordings, map_file, unit, episodes, out) -> None:
     from exodrake.data.import_log import Imported, frame_period, import_all, read_mapping
 
     if out is None:
-        for recording in recordings:
-            list_contents(recording)
-        return
-    machine = context.meta.get(MACHINE)
+        return {recording: list_contents(recording) for recording in recordings}
+    machine = context.meta.get(options.MACHINE)
     if map_file is None and machine is not None and (own := machine_folders()[machine] / MAPPING).is_file():
         map_file = own
     mapped = None if map_file is None else read_mapping(map_file)
@@ -70,11 +69,11 @@ def command(context, recordings, map_file, unit, episodes, out) -> None:
         if len(logs) > 1:
             raise InputError(f"{out}: {len(logs)} logs, wanted the folder of a case, or --episodes with one number")
         notes = {out.with_name(cases.notes_name(out)): "\n".join((*first.notes, ""))} if first.notes else {}
-        write_files({out: first.log, **notes}, announce=False)
+        options.write_files({out: first.log, **notes}, announce=False)
     else:
         roles = dict.fromkeys(logs, "fit") | ({list(logs)[-1]: "holdout"} if len(logs) > 1 else {})
         items = tuple(exo.CaseLog(logs[n].log, n, role, None, f"{n}.csv.gz") for n, role in roles.items())
-        period = frame_period([item.log for item in items], mapped, machine_named(machine or DEFAULT).frame)
+        period = frame_period([item.log for item in items], mapped, machine_named(machine or options.DEFAULT).frame)
         notes = {item.file: logs[item.protocol].notes for item in items}
         exo.write_case(exo.Case(out.resolve().name, {}, items, period), out, notes)
     size = f"{sum(len(item.log) for item in logs.values())} rows, {len(first.log.columns)} columns"
@@ -83,20 +82,23 @@ def command(context, recordings, map_file, unit, episodes, out) -> None:
     for name, item in logs.items():
         for note in item.notes:
             click.echo(f"note: {name}: {note}" if several else f"note: {note}")
+    made = {n: {"rows": len(i.log), "columns": i.log.columns, "notes": i.notes} for n, i in logs.items()}
+    return {"out": out, "logs": made}
 
 
-def list_contents(recording: Path) -> None:
-    """Prints the columns of a recording, or the topics of a bag, as a mapping file names them."""
+def list_contents(recording: Path) -> dict[str, Any]:
+    """Prints the columns of a recording, or the topics of a bag, as a mapping file names them, and returns them."""
     from exodrake.data import ros2, tables
     from exodrake.data.import_log import refuse_folder
 
-    rows = []
+    rows, found = [], {}
     if ros2.is_bag(recording):
         unknown = "cannot be decoded: neither JSON nor a ROS 2 message with its definition"
         for topic, (kind, count, fields) in ros2.read_topics(recording).items():
+            found[topic] = {"type": kind, "messages": count, "fields": fields}
             rows.append((escape(topic), kind, str(count), unknown if fields is None else escape(", ".join(fields))))
-        print_table(("topic", "type", ">messages", "fields: column is TOPIC:FIELD"), rows, wrapped=3)
-        return
+        options.print_table(("topic", "type", ">messages", "fields: column is TOPIC:FIELD"), rows, wrapped=3)
+        return found
     if tables.is_dataset(recording):
         name, columns = next(tables.episodes(recording))
         click.echo(f"LeRobot data set, {name}")
@@ -105,6 +107,8 @@ def list_contents(recording: Path) -> None:
         columns = tables.list_columns(read_bytes(recording), str(recording))
     for name, values in columns.items():
         known = values[values == values]
-        ends = [f"{value:.6g}" for value in (known.min(), known.max())] if len(known) else ["", ""]
-        rows.append((escape(name), str(len(values)), str(len(values) - len(known)), *ends))
-    print_table(("column", ">samples", ">missing", ">lowest", ">highest"), rows)
+        counts, ends = (len(values), len(values) - len(known)), (known.min(), known.max()) if len(known) else ()
+        found[name] = dict(zip(("samples", "missing", "lowest", "highest"), (*counts, *ends)))
+        rows.append((escape(name), *map(str, counts), *([f"{end:.6g}" for end in ends] or ["", ""])))
+    options.print_table(("column", ">samples", ">missing", ">lowest", ">highest"), rows)
+    return found

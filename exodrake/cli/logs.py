@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from exodrake.data.import_log import Mapped
 
 
-@click.command()
+@options.command()
 @click.argument("log", type=options.AnyPath())
 @options.robot_option()
 @click.option("--out", type=options.AnyPath(), help="File to write [LOG with .html].")
@@ -43,12 +43,11 @@ def show_log(log, robot, out, estimated, show) -> None:
         click.launch(str(target))
 
 
-@click.command()
+@options.command()
 @click.argument("first", type=options.AnyPath(), metavar="A")
 @click.argument("second", type=options.AnyPath(), metavar="B")
 @options.robot_option()
 @click.option("--out", type=options.OutputFile("compare.png"), help="Figure to write, or a folder for it.")
-@options.json_option
 def compare_logs(first, second, robot, out) -> exo.Comparison:
     """Overlay logs A and B, draw B less A below, and print RMS, mean and largest difference of each common signal.
 
@@ -81,7 +80,7 @@ def compare_logs(first, second, robot, out) -> exo.Comparison:
     return found
 
 
-@click.command()
+@options.command()
 @click.argument("subject", required=False, default="", metavar="[LOG|ROBOT]")
 @click.option("--mjcf", "form", flag_value="mjcf", help="Write a robot as MJCF, for MuJoCo.")
 @click.option("--urdf", "form", flag_value="urdf", help="Write a robot as URDF.")

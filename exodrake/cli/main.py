@@ -165,8 +165,8 @@ class LazyGroup(OneLineErrors, click.Group):
 def cli(context: click.Context) -> None:
     """Simulate a tendon-driven robot, and explain how far, where and why it differs from the real one.
 
-    `--out` names the folder of a command's files, or the file of one that writes one. `--json` prints the numbers
-    alone. `exodrake COMMAND --help` explains each.
+    `--out` names the folder of a command's files, or the file of one that writes one. `--json` prints the answer of any
+    command as JSON, and nothing else. `exodrake COMMAND --help` explains each.
     """
     if context.invoked_subcommand is None:
         click.echo(context.get_help())

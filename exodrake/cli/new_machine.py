@@ -6,9 +6,9 @@ from typing import Any
 
 import click
 
-from exodrake.cli.options import AnyPath
+from exodrake.cli import options
 from exodrake.core.errors import InputError, nearest
-from exodrake.core.files import is_file, read_bytes, write_folder
+from exodrake.core.files import is_file, read_bytes
 
 SCAFFOLD, MOTOR_SCAFFOLD = Path(__file__).parent / "scaffold", Path(__file__).parent / "scaffold_motor"
 NAME = re.compile(r"[a-z][a-z0-9_]*")
@@ -18,8 +18,8 @@ TURN = 1.0  # rad either way that a protocol asks for until the owner says other
 SLOWEST = 10.0  # s, as the longest frame of a case
 
 
-@click.command()
-@click.argument("folder", type=AnyPath())
+@options.command()
+@click.argument("folder", type=options.AnyPath())
 @click.option("--joints", default="shoulder,elbow", show_default=True, metavar="A,B", help="Names of the joints.")
 @click.option(
     "--servo", default=None, type=click.Choice(("ideal", "motor")), help="Of --joints: kind of servo. [ideal]"
@@ -70,7 +70,7 @@ def command(folder, joints, servo, frame, urdf, form, tip) -> None:
         ends = {key: by_joint(names, [turn] * len(names)) for key, turn in (("lowest", -TURN), ("highest", TURN))}
         values |= {"joints": names, "frame": f"{step:g}", "servo": servo or "ideal", **ends}
         texts = fill_templates(values, *[MOTOR_SCAFFOLD] * (servo == "motor"), SCAFFOLD)
-    files = write_folder(folder, texts)
+    files = options.write_together(folder, texts)
     click.echo(f"{folder}: {', '.join(file.name for file in files)}")
     click.echo(f"try it: exodrake simulate chirp --machine {folder}")
     click.echo(f"your own logs: exodrake import RECORDING lists their columns, for {folder}/mapping.yaml")

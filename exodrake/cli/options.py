@@ -2,8 +2,9 @@
 
 The convention: `--out` is the folder of a command's files, or the file of one that writes one (a folder for it will
 do). They have the same names everywhere: log.csv, figure.png, report.html, diagnosis.json, robot.yaml. Without it a run
-goes into a folder named after it, an animation beside its log, and nothing else is written. `--json` prints a command's
-numbers and nothing else, or writes them into the file that it names.
+goes into a folder named after it, an animation beside its log, and nothing else is written. Every command takes
+`--json`: it prints the numbers and nothing else, or writes them into the file that it names. A command without numbers
+lists the files that it wrote.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import io
 import json
 import os
 import shlex
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import nullcontext, redirect_stdout
 from functools import wraps
 from pathlib import Path
@@ -30,6 +31,7 @@ CASE = click.argument("cases", nargs=-1, required=True, metavar="CASE_OR_LOG..."
 DEFAULT = "exo_index"  # the machine of a command that is given none
 MACHINE = "exodrake.machine"  # key of the machine that --machine registered, in the context's `meta`
 ARGUMENTS = "exodrake.arguments"  # key of the arguments as they were typed
+WRITTEN, STATUS = "exodrake.written", "exodrake.status"  # keys of the files written, and of the exit status
 # why a command does not take a machine of the user's own
 OTHERS: dict[str, str] = {
     "demo": "its hidden fault comes from the reference simulator of the Exo-Index; the test of `exodrake new-machine` "
@@ -49,8 +51,8 @@ OTHERS: dict[str, str] = {
 class AnyPath(click.Path):
     """A path, which is refused if it is empty: it would stand for the current folder."""
 
-    def __init__(self, dir_okay: bool = True) -> None:
-        super().__init__(dir_okay=dir_okay, path_type=Path)
+    def __init__(self) -> None:
+        super().__init__(path_type=Path)
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """The path, after `check`."""
@@ -120,23 +122,57 @@ def check_target(path: Path) -> None:
 
 json_target = click.option(
     "--json", "json_file", type=JsonTarget(), is_flag=False, flag_value="-", metavar="[FILE]",
-    help="Print the numbers as JSON, in SI, and nothing else; or write them into FILE.",
+    help="Print the answer as JSON, in SI, and nothing else; or write it into FILE.",
 )  # fmt: skip
 
 
-def json_option(command: Callable) -> Callable:
-    """Adds --json to a command, for the answer that it returns; printed, it is all that goes to standard output."""
+def command(make: Callable[..., Any] = click.command, *words: str, **settings: Any) -> Callable[[Callable], Any]:
+    """Makes a function a command with --json, for what it returns, else for the files that it wrote.
 
-    @wraps(command)
-    def answering(*arguments: Any, json_file: Path | str | None, **options: Any) -> None:
-        with redirect_stdout(io.StringIO()) if json_file == "-" else nullcontext():
-            answer = command(*arguments, **options)
-        if json_file:
-            from exodrake.core.plain import plain
+    Args:
+        make: Decorator of click; of a group its method `command`.
+        words: Name of the command, if it is not the function's.
+        settings: Further arguments of `make`.
+    """
 
-            write_json(plain(answer), json_file)
+    def build(function: Callable) -> Any:
+        @wraps(function)
+        def answering(*arguments: Any, json_file: Path | str | None, **options: Any) -> None:
+            meta = click.get_current_context().meta
+            with redirect_stdout(io.StringIO()) if json_file == "-" else nullcontext():
+                answer = function(*arguments, **options)
+            if json_file:
+                from exodrake.core.plain import plain
 
-    return json_target(answering)
+                write_json(plain({"wrote": meta.get(WRITTEN, [])} if answer is None else answer), json_file)
+            end()
+
+        json_target(answering)
+        parameters: list = answering.__click_params__  # pyright: ignore[reportAttributeAccessIssue]
+        parameters.insert(0, parameters.pop())  # the last line of --help
+        return make(*words, **settings)(answering)
+
+    return build
+
+
+def note_failures(failed: Mapping[Any, object]) -> None:
+    """Prints why some parts of a command failed; it ends with status 1, once its answer is written."""
+    for name, reason in failed.items():
+        click.echo(f"{name}: {reason}", err=True)
+    click.get_current_context().meta[STATUS] = int(bool(failed))
+
+
+def end() -> None:
+    """Ends a command some parts of which failed."""
+    context = click.get_current_context()
+    if status := context.meta.get(STATUS):
+        context.exit(status)
+
+
+def note_written(paths: Iterable[Path]) -> None:
+    """Keeps the names of files that a command wrote, for its answer as JSON."""
+    if context := click.get_current_context(silent=True):
+        context.meta.setdefault(WRITTEN, []).extend(str(path) for path in paths)
 
 
 def json_text(content: Any) -> str:
@@ -167,13 +203,16 @@ def write_files(contents: Mapping[Path, Any], announce: bool = True) -> None:
         if path.parent != Path():
             make_folder(path.parent)
         write_bytes(path, data)
+        note_written([path])
         if announce:
             click.echo(f"wrote {path}")
 
 
 def write_together(folder: Path, contents: Mapping[str, Any]) -> list[Path]:
     """Write files that `encode` takes into a folder, all of them or none."""
-    return write_folder(folder, {name: encode(folder / name, content) for name, content in contents.items()})
+    paths = write_folder(folder, {name: encode(folder / name, content) for name, content in contents.items()})
+    note_written(paths)
+    return paths
 
 
 def write_answer(answer: Any, name: str, out: Path | None, files: Mapping[str, Any]) -> Any:
@@ -268,8 +307,13 @@ def change_robot(
 
 
 def register_machine(context: click.Context, _: click.Parameter, folder: str | None) -> None:
-    """Registers the folder of --machine; InputError if it holds no machine."""
+    """Registers the folder of --machine, or chooses a built-in machine by name; InputError if there is none."""
+    from exodrake.machines.library import machine_folders
+
     if folder is None:
+        return
+    if not Path(folder).exists() and folder in machine_folders():
+        context.meta[MACHINE] = folder
         return
     path = plugins.add_plugin(folder)
     if not plugins.is_machine(path):

@@ -10,18 +10,17 @@ import click
 from rich.markup import escape
 
 import exodrake as exo
-from exodrake.cli.options import DEFAULT, OutputFile, json_option, print_table, robot_option, write_files
+from exodrake.cli import options
 from exodrake.core.errors import InputError, nearest
 
 if TYPE_CHECKING:
     from exodrake.model.effect import Effect
 
 
-@click.command()
+@options.command()
 @click.argument("name", required=False, default="", metavar="[NAME]")
-@robot_option()
+@options.robot_option()
 @click.option("--only", default="", metavar="TEXT", help="Parameters with this in their name, such as finger.kappa.")
-@json_option
 def list_parameters(name: str, robot: str, only: str) -> dict[str, Any]:
     """List each parameter of a robot with value, unit, plausible range, tolerance and source.
 
@@ -50,7 +49,7 @@ def list_parameters(name: str, robot: str, only: str) -> dict[str, Any]:
             values = texts["value"], texts["range"], texts["tolerance"], escape(one.source)
             rows.append((f"[bold]{escape(full)}[/bold] {at}".rstrip(), *values))
     click.echo(f"{found.source or found.machine.name}: machine {found.machine.name}, {len(names)} parameters")
-    print_table(("parameter", ">value", "plausible", "tolerance", "source"), rows, wrapped=4)
+    options.print_table(("parameter", ">value", "plausible", "tolerance", "source"), rows, wrapped=4)
     for sentence in implausible(found):
         click.echo(f"note  {sentence}")
     if not only:
@@ -66,17 +65,17 @@ def list_parameters(name: str, robot: str, only: str) -> dict[str, Any]:
     return content | {"parameters": {one: content["parameters"][one] for one in names}}
 
 
-@click.command()
+@options.command()
 @click.argument("identity", required=False, default="", metavar="[ID]")
-@json_option
-@robot_option()
+@options.robot_option()
 def list_effects(identity: str, robot: str) -> Any:
     """List the effect library: id, what it is, parameters with unit and plausible range.
 
-    With ID, all about one effect, or a list of those that have the text in their id.
+    With ID, all about one effect, or a list of those that have the text in their id, or else in what they are.
     """
     machine = exo.load_robot(robot).machine
     within = [effect for effect in machine.effects if identity in effect.id]
+    within = within or [effect for effect in machine.effects if identity in f"{effect.family}, {effect.summary}"]
     exact = [effect for effect in within if effect.id == identity]
     chosen = exact or within or [machine.effect(identity)]
     single = bool(identity) and len(chosen) == 1
@@ -90,7 +89,7 @@ def list_effects(identity: str, robot: str) -> Any:
             null = f"{n.null:g}" if n is effect.parameters[0] else ""
             ends = f"{n.low:g} to {n.high:g}"
             rows.append((n.name, n.unit, ends, f"{n.initial:.4g}", null, channels, "yes" if n.fitted else "no"))
-        print_table(("parameter", "unit", "plausible", ">initial", ">null value", "one per", "fitted"), rows)
+        options.print_table(("parameter", "unit", "plausible", ">initial", ">null value", "one per", "fitted"), rows)
         texts = {"shows as": effect.signature, "acts at": ", ".join(effect.at), "source": effect.source}
         for title, text in (texts | {"try": example(machine, effect)}).items():
             click.echo(f"\n{click.style(title, bold=True)}\n{text}")
@@ -101,7 +100,7 @@ def list_effects(identity: str, robot: str) -> Any:
         ends = (f"{n.name}  {n.low:g} to {n.high:g} {n.unit}".removesuffix(" -") for n in effect.parameters)
         per = effect.axis.removesuffix("s") or "robot"
         rows.append((f"[bold]{effect.id}[/bold]", effect.summary, "\n".join(ends), per))
-    print_table(("effect", "what it is", "parameters", "per"), rows, wrapped=1)
+    options.print_table(("effect", "what it is", "parameters", "per"), rows, wrapped=1)
     click.echo(f"\n{len(chosen)} effects. `exodrake effects ID` describes one.")
     return described
 
@@ -126,16 +125,16 @@ def describe(machine: exo.Machine, effect: Effect) -> dict[str, Any]:
 def example(machine: exo.Machine, effect: Effect) -> str:
     """A command that shows the effect."""
     parameter, channel = effect.parameters[0], machine.axes.of(effect.axis)[0]
-    what = "caging" if machine.name == DEFAULT else f"chirp --robot {machine.name}"
+    what = "caging" if machine.name == options.DEFAULT else f"chirp --robot {machine.name}"
     at = f"@{channel}" if channel else ""
     return f"exodrake simulate {what} --effect {effect.id}:{parameter.name}={parameter.initial:.3g}{at}"
 
 
-@click.command()
-@robot_option()
-@click.option("--out", required=True, type=OutputFile("wiring.svg"), help="SVG to write, or a folder for it.")
+@options.command()
+@options.robot_option()
+@click.option("--out", required=True, type=options.OutputFile("wiring.svg"), help="SVG to write, or a folder for it.")
 def draw(robot: str, out: Path) -> None:
     """Draw the robot's block diagram: parts, signals with their units, and the tasks in the slots of a frame."""
     machine = exo.load_robot(robot).machine
-    write_files({out: exo.wiring_svg(machine)})
+    options.write_files({out: exo.wiring_svg(machine)})
     click.echo(f"{len(machine.parts)} parts joined by {len(machine.signals)} signals")

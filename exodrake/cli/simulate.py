@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from exodrake.simulation.scenario import Scenario
 
 
-@click.command()
+@options.command()
 @click.argument("protocol", required=False, default="")
 @click.option("--reference", default="", metavar="LOG", help="Follow the references of this log.")
 @click.option("--scenario", "file", default="", metavar="FILE", help="Repeat this scenario; other options change it.")
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 @click.option("--no-quantisation", is_flag=True, help="Readings unrounded.")
 @click.option("--engine", default="", metavar="NAME", help="compiled (default) or drake: the same log to the last bit.")
 @click.option("--out", type=options.OutputFolder(), help="Folder for the files [simulated/PROTOCOL].")
-def command(protocol: str, reference: str, file: str, robot: str, out: Path | None, **changed) -> None:
+def command(protocol: str, reference: str, file: str, robot: str, out: Path | None, **changed) -> object:
     """Run a robot on PROTOCOL and write log.csv, scenario.yaml, figure.png and recording.html.
 
     With --effect, --set, --part or a robot file the nominal robot runs beside it: nominal.csv, dotted in the figure, a
@@ -65,7 +65,7 @@ def command(protocol: str, reference: str, file: str, robot: str, out: Path | No
         contents = {"log.csv": log} if nominal is None else {"log.csv": log, "nominal.csv": nominal}
         contents |= make_files(scenario, built, log, what.name, say, nominal)
         options.write_together(folder, contents)
-    machine, rows, peak = built.machine, [], None
+    machine, signals, rows, peak = built.machine, {}, [], None
     kind = machine.references[0].kind
     if log.has(kind) and (away := np.linalg.norm(log[kind] - log[kind][0], axis=1)).max() > 0.0:
         peak = int(np.flatnonzero(away >= away.max() * (1.0 - 1e-9))[-1])  # the last row farthest from the start
@@ -73,12 +73,16 @@ def command(protocol: str, reference: str, file: str, robot: str, out: Path | No
         display = find_display(column.kind, machine)
         for channel in machine.channels(column.signal):
             name, reference = f"{column.kind}_{channel}", f"{column.kind}_ref_{channel}"
-            values = display.factor * log[name]
-            cells = [values.min(), values.max(), *([] if peak is None else [values[peak]]), values[-1]]
-            for other, wanted in [(log, reference), *([] if nominal is None else [(nominal, name)])]:
-                known = other.has(wanted)
-                cells.append(np.sqrt(np.mean((values - display.factor * other[wanted]) ** 2)) if known else np.nan)
-            texts = ["" if np.isnan(cell) else f"{float(cell):.3g}" for cell in cells]
+            values = log[name]
+            one = {"lowest": values.min(), "highest": values.max()}
+            one |= {} if peak is None else {"at_peak": values[peak]}
+            one["end"] = values[-1]
+            for key, other, wanted in (("reference", log, reference), ("nominal", nominal, name)):
+                if other is not None:
+                    known = other.has(wanted)
+                    one[f"rms_from_{key}"] = np.sqrt(np.mean((values - other[wanted]) ** 2)) if known else np.nan
+            signals[name] = {"unit": log.units[name], **one}
+            texts = ["" if np.isnan(cell) else f"{float(display.factor * cell):.3g}" for cell in one.values()]
             rows.append((f"{column.kind} {channel}".rstrip(), escape(display.unit), *texts))
     titles = ["signal", "unit", ">lowest", ">highest", *([] if peak is None else [f">at\n{log.time[peak]:.2f} s"])]
     titles += [">in the\nend", ">RMS from\nreference", *([">RMS from\nnominal"] if nominal is not None else [])]
@@ -90,6 +94,8 @@ def command(protocol: str, reference: str, file: str, robot: str, out: Path | No
         click.echo(f"{log.time[peak]:.2f} s: the last moment at which the references are farthest from their start")
     click.echo(f"wrote {folder}/: {', '.join(contents)}")
     warn(built)
+    answer = {"out": folder, "files": list(contents), "duration": log.duration, "rows": len(log)}
+    return answer | {"changes": changes(scenario, built), "signals": signals}
 
 
 def scenario_from(
@@ -165,7 +171,7 @@ def warn(robot: exo.Robot) -> None:
         click.secho(f"note: {sentence}", fg="yellow", err=True)
 
 
-@click.command()
+@options.command()
 def compile_kernels() -> None:
     """Compile the nominal robot's simulation into numba's cache; later sessions load it in a second or two."""
     from exodrake.core.parallel import each
@@ -188,7 +194,7 @@ def use_engine(engine: str) -> None:
     exo.record(exo.load_robot(), exo.Reference(np.tile([5.0, 3.0, 1.0], (3, 1)), "warm-up"), engine=engine)
 
 
-@click.command()
+@options.command()
 @click.argument("protocol", required=False, default="")
 @click.option("--reference", default="", metavar="LOG", help="Follow the references of this log instead.")
 @click.option("--over", multiple=True, metavar="NAME=VALUES",
@@ -200,7 +206,6 @@ def use_engine(engine: str) -> None:
 @click.option("--seed", type=click.IntRange(0), default=0, help="Seed of the draws. [0]")
 @click.option("--noise", type=click.IntRange(0), help="Seed of the sensors' noise; none without it.")
 @click.option("--out", type=options.OutputFolder(), help="Folder for sweep.csv, sweep.png and sweep.json.")
-@options.json_option
 def sweep_parameters(
     protocol, reference, over, robots, diagnosis, file, parameters, effects, parts, seed, noise, out
 ) -> Any:  # fmt: skip

@@ -19,7 +19,7 @@ from exodrake.core.files import is_file
 ABOVE = click.FloatRange(min=0.0, min_open=True)
 
 
-@click.command()
+@options.command()
 @options.robot_option("file")
 @options.robot_changes
 @click.option("--settling", type=ABOVE, help="Wanted settling time to 2 % [s]; else as short as can be.")
@@ -33,7 +33,6 @@ ABOVE = click.FloatRange(min=0.0, min_open=True)
 @click.option("--out", type=options.OutputFolder(), help="Folder for tuned.yaml, tune.png and tune.json.")
 @click.option("--out-robot", type=options.OutputFile("tuned.yaml"),
               help="Write the robot with the best controller alone.")  # fmt: skip
-@options.json_option
 def command(
     file, parameters, effects, parts, settling, overshoot, disk_margin, noise, only, draws, out, out_robot
 ) -> Any:  # fmt: skip
@@ -112,7 +111,7 @@ def show(tuning: exo.Tuning) -> None:
         click.echo(f"  scheduled, {point}: {word_gains(gains)}; settles in {settling:.3g} s")
 
 
-@click.command()
+@options.command()
 @click.argument("wanted")
 @options.robot_option()
 @click.option(
@@ -120,7 +119,6 @@ def show(tuning: exo.Tuning) -> None:
 )
 @click.option("--map", "map_file", type=options.AnyPath(), metavar="FILE",
               help="Write them with the names and units of this mapping file, not as a log.")  # fmt: skip
-@options.json_option
 def find_commands(wanted: str, robot: str, out: Path, map_file: Path | None) -> dict[str, Any]:
     """Find the commands with which the robot does what WANTED asks, and write them as a log of references.
 

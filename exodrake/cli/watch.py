@@ -7,20 +7,20 @@ from pathlib import Path
 import click
 
 import exodrake as exo
-from exodrake.cli.options import AnyPath, OutputFile, json_option, robot_option, write_files
+from exodrake.cli import options
 from exodrake.core.progress import where_to_run
 
 REDRAW = 4  # times a second
 EVERY = 10  # s of the log between plain lines
 
 
-@click.command()
-@click.argument("log", type=AnyPath(dir_okay=False))
-@robot_option()
+@options.command()
+@click.argument("log", type=options.AnyPath())
+@options.robot_option()
 @click.option("--until-idle", type=click.FloatRange(min=0), default=None, metavar="TIME",
               help="End when no row has come for this time [s; never]; 0 reads a complete log to its end.")  # fmt: skip
-@click.option("--map", "map_file", type=AnyPath(), metavar="FILE", help="Mapping file of a foreign recording.")
-def command(log: Path, robot: str, until_idle: float | None, map_file: Path | None) -> None:
+@click.option("--map", "map_file", type=options.AnyPath(), metavar="FILE", help="Mapping file of a foreign recording.")
+def command(log: Path, robot: str, until_idle: float | None, map_file: Path | None) -> object:
     """Follow LOG, a CSV file that a robot is writing, and show the gap between each of its segments and the model.
 
     The model runs beside the robot, frame by frame. Ctrl-C ends with a summary. The exit status is 1 if there was an
@@ -34,6 +34,7 @@ def command(log: Path, robot: str, until_idle: float | None, map_file: Path | No
     from exodrake.monitor.display import describe_alarm, describe_reading, draw_screen, summarise
     from exodrake.monitor.watcher import Monitor, follow
 
+    log = options.log_in(log)
     click.echo("loading the model (the first run compiles for half a minute)", err=True)
     monitor, printed = Monitor(exo.load_robot(robot)), 0
     readings = follow(monitor, log, until_idle, None if map_file is None else read_mapping(map_file))
@@ -53,20 +54,21 @@ def command(log: Path, robot: str, until_idle: float | None, map_file: Path | No
                     click.echo(describe_alarm(monitor, alarm, log))
                 printed = len(monitor.alarms)
     click.echo("\n".join([*monitor.notes, *summarise(monitor, log)]))
-    if monitor.alarms:
-        sys.exit(1)
+    click.get_current_context().meta[options.STATUS] = int(bool(monitor.alarms))
+    gaps = [] if monitor.reading is None else monitor.reading.overall
+    overall = [{"segment": c.segment, "column": c.column, "gap": gap} for c, gap in zip(monitor.channels, gaps)]
+    return {"frames": monitor.frames, "gaps": overall, "alarms": monitor.alarms, "notes": monitor.notes}
 
 
-@click.command()
-@robot_option()
+@options.command()
+@options.robot_option()
 @click.option("--seed", default=21, show_default=True, type=click.IntRange(min=0), help="Of everything that is drawn.")
 @click.option("--robots", default=100, show_default=True, type=click.IntRange(min=2), help="Simulated healthy robots.")
 @click.option("--minutes", default=20.0, show_default=True, type=click.FloatRange(min=0.5, max=1440),
               help="Work of each robot.")  # fmt: skip
-@click.option("--out", "--write", "out", type=OutputFile("alarm_limits.yaml"), default=None,
+@click.option("--out", "--write", "out", type=options.OutputFile("alarm_limits.yaml"), default=None,
               help="The machine's folder, where `watch` finds alarm_limits.yaml, or a file.")  # fmt: skip
 @where_to_run
-@json_option
 def find_alarm_limits(robot, seed, robots, minutes, out, jobs, cluster) -> object:
     """Find gaps that healthy robots stay below, from simulated ones at work whose parameters lie within tolerance."""
     import numpy as np
@@ -94,5 +96,5 @@ def find_alarm_limits(robot, seed, robots, minutes, out, jobs, cluster) -> objec
             "# gaps over 10 s [noise standard deviations] above which the alarm is raised; made by\n#   exodrake "
             f"alarm-limits --robot {nominal.machine.name} --seed {seed} --robots {robots} --minutes {minutes:g}\n"
         )
-        write_files({out: head + yaml.safe_dump(content, sort_keys=False)})
+        options.write_files({out: head + yaml.safe_dump(content, sort_keys=False)})
     return content

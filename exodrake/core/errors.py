@@ -85,19 +85,22 @@ def shorten(text: str, most: int = MAX_MESSAGE) -> str:
 
 
 def nearest(word: str, words: list[str]) -> str:
-    """A hint at names that hold `word`, resemble it, or hold its last part, in this order."""
+    """A hint at names that hold `word`, resemble it, or hold its last part or a part like it, in this order."""
     import difflib
 
-    def holding(part: str) -> list[str]:
-        found: list[str] = []
-        within = (name for name in words if len(part) > 1 and part.lower() in name.lower())
-        for name in sorted(within, key=lambda name: (part not in name, len(name))):
-            if not name.startswith(tuple(f"{one}." for one in found)):  # finger.kappa stands for finger.kappa.MCP
-                found.append(name)
-        return found[:HINTS]
+    def choose(names: list[str]) -> list[str]:  # finger.kappa stands for finger.kappa.MCP
+        return [name for name in names if not name.startswith(tuple(f"{one}." for one in names))][:HINTS]
 
-    close = holding(word) or difflib.get_close_matches(word, words, HINTS, 0.8)
-    close = close or holding(word.rpartition(".")[2]) or difflib.get_close_matches(word, words, HINTS, 0.5)
+    def holding(part: str) -> list[str]:
+        within = [name for name in words if len(part) > 1 and part.lower() in name.lower()]
+        return choose(sorted(within, key=lambda name: (part not in name, len(name))))
+
+    def resembling(least: float) -> list[str]:
+        return choose(difflib.get_close_matches(word, words, 2 * HINTS, least))
+
+    last, parts = word.rpartition(".")[2], {part for name in words for part in name.replace("_", ".").split(".")}
+    alike = difflib.get_close_matches(last, sorted(parts), 1, 0.8)
+    close = holding(word) or resembling(0.8) or holding(last) or (alike and holding(alike[0])) or resembling(0.5)
     return f"; did you mean {' or '.join(close)}?" if close else ""
 
 

@@ -447,6 +447,13 @@ class Comparison:
         end: end of the time that both cover [s].
         signals: column -> difference.
         notes: what was left out, a sentence each.
+
+    Examples:
+        >>> import exodrake as exo
+        >>> robot = exo.load_robot()
+        >>> found = exo.compare(exo.simulate(robot, "caging"), exo.simulate(robot, "caging:hold=4"))
+        >>> print(f"{found.start:g} to {found.end:g} s, largest: {found.signals['tension_AF'].largest:.1f} N")
+        0 to 5.48 s, largest: 6.5 N
     """
 
     names: tuple[str, str]

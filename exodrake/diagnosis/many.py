@@ -116,8 +116,9 @@ def get_configuration(robot: str, tried: frozenset[str] | None = None) -> dict[s
 
 
 def diagnose_one(
-    case: Case, robot: str, wanted: dict[str, str], tried: frozenset[str] | None = None, report: Report | None = None
-) -> dict[str, Any]:
+    case: Case, robot: str, wanted: dict[str, str], tried: frozenset[str] | None = None, report: Report | None = None,
+    command: str = "",
+) -> dict[str, Any]:  # fmt: skip
     """Diagnose a case into plain data. RuntimeError where a configuration other than `wanted` is installed.
 
     Beside the answer, `files` holds the texts of the robots' files, and of the report, if one is wanted, by name.
@@ -130,6 +131,8 @@ def diagnose_one(
             f"this worker has {describe_configuration(installed)}; the run uses {describe_configuration(wanted)}"
         )
     found = diagnose(case, load_robot(robot) if robot else None, tried=tried)
+    if found.provenance:
+        found = replace(found, provenance=replace(found.provenance, command=command))
     robots = {RETUNED: found.robots["retuned"], IMPROVED: found.robot}
     texts = {name: found.robot_file(robot) for name, robot in robots.items()}
     if report and found.problem:
@@ -143,7 +146,7 @@ def diagnose_one(
 def diagnose_all(
     places: Mapping[Path, Path], jobs: int = 1, cluster: str | None = None, progress: Count = no_progress,
     redo: bool = False, robot: str = "", tried: frozenset[str] | None = None, allow_outside: bool = False,
-    report: Report | None = None,
+    report: Report | None = None, command: str = "",
 ) -> dict[str, str]:  # fmt: skip
     """Diagnose the unfinished of many cases; an interruption loses no answer.
 
@@ -157,6 +160,7 @@ def diagnose_all(
         tried: Ids of the effects to try; None for the default ones.
         allow_outside: Read logs that lie outside the folder of their case, too.
         report: Text of the report of an answer, which is written beside it; none without.
+        command: The command line, for answers and reports.
 
     Returns:
         {name of the answer's folder: reason} of the cases that failed; they stay unfinished.
@@ -209,7 +213,7 @@ def diagnose_all(
                 write(path, Outcome(-1, reason=f"{type(error).__name__}: {error}"))
                 continue
             sent.append(path)
-            yield case, robot, wanted, tried, report
+            yield case, robot, wanted, tried, report, command
 
     with closing(each(diagnose_one, read_tasks(), jobs, cluster)) as outcomes:
         try:

@@ -213,6 +213,14 @@ class Diagnosis:
         since: changes over dated sessions or one long log; None of other cases.
         missing_law: the free law that explains the logs best; None without discovery.
         problem: case as a regression, with detected effects; neither it nor the robots are part of the JSON.
+
+    Examples:
+        >>> import exodrake as exo
+        >>> far = exo.load_robot("emps").splice("scale.offset", {"offset": 0.01})
+        >>> found = exo.diagnose(exo.simulate(far, "chirp"), exo.load_robot("emps"))
+        >>> print(found)
+        Diagnosis(NAMED, chirp)
+        Offset (scale.offset) at joint carriage explains 100 % of the gap; nothing remains.
     """
 
     case: str

@@ -54,7 +54,7 @@ def in_order(effects: Iterable[Effect]) -> tuple[Effect, ...]:
 LIBRARY, PLUGGED = discover()
 
 
-def effects_of(parts: Iterable[Part]) -> tuple[Effect, ...]:
+def collect_effects(parts: Iterable[Part]) -> tuple[Effect, ...]:
     """Effects of these parts, in the order in which they act: those made for their points, and the generic ones."""
     parts = tuple(parts)
     points = set(map_points(parts))

@@ -9,7 +9,7 @@ import numpy as np
 
 from exodrake.core.errors import InputError
 from exodrake.core.schema import listing, mapping, names, number, text, whole
-from exodrake.effects import LIBRARY, effects_of, for_machine, generic_effects, in_order, plugin_effects
+from exodrake.effects import LIBRARY, collect_effects, for_machine, generic_effects, in_order, plugin_effects
 from exodrake.effects.servo import lag_behind, limit_speed
 from exodrake.effects.signal import scale, shift, take_up_play
 from exodrake.effects.timing import delay_command
@@ -169,7 +169,7 @@ def motor_machine(
     }  # fmt: skip
     ideal = joint_machine(name, "servo", joints, OF_COMMANDS[:1], frame, max_effects)
     parts = (servo.part(scales), *ideal.parts[1:])
-    found = (*OF_COMMANDS, *(effect for effect in effects_of(parts) if effect.id not in LEFT_OUT))
+    found = (*OF_COMMANDS, *(effect for effect in collect_effects(parts) if effect.id not in LEFT_OUT))
     slots = max(4, ceil(frame / TICK))
     return replace(ideal, parts=parts, effects=found, slots=slots, settling=SETTLING, mechanism=motor_mechanism)
 

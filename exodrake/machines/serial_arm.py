@@ -15,7 +15,7 @@ import numpy as np
 
 from exodrake.core.errors import InputError
 from exodrake.core.schema import mapping, number, text
-from exodrake.effects import effects_of, friction
+from exodrake.effects import collect_effects, friction
 from exodrake.machines.urdf import read_urdf
 from exodrake.model.effect import Effect
 from exodrake.model.machine import SETTLING, Column, Controller, Gain, Loop, Machine, Segment
@@ -221,7 +221,7 @@ def reading(name: str, signal: str, unit: Mapping[str, str], slot: int, frame: f
 def effects_in(unit: Mapping[str, str], parts: tuple[Part, ...], without: tuple[str, ...]) -> tuple[Effect, ...]:
     """The effects of the parts but for some, those that are made for turning joints in the units of these."""
     own = {TURNS["position"]: unit["position"], TURNS["inertia"]: unit["inertia"], "rad/(N m)": unit["position/effort"]}
-    kept = (effect for effect in effects_of(parts) if effect.id not in without)
+    kept = (effect for effect in collect_effects(parts) if effect.id not in without)
     return tuple(
         replace(effect, parameters=tuple(replace(p, unit=own.get(p.unit, p.unit)) for p in effect.parameters))
         for effect in kept

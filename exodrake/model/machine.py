@@ -376,7 +376,7 @@ class Machine:
         """The effect of that id; raises InputError with the nearest ids."""
         known = {effect.id: effect for effect in self.effects}
         if identity not in known:
-            hint = nearest(identity, list(known)) or f"; `exodrake effects --machine {self.name}` lists them"
+            hint = nearest(identity, list(known)) or f"; `exodrake effects --robot {self.name}` lists them"
             raise InputError(f"unknown effect {identity!r}{hint}")
         return known[identity]
 

@@ -148,8 +148,8 @@ def robot_table(robots: Sequence[Member], links: Mapping[str, str] | None = None
         verdict = row.verdict + (" (not confirmed)" if row.confirmed is False else "")
         verdict += f": the error {w.closure(row.closure)}" if w.rounds_below(row.closure) else ""
         closed = w.closure(row.closure) if np.isfinite(row.closure) else "–"
-        last, address = row.date.date().isoformat() if row.date else "no date", (links or {}).get(row.case)
-        last = Markup('<a href="{}">{}</a>').format(address, last) if address else last
+        last, address = row.date.date().isoformat() if row.date else "", (links or {}).get(row.case)
+        last = Markup('<a href="{}">{}</a>').format(address, last or "report") if address else last or "–"
         amounts = "; ".join(sizes) or "–"
         rows.append((m.serial, verdict, cause or "–", since, size, amounts, closed, last, f"{len(m.rows):,}"))
     header = ("Robot", "Last verdict", "Cause", "Since when (90 %)", "Change", "Size (90 %)", "Closure")

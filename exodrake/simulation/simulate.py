@@ -66,6 +66,12 @@ class Recording:
         reference: reference that it followed.
         time: (frames,) array, start of each frame [s].
         signals: name -> (frames, channels) array at the frame's end, in the unit of the signal.
+
+    Examples:
+        >>> import exodrake as exo
+        >>> found = exo.record(exo.load_robot(), "caging")
+        >>> print(found.time[-1].round(2), "s,", found.signals["stroke_read"].max().round(4), "m")
+        5.48 s, 0.0124 m
     """
 
     robot: Robot

@@ -4,7 +4,7 @@ from functools import cache
 
 import numpy as np
 
-from exodrake.effects import effects_of
+from exodrake.effects import collect_effects
 from exodrake.model.machine import Column, Controller, Gain, Loop, Machine, Segment
 from exodrake.model.mechanism import Body, Chain, Drive, Joint, Mechanism, axes_side_by_side
 from exodrake.model.part import JOINTS, NORMAL, UNIFORM, Axes, Signal
@@ -55,7 +55,7 @@ def machine() -> Machine:
     """The frictionless inertia under its drive, with every effect of its library at its null value."""
     return Machine(
         name="emps", axes=Axes((), ("carriage",)), signals=(*INPUTS, *COMPUTED), parts=PARTS,
-        inputs=tuple(s.name for s in INPUTS), columns=COLUMNS, effects=effects_of(PARTS), frame=FRAME,
+        inputs=tuple(s.name for s in INPUTS), columns=COLUMNS, effects=collect_effects(PARTS), frame=FRAME,
         slots=16,  # so short that from reading to force takes the drive next to no time
         noise=("scale.sigma.carriage",), resolution=("scale.step.carriage",), compared=("position", "force"),
         noise_std=lambda value: {"position": value("scale.repeatability"), "force": value("drive.repeatability")},

@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 
 from exodrake.core.errors import InputError
-from exodrake.effects import effects_of
+from exodrake.effects import collect_effects
 from exodrake.model.machine import (
     Column,
     CommandLink,
@@ -194,7 +194,7 @@ def machine() -> Machine:
     return Machine(
         name="exo_index", axes=AXES, signals=SIGNALS, parts=PARTS,
         inputs=("tension_ref", "noise_tension", "noise_angle", "packet_arrival"), columns=COLUMNS,
-        effects=effects_of(PARTS), noise=("sensor.sigma_F", "mocap.sigma_q"),
+        effects=collect_effects(PARTS), noise=("sensor.sigma_F", "mocap.sigma_q"),
         resolution=("sensor.q_F", "encoder.q_theta"), compared=("tension", "stroke", "speed_cmd", "angle"),
         noise_std=noise_std, segments=SEGMENTS, regime=REGIME, command_link=COMMAND_LINK,
         observer=Observer("speed_cmd", "stroke", ("motor", "theta"), "motor.r", gain=0.2),
