@@ -26,6 +26,7 @@ from exodrake.systems.encoder import Encoder
 from exodrake.systems.motion_capture import MotionCapture
 from exodrake.systems.motor import MotorDynamics
 from exodrake.systems.part import MachinePart, PartSystem
+from exodrake.systems.posture_controller import PosturePlan
 from exodrake.systems.sources import Noise, Playback
 from exodrake.systems.tendon_finger import TendonFinger
 from exodrake.systems.tension_sensor import TensionSensor
