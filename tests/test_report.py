@@ -74,7 +74,7 @@ def test_page_says_the_answer(pages):
         "Load-dependent friction (tendon.capstan_friction) at tendons AF and MF explains 91 % of the gap; 6 % remains",
         "0.280 to 0.340", "93 to 98 %",  # interval, closure
         "T_d = T_c - F", "exodrake effects tendon.capstan_friction",  # equation
-        "Each of the 12 signals", "finger.kappa.MCP", "2 repeated rows dropped", "raw BIC", "Evidence [nats]",
+        "Each of the 12 signals", "finger.kappa.MCP", "2 repeated rows dropped", "Evidence [nats]",
         "a cause takes up of the gap at least 10 %",  # a number of the decisions
         "1 refinement", "may be the error of a cause’s law",
         "2026-11-22 08:00:00 UTC", "exodrake diagnose case", "exo_index.yaml", "abc123",  # provenance
