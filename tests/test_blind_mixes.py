@@ -120,5 +120,5 @@ def test_weaker_effects_lie_on_the_way_to_the_null_value_and_an_unknown_mix_is_r
     ]  # fmt: skip
     assert weaken(sheath, 0.25).wires == ("AF",) and weaken(sheath, 1.0) == sheath
     result = run("blind", "make", "--seed", 8, "--cases", 1, "--out", tmp_path / "set", "--mix", "smal")
-    assert result.exit_code == 2 and "no case mix 'smal'; there are standard, healthy, small" in result.output
+    assert result.exit_code == 2 and "no case mix 'smal'; did you mean small?" in result.output
     assert not list(tmp_path.iterdir())

@@ -32,7 +32,8 @@ def make(seed, cases, out, labels, mixes, jobs, cluster) -> object:
     from exodrake.reference.make import make as make_set
 
     if unknown := [name for name in mixes if name not in MIXES]:
-        raise InputError(f"no case mix {unknown[0]!r}{nearest(unknown[0], list(MIXES))}; there are {', '.join(MIXES)}")
+        hint = nearest(unknown[0], list(MIXES)) or f"; there are {', '.join(MIXES)}"
+        raise InputError(f"no case mix {unknown[0]!r}{hint}")
     chosen = tuple(MIXES[name] for name in dict.fromkeys(mixes))
     with show_count("making") as count:
         path = make_set(out, seed, cases, labels, jobs, chosen, cluster, count)

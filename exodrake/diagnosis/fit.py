@@ -243,18 +243,20 @@ class Groups:
         left = np.bincount(self.samples, (e.residual * likelihood.weights) ** 2, self.count)
         return 0.5 * (left + np.bincount(self.parameters, (e.x / e.prior_std) ** 2, self.count))
 
-    def merge(self, a: Explanation, b: Explanation, better: np.ndarray) -> Explanation:
-        """The first explanation with those groups (groups,) of the second that are better."""
+    def merge(self, likelihood: Likelihood, a: Explanation, b: Explanation, better: np.ndarray) -> Explanation:
+        """The first explanation with those groups (groups,) of the second that are better.
+
+        Simulated, as an effect such as crosstalk couples joints that are separate without it.
+        """
         if better.all() or not better.any():
             return b if better.all() else a
-        x = np.where(better[self.parameters], b.x, a.x)
-        return replace(b, x=x, residual=np.where(better[self.samples], b.residual, a.residual))
+        return b.at(likelihood, np.where(better[self.parameters], b.x, a.x))
 
     def best(self, likelihood: Likelihood, found: Sequence[Explanation]) -> Explanation:
         """The explanation whose groups are the best of several at other coordinates."""
         best = found[0]
         for e in found[1:]:
-            best = self.merge(best, e, self.costs(likelihood, e) < self.costs(likelihood, best))
+            best = self.merge(likelihood, best, e, self.costs(likelihood, e) < self.costs(likelihood, best))
         return best
 
 
@@ -264,7 +266,7 @@ def minimise(likelihood: Likelihood, start: Explanation, steps: int = STEPS, tol
     damping = np.full(groups.count, DAMPING)
     reach = np.array([p.scale if p.effect else np.inf for p in start.parameters])
     for _ in range(steps):
-        columns, before = whole_jacobian(likelihood, found), groups.costs(likelihood, found)
+        begun, columns, before = found, whole_jacobian(likelihood, found), groups.costs(likelihood, found)
         slope, curvature = slope_and_curvature(likelihood, found, columns)
         here, waiting = found, np.ones(groups.count, dtype=bool)
         for failed in range(TRIES):
@@ -275,7 +277,7 @@ def minimise(likelihood: Likelihood, start: Explanation, steps: int = STEPS, tol
             known = np.concatenate([here.jacobian, columns[here.nominal :]])
             jacobian = correct_jacobian(here, trial, here.residual + (trial.x - here.x) @ known)
             better = waiting & (groups.costs(likelihood, trial) < before)
-            found, here = groups.merge(found, trial, better), here.change(jacobian=jacobian)
+            found, here = groups.merge(likelihood, found, trial, better), here.change(jacobian=jacobian)
             found = replace(found, jacobian=jacobian)
             waiting &= ~better
             if not waiting.any():
@@ -284,6 +286,8 @@ def minimise(likelihood: Likelihood, start: Explanation, steps: int = STEPS, tol
         damping[~waiting] = np.maximum(SMALLER * damping[~waiting], DAMPING)
         gained = before.sum() - groups.costs(likelihood, found).sum()
         if gained <= tol * before.sum():
+            if gained < 0.0:  # where an effect couples joints
+                return begun
             if waiting.all():
                 return here
             COLUMNS[found] = columns[found.nominal :]

@@ -112,7 +112,7 @@ def inverse_machine(name: str, chain: Chain, frame: float) -> Machine:
     return make_machine(
         name, chain, frame, (dynamics.inverse_part(scales(efforts, unit), unit), torque), {found[-1].kind: "torque"},
         CROSSTALK + OFFSET, (*motion, *noise("effort")), signals(unit, "effort", "effort_read"), found, slots=1,
-        segments=(Segment("arm", found[-1].kind),), separate=True, defaults=chain_values(chain, "arm"),
+        segments=(Segment("arm", found[-1].kind),), defaults=chain_values(chain, "arm"),
         recorded={"arm.mobility": lambda size: REST * size.get(speed, np.inf) / max(size.get(force, 0.0), 1e-12)},
         resting={found[-1].kind: found[1].kind},
     )  # fmt: skip

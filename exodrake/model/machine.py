@@ -216,7 +216,7 @@ class Machine:
         skeleton: what a recording draws, from the robot; None for a machine that is not drawn.
         mechanism: what another simulator needs of a robot; None for a machine that is not exported.
         loop: the closed loop that `analyse` and `tune` look at; None where there is none.
-        separate: whether no joint moves another, as where each follows what is commanded or measured.
+        separate: whether a parameter of a joint acts on that joint alone, but for effects that couple joints.
         defaults: values [SI] by full name of parameters that a robot file need not state.
         recorded: full name of a parameter -> its largest value [its unit] from the sizes of recorded signals by unit.
         resting: column kind of an effort -> that of the speed without which dry friction may hold any effort.

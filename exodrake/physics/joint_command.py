@@ -1,6 +1,6 @@
 """Commands of a machine's joints, taken once a frame and handed to their drives; it also hands on where the log starts.
 
-Two blocks: `BLOCK`, and `SET_BLOCK` for joints that have a setting of their own, such as the bend of a sheath.
+Two blocks: `PART`, and `SET_PART` for joints that have a setting of their own, such as the bend of a sheath.
 """
 
 import sys
