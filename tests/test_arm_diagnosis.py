@@ -13,6 +13,8 @@ from pydrake.systems.analysis import Simulator
 import exodrake as exo
 from exodrake.data.case import Case, CaseLog
 from exodrake.data.log import Log
+from exodrake.diagnosis.isolation import isolate
+from exodrake.diagnosis.problem import make_problem
 
 ROLES = ("fit", "fit", "holdout")
 
@@ -99,6 +101,14 @@ def test_a_fault_of_an_arm_of_seven_joints_is_named_from_its_efforts(fault, effe
     interval = next(iter(found.effects[0].parameters.values()))
     assert interval.value == pytest.approx(value, rel=0.1) and interval.low < value < interval.high
     assert found.closure.overall.value > 0.9
+
+
+def test_each_fitted_set_leaves_what_its_robot_does(cable_arm):
+    """The mass of a link shows in the efforts of the joints before it: steps of single joints do not add up."""
+    found = isolate(make_problem(inverse_case(cable_arm, gain=[(1, -0.08)]), cable_arm))
+    sets = [f.explanation for f in found.search.sets.values()]
+    simulated = found.likelihood.residual(np.array([e.robot for e in sets]))
+    np.testing.assert_allclose([e.residual for e in sets], simulated, atol=1e-9)
 
 
 def test_an_arm_as_its_model_says_has_no_gap(cable_arm):
