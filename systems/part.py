@@ -172,14 +172,14 @@ class PartSystem(Cloneable, LeafSystem):
 
     def signal(self, context: Context, name: str) -> np.ndarray:
         """A signal that the part writes, or reads at a port, (channels,) [SI]; unconnected noise counts as none."""
-        output, x = self.writer.get(name), context.get_discrete_state(0).value()
+        output = self.writer.get(name)
         if output and output.states:
             at = self.machine.state_index(self.part, output.states[output.writes.index(name)])
-            return np.array(x[at : at + len(self.machine.channels(name))])
+            return np.array(self.x(context)[at : at + len(self.machine.channels(name))])
         if output:
             found = [np.zeros(len(self.machine.channels(signal))) for signal in output.writes]
             given = [self.signal(context, signal) for signal in output.reads]
-            getattr(self.equations, output.function)(x, self.p(context), *given, *found)
+            getattr(self.equations, output.function)(self.x(context), self.p(context), *given, *found)
             return found[output.writes.index(name)]
         port: Any = self.GetInputPort(name)
         kind = self.machine.signal[name].distribution
@@ -197,6 +197,10 @@ class PartSystem(Cloneable, LeafSystem):
         """Parameters in effect in a Context of the leaf, deviation included, (n,) [SI]; not to be written to."""
         found: Any = self.get_cache_entry(self._parameters).Eval(context)
         return found
+
+    def x(self, context: Context) -> np.ndarray:
+        """State (n,) of a Context of the leaf [units of its states]; not to be written to."""
+        return context.get_discrete_state(0).value()
 
     def parameter(self, name: str) -> NamedParameter:
         """A parameter by its full name, `finger.kappa.MCP`, or all channels of one, `finger.kappa`.
