@@ -1,6 +1,7 @@
 """The fit: bounded least squares and Levenberg-Marquardt, against scipy and injected parameters."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -8,11 +9,14 @@ from diagnosis_cases import INJECTED, friction_problem
 from formula_case import amplitude, explanation, likelihood_of, nominal
 from scipy.optimize import least_squares, lsq_linear
 
+from benchmarks import diagnosis as bench
 from exodrake.diagnosis.fit import Explanation, minimise
 from exodrake.diagnosis.likelihood import output_error
 from exodrake.diagnosis.linear import minimise_bounded
 from exodrake.diagnosis.linearise import nominal_jacobian
 from exodrake.diagnosis.parameter import apply, effect_parameters, nominal_parameters
+from exodrake.diagnosis.problem import make_problem
+from exodrake.machines.robot_file import load_robot
 
 
 def test_bounded_minimum_is_that_of_scipy():
@@ -101,3 +105,38 @@ def test_minimiser_survives_a_direction_that_others_imitate_but_for_rounding(imi
     normal = np.array([[4e5, 0.2], [0.2, imitated]])
     found, _ = minimise_bounded(normal, np.array([-2e5, 1e-5]), np.array([-1.0, -1.0]), np.array([1.0, 1.0]))
     assert found[0] == pytest.approx(0.5, abs=1e-3) and np.isfinite(found).all() and np.abs(found[1]) <= 1.0
+
+
+@pytest.fixture(scope="module")
+def problem():
+    nominal = load_robot()
+    return make_problem(bench.rubbing(nominal, 4.0), nominal)
+
+
+@pytest.fixture(scope="module")
+def parameters(problem):
+    return bench.injected_parameters(problem.robot.machine)
+
+
+def test_diagram_and_compiled_simulator_leave_the_same_residual(problem, parameters):
+    start = np.array([p.start for p in parameters])
+    np.testing.assert_array_equal(
+        *(f(problem, parameters, start) for f in (bench.compiled_residual, bench.diagram_residual))
+    )
+
+
+def test_own_fit_and_scipy_find_what_was_injected(problem, parameters):
+    truth = [bench.INJECTED[p.channels[0]] for p in parameters]
+    residual = partial(bench.compiled_residual, problem, parameters)
+    for x in (bench.ours(problem), bench.by_scipy(residual, parameters)):
+        np.testing.assert_allclose([p.value(c) for p, c in zip(parameters, x)], truth, rtol=0.1)
+
+
+def test_scaling_cuts_logs_and_reads_exponents():
+    from benchmarks.scaling import cut, growth
+
+    case = bench.rubbing(load_robot(), 4.0)
+    short = cut(case, 1.0)
+    assert [len(item.log.time) for item in short.logs] == [51, 51]  # both ends of 1 s at 20 ms
+    np.testing.assert_array_equal(short.logs[0].log["tension_AF"], case.logs[0].log["tension_AF"][:51])
+    assert growth([1.0, 2.0, 4.0], [3.0, 12.0, 48.0]) == pytest.approx(2.0)

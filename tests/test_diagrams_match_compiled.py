@@ -1,4 +1,4 @@
-"""The Drake Diagram and the compiled simulator are the same to the last bit; both reproduce data/reference."""
+"""The Drake Diagram and the compiled simulator: same bits, same log; both reproduce data/reference."""
 
 import os
 import subprocess
@@ -9,8 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from diagram_runs import both, nominal, wavy
+from pydrake.systems.analysis import Simulator
 from shared_data import data_folder, needs_data
 
+import exodrake as exo
 from exodrake.data.formats import read_log
 from exodrake.engine.inputs import Reference
 from exodrake.machines.exo_index.machine import machine as exo_index
@@ -72,3 +74,41 @@ def test_first_order_in_the_sub_step():
     for name in ("angle", "tension"):
         steps = [np.sqrt(((a[name] - b[name]) ** 2).mean()) for a, b in pairwise(runs)]
         assert 1.6 < steps[0] / steps[1] < 2.6 and 1.6 < steps[1] / steps[2] < 2.6, (name, steps)
+
+
+DELAYED = nominal().splice("timing.mocap_delay", {"delay": 0.06})
+SKEWED = nominal().splice("timing.mocap_clock_skew")
+
+
+def log_of_run(diagram, seconds=2.0, edits=()):
+    context = diagram.CreateDefaultContext()
+    for name, value in edits:
+        exo.find_parameter(diagram, name).set(context, value)
+    Simulator(diagram, context).AdvanceTo(seconds)
+    return exo.diagram_log(diagram, context)
+
+
+@pytest.mark.parametrize("robot", [nominal(), DELAYED, SKEWED], ids=["nominal", "delayed", "skewed"])
+@pytest.mark.parametrize("seed", [None, 1])
+def test_the_log_of_a_diagram_is_that_of_the_simulator(robot, seed):
+    reference = wavy(2.0)
+    log, wanted = log_of_run(exo.build_diagram(robot, reference, seed)), exo.simulate(robot, reference, seed)
+    assert log.equals(wanted) and (log.label, log.units) == (wanted.label, wanted.units)
+    if robot is not nominal():
+        assert np.abs(log.array("angle") - exo.simulate(nominal(), reference, seed).array("angle")).max() > 1e-3
+
+
+def test_a_delay_set_in_the_context_acts_in_the_log():
+    """With the noise that the Context has, too."""
+    robot, reference = DELAYED.with_parameters({"mocap.sigma_q": 0.02}), wavy(2.0)
+    edits = [("timing.mocap_delay.delay", 0.06), ("mocap.sigma_q", 0.02)]
+    assert log_of_run(exo.build_diagram(nominal(), reference, 1), 2.0, edits).equals(exo.simulate(robot, reference, 1))
+
+
+def test_references_that_come_from_outside_are_not_in_the_log():
+    diagram = exo.build_diagram(nominal(), seed=1)
+    context = diagram.CreateDefaultContext()
+    diagram.GetInputPort("tension_ref").FixValue(context, [5.0, 3.0, 1.0])
+    Simulator(diagram, context).AdvanceTo(0.4)
+    log = exo.diagram_log(diagram, context)
+    assert len(log) == 20 and "angle_MCP" in log.columns and "tension_ref_AF" not in log.columns

@@ -1,13 +1,16 @@
-"""The import direction of the package, read off its source, and what `exodrake --help` may load."""
+"""The package: import direction, what --help may load, former names of modules, pins with hashes and licences."""
 
 import ast
 import re
 import subprocess
 import sys
+import tomllib
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
+
+from exodrake.former_names import FORMER
 
 PACKAGE = Path(__file__).parent.parent / "exodrake"
 LINKED = ("systems", "diagrams")  # folders beside the package, to which links in it lead
@@ -120,3 +123,47 @@ def test_help_and_the_package_itself_are_light():
     assert not heavy & set(printed(code, "--help").splitlines()[-1].split())
     code = "import exodrake as exo, sys; print('numpy' in sys.modules); exo.Log; print('pydrake' in sys.modules)"
     assert printed(code).split() == ["False", "False"]
+
+
+@pytest.mark.parametrize("former", FORMER)
+def test_a_former_name_is_the_module_of_today(former):
+    """In a process of its own, by `import` and by `from`, before and after the name of today."""
+    today, (package, _, name) = FORMER[former], former.rpartition(".")
+    lines = f"""
+import importlib, sys
+from {package} import {name} as one
+two, now = importlib.import_module({former!r}), importlib.import_module({today!r})
+assert one is two is now is sys.modules[{former!r}]
+assert now.__name__ == {today!r} == now.__spec__.name
+"""
+    subprocess.run([sys.executable, "-P", "-c", lines], check=True)
+
+
+def test_an_unknown_name_is_still_unknown():
+    with pytest.raises(ModuleNotFoundError, match=r"exodrake\.core\.nothing"):
+        __import__("exodrake.core.nothing")
+
+
+ROOT = Path(__file__).parent.parent
+PIN = re.compile(r"^([\w.-]+)==(\S+)((?: \\\n    --hash=sha256:[0-9a-f]{64})*)$", re.MULTILINE)
+ROW = re.compile(r"^\| ([\w.-]+) \| (\d\S*) \| (.+) \|$", re.MULTILINE)
+
+
+def test_every_pin_has_a_hash_and_a_licence():
+    pins = PIN.findall((ROOT / "constraints.txt").read_text())
+    rows = ROW.findall((ROOT / "docs" / "licences.md").read_text())
+    assert len(pins) > 50 and all(hashes for _, _, hashes in pins)
+    listed = sorted((re.sub(r"[-_.]+", "-", name).lower(), number) for name, number, _ in rows)
+    assert listed == [(name, number) for name, number, _ in pins]
+    assert all(licence != "not stated" for _, _, licence in rows)
+
+
+def test_what_installs_the_package_is_pinned_and_taken_as_pinned():
+    build = tomllib.loads((ROOT / "pyproject.toml").read_text())["build-system"]["requires"]
+    makefile = (ROOT / "Makefile").read_text()
+    listing = [sys.executable, ROOT / ".ci" / "requirements.py", "--pinned", "build"]
+    pins = PIN.findall(subprocess.run(listing, capture_output=True, text=True, check=True).stdout)
+    assert [name for name, _, hashes in pins if hashes] == ["pip", *sorted(re.match(r"\w+", line)[0] for line in build)]
+    assert "--require-hashes" in makefile
+    for line in makefile.splitlines():
+        assert "--editable" not in line or "--no-build-isolation" in line

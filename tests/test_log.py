@@ -1,15 +1,22 @@
-"""The log: what is read is what was written, and what is wrong is refused by file, column and row."""
+"""The log: read as it was written or refused by file, column and row, in every format; two logs compared."""
+
+import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from command_line import run
+from hypothesis import HealthCheck, example, given, settings, strategies as st
 
+import exodrake as exo
 from exodrake.core.errors import InputError
-from exodrake.data.formats import read_log, write_log
-from exodrake.data.log import Log, regularise
+from exodrake.data.formats import formats, read_log, write_log
+from exodrake.data.log import MODEL, Log, compare, regularise
+from exodrake.model.units import COMMON, KINDS, UNITS, si_unit
 
 HEADING = "time [s],tension_ref_AF [N],tension_AF [N],stroke_AF [m]"
 GOOD = HEADING + "\n0,1,1.5,0.001\n0.02,1,,0.002\n0.04,1,1.25,0.003\n"
-KINDS = ("tension_ref", "tension", "stroke")
+NEEDED = ("tension_ref", "tension", "stroke")
 
 
 @pytest.fixture
@@ -32,7 +39,7 @@ def save(folder, text, name="log.csv"):
 
 def refusal(path, **options) -> str:
     with pytest.raises(InputError) as caught:
-        read_log(path, **({"required": KINDS} | options))
+        read_log(path, **({"required": NEEDED} | options))
     assert str(path) in str(caught.value) and "\n" not in str(caught.value)
     return str(caught.value)
 
@@ -180,3 +187,131 @@ def test_a_clock_in_another_unit_is_named_and_read_with_its_unit(tmp_path, unit,
         regularise(read_log(save(tmp_path, f"time [s],force_x [N]\n{text}")))
     mended, _ = regularise(read_log(save(tmp_path, f"time [{unit}],force_x [N]\n{text}")))
     assert len(mended) == rows + 37
+
+
+SI = sorted({si_unit(unit) for unit in (*UNITS, *COMMON)})
+TENDONS = st.sampled_from(["AF", "MF", "ref_AF", "a_b", "0", "MCP", ""])
+COLUMN = st.one_of(
+    st.builds(lambda kind, wire: f"{kind}_{wire}".rstrip("_"), st.sampled_from(sorted(set(KINDS) - {"time"})), TENDONS),
+    st.text(min_size=1, max_size=8),  # brackets, commas, quotes, line breaks, letters of any script
+)
+SAMPLE = st.one_of(
+    st.floats(allow_infinity=False), st.sampled_from([-0.0, 0.1 + 0.2, 5e-324, 1.7976931348623157e308, np.nan])
+)
+
+
+@st.composite
+def logs(draw) -> Log:
+    """Up to six rows and four columns in any SI unit that suits the column."""
+    rows = draw(st.integers(1, 6))
+    start = draw(st.floats(-1e6, 1e9))
+    steps = draw(st.lists(st.floats(1e-6, 1e3), min_size=rows - 1, max_size=rows - 1))
+    signals, units = {}, {}
+    for name in draw(st.lists(COLUMN, max_size=4, unique=True)):
+        signals[name] = np.array(draw(st.lists(SAMPLE, min_size=rows, max_size=rows)))
+        kind = next((k for k in sorted(KINDS, key=len, reverse=True) if name == k or name.startswith(k + "_")), None)
+        units[name] = draw(st.sampled_from(KINDS[kind] if kind else SI))
+    return Log(np.cumsum([start, *steps]), signals, units)
+
+
+def same_bits(a: np.ndarray, b: np.ndarray) -> bool:
+    """Equal with the sign of zero; any NaN is NaN."""
+    return np.array_equal(a, b, equal_nan=True) and np.array_equal(np.signbit(a[a == 0]), np.signbit(b[b == 0]))
+
+
+@pytest.mark.parametrize("ending", formats())
+@settings(max_examples=80, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(log=logs())
+@example(log=Log(np.array([0.0, 3e10]), {"tension_AF": np.array([1.0, 2.0])}))  # beyond MCAP's nanoseconds
+def test_back_to_the_last_digit_or_refused(tmp_path, ending, log):
+    path = tmp_path / f"log{ending}"
+    path.unlink(missing_ok=True)
+    try:
+        write_log(log, path)
+    except InputError as error:
+        assert "log" in str(error) and not list(tmp_path.iterdir())
+        return
+    back = read_log(path)
+    assert back.columns == log.columns and back.units == log.units
+    assert same_bits(back.time, log.time)
+    assert all(same_bits(back[name], log[name]) for name in log.columns)
+
+
+@pytest.mark.parametrize("ending", formats())
+def test_ordinary_names_are_never_refused(tmp_path, ending):
+    """The property above would hold for a writer that refuses all."""
+    names = [f"{kind}_{wire}" for kind in sorted(set(KINDS) - {"time"}) for wire in ("AF", "index_PIP", "7")]
+    draw = np.random.default_rng(4)
+    log = Log(0.02 * np.arange(30), {name: draw.normal(size=30) * 10.0 ** draw.integers(-9, 9) for name in names})
+    write_log(log, tmp_path / f"log{ending}")
+    assert read_log(tmp_path / f"log{ending}").equals(log)
+
+
+TIME = 0.02 * np.arange(100)
+
+
+def line(shift=0.0, source="a", time=TIME, **more) -> exo.Log:
+    """A line of slope 3 N/s, and an angle that stands."""
+    return exo.Log(
+        time, {"tension_AF": 3.0 * time + shift, "angle_MCP": np.full(len(time), 0.1), **more}, source=source
+    )
+
+
+def test_a_constant_shift_is_its_own_rms_mean_and_largest_difference():
+    found = compare(line(), line(0.5)).signals["tension_AF"]
+    assert (found.rms, found.mean, found.largest, found.unit, found.samples) == (0.5, 0.5, pytest.approx(0.5), "N", 100)
+    assert compare(line(), line()).signals["angle_MCP"].rms == 0.0
+
+
+def test_another_clock_is_read_between_its_samples_where_both_have_any():
+    found = compare(line(), line(time=0.5 + 0.03 * np.arange(40)))
+    assert (found.start, found.end) == (0.5, pytest.approx(1.67)) and "both cover" in found.notes[-1]
+    assert found.signals["tension_AF"].largest == pytest.approx(0.0, abs=1e-12)
+
+
+def test_missing_samples_and_lone_columns_are_left_out_and_said():
+    holes = line(0.5)["tension_AF"].copy()
+    holes[10:] = np.nan
+    found = compare(line(angle_PIP=np.ones(100)), line(tension_AF=holes, source="b"))
+    assert found.signals["tension_AF"].samples == 10 and found.notes == ("angle_PIP only in a",)
+
+
+@pytest.mark.parametrize("other", [line(time=TIME + 9.0), exo.Log(TIME, {"stroke_AF": TIME})])
+def test_logs_without_anything_in_common_are_refused(other):
+    with pytest.raises(exo.InputError, match="in common"):
+        compare(line(), other)
+
+
+def test_the_command_prints_units_and_writes_figure_and_numbers(tmp_path):
+    exo.write_log(line(), tmp_path / "a.csv")
+    exo.write_log(line(0.5, angle_PIP=TIME), tmp_path / "b.csv")
+    figure, numbers = tmp_path / "c.png", tmp_path / "c.json"
+    result = run("compare", tmp_path / "a.csv", tmp_path / "b.csv", "--out", figure, "--json", numbers)
+    assert result.exit_code == 0 and "angle_PIP only in" in result.output
+    (row,) = (line.split() for line in result.output.splitlines() if line.startswith("tension AF"))
+    assert row[2:5] == ["N", "0.5", "0.5"]
+    assert figure.read_bytes().startswith(b"\x89PNG")
+    assert json.loads(numbers.read_text())["signals"]["tension_AF"]["rms"] == pytest.approx(0.5)
+    assert run("compare", tmp_path / "a.csv", tmp_path / "none.csv").exit_code == 2
+    assert run("compare", tmp_path / "a.csv", tmp_path / "b.csv", "--out", tmp_path / "c.svg").exit_code == 2
+
+
+def lines(figure, axes=0):
+    """Whether the courses in one of the panels are solid, in order."""
+    return [line.get_linestyle() == "-" for line in figure.axes[axes].lines]
+
+
+def test_the_nominal_robot_is_dotted_on_either_side_and_differences_stand_below():
+    measured, nominal = line(), replace(line(0.5), simulated=MODEL)
+    assert lines(measured.plot("", nominal, ("robot", "model"))) == [True, False]
+    figure = nominal.plot("model and robot", measured, ("model", "robot"), difference=True)
+    assert lines(figure) == [False, True] and len(figure.axes) == 4
+    np.testing.assert_allclose(figure.axes[1].lines[0].get_ydata(), -0.5)  # second less first, below the tension
+    assert figure.axes[-1].get_xlabel() == "Time [s]" and figure.texts[0].get_text() == "model and robot"
+
+
+def test_a_log_in_a_notebook_is_a_headline_a_table_and_a_small_figure():
+    page = line(source="<b>.csv", **{f"force_{k}": TIME for k in range(40)})._repr_html_()
+    assert page.startswith("<b>&lt;b&gt;.csv</b>: 100 rows, 0 to 1.98 s") and "and 12 more" in page
+    assert "<td>tension_AF</td><td>N</td><td>100</td><td>0</td><td>5.94</td>" in page
+    assert len(page) < 150_000 and "base64," in page and "<img" not in line(time=TIME[:0])._repr_html_()

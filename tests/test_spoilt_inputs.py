@@ -1,8 +1,9 @@
-"""Inputs that did harm: each is refused in one short sentence, in seconds, and costs that input alone."""
+"""Inputs that did harm and YAML that is more than plain data: each is refused in one short sentence, in seconds."""
 
 import gzip
 import io
 import itertools
+import math
 import os
 import time
 from pathlib import Path
@@ -10,17 +11,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fuzzing import packed, run
+from hypothesis import given, settings, strategies as st
 
 import exodrake as exo
 from exodrake.core import files, processes as child
-from exodrake.core.errors import MAX_MESSAGE
+from exodrake.core.errors import MAX_MESSAGE, InputError
 from exodrake.core.parallel import attempt
-from exodrake.data import log as log_module
+from exodrake.core.schema import MAX_BYTES, dump_yaml, parse_json, parse_yaml
+from exodrake.data import case, import_log as mapping, log as log_module
 from exodrake.data.case import read_case
 from exodrake.data.formats import csv
 from exodrake.data.tables import list_columns
+from exodrake.identification.kinematics import markers
 from exodrake.identification.kinematics.markers import Faults, Hand, c3d_bytes, read_markers, synthesise
+from exodrake.machines import robot_file
 from exodrake.monitor.watcher import Tail
+from exodrake.simulation import scenario
 
 HERE = Path(__file__).parent / "spoilt"
 C3D = c3d_bytes(synthesise(Hand(), Faults(noise=3e-4), 3.0, 50.0, 3)[0])  # 150 frames of 14 points of 16 bytes
@@ -181,3 +187,81 @@ def numpy_bytes(kind: str) -> bytes:
 @pytest.mark.parametrize(("kind", "word"), [("pickle", "allow_pickle"), ("no bytes", "samples"), ("bytes", "samples")])
 def test_numpy_files_hold_no_pickles_and_no_more_than_a_log(kind, word):
     assert word in refusal(list_columns, numpy_bytes(kind), "x.npz" if kind == "bytes" else "x.npy")
+
+
+SCHEMAS = [module.SCHEMA for module in (robot_file, scenario, case, mapping, markers)]
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("1e-3", 0.001), ("1:30", "1:30"), ("no", "no"), ("on", "on"), ("010", 10), ("0o17", 15), ("0x1F", 31),
+        (".inf", math.inf), ("-.INF", -math.inf), ("1_000", "1_000"), ("2020-01-01", "2020-01-01"), ("~", None),
+        ("true", True), ("'1'", "1"), ("+.5e1", 5.0), ("1e999", "1e999"), ("<<", "<<"), ("", None), ("# none", None),
+    ],
+)  # fmt: skip
+def test_scalars_are_those_of_yaml_1_2(text, value):
+    found = parse_yaml(text.encode(), "f.yaml")
+    assert found == value and type(found) is type(value)
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        (b"a: &x 1\nb: 2", ["line 1", "anchors"]),
+        (b"a: 1\nb: *x", ["line 2", "anchors"]),
+        (b"a: !!float 1", ["tag"]),
+        (b"a: 1\n'a': 2", ["line 2", "'a'", "twice"]),
+        (b"a: {b: 1, b: 1}", ["'b'", "twice"]),
+        (b"? [1]\n: 2", ["no name"]),
+        (b"[" * 10**6, ["nested"]),
+        (b"a: 1\n---\nb: 1", ["second document"]),
+        (b"x" * (MAX_BYTES + 1), ["bytes"]),
+        (b'"\\a": 1\n"\\a": 2', ["'\\x07'"]),
+    ],
+)
+def test_more_than_plain_data_is_refused(data, words):
+    with pytest.raises(InputError) as caught:
+        parse_yaml(data, "f.yaml")
+    assert "f.yaml" in str(caught.value) and all(word in str(caught.value) for word in words)
+
+
+KEYS = ("machine", "base", "parameters", "effects", "parts", "limits", "grasps", "tolerances", "logs", "file", "period")
+INNER_KEYS = ("time", "columns", "name", "unit", "scale", "value", "range", "tip", "seed", "engine", "transform")
+SCALARS = st.one_of(
+    st.none(), st.booleans(), st.floats(), st.integers(), st.text(), st.just(10**400), st.just("x" * 999)
+)
+CONTENT = st.recursive(
+    SCALARS,
+    lambda inner: st.one_of(
+        st.lists(inner, max_size=4),
+        st.dictionaries(st.one_of(st.sampled_from(KEYS + INNER_KEYS), st.text()), inner, max_size=4),
+    ),
+    max_leaves=15,
+)
+
+
+@settings(max_examples=100, deadline=None)
+@given(content=CONTENT, schema=st.sampled_from(SCHEMAS), source=st.text(max_size=400))
+def test_any_content_is_taken_or_refused_in_a_short_printable_sentence(content, schema, source):
+    try:
+        schema(content, source)
+    except InputError as problem:
+        assert len(str(problem)) <= MAX_MESSAGE and str(problem).isprintable()
+
+
+FINITE = st.one_of(st.none(), st.booleans(), st.floats(allow_nan=False), st.integers(), st.text())
+PLAIN = st.recursive(
+    FINITE, lambda inner: st.one_of(st.lists(inner, max_size=4), st.dictionaries(st.text(), inner, max_size=4))
+)
+
+
+@settings(max_examples=100, deadline=None)
+@given(content=st.dictionaries(st.text(), PLAIN, max_size=4))
+def test_what_is_dumped_is_what_is_parsed(content):
+    assert parse_yaml(dump_yaml(content).encode(), "f.yaml") == content
+
+
+def test_json_may_be_larger_than_yaml():
+    """An answer of many frames is; a robot file is not."""
+    assert parse_json(b"[" + b" " * MAX_BYTES + b"]", "answer.json") == []

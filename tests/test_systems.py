@@ -1,24 +1,32 @@
-"""The robot's parts as Drake systems: ports, feedthrough, Contexts, memory; each alone and in the Diagram."""
+"""The robot's parts as Drake systems: ports, feedthrough, Contexts, memory; the sync pulse; bad wiring is refused."""
 
 import gc
 import weakref
+import xml.etree.ElementTree as ElementTree
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import yaml
+from click.testing import CliRunner
 from diagram_runs import made_up_weights, nominal, wavy
 from pydrake.common import RandomGenerator
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
-from pydrake.systems.primitives import LogVectorOutput
+from pydrake.systems.primitives import ConstantVectorSource, LogVectorOutput
 
 import exodrake as exo
 from benchmarks.diagram import multibody_speed
+from exodrake.cli.main import cli
 from exodrake.core.errors import InputError
+from exodrake.diagrams.block_diagram import part_shares, stream_order, wiring_svg
 from exodrake.diagrams.diagram import build_diagram, read_signals
 from exodrake.diagrams.posture_loop import PostureLoop
 from exodrake.engine.inputs import Reference
+from exodrake.identification.kinematics.markers import clock_from_pulses
+from exodrake.machines.exo_index.machine import machine as exo_index
 from exodrake.machines.robot_file import load_robot
+from exodrake.model.part import Output, Task
 from exodrake.simulation.simulate import record
 from exodrake.systems.admittance_controller import AdmittanceController
 from exodrake.systems.bus import Bus
@@ -27,7 +35,7 @@ from exodrake.systems.motion_capture import MotionCapture
 from exodrake.systems.motor import MotorDynamics
 from exodrake.systems.part import MachinePart, PartSystem
 from exodrake.systems.posture_controller import PosturePlan
-from exodrake.systems.sources import Noise, Playback
+from exodrake.systems.sources import Noise, Playback, SyncPulse
 from exodrake.systems.tendon_finger import TendonFinger
 from exodrake.systems.tension_sensor import TensionSensor
 
@@ -275,3 +283,98 @@ def test_a_motor_alone_follows_the_value_fixed_last(fixed):
             simulator.AdvanceTo(0.004 * (step + 1))
             found.append(motor.GetOutputPort("wire_speed").Eval(context).copy())
     np.testing.assert_array_equal(found[:100], found[100:])
+
+
+def test_the_pulse_is_high_in_slot_0_of_every_frame_and_changes_no_signal():
+    robot, angles = exo.load_robot(), []
+    for pulsed in (True, False):
+        builder = DiagramBuilder()
+        hand = exo.add_exo_index(builder, robot)
+        wanted = builder.AddSystem(ConstantVectorSource([5.0, 3.0, 1.0]))
+        builder.Connect(wanted.get_output_port(), hand.controller.GetInputPort("tension_ref"))
+        angle = LogVectorOutput(hand.finger.GetOutputPort("angle"), builder, 0.002)
+        if pulsed:
+            pulse = builder.AddSystem(SyncPulse(robot.machine))
+            sync = LogVectorOutput(pulse.GetOutputPort("sync"), builder, 0.002)
+        simulator = Simulator(builder.Build())
+        simulator.AdvanceTo(0.4)
+        angles.append(angle.FindLog(simulator.get_context()).data())
+        if pulsed:
+            log = sync.FindLog(simulator.get_context())
+            time, level = log.sample_times(), log.data()[0]
+            assert (level == (np.round(time / 0.002) % 10 == 0)).all() and level.sum() > 20
+    assert np.array_equal(*angles)
+
+
+def test_start_and_skew_of_the_clock():
+    """Pulses of 2 ms every 20 ms (1 + 80 ppm) from 0.1234 s, recorded at 2 kHz, two of them missed."""
+    time = np.arange(0.0, 30.0, 5e-4)
+    count, place = np.divmod(time - 0.1234, 0.02 * (1.0 + 80e-6))
+    level = 3.3 * ((place < 0.002) & (count >= 0) & (count != 7) & (count != 800))
+    level += 0.05 * np.random.default_rng(0).standard_normal(len(time))
+    start, skew = clock_from_pulses(time, level, 0.02)
+    assert start == pytest.approx(0.1234, abs=5e-4)
+    assert skew == pytest.approx(80e-6, abs=2e-6)
+
+
+@pytest.mark.parametrize("level", [np.zeros(100), np.r_[np.zeros(50), np.ones(50)]])
+def test_a_record_without_pulses_is_refused(level):
+    with pytest.raises(InputError, match="rising edges"):
+        clock_from_pulses(0.001 * np.arange(100), level, 0.02)
+    with pytest.raises(InputError, match="time does not increase"):
+        clock_from_pulses(np.zeros(100), level, 0.02)
+
+
+def part(name):
+    return next(b for b in exo_index().parts if b.name == name)
+
+
+FINGER = (part("finger").outputs[0], Output("output_tension", ("tension", "tension_spool"), reads=("cell",)))
+
+
+@pytest.mark.parametrize(
+    ("name", "changes", "said"),
+    [
+        ("bus", {"outputs": (Output("output", ("speed_aplied",)),)}, "bus writes unknown signal 'speed_aplied'"),
+        ("controller", {"tasks": (Task("control", ("tension_red",), slots=(4,)),)},
+         "controller reads signal 'tension_red', which nothing writes"),
+        ("encoder", {"outputs": (Output("output", ("tension_read",)),)},
+         "signal 'tension_read' is written by sensor and by encoder"),
+        ("mocap", {"tasks": (Task("sample", ("angle", "noise_angle"), slots=(4,)),)},
+         r"slot 4 holds both .*mocap\.sample.*controller\.control"),
+        ("controller", {"tasks": (Task("control", ("tension_ref", "tension_read"), slots=(10,)),)},
+         r"controller\.control runs in slot 10, but a frame has 10"),
+        ("finger", {"outputs": FINGER}, "algebraic loop through finger, sensor"),
+    ],
+)  # fmt: skip
+def test_bad_wiring_is_refused_with_the_name_of_the_thing(name, changes, said):
+    machine = exo_index()
+    with pytest.raises(InputError, match=said):
+        replace(machine, parts=tuple(replace(b, **changes) if b.name == name else b for b in machine.parts))
+
+
+def texts(svg):
+    """All texts of a drawing that parses."""
+    return ["".join(item.itertext()) for item in ElementTree.fromstring(svg).iter("{http://www.w3.org/2000/svg}text")]
+
+
+def test_the_drawing_shows_every_part_and_task():
+    machine = exo_index()
+    found = texts(wiring_svg(machine))
+    for part in machine.parts:
+        assert part.name in found
+    assert {"speed_applied m/s", "stroke_read m", "write AE", "control"} <= set(found)
+    assert {"slot 0", "slot 7", "slots 8–9", "17–19 ms"} <= set(found), "neighbours without tasks are one"
+    order = stream_order(machine)  # the signal runs down the diagonal
+    assert order.index("controller") < order.index("bus") < order.index("motor") < order.index("finger")
+    shares = texts(wiring_svg(machine, {"finger": 0.5, "tendon": 0.12, "motor": 0.2}))
+    assert {"62 %", "20 %", "0 %"} <= set(shares)
+    timing = part_shares(machine, {"timing": 0.3})
+    assert timing["bus"] > 0 and sum(timing.values()) == pytest.approx(0.3)
+
+
+def test_draw_writes_an_svg(tmp_path):
+    out = tmp_path / "wiring.svg"
+    assert CliRunner().invoke(cli, ["draw", "--out", str(out)]).exit_code == 0
+    ElementTree.parse(out)
+    assert CliRunner().invoke(cli, ["draw", "--out", str(tmp_path / "wiring.png")]).exit_code == 2
