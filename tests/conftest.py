@@ -2,6 +2,8 @@
 
 import os
 import shutil
+import subprocess
+import sys
 from collections import Counter
 
 if "PYTEST_XDIST_WORKER" in os.environ:
@@ -14,6 +16,14 @@ import pytest
 
 import exodrake as exo
 from exodrake.core import plugins
+from exodrake.engine.cache import cache_folder
+
+
+def pytest_configure(config):
+    """Where nothing is compiled yet, compiles the Exo-Index before the workers start, each of which would do so."""
+    alone = "PYTEST_XDIST_WORKER" in os.environ or not getattr(config.option, "numprocesses", None)
+    if not alone and not any(cache_folder().glob("machine_*.py")):
+        subprocess.run([sys.executable, "-m", "exodrake", "warm-up"], check=True, cwd=config.rootpath)
 
 
 def pytest_terminal_summary(terminalreporter):

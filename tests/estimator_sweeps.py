@@ -141,9 +141,9 @@ def as_log(data, source="worn.csv"):
 
 @cache
 def trained():
-    """(prior, estimator, training sweeps): the paper's 48 sweeps, 500 points. Trained once a session: seconds."""
-    from exodrake.estimator.gp import condition, learn, learn_strokes
+    """(prior, estimator, training sweeps): 48 sweeps, 500 points, the prior from half of them. Trained once."""
+    from exodrake.estimator.gp import QUICK_POINTS, condition, learn, learn_strokes
 
     sweeps = as_sweeps(worn_sweeps(48, seed=3))
-    prior = learn(sweeps)
+    prior = learn(sweeps, QUICK_POINTS)
     return prior, replace(condition(prior, sweeps), strokes=learn_strokes(sweeps)), sweeps

@@ -20,6 +20,8 @@ def answer_of(identity, wires=("MF",), **intervals):
 
 
 SENSOR_GAIN = answer_of("sensor.gain", gain=(0.10, 0.04, 0.16))
+SCALE_GAIN = {"id": "scale.gain", "wires": [], "joints": ["carriage"], "channels": {},
+              "parameters": {"gain": {"value": 0.1, "low": 0.04, "high": 0.16, "unit": "-"}}}  # fmt: skip
 
 
 @pytest.mark.parametrize(("order", "zero", "pole"), [(1, 5.0, 60.0), (2, 4.0, 50.0)])
@@ -32,8 +34,11 @@ def test_a_weight_of_that_form_is_found_again_and_covers_any_deviation(order, ze
     assert (np.abs(fit_weight(f, deviation)(2j * np.pi * f)) >= deviation * (1.0 - 1e-9)).all()
 
 
-def test_with_a_dead_zone_it_gives_margins_over_amplitude_and_the_dead_band_at_the_upper_end():
+def test_with_a_dead_zone_it_gives_margins_over_amplitude_and_the_dead_band_at_the_upper_end(monkeypatch):
+    """On every second amplitude, and at one factor: cycles that are simulated are that of other tests."""
     robot = exo.load_robot()
+    monkeypatch.setattr(limit_cycles, "AMPLITUDES", limit_cycles.AMPLITUDES[::2])
+    monkeypatch.setattr(limit_cycles, "FACTORS", (0.9,))
     found = assess_answer(
         robot, answer_of("motor.dead_zone", width=(4e-4, 3e-4, 6e-4), release=(1.0, 1.0, 1.0)), draws=2
     )
@@ -58,8 +63,8 @@ def test_a_gain_of_the_sensor_is_an_uncertainty_of_that_size():
 
 def test_the_command_reads_a_folder_and_its_improved_robot(tmp_path, monkeypatch):
     """What the loop of the robot itself has beside, limit cycles above all, is that of other tests."""
-    (tmp_path / "diagnosis.json").write_text(json.dumps(SENSOR_GAIN))
-    exo.write_robot(exo.load_robot().splice("sensor.gain", {"gain": 0.1}, ["MF"]), tmp_path / "improved.yaml")
+    (tmp_path / "diagnosis.json").write_text(json.dumps(SENSOR_GAIN | {"effects": [SCALE_GAIN]}))
+    exo.write_robot(exo.load_robot("emps").splice("scale.gain", {"gain": 0.1}), tmp_path / "improved.yaml")
     assert read_diagnosis(tmp_path)[1] == tmp_path / "improved.yaml"
     monkeypatch.setattr(limit_cycles, "limit_cycles", lambda *_, **__: ())
     found = run("analyse", "--diagnosis", tmp_path, "--draws", 2, "--json", tmp_path / "a.json")

@@ -33,14 +33,14 @@ def run(folder, **options):
 
 @pytest.fixture(scope="module")
 def uninterrupted(tmp_path_factory):
-    """Answers to a set of two healthy cases and one with friction, found one after another."""
+    """Answers to a set of three healthy cases and one with friction, found one after another."""
     folder = tmp_path_factory.mktemp("blind") / "set"
-    write_set(folder, healthy=2, rusty=1)
+    write_set(folder, healthy=3, rusty=1)
     steps = []
     assert run(folder, progress=lambda *step: steps.append(step)) == {}
-    assert steps[0] == (0, 0, 3) and steps[-1] == (3, 0, 3)
+    assert steps[0] == (0, 0, 4) and steps[-1] == (4, 0, 4)
     found = answers(folder)
-    assert [answer["verdict"] for _, answer in sorted(found.items())] == ["NO_GAP"] * 2 + ["NAMED"]
+    assert [answer["verdict"] for _, answer in sorted(found.items())] == ["NO_GAP"] * 3 + ["NAMED"]
     return found
 
 
@@ -51,30 +51,24 @@ def command(*words):
     )
 
 
-def when_there(pattern, folder, process):
-    """Wait until a file appears or the process ends."""
-    while process.poll() is None and not list(folder.glob(pattern)):
-        time.sleep(0.01)
-
-
 def written(folder):
     """Answer -> when it was written."""
     return {path: path.stat().st_mtime_ns for path in folder.glob("*/diagnosis.json")}
 
 
-@pytest.mark.parametrize(("jobs", "deadly"), [("2", signal.SIGTERM), ("1", signal.SIGKILL)])
-def test_killed_and_taken_up_again_gives_the_same_answers(uninterrupted, tmp_path, jobs, deadly):
-    write_set(tmp_path / "set", healthy=2, rusty=1)
-    process = command("run", str(tmp_path / "set"), "--jobs", jobs)
-    when_there("*/diagnosis.json", tmp_path / "set", process)
-    process.send_signal(deadly)
-    said = process.communicate()[1]
-    before = answers(tmp_path / "set")
-    assert 1 <= len(before) < 3
-    if deadly == signal.SIGTERM:
-        assert process.returncode == 130 and f"interrupted; {len(before)} of 3 done" in said
-        assert "Traceback" not in said
-    kept = written(tmp_path / "set")
+def test_killed_twice_and_taken_up_again_gives_the_same_answers(uninterrupted, tmp_path):
+    """Once at once, alone, and once with time to say so, with a worker process."""
+    write_set(tmp_path / "set", healthy=3, rusty=1)
+    kept = {}
+    for jobs, deadly in (("1", signal.SIGKILL), ("2", signal.SIGTERM)):
+        process = command("run", str(tmp_path / "set"), "--jobs", jobs)
+        while process.poll() is None and len(written(tmp_path / "set")) == len(kept):
+            time.sleep(0.01)
+        process.send_signal(deadly)
+        said = process.communicate()[1]
+        before, kept = kept, written(tmp_path / "set")
+        assert len(before) < len(kept) < 4 and before.items() <= kept.items()
+    assert process.returncode == 130 and f"interrupted; {len(kept)} of 4 done" in said and "Traceback" not in said
     assert run(tmp_path / "set", jobs=2) == {}
     assert answers(tmp_path / "set") == uninterrupted
     assert kept.items() <= written(tmp_path / "set").items()

@@ -26,12 +26,17 @@ def arm(arm_folder, tmp_path_factory):
     return robot.splice("arm.coulomb_friction", {"force": 0.5}).splice("arm.viscous_friction", {"coefficient": 0.3})
 
 
-def moved(robot, commands, start, share):
+@pytest.fixture(scope="module")
+def mujoco():
+    """Asked for first, or a machine is compiled for a test that is skipped."""
+    return pytest.importorskip("mujoco", reason="MuJoCo, of the group bench, is not installed")
+
+
+def moved(mujoco, robot, commands, start, share):
     """Positions (n, joints) of the exported robot in MuJoCo, `share` of a frame after each command.
 
     Empty histories of delayed commands hold 0, so that the robot is put where it starts once they are full.
     """
-    mujoco = pytest.importorskip("mujoco", reason="MuJoCo, of the group bench, is not installed")
     model = mujoco.MjModel.from_xml_string(robot_as(robot, "mjcf"))
     data = mujoco.MjData(model)
     steps = round(robot.machine.frame / model.opt.timestep)
@@ -62,13 +67,13 @@ def moved(robot, commands, start, share):
         ({"servo.lag": {"time_constant": 0.06}}, 5e-4),
     ],
 )
-def test_servos_with_effects_move_in_mujoco_as_in_the_own_engine(effects, most):
+def test_servos_with_effects_move_in_mujoco_as_in_the_own_engine(mujoco, effects, most):
     robot = exo.load_robot("so101")
     for identity, parameters in effects.items():
         robot = robot.splice(identity, parameters)
     reference = exo.protocol("random-motion:duration=4", robot)
     wanted = record(robot, reference, seed=None, quantisation=False).signals
-    found = moved(robot, wanted["angle_ref"], wanted["angle_start"][0], 0.75)
+    found = moved(mujoco, robot, wanted["angle_ref"], wanted["angle_start"][0], 0.75)
     assert np.sqrt(np.mean((found - wanted["angle"]) ** 2)) < most < 0.03 * wanted["angle"].std(axis=0).max()
 
 
@@ -82,30 +87,29 @@ def test_servos_with_effects_move_in_mujoco_as_in_the_own_engine(effects, most):
     ],
     ids=["plain", "weight and supply", "friction", "timing"],
 )
-def test_servos_with_motors_move_in_mujoco_as_in_the_own_engine(arm_folder, request, effects):
+def test_servos_with_motors_move_in_mujoco_as_in_the_own_engine(mujoco, arm_folder, request, effects):
     """Supply, back-EMF, inertia, weight, friction and timing at each frame's end: 1 mrad, of swings of a radian."""
     robot = made(arm_folder, request.node.callspec.id.replace(" ", "_"), "--servo", "motor")
     for identity, parameters in effects.items():
         robot = robot.splice(identity, parameters)
     commands = np.repeat([[0.0, 0.0], [1.0, -0.8], [-0.5, 0.4]], 50, axis=0)
-    found = moved(robot, commands, np.zeros(2), 1.0)
+    found = moved(mujoco, robot, commands, np.zeros(2), 1.0)
     wanted = record(robot, exo.Reference(np.hstack([commands, 0.0 * commands])), seed=None, quantisation=False).signals
     assert np.sqrt(np.mean((found - wanted["angle"]) ** 2)) < 1e-3 < 0.01 * wanted["angle"].std(axis=0).max()
 
 
-def test_an_arm_with_effects_moves_in_mujoco_as_in_the_own_engine(arm):
+def test_an_arm_with_effects_moves_in_mujoco_as_in_the_own_engine(mujoco, arm):
     """Payload, rotors, dry and viscous friction, controller that bears the nominal weight: 1 mrad, of 0.4 rad."""
     wanted = record(arm, exo.protocol("random-motion:duration=3,fastest=0.8", arm), seed=None).signals
     reference = wanted["position_ref"]
     kp = arm["drive.kp"] * arm.channels("drive.stiffness")
     kv = arm["drive.kd"] * arm.channels("drive.viscosity")
     commands = reference + kv / kp * np.gradient(reference, arm.machine.frame, axis=0)
-    error = moved(arm, commands, reference[0], 0.0) - wanted["link_position"]
+    error = moved(mujoco, arm, commands, reference[0], 0.0) - wanted["link_position"]
     assert np.sqrt(np.mean(error**2, axis=0)).max() < 2e-3 < 0.01 * np.ptp(wanted["link_position"], axis=0).max()
 
 
-def test_friction_and_latency_of_tendons_reach_mujoco():
-    mujoco = pytest.importorskip("mujoco", reason="MuJoCo, of the group bench, is not installed")
+def test_friction_and_latency_of_tendons_reach_mujoco(mujoco):
     robot = exo.load_robot()
     for effect, parameters in (("tendon.coulomb_friction", {"force": 0.2}), ("finger.stiffness", {"factor": 1.5}),
                                ("timing.command_latency", {"frames": 1.5})):  # fmt: skip
