@@ -6,6 +6,7 @@ import shlex
 from dataclasses import replace
 from datetime import date
 from pathlib import Path
+from typing import Any
 
 import click
 from rich.markup import escape
@@ -18,6 +19,12 @@ from exodrake.core.schema import having, read_json
 
 FILES = _, REPORT, IMPROVED = "diagnosis.json", "report.html", "improved.yaml"  # of the answer to one case
 FLEET, DIAGNOSED = "fleet.html", Path("diagnosed")
+NOTHING: dict[str, Any] = {
+    "where": {"block": ""},
+    "effects": [],
+    "equivalents": [],
+    "closure": {"overall": {}},
+}  # failed
 
 
 @click.command()
@@ -147,19 +154,17 @@ def diagnose_many(
         failed = diagnose_all(places, jobs, cluster, count, redo, robot, tried, allow_outside, report_html, typed)
     rows, answers = [], []
     for place in places.values():
-        name, answer = escape(place.name), read_stored(place)
-        answers.append({**(answer or {"verdict": FAILURE, "reason": failed.get(place.name, "")}), "case": place.name})
-        if answer is None:
-            rows.append((name, "[red]failed[/red]", "", ""))
-            continue
-        causes = []
+        none = {"verdict": FAILURE, "reasons": [failed.get(place.name, "")], **NOTHING}
+        answer, causes = (read_stored(place) or none) | {"case": place.name}, []
+        answers.append(answer)
         for effect in (e for e in answer["effects"] if e.get("role", CAUSE) == CAUSE):
             names = " or ".join([effect["id"], *(rival["id"] for rival in effect.get("rivals") or ())])
             value = (effect.get("share") or {}).get("value")  # answers of older versions lack it
             causes.append(names if value is None else f"{names} {share(value)}")
         value = answer["closure"]["overall"].get("value") if causes else None
         refuted = " (not confirmed)" if answer.get("confirmed") is False else ""
-        rows.append((name, answer["verdict"] + refuted, ", ".join(causes), "" if value is None else closure(value)))
+        texts = answer["verdict"] + refuted, ", ".join(causes), "" if value is None else closure(value)
+        rows.append((escape(place.name), *texts))
     options.print_table(("case", "verdict", "causes", ">closure"), rows, wrapped=2)
     links = find_reports(find_answers(out), out / FLEET)
     options.write_files({out / FLEET: fleet_html(read_answers(out), out.resolve().name, links)})
@@ -198,27 +203,23 @@ def summarise_fleet(sources, out, table) -> object:
     folders of these, or the one table that --table made. A case belongs to the robot that `serial:` names in its
     case.yaml, else to one of its own; `date:` orders them.
     """
-    from exodrake.diagnosis.fleet import Row, find_answers, read_answers, read_row, read_table, sort_rows, table_bytes
-    from exodrake.diagnosis.many import FAILURE, check_word, line
+    from exodrake.diagnosis.fleet import find_answers, read_answers, read_row, read_table, sort_rows, table_bytes
+    from exodrake.diagnosis.many import line
     from exodrake.report.fleet import find_reports, fleet_html, members, robot_table
 
     tabled = len(sources) == 1 and sources[0].suffix.lower() != ".json" and not sources[0].is_dir()
-    entry = having({"case": line, "verdict": check_word, "reason": line}, ("case", "verdict"))
     rows, single = read_table(sources[0]) if tabled else [], []  # single: all sources but lists
     for source in () if tabled else sources:
         content = read_json(source) if source.suffix.lower() == ".json" and source.is_file() else None
-        if not isinstance(content, list):
+        if isinstance(content, list):
+            rows += [read_row(one, having({"case": line}, ("case",))(one, str(source))["case"]) for one in content]
+        else:
             single.append(source)
-            continue
-        for number, answer in enumerate(content):
-            head = entry(answer, f"{source}: entry {number}")
-            name, failed = head["case"], head["verdict"] == FAILURE
-            rows.append(Row(name, name, reason=head.get("reason", "")) if failed else read_row(answer, name))
     if not tabled:
         rows = sort_rows(rows + (read_answers(*(single or sources)) if single or not rows else []))
     files: dict[Path, str | bytes] = {table: table_bytes(rows)} if table else {}
     if out:
-        links = {} if tabled else find_reports(find_answers(*single), out)
+        links = find_reports(find_answers(*single), out)
         title = sources[0].resolve().name if len(sources) == 1 else f"{len(sources)} folders or files"
         files[out] = fleet_html(rows, title, links)
     shown = robot_table(members(rows))  # of its columns the first four
