@@ -50,7 +50,7 @@ def test_a_part_of_a_name_finds_it():
 def test_unknown_command_and_option():
     for words, named in (
         (("exprot",), "export"),
-        (("export", "x.csv", "--uot", "y.csv"), "did you mean --out?"),
+        (("export", "x.csv", "--uot", "y.csv"), "'--out'"),
         (("fit", "x.csv"), "--free is missing"),
         (("simulate", "caging", "--seed", "x"), "--seed"),
         (("simulate", "caging", "--out", "/proc/x"), "/proc: takes no files"),

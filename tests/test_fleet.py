@@ -15,7 +15,7 @@ from click.testing import CliRunner
 from report_synthetic import diagnosis
 from scipy.stats import binom
 
-from exodrake.cli.diagnose import NOTHING
+from exodrake.cli.diagnose import NO_ANSWER
 from exodrake.cli.main import cli
 from exodrake.core.confidence import ALPHA
 from exodrake.core.errors import InputError
@@ -184,7 +184,7 @@ def test_command_reads_a_folder_writes_table_and_page_and_refuses_what_is_none(t
         assert len(read_answers(*given)) == 2 and run(*given).exit_code == 0
     listed, empty = tmp_path / "list" / "answers.json", tmp_path / "list" / "empty.json"
     listed.parent.mkdir()
-    failure = {"case": "gone", "verdict": FAILURE, "reasons": ["no log"], **NOTHING}
+    failure = {"case": "gone", "verdict": FAILURE, "reasons": ["no log"], **NO_ANSWER}
     listed.write_text(json.dumps([diagnosis(NAMED).to_json() | {"case": "one"}, failure]))
     empty.write_text("[]")
     rows = json.loads(run(listed, loose / "b.json", "--json").stdout)

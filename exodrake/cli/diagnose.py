@@ -19,12 +19,7 @@ from exodrake.core.schema import having, read_json
 
 FILES = _, REPORT, IMPROVED = "diagnosis.json", "report.html", "improved.yaml"  # of the answer to one case
 FLEET, DIAGNOSED = "fleet.html", Path("diagnosed")
-NOTHING: dict[str, Any] = {
-    "where": {"block": ""},
-    "effects": [],
-    "equivalents": [],
-    "closure": {"overall": {}},
-}  # failed
+NO_ANSWER: dict[str, Any] = {"where": {"block": ""}, "effects": [], "equivalents": [], "closure": {"overall": {}}}
 
 
 @click.command()
@@ -154,7 +149,7 @@ def diagnose_many(
         failed = diagnose_all(places, jobs, cluster, count, redo, robot, tried, allow_outside, report_html, typed)
     rows, answers = [], []
     for place in places.values():
-        none = {"verdict": FAILURE, "reasons": [failed.get(place.name, "")], **NOTHING}
+        none = {"verdict": FAILURE, "reasons": [failed.get(place.name, "")], **NO_ANSWER}
         answer, causes = (read_stored(place) or none) | {"case": place.name}, []
         answers.append(answer)
         for effect in (e for e in answer["effects"] if e.get("role", CAUSE) == CAUSE):

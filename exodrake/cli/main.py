@@ -103,18 +103,15 @@ def in_one_line(arguments: tuple[str, ...] = ()) -> Iterator[None]:
 
 
 def explain_usage(problem: click.UsageError) -> str:
-    """One line on wrong options or arguments: what is wrong, and the nearest option or what the missing one is."""
+    """One line on wrong options or arguments: what is wrong, and what a missing option is."""
     context, text = problem.ctx, problem.format_message()
     path = context.command_path if context else "exodrake"
-    name, hint = [*path.split(), ""][1], f"; {path} --help explains"
-    if isinstance(problem, click.NoSuchOption) and context:
-        if problem.option_name == "--machine" and name in OTHERS:
-            return f"{name} takes no --machine: {OTHERS[name]}"
-        known = [option for one in context.command.get_params(context) for option in one.opts if option[:2] == "--"]
-        return f"no option {problem.option_name}{nearest(problem.option_name.lstrip('-'), known) or hint}"
+    name = [*path.split(), ""][1]
+    if isinstance(problem, click.NoSuchOption) and problem.option_name == "--machine" and name in OTHERS:
+        return f"{name} takes no --machine: {OTHERS[name]}"
     if isinstance(problem, click.MissingParameter) and isinstance(problem.param, click.Option):
         return f"{problem.param.opts[0]} is missing: {problem.param.help}"
-    return text[0].lower() + text[1:].rstrip(".") + hint * (not text.endswith("?"))
+    return text if text.endswith(("?", ")")) else f"{text.rstrip('.')}; {path} --help explains"
 
 
 class OneLineErrors(click.Command):
