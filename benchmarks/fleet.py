@@ -2,9 +2,9 @@
 
     python -m benchmarks.fleet --out fleet               # 60 of 10,000 cases (10 robots x 1,000 sessions)
 
-Writes cases of a machine whose diagnosis is cheap, diagnoses them on two worker processes of which one is killed on the
-way, runs the same command again (which skips what is answered), and makes table and page. Every third robot wears:
-the play of its sheath grows from a session on.
+Writes cases of a machine whose diagnosis is cheap, and diagnoses them on two worker processes. One of these is killed
+on the way. The same command again skips what is answered; table and page follow. Every third robot wears: the play of
+its sheath grows from a session on.
 """
 
 from __future__ import annotations

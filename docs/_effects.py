@@ -209,7 +209,7 @@ def effect_pages() -> Iterator[tuple[str, str | bytes]]:
             shown, svg = effect_figure(robot, effect)
             column = max(shown.columns, key=lambda name: shown.columns[name][0] / shown.columns[name][1])
             link = f"[`{effect.id}`](effects/{name}/{effect.id}.md)"
-            size = f"{shown.size:.2g}" if shown.size < 100 else f"{shown.size:.0f}"
+            size = f"{shown.size:.2g}" if shown.size < 100 else f"{shown.size:.3g}"
             index += f"| {link} | {effect.summary} | {words_of(robot, column)}, {size} |\n"
             yield path_of(name, effect), effect_page(robot, effect, shown)
             yield path_of(name, effect).removesuffix("md") + "svg", svg

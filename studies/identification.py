@@ -167,7 +167,7 @@ Corrected as on [the page about the paper](paper.md), they are functions of `exo
 
 | paper | function | used instead |
 |---|---|---|
-| Eq. 7-13, joint centre | `studies.paper.printed_equations.joint_centre` | bundle adjustment (a) |
+| Eq. 7-13, joint centre | – | bundle adjustment (a) |
 | Eq. 14-18, MCP angles by Newton | `studies.paper.printed_equations.joint_angles` | bundle adjustment (a) |
 | Eq. 21, tension to angle | `studies.paper.stiffness.compliance` | nonlinear statics (b) |
 | Eq. 22, angle to tension | `studies.paper.stiffness.tension_map` | `exodrake grasp` (b) |

@@ -168,6 +168,13 @@ def test_diagnose_takes_several_cases(uninterrupted, tmp_path):
     assert answers(tmp_path / "out") == {name: uninterrupted[name] for name in ("case_00", "case_01")}
     assert not list((tmp_path / "set").glob("*/diagnosis.json"))
     page = (tmp_path / "out" / "fleet.html").read_text()
+    (tmp_path / "damaged").mkdir()
+    (tmp_path / "damaged" / "log.csv").write_text("time [s]\n")
+    printed = CliRunner().invoke(
+        cli, ["diagnose", *cases, str(tmp_path / "damaged"), "--out", str(tmp_path / "out"), "--json"]
+    )
+    listed = [(answer["case"], answer["verdict"]) for answer in json.loads(printed.stdout)]
+    assert listed == [("case_00", "NO_GAP"), ("case_01", "NO_GAP"), ("damaged", "FAILED")] and printed.exit_code == 1
     for name in ("case_00", "case_01"):
         assert (tmp_path / "out" / name / "report.html").is_file() and f'href="{name}/report.html"' in page
 
@@ -175,7 +182,7 @@ def test_diagnose_takes_several_cases(uninterrupted, tmp_path):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["a", "b", "--out", "o", "--json", "x.json"], "--json is for one case"),
+        (["a", "b", "--out", "o", "--report", "x.html"], "--report is for one case"),
         (["a", "--cluster", "nowhere"], "for several cases"),
         (["c/a", "d/c/a", "--out", "o"], "same name as c/a"),
         (["a", "gone", "--out", "o"], "gone: no such file or folder"),

@@ -48,11 +48,17 @@ def test_a_part_of_a_name_finds_it():
 
 
 def test_unknown_command_and_option():
-    result = run("exprot")
-    assert result.exit_code == 2 and "export" in result.stderr and len(result.stderr.splitlines()) == 1
-    result = run("export", "x.csv", "--uot", "y.csv")
-    assert result.exit_code == 2 and "--out" in result.stderr
-    assert run("--nothing").exit_code == 2
+    for words, named in (
+        (("exprot",), "export"),
+        (("export", "x.csv", "--uot", "y.csv"), "'--out'"),
+        (("fit", "x.csv"), "--free is missing"),
+        (("simulate", "caging", "--seed", "x"), "--seed"),
+        (("simulate", "caging", "--out", "/proc/x"), "/proc: takes no files"),
+        (("identify", "kinematic"), "kinematics"),
+        (("--nothing",), "--nothing"),
+    ):
+        result = run(*words)
+        assert result.exit_code == 2 and named in result.stderr and len(result.stderr.splitlines()) == 1, words
 
 
 def test_bad_input_is_one_line_and_status_two_and_red_in_a_terminal(tmp_path, monkeypatch):

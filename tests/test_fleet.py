@@ -4,7 +4,9 @@ import json
 import re
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
+from functools import partial
 
+import command_line
 import numpy as np
 import pyarrow as arrow
 import pyarrow.parquet as parquet
@@ -13,6 +15,7 @@ from click.testing import CliRunner
 from report_synthetic import diagnosis
 from scipy.stats import binom
 
+from exodrake.cli.diagnose import NO_ANSWER
 from exodrake.cli.main import cli
 from exodrake.core.confidence import ALPHA
 from exodrake.core.errors import InputError
@@ -163,9 +166,7 @@ def test_command_reads_a_folder_writes_table_and_page_and_refuses_what_is_none(t
     (answers / "lost").mkdir()
     (answers / "lost" / "failed.json").write_text('["no log"]')
 
-    def run(*arguments):
-        return CliRunner().invoke(cli, ["fleet", *map(str, arguments)])
-
+    run = partial(command_line.run, "fleet")
     page, table = tmp_path / "fleet.html", tmp_path / "fleet.parquet"
     result = run(answers, "--out", page, "--table", table)
     assert result.exit_code == 0 and "NAMED" in result.output and page.is_file()
@@ -181,7 +182,15 @@ def test_command_reads_a_folder_writes_table_and_page_and_refuses_what_is_none(t
     (loose / "labels.json").write_text("{}")
     for given in ([loose], [loose / "a.json", loose / "b.json"], [answers / "c0", loose / "b.json"]):
         assert len(read_answers(*given)) == 2 and run(*given).exit_code == 0
-    for wrong in (tmp_path / "none", tmp_path, tmp_path / "again.html"):
+    listed, empty = tmp_path / "list" / "answers.json", tmp_path / "list" / "empty.json"
+    listed.parent.mkdir()
+    failure = {"case": "gone", "verdict": FAILURE, "reasons": ["no log"], **NO_ANSWER}
+    listed.write_text(json.dumps([diagnosis(NAMED).to_json() | {"case": "one"}, failure]))
+    empty.write_text("[]")
+    rows = json.loads(run(listed, loose / "b.json", "--json").stdout)
+    assert [(row["case"], row["verdict"], row["reason"][:6]) for row in rows if row["case"] != "b"] == [
+        ("gone", FAILURE, "no log"), ("one", NAMED, rows[-1]["reason"][:6])]  # fmt: skip
+    for wrong in (tmp_path / "none", tmp_path, tmp_path / "again.html", empty):
         refused = run(wrong)
         assert refused.exit_code == 2 and "Traceback" not in refused.output and len(refused.stderr.splitlines()) == 1
     assert run(answers, "--out", tmp_path / "no" / "x.html").exit_code == 2

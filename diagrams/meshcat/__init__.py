@@ -131,7 +131,8 @@ class Finger(Scene):
     def begin(self, angle: np.ndarray, ghost: bool) -> None:
         """Draws what there is at angles (joints,) [rad]; ghost: a second finger, too."""
         bones, thing, count = self.bones, self.thing, len(self.bones.joints)
-        self.put(f"{ROOT}/.cuff", Box(0.010, 0.026, 0.026), DARK, [bones.base, 0.0, 0.0])
+        high = 0.013 - GROUND  # the finger's base stands on the ground
+        self.put(f"{ROOT}/.cuff", Box(0.010, 0.026, high), DARK, [bones.base, 0.0, GROUND + high / 2.0])
         self._segments(ROOT, "bone", count * [BONE], BONE, BONES)
         self._segments(ROOT, "skin", list(bones.radii), 1.15 * bones.radii[0], SKIN)
         if ghost:

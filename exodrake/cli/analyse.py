@@ -59,16 +59,20 @@ def command(file, parameters, effects, parts, at, draws, diagnosis, seed, out, m
         loop, (_, given) = robot.machine.loop, split_options(f"--at:{at}")
         unit = robot.machine.signal[loop.reference].unit if loop else "-"
         point = {channel: quantity(value, unit, f"--at: {channel}") for channel, value in given.items()}
-    with options.waiting("analysing (the first run after a change compiles for half a minute)"), one_blas_thread():
+    with options.waiting("analysing (the first run compiles for half a minute)") as say, one_blas_thread():
         result = exo.analyse(robot, point, seed)
         if draws and robot.machine.tolerances:
+            say(f"analysing {draws} robots within the tolerances")
             bands.append(robustness.band("tolerances", robustness.within_tolerances(robot, draws), point))
         if answer is not None:
+            say("analysing the robots that the diagnosis leaves possible")
             uncertainty = robustness.assess_answer(robot, answer, point, draws or 12)
             bands.append(robustness.band("diagnosis", robustness.within_intervals(robot, answer, draws or 12), point))
         if robot.machine.loop and len(robot.machine.loop.points) > 1:
+            say("analysing the operating points")
             bands.append(robustness.points_band(robot))
         result = replace(result, bands=tuple(bands), uncertainty=uncertainty)
+        say("predicting limit cycles, and drawing" if out else "predicting limit cycles")
         cycles = limit_cycles.limit_cycles(robot, point) if out or wanted else ()
         drawn, numbers = figures.draw_figures(result, cycles) if out else {}, closed_loop.to_plain(result, cycles)
     show(result)
@@ -186,15 +190,15 @@ def find_response(cases, input, output, file, parameters, effects, parts, improv
     robot = options.change_robot(exo.load_robot(file), parameters, effects, parts)
     case = gather_logs(cases[0] if len(cases) == 1 else cases)
     other = exo.load_robot(improved) if improved else None
-    if input:
-        wanted = robot.machine.log_names(robot.machine.references)
-        follows = all(item.log.has(name) for item in case.logs for name in wanted)
-        if not follows:
-            click.echo(f"note: no references of {robot.machine.name} in the logs, so no robot beside them", err=True)
-        robots = (robot, other) if follows else (None, None)
-        found = [exo.frequency_response(case, input, output, *robots, segment)]
-    else:
-        found = block_responses(case, {"nominal": robot} | ({"improved": other} if other else {}), segment)
+    follows = all(item.log.has(n) for item in case.logs for n in robot.machine.log_names(robot.machine.references))
+    if input and not follows:
+        click.echo(f"note: no references of {robot.machine.name} in the logs, so no robot beside them", err=True)
+    with options.waiting("simulating on the logs' references, and estimating"):
+        if input:
+            robots = (robot, other) if follows else (None, None)
+            found = [exo.frequency_response(case, input, output, *robots, segment)]
+        else:
+            found = block_responses(case, {"nominal": robot} | ({"improved": other} if other else {}), segment)
     rows, models = [], list(found[0].models) if found else []
     for one in found:
         f = one.frequency[one.band]

@@ -61,7 +61,7 @@ def command(case: Path, robot: str, only: str, without: str, figure: Path | None
     if not found.problems:
         click.echo(f"{click.style('nothing wrong', fg='green')} with the recordings")
     click.echo()
-    result, rows = found.identifiability, []
+    result, rows, clear = found.identifiability, [], []
     for effect in dict.fromkeys(d.effect for d in result.directions):
         own = [d for d in result.directions if d.effect == effect]
         seen = [d for d in own if d.seen >= SEEN]
@@ -72,8 +72,14 @@ def command(case: Path, robot: str, only: str, without: str, figure: Path | None
             known = all(d.smallest == d.smallest for d in seen)
             size = f"{max((d.smallest for d in seen), key=abs):.2g}" if known else f"at {seen[0].typical:.2g}"
             size = f"{size} {seen[0].unit}".removesuffix(" -")
-        rows.append((f"[bold]{effect}[/bold]", size, hidden, taken))
-    options.print_table(("effect", ">seen from", "not seen at typical size", "could be taken for"), rows, wrapped=3)
+        if hidden or taken:
+            rows.append((f"[bold]{effect}[/bold]", size, hidden, taken))
+        else:
+            clear.append(f"{effect} ({size})")
+    if rows:
+        options.print_table(("effect", ">seen from", "not seen at typical size", "could be taken for"), rows, wrapped=3)
+    if clear:
+        click.echo(f"seen and distinguished, from the size in brackets: {', '.join(clear)}")
     click.echo(
         f"\n{len(result.select(CLEAR))} of {len(result.directions)} effects and channels are seen and distinguished, "
         f"{len(result.select(MISTAKEN))} could be mistaken, {len(result.select(HIDDEN))} are not seen"

@@ -6,6 +6,7 @@ import shlex
 from dataclasses import replace
 from datetime import date
 from pathlib import Path
+from typing import Any
 
 import click
 from rich.markup import escape
@@ -14,9 +15,11 @@ import exodrake as exo
 from exodrake.cli import options
 from exodrake.core.errors import InputError
 from exodrake.core.progress import Stage, show_count, stages, where_to_run
+from exodrake.core.schema import having, read_json
 
 FILES = _, REPORT, IMPROVED = "diagnosis.json", "report.html", "improved.yaml"  # of the answer to one case
 FLEET, DIAGNOSED = "fleet.html", Path("diagnosed")
+NO_ANSWER: dict[str, Any] = {"where": {"block": ""}, "effects": [], "equivalents": [], "closure": {"overall": {}}}
 
 
 @click.command()
@@ -45,15 +48,16 @@ def command(
     improved.yaml, the robot for `exodrake simulate --robot`.
 
     Several cases, or a folder of cases, are diagnosed side by side into FOLDER/CASE, with fleet.html above them. Each
-    answer is written as soon as it is there; the same command goes on where it was interrupted.
+    answer is written as soon as it is there; the same command goes on where it was interrupted. --json gives one list.
     """
     tried = options.choose_effects(robot, only, without)
     if len(cases) > 1 or options.cases_in(Path(cases[0])):
-        of_one = {"--json": json_file, "--report": report, "--out-robot": out_robot, "--out-law": out_law}
-        if given := [name for name, value in (of_one | {"--discover": discover}).items() if value]:
+        of_one = {"--report": report, "--out-robot": out_robot, "--out-law": out_law, "--discover": discover}
+        if given := [name for name, value in of_one.items() if value]:
             raise click.UsageError(f"{given[0]} is for one case; the answers to several are written to --out")
-        diagnose_many(cases, out or DIAGNOSED, robot, jobs or -1, cluster, redo, tried, allow_outside)
-        return options.end()
+        with options.quiet(json_file):
+            answers = diagnose_many(cases, out or DIAGNOSED, robot, jobs or -1, cluster, redo, tried, allow_outside)
+        return options.end(answers, json_file)
     if cluster or redo:
         raise click.UsageError("--cluster and --redo are for several cases")
     wanted = zip((json_file, report, out_robot), FILES)
@@ -130,10 +134,10 @@ def diagnose_case(
 def diagnose_many(
     cases: tuple[str, ...], out: Path, robot: str, jobs: int, cluster: str | None, redo: bool,
     tried: frozenset[str] | None, allow_outside: bool = False,
-) -> None:  # fmt: skip
-    """Diagnose cases in parallel. Exit status 1 if some fail; InputError before the work starts."""
+) -> list[dict]:  # fmt: skip
+    """Diagnose cases in parallel, and return the answers. Exit status 1 if some fail; InputError before the work."""
     from exodrake.diagnosis.fleet import find_answers, read_answers
-    from exodrake.diagnosis.many import diagnose_all, read_stored
+    from exodrake.diagnosis.many import FAILURE, diagnose_all, read_stored
     from exodrake.diagnosis.result import CAUSE
     from exodrake.report.diagnosis_html import report_html
     from exodrake.report.fleet import find_reports, fleet_html
@@ -143,23 +147,24 @@ def diagnose_many(
     with show_count("diagnosing") as count:
         typed = options.command_line()
         failed = diagnose_all(places, jobs, cluster, count, redo, robot, tried, allow_outside, report_html, typed)
-    rows = []
-    for name, answer in ((escape(place.name), read_stored(place)) for place in places.values()):
-        if answer is None:
-            rows.append((name, "[red]failed[/red]", "", ""))
-            continue
-        causes = []
+    rows, answers = [], []
+    for place in places.values():
+        none = {"verdict": FAILURE, "reasons": [failed.get(place.name, "")], **NO_ANSWER}
+        answer, causes = (read_stored(place) or none) | {"case": place.name}, []
+        answers.append(answer)
         for effect in (e for e in answer["effects"] if e.get("role", CAUSE) == CAUSE):
             names = " or ".join([effect["id"], *(rival["id"] for rival in effect.get("rivals") or ())])
             value = (effect.get("share") or {}).get("value")  # answers of older versions lack it
             causes.append(names if value is None else f"{names} {share(value)}")
         value = answer["closure"]["overall"].get("value") if causes else None
         refuted = " (not confirmed)" if answer.get("confirmed") is False else ""
-        rows.append((name, answer["verdict"] + refuted, ", ".join(causes), "" if value is None else closure(value)))
+        texts = answer["verdict"] + refuted, ", ".join(causes), "" if value is None else closure(value)
+        rows.append((escape(place.name), *texts))
     options.print_table(("case", "verdict", "causes", ">closure"), rows, wrapped=2)
     links = find_reports(find_answers(out), out / FLEET)
     options.write_files({out / FLEET: fleet_html(read_answers(out), out.resolve().name, links)})
     options.note_failures(failed)
+    return answers
 
 
 def map_places(cases: tuple[str, ...], out: Path) -> dict[Path, Path]:
@@ -193,14 +198,23 @@ def summarise_fleet(sources, out, table) -> object:
     folders of these, or the one table that --table made. A case belongs to the robot that `serial:` names in its
     case.yaml, else to one of its own; `date:` orders them.
     """
-    from exodrake.diagnosis.fleet import find_answers, read_answers, read_table, table_bytes
+    from exodrake.diagnosis.fleet import find_answers, read_answers, read_row, read_table, sort_rows, table_bytes
+    from exodrake.diagnosis.many import line
     from exodrake.report.fleet import find_reports, fleet_html, members, robot_table
 
     tabled = len(sources) == 1 and sources[0].suffix.lower() != ".json" and not sources[0].is_dir()
-    rows = read_table(sources[0]) if tabled else read_answers(*sources)
+    rows, single = read_table(sources[0]) if tabled else [], []  # single: all sources but lists
+    for source in () if tabled else sources:
+        content = read_json(source) if source.suffix.lower() == ".json" and source.is_file() else None
+        if isinstance(content, list):
+            rows += [read_row(one, having({"case": line}, ("case",))(one, str(source))["case"]) for one in content]
+        else:
+            single.append(source)
+    if not tabled:
+        rows = sort_rows(rows + (read_answers(*(single or sources)) if single or not rows else []))
     files: dict[Path, str | bytes] = {table: table_bytes(rows)} if table else {}
     if out:
-        links = {} if tabled else find_reports(find_answers(*sources), out)
+        links = find_reports(find_answers(*single), out)
         title = sources[0].resolve().name if len(sources) == 1 else f"{len(sources)} folders or files"
         files[out] = fleet_html(rows, title, links)
     shown = robot_table(members(rows))  # of its columns the first four

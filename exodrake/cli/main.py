@@ -83,11 +83,10 @@ def in_one_line(arguments: tuple[str, ...] = ()) -> Iterator[None]:
         missing = isinstance(problem, MissingColumn)
         foreign = missing and arguments and arguments[0] in OF_ANY_MACHINE and not given
         raise InputProblem(f"{problem}{OTHER_MACHINE if foreign else ''}") from None
-    except click.NoSuchOption as problem:
-        name = [*(problem.ctx.command_path if problem.ctx else "").split(), ""][1]
-        if problem.option_name != "--machine" or name not in OTHERS:
+    except click.UsageError as problem:
+        if isinstance(problem, click.exceptions.NoArgsIsHelpError):
             raise
-        raise InputProblem(f"{name} takes no --machine: {OTHERS[name]}") from None
+        raise InputProblem(explain_usage(problem)) from None
     except ValueError as problem:
         if "null byte" in str(problem):  # click asks the system about a path before any command sees it
             raise InputProblem("an argument holds a null byte") from None
@@ -101,6 +100,18 @@ def in_one_line(arguments: tuple[str, ...] = ()) -> Iterator[None]:
     except KeyboardInterrupt:
         click.echo("interrupted", err=True)
         raise click.exceptions.Exit(INTERRUPTED) from None
+
+
+def explain_usage(problem: click.UsageError) -> str:
+    """One line on wrong options or arguments: what is wrong, and what a missing option is."""
+    context, text = problem.ctx, problem.format_message()
+    path = context.command_path if context else "exodrake"
+    name = [*path.split(), ""][1]
+    if isinstance(problem, click.NoSuchOption) and problem.option_name == "--machine" and name in OTHERS:
+        return f"{name} takes no --machine: {OTHERS[name]}"
+    if isinstance(problem, click.MissingParameter) and isinstance(problem.param, click.Option):
+        return f"{problem.param.opts[0]} is missing: {problem.param.help}"
+    return text if text.endswith(("?", ")")) else f"{text.rstrip('.')}; {path} --help explains"
 
 
 class OneLineErrors(click.Command):

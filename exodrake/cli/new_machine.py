@@ -34,9 +34,9 @@ def command(folder, joints, servo, frame, urdf, form, tip) -> None:
     With --servo ideal a joint takes its commanded position at once. With --servo motor it moves by the equation of
     motion of firmware, supply, DC motor, gear and load.
 
-    With --urdf it is a serial arm without code. Its form is `inverse`, efforts predicted from measured motion,
-    `closed-loop`, references through PD controller, motors and forward dynamics, or `cable`, with cables between motors
-    and joints.
+    With --urdf it is a serial arm without code. Its form is one of three. `inverse` predicts efforts from measured
+    motion. `closed-loop` sends references through PD controller, motors and forward dynamics. `cable` has cables
+    between motors and joints.
 
     The folder's name is the machine's. It runs as it is, for instance `exodrake simulate chirp --machine FOLDER`; then
     make it yours. Nothing that exists is overwritten.

@@ -13,8 +13,9 @@ import io
 import json
 import os
 import shlex
+import tempfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import nullcontext, redirect_stdout
+from contextlib import AbstractContextManager, nullcontext, redirect_stdout
 from functools import wraps
 from pathlib import Path
 from typing import Any
@@ -81,8 +82,7 @@ class OutputFile(AnyPath):
         """The file, in a folder under its usual name."""
         kind = Path(self.usual).suffix
         if self.usual and (path.is_dir() or not (path.suffix or path.exists())):
-            check_folder(path)
-            return path / self.usual
+            return OutputFolder().check(path) / self.usual
         check_target(path)
         if kind not in ("", ".csv", path.suffix.lower()) and path.suffix:
             raise InputError(f"{path}: wanted a folder, or a file whose name ends in {kind}")
@@ -107,6 +107,7 @@ class OutputFolder(AnyPath):
     def check(self, path: Path) -> Path:
         """The folder."""
         check_folder(path)
+        try_writing(path)
         return path
 
 
@@ -116,8 +117,16 @@ def check_target(path: Path) -> None:
         raise InputError(f"{path}: a folder, wanted a file")
     if not path.parent.is_dir():
         raise InputError(f"{path}: cannot be written (no folder {path.parent})")
-    if not os.access(path.parent, os.W_OK):
-        raise InputError(f"{path}: its folder takes no files")
+    try_writing(path.parent)
+
+
+def try_writing(folder: Path) -> None:
+    """InputError if a folder, or the nearest above it that there is, takes no file; modes do not say so of /proc."""
+    there = next(path for path in (folder, *folder.parents) if path.exists())
+    try:
+        tempfile.TemporaryFile(dir=there).close()
+    except OSError:
+        raise InputError(f"{there}: takes no files") from None
 
 
 json_target = click.option(
@@ -139,13 +148,9 @@ def command(make: Callable[..., Any] = click.command, *words: str, **settings: A
         @wraps(function)
         def answering(*arguments: Any, json_file: Path | str | None, **options: Any) -> None:
             meta = click.get_current_context().meta
-            with redirect_stdout(io.StringIO()) if json_file == "-" else nullcontext():
+            with quiet(json_file):
                 answer = function(*arguments, **options)
-            if json_file:
-                from exodrake.core.plain import plain
-
-                write_json(plain({"wrote": meta.get(WRITTEN, [])} if answer is None else answer), json_file)
-            end()
+            end({"wrote": meta.get(WRITTEN, [])} if answer is None else answer, json_file)
 
         json_target(answering)
         parameters: list = answering.__click_params__  # pyright: ignore[reportAttributeAccessIssue]
@@ -162,8 +167,17 @@ def note_failures(failed: Mapping[Any, object]) -> None:
     click.get_current_context().meta[STATUS] = int(bool(failed))
 
 
-def end() -> None:
-    """Ends a command some parts of which failed."""
+def quiet(json_file: Path | str | None) -> AbstractContextManager:
+    """A context that prints nothing where the answer alone is to be printed."""
+    return redirect_stdout(io.StringIO()) if json_file == "-" else nullcontext()
+
+
+def end(answer: Any, json_file: Path | str | None) -> None:
+    """Writes the answer of a command as JSON where that is wanted, and ends with its status."""
+    if json_file:
+        from exodrake.core.plain import plain
+
+        write_json(plain(answer), json_file)
     context = click.get_current_context()
     if status := context.meta.get(STATUS):
         context.exit(status)

@@ -1,7 +1,7 @@
 """Training data: rows of logs, each with the label of its sweep.
 
 A sweep is one excursion of the tension references: from the end of the previous sweep, up, and down again. The wearer's
-variation from sweep to sweep is common to all rows of a sweep, so a sweep is held out whole or not at all.
+variation from sweep to sweep is common to all rows of one. So a sweep is held out whole or not at all.
 """
 
 from collections.abc import Sequence

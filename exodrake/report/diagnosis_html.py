@@ -161,7 +161,7 @@ def how_far(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
                 frequency = min((frequency for frequency, _ in found), key=len)
                 power = np.mean([power for _, power in found if len(power) == len(frequency)], axis=0)
                 axes.loglog(frequency[1:], power[1:], **style)
-            axes.axhline(white, color=SOFT, lw=0.9, ls=":")
+            axes.axhline(white, color=SOFT, lw=0.9, zorder=1)
             axes.set(title=runs.display(kind).label, xlabel="Frequency [Hz]")
             axes.grid(color=RULE, lw=0.5)
         panels[0].set_ylabel("Density [1/Hz]")

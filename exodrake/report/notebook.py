@@ -39,10 +39,10 @@ def diagnosis_html(diagnosis: Diagnosis) -> str:
             places = [i + 0.8 * (k + 0.5) / len(robots) - 0.4 for i in range(len(kinds))]
             values = [getattr(gap, key) / gap.noise_std for _, gap in kinds]
             axes.barh(places, values, 0.7 / len(robots), color=colours[key], label=name)
-        axes.axvline(1.0, color="#1f2328", lw=0.8, ls=":")
+        axes.axvline(1.0, color="#1f2328", lw=0.8)
         axes.set_yticks(range(len(kinds)), [display.label for display, _ in kinds])
         axes.invert_yaxis()
-        axes.set(xscale="log", xlabel="RMS error / noise standard deviation (dotted: noise alone)")
+        axes.set(xscale="log", xlabel="RMS error / noise standard deviation (line: noise alone)")
         figure.legend(loc="outside upper left", ncols=3)
         stream = BytesIO()
         figure.savefig(stream, format="svg", metadata={"Date": None})

@@ -1,4 +1,4 @@
-"""The paper's joint centre and angles (Eq. 7-18), and Eq. 9 and 22 in closed form, as printed and corrected."""
+"""The paper's joint angles (Eq. 14-18), and Eq. 9 and 22 in closed form, as printed and corrected."""
 
 from collections.abc import Sequence
 
@@ -32,16 +32,6 @@ def tension_map_as_printed(r: np.ndarray, kappa: np.ndarray) -> np.ndarray:
     third = k[2] * (r[0, 0] * r[1, 2] - r[0, 2] * r[1, 0]) / r[0, 1]
     rows = [[0.0, k[1] * r[2, 2], -k[2] * r[1, 2]], [k[0] * d, second, third], [0.0, k[1] * r[2, 0], -k[2] * r[1, 0]]]
     return np.array(rows) / d
-
-
-def joint_centre(pose: np.ndarray) -> np.ndarray:
-    """The paper's centre Q = w x v (..., 3) [m] of motions (..., 4, 4) about an axis (Eq. 12); NaN for no rotation.
-
-    Eq. 13, |Q| = |v| / |w|, agrees for a pure rotation only: a slide along the axis adds to |v|, not to w x v.
-    """
-    screw = RigidTransform.from_matrix(pose).as_exp_coords()
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.cross(screw[..., :3], screw[..., 3:]) / np.sum(screw[..., :3] ** 2, axis=-1, keepdims=True)
 
 
 def joint_angles(axes: Sequence[Axis], turns: np.ndarray, start: np.ndarray | None = None) -> np.ndarray:

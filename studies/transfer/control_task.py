@@ -2,8 +2,8 @@
 
     J^2 = mean over frames and tendons of  ((F_ref - F) / F_max)^2 + weight (dv / v_max)^2
 
-A linear-quadratic cost of the tension error and of the change dv of the command from frame to frame, each relative to
-its largest value (Bryson's rule), as in model predictive control. J = 0.05 reads as 5 % of full scale.
+A linear-quadratic cost, as in model predictive control. Error and change dv of the command from frame to frame are each
+relative to the largest value (Bryson's rule). J = 0.05 reads as 5 % of full scale.
 """
 
 from __future__ import annotations
