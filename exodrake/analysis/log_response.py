@@ -69,18 +69,21 @@ class LogResponse:
 
     @property
     def resolved(self) -> np.ndarray:
-        """Mask (f,) of the lines [-] whose radius is at most half of the response."""
-        return self.radius <= RESOLVED * np.abs(self.response)
+        """Mask (f,) of the lines [-] whose radius is at most half of the response, in the band where these prevail.
+
+        No other band has a larger number of such lines less that of the rest.
+        """
+        clear = self.radius <= RESOLVED * np.abs(self.response)
+        excess = np.concatenate([[0], np.cumsum(np.where(clear, 1, -1))])
+        last = int(np.argmax(excess - np.minimum.accumulate(excess)))
+        first = int(np.argmin(excess[: last + 1]))
+        return clear & (np.arange(len(clear)) >= first) & (np.arange(len(clear)) < last)
 
     @property
     def band(self) -> slice:
-        """Lines from the first resolved one to the last before which at least half are resolved; empty if none is."""
-        if not self.resolved.any():
-            return slice(0, 0)
-        first = int(np.argmax(self.resolved))
-        later = self.resolved[first:]
-        share = np.cumsum(later) / np.arange(1, len(later) + 1)
-        return slice(first, first + int(np.flatnonzero(later & (share >= 0.5))[-1]) + 1)
+        """Lines from the first resolved one to the last; empty if none is."""
+        found = np.flatnonzero(self.resolved)
+        return slice(int(found[0]), int(found[-1]) + 1) if len(found) else slice(0, 0)
 
     @property
     def explained(self) -> float:
@@ -88,8 +91,8 @@ class LogResponse:
         return float(np.sum(self.coherence * self.power) / np.sum(self.power))
 
     def gap(self, model: str = "nominal") -> tuple[np.ndarray, np.ndarray]:
-        """Measured response over that of a robot: magnitude (f,) [dB] and phase (f,) [deg] in -180 to 180."""
-        ratio = self.response / self.models[model]
+        """Measured response over that of a robot, at resolved lines, NaN elsewhere: (f,) [dB] and (f,) [deg]."""
+        ratio = np.where(self.resolved, self.response / self.models[model], np.nan)
         return 20.0 * np.log10(np.abs(ratio)), np.degrees(np.angle(ratio))
 
     def in_words(self, model: str) -> str:
@@ -209,7 +212,8 @@ def estimate_response(
         check_clock(log, dt, logs[0].label)
         for name in (input, output):
             if np.ndim(log[name]) != 1:
-                raise InputError(f"{log.label}: {name!r} is no column; name one of {', '.join(log.columns)}")
+                columns = " or ".join(f"{name}_{channel}" for channel in log.names(name))
+                raise InputError(f"{log.label}: {name!r} is no column, but a kind of them; did you mean {columns}?")
             if not is_moving(log[name]):
                 raise InputError(f"{log.label}: column {name!r} stands still, so it has no frequency response")
     length = min(sum(map(len, logs)) // SEGMENTS, shortest // QUARTERS)
@@ -272,19 +276,19 @@ def plot_responses(responses: Sequence[LogResponse], style: Mapping[Any, Any] = 
         for k, (panels, one) in enumerate(zip(stacks, shown)):
             level, phase, coherence = panels
             f, known, h = one.frequency[one.band], one.resolved[one.band], one.response[one.band]
-            measured, look = np.where(known, 1.0, np.nan), {"color": MEASURED["color"], "alpha": 0.18, "lw": 0}
-            angle = np.interp(f, f[known], np.degrees(np.unwrap(np.angle(h[known]))))
+            look, dots = {"color": MEASURED["color"], "alpha": 0.18, "lw": 0}, MEASURED | {"marker": ".", "ms": 2.5}
             low, high = (20.0 * np.log10(np.maximum(end[one.band], 1e-300)) for end in (one.low, one.high))
             level.fill_between(f, low, high, where=known, **look)
-            spread = np.degrees(np.arcsin(np.minimum(one.radius[one.band] / np.abs(h), 1.0)))
-            phase.fill_between(f, angle - spread, angle + spread, where=known, **look)
+            level.plot(f, np.where(known, 20.0 * np.log10(np.abs(h)), np.nan), **dots, label="measured")
+            angle, spread = np.degrees(
+                [np.unwrap(np.angle(h[known])), np.arcsin((one.radius[one.band] / np.abs(h))[known])]
+            )
+            phase.fill_between(f[known], angle - spread, angle + spread, **look)
+            phase.plot(f[known], angle, **dots)
             for name, found in one.models.items():  # above what was measured: visible where it lies on that
                 line = STYLES.get(name, {"color": "#009e73"}) | {"label": name, "zorder": 3}
                 level.plot(f, 20.0 * np.log10(np.abs(found[one.band])), **line)
-                turn = np.degrees(np.unwrap(np.angle(found[one.band] / np.exp(1j * np.radians(angle)))))
-                phase.plot(f, angle + turn, **line)
-            level.plot(f, measured * 20.0 * np.log10(np.abs(h)), **MEASURED, label="measured")
-            phase.plot(f, measured * angle, **MEASURED)
+                phase.plot(f[known], angle - one.gap(name)[1][one.resolved], **line)
             coherence.plot(f, one.coherence[one.band], **MEASURED)
             coherence.set_ylim(0.0, 1.05)
             level.set_title(f"{one.input} → {one.output} [{one.unit}]".replace("_", " "), fontsize=8.5)
