@@ -19,6 +19,7 @@ DRAWS = 4
 RMS = 0.05  # of the excitation, as a share of the loop's step
 PHASES = 20  # seed of the phases
 HALF_POWER = 0.5**0.5
+BENT = 0.1  # RMS distance of a step from that of the linear model, as a share of it, that deserves a word; assumed
 KICK, KICKED = 0.1, 1000  # reference step of one frame, as a share of the loop's step; frames simulated
 HARD = 1.0  # the same for a loop that a small kick does not move
 
@@ -72,6 +73,15 @@ def step_response(loop: FrameMap, point: OperatingPoint, channel: int) -> StepRe
         steady_error=float(rows[-1, channel] - output[-1, channel]),
         crosstalk=float(others.max(initial=0.0) / abs(size)), command_peak=float(np.abs(command - command[0]).max()),
     )  # fmt: skip
+
+
+def linear_error(model: FrameModel, step: StepResponse) -> float:
+    """RMS distance of a step's output from that of the linear model, as a share of the step."""
+    loop, j = model.loop, model.loop.channels.index(step.channel)
+    frames = step.output[loop.robot.machine.slots - 1 :: loop.robot.machine.slots][BEFORE:, j] - model.point.output[j]
+    system = model.system[model.rows(loop.loop.output)[j], j]
+    linear = control.step_response(system, system.dt * np.arange(len(frames))).outputs
+    return float(np.sqrt(np.mean((frames / step.size - linear) ** 2)))
 
 
 def returns(loop: FrameMap, point: OperatingPoint) -> bool:
