@@ -167,7 +167,7 @@ def list_remarks(
     loop, point = model.loop, model.point
     held = [f"{effect}.{next(iter(p))}=0" for effect, p in loop.robot.effects().items() if "friction" in effect]
     moving = f"; --set {' --set '.join(held)} shows the loop in motion" if held else ""
-    unit, idle = loop.robot.machine.signal[loop.loop.output].unit, [m.channel for m in found if not m.loop.any()]
+    unit, idle = loop.robot.machine.signal[loop.loop.output].unit, [m.channel for m in found if not m.acts]
     remarks = {
         loop.loop.note: loop.loop.note,
         f"left out: {', '.join(loop.outside)}, which moves the loop from outside and no pole": loop.outside,
@@ -192,7 +192,7 @@ def list_remarks(
         if abs(s.steady_error) > STEADY_ERROR * abs(s.size):
             notes.append(f"{s.channel} ends {s.steady_error:+.3g} {unit} off its reference after {s.time[-1]:.3g} s")
     if idle:
-        notes.append(f"the command of {', '.join(idle)} does not act on its reading here: no margins")
+        notes.append(f"the command of {', '.join(idle)} does not act on its reading here: no margins and no frame map")
     for m in found:
         if np.isfinite(m.gain_low_db):
             notes.append(f"{m.channel} is conditionally stable: {m.gain_low_db:.3g} dB of loop gain is too little")

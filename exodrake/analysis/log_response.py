@@ -35,7 +35,8 @@ CONFIDENCE = 0.9
 MOST_MISSING = 0.1  # share of missing samples, which are read between their neighbours; assumed
 STYLES = {"nominal": NOMINAL, "improved": IMPROVED}
 COLUMNS = 3  # of panels in a figure
-TICKS = [digit * 10.0**power for power in range(-4, 4) for digit in (1, 2, 5)]  # [Hz]
+TICKS = [digit * 10.0**power for power in range(-4, 4) for digit in (1, 2, 5)]
+MOST_TICKS = 7  # labels that do not touch in a panel of 2.4 inches
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -292,14 +293,23 @@ def plot_responses(responses: Sequence[LogResponse], style: Mapping[Any, Any] = 
             coherence.plot(f, one.coherence[one.band], **MEASURED)
             coherence.set_ylim(0.0, 1.05)
             level.set_title(f"{one.input} → {one.output} [{one.unit}]".replace("_", " "), fontsize=8.5)
-            ticks, ends = [tick for tick in TICKS if f[0] <= tick <= f[-1]], (f[0], f[-1] if len(f) > 1 else 2.0 * f[0])
             for axes, label in zip(panels, ("Gain [dB]", "Phase [°]", "Coherence")):
-                axes.set(xscale="log", xlim=ends, xticks=ticks, ylabel=label if k % columns == 0 else "")
-                axes.xaxis.set_major_formatter("{x:g}")
-                axes.xaxis.set_minor_formatter("")
+                axes.set(xscale="log", xlim=(f[0], f[-1] if len(f) > 1 else 2.0 * f[0]))
+                axes.set_ylabel(label if k % columns == 0 else "")
+                label_ticks(axes.xaxis)
                 axes.tick_params(labelbottom=axes is coherence)
             coherence.set_xlabel("Frequency [Hz]" if k + columns >= len(shown) else "")
         handles = {label: h for axes in grid[::3].flat for h, label in zip(*axes.get_legend_handles_labels())}
         figure.legend(handles.values(), handles.keys(), loc="outside upper right", ncols=4)
         figure.align_ylabels()
     return figure
+
+
+def label_ticks(*scales: Any) -> None:
+    """Labels logarithmic axes of Matplotlib by plain numbers: 1, 2 and 5 of each decade, or 1 of many."""
+    for axis in scales:
+        low, high = axis.get_view_interval()
+        ticks = [tick for tick in TICKS if low <= tick <= high]
+        axis.set_ticks(ticks if len(ticks) <= MOST_TICKS else [tick for tick in TICKS[::3] if low <= tick <= high])
+        axis.set_major_formatter("{x:g}")
+        axis.set_minor_formatter("")
