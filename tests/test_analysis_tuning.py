@@ -9,9 +9,8 @@ from arm_folders import made
 from command_line import run
 
 import exodrake as exo
-from exodrake.analysis.closed_loop import list_departures
 from exodrake.analysis.linear_model import linearise_robot
-from exodrake.analysis.responses import AFTER, BENT, linear_error, step_response
+from exodrake.analysis.responses import AFTER, BENT, linear_error, list_departures, step_response
 from exodrake.analysis.tuning import (
     Performance,
     Requirements,

@@ -11,18 +11,10 @@ import numpy as np
 from exodrake.analysis import margins as mg
 from exodrake.analysis.limit_cycles import LimitCycles
 from exodrake.analysis.linear_model import KINK, FrameModel, OperatingPoint, System, linearise_robot
-from exodrake.analysis.responses import (
-    BENT,
-    FrequencyResponse,
-    StepResponse,
-    frequency_response,
-    linear_error,
-    returns,
-)
+from exodrake.analysis.responses import FrequencyResponse, StepResponse, frequency_response, list_departures, returns
 from exodrake.analysis.robustness import Band, Robustness, Uncertainty, robustness
 from exodrake.core.errors import InputError, argument, nearest
 from exodrake.core.plain import plain
-from exodrake.model.display import percent
 from exodrake.model.robot import Robot
 
 UNITS = {  # names of fields in JSON
@@ -197,17 +189,6 @@ def list_remarks(
         if np.isfinite(m.gain_low_db):
             notes.append(f"{m.channel} is conditionally stable: {m.gain_low_db:.3g} dB of loop gain is too little")
     return tuple(notes)
-
-
-def list_departures(model: FrameModel, steps: tuple[StepResponse, ...], whose: str = "") -> list[str]:
-    """Steps that the linear model of a stable loop does not describe, a sentence each."""
-    unit = model.loop.robot.machine.signal[model.loop.loop.output].unit
-    return [
-        f"a step of {step.size:g} {unit} on {step.channel}{whose} differs from that of the linear model by "
-        f"{percent(error)} RMS, as where a command or a speed reaches its limit: margins hold for smaller ones"
-        for step in steps
-        if model.decides and model.spectral_radius < 1.0 and (error := linear_error(model, step)) >= BENT
-    ]
 
 
 def name_fields(result: Any, *without: str) -> dict[str, Any]:

@@ -9,6 +9,7 @@ import numpy as np
 from exodrake.analysis.linear_model import FrameMap, FrameModel, OperatingPoint, evaluate
 from exodrake.core.errors import short_repr
 from exodrake.engine.inputs import prepare_values
+from exodrake.model.display import percent
 from exodrake.model.machine import signal_count
 
 BEFORE, AFTER = 10, 300  # frames shown before the step and simulated after it
@@ -82,6 +83,17 @@ def linear_error(model: FrameModel, step: StepResponse) -> float:
     system = model.system[model.rows(loop.loop.output)[j], j]
     linear = control.step_response(system, system.dt * np.arange(len(frames))).outputs
     return float(np.sqrt(np.mean((frames / step.size - linear) ** 2)))
+
+
+def list_departures(model: FrameModel, steps: tuple[StepResponse, ...], whose: str = "") -> list[str]:
+    """Steps that the linear model of a stable loop does not describe, a sentence each."""
+    unit = model.loop.robot.machine.signal[model.loop.loop.output].unit
+    return [
+        f"a step of {step.size:g} {unit} on {step.channel}{whose} differs from that of the linear model by "
+        f"{percent(error)} RMS, as where a command or a speed reaches its limit: margins hold for smaller ones"
+        for step in steps
+        if model.decides and model.spectral_radius < 1.0 and (error := linear_error(model, step)) >= BENT
+    ]
 
 
 def returns(loop: FrameMap, point: OperatingPoint) -> bool:

@@ -21,9 +21,9 @@ from scipy.linalg import block_diag
 from scipy.optimize import differential_evolution, linprog, minimize
 
 from exodrake.analysis import linear_model as lm
-from exodrake.analysis.closed_loop import list_departures, list_remarks
+from exodrake.analysis.closed_loop import list_remarks
 from exodrake.analysis.margins import decibel, open_loop, open_responses, structured_bound
-from exodrake.analysis.responses import BAND, BENT, StepResponse, linear_error, returns, step_response
+from exodrake.analysis.responses import BAND, BENT, StepResponse, linear_error, list_departures, returns, step_response
 from exodrake.analysis.robustness import Band, band, points_band, within_tolerances
 from exodrake.core.errors import InputError, argument, nearest, short_repr
 from exodrake.core.parallel import one_blas_thread

@@ -278,13 +278,10 @@ def fit(
     notes = [*case.notes, *(f"{p.name} ended at a bound" for p in parameters if p.at_bound)]
     advice = f"not converged after {RUNS} evaluations: free fewer parameters, or narrow their bounds"
     notes += [] if found.success else [advice]
-    outcomes = "ended in another minimum", "did not move, as at a bound or a limit that is not reached"
-    higher: tuple[list[float], list[float]] = [], []
-    for start_x, one in zip(starts, minima, strict=True):
-        if one.cost > (1.0 + HIGHER) * found.cost:
-            higher[int(np.abs(one.x - start_x).max() < AT_BOUND)].append(2.0 * one.cost / len(left))
-    for words, sizes in zip(outcomes, higher, strict=True):
-        if sizes:
+    higher = [(x0, one) for x0, one in zip(starts, minima) if one.cost > (1.0 + HIGHER) * found.cost]
+    outcomes = {False: "ended in another minimum", True: "did not move, as at a bound or a limit that is not reached"}
+    for stays, words in outcomes.items():
+        if sizes := [2.0 * m.cost / len(left) for x0, m in higher if (np.abs(m.x - x0).max() < AT_BOUND) == stays]:
             notes.append(f"{len(sizes)} of {len(minima)} starts {words}: chi2 {min(sizes):.4g} to {max(sizes):.4g}")
     return Fit(
         case.name, problem.stated.with_parameters(values, f"fitted to {case.name}"), parameters,
