@@ -8,6 +8,7 @@ from arm_folders import MIXED, made
 from command_line import run
 
 import exodrake as exo
+from exodrake.analysis.figures import plot_bode
 from exodrake.machines.robot_file import load_robot
 
 FIGURES = {
@@ -43,6 +44,16 @@ def test_a_gain_outside_its_range_is_noted_and_a_loop_in_its_dead_zone_is_stable
     assert found.exit_code == 0, found.output
     assert f"lies outside {low:g} to {high:g}" in found.stderr
     assert "stable: simulated, a kick dies out" in found.output and "growing" not in found.output
+
+
+def test_a_channel_whose_command_does_not_act_is_named_and_has_no_frame_map():
+    """A joint in the dead band of its servo; the other joints have one, and the margins 2 / 0.1 of the integral."""
+    found = exo.analyse(exo.load_robot("so101").splice("servo.dead_band", channels=["Rotation"]))
+    assert [m.channel for m in found.margins if not m.acts] == ["Rotation"]
+    assert any(note.startswith("the command of Rotation does not act on its reading here") for note in found.notes)
+    assert found.margins[1].gain_margin_db == pytest.approx(20.0 * np.log10(20.0), abs=0.02)
+    lines = [[line.get_label() for line in axes.lines] for axes in plot_bode(found).axes[:2]]
+    assert ["frame map" in labels for labels in lines] == [False, True]
 
 
 def test_a_machine_without_a_loop_is_refused_in_one_sentence(arm_folder):

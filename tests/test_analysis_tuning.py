@@ -9,6 +9,8 @@ from arm_folders import made
 from command_line import run
 
 import exodrake as exo
+from exodrake.analysis.linear_model import linearise_robot
+from exodrake.analysis.responses import AFTER, BENT, linear_error, list_departures, step_response
 from exodrake.analysis.tuning import (
     Performance,
     Requirements,
@@ -39,10 +41,12 @@ def test_the_command_writes_figure_numbers_and_a_robot_that_holds_them(tuned):
     best = numbers["compared"][numbers["best"]]
     assert numbers["limit"]["settling"] <= numbers["limit"]["tuned"] <= best["settling [s]"] + 1e-9
     assert "bound: " in found.output and "LQG of " in found.output
-    held = [one["settling [s]"] for one in numbers["compared"].values() if not one["misses"]]
-    assert numbers["limit"]["settling"] <= min(held)
-    assert best["disk_margin"] >= 0.7 and best["overshoot"] <= 0.2 and best["misses"] == []
     loop = exo.analyse(exo.load_robot(folder / "tuned.yaml"))
+    size = loop.model.loop.loop.step
+    assert numbers["limit"]["command_peak"] == pytest.approx(loop.steps[0].command_peak / size, rel=1e-3)  # its own
+    assert numbers["limit"]["crosstalk"] == pytest.approx(max(s.crosstalk for s in loop.steps), abs=1e-6)
+    assert f"with the commands of {numbers['best']}, its crosstalk of" in found.output
+    assert best["disk_margin"] >= 0.7 and best["overshoot"] <= 0.2 and best["misses"] == []
     assert loop.robot["drive.kp"] == pytest.approx(best["gains"]["drive.kp"])
     assert loop.robust.numbers["disk margin"] >= best["disk_margin"] - 1e-6
     assert loop.steps[0].settling <= best["settling [s]"] + 1e-6
@@ -101,7 +105,8 @@ def test_what_cannot_be_held_writes_no_robot(tmp_path):
 
 @pytest.mark.parametrize(
     ("arguments", "word"),
-    [(["--controller", "PDD"], "PDD"), (["--robot", "absent.yaml"], "absent"), (["--disk-margin", "3"], "disk-margin"),
+    [(["--controller", "PDD"], "did you mean PD"), (["--controller", "pi"], "did you mean PI, "),
+     (["--robot", "absent.yaml"], "absent"), (["--disk-margin", "3"], "disk-margin"),
      (["--noise", "-1"], "noise"), (["--overshoot", "x"], "overshoot")],
 )  # fmt: skip
 def test_bad_input_is_refused(arguments, word):
@@ -124,7 +129,21 @@ def test_servos_are_tuned_on_the_plant_that_is_analysed(arm_folder, effects):
     assert predict_performance(plant, linearise_law(plant, {})).radius == pytest.approx(plant.model.spectral_radius)
     tuning = tune(robot, draws=1, judges=1)
     assert tuning.best and tuning.best.settling <= tuning.compared[0].settling
+    assert tuning.compared[0].name == "assumed gains" and "(assumed gains: " in repr(tuning)
     assert tuning.limit.settling <= tuning.limit.tuned
+
+
+def test_a_step_that_reaches_a_limit_is_noted():
+    """A joint that turns at one step a second is never above that ramp; the linear model is there in a frame."""
+    robot = exo.load_robot("so101")
+    step = robot.machine.loop.step
+    model = linearise_robot(robot.splice("servo.speed_limit", {"speed": step}, ["Rotation"]))
+    slow, free = (step_response(model.loop, model.point, j) for j in (0, 1))
+    time = model.system.dt * np.arange(1, AFTER + 1)
+    assert linear_error(model, slow) >= np.sqrt(np.mean((1.0 - np.minimum(time, 1.0)) ** 2)) > BENT
+    assert linear_error(model, free) < 1e-9
+    (note,) = list_departures(model, (slow, free))
+    assert note.startswith(f"a step of {step:g} rad on Rotation differs from that of the linear model by ")
 
 
 @pytest.mark.parametrize("wanted", [{"overshoot": float("nan")}, {"settling": -1.0}, {"noise": float("nan")}])

@@ -150,6 +150,21 @@ def test_a_bound_is_kept_and_noted(robot):
     assert p.at_bound and p.value == pytest.approx(0.085) and "finger.kappa.MCP ended at a bound" in found.notes
 
 
+def test_starts_on_a_limit_that_is_not_reached_are_said_not_to_move(monkeypatch):
+    """A joint that is told to turn at 0.35 rad/s at most: no limit of its speed above that has a slope."""
+    monkeypatch.setattr(module, "SPREAD", 8)
+    monkeypatch.setattr(module, "FARTHER", 8)
+    name = "servo.speed_limit.speed.Rotation"
+    start = exo.load_robot("so101").splice("servo.speed_limit", {"speed": 0.25}, ["Rotation"])
+    log = exo.simulate(start.with_parameters({name: 0.15}), "random-motion:duration=10", seed=1)
+    fastest = np.abs(np.diff(log["angle_ref_Rotation"])).max() / log.dt
+    found = exo.fit(start, log, [name], bounds={name: (0.05, 20.0)})
+    assert found.parameters[0].value == pytest.approx(0.15, rel=0.01)
+    (note,) = (note for note in found.notes if "starts" in note)
+    starts = 0.05 * (20.0 / 0.05) ** stats.qmc.Sobol(1, rng=0).random(8)[:, 0]  # by ratio
+    assert note.startswith(f"{(starts > fastest).sum()} of 9 starts did not move, as at a bound or a limit")
+
+
 def test_command_writes_the_fitted_robot(robot, tmp_path):
     exo.write_log(
         exo.simulate(robot.with_parameters({"finger.kappa.MCP": 0.09}), "chirp", seed=1), tmp_path / "log.csv"

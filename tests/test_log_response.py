@@ -1,6 +1,7 @@
 """Frequency response from logs: against scipy's closed forms, bands that cover, and blocks told apart."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -81,10 +82,24 @@ def test_missing_samples_are_bridged_and_many_refused():
         exo.frequency_response(log.with_signals({"angle_PIP": holes}), "tension_AF", "angle_PIP")
 
 
+def test_band_ends_where_resolved_lines_no_longer_prevail():
+    """Of all bands that begin and end at a line the one with most resolved lines less the rest, and its lines only."""
+    found, rng = exo.frequency_response(made(1, 0.1), "tension_AF", "angle_PIP", segment=4.0), np.random.default_rng(0)
+    for share in (np.linspace(1.3, -0.1, 100), np.full(100, 0.3), np.full(100, 0.9), np.full(100, 0.0)):
+        clear = rng.random(100) < share
+        one = replace(found, response=np.ones(100, complex), high=np.where(clear, 1.2, 1.8))
+        excess = {(i, j): 2 * clear[i:j].sum() - (j - i) for i in range(100) for j in range(i, 101)}
+        band = slice(*min(ends for ends, value in excess.items() if value == max(excess.values())))
+        inside = np.zeros(100, bool)
+        inside[band] = clear[band]
+        assert one.resolved.tolist() == inside.tolist()
+
+
 @pytest.mark.parametrize(
     ("given", "reason"),
     [
         ({"input": "tension_XX"}, "no column 'tension_XX'"),
+        ({"input": "tension"}, "'tension' is no column, but a kind of them; did you mean tension_AF or tension_MF?"),
         ({"input": "tension_MF"}, "column 'tension_MF' stands still"),
         ({"segment": 1e9}, "do not fit in logs of 80 s"),
         ({"segment": 0.02}, "two segments of four rows"),
@@ -127,12 +142,12 @@ def test_gap_lies_in_the_tendon_and_not_in_the_motor(blocks):
 def test_robot_with_the_effect_closes_the_gap(blocks):
     for one in blocks:
         level, _ = one.gap("improved")
-        assert np.median(np.abs(level[one.band])) < 0.7
+        assert np.median(np.abs(level[one.resolved])) < 0.7
     figure = plot_responses(blocks)
     assert len([axes for axes in figure.axes if axes.lines]) == 3 * len(blocks)
     assert {text.get_text() for text in figure.legends[0].get_texts()} == {"measured", "nominal", "improved"}
     answer = json.loads(json.dumps(blocks[0].to_dict()))
-    assert len(answer["gap"]["nominal"]["dB"]) == len(answer["frequency"])
+    assert [phase is not None for phase in answer["gap"]["nominal"]["deg"]] == answer["resolved"]
     assert complex(*answer["response"][3]) == blocks[0].response[3] and len(repr(blocks[0]).splitlines()) == 2
 
 

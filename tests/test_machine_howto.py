@@ -2,6 +2,7 @@
 
 import json
 import re
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -79,8 +80,25 @@ def test_the_page_shows_the_mapping_and_the_headline_that_are_there(done):
     assert yaml.safe_load(blocks["yaml"]) == yaml.safe_load((folder / "my_arm" / "mapping.yaml").read_text())
     assert "no alarm" in said_by(said, "watch").stdout  # beside the improved robot, not beside the nominal one
     assert said[NOMINAL_WATCH].exit_code == 1 and "alarm" in said[NOMINAL_WATCH].stdout
-    headline = " ".join(blocks["text"].replace("│", " ").split())
-    assert headline in " ".join(said_by(said, "diagnose").stdout.replace("│", " ").split())
+
+
+def test_commands_print_what_the_page_shows_below_them(done):
+    """Each text block, but for spaces and frames, is part of what the command before it prints."""
+    shown, line = [], ""
+    for language, block, command in PIECES.findall(PAGE.read_text()):
+        line = command + ANSWERS.get(" ".join(command.split()[:3]), "") if command else line
+        if language == "text":
+            printed, block = (" ".join(text.replace("│", " ").split()) for text in (done[1][line].stdout, block))
+            assert block in printed, line
+            shown.append(line.split()[1])
+    assert shown == ["diagnose", "response", "fit", "diagnose", "analyse", "tune"]
+
+
+def test_the_servos_get_gains_and_a_model_for_mujoco(done):
+    folder, said = done
+    assert "best: I, filtered reference, settles in " in said_by(said, "tune").stdout
+    model = ElementTree.parse(folder / "found.xml").getroot()
+    assert model.tag == "mujoco" and {j.get("name") for j in model.iter("joint")} >= {"shoulder", "elbow"}
 
 
 @pytest.mark.parametrize("line", REFUSED)

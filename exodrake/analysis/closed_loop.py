@@ -11,7 +11,7 @@ import numpy as np
 from exodrake.analysis import margins as mg
 from exodrake.analysis.limit_cycles import LimitCycles
 from exodrake.analysis.linear_model import KINK, FrameModel, OperatingPoint, System, linearise_robot
-from exodrake.analysis.responses import FrequencyResponse, StepResponse, frequency_response, returns
+from exodrake.analysis.responses import FrequencyResponse, StepResponse, frequency_response, list_departures, returns
 from exodrake.analysis.robustness import Band, Robustness, Uncertainty, robustness
 from exodrake.core.errors import InputError, argument, nearest
 from exodrake.core.plain import plain
@@ -159,7 +159,7 @@ def list_remarks(
     loop, point = model.loop, model.point
     held = [f"{effect}.{next(iter(p))}=0" for effect, p in loop.robot.effects().items() if "friction" in effect]
     moving = f"; --set {' --set '.join(held)} shows the loop in motion" if held else ""
-    unit, idle = loop.robot.machine.signal[loop.loop.output].unit, [m.channel for m in found if not m.loop.any()]
+    unit, idle = loop.robot.machine.signal[loop.loop.output].unit, [m.channel for m in found if not m.acts]
     remarks = {
         loop.loop.note: loop.loop.note,
         f"left out: {', '.join(loop.outside)}, which moves the loop from outside and no pole": loop.outside,
@@ -179,12 +179,12 @@ def list_remarks(
             model.convergence > ROUGH
         ),
     }
-    notes = [words for words, holds in remarks.items() if holds]
+    notes = [*(words for words, holds in remarks.items() if holds), *list_departures(model, steps)]
     for s in steps:
         if abs(s.steady_error) > STEADY_ERROR * abs(s.size):
             notes.append(f"{s.channel} ends {s.steady_error:+.3g} {unit} off its reference after {s.time[-1]:.3g} s")
     if idle:
-        notes.append(f"the command of {', '.join(idle)} does not act on its reading here: no margins")
+        notes.append(f"the command of {', '.join(idle)} does not act on its reading here: no margins and no frame map")
     for m in found:
         if np.isfinite(m.gain_low_db):
             notes.append(f"{m.channel} is conditionally stable: {m.gain_low_db:.3g} dB of loop gain is too little")

@@ -11,11 +11,11 @@ from matplotlib.figure import Figure
 from exodrake.analysis.closed_loop import ClosedLoop
 from exodrake.analysis.limit_cycles import LimitCycles
 from exodrake.analysis.linear_model import evaluate
-from exodrake.analysis.log_response import TICKS
+from exodrake.analysis.log_response import label_ticks
 from exodrake.analysis.margins import close, decibel
 from exodrake.analysis.robustness import Uncertainty
 from exodrake.analysis.tuning import Tuning
-from exodrake.data.plot import STYLE, new_figure, render_png
+from exodrake.data.plot import IMPROVED, STYLE, new_figure, render_png
 from exodrake.model.display import choose_colour, find_display, shown_unit
 
 FAINT, GREY, DARK = "#9aa2ad", "#5b6470", "#333333"
@@ -31,6 +31,7 @@ FACTORS = (0.02, 20.0)  # of the loop gain, along the root locus
 LEVELS = [0.90, 0.92, 0.94, 0.96, 0.98, 1.0, 1.1, 1.25, 1.5, 2.0]  # of the spectral radius
 INSIDE = ["#1f6f8b", "#3f8aa3", "#68a6b9", "#97c3cf", "#c8e0e5"]
 OUTSIDE = ["#fde3cf", "#f7b98d", "#ec8c55", "#d7602f"]
+IDLE = "the command does not act here"
 CLEAN = 0.999  # coherence above which there is nothing to show
 VISIBLE = 1e-4  # of a panel: below, the rest of a simulation
 
@@ -91,12 +92,15 @@ def plot_bode(result: ClosedLoop) -> Figure:
     for j, (response, colour) in enumerate(zip(result.responses, colours)):
         (gain, phase, *coherence), f = rows[:, j], response.frequency
         size, fine, dots = np.abs(response.measured), np.geomspace(f[0], f[-1], 400), {"ms": 3, "color": colour}
-        linear = evaluate(result.model.system[outputs[j], j], fine)[:, 0, 0]
         low, high = np.maximum(size - response.spread, 1e-6), size + response.spread
         gain.fill_between(f, decibel(low), decibel(high), color=colour, alpha=0.25, lw=0)
-        gain.plot(fine, decibel(np.abs(linear)), color="black", lw=0.9, label="frame map")
+        if result.margins[j].acts:
+            linear = evaluate(result.model.system[outputs[j], j], fine)[:, 0, 0]
+            gain.plot(fine, decibel(np.abs(linear)), color="black", lw=0.9, label="frame map")
+            phase.plot(fine, np.degrees(np.unwrap(np.angle(linear))), color="black", lw=0.9)
+        else:
+            gain.text(0.97, 0.93, IDLE, transform=gain.transAxes, ha="right", **NOTE)
         gain.plot(f, decibel(size), ".", label="multisine", **dots)
-        phase.plot(fine, np.degrees(np.unwrap(np.angle(linear))), color="black", lw=0.9)
         phase.plot(f, np.degrees(np.unwrap(np.angle(response.measured))), ".", **dots)
         for axes in coherence:
             axes.plot(f, response.coherence, ".", **dots)
@@ -107,7 +111,10 @@ def plot_bode(result: ClosedLoop) -> Figure:
             gain.text(0.97, 0.93, words, transform=gain.transAxes, ha="right", **NOTE)
         gain.set_ylim(-42, 12)
         phase.set(ylim=(-400, 20), yticks=[-360, -270, -180, -90, 0])
-    rows[0, 0].legend(loc="lower left", frameon=True, facecolor="white", edgecolor="none", framealpha=1.0)
+        label_ticks(phase.xaxis)
+    shown = {label: line for axes in rows[0][::-1] for line, label in zip(*axes.get_legend_handles_labels())}
+    look: dict[str, Any] = {"frameon": True, "facecolor": "white", "edgecolor": "none", "framealpha": 1.0}
+    rows[0, 0].legend(shown.values(), shown.keys(), loc="lower left", **look)
     return figure
 
 
@@ -129,10 +136,11 @@ def plot_margins(result: ClosedLoop) -> Figure:
         if np.isfinite(m.delay_margin):
             lines += [f"phase {m.phase_margin_deg:.0f} deg at {m.crossover:.2f} Hz"]
             lines += [f"delay {1e3 * m.delay_margin:.3g} ms"]
-        words = "unstable: no margins" if m.closed_unstable else "\n".join(lines)
+        words = ("unstable: no margins" if m.closed_unstable else "\n".join(lines)) if m.acts else IDLE
         phase.text(0.04, 0.05, words, transform=phase.transAxes, fontsize=8, color=DARK, bbox=WHITE)
         gain.set_ylim(-25, 45)
         phase.set(yticks=[-360, -270, -180, -90], ylim=(-390, -45))
+        label_ticks(phase.xaxis)
     return figure
 
 
@@ -149,7 +157,7 @@ def plot_nyquist(result: ClosedLoop) -> Figure:
                 loop = member.loops[:, j]
                 axes.plot(np.real(loop), np.imag(loop), color=BAND_COLOURS[k], lw=0.4, alpha=0.5)
         axes.plot(np.cos(turn), np.sin(turn), color=FAINT, lw=0.7)
-        words = f"encirclements {m.encirclements}\n"
+        words = f"encirclements {m.encirclements}\n" if m.acts else f"{IDLE}\n"
         words += f"{m.closed_unstable} unstable poles" if m.closed_unstable else "stable"
         if np.isfinite(m.disk_margin):
             low = -(2.0 + m.disk_margin) / (2.0 - m.disk_margin) if m.disk_margin < 2.0 else -10.0
@@ -200,10 +208,8 @@ def plot_robust(result: ClosedLoop) -> Figure:
     panels[0, 1].set_ylim(0.09, 1.5 * max(1.0, float(result.robust.sigma_t.max())))
     panels[1, 0].set_ylim(0.3, 3.0)
     for axes in panels.flat:
-        low, high = axes.get_ylim()
-        axes.set(xlim=(frequency[0], frequency[-1]), yticks=[tick for tick in TICKS if low <= tick <= high])
-        axes.yaxis.set_major_formatter("{x:g}")
-        axes.yaxis.set_minor_formatter("")
+        axes.set_xlim(frequency[0], frequency[-1])
+        label_ticks(axes.xaxis, axes.yaxis)
     for axes in panels[1]:
         axes.set_xlabel("Frequency [Hz]")
     figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
@@ -298,6 +304,7 @@ def plot_limit_cycles(cycles: tuple[LimitCycles, ...]) -> Figure:
         axes.axvline(1.0, color=FAINT, lw=0.8, label="this robot's gain")
         axes.set(xlabel="Factor on the loop gain", yscale="log", xlim=(0.0, 1.4 * c.limit))
         axes.set_ylim(0.45 * factor * c.amplitude[0], 1.5 * top)
+        label_ticks(axes.yaxis)
         axes.set_title(f"{c.label} ({c.channel})".replace(" + ", "\n+ "), fontsize=8.5)
     panels[0].set_ylabel(f"Amplitude of the command [{shown_unit(cycles[0].unit)[0]}]")
     shown = {label: line for axes in panels for line, label in zip(*axes.get_legend_handles_labels())}
@@ -405,25 +412,29 @@ def plot_uncertainty(found: Uncertainty) -> Figure:
     figure = new_figure(7.0 if found.cycles else 4.0, 3.0)
     panels = figure.subplots(1, 3 if found.cycles else 1, squeeze=False)[0]
     f = np.geomspace(found.frequency[0], found.frequency[-1], 200)
-    panels[0].plot(found.frequency, found.deviation, ".", ms=3, color="#0072b2", label="robots of the answer")
+    panels[0].plot(found.frequency, found.deviation, ".", ms=3, color=GREY, label="robots of the answer")
     panels[0].plot(f, np.abs(found.weight(2j * np.pi * f)), color="black", lw=1.1, label="weight")
     panels[0].set(xscale="log", yscale="log", xlabel="Frequency [Hz]", ylabel="Relative deviation of the plant [-]")
-    panels[0].set_yticks([tick for tick in TICKS if found.deviation.min() <= tick <= found.deviation.max()])
-    panels[0].yaxis.set_major_formatter("{x:g}")
-    panels[0].yaxis.set_minor_formatter("")
+    label_ticks(panels[0].xaxis, panels[0].yaxis)
     above: dict[str, Any] = {"fontsize": 7.5, "loc": "lower left", "bbox_to_anchor": (0.0, 1.0)}
     panels[0].legend(**above)
-    ends = {"improved robot": "black", "lower ends": "#0072b2", "upper ends": "#d55e00"}
+    thin: dict[str, Any] = {"lw": 0.9, "marker": ".", "ms": 3}
+    ends = {
+        "improved robot": IMPROVED,
+        "lower ends": thin | {"color": "#009e73"},
+        "upper ends": thin | {"color": "#cc79a7"},
+    }
     curves = (
         ("Gain margin [dB]", found.list_worst(attrgetter("gain_margin_db")), lambda c: decibel(c.factor)),
         ("Phase margin [deg]", found.list_worst(attrgetter("least_phase_deg")), attrgetter("phase_margin_deg")),
     )
     for axes, (name, cycles, margin) in zip(panels[1:], curves):
         unit, factor = shown_unit(cycles[0].unit)
-        for cycle, (label, colour) in zip(cycles, ends.items()):
-            axes.plot(factor * cycle.amplitude, margin(cycle), ".-", lw=0.9, ms=3, color=colour, label=label)
+        for cycle, (label, line) in reversed(list(zip(cycles, ends.items()))):  # the improved robot above the ends
+            axes.plot(factor * cycle.amplitude, margin(cycle), **line, label=label)
         axes.set(xscale="log", xlabel=f"Command of {cycles[0].channel} [{unit}]", ylabel=name)
         axes.axhline(0.0, color="black", lw=0.8)
+        label_ticks(axes.xaxis)
     if found.cycles:
         panels[1].legend(**above)
         panels[2].set_visible(np.isfinite(found.phase_margin_deg))
@@ -433,7 +444,7 @@ def plot_uncertainty(found: Uncertainty) -> Figure:
 def draw_figures(result: ClosedLoop, cycles: tuple[LimitCycles, ...] = ()) -> dict[str, bytes]:
     """File name -> PNG of every figure with something in it: no margins where no command acts, as of stuck joints."""
     plots = [plot_steps, plot_stability, plot_bode, plot_delays]
-    if any(m.loop.any() for m in result.margins):
+    if any(m.acts for m in result.margins):
         plots += [plot_margins, plot_nyquist, plot_robust, plot_root_locus]
     with matplotlib.rc_context(STYLE):
         drawn = {plot.__name__.removeprefix("plot_"): plot(result) for plot in plots}

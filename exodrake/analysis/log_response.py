@@ -35,7 +35,8 @@ CONFIDENCE = 0.9
 MOST_MISSING = 0.1  # share of missing samples, which are read between their neighbours; assumed
 STYLES = {"nominal": NOMINAL, "improved": IMPROVED}
 COLUMNS = 3  # of panels in a figure
-TICKS = [digit * 10.0**power for power in range(-4, 4) for digit in (1, 2, 5)]  # [Hz]
+TICKS = [digit * 10.0**power for power in range(-4, 4) for digit in (1, 2, 5)]
+MOST_TICKS = 7  # labels that do not touch in a panel of 2.4 inches
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -69,18 +70,21 @@ class LogResponse:
 
     @property
     def resolved(self) -> np.ndarray:
-        """Mask (f,) of the lines [-] whose radius is at most half of the response."""
-        return self.radius <= RESOLVED * np.abs(self.response)
+        """Mask (f,) of the lines [-] whose radius is at most half of the response, in the band where these prevail.
+
+        No other band has a larger number of such lines less that of the rest.
+        """
+        clear = self.radius <= RESOLVED * np.abs(self.response)
+        excess = np.concatenate([[0], np.cumsum(np.where(clear, 1, -1))])
+        last = int(np.argmax(excess - np.minimum.accumulate(excess)))
+        first = int(np.argmin(excess[: last + 1]))
+        return clear & (np.arange(len(clear)) >= first) & (np.arange(len(clear)) < last)
 
     @property
     def band(self) -> slice:
-        """Lines from the first resolved one to the last before which at least half are resolved; empty if none is."""
-        if not self.resolved.any():
-            return slice(0, 0)
-        first = int(np.argmax(self.resolved))
-        later = self.resolved[first:]
-        share = np.cumsum(later) / np.arange(1, len(later) + 1)
-        return slice(first, first + int(np.flatnonzero(later & (share >= 0.5))[-1]) + 1)
+        """Lines from the first resolved one to the last; empty if none is."""
+        found = np.flatnonzero(self.resolved)
+        return slice(int(found[0]), int(found[-1]) + 1) if len(found) else slice(0, 0)
 
     @property
     def explained(self) -> float:
@@ -88,8 +92,8 @@ class LogResponse:
         return float(np.sum(self.coherence * self.power) / np.sum(self.power))
 
     def gap(self, model: str = "nominal") -> tuple[np.ndarray, np.ndarray]:
-        """Measured response over that of a robot: magnitude (f,) [dB] and phase (f,) [deg] in -180 to 180."""
-        ratio = self.response / self.models[model]
+        """Measured response over that of a robot, at resolved lines, NaN elsewhere: (f,) [dB] and (f,) [deg]."""
+        ratio = np.where(self.resolved, self.response / self.models[model], np.nan)
         return 20.0 * np.log10(np.abs(ratio)), np.degrees(np.angle(ratio))
 
     def in_words(self, model: str) -> str:
@@ -209,7 +213,8 @@ def estimate_response(
         check_clock(log, dt, logs[0].label)
         for name in (input, output):
             if np.ndim(log[name]) != 1:
-                raise InputError(f"{log.label}: {name!r} is no column; name one of {', '.join(log.columns)}")
+                columns = " or ".join(f"{name}_{channel}" for channel in log.names(name))
+                raise InputError(f"{log.label}: {name!r} is no column, but a kind of them; did you mean {columns}?")
             if not is_moving(log[name]):
                 raise InputError(f"{log.label}: column {name!r} stands still, so it has no frequency response")
     length = min(sum(map(len, logs)) // SEGMENTS, shortest // QUARTERS)
@@ -272,30 +277,39 @@ def plot_responses(responses: Sequence[LogResponse], style: Mapping[Any, Any] = 
         for k, (panels, one) in enumerate(zip(stacks, shown)):
             level, phase, coherence = panels
             f, known, h = one.frequency[one.band], one.resolved[one.band], one.response[one.band]
-            measured, look = np.where(known, 1.0, np.nan), {"color": MEASURED["color"], "alpha": 0.18, "lw": 0}
-            angle = np.interp(f, f[known], np.degrees(np.unwrap(np.angle(h[known]))))
+            look, dots = {"color": MEASURED["color"], "alpha": 0.18, "lw": 0}, MEASURED | {"marker": ".", "ms": 2.5}
             low, high = (20.0 * np.log10(np.maximum(end[one.band], 1e-300)) for end in (one.low, one.high))
             level.fill_between(f, low, high, where=known, **look)
-            spread = np.degrees(np.arcsin(np.minimum(one.radius[one.band] / np.abs(h), 1.0)))
-            phase.fill_between(f, angle - spread, angle + spread, where=known, **look)
+            level.plot(f, np.where(known, 20.0 * np.log10(np.abs(h)), np.nan), **dots, label="measured")
+            angle, spread = np.degrees(
+                [np.unwrap(np.angle(h[known])), np.arcsin((one.radius[one.band] / np.abs(h))[known])]
+            )
+            phase.fill_between(f[known], angle - spread, angle + spread, **look)
+            phase.plot(f[known], angle, **dots)
             for name, found in one.models.items():  # above what was measured: visible where it lies on that
                 line = STYLES.get(name, {"color": "#009e73"}) | {"label": name, "zorder": 3}
                 level.plot(f, 20.0 * np.log10(np.abs(found[one.band])), **line)
-                turn = np.degrees(np.unwrap(np.angle(found[one.band] / np.exp(1j * np.radians(angle)))))
-                phase.plot(f, angle + turn, **line)
-            level.plot(f, measured * 20.0 * np.log10(np.abs(h)), **MEASURED, label="measured")
-            phase.plot(f, measured * angle, **MEASURED)
+                phase.plot(f[known], angle - one.gap(name)[1][one.resolved], **line)
             coherence.plot(f, one.coherence[one.band], **MEASURED)
             coherence.set_ylim(0.0, 1.05)
             level.set_title(f"{one.input} → {one.output} [{one.unit}]".replace("_", " "), fontsize=8.5)
-            ticks, ends = [tick for tick in TICKS if f[0] <= tick <= f[-1]], (f[0], f[-1] if len(f) > 1 else 2.0 * f[0])
             for axes, label in zip(panels, ("Gain [dB]", "Phase [°]", "Coherence")):
-                axes.set(xscale="log", xlim=ends, xticks=ticks, ylabel=label if k % columns == 0 else "")
-                axes.xaxis.set_major_formatter("{x:g}")
-                axes.xaxis.set_minor_formatter("")
+                axes.set(xscale="log", xlim=(f[0], f[-1] if len(f) > 1 else 2.0 * f[0]))
+                axes.set_ylabel(label if k % columns == 0 else "")
+                label_ticks(axes.xaxis)
                 axes.tick_params(labelbottom=axes is coherence)
             coherence.set_xlabel("Frequency [Hz]" if k + columns >= len(shown) else "")
         handles = {label: h for axes in grid[::3].flat for h, label in zip(*axes.get_legend_handles_labels())}
         figure.legend(handles.values(), handles.keys(), loc="outside upper right", ncols=4)
         figure.align_ylabels()
     return figure
+
+
+def label_ticks(*scales: Any) -> None:
+    """Labels logarithmic axes of Matplotlib by plain numbers: 1, 2 and 5 of each decade, or 1 of many."""
+    for axis in scales:
+        low, high = axis.get_view_interval()
+        ticks = [tick for tick in TICKS if low <= tick <= high]
+        axis.set_ticks(ticks if len(ticks) <= MOST_TICKS else [tick for tick in TICKS[::3] if low <= tick <= high])
+        axis.set_major_formatter("{x:g}")
+        axis.set_minor_formatter("")

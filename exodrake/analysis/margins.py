@@ -101,6 +101,11 @@ class Margins:
     closed_unstable: int
 
     @property
+    def acts(self) -> bool:
+        """Whether the command acts on the reading."""
+        return bool(self.loop.any())
+
+    @property
     def encirclements(self) -> int:
         """Counter-clockwise encirclements of -1 by L, by Nyquist's criterion."""
         return self.open_unstable - self.closed_unstable

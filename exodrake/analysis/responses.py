@@ -9,6 +9,7 @@ import numpy as np
 from exodrake.analysis.linear_model import FrameMap, FrameModel, OperatingPoint, evaluate
 from exodrake.core.errors import short_repr
 from exodrake.engine.inputs import prepare_values
+from exodrake.model.display import percent
 from exodrake.model.machine import signal_count
 
 BEFORE, AFTER = 10, 300  # frames shown before the step and simulated after it
@@ -19,6 +20,7 @@ DRAWS = 4
 RMS = 0.05  # of the excitation, as a share of the loop's step
 PHASES = 20  # seed of the phases
 HALF_POWER = 0.5**0.5
+BENT = 0.1  # RMS distance of a step from that of the linear model, as a share of it, that deserves a word; assumed
 KICK, KICKED = 0.1, 1000  # reference step of one frame, as a share of the loop's step; frames simulated
 HARD = 1.0  # the same for a loop that a small kick does not move
 
@@ -72,6 +74,26 @@ def step_response(loop: FrameMap, point: OperatingPoint, channel: int) -> StepRe
         steady_error=float(rows[-1, channel] - output[-1, channel]),
         crosstalk=float(others.max(initial=0.0) / abs(size)), command_peak=float(np.abs(command - command[0]).max()),
     )  # fmt: skip
+
+
+def linear_error(model: FrameModel, step: StepResponse) -> float:
+    """RMS distance of a step's output from that of the linear model, as a share of the step."""
+    loop, j = model.loop, model.loop.channels.index(step.channel)
+    frames = step.output[loop.robot.machine.slots - 1 :: loop.robot.machine.slots][BEFORE:, j] - model.point.output[j]
+    system = model.system[model.rows(loop.loop.output)[j], j]
+    linear = control.step_response(system, system.dt * np.arange(len(frames))).outputs
+    return float(np.sqrt(np.mean((frames / step.size - linear) ** 2)))
+
+
+def list_departures(model: FrameModel, steps: tuple[StepResponse, ...], whose: str = "") -> list[str]:
+    """Steps that the linear model of a stable loop does not describe, a sentence each."""
+    unit = model.loop.robot.machine.signal[model.loop.loop.output].unit
+    return [
+        f"a step of {step.size:g} {unit} on {step.channel}{whose} differs from that of the linear model by "
+        f"{percent(error)} RMS, as where a command or a speed reaches its limit: margins hold for smaller ones"
+        for step in steps
+        if model.decides and model.spectral_radius < 1.0 and (error := linear_error(model, step)) >= BENT
+    ]
 
 
 def returns(loop: FrameMap, point: OperatingPoint) -> bool:

@@ -23,9 +23,9 @@ from scipy.optimize import differential_evolution, linprog, minimize
 from exodrake.analysis import linear_model as lm
 from exodrake.analysis.closed_loop import list_remarks
 from exodrake.analysis.margins import decibel, open_loop, open_responses, structured_bound
-from exodrake.analysis.responses import BAND, StepResponse, returns, step_response
+from exodrake.analysis.responses import BAND, BENT, StepResponse, linear_error, list_departures, returns, step_response
 from exodrake.analysis.robustness import Band, band, points_band, within_tolerances
-from exodrake.core.errors import InputError, argument, short_repr
+from exodrake.core.errors import InputError, argument, nearest, short_repr
 from exodrake.core.parallel import one_blas_thread
 from exodrake.core.progress import no_progress
 from exodrake.model.machine import Controller
@@ -43,8 +43,7 @@ LQG_RUNS = 60  # designs that are tried over all plants
 # logarithms of the weights of command and integral, and of the disturbance, in units of the tuned loop's commands
 LQG_BOUNDS = np.log([(1e-4, 1e4), (1e-9, 1.0), (1e-4, 10.0)])
 MOVED = 1.5  # ratio of gain margins over operating points from which gains are scheduled
-BENT = 0.1  # RMS of a step by which the loop may differ from its linear model before effects are left out; assumed
-OWN = "as it is"
+OWN, ASSUMED = "as it is", "assumed gains"  # the robot's controller, and an outer loop that no robot has as yet
 NOISE_FACTOR = 2.0  # noise of the commands that is allowed by default, in units of what the robot has: assumed
 
 
@@ -108,7 +107,7 @@ class Limit:
     """How fast a loop could be, beside the best tuned controller, or the robot as it is without one.
 
     The bound holds for any controller on the linear plant at the machine's own point, without noise, that overshoots no
-    more than required and whose commands and crosstalk are within those of the compared controllers that miss nothing.
+    more than required and whose commands and crosstalk are within those of the tuned controller.
     """
 
     settling: float  # bound, of the slowest channel [s]
@@ -149,7 +148,7 @@ class Tuning:
 
     def __repr__(self) -> str:
         own, best = self.compared[0], self.best or self.compared[0]
-        settles = f"settles in {best.settling:.3g} s (now {own.settling:.3g} s)"
+        settles = f"settles in {best.settling:.3g} s ({own.name}: {own.settling:.3g} s)"
         words = f"best {best.name}, {settles}" if self.best else "none holds all requirements"
         return f"Tuning({self.robot.machine.name}: {len(self.compared)} controllers; {words})\n  {best.word_gains()}"
 
@@ -224,7 +223,8 @@ def tune_structures(
     whole = lm.FrameMap.from_robot(robot)
     loop, known = whole.loop, [c.name for c in whole.loop.controllers]
     if (name := next((name for name in only if name not in known), None)) is not None:
-        raise InputError(f"{robot.machine.name}: no controller {name!r}; there are {', '.join(known)}")
+        there = f"there are {' | '.join(known)}"
+        raise InputError(f"{robot.machine.name}: no controller {name!r}{nearest(name, known)}; {there}")
     rough = find_rough(whole.robot) if whole.robot.effects() and not is_linear(whole.robot) else []
     smooth = whole.robot.without_effects(rough)
     plants = [linearise_plant(smooth, at) for at in loop.points]
@@ -233,7 +233,8 @@ def tune_structures(
         noises = [predict_performance(plant, linearise_law(plant, {})).noise for plant in plants]
         if np.isfinite(noises).any():
             wanted = replace(wanted, noise=NOISE_FACTOR * max(filter(np.isfinite, noises)))
-    compared = [replace(assess(OWN, smooth, {}, wanted, judges), robot=whole.robot)]
+    own = OWN if whole.loop is robot.machine.loop else ASSUMED
+    compared = [replace(assess(own, smooth, {}, wanted, judges), robot=whole.robot)]
     for structure in (c for c in loop.controllers if not only or c.name in only):
         say(structure.name)
         fixed = {**structure.fixed, **compliance(plants[0], structure)}
@@ -244,12 +245,13 @@ def tune_structures(
         changed = whole.robot.with_parameters(named, f"tuned by exodrake as {structure.name}")
         found = assess(structure.name, changed.without_effects(rough), gains, wanted, judges)
         compared.append(replace(found, robot=changed))
-    tuning = Tuning(whole.robot, wanted, tuple(compared), list_remarks(plants[0].model))
+    tuning = Tuning(whole.robot, wanted, tuple(compared))
     best = tuning.best or compared[0]
-    if rough:
-        tuning = replace(tuning, notes=(describe_rough(rough, best), *tuning.notes))
+    notes = [describe_rough(rough, best)] if rough else []
+    notes += list_departures(lm.linearise_robot(best.robot.without_effects(rough)), best.steps, f" of {best.name!r}")
     say("LQG and bound")
-    tuning = replace(tuning, limit=find_limit(plants, best, compared, wanted))
+    limit = find_limit(plants, best, wanted)
+    tuning = replace(tuning, notes=(*notes, *list_remarks(plants[0].model)), limit=limit)
     return replace(tuning, schedule=schedule_gains(plants[: len(loop.points)], tuning))
 
 
@@ -261,20 +263,10 @@ def find_rough(robot: Robot) -> list[str]:
 
 
 def is_linear(robot: Robot) -> bool:
-    """Whether poles decide on stability where a robot rests, and its readings follow the linear model in a step."""
+    """Whether poles decide on stability where a robot rests, and its steps follow the linear model."""
     model = lm.linearise_robot(robot)
-    loop, references = model.loop, model.point.references
-    if not model.decides:
-        return False
-    rest, times = loop.run(model.point.state, references[None])[1][0], model.system.dt * np.arange(FRAMES)
-    for j, row in enumerate(model.rows(loop.loop.measured)):
-        rows = np.tile(references, (FRAMES, 1))
-        rows[:, j] += loop.loop.step
-        moved = (loop.run(model.point.state, rows)[1] - rest)[:, loop.signals[loop.loop.measured]][:, j]
-        linear = loop.loop.step * control.step_response(model.system[row, j], times).outputs
-        if not np.sqrt(np.mean((moved - linear) ** 2)) < BENT * loop.loop.step:
-            return False
-    return True
+    steps = (step_response(model.loop, model.point, j) for j in range(len(model.loop.channels)))
+    return model.decides and all(linear_error(model, step) < BENT for step in steps)
 
 
 def describe_rough(rough: list[str], tuned: Tuned) -> str:
@@ -290,15 +282,15 @@ def describe_rough(rough: list[str], tuned: Tuned) -> str:
     )
 
 
-def find_limit(plants: list[Plant], tuned: Tuned, compared: list[Tuned], wanted: Requirements) -> Limit:
-    """How fast any controller could be that is no rougher than those compared, and how fast LQG is."""
+def find_limit(plants: list[Plant], tuned: Tuned, wanted: Requirements) -> Limit:
+    """How fast any controller could be with the commands and crosstalk of a tuned one, and how fast LQG is."""
     plant, loop, frame = plants[0], plants[0].model.loop, plants[0].system.dt
     size, m = loop.loop.step, len(loop.channels)
-    settling, peak = max(s.settling for s in tuned.steps), max(s.command_peak for s in tuned.steps) / size
-    held = [t for t in compared if not t.missed] or [tuned]
-    widest, crosstalk = (max(v) for v in zip(*((s.command_peak / size, s.crosstalk) for t in held for s in t.steps)))
+    settling, peak, crosstalk = (
+        max(v) for v in zip(*((s.settling, s.command_peak / size, s.crosstalk) for s in tuned.steps))
+    )
     frames = int(np.clip(1.2 * settling / frame, 2, FRAMES)) if np.isfinite(settling) else FRAMES
-    limits = [bound_settling(plant.system, j, widest, wanted.overshoot, crosstalk, frames) for j in range(m)]
+    limits = [bound_settling(plant.system, j, peak, wanted.overshoot, crosstalk, frames) for j in range(m)]
 
     def design(logs: np.ndarray) -> lm.System | None:
         effort, integral, disturbance = np.exp(logs)
@@ -314,9 +306,8 @@ def find_limit(plants: list[Plant], tuned: Tuned, compared: list[Tuned], wanted:
     nominal = [p for p in plants if p.model.loop.robot is loop.robot]
     first = differential_evolution(cost, LQG_BOUNDS, (nominal,), **SEARCH)
     found = minimize(cost, first.x, (plants,), method="Nelder-Mead", options={"maxfev": LQG_RUNS, "xatol": 0.05})
-    own = [max(s.settling for s in t.steps) for t in held]  # read in slots, where the bound counts whole frames
-    bound = float(np.min([max(limits), *own]))
-    limit = partial(Limit, bound, settling, widest, crosstalk)
+    bound = float(np.min([max(limits), settling]))  # the bound counts whole frames, a step is read in slots
+    limit = partial(Limit, bound, settling, peak, crosstalk)
     if (law := design(found.x)) is None:
         return limit(None, ("no LQG design",), None)
     radii, settlings, overshoots, disks, noises = zip(*(astuple(predict_performance(one, law)) for one in plants))

@@ -88,11 +88,13 @@ def show(tuning: exo.Tuning) -> None:
         + (f", noise of a command up to {factor * w.noise:.3g} {unit}" if w.noise is not None else "")
         + (f", settling within {w.settling:g} s" if w.settling is not None else "")
     )
+    own, best = tuning.compared[0], tuning.best
     if (limit := tuning.limit) and math.isfinite(limit.settling):
+        name = (best or own).name
         click.echo(
-            f"bound: {limit.settling:.3g} s on the linear plant without tolerances, where the best needs "
-            f"{limit.tuned:.3g} s: no controller settles sooner that overshoots no more than required, with commands "
-            f"and crosstalk (up to {100.0 * limit.crosstalk:.2g} %) as of those above that miss nothing"
+            f"bound: no controller settles in less than {limit.settling:.3g} s with the commands of {name}, its "
+            f"crosstalk of {100.0 * limit.crosstalk:.2g} % and the overshoot required, on the linear nominal plant "
+            f"without noise; there {name} settles in {limit.tuned:.3g} s"
         )
     if limit and limit.law and (p := limit.lqg):
         click.echo(
@@ -102,10 +104,10 @@ def show(tuning: exo.Tuning) -> None:
         )
     for note in tuning.notes:
         click.echo(f"note: {note}")
-    if (best := tuning.best) is None:
+    if best is None:
         click.echo("no controller holds all of them")
         return
-    click.echo(f"best: {best.name}, settles in {best.settling:.3g} s (now {tuning.compared[0].settling:.3g} s)")
+    click.echo(f"best: {best.name}, settles in {best.settling:.3g} s ({own.name}: {own.settling:.3g} s)")
     click.echo(f"  {best.word_gains()}")
     for point, (gains, settling) in tuning.schedule.items():
         click.echo(f"  scheduled, {point}: {word_gains(gains)}; settles in {settling:.3g} s")

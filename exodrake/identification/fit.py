@@ -151,7 +151,7 @@ class Fit:
             right.imshow(self.correlation, cmap="RdBu_r", vmin=-1.0, vmax=1.0)
             for (i, j), value in np.ndenumerate(self.correlation) if len(self.parameters) <= NUMBERED else ():
                 colour = "white" if abs(value) > 0.7 else "black"
-                right.text(j, i, f"{value:.2f}", ha="center", va="center", fontsize=6.5, color=colour)
+                right.text(j, i, f"{round(value, 2) + 0.0:.2f}", ha="center", va="center", fontsize=6.5, color=colour)
             names = [f"{p.name.split()[0]}  {k + 1}" for k, p in enumerate(self.parameters)]
             right.set_xticks(range(len(names)), [str(k + 1) for k in range(len(names))], fontsize=7)
             right.set_yticks(range(len(names)), names, fontsize=7)
@@ -242,7 +242,8 @@ def fit(
     refuse_alike(jacobian(np.zeros(len(names))))
     spread = spread_starts(base, scales, low, high)
     costs = [float(left @ left) for (left,) in (residual((base + x @ scales)[None]) for x in spread)]
-    minima = [minimise(x) for x in (np.zeros(len(names)), *spread[np.argsort(costs)[:FARTHER]])]
+    starts = [np.zeros(len(names)), *spread[np.argsort(costs)[:FARTHER]]]
+    minima = [minimise(x) for x in starts]
     found = min(minima, key=lambda one: one.cost)
     x, left, slopes = found.x, found.fun, found.jac
     refuse_alike(slopes)
@@ -277,11 +278,11 @@ def fit(
     notes = [*case.notes, *(f"{p.name} ended at a bound" for p in parameters if p.at_bound)]
     advice = f"not converged after {RUNS} evaluations: free fewer parameters, or narrow their bounds"
     notes += [] if found.success else [advice]
-    higher = [one.cost for one in minima if one.cost > (1.0 + HIGHER) * found.cost]
-    if higher:
-        least, most = (f"{2.0 * cost / len(left):.4g}" for cost in (min(higher), max(higher)))
-        words = f"{len(higher)} of {len(minima)} starts ended in another minimum, chi2 {least} to {most}"
-        notes.append(f"{words}: the values that count may not be those of the deepest one")
+    higher = [(x0, one) for x0, one in zip(starts, minima) if one.cost > (1.0 + HIGHER) * found.cost]
+    outcomes = {False: "ended in another minimum", True: "did not move, as at a bound or a limit that is not reached"}
+    for stays, words in outcomes.items():
+        if sizes := [2.0 * m.cost / len(left) for x0, m in higher if (np.abs(m.x - x0).max() < AT_BOUND) == stays]:
+            notes.append(f"{len(sizes)} of {len(minima)} starts {words}: chi2 {min(sizes):.4g} to {max(sizes):.4g}")
     return Fit(
         case.name, problem.stated.with_parameters(values, f"fitted to {case.name}"), parameters,
         covariance * np.outer(size, size), compare_signals(problem, np.array([base, fitted])), scales / size[:, None],

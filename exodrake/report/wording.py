@@ -131,15 +131,6 @@ def name_place(diagnosis: Diagnosis, effect: NamedEffect) -> tuple[str, str]:
     return f"{effect.kind or shorten_id(effect.id)} ({effect.id})", place
 
 
-def block_words(diagnosis: Diagnosis) -> str:
-    """A sentence that says in which parts the effects of a block act which is no part itself, such as `timing`."""
-    block, machine = diagnosis.where.block, diagnosis.machine
-    found = [p.name for p in machine.parts if any(e.block == block for e in machine.effects_on(p))]
-    if not found or block in {p.name for p in machine.parts}:
-        return ""
-    return f" Effects of the {block} act in {plural(len(found), 'part')} {join_words(found)}."
-
-
 def parameter_values(effect: NamedEffect, known: bool = False) -> list[tuple[str, str, str]]:
     """Name, value with unit and 90 % interval of each parameter; channel by channel where their values disagree.
 

@@ -9,13 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from exodrake.data.case import Case
-from exodrake.data.plot import STYLE, new_figure, save_png
+from exodrake.data.plot import IMPROVED, MEASURED, NOMINAL, STYLE, new_figure, save_png
 from exodrake.diagnosis.pipeline import diagnose
 from exodrake.diagnosis.problem import Problem, make_problem
 from exodrake.diagnosis.result import Diagnosis
 from exodrake.machines.robot_file import load_robot
 from exodrake.model.robot import Robot
-from exodrake.report.blocks import AFTER, BEFORE, MEASURED
 from studies.real_machines.growing_models import growing_models, predicted
 from studies.real_machines.recordings import READERS
 
@@ -287,13 +286,13 @@ def over_time(path: Path, time: np.ndarray, panels: Sequence[tuple], errors: boo
         heights = [2, 1] * len(panels) if errors else None
         axes = figure.subplots(step * len(panels), 1, sharex=True, squeeze=False, height_ratios=heights)[:, 0]
         for k, (label, measured, nominal, improved) in enumerate(panels):
-            axes[step * k].plot(time, nominal, color=BEFORE, lw=1.0, label="nominal")
-            axes[step * k].plot(time, measured, color=MEASURED, lw=1.4, label="measured")
-            axes[step * k].plot(time, improved, color=AFTER, lw=1.0, ls="--", label="improved")
+            axes[step * k].plot(time, measured, **MEASURED, label="measured")
+            axes[step * k].plot(time, nominal, **NOMINAL, label="nominal")
+            axes[step * k].plot(time, improved, **IMPROVED, label="improved")
             axes[step * k].set_ylabel(label)
             if errors:
-                axes[step * k + 1].plot(time, measured - improved, color=AFTER, lw=0.8)
-                axes[step * k + 1].axhline(0.0, color=MEASURED, lw=0.5)
+                axes[step * k + 1].plot(time, measured - improved, color=IMPROVED["color"], lw=0.8)
+                axes[step * k + 1].axhline(0.0, color=MEASURED["color"], lw=0.5)
                 axes[step * k + 1].set_ylabel("error left")
         axes[0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3)
         axes[-1].set_xlabel("time [s]")
@@ -310,8 +309,8 @@ def loops(path: Path, panels: Sequence[tuple]) -> None:
         figure = new_figure(2.6 * len(panels), 2.9)
         axes = figure.subplots(1, len(panels), sharex=True, sharey=True, squeeze=False)[0]
         for axis, (title, command, measured, predicted) in zip(axes, panels, strict=True):
-            axis.plot(command, measured, color=MEASURED, lw=1.4, label="measured")
-            axis.plot(command, predicted, color=AFTER, lw=1.0, ls="--", label="predicted")
+            axis.plot(command, measured, **MEASURED, label="measured")
+            axis.plot(command, predicted, **IMPROVED, label="predicted")
             axis.set_title(title)
             axis.set_xlabel("command [°]")
         axes[0].set_ylabel("angle [°]")
