@@ -149,7 +149,7 @@ def diagnose_many(
         failed = diagnose_all(places, jobs, cluster, count, redo, robot, tried, allow_outside, report_html, typed)
     rows, answers = [], []
     for place in places.values():
-        none = {"verdict": FAILURE, "reasons": [failed.get(place.name, "")], **NO_ANSWER}
+        none: dict[str, Any] = {"verdict": FAILURE, "reasons": [failed.get(place.name, "")], **NO_ANSWER}
         answer, causes = (read_stored(place) or none) | {"case": place.name}, []
         answers.append(answer)
         for effect in (e for e in answer["effects"] if e.get("role", CAUSE) == CAUSE):
