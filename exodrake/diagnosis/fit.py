@@ -5,7 +5,7 @@ within a box, a trust region: damping by the curvature does not hold one back th
 not reached. The nominal Jacobian is expensive and changes little: it is given with the start and corrected after each
 step (Broyden 1965). The few columns of the effects are simulated at each step.
 
-Where no joint of a machine moves another, each joint is a fit of its own: a step, and a start, is taken joint by joint.
+Where joints are separate (`Machine.separate`), each is a fit of its own: a step, and a start, is taken joint by joint.
 """
 
 from __future__ import annotations
@@ -223,7 +223,7 @@ class Groups:
 
     @classmethod
     def of(cls, likelihood: Likelihood, e: Explanation) -> Groups:
-        """One group, or one for each joint where no joint moves another and none shares a parameter."""
+        """One group, or one for each joint where joints are separate and none shares a parameter."""
         one = cls(np.zeros(len(e.residual), dtype=int), np.zeros(len(e.x), dtype=int), 1)
         machine = likelihood.robot.machine
         if not machine.separate:

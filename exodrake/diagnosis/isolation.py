@@ -87,13 +87,24 @@ class Isolation:
 
     def excess(self, robot: np.ndarray) -> float:
         """What a robot leaves beyond `NEGLIGIBLE` in its worst channel, over the whole logs; negligible below 0."""
-        return float(excess(self.whole, robot, self.likelihood)[0])
+        return float(self.excess_by_column(robot).max())
+
+    def excess_by_column(self, robot: np.ndarray) -> np.ndarray:
+        """The same of each channel (columns,)."""
+        return excess_by_column(self.whole, robot, self.likelihood)[0]
 
 
 def excess(
     problem: Problem, robot: np.ndarray, likelihood: Likelihood, shares: Sequence[float] | np.ndarray = (1.0,)
 ) -> np.ndarray:
-    """What a robot leaves beyond noise and `NEGLIGIBLE` in its worst column [noise variances], over parts of the logs.
+    """What a robot leaves in its worst column (n,), see `excess_by_column`."""
+    return excess_by_column(problem, robot, likelihood, shares).max(axis=1)
+
+
+def excess_by_column(
+    problem: Problem, robot: np.ndarray, likelihood: Likelihood, shares: Sequence[float] | np.ndarray = (1.0,)
+) -> np.ndarray:
+    """What a robot leaves beyond noise and `NEGLIGIBLE` (n, columns) [noise variances], over parts of the logs.
 
     Noise is what simulated runs with noise show (`View.squares`), with their scatter; what the sensors state at least.
 
@@ -109,7 +120,7 @@ def excess(
     noise = np.maximum(runs.mean(axis=0), 1.0) + SAMPLING * runs.std(axis=0, ddof=1)
     counts = [[trial.count_frames(share) for trial in problem.fit] for share in shares]
     means = [np.concatenate([log[:n] for log, n in zip(logs, each)]).mean(axis=0) for each in counts]
-    return np.max(means - noise - NEGLIGIBLE**2, axis=1)
+    return np.array(means) - noise - NEGLIGIBLE**2
 
 
 def retune(problem: Problem, x: np.ndarray | None = None) -> tuple[Explanation, defaultdict[str, float]]:

@@ -158,24 +158,34 @@ class Likelihood:
         """Reduced chi-square (views,) of a residual (samples,)."""
         return np.array([float(np.mean(part**2)) for part in self.split(residual)])
 
-    def excess_by_joint(self, residual: np.ndarray) -> np.ndarray:
-        """What a residual (samples,) leaves above noise [noise variances], views in the mean.
+    @cached_property
+    def cells(self) -> list[list[np.ndarray]]:
+        """Indices of the samples of each log in each view, of each joint apart where these are separate.
 
-        Of each joint (joints,) where none moves another, else of all together (1,).
+        One list for each log: the joints of the first view, then those of the next.
         """
-        masks = self.samples_of_joints() if self.robot.machine.separate else []
-        parts = [zip(self.split(residual), self.split(m), strict=True) for m in masks or [np.full(len(residual), True)]]
-        return np.array([np.mean([max(np.mean(part[own] ** 2) - 1.0, 0.0) for part, own in some]) for some in parts])
+        joints = self.samples_of_joints() if self.robot.machine.separate else []
+        found = defaultdict[int, list[np.ndarray]](list)
+        for _, k, some in self.blocks:
+            found[k] += [some.start + np.flatnonzero(own[some]) for own in joints or [np.full(self.samples, True)]]
+        return list(found.values())
 
     @cached_property
     def samples_by_log(self) -> np.ndarray:
-        """Number of samples (logs, views)."""
-        return np.array([[trial.measured.size for trial in view.problem.fit] for view in self.views]).T
+        """Number of samples (logs, cells)."""
+        return np.array([[len(cell) for cell in log] for log in self.cells])
 
     def chi2_by_log(self, residual: np.ndarray) -> np.ndarray:
-        """Mean squares (logs, views) of a residual (samples,)."""
-        found = np.array([np.mean(residual[some] ** 2) for _, _, some in self.blocks])
-        return found.reshape(len(self.views), -1).T
+        """Mean squares (logs, cells) of a residual (samples,)."""
+        return np.array([[np.mean(residual[cell] ** 2) for cell in log] for log in self.cells])
+
+    def excess_by_joint(self, residual: np.ndarray) -> np.ndarray:
+        """What a residual (samples,) leaves above noise [noise variances], views in the mean.
+
+        Of each joint (joints,) where these are separate, else of all together (1,).
+        """
+        squares = np.average(self.chi2_by_log(residual), axis=0, weights=self.samples_by_log)
+        return np.maximum(squares - 1.0, 0.0).reshape(len(self.views), -1).mean(axis=0)
 
     def mean_log(self, residual: np.ndarray) -> float:
         """Mean logarithm of the reduced chi-squares of all views of a residual (samples,), above the noise."""

@@ -9,7 +9,7 @@ and the most promising ones are fitted. Evidence is that of the linear model abo
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 
@@ -131,7 +131,7 @@ class Search:
         expanded: sets beside which further effects were tried, and effects in whose place.
         barred: laws for which a plainer one of their kind stands.
         known: evidence of sets by the memory that counts [nats].
-        squares: mean squares (logs, views) of what sets leave.
+        squares: mean squares of what sets leave, as `Likelihood.chi2_by_log`.
         beside: the fit that was grown last, and directions of effects there.
         progress: called with the stage and what it works on.
     """
@@ -162,14 +162,34 @@ class Search:
         return linearise(self.likelihood.for_stage("linearise"), e.robot, self.effects, e.residual, self.share)
 
     def measure_left(self, fitted: Fitted) -> float:
-        """Share of the gap beyond retuning that a set leaves, the mean of the views that have one."""
+        """Share of the gap beyond retuning that a set leaves, the views and separate joints in the mean."""
         return float(self.left_by_log(fitted)[0])
 
     def left_by_log(self, fitted: Fitted, before: np.ndarray | None = None) -> np.ndarray:
         """The same (1 + logs,): by all logs, and with each of several logs left out.
 
-        A view counts by its gap, fully where that is large against a negligible one. Noise is what the best set leaves
-        where that is less than expected. before: mean squares (logs, views) of a robot in the place of the retuned one.
+        before: mean squares (logs, cells) of a robot in the place of the retuned one.
+        """
+        found = self.left_in_cells(fitted, before)
+        return np.array([float(weight @ left / max(weight.sum(), 1e-12)) for weight, left in found])
+
+    def left_by_joint(self, fitted: Fitted) -> np.ndarray:
+        """The same of each joint (joints,) where joints are separate, else of all together (1,).
+
+        In shares of what counts of the joint with the largest gap: a joint without one has none.
+        """
+        weight, left = next(self.left_in_cells(fitted))
+        weights, parts = (x.reshape(len(self.whole.views), -1).sum(axis=0) for x in (weight, weight * left))
+        return parts / max(weights.max(), 1e-12)
+
+    def left_in_cells(
+        self, fitted: Fitted, before: np.ndarray | None = None
+    ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        """Weights and shares of the gap that a set leaves (cells,), by all logs, and with each of several left out.
+
+        A view, and each of separate joints, counts by its gap, fully where that is large against a negligible
+        one: the largest gap does not hide another joint's. Noise is what the best set leaves where that is less than
+        expected.
         """
         self.measure()
         before = self.squares[self.none] if before is None else before
@@ -177,14 +197,10 @@ class Search:
         count = len(mine)
         whole = [(self.squares[f] * samples).sum(axis=0) / samples.sum(axis=0) for f in self.sets.values()]
         floor = np.minimum(np.min(whole, axis=0), 1.0)
-        keep = [np.ones(count, dtype=bool), *(np.arange(count) != k for k in range(count) if count > 1)]
-        found = []
-        for logs in keep:
+        for logs in (np.ones(count, dtype=bool), *(np.arange(count) != k for k in range(count) if count > 1)):
             n = samples[logs].sum(axis=0)
             gap, left = (np.maximum((x * samples)[logs].sum(axis=0) / n - floor, 0.0) for x in (before, mine))
-            weight = gap / (gap + NEGLIGIBLE**2)
-            found.append(float(weight @ (left / np.maximum(gap, 1e-12)) / max(weight.sum(), 1e-12)))
-        return np.array(found)
+            yield gap / (gap + NEGLIGIBLE**2), left / np.maximum(gap, 1e-12)
 
     def measure(self) -> None:
         """Measure what each set leaves over the whole logs, where that is not known yet."""
@@ -272,8 +288,7 @@ class Search:
         """Whether a set is better than another: more evidence, enough more if it has `more` effects.
 
         One effect more is one choice among all that the machine has, and no more as likely without it. It takes up
-        `GAIN` of what is left, in one joint at least where joints are separate: the largest gap does not hide another
-        joint's.
+        `GAIN` of what is left, in one joint at least where joints are separate.
         """
         more = len(a.effects) - len(b.effects) if more is None else more
         memory = a.memory if more > 0 else b.memory if more < 0 else min(a.memory, b.memory)

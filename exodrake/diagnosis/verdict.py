@@ -3,11 +3,11 @@
     left(S)        share of the gap beyond retuning that a set leaves (`Search.left`)
 
 An effect of the best set S takes up left(S without it) - left(S), where a set leaves no more than a part of it does.
-It is a cause where that is a tenth of the gap, or most of what is left without it and more than the errors of the
-other causes' laws may leave. Other effects of S are refinements. Causes divide into shares what they take up
-together. A rival of a cause stands in its place in a set that leaves no more than S and the error of a law, or is as
-likely. Beside a verdict stand the parameters that retuning moved, and the explanations that the logs do not tell
-apart.
+It is a cause where that is a tenth of the gap, of one joint at least where joints are separate, or most of what is
+left without it and more than the errors of the other causes' laws may leave. Other effects of S are refinements.
+Causes divide into shares what they take up together. A rival of a cause stands in its place in a set that leaves no
+more than S and the error of a law, or is as likely. Beside a verdict stand the parameters that retuning moved, and the
+explanations that the logs do not tell apart.
 """
 
 from __future__ import annotations
@@ -172,7 +172,8 @@ def divide_gap(found: Isolation, best: Fitted) -> tuple[Part, ...]:
     """Effects of a set, causes first, the largest first.
 
     A small effect is a cause where what is left without it is visible and no error of another one's law: it takes up
-    most of that, and more than laws err by. Lost commands that were decoded have no such law.
+    most of that, and more than laws err by. Lost commands that were decoded have no such law. Where joints are
+    separate, it is one that is a cause in one of them.
     What causes take up together is divided by what each takes up alone and what is left without it, in the mean: of
     two that stand in for each other neither is lost.
     """
@@ -185,13 +186,15 @@ def divide_gap(found: Isolation, best: Fitted) -> tuple[Part, ...]:
     none, left = measure(search.none), measure(best)
     smaller = {i: search.best_within(best.effects - {i}) for i in best.explanation.effects}
     gains = {i: measure(fitted) - left for i, fitted in smaller.items()}
-    roles, after = {}, found.excess(best.explanation.robot)
-    for effect, gain in gains.items():
-        others = sum(min(float(g[0]), 1.0) for i, g in gains.items() if i not in (effect, *found.whole.counted))
-        small = gain[0] >= LAW**2 * others and (after < 0.0 or gain[0] >= MOST * (left[0] + gain[0]))
-        before = found.excess(smaller[effect].explanation.robot)
-        seen = gain[0] >= LARGE or (small and before > max(after + NEGLIGIBLE**2, 0.0))
-        roles[effect] = CAUSE if seen else REFINEMENT
+    roles, after = {}, found.excess_by_column(best.explanation.robot)
+    rest = found.beside_detections * search.left_by_joint(best)
+    gained = {i: found.beside_detections * search.left_by_joint(fitted) - rest for i, fitted in smaller.items()}
+    for effect, gain in gained.items():
+        others = sum(np.minimum(g, 1.0) for i, g in gained.items() if i not in (effect, *found.whole.counted))
+        small = (gain >= LAW**2 * others) & (bool(after.max() < 0.0) | (gain >= MOST * (rest + gain)))
+        before = found.excess_by_column(smaller[effect].explanation.robot)
+        visible = bool(np.any(before > np.maximum(after + NEGLIGIBLE**2, 0.0)))
+        roles[effect] = CAUSE if np.any((gain >= LARGE) | (small & visible)) else REFINEMENT
     alone = {i: none - measure(search.sets.get(frozenset([i]), search.none)) for i in gains}
     weight = {i: np.maximum(alone[i], 0.0) + np.maximum(gains[i], 1e-9) for i in gains if roles[i] == CAUSE}
     together = none - left - sum(np.maximum(g, 0.0) for i, g in gains.items() if roles[i] == REFINEMENT)
