@@ -15,7 +15,6 @@ import exodrake as exo
 from exodrake.cli import options
 from exodrake.core.errors import InputError
 from exodrake.core.progress import Stage, show_count, stages, where_to_run
-from exodrake.core.schema import having, read_json
 
 FILES = _, REPORT, IMPROVED = "diagnosis.json", "report.html", "improved.yaml"  # of the answer to one case
 FLEET, DIAGNOSED = "fleet.html", Path("diagnosed")
@@ -150,7 +149,8 @@ def diagnose_many(
     rows, answers = [], []
     for place in places.values():
         none: dict[str, Any] = {"verdict": FAILURE, "reasons": [failed.get(place.name, "")], **NO_ANSWER}
-        answer, causes = (read_stored(place) or none) | {"case": place.name}, []
+        answer: dict[str, Any] = (read_stored(place) or none) | {"case": place.name}
+        causes = []
         answers.append(answer)
         for effect in (e for e in answer["effects"] if e.get("role", CAUSE) == CAUSE):
             names = " or ".join([effect["id"], *(rival["id"] for rival in effect.get("rivals") or ())])
@@ -198,23 +198,14 @@ def summarise_fleet(sources, out, table) -> object:
     folders of these, or the one table that --table made. A case belongs to the robot that `serial:` names in its
     case.yaml, else to one of its own; `date:` orders them.
     """
-    from exodrake.diagnosis.fleet import find_answers, read_answers, read_row, read_table, sort_rows, table_bytes
-    from exodrake.diagnosis.many import line
+    from exodrake.diagnosis.fleet import find_answers, read_answers, read_table, table_bytes
     from exodrake.report.fleet import find_reports, fleet_html, members, robot_table
 
     tabled = len(sources) == 1 and sources[0].suffix.lower() != ".json" and not sources[0].is_dir()
-    rows, single = read_table(sources[0]) if tabled else [], []  # single: all sources but lists
-    for source in () if tabled else sources:
-        content = read_json(source) if source.suffix.lower() == ".json" and source.is_file() else None
-        if isinstance(content, list):
-            rows += [read_row(one, having({"case": line}, ("case",))(one, str(source))["case"]) for one in content]
-        else:
-            single.append(source)
-    if not tabled:
-        rows = sort_rows(rows + (read_answers(*(single or sources)) if single or not rows else []))
+    rows = read_table(sources[0]) if tabled else read_answers(*sources)
     files: dict[Path, str | bytes] = {table: table_bytes(rows)} if table else {}
     if out:
-        links = find_reports(find_answers(*single), out)
+        links = find_reports({} if tabled else find_answers(*sources), out)
         title = sources[0].resolve().name if len(sources) == 1 else f"{len(sources)} folders or files"
         files[out] = fleet_html(rows, title, links)
     shown = robot_table(members(rows))  # of its columns the first four

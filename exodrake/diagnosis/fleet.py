@@ -102,8 +102,8 @@ def find_answers(*sources: str | Path) -> dict[str, Path]:
     """Files of answers and failures by the name of their case; several of one name have those of their folders, too.
 
     Args:
-        sources: files that `exodrake diagnose --json` wrote, folders of these or of folders with `diagnosis.json`, and
-            such a folder itself.
+        sources: files that `exodrake diagnose --json` wrote, of one case or of several, folders of these or of folders
+            with `diagnosis.json`, and such a folder itself.
     """
     found: dict[Path, Path] = {}  # place -> file
     for source in map(Path, sources):
@@ -125,7 +125,10 @@ def read_answers(*sources: str | Path) -> list[Row]:
     for name, file in find_answers(*sources).items():
         try:
             content = read_json(file)
-            if file.name == FAILED:
+            if isinstance(content, list):
+                named = ((one, having({"case": line}, ("case",))(one, str(file))["case"]) for one in content)
+                rows += [read_row(one, case) for one, case in named]
+            elif file.name == FAILED:
                 rows.append(Row(name, name, reason=having({"reason": line})(content, str(file)).get("reason", "")))
             else:
                 rows.append(read_row(content, name))
