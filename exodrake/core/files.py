@@ -5,6 +5,7 @@ import hashlib
 import os
 import shutil
 import stat
+import tempfile
 from pathlib import Path
 
 from exodrake.core.errors import InputError
@@ -88,11 +89,11 @@ def check_folder(folder: Path) -> None:
     """InputError unless the folder is one, or can be made, and takes files."""
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder}: a file, wanted a folder")
-    parent = folder
-    while not parent.exists():
-        parent = parent.parent
-    if not parent.is_dir() or not os.access(parent, os.W_OK):
-        raise InputError(f"{folder}: {parent} takes no files")
+    there = next(path for path in (folder, *folder.parents) if path.exists())
+    try:
+        tempfile.TemporaryFile(dir=there).close()  # modes do not say what /proc refuses
+    except OSError:
+        raise InputError(f"{there}: takes no files") from None
 
 
 def write_folder(folder: str | Path, contents: dict[str, bytes]) -> list[Path]:
