@@ -131,6 +131,15 @@ def name_place(diagnosis: Diagnosis, effect: NamedEffect) -> tuple[str, str]:
     return f"{effect.kind or shorten_id(effect.id)} ({effect.id})", place
 
 
+def block_words(diagnosis: Diagnosis) -> str:
+    """A sentence that says in which parts the effects of a block act which is no part itself, such as `timing`."""
+    block, machine = diagnosis.where.block, diagnosis.machine
+    found = [p.name for p in machine.parts if any(e.block == block for e in machine.effects_on(p))]
+    if not found or block in {p.name for p in machine.parts}:
+        return ""
+    return f" Effects of the {block} act in {plural(len(found), 'part')} {join_words(found)}."
+
+
 def parameter_values(effect: NamedEffect, known: bool = False) -> list[tuple[str, str, str]]:
     """Name, value with unit and 90 % interval of each parameter; channel by channel where their values disagree.
 
@@ -210,7 +219,12 @@ def headline(diagnosis: Diagnosis) -> str:
         named = "explains {} of it"
     words, left = "; ".join(said), diagnosis.remainder
     if math.isfinite(left.value):
-        words += f"; {share(left.value)} remains" if left.value >= 0.005 else "; nothing remains"
+        rest = (
+            f"{digits(left.noise_std, 2)} noise standard deviations remain"
+            if left.noise_std > 1.0
+            else "nothing remains"
+        )
+        words += f"; {share(left.value)} remains" if left.value >= 0.005 else f"; {rest}"
         worst = max(diagnosis.closure.signals.items(), key=lambda item: item[1].after / item[1].noise_std, default=None)
         if diagnosis.verdict == result.PARTLY and worst is not None:
             name, ratio = worst[0], digits(worst[1].after / worst[1].noise_std, 2)
