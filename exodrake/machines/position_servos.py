@@ -252,6 +252,6 @@ def make_loop(joints: tuple[str, ...], frame: float, library: tuple[Effect, ...]
             Controller("I, filtered reference", (integral, Gain("joint_loop.lag", frame, 1.0))),
         ),
         latency=next(latency, ""), resolution="reading.step", outer=add_controller,
-        note="the drives cannot be opened: judged is a loop about them, its gains assumed (--set joint_loop.ki=5)",
+        note="the loop inside a servo cannot be changed: this is one about it, gains assumed (--set joint_loop.ki=5)",
     )  # fmt: skip
     return loop

@@ -154,7 +154,7 @@ class Loop:
     resolution: str = ""  # parameter by which the reading is rounded; "" where it is not
     # effects of which limit cycles are predicted, beside the rounding: id -> values [SI] not at default
     nonlinear: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    # adds the controller to a machine whose own drives cannot be opened; None where it has one
+    # adds the controller to a machine whose drives' own loops cannot be changed; None where it has one
     outer: Callable[[Robot], Robot] | None = None
     note: str = ""  # what its reader must know, in a sentence
 
