@@ -10,6 +10,7 @@ from diagnosis_cases import case_of, robot_with
 from exodrake.data.case import gather_logs
 from exodrake.diagnosis import verdict
 from exodrake.diagnosis.isolation import isolate
+from exodrake.diagnosis.pipeline import diagnose
 from exodrake.diagnosis.problem import make_problem
 from exodrake.diagnosis.recorded import with_recorded_ranges
 from exodrake.diagnosis.result import CAUSE, REFINEMENT, Interval
@@ -64,6 +65,16 @@ def test_what_a_set_leaves_is_no_more_than_what_a_part_of_it_does():
     search = SimpleNamespace(sets={key: key for key in left}, measure_left=left.__getitem__)
     assert Search.best_within(search, frozenset({"mass", "gain"})) == {"mass"}
     assert Search.best_within(search, frozenset({"gain"})) == {"gain"}
+
+
+def test_a_small_cause_of_one_joint_is_not_hidden_by_a_larger_gap_of_the_others():
+    robot = load_robot("so101")
+    far = robot.splice("servo.latency", {"frames": 3.0}).splice(
+        "servo.gravity_sag", {"sag": 0.0035}, channels=["Pitch"]
+    )
+    found = diagnose([simulate(far, f"random-motion:seed={k},duration=20", seed=k) for k in (1, 2)], robot)
+    sag = next(e for e in found.effects if e.id == "servo.gravity_sag")
+    assert (sag.role, sag.joints) == (CAUSE, ("Pitch",)) and sag.share.value < 0.02  # of the gap of six joints
 
 
 def test_a_robot_whose_finger_snaps_over_is_retuned_to_its_noise():
