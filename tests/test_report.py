@@ -91,6 +91,9 @@ def test_headline_names_cause_place_share_and_what_remains():
     said = {verdict: wording.headline(diagnosis(verdict)) for verdict in VERDICTS}
     cause = "oad-dependent friction (tendon.capstan_friction) at tendons AF and MF explains"
     assert said[NAMED] == f"L{cause} 91 % of the gap; 6 % remains."
+    found = diagnosis(NAMED)
+    small = wording.headline(replace(found, remainder=replace(found.remainder, value=0.002, noise_std=4.6)))
+    assert small.endswith("; 4.6 noise standard deviations remain.")
     most = "most on tension_AF (1.1 noise standard deviations)"
     assert said[PARTLY] == f"L{cause} 62 % of the gap; 38 % remains in the finger, mostly with speed, {most}."
     assert said[AMBIGUOUS] == (

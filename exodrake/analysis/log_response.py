@@ -36,7 +36,7 @@ MOST_MISSING = 0.1  # share of missing samples, which are read between their nei
 STYLES = {"nominal": NOMINAL, "improved": IMPROVED}
 COLUMNS = 3  # of panels in a figure
 TICKS = [digit * 10.0**power for power in range(-4, 4) for digit in (1, 2, 5)]
-MOST_TICKS = 7  # labels that do not touch in a panel of 2.4 inches
+DECADES = 2.3  # with three labels each, which do not touch in a panel of 2.4 inches
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -306,10 +306,12 @@ def plot_responses(responses: Sequence[LogResponse], style: Mapping[Any, Any] = 
 
 
 def label_ticks(*scales: Any) -> None:
-    """Labels logarithmic axes of Matplotlib by plain numbers: 1, 2 and 5 of each decade, or 1 of many."""
+    """Labels logarithmic axes of Matplotlib by plain numbers, 1, 2 and 5 of each decade where there is room."""
+    from matplotlib.ticker import AutoLocator, LogLocator
+
     for axis in scales:
         low, high = axis.get_view_interval()
-        ticks = [tick for tick in TICKS if low <= tick <= high]
-        axis.set_ticks(ticks if len(ticks) <= MOST_TICKS else [tick for tick in TICKS[::3] if low <= tick <= high])
+        narrow, close = high < 10.0 * low, high < 10.0**DECADES * low
+        axis.set_major_locator(AutoLocator() if narrow else LogLocator(subs=(1.0, 2.0, 5.0) if close else (1.0,)))
         axis.set_major_formatter("{x:g}")
         axis.set_minor_formatter("")
