@@ -142,17 +142,25 @@ class Likelihood:
                 parts.append(mask.ravel())
         return np.concatenate(parts)
 
+    def columns_of_joints(self) -> list[tuple[np.ndarray, ...]]:
+        """Masks (columns,) of each view's columns of each measured joint; none if only one is measured."""
+        columns = [view.problem.columns for view in self.views]
+        channels = {column.rsplit("_", 1)[1] for some in columns for column in some}
+        joints = [j for j in self.robot.machine.axes.joints if j in channels and len(channels) > 1]
+        return [tuple(np.array([c.endswith(f"_{joint}") for c in some]) for some in columns) for joint in joints]
+
     def samples_of_joints(self) -> list[np.ndarray]:
         """Masks (samples,) of the residual's samples of each measured joint; none if only one is measured."""
-        channels = {column.rsplit("_", 1)[1] for view in self.views for column in view.problem.columns}
         found = []
-        for joint in (j for j in self.robot.machine.axes.joints if j in channels and len(channels) > 1):
-            parts = []
-            for view in self.views:
-                own = np.array([column.endswith(f"_{joint}") for column in view.problem.columns])
-                parts += [np.tile(own, len(trial.measured)) for trial in view.problem.fit]
-            found.append(np.concatenate(parts))
+        for own in self.columns_of_joints():
+            parts = zip(self.views, own, strict=True)
+            found.append(np.concatenate([np.tile(o, len(t.measured)) for view, o in parts for t in view.problem.fit]))
         return found
+
+    def any_by_joint(self, seen: np.ndarray) -> np.ndarray:
+        """Whether any of `seen` (columns,) holds, by joint (joints,) where these are separate, else of all (1,)."""
+        joints = self.columns_of_joints() if self.robot.machine.separate else []
+        return np.array([seen[own[0]].any() for own in joints] or [seen.any()])
 
     def chi2(self, residual: np.ndarray) -> np.ndarray:
         """Reduced chi-square (views,) of a residual (samples,)."""

@@ -186,15 +186,19 @@ def divide_gap(found: Isolation, best: Fitted) -> tuple[Part, ...]:
     none, left = measure(search.none), measure(best)
     smaller = {i: search.best_within(best.effects - {i}) for i in best.explanation.effects}
     gains = {i: measure(fitted) - left for i, fitted in smaller.items()}
-    roles, after = {}, found.excess_by_column(best.explanation.robot)
+
+    def leave(fitted: Fitted) -> np.ndarray:
+        """What a set leaves in each channel (columns,) beyond a negligible gap [noise variances]."""
+        return found.excess_by_column(fitted.explanation.robot)
+
+    roles, after, counts = {}, leave(best), search.whole.any_by_joint(leave(search.none) >= 0.0)
     rest = found.beside_detections * search.left_by_joint(best)
     gained = {i: found.beside_detections * search.left_by_joint(fitted) - rest for i, fitted in smaller.items()}
     for effect, gain in gained.items():
         others = sum(np.minimum(g, 1.0) for i, g in gained.items() if i not in (effect, *found.whole.counted))
         small = (gain >= LAW**2 * others) & (bool(after.max() < 0.0) | (gain >= MOST * (rest + gain)))
-        before = found.excess_by_column(smaller[effect].explanation.robot)
-        visible = bool(np.any(before > np.maximum(after + NEGLIGIBLE**2, 0.0)))
-        roles[effect] = CAUSE if np.any((gain >= LARGE) | (small & visible)) else REFINEMENT
+        visible = search.whole.any_by_joint(leave(smaller[effect]) > np.maximum(after + NEGLIGIBLE**2, 0.0))
+        roles[effect] = CAUSE if np.any(counts & ((gain >= LARGE) | (small & visible))) else REFINEMENT
     alone = {i: none - measure(search.sets.get(frozenset([i]), search.none)) for i in gains}
     weight = {i: np.maximum(alone[i], 0.0) + np.maximum(gains[i], 1e-9) for i in gains if roles[i] == CAUSE}
     together = none - left - sum(np.maximum(g, 0.0) for i, g in gains.items() if roles[i] == REFINEMENT)
