@@ -167,25 +167,23 @@ class Likelihood:
         return np.array([float(np.mean(part**2)) for part in self.split(residual)])
 
     @cached_property
-    def cells(self) -> list[list[np.ndarray]]:
-        """Indices of the samples of each log in each view, of each joint apart where these are separate.
-
-        One list for each log: the joints of the first view, then those of the next.
-        """
+    def cells(self) -> list[list[list[np.ndarray]]]:
+        """Indices of the samples of each log, in each view, of each joint where joints are separate, else of all."""
         joints = self.samples_of_joints() if self.robot.machine.separate else []
-        found = defaultdict[int, list[np.ndarray]](list)
+        found = defaultdict[int, list[list[np.ndarray]]](list)
         for _, k, some in self.blocks:
-            found[k] += [some.start + np.flatnonzero(own[some]) for own in joints or [np.full(self.samples, True)]]
+            own = [joint[some] for joint in joints] or [np.full(some.stop - some.start, True)]
+            found[k].append([some.start + np.flatnonzero(mask) for mask in own])
         return list(found.values())
 
     @cached_property
     def samples_by_log(self) -> np.ndarray:
-        """Number of samples (logs, cells)."""
-        return np.array([[len(cell) for cell in log] for log in self.cells])
+        """Number of samples (logs, views, joints) of `cells`."""
+        return np.array([[[len(cell) for cell in view] for view in log] for log in self.cells])
 
     def chi2_by_log(self, residual: np.ndarray) -> np.ndarray:
-        """Mean squares (logs, cells) of a residual (samples,)."""
-        return np.array([[np.mean(residual[cell] ** 2) for cell in log] for log in self.cells])
+        """Mean squares (logs, views, joints) of `cells` of a residual (samples,)."""
+        return np.array([[[np.mean(residual[cell] ** 2) for cell in view] for view in log] for log in self.cells])
 
     def excess_by_joint(self, residual: np.ndarray) -> np.ndarray:
         """What a residual (samples,) leaves above noise [noise variances], views in the mean.
@@ -193,7 +191,7 @@ class Likelihood:
         Of each joint (joints,) where these are separate, else of all together (1,).
         """
         squares = np.average(self.chi2_by_log(residual), axis=0, weights=self.samples_by_log)
-        return np.maximum(squares - 1.0, 0.0).reshape(len(self.views), -1).mean(axis=0)
+        return np.maximum(squares - 1.0, 0.0).mean(axis=0)
 
     def mean_log(self, residual: np.ndarray) -> float:
         """Mean logarithm of the reduced chi-squares of all views of a residual (samples,), above the noise."""

@@ -9,7 +9,7 @@ and the most promising ones are fitted. Evidence is that of the linear model abo
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 
@@ -162,45 +162,48 @@ class Search:
         return linearise(self.likelihood.for_stage("linearise"), e.robot, self.effects, e.residual, self.share)
 
     def measure_left(self, fitted: Fitted) -> float:
-        """Share of the gap beyond retuning that a set leaves, the views and separate joints in the mean."""
+        """Share of the gap beyond retuning that a set leaves, the mean of the views that have one."""
         return float(self.left_by_log(fitted)[0])
 
     def left_by_log(self, fitted: Fitted, before: np.ndarray | None = None) -> np.ndarray:
         """The same (1 + logs,): by all logs, and with each of several logs left out.
 
-        before: mean squares (logs, cells) of a robot in the place of the retuned one.
+        before: mean squares of a robot in the place of the retuned one, as `Likelihood.chi2_by_log`.
         """
-        found = self.left_in_cells(fitted, before)
-        return np.array([float(weight @ left / max(weight.sum(), 1e-12)) for weight, left in found])
+        count, found = len(self.whole.cells), []
+        for logs in (np.ones(count, dtype=bool), *(np.arange(count) != k for k in range(count) if count > 1)):
+            weight, left = (x[:, 0] for x in self.left_in_views(fitted, logs, together=True, before=before))
+            found.append(float(weight @ left / max(weight.sum(), 1e-12)))
+        return np.array(found)
 
     def left_by_joint(self, fitted: Fitted) -> np.ndarray:
         """The same of each joint (joints,) where joints are separate, else of all together (1,).
 
         In shares of what counts of the joint with the largest gap: a joint without one has none.
         """
-        weight, left = next(self.left_in_cells(fitted))
-        weights, parts = (x.reshape(len(self.whole.views), -1).sum(axis=0) for x in (weight, weight * left))
-        return parts / max(weights.max(), 1e-12)
+        weight, left = self.left_in_views(fitted, np.ones(len(self.whole.cells), dtype=bool), together=False)
+        return (weight * left).sum(axis=0) / max(weight.sum(axis=0).max(), 1e-12)
 
-    def left_in_cells(
-        self, fitted: Fitted, before: np.ndarray | None = None
-    ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        """Weights and shares of the gap that a set leaves (cells,), by all logs, and with each of several left out.
+    def left_in_views(
+        self, fitted: Fitted, logs: np.ndarray, together: bool, before: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Weights and shares of the gap (views, joints) that a set leaves in some logs (mask).
 
-        A view, and each of separate joints, counts by its gap, fully where that is large against a negligible
-        one: the largest gap does not hide another joint's. Noise is what the best set leaves where that is less than
-        expected.
+        A view counts by its gap, fully where that is large against a negligible one. Noise is what the best set leaves
+        where that is less than expected. together: all joints as one (views, 1).
         """
         self.measure()
-        before = self.squares[self.none] if before is None else before
-        mine, samples = self.squares[fitted], self.whole.samples_by_log
-        count = len(mine)
-        whole = [(self.squares[f] * samples).sum(axis=0) / samples.sum(axis=0) for f in self.sets.values()]
-        floor = np.minimum(np.min(whole, axis=0), 1.0)
-        for logs in (np.ones(count, dtype=bool), *(np.arange(count) != k for k in range(count) if count > 1)):
-            n = samples[logs].sum(axis=0)
-            gap, left = (np.maximum((x * samples)[logs].sum(axis=0) / n - floor, 0.0) for x in (before, mine))
-            yield gap / (gap + NEGLIGIBLE**2), left / np.maximum(gap, 1e-12)
+        samples = self.whole.samples_by_log
+
+        def mean(squares: np.ndarray, some: np.ndarray) -> np.ndarray:
+            sums, n = ((x * samples)[some].sum(axis=0) for x in (squares, np.ones_like(squares)))
+            return sums.sum(axis=1, keepdims=True) / n.sum(axis=1, keepdims=True) if together else sums / n
+
+        least = [mean(self.squares[f], np.ones(len(samples), dtype=bool)) for f in self.sets.values()]
+        floor = np.minimum(np.min(least, axis=0), 1.0)
+        squares = self.squares[self.none] if before is None else before, self.squares[fitted]
+        gap, left = (np.maximum(mean(x, logs) - floor, 0.0) for x in squares)
+        return gap / (gap + NEGLIGIBLE**2), left / np.maximum(gap, 1e-12)
 
     def measure(self) -> None:
         """Measure what each set leaves over the whole logs, where that is not known yet."""
