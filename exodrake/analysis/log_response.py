@@ -138,7 +138,7 @@ def frequency_response(
         >>> import exodrake as exo
         >>> log = exo.simulate(exo.load_robot(), "random-motion")
         >>> exo.frequency_response(log, "tension_AF", "angle_PIP")
-        LogResponse(tension_AF -> angle_PIP: 125 lines, resolved at 0.2 to 2.8 Hz)
+        LogResponse(tension_AF -> angle_PIP: 125 lines, resolved at 0.2 to 1 Hz)
     """
     for name, value in (("robot", robot), ("improved", improved)):
         argument(name, value, Robot, type(None))
