@@ -143,14 +143,16 @@ class Likelihood:
         return np.concatenate(parts)
 
     def columns_of_joints(self) -> list[tuple[np.ndarray, ...]]:
-        """Masks (columns,) of each view's columns of each measured joint; none if only one is measured."""
+        """Masks (columns,) of each view's columns, of each measured joint of several that are separate."""
+        if not self.robot.machine.separate:
+            return []
         columns = [view.problem.columns for view in self.views]
         channels = {column.rsplit("_", 1)[1] for some in columns for column in some}
         joints = [j for j in self.robot.machine.axes.joints if j in channels and len(channels) > 1]
         return [tuple(np.array([c.endswith(f"_{joint}") for c in some]) for some in columns) for joint in joints]
 
     def samples_of_joints(self) -> list[np.ndarray]:
-        """Masks (samples,) of the residual's samples of each measured joint; none if only one is measured."""
+        """Masks (samples,) of the residual's samples of the joints of `columns_of_joints`."""
         found = []
         for own in self.columns_of_joints():
             parts = zip(self.views, own, strict=True)
@@ -159,8 +161,7 @@ class Likelihood:
 
     def any_by_joint(self, seen: np.ndarray) -> np.ndarray:
         """Whether any of `seen` (columns,) holds, by joint (joints,) where these are separate, else of all (1,)."""
-        joints = self.columns_of_joints() if self.robot.machine.separate else []
-        return np.array([seen[own[0]].any() for own in joints] or [seen.any()])
+        return np.array([seen[own[0]].any() for own in self.columns_of_joints()] or [seen.any()])
 
     def chi2(self, residual: np.ndarray) -> np.ndarray:
         """Reduced chi-square (views,) of a residual (samples,)."""
@@ -169,11 +170,9 @@ class Likelihood:
     @cached_property
     def cells(self) -> list[list[list[np.ndarray]]]:
         """Indices of the samples of each log, in each view, of each joint where joints are separate, else of all."""
-        joints = self.samples_of_joints() if self.robot.machine.separate else []
-        found = defaultdict[int, list[list[np.ndarray]]](list)
+        joints, found = self.samples_of_joints() or [np.full(self.samples, True)], defaultdict[int, list](list)
         for _, k, some in self.blocks:
-            own = [joint[some] for joint in joints] or [np.full(some.stop - some.start, True)]
-            found[k].append([some.start + np.flatnonzero(mask) for mask in own])
+            found[k].append([some.start + np.flatnonzero(own[some]) for own in joints])
         return list(found.values())
 
     @cached_property

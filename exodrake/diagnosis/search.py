@@ -161,27 +161,35 @@ class Search:
         e = self.none.explanation
         return linearise(self.likelihood.for_stage("linearise"), e.robot, self.effects, e.residual, self.share)
 
+    @property
+    def every(self) -> np.ndarray:
+        """Mask of all logs."""
+        return np.ones(len(self.whole.cells), dtype=bool)
+
     def measure_left(self, fitted: Fitted) -> float:
         """Share of the gap beyond retuning that a set leaves, the mean of the views that have one."""
-        return float(self.left_by_log(fitted)[0])
+        return self.left_in_logs(fitted, self.every)
 
     def left_by_log(self, fitted: Fitted, before: np.ndarray | None = None) -> np.ndarray:
         """The same (1 + logs,): by all logs, and with each of several logs left out.
 
         before: mean squares of a robot in the place of the retuned one, as `Likelihood.chi2_by_log`.
         """
-        count, found = len(self.whole.cells), []
-        for logs in (np.ones(count, dtype=bool), *(np.arange(count) != k for k in range(count) if count > 1)):
-            weight, left = (x[:, 0] for x in self.left_in_views(fitted, logs, together=True, before=before))
-            found.append(float(weight @ left / max(weight.sum(), 1e-12)))
-        return np.array(found)
+        count = len(self.every)
+        fewer = (np.arange(count) != k for k in range(count) if count > 1)
+        return np.array([self.left_in_logs(fitted, logs, before) for logs in (self.every, *fewer)])
+
+    def left_in_logs(self, fitted: Fitted, logs: np.ndarray, before: np.ndarray | None = None) -> float:
+        """The same in some logs (mask)."""
+        weight, left = (x[:, 0] for x in self.left_in_views(fitted, logs, together=True, before=before))
+        return float(weight @ left / max(weight.sum(), 1e-12))
 
     def left_by_joint(self, fitted: Fitted) -> np.ndarray:
         """The same of each joint (joints,) where joints are separate, else of all together (1,).
 
         In shares of what counts of the joint with the largest gap: a joint without one has none.
         """
-        weight, left = self.left_in_views(fitted, np.ones(len(self.whole.cells), dtype=bool), together=False)
+        weight, left = self.left_in_views(fitted, self.every, together=False)
         return (weight * left).sum(axis=0) / max(weight.sum(axis=0).max(), 1e-12)
 
     def left_in_views(
@@ -199,7 +207,7 @@ class Search:
             sums, n = ((x * samples)[some].sum(axis=0) for x in (squares, np.ones_like(squares)))
             return sums.sum(axis=1, keepdims=True) / n.sum(axis=1, keepdims=True) if together else sums / n
 
-        least = [mean(self.squares[f], np.ones(len(samples), dtype=bool)) for f in self.sets.values()]
+        least = [mean(self.squares[f], self.every) for f in self.sets.values()]
         floor = np.minimum(np.min(least, axis=0), 1.0)
         squares = self.squares[self.none] if before is None else before, self.squares[fitted]
         gap, left = (np.maximum(mean(x, logs) - floor, 0.0) for x in squares)

@@ -1,6 +1,6 @@
 """Verdict: causes with their rivals, refinements and what remains, from the fitted sets of a search.
 
-    left(S)        share of the gap beyond retuning that a set leaves (`Search.left`)
+    left(S)        share of the gap beyond retuning that a set leaves (`Search.measure_left`)
 
 An effect of the best set S takes up left(S without it) - left(S), where a set leaves no more than a part of it does.
 It is a cause where that is a tenth of the gap, of one joint at least where joints are separate, or most of what is
