@@ -100,7 +100,7 @@ def nearest(word: str, words: list[str]) -> str:
 
     last, parts = word.rpartition(".")[2], {part for name in words for part in name.replace("_", ".").split(".")}
     alike = difflib.get_close_matches(last, sorted(parts), 1, 0.8)
-    close = holding(word) or resembling(0.8) or holding(last) or (alike and holding(alike[0])) or resembling(0.6)
+    close = holding(word) or resembling(0.8) or holding(last) or (alike and holding(alike[0])) or resembling(0.5)
     return f"; did you mean {' or '.join(close)}?" if close else ""
 
 
