@@ -35,7 +35,6 @@ CONFIDENCE = 0.9
 MOST_MISSING = 0.1  # share of missing samples, which are read between their neighbours; assumed
 STYLES = {"nominal": NOMINAL, "improved": IMPROVED}
 COLUMNS = 3  # of panels in a figure
-TICKS = [digit * 10.0**power for power in range(-4, 4) for digit in (1, 2, 5)]
 DECADES = 2.3  # with three labels each, which do not touch in a panel of 2.4 inches
 
 

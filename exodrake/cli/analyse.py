@@ -181,7 +181,7 @@ def find_response(cases, input, output, file, parameters, effects, parts, improv
     CASE_OR_LOG is a case folder, or one or several logs, which are averaged. Logs without the robot's references are
     estimated alone.
     """
-    from exodrake.analysis.log_response import TICKS, block_responses, plot_responses
+    from exodrake.analysis.log_response import block_responses, plot_responses
     from exodrake.data.case import gather_logs
     from exodrake.model.display import percent
 
@@ -210,7 +210,8 @@ def find_response(cases, input, output, file, parameters, effects, parts, improv
     if len(found) == 1:
         one, gaps = found[0], [found[0].gap(name) for name in models]
         known, f = one.resolved.nonzero()[0], one.frequency[one.band]
-        ticks = [tick for tick in TICKS if len(f) and f[0] <= tick <= f[-1]]
+        rounded = [digit * 10.0**power for power in range(-4, 4) for digit in (1, 2, 5)]
+        ticks = [tick for tick in rounded if len(f) and f[0] <= tick <= f[-1]]
         rows = []
         for k in sorted({int(known[abs(one.frequency[known] - tick).argmin()]) for tick in ticks}):
             cells = (f"{a[k]:+.1f} dB, {b[k]:+.0f} deg" for a, b in gaps)

@@ -205,7 +205,7 @@ def summarise_fleet(sources, out, table) -> object:
     rows = read_table(sources[0]) if tabled else read_answers(*sources)
     files: dict[Path, str | bytes] = {table: table_bytes(rows)} if table else {}
     if out:
-        links = find_reports({} if tabled else find_answers(*sources), out)
+        links = {} if tabled else find_reports(find_answers(*sources), out)
         title = sources[0].resolve().name if len(sources) == 1 else f"{len(sources)} folders or files"
         files[out] = fleet_html(rows, title, links)
     shown = robot_table(members(rows))  # of its columns the first four

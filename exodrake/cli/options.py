@@ -81,7 +81,8 @@ class OutputFile(AnyPath):
         """The file, in a folder under its usual name."""
         kind = Path(self.usual).suffix
         if self.usual and (path.is_dir() or not (path.suffix or path.exists())):
-            return OutputFolder().check(path) / self.usual
+            check_folder(path)
+            return path / self.usual
         check_target(path)
         if kind not in ("", ".csv", path.suffix.lower()) and path.suffix:
             raise InputError(f"{path}: wanted a folder, or a file whose name ends in {kind}")
