@@ -19,18 +19,7 @@ from exodrake.simulation.simulate import record
 
 
 def speed(simulator: Simulator, seconds: float, pieces: int) -> float:
-    """Simulated seconds per second on one core: the best of some pieces of a run, after a short start.
-
-    The time is that of this thread, so that other work on the machine does not count.
-
-    Args:
-        simulator: of the Diagram, at time 0.
-        seconds: simulated in all pieces together [s].
-        pieces: of equal length.
-
-    Returns:
-        Speed of the fastest piece [-].
-    """
+    """Simulated seconds per second of this thread: the best of some pieces of a run, after a short start."""
     simulator.AdvanceTo(0.1)
     best, at = math.inf, 0.1
     for _ in range(pieces):
@@ -42,17 +31,7 @@ def speed(simulator: Simulator, seconds: float, pieces: int) -> float:
 
 
 def diagram_speed(robot: Robot, reference: Reference, seconds: float, pieces: int = 5) -> float:
-    """Simulated seconds per second on one core of the closed loop, its log included.
-
-    Args:
-        robot: whose Diagram runs.
-        reference: of its tensions.
-        seconds: simulated in all pieces together [s].
-        pieces: of equal length, of which the fastest counts.
-
-    Returns:
-        Speed [-].
-    """
+    """Simulated seconds per second on one core of the closed loop, its log included."""
     return speed(Simulator(build_diagram(robot, reference, seed=1)), seconds, pieces)
 
 
@@ -61,15 +40,7 @@ def multibody_speed(
 ) -> tuple[float, float]:
     """Speed of a MultibodyPlant finger alone, pulled by a Python leaf with our own run's strokes; no motor, no sensors.
 
-    Args:
-        robot: whose finger it is, and whose own run gives the strokes.
-        reference: of the tensions in that run.
-        step: of the discrete plant [s]; 0 for a continuous one, integrated with Drake's default error control.
-        seconds: simulated in all pieces together [s].
-        pieces: of equal length, of which the fastest counts.
-
-    Returns:
-        Simulated seconds per second on one core [-], and the RMS difference of the finger's angles from ours [rad].
+    A step of 0 is a continuous plant, with Drake's default error control. With the RMS difference of its angles [rad].
     """
     machine, builder = robot.machine, DiagramBuilder()
     run = record(robot, reference, seed=None, quantisation=False).signals

@@ -15,11 +15,8 @@ from exodrake.model.robot import Robot
 def mujoco_speed(robot: Robot, reference: Reference, seconds: float, pieces: int = 5) -> tuple[float, np.ndarray]:
     """Simulates the finger; its tendons wind in at the commanded speed, without motor, sensor and bus.
 
-    Each frame the nominal tension law sets the speeds, and tension, stroke, command and angle go into a log.
-
-    Returns:
-        Simulated seconds per second on one core, the best of some pieces; and the log, a (frames, channels) array at
-        frames' ends [N], [m], [m/s], [rad].
+    Simulated seconds per second on one core, the best of some pieces; and the log at frames' ends, (frames, channels)
+    of tension [N], stroke [m], command [m/s] by the nominal law, and angle [rad].
     """
     import mujoco  # pyright: ignore[reportMissingImports]  # of the group `bench`
 

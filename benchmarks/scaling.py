@@ -82,10 +82,12 @@ def cut(case: Case, seconds: float) -> Case:
 def cost(case: Case, library: int | None = None) -> Cost:
     """Measure one diagnosis that may try `library` effects, all of them for None."""
     from exodrake.diagnosis.pipeline import diagnose
+    from exodrake.machines.robot_file import load_robot
 
     load_everything(case)
-    begun = process_time()
-    verdict = diagnose(case, tried=trying(library)).verdict
+    tried = (effect.id for effect in load_robot().machine.effects if not effect.not_tried)
+    begun = process_time()  # the true effect is among those that are tried
+    verdict = diagnose(case, tried=frozenset(sorted(tried, key=lambda name: name not in FRICTION[1])[:library])).verdict
     return Cost(verdict, process_time() - begun, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / MEGABYTE)
 
 
@@ -108,18 +110,6 @@ def load_everything(case: Case) -> None:
     problem = make_problem(cut(case, MOMENT), nominal)
     problem.residual(problem.silent()[None], problem.fit)
     measure(problem, [np.array([problem.silent()] * 3)] * len(problem.judged))
-
-
-def trying(library: int | None) -> frozenset[str]:
-    """Choose the ids of the effects to try, the true one among them; all for None."""
-    return frozenset(sorted(common(), key=lambda identity: identity not in FRICTION[1])[:library])
-
-
-def common() -> list[str]:
-    """List the ids of the effects that a diagnosis tries."""
-    from exodrake.machines.robot_file import load_robot
-
-    return [effect.id for effect in load_robot().machine.effects if not effect.not_tried]
 
 
 def costs(tasks: list[tuple]) -> Iterator[Cost]:

@@ -80,14 +80,9 @@ def compiled_speed(robot: Robot, reference: Reference, rows: int, batch: bool) -
         module.begin(parameters[k], state)
         module.run(parameters[k], state, wires, *given, machine.slot, 1, records[k], NOTHING, NOTHING)
 
-    def one_after_another() -> None:
-        for k in range(rows):
-            run(k)
-
-    def at_once() -> None:
-        side_by_side([partial(run, k) for k in range(rows)])
-
-    return rows * machine.frame * len(reference.values) / best(at_once if batch else one_after_another, 4)
+    runs = [partial(run, k) for k in range(rows)]
+    seconds = best(lambda: side_by_side(runs) if batch else [one() for one in runs], 4)
+    return rows * machine.frame * len(reference.values) / seconds
 
 
 def engine_rows(robot: Robot, seconds: float, tell: Callable[[str], object]) -> list[Row]:
@@ -155,25 +150,16 @@ def session_rows(robot: Robot) -> list[Row]:
     ]
 
 
-def other_rows() -> list[Row]:
-    """Figures of the estimator and of the diagnosis."""
-    from benchmarks import diagnosis, estimator
-
-    return [Row(*row) for module in (estimator, diagnosis) for row in module.rows()]
-
-
 def bench(seconds: float = 20.0, others: bool = True, tell: Callable[[str], object] = lambda text: None) -> list[Row]:
-    """All rows.
-
-    Args:
-        seconds: simulated per engine. others: whether other modules' figures are wanted. tell: hears what is measured.
-    """
+    """All rows, of runs of so many seconds; `others`: also those of other modules."""
     robot = load_robot()
     tell("engines")
     rows = engine_rows(robot, seconds, tell)
     tell("sessions")
     rows += session_rows(robot)
     if others:
+        from benchmarks import diagnosis, estimator
+
         tell("other modules")
-        rows += other_rows()
+        rows += [Row(*row) for module in (estimator, diagnosis) for row in module.rows()]
     return rows

@@ -34,16 +34,11 @@ SHIFTS = (0.5e-3, 1e-3)  # m
 
 @dataclass(frozen=True, eq=False)
 class Recordings:
-    """Errors and intervals of identified recordings.
+    """Errors and half widths of identified recordings."""
 
-    Attributes:
-        errors, halves: (recordings, 21) of lengths [m], then gradient [m/rad] and intercept [m] of MCP, PIP, DIP.
-        angles: (recordings, 4) RMSE of abduction, MCP, PIP, DIP [rad].
-    """
-
-    errors: np.ndarray
+    errors: np.ndarray  # (recordings, 21) of lengths [m], then gradient [m/rad] and intercept [m] of MCP, PIP, DIP
     halves: np.ndarray
-    angles: np.ndarray
+    angles: np.ndarray  # (recordings, 4) RMSE of abduction, MCP, PIP, DIP [rad]
 
     @property
     def inside(self) -> np.ndarray:

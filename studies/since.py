@@ -42,24 +42,15 @@ EXO_SHARE = 0.3  # of the random motion of a blind case
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of robot.
-
-    Attributes:
-        name: what happens to it.
-        effect, parameter: of the change.
-        value: at t [d], with its begin [d].
-        changes: whether it changes at all.
-        same_law: whether the parameter means the same in the simulator and in the library.
-        alike: other effects that do the same to the logs.
-    """
+    """A kind of robot, and the parameter that changes."""
 
     name: str
     effect: str
     parameter: str
-    value: Callable[[float, float], float]
-    changes: bool = True
-    same_law: bool = True
-    alike: tuple[str, ...] = ()
+    value: Callable[[float, float], float]  # at t [d], with its begin [d]
+    changes: bool = True  # whether it does at all
+    same_law: bool = True  # whether the parameter means the same in the simulator and in the library
+    alike: tuple[str, ...] = ()  # other effects that do the same to the logs
 
 
 def ramp(first: float, rate: float) -> Callable[[float, float], float]:
@@ -122,29 +113,17 @@ def exo_case(kind: Kind, seed: int) -> tuple[Case, exo.Robot, float]:
 
 @dataclass(frozen=True)
 class Outcome:
-    """Diagnosis of one robot beside the truth.
-
-    Attributes:
-        name: of the robot, by kind and number.
-        verdict: its word.
-        series: quantity whose change is clearest; empty where none is stated.
-        right: whether it is of the injected effect.
-        begin: true date [d].
-        began: ends of the stated set [d]; NaN where no change is stated.
-        truth: true value at the last session; NaN where the parameter means something else in the library.
-        after: ends of its stated interval; NaN where no change is stated.
-        seconds: processor time [s].
-    """
+    """Diagnosis of one robot beside the truth."""
 
     name: str
     verdict: str
-    series: str
-    right: bool
-    begin: float
-    began: tuple[float, float]
-    truth: float
-    after: tuple[float, float]
-    seconds: float
+    series: str  # quantity whose change is clearest; empty where none is stated
+    right: bool  # whether it is of the injected effect
+    begin: float  # true date [d]
+    began: tuple[float, float]  # ends of the stated set [d]; NaN where no change is stated
+    truth: float  # value at the last session; NaN where the parameter means something else in the library
+    after: tuple[float, float]  # ends of its stated interval; NaN where no change is stated
+    seconds: float  # processor time [s]
 
     @property
     def covered(self) -> bool:
@@ -160,14 +139,6 @@ class Outcome:
     def width(self) -> float:
         """Of the set [d]."""
         return self.began[1] - self.began[0]
-
-
-def said_of(case: Case, nominal: exo.Robot) -> dict[str, Any]:
-    """Verdict and changes of a case by its diagnosis, as plain data."""
-    began = process_time()
-    found = exo.diagnose(case, nominal)
-    since = found.since.to_json() if found.since else {"series": []}
-    return plain({"verdict": found.verdict, "since": since, "seconds": process_time() - began})
 
 
 def judged(name: str, said: dict[str, Any], kind: Kind, begin: float) -> Outcome:
@@ -214,7 +185,14 @@ def tried(make: Callable[[Kind, int], tuple[Case, exo.Robot, float]], kind: Kind
     """Diagnosis of a drawn robot, kept in a file, beside the truth."""
     case, nominal, begin = make(kind, seed)
     place = keep / f"{case.name}-{seed}.json"
-    return judged(place.stem, keep_answer(place, lambda: said_of(case, nominal)), kind, begin)
+
+    def answer() -> dict[str, Any]:
+        started = process_time()
+        found = exo.diagnose(case, nominal)
+        since = found.since.to_json() if found.since else {"series": []}
+        return plain({"verdict": found.verdict, "since": since, "seconds": process_time() - started})
+
+    return judged(place.stem, keep_answer(place, answer), kind, begin)
 
 
 def misses(found: list[Outcome]) -> list[str]:

@@ -10,14 +10,9 @@ VERDICTS = (AGREES, DOES_NOT, UNKNOWN)
 
 @dataclass(frozen=True)
 class Claim:
-    """A claim of the paper and its verdict here.
+    """A claim of the paper and its verdict here, one of `VERDICTS`."""
 
-    Attributes:
-        where: equation, figure, table or section. what: the claim. printed, ours: values with units.
-        verdict: one of `VERDICTS`. reason: why, in a sentence or two.
-    """
-
-    where: str
+    where: str  # equation, figure, table or section
     what: str
     printed: str
     ours: str
@@ -27,37 +22,25 @@ class Claim:
 
 @dataclass(frozen=True)
 class Chapter:
-    """A part of the page.
-
-    Attributes:
-        anchor: its id. title: its heading. lead: a paragraph, `code` in backticks.
-        body: headings, drawings and tables. beside: a second column of them, if any.
-        claims: rows of the register.
-    """
+    """A part of the page."""
 
     anchor: str
     title: str
-    lead: str
+    lead: str  # a paragraph, `code` in backticks
     body: tuple[Block, ...]
     claims: tuple[Claim, ...]
-    beside: tuple[Block, ...] = ()
+    beside: tuple[Block, ...] = ()  # a second column, if any
 
 
 @dataclass(frozen=True)
 class Effort:
-    """Size of the computation.
+    """Size of the computation."""
 
-    Attributes:
-        points, clean_points: training points of the estimator on the worn and on the clean robot.
-        every: one row in so many of the logs is used. marker_seconds: length of the marker recording [s].
-        tensions: per tendon in the assisted workspace.
-    """
-
-    points: int = 500
+    points: int = 500  # of the estimator's training on the worn robot, and on the clean one
     clean_points: int = 250
-    every: int = 1
+    every: int = 1  # one row in so many of the logs is used
     marker_seconds: float = 40.0
-    tensions: int = 25
+    tensions: int = 25  # per tendon in the assisted workspace
 
 
 FULL = Effort()

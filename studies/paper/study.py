@@ -32,34 +32,19 @@ DATA, MODEL = "Gaussian process", "constant stiffness"
 
 @dataclass(frozen=True)
 class Comparison:
-    """Errors on held-out sweeps.
+    """Errors on held-out sweeps."""
 
-    Attributes:
-        rmse: RMSE (joints,) [rad] by method.
-        stiffness: The fitted constant stiffness.
-        solved: Fraction of rows in which the constant-stiffness model has an equilibrium; its RMSE is over those rows.
-    """
-
-    rmse: dict[str, np.ndarray]
-    stiffness: Stiffness
-    solved: float
+    rmse: dict[str, np.ndarray]  # (joints,) [rad] by method
+    stiffness: Stiffness  # the fitted constant one
+    solved: float  # fraction of rows in which that model has an equilibrium; its RMSE is over those rows
 
 
 def compare(training: Sweeps, held_out: Sweeps, n: Parameters, estimate: np.ndarray) -> Comparison:
     """Fit every model on training sweeps, and compare an estimate and the models on held-out sweeps.
 
-    Methods: Gaussian process; quadratic ridge; constant stiffness (fitted, no end stops, Eq. 20-21: the paper's
-    model-based estimate); end stops (fitted stiffness, known stops); nominal (nothing fitted). The models see tension
-    only.
-
-    Args:
-        training: Sweeps to train and fit on.
-        held_out: Sweeps to compare on.
-        n: Parameters of the finger, with the routers and end stops of the models.
-        estimate: Angles (rows, 3) [rad] of the held-out sweeps by the Gaussian process.
-
-    Raises:
-        InputError: If the wires or joints are not three, or differ between the two.
+    Methods: Gaussian process, with its estimate (rows, 3) [rad]; quadratic ridge; constant stiffness (fitted, no end
+    stops, Eq. 20-21: the paper's model-based estimate); end stops (fitted stiffness, known stops); nominal (nothing
+    fitted). The models see tension only. InputError if wires or joints are not three, or differ between the two.
     """
     for sweeps in (training, held_out):
         if len(sweeps.wires) != 3 or len(sweeps.joints) != 3:
@@ -84,33 +69,20 @@ def compare(training: Sweeps, held_out: Sweeps, n: Parameters, estimate: np.ndar
 
 @dataclass(frozen=True, eq=False)
 class Study:
-    """Results on the worn robot, and the comparison on the clean one.
+    """Results on the worn robot, and the comparison on the clean one."""
 
-    Attributes:
-        held: rows of the held-out sweeps.
-        mean, std: (n, 3) angles with standard deviations predicted by the estimator [rad].
-        model: (n, 3) angles predicted by constant stiffness [rad].
-        worn, clean: comparisons on the worn and on the clean robot.
-        scores: scores of all methods.
-        recorded: scores of the estimator by the sweeps that it was trained on.
-        rate: fastest joint rate [rad/s].
-        seconds: length of the protocol [s].
-        sweeps: number of sweeps.
-        points: number of training points.
-    """
-
-    held: Sweeps
-    mean: np.ndarray
-    std: np.ndarray
-    model: np.ndarray
+    held: Sweeps  # rows of the held-out sweeps
+    mean: np.ndarray  # (n, 3) angles predicted by the estimator [rad]
+    std: np.ndarray  # their standard deviations
+    model: np.ndarray  # (n, 3) angles predicted by constant stiffness [rad]
     worn: Comparison
     clean: Comparison
-    scores: tuple[Score, ...]
-    recorded: tuple[Score, ...]
-    rate: float
-    seconds: float
+    scores: tuple[Score, ...]  # of all methods
+    recorded: tuple[Score, ...]  # of the estimator by the sweeps that it was trained on
+    rate: float  # fastest one of a joint [rad/s]
+    seconds: float  # of the protocol [s]
     sweeps: int
-    points: int
+    points: int  # of training
 
     def error(self, method: str) -> float:
         """RMSE [rad] on held-out sweeps, mean over the joints, worn robot."""

@@ -46,13 +46,7 @@ def main(data: Path, out: Path, only: tuple[str, ...]) -> None:
 
 
 def page(results: list[Result], marks: list[Mark], texts: dict[str, dict[str, str]]) -> str:
-    """The page in Markdown.
-
-    Args:
-        results: a section each.
-        marks: of the exam.
-        texts: of `texts.yaml`: set -> its title, published results and a remark; `page` -> head and last section.
-    """
+    """The page in Markdown, a section for each result; texts are those of `texts.yaml`."""
     agree, better = (sum(rows) for rows in ([m.agrees for m in marks], [m.no_worse for m in marks if m.errors]))
     counts = (
         f"{agree} of {len(marks)} answers agree; {better} of {sum(bool(m.errors) for m in marks)} predict no worse."

@@ -30,42 +30,25 @@ SAG, INERTIA, GAIN, COUPLING = "load", "inertia", "gain", "crosstalk"
 
 @dataclass(frozen=True)
 class Paper:
-    """One recording of the exam.
-
-    Attributes:
-        name: of the case.
-        fit: experts' fit in words.
-        wanted: kinds of effect that the fit has.
-        allowed: further kinds that experts name as possible, or cannot tell from those.
-        simple: column, or its beginning -> error of the best simple model on held-out motion [SI]; relative to the
-            measured signal where `relative`.
-        build: case and robot from the folder of all recordings.
-        relative: whether `simple` is relative.
-    """
+    """One recording of the exam."""
 
     name: str
-    fit: str
-    wanted: tuple[str, ...]
-    allowed: tuple[str, ...]
-    simple: Mapping[str, float]
-    build: Callable[[Path], tuple[Case, Robot]]
-    relative: bool = False
+    fit: str  # experts' fit in words
+    wanted: tuple[str, ...]  # kinds of effect that the fit has
+    allowed: tuple[str, ...]  # further kinds that experts name as possible, or cannot tell from those
+    simple: Mapping[str, float]  # column, or its beginning -> error of the best simple model on held-out motion [SI]
+    build: Callable[[Path], tuple[Case, Robot]]  # case and robot from the folder of all recordings
+    relative: bool = False  # whether `simple` is relative to the measured signal
 
 
 @dataclass(frozen=True, eq=False)
 class Mark:
-    """What an answer is worth.
-
-    Attributes:
-        paper: the recording.
-        found: the answer.
-        agrees: whether its causes are those of the experts' fit.
-        errors: column -> error on held-out motion of the nominal and of the improved robot, and of the simple model.
-    """
+    """What an answer is worth."""
 
     paper: Paper
     found: Diagnosis
-    agrees: bool
+    agrees: bool  # whether its causes are those of the experts' fit
+    # column -> error on held-out motion of the nominal and of the improved robot, and of the simple model
     errors: Mapping[str, tuple[float, float, float]]
 
     @property
@@ -88,23 +71,13 @@ def owner(data: Path, name: str) -> tuple[Robot, Callable[[str], CaseLog]]:
     return load_robot(str(data / name / name / "robot.yaml")), read
 
 
-def split(name: str, fitted: Sequence[str], held: Sequence[str]) -> Callable[[Path], tuple[Case, Robot]]:
-    """Some recordings of an owner's machine fitted, others held out."""
+def split(name: str, fitted: Sequence[str], held: Sequence[str] = ()) -> Callable[[Path], tuple[Case, Robot]]:
+    """Some recordings of an owner's machine fitted, others held out; first halves and second halves without others."""
 
     def build(data: Path) -> tuple[Case, Robot]:
         robot, read = owner(data, name)
         logs = (*map(read, fitted), *(replace(read(r), role="holdout") for r in held))
-        return Case(name, {}, logs, robot.machine.frame), robot
-
-    return build
-
-
-def halved(name: str, recordings: Sequence[str]) -> Callable[[Path], tuple[Case, Robot]]:
-    """First halves of an owner's recordings fitted, second halves held out."""
-
-    def build(data: Path) -> tuple[Case, Robot]:
-        robot, read = owner(data, name)
-        logs = tuple(part for r in recordings for part in halve_log(read(r).log, r))
+        logs = logs if held else tuple(part for item in logs for part in halve_log(item.log, item.protocol))
         return Case(name, {}, logs, robot.machine.frame), robot
 
     return build
@@ -148,7 +121,7 @@ HSM150 = ("hsm_neg_0.045_1", "hsm_pos_0.065_1", "hsm_neg_0.04_1")
 SERVO = (LATENCY, LAG, PLAY, SAG)
 PAPERS = (
     Paper("wam", "Coulomb and viscous friction on both joints", (DRY, VISCOUS), (OFFSET,),
-          {"effort_J2": 2.05, "effort_J4": 0.36}, halved("wam", ("wam_1", "wam_2"))),
+          {"effort_J2": 2.05, "effort_J4": 0.36}, split("wam", ("wam_1", "wam_2"))),
     Paper("hsm150", "Coulomb, viscous, offset", (DRY, VISCOUS, OFFSET), (), {"effort": 2.2e-3},
           split("hsm150", HSM150, ("hsm_pos_0.06_1",))),
     Paper("hobby_servo", "delay and speed limit", (LATENCY, SPEED), (),
@@ -219,17 +192,10 @@ def table(marks: Sequence[Mark]) -> str:
     """The exam as a table, wrong answers first."""
     order = sorted(marks, key=lambda m: (m.agrees, m.no_worse))
     head = ("recording", "experts' fit", "answer: causes; refinements", "left", "error [simple model's]", "agrees")
-    rows = [
-        (
-            m.paper.name,
-            m.paper.fit,
-            answer(m),
-            f"{m.found.remainder.value:.1%}",
-            rms(m),
-            "yes" if m.agrees else "**no**",
-        )
-        for m in order
-    ]
+    rows = []
+    for m in order:
+        left, agrees = f"{m.found.remainder.value:.1%}", "yes" if m.agrees else "**no**"
+        rows.append((m.paper.name, m.paper.fit, answer(m), left, rms(m), agrees))
     return markdown_table(head, rows)
 
 

@@ -21,17 +21,11 @@ STARTS = (1.0, -1.0, 0.3)  # times the initial value, from which a new effect is
 
 @dataclass(frozen=True, eq=False)
 class FittedModel:
-    """A fitted model.
-
-    Attributes:
-        name: of the model.
-        robot: fitted.
-        held: residuals (n, columns) [SI] on each held-out log.
-    """
+    """A fitted model."""
 
     name: str
     robot: Robot
-    held: tuple[np.ndarray, ...]
+    held: tuple[np.ndarray, ...]  # residuals (n, columns) [SI] on each held-out log
 
     @property
     def rms(self) -> np.ndarray:
@@ -40,12 +34,7 @@ class FittedModel:
 
 
 def growing_models(problem: Problem, steps: list[tuple[str, tuple[str, ...]]]) -> list[FittedModel]:
-    """Fits models of growing size in closed loop.
-
-    Args:
-        problem: logs to fit and to hold out.
-        steps: name of each model, and the effects that it adds to the one before.
-    """
+    """Fits models of growing size in closed loop: of each its name, and the effects that it adds to the one before."""
     likelihood, nominal = output_error(problem), nominal_parameters(problem.robot)
     values, x = problem.silent(), np.zeros(len(nominal))
     (residual,) = likelihood.residual(values[None])
@@ -55,7 +44,9 @@ def growing_models(problem: Problem, steps: list[tuple[str, tuple[str, ...]]]) -
     for name, effects in steps:
         for identity in effects:
             point = extended(likelihood, point, identity)
-        found.append(model(problem, point, name))
+        robot = replace(change_robot(problem, point.robot, f"fit of {name}"), source=f"fitted: {name}")
+        held = tuple(t.measured - problem.predict(point.robot[None], t)[0] for t in problem.judged)
+        found.append(FittedModel(name, robot, held))
     return found
 
 
@@ -86,13 +77,6 @@ def converged(likelihood: Likelihood, point: Explanation) -> Explanation:
             return better
         point = better
     return point
-
-
-def model(problem: Problem, point: Explanation, name: str) -> FittedModel:
-    """A fitted point with its robot and held-out residuals."""
-    robot = replace(change_robot(problem, point.robot, f"fit of {name}"), source=f"fitted: {name}")
-    held = tuple(t.measured - problem.predict(point.robot[None], t)[0] for t in problem.judged)
-    return FittedModel(name, robot, held)
 
 
 def predicted(problem: Problem, robot: Robot, trials) -> tuple[np.ndarray, ...]:

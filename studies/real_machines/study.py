@@ -6,7 +6,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import matplotlib
 import numpy as np
+from scipy.signal import butter, filtfilt
 
 from exodrake.data.case import Case
 from exodrake.data.plot import IMPROVED, MEASURED, NOMINAL, STYLE, new_figure, save_png
@@ -99,10 +101,12 @@ def emps(found: Diagnosis, case: Case, robot: Robot, data: Path, out: Path) -> R
         rows.append((item.name, *force_errors(measured, item.held[0][:, force]), published))
     rows.append(("**what the diagnosis named**", *force_errors(measured, measured - after), ""))
     every = growing_models(replace(problem, fit=(*problem.fit, *problem.holdout)), MODELS["emps"][:5])[-1]
+    place, given = (np.concatenate([i.log[f"{kind}_carriage"] for i in case.logs]) for kind in ("position", "force"))
+    numbers, error = inverse_dynamics(place, given)
     parameters = [
         ("", "M kg", "Fv N s/m", "Fc N", "offset N", "force error"),
         ("published", "95.11", "203.5", "20.39", "-3.16", "4.08 %"),
-        ("regression of inverse dynamics, repeated here", *regressed(case)),
+        ("regression of inverse dynamics, repeated here", *(f"{v:.2f}" for v in numbers), f"{error:.2%}"),
         ("closed loop, first half fitted", *emps_numbers(models[3].robot), rows[4][2]),
         ("the same, with friction that builds up", *emps_numbers(models[4].robot), rows[5][2]),
         ("that, all cycles fitted", *emps_numbers(every.robot), ""),
@@ -122,13 +126,6 @@ def force_errors(measured: np.ndarray, error: np.ndarray) -> tuple[str, str]:
     return f"{relative_error(measured, error):.2%}", f"{smooth:.2%}"
 
 
-def regressed(case: Case) -> tuple[str, ...]:
-    """The published method on all cycles: mass, viscous and dry friction, offset, relative force error."""
-    place, force = (np.concatenate([i.log[f"{kind}_carriage"] for i in case.logs]) for kind in ("position", "force"))
-    values, error = inverse_dynamics(place, force)
-    return (*(f"{v:.2f}" for v in values), f"{error:.2%}")
-
-
 def emps_numbers(robot: Robot) -> tuple[str, ...]:
     """Mass [kg], viscous [N s/m] and all dry friction [N], offset [N]."""
     dry = robot["carriage.coulomb_friction.force"] + robot["carriage.presliding_friction.force"]
@@ -138,14 +135,11 @@ def emps_numbers(robot: Robot) -> tuple[str, ...]:
 
 def tendon_sheath(found: Diagnosis, case: Case, robot: Robot, data: Path, out: Path) -> Result:
     """RMS error of each configuration alone, second half held out; and of each one predicted from the others."""
-    read, files = (
-        READERS["tendon_sheath"],
-        sorted((data / FOLDERS["tendon_sheath"]).glob("*.txt"), key=lambda f: float(f.stem)),
-    )
+    files = sorted((data / FOLDERS["tendon_sheath"]).glob("*.txt"), key=lambda f: float(f.stem))
     plain, rounded = MODELS["tendon_sheath"], MODELS["sheath_alone"]
     alone: list[tuple[str, ...]] = [("bend", *(name for name, _ in (*plain, rounded[-1])))]
     for file in files:
-        problem = make_problem(read(file), robot)
+        problem = make_problem(READERS["tendon_sheath"](file), robot)
         models = (*growing_models(problem, plain), growing_models(problem, rounded)[-1])
         alone.append((f"{file.stem}°", *(f"{rms_degrees(r.held[0]):.2f}°" for r in models)))
     law: list[tuple[str, ...]] = [("configuration held out", "predicted from the others")]
@@ -216,12 +210,9 @@ def dvrk_wrist(found: Diagnosis, case: Case, robot: Robot, data: Path, out: Path
         alone.append((run, joints[moved], *(f"{np.degrees(r.rms[moved]):.2f}°" for r in models[1:])))
     problem = make_problem(case, robot)
     models = growing_models(problem, MODELS["dvrk_wrist"])
-    together: list[tuple[str, ...]] = [
-        ("model", *(f"{t.name.split('_')[0]} {j}" for t in problem.holdout for j in joints))
-    ]
-    together += [
-        (r.name, *(f"{rms_degrees(h[:, i]):.2f}°" for h in r.held for i in range(len(joints)))) for r in models
-    ]
+    together = [("model", *(f"{t.name.split('_')[0]} {j}" for t in problem.holdout for j in joints))]
+    for r in models:
+        together.append((r.name, *(f"{rms_degrees(h[:, i]):.2f}°" for h in r.held for i in range(len(joints)))))
     trial = problem.holdout[-1]
     before, after = (predicted(problem, r.robot, [trial])[0] for r in (models[0], models[3]))
     panels = [
@@ -239,8 +230,6 @@ def relative_error(measured: np.ndarray, error: np.ndarray) -> float:
 
 def decimated(force: np.ndarray) -> np.ndarray:
     """A force (n,) filtered both ways and thinned out, as identification papers do before they compare."""
-    from scipy.signal import butter, filtfilt
-
     return filtfilt(*butter(ORDER, CUT / (0.5 * FRICTION_RATE)), force)[::DECIMATION]  # pyright: ignore
 
 
@@ -252,14 +241,8 @@ def rms_degrees(residual: np.ndarray) -> float:
 def inverse_dynamics(place: np.ndarray, force: np.ndarray) -> tuple[np.ndarray, float]:
     """Mass [kg], viscous [N s/m] and Coulomb [N] friction and offset [N] by regression, and the relative error left.
 
-    The method of the published EMPS results; signals are filtered both ways and subsampled.
-
-    Args:
-        place: (n,) positions [m].
-        force: (n,) forces [N].
+    The method of the published EMPS results; positions (n,) [m] and forces (n,) [N] are filtered both ways, subsampled.
     """
-    from scipy.signal import butter, filtfilt
-
     low, high = butter(ORDER, WIDE / (0.5 * FRICTION_RATE))  # pyright: ignore
     smooth, wanted = filtfilt(low, high, place), filtfilt(low, high, force)[EDGE:-EDGE:THIN]
     speed = np.gradient(smooth, 1.0 / FRICTION_RATE)
@@ -270,13 +253,9 @@ def inverse_dynamics(place: np.ndarray, force: np.ndarray) -> tuple[np.ndarray, 
 
 
 def over_time(path: Path, time: np.ndarray, panels: Sequence[tuple], errors: bool = True) -> None:
-    """Draws panels over time, one above the other.
+    """Draws panels over time (n,) [s], one above the other: label, measured, nominal, improved (n,) each.
 
-    Args:
-        path: PNG to write.
-        time: (n,) [s].
-        panels: label, measured, nominal, improved (n,) each.
-        errors: whether the error of the improved robot is drawn below each panel.
+    errors: whether the error of the improved robot is drawn below each panel.
     """
     import matplotlib
 
@@ -303,8 +282,6 @@ def over_time(path: Path, time: np.ndarray, panels: Sequence[tuple], errors: boo
 
 def loops(path: Path, panels: Sequence[tuple]) -> None:
     """Draws hysteresis loops side by side: title; command, measured and predicted angle (n,) [deg]."""
-    import matplotlib
-
     with matplotlib.rc_context(STYLE):
         figure = new_figure(2.6 * len(panels), 2.9)
         axes = figure.subplots(1, len(panels), sharex=True, sharey=True, squeeze=False)[0]

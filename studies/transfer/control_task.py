@@ -38,12 +38,7 @@ def motion(seed: int, purpose: int) -> Reference:
 
 
 def cost(columns: Mapping[str, np.ndarray], reference: np.ndarray) -> float:
-    """Cost of a run.
-
-    Args:
-        columns: log: column -> (n,) values [SI].
-        reference: (n, 3) tension references [N].
-    """
+    """Cost of a run: column -> (n,) values [SI] of its log, and tension references (n, 3) [N]."""
     tension, command = (np.column_stack([columns[f"{kind}_{w}"] for w in WIRES]) for kind in ("tension", "speed_cmd"))
     error = (reference - tension) / TENSION_MAX
     change = np.diff(command, axis=0) / NOMINAL["speed_max"]["value"]

@@ -8,7 +8,7 @@ them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -25,7 +25,6 @@ from exodrake.core.schema import read_json
 from exodrake.diagnosis.many import IMPROVED, RETUNED, SCHEMA
 from exodrake.engine.inputs import Reference
 from exodrake.machines.robot_file import load_robot
-from exodrake.model.robot import Robot
 from exodrake.reference.answers import ANSWER, find_cases, read_labels
 from exodrake.reference.faults import ENTRIES
 from exodrake.reference.robot import InjectedFault, RobotSpec
@@ -44,19 +43,12 @@ REFERENCE_GAIN = {"controller.kp": "kp", "controller.kd": "kd"}  # names in the 
 
 @dataclass(frozen=True)
 class Prediction:
-    """Controllers of one case, before its label is known.
-
-    Attributes:
-        name: of the case.
-        verdict: of its diagnosis.
-        gains: controller ("default", or the model that it was tuned on) -> gains [SI].
-        costs: model -> controller -> predicted cost.
-    """
+    """Controllers of one case, before its label is known."""
 
     name: str
     verdict: str
-    gains: dict[str, Gains]
-    costs: dict[str, dict[str, float]]
+    gains: dict[str, Gains]  # controller ("default", or the model that it was tuned on) -> gains [SI]
+    costs: dict[str, dict[str, float]]  # model -> controller -> predicted cost
 
 
 @dataclass(frozen=True)
@@ -79,27 +71,13 @@ class Transfer:
 
 
 def transfer(
-    folder: str | Path,
-    labels: str | Path,
-    cases: int | None = None,
-    jobs: int = 1,
-    seed: int = 0,
-    tuner: Tuner = by_cost,
-    progress: Count = no_progress,
-) -> Transfer:
-    """Tune, predict, and then run on the withheld robots.
+    folder: str | Path, labels: str | Path, cases: int | None = None, jobs: int = 1, seed: int = 0,
+    tuner: Tuner = by_cost, progress: Count = no_progress,
+) -> Transfer:  # fmt: skip
+    """Tune on the first cases of a diagnosed set, predict, and then run on the withheld robots; None: all cases.
 
-    Args:
-        folder: set that was made and diagnosed.
-        labels: labels file; it is not opened before all controllers are tuned.
-        cases: number of cases, from the first; all without.
-        jobs: as in `parallel.each`.
-        seed: of the motions and of all noise.
-        tuner: chooses the gains.
-        progress: called with how many cases are tuned, have failed, and are wanted.
-
-    Raises:
-        InputError: a case without its robots, no case, labels that changed.
+    Labels are not opened before all controllers are tuned. The seed is that of the motions and of all noise.
+    InputError for a case without its robots, no case, labels that changed.
     """
     found, failed = predictions(find_cases(folder)[:cases], seed, tuner, jobs, progress)
     truths = read_labels(Path(folder), Path(labels))
@@ -130,19 +108,9 @@ def predictions(
 
 def prediction(folder: Path, seed: int, tuner: Tuner, nominal_gains: Gains) -> Prediction:
     """Tune on the robots of a case, and predict the cost of each controller by each of them."""
-    robots = {
-        "nominal": load_robot(),
-        "retuned": load_robot(folder / RETUNED),
-        "improved": load_robot(folder / IMPROVED),
-    }
+    files = ("exo_index", folder / RETUNED, folder / IMPROVED)
+    robots = dict(zip(MODELS, map(load_robot, files), strict=True))
     verdict = SCHEMA(read_json(folder / ANSWER), str(folder / ANSWER))["verdict"]
-    return predict(folder.name, verdict, robots, seed, tuner, nominal_gains)
-
-
-def predict(
-    name: str, verdict: str, robots: Mapping[str, Robot], seed: int, tuner: Tuner, nominal_gains: Gains
-) -> Prediction:
-    """Controllers tuned on robots by model name, and their costs on another motion by each model."""
     tuning, judging = motion(seed, TUNING), motion(seed, JUDGING)
     gains = {DEFAULT: own_gains(robots["nominal"]), "nominal": nominal_gains}
     gains |= {model: tuner(robots[model], tuning, seed) for model in MODELS if model not in gains}
@@ -150,7 +118,7 @@ def predict(
         model: {controller: predicted(robot, values, judging, seed) for controller, values in gains.items()}
         for model, robot in robots.items()
     }
-    return Prediction(name, verdict, gains, costs)
+    return Prediction(folder.name, verdict, gains, costs)
 
 
 def withheld(name: str, label: Mapping[str, Any]) -> RobotSpec:
@@ -211,10 +179,14 @@ class Measured:
 
 def measures(found: Transfer) -> list[Measured]:
     """Measures of all models, one after another within each measure."""
-    rows = []
-    for measure in (rank_correlation, prediction_error, change, worst_change, better, better_than_nominal):
-        rows += [measure(found, model) for model in MODELS if measure is not better_than_nominal or model != "nominal"]
-    return rows
+    cases, change = found.cases, "real change of cost"
+    rows = [rank_correlation(found, model) for model in MODELS]
+    rows += [median("error of prediction, median", m, [prediction_error(case, m) for case in cases]) for m in MODELS]
+    rows += [median(f"{change}, median", m, [relative(case, m) for case in cases]) for m in MODELS]
+    worst = [max(relative(case, model) for case in cases) for model in MODELS]
+    rows += [Measured(f"{change}, worst", m, w, np.nan, np.nan, str(len(cases))) for m, w in zip(MODELS, worst)]
+    rows += [share("really better than default", model, found, DEFAULT) for model in MODELS]
+    return rows + [share("really better than nominal's", model, found, "nominal") for model in MODELS[1:]]
 
 
 def rank_correlation(found: Transfer, model: str) -> Measured:
@@ -237,25 +209,10 @@ def rank_correlation(found: Transfer, model: str) -> Measured:
     return Measured(name, model, correlation(places), low, high, f"{predicted.size} runs", percent=False)
 
 
-def prediction_error(found: Transfer, model: str) -> Measured:
-    """Median error of the predicted cost relative to the real one, over the controllers of a case first."""
-
-    def error(case: Transferred) -> float:
-        costs = case.prediction.costs[model]
-        return float(np.mean([abs(costs[name] / case.real[name] - 1.0) for name in costs]))
-
-    return median("error of prediction, median", model, found.cases, error)
-
-
-def change(found: Transfer, model: str) -> Measured:
-    """Median change of the real cost from the default controller to the one tuned on the model."""
-    return median("real change of cost, median", model, found.cases, lambda c: relative(c, model))
-
-
-def worst_change(found: Transfer, model: str) -> Measured:
-    """Largest real change of the cost over all cases."""
-    changes = [relative(case, model) for case in found.cases]
-    return Measured("real change of cost, worst", model, max(changes), np.nan, np.nan, str(len(changes)))
+def prediction_error(case: Transferred, model: str) -> float:
+    """Error of the predicted cost relative to the real one, mean over the controllers of a case."""
+    costs = case.prediction.costs[model]
+    return float(np.mean([abs(costs[name] / case.real[name] - 1.0) for name in costs]))
 
 
 def relative(case: Transferred, model: str) -> float:
@@ -263,21 +220,10 @@ def relative(case: Transferred, model: str) -> float:
     return case.real[model] / case.real[DEFAULT] - 1.0
 
 
-def median(name: str, model: str, cases: Sequence[Transferred], value: Callable[[Transferred], float]) -> Measured:
+def median(name: str, model: str, values: Sequence[float]) -> Measured:
     """Median over cases with its exact interval by order statistics."""
-    values = np.array([value(case) for case in cases])
     low, high = quantile_test(values, p=0.5).confidence_interval(0.95)
     return Measured(name, model, float(np.median(values)), float(low), float(high), str(len(values)))
-
-
-def better(found: Transfer, model: str) -> Measured:
-    """Share of cases in which the tuned controller really costs less than the default one."""
-    return share("really better than default", model, found, DEFAULT)
-
-
-def better_than_nominal(found: Transfer, model: str) -> Measured:
-    """Share of cases in which the tuned controller really costs less than the one tuned on the nominal robot."""
-    return share("really better than nominal's", model, found, "nominal")
 
 
 def share(name: str, model: str, found: Transfer, other: str) -> Measured:
