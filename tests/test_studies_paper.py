@@ -32,11 +32,13 @@ def claim(found, what):
 def test_numbers_of_the_model_page_and_of_the_physics_page():
     """Arms, exact identities, printed half of them without a sign; overshoot by the sign of kd; the printed Eq. 9."""
     curves = arms.curves()
-    flexor, large = ([1e3 * curves.at(name, d) for d in (0, 30, 60, 90)] for name in ("flexor", "extensor (L)"))
+    flexor, large = (
+        [1e3 * arms.read_arm(curves, name, d) for d in (0, 30, 60, 90)] for name in ("flexor", "extensor (L)")
+    )
     assert flexor == pytest.approx([3.000, 4.192, 5.098, 5.657], abs=1e-3)
     assert large == pytest.approx([5.000, 3.536, 1.830, 0.0], abs=1e-3)
     assert np.rad2deg(arms.zero_of("extensor (S)")) == pytest.approx(61.928, abs=1e-3)
-    assert 1e3 * arms.as_printed(curves.at("extensor (S)", 90)) == pytest.approx(0.707, abs=1e-3)
+    assert 1e3 * arms.as_printed(arms.read_arm(curves, "extensor (S)", 90)) == pytest.approx(0.707, abs=1e-3)
     assert [equations.overshoot(kd) for kd in (0.0, 1.0)] == pytest.approx([0.20, 0.47], abs=0.01)
     assert equations.overshoot(-1.0) < 1e-3
     for degrees, off in ((5, 774), (30, 96), (89, 7)):

@@ -3,8 +3,6 @@
 R = dl/dq (ours, signed)        R = 0.5 |A x B| / |A - B| (as printed in our copy)
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.optimize import brentq
 
@@ -25,28 +23,12 @@ TABLE = (0, 30, 60, 90)  # deg
 LARGEST = 1.56  # rad, largest angle of any joint in the paper's Table 2 (PIP)
 
 
-@dataclass(frozen=True, eq=False)
-class Arms:
-    """Moment arms over angle [rad]: name -> (n,) [m], positive while the wire moves the joint its own way."""
-
-    angle: np.ndarray
-    arm: dict[str, np.ndarray]
-
-    def at(self, name: str, degrees: float) -> float:
-        """Arm [m] at an angle [deg]."""
-        return float(np.interp(np.deg2rad(degrees), self.angle, self.arm[name]))
+Arms = dict[str, np.ndarray]  # name -> moment arms over SPAN (n,) [m]
 
 
 def arm(name: str, angle: float) -> float:
     """Moment arm [m] of a router pair at an angle [rad], positive while it moves the joint its own way."""
-    a, b, m, n, side = ROUTERS[name]
-    return side * path(np.cos(angle), np.sin(angle), a, b, m, n, side)[1]
-
-
-def taken_in(name: str, angle: float) -> float:
-    """Wire taken in [m] by a router pair."""
-    a, b, m, n, side = ROUTERS[name]
-    return path(np.cos(angle), np.sin(angle), a, b, m, n, side)[0]
+    return ROUTERS[name][-1] * path(np.cos(angle), np.sin(angle), *ROUTERS[name])[1]
 
 
 def as_printed(arms):
@@ -61,23 +43,21 @@ def zero_of(name: str) -> float:
 
 def curves() -> Arms:
     """All arms from 0 to 90 deg."""
-    return Arms(SPAN, {name: np.array([arm(name, q) for q in SPAN]) for name in ROUTERS})
+    return {name: np.array([arm(name, q) for q in SPAN]) for name in ROUTERS}
+
+
+def read_arm(found: Arms, name: str, degrees: float) -> float:
+    """Arm [m] at an angle [deg]."""
+    return float(np.interp(np.deg2rad(degrees), SPAN, found[name]))
 
 
 def chapter() -> Chapter:
     """Figure 2e and the claims about moment arms."""
     found = curves()
-    rows = [
-        (
-            f"{degrees}°",
-            *(
-                f"{1e3 * change(found.at(name, degrees)):.3f}".replace("-", "−")
-                for change in (float, as_printed)
-                for name in ROUTERS
-            ),
-        )
-        for degrees in TABLE
-    ]
+    rows = []
+    for degrees in TABLE:
+        own = [1e3 * read_arm(found, name, degrees) for name in ROUTERS]
+        rows.append((f"{degrees}°", *(f"{value:.3f}".replace("-", "−") for value in (*own, *map(as_printed, own)))))
     header = ("angle", *(f"{name} [mm]" for name in ROUTERS), *(f"{name}, printed" for name in ROUTERS))
     caption = (
         "Computed. Left: the arm that turns tension into torque. Right: Eq. 2 as it stands in our copy of the paper."
@@ -94,12 +74,13 @@ def chapter() -> Chapter:
 def claims(found: Arms) -> tuple[Claim, ...]:
     """Claims about Eq. 2 and Fig. 2e."""
     step, at = 1e-6, float(np.deg2rad(30.0))
-    slope = (taken_in("flexor", at + step) - taken_in("flexor", at - step)) / (2 * step)
+    ends = (path(np.cos(q), np.sin(q), *ROUTERS["flexor"])[0] for q in (at + step, at - step))  # wire taken in
+    slope = np.subtract(*ends) / (2 * step)
     ratio = slope / as_printed(arm("flexor", at))
-    rises = bool(np.all(np.diff(found.arm["flexor"]) > 0)) and bool(np.all(np.diff(found.arm["extensor (S)"]) < 0))
+    rises = bool(np.all(np.diff(found["flexor"]) > 0)) and bool(np.all(np.diff(found["extensor (S)"]) < 0))
     zeros = [np.rad2deg(zero_of(name)) for name in ("extensor (S)", "extensor (L)")]
     left = 1e3 * arm("extensor (L)", LARGEST)
-    first, last = (1e3 * found.at("flexor", degrees) for degrees in (0, 90))
+    first, last = (1e3 * read_arm(found, "flexor", degrees) for degrees in (0, 90))
     return (
         Claim(
             "Eq. 2", "moment arm, flexor at 0°", f"{first / 2:.3f} mm", f"{first:.3f} mm", DOES_NOT,
@@ -131,9 +112,9 @@ def figure(found: Arms) -> str:
         for axes, title, change in zip(
             panels, ("by virtual work", "as printed: half, no sign"), (np.asarray, as_printed)
         ):
-            for name, values in found.arm.items():
+            for name, values in found.items():
                 shown = 1e3 * change(values)
-                axes.plot(np.rad2deg(found.angle), shown, color=COLOURS[name], lw=1.6)
+                axes.plot(np.rad2deg(SPAN), shown, color=COLOURS[name], lw=1.6)
                 axes.annotate(
                     name, (90.0, shown[-1]), (4, 0), textcoords="offset points", va="center", color=COLOURS[name]
                 )

@@ -129,15 +129,19 @@ def claims(markers: Markers) -> tuple[Claim, ...]:
     shares = {name: explained(name) for name in JOINTS}
     text = "; ".join(f"{name} {' '.join(f'{v:.2f}' for v in share)}" for name, share in shares.items())
     low, high = RANGES["MCP"]
+    slopes = []  # of PIP and DIP found again, with the 95 % half width of their largest part
+    for name, joint in zip(JOINTS[1:], markers.rigid.joints[1:]):
+        slopes.append(f"{name} {1e3 * np.linalg.norm(joint.axis.slope):.2f} ± {1e3 * joint.half_widths[0].max():.2f}")
     travel = float(np.linalg.norm(GRADIENT["MCP"])) * (high - low)
     worst = max(abs(1e3 * found - LENGTHS[name]) for name, found in zip(JOINTS, markers.rigid.lengths))
     slid = max(abs(1e3 * found - LENGTHS[name]) for name, found in zip(JOINTS, markers.sliding.lengths))
+    made = len(Layout().finger), len(Layout().thumb)
     norms = ", ".join(f"{np.linalg.norm(INTERCEPT[name]):.2f}" for name in JOINTS)
     bent = [np.abs(np.nan_to_num(k.joints[1].angle) - markers.truth.angles[:, 2]).max()
             for k in (markers.rigid, markers.sliding)]  # fmt: skip
     return (
         Claim(
-            "Table 1", "slopes of the joint centres", "PIP 3.33, DIP 0.77 mm/rad", slopes_found(markers), UNKNOWN,
+            "Table 1", "slopes of the joint centres", "PIP 3.33, DIP 0.77 mm/rad", ", ".join(slopes), UNKNOWN,
             "No marker data are published. In a synthetic hand"
             f" {inside(markers)} of 9 true slopes lie within their 95 % intervals.",
         ),
@@ -163,27 +167,11 @@ def claims(markers: Markers) -> tuple[Claim, ...]:
             "Against CT, skin markers err by up to 4° (0.07 rad) RMSE (Metcalf et al. 2020), more than the 0.03 rad"
             " reported: that is agreement with markers, not bones.",
         ),
-        marker_count(),
+        Claim(
+            "Fig. 8", "markers", "14 = 12 + 2", f"{made[0]} + {made[1]}", AGREES if made == (12, 2) else DOES_NOT,
+            "Three on each of four segments.",
+        ),
     )  # fmt: skip
-
-
-def slopes_found(markers: Markers) -> str:
-    """Slopes of PIP and DIP found again, with the 95 % half width of their largest part."""
-    parts = []
-    for k in (1, 2):
-        joint = markers.rigid.joints[k]
-        parts.append(
-            f"{JOINTS[k]} {1e3 * np.linalg.norm(joint.axis.slope):.2f} ± {1e3 * joint.half_widths[0].max():.2f}"
-        )
-    return ", ".join(parts)
-
-
-def marker_count() -> Claim:
-    """The fourteen markers."""
-    layout = Layout()
-    made = len(layout.finger), len(layout.thumb)
-    good = AGREES if made == (12, 2) else DOES_NOT
-    return Claim("Fig. 8", "markers", "14 = 12 + 2", f"{made[0]} + {made[1]}", good, "Three on each of four segments.")
 
 
 def figure(found: Kinematics) -> str:

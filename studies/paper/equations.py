@@ -11,17 +11,7 @@ from exodrake.identification.kinematics.rigid import Axis, chain_poses
 from exodrake.identification.statics import find_maximum_tension
 from exodrake.machines.robot_file import load_robot
 from exodrake.physics.finger_statics import posture, read_parameters
-from exodrake.report.blocks import (
-    AFTER,
-    BEFORE,
-    RULE,
-    SOFT,
-    Drawing,
-    Heading,
-    Table,
-    house_style,
-    render_svg,
-)  # fmt: skip
+from exodrake.report.blocks import AFTER, BEFORE, RULE, SOFT, Drawing, Heading, Table, house_style, render_svg
 from exodrake.simulation.protocols import grasp, maximum_tension
 from exodrake.simulation.simulate import simulate
 from studies.paper.claim import AGREES, DOES_NOT, UNKNOWN, Chapter, Claim
@@ -84,7 +74,7 @@ def control(robot) -> tuple[Claim, ...]:
     )  # fmt: skip
 
 
-def step(sign: float, kp: float = KP, kd: float = KD) -> tuple[np.ndarray, np.ndarray]:
+def step(sign: float) -> tuple[np.ndarray, np.ndarray]:
     """Time (frames,) [s] and tension (frames,) [N] after a step of the reference to 1 N.
 
     The simplest loop that shows the sign in Eq. 3: tension F = k x, a drive with a lag, commands one frame late.
@@ -99,7 +89,7 @@ def step(sign: float, kp: float = KP, kd: float = KD) -> tuple[np.ndarray, np.nd
     for frame in range(FRAMES):
         tension[frame] = STIFFNESS * place
         rate = (tension[frame] - tension[frame - 1]) / FRAME if frame else 0.0
-        command, waiting = waiting, kp * (1.0 - tension[frame]) + sign * kd * rate
+        command, waiting = waiting, KP * (1.0 - tension[frame]) + sign * KD * rate
         place += command * FRAME + (speed - command) * LAG * (1.0 - decay)
         speed = command + (speed - command) * decay
     return FRAME * np.arange(FRAMES), tension
@@ -149,17 +139,12 @@ def centre_error(degrees: float) -> float:
     return float(np.linalg.norm(np.cross(axis, g_inverse(axis, angle, printed=True) @ shift) - CENTRE))
 
 
-def newton_left() -> float:
-    """Largest error [rad] of the two MCP angles found by Eq. 16 as printed, on a synthetic joint."""
-    still = np.zeros(3)
-    axes = (Axis(np.array([0.0, 1, 0]), still, still), Axis(np.array([0.0, 0, -1]), CENTRE, still))
-    wanted = np.random.default_rng(0).uniform((-0.25, -0.3), (0.25, 1.3), (50, 2))
-    return float(np.abs(joint_angles(axes, chain_poses(axes, wanted)[-1]) - wanted).max())
-
-
 def screws() -> tuple[Claim, ...]:
     """Eq. 9, 13, 16."""
-    length, left = float(np.linalg.norm(CENTRE)), newton_left()
+    length, still = float(np.linalg.norm(CENTRE)), np.zeros(3)
+    axes = (Axis(np.array([0.0, 1, 0]), still, still), Axis(np.array([0.0, 0, -1]), CENTRE, still))
+    wanted = np.random.default_rng(0).uniform((-0.25, -0.3), (0.25, 1.3), (50, 2))
+    left = float(np.abs(joint_angles(axes, chain_poses(axes, wanted)[-1]) - wanted).max())
     slid = float(np.hypot(length, SLIDE))
     return (
         Claim(
@@ -244,7 +229,11 @@ def grasps(robot) -> tuple[Claim, ...]:
     """Wide pinch and caging, simulated from rest: by the nominal robot, and by the one with a stiffer DIP."""
     other = load_robot("exo_index/wide_pinch")
     slight, full, curled = bend(robot, "wide-pinch"), bend(other, "wide-pinch"), bend(robot, "caging")
-    slope, limit = dip_limit(read_parameters(robot))
+    # AE over AF that balances the DIP at rest, and the AF [N] at which it has no stiffness left
+    n, moved = read_parameters(robot), np.array([0.0, 0.0, 1e-6])
+    here, up, down = (router_arms(np.array(n.q0) + sign * moved, n)[2] for sign in (0, 1, -1))
+    slope, rise = here[0] / here[2], (up - down) / (2.0 * moved[2])
+    limit = n.kappa[2] / (rise[0] - slope * rise[2])
     kappa = other.channels("finger.kappa")
     pulls = [", ".join(f"{w} {one.grasps['wide-pinch'][w]:g}" for w in ("AF", "AE")) for one in (robot, other)]
     why = (
@@ -277,14 +266,6 @@ def words(angles: np.ndarray) -> str:
     return "MCP {:+.2f}, PIP {:+.2f}, DIP {:+.2f}".format(*angles)
 
 
-def dip_limit(parameters) -> tuple[float, float]:
-    """Tension of AE over that of AF that balances the DIP at rest, and the AF [N] at which it has no stiffness left."""
-    rest, step = np.array(parameters.q0), np.array([0.0, 0.0, 1e-6])
-    here, up, down = (router_arms(rest + sign * step, parameters)[2] for sign in (0, 1, -1))
-    share, slope = here[0] / here[2], (up - down) / (2.0 * step[2])
-    return share, parameters.kappa[2] / (slope[0] - share * slope[2])
-
-
 def maximum_tensions(robot) -> Claim:
     """The tensions that maximise the movement, measured first in section 2.3: ramps far beyond F_max, and to F_max."""
     limits = robot.limits["F_max"]
@@ -303,7 +284,7 @@ def alone(parameters) -> Claim:
     """Narrow pinch: the MCP flexor by itself."""
     moved = posture(np.array([[0.0, 4.0, 0.0]]), parameters)[0] - np.array(parameters.q0)
     good = abs(moved[1]) < LIKELY and abs(moved[2]) < LIKELY < moved[0]
-    ours = "MCP {:+.2f}, PIP {:+.2f}, DIP {:+.2f} rad at 4 N".format(*(moved + 0.0).round(9))
+    ours = f"{words((moved + 0.0).round(9))} rad at 4 N"
     return Claim(
         "2.2.2", "M.F. alone bends the MCP alone (narrow pinch)", "MCP only", ours, AGREES if good else DOES_NOT,
         "In the model: a real wire and garment pull on their neighbours too.",

@@ -79,12 +79,8 @@ def methods_table(found: Study) -> Table:
 
 def split_table(found: Study) -> Table:
     """Table of errors on the same data under both splits."""
-    header = (
-        "mean RMSE [rad] by how train and test were split",
-        "random rows",
-        "whole sweeps held out",
-        "in 95 % band",
-    )
+    split = "mean RMSE [rad] by how train and test were split"
+    header = (split, "random rows", "whole sweeps held out", "in 95 % band")
     rows = []
     for method in (DATA, "quadratic ridge", "nearest row"):
         free, whole = found.split(RANDOM, method), found.split(HELD_OUT, method)
@@ -182,10 +178,21 @@ def figure_11(found: Study) -> str:
                 cloud(panels[name], found.held.angle[rows, joint], guess[rows, joint], COLOURS[label], label)
             panels[name].set_title(title)
             panels[name].set_xlabel("measured [rad]")
-        limits(panels["b"], panels["c"])
+        low, high = np.transpose([panels[name].get_ylim() for name in "bc"])  # to be compared
+        for name in "bc":
+            panels[name].set_ylim(low.min(), high.max())
         panels["b"].set_ylabel("estimated [rad]")
         panels["b"].legend(loc="upper left", markerscale=6, handletextpad=0.2)
-        bars(panels["d"], found)
+        places = np.arange(len(found.held.joints))
+        for shift, name, colour in ((-0.2, DATA, AFTER), (0.2, MODEL, BEFORE)):
+            values = found.worn.rmse[name]
+            panels["d"].bar(places + shift, values, width=0.36, color=colour)
+            for place, value in zip(places, values):
+                at = (place + shift, value, f"{value:.3f}")
+                panels["d"].text(*at, ha="center", va="bottom", fontsize=7.5, color=SOFT)
+        panels["d"].set_xticks(places, found.held.joints)
+        panels["d"].set_title("(d) RMSE [rad]")
+        panels["d"].tick_params(axis="x", length=0)
         return render_svg(drawn, "eleven", "data-driven against model-based estimates on held-out sweeps")
 
 
@@ -203,23 +210,3 @@ def cloud(axes: Any, measured: np.ndarray, estimate: np.ndarray, colour: str, la
     ends = [measured.min(), measured.max()]
     axes.plot(ends, ends, color=SOFT, lw=0.8)
     axes.grid(color=RULE, lw=0.5)
-
-
-def limits(*panels: Any) -> None:
-    """The same ordinate for panels that are to be compared."""
-    low, high = (np.array([p.get_ylim() for p in panels])[:, i] for i in (0, 1))
-    for axes in panels:
-        axes.set_ylim(low.min(), high.max())
-
-
-def bars(axes: Any, found: Study) -> None:
-    """RMSE per joint of both."""
-    places = np.arange(len(found.held.joints))
-    for shift, name, colour in ((-0.2, DATA, AFTER), (0.2, MODEL, BEFORE)):
-        values = found.worn.rmse[name]
-        axes.bar(places + shift, values, width=0.36, color=colour)
-        for place, value in zip(places, values):
-            axes.text(place + shift, value, f"{value:.3f}", ha="center", va="bottom", fontsize=7.5, color=SOFT)
-    axes.set_xticks(places, found.held.joints)
-    axes.set_title("(d) RMSE [rad]")
-    axes.tick_params(axis="x", length=0)

@@ -26,11 +26,6 @@ class Staircase:
     tension: np.ndarray
     angle: np.ndarray
 
-    def step_of(self, values: np.ndarray) -> float:
-        """Smallest step between two readings."""
-        levels = np.unique(values.round(9))
-        return float(np.diff(levels).min())
-
 
 def staircase(robot, resolution: float, encoder: float) -> Staircase:
     """A slow ramp of all wires, read with a tension resolution [N] and an encoder resolution [rad]."""
@@ -84,7 +79,8 @@ IDLE = {8: "joint-angle estimator, if one is fitted"}
 def sensor_claims(coarse: Staircase, fine: Staircase) -> tuple[Claim, ...]:
     """Resolutions, printed and ours."""
     line = 2 * np.pi / (LINES * GEAR)
-    seen = fine.step_of(fine.tension), coarse.step_of(coarse.angle), fine.step_of(fine.angle)
+    readings = (fine.tension, coarse.angle, fine.angle)
+    seen = [float(np.diff(np.unique(values.round(9))).min()) for values in readings]  # smallest steps
     why = "The cell feels F = 2T, so an error of the cell is half that error in T."
     return (
         Claim(
@@ -138,15 +134,10 @@ def figure(coarse: Staircase, fine: Staircase) -> str:
             axes.grid(color=RULE, lw=0.5)
             axes.legend(loc="upper left")
         panels[0].set_ylabel("tension read [N]")
-        zoom(panels[0], coarse)
+        inside = coarse.tension[(coarse.time >= WINDOW[0]) & (coarse.time <= WINDOW[1])]
+        panels[0].set_xlim(*WINDOW)  # in which steps of tension can be distinguished
+        panels[0].set_ylim(inside.min() - UNIT, inside.max() + UNIT)
         panels[1].set_ylabel("spool angle read [rad]")
         return render_svg(
             drawn, "stairs", "tension and spool angle as read during a slow ramp, at two resolutions each"
         )
-
-
-def zoom(axes, stairs: Staircase) -> None:
-    """Shows only the window in which steps of tension can be distinguished."""
-    inside = stairs.tension[(stairs.time >= WINDOW[0]) & (stairs.time <= WINDOW[1])]
-    axes.set_xlim(*WINDOW)
-    axes.set_ylim(inside.min() - UNIT, inside.max() + UNIT)

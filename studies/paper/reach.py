@@ -41,8 +41,8 @@ def chapter(robot, tensions: int) -> Chapter:
     return Chapter("workspace", "Workspace: Fig. 13, Table 2", lead, body, table_2(wired))
 
 
-def table_2(assisted=None) -> tuple[Claim, ...]:
-    """List the rows of Table 2; `assisted` is an `Assisted` of the simulated robot, or None for empty cells."""
+def table_2(assisted) -> tuple[Claim, ...]:
+    """The rows of Table 2, beside the `Assisted` of the simulated robot."""
     areas = {what: 1e6 * reach(LENGTHS, SPONTANEOUS, what).area for what in (FINGERTIP, DISTAL)}
     both = f"{areas[FINGERTIP]:.0f} fingertip, {areas[DISTAL]:.0f} distal phalanx"
     low, high = AREAS["S.M."] / areas[DISTAL], AREAS["K.M."] / areas[FINGERTIP]
@@ -52,20 +52,9 @@ def table_2(assisted=None) -> tuple[Claim, ...]:
         f"The printed area is {low:.2f} times all that its own ranges let the distal phalanx sweep, and measured motion"
         " lies inside. Our figure is that bound; the motion itself is not printed."
     )
-    return (
-        Claim(WHERE, "K.M. area [mm²]", f"{AREAS['K.M.']:.2f}", both, DOES_NOT, km),
-        Claim(WHERE, "S.M. area [mm²]", f"{AREAS['S.M.']:.2f}", f"at most {both}", DOES_NOT, sm),
-        *_assisted_rows(assisted, areas),
-        _share(),
-    )
-
-
-def _assisted_rows(assisted, areas: dict[str, float]) -> list[Claim]:
-    ours = ranges = "-"
-    if assisted is not None:
-        tip, bone = (1e6 * assisted.region(LENGTHS, what).area for what in (FINGERTIP, DISTAL))
-        ours = f"{tip:.0f} fingertip, {bone:.0f} distal phalanx"
-        ranges = ", ".join(f"{name} {low:.2f}..{high:.2f}" for name, (low, high) in assisted.ranges._asdict().items())
+    tip, bone = (1e6 * assisted.region(LENGTHS, what).area for what in (FINGERTIP, DISTAL))
+    ours = f"{tip:.0f} fingertip, {bone:.0f} distal phalanx"
+    ranges = ", ".join(f"{name} {low:.2f}..{high:.2f}" for name, (low, high) in assisted.ranges._asdict().items())
     printed = ", ".join(f"{name} {low:g}..{high:g}" for name, (low, high) in zip(Ranges._fields, ASSISTED, strict=True))
     beyond = int(np.sum(np.array(ASSISTED) > np.max(SPONTANEOUS)))
     why = f"PIP maximum below its minimum; {beyond} of 6 limits beyond the largest S.M. limit: not radians."
@@ -73,15 +62,14 @@ def _assisted_rows(assisted, areas: dict[str, float]) -> list[Claim]:
         "Needs the A.M. motion, which is not printed. Ours is the nominal robot's statics over its tensions, joints"
         f" coupled by the wires; the full ranges give {areas[FINGERTIP]:.0f} (fingertip)."
     )
-    return [
+    ratio = f"{100 * AREAS['A.M.'] / AREAS['S.M.']:.2f}"
+    return (
+        Claim(WHERE, "K.M. area [mm²]", f"{AREAS['K.M.']:.2f}", both, DOES_NOT, km),
+        Claim(WHERE, "S.M. area [mm²]", f"{AREAS['S.M.']:.2f}", f"at most {both}", DOES_NOT, sm),
         Claim(WHERE, "A.M. range [rad]", printed, ranges, DOES_NOT, why),
         Claim(WHERE, "A.M. area [mm²]", f"{AREAS['A.M.']:.2f}", ours, UNKNOWN, area),
-    ]
-
-
-def _share() -> Claim:
-    ratio = 100 * AREAS["A.M."] / AREAS["S.M."]
-    return Claim(WHERE, "A.M. / S.M. [%]", f"{SHARE:.2f}", f"{ratio:.2f}", AGREES, "Quotient of the two printed areas.")
+        Claim(WHERE, "A.M. / S.M. [%]", f"{SHARE:.2f}", ratio, AGREES, "Quotient of the two printed areas."),
+    )
 
 
 HEAD = (
@@ -105,6 +93,8 @@ def table_rows(wired) -> list[tuple[str, ...]]:
 
 def figure(wired) -> str:
     """Both workspaces as SVG."""
+    middle, first = [float(np.mean(span)) for span in SPONTANEOUS], LENGTHS[0]
+    cut = ((0.0, 0.0, 0.0), (first, 0.0, 0.0), (*LENGTHS[:2], 0.0), LENGTHS)
     with house_style():
         drawn = new_figure(9.6, 4.6)
         panels = drawn.subplots(1, 2, sharex=True, sharey=True)
@@ -112,7 +102,8 @@ def figure(wired) -> str:
             whole, part = reach(LENGTHS, SPONTANEOUS, what), wired.region(LENGTHS, what)
             fill(axes, whole, "#98a2b3", f"all of the ranges, {1e6 * whole.area:.0f} mm²")
             fill(axes, part, "#c8372d", f"assisted, {1e6 * part.area:.0f} mm²")
-            finger(axes, LENGTHS, SPONTANEOUS)
+            x, y = 1e3 * np.array([tip(bones, *middle) for bones in cut]).T  # the finger, to scale
+            axes.plot(x, y, "-o", color="#1f4f7a", lw=2.4, ms=4.5, mfc="white", label="finger, mid range")
             axes.set_title(what)
             axes.set_aspect("equal")
             axes.set_xlabel("x, along the proximal phalanx [mm]")
@@ -129,11 +120,3 @@ def fill(axes, region, colour: str, label: str) -> None:
     for number, part in enumerate(getattr(region, "geoms", [region])):
         x, y = 1e3 * np.array(part.exterior.coords).T
         axes.fill(x, y, fc=colour, ec=colour, alpha=0.35, lw=1.0, label=label if number == 0 else None)
-
-
-def finger(axes, lengths, ranges) -> None:
-    """The finger at the middle of its ranges, to scale."""
-    q = [float(np.mean(span)) for span in ranges]
-    cut = ((0.0, 0.0, 0.0), (lengths[0], 0.0, 0.0), (lengths[0], lengths[1], 0.0), lengths)
-    x, y = 1e3 * np.array([tip(bones, *q) for bones in cut]).T
-    axes.plot(x, y, "-o", color="#1f4f7a", lw=2.4, ms=4.5, mfc="white", label="finger, mid range")
