@@ -57,16 +57,10 @@ def measure(
     row: dict[str, Any], case: Case, spec: RobotSpec, truth: list[str], effects: frozenset[str],
     duration: float | None, motions: tuple[str, ...],
 ) -> Iterator[dict[str, Any]]:  # fmt: skip
-    """Results of a case, as far as they are measured, piece by piece.
+    """Results of a case, as far as they are measured, piece by piece: its class, what each motion promises and leaves.
 
-    Args:
-        row: what is measured already: its class with the rivals, and for each motion what it promises and leaves.
-        case: the case.
-        spec: its robot.
-        truth: ids of the injected effects.
-        effects: those of the class that its stored answer leaves.
-        duration: length of the experiment [s].
-        motions: those wanted.
+    `row` is what is measured already, truth the ids of the injected effects, `effects` the class that its stored answer
+    leaves.
     """
     if "before" not in row:
         before, found = explain(case, effects)
@@ -82,7 +76,10 @@ def measure(
         reference, promised = (None, {"left": 0.0}) if known else choose_motion(motion, contest, duration)
         again = row["before"] | {"same": True}
         if reference is not None and promised["left"] >= SAME:
-            again, _ = explain(add_log(case, spec, reference), effects)
+            log = record_log(spec, Reference(reference, EXPERIMENT), LOG_SEED)
+            log = log.only(filter(case.logs[0].log.has, log.columns))
+            logs = (*case.logs, CaseLog(log, EXPERIMENT, "fit", None, "experiment.csv"))
+            again, _ = explain(replace(case, logs=logs), effects)
         row.setdefault("promised", {})[motion] = promised
         row.setdefault("after", {})[motion] = again
         yield row
@@ -109,13 +106,6 @@ def explain(case: Case, effects: frozenset[str]) -> tuple[dict[str, Any], tuple[
     causes = [e for e in made.effects if e.role == "cause"]
     left = [cause.id for cause in causes] + [rival.id for cause in causes for rival in cause.rivals]
     return {"verdict": made.verdict, "causes": [c.id for c in causes], "class": left}, made.rivals
-
-
-def add_log(case: Case, spec: RobotSpec, reference: np.ndarray) -> Case:
-    """The case with the log that its robot leaves on a reference (frames, tendons) [N]."""
-    log = record_log(spec, Reference(reference, EXPERIMENT), LOG_SEED)
-    log = log.only(filter(case.logs[0].log.has, log.columns))
-    return replace(case, logs=(*case.logs, CaseLog(log, EXPERIMENT, "fit", None, "experiment.csv")))
 
 
 def make_page(rows: dict[str, dict[str, Any]], command: str) -> str:

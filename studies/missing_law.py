@@ -13,7 +13,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Collection, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import click
@@ -21,7 +21,6 @@ import numpy as np
 
 from exodrake.core.errors import markdown_table
 from exodrake.core.parallel import one_blas_thread
-from exodrake.data.case import Case
 from exodrake.diagnosis.discovery.discover import LEAD, MissingLaw, discover, measure_lead
 from exodrake.diagnosis.discovery.law_code import law_points
 from exodrake.diagnosis.isolation import isolate
@@ -92,18 +91,6 @@ class Row:
         return measure_lead(self.wrong_share, self.right_share)
 
 
-def blind_case(name: str, seed: int) -> tuple[Case, tuple[str, ...], float]:
-    """A case of the reference simulator, the blocks of its effect and the gap [noise standard deviations]."""
-    healthy = name.startswith(HEALTHY)
-    number = int(name.removeprefix(HEALTHY)) if healthy else 1000 + sorted(ENTRIES).index(name)
-    ids = () if healthy else (name,)
-    kind = "healthy" if healthy else "unknown" if name.startswith("outside") else "single"
-    plan = CasePlan(name, (seed, number), kind, ids, True, CaseMix(duration=DURATION))
-    case, label = case_and_label(plan)
-    blocks = () if healthy else SAME_PLACE.get(name, find_blocks(name))
-    return case, blocks, float(label["gap"])
-
-
 def measure(name: str, seed: int, real: Path | None) -> Row:
     """One case made and searched."""
     blocks, gap, tried, robot = (), float("nan"), frozenset(), "exo_index"
@@ -111,9 +98,12 @@ def measure(name: str, seed: int, real: Path | None) -> Row:
         assert real is not None
         case, tried, robot, kind = READERS[name](real / REAL[name]), None, name, "real"
     else:
-        case, blocks, gap = blind_case(name, seed)
-        case = replace(case, name=name)
         kind = "healthy" if name.startswith(HEALTHY) else "outside" if name.startswith("outside") else "library"
+        healthy, of_plan = kind == "healthy", {"library": "single", "outside": "unknown"}.get(kind, kind)
+        number = int(name.removeprefix(HEALTHY)) if healthy else 1000 + sorted(ENTRIES).index(name)
+        ids = () if healthy else (name,)
+        case, label = case_and_label(CasePlan(name, (seed, number), of_plan, ids, True, CaseMix(duration=DURATION)))
+        blocks, gap = () if healthy else SAME_PLACE.get(name, find_blocks(name)), float(label["gap"])
     with one_blas_thread():
         started = time.process_time()
         found = isolate(make_problem(case, load_robot(robot), tried))

@@ -22,9 +22,9 @@ PARAMETERS = ("ki", "gain", "low", "high")
 DAMPING = 0.1  # assumed: directions in which a tension moves the finger less than this share of the best are spared
 
 
-def damped_inverse(compliance: np.ndarray, damping: float = DAMPING) -> np.ndarray:
+def damped_inverse(compliance: np.ndarray) -> np.ndarray:
     """G (tendons, joints) [N/rad] from J (joints, tendons) [rad/N]."""
-    size = damping * np.linalg.norm(compliance, 2)
+    size = DAMPING * np.linalg.norm(compliance, 2)
     inner = compliance @ compliance.T + size**2 * np.eye(len(compliance))
     return np.linalg.solve(inner, compliance).T
 
@@ -35,14 +35,8 @@ def correct_tensions(
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """Tension references (tendons,) [N], and the correction (tendons,) [N] of the next period.
 
-    Args:
-        correction: (tendons,) of the last period [N].
-        planned: (tendons,) tensions [N].
-        error: (joints,) wanted less estimated angles [rad]; NaN where there is no estimate yet, which counts as none.
-        gain: (tendons, joints) [N/rad].
-        step: k_i times the period [-].
-        low: (tendons,) lower limits [N].
-        high: (tendons,) upper limits [N].
+    From that of the last one; planned tensions and their limits (tendons,) [N]; wanted less estimated angles (joints,)
+    [rad], NaN before the first estimate, which counts as none; gain (tendons, joints) [N/rad]; step: k_i periods [-].
     """
     wanted = planned + correction
     for i, missing in enumerate(error):

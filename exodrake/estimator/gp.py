@@ -218,10 +218,10 @@ class StrokeModel:
         return Zeros(self.rows.wires, shift, spread, moved and not unlike, unlike)
 
 
-def learn_strokes(sweeps: Sweeps, points: int = STROKE_POINTS) -> StrokeModel:
-    """Learn the strokes of training sweeps from their tensions, from at most `points` rows."""
-    rows = stroke_rows(sweeps).select_equispaced(points)
-    return StrokeModel(rows, learn(rows, points).kernel.theta)
+def learn_strokes(sweeps: Sweeps) -> StrokeModel:
+    """Learn the strokes of training sweeps from their tensions."""
+    rows = stroke_rows(sweeps).select_equispaced(STROKE_POINTS)
+    return StrokeModel(rows, learn(rows, STROKE_POINTS).kernel.theta)
 
 
 def stroke_rows(sweeps: Sweeps) -> Sweeps:

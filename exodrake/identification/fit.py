@@ -336,16 +336,10 @@ def free_parameters(
 
 
 def spread_starts(base: np.ndarray, scales: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Coordinates (`SPREAD`, parameters) spread evenly between the ends of each one, by ratio where its sign is fixed.
+    """Coordinates (`SPREAD`, parameters) [-] spread evenly between their ends, by ratio where the sign is fixed.
 
-    Where there is no end, from half to twice the value.
-
-    Args:
-        base: (n,) flat vector of the start [SI].
-        scales: (parameters, n) directions [SI].
-        low: (parameters,) lower ends of the coordinates [-].
-        high: (parameters,) their upper ends [-].
-
+    Where there is no end, from half to twice the value. From the flat vector of the start (n,) [SI], and what
+    `free_parameters` returns.
     """
     first = np.abs(scales).argmax(axis=1)
     value, size = base[first], scales[np.arange(len(first)), first]

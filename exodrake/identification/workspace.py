@@ -72,14 +72,6 @@ def check(lengths, ranges: Ranges) -> None:
             raise InputError(f"workspace: range of {joint}, {low} .. {high} rad, does not rise within -pi .. pi")
 
 
-class Area(NamedTuple):
-    """Area, its standard error, and the area of the bounding box [m2]."""
-
-    value: float
-    error: float
-    box: float
-
-
 def reach(lengths, ranges: Ranges, what: str = FINGERTIP, steps: int = 60):
     """Region that the fingertip or the whole distal phalanx reaches, a shapely geometry in m.
 
@@ -109,8 +101,10 @@ def reach(lengths, ranges: Ranges, what: str = FINGERTIP, steps: int = 60):
     return shapely.union_all(shapely.make_valid(np.array(patches)))
 
 
-def monte_carlo(lengths, ranges: Ranges, what: str = FINGERTIP, samples: int = 40_000, seed: int = 0) -> Area:
-    """Estimate the area of `reach` by random points in the bounding box. InputError for what is impossible."""
+def monte_carlo(
+    lengths, ranges: Ranges, what: str = FINGERTIP, samples: int = 40_000, seed: int = 0
+) -> tuple[float, float]:
+    """Estimate the area of `reach` and its standard error [m2] by random points. InputError for what is impossible."""
     check(lengths, ranges)
     # bounding box of a grid of postures, with a margin for postures between
     q = np.meshgrid(*(np.linspace(*span, 61) for span in ranges), indexing="ij")
@@ -125,7 +119,7 @@ def monte_carlo(lengths, ranges: Ranges, what: str = FINGERTIP, samples: int = 4
         for along in bones:
             outside = outside[~reachable(outside, lengths, ranges, dip, along)]
     share, box = 1 - len(outside) / samples, float(np.prod(high - low))
-    return Area(box * share, box * float(np.sqrt(share * (1 - share) / samples)), box)
+    return box * share, box * float(np.sqrt(share * (1 - share) / samples))
 
 
 class Assisted(NamedTuple):
@@ -174,7 +168,7 @@ def areas(lengths, ranges: Ranges, assisted: Assisted, samples: int, seed: int) 
     rows = []
     for what in (FINGERTIP, DISTAL):
         exact, drawn = reach(lengths, ranges, what).area, monte_carlo(lengths, ranges, what, samples, seed)
-        rows.append(("K.M.", what, f"{1e6 * exact:.1f}", *(f"{1e6 * x:.0f}" for x in drawn[:2]), str(samples)))
+        rows.append(("K.M.", what, f"{1e6 * exact:.1f}", *(f"{1e6 * x:.0f}" for x in drawn), str(samples)))
     for what in (FINGERTIP, DISTAL):
         rows.append(("A.M.", what, f"{1e6 * assisted.region(lengths, what).area:.1f}", "", "", ""))
     return rows

@@ -122,13 +122,6 @@ def is_first(case: Answered) -> bool:
     return is_truth(case.truths, named_ids(case.diagnosis) or tuple(next(sets, "").split(" + ")))
 
 
-def is_right(case: Answered) -> bool:
-    """The answer is right for the kind of case: no effect, UNKNOWN, or the truth named or in the class."""
-    if case.kind == "healthy":
-        return case.verdict in NO_EFFECT
-    return case.verdict == "UNKNOWN" if case.kind == "unknown" else in_class(case)
-
-
 def blocks(case: Answered) -> set[str]:
     """Blocks in which the true effects act; none where old labels do not say where an outside fault acts."""
     ids = set().union(*map(accepted_ids, case.truths))
@@ -369,7 +362,8 @@ def score(folder: str | Path, labels: str | Path, against: str | Path | None = N
         named = " + ".join(named_ids(case.diagnosis))
         answer = named if case.verdict in ("NAMED", "AMBIGUOUS") and named else case.verdict
         answer = f"PARTLY: {named}" if case.verdict == "PARTLY" else answer
-        confusion[truth, answer, is_right(case)] += 1
+        wanted = {"healthy": NO_EFFECT, "unknown": ("UNKNOWN",)}.get(case.kind)
+        confusion[truth, answer, case.verdict in wanted if wanted else in_class(case)] += 1
     missing = tuple(sorted(set(truths) - {case.name for case in cases}))
     failed = tuple(case.name for case in cases if case.verdict == FAILURE)
     return Score(mixes, [Answers(*row, n) for row, n in sorted(confusion.items())], missing, len(cases), failed)

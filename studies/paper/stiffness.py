@@ -24,13 +24,12 @@ Statics = Callable[[np.ndarray, Parameters], np.ndarray]
 class Stiffness:
     """Stiffness and rest posture of MCP, PIP, DIP.
 
-    Standard errors assume independent residuals in neighbouring rows, so they are lower bounds for a wearer.
+    The standard error assumes independent residuals in neighbouring rows, so it is a lower bound for a wearer.
     """
 
     kappa: tuple[float, ...]  # [N m/rad]
     q0: tuple[float, ...]  # [rad]
     kappa_error: tuple[float, ...]
-    q0_error: tuple[float, ...]
     rmse: tuple[float, ...]  # on the rows of the fit [rad]
 
     def parameters(self, n: Parameters) -> Parameters:
@@ -84,7 +83,7 @@ def fit_stiffness(tension: np.ndarray, angle: np.ndarray, n: Parameters, statics
         variance = float(error @ error) / max(len(error) - 2, 1)
         spread = np.sqrt(np.diag(np.linalg.pinv(best.jac.T @ best.jac)) * variance)
         kappa = float(np.exp(best.x[0]))
-        fits.append((kappa, best.x[1], kappa * spread[0], spread[1], np.sqrt(np.mean(error**2))))
+        fits.append((kappa, best.x[1], kappa * spread[0], np.sqrt(np.mean(error**2))))
     return Stiffness(*(tuple(float(value) for value in column) for column in zip(*fits)))
 
 

@@ -103,12 +103,6 @@ class Study:
         return next(score for score in self.scores if (score.split, score.method) == (name, method))
 
 
-def worn_robot(robot: Robot) -> Robot:
-    """The robot with sheath friction and creeping wires."""
-    rubbing = robot.splice("tendon.capstan_friction", {"mu_phi": MU_PHI})
-    return rubbing.splice("tendon.creep", {"stiffness": CREEP_STIFFNESS, "time_constant": CREEP_TIME})
-
-
 def thinned(sweeps: Sweeps, every: int) -> Sweeps:
     """One in so many rows."""
     return sweeps.rows(np.arange(0, len(sweeps), every))
@@ -124,35 +118,31 @@ def parted(sweeps: Sweeps, seed: int) -> tuple[Sweeps, Sweeps]:
 def study(robot: Robot, effort: Effort, seed: int) -> Study:
     """Simulate, learn, judge. robot: the nominal one."""
     parameters, reference = read_parameters(robot), protocol(robot)
-    recording = record(worn_robot(robot), reference, seed)
+    worn_robot = robot.splice("tendon.capstan_friction", {"mu_phi": MU_PHI})
+    worn_robot = worn_robot.splice("tendon.creep", {"stiffness": CREEP_STIFFNESS, "time_constant": CREEP_TIME})
+    recording = record(worn_robot, reference, seed)
     rows = thinned(sweeps_from_logs([write_log(recording)]), effort.every)
     training, held = parted(rows, seed)
     prior = learn(training, effort.points)
     mean, std, _ = condition(prior, training, effort.points).predict(held.tension, held.stroke)
+    labels = np.unique(training.sweep)
+    choices = {
+        f"{len(labels)} up and down": training,
+        f"{FEW} up and down": training.rows(np.isin(training.sweep, labels[:: len(labels) // FEW][:FEW])),
+        f"{len(labels)} loading only": training.rows(loading(training)),
+    }
+    recorded = []
+    for name, part in choices.items():
+        found = condition(learn(part, effort.clean_points), part, effort.clean_points)
+        recorded.append(score(name, "held-out sweeps", held.angle, *found.predict(held.tension, held.stroke)[:2]))
     worn = compare(training, held, parameters, mean)
     return Study(
         held, mean, std, posture(held.tension, worn.stiffness.parameters(linear(parameters))), worn,
         clean_comparison(robot, reference, effort, seed), validate(prior, rows, effort.points, seed),
-        recorded_sweeps(training, held, effort.clean_points),
+        tuple(recorded),
         float(np.percentile(np.abs(recording.signals["rate"]), FAST)), float(recording.time[-1] + robot.machine.frame),
         rows.count, effort.points,
     )  # fmt: skip
-
-
-def recorded_sweeps(training: Sweeps, held: Sweeps, points: int) -> tuple[Score, ...]:
-    """Scores on whole held-out sweeps after training on all sweeps, on a few, and on the loading half of all."""
-    labels = np.unique(training.sweep)
-    few = labels[:: len(labels) // FEW][:FEW]
-    choices = {
-        f"{len(labels)} up and down": training,
-        f"{FEW} up and down": training.rows(np.isin(training.sweep, few)),
-        f"{len(labels)} loading only": training.rows(loading(training)),
-    }
-    found = []
-    for name, part in choices.items():
-        mean, std, _ = condition(learn(part, points), part, points).predict(held.tension, held.stroke)
-        found.append(score(name, "held-out sweeps", held.angle, mean, std))
-    return tuple(found)
 
 
 def loading(sweeps: Sweeps) -> np.ndarray:

@@ -83,25 +83,19 @@ def split(name: str, fitted: Sequence[str], held: Sequence[str] = ()) -> Callabl
     return build
 
 
-def ours(name: str, folder: str, *runs: str) -> Callable[[Path], tuple[Case, Robot]]:
-    """A set that the project has a reader for; runs: some folders of it, as the reader splits them."""
+def ours(name: str, folder: str, *runs: str, held: str = "") -> Callable[[Path], tuple[Case, Robot]]:
+    """A set that the project has a reader for; runs: some folders of it, as the reader splits them.
+
+    With `held`, another one, they are fitted whole, and it is held out.
+    """
 
     def build(data: Path) -> tuple[Case, Robot]:
-        places = [data / folder / run for run in runs] or [data / folder]
+        places = [data / folder / run for run in (*runs, held) if run] or [data / folder]
         cases = [READERS[name](place) for place in places]
-        return replace(cases[0], logs=tuple(item for case in cases for item in case.logs)), load_robot(name)
-
-    return build
-
-
-def other_motion(fitted: str, held: str) -> Callable[[Path], tuple[Case, Robot]]:
-    """One run of the SO-101 fitted whole, another one held out."""
-
-    def build(data: Path) -> tuple[Case, Robot]:
-        parts = [READERS["so101"](data / "sage_so101" / run) for run in (fitted, held)]
-        roles = zip(parts, ("fit", "holdout"), strict=True)
-        logs = tuple(replace(item, role=role) for case, role in roles for item in case.logs)
-        return replace(parts[0], logs=logs), load_robot("so101")
+        logs = [item for case in cases for item in case.logs]
+        if held:
+            logs = [replace(i, role="holdout" if c is cases[-1] else "fit") for c in cases for i in c.logs]
+        return replace(cases[0], logs=tuple(logs)), load_robot(name)
 
     return build
 
@@ -143,7 +137,8 @@ PAPERS = (
               strict=True)},
           ours("so101", "sage_so101", "friction_gravity", "prbs_excitation")),
     Paper("SO-101, backlash run", "latency, dead band, sag", (LATENCY, PLAY, SAG), (LAG, OFFSET, SPEED, "hysteresis"),
-          joints(2.8, 5.3, 9.5, 7.7, 9.1, 11.7), other_motion("backlash_detection", "friction_gravity")),
+          joints(2.8, 5.3, 9.5, 7.7, 9.1, 11.7),
+          ours("so101", "sage_so101", "backlash_detection", held="friction_gravity")),
     Paper("SO-101, multisine", "latency, dead band, sag, lag", SERVO, ("hysteresis", SPEED), {},
           ours("so101", "sage_so101", "multisine")),
 )  # fmt: skip
@@ -199,12 +194,10 @@ def table(marks: Sequence[Mark]) -> str:
     return markdown_table(head, rows)
 
 
-def exam(data: Path, only: Sequence[str] = (), progress: Callable[[str], None] = lambda step: None) -> list[Mark]:
+def exam(data: Path, progress: Callable[[str], None] = lambda step: None) -> list[Mark]:
     """Marks of all recordings whose folders are there."""
     found = []
     for paper in PAPERS:
-        if only and paper.name not in only:
-            continue
         progress(paper.name)
         try:
             found.append(marked(paper, data))
