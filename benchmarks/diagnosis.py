@@ -12,6 +12,7 @@ from functools import partial
 from time import perf_counter
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis.fit import Explanation, minimise
@@ -34,13 +35,19 @@ STEPS, TOL = 8, 1e-3  # of a fit
 Row = tuple[str, float, str]
 
 
-def rubbing(nominal: Robot, seconds: float) -> Case:
-    """Two logs of the robot with friction, one of them held out."""
-    robot, logs = nominal.splice(EFFECT, {COEFFICIENT: INJECTED}), []
+def simulated_case(name: str, nominal: Robot, robot: Robot, frames: int | None = None) -> Case:
+    """Two logs of a robot, one of them held out, on random motions for the nominal one."""
+    logs = []
     for seed, role in enumerate(("fit", "holdout")):
-        reference = Reference(random_motion(nominal, seed=seed).values[: round(seconds / nominal.machine.frame)], role)
+        reference = Reference(random_motion(nominal, seed=seed).values[:frames], role)
         logs.append(CaseLog(simulate(robot, reference, seed=seed), role, role, None, f"{role}.csv"))
-    return Case("friction", {}, tuple(logs))
+    return Case(name, {}, tuple(logs))
+
+
+def rubbing(nominal: Robot, seconds: float) -> Case:
+    """Logs of the robot with friction."""
+    frames = round(seconds / nominal.machine.frame)
+    return simulated_case("friction", nominal, nominal.splice(EFFECT, {COEFFICIENT: INJECTED}), frames)
 
 
 def timed(function: Callable[[], np.ndarray]) -> tuple[float, np.ndarray]:
@@ -73,8 +80,6 @@ def ours(problem: Problem) -> np.ndarray:
 
 def by_scipy(residual: Callable[[np.ndarray], np.ndarray], parameters: tuple[Parameter, ...]) -> np.ndarray:
     """Coordinates by scipy's bounded least squares, from the same start with the same steps."""
-    from scipy.optimize import least_squares
-
     start, scale = (np.array([getattr(p, name) for p in parameters]) for name in ("start", "scale"))
     bounds = tuple(np.array([p.bounds for p in parameters]).T)
     step = STEP * scale / np.maximum(np.abs(start), 1e-12)

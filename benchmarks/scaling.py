@@ -22,10 +22,16 @@ from multiprocessing import get_context
 from time import process_time
 
 import click
+import numba
 import numpy as np
 
+from benchmarks.diagnosis import simulated_case
 from exodrake.core.parallel import each, thread_limit
-from exodrake.data.case import Case, CaseLog
+from exodrake.data.case import Case
+from exodrake.diagnosis.closure import measure
+from exodrake.diagnosis.pipeline import diagnose
+from exodrake.diagnosis.problem import make_problem
+from exodrake.machines.robot_file import load_robot
 from exodrake.reference.cases import CasePlan
 from exodrake.reference.make import case_and_label
 
@@ -59,20 +65,6 @@ def drawn(kind: tuple[str, tuple[str, ...]]) -> Case:
     return case_and_label(CasePlan("case", (SEED, 1), *kind, False))[0]
 
 
-def faultless() -> Case:
-    """Simulate a case of the nominal model itself, whose diagnosis is short."""
-    from exodrake.engine.inputs import Reference
-    from exodrake.machines.robot_file import load_robot
-    from exodrake.simulation.protocols import random_motion
-    from exodrake.simulation.simulate import simulate
-
-    robot, logs = load_robot(), []
-    for seed, role in enumerate(("fit", "holdout")):
-        log = simulate(robot, Reference(random_motion(robot, seed=seed).values, role), seed=seed)
-        logs.append(CaseLog(log, role, role, None, f"{role}.csv"))
-    return Case("faultless", {}, tuple(logs))
-
-
 def cut(case: Case, seconds: float) -> Case:
     """Cut every log of a case to a duration [s]."""
     logs = [replace(item, log=item.log.rows(item.log.time <= item.log.time[0] + seconds)) for item in case.logs]
@@ -81,9 +73,6 @@ def cut(case: Case, seconds: float) -> Case:
 
 def cost(case: Case, library: int | None = None) -> Cost:
     """Measure one diagnosis that may try `library` effects, all of them for None."""
-    from exodrake.diagnosis.pipeline import diagnose
-    from exodrake.machines.robot_file import load_robot
-
     load_everything(case)
     tried = (effect.id for effect in load_robot().machine.effects if not effect.not_tried)
     begun = process_time()  # the true effect is among those that are tried
@@ -93,8 +82,6 @@ def cost(case: Case, library: int | None = None) -> Cost:
 
 def cost_on_one_thread(*task) -> Cost:
     """Measure a cost with one thread."""
-    import numba
-
     numba.set_num_threads(1)
     with thread_limit():
         return cost(*task)
@@ -102,10 +89,6 @@ def cost_on_one_thread(*task) -> Cost:
 
 def load_everything(case: Case) -> None:
     """Load the compiled code and Drake by a simulation of some seconds."""
-    from exodrake.diagnosis.closure import measure
-    from exodrake.diagnosis.problem import make_problem
-    from exodrake.machines.robot_file import load_robot
-
     nominal = load_robot()
     problem = make_problem(cut(case, MOMENT), nominal)
     problem.residual(problem.silent()[None], problem.fit)
@@ -134,8 +117,6 @@ def throughput(case: Case, many: int, jobs: int) -> float:
 
 def verdict_of(case: Case) -> str:
     """Diagnose a case on a worker."""
-    from exodrake.diagnosis.pipeline import diagnose
-
     return diagnose(case).verdict
 
 
@@ -182,7 +163,8 @@ def by_library(friction: Case) -> None:
 
 def by_number(_: Case) -> None:
     """Print the cost over the number of cases, in one process and in two."""
-    moment = cut(faultless(), MOMENT)
+    nominal = load_robot()  # a case of the nominal model itself, whose diagnosis is short
+    moment = cut(simulated_case("faultless", nominal, nominal), MOMENT)
     table(f"faultless cases of {MOMENT:g} s", "processor seconds in one process", "in two", "each, in one")
     throughput(moment, 1, 1)  # so that neither loads what the other does not
     for many in MANY:

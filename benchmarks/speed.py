@@ -14,12 +14,15 @@ from time import perf_counter
 
 import numpy as np
 
+from benchmarks import diagnosis, estimator
+from benchmarks.diagram import diagram_speed, multibody_speed
 from exodrake.core.parallel import side_by_side
 from exodrake.engine.compose import compile_machine
 from exodrake.engine.inputs import NOTHING, NoiseInputs, Reference, input_rows, prepare_values
 from exodrake.machines.robot_file import load_robot
 from exodrake.model.machine import signal_count, state_size
 from exodrake.model.robot import Robot
+from exodrake.simulation.simulate import simulate
 
 SPEED = "simulated s / s"
 
@@ -87,8 +90,6 @@ def compiled_speed(robot: Robot, reference: Reference, rows: int, batch: bool) -
 
 def engine_rows(robot: Robot, seconds: float, tell: Callable[[str], object]) -> list[Row]:
     """Speeds of the engines, of MultibodyPlant's and MuJoCo's finger in the same run, and their ratios."""
-    from benchmarks.diagram import diagram_speed, multibody_speed
-
     reference, rows = wavy(1.1 * seconds), 4 * (os.cpu_count() or 1)
     diagram = diagram_speed(robot, reference, seconds)
     compiled = compiled_speed(robot, reference, rows, batch=False)
@@ -113,8 +114,6 @@ def engine_rows(robot: Robot, seconds: float, tell: Callable[[str], object]) -> 
 
 def mujoco_rows(robot: Robot, reference: Reference, seconds: float, tell: Callable[[str], object]) -> list[Row]:
     """MuJoCo's finger under a Python loop, if the package is there; measured in turns with the Diagram."""
-    from benchmarks.diagram import diagram_speed
-
     if find_spec("mujoco") is None:
         tell("no package mujoco (dependency group bench): its rows are left out")
         return []
@@ -139,8 +138,6 @@ def wall(*command: str) -> float:
 
 def session_rows(robot: Robot) -> list[Row]:
     """What a user waits for."""
-    from exodrake.simulation.simulate import simulate
-
     call = "import exodrake as exo; exo.simulate(exo.load_robot(), exo.Reference([[5, 3, 1]] * 500))"
     reference = Reference(np.tile([5.0, 3.0, 1.0], (500, 1)))
     return [
@@ -158,8 +155,6 @@ def bench(seconds: float = 20.0, others: bool = True, tell: Callable[[str], obje
     tell("sessions")
     rows += session_rows(robot)
     if others:
-        from benchmarks import diagnosis, estimator
-
         tell("other modules")
         rows += [Row(*row) for module in (estimator, diagnosis) for row in module.rows()]
     return rows

@@ -1,16 +1,16 @@
 """`python -m studies.paper`: the paper's figures, tables and claims beside ours, as one page."""
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
+from rich.console import Console
 
 from exodrake.cli.main import OneLineErrors
-
-if TYPE_CHECKING:
-    from studies.paper.page import Reproduction
+from exodrake.cli.options import print_table
+from exodrake.core.files import make_folder, write_text
+from studies.paper import page
+from studies.paper.claim import FULL, QUICK, count
+from studies.paper.study import DATA, MODEL
 
 
 @click.command(cls=OneLineErrors)
@@ -25,30 +25,14 @@ def command(out: Path, quick: bool, docs: Path | None, seed: int) -> None:
 
     Writes paper.html, one page that needs nothing from outside, and claims.csv: printed, ours, verdict, reason.
     """
-    from rich.console import Console
-
-    from exodrake.core.files import make_folder, write_text
-    from studies.paper.claim import FULL, QUICK
-    from studies.paper.page import claims_csv, docs_page, page, reproduce
-
     make_folder(out)
     with Console(stderr=True).status("simulating the paper: a minute, and one more where kernels must be compiled"):
-        found = reproduce(QUICK if quick else FULL, seed)
-        contents = {out / "paper.html": page(found), out / "claims.csv": claims_csv(found.claims)}
+        found = page.reproduce(QUICK if quick else FULL, seed)
+        contents = {out / "paper.html": page.page(found), out / "claims.csv": page.claims_csv(found.claims)}
     if docs:
-        contents[docs] = docs_page(found)
+        contents[docs] = page.docs_page(found)
     for path, text in contents.items():
         write_text(path, text)
-    show(found)
-    click.echo("wrote " + ", ".join(str(path) for path in contents))
-
-
-def show(found: Reproduction) -> None:
-    """The claims by verdict, and the line that matters."""
-    from exodrake.cli.options import print_table
-    from studies.paper.claim import count
-    from studies.paper.study import DATA, MODEL
-
     print_table(("", "claim", "verdict"), [(c.where, c.what, c.verdict) for c in found.claims])
     click.echo(", ".join(f"{number} {verdict}" for verdict, number in count(found.claims).items()))
     data, model = found.study.error(DATA), found.study.error(MODEL)
@@ -56,6 +40,7 @@ def show(found: Reproduction) -> None:
         f"Fig. 11, simulated, whole sweeps held out: data-driven {data:.3f} rad, constant stiffness {model:.3f} rad,"
         f" {found.study.ratio:.1f} times with friction and creep of assumed size, {found.study.clean_ratio:.1f} without"
     )
+    click.echo("wrote " + ", ".join(str(path) for path in contents))
 
 
 if __name__ == "__main__":

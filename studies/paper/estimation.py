@@ -7,18 +7,7 @@ import numpy as np
 from exodrake.data.plot import new_figure
 from exodrake.estimator.validate import HELD_OUT, RANDOM
 from exodrake.machines.exo_index.machine import COLOURS
-from exodrake.report.blocks import (
-    AFTER,
-    BEFORE,
-    MEASURED,
-    RULE,
-    SOFT,
-    Drawing,
-    Heading,
-    Table,
-    house_style,
-    render_svg,
-)  # fmt: skip
+from exodrake.report.blocks import AFTER, BEFORE, MEASURED, RULE, SOFT, Drawing, Heading, Table, house_style, render_svg
 from studies.paper.claim import AGREES, DOES_NOT, UNKNOWN, Chapter, Claim
 from studies.paper.study import CREEP_STIFFNESS, CREEP_TIME, DATA, MODEL, MU_PHI, Study
 

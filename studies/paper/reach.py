@@ -12,7 +12,7 @@ from exodrake.identification.workspace import (
     reach,
     solve_assisted,
     tip,
-)  # fmt: skip
+)
 from exodrake.report.blocks import RULE, Drawing, Heading, Table, house_style, render_svg
 from studies.paper.claim import AGREES, DOES_NOT, UNKNOWN, Chapter, Claim
 

@@ -178,9 +178,7 @@ def first_guess(
     """Guess the finger, poses of the base triad (frames, 4, 4) [m], and angles (frames, 4) [rad].
 
     From the triads (4, 3, 3) [m] of the segments, poses of each (frames, 4, 4) [m], and the mask of the rest (frames,).
-
-    Raises:
-        InputError: For a joint that is hardly seen, is not at rest at the start, or hardly moves.
+    InputError for a joint that is hardly seen, is not at rest at the start, or hardly moves.
     """
     source, count = recording.source, np.arange(len(rest))
     markers, axes, angles, rested = [shapes[0]], [], [], np.eye(4)
@@ -237,8 +235,7 @@ def first_guess(
 def smooth(time: np.ndarray, positions: np.ndarray, cutoff: float, source: str = "recording") -> np.ndarray:
     """Smooth positions (frames, markers, 3) [m], NaN where missing, at evenly spaced time (frames,) [s].
 
-    Raises:
-        InputError: For uneven frames or a cut-off [Hz] beyond half the frame rate; it names the source.
+    InputError for uneven frames or a cut-off [Hz] beyond half the frame rate; it names the source.
     """
     steps = np.diff(time)
     step = float(np.median(steps))
