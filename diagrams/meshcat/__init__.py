@@ -204,7 +204,18 @@ class Arm(Scene):
         self.put(f"{ROOT}/.base", Box(*wide), DARK, [0.0, 0.0, -below])
         tilt = RollPitchYaw(shape.tilt[0], shape.tilt[1], 0.0).ToRotationMatrix()
         for root, colour, width in ((ROOT, LIMB, 1.0), (GHOST, GHOSTLY, 1.25))[: 1 + ghost]:
-            self._limbs(root, colour, width)
+            size = width * self.size
+            for j, end in enumerate(shape.ends):  # bars, drums and carriages
+                path, line = segment_path(shape, j + 1, root), along(HERE, shape.axes[j])[1]
+                if np.linalg.norm(end) > 1e-6:
+                    middle, turn, length = along(HERE, end)
+                    self.put(f"{path}/.link", Capsule(BAR * size, length), colour, middle, turn)
+                body = Box(*(3 * [CUBE * size])) if shape.sliding[j] else Cylinder(DRUM * size, LONG * size)
+                self.put(f"{path}/.joint", body, STEEL if root == ROOT else colour, HERE, line)
+                if shape.sliding[j] and root == ROOT:
+                    rail = f"{root if shape.beside else segment_path(shape, j, root)}/.rail_{j}"
+                    bar = Box(RAIL * size, RAIL * size, 3.0 * SMALLEST)
+                    self.put(rail, bar, DARK, shape.origins[j], self.fixed[j] @ line)
             self.meshcat.SetTransform(root, RigidTransform(tilt, HERE))
             self.turn(root, 0.0, position)
         step = 10.0 ** np.floor(np.log10(self.reach)) * (0.5 if self.reach < 3.0 * SMALLEST else 1.0)
@@ -212,21 +223,6 @@ class Arm(Scene):
         middle = np.array([0.0, 0.0, 0.0 if shape.beside else 0.45 * self.reach])
         view = FRONT if shape.beside and not shape.sliding.any() else VIEW
         self.meshcat.SetCameraPose(middle + (1.3 if shape.beside else 1.0) * self.reach * view, middle)
-
-    def _limbs(self, root: str, colour: tuple, width: float) -> None:
-        """Bars, drums and carriages under a path."""
-        size, shape = width * self.size, self.bones
-        for j, end in enumerate(shape.ends):
-            path, line = segment_path(shape, j + 1, root), along(HERE, shape.axes[j])[1]
-            if np.linalg.norm(end) > 1e-6:
-                middle, turn, length = along(HERE, end)
-                self.put(f"{path}/.link", Capsule(BAR * size, length), colour, middle, turn)
-            body = Box(*(3 * [CUBE * size])) if shape.sliding[j] else Cylinder(DRUM * size, LONG * size)
-            self.put(f"{path}/.joint", body, STEEL if root == ROOT else colour, HERE, line)
-            if shape.sliding[j] and root == ROOT:
-                rail = f"{root if shape.beside else segment_path(shape, j, root)}/.rail_{j}"
-                bar = Box(RAIL * size, RAIL * size, 3.0 * SMALLEST)
-                self.put(rail, bar, DARK, shape.origins[j], self.fixed[j] @ line)
 
     def turn(self, root: str, time: float, position: np.ndarray) -> None:
         """Adds a frame at a time [s] with these positions (joints,)."""

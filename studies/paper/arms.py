@@ -74,8 +74,8 @@ def chapter() -> Chapter:
 def claims(found: Arms) -> tuple[Claim, ...]:
     """Claims about Eq. 2 and Fig. 2e."""
     step, at = 1e-6, float(np.deg2rad(30.0))
-    ends = (path(np.cos(q), np.sin(q), *ROUTERS["flexor"])[0] for q in (at + step, at - step))  # wire taken in
-    slope = np.subtract(*ends) / (2 * step)
+    above, below = (path(np.cos(q), np.sin(q), *ROUTERS["flexor"])[0] for q in (at + step, at - step))
+    slope = (above - below) / (2 * step)  # of the wire taken in
     ratio = slope / as_printed(arm("flexor", at))
     rises = bool(np.all(np.diff(found["flexor"]) > 0)) and bool(np.all(np.diff(found["extensor (S)"]) < 0))
     zeros = [np.rad2deg(zero_of(name)) for name in ("extensor (S)", "extensor (L)")]

@@ -41,15 +41,27 @@ def chapter(found: Study) -> Chapter:
         " below knows, with the noise of load cells, encoders and cameras. The size of these faults is assumed; so only"
         " the order of the methods can be compared with the paper, not the numbers."
     )
+    split = ("mean RMSE [rad] by how train and test were split", "random rows", "whole sweeps held out", "in 95 % band")
+    by_split = []
+    for method in (DATA, "quadratic ridge", "nearest row"):
+        free, whole = found.split(RANDOM, method), found.split(HELD_OUT, method)
+        inside = "–" if method == "nearest row" else f"{100 * whole.coverage.mean():.0f} %"
+        by_split.append((method, f"{free.mean_rmse:.3f}", f"{whole.mean_rmse:.3f}", inside))
+    trained = ("trained on", "RMSE on held-out sweeps [rad]", "in 95 % band", "of the joints")
+    by_training = [
+        (one.method, f"{one.mean_rmse:.3f}", f"{100 * one.coverage.mean():.0f} %",
+         f"{100 * one.coverage.min():.0f} to {100 * one.coverage.max():.0f} %")
+        for one in found.recorded
+    ]  # fmt: skip
     body = (
         Heading("Fig. 11: data-driven against model-based"),
         Drawing(figure_11(found), eleven),
         methods_table(found),
         Heading("Fig. 10: estimated and measured angles"),
         Drawing(figure_10(found), ten),
-        split_table(found),
+        Table(split, by_split, wide=False),
         Heading("Which sweeps to record"),
-        recorded_table(found),
+        Table(trained, by_training, wide=False),
     )
     return Chapter("estimation", "Joint angles: Fig. 10, 11", lead, body, claims(found))
 
@@ -64,29 +76,6 @@ def methods_table(found: Study) -> Table:
         for name, words in METHODS.items()
     ]  # fmt: skip
     return Table(header, rows)
-
-
-def split_table(found: Study) -> Table:
-    """Table of errors on the same data under both splits."""
-    split = "mean RMSE [rad] by how train and test were split"
-    header = (split, "random rows", "whole sweeps held out", "in 95 % band")
-    rows = []
-    for method in (DATA, "quadratic ridge", "nearest row"):
-        free, whole = found.split(RANDOM, method), found.split(HELD_OUT, method)
-        inside = "–" if method == "nearest row" else f"{100 * whole.coverage.mean():.0f} %"
-        rows.append((method, f"{free.mean_rmse:.3f}", f"{whole.mean_rmse:.3f}", inside))
-    return Table(header, rows, wide=False)
-
-
-def recorded_table(found: Study) -> Table:
-    """Table of errors by the sweeps that the estimator was trained on."""
-    header = ("trained on", "RMSE on held-out sweeps [rad]", "in 95 % band", "of the joints")
-    rows = [
-        (one.method, f"{one.mean_rmse:.3f}", f"{100 * one.coverage.mean():.0f} %",
-         f"{100 * one.coverage.min():.0f} to {100 * one.coverage.max():.0f} %")
-        for one in found.recorded
-    ]  # fmt: skip
-    return Table(header, rows, wide=False)
 
 
 def claims(found: Study) -> tuple[Claim, ...]:

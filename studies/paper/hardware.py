@@ -8,6 +8,7 @@ from exodrake.data.plot import new_figure
 from exodrake.engine.inputs import Reference
 from exodrake.report.blocks import AFTER, BEFORE, RULE, Drawing, Heading, Table, house_style, render_svg
 from exodrake.simulation.simulate import simulate
+from exodrake.systems.gp_estimator import LISTENS
 from studies.paper.claim import AGREES, DOES_NOT, Chapter, Claim
 
 CELL, CELL_NONLINEARITY = 0.002, 0.1  # N, load cell as printed
@@ -69,11 +70,9 @@ def schedule(machine) -> list[tuple[str, str, str]]:
                     channel = f" {tendons[task.slots.index(slot)]}" if task.per_channel else ""
                     tasks.append(f"{block.name}: {task.function}{channel}")
         at = 1e3 * machine.slot * (slot + 0.5)
-        rows.append((str(slot), f"{at:.0f}", "; ".join(tasks) or IDLE.get(slot, "idle")))
+        idle = "joint-angle estimator, if one is fitted" if slot == LISTENS else "idle"
+        rows.append((str(slot), f"{at:.0f}", "; ".join(tasks) or idle))
     return rows
-
-
-IDLE = {8: "joint-angle estimator, if one is fitted"}
 
 
 def sensor_claims(coarse: Staircase, fine: Staircase) -> tuple[Claim, ...]:

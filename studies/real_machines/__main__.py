@@ -11,10 +11,10 @@ import yaml
 from exodrake.cli.main import OneLineErrors
 from exodrake.core.errors import InputError, markdown_table
 from exodrake.core.files import write_text
-from exodrake.diagnosis.result import Diagnosis, Interval
+from exodrake.diagnosis.result import Diagnosis
 from exodrake.machines.robot_file import write_robot
 from studies.real_machines.exam import Mark, exam, table
-from studies.real_machines.study import Result, available, study
+from studies.real_machines.study import FOLDERS, Result, study
 
 
 @click.command(cls=OneLineErrors)
@@ -23,7 +23,7 @@ from studies.real_machines.study import Result, available, study
 @click.option("--only", multiple=True, help="Only these sets; the page is not written then.")
 def main(data: Path, out: Path, only: tuple[str, ...]) -> None:
     """Diagnose recordings of real machines."""
-    names = [name for name in available(data) if not only or name in only]
+    names = [name for name, place in FOLDERS.items() if (data / place).is_dir() and (not only or name in only)]
     if not names:
         raise InputError(f"{data}: none of the sets is there")
     (out / "real").mkdir(parents=True, exist_ok=True)
@@ -76,14 +76,10 @@ def verdict(found: Diagnosis) -> str:
     for effect in found.effects:
         for name, item in effect.parameters.items():
             channels = effect.channels.get(name, {}) or {"": item}
-            rows += [(effect.id, name, channel, *cells(one)) for channel, one in channels.items()]
+            for channel, one in channels.items():
+                value = f"{one.value:.4g}" + ("" if one.unit == "-" else f" {one.unit}")
+                rows.append((effect.id, name, channel, value, f"{one.low:.4g} to {one.high:.4g}"))
     return "\n".join([*lines, "", markdown_table(rows[0], rows[1:]) if len(rows) > 1 else "", ""])
-
-
-def cells(item: Interval) -> tuple[str, str]:
-    """Value with unit, and interval."""
-    unit = "" if item.unit == "-" else f" {item.unit}"
-    return f"{item.value:.4g}{unit}", f"{item.low:.4g} to {item.high:.4g}"
 
 
 if __name__ == "__main__":

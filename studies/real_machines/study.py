@@ -76,11 +76,6 @@ class Result:
     figures: tuple[str, ...] = ()
 
 
-def available(data: Path) -> list[str]:
-    """Names of the sets whose folders are there."""
-    return [name for name, folder in FOLDERS.items() if (data / folder).is_dir()]
-
-
 def study(name: str, data: Path, out: Path, progress: Callable[[str], None]) -> Result:
     """One set, diagnosed and tabulated; figures are written into `out`."""
     case, robot = READERS[name](data / FOLDERS[name]), load_robot(name)
