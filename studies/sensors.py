@@ -40,9 +40,8 @@ def without(case: Case, hidden: tuple[str, ...]) -> Case:
     """The case without some kinds of columns."""
     logs = []
     for item in case.logs:
-        names = {name for kind in hidden for name in item.log.signals if name.rsplit("_", 1)[0] == kind}
-        left = {name: values for name, values in item.log.signals.items() if name not in names}
-        logs.append(replace(item, log=replace(item.log, signals=left, units={})))
+        left = [name for name in item.log.signals if name.rsplit("_", 1)[0] not in hidden]
+        logs.append(replace(item, log=item.log.only(left)))
     return replace(case, logs=tuple(logs))
 
 

@@ -15,7 +15,6 @@ from exodrake.identification.kinematics.identify import (
     adjust,
     fit_frames,
     identify,
-    measure,
     measures,
     shift_poses,
 )
@@ -232,8 +231,8 @@ def test_minimum_and_covariance_are_those_of_scipy_on_all_unknowns_at_once(monke
 
     dense = least_squares(residual, np.zeros(FREE + 10 * FRAMES), x_scale="jac", xtol=1e-12, ftol=1e-12)
     best = finger.shift(free @ dense.x[:FREE])
-    values, covariance = measure(found, TIP)
-    half = np.sqrt(np.diag(covariance))
+    values, change = measures(found.finger, TIP), found.finger.differentiate(measures, TIP)
+    half = np.sqrt(np.diag(change @ found.covariance @ change.T))
     assert np.max(np.abs(values - measures(best, TIP)) / half) < 1e-2
     dense_covariance = np.linalg.inv(dense.jac.T @ dense.jac)[:FREE, :FREE]
     variance = 2 * dense.cost / (points.size - FREE - 10 * FRAMES)

@@ -286,13 +286,6 @@ def measures(finger: Finger, tip: int) -> np.ndarray:
     return np.concatenate(values)
 
 
-def measure(adjusted: Adjusted, tip: int) -> tuple[np.ndarray, np.ndarray]:
-    """Values (21,) of `measures` and their covariance (21, 21) [SI]."""
-    finger = adjusted.finger
-    slope = finger.differentiate(measures, tip)
-    return measures(finger, tip), slope @ adjusted.covariance @ slope.T
-
-
 @dataclass(frozen=True)
 class Joint:
     """Joint in the frame of the segment proximal to it; frames without markers hold NaN."""
@@ -366,7 +359,9 @@ def identify(recording: Recording, layout: Layout | None = None, cutoff: float |
     block = max(1, round(BLOCK / float(np.median(np.diff(time[used])))))
     found = adjust(points[used], rest[used], start, poses[used], angles[used], block)
     _, angles = fit_frames(smoothed, found.finger, poses, angles)
-    values, covariance = measure(found, layout.distal.index(layout.tip))
+    tip = layout.distal.index(layout.tip)
+    values, slope = measures(found.finger, tip), found.finger.differentiate(measures, tip)
+    covariance = slope @ found.covariance @ slope.T
     half = NORMAL_95 * np.sqrt(np.diag(covariance)[:3])
     finger, joints = found.finger, []
     poses = [rigid.fit_pose(triad, smoothed[:, 3 * k : 3 * k + 3])[0] for k, triad in enumerate(finger.markers)]
