@@ -29,15 +29,15 @@ GROUPS = {
         "warm-up": ("simulate:compile_kernels", "Compile the kernels now, not at first use."),
     },
     "Diagnose": {
-        "check": ("check", "Before a diagnosis: what a case can tell, and what is wrong."),
+        "check": ("diagnose:check_case", "Before a diagnosis: what a case can tell, and what is wrong."),
         "diagnose": ("diagnose", "Where, which and how far: a robot's logs against its model."),
-        "experiment": ("experiment", "The motion that tells apart what a diagnosis could not."),
+        "experiment": ("diagnose:design_experiment", "The motion that tells apart what a diagnosis could not."),
         "fleet": ("diagnose:summarise_fleet", "Many diagnosed cases: which robots, which causes, since when."),
         "watch": ("watch", "Follow a growing log: the gap per block, and an alarm."),
         "blind": ("blind", "Make, commit to and score cases from the reference simulator."),
     },
     "Logs and machines of your own": {
-        "import": ("import_", "Turn a foreign recording into a log, by a mapping file."),
+        "import": ("logs:import_recordings", "Turn a foreign recording into a log, by a mapping file."),
         "export": ("logs:export_log", "A log in another format; a robot as MJCF, URDF, Isaac Lab."),
         "new-machine": ("new_machine", "A folder with a machine of your own, which runs at once."),
         "fit": ("identify:fit_parameters", "Fit chosen parameters of a robot to its logs."),
