@@ -163,12 +163,8 @@ def owner_table(log: exo.Log, mapped: Mapped, source: str) -> bytes:
 )  # fmt: skip
 @click.option("--unit", default="", metavar="UNIT", help="Of the joints of a LeRobot data set: deg or rad.")
 @click.option("--episodes", default="", metavar="0,2,...", help="Of a LeRobot data set [all].")
-@click.option(
-    "--out",
-    type=options.AnyPath(),
-    metavar="FILE",
-    help="Log to write; its ending is the format. Another name: the folder of a case.",
-)
+@click.option("--out", type=options.AnyPath(), metavar="FILE",
+              help="Log to write; its ending is the format. Another name: the folder of a case.")  # fmt: skip
 @click.pass_context
 def import_recordings(context, recordings, map_file, unit, episodes, out) -> object:
     """Turn RECORDINGs into a log, or a case of several logs, in our names and SI; without --out list what they hold.
