@@ -1,5 +1,7 @@
 """`exodrake blind`: withheld cases from a reference simulator, their diagnoses and scores; `demo`: one such case."""
 
+from __future__ import annotations
+
 from pathlib import Path
 from typing import Any
 

@@ -4,6 +4,8 @@
 `exodrake tune`: controllers, tuned within requirements. `exodrake feedforward`: commands that do what is wanted.
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import replace
 from operator import attrgetter

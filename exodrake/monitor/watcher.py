@@ -3,8 +3,6 @@
 A new log begins where the file shrinks, is replaced by another of its name or repeats its heading.
 """
 
-from __future__ import annotations
-
 import io
 import os
 import time

@@ -1,7 +1,5 @@
 """Tables in a terminal, and a diagnosis that is read there at a glance."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import zip_longest
 from math import isnan
