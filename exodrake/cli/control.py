@@ -315,7 +315,7 @@ def show_tuning(tuning: exo.Tuning) -> None:
         click.echo("no controller holds all of them")
         return
     click.echo(f"best: {best.name}, settles in {best.settling:.3g} s ({own.name}: {own.settling:.3g} s)")
-    click.echo(f"  {best.word_gains()}")
+    click.echo(f"  {word_gains(best.gains)}")
     for point, (gains, settling) in tuning.schedule.items():
         click.echo(f"  scheduled, {point}: {word_gains(gains)}; settles in {settling:.3g} s")
 

@@ -177,10 +177,7 @@ def diagnose_many(
 
 
 def map_places(cases: tuple[str, ...], out: Path) -> dict[Path, Path]:
-    """Map each case, or case in a folder, to the folder for its answer in `out`; a doubled name has the parent's, too.
-
-    InputError for a missing case, and for two whose answers would have the same name.
-    """
+    """Case -> folder for its answer in `out`, a doubled name with the parent's; InputError if that is doubled, too."""
     from exodrake.data.formats import stem
 
     paths = [path for name in cases for path in options.cases_in(Path(name)) or [Path(name)]]

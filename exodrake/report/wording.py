@@ -149,10 +149,7 @@ def block_words(diagnosis: Diagnosis) -> str:
 
 
 def parameter_values(effect: NamedEffect, known: bool = False) -> list[tuple[str, str, str]]:
-    """Name, value with unit and 90 % interval of each parameter; channel by channel where their values disagree.
-
-    With `known`, of those alone whose interval says something.
-    """
+    """Name, value and 90 % interval of each parameter, by channel where these disagree; `known`: if it says something."""
     found = []
     for name, item in effect.parameters.items():
         channels = effect.channels.get(name, {})
