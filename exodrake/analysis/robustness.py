@@ -268,7 +268,7 @@ def fit_weight(frequency: np.ndarray, deviation: np.ndarray) -> control.Transfer
         return x[0] + 0.5 * order * lags - log_size
 
     def above(x: np.ndarray, order: int) -> float:
-        return np.mean(excess(x, order) - excess(x, order).min())
+        return float(np.mean(excess(x, order) - excess(x, order).min()))
 
     middle, (low, high) = np.log(np.sqrt(w[0] * w[-1])), np.log([w[0] / 10.0, 10.0 * w[-1]])
     starts = [(log_size[0], middle + a, middle + b) for a, b in ((-1.0, 1.0), (1.0, -1.0), (1.0, 3.0), (-3.0, 0.0))]

@@ -147,9 +147,8 @@ class Tuning:
         own, best = self.compared[0], self.best or self.compared[0]
         settles = f"settles in {best.settling:.3g} s ({own.name}: {own.settling:.3g} s)"
         words = f"best {best.name}, {settles}" if self.best else "none holds all requirements"
-        return (
-            f"Tuning({self.robot.machine.name}: {len(self.compared)} controllers; {words})\n  {word_gains(best.gains)}"
-        )
+        head = f"Tuning({self.robot.machine.name}: {len(self.compared)} controllers; {words})"
+        return f"{head}\n  {word_gains(best.gains)}"
 
     @property
     def best(self) -> Tuned | None:

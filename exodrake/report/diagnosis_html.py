@@ -31,7 +31,7 @@ from exodrake.diagnosis.result import CAUSE, REFINEMENT, Diagnosis, Interval, Si
 from exodrake.diagnosis.search import GAIN, LARGE, LAW, NATS, NEGLIGIBLE
 from exodrake.diagnosis.verdict import EXPLAINED, MOST
 from exodrake.diagrams.block_diagram import wiring_svg
-from exodrake.model.display import PALETTE, SYMBOLS, Display, find_display, shown_unit
+from exodrake.model.display import PALETTE, SYMBOLS, find_display, shown_unit
 from exodrake.report import blocks, wording as w
 from exodrake.report.blocks import AFTER, BAND, LINE, RULE, SOFT, Bars, Drawing, Table, render, render_svg, timeline
 from exodrake.report.wording import split_column
@@ -113,10 +113,6 @@ class SimulatedLogs:
         kinds = dict.fromkeys(kind for kind, _ in self.parts)
         return tuple(sorted(kinds, key=lambda kind: kind == self.loop_answer))
 
-    def display(self, kind: str) -> Display:
-        """Display of a kind of signal."""
-        return find_display(kind, self.problem.robot.machine)
-
     def rms(self, log: SimulatedLog, robot: str) -> float:
         """RMS error of a robot on a log [noise_std], in the band of a tremor its strength alone, as for the closure."""
         gaps = mismatch(log.trial.measured, log.simulated[robot], self.problem.notched, self.period) / log.noise_std
@@ -169,7 +165,7 @@ def how_far(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
                 power = np.mean([power for _, power in found if len(power) == len(frequency)], axis=0)
                 axes.loglog(frequency[1:], power[1:], **style)
             axes.axhline(white, color=SOFT, lw=0.9, zorder=1)
-            axes.set(title=runs.display(kind).label, xlabel="Frequency [Hz]")
+            axes.set(title=find_display(kind, diagnosis.machine).label, xlabel="Frequency [Hz]")
             axes.grid(color=RULE, lw=0.5)
         panels[0].set_ylabel("Density [1/Hz]")
         svg = render_svg(figure, "spectrum", "power density of normalised residuals")
@@ -185,7 +181,7 @@ def curves(runs: SimulatedLogs, robots: Sequence[str]) -> dict[str, Any]:
     """
     count = (1 + 2 * len(robots)) * max(len(runs.problem.columns), 1) * max(len(runs.closure_logs), 1)
     most = int(np.clip(SIZE / (CHARACTERS * count), FEWEST_SAMPLES, MOST_SAMPLES))
-    displays, logs = {kind: runs.display(kind) for kind in runs.kinds}, []
+    displays, logs = {kind: find_display(kind, runs.problem.robot.machine) for kind in runs.kinds}, []
     for log in runs.closure_logs:
         stretch = choose_stretch(len(log.trial.measured), most)
         rows = {"measured": log.trial.measured}
@@ -288,11 +284,12 @@ def condition_figure(diagnosis: Diagnosis, runs: SimulatedLogs) -> Drawing | Non
     known = np.isfinite(before) & np.isfinite(after)
     table = localise.conditions(runs.problem, log.trial, localise.channel_index(runs.problem, signal))
     best = max(table, key=lambda condition: localise.explain_variance(before[known], table[condition][known]))
-    declared, label, factor = runs.problem.robot.machine.regime, best, 1.0
+    declared, label, factor = diagnosis.machine.regime, best, 1.0
     if best.startswith("time"):
         label = f"{best} [s]"
     elif declared is not None and best in ("load", "joint angle", "speed"):
-        shown = runs.display({"load": declared.load, "joint angle": declared.joint}.get(best, declared.position))
+        kind = {"load": declared.load, "joint angle": declared.joint}.get(best, declared.position)
+        shown = find_display(kind, diagnosis.machine)
         label, factor = f"{best} [{shown.symbol}{'/s' if best == 'speed' else ''}]", shown.factor
     at, before, after = factor * table[best][known], before[known], after[known]
     levels = tuple(np.unique(at).tolist())

@@ -149,7 +149,7 @@ def block_words(diagnosis: Diagnosis) -> str:
 
 
 def parameter_values(effect: NamedEffect, known: bool = False) -> list[tuple[str, str, str]]:
-    """Name, value and 90 % interval of each parameter, by channel where these disagree; `known`: if it says something."""
+    """Name, value and 90 % interval of each parameter, by channel where they disagree; `known`: if it says anything."""
     found = []
     for name, item in effect.parameters.items():
         channels = effect.channels.get(name, {})
