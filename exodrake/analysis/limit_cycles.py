@@ -82,10 +82,6 @@ class CommandedLoop:
         """Describing functions (lines,) at an amplitude [SI] and lines (cycles, frames)."""
         return np.array([describing_function(self, state, amplitude, *line) for line in lines])
 
-    def find_frequency(self, lines: list[tuple[int, int]]) -> np.ndarray:
-        """Frequencies [Hz] (lines,) of lines (cycles, frames)."""
-        return np.array([n / (window * self.loop.robot.machine.frame) for n, window in lines])
-
     def run(self, state: np.ndarray, frames: int, rule: Callable[[int, float], float]) -> tuple[np.ndarray, np.ndarray]:
         """Command and reading (frames,) [SI] of the channel under a rule (frame, command of the controller) -> command.
 
@@ -168,8 +164,9 @@ def limit_cycles(
         response = plant.sweep(model.point.state, plant.unit * AMPLITUDES[0], lines)
         if not response.all():
             continue
-        law = mg.open_responses(opened[channel], plant.find_frequency(lines))[0][:, 0, 0] / response
-        linear = model, plant, margins[channel], lines, law
+        frequency = np.array([n / (window * whole.dt) for n, window in lines])
+        law = mg.open_responses(opened[channel], frequency)[0][:, 0, 0] / response
+        linear = model, plant, margins[channel], lines, frequency, law
         mine = [(label, one, rounded) for label, one, rounded, j in nonlinear if j == channel]
         found += [compare_cycles(label, one, *linear, rounded) for label, one, rounded in mine]
     return tuple(found)
@@ -177,12 +174,12 @@ def limit_cycles(
 
 def compare_cycles(
     label: str, robot: Robot, model: FrameModel, plant: CommandedLoop, limit: float, lines: list[tuple[int, int]],
-    law: np.ndarray, rounded: bool,
+    frequency: np.ndarray, law: np.ndarray, rounded: bool,
 ) -> LimitCycles:  # fmt: skip
     """Predicted and simulated limit cycles of a robot with a nonlinearity, whose readings may be rounded.
 
     Model and plant are of the loop without it, `limit` the gain margin of the channel there [-], `law` (lines,) the
-    controller from readings to commands [command / reading] at lines of (cycles, frames).
+    controller from readings to commands [command / reading] at lines of (cycles, frames) and `frequency` (lines,) [Hz].
     """
     references, state, channel = model.point.references, model.point.state, plant.channel
     loop = FrameMap.from_robot(robot)
@@ -195,7 +192,6 @@ def compare_cycles(
         state = replace(loop, parameters=prepare_values(robot, quantisation=False)).run(state, rows)[0]
     plant = replace(plant, loop=loop, references=references)
     unit, dt = plant.unit, model.system.dt
-    frequency = plant.find_frequency(lines)
     measured = np.array([plant.sweep(state, a, lines) for a in unit * AMPLITUDES])
     curve = [(*find_crossing(frequency, law * n), mg.loop_margins(frequency, law * n)[2]) for n in measured]
     factors, swings = np.sort(np.append(limit * np.array(FACTORS), 1.0)), []

@@ -29,7 +29,6 @@ SHOWN = 0.3  # poles of smaller modulus are gone within a few frames
 
 
 @options.command()
-@options.robot_option("file")
 @options.robot_changes
 @click.option("--at", default="", metavar="AF=4,MF=3,AE=1", help="Operating point: references, or its name: small.")
 @click.option("--draws", type=click.IntRange(0, 1000), default=12, help="Robots within the tolerances, for bands. [12]")
@@ -175,7 +174,6 @@ def verdict(result: exo.ClosedLoop) -> str:
 @options.CASE
 @click.option("--from", "input", default="", metavar="COLUMN", help="Input, such as tension_AF; else every block.")
 @click.option("--to", "output", default="", metavar="COLUMN", help="Output, such as angle_PIP.")
-@options.robot_option("file")
 @options.robot_changes
 @click.option("--improved", type=options.AnyPath(), metavar="FILE", help="Robot file of an improved robot.")
 @click.option("--segment", type=ABOVE, help="Length of Welch's segments [s].")
@@ -227,7 +225,6 @@ def find_response(cases, input, output, file, parameters, effects, parts, improv
 
 
 @options.command()
-@options.robot_option("file")
 @options.robot_changes
 @click.option("--settling", type=ABOVE, help="Wanted settling time to 2 % [s]; else as short as can be.")
 @click.option("--overshoot", type=click.FloatRange(0.0, 100.0), default=5.0, help="Largest overshoot [%]. [5]")

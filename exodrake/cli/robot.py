@@ -148,7 +148,6 @@ def draw(robot: str, out: Path) -> None:
               help="Range of one, with units or in SI. Repeatable.")  # fmt: skip
 @click.option("--held-out", multiple=True, metavar="LOG", help="Log that is not fitted. Repeatable.")
 @click.option("--prediction", is_flag=True, help="Fit prediction errors beside output errors.")
-@options.robot_option("file")
 @options.robot_changes
 @click.option("--out", type=options.OutputFolder(), help="Folder for robot.yaml, fit.png and fit.json.")
 def fit_parameters(cases, free, bounds, held_out, prediction, file, parameters, effects, parts, out) -> object:
