@@ -280,10 +280,7 @@ def radius_at(loop: lm.FrameMap, model: lm.FrameModel, keep: np.ndarray) -> floa
 def stability_map(
     model: lm.FrameModel, first: np.ndarray | None = None, second: np.ndarray | None = None
 ) -> StabilityMap:
-    """The map over the loop's two gains, first (m,) and second (n,) [SI], or over grids of them.
-
-    It is linearised afresh at each pair; the loop rests in the same state under all.
-    """
+    """The map over the loop's two gains, or grids (m,) and (n,) [SI] of them: it rests in the same state under all."""
     loop, point = model.loop, model.point
     across, up = loop.loop.gains
     names = (across.parameter, up.parameter)

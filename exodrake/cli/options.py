@@ -121,13 +121,7 @@ json_target = click.option(
 
 
 def command(make: Callable[..., Any] = click.command, *words: str, **settings: Any) -> Callable[[Callable], Any]:
-    """Makes a function a command with --json, for what it returns, else for the files that it wrote.
-
-    Args:
-        make: Decorator of click; of a group its method `command`.
-        words: Name of the command, if it is not the function's.
-        settings: Further arguments of `make`.
-    """
+    """Makes a function a command, by click's `make`, with --json for what it returns, else for the files it wrote."""
 
     def build(function: Callable) -> Any:
         @wraps(function)

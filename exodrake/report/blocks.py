@@ -51,10 +51,7 @@ def house_style() -> Any:
 
 
 def render_svg(figure: Figure, name: str, label: str) -> str:
-    """A figure that was drawn under `house_style` as an SVG element.
-
-    Its ids are derived from a name unique in the report; the label says what it shows, for screen readers.
-    """
+    """A figure of `house_style` as an SVG element, its ids from a name unique in the report, with a label of it."""
     import matplotlib
 
     stream = StringIO()

@@ -62,14 +62,11 @@ DIGITS = 12  # of a file's hash that are shown; the JSON has them all
 
 @dataclass(frozen=True, eq=False)
 class SimulatedLog:
-    """A log and the same motion simulated: robot -> (n, columns) array [SI], noise-free and unquantised.
-
-    Noise standard deviations are (columns,) [SI].
-    """
+    """A log and the same motion simulated."""
 
     trial: Trial
-    simulated: dict[str, np.ndarray]
-    noise_std: np.ndarray
+    simulated: dict[str, np.ndarray]  # robot -> (n, columns) [SI], noise-free and unquantised
+    noise_std: np.ndarray  # (columns,) [SI]
 
     @cached_property
     def residuals(self) -> dict[str, np.ndarray]:
@@ -269,15 +266,12 @@ def response_figure(diagnosis: Diagnosis, runs: SimulatedLogs) -> Drawing | None
 
 
 def condition_figure(diagnosis: Diagnosis, runs: SimulatedLogs) -> Drawing | None:
-    """Residuals of the worst signal of the worst judged log against the condition of largest correlation ratio.
-
-    Samples, and means of bins, of the retuned and of the last robot. The loop's answer to an error does not count.
-    """
+    """Residuals of the worst signal of the worst judged log against the condition of largest correlation ratio."""
     if not diagnosis.where.regime or not runs.closure_logs:
         return None
     log = max(runs.closure_logs, key=lambda log: np.nanmean(log.residuals[NOMINAL] ** 2))
     power = np.nanmean(log.residuals[RETUNED] ** 2, axis=0)
-    plain = [i for i, (kind, _) in enumerate(runs.parts) if kind != runs.loop_answer]
+    plain = [i for i, (kind, _) in enumerate(runs.parts) if kind != runs.loop_answer]  # which is no error
     column = max(plain or range(len(power)), key=lambda i: power[i])
     signal = runs.problem.columns[column]
     before, after = (log.residuals[robot][:, column] for robot in (RETUNED, IMPROVED))
