@@ -15,7 +15,7 @@ from exodrake.analysis.linear_model import (
 )
 from exodrake.analysis.margins import latency_sweep, stability_map
 from exodrake.analysis.responses import returns
-from exodrake.cli.analyse import describe_course
+from exodrake.cli.control import describe_course
 from exodrake.physics import controller
 
 

@@ -193,7 +193,7 @@ def test_demo_refuses_a_folder_with_an_earlier_demo(tmp_path):
 
 @pytest.mark.parametrize(("verdict", "words"), [(NAMED, "found: the verdict was NAMED"), (UNKNOWN, "number 1 of 3")])
 def test_demo_reveals_the_label_and_says_if_it_was_found(tmp_path, capsys, verdict, words):
-    from exodrake.cli.demo import COMMITMENT, LABELS, case_plan, reveal
+    from exodrake.cli.blind import COMMITMENT, LABELS, case_plan, reveal
     from exodrake.reference.answers import write_committed
 
     truth = {"id": "tendon.capstan_friction", "block": "tendon", "wires": ["AF"], "joints": [], "exact": False}

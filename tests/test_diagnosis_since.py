@@ -18,8 +18,8 @@ from exodrake.diagnosis.problem import make_problem
 from exodrake.diagnosis.result import NAMED
 from exodrake.diagnosis.since import Series, Since, date_sessions, follow_sessions
 from exodrake.diagnosis.verdict import Decision, decide
-from exodrake.report.diagnosis_html import render_report
-from exodrake.report.since import since as since_section, words
+from exodrake.report.diagnosis_html import render_report, since as since_section
+from exodrake.report.wording import since_words as words
 from exodrake.simulation import protocols
 from exodrake.simulation.references import on_machine
 from studies.since import KINDS, SESSIONS, sheath_case

@@ -9,7 +9,7 @@ from click.testing import CliRunner
 from diagram_runs import made_up_weights
 
 import exodrake as exo
-from exodrake.cli.grasp import parse_size
+from exodrake.cli.finger import parse_size
 from exodrake.cli.main import cli
 from exodrake.core.errors import InputError
 from exodrake.grasping.plan import MODES, at_hold, find_mode, run_plan, tensions_for

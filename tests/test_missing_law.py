@@ -35,7 +35,8 @@ from exodrake.diagnosis.isolation import isolate
 from exodrake.diagnosis.problem import make_problem
 from exodrake.effects import law_table
 from exodrake.engine.compose import generate_module
-from exodrake.report.missing_law import figure_svg, law_lines
+from exodrake.report.diagnosis_html import law_figure
+from exodrake.report.wording import law_lines
 from exodrake.simulation.references import protocol
 from exodrake.simulation.simulate import simulate
 
@@ -147,7 +148,7 @@ def test_saturating_spring_is_a_force_over_place():
     assert curve.value == pytest.approx(60.0 * np.tanh(curve.u / 0.015), abs=6.0)
     assert "tanh" in curve.formula and curve.formula in "".join(law_lines(law))
     assert law.closure.value > 0.9
-    assert "<svg" in figure_svg(law)
+    assert "<svg" in law_figure(law).svg
 
 
 def test_gain_that_depends_on_place_is_linear_in_it():

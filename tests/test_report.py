@@ -17,6 +17,7 @@ from rich.console import Console
 
 from exodrake.data.log import Log
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, PARTLY, RETUNE, UNKNOWN, Interval
+from exodrake.model.display import find_display
 from exodrake.report import wording
 from exodrake.report.diagnosis_html import CURVE_LEVELS, MOST_SAMPLES, SimulatedLogs, curves, render_report, which
 from exodrake.report.terminal import print_summary, print_table
@@ -263,7 +264,7 @@ def test_curves_are_read_back_to_half_a_level():
     runs = simulated_logs(frames=500)
     (log,) = curves(runs, ROBOTS)["logs"]
     for i, column in enumerate(log["columns"]):
-        factor = runs.display(column["kind"]).factor
+        factor = find_display(column["kind"], runs.problem.robot.machine).factor
         measured = factor * runs.closure_logs[0].trial.measured[:, i]
         read = unpacked(column["measured"])
         assert np.array_equal(np.isnan(read), np.isnan(measured))

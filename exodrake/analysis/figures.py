@@ -39,10 +39,7 @@ VISIBLE = 1e-4  # of a panel: below, the rest of a simulation
 def channel_panels(
     result: ClosedLoop, title: str, heights: dict[str, float], xlabel: str, height: float, xscale: str = "linear"
 ) -> tuple[Figure, Any, list[str]]:
-    """A figure so high [inches], its panels, and the colours of the channels.
-
-    Each channel has a column, whose title takes its name; each label a row of that relative height.
-    """
+    """A figure so high [inches], its panels, and colours: a column for each channel, a row for each label's height."""
     channels = [m.channel for m in result.margins]
     figure = new_figure(min(7.0, 1.6 + 2.4 * len(channels)), height)
     shape: dict[str, Any] = {"sharex": True, "sharey": "row", "squeeze": False, "subplot_kw": {"xscale": xscale}}
@@ -80,10 +77,7 @@ def plot_steps(result: ClosedLoop) -> Figure:
 
 
 def plot_bode(result: ClosedLoop) -> Figure:
-    """Closed loop from reference to reading per channel: a line from the frame map, dots from the multisine.
-
-    With noise or distortion, a panel of coherence; else it is 1 everywhere.
-    """
+    """Closed loop per channel: a line from the frame map, dots from the multisine; coherence where it is not 1."""
     heights, height = {"Gain [dB]": 1.4, "Phase [deg]": 1.2}, 4.2
     if any((r.coherence < CLEAN).any() for r in result.responses):
         heights, height = heights | {"Coherence [-]": 0.7}, 5.2
@@ -145,10 +139,7 @@ def plot_margins(result: ClosedLoop) -> Figure:
 
 
 def plot_nyquist(result: ClosedLoop) -> Figure:
-    """Nyquist curve of each channel for positive frequencies (full) and negative (dashed), of each drawn robot, too.
-
-    The curve must not enter the disk about -1.
-    """
+    """Nyquist curves of each channel and drawn robot, negative frequencies dashed; they must not enter the disk."""
     figure, (panels,), _ = channel_panels(result, "{}", {"Im L": 1.0}, "Re L", 3.0)
     turn = np.linspace(0.0, 2.0 * np.pi, 200)
     for j, (m, axes) in enumerate(zip(result.margins, panels)):
@@ -219,10 +210,7 @@ def plot_robust(result: ClosedLoop) -> Figure:
 
 
 def plot_root_locus(result: ClosedLoop) -> Figure:
-    """Poles in the z plane while the gain of all commands grows together.
-
-    Thin lines are z = exp(s T) for constant damping ratio (full) and for constant natural frequency (dotted).
-    """
+    """Poles in the z plane over the gain of all commands; thin: constant damping (full) and frequency (dotted)."""
     figure = new_figure(5.4, 4.4)
     axes, turn = figure.subplots(), np.linspace(0.0, 2.0 * np.pi, 400)
     axes.fill(np.cos(turn), np.sin(turn), color="#f6f8fa", zorder=0)
@@ -355,10 +343,7 @@ def plot_stability(result: ClosedLoop) -> Figure:
 
 @matplotlib.rc_context(STYLE)
 def plot_tuning(tuning: Tuning) -> Figure:
-    """Steps of the channels above; settling, overshoot, disk margin and noise of each controller below.
-
-    A grey area misses the requirement.
-    """
+    """Steps of the channels; settling, overshoot, disk margin and noise of each controller, grey where missed."""
     channels = [s.channel for s in tuning.compared[0].steps]
     heights = [2.6, 1.1 + 0.24 * len(tuning.compared)]
     figure = new_figure(7.4, sum(heights))
@@ -419,11 +404,8 @@ def plot_uncertainty(found: Uncertainty) -> Figure:
     above: dict[str, Any] = {"fontsize": 7.5, "loc": "lower left", "bbox_to_anchor": (0.0, 1.0)}
     panels[0].legend(**above)
     thin: dict[str, Any] = {"lw": 0.9, "marker": ".", "ms": 3}
-    ends = {
-        "improved robot": IMPROVED,
-        "lower ends": thin | {"color": "#009e73"},
-        "upper ends": thin | {"color": "#cc79a7"},
-    }
+    ends = {"lower ends": thin | {"color": "#009e73"}, "upper ends": thin | {"color": "#cc79a7"}}
+    ends = {"improved robot": IMPROVED, **ends}
     curves = (
         ("Gain margin [dB]", found.list_worst(attrgetter("gain_margin_db")), lambda c: decibel(c.factor)),
         ("Phase margin [deg]", found.list_worst(attrgetter("least_phase_deg")), attrgetter("phase_margin_deg")),

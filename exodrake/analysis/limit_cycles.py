@@ -73,11 +73,6 @@ class CommandedLoop:
     direct: np.ndarray  # (channels, channels) dv/dr of its controller
     channel: int
 
-    @classmethod
-    def of(cls, model: FrameModel, channel: int) -> "CommandedLoop":
-        """The loop of a linear model, at its operating point."""
-        return cls(model.loop, model.point.references, model.system.D[model.rows(model.loop.loop.command)], channel)
-
     @property
     def unit(self) -> float:
         """The command's answer to a step of the reference [SI]."""
@@ -86,10 +81,6 @@ class CommandedLoop:
     def sweep(self, state: np.ndarray, amplitude: float, lines: list[tuple[int, int]]) -> np.ndarray:
         """Describing functions (lines,) at an amplitude [SI] and lines (cycles, frames)."""
         return np.array([describing_function(self, state, amplitude, *line) for line in lines])
-
-    def find_frequency(self, lines: list[tuple[int, int]]) -> np.ndarray:
-        """Frequencies [Hz] (lines,) of lines (cycles, frames)."""
-        return np.array([n / (window * self.loop.robot.machine.frame) for n, window in lines])
 
     def run(self, state: np.ndarray, frames: int, rule: Callable[[int, float], float]) -> tuple[np.ndarray, np.ndarray]:
         """Command and reading (frames,) [SI] of the channel under a rule (frame, command of the controller) -> command.
@@ -168,27 +159,29 @@ def limit_cycles(
         crossover = mg.loop_margins(grid, ratios[channel])[3]
         longer = int(np.ceil(BELOW / (WINDOW * whole.dt * crossover))) if crossover > 0.0 else 1
         lines = [*((n, longer * WINDOW) for n in range(1, longer)), *((n, WINDOW) for n in CYCLES)]
-        plant = CommandedLoop.of(model, channel)
+        direct = model.system.D[model.rows(loop.command)]
+        plant = CommandedLoop(model.loop, model.point.references, direct, channel)
         response = plant.sweep(model.point.state, plant.unit * AMPLITUDES[0], lines)
         if not response.all():
             continue
-        law = mg.open_responses(opened[channel], plant.find_frequency(lines))[0][:, 0, 0] / response
-        linear = model, channel, margins[channel], lines, law
+        frequency = np.array([n / (window * whole.dt) for n, window in lines])
+        law = mg.open_responses(opened[channel], frequency)[0][:, 0, 0] / response
+        linear = model, plant, margins[channel], lines, frequency, law
         mine = [(label, one, rounded) for label, one, rounded, j in nonlinear if j == channel]
         found += [compare_cycles(label, one, *linear, rounded) for label, one, rounded in mine]
     return tuple(found)
 
 
 def compare_cycles(
-    label: str, robot: Robot, model: FrameModel, channel: int, limit: float, lines: list[tuple[int, int]],
-    law: np.ndarray, rounded: bool,
+    label: str, robot: Robot, model: FrameModel, plant: CommandedLoop, limit: float, lines: list[tuple[int, int]],
+    frequency: np.ndarray, law: np.ndarray, rounded: bool,
 ) -> LimitCycles:  # fmt: skip
     """Predicted and simulated limit cycles of a robot with a nonlinearity, whose readings may be rounded.
 
-    The model is of the loop without it, `limit` the gain margin of the channel there [-], `law` (lines,) the
-    controller from readings to commands [command / reading] at lines of (cycles, frames).
+    Model and plant are of the loop without it, `limit` the gain margin of the channel there [-], `law` (lines,) the
+    controller from readings to commands [command / reading] at lines of (cycles, frames) and `frequency` (lines,) [Hz].
     """
-    references, state = model.point.references, model.point.state
+    references, state, channel = model.point.references, model.point.state, plant.channel
     loop = FrameMap.from_robot(robot)
     loop = replace(loop, parameters=prepare_values(loop.robot, quantisation=rounded))
     if rounded:
@@ -197,9 +190,8 @@ def compare_cycles(
         references = references + edge
         rows = np.tile(references, (RUN, 1))
         state = replace(loop, parameters=prepare_values(robot, quantisation=False)).run(state, rows)[0]
-    plant = replace(CommandedLoop.of(model, channel), loop=loop, references=references)
+    plant = replace(plant, loop=loop, references=references)
     unit, dt = plant.unit, model.system.dt
-    frequency = plant.find_frequency(lines)
     measured = np.array([plant.sweep(state, a, lines) for a in unit * AMPLITUDES])
     curve = [(*find_crossing(frequency, law * n), mg.loop_margins(frequency, law * n)[2]) for n in measured]
     factors, swings = np.sort(np.append(limit * np.array(FACTORS), 1.0)), []

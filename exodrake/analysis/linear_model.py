@@ -183,10 +183,7 @@ class FrameMap:
 
 
 def resolve_references(loop: FrameMap, at: Mapping[str, float] | str | None) -> np.ndarray:
-    """References (channels,) [SI] of an operating point, by its name or channel by channel; the machine's own without.
-
-    InputError for an unknown point, other channels than the loop's, or a reference outside its limits.
-    """
+    """References (channels,) [SI] of an operating point, the machine's first without; InputError if there is none."""
     robot, channels, points = loop.robot, loop.channels, loop.loop.points
     at = next(iter(points)) if at is None else at
     lowest, highest = robot.reference_limits()

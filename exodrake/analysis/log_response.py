@@ -255,12 +255,7 @@ def cross_spectra(
 
 
 def plot_responses(responses: Sequence[LogResponse], style: Mapping[Any, Any] = STYLE) -> Figure:
-    """Magnitude, phase and coherence of each response over the lines that are resolved: measured, nominal, improved.
-
-    Args:
-        responses: a column of three panels each.
-        style: settings of matplotlib; a report has its own.
-    """
+    """Magnitude, phase and coherence of each response, a column of panels each, over the lines that are resolved."""
     import matplotlib
 
     shown = [one for one in responses if one.resolved.any()]

@@ -27,10 +27,8 @@ LATENCIES = np.arange(0.0, 8.01, 0.25)  # frames
 
 def open_loop(model: lm.FrameModel) -> lm.System:
     """A loop opened at its commands (`break_loop`). InputError where a command ignores its reference (a gain of 0)."""
-    signals = model.loop.loop
-    return break_loop(
-        model.system, model.loop.own[model.keep], model.rows(signals.command), model.rows(signals.measured)
-    )
+    v, y = model.rows(model.loop.loop.command), model.rows(model.loop.loop.measured)
+    return break_loop(model.system, model.loop.own[model.keep], v, y)
 
 
 def break_loop(system: lm.System, own: np.ndarray, v: list[int], y: list[int]) -> lm.System:
@@ -68,10 +66,7 @@ def open_channel(whole: lm.System, channel: int) -> lm.System:
 
 
 def open_responses(whole: lm.System, frequency: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return ratio L [-] and readings by commands P [reading / command] of an open loop at frequencies (f,) [Hz].
-
-    Both are (f, channels, channels).
-    """
+    """Return ratio L [-] and readings by commands P, (f, channels, channels) each, at frequencies (f,) [Hz]."""
     commands, readings = np.split(lm.evaluate(whole, frequency), 2, axis=1)
     return -commands, readings
 
@@ -285,10 +280,7 @@ def radius_at(loop: lm.FrameMap, model: lm.FrameModel, keep: np.ndarray) -> floa
 def stability_map(
     model: lm.FrameModel, first: np.ndarray | None = None, second: np.ndarray | None = None
 ) -> StabilityMap:
-    """The map over the loop's two gains, first (m,) and second (n,) [SI], or over grids of them.
-
-    It is linearised afresh at each pair; the loop rests in the same state under all.
-    """
+    """The map over the loop's two gains, or grids (m,) and (n,) [SI] of them: it rests in the same state under all."""
     loop, point = model.loop, model.point
     across, up = loop.loop.gains
     names = (across.parameter, up.parameter)

@@ -72,10 +72,7 @@ class Band:
 
 
 def relative_gains(plant: np.ndarray) -> np.ndarray:
-    """Diagonal (f, channels) [-] of the relative gain array of a plant (f, channels, channels): 1 without coupling.
-
-    Bristol's array G * inv(G)^T, with absolute values of the complex elements.
-    """
+    """Diagonal (f, channels) [-] of Bristol's array |G * inv(G)^T| of a plant G (f, channels, channels)."""
     return np.abs(np.einsum("fii,fii->fi", plant, np.linalg.pinv(plant)))
 
 
@@ -270,16 +267,16 @@ def fit_weight(frequency: np.ndarray, deviation: np.ndarray) -> control.Transfer
         lags = np.log1p((w / np.exp(x[1])) ** 2) - np.log1p((w / np.exp(x[2])) ** 2)
         return x[0] + 0.5 * order * lags - log_size
 
+    def above(x: np.ndarray, order: int) -> float:
+        return float(np.mean(excess(x, order) - excess(x, order).min()))
+
     middle, (low, high) = np.log(np.sqrt(w[0] * w[-1])), np.log([w[0] / 10.0, 10.0 * w[-1]])
     starts = [(log_size[0], middle + a, middle + b) for a, b in ((-1.0, 1.0), (1.0, -1.0), (1.0, 3.0), (-3.0, 0.0))]
     bounds, tried = ([-20.0, low, low], [20.0, high, high]), []
     for order in (1, 2):
         fits = [least_squares(excess, start, args=(order,), bounds=bounds) for start in starts]
         x = min(fits, key=lambda fit: fit.cost).x
-        found = minimize(
-            lambda x, order: np.mean(excess(x, order) - excess(x, order).min()), x, args=(order,), method="Nelder-Mead",
-            bounds=np.transpose(bounds),
-        )  # fmt: skip
+        found = minimize(above, x, args=(order,), method="Nelder-Mead", bounds=np.transpose(bounds))
         tried.append((found.fun, found.x - np.array([excess(found.x, order).min(), 0.0, 0.0]), order))
     _, (gain, zero, pole), order = tried[1] if tried[1][0] < LESS * tried[0][0] else tried[0]
     s = control.tf("s")

@@ -125,10 +125,7 @@ def variations(robot: Robot, over: Any, draws: int, seed: int) -> tuple[list[dic
 
 
 def plot_sweep(table: Any) -> Any:
-    """Figure of a sweep: each summary, of the default ones the RMS, over one parameter, coloured by the second.
-
-    Where more than two vary, as in robots within tolerances, no two of them say more than the rest: then by run.
-    """
+    """Figure of a sweep: each summary over one parameter, coloured by the second; by run where more than two vary."""
     import matplotlib
 
     units, varied = table.attrs["units"], table.attrs["varied"]

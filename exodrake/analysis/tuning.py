@@ -91,14 +91,11 @@ class Tuned:
     noise: float  # [SI]
     missed: tuple[str, ...]  # requirements that it does not hold, a phrase each
 
-    def word_gains(self) -> str:
-        """The tuned gains in SI."""
-        return word_gains(self.gains) if self.gains else "no tuned controller that holds all is faster"
-
 
 def word_gains(gains: Mapping[str, float]) -> str:
-    """Gains [SI] by name as text."""
-    return ", ".join(f"{name} = {value:.4g}" for name, value in gains.items())
+    """Tuned gains [SI] by name as text; without any, why."""
+    each = ", ".join(f"{name} = {value:.4g}" for name, value in gains.items())
+    return each or "no tuned controller that holds all is faster"
 
 
 @short_repr
@@ -150,7 +147,8 @@ class Tuning:
         own, best = self.compared[0], self.best or self.compared[0]
         settles = f"settles in {best.settling:.3g} s ({own.name}: {own.settling:.3g} s)"
         words = f"best {best.name}, {settles}" if self.best else "none holds all requirements"
-        return f"Tuning({self.robot.machine.name}: {len(self.compared)} controllers; {words})\n  {best.word_gains()}"
+        head = f"Tuning({self.robot.machine.name}: {len(self.compared)} controllers; {words})"
+        return f"{head}\n  {word_gains(best.gains)}"
 
     @property
     def best(self) -> Tuned | None:

@@ -1,10 +1,22 @@
-"""`exodrake blind`: withheld cases from a reference simulator, their diagnoses and scores."""
+"""`exodrake blind`: withheld cases from a reference simulator, their diagnoses and scores; `demo`: one such case."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
 
 import click
 
+import exodrake as exo
 from exodrake.cli import options
 from exodrake.core.errors import InputError, nearest
 from exodrake.core.progress import show_count, where_to_run
+
+GRASP = "caging"
+CASE, LABELS, COMMITMENT = "case", "label.json", "commitment.txt"  # folder and files of the demo
+
+HIDDEN = """Another simulator, with other equations, other numbers within 3 % and one effect that the nominal robot
+   lacks, writes five logs. The label is committed to by its SHA-256."""
 
 
 @click.group()
@@ -85,3 +97,83 @@ def score(folder, labels, against, markdown) -> object:
     if markdown:
         options.write_files({markdown: as_markdown(tables(result))})
     return result
+
+
+@options.command()
+@click.option("--seed", type=click.IntRange(min=0), default=1, show_default=True, help="Which robot, and which fault.")
+@click.option("--out", type=options.OutputFolder(), default=Path("demo"), show_default=True, help="Folder.")
+def run_demo(seed: int, out: Path) -> dict[str, Any]:
+    """Simulate a grasp, inject a fault into an independent reference simulator, and find it from logs alone."""
+    from exodrake.cli.diagnose import FILES, diagnose_case
+    from exodrake.cli.simulate import make_files
+    from exodrake.reference import answers, make, simulator
+    from exodrake.simulation.scenario import Scenario
+
+    if (out / CASE).exists() or (out / LABELS).exists():
+        raise InputError(f"{out}: holds an earlier demo; name another folder with --out, or remove it")
+    chapter(1, "A grasp of the nominal robot", "The model closes an index finger by three tendons.")
+    with options.waiting("simulating (the first run compiles for half a minute)") as say:
+        scenario = Scenario(GRASP)
+        robot, log = scenario.run()
+        options.write_together(out / "grasp", {"log.csv": log} | make_files(scenario, robot, log, GRASP, say))
+    angles = log.array("angle")
+    reached = ", ".join(f"{j} {57.3 * a:.0f}°" for j, a in zip(robot.machine.axes.joints, angles.max(axis=0)))
+    click.echo(f"   {GRASP} for {log.duration:.0f} s: {reached}")
+    chapter(2, "A robot with a hidden fault", HIDDEN)
+    with options.waiting("the reference simulator runs"):
+        simulator.warm_up()
+        label = make.make_case(case_plan(seed), out)
+        answers.write_committed({CASE: label}, out / LABELS, out / COMMITMENT)
+    digest = (out / COMMITMENT).read_text()[:16]
+    click.echo(f"   five logs in {out / CASE}, SHA-256 of the label {digest}…")
+    chapter(3, "The diagnosis", "Only the logs and the nominal robot are known. This takes a minute or two.")
+    answer, report, improved = (out / name for name in FILES)
+    found = diagnose_case(str(out / CASE), "", answer, report, improved)
+    chapter(4, "The label", "Now the label is read, and checked against its SHA-256 commitment.")
+    truth, right = reveal(out, found)
+    click.echo(f"\n{click.style('look at', bold=True)}  {out}/grasp/recording.html   the finger in 3D")
+    click.echo(f"         {out}/report.html   the diagnosis")
+    click.echo(f"         {out}/improved.yaml   the fitted robot, for exodrake simulate --robot")
+    return {"truth": truth, "found": right, "answer": found}
+
+
+def chapter(number: int, title: str, words: str) -> None:
+    """Print the heading of a chapter, and what happens in it."""
+    click.secho(f"\n{number}  {title}", bold=True)
+    click.secho(f"   {words}", dim=True)
+
+
+def case_plan(seed: int) -> Any:
+    """The plan of a case with a single effect, drawn by the seed."""
+    import numpy as np
+
+    from exodrake.reference.cases import CasePlan
+    from exodrake.reference.faults import LIBRARY
+
+    identity = str(np.random.default_rng([seed, 0]).choice(list(LIBRARY)))
+    return CasePlan(CASE, (seed, 1), "single", (identity,), False)
+
+
+def reveal(out: Path, found: exo.Diagnosis) -> tuple[list[dict[str, Any]], bool]:
+    """Read the label, and print whether the verdict was right; its effects, and whether each was found."""
+    from exodrake.reference.answers import read_committed
+    from exodrake.reference.score import accepted_ids, found_ids
+    from exodrake.report.wording import join_words
+
+    effects, right = read_committed(out / LABELS, out / COMMITMENT)[CASE]["effects"], True
+    for truth in effects:
+        channels = join_words((*truth["wires"], *truth["joints"]))
+        parameters = ", ".join(f"{name} {value:.3g}" for name, value in truth["parameters"].items())
+        where = f" on {channels}" if channels else ""
+        click.echo(f"   it was {truth['id']}{where}  ({parameters}, SI)")
+        if not truth["exact"]:
+            click.echo("   Its law has another form there, so its parameters are other numbers.")
+        if accepted_ids(truth) & found_ids(found.to_json()):
+            click.echo(f"   {click.style('found', fg='green')}: the verdict was {found.verdict}")
+            continue
+        right = False
+        alone = [one.id for one in found.candidates if "+" not in one.id]
+        rank = f"number {alone.index(truth['id']) + 1} of {len(alone)}" if truth["id"] in alone else "not listed"
+        missed = f"the verdict was {found.verdict}; among single effects it is {rank}"
+        click.echo(f"   {click.style('not named', fg='red')}: {missed}")
+    return effects, right

@@ -1,4 +1,7 @@
-"""`exodrake diagnose`, of a case or of many side by side; `fleet`, of many answers; `calibrate`, its error rates."""
+"""`exodrake diagnose`, of a case or of many side by side; `fleet`, of many answers; `calibrate`, its error rates.
+
+`exodrake check`: what a case is good for. `exodrake experiment`: the motion that tells explanations apart.
+"""
 
 from __future__ import annotations
 
@@ -18,6 +21,12 @@ from exodrake.core.progress import Stage, show_count, stages, where_to_run
 
 FILES = _, REPORT, IMPROVED = "diagnosis.json", "report.html", "improved.yaml"  # of the answer to one case
 FLEET, DIAGNOSED = "fleet.html", Path("diagnosed")
+TOP, FEW = 3, 4  # effects that `check` lists for each; for fewer sensors
+ENOUGH = 0.5  # probability below which an experiment is not recommended: assumed
+ADVICE = (
+    "no motion of the free robot within its limits tells them apart for certain; measure at a known state instead: at "
+    "a mechanical stop for the zero of an encoder, under known weights for a force, a clamped joint for a stiffness"
+)
 NO_ANSWER: dict[str, Any] = {"where": {"block": ""}, "effects": [], "equivalents": [], "closure": {"overall": {}}}
 
 
@@ -168,10 +177,7 @@ def diagnose_many(
 
 
 def map_places(cases: tuple[str, ...], out: Path) -> dict[Path, Path]:
-    """Map each case, or case in a folder, to the folder for its answer in `out`; a doubled name has the parent's, too.
-
-    InputError for a missing case, and for two whose answers would have the same name.
-    """
+    """Case -> folder for its answer in `out`, a doubled name with the parent's; InputError if that is doubled, too."""
     from exodrake.data.formats import stem
 
     paths = [path for name in cases for path in options.cases_in(Path(name)) or [Path(name)]]
@@ -260,3 +266,160 @@ def count_errors(robot, folder, cases, minutes, seed, jobs, cluster, out) -> obj
     options.print_table(("rate", "meaning", ">count", ">share", ">95 % interval"), rows, wrapped=1)
     options.write_files({out: calibration.calibration_text(found)})
     return found
+
+
+@options.command()
+@click.argument("case", type=options.AnyPath())
+@options.robot_option()
+@click.option("--effects", "only", default="", metavar="ID,...", help="These effects only.")
+@click.option("--without", default="", metavar="ID,...", help="Not these effects.")
+@click.option("--out", "--figure", "figure", type=options.OutputFile("check.png"), help="Figure, or a folder for it.")
+@click.option("--allow-outside", is_flag=True, help="Read logs that lie outside the folder of their case, too.")
+def check_case(case: Path, robot: str, only: str, without: str, figure: Path | None, allow_outside: bool) -> object:
+    """Say what CASE is good for: clocks, gaps, saturation, excitation, and which effects it could not tell apart.
+
+    CASE is a folder of logs or one log. The effects are judged on its references alone, by simulating each of them at a
+    typical size on the nominal robot; the measured values are not fitted.
+    """
+    from exodrake.core.parallel import one_blas_thread
+    from exodrake.diagnosis.checks.compare import list_few
+    from exodrake.diagnosis.checks.preflight import CLEAR, HIDDEN, MISTAKEN, SEEN, draw_figure, preflight
+    from exodrake.model.display import find_display, percent
+
+    nominal = exo.load_robot(robot)
+    options.refuse_cases(case)
+    with options.waiting("reading") as say, one_blas_thread():
+        found = preflight(case, nominal, options.choose_effects(robot, only, without), allow_outside, say)
+
+    def show(column: str, value: float) -> str:
+        display = find_display(column.rsplit("_", 1)[0], nominal.machine)
+        return f"{display.factor * value:.3g} {display.unit}"
+
+    tables = {
+        ("log", ">rows", ">duration", ">step", ">jitter", ">missing frames"): [
+            (escape(c.file), str(c.rows), f"{c.duration:.4g} s", f"{1e3 * c.step:.4g} ms", f"{100.0 * c.jitter:.1f} %",
+             str(c.missing)) for c in found.clocks
+        ],
+        ("channel", ">motion (std)", ">fast noise (std)", ">missing", ">at its ends"): [
+            (c.column, show(c.column, c.motion), show(c.column, c.noise), f"{100.0 * c.missing:.1f} %",
+             f"{100.0 * c.saturated:.1f} %")
+            for c in found.channels
+        ],
+        ("reference", ">span", ">of its limits", ">95 % below", ">turns", ">at rest"): [
+            (e.column, show(e.column, e.span), "" if e.share != e.share else percent(e.share), f"{e.band:.2g} Hz",
+             str(e.reversals), percent(e.rest)) for e in found.excitations
+        ],
+    }  # fmt: skip
+    for titles, rows in tables.items():
+        options.print_table(titles, rows)
+        click.echo()
+    for problem in found.problems:
+        click.echo(f"{click.style('note', fg='yellow')}    {problem}")
+    if not found.problems:
+        click.echo(f"{click.style('nothing wrong', fg='green')} with the recordings")
+    click.echo()
+    result, rows, clear = found.identifiability, [], []
+    for effect in dict.fromkeys(d.effect for d in result.directions):
+        own = [d for d in result.directions if d.effect == effect]
+        seen = [d for d in own if d.seen >= SEEN]
+        hidden = ", ".join(d.channel or "everywhere" for d in own if d.seen < SEEN)
+        taken = list_few((name for d in seen for name in d.taken_for), TOP)
+        size = ""
+        if seen:  # the smallest that is seen on every channel that shows the effect; else the one that was tried
+            known = all(d.smallest == d.smallest for d in seen)
+            size = f"{max((d.smallest for d in seen), key=abs):.2g}" if known else f"at {seen[0].typical:.2g}"
+            size = f"{size} {seen[0].unit}".removesuffix(" -")
+        if hidden or taken:
+            rows.append((f"[bold]{effect}[/bold]", size, hidden, taken))
+        else:
+            clear.append(f"{effect} ({size})")
+    if rows:
+        options.print_table(("effect", ">seen from", "not seen at typical size", "could be taken for"), rows, wrapped=3)
+    if clear:
+        click.echo(f"seen and distinguished, from the size in brackets: {', '.join(clear)}")
+    click.echo(
+        f"\n{len(result.select(CLEAR))} of {len(result.directions)} effects and channels are seen and distinguished, "
+        f"{len(result.select(MISTAKEN))} could be mistaken, {len(result.select(HIDDEN))} are not seen"
+    )
+    for signal, noise, left in result.sensors[:1]:
+        again = " once more, by a second sensor," if any(signal.name == c.kind for c in nominal.machine.columns) else ""
+        click.echo(
+            f"{signal.name}{again} would help most: measured with a noise of {noise:.2g} {signal.unit}, "
+            f"{len(left.select(MISTAKEN))} could be mistaken and {len(left.select(HIDDEN))} not seen"
+        )
+    if result.fewer:
+        rows = []
+        for kinds, left in result.fewer.items():
+            clear = {d.effect for d in left.select(CLEAR)}
+            lost = list_few((d.effect for d in result.select(CLEAR) if d.effect not in clear), FEW)
+            numbers = (str(len(left.select(state))) for state in (CLEAR, MISTAKEN, HIDDEN))
+            rows.append((", ".join(kinds), *numbers, lost))
+        counts = ">distinguished", ">mistaken", ">not seen"
+        click.echo()
+        options.print_table(("with these columns alone", *counts, "effects no longer distinguished"), rows, wrapped=4)
+    if figure:
+        options.write_files({figure: draw_figure(found)})
+    return found._asdict() | {"case": found.case.name}
+
+
+@options.command()
+@click.argument("case", type=options.AnyPath())
+@click.option("--out", type=options.OutputFile("reference.csv"), required=True,
+              help="References to be sent to the robot, or a folder for them; the figure lies beside.")  # fmt: skip
+@click.option("--case", "folder", default=None, metavar="FOLDER", type=options.AnyPath(),
+              help="Folder of the case, for an answer that lies elsewhere.")  # fmt: skip
+@click.option("--duration", type=float, default=None, help="Length of the experiment, 20 to 60 s [60].")
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the search.")
+@options.robot_option()
+def design_experiment(case, out, folder, duration, seed, robot) -> object:
+    """Design the experiment that tells apart the explanations that the logs of CASE do not reject.
+
+    CASE is a folder of logs, whose diagnosis.json is used if it is up to date, or an answer (`diagnose --json`). The
+    motion is the one on which they differ most after each is fitted to it, safe on every one of them. Its log, saved as
+    experiment.csv in the folder of the case, decides the next diagnosis.
+    """
+    import numpy as np
+
+    from exodrake.core.parallel import one_blas_thread
+    from exodrake.experiment.contest import prepare_contest, read_rivals
+    from exodrake.experiment.design import check_length, design, draw_experiment
+    from exodrake.model.display import in_words, percent
+
+    nominal, picture = exo.load_robot(robot), out.with_suffix(".png")
+    if out.parent.is_dir():
+        options.check_target(picture)
+    options.refuse_cases(case)
+    check_length(nominal, duration)
+    with stages() as progress:
+        problem, rivals, why_none = read_rivals(case, nominal, folder, progress)
+    if why_none:
+        click.echo(why_none)
+        return {"probability": None, "reason": why_none}
+    with options.waiting("searching for the motion that tells them apart"), one_blas_thread():
+        contest = prepare_contest(problem, rivals)
+        best = design(contest, duration, seed)
+    expected, names = best.information, [e.name for e in contest.explanations]
+    pairs = [(names[i], names[j], left, expected.power(i, j)) for (i, j), left in sorted(expected.left.items())]
+    rows = [(true, rival, f"{left:.3g}", percent(power)) for true, rival, left, power in pairs]
+    options.print_table(("if the cause is", "rejected", ">what it leaves (T)", ">probability"), rows, wrapped=0)
+    click.echo(f"\n{percent(expected.probability)} expected: all but the true cause are rejected")
+    click.echo(f"{percent(best.random)} promised by a random motion as long, the median of those that were tried")
+    if expected.probability < ENOUGH:
+        click.echo(f"{click.style('note', fg='yellow')}    {ADVICE}")
+    click.echo()
+    rows = []
+    for name, unit, *spans in best.safety.spans(contest.records(best.reference)):
+        rows.append((name, *(" to ".join(in_words(x, unit) for x in span) for span in spans)))
+    options.print_table(("signal", ">on any explanation", ">allowed"), rows)
+    if best.size < 1.0:
+        click.echo(f"made smaller, to {percent(best.size)}, so that no signal leaves its range")
+    click.echo()
+    machine, values = nominal.machine, best.reference.values
+    columns = dict(zip(machine.log_names(machine.references), values.T, strict=True))
+    log = exo.Log(machine.frame * np.arange(len(values)), columns)
+    options.write_files({out: log, picture: draw_experiment(contest, best)})
+    click.echo(
+        "save its log as experiment.csv in the folder of the case (in its case.yaml: role fit), and diagnose again"
+    )
+    told = [dict(zip(("cause", "rejected", "left", "probability"), pair)) for pair in pairs]
+    return {"probability": expected.probability, "random": best.random, "size": best.size, "pairs": told}

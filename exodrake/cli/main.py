@@ -18,7 +18,7 @@ from exodrake.core.progress import INTERRUPTED
 # heading -> command -> (module, with the name of the click command if it is not `command`; its line in --help)
 GROUPS = {
     "Simulate": {
-        "demo": ("demo", "From a robot with a hidden fault to its name."),
+        "demo": ("blind:run_demo", "From a robot with a hidden fault to its name."),
         "simulate": ("simulate", "Run a robot, with or without effects, and write its log."),
         "sweep": ("simulate:sweep_parameters", "Many runs of a robot over its parameters, as a table."),
         "compare": ("logs:compare_logs", "Two logs over each other, with the RMS of each difference."),
@@ -29,33 +29,33 @@ GROUPS = {
         "warm-up": ("simulate:compile_kernels", "Compile the kernels now, not at first use."),
     },
     "Diagnose": {
-        "check": ("check", "Before a diagnosis: what a case can tell, and what is wrong."),
+        "check": ("diagnose:check_case", "Before a diagnosis: what a case can tell, and what is wrong."),
         "diagnose": ("diagnose", "Where, which and how far: a robot's logs against its model."),
-        "experiment": ("experiment", "The motion that tells apart what a diagnosis could not."),
+        "experiment": ("diagnose:design_experiment", "The motion that tells apart what a diagnosis could not."),
         "fleet": ("diagnose:summarise_fleet", "Many diagnosed cases: which robots, which causes, since when."),
         "watch": ("watch", "Follow a growing log: the gap per block, and an alarm."),
         "blind": ("blind", "Make, commit to and score cases from the reference simulator."),
     },
     "Logs and machines of your own": {
-        "import": ("import_", "Turn a foreign recording into a log, by a mapping file."),
+        "import": ("logs:import_recordings", "Turn a foreign recording into a log, by a mapping file."),
         "export": ("logs:export_log", "A log in another format; a robot as MJCF, URDF, Isaac Lab."),
         "new-machine": ("new_machine", "A folder with a machine of your own, which runs at once."),
-        "fit": ("identify:fit_parameters", "Fit chosen parameters of a robot to its logs."),
+        "fit": ("robot:fit_parameters", "Fit chosen parameters of a robot to its logs."),
         "calibrate": ("diagnose:count_errors", "Error rates of a machine's diagnosis."),
         "alarm-limits": ("watch:find_alarm_limits", "Gaps that healthy robots stay below, for the alarm of watch."),
     },
     "Control": {
-        "analyse": ("analyse", "Closed loop: steps, poles, margins, robustness."),
-        "response": ("analyse:find_response", "Frequency response from a log, beside the robot's model."),
-        "tune": ("tune", "Choose the controller's gains within requirements."),
-        "feedforward": ("tune:find_commands", "Commands that make a robot do what is wanted, by its model."),
+        "analyse": ("control:analyse_loop", "Closed loop: steps, poles, margins, robustness."),
+        "response": ("control:find_response", "Frequency response from a log, beside the robot's model."),
+        "tune": ("control:tune_gains", "Choose the controller's gains within requirements."),
+        "feedforward": ("control:find_commands", "Commands that make a robot do what is wanted, by its model."),
     },
     "The finger of the paper": {
-        "identify": ("identify", "Find the finger's kinematics in a marker recording."),
-        "workspace": ("identify:find_workspace", "Areas that the fingertip reaches, alone and pulled by tendons."),
-        "train": ("estimate:train_estimator", "Train the joint-angle estimator on logs."),
-        "estimate": ("estimate:estimate_angles", "Joint angles from stroke and tension, with their uncertainty."),
-        "grasp": ("grasp", "From grasp mode and object size to joint targets and tensions."),
+        "identify": ("finger:identify_finger", "Find the finger's kinematics in a marker recording."),
+        "workspace": ("finger:find_workspace", "Areas that the fingertip reaches, alone and pulled by tendons."),
+        "train": ("finger:train_estimator", "Train the joint-angle estimator on logs."),
+        "estimate": ("finger:estimate_angles", "Joint angles from stroke and tension, with their uncertainty."),
+        "grasp": ("finger:plan_grasp", "From grasp mode and object size to joint targets and tensions."),
     },
 }
 OF_ANY_MACHINE = ("check", "diagnose", "fit", "watch", "analyse", "response", "experiment", "calibrate")

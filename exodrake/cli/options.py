@@ -15,7 +15,7 @@ import os
 import shlex
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext, redirect_stdout
-from functools import wraps
+from functools import partial, wraps
 from pathlib import Path
 from typing import Any
 
@@ -49,21 +49,22 @@ OTHERS: dict[str, str] = {
 
 
 class AnyPath(click.Path):
-    """A path, which is refused if it is empty: it would stand for the current folder."""
+    """A path, which is refused if it is empty: it would stand for the current folder.
 
-    def __init__(self) -> None:
+    Args:
+        check: Raises InputError, before the work, for a path that cannot be written; may return another one.
+    """
+
+    def __init__(self, check: Callable[[Path], Path | None] = lambda path: path) -> None:
         super().__init__(path_type=Path)
+        self.check = check
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """The path, after `check`."""
+        """The path that is meant."""
         if not os.fspath(value):
             self.fail("an empty path; a variable that is not set?", param, ctx)
         path: Any = super().convert(value, param, ctx)
-        return self.check(path)
-
-    def check(self, path: Path) -> Path:
-        """The path that is meant; InputError, before the work, for one that cannot be written."""
-        return path
+        return self.check(path) or path
 
 
 class OutputFile(AnyPath):
@@ -74,10 +75,10 @@ class OutputFile(AnyPath):
     """
 
     def __init__(self, name: str = "") -> None:
-        super().__init__()
+        super().__init__(self.name_file)
         self.usual = name
 
-    def check(self, path: Path) -> Path:
+    def name_file(self, path: Path) -> Path:
         """The file, in a folder under its usual name."""
         kind = Path(self.usual).suffix
         if self.usual and (path.is_dir() or not (path.suffix or path.exists())):
@@ -101,13 +102,7 @@ class JsonTarget(OutputFile):
         return super().convert(value, param, ctx)
 
 
-class OutputFolder(AnyPath):
-    """A folder to be written, which is refused before the work if it cannot be one."""
-
-    def check(self, path: Path) -> Path:
-        """The folder."""
-        check_folder(path)
-        return path
+OutputFolder = partial(AnyPath, check_folder)  # a folder to be written
 
 
 def check_target(path: Path) -> None:
@@ -126,13 +121,7 @@ json_target = click.option(
 
 
 def command(make: Callable[..., Any] = click.command, *words: str, **settings: Any) -> Callable[[Callable], Any]:
-    """Makes a function a command with --json, for what it returns, else for the files that it wrote.
-
-    Args:
-        make: Decorator of click; of a group its method `command`.
-        words: Name of the command, if it is not the function's.
-        settings: Further arguments of `make`.
-    """
+    """Makes a function a command, by click's `make`, with --json for what it returns, else for the files it wrote."""
 
     def build(function: Callable) -> Any:
         @wraps(function)
@@ -289,16 +278,16 @@ def robot_option(name: str = "robot", default: str = DEFAULT) -> Callable[[Calla
     return add
 
 
-def robot_changes(command: Callable) -> Callable:
-    """Adds --set, --effect and --part, which change a robot, to a command; each is repeatable."""
+def robot_changes(command: Callable, name: str = "file", default: str = DEFAULT) -> Callable:
+    """Adds `robot_option`, and --set, --effect and --part, which change that robot, to a command."""
     options = (
         ("--set", "parameters", "finger.kappa.MCP=0.09, or 'tendon.k=2.7 N/mm'. Repeatable."),
         ("--effect", "effects", "ID[:name=value,...][@AF,MF]; `exodrake effects` lists them. Repeatable."),
         ("--part", "parts", "A variant part: controller_as_printed, routers_as_printed, finger_at_rest. Repeatable."),
     )
-    for flag, name, text in reversed(options):
-        command = click.option(flag, name, multiple=True, metavar="TEXT", help=text)(command)
-    return command
+    for flag, changed, text in reversed(options):
+        command = click.option(flag, changed, multiple=True, metavar="TEXT", help=text)(command)
+    return robot_option(name, default)(command)
 
 
 def change_robot(

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
@@ -29,8 +30,7 @@ if TYPE_CHECKING:
 @click.argument("protocol", required=False, default="")
 @click.option("--reference", default="", metavar="LOG", help="Follow the references of this log.")
 @click.option("--scenario", "file", default="", metavar="FILE", help="Repeat this scenario; other options change it.")
-@options.robot_option(default="")
-@options.robot_changes
+@partial(options.robot_changes, name="robot", default="")
 @click.option("--seed", type=int, help="Seed of the noise [0].")
 @click.option("--no-noise", is_flag=True, help="Sensors without noise, a bus that loses nothing.")
 @click.option("--no-quantisation", is_flag=True, help="Readings unrounded.")
@@ -201,7 +201,6 @@ def use_engine(engine: str) -> None:
               help="0.1,0.2,0.4 or 0.1:0.4:7 (low, high, count). Repeatable: a grid.")  # fmt: skip
 @click.option("--robots", type=click.IntRange(1), help="So many robots within the tolerances.")
 @click.option("--diagnosis", type=options.AnyPath(), metavar="FILE", help="Robots within its intervals.")
-@options.robot_option("file")
 @options.robot_changes
 @click.option("--seed", type=click.IntRange(0), default=0, help="Seed of the draws. [0]")
 @click.option("--noise", type=click.IntRange(0), help="Seed of the sensors' noise; none without it.")

@@ -4,8 +4,6 @@ The gap is the RMS of each channel's residuals in noise standard deviations, ove
 Squares are summed by the second, so the gap does not depend on the pieces in which the log arrives.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from functools import cache
 from typing import Any, NamedTuple

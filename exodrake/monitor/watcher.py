@@ -3,8 +3,6 @@
 A new log begins where the file shrinks, is replaced by another of its name or repeats its heading.
 """
 
-from __future__ import annotations
-
 import io
 import os
 import time
@@ -162,10 +160,7 @@ class Tail:
 
 
 class Grid:
-    """Sorts rows into frames.
-
-    Repeated rows are dropped, missing frames become NaN, and after a long gap the model begins anew.
-    """
+    """Sorts rows into frames: repeats are dropped, missing frames are NaN, after a long gap the model begins anew."""
 
     def __init__(self, source: str, frame: float) -> None:
         self.source, self.frame, self.bridged = source, frame, max(BRIDGED, 2.0 * frame)

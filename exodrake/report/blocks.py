@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import re
 from base64 import b64encode
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from datetime import datetime, timedelta
 from html import escape
 from io import StringIO
 from pathlib import Path
@@ -16,6 +17,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from exodrake.core import templates
 from exodrake.data import plot
+from exodrake.diagnosis.change_point import Change
+from exodrake.model.display import SYMBOLS, shown_unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -48,10 +51,7 @@ def house_style() -> Any:
 
 
 def render_svg(figure: Figure, name: str, label: str) -> str:
-    """A figure that was drawn under `house_style` as an SVG element.
-
-    Its ids are derived from a name unique in the report; the label says what it shows, for screen readers.
-    """
+    """A figure of `house_style` as an SVG element, its ids from a name unique in the report, with a label of it."""
     import matplotlib
 
     stream = StringIO()
@@ -133,3 +133,26 @@ Block = Table | Bars | Drawing | Heading
 def render(template: str, folder: Path = TEMPLATES, **values: Any) -> str:
     """HTML from a template of `folder`, which may extend `base.html` and import `kit.html`."""
     return templates.render(template, folder, TEMPLATES, **values)
+
+
+def timeline(
+    title: str, first: datetime | None, unit: str, times: Sequence[float], rows: Mapping[str, Sequence[float]],
+    change: Change | None,
+) -> dict[str, Any]:  # fmt: skip
+    """Plain data of a quantity: title, unit shown, values, and its change if it has one.
+
+    first: date from which times count [d], shown as POSIX times [s]; None of times of a log [s]. times: (n,) of the
+    values. rows: `values`, `low` and `high` (n,) [unit].
+    """
+    name, factor = shown_unit(unit)
+
+    def clock(times: Sequence[float]) -> list[float]:
+        return list(times) if first is None else [(first + timedelta(days=t)).timestamp() for t in times]
+
+    found: dict[str, Any] = {"title": title, "dates": first is not None, "unit": SYMBOLS.get(name, name)}
+    found |= {key: [factor * float(value) for value in values] for key, values in rows.items()}
+    found["times"] = clock(times)
+    if change is not None:
+        found["began"] = clock(change.began)
+        found["path"] = [[*clock([t]), factor * y] for t, y in change.path(times[0], times[-1])]
+    return found

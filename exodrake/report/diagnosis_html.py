@@ -4,11 +4,13 @@ problem = make_problem(read_case(folder), load_robot())
 write_text("report.html", report_html(diagnosis, problem))
 """
 
+from __future__ import annotations
+
 from base64 import b64encode
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.signal import welch
@@ -17,22 +19,25 @@ from exodrake import __version__
 from exodrake.analysis.log_response import COLUMNS, LogResponse, block_responses, plot_responses
 from exodrake.core.errors import InputError
 from exodrake.data import plot
+from exodrake.data.case import parse_date
 from exodrake.data.plot import choose_stretch, envelope, new_figure
 from exodrake.diagnosis import localise
+from exodrake.diagnosis.change_point import STEP
 from exodrake.diagnosis.filters import mismatch
 from exodrake.diagnosis.isolation import SAMPLING
 from exodrake.diagnosis.parameter import nominal_parameters
 from exodrake.diagnosis.problem import Problem, Trial
-from exodrake.diagnosis.result import CAUSE, REFINEMENT, Diagnosis, SignalGap
+from exodrake.diagnosis.result import CAUSE, REFINEMENT, Diagnosis, Interval, SignalGap
 from exodrake.diagnosis.search import GAIN, LARGE, LAW, NATS, NEGLIGIBLE
 from exodrake.diagnosis.verdict import EXPLAINED, MOST
 from exodrake.diagrams.block_diagram import wiring_svg
-from exodrake.model.display import Display, find_display
+from exodrake.model.display import PALETTE, SYMBOLS, find_display, shown_unit
 from exodrake.report import blocks, wording as w
-from exodrake.report.blocks import AFTER, BAND, LINE, RULE, SOFT, Bars, Drawing, Table, render, render_svg
-from exodrake.report.missing_law import missing_law
-from exodrake.report.since import since
+from exodrake.report.blocks import AFTER, BAND, LINE, RULE, SOFT, Bars, Drawing, Table, render, render_svg, timeline
 from exodrake.report.wording import split_column
+
+if TYPE_CHECKING:
+    from exodrake.diagnosis.discovery.discover import MissingLaw
 
 NOMINAL, RETUNED, IMPROVED = "nominal", "retuned", "improved"
 ROBOTS: tuple[str, ...] = (NOMINAL, RETUNED, IMPROVED)
@@ -47,6 +52,8 @@ DOTS = 2500  # of a scatter, at most
 JITTER = 0.12  # half the width of a cloud of samples over one of a few levels
 # conditions with two or three levels, and how these are called
 LEVELS = {(0.0, 1.0): ("no", "yes"), (-1.0, 0.0, 1.0): ("negative", "at rest", "positive")}
+SERIES = 6  # of quantities over sessions that are drawn
+RELAXES = "relaxation"  # a law over time since a change
 SHOWN = 5  # retuned parameters that are shown at once
 LEAST = 0.005  # standard deviations of its tolerance: a smaller change is not listed
 AT_BOUND = 0.999  # of the bound, from which a change counts as limited by it
@@ -55,14 +62,11 @@ DIGITS = 12  # of a file's hash that are shown; the JSON has them all
 
 @dataclass(frozen=True, eq=False)
 class SimulatedLog:
-    """A log and the same motion simulated: robot -> (n, columns) array [SI], noise-free and unquantised.
-
-    Noise standard deviations are (columns,) [SI].
-    """
+    """A log and the same motion simulated."""
 
     trial: Trial
-    simulated: dict[str, np.ndarray]
-    noise_std: np.ndarray
+    simulated: dict[str, np.ndarray]  # robot -> (n, columns) [SI], noise-free and unquantised
+    noise_std: np.ndarray  # (columns,) [SI]
 
     @cached_property
     def residuals(self) -> dict[str, np.ndarray]:
@@ -105,10 +109,6 @@ class SimulatedLogs:
         """Kinds of signals, in the order of the columns; the loop's answer last."""
         kinds = dict.fromkeys(kind for kind, _ in self.parts)
         return tuple(sorted(kinds, key=lambda kind: kind == self.loop_answer))
-
-    def display(self, kind: str) -> Display:
-        """Display of a kind of signal."""
-        return find_display(kind, self.problem.robot.machine)
 
     def rms(self, log: SimulatedLog, robot: str) -> float:
         """RMS error of a robot on a log [noise_std], in the band of a tremor its strength alone, as for the closure."""
@@ -162,7 +162,7 @@ def how_far(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
                 power = np.mean([power for _, power in found if len(power) == len(frequency)], axis=0)
                 axes.loglog(frequency[1:], power[1:], **style)
             axes.axhline(white, color=SOFT, lw=0.9, zorder=1)
-            axes.set(title=runs.display(kind).label, xlabel="Frequency [Hz]")
+            axes.set(title=find_display(kind, diagnosis.machine).label, xlabel="Frequency [Hz]")
             axes.grid(color=RULE, lw=0.5)
         panels[0].set_ylabel("Density [1/Hz]")
         svg = render_svg(figure, "spectrum", "power density of normalised residuals")
@@ -178,7 +178,7 @@ def curves(runs: SimulatedLogs, robots: Sequence[str]) -> dict[str, Any]:
     """
     count = (1 + 2 * len(robots)) * max(len(runs.problem.columns), 1) * max(len(runs.closure_logs), 1)
     most = int(np.clip(SIZE / (CHARACTERS * count), FEWEST_SAMPLES, MOST_SAMPLES))
-    displays, logs = {kind: runs.display(kind) for kind in runs.kinds}, []
+    displays, logs = {kind: find_display(kind, runs.problem.robot.machine) for kind in runs.kinds}, []
     for log in runs.closure_logs:
         stretch = choose_stretch(len(log.trial.measured), most)
         rows = {"measured": log.trial.measured}
@@ -266,26 +266,24 @@ def response_figure(diagnosis: Diagnosis, runs: SimulatedLogs) -> Drawing | None
 
 
 def condition_figure(diagnosis: Diagnosis, runs: SimulatedLogs) -> Drawing | None:
-    """Residuals of the worst signal of the worst judged log against the condition of largest correlation ratio.
-
-    Samples, and means of bins, of the retuned and of the last robot. The loop's answer to an error does not count.
-    """
+    """Residuals of the worst signal of the worst judged log against the condition of largest correlation ratio."""
     if not diagnosis.where.regime or not runs.closure_logs:
         return None
     log = max(runs.closure_logs, key=lambda log: np.nanmean(log.residuals[NOMINAL] ** 2))
     power = np.nanmean(log.residuals[RETUNED] ** 2, axis=0)
-    plain = [i for i, (kind, _) in enumerate(runs.parts) if kind != runs.loop_answer]
+    plain = [i for i, (kind, _) in enumerate(runs.parts) if kind != runs.loop_answer]  # which is no error
     column = max(plain or range(len(power)), key=lambda i: power[i])
     signal = runs.problem.columns[column]
     before, after = (log.residuals[robot][:, column] for robot in (RETUNED, IMPROVED))
     known = np.isfinite(before) & np.isfinite(after)
     table = localise.conditions(runs.problem, log.trial, localise.channel_index(runs.problem, signal))
     best = max(table, key=lambda condition: localise.explain_variance(before[known], table[condition][known]))
-    declared, label, factor = runs.problem.robot.machine.regime, best, 1.0
+    declared, label, factor = diagnosis.machine.regime, best, 1.0
     if best.startswith("time"):
         label = f"{best} [s]"
     elif declared is not None and best in ("load", "joint angle", "speed"):
-        shown = runs.display({"load": declared.load, "joint angle": declared.joint}.get(best, declared.position))
+        kind = {"load": declared.load, "joint angle": declared.joint}.get(best, declared.position)
+        shown = find_display(kind, diagnosis.machine)
         label, factor = f"{best} [{shown.symbol}{'/s' if best == 'speed' else ''}]", shown.factor
     at, before, after = factor * table[best][known], before[known], after[known]
     levels = tuple(np.unique(at).tolist())
@@ -369,6 +367,80 @@ def which(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
         "sets": Table(header, sets, folded=f"All {len(sets)} fitted sets in numbers") if sets else None,
         "retuned": retuned,
     }
+
+
+def since(diagnosis: Diagnosis) -> dict[str, Any]:
+    """Values of the section's template; nothing for a case without sessions."""
+    found = diagnosis.since
+    if found is None:
+        return {"since": None, "timelines": []}
+    first = parse_date(found.sessions[0]) if found.unit == "d" else None
+    timelines, rows = [], []
+    for one in found.series:
+        name, change, cells = w.name_series(one), one.change, ("–",) * 4
+        lines = {"values": one.values, "low": one.low, "high": one.high}
+        timelines.append(timeline(name, first, one.unit, found.times, lines, change))
+        if change is not None:
+            before, after = (w.interval(Interval(*item, one.unit))[0] for item in (change.before, change.after))
+            rate = "–" if change.shape == STEP else w.change_rate(found, one, change)
+            cells = (w.change_date(found, change), before, after, rate)
+        rows.append((name, *cells[:1], w.percent(one.p), *cells[1:]))
+    header = ("Quantity", "Change began", "Constant by evidence", "Before", "Last", "Rate")
+    table = Table(header, rows, words=2, folded=f"All {len(rows)} quantities in numbers") if rows else None
+    return {"since": w.since_words(diagnosis), "timelines": timelines[:SERIES], "changes": table}
+
+
+def missing_law(diagnosis: Diagnosis) -> dict[str, Any]:
+    """Values of the section's template."""
+    law = diagnosis.missing_law
+    if law is None or not law.found:
+        return {"law": law, "law_lines": w.law_lines(law), "law_figure": None}
+    rows = [(f"`{r.id}`", r.words, w.closure(r.share)) for r in law.others]
+    header = ("Law at", "what over what", "share of the excess removed, fitted logs")
+    lines = [line.strip() for line in w.law_lines(law)[1:]]
+    return {
+        "law": law,
+        "law_lines": [line[:1].upper() + line[1:] + "." for line in lines],
+        "law_figure": law_figure(law),
+        "law_table": Table(header, rows, words=2, wide=False),
+        "law_module": law.text,
+    }
+
+
+def law_figure(law: MissingLaw) -> Drawing:
+    """The law of each channel over the density of its variable, a panel each."""
+    fades = law.words.startswith(RELAXES)
+    unit, factor = ("s", 1.0) if fades else shown_unit(law.unit)
+    symbol = SYMBOLS.get(unit, unit)
+    with blocks.house_style():
+        figure = new_figure(3.4 * max(len(law.curves), 1.35), 3.0)
+        panels = figure.subplots(2, len(law.curves), sharex="col", squeeze=False, height_ratios=(4, 1))
+        for k, (name, curve) in enumerate(law.curves.items()):
+            axes, below, colour = panels[0, k], panels[1, k], PALETTE[k % len(PALETTE)]
+            u = np.arange(len(curve.u)) if fades else factor * curve.u
+            axes.fill_between(u, curve.low, curve.high, color=colour, alpha=0.2, lw=0)
+            axes.plot(u, curve.value, "o-", ms=3, lw=1.4, color=colour, mew=0)
+            axes.axhline(0.0, color=SOFT, lw=0.4)
+            axes.grid(color=RULE, lw=0.5)
+            axes.set_title(name)
+            if fades:
+                below.set_visible(False)
+                axes.set_xticks(u, [f"{value:.2g}" for value in curve.u])
+                axes.tick_params(labelbottom=True)
+                axes.set_xlabel("time constant [s]")
+                continue
+            edges = factor * curve.edges
+            below.bar(edges[:-1], curve.counts, np.diff(edges), align="edge", color=SOFT, alpha=0.5, lw=0)
+            below.set_yticks([])
+            below.set_ylabel("data")
+            below.set_xlabel(f"u [{symbol}]" if symbol else "u")
+        panels[0, 0].set_ylabel("f(u), SI")
+        svg = render_svg(figure, "missing_law", law.words)
+    caption = (
+        "The fitted law with its 90 % band; below it, where its variable was in the fitted logs. Where there are no "
+        "data the curve is what smoothness makes of its neighbours."
+    )
+    return Drawing(svg, caption, wide=len(law.curves) > 1)
 
 
 def list_assumptions(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:

@@ -22,8 +22,7 @@ from exodrake.diagnosis.fleet import Row, Trend, find_trends
 from exodrake.diagnosis.many import ANSWER, FAILED, FAILURE, REPORT
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, PARTLY, RETUNE, UNKNOWN, Interval
 from exodrake.report import wording as w
-from exodrake.report.blocks import Bars, Table, render
-from exodrake.report.since import timeline
+from exodrake.report.blocks import Bars, Table, render, timeline
 
 VERDICTS = (NO_GAP, RETUNE, NAMED, AMBIGUOUS, PARTLY, UNKNOWN, FAILURE)
 WORST_FIRST = (UNKNOWN, PARTLY, NAMED, AMBIGUOUS, FAILURE, RETUNE, NO_GAP)  # order of robots by their last verdict

@@ -1,7 +1,5 @@
 """Tables in a terminal, and a diagnosis that is read there at a glance."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import zip_longest
 from math import isnan
@@ -16,8 +14,6 @@ from rich.text import Text
 from exodrake.core.progress import Stage
 from exodrake.diagnosis.result import AMBIGUOUS, CAUSE, NO_GAP, PARTLY, UNKNOWN, Diagnosis
 from exodrake.report import wording as w
-from exodrake.report.missing_law import law_lines
-from exodrake.report.since import words as since_words
 
 TOP = 5  # candidates that are listed
 SIMULATES = {"retune": Stage.RETUNE, "linearise": Stage.LINEARISE}  # simulated time by stage; the rest is of the fits
@@ -97,9 +93,9 @@ def print_summary(diagnosis: Diagnosis, console: Console | None = None) -> None:
         console.print(f"moved   {alike}")
     if diagnosis.rivals:
         console.print(f"next    {w.EXPERIMENT}")
-    for k, line in enumerate(since_words(diagnosis)):
+    for k, line in enumerate(w.since_words(diagnosis)):
         console.print(f"{'since  ' if k == 0 else '       '} {escape(line)}")
-    for line in law_lines(diagnosis.missing_law):
+    for line in w.law_lines(diagnosis.missing_law):
         console.print(escape(line))
     if diagnosis.candidates:
         rows = []

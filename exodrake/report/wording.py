@@ -1,16 +1,24 @@
-"""Numbers as people read them, and a diagnosis in words: causes with place, share and rivals, what remains."""
+"""Numbers as people read them, and a diagnosis in words: causes with place, share and rivals, the rest, since when."""
+
+from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from exodrake.core.errors import plural
 from exodrake.diagnosis import result
+from exodrake.diagnosis.change_point import STEP, Change
 from exodrake.diagnosis.result import Diagnosis, Interval, NamedEffect, SignalGap, Where
 from exodrake.model.display import Display, find_display, percent, shown_unit, with_unit
 from exodrake.model.effect import Effect
 from exodrake.model.machine import Machine
+
+if TYPE_CHECKING:
+    from exodrake.diagnosis.discovery.discover import MissingLaw
+    from exodrake.diagnosis.since import Series, Since
 
 # verdict -> its colour in a report, and in a terminal
 LOOKS = {
@@ -141,10 +149,7 @@ def block_words(diagnosis: Diagnosis) -> str:
 
 
 def parameter_values(effect: NamedEffect, known: bool = False) -> list[tuple[str, str, str]]:
-    """Name, value with unit and 90 % interval of each parameter; channel by channel where their values disagree.
-
-    With `known`, of those alone whose interval says something.
-    """
+    """Name, value and 90 % interval of each parameter, by channel where they disagree; `known`: if it says anything."""
     found = []
     for name, item in effect.parameters.items():
         channels = effect.channels.get(name, {})
@@ -295,3 +300,76 @@ def alike_words(diagnosis: Diagnosis) -> str:
         return ""
     shares = [f"{identity} ({percent(one)} of that)" for identity, one in diagnosis.retune.alike.items()]
     return f"one effect alone, with nominal parameters, closes as much: {', '.join(shares)}" if shares else ""
+
+
+def since_words(diagnosis: Diagnosis) -> list[str]:
+    """Changes over the sessions in sentences: what, when, and how much; none for a case without sessions."""
+    found = diagnosis.since
+    if found is None:
+        return []
+    if found.note:
+        return [found.note]
+    if found.clearest is None or found.clearest.change is None:
+        spans = f"{len(found.sessions)} {'sessions' if found.unit == 'd' else 'windows of the log'}"
+        return [f"no quantity changes over the {spans}"]
+    one, change = found.clearest, found.clearest.change
+    before, after = (interval(Interval(*item, one.unit)) for item in (change.before, change.after))
+    sizes = f"{before[0]} until then, {after[0]} ({after[1]}) in the last session"
+    rate = "" if change.shape == STEP else f"; it changes by {change_rate(found, one, change)}"
+    shapes = " or ".join(change.shapes)
+    lines = [f"the change of {name_series(one)} began {change_date(found, change)}: {sizes}{rate} ({shapes})"]
+    alike = [other for other in found.series if other.change is not None and other.name == one.name]
+    if len(alike) > 1:
+        lines.append(f"it changes, too, on {join_words([other.channel for other in alike[1:]])}")
+    if diagnosis.verdict == result.UNKNOWN and found.effect:
+        lines.append(
+            f"no constant explanation is left, but {found.effect} alone, with a size of its own in each session, "
+            f"leaves a reduced chi-square of {digits(found.chi2)}"
+        )
+    return lines
+
+
+def change_date(found: Since, change: Change) -> str:
+    """The date with its 90 % set."""
+    _, low, high = (found.moment(t) for t in change.began)
+    if change.began[1] <= found.times[0] and change.shape != STEP:
+        return f"in the first session or before, by {high} at the latest"
+    return f"about {high}" if low == high else f"between {low} and {high} (90 %)"
+
+
+def change_rate(found: Since, one: Series, change: Change) -> str:
+    """Rate by day or minute, and as a share of the value before where that is clearly not zero."""
+    per, scale = ("a day", 1.0) if found.unit == "d" else ("a minute", 60.0)
+    value = quantity(scale * change.rate[0], one.unit)
+    level, low, high = change.before
+    share = f", {percent(scale * change.rate[0] / level)} of the value before" if low * high > 0.0 else ""
+    return f"{value} {per}{share}"
+
+
+def name_series(one: Series) -> str:
+    """A series in words."""
+    name = "the residual’s power" if one.name == "residual" else one.name
+    return f"{name} on {one.channel}" if one.channel else name
+
+
+def law_lines(law: MissingLaw | None) -> list[str]:
+    """Result of a discovery in lines of text; nothing without one."""
+    if law is None:
+        return []
+    if not law.found:
+        return [f"law     none: {law.reason}"]
+    seat = f" of {', '.join(law.channels)}" if law.channels else ""
+    lines = [f"law     {law.id}: {law.words}{seat}", f"        {law.reason}"]
+    if law.closure is not None and math.isfinite(law.closure.value):
+        logs = "held-out logs" if law.held_out else "fitted logs"
+        lines.append(f"        {closure_words(law.closure, 'what retuning leaves', f'on the {logs}')}")
+    for name, curve in law.curves.items():
+        if curve.formula:
+            lines.append(f"        {name + ': ' if name else ''}{curve.formula}")
+    if law.runner_up is not None:
+        apart = "rejected" if law.distinguished else "not distinguished by these logs"
+        other = f"{law.runner_up.id} ({law.runner_up.words}, {closure(law.runner_up.share)})"
+        lines.append(
+            f"        runner-up {other}: {apart} (the law takes up {percent(max(law.lead, 0.0))} of what it leaves)"
+        )
+    return lines

@@ -1,6 +1,7 @@
 """`exodrake analyse`: step response, poles, margins, stability map and frequency response of a robot's closed loop.
 
 `exodrake response`: frequency response from a log, between two columns or of every block, beside the robot's.
+`exodrake tune`: controllers, tuned within requirements. `exodrake feedforward`: commands that do what is wanted.
 """
 
 from __future__ import annotations
@@ -8,6 +9,8 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from operator import attrgetter
+from pathlib import Path
+from typing import Any
 
 import click
 from click.core import ParameterSource
@@ -15,16 +18,17 @@ from click.core import ParameterSource
 import exodrake as exo
 from exodrake.cli import options
 from exodrake.core.errors import InputError
+from exodrake.core.files import is_file
 
 FIGURES = {
     "rise": "s", "overshoot": "%", "settling": "s", "-3 dB": "Hz", "gain\nmargin": "dB", "phase": "deg", "delay": "ms",
     "disk\nmargin": "-",
 }  # fmt: skip
+ABOVE = click.FloatRange(min=0.0, min_open=True)
 SHOWN = 0.3  # poles of smaller modulus are gone within a few frames
 
 
 @options.command()
-@options.robot_option("file")
 @options.robot_changes
 @click.option("--at", default="", metavar="AF=4,MF=3,AE=1", help="Operating point: references, or its name: small.")
 @click.option("--draws", type=click.IntRange(0, 1000), default=12, help="Robots within the tolerances, for bands. [12]")
@@ -37,7 +41,7 @@ SHOWN = 0.3  # poles of smaller modulus are gone within a few frames
 @click.option(
     "--to-control", "model", type=options.OutputFile(), help="NPZ with A, B, C, D, dt and names for python-control."
 )
-def command(file, parameters, effects, parts, at, draws, diagnosis, seed, out, model) -> object:
+def analyse_loop(file, parameters, effects, parts, at, draws, diagnosis, seed, out, model) -> object:
     """How stable, how fast and how robust the closed loop of a robot is, seen once a frame.
 
     Linearises the whole sampled loop at an operating point, and measures the full nonlinear one by steps and multisine.
@@ -75,14 +79,14 @@ def command(file, parameters, effects, parts, at, draws, diagnosis, seed, out, m
         say("predicting limit cycles, and drawing" if out else "predicting limit cycles")
         cycles = limit_cycles.limit_cycles(robot, point) if out or wanted else ()
         drawn, numbers = figures.draw_figures(result, cycles) if out else {}, closed_loop.to_plain(result, cycles)
-    show(result)
+    show_analysis(result)
     warn(robot)
     if model:
         options.write_files({model: closed_loop.model_bytes(result)})
     return options.write_answer(numbers, "analysis", out, drawn)
 
 
-def show(result: exo.ClosedLoop) -> None:
+def show_analysis(result: exo.ClosedLoop) -> None:
     """The main numbers as tables."""
     rows, poles = [], []
     for step, response, m in zip(result.steps, result.responses, result.margins):
@@ -170,10 +174,9 @@ def verdict(result: exo.ClosedLoop) -> str:
 @options.CASE
 @click.option("--from", "input", default="", metavar="COLUMN", help="Input, such as tension_AF; else every block.")
 @click.option("--to", "output", default="", metavar="COLUMN", help="Output, such as angle_PIP.")
-@options.robot_option("file")
 @options.robot_changes
 @click.option("--improved", type=options.AnyPath(), metavar="FILE", help="Robot file of an improved robot.")
-@click.option("--segment", type=click.FloatRange(0.0, min_open=True), help="Length of Welch's segments [s].")
+@click.option("--segment", type=ABOVE, help="Length of Welch's segments [s].")
 @click.option("--out", type=options.OutputFolder(), help="Folder for response.png and response.json.")
 def find_response(cases, input, output, file, parameters, effects, parts, improved, segment, out) -> object:
     """Estimate frequency responses from logs, with coherence, and set them beside the robot's on the same references.
@@ -219,3 +222,139 @@ def find_response(cases, input, output, file, parameters, effects, parts, improv
         options.print_table((">Hz", ">coherence", *titles[3:]), rows)
     files = {"response.png": plot_responses(found)} if out else {}
     return options.write_answer([one.to_dict() for one in found], "response", out, files)
+
+
+@options.command()
+@options.robot_changes
+@click.option("--settling", type=ABOVE, help="Wanted settling time to 2 % [s]; else as short as can be.")
+@click.option("--overshoot", type=click.FloatRange(0.0, 100.0), default=5.0, help="Largest overshoot [%]. [5]")
+@click.option("--disk-margin", type=click.FloatRange(0.0, 2.0, min_open=True), default=0.6,
+              help="Least disk margin, all commands at once. [0.6]")  # fmt: skip
+@click.option("--noise", type=ABOVE, help="Largest standard deviation of a command [SI]; else twice today's.")
+@click.option("--controller", "only", multiple=True, metavar="NAME", help="Tune this structure only. Repeatable.")
+@click.option("--draws", type=click.IntRange(0, 100), default=4,
+              help="Robots within tolerances that the search sees. [4]")  # fmt: skip
+@click.option("--out", type=options.OutputFolder(), help="Folder for tuned.yaml, tune.png and tune.json.")
+@click.option("--out-robot", type=options.OutputFile("tuned.yaml"),
+              help="Write the robot with the best controller alone.")  # fmt: skip
+def tune_gains(
+    file, parameters, effects, parts, settling, overshoot, disk_margin, noise, only, draws, out, out_robot
+) -> Any:  # fmt: skip
+    """Choose the gains of a robot's closed loop that settle fastest within requirements.
+
+    They hold at every operating point of the machine and for robots within the tolerances. Every controller that the
+    machine knows is tuned and compared; the fastest that holds all requirements is written as a robot file.
+    """
+    from exodrake.analysis.figures import plot_tuning
+    from exodrake.machines.robot_file import robot_text
+
+    robot = options.change_robot(exo.load_robot(file), parameters, effects, parts)
+    if out_robot and robot.machine.loop and robot.machine.loop.outer:
+        raise InputError("--out-robot: the gains are those of an outer loop, which no robot file holds")
+    wanted = exo.Requirements(settling, overshoot / 100.0, disk_margin, noise)
+    with options.waiting("tuning") as say:
+        tuning = exo.tune(robot, wanted, only, draws, progress=lambda name: say(f"tuning: {name}"))
+    show_tuning(tuning)
+    files: dict[str, Any] = {"tune.png": plot_tuning(tuning)} if out else {}
+    if tuning.best and (out or out_robot) and not (robot.machine.loop and robot.machine.loop.outer):
+        best = tuning.best
+        notes = (
+            f"controller {best.name} by exodrake tune: overshoot up to {100.0 * wanted.overshoot:g} %, disk margin "
+            f"from {wanted.disk_margin:g}; worst over operating points and tolerances: settles in "
+            f"{best.settling:.3g} s, overshoot {round(100.0 * best.overshoot, 2):.2g} %, disk margin "
+            f"{best.disk_margin:.2g}"
+        )
+        files["tuned.yaml"] = robot_text(best.robot, notes)
+    answer = options.write_answer(tuning.to_dict(), "tune", out, files)
+    if out_robot and tuning.best:
+        options.write_files({out_robot: files["tuned.yaml"]})
+    if out_robot and not tuning.best:
+        raise InputError("no controller holds all requirements: no robot file written")
+    return answer
+
+
+def show_tuning(tuning: exo.Tuning) -> None:
+    """The controllers as a table, and the best one's gains."""
+    from exodrake.analysis.tuning import word_gains
+    from exodrake.model.display import shown_unit
+
+    unit, factor = shown_unit(tuning.noise_unit)
+    titles = (">settling\n\\[s]", ">overshoot\n\\[%]", ">disk margin\n\\[-]", f">noise\n\\[{unit}]")
+    rows = []
+    for t in tuning.compared:
+        numbers = (f"{t.settling:.3g}", f"{round(100.0 * t.overshoot, 2):.2g}", f"{t.disk_margin:.3g}")
+        cells = ("-" if cell == "nan" else cell for cell in (*numbers, f"{factor * t.noise:.3g}"))
+        rows.append((t.name, *cells, ", ".join(t.missed)))
+    options.print_table(("controller", *titles, "misses"), rows)
+    w = tuning.requirements
+    click.echo(
+        f"required: overshoot up to {100.0 * w.overshoot:g} %, disk margin from {w.disk_margin:g}"
+        + (f", noise of a command up to {factor * w.noise:.3g} {unit}" if w.noise is not None else "")
+        + (f", settling within {w.settling:g} s" if w.settling is not None else "")
+    )
+    own, best = tuning.compared[0], tuning.best
+    if (limit := tuning.limit) and math.isfinite(limit.settling):
+        name = (best or own).name
+        click.echo(
+            f"bound: no controller settles in less than {limit.settling:.3g} s with the commands of {name}, its "
+            f"crosstalk of {100.0 * limit.crosstalk:.2g} % and the overshoot required, on the linear nominal plant "
+            f"without noise; there {name} settles in {limit.tuned:.3g} s"
+        )
+    if limit and limit.law and (p := limit.lqg):
+        click.echo(
+            f"LQG of {limit.law.nstates} states: settles in {p.settling:.3g} s, overshoot {100.0 * p.overshoot:.2g} %, "
+            f"disk margin {p.disk_margin:.3g}, noise {factor * p.noise:.3g} {unit}"
+            + (f"; misses: {', '.join(limit.missed)}" if limit.missed else "")
+        )
+    for note in tuning.notes:
+        click.echo(f"note: {note}")
+    if best is None:
+        click.echo("no controller holds all of them")
+        return
+    click.echo(f"best: {best.name}, settles in {best.settling:.3g} s ({own.name}: {own.settling:.3g} s)")
+    click.echo(f"  {word_gains(best.gains)}")
+    for point, (gains, settling) in tuning.schedule.items():
+        click.echo(f"  scheduled, {point}: {word_gains(gains)}; settles in {settling:.3g} s")
+
+
+@options.command()
+@click.argument("wanted")
+@options.robot_option()
+@click.option(
+    "--out", required=True, type=options.OutputFile("commands.csv"), help="Log of the commands, or a folder for it."
+)
+@click.option("--map", "map_file", type=options.AnyPath(), metavar="FILE",
+              help="Write them with the names and units of this mapping file, not as a log.")  # fmt: skip
+def find_commands(wanted: str, robot: str, out: Path, map_file: Path | None) -> dict[str, Any]:
+    """Find the commands with which the robot does what WANTED asks, and write them as a log of references.
+
+    WANTED is a protocol such as random-motion, or a log whose references are what is wanted. With the improved robot of
+    a diagnosis, the commands make up for what was found: delay, play, sag, gain.
+    """
+    import numpy as np
+
+    from exodrake.analysis.feedforward import feedforward
+    from exodrake.cli.logs import owner_table
+    from exodrake.data.formats import find_format
+    from exodrake.data.import_log import read_mapping
+    from exodrake.model.display import find_display
+
+    mapped = read_mapping(map_file) if map_file else None
+    if mapped is None:
+        find_format(out)
+    built = exo.load_robot(robot)
+    machine = built.machine
+    reference = exo.from_log(wanted, built) if is_file(wanted) else exo.protocol(wanted, built)
+    with options.waiting("simulating (the first run after a change compiles for half a minute)"):
+        found = feedforward(built, reference)
+    names = machine.log_names(machine.references)
+    signals = dict(zip(names, found.commands.values.T, strict=True))
+    units = {name: machine.signal[c.signal].unit for c in machine.references for name in machine.log_names([c])}
+    log = exo.Log(machine.frame * np.arange(len(reference.values)), signals, units, "commands")
+    options.write_files({out: log if mapped is None else owner_table(log, mapped, str(map_file))})
+    shown = find_display(found.kind, machine)
+    ends = [[f"{shown.factor * value:.3g} {shown.unit}" for value in one] for one in (found.before, found.after)]
+    rows = list(zip(machine.channels(machine.references[0].signal), *ends, strict=True))
+    options.print_table(("channel", ">RMS error if sent as wanted", ">with these commands"), rows)
+    click.echo("the errors are those of the model")
+    return {"kind": found.kind, "before": found.before, "after": found.after}
