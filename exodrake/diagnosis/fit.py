@@ -40,23 +40,14 @@ VISIBLE = 0.5  # standard deviations of all samples together by which a toleranc
 
 @dataclass(frozen=True, eq=False)
 class Explanation:
-    """A set of effects with its fitted robot.
+    """A set of effects with its fitted robot."""
 
-    Attributes:
-        effects: ids.
-        parameters: fitted parameters, nominal ones first.
-        x: (parameters,) coordinates.
-        values: (n,) flat vector of the robot with the fixed parameters of its effects, at x = 0.
-        residual: (samples,) whitened [noise_std].
-        jacobian: (nominal, samples) derivatives by the nominal parameters nearby.
-    """
-
-    effects: tuple[str, ...]
-    parameters: tuple[Parameter, ...]
-    x: np.ndarray
-    values: np.ndarray
-    residual: np.ndarray
-    jacobian: np.ndarray
+    effects: tuple[str, ...]  # ids
+    parameters: tuple[Parameter, ...]  # fitted parameters, nominal ones first
+    x: np.ndarray  # (parameters,) coordinates
+    values: np.ndarray  # (n,) flat vector of the robot with the fixed parameters of its effects, at x = 0
+    residual: np.ndarray  # (samples,) whitened [noise_std]
+    jacobian: np.ndarray  # (nominal, samples) derivatives by the nominal parameters nearby
 
     @property
     def robot(self) -> np.ndarray:
@@ -180,19 +171,12 @@ def at_bounds(e: Explanation) -> list[str]:
 
 @dataclass(frozen=True, eq=False)
 class Predicted:
-    """One more effect as the linearisation predicts it.
+    """One more effect as the linearisation predicts it."""
 
-    Attributes:
-        probe: its directions.
-        factors: (directions,) their factors.
-        gain: by how much the cost falls, in nats.
-        x: (eliminated,) coordinates of the parameters beside it.
-    """
-
-    probe: Probe
-    factors: np.ndarray
-    gain: float
-    x: np.ndarray
+    probe: Probe  # its directions
+    factors: np.ndarray  # (directions,) their factors
+    gain: float  # by how much the cost falls, in nats
+    x: np.ndarray  # (eliminated,) coordinates of the parameters beside it
 
 
 def linear_model(likelihood: Likelihood, e: Explanation) -> LinearModel:
@@ -209,17 +193,11 @@ def linear_model(likelihood: Likelihood, e: Explanation) -> LinearModel:
 
 @dataclass(frozen=True, eq=False)
 class Groups:
-    """Samples and parameters that belong together: those of each joint of a machine whose joints are separate.
+    """Samples and parameters that belong together: those of each joint of a machine whose joints are separate."""
 
-    Attributes:
-        samples: (samples,) number of the group of each sample.
-        parameters: (parameters,) the same of each parameter.
-        count: number of groups.
-    """
-
-    samples: np.ndarray
-    parameters: np.ndarray
-    count: int
+    samples: np.ndarray  # (samples,) number of the group of each sample
+    parameters: np.ndarray  # (parameters,) the same of each parameter
+    count: int  # number of groups
 
     @classmethod
     def of(cls, likelihood: Likelihood, e: Explanation) -> Groups:

@@ -39,17 +39,11 @@ ONE_OR_ALL = 0.4  # prior probability of one channel, and of all of them; other 
 
 @dataclass(frozen=True, eq=False)
 class Estimates:
-    """Fitted parameters of effects.
+    """Fitted parameters of effects."""
 
-    Attributes:
-        parameters: of the effects.
-        x: (parameters,) coordinates.
-        covariance: (parameters, parameters) of x.
-    """
-
-    parameters: tuple[Parameter, ...]
-    x: np.ndarray
-    covariance: np.ndarray
+    parameters: tuple[Parameter, ...]  # of the effects
+    x: np.ndarray  # (parameters,) coordinates
+    covariance: np.ndarray  # (parameters, parameters) of x
 
     @property
     def std(self) -> np.ndarray:

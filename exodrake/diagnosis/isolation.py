@@ -31,23 +31,14 @@ ROUNDS, LEAST_GAIN = 3, 0.1  # nominal Jacobians of a fit; mean log chi-square t
 
 @dataclass(frozen=True, eq=False)
 class Isolation:
-    """What was tried on a case.
+    """What was tried on a case."""
 
-    Attributes:
-        problem: the part of the case that was fitted, with what detectors found.
-        whole: the same with whole logs.
-        likelihood: views of the part.
-        nominal: the nominal robot.
-        search: all fitted sets.
-        best: the best of them.
-    """
-
-    problem: Problem
-    whole: Problem
-    likelihood: Likelihood
-    nominal: Explanation
-    search: Search
-    best: Fitted
+    problem: Problem  # the part of the case that was fitted, with what detectors found
+    whole: Problem  # the same with whole logs
+    likelihood: Likelihood  # views of the part
+    nominal: Explanation  # the nominal robot
+    search: Search  # all fitted sets
+    best: Fitted  # the best of them
 
     @property
     def lin(self) -> Linearisation:

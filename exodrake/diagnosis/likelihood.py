@@ -62,21 +62,14 @@ class Whitening:
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """One kind of residual.
+    """One kind of residual."""
 
-    Attributes:
-        problem: trials and columns.
-        whitening: noise model.
-        noise: whitened residuals of simulated runs with noise, one list of (frames, columns) arrays a run.
-        scale: divisor of the whitened residual in the cost [-].
-        squares: (runs, columns) mean squares of these runs before whitening [noise variances].
-    """
-
-    problem: Problem
-    whitening: Whitening
+    problem: Problem  # trials and columns
+    whitening: Whitening  # noise model
+    # whitened residuals of simulated runs with noise, one list of (frames, columns) arrays a run
     noise: tuple[list[np.ndarray], ...] = ()
-    scale: float = 1.0
-    squares: np.ndarray | None = None
+    scale: float = 1.0  # divisor of the whitened residual in the cost [-]
+    squares: np.ndarray | None = None  # (runs, columns) mean squares of these runs before whitening [noise variances]
 
     @property
     def samples(self) -> int:
@@ -90,19 +83,13 @@ class View:
 
 @dataclass(frozen=True, eq=False)
 class Likelihood:
-    """Views of a case side by side.
+    """Views of a case side by side."""
 
-    Attributes:
-        views: kinds of residual.
-        simulated: time simulated so far, by stage [s]; likelihoods of one case share it.
-        stage: under which further simulations are counted.
-        memory: frames that count as one.
-    """
-
-    views: tuple[View, ...]
+    views: tuple[View, ...]  # kinds of residual
+    # time simulated so far, by stage [s]; likelihoods of one case share it
     simulated: defaultdict[str, float] = field(default_factory=lambda: defaultdict(float))
-    stage: str = ""
-    memory: float = 1.0
+    stage: str = ""  # under which further simulations are counted
+    memory: float = 1.0  # frames that count as one
 
     @property
     def robot(self) -> Robot:

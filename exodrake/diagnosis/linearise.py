@@ -28,23 +28,15 @@ ELSEWHERE = 0.7  # of the way through its range at which a further parameter is 
 
 @dataclass(frozen=True, eq=False)
 class Probe:
-    """A set of directions of one effect that a combination scales together.
+    """A set of directions of one effect that a combination scales together."""
 
-    Attributes:
-        effect: id of the effect.
-        parameters: fitted parameters of the effect.
-        x: (parameters,) coordinates of all of them at the probe.
-        scaled: positions in x of the amplitudes that are scaled.
-        rows: positions of the directions, one for each scaled amplitude; a single one for a probe taken as it is.
-        low, high: (directions,) range of the factors.
-    """
-
-    effect: str
-    parameters: tuple[Parameter, ...]
-    x: np.ndarray
-    scaled: tuple[int, ...]
+    effect: str  # id of the effect
+    parameters: tuple[Parameter, ...]  # fitted parameters of the effect
+    x: np.ndarray  # (parameters,) coordinates of all of them at the probe
+    scaled: tuple[int, ...]  # positions in x of the amplitudes that are scaled
+    # positions of the directions, one for each scaled amplitude; a single one for a probe taken as it is
     rows: np.ndarray
-    low: np.ndarray
+    low: np.ndarray  # (directions,) range of the factors
     high: np.ndarray
 
     def coordinates(self, factors: np.ndarray) -> np.ndarray:
@@ -56,19 +48,12 @@ class Probe:
 
 @dataclass(frozen=True, eq=False)
 class Linearisation:
-    """Effect directions at a robot.
+    """Effect directions at a robot."""
 
-    Attributes:
-        directions: (directions, samples) differences of the whitened residual by the effects, float32.
-        probes: sets of directions of all effects.
-        kept: (samples,) mask of the samples where they were simulated; elsewhere they are zero.
-        early: (samples,) mask of the first half of these, log by log.
-    """
-
-    directions: np.ndarray
-    probes: tuple[Probe, ...]
-    kept: np.ndarray
-    early: np.ndarray
+    directions: np.ndarray  # (directions, samples) differences of the whitened residual by the effects, float32
+    probes: tuple[Probe, ...]  # sets of directions of all effects
+    kept: np.ndarray  # (samples,) mask of the samples where they were simulated; elsewhere they are zero
+    early: np.ndarray  # (samples,) mask of the first half of these, log by log
 
     def join(self, other: Linearisation) -> Linearisation:
         """The directions of both, at one robot."""

@@ -61,20 +61,14 @@ class Trial:
 
 @dataclass(frozen=True)
 class Detection:
-    """An effect that a detector found.
+    """An effect that a detector found."""
 
-    Attributes:
-        effect: effect as the answer states it.
-        values: parameter name -> value [SI] that all further robots have; none for an effect that remains a candidate
-            of the fits.
-        reason: how it was found, in one sentence.
-        noise: draws what a log shows of the effect beyond its simulation, by the problem, the parameters (parameters,)
-            of a robot, a trial and a random generator: (n, columns) [SI]. None if the simulation shows it all.
-    """
-
-    effect: NamedEffect
+    effect: NamedEffect  # effect as the answer states it
+    # parameter name -> value [SI] that all further robots have; none for an effect that remains a candidate of the fits
     values: dict[str, float]
-    reason: str
+    reason: str  # how it was found, in one sentence
+    # draws what a log shows of the effect beyond its simulation, by the problem, the parameters (parameters,) of a
+    # robot, a trial and a random generator: (n, columns) [SI]. None if the simulation shows it all
     noise: Callable[[Problem, np.ndarray, Trial, np.random.Generator], np.ndarray] | None = None
 
     @property

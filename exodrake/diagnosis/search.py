@@ -72,21 +72,13 @@ def is_memory(effect: Effect) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """A fitted set of effects.
+    """A fitted set of effects."""
 
-    Attributes:
-        explanation: the fit.
-        model: linear model about it.
-        chi2: reduced chi-squares (views,).
-        memory: frames that count as one in what it leaves.
-        excess_by_joint: what it leaves above noise, as `Likelihood.excess_by_joint`.
-    """
-
-    explanation: Explanation
-    model: LinearModel
-    chi2: np.ndarray
-    memory: float
-    excess_by_joint: np.ndarray
+    explanation: Explanation  # the fit
+    model: LinearModel  # linear model about it
+    chi2: np.ndarray  # reduced chi-squares (views,)
+    memory: float  # frames that count as one in what it leaves
+    excess_by_joint: np.ndarray  # what it leaves above noise, as `Likelihood.excess_by_joint`
 
     @classmethod
     def at(cls, likelihood: Likelihood, e: Explanation) -> Fitted:
@@ -119,35 +111,24 @@ class Fitted:
 
 @dataclass(eq=False)
 class Search:
-    """Sets of effects that were fitted on one case.
+    """Sets of effects that were fitted on one case."""
 
-    Attributes:
-        likelihood: the case.
-        effects: effects to try.
-        share: part of each log, from its beginning, on which all effects are tried beside the retuned robot.
-        whole: the case with whole logs, on which shares are measured; the likelihood where these were fitted.
-        negligible: whether a robot (parameters,) leaves no visible gap.
-        sets: fitted sets by their effects.
-        expanded: sets beside which further effects were tried, and effects in whose place.
-        barred: laws for which a plainer one of their kind stands.
-        known: evidence of sets by the memory that counts [nats].
-        squares: mean squares of what sets leave, as `Likelihood.chi2_by_log`.
-        beside: the fit that was grown last, and directions of effects there.
-        progress: called with the stage and what it works on.
-    """
-
-    likelihood: Likelihood
-    effects: tuple[Effect, ...]
-    share: float
-    whole: Likelihood
-    negligible: Callable[[np.ndarray], bool]
-    sets: dict[frozenset[str], Fitted] = field(default_factory=dict)
+    likelihood: Likelihood  # the case
+    effects: tuple[Effect, ...]  # effects to try
+    share: float  # part of each log, from its beginning, on which all effects are tried beside the retuned robot
+    whole: Likelihood  # the case with whole logs, on which shares are measured; the likelihood where these were fitted
+    negligible: Callable[[np.ndarray], bool]  # whether a robot (parameters,) leaves no visible gap
+    sets: dict[frozenset[str], Fitted] = field(default_factory=dict)  # fitted sets by their effects
+    # sets beside which further effects were tried, and effects in whose place
     expanded: set[tuple[frozenset[str], str]] = field(default_factory=set)
-    barred: set[str] = field(default_factory=set)
+    barred: set[str] = field(default_factory=set)  # laws for which a plainer one of their kind stands
+    # evidence of sets by the memory that counts [nats]
     known: dict[tuple[Fitted, float], float] = field(default_factory=dict)
+    # mean squares of what sets leave, as `Likelihood.chi2_by_log`
     squares: dict[Fitted, np.ndarray] = field(default_factory=dict)
+    # the fit that was grown last, and directions of effects there
     beside: tuple[Explanation, Linearisation] | None = None
-    progress: StageProgress = no_progress
+    progress: StageProgress = no_progress  # called with the stage and what it works on
 
     @property
     def none(self) -> Fitted:

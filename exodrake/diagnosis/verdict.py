@@ -52,38 +52,23 @@ EXPLAINED, MOST = 0.9, 0.5  # shares of the gap from which causes are named, and
 
 @dataclass(frozen=True)
 class Part:
-    """An effect of the best set.
+    """An effect of the best set."""
 
-    Attributes:
-        effect: its id.
-        role: `cause` or `refinement`.
-        share: of the gap that retuning leaves.
-        rivals: effects in its place -> share of the gap that they would take up.
-    """
-
-    effect: str
-    role: str
-    share: Interval
-    rivals: dict[str, float]
+    effect: str  # its id
+    role: str  # `cause` or `refinement`
+    share: Interval  # of the gap that retuning leaves
+    rivals: dict[str, float]  # effects in its place -> share of the gap that they would take up
 
 
 @dataclass(frozen=True, eq=False)
 class Decision:
-    """A verdict.
+    """A verdict."""
 
-    Attributes:
-        verdict: its word.
-        best: the set behind it.
-        parts: its effects, causes first, the largest first.
-        remainder: share of the gap that it leaves.
-        reasons: sentences.
-    """
-
-    verdict: str
-    best: Fitted
-    parts: tuple[Part, ...]
-    remainder: Interval
-    reasons: tuple[str, ...]
+    verdict: str  # its word
+    best: Fitted  # the set behind it
+    parts: tuple[Part, ...]  # its effects, causes first, the largest first
+    remainder: Interval  # share of the gap that it leaves
+    reasons: tuple[str, ...]  # sentences
 
     @property
     def causes(self) -> tuple[Part, ...]:
