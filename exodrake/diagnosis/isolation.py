@@ -11,7 +11,7 @@ import numpy as np
 
 from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.diagnosis.detect import detect
-from exodrake.diagnosis.fit import HALF, Explanation, minimise, renew
+from exodrake.diagnosis.fit import COLUMNS, HALF, Explanation, minimise, renew
 from exodrake.diagnosis.likelihood import Likelihood, make_likelihood, output_error, with_prediction
 from exodrake.diagnosis.linearise import Linearisation, nominal_jacobian
 from exodrake.diagnosis.noise import sensor_noise_std
@@ -216,7 +216,10 @@ def fit_on(found: Isolation, best: Fitted) -> tuple[Fitted, Fitted]:
         (e,) = replace(before, jacobian=jacobian).at_each(likelihood, [before.x])
         likelihood = likelihood.with_memory(e.residual)
         start = renew(likelihood, e, seen)
-        e = minimise(likelihood.scaled_to(e.residual), start).with_derivatives_of(start)
+        # with derivatives that are all taken at one point: where an effect acts as a nominal parameter does, such as a
+        # joint's stiffness, a corrected one beside a new one looks like knowledge, and intervals are too narrow
+        e = replace(minimise(likelihood.scaled_to(e.residual), start), jacobian=start.jacobian)
+        COLUMNS[e] = COLUMNS[start]
         jacobian, fits = e.jacobian, [*fits, Fitted.at(likelihood, e)]
     return fits[-1], fits[0]
 

@@ -112,6 +112,8 @@ class Likelihood:
 
     def derivatives(self, rows: np.ndarray, base: np.ndarray, steps: np.ndarray) -> np.ndarray:
         """Difference quotients (rows, samples), float32, of robots that are `steps` (rows,) off the one of `base`."""
+        if not len(rows):
+            return np.zeros((0, len(base)), dtype=np.float32)
         return ((self.residual(rows) - base) / steps[:, None]).astype(np.float32)
 
     def split(self, residual: np.ndarray) -> list[np.ndarray]:

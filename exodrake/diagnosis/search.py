@@ -22,7 +22,6 @@ from exodrake.diagnosis.fit import (
     ROUGH,
     Explanation,
     Predicted,
-    at_bounds,
     fit_beside,
     linear_model,
     minimise,
@@ -238,8 +237,12 @@ class Search:
                         self.barred.add(effect)
 
     def usable(self, fitted: Fitted) -> bool:
-        """Whether a set may be the answer: none of its amplitudes ended at a bound, none of its laws is barred."""
-        return not at_bounds(fitted.explanation) and not fitted.effects & self.barred
+        """Whether a set may be the answer: no amplitude ended at a bound other than its null, no law is barred."""
+        e = fitted.explanation
+        low, high = e.bounds
+        small, lead = 1e-6 * (high - low), np.array([p.amplitude for p in e.parameters], dtype=bool)
+        ended = (high > low) & (((e.x <= low + small) & (low != 0.0)) | ((e.x >= high - small) & (high != 0.0)))
+        return not (ended & lead).any() and not fitted.effects & self.barred
 
     def best_within(self, key: frozenset[str]) -> Fitted:
         """The fit of a set, or of a part of it, that leaves least: well fitted, none leaves more than a part."""

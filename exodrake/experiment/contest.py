@@ -146,7 +146,7 @@ def prepare_contest(problem: Problem, rivals: Sequence[Rival]) -> Contest:
     for rival, row, laws in zip(rivals, rows, effects, strict=True):
         parameters = (*own, *(p for effect in laws for p in effect_parameters(machine, effect)))
         x = np.array([p.coordinate(float(row[p.index[0]])) for p in parameters])
-        values = with_effects(problem.silent(), [(machine, effect) for effect in laws])
+        values = with_effects(problem.silent(), machine, laws)
         none = np.zeros((len(own), 0))
         found.append(differentiate(likelihood, Explanation(rival.effects, parameters, x, values, none, none), x))
     memory = min(likelihood.with_memory(e.residual).memory for e in found)
