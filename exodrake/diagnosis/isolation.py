@@ -13,7 +13,7 @@ from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.diagnosis.detect import detect
 from exodrake.diagnosis.fit import COLUMNS, HALF, Explanation, minimise, renew
 from exodrake.diagnosis.likelihood import Likelihood, make_likelihood, output_error, with_prediction
-from exodrake.diagnosis.linearise import Linearisation, nominal_jacobian
+from exodrake.diagnosis.linearise import nominal_jacobian
 from exodrake.diagnosis.noise import sensor_noise_std
 from exodrake.diagnosis.parameter import nominal_parameters
 from exodrake.diagnosis.problem import Problem, by_trial
@@ -39,11 +39,6 @@ class Isolation:
     nominal: Explanation  # the nominal robot
     search: Search  # all fitted sets
     best: Fitted  # the best of them
-
-    @property
-    def lin(self) -> Linearisation:
-        """Directions of all effects beside the retuned robot."""
-        return self.search.lin
 
     @property
     def retuned(self) -> Fitted:
@@ -194,8 +189,8 @@ def isolate(
         if best.effects and (more := count_needed(best.explanation.robot, GAIN * gap)):
             return isolate(problem, progress, more, search)
         if best.effects and negligible(best.explanation.robot):
-            sparing = (f for f in search.list_sparing(best) if negligible(f.explanation.robot))
-            best = next(sparing, best)
+            sparing = sorted(search.list_sparing(best, len(best.effects)), key=lambda f: f.tolerance_cost)
+            best = next((f for f in sparing if negligible(f.explanation.robot)), best)
             search.reduce(best.effects)
     return Isolation(short, whole, likelihood, nominal, search, best)
 

@@ -18,7 +18,7 @@ Spectral Estimation, 1988, ch. 7):
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from threading import Lock
@@ -120,17 +120,6 @@ class Likelihood:
         """A residual (..., samples) cut into one for each view."""
         return np.split(residual, np.cumsum([view.samples for view in self.views])[:-1], axis=-1)
 
-    def mask_samples(self, logs: Collection[int], frames: tuple[int, int] | None = None) -> np.ndarray:
-        """Mask (samples,) of the residual's samples in some logs; frames: first and end of a part of these."""
-        parts = []
-        for view in self.views:
-            for k, trial in enumerate(view.problem.fit):
-                mask = np.zeros(trial.measured.shape, dtype=bool)
-                if k in logs:
-                    mask[slice(*(frames or (None,)))] = True
-                parts.append(mask.ravel())
-        return np.concatenate(parts)
-
     def columns_of_joints(self) -> list[tuple[np.ndarray, ...]]:
         """Masks (columns,) of each view's columns, of each measured joint of several that are separate."""
         if not self.robot.machine.separate:
@@ -172,14 +161,6 @@ class Likelihood:
     def chi2_by_log(self, residual: np.ndarray) -> np.ndarray:
         """Mean squares (logs, views, joints) of `cells` of a residual (samples,)."""
         return np.array([[[np.mean(residual[cell] ** 2) for cell in view] for view in log] for log in self.cells])
-
-    def excess_by_joint(self, residual: np.ndarray) -> np.ndarray:
-        """What a residual (samples,) leaves above noise [noise variances], views in the mean.
-
-        Of each joint (joints,) where these are separate, else of all together (1,).
-        """
-        squares = np.average(self.chi2_by_log(residual), axis=0, weights=self.samples_by_log)
-        return np.maximum(squares - 1.0, 0.0).mean(axis=0)
 
     def mean_log(self, residual: np.ndarray) -> float:
         """Mean logarithm of the reduced chi-squares of all views of a residual (samples,), above the noise."""
@@ -336,15 +317,11 @@ def fit_whitening(noise: Sequence[np.ndarray]) -> Whitening:
 
     coefficients, noise_std = [], []
     for j in range(noise[0].shape[1]):
-        sums = np.sum([autocovariance(record[:, j]) for record in noise], axis=0)
+        columns = [record[:, j] for record in noise]
+        sums = np.sum([[c[k:] @ c[: len(c) - k] for k in range(ORDER + 1)] for c in columns], axis=0)
         covariance = sums / sum(len(record) for record in noise)
         covariance[0] = max(covariance[0] * (1.0 + REGULARISATION), 1e-12)
         prediction = solve_toeplitz(covariance[:-1], covariance[1:])
         coefficients.append(np.concatenate([[1.0], -prediction]))
         noise_std.append(np.sqrt(max(covariance[0] - prediction @ covariance[1:], 1e-8)))
     return Whitening(np.array(coefficients), np.array(noise_std))
-
-
-def autocovariance(record: np.ndarray) -> np.ndarray:
-    """Sums of lagged products (ORDER + 1,) of a record (frames,)."""
-    return np.array([record[k:] @ record[: len(record) - k] for k in range(ORDER + 1)])

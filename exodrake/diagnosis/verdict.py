@@ -34,7 +34,7 @@ from exodrake.diagnosis.result import (
     Moved,
     Rival,
 )
-from exodrake.diagnosis.search import LARGE, LAW, NATS, NEGLIGIBLE, SURE, Fitted, screen
+from exodrake.diagnosis.search import LARGE, LAW, NATS, NEGLIGIBLE, Fitted, screen
 
 VISIBLE = 1.0  # standard deviations of the tolerance from which a change is listed
 ALIKE = 0.9  # share of what retuning explains from which a single effect is listed
@@ -117,9 +117,7 @@ def decide_retuned(found: Isolation, decision: Decision) -> Decision:
     Its share is that of the nominal robot's gap, since retuning leaves none.
     """
     search = found.search
-    usable = {next(iter(k)): f for k, f in search.sets.items() if len(k) == 1 and search.usable(f)}
-    limit = search.none.tolerance_cost - SURE
-    singles = {i: f for i, f in usable.items() if f.tolerance_cost < limit}
+    singles = {next(iter(f.effects)): f for f in search.list_sparing(search.none, 1)}
     likely = {i: search.evidence(f) for i, f in singles.items()}
     one = max(likely, key=likely.__getitem__, default="")
     if not one or likely[one] - search.evidence(search.none) < NATS:
@@ -210,13 +208,13 @@ def list_moved(found: Isolation) -> tuple[Moved, ...]:
 def screen_alike(found: Isolation) -> dict[str, tuple[float, Predicted]]:
     """Single effects that explain what retuning explains, the nominal parameters as they were, largest share first."""
     nominal, retuned, none = found.nominal, found.retuned.explanation, np.zeros(0)
-    if not found.lin.probes:
+    if not found.search.lin.probes:
         return {}
     fixed = replace(nominal, parameters=(), x=none, jacobian=nominal.jacobian[:0])
     likelihood = found.likelihood.scaled_to(nominal.residual)
-    kept = found.lin.kept
+    kept = found.search.lin.kept
     gain = likelihood.cost(nominal.residual * kept, none, none) - likelihood.cost(retuned.residual * kept, none, none)
-    predicted = screen(likelihood, fixed, found.lin, kept) if gain > 0.0 else []
+    predicted = screen(likelihood, fixed, found.search.lin, kept) if gain > 0.0 else []
     shares = {p.probe.effect: (min(p.gain / gain, 1.0), p) for p in predicted}
     return {effect: one for effect, one in shares.items() if one[0] > ALIKE}
 
