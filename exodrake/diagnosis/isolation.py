@@ -68,23 +68,13 @@ class Isolation:
         sensors, problem = sensor_noise_std(self.whole.robot), self.whole
         own = np.array([sensors.get(kind, noise) for kind, noise in zip(problem.kinds, problem.noise_std)])
         alone = replace(problem, noise_std=np.minimum(own, problem.noise_std))
-        before, left = (excess(alone, e.robot, self.likelihood) for e in (self.nominal, self.retuned.explanation))
-        return bool(left[0] > max(1.0, HALF * before[0]))
+        robots = self.nominal.robot, self.retuned.explanation.robot
+        before, left = (excess_by_column(alone, robot, self.likelihood).max() for robot in robots)
+        return bool(left > max(1.0, HALF * before))
 
     def excess(self, robot: np.ndarray) -> float:
         """What a robot leaves beyond `NEGLIGIBLE` in its worst channel, over the whole logs; negligible below 0."""
-        return float(self.excess_by_column(robot).max())
-
-    def excess_by_column(self, robot: np.ndarray) -> np.ndarray:
-        """The same of each channel (columns,)."""
-        return excess_by_column(self.whole, robot, self.likelihood)[0]
-
-
-def excess(
-    problem: Problem, robot: np.ndarray, likelihood: Likelihood, shares: Sequence[float] | np.ndarray = (1.0,)
-) -> np.ndarray:
-    """What a robot leaves in its worst column (n,), see `excess_by_column`."""
-    return excess_by_column(problem, robot, likelihood, shares).max(axis=1)
+        return float(excess_by_column(self.whole, robot, self.likelihood).max())
 
 
 def excess_by_column(
@@ -94,11 +84,7 @@ def excess_by_column(
 
     Noise is what simulated runs with noise show (`View.squares`), with their scatter; what the sensors state at least.
 
-    Args:
-        problem: the logs.
-        robot: (parameters,) flat vector.
-        likelihood: of the noise.
-        shares: (n,) the parts, each from the beginning of every log.
+    robot: (parameters,) flat vector. shares: (n,) the parts, each from the beginning of every log.
     """
     logs = [log**2 for log in by_trial(problem.residual(robot[None], problem.fit)[0], problem.fit)]
     runs = likelihood.views[0].squares
@@ -127,11 +113,7 @@ def isolate(
 ) -> Isolation:
     """The isolation of a case.
 
-    Args:
-        problem: the case.
-        progress: called with the stage and what it works on.
-        most: samples that are fitted.
-        before: sets that were fitted on fewer, where this search begins.
+    most: samples that are fitted. before: sets that were fitted on fewer, where this search begins.
     """
     progress(Stage.RETUNE, "")
     part = affordable(problem, most)
@@ -153,13 +135,13 @@ def isolate(
 
         least: excess over all of them that counts [noise variances].
         """
-        gaps = excess(whole, robot, likelihood, shares)
+        gaps = excess_by_column(whole, robot, likelihood, shares).max(axis=1)
         if part == shares[-1] or gaps[-1] < least or gaps[0] >= HIDDEN * gaps.max():
             return 0.0
         return float(shares[np.argmax(gaps >= SHOWN * gaps.max())]) * count_samples(problem)
 
     def negligible(robot: np.ndarray) -> bool:
-        return bool(excess(whole, robot, likelihood)[0] < 0.0)
+        return bool(excess_by_column(whole, robot, likelihood).max() < 0.0)
 
     zero, shares = replace(start, x=np.zeros(len(start.x))), np.linspace(part, affordable(problem), PARTS)
     if negligible(zero.robot):
@@ -181,7 +163,7 @@ def isolate(
     search.add([retuned])
     if before is not None:
         search.take_over(before)
-    gap, best = excess(whole, retuned.robot, likelihood)[0], search.none
+    gap, best = excess_by_column(whole, retuned.robot, likelihood).max(), search.none
     if effects and gap < 0.0:
         search.expand_nominal(nominal)
     elif effects:

@@ -74,14 +74,9 @@ def with_effects(values: np.ndarray, machine: Machine, effects: Iterable[Effect]
 def linearise(
     likelihood: Likelihood, robot: np.ndarray, effects: Sequence[Effect], residual: np.ndarray, share: float = 1.0
 ) -> Linearisation:
-    """All directions at a robot.
+    """Directions of effects at a robot (parameters,) with a residual (samples,), whitened [noise_std].
 
-    Args:
-        likelihood: views of the case.
-        robot: (parameters,) flat vector.
-        effects: effects to try.
-        residual: (samples,) of the robot, whitened [noise_std].
-        share: part of each log, from its beginning, on which they are simulated.
+    share: part of each log, from its beginning, on which they are simulated.
     """
     problem, found = likelihood.views[0].problem, []
     for effect in effects:
@@ -108,13 +103,8 @@ def nominal_jacobian(
 ) -> np.ndarray:
     """Derivatives (wanted, samples), float32, of the residual by the nominal parameters.
 
-    Args:
-        likelihood: views of the case.
-        values: (parameters,) flat vector of the robot at x = 0.
-        nominal: nominal parameters.
-        x: (nominal,) their coordinates.
-        base: (samples,) residual at x.
-        wanted: (nominal,) mask of the parameters; all if None.
+    values: (parameters,) flat vector of the robot at x = 0. x: (nominal,) coordinates of the nominal parameters, base:
+    (samples,) residual there. wanted: (nominal,) mask of the parameters; all if None.
     """
     steps = STEP * np.array([p.scale for p in nominal])
     wanted = np.ones(len(nominal), dtype=bool) if wanted is None else wanted

@@ -21,7 +21,7 @@ from exodrake.diagnosis.checks.suspicions import suspicions
 from exodrake.diagnosis.closure import change_robot, measure_closure, with_values
 from exodrake.diagnosis.discovery.discover import discover
 from exodrake.diagnosis.intervals import describe, fitted_effects, traces
-from exodrake.diagnosis.isolation import Isolation, affordable, excess, fit_on, isolate
+from exodrake.diagnosis.isolation import Isolation, affordable, excess_by_column, fit_on, isolate
 from exodrake.diagnosis.localise import localise, remaining
 from exodrake.diagnosis.problem import list_required, make_problem
 from exodrake.diagnosis.recorded import with_recorded_ranges
@@ -187,10 +187,8 @@ def state_effects(
 ) -> tuple[tuple[NamedEffect, ...], dict[int, float]]:
     """Effects of the best set and certain detections with channels, intervals, shares and rivals, as they are stated.
 
-    precise: the fit that says their values.
-
-    Returns:
-        The effects, and values of parameters that the improved robot has whatever the fit gives (`intervals.traces`).
+    And values of parameters that the improved robot has whatever the fit gives (`intervals.traces`). precise: the fit
+    that says their values.
     """
     problem, search, fitted, stated = found.whole, found.search, fitted_effects(precise), []
     counted = {d.effect.id: d.effect for d in problem.detected if not d.certain}
@@ -226,6 +224,7 @@ def write_notes(found: Isolation, best: Fitted, improved: Robot) -> tuple[str, .
     if affordable(problem) < 1.0:
         used, whole = (sum(len(trial.reference) for trial in p.fit) for p in (found.problem, problem))
         note, robot = f"the logs are long: the first {percent(used / whole)} of each was fitted", best.explanation.robot
-        hidden = not best.effects and excess(found.problem, robot, found.likelihood)[0] < 0.0 <= found.excess(robot)
+        shown = excess_by_column(found.problem, robot, found.likelihood).max()
+        hidden = not best.effects and shown < 0.0 <= found.excess(robot)
         notes.append(note + ("; the rest shows a gap that this part does not: diagnose that alone" if hidden else ""))
     return (*notes, *calibration_notes(machine))

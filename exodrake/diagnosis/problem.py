@@ -122,15 +122,9 @@ class Problem:
         return [places[column] for column in self.columns]
 
     def predict(self, rows: np.ndarray, trial: Trial, seed: int | None = None) -> np.ndarray:
-        """Logs that robots would write.
+        """Logs (rows, n, columns) [SI] that robots would write, infinite of one that comes to divide by zero.
 
-        Args:
-            rows: (rows, parameters) flat parameter vectors [SI].
-            trial: reference and latent inputs.
-            seed: of the noise; none if None.
-
-        Returns:
-            (rows, n, columns) [SI]; infinite for a robot that comes to divide by zero.
+        rows: (rows, parameters) flat parameter vectors [SI]. trial: reference and latent inputs. seed: of the noise.
         """
         records = self.records(rows, trial, seed)
         with np.errstate(invalid="ignore"):
@@ -288,7 +282,9 @@ def make_problem(case: Case, robot: Robot, tried: frozenset[str] | None = None) 
     def make_trial(item: CaseLog) -> Trial:
         reference, measured = reference_rows(robot.machine, item.log), np.column_stack([item.log[c] for c in columns])
         gone = np.isnan(reference).any(axis=1) & np.isnan(measured).all(axis=1)
-        reference = bridge(fill_columns(reference), gone)
+        reference, at = fill_columns(reference), np.arange(len(gone))
+        if gone.any() and not gone.all():
+            reference = np.column_stack([np.interp(at, at[~gone], column[~gone]) for column in reference.T])
         measured[after_gaps(gone, robot.machine.frame)] = np.nan
         measured[: round(robot.machine.settling / robot.machine.frame)] = np.nan
         for i, (speed, least) in resting.items():
@@ -306,14 +302,6 @@ def make_problem(case: Case, robot: Robot, tried: frozenset[str] | None = None) 
         tried=frozenset(e.id for e in robot.machine.effects if not e.not_tried) if tried is None else tried,
         noisier=noisier,
     )
-
-
-def bridge(rows: np.ndarray, gone: np.ndarray) -> np.ndarray:
-    """Signals (n, columns) in a straight line over the rows (n,) that a log lacks."""
-    at = np.arange(len(rows))
-    if not gone.any() or gone.all():
-        return rows
-    return np.column_stack([np.interp(at, at[~gone], column[~gone]) for column in rows.T])
 
 
 def after_gaps(gone: np.ndarray, frame: float) -> np.ndarray:
@@ -344,15 +332,9 @@ def find_resting(case: Case, machine: Machine, columns: Sequence[str]) -> dict[i
 
 
 def choose_tried(machine: Machine, only: Sequence[str] = (), without: Sequence[str] = ()) -> frozenset[str]:
-    """Ids of the effects that a diagnosis shall try.
+    """Ids of the effects that a diagnosis shall try; InputError for an unknown id, or where nothing is left.
 
-    Args:
-        machine: machine whose effects they are.
-        only: ids to try, also of effects that are `not_tried` by default; empty: the default ones.
-        without: ids to leave out.
-
-    Raises:
-        InputError: for an unknown id, or where nothing is left.
+    only: also of effects that are `not_tried` by default; empty: the default ones. without: ids to leave out.
     """
     named = {identity: machine.effect(identity) for identity in (*only, *without)}
     default = [effect.id for effect in machine.effects if not effect.not_tried]

@@ -13,7 +13,6 @@ import numpy as np
 
 from exodrake.data.case import Case
 from exodrake.effects import LIBRARY
-from exodrake.model.effect import EffectParameter
 from exodrake.model.machine import Machine
 from exodrake.model.robot import Robot
 
@@ -46,11 +45,6 @@ def measure_sizes(machine: Machine, case: Case) -> dict[str, float]:
     return found
 
 
-def is_short(parameter: EffectParameter, reach: float) -> bool:
-    """Whether the range of an amplitude ends before a recorded size."""
-    return parameter.transform == "linear" and parameter.null == 0.0 and 0.0 < parameter.high < reach
-
-
 def with_recorded_ranges(robot: Robot, case: Case) -> Robot:
     """The robot whose generic effects may be as large as the recording shows, and its numbers of rest as small.
 
@@ -65,7 +59,8 @@ def with_recorded_ranges(robot: Robot, case: Case) -> Robot:
         first, *others = effect.parameters
         reach, stated = size.get(first.unit, 0.0), LIBRARY.get(effect.id)
         generic = {id(function) for function in effect.at.values()} <= laws
-        if generic and not (stated and stated.parameters == effect.parameters) and is_short(first, reach):
+        short = first.transform == "linear" and first.null == 0.0 and 0.0 < first.high < reach
+        if generic and not (stated and stated.parameters == effect.parameters) and short:
             factor = reach / first.high
             default = None if first.default is None else first.default * factor
             low = first.low if first.low > 0.0 else first.low * factor

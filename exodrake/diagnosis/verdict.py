@@ -19,7 +19,7 @@ import numpy as np
 
 from exodrake.core.confidence import NORMAL_90
 from exodrake.diagnosis.fit import Predicted, fit_beside
-from exodrake.diagnosis.isolation import Isolation
+from exodrake.diagnosis.isolation import Isolation, excess_by_column
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.result import (
     AMBIGUOUS,
@@ -172,7 +172,7 @@ def divide_gap(found: Isolation, best: Fitted) -> tuple[Part, ...]:
 
     def leave(fitted: Fitted) -> np.ndarray:
         """What a set leaves in each channel (columns,) beyond a negligible gap [noise variances]."""
-        return found.excess_by_column(fitted.explanation.robot)
+        return excess_by_column(found.whole, fitted.explanation.robot, found.likelihood)[0]
 
     roles, after, counts = {}, leave(best), search.whole.any_by_joint(leave(search.none) >= 0.0)
     rest = found.beside_detections * search.left_by_joint(best)

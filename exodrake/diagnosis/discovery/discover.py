@@ -197,11 +197,7 @@ def discover(
 
     Laws are sought beside the retuned robot, and beside the best set of effects where that explains half of the gap.
 
-    Args:
-        problem: the case.
-        found: its isolation.
-        progress: called with the stage and the law that is worked on.
-        blocks: of the robot whose points are tried; all where empty.
+    blocks: of the robot whose points are tried; all where empty.
     """
     accepted = found.best if 1.0 - found.search.measure_left(found.best) >= MOST else found.retuned
     if found.excess(accepted.explanation.robot) < 0.0:
@@ -212,10 +208,8 @@ def discover(
     machine = law_code.add_laws(bare)
     laws = [law for law in law_code.law_points(bare) if not blocks or law.block in blocks]
     part, whole = (replace(p, robot=law_code.robot_on(p.robot, machine)) for p in (found.problem, found.whole))
-    likelihood, index = (
-        found.likelihood.on(part).for_stage("discover"),
-        [machine.index[p.name] for p in bare.parameters],
-    )
+    index = [machine.index[p.name] for p in bare.parameters]
+    likelihood = found.likelihood.on(part).for_stage("discover")
     likelihood = replace(likelihood, memory=min(likelihood.memory, max(SAMPLE / machine.frame, 1.0)))
     fits, tried = list[LawFit](), dict[str, int]()
     for e in {id(f): f.explanation for f in (accepted, found.retuned)}.values():
@@ -293,13 +287,8 @@ def run_watches(
 ) -> dict[str, dict[str, np.ndarray]]:
     """States of watches, effects that count, at the ends of all fitted trials, run in closed loop without noise.
 
-    Args:
-        problem: the case.
-        values: (parameters,) of the robot.
-        settings: id of each law to be watched -> parameters of its watch.
-
-    Returns:
-        The same id -> name of a state -> (trials, channels).
+    values: (parameters,) of the robot. settings: id of each law to be watched -> parameters of its watch. Returns the
+    same id -> name of a state -> (trials, channels).
     """
     machine, row = problem.robot.machine, values.copy()
     module = compile_machine(machine)
