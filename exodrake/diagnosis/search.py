@@ -185,17 +185,6 @@ class Search:
         gap, left = (np.maximum(mean(x, logs) - floor, 0.0) for x in squares)
         return gap / (gap + NEGLIGIBLE**2), left / np.maximum(gap, 1e-12)
 
-    def alike(self, other: Fitted, best: Fitted, gain: float) -> bool:
-        """Whether a set leaves no more than the best one, or is as likely.
-
-        gain: share of the gap that the effect takes up whose place is asked about.
-        """
-        if not self.usable(other):
-            return False
-        left, memory = self.measure_left(best), min(best.memory, other.memory)
-        as_likely = self.evidence(best, memory) - self.evidence(other, memory) < NATS
-        return as_likely or self.measure_left(other) - left <= min(LAW**2 * gain, left)
-
     def bar_richer_laws(self) -> None:
         """Bar laws with more parameters than another of their kind that leaves as much, within the error of a law.
 
@@ -234,8 +223,15 @@ class Search:
         return {next(iter(k - rest)): f for k, f in others.items()}
 
     def list_rivals(self, best: Fitted, effect: str, gain: float) -> dict[str, Fitted]:
-        """Effects in the place of one that leave as much."""
-        return {i: f for i, f in self.find_replacements(best, effect).items() if self.alike(f, best, gain)}
+        """Effects in the place of one, which takes up a `gain` of the gap, that leave no more or are as likely."""
+        found, left = dict[str, Fitted](), self.measure_left(best)
+        for i, other in self.find_replacements(best, effect).items():
+            if self.usable(other):
+                memory = min(best.memory, other.memory)
+                as_likely = self.evidence(best, memory) - self.evidence(other, memory) < NATS
+                if as_likely or self.measure_left(other) - left <= min(LAW**2 * gain, left):
+                    found[i] = other
+        return found
 
     def plainer(self, best: Fitted) -> Fitted:
         """The set with causes in the place of errors of a sensor's memory, where they explain as much."""

@@ -26,14 +26,12 @@ from exodrake.diagnosis.isolation import Isolation
 from exodrake.diagnosis.likelihood import SAMPLE, Likelihood
 from exodrake.diagnosis.linear import RIDGE, LinearModel
 from exodrake.diagnosis.parameter import Parameter
-from exodrake.diagnosis.problem import Problem, Trial
+from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.result import Interval
 from exodrake.diagnosis.search import LAW, NATS, NEGLIGIBLE
 from exodrake.diagnosis.verdict import LARGE, MOST
-from exodrake.engine.compose import compile_machine
-from exodrake.engine.inputs import NOTHING, NoiseInputs, input_rows
 from exodrake.model.display import percent
-from exodrake.model.machine import Machine, signal_count, stack, state_size
+from exodrake.model.machine import Machine, stack, state_size
 from exodrake.model.part import HYSTERESIS, RELAXATION, FreeLaw
 from exodrake.model.robot import Robot
 
@@ -291,28 +289,19 @@ def run_watches(
     same id -> name of a state -> (trials, channels).
     """
     machine, row = problem.robot.machine, values.copy()
-    module = compile_machine(machine)
     for identity, given in settings.items():
         for name, value in given.items():
             row[[*machine.effect_indices(f"{identity}_watch", name).values()]] = value
 
-    def end_state(trial: Trial) -> np.ndarray:
-        n, state, w = len(trial.reference), np.zeros(state_size(machine)), np.zeros(signal_count(machine))
-        noise = NoiseInputs.draw(n, None, machine)
-        noise |= {name: given[:n] for name, given in trial.latent.items()}
-        module.begin(row, state)
-        given = input_rows(machine, trial.reference, noise).values()
-        module.run(row, state, w, *given, machine.slot, 1, np.zeros((n, len(w))), NOTHING, NOTHING)
-        return state
-
-    ends = np.array(side_by_side([partial(end_state, trial) for trial in problem.fit]))
+    ends = np.zeros((len(problem.fit), 1, state_size(machine)))
+    side_by_side([partial(problem.records, row[None], t, ends=end) for t, end in zip(problem.fit, ends, strict=True)])
     widths: dict[tuple[str, str], int] = {}
     for part in machine.parts:
         for owner, states in ((part.name, part.states), *((e.id, e.states) for e in machine.effects_on(part))):
             widths |= {(owner, s.name): machine.width(s.axis) * s.width for s in states}
     places = stack(widths).items()
     watches = {identity: f"{identity}_watch" for identity in settings}
-    return {law: {n: ends[:, at] for (owner, n), at in places if owner == watch} for law, watch in watches.items()}
+    return {law: {n: ends[:, 0, at] for (owner, n), at in places if owner == watch} for law, watch in watches.items()}
 
 
 def list_candidates(problem: Problem, values: np.ndarray, laws: Sequence[LawPoint]) -> list[Candidate]:
