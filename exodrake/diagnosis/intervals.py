@@ -70,8 +70,8 @@ def describe(found: Estimates, effect: Effect, channels: tuple[str, ...]) -> Nam
     names = [p.name.removeprefix(f"{effect.id}.") for p in found.parameters]
     lead = found.parameters[0].name
     mine = [i for i, p in enumerate(found.parameters) if p.name == lead and len(p.channels) == 1 and p.channels[0]]
-    own = affected_channels(found.x[mine], found.covariance[np.ix_(mine, mine)]) if mine else ()
-    if chosen := [mine[i] for i in own]:
+    sits = affected_channels(found.x[mine], found.covariance[np.ix_(mine, mine)]) if mine else ()
+    if chosen := [mine[i] for i in sits]:
         first, name = found.parameters[chosen[0]], names[chosen[0]]
         law, unit = law_std(effect, first), info[name].unit
         own = {

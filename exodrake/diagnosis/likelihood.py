@@ -66,10 +66,8 @@ class View:
 
     problem: Problem  # trials and columns
     whitening: Whitening  # noise model
-    # whitened residuals of simulated runs with noise, one list of (frames, columns) arrays a run
-    noise: tuple[list[np.ndarray], ...] = ()
     scale: float = 1.0  # divisor of the whitened residual in the cost [-]
-    squares: np.ndarray | None = None  # (runs, columns) mean squares of these runs before whitening [noise variances]
+    squares: np.ndarray | None = None  # (runs, columns) mean squares of simulated runs with noise [noise variances]
 
     @property
     def samples(self) -> int:
@@ -266,7 +264,7 @@ def make_likelihood(
         raw = [by_trial(run.residual(robot[None], run.fit)[0], run.fit) for run, robot in written]
         whitening = fit_whitening([log for run in raw for log in run])
         squares = np.array([np.mean(np.concatenate(run) ** 2, axis=0) for run in raw])
-        found.append(View(view, whitening, tuple([whitening(log) for log in run] for run in raw), squares=squares))
+        found.append(View(view, whitening, squares=squares))
     simulated = defaultdict(float) if simulated is None else simulated
     simulated["noise"] += NOISE_RUNS * duration(problem) * (1 + len(views))  # written, then simulated in each view
     return Likelihood(tuple(found), simulated, memory=longest(problem))

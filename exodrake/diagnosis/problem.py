@@ -19,7 +19,7 @@ from exodrake.core.parallel import side_by_side
 from exodrake.data.case import EXPERIMENT, Case, CaseLog
 from exodrake.data.log import fill_columns
 from exodrake.diagnosis.checks.compare import check_case, compare, find_columns, without_short_logs
-from exodrake.diagnosis.checks.suspicions import logged_noise
+from exodrake.diagnosis.checks.suspicions import find_runs, logged_noise
 from exodrake.diagnosis.filters import Bands, without
 from exodrake.diagnosis.noise import noise_std, reference_rows
 from exodrake.diagnosis.result import NamedEffect
@@ -43,7 +43,6 @@ class Trial:
     """One log of a case as arrays."""
 
     name: str  # file of the log
-    role: str  # use of the log in the case
     reference: np.ndarray  # (n, references) [SI]
     measured: np.ndarray  # (n, columns) [SI], NaN where missing
     latent: Mapping[str, np.ndarray] = field(default_factory=dict)  # inputs decoded from the log -> (n, channels)
@@ -285,7 +284,14 @@ def make_problem(case: Case, robot: Robot, tried: frozenset[str] | None = None) 
     noisier = {name: robot[name] for name in noise}
     robot = robot.with_parameters(noise, source="the logs") if noise else robot
     columns = find_columns(case, robot.machine)
-    resting = find_resting(case, robot.machine, columns)
+    # place of a column of efforts, which at rest are whatever dry friction holds and count as missing -> column of its
+    # speed, and the least that counts
+    resting = dict[int, tuple[str, float]]()
+    for i, (kind, _, channel) in enumerate(column.rpartition("_") for column in columns):
+        if kind in robot.machine.resting:
+            name = f"{robot.machine.resting[kind]}_{channel}"
+            speeds = [np.abs(item.log[name]) for item in case.fit_logs if name in item.log.signals]
+            resting[i] = name, STILL * max((np.nanmax(speed, initial=0.0) for speed in speeds), default=0.0)
 
     def make_trial(item: CaseLog) -> Trial:
         reference, measured = reference_rows(robot.machine, item.log), np.column_stack([item.log[c] for c in columns])
@@ -293,12 +299,14 @@ def make_problem(case: Case, robot: Robot, tried: frozenset[str] | None = None) 
         reference, at = fill_columns(reference), np.arange(len(gone))
         if gone.any() and not gone.all():
             reference = np.column_stack([np.interp(at, at[~gone], column[~gone]) for column in reference.T])
-        measured[after_gaps(gone, robot.machine.frame)] = np.nan
+        for start, rows in zip(*find_runs(gone)):  # until it has settled after a gap
+            if gone[start] and rows * robot.machine.frame > GAP:
+                measured[start : start + rows + round(SETTLED / robot.machine.frame)] = np.nan
         measured[: round(robot.machine.settling / robot.machine.frame)] = np.nan
         for i, (speed, least) in resting.items():
             if speed in item.log.signals:
                 measured[np.abs(item.log[speed]) < least, i] = np.nan
-        return Trial(item.file, item.role, reference, measured, whole=item.protocol == EXPERIMENT)
+        return Trial(item.file, reference, measured, whole=item.protocol == EXPERIMENT)
 
     return Problem(
         robot,
@@ -310,33 +318,6 @@ def make_problem(case: Case, robot: Robot, tried: frozenset[str] | None = None) 
         tried=frozenset(e.id for e in robot.machine.effects if not e.not_tried) if tried is None else tried,
         noisier=noisier,
     )
-
-
-def after_gaps(gone: np.ndarray, frame: float) -> np.ndarray:
-    """Mask (n,) of the rows about which nothing is known, since a robot has not settled after a gap in its log.
-
-    gone: (n,) rows that the log lacks; frame: its period [s].
-    """
-    out, length = gone.copy(), 0
-    for k in range(len(gone)):
-        length = length + 1 if gone[k] else 0
-        if length * frame > GAP:
-            out[k : k + 1 + round(SETTLED / frame)] = True
-    return out
-
-
-def find_resting(case: Case, machine: Machine, columns: Sequence[str]) -> dict[int, tuple[str, float]]:
-    """Place of each column whose readings count as missing at rest -> column of its speed, and the least that counts.
-
-    They are efforts, of which dry friction may hold any.
-    """
-    found = {}
-    for i, (kind, _, channel) in enumerate(column.rpartition("_") for column in columns):
-        if kind in machine.resting:
-            name = f"{machine.resting[kind]}_{channel}"
-            speeds = [np.abs(item.log[name]) for item in case.fit_logs if name in item.log.signals]
-            found[i] = name, STILL * max((np.nanmax(speed, initial=0.0) for speed in speeds), default=0.0)
-    return found
 
 
 def choose_tried(machine: Machine, only: Sequence[str] = (), without: Sequence[str] = ()) -> frozenset[str]:

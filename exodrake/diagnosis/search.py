@@ -196,9 +196,7 @@ class Search:
                 smaller = self.sets.get(key - {effect})
                 gain = self.measure_left(smaller) - self.measure_left(rich) if smaller else 0.0
                 for other, plain in self.find_replacements(rich, effect).items():
-                    same = known[effect].block == known[other].block and name_kind(known[effect]) == name_kind(
-                        known[other]
-                    )
+                    same = len({(known[i].block, name_kind(known[i])) for i in (effect, other)}) == 1
                     fewer = len(plain.explanation.x) < len(rich.explanation.x) and self.usable(plain)
                     fewer &= not self.beats(rich, plain, 1)
                     if same and fewer and self.measure_left(plain) - self.measure_left(rich) <= LAW**2 * gain:

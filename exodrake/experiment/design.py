@@ -165,7 +165,7 @@ class Safety:
 def measure_safety(problem: Problem, robots: np.ndarray, known: Sequence[Reference]) -> Safety:
     """The ranges for a case, by robots (explanations, parameters) [SI] and the machine's own experiments."""
     machine, nominal = problem.robot.machine, problem.silent()[None]
-    own = [Trial(reference.name, "fit", reference.values, np.zeros((0, 0))) for reference in known]
+    own = [Trial(reference.name, reference.values, np.zeros((0, 0))) for reference in known]
     runs = [run for trial in problem.fit for run in problem.records(robots, trial)]
     runs += [run for trial in own for run in problem.records(nominal, trial)]
     low, high = np.min([run.min(axis=0) for run in runs], axis=0), np.max([run.max(axis=0) for run in runs], axis=0)

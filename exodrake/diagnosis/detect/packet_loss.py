@@ -162,11 +162,7 @@ def list_needed(machine: Machine) -> list[str]:
 class Drive:
     """The drives of a machine without its other parts, in one log, from frame to frame.
 
-    Args:
-        machine: machine that wrote the log, with a command link.
-        values: (parameters,) flat [SI].
-        rows: (n, channels) of each kind of `list_needed` as logged [SI].
-        noise: standard deviation of a reading of the position [its unit].
+    rows: (n, channels) of each kind of `list_needed` [SI]. noise: standard deviation of a reading [its unit].
     """
 
     def __init__(self, machine: Machine, values: np.ndarray, rows: list[np.ndarray], noise: float) -> None:
