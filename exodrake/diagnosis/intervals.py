@@ -71,7 +71,7 @@ def describe(found: Estimates, effect: Effect, channels: tuple[str, ...]) -> Nam
     lead = found.parameters[0].name
     mine = [i for i, p in enumerate(found.parameters) if p.name == lead and len(p.channels) == 1 and p.channels[0]]
     sits = affected_channels(found.x[mine], found.covariance[np.ix_(mine, mine)]) if mine else ()
-    if chosen := [mine[i] for i in sits]:
+    if chosen := [mine[int(i)] for i in sits]:
         first, name = found.parameters[chosen[0]], names[chosen[0]]
         law, unit = law_std(effect, first), info[name].unit
         own = {
