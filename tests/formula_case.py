@@ -22,7 +22,6 @@ class FormulaView:
 
     problem: SimpleNamespace
     formula: object
-    noise: tuple = ()
     scale: float = 1.0
 
     @property
@@ -36,17 +35,17 @@ class FormulaView:
         return [fill]
 
 
-def likelihood_of(formula, frames=(400,), columns=1, noise=(), scale=1.0, measured=None):
-    """One view of logs of so many frames; noise: for each run a list of (frames, columns) arrays."""
+def likelihood_of(formula, frames=(400,), columns=1, scale=1.0, measured=None):
+    """One view of logs of so many frames."""
     logs = measured or [np.zeros((n, columns)) for n in frames]
-    trials = tuple(Trial(f"{k}.csv", "fit", np.zeros((len(y), 1)), y) for k, y in enumerate(logs))
+    trials = tuple(Trial(f"{k}.csv", np.zeros((len(y), 1)), y) for k, y in enumerate(logs))
     case = SimpleNamespace(repeat_groups=(), fit_logs=[SimpleNamespace(log=y) for y in logs])
     machine = SimpleNamespace(name="formula", frame=FRAME, tolerances=(), separate=False, effect=lambda identity: None)
     names = tuple(f"angle_{k}" for k in range(columns))
     problem = SimpleNamespace(
         fit=trials, columns=names, case=case, robot=SimpleNamespace(machine=machine), counted={}, judged=trials
     )
-    return Likelihood((FormulaView(problem, formula, noise, scale),))
+    return Likelihood((FormulaView(problem, formula, scale),))
 
 
 def nominal(count, prior_std, bounds=WIDE):

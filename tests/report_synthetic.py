@@ -60,8 +60,8 @@ def simulated_logs(robot=None, frames=1500, gap=0.06):
     measured[40:60, -1] = np.nan
     lag = gap * size * np.sign(np.gradient(course, axis=0)) * (course > 0)
     runs = {"nominal": course - lag, "retuned": course - 0.8 * lag, "improved": course}
-    held = Trial("grasps.csv.gz", "holdout", np.abs(course[:, :3]), measured)
-    fit = replace(held, name="chirp.csv.gz", role="fit")
+    held = Trial("grasps.csv.gz", np.abs(course[:, :3]), measured)
+    fit = replace(held, name="chirp.csv.gz")
     log = Log(time, dict(zip(COLUMNS, measured.T, strict=True)))
     again = CaseLog(log, "chirp", "fit", fit.name, "chirp_2.csv.gz")
     logs = (CaseLog(log, "chirp", "fit", None, fit.name), again, CaseLog(log, "grasps", "holdout", None, held.name))

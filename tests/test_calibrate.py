@@ -10,7 +10,7 @@ from scipy.stats import binomtest
 
 from exodrake.cli.main import cli
 from exodrake.core.errors import InputError
-from exodrake.core.schema import read_yaml
+from exodrake.core.schema import parse_yaml, read_yaml
 from exodrake.data.case import Case, CaseLog, write_case
 from exodrake.diagnosis import calibrate as simulated_robots, calibration, pipeline
 from exodrake.diagnosis.calibrate import Record, alike, calibrate, count_rates, record
@@ -26,7 +26,6 @@ from exodrake.diagnosis.calibration import (
     calibration_notes,
     calibration_text,
     read_calibration,
-    state_rate,
 )
 from exodrake.diagnosis.healthy import draw_value, follow_case
 from exodrake.diagnosis.result import REFINEMENT, EffectRival, Interval, NamedEffect
@@ -55,7 +54,7 @@ def sheath_case(gap: bool = False) -> Case:
 @pytest.mark.parametrize("k, n", [(0, 3), (5, 5), (17, 20), (1, 33)])
 def test_rates_have_clopper_pearson_intervals(k, n):
     wanted = binomtest(k, n).proportion_ci(0.95, method="exact")
-    found = state_rate(k, n)
+    found = parse_yaml(calibration_text(Calibration(rates={ALARM: (k, n)})).encode(), "")["rates"][ALARM]
     assert (found["k"], found["n"]) == (k, n)
     assert (found["low"], found["high"]) == pytest.approx((wanted.low, wanted.high), abs=6e-5)
 

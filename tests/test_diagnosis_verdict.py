@@ -11,8 +11,7 @@ from exodrake.data.case import gather_logs
 from exodrake.diagnosis import verdict
 from exodrake.diagnosis.isolation import isolate
 from exodrake.diagnosis.pipeline import diagnose
-from exodrake.diagnosis.problem import make_problem
-from exodrake.diagnosis.recorded import with_recorded_ranges
+from exodrake.diagnosis.problem import make_problem, with_recorded_ranges
 from exodrake.diagnosis.result import CAUSE, REFINEMENT, Interval
 from exodrake.diagnosis.search import Search
 from exodrake.machines.robot_file import load_robot

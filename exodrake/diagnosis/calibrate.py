@@ -44,23 +44,13 @@ def calibrate(
     robot: str, cases: int, seed: int = 0, case: Case | None = None, jobs: int = 1, cluster: str | None = None,
     progress: Count = no_progress, seconds: float = float("inf"),
 ) -> tuple[list[Record], dict[int, str]]:  # fmt: skip
-    """Records of simulated robots, the same whatever `jobs` is if the time suffices.
+    """Records of simulated robots, the same whatever `jobs` is if the time suffices, and reasons of failures by number.
 
-    Args:
-        robot: name of a machine, or robot file.
-        cases: number of robots.
-        seed: of everything that is drawn.
-        case: whose motion they follow; the machine's own experiments if None.
-        jobs: as in `parallel.each`.
-        cluster: as in `parallel.each`.
-        progress: called with the numbers of done, failed and all robots.
-        seconds: that all robots may take; one that may end later, as long as the slowest took so far, is not begun.
-
-    Returns:
-        Records in the order of the robots, and the reason by number for those that failed.
-
-    Raises:
-        InputError: as `parallel.each`, and for a machine without experiments where no case is given.
+    robot: name of a machine, or robot file. cases: number of robots. seed: of everything that is drawn. case: whose
+    motion they follow; the machine's own experiments if None. jobs, cluster: as in `parallel.each`. progress: called
+    with the numbers of done, failed and all robots. seconds: that all robots may take; one that may end later, as long
+    as the slowest took so far, is not begun. InputError as `parallel.each`, and for a machine without experiments where
+    no case is given.
     """
     machine, end = load_robot(robot).machine, time.monotonic() + seconds
     if case is None and not machine.experiments:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from exodrake.core.confidence import binomial_interval
 from exodrake.core.provenance import configuration
@@ -71,13 +70,10 @@ def calibration_notes(machine: Machine) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def state_rate(k: int, n: int) -> dict[str, float]:
-    """Count k of n with its exact (Clopper-Pearson) 95 % interval; the whole range for n = 0."""
-    low, high = binomial_interval(k, n)
-    return {"k": k, "n": n, "low": round(low, 4), "high": round(high, 4)}
-
-
 def calibration_text(found: Calibration) -> str:
-    """The file of a calibration."""
-    rates: dict[str, Any] = {name: state_rate(*pair) for name, pair in (found.rates or {}).items()}
+    """The file of a calibration: each count k of n with its exact 95 % interval, the whole range for n = 0."""
+    rates = {}
+    for name, (k, n) in (found.rates or {}).items():
+        low, high = binomial_interval(k, n)
+        rates[name] = {"k": k, "n": n, "low": round(low, 4), "high": round(high, 4)}
     return dump_yaml({"source": found.source, "code": found.code, "rates": rates})

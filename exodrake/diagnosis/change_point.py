@@ -53,12 +53,9 @@ class Change:
 
 
 class ChangePoint:
-    """The evidence for one change at increasing times (points,).
+    """The evidence for one change at increasing times (points,); covariance: (points, points) V of their errors.
 
-    Args:
-        times: of the points.
-        covariance: (points, points) V of their errors.
-        grid: dates of a ramp's begin that are tried between two points.
+    grid: dates of a ramp's begin that are tried between two points.
     """
 
     def __init__(self, times: np.ndarray, covariance: np.ndarray, grid: int = GRID) -> None:

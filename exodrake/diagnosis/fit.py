@@ -23,16 +23,14 @@ from exodrake.diagnosis.likelihood import Likelihood
 from exodrake.diagnosis.linear import LinearModel, minimise_bounded
 from exodrake.diagnosis.linearise import Probe, nominal_jacobian, with_effects
 from exodrake.diagnosis.parameter import STEP, Parameter, apply
-from exodrake.model.machine import Machine
 
 DAMPING, LARGER, SMALLER = 1e-6, 30.0, 0.2  # at first, and its factors after a bad and a good step
 SHORTER = 0.25  # of the longest step of an effect's parameter after a bad step; one scale at the first: assumed
 TRIES = 4  # damped steps before a fit ends
 STEPS, TOL = 6, 5e-4  # of a fit
 ROUGH = 5e-3  # the same of a first fit, which the best set alone goes on from
-FREE = (
-    1e3  # prior standard deviations, in scales, of an effect's parameter in a fit: none, but the matrix stays regular
-)
+# prior standard deviations, in scales, of an effect's parameter in a fit: none, but the matrix stays regular
+FREE = 1e3
 LESS, INITIAL = (1.0, 0.5, 0.2), (1.0, 0.3)  # of the predicted and of the initial amplitude, tried where a fit begins
 HALF = 0.5  # of the best gain after two steps, with which a fit goes on
 VISIBLE = 0.5  # standard deviations of all samples together by which a tolerance shows: a tenth of a nat. Assumed
@@ -40,33 +38,19 @@ VISIBLE = 0.5  # standard deviations of all samples together by which a toleranc
 
 @dataclass(frozen=True, eq=False)
 class Explanation:
-    """A set of effects with its fitted robot.
+    """A set of effects with its fitted robot."""
 
-    Attributes:
-        effects: ids.
-        parameters: fitted parameters, nominal ones first.
-        x: (parameters,) coordinates.
-        values: (n,) flat vector of the robot with the fixed parameters of its effects, at x = 0.
-        residual: (samples,) whitened [noise_std].
-        jacobian: (nominal, samples) derivatives by the nominal parameters nearby.
-    """
-
-    effects: tuple[str, ...]
-    parameters: tuple[Parameter, ...]
-    x: np.ndarray
-    values: np.ndarray
-    residual: np.ndarray
-    jacobian: np.ndarray
+    effects: tuple[str, ...]  # ids
+    parameters: tuple[Parameter, ...]  # fitted parameters, nominal ones first
+    x: np.ndarray  # (parameters,) coordinates
+    values: np.ndarray  # (n,) flat vector of the robot with the fixed parameters of its effects, at x = 0
+    residual: np.ndarray  # (samples,) whitened [noise_std]
+    jacobian: np.ndarray  # (nominal, samples) derivatives by the nominal parameters nearby
 
     @property
     def robot(self) -> np.ndarray:
         """Flat parameter vector (n,) of the fitted robot."""
         return apply(self.values, self.parameters, self.x)
-
-    @property
-    def at_nominal(self) -> np.ndarray:
-        """Flat parameter vector (n,) with the fitted effects and the nominal parameters as they were."""
-        return apply(self.values, self.parameters, np.concatenate([np.zeros(self.nominal), self.x[self.nominal :]]))
 
     @property
     def name(self) -> str:
@@ -81,7 +65,8 @@ class Explanation:
     @property
     def nominal_part(self) -> tuple[np.ndarray, tuple[Parameter, ...], np.ndarray]:
         """Flat vector with the fitted effects, the nominal parameters and their coordinates."""
-        return self.at_nominal, self.parameters[: self.nominal], self.x[: self.nominal]
+        own = self.parameters[: self.nominal], self.x[: self.nominal]
+        return apply(self.values, self.parameters, np.r_[np.zeros(self.nominal), self.x[self.nominal :]]), *own
 
     def find_visible(self, likelihood: Likelihood) -> np.ndarray:
         """Mask (nominal,) of the nominal parameters whose tolerance shows in the logs, by `VISIBLE`."""
@@ -124,75 +109,34 @@ class Explanation:
             COLUMNS[found] = COLUMNS[self]
         return found
 
-    def with_derivatives_of(self, other: Explanation) -> Explanation:
-        """The explanation with the derivatives of another one nearby, which are all taken at one point.
-
-        Its own are corrected step by step. Where an effect acts as a nominal parameter does, such as a joint's
-        stiffness, a corrected derivative beside a new one looks like knowledge, and intervals are too narrow.
-        """
-        found = replace(self, jacobian=other.jacobian)
-        COLUMNS[found] = COLUMNS[other]
-        return found
-
 
 COLUMNS: WeakKeyDictionary[Explanation, np.ndarray] = WeakKeyDictionary()  # of explanations that were differentiated
 
 
 def whole_jacobian(likelihood: Likelihood, here: Explanation) -> np.ndarray:
-    """Derivatives (parameters, samples) of the residual by all parameters; those by the effects are simulated once."""
+    """Derivatives (parameters, samples) of the residual by all parameters.
+
+    Those by the effects, away from the nearer bound, are simulated once.
+    """
     if here not in COLUMNS:
-        COLUMNS[here] = effect_columns(likelihood, here)
+        steps, rows = [], []
+        for i, p in enumerate(here.parameters[here.nominal :], start=here.nominal):
+            step, moved = STEP * p.scale, here.x.copy()
+            steps.append(-step if here.x[i] + step > p.bounds[1] else step)
+            moved[i] += steps[-1]
+            rows.append(apply(here.values, here.parameters, moved))
+        COLUMNS[here] = likelihood.derivatives(np.array(rows), here.residual, np.array(steps))
     return np.concatenate([here.jacobian, COLUMNS[here]])
-
-
-def effect_columns(likelihood: Likelihood, here: Explanation) -> np.ndarray:
-    """Derivatives (effect parameters, samples) by the parameters of the effects, away from the nearer bound."""
-    count = here.nominal
-    if count == len(here.parameters):
-        return np.zeros((0, len(here.residual)), dtype=np.float32)
-    steps, rows = [], []
-    for i, p in enumerate(here.parameters[count:], start=count):
-        step = STEP * p.scale
-        step = -step if here.x[i] + step > p.bounds[1] else step
-        moved = here.x.copy()
-        moved[i] += step
-        steps.append(step)
-        rows.append(apply(here.values, here.parameters, moved))
-    return likelihood.derivatives(np.array(rows), here.residual, np.array(steps))
-
-
-def slope_and_curvature(
-    likelihood: Likelihood, here: Explanation, columns: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Gradient (parameters,) and Gauss-Newton matrix (parameters, parameters) of the cost."""
-    weighted, precision = np.multiply(columns, likelihood.weights, dtype=float), 1.0 / here.prior_std**2
-    slope = weighted @ (here.residual * likelihood.weights) + precision * here.x
-    return slope, weighted @ weighted.T + np.diag(precision)
-
-
-def at_bounds(e: Explanation) -> list[str]:
-    """Names of the amplitudes that ended at an end of their range other than their null."""
-    low, high = e.bounds
-    small = 1e-6 * (high - low)
-    ended = (high > low) & (((e.x <= low + small) & (low != 0.0)) | ((e.x >= high - small) & (high != 0.0)))
-    return [p.name for p, at in zip(e.parameters, ended, strict=True) if at and p.amplitude]
 
 
 @dataclass(frozen=True, eq=False)
 class Predicted:
-    """One more effect as the linearisation predicts it.
+    """One more effect as the linearisation predicts it."""
 
-    Attributes:
-        probe: its directions.
-        factors: (directions,) their factors.
-        gain: by how much the cost falls, in nats.
-        x: (eliminated,) coordinates of the parameters beside it.
-    """
-
-    probe: Probe
-    factors: np.ndarray
-    gain: float
-    x: np.ndarray
+    probe: Probe  # its directions
+    factors: np.ndarray  # (directions,) their factors
+    gain: float  # by how much the cost falls, in nats
+    x: np.ndarray  # (eliminated,) coordinates of the parameters beside it
 
 
 def linear_model(likelihood: Likelihood, e: Explanation) -> LinearModel:
@@ -209,17 +153,11 @@ def linear_model(likelihood: Likelihood, e: Explanation) -> LinearModel:
 
 @dataclass(frozen=True, eq=False)
 class Groups:
-    """Samples and parameters that belong together: those of each joint of a machine whose joints are separate.
+    """Samples and parameters that belong together: those of each joint of a machine whose joints are separate."""
 
-    Attributes:
-        samples: (samples,) number of the group of each sample.
-        parameters: (parameters,) the same of each parameter.
-        count: number of groups.
-    """
-
-    samples: np.ndarray
-    parameters: np.ndarray
-    count: int
+    samples: np.ndarray  # (samples,) number of the group of each sample
+    parameters: np.ndarray  # (parameters,) the same of each parameter
+    count: int  # number of groups
 
     @classmethod
     def of(cls, likelihood: Likelihood, e: Explanation) -> Groups:
@@ -267,13 +205,17 @@ def minimise(likelihood: Likelihood, start: Explanation, steps: int = STEPS, tol
     reach = np.array([p.scale if p.effect else np.inf for p in start.parameters])
     for _ in range(steps):
         begun, columns, before = found, whole_jacobian(likelihood, found), groups.costs(likelihood, found)
-        slope, curvature = slope_and_curvature(likelihood, found, columns)
+        weighted, precision = np.multiply(columns, likelihood.weights, dtype=float), 1.0 / found.prior_std**2
+        slope = weighted @ (found.residual * likelihood.weights) + precision * found.x
+        curvature = weighted @ weighted.T + np.diag(precision)  # Gauss-Newton
         here, waiting = found, np.ones(groups.count, dtype=bool)
         for failed in range(TRIES):
             longest = reach * SHORTER ** (failed - 1) if failed else np.full(len(reach), np.inf)
             longest = np.where(waiting[groups.parameters], longest, 0.0)
             damped = curvature + np.diag(damping[groups.parameters] * np.diag(curvature))
-            trial = take_step(likelihood, here, slope, damped, longest)
+            low, high = here.bounds - here.x
+            move, _ = minimise_bounded(damped, slope, np.maximum(low, -longest), np.minimum(high, longest))
+            trial = here.at(likelihood, np.clip(here.x + move, low + here.x, high + here.x))
             known = np.concatenate([here.jacobian, columns[here.nominal :]])
             jacobian = correct_jacobian(here, trial, here.residual + (trial.x - here.x) @ known)
             better = waiting & (groups.costs(likelihood, trial) < before)
@@ -295,15 +237,6 @@ def minimise(likelihood: Likelihood, start: Explanation, steps: int = STEPS, tol
     return found
 
 
-def take_step(
-    likelihood: Likelihood, here: Explanation, slope: np.ndarray, curvature: np.ndarray, longest: np.ndarray
-) -> Explanation:
-    """The explanation after one step within its bounds; longest: (parameters,) change of each parameter."""
-    low, high = here.bounds - here.x
-    move, _ = minimise_bounded(curvature, slope, np.maximum(low, -longest), np.minimum(high, longest))
-    return here.at_each(likelihood, [np.clip(here.x + move, low + here.x, high + here.x)])[0]
-
-
 def correct_jacobian(here: Explanation, trial: Explanation, expected: np.ndarray) -> np.ndarray:
     """The nominal Jacobian corrected by what a step showed."""
     count = here.nominal
@@ -315,13 +248,13 @@ def correct_jacobian(here: Explanation, trial: Explanation, expected: np.ndarray
     return here.jacobian + np.outer(weight / size, trial.residual - expected).astype(np.float32)
 
 
-def starts(machine: Machine, known: Explanation, predicted: Predicted) -> tuple[Explanation, list[np.ndarray]]:
-    """An explanation with one more effect, and the coordinates at which its fit may begin.
+def begin_beside(likelihood: Likelihood, known: Explanation, predicted: Predicted) -> Explanation:
+    """One more effect beside those of an explanation, two steps from the best of several starts, joint by joint.
 
-    As the linearisation predicts it, less of it, and at the initial amplitudes of the effect.
+    They are as the linearisation predicts it, less of it, and at the initial amplitudes of the effect.
     """
-    probe = predicted.probe
-    values = with_effects(known.values, [(machine, machine.effect(probe.effect))])
+    machine, probe = likelihood.robot.machine, predicted.probe
+    values = with_effects(known.values, machine, [machine.effect(probe.effect)])
     parameters, own = known.parameters + probe.parameters, probe.coordinates(predicted.factors)
     amplitude = np.array([p.amplitude for p in probe.parameters])
     low, high = np.array([p.bounds for p in parameters]).T
@@ -329,13 +262,7 @@ def starts(machine: Machine, known: Explanation, predicted: Predicted) -> tuple[
     points = [np.concatenate([predicted.x, np.where(amplitude, less * own, own)]) for less in LESS]
     points += [np.concatenate([known.x, np.where(amplitude, share * initial, initial)]) for share in INITIAL]
     joined = Explanation((*known.effects, probe.effect), parameters, points[0], values, known.residual, known.jacobian)
-    return joined, list(np.clip(points, low, high))
-
-
-def begin_beside(likelihood: Likelihood, known: Explanation, predicted: Predicted) -> Explanation:
-    """One more effect beside those of an explanation, two steps from the best of several starts, joint by joint."""
-    joined, points = starts(likelihood.robot.machine, known, predicted)
-    begun = joined.at_each(likelihood, points)
+    begun = joined.at_each(likelihood, list(np.clip(points, low, high)))
     groups = Groups.of(likelihood, begun[0])
     best = groups.best(likelihood, begun)
     return groups.best(likelihood, [minimise(likelihood, e, 2) for e in {id(e): e for e in (begun[0], best)}.values()])
@@ -377,5 +304,4 @@ def without(likelihood: Likelihood, e: Explanation, effect: str) -> Explanation:
     values[list(machine.effect_indices(effect, lead.name).values())] = lead.null
     kept = [i for i, p in enumerate(e.parameters) if p.effect != effect]
     effects, parameters = tuple(i for i in e.effects if i != effect), tuple(e.parameters[i] for i in kept)
-    smaller = replace(e, effects=effects, parameters=parameters, values=values)
-    return smaller.at_each(likelihood, [e.x[kept]])[0]
+    return replace(e, effects=effects, parameters=parameters, values=values).at(likelihood, e.x[kept])

@@ -101,9 +101,8 @@ def to_float(value: float | None) -> float:
 def find_answers(*sources: str | Path) -> dict[str, Path]:
     """Files of answers and failures by the name of their case; several of one name have those of their folders, too.
 
-    Args:
-        sources: files that `exodrake diagnose --json` wrote, of one case or of several, folders of these or of folders
-            with `diagnosis.json`, and such a folder itself.
+    sources: files that `exodrake diagnose --json` wrote, of one case or of several, folders of these or of folders with
+    `diagnosis.json`, and such a folder itself.
     """
     found: dict[Path, Path] = {}  # place -> file
     for source in map(Path, sources):
@@ -116,11 +115,7 @@ def find_answers(*sources: str | Path) -> dict[str, Path]:
 
 
 def read_answers(*sources: str | Path) -> list[Row]:
-    """Rows of answers and failures, by robot and date; InputError for a file that is no answer, and without answers.
-
-    Args:
-        sources: as in `find_answers`.
-    """
+    """Rows of `find_answers` by robot and date; InputError for a file that is no answer, and without answers."""
     rows, stated = [], set(map(Path, sources))
     for name, file in find_answers(*sources).items():
         try:

@@ -39,17 +39,11 @@ ONE_OR_ALL = 0.4  # prior probability of one channel, and of all of them; other 
 
 @dataclass(frozen=True, eq=False)
 class Estimates:
-    """Fitted parameters of effects.
+    """Fitted parameters of effects."""
 
-    Attributes:
-        parameters: of the effects.
-        x: (parameters,) coordinates.
-        covariance: (parameters, parameters) of x.
-    """
-
-    parameters: tuple[Parameter, ...]
-    x: np.ndarray
-    covariance: np.ndarray
+    parameters: tuple[Parameter, ...]  # of the effects
+    x: np.ndarray  # (parameters,) coordinates
+    covariance: np.ndarray  # (parameters, parameters) of x
 
     @property
     def std(self) -> np.ndarray:
@@ -70,18 +64,14 @@ def fitted_effects(best: Fitted) -> Estimates:
 
 
 def describe(found: Estimates, effect: Effect, channels: tuple[str, ...]) -> NamedEffect:
-    """An effect with its channels, parameters and intervals.
-
-    Args:
-        found: its parameters.
-        effect: the effect.
-        channels: those of its axis.
-    """
+    """An effect with its channels, parameters and intervals; channels: those of its axis."""
     info, stated = {p.name: p for p in effect.parameters}, dict[str, Interval]()
     by_channel: dict[str, dict[str, Interval]] = {}
     names = [p.name.removeprefix(f"{effect.id}.") for p in found.parameters]
-    chosen = choose_channels(found)
-    if chosen:
+    lead = found.parameters[0].name
+    mine = [i for i, p in enumerate(found.parameters) if p.name == lead and len(p.channels) == 1 and p.channels[0]]
+    sits = affected_channels(found.x[mine], found.covariance[np.ix_(mine, mine)]) if mine else ()
+    if chosen := [mine[int(i)] for i in sits]:
         first, name = found.parameters[chosen[0]], names[chosen[0]]
         law, unit = law_std(effect, first), info[name].unit
         own = {
@@ -102,20 +92,10 @@ def describe(found: Estimates, effect: Effect, channels: tuple[str, ...]) -> Nam
     return NamedEffect(effect.id, tendons, joints, stated, by_channel, name_kind(effect))
 
 
-def choose_channels(found: Estimates) -> list[int]:
-    """Positions of the per-channel parameters of an effect whose channels count as affected."""
-    lead = found.parameters[0].name
-    mine = [i for i, p in enumerate(found.parameters) if p.name == lead and len(p.channels) == 1 and p.channels[0]]
-    return [mine[i] for i in affected_channels(found.x[mine], found.covariance[np.ix_(mine, mine)])] if mine else []
-
-
 def traces(effects: tuple[NamedEffect, ...], found: Estimates) -> dict[int, float]:
-    """Amplitudes on channels that an effect does not sit on, where the 90 % interval holds 0.
+    """Index in the flat vector -> value without an effect, of channels it does not sit on and 90 % intervals with 0.
 
     A fit gives every channel an amplitude; such a one comes from noise and the error of the law.
-
-    Returns:
-        Index in the flat parameter vector -> value without the effect.
     """
     left: dict[int, float] = {}
     for named in effects:
@@ -164,9 +144,7 @@ def affected_channels(x: np.ndarray, covariance: np.ndarray) -> np.ndarray:
 
     A channel whose amplitude ended at 0, a bound, has none, however little its motion tells of it.
 
-    Args:
-        x: (channels,) fitted amplitudes.
-        covariance: (channels, channels) of x.
+    x: (channels,) fitted amplitudes. covariance: (channels, channels) of x.
     """
     if not np.any(x):
         return np.array([0])

@@ -11,9 +11,9 @@ import numpy as np
 
 from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.diagnosis.detect import detect
-from exodrake.diagnosis.fit import HALF, Explanation, minimise, renew
+from exodrake.diagnosis.fit import COLUMNS, HALF, Explanation, minimise, renew
 from exodrake.diagnosis.likelihood import Likelihood, make_likelihood, output_error, with_prediction
-from exodrake.diagnosis.linearise import Linearisation, nominal_jacobian
+from exodrake.diagnosis.linearise import nominal_jacobian
 from exodrake.diagnosis.noise import sensor_noise_std
 from exodrake.diagnosis.parameter import nominal_parameters
 from exodrake.diagnosis.problem import Problem, by_trial
@@ -31,28 +31,14 @@ ROUNDS, LEAST_GAIN = 3, 0.1  # nominal Jacobians of a fit; mean log chi-square t
 
 @dataclass(frozen=True, eq=False)
 class Isolation:
-    """What was tried on a case.
+    """What was tried on a case."""
 
-    Attributes:
-        problem: the part of the case that was fitted, with what detectors found.
-        whole: the same with whole logs.
-        likelihood: views of the part.
-        nominal: the nominal robot.
-        search: all fitted sets.
-        best: the best of them.
-    """
-
-    problem: Problem
-    whole: Problem
-    likelihood: Likelihood
-    nominal: Explanation
-    search: Search
-    best: Fitted
-
-    @property
-    def lin(self) -> Linearisation:
-        """Directions of all effects beside the retuned robot."""
-        return self.search.lin
+    problem: Problem  # the part of the case that was fitted, with what detectors found
+    whole: Problem  # the same with whole logs
+    likelihood: Likelihood  # views of the part
+    nominal: Explanation  # the nominal robot
+    search: Search  # all fitted sets
+    best: Fitted  # the best of them
 
     @property
     def retuned(self) -> Fitted:
@@ -82,23 +68,13 @@ class Isolation:
         sensors, problem = sensor_noise_std(self.whole.robot), self.whole
         own = np.array([sensors.get(kind, noise) for kind, noise in zip(problem.kinds, problem.noise_std)])
         alone = replace(problem, noise_std=np.minimum(own, problem.noise_std))
-        before, left = (excess(alone, e.robot, self.likelihood) for e in (self.nominal, self.retuned.explanation))
-        return bool(left[0] > max(1.0, HALF * before[0]))
+        robots = self.nominal.robot, self.retuned.explanation.robot
+        before, left = (excess_by_column(alone, robot, self.likelihood).max() for robot in robots)
+        return bool(left > max(1.0, HALF * before))
 
     def excess(self, robot: np.ndarray) -> float:
         """What a robot leaves beyond `NEGLIGIBLE` in its worst channel, over the whole logs; negligible below 0."""
-        return float(self.excess_by_column(robot).max())
-
-    def excess_by_column(self, robot: np.ndarray) -> np.ndarray:
-        """The same of each channel (columns,)."""
-        return excess_by_column(self.whole, robot, self.likelihood)[0]
-
-
-def excess(
-    problem: Problem, robot: np.ndarray, likelihood: Likelihood, shares: Sequence[float] | np.ndarray = (1.0,)
-) -> np.ndarray:
-    """What a robot leaves in its worst column (n,), see `excess_by_column`."""
-    return excess_by_column(problem, robot, likelihood, shares).max(axis=1)
+        return float(excess_by_column(self.whole, robot, self.likelihood).max())
 
 
 def excess_by_column(
@@ -108,11 +84,7 @@ def excess_by_column(
 
     Noise is what simulated runs with noise show (`View.squares`), with their scatter; what the sensors state at least.
 
-    Args:
-        problem: the logs.
-        robot: (parameters,) flat vector.
-        likelihood: of the noise.
-        shares: (n,) the parts, each from the beginning of every log.
+    robot: (parameters,) flat vector. shares: (n,) the parts, each from the beginning of every log.
     """
     logs = [log**2 for log in by_trial(problem.residual(robot[None], problem.fit)[0], problem.fit)]
     runs = likelihood.views[0].squares
@@ -141,11 +113,7 @@ def isolate(
 ) -> Isolation:
     """The isolation of a case.
 
-    Args:
-        problem: the case.
-        progress: called with the stage and what it works on.
-        most: samples that are fitted.
-        before: sets that were fitted on fewer, where this search begins.
+    most: samples that are fitted. before: sets that were fitted on fewer, where this search begins.
     """
     progress(Stage.RETUNE, "")
     part = affordable(problem, most)
@@ -167,13 +135,13 @@ def isolate(
 
         least: excess over all of them that counts [noise variances].
         """
-        gaps = excess(whole, robot, likelihood, shares)
+        gaps = excess_by_column(whole, robot, likelihood, shares).max(axis=1)
         if part == shares[-1] or gaps[-1] < least or gaps[0] >= HIDDEN * gaps.max():
             return 0.0
         return float(shares[np.argmax(gaps >= SHOWN * gaps.max())]) * count_samples(problem)
 
     def negligible(robot: np.ndarray) -> bool:
-        return bool(excess(whole, robot, likelihood)[0] < 0.0)
+        return bool(excess_by_column(whole, robot, likelihood).max() < 0.0)
 
     zero, shares = replace(start, x=np.zeros(len(start.x))), np.linspace(part, affordable(problem), PARTS)
     if negligible(zero.robot):
@@ -195,7 +163,7 @@ def isolate(
     search.add([retuned])
     if before is not None:
         search.take_over(before)
-    gap, best = excess(whole, retuned.robot, likelihood)[0], search.none
+    gap, best = excess_by_column(whole, retuned.robot, likelihood).max(), search.none
     if effects and gap < 0.0:
         search.expand_nominal(nominal)
     elif effects:
@@ -203,8 +171,8 @@ def isolate(
         if best.effects and (more := count_needed(best.explanation.robot, GAIN * gap)):
             return isolate(problem, progress, more, search)
         if best.effects and negligible(best.explanation.robot):
-            sparing = (f for f in search.list_sparing(best) if negligible(f.explanation.robot))
-            best = next(sparing, best)
+            sparing = sorted(search.list_sparing(best, len(best.effects)), key=lambda f: f.tolerance_cost)
+            best = next((f for f in sparing if negligible(f.explanation.robot)), best)
             search.reduce(best.effects)
     return Isolation(short, whole, likelihood, nominal, search, best)
 
@@ -225,7 +193,10 @@ def fit_on(found: Isolation, best: Fitted) -> tuple[Fitted, Fitted]:
         (e,) = replace(before, jacobian=jacobian).at_each(likelihood, [before.x])
         likelihood = likelihood.with_memory(e.residual)
         start = renew(likelihood, e, seen)
-        e = minimise(likelihood.scaled_to(e.residual), start).with_derivatives_of(start)
+        # with derivatives that are all taken at one point: where an effect acts as a nominal parameter does, such as a
+        # joint's stiffness, a corrected one beside a new one looks like knowledge, and intervals are too narrow
+        e = replace(minimise(likelihood.scaled_to(e.residual), start), jacobian=start.jacobian)
+        COLUMNS[e] = COLUMNS[start]
         jacobian, fits = e.jacobian, [*fits, Fitted.at(likelihood, e)]
     return fits[-1], fits[0]
 

@@ -18,7 +18,7 @@ Spectral Estimation, 1988, ch. 7):
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from threading import Lock
@@ -62,21 +62,12 @@ class Whitening:
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """One kind of residual.
+    """One kind of residual."""
 
-    Attributes:
-        problem: trials and columns.
-        whitening: noise model.
-        noise: whitened residuals of simulated runs with noise, one list of (frames, columns) arrays a run.
-        scale: divisor of the whitened residual in the cost [-].
-        squares: (runs, columns) mean squares of these runs before whitening [noise variances].
-    """
-
-    problem: Problem
-    whitening: Whitening
-    noise: tuple[list[np.ndarray], ...] = ()
-    scale: float = 1.0
-    squares: np.ndarray | None = None
+    problem: Problem  # trials and columns
+    whitening: Whitening  # noise model
+    scale: float = 1.0  # divisor of the whitened residual in the cost [-]
+    squares: np.ndarray | None = None  # (runs, columns) mean squares of simulated runs with noise [noise variances]
 
     @property
     def samples(self) -> int:
@@ -90,19 +81,13 @@ class View:
 
 @dataclass(frozen=True, eq=False)
 class Likelihood:
-    """Views of a case side by side.
+    """Views of a case side by side."""
 
-    Attributes:
-        views: kinds of residual.
-        simulated: time simulated so far, by stage [s]; likelihoods of one case share it.
-        stage: under which further simulations are counted.
-        memory: frames that count as one.
-    """
-
-    views: tuple[View, ...]
+    views: tuple[View, ...]  # kinds of residual
+    # time simulated so far, by stage [s]; likelihoods of one case share it
     simulated: defaultdict[str, float] = field(default_factory=lambda: defaultdict(float))
-    stage: str = ""
-    memory: float = 1.0
+    stage: str = ""  # under which further simulations are counted
+    memory: float = 1.0  # frames that count as one
 
     @property
     def robot(self) -> Robot:
@@ -125,22 +110,13 @@ class Likelihood:
 
     def derivatives(self, rows: np.ndarray, base: np.ndarray, steps: np.ndarray) -> np.ndarray:
         """Difference quotients (rows, samples), float32, of robots that are `steps` (rows,) off the one of `base`."""
+        if not len(rows):
+            return np.zeros((0, len(base)), dtype=np.float32)
         return ((self.residual(rows) - base) / steps[:, None]).astype(np.float32)
 
     def split(self, residual: np.ndarray) -> list[np.ndarray]:
         """A residual (..., samples) cut into one for each view."""
         return np.split(residual, np.cumsum([view.samples for view in self.views])[:-1], axis=-1)
-
-    def mask_samples(self, logs: Collection[int], frames: tuple[int, int] | None = None) -> np.ndarray:
-        """Mask (samples,) of the residual's samples in some logs; frames: first and end of a part of these."""
-        parts = []
-        for view in self.views:
-            for k, trial in enumerate(view.problem.fit):
-                mask = np.zeros(trial.measured.shape, dtype=bool)
-                if k in logs:
-                    mask[slice(*(frames or (None,)))] = True
-                parts.append(mask.ravel())
-        return np.concatenate(parts)
 
     def columns_of_joints(self) -> list[tuple[np.ndarray, ...]]:
         """Masks (columns,) of each view's columns, of each measured joint of several that are separate."""
@@ -183,14 +159,6 @@ class Likelihood:
     def chi2_by_log(self, residual: np.ndarray) -> np.ndarray:
         """Mean squares (logs, views, joints) of `cells` of a residual (samples,)."""
         return np.array([[[np.mean(residual[cell] ** 2) for cell in view] for view in log] for log in self.cells])
-
-    def excess_by_joint(self, residual: np.ndarray) -> np.ndarray:
-        """What a residual (samples,) leaves above noise [noise variances], views in the mean.
-
-        Of each joint (joints,) where these are separate, else of all together (1,).
-        """
-        squares = np.average(self.chi2_by_log(residual), axis=0, weights=self.samples_by_log)
-        return np.maximum(squares - 1.0, 0.0).mean(axis=0)
 
     def mean_log(self, residual: np.ndarray) -> float:
         """Mean logarithm of the reduced chi-squares of all views of a residual (samples,), above the noise."""
@@ -296,7 +264,7 @@ def make_likelihood(
         raw = [by_trial(run.residual(robot[None], run.fit)[0], run.fit) for run, robot in written]
         whitening = fit_whitening([log for run in raw for log in run])
         squares = np.array([np.mean(np.concatenate(run) ** 2, axis=0) for run in raw])
-        found.append(View(view, whitening, tuple([whitening(log) for log in run] for run in raw), squares=squares))
+        found.append(View(view, whitening, squares=squares))
     simulated = defaultdict(float) if simulated is None else simulated
     simulated["noise"] += NOISE_RUNS * duration(problem) * (1 + len(views))  # written, then simulated in each view
     return Likelihood(tuple(found), simulated, memory=longest(problem))
@@ -347,15 +315,11 @@ def fit_whitening(noise: Sequence[np.ndarray]) -> Whitening:
 
     coefficients, noise_std = [], []
     for j in range(noise[0].shape[1]):
-        sums = np.sum([autocovariance(record[:, j]) for record in noise], axis=0)
+        columns = [record[:, j] for record in noise]
+        sums = np.sum([[c[k:] @ c[: len(c) - k] for k in range(ORDER + 1)] for c in columns], axis=0)
         covariance = sums / sum(len(record) for record in noise)
         covariance[0] = max(covariance[0] * (1.0 + REGULARISATION), 1e-12)
         prediction = solve_toeplitz(covariance[:-1], covariance[1:])
         coefficients.append(np.concatenate([[1.0], -prediction]))
         noise_std.append(np.sqrt(max(covariance[0] - prediction @ covariance[1:], 1e-8)))
     return Whitening(np.array(coefficients), np.array(noise_std))
-
-
-def autocovariance(record: np.ndarray) -> np.ndarray:
-    """Sums of lagged products (ORDER + 1,) of a record (frames,)."""
-    return np.array([record[k:] @ record[: len(record) - k] for k in range(ORDER + 1)])

@@ -41,13 +41,9 @@ class LinearModel:
         cls, rows: np.ndarray, blocks: Sequence[tuple[int, int, slice | np.ndarray]], prior: Sequence[np.ndarray],
         memory: float,
     ) -> LinearModel:  # fmt: skip
-        """The model of weighted rows.
+        """The model of weighted rows (p + 1, samples), Jacobian and, last, residual.
 
-        Args:
-            rows: (p + 1, samples) Jacobian, and the residual as last row.
-            blocks: view, log and samples of each block.
-            prior: mean, precision, low and high (p,) of x.
-            memory: samples that count as one.
+        blocks: view, log and samples of each. prior: mean, precision, low and high (p,) of x.
         """
         parts = [rows[:, place] for _, _, place in blocks]
         products = np.array([part @ part.T for part in parts], dtype=float)
@@ -65,14 +61,8 @@ class LinearModel:
     ) -> LinearModel:  # fmt: skip
         """The model of the parameters of an explanation and, after them, of free factors of further directions.
 
-        Args:
-            e: the explanation.
-            columns: (parameters, samples) its Jacobian.
-            directions: (directions, samples) residual with one more thing, less that without it.
-            blocks: view, log and samples of each block.
-            memory: samples that count as one.
-            precision: prior precision of the factors.
-            kept: (samples,) mask of those that count.
+        columns: (parameters, samples) its Jacobian. directions: (directions, samples) residual with one more thing,
+        less that without it. precision: prior precision of the factors. kept: (samples,) mask of those that count.
         """
         flat, (low, high) = np.zeros(len(directions)), e.bounds - e.x
         ends = np.r_[low, flat - np.inf], np.r_[high, flat + np.inf]
@@ -125,10 +115,7 @@ class LinearModel:
         return own * np.outer(wider, wider)
 
     def evidence(self, memory: float | None = None) -> float:
-        """Logarithm of the probability of the logs (marginal likelihood), but for a constant; in nats.
-
-        memory: samples that count as one; its own by default.
-        """
+        """Logarithm of the probability of the logs (marginal likelihood), but for a constant; in nats."""
         model = self if memory is None else replace(self, memory=memory)
         found = model.posterior()
         return -0.5 * (float(model.effective @ np.log(model.variance)) + found.cost + found.volume)

@@ -8,7 +8,7 @@ algebra on the Gram matrix of the directions.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -16,7 +16,7 @@ import numpy as np
 
 from exodrake.core.parallel import side_by_side
 from exodrake.diagnosis.likelihood import Likelihood
-from exodrake.diagnosis.parameter import RANGE_FACTOR, STEP, Parameter, apply, effect_parameters, fixed_parameters
+from exodrake.diagnosis.parameter import RANGE_FACTOR, STEP, Parameter, apply, effect_parameters
 from exodrake.diagnosis.problem import Problem
 from exodrake.model.effect import Effect
 from exodrake.model.machine import Machine
@@ -28,23 +28,15 @@ ELSEWHERE = 0.7  # of the way through its range at which a further parameter is 
 
 @dataclass(frozen=True, eq=False)
 class Probe:
-    """A set of directions of one effect that a combination scales together.
+    """A set of directions of one effect that a combination scales together."""
 
-    Attributes:
-        effect: id of the effect.
-        parameters: fitted parameters of the effect.
-        x: (parameters,) coordinates of all of them at the probe.
-        scaled: positions in x of the amplitudes that are scaled.
-        rows: positions of the directions, one for each scaled amplitude; a single one for a probe taken as it is.
-        low, high: (directions,) range of the factors.
-    """
-
-    effect: str
-    parameters: tuple[Parameter, ...]
-    x: np.ndarray
-    scaled: tuple[int, ...]
+    effect: str  # id of the effect
+    parameters: tuple[Parameter, ...]  # fitted parameters of the effect
+    x: np.ndarray  # (parameters,) coordinates of all of them at the probe
+    scaled: tuple[int, ...]  # positions in x of the amplitudes that are scaled
+    # positions of the directions, one for each scaled amplitude; a single one for a probe taken as it is
     rows: np.ndarray
-    low: np.ndarray
+    low: np.ndarray  # (directions,) range of the factors
     high: np.ndarray
 
     def coordinates(self, factors: np.ndarray) -> np.ndarray:
@@ -56,19 +48,12 @@ class Probe:
 
 @dataclass(frozen=True, eq=False)
 class Linearisation:
-    """Effect directions at a robot.
+    """Effect directions at a robot."""
 
-    Attributes:
-        directions: (directions, samples) differences of the whitened residual by the effects, float32.
-        probes: sets of directions of all effects.
-        kept: (samples,) mask of the samples where they were simulated; elsewhere they are zero.
-        early: (samples,) mask of the first half of these, log by log.
-    """
-
-    directions: np.ndarray
-    probes: tuple[Probe, ...]
-    kept: np.ndarray
-    early: np.ndarray
+    directions: np.ndarray  # (directions, samples) differences of the whitened residual by the effects, float32
+    probes: tuple[Probe, ...]  # sets of directions of all effects
+    kept: np.ndarray  # (samples,) mask of the samples where they were simulated; elsewhere they are zero
+    early: np.ndarray  # (samples,) mask of the first half of these, log by log
 
     def join(self, other: Linearisation) -> Linearisation:
         """The directions of both, at one robot."""
@@ -77,36 +62,29 @@ class Linearisation:
         return replace(self, directions=np.concatenate([self.directions, other.directions]), probes=self.probes + moved)
 
 
-def with_effects(values: np.ndarray, effects: Sequence[tuple[Machine, Effect]]) -> np.ndarray:
-    """Flat parameter vector with the fixed parameters of some effects set."""
+def with_effects(values: np.ndarray, machine: Machine, effects: Iterable[Effect]) -> np.ndarray:
+    """Flat parameter vector with the parameters of some effects set that a fit leaves alone."""
     out = values.copy()
-    for machine, effect in effects:
-        for i, value in fixed_parameters(machine, effect):
-            out[i] = value
+    for effect in effects:
+        for info in (p for p in effect.parameters if not p.fitted):
+            out[[*machine.effect_indices(effect.id, info.name).values()]] = info.initial
     return out
 
 
 def linearise(
     likelihood: Likelihood, robot: np.ndarray, effects: Sequence[Effect], residual: np.ndarray, share: float = 1.0
 ) -> Linearisation:
-    """All directions at a robot.
+    """Directions of effects at a robot (parameters,) with a residual (samples,), whitened [noise_std].
 
-    Args:
-        likelihood: views of the case.
-        robot: (parameters,) flat vector.
-        effects: effects to try.
-        residual: (samples,) of the robot, whitened [noise_std].
-        share: part of each log, from its beginning, on which they are simulated.
+    share: part of each log, from its beginning, on which they are simulated.
     """
-    problem, found, at = likelihood.views[0].problem, [], 0
+    problem, found = likelihood.views[0].problem, []
     for effect in effects:
-        for probe, robots in probes(problem, effect, robot, at):
-            found.append((probe, robots))
-            at += len(robots)
+        found += probes(problem, effect, robot, sum(len(robots) for _, robots in found))
     short = likelihood.on(problem.shorten(share)) if share < 1.0 else likelihood
     whole, part = ([t.measured.size for v in each.views for t in v.problem.fit] for each in (likelihood, short))
     kept, early = (np.concatenate([np.arange(n) < m // k for n, m in zip(whole, part, strict=True)]) for k in (1, 2))
-    directions = np.zeros((at, len(residual)), dtype=np.float32)
+    directions = np.zeros((sum(len(robots) for _, robots in found), len(residual)), dtype=np.float32)
 
     def simulate(probe: Probe, robots: np.ndarray) -> None:
         directions[np.ix_(probe.rows, kept)] = short.residual(robots) - residual[kept]
@@ -125,18 +103,11 @@ def nominal_jacobian(
 ) -> np.ndarray:
     """Derivatives (wanted, samples), float32, of the residual by the nominal parameters.
 
-    Args:
-        likelihood: views of the case.
-        values: (parameters,) flat vector of the robot at x = 0.
-        nominal: nominal parameters.
-        x: (nominal,) their coordinates.
-        base: (samples,) residual at x.
-        wanted: (nominal,) mask of the parameters; all if None.
+    values: (parameters,) flat vector of the robot at x = 0. x: (nominal,) coordinates of the nominal parameters, base:
+    (samples,) residual there. wanted: (nominal,) mask of the parameters; all if None.
     """
     steps = STEP * np.array([p.scale for p in nominal])
     wanted = np.ones(len(nominal), dtype=bool) if wanted is None else wanted
-    if not wanted.any():
-        return np.zeros((0, len(base)), dtype=np.float32)
     rows = np.array([apply(values, nominal, x + step) for step in np.diag(steps)[wanted]])
     return likelihood.derivatives(rows, base, steps[wanted])
 
@@ -144,7 +115,7 @@ def nominal_jacobian(
 def probes(problem: Problem, effect: Effect, here: np.ndarray, at: int) -> list[tuple[Probe, np.ndarray]]:
     """Probes of an effect with the robots (directions, parameters) that they simulate; `at`: first free direction."""
     machine = problem.robot.machine
-    parameters, base = effect_parameters(machine, effect), with_effects(here, [(machine, effect)])
+    parameters, base = effect_parameters(machine, effect), with_effects(here, machine, [effect])
     if effect.id in problem.counted:
         known = problem.counted[effect.id]
         parameters = tuple(replace(p, start=known, bounds=(known, known)) if p.amplitude else p for p in parameters)
@@ -183,25 +154,18 @@ def scaled_points(parameters: Sequence[Parameter], start: np.ndarray, amplitudes
     return found
 
 
-def limits(lead: Parameter) -> list[float]:
-    """Coordinates from the initial value of a limit down through its range; none of other parameters."""
-    if lead.transform != "reciprocal":
-        return []
-    return np.geomspace(lead.start, lead.bounds[1] / RANGE_FACTOR, GRID).tolist()
-
-
 def fixed_points(parameters: Sequence[Parameter], start: np.ndarray, amplitudes: Sequence[int]) -> list[np.ndarray]:
     """Coordinates that are taken as they are: all channels at once, or a grid for an effect of the whole robot.
 
     A limit that the motion does not reach shows nothing: it is taken down through its range.
     """
-    if amplitudes and parameters[amplitudes[0]].channels != ("",):
-        ends, found = np.array([p.bounds for p in parameters]).T, []
-        for x in limits(parameters[amplitudes[0]]) or [STRONG * start[list(amplitudes)]]:
-            strong = start.copy()
-            strong[list(amplitudes)] = x
-            found.append(np.clip(strong, *ends))
-        return found
+    lead = parameters[amplitudes[0] if amplitudes else 0]
+    if amplitudes and lead.channels != ("",):
+        found = np.tile(start, (GRID if lead.transform == "reciprocal" else 1, 1))
+        found[:, list(amplitudes)] *= STRONG
+        if lead.transform == "reciprocal":
+            found[:, list(amplitudes)] = np.geomspace(lead.start, lead.bounds[1] / RANGE_FACTOR, GRID)[:, None]
+        return [*np.clip(found, *np.array([p.bounds for p in parameters]).T)]
     lead = parameters[0]
     low, high = (b / 2.0 for b in lead.bounds) if lead.amplitude else lead.bounds
     return [np.concatenate([[value], start[1:]]) for value in np.linspace(low, high, GRID) if value != 0.0]

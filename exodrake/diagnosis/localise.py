@@ -57,8 +57,8 @@ def remaining(found: Isolation, fitted: Fitted) -> Where:
     beside = {next(iter(key - fitted.effects)): f for key, f in more.items()}
     gains = {i: 1.0 - search.measure_left(f) / left for i, f in beside.items()}
     if not gains:
-        cost = max(likelihood.cost(e.residual * found.lin.kept, e.x, e.prior_std), 1e-12)
-        gains = {p.probe.effect: p.gain / cost for p in screen(likelihood, e, found.lin, found.lin.kept)}
+        cost = max(likelihood.cost(e.residual * found.search.lin.kept, e.x, e.prior_std), 1e-12)
+        gains = {p.probe.effect: p.gain / cost for p in screen(likelihood, e, found.search.lin, found.search.lin.kept)}
     ranked = [machine.effect(i) for i in sorted(gains, key=lambda i: -gains[i])]
     shares: dict[str, float] = {}
     for effect in ranked:

@@ -150,24 +150,13 @@ def diagnose_all(
 ) -> dict[str, str]:  # fmt: skip
     """Diagnose the unfinished of many cases; an interruption loses no answer.
 
-    Args:
-        places: Folder for the answer of each case.
-        jobs: As in `parallel.each`.
-        cluster: As in `parallel.each`.
-        progress: Called with the numbers of answered, failed and all cases.
-        redo: Answer anew the cases of another configuration.
-        robot: Nominal robot, a name or a file that each worker reads itself; the built-in robot if empty.
-        tried: Ids of the effects to try; None for the default ones.
-        allow_outside: Read logs that lie outside the folder of their case, too.
-        report: Text of the report of an answer, which is written beside it; none without.
-        command: The command line, for answers and reports.
+    places: folder for the answer of each case. jobs, cluster: as in `parallel.each`. progress: called with the numbers
+    of answered, failed and all cases. redo: answer anew the cases of another configuration. robot: a name or a file
+    that each worker reads itself; the built-in one if empty. tried: ids of effects; None for the default ones.
+    report: text of the report of an answer, which is written beside it.
 
-    Returns:
-        {name of the answer's folder: reason} of the cases that failed; they stay unfinished.
-
-    Raises:
-        InputError: For answers of another configuration without `redo`, as `parallel.each`, and where nothing can be
-            written.
+    Returns {name of the answer's folder: reason} of the cases that failed; they stay unfinished. InputError for answers
+    of another configuration without `redo`, as `parallel.each`, and where nothing can be written.
     """
     from exodrake.diagnosis.problem import list_required
 

@@ -119,13 +119,3 @@ def effect_parameters(machine: Machine, effect: Effect) -> tuple[Parameter, ...]
         )
         found += [replace(plain, index=tuple(index[c] for c in group), channels=group) for group in groups]
     return tuple(found)
-
-
-def fixed_parameters(machine: Machine, effect: Effect) -> list[tuple[int, float]]:
-    """Positions and initial values of the parameters of an effect that a fit leaves alone."""
-    return [
-        (i, info.initial)
-        for info in effect.parameters
-        if not info.fitted
-        for i in machine.effect_indices(effect.id, info.name).values()
-    ]

@@ -15,33 +15,17 @@ from exodrake.core.parallel import one_blas_thread
 from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.data.case import Case, gather_logs, read_case
 from exodrake.data.log import Log
+from exodrake.diagnosis import result
 from exodrake.diagnosis.calibration import calibration_notes
 from exodrake.diagnosis.checks.compare import compare
 from exodrake.diagnosis.checks.suspicions import suspicions
 from exodrake.diagnosis.closure import change_robot, measure_closure, with_values
 from exodrake.diagnosis.discovery.discover import discover
 from exodrake.diagnosis.intervals import describe, fitted_effects, traces
-from exodrake.diagnosis.isolation import Isolation, affordable, excess, fit_on, isolate
+from exodrake.diagnosis.isolation import Isolation, affordable, excess_by_column, fit_on, isolate
 from exodrake.diagnosis.localise import localise, remaining
-from exodrake.diagnosis.problem import list_required, make_problem
-from exodrake.diagnosis.recorded import with_recorded_ranges
-from exodrake.diagnosis.result import (
-    AMBIGUOUS,
-    CAUSE,
-    NO_GAP,
-    PARTLY,
-    RETUNE,
-    UNKNOWN,
-    Candidate,
-    Diagnosis,
-    EffectRival,
-    Interval,
-    NamedEffect,
-    Remainder,
-    Retune,
-    Where,
-    record_provenance,
-)
+from exodrake.diagnosis.problem import list_required, make_problem, with_recorded_ranges
+from exodrake.diagnosis.result import Diagnosis
 from exodrake.diagnosis.search import Fitted
 from exodrake.diagnosis.since import follow_sessions
 from exodrake.diagnosis.verdict import Decision, decide, find_rivals, jackknife_share, list_moved, screen_alike
@@ -109,7 +93,7 @@ def diagnose(
         except Exception as error:  # whatever the search or generated code raises, the verdict stands
             reason = printable(f"{type(error).__name__}: {error}".splitlines()[0])
             made = replace(made, notes=(*made.notes, f"the search for a missing law failed ({shorten(reason)})"))
-        if (law := made.missing_law) and law.found and made.verdict == UNKNOWN and law.block != made.where.block:
+        if (law := made.missing_law) and law.found and made.verdict == result.UNKNOWN and law.block != made.where.block:
             axes = (robot.machine.axes.of(axis) for axis in (TENDONS, JOINTS))
             wires, joints = (tuple(c for c in law.channels if c in axis) for axis in axes)
             made = replace(made, where=replace(made.where, block=law.block, wires=wires, joints=joints))
@@ -130,16 +114,16 @@ def answer(found: Isolation, started: float, progress: StageProgress) -> Diagnos
         "improved": with_values(precise.explanation.robot, gone),
     }
     closure = measure_closure(problem, retuned, precise, np.array(list(rows.values())), gone)
-    effects = () if word in (NO_GAP, RETUNE, UNKNOWN) else effects
-    others = screen_alike(found) if word == RETUNE else {}
+    effects = () if word in (result.NO_GAP, result.RETUNE, result.UNKNOWN) else effects
+    others = screen_alike(found) if word == result.RETUNE else {}
     progress(Stage.LOCALISE, "")
-    rest = Interval(NONE, NONE, NONE) if word in (NO_GAP, RETUNE) else decision.remainder
-    place = remaining(found, best) if word in (PARTLY, UNKNOWN) else Where("")
+    rest = result.Interval(NONE, NONE, NONE) if word in (result.NO_GAP, result.RETUNE) else decision.remainder
+    place = remaining(found, best) if word in (result.PARTLY, result.UNKNOWN) else result.Where("")
     candidates = []
     for fitted in (f for key, f in search.sets.items() if key):
         closed, prediction = (*fitted.chi2.tolist(), NONE)[:2]
         share, evidence = 1.0 - search.measure_left(fitted), search.evidence(fitted) - search.evidence(found.retuned)
-        candidates.append(Candidate(fitted.explanation.name, share, closed, prediction, evidence))
+        candidates.append(result.Candidate(fitted.explanation.name, share, closed, prediction, evidence))
     # reduced chi-squares on the fitted logs, in closed loop and as prediction error
     robots = {
         "nominal": found.likelihood.chi2(found.nominal.residual),
@@ -153,9 +137,9 @@ def answer(found: Isolation, started: float, progress: StageProgress) -> Diagnos
         verdict=word,
         where=localise(found, word, effects),
         effects=effects,
-        equivalents=next(((p.effect, *p.rivals) for p in decision.causes if word == AMBIGUOUS and p.rivals), ()),
+        equivalents=next(((p.effect, *p.rivals) for p in decision.causes if word == result.AMBIGUOUS and p.rivals), ()),
         # noise_std: RMS beyond noise in closed loop
-        remainder=Remainder(
+        remainder=result.Remainder(
             *(rest.value, rest.low, rest.high, float(np.sqrt(max(best.chi2[0] - 1.0, 0.0)))), place.block, place.regime
         ),
         closure=closure,
@@ -168,9 +152,9 @@ def answer(found: Isolation, started: float, progress: StageProgress) -> Diagnos
         evidence={name: float(chi2[0]) for name, chi2 in robots.items()} | prediction,
         # to a millisecond: fits side by side add their times in any order
         simulated={stage: round(spent, 3) for stage, spent in found.likelihood.simulated.items()},
-        retune=Retune(list_moved(found), {i: share for i, (share, _) in others.items()}),
+        retune=result.Retune(list_moved(found), {i: share for i, (share, _) in others.items()}),
         since=since,
-        provenance=record_provenance(problem),
+        provenance=result.record_provenance(problem),
         problem=problem,
     )
     if made.confirmed is not False:
@@ -184,13 +168,11 @@ def answer(found: Isolation, started: float, progress: StageProgress) -> Diagnos
 
 def state_effects(
     found: Isolation, decision: Decision, precise: Fitted
-) -> tuple[tuple[NamedEffect, ...], dict[int, float]]:
+) -> tuple[tuple[result.NamedEffect, ...], dict[int, float]]:
     """Effects of the best set and certain detections with channels, intervals, shares and rivals, as they are stated.
 
-    precise: the fit that says their values.
-
-    Returns:
-        The effects, and values of parameters that the improved robot has whatever the fit gives (`intervals.traces`).
+    And values of parameters that the improved robot has whatever the fit gives (`intervals.traces`). precise: the fit
+    that says their values.
     """
     problem, search, fitted, stated = found.whole, found.search, fitted_effects(precise), []
     counted = {d.effect.id: d.effect for d in problem.detected if not d.certain}
@@ -202,17 +184,17 @@ def state_effects(
         )
         rivals = []
         for other, predicted in part.rivals.items():
-            share = Interval(predicted, NONE, NONE)
+            share = result.Interval(predicted, NONE, NONE)
             if comparable and {rest, rest | {other}} <= search.sets.keys():
                 left, mine = (search.left_by_log(search.sets[key]) for key in (rest, rest | {other}))
                 share = jackknife_share(left - mine)
-            rivals.append(EffectRival(other, share))
+            rivals.append(result.EffectRival(other, share))
         stated.append(replace(named, role=part.role, share=part.share, rivals=tuple(rivals)))
     gone = traces(tuple(stated), fitted)
     certain = [d.effect for d in problem.detected if d.certain]
     taken = 1.0 - found.beside_detections if len(certain) == 1 else NONE  # nothing is known of one among several
-    stated += [replace(effect, share=Interval(taken, taken, taken)) for effect in certain]
-    return tuple(sorted(stated, key=lambda e: (e.role != CAUSE, -np.nan_to_num(e.share.value)))), gone
+    stated += [replace(effect, share=result.Interval(taken, taken, taken)) for effect in certain]
+    return tuple(sorted(stated, key=lambda e: (e.role != result.CAUSE, -np.nan_to_num(e.share.value)))), gone
 
 
 def write_notes(found: Isolation, best: Fitted, improved: Robot) -> tuple[str, ...]:
@@ -226,6 +208,7 @@ def write_notes(found: Isolation, best: Fitted, improved: Robot) -> tuple[str, .
     if affordable(problem) < 1.0:
         used, whole = (sum(len(trial.reference) for trial in p.fit) for p in (found.problem, problem))
         note, robot = f"the logs are long: the first {percent(used / whole)} of each was fitted", best.explanation.robot
-        hidden = not best.effects and excess(found.problem, robot, found.likelihood)[0] < 0.0 <= found.excess(robot)
+        shown = excess_by_column(found.problem, robot, found.likelihood).max()
+        hidden = not best.effects and shown < 0.0 <= found.excess(robot)
         notes.append(note + ("; the rest shows a gap that this part does not: diagnose that alone" if hidden else ""))
     return (*notes, *calibration_notes(machine))

@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
+from itertools import product
 
 import numpy as np
 from numba import njit
@@ -18,10 +19,11 @@ from exodrake.core.parallel import side_by_side
 from exodrake.data.case import EXPERIMENT, Case, CaseLog
 from exodrake.data.log import fill_columns
 from exodrake.diagnosis.checks.compare import check_case, compare, find_columns, without_short_logs
-from exodrake.diagnosis.checks.suspicions import logged_noise
+from exodrake.diagnosis.checks.suspicions import find_runs, logged_noise
 from exodrake.diagnosis.filters import Bands, without
 from exodrake.diagnosis.noise import noise_std, reference_rows
 from exodrake.diagnosis.result import NamedEffect
+from exodrake.effects import LIBRARY
 from exodrake.engine.compose import compile_machine
 from exodrake.engine.inputs import NOTHING, NoiseInputs, input_rows, prepare_values
 from exodrake.model.machine import Machine, signal_count, state_size
@@ -32,6 +34,7 @@ ROWS = 4  # robots simulated at once: their records stay in the cache
 # s without a row after which the robot may be anywhere until it has settled, and s that this takes; assumed
 GAP, SETTLED = 0.1, 2.0
 STILL = 0.02  # of a channel's largest speed: below it the channel counts as at rest; assumed
+GENERIC = ("signal", "sliding", "joint")  # blocks of the library whose laws serve any machine
 WILD = 1e4  # residuals are clipped here [noise_std]: a diverging candidate is bad, not infinite
 
 
@@ -40,7 +43,6 @@ class Trial:
     """One log of a case as arrays."""
 
     name: str  # file of the log
-    role: str  # use of the log in the case
     reference: np.ndarray  # (n, references) [SI]
     measured: np.ndarray  # (n, columns) [SI], NaN where missing
     latent: Mapping[str, np.ndarray] = field(default_factory=dict)  # inputs decoded from the log -> (n, channels)
@@ -61,20 +63,14 @@ class Trial:
 
 @dataclass(frozen=True)
 class Detection:
-    """An effect that a detector found.
+    """An effect that a detector found."""
 
-    Attributes:
-        effect: effect as the answer states it.
-        values: parameter name -> value [SI] that all further robots have; none for an effect that remains a candidate
-            of the fits.
-        reason: how it was found, in one sentence.
-        noise: draws what a log shows of the effect beyond its simulation, by the problem, the parameters (parameters,)
-            of a robot, a trial and a random generator: (n, columns) [SI]. None if the simulation shows it all.
-    """
-
-    effect: NamedEffect
+    effect: NamedEffect  # effect as the answer states it
+    # parameter name -> value [SI] that all further robots have; none for an effect that remains a candidate of the fits
     values: dict[str, float]
-    reason: str
+    reason: str  # how it was found, in one sentence
+    # draws what a log shows of the effect beyond its simulation, by the problem, the parameters (parameters,) of a
+    # robot, a trial and a random generator: (n, columns) [SI]. None if the simulation shows it all
     noise: Callable[[Problem, np.ndarray, Trial, np.random.Generator], np.ndarray] | None = None
 
     @property
@@ -128,22 +124,21 @@ class Problem:
         return [places[column] for column in self.columns]
 
     def predict(self, rows: np.ndarray, trial: Trial, seed: int | None = None) -> np.ndarray:
-        """Logs that robots would write.
+        """Logs (rows, n, columns) [SI] that robots would write, infinite of one that comes to divide by zero.
 
-        Args:
-            rows: (rows, parameters) flat parameter vectors [SI].
-            trial: reference and latent inputs.
-            seed: of the noise; none if None.
-
-        Returns:
-            (rows, n, columns) [SI]; infinite for a robot that comes to divide by zero.
+        rows: (rows, parameters) flat parameter vectors [SI]. trial: reference and latent inputs. seed: of the noise.
         """
         records = self.records(rows, trial, seed)
         with np.errstate(invalid="ignore"):
             return delay_columns(self.robot.machine, records, self.signal_indices)
 
-    def records(self, rows: np.ndarray, trial: Trial, seed: int | None = None) -> np.ndarray:
-        """All signals (rows, n, signals) [SI] of the runs of `predict`, with the same arguments."""
+    def records(
+        self, rows: np.ndarray, trial: Trial, seed: int | None = None, ends: np.ndarray | None = None
+    ) -> np.ndarray:
+        """All signals (rows, n, signals) [SI] of the runs of `predict`, with the same arguments.
+
+        ends: (rows, states) that gets the states at their ends.
+        """
         machine, n = self.robot.machine, len(trial.reference)
         noise_inputs = NoiseInputs.draw(n, seed, machine)
         noise_inputs |= {name: values[:n] for name, values in trial.latent.items()}
@@ -153,7 +148,7 @@ class Problem:
         rows = np.ascontiguousarray(rows)
 
         def run(k: int) -> None:
-            state, w = np.zeros(state_size(machine)), np.zeros(signal_count(machine))
+            w, state = np.zeros(signal_count(machine)), np.zeros(state_size(machine)) if ends is None else ends[k]
             with suppress(ZeroDivisionError):
                 module.begin(rows[k], state)
                 module.run(rows[k], state, w, *given, machine.slot, 1, records[k], NOTHING, follow)
@@ -289,18 +284,29 @@ def make_problem(case: Case, robot: Robot, tried: frozenset[str] | None = None) 
     noisier = {name: robot[name] for name in noise}
     robot = robot.with_parameters(noise, source="the logs") if noise else robot
     columns = find_columns(case, robot.machine)
-    resting = find_resting(case, robot.machine, columns)
+    # place of a column of efforts, which at rest are whatever dry friction holds and count as missing -> column of its
+    # speed, and the least that counts
+    resting = dict[int, tuple[str, float]]()
+    for i, (kind, _, channel) in enumerate(column.rpartition("_") for column in columns):
+        if kind in robot.machine.resting:
+            name = f"{robot.machine.resting[kind]}_{channel}"
+            speeds = [np.abs(item.log[name]) for item in case.fit_logs if name in item.log.signals]
+            resting[i] = name, STILL * max((np.nanmax(speed, initial=0.0) for speed in speeds), default=0.0)
 
     def make_trial(item: CaseLog) -> Trial:
         reference, measured = reference_rows(robot.machine, item.log), np.column_stack([item.log[c] for c in columns])
         gone = np.isnan(reference).any(axis=1) & np.isnan(measured).all(axis=1)
-        reference = bridge(fill_columns(reference), gone)
-        measured[after_gaps(gone, robot.machine.frame)] = np.nan
+        reference, at = fill_columns(reference), np.arange(len(gone))
+        if gone.any() and not gone.all():
+            reference = np.column_stack([np.interp(at, at[~gone], column[~gone]) for column in reference.T])
+        for start, rows in zip(*find_runs(gone)):  # until it has settled after a gap
+            if gone[start] and rows * robot.machine.frame > GAP:
+                measured[start : start + rows + round(SETTLED / robot.machine.frame)] = np.nan
         measured[: round(robot.machine.settling / robot.machine.frame)] = np.nan
         for i, (speed, least) in resting.items():
             if speed in item.log.signals:
                 measured[np.abs(item.log[speed]) < least, i] = np.nan
-        return Trial(item.file, item.role, reference, measured, whole=item.protocol == EXPERIMENT)
+        return Trial(item.file, reference, measured, whole=item.protocol == EXPERIMENT)
 
     return Problem(
         robot,
@@ -314,51 +320,10 @@ def make_problem(case: Case, robot: Robot, tried: frozenset[str] | None = None) 
     )
 
 
-def bridge(rows: np.ndarray, gone: np.ndarray) -> np.ndarray:
-    """Signals (n, columns) in a straight line over the rows (n,) that a log lacks."""
-    at = np.arange(len(rows))
-    if not gone.any() or gone.all():
-        return rows
-    return np.column_stack([np.interp(at, at[~gone], column[~gone]) for column in rows.T])
-
-
-def after_gaps(gone: np.ndarray, frame: float) -> np.ndarray:
-    """Mask (n,) of the rows about which nothing is known, since a robot has not settled after a gap in its log.
-
-    gone: (n,) rows that the log lacks; frame: its period [s].
-    """
-    out, length = gone.copy(), 0
-    for k in range(len(gone)):
-        length = length + 1 if gone[k] else 0
-        if length * frame > GAP:
-            out[k : k + 1 + round(SETTLED / frame)] = True
-    return out
-
-
-def find_resting(case: Case, machine: Machine, columns: Sequence[str]) -> dict[int, tuple[str, float]]:
-    """Place of each column whose readings count as missing at rest -> column of its speed, and the least that counts.
-
-    They are efforts, of which dry friction may hold any.
-    """
-    found = {}
-    for i, (kind, _, channel) in enumerate(column.rpartition("_") for column in columns):
-        if kind in machine.resting:
-            name = f"{machine.resting[kind]}_{channel}"
-            speeds = [np.abs(item.log[name]) for item in case.fit_logs if name in item.log.signals]
-            found[i] = name, STILL * max((np.nanmax(speed, initial=0.0) for speed in speeds), default=0.0)
-    return found
-
-
 def choose_tried(machine: Machine, only: Sequence[str] = (), without: Sequence[str] = ()) -> frozenset[str]:
-    """Ids of the effects that a diagnosis shall try.
+    """Ids of the effects that a diagnosis shall try; InputError for an unknown id, or where nothing is left.
 
-    Args:
-        machine: machine whose effects they are.
-        only: ids to try, also of effects that are `not_tried` by default; empty: the default ones.
-        without: ids to leave out.
-
-    Raises:
-        InputError: for an unknown id, or where nothing is left.
+    only: also of effects that are `not_tried` by default; empty: the default ones. without: ids to leave out.
     """
     named = {identity: machine.effect(identity) for identity in (*only, *without)}
     default = [effect.id for effect in machine.effects if not effect.not_tried]
@@ -366,3 +331,55 @@ def choose_tried(machine: Machine, only: Sequence[str] = (), without: Sequence[s
     if not tried:
         raise InputError(f"no effect is left to try without {', '.join(named)}")
     return tried
+
+
+def measure_sizes(machine: Machine, case: Case) -> dict[str, float]:
+    """Largest value of the recorded signals by unit [SI]: travel of lengths and angles, size of efforts and rates."""
+    found, signals = dict[str, float](), dict[str, list[np.ndarray]]()
+    for column in machine.columns:
+        names = [name for name in machine.log_names([column]) if "start" not in name]
+        recorded = (item.log[name] for item in case.fit_logs for name in names if item.log.has(name))
+        unit = column.unit or machine.signal[column.signal].unit
+        signals.setdefault(unit, []).extend(values for values in recorded if np.isfinite(values).any())
+    for unit, recorded in signals.items():
+        travel = unit in ("rad", "m")
+        sizes = [np.nanmax(values) - np.nanmin(values) if travel else np.nanmax(np.abs(values)) for values in recorded]
+        found[unit] = max(found.get(unit, 0.0), *map(float, sizes), 0.0)
+        rates = [np.nanmax(np.abs(np.diff(values)), initial=0.0) / machine.frame for values in recorded if travel]
+        if rates:
+            found[f"{unit}/s"] = max(found.get(f"{unit}/s", 0.0), *map(float, rates))
+        elif sizes:
+            found[f"{unit}/s"] = found[unit] / (machine.frame * max(map(len, recorded)))
+    for force, per in product(("N m", "N"), ("rad", "m")):
+        if found.get(force) and found.get(per):
+            rates = [np.diff(values) / machine.frame for values in signals[per]]
+            speed = np.concatenate([rate[np.isfinite(rate)] for rate in rates]) + 1e-12
+            found[f"{force}/{per}"] = found[force] / found[per]
+            found[f"{force} s/{per}"] = found[force] / np.sqrt(np.mean(speed**2))
+    return found
+
+
+def with_recorded_ranges(robot: Robot, case: Case) -> Robot:
+    """The robot whose generic effects may be as large as the recording shows, and its numbers of rest as small.
+
+    An effect is generic if it is a law of any signal, slide or servo whose range the library does not state for it.
+    Such ranges follow from a typical motion (`Part.scales`). A recording knows better: friction is no larger than the
+    largest effort, play no larger than the travel. Ranges are only widened.
+    """
+    machine, size, values = robot.machine, measure_sizes(robot.machine, case), robot.values.copy()
+    for name, largest in machine.recorded.items():
+        values[machine.index[name]] = min(values[machine.index[name]], largest(size))
+    laws, effects = {id(f) for e in LIBRARY.values() if e.block in GENERIC for f in e.at.values()}, []
+    for effect in machine.effects:
+        first, *others = effect.parameters
+        reach, stated = size.get(first.unit, 0.0), LIBRARY.get(effect.id)
+        generic = {id(function) for function in effect.at.values()} <= laws
+        short = first.transform == "linear" and first.null == 0.0 and 0.0 < first.high < reach
+        if generic and not (stated and stated.parameters == effect.parameters) and short:
+            factor = reach / first.high
+            default = None if first.default is None else first.default * factor
+            low = first.low if first.low > 0.0 else first.low * factor
+            effect = replace(effect, parameters=(replace(first, high=reach, low=low, default=default), *others))
+        effects.append(effect)
+    widened = machine if tuple(effects) == machine.effects else replace(machine, effects=tuple(effects))
+    return replace(robot, values=values, machine=widened)

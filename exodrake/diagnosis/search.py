@@ -22,7 +22,6 @@ from exodrake.diagnosis.fit import (
     ROUGH,
     Explanation,
     Predicted,
-    at_bounds,
     fit_beside,
     linear_model,
     minimise,
@@ -42,6 +41,7 @@ GAIN = 0.05  # share of what is left that one effect more must take up
 LARGE = 0.1  # share of the gap from which an effect is a cause, not a refinement
 LAW = 0.15  # relative error of a law: that of another simulator or of a machine differs by as much
 SURE = 15.0  # nats of the tolerances' priors that an effect in their place has to spare: of 21 healthy robots 12
+ALL = slice(None)  # logs
 NEGLIGIBLE = 0.3  # noise standard deviations RMS beyond noise, in every channel: a smaller gap is none
 
 # laws of one kind stand for each other: a set holds one of them at a place
@@ -72,20 +72,13 @@ def is_memory(effect: Effect) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """A fitted set of effects.
+    """A fitted set of effects."""
 
-    Attributes:
-        explanation: the fit.
-        model: linear model about it.
-        chi2: reduced chi-squares (views,).
-        memory: frames that count as one in what it leaves.
-        excess_by_joint: what it leaves above noise, as `Likelihood.excess_by_joint`.
-    """
-
-    explanation: Explanation
-    model: LinearModel
-    chi2: np.ndarray
-    memory: float
+    explanation: Explanation  # the fit
+    model: LinearModel  # linear model about it
+    chi2: np.ndarray  # reduced chi-squares (views,)
+    memory: float  # frames that count as one in what it leaves
+    # (joints,) or (1,) what it leaves above noise [noise variances], views in the mean; joints where they are separate
     excess_by_joint: np.ndarray
 
     @classmethod
@@ -93,7 +86,8 @@ class Fitted:
         """A fit with its linear model on the logs that it was fitted to."""
         memory = likelihood.with_memory(e.residual).memory
         model, chi2 = linear_model(likelihood.scaled_to(e.residual), e), likelihood.chi2(e.residual)
-        return cls(e, model, chi2, memory, likelihood.excess_by_joint(e.residual))
+        squares = np.average(likelihood.chi2_by_log(e.residual), axis=0, weights=likelihood.samples_by_log)
+        return cls(e, model, chi2, memory, np.maximum(squares - 1.0, 0.0).mean(axis=0))
 
     @property
     def effects(self) -> frozenset[str]:
@@ -111,43 +105,27 @@ class Fitted:
         e = self.explanation
         return 0.5 * float(np.sum(e.use[: e.nominal] ** 2))
 
-    @property
-    def strained(self) -> bool:
-        """Whether its tolerances cost `SURE` more than they would in the mean of robots."""
-        return self.tolerance_cost > 0.5 * self.explanation.nominal + SURE
-
 
 @dataclass(eq=False)
 class Search:
-    """Sets of effects that were fitted on one case.
+    """Sets of effects that were fitted on one case."""
 
-    Attributes:
-        likelihood: the case.
-        effects: effects to try.
-        share: part of each log, from its beginning, on which all effects are tried beside the retuned robot.
-        whole: the case with whole logs, on which shares are measured; the likelihood where these were fitted.
-        negligible: whether a robot (parameters,) leaves no visible gap.
-        sets: fitted sets by their effects.
-        expanded: sets beside which further effects were tried, and effects in whose place.
-        barred: laws for which a plainer one of their kind stands.
-        known: evidence of sets by the memory that counts [nats].
-        squares: mean squares of what sets leave, as `Likelihood.chi2_by_log`.
-        beside: the fit that was grown last, and directions of effects there.
-        progress: called with the stage and what it works on.
-    """
-
-    likelihood: Likelihood
-    effects: tuple[Effect, ...]
-    share: float
-    whole: Likelihood
-    negligible: Callable[[np.ndarray], bool]
-    sets: dict[frozenset[str], Fitted] = field(default_factory=dict)
+    likelihood: Likelihood  # the case
+    effects: tuple[Effect, ...]  # effects to try
+    share: float  # part of each log, from its beginning, on which all effects are tried beside the retuned robot
+    whole: Likelihood  # the case with whole logs, on which shares are measured; the likelihood where these were fitted
+    negligible: Callable[[np.ndarray], bool]  # whether a robot (parameters,) leaves no visible gap
+    sets: dict[frozenset[str], Fitted] = field(default_factory=dict)  # fitted sets by their effects
+    # sets beside which further effects were tried, and effects in whose place
     expanded: set[tuple[frozenset[str], str]] = field(default_factory=set)
-    barred: set[str] = field(default_factory=set)
+    barred: set[str] = field(default_factory=set)  # laws for which a plainer one of their kind stands
+    # evidence of sets by the memory that counts [nats]
     known: dict[tuple[Fitted, float], float] = field(default_factory=dict)
+    # mean squares of what sets leave, as `Likelihood.chi2_by_log`
     squares: dict[Fitted, np.ndarray] = field(default_factory=dict)
+    # the fit that was grown last, and directions of effects there
     beside: tuple[Explanation, Linearisation] | None = None
-    progress: StageProgress = no_progress
+    progress: StageProgress = no_progress  # called with the stage and what it works on
 
     @property
     def none(self) -> Fitted:
@@ -161,81 +139,51 @@ class Search:
         e = self.none.explanation
         return linearise(self.likelihood.for_stage("linearise"), e.robot, self.effects, e.residual, self.share)
 
-    @property
-    def every(self) -> np.ndarray:
-        """Mask of all logs."""
-        return np.ones(len(self.whole.cells), dtype=bool)
-
-    def measure_left(self, fitted: Fitted) -> float:
-        """Share of the gap beyond retuning that a set leaves, the mean of the views that have one."""
-        return self.left_in_logs(fitted, self.every)
-
-    def left_by_log(self, fitted: Fitted, before: np.ndarray | None = None) -> np.ndarray:
-        """The same (1 + logs,): by all logs, and with each of several logs left out.
+    def measure_left(self, fitted: Fitted, logs: np.ndarray | slice = ALL, before: np.ndarray | None = None) -> float:
+        """Share of the gap beyond retuning that a set leaves in some logs (mask), the mean of the views that have one.
 
         before: mean squares of a robot in the place of the retuned one, as `Likelihood.chi2_by_log`.
         """
-        count = len(self.every)
-        fewer = (np.arange(count) != k for k in range(count) if count > 1)
-        return np.array([self.left_in_logs(fitted, logs, before) for logs in (self.every, *fewer)])
-
-    def left_in_logs(self, fitted: Fitted, logs: np.ndarray, before: np.ndarray | None = None) -> float:
-        """The same in some logs (mask)."""
         weight, left = (x[:, 0] for x in self.left_in_views(fitted, logs, together=True, before=before))
         return float(weight @ left / max(weight.sum(), 1e-12))
+
+    def left_by_log(self, fitted: Fitted, before: np.ndarray | None = None) -> np.ndarray:
+        """The same (1 + logs,): by all logs, and with each of several logs left out."""
+        count = len(self.whole.cells)
+        fewer = (np.arange(count) != k for k in range(count) if count > 1)
+        return np.array([self.measure_left(fitted, logs, before) for logs in (ALL, *fewer)])
 
     def left_by_joint(self, fitted: Fitted) -> np.ndarray:
         """The same of each joint (joints,) where joints are separate, else of all together (1,).
 
         In shares of what counts of the joint with the largest gap: a joint without one has none.
         """
-        weight, left = self.left_in_views(fitted, self.every, together=False)
+        weight, left = self.left_in_views(fitted, ALL, together=False)
         return (weight * left).sum(axis=0) / max(weight.sum(axis=0).max(), 1e-12)
 
     def left_in_views(
-        self, fitted: Fitted, logs: np.ndarray, together: bool, before: np.ndarray | None = None
+        self, fitted: Fitted, logs: np.ndarray | slice, together: bool, before: np.ndarray | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
         """Weights and shares of the gap (views, joints) that a set leaves in some logs (mask).
 
         A view counts by its gap, fully where that is large against a negligible one. Noise is what the best set leaves
         where that is less than expected. together: all joints as one (views, 1).
         """
-        self.measure()
-        samples = self.whole.samples_by_log
+        samples, known = self.whole.samples_by_log, self.squares
+        if new := [f for f in self.sets.values() if f not in known]:  # what each leaves over the whole logs
+            rows = [f.explanation.residual for f in new]
+            if self.whole.samples != self.likelihood.samples:
+                rows = self.whole.residual(np.array([f.explanation.robot for f in new]))
+            known |= {f: self.whole.chi2_by_log(row) for f, row in zip(new, rows, strict=True)}
 
-        def mean(squares: np.ndarray, some: np.ndarray) -> np.ndarray:
+        def mean(squares: np.ndarray, some: np.ndarray | slice) -> np.ndarray:
             sums, n = ((x * samples)[some].sum(axis=0) for x in (squares, np.ones_like(squares)))
             return sums.sum(axis=1, keepdims=True) / n.sum(axis=1, keepdims=True) if together else sums / n
 
-        least = [mean(self.squares[f], self.every) for f in self.sets.values()]
-        floor = np.minimum(np.min(least, axis=0), 1.0)
-        squares = self.squares[self.none] if before is None else before, self.squares[fitted]
+        floor = np.minimum(np.min([mean(known[f], ALL) for f in self.sets.values()], axis=0), 1.0)
+        squares = known[self.none] if before is None else before, known[fitted]
         gap, left = (np.maximum(mean(x, logs) - floor, 0.0) for x in squares)
         return gap / (gap + NEGLIGIBLE**2), left / np.maximum(gap, 1e-12)
-
-    def measure(self) -> None:
-        """Measure what each set leaves over the whole logs, where that is not known yet."""
-        new = [f for f in self.sets.values() if f not in self.squares]
-        if not new:
-            return
-        fitted = self.whole.samples == self.likelihood.samples
-        robots = np.array([f.explanation.robot for f in new])
-        rows = [f.explanation.residual for f in new] if fitted else self.whole.residual(robots)
-        self.squares |= {f: self.whole.chi2_by_log(row) for f, row in zip(new, rows, strict=True)}
-
-    def alike(self, other: Fitted, best: Fitted, gain: float) -> bool:
-        """Whether a set leaves no more than another, or is as likely.
-
-        Args:
-            other: the set.
-            best: the other one.
-            gain: share of the gap that the effect takes up whose place is asked about.
-        """
-        if not self.usable(other):
-            return False
-        left, memory = self.measure_left(best), min(best.memory, other.memory)
-        as_likely = self.evidence(best, memory) - self.evidence(other, memory) < NATS
-        return as_likely or self.measure_left(other) - left <= min(LAW**2 * gain, left)
 
     def bar_richer_laws(self) -> None:
         """Bar laws with more parameters than another of their kind that leaves as much, within the error of a law.
@@ -248,17 +196,19 @@ class Search:
                 smaller = self.sets.get(key - {effect})
                 gain = self.measure_left(smaller) - self.measure_left(rich) if smaller else 0.0
                 for other, plain in self.find_replacements(rich, effect).items():
-                    same = known[effect].block == known[other].block and name_kind(known[effect]) == name_kind(
-                        known[other]
-                    )
+                    same = len({(known[i].block, name_kind(known[i])) for i in (effect, other)}) == 1
                     fewer = len(plain.explanation.x) < len(rich.explanation.x) and self.usable(plain)
                     fewer &= not self.beats(rich, plain, 1)
                     if same and fewer and self.measure_left(plain) - self.measure_left(rich) <= LAW**2 * gain:
                         self.barred.add(effect)
 
     def usable(self, fitted: Fitted) -> bool:
-        """Whether a set may be the answer: none of its amplitudes ended at a bound, none of its laws is barred."""
-        return not at_bounds(fitted.explanation) and not fitted.effects & self.barred
+        """Whether a set may be the answer: no amplitude ended at a bound other than its null, no law is barred."""
+        e = fitted.explanation
+        low, high = e.bounds
+        small, lead = 1e-6 * (high - low), np.array([p.amplitude for p in e.parameters], dtype=bool)
+        ended = (high > low) & (((e.x <= low + small) & (low != 0.0)) | ((e.x >= high - small) & (high != 0.0)))
+        return not (ended & lead).any() and not fitted.effects & self.barred
 
     def best_within(self, key: frozenset[str]) -> Fitted:
         """The fit of a set, or of a part of it, that leaves least: well fitted, none leaves more than a part."""
@@ -271,8 +221,15 @@ class Search:
         return {next(iter(k - rest)): f for k, f in others.items()}
 
     def list_rivals(self, best: Fitted, effect: str, gain: float) -> dict[str, Fitted]:
-        """Effects in the place of one that leave as much."""
-        return {i: f for i, f in self.find_replacements(best, effect).items() if self.alike(f, best, gain)}
+        """Effects in the place of one, which takes up a `gain` of the gap, that leave no more or are as likely."""
+        found, left = dict[str, Fitted](), self.measure_left(best)
+        for i, other in self.find_replacements(best, effect).items():
+            if self.usable(other):
+                memory = min(best.memory, other.memory)
+                as_likely = self.evidence(best, memory) - self.evidence(other, memory) < NATS
+                if as_likely or self.measure_left(other) - left <= min(LAW**2 * gain, left):
+                    found[i] = other
+        return found
 
     def plainer(self, best: Fitted) -> Fitted:
         """The set with causes in the place of errors of a sensor's memory, where they explain as much."""
@@ -407,9 +364,10 @@ class Search:
     def expand_nominal(self, nominal: Explanation) -> None:
         """Fit the most promising single effects from the nominal robot, where retuning strains its tolerances.
 
-        Such as stand for what retuning moved: about the retuned robot the logs show nothing of them.
+        They cost `SURE` more than in the mean of robots then. Such effects stand for what retuning moved: about the
+        retuned robot the logs show nothing of them.
         """
-        if not self.none.strained:
+        if self.none.tolerance_cost <= 0.5 * nominal.nominal + SURE:
             return
         likelihood = self.likelihood.scaled_to(nominal.residual).for_stage("refine")
         self.add(fit_beside(likelihood, nominal, self.screen_beside(nominal, self.lin)[:SINGLES]))
@@ -469,11 +427,10 @@ class Search:
             if not self.best.effects < best.effects:  # a smaller set, fitted again, may leave as little
                 return best
 
-    def list_sparing(self, best: Fitted) -> list[Fitted]:
-        """Sets as large as the best one that spare `SURE` of the tolerances, the sparest first."""
-        limit = best.tolerance_cost - SURE
-        others = [f for f in self.sets.values() if len(f.effects) == len(best.effects) and self.usable(f)]
-        return sorted((f for f in others if f.tolerance_cost < limit), key=lambda f: f.tolerance_cost)
+    def list_sparing(self, best: Fitted, size: int) -> list[Fitted]:
+        """Sets of so many effects that spare `SURE` of the tolerances that the best one uses."""
+        limit, others = best.tolerance_cost - SURE, (f for f in self.sets.values() if len(f.effects) == size)
+        return [f for f in others if self.usable(f) and f.tolerance_cost < limit]
 
 
 def screen(likelihood: Likelihood, e: Explanation, lin: Linearisation, kept: np.ndarray) -> list[Predicted]:

@@ -146,7 +146,12 @@ class Logs:
     @cached_property
     def rows(self) -> tuple[np.ndarray, ...]:
         """Mask (samples,) of each session."""
-        return tuple(self.likelihood.mask_samples(s.logs, s.frames) for s in self.sessions)
+        found, views = np.zeros((len(self.sessions), self.likelihood.samples), dtype=bool), self.likelihood.views
+        for mask, session in zip(found, self.sessions, strict=True):
+            for v, k, some in self.likelihood.blocks:
+                part = mask[some].reshape(-1, len(views[v].problem.columns))  # a view: frames, columns
+                part[slice(*(session.frames or (None,)))] = k in session.logs
+        return tuple(found)
 
     @cached_property
     def blocks(self) -> list[tuple[int, int, np.ndarray]]:
@@ -301,9 +306,10 @@ def follow_effects(
 
     `since` and `known` are of the explanation behind the verdict that constant parameters `decided`.
     """
-    if logs.sessions[0].frames is None and found.lin.probes:  # of windows of one log, only some frames are linearised
+    search = found.search
+    if logs.sessions[0].frames is None and search.lin.probes:  # of windows of one log, only some frames are linearised
         fit_screened(found, logs.sessions)
-    singles = [f.explanation for key, f in found.search.sets.items() if len(key) == 1]
+    singles = [f.explanation for key, f in search.sets.items() if len(key) == 1]
     fits = [known if e is decided.best.explanation else logs.fit(e) for e in singles]
     if not fits:
         return since, decided
@@ -327,8 +333,7 @@ def follow_effects(
         unsure = float("nan"), float("nan")
         reason = f"{name} changed: with an amplitude for each session it explains {percent(explained)} of the gap"
         part = Part(name, CAUSE, Interval(explained, *unsure), alike)
-        fitted = found.search.sets[frozenset({name})]
-        decided = Decision(word, fitted, (part,), Interval(left[0], *unsure), (reason,))
+        decided = Decision(word, search.sets[frozenset({name})], (part,), Interval(left[0], *unsure), (reason,))
     lead = 1.0 - left[0] / max(min(left[1:] or [1.0]), 1e-9)
     since = add_series(since, fits[0], logs, decided.verdict in (NAMED, AMBIGUOUS))
     return replace(since, effect=name, lead=lead), decided
@@ -339,7 +344,8 @@ def fit_screened(found: Isolation, sessions: tuple[Session, ...]) -> None:
 
     An effect that begins or grows during the sessions may explain less of their mean than a wrong effect does.
     """
-    search, none, lin, logs = found.search, found.retuned.explanation, found.lin, Logs(found.likelihood, sessions)
+    search, none, logs = found.search, found.retuned.explanation, Logs(found.likelihood, sessions)
+    lin = search.lin
     n, columns, memory = len(none.x), whole_jacobian(found.likelihood, none), found.likelihood.memory
     model = LinearModel.with_directions(none, columns, lin.directions, logs.blocks, memory, 1e-6, lin.kept)
     best: dict[str, tuple[float, Predicted]] = {}

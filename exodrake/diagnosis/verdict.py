@@ -19,7 +19,7 @@ import numpy as np
 
 from exodrake.core.confidence import NORMAL_90
 from exodrake.diagnosis.fit import Predicted, fit_beside
-from exodrake.diagnosis.isolation import Isolation
+from exodrake.diagnosis.isolation import Isolation, excess_by_column
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.result import (
     AMBIGUOUS,
@@ -34,7 +34,7 @@ from exodrake.diagnosis.result import (
     Moved,
     Rival,
 )
-from exodrake.diagnosis.search import LARGE, LAW, NATS, NEGLIGIBLE, SURE, Fitted, screen
+from exodrake.diagnosis.search import LARGE, LAW, NATS, NEGLIGIBLE, Fitted, screen
 
 VISIBLE = 1.0  # standard deviations of the tolerance from which a change is listed
 ALIKE = 0.9  # share of what retuning explains from which a single effect is listed
@@ -52,38 +52,23 @@ EXPLAINED, MOST = 0.9, 0.5  # shares of the gap from which causes are named, and
 
 @dataclass(frozen=True)
 class Part:
-    """An effect of the best set.
+    """An effect of the best set."""
 
-    Attributes:
-        effect: its id.
-        role: `cause` or `refinement`.
-        share: of the gap that retuning leaves.
-        rivals: effects in its place -> share of the gap that they would take up.
-    """
-
-    effect: str
-    role: str
-    share: Interval
-    rivals: dict[str, float]
+    effect: str  # its id
+    role: str  # `cause` or `refinement`
+    share: Interval  # of the gap that retuning leaves
+    rivals: dict[str, float]  # effects in its place -> share of the gap that they would take up
 
 
 @dataclass(frozen=True, eq=False)
 class Decision:
-    """A verdict.
+    """A verdict."""
 
-    Attributes:
-        verdict: its word.
-        best: the set behind it.
-        parts: its effects, causes first, the largest first.
-        remainder: share of the gap that it leaves.
-        reasons: sentences.
-    """
-
-    verdict: str
-    best: Fitted
-    parts: tuple[Part, ...]
-    remainder: Interval
-    reasons: tuple[str, ...]
+    verdict: str  # its word
+    best: Fitted  # the set behind it
+    parts: tuple[Part, ...]  # its effects, causes first, the largest first
+    remainder: Interval  # share of the gap that it leaves
+    reasons: tuple[str, ...]  # sentences
 
     @property
     def causes(self) -> tuple[Part, ...]:
@@ -132,9 +117,7 @@ def decide_retuned(found: Isolation, decision: Decision) -> Decision:
     Its share is that of the nominal robot's gap, since retuning leaves none.
     """
     search = found.search
-    usable = {next(iter(k)): f for k, f in search.sets.items() if len(k) == 1 and search.usable(f)}
-    limit = search.none.tolerance_cost - SURE
-    singles = {i: f for i, f in usable.items() if f.tolerance_cost < limit}
+    singles = {next(iter(f.effects)): f for f in search.list_sparing(search.none, 1)}
     likely = {i: search.evidence(f) for i, f in singles.items()}
     one = max(likely, key=likely.__getitem__, default="")
     if not one or likely[one] - search.evidence(search.none) < NATS:
@@ -189,7 +172,7 @@ def divide_gap(found: Isolation, best: Fitted) -> tuple[Part, ...]:
 
     def leave(fitted: Fitted) -> np.ndarray:
         """What a set leaves in each channel (columns,) beyond a negligible gap [noise variances]."""
-        return found.excess_by_column(fitted.explanation.robot)
+        return excess_by_column(found.whole, fitted.explanation.robot, found.likelihood)[0]
 
     roles, after, counts = {}, leave(best), search.whole.any_by_joint(leave(search.none) >= 0.0)
     rest = found.beside_detections * search.left_by_joint(best)
@@ -225,13 +208,13 @@ def list_moved(found: Isolation) -> tuple[Moved, ...]:
 def screen_alike(found: Isolation) -> dict[str, tuple[float, Predicted]]:
     """Single effects that explain what retuning explains, the nominal parameters as they were, largest share first."""
     nominal, retuned, none = found.nominal, found.retuned.explanation, np.zeros(0)
-    if not found.lin.probes:
+    if not found.search.lin.probes:
         return {}
     fixed = replace(nominal, parameters=(), x=none, jacobian=nominal.jacobian[:0])
     likelihood = found.likelihood.scaled_to(nominal.residual)
-    kept = found.lin.kept
+    kept = found.search.lin.kept
     gain = likelihood.cost(nominal.residual * kept, none, none) - likelihood.cost(retuned.residual * kept, none, none)
-    predicted = screen(likelihood, fixed, found.lin, kept) if gain > 0.0 else []
+    predicted = screen(likelihood, fixed, found.search.lin, kept) if gain > 0.0 else []
     shares = {p.probe.effect: (min(p.gain / gain, 1.0), p) for p in predicted}
     return {effect: one for effect, one in shares.items() if one[0] > ALIKE}
 

@@ -24,7 +24,7 @@ from exodrake.diagnosis import pipeline
 from exodrake.diagnosis.detect import detect
 from exodrake.diagnosis.fit import Explanation, linear_model, minimise, whole_jacobian, without
 from exodrake.diagnosis.isolation import USED, affordable
-from exodrake.diagnosis.likelihood import Likelihood, View, make_likelihood
+from exodrake.diagnosis.likelihood import Likelihood, make_likelihood
 from exodrake.diagnosis.linear import LinearModel
 from exodrake.diagnosis.linearise import nominal_jacobian, with_effects
 from exodrake.diagnosis.many import ANSWER
@@ -106,7 +106,7 @@ class Contest:
 
     def records(self, reference: Reference) -> np.ndarray:
         """All signals (explanations, frames, signals) [SI] of the runs of the explanations on a reference."""
-        return self.problem.records(self.robots, Trial(reference.name, "fit", reference.values, np.zeros((0, 0))))
+        return self.problem.records(self.robots, Trial(reference.name, reference.values, np.zeros((0, 0))))
 
     def difference(self, records: np.ndarray) -> float:
         """Difference in the logged columns between the two most similar runs of `records`, for a first ranking.
@@ -118,13 +118,13 @@ class Contest:
 
     def trial(self, true: int, reference: np.ndarray) -> Trial:
         """A log (frames, columns) that an explanation would leave on a reference (frames, references) [SI]."""
-        empty = Trial("experiment", "fit", reference, np.zeros((len(reference), len(self.problem.columns))))
+        empty = Trial("experiment", reference, np.zeros((len(reference), len(self.problem.columns))))
         return replace(empty, measured=self.problem.predict(self.robots[true][None], empty)[0])
 
     def view(self, *trials: Trial, scale: float = 1.0) -> Likelihood:
         """The likelihood of some logs, whitened as those of the case."""
-        view: View = replace(self.likelihood.views[0], problem=replace(self.problem, fit=trials), noise=(), scale=scale)
-        return replace(self.likelihood, views=(view,))
+        problem = replace(self.problem, fit=trials)
+        return replace(self.likelihood, views=(replace(self.likelihood.views[0], problem=problem, scale=scale),))
 
 
 def prepare_contest(problem: Problem, rivals: Sequence[Rival]) -> Contest:
@@ -146,7 +146,7 @@ def prepare_contest(problem: Problem, rivals: Sequence[Rival]) -> Contest:
     for rival, row, laws in zip(rivals, rows, effects, strict=True):
         parameters = (*own, *(p for effect in laws for p in effect_parameters(machine, effect)))
         x = np.array([p.coordinate(float(row[p.index[0]])) for p in parameters])
-        values = with_effects(problem.silent(), [(machine, effect) for effect in laws])
+        values = with_effects(problem.silent(), machine, laws)
         none = np.zeros((len(own), 0))
         found.append(differentiate(likelihood, Explanation(rival.effects, parameters, x, values, none, none), x))
     memory = min(likelihood.with_memory(e.residual).memory for e in found)

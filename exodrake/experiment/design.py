@@ -115,8 +115,7 @@ class Stage:
 def check_length(robot: Robot, duration: float | None) -> int:
     """Frames of an experiment of a length [s]; of a minute, or as many as a slow machine needs, if None.
 
-    Raises:
-        InputError: For a length out of range, and for a machine whose references have no limits.
+    InputError for a length out of range, and for a machine whose references have no limits.
     """
     machine, frame = robot.machine, robot.machine.frame
     if not machine.reference_limits or not np.isfinite(robot.reference_limits()[1]).all():
@@ -149,8 +148,7 @@ class Safety:
     def spans(self, records: np.ndarray) -> list[tuple[str, str, np.ndarray, np.ndarray]]:
         """Logged signals in runs (explanations, frames, signals) [SI], each on the channel nearest to an end.
 
-        Returns:
-            Name with channel, unit, ends of what is reached and of the range (2,) [SI] of each.
+        Name with channel, unit, ends of what is reached and of the range (2,) [SI] of each.
         """
         machine, found = self.machine, []
         low, high = records.min(axis=(0, 1)), records.max(axis=(0, 1))
@@ -167,7 +165,7 @@ class Safety:
 def measure_safety(problem: Problem, robots: np.ndarray, known: Sequence[Reference]) -> Safety:
     """The ranges for a case, by robots (explanations, parameters) [SI] and the machine's own experiments."""
     machine, nominal = problem.robot.machine, problem.silent()[None]
-    own = [Trial(reference.name, "fit", reference.values, np.zeros((0, 0))) for reference in known]
+    own = [Trial(reference.name, reference.values, np.zeros((0, 0))) for reference in known]
     runs = [run for trial in problem.fit for run in problem.records(robots, trial)]
     runs += [run for trial in own for run in problem.records(nominal, trial)]
     low, high = np.min([run.min(axis=0) for run in runs], axis=0), np.max([run.max(axis=0) for run in runs], axis=0)
@@ -291,13 +289,8 @@ class Designer:
 def design(contest: Contest, duration: float | None = None, seed: int = 0) -> Design:
     """The experiment that tells rivals apart best: of sequences of short and of long pieces, and of random motions.
 
-    Args:
-        contest: explanations still in play.
-        duration: its length [s]; a minute, or as many frames as a slow machine needs, if None.
-        seed: of the search.
-
-    Raises:
-        InputError: for a length out of range, a machine whose references have no limits, and where nothing is safe.
+    duration: its length [s]; a minute, or as many frames as a slow machine needs, if None. seed: of the search.
+    InputError for a length out of range, a machine whose references have no limits, and where nothing is safe.
     """
     search, robot, tried = Designer(contest, duration, seed), contest.problem.robot, list[Motion]()
     for k in search.rng.integers(2**31, size=max(round(WHOLE * search.fewer), 3)):

@@ -38,11 +38,10 @@ ORDER = 4  # differences that leave noise of what moves slowly (assumed)
 
 
 def check_case(case: Case, machine: Machine) -> None:
-    """Refuses another frame or other channels than the machine's, too many frames, and false repeats.
+    """Refuses another frame or other channels than the machine's, too many frames, and false repeats: InputError.
 
-    Raises:
-        InputError: naming the log, and of a repeat with another reference the column and the row. References that are
-            constant in every log, such as initial states, may differ.
+    It names the log, and of a repeat with another reference the column and the row. References that are constant in
+    every log, such as initial states, may differ.
     """
     if abs(case.period - machine.frame) > EXACT:
         raise InputError(f"{case.name}: frames of {case.period:g} s, {machine.name} has frames of {machine.frame:g} s")

@@ -135,17 +135,10 @@ def preflight(
     path: str | Path, robot: Robot, tried: frozenset[str] | None = None, allow_outside: bool = False,
     progress: Callable[[str], object] = no_progress,
 ) -> Preflight:  # fmt: skip
-    """Checks a case before its diagnosis.
+    """Checks a case, a folder or a log, before its diagnosis; InputError where that has one.
 
-    Args:
-        path: case folder or log.
-        robot: nominal robot.
-        tried: ids of the effects that a diagnosis would try; its own choice by default.
-        allow_outside: whether logs may lie outside the folder.
-        progress: called with what is done.
-
-    Raises:
-        InputError: where a diagnosis has one.
+    tried: ids of the effects that it would try; its own choice by default. allow_outside: whether logs may lie outside
+    the folder. progress: called with what is done.
     """
     machine = robot.machine
     case = read_case(path, list_required(machine), machine.frame, allow_outside)

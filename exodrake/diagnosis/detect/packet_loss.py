@@ -62,11 +62,8 @@ def detect(problem: Problem, effect: Effect, values: np.ndarray) -> Problem:
     the losses leave few, and is none elsewhere.
     """
     machine, nominal, kinds = problem.robot.machine, problem.silent(), np.array(problem.kinds)
-    needed, lead, absent = (
-        list_needed(machine),
-        effect.parameters[0],
-        replace(problem, tried=problem.tried - {effect.id}),
-    )
+    needed, lead = list_needed(machine), effect.parameters[0]
+    absent = replace(problem, tried=problem.tried - {effect.id})
     if not needed or any(np.sum(kinds == kind) < max(machine.column_width(kind), 1) for kind in needed):
         return absent
     noise = float(np.median(problem.noise_std[kinds == needed[1]]))
@@ -165,11 +162,7 @@ def list_needed(machine: Machine) -> list[str]:
 class Drive:
     """The drives of a machine without its other parts, in one log, from frame to frame.
 
-    Args:
-        machine: machine that wrote the log, with a command link.
-        values: (parameters,) flat [SI].
-        rows: (n, channels) of each kind of `list_needed` as logged [SI].
-        noise: standard deviation of a reading of the position [its unit].
+    rows: (n, channels) of each kind of `list_needed` [SI]. noise: standard deviation of a reading [its unit].
     """
 
     def __init__(self, machine: Machine, values: np.ndarray, rows: list[np.ndarray], noise: float) -> None:
@@ -194,9 +187,8 @@ class Drive:
     def decode(self, enter: float = ENTER, known: PacketLoss | None = None) -> PacketLoss:
         """Lost commands of the log.
 
-        Args:
-            enter: cost of the beginning of a run of losses [nats].
-            known: losses that were decoded before, which tell how well the drive's model follows without them.
+        enter: cost of the beginning of a run of losses [nats]. known: losses that were decoded before, which tell how
+        well the drive's model follows without them.
         """
         whole = np.zeros(self.command.shape, dtype=bool)
         errors = self.errors(whole)
@@ -219,11 +211,7 @@ class Drive:
         return PacketLoss(np.where(lost, LOST, np.where(seen, ARRIVED, UNSEEN)), events, gone, squared)
 
     def advance(self, states: np.ndarray, before: np.ndarray, after: np.ndarray, frame: int) -> np.ndarray:
-        """Advances states (k, states) in place by one frame, in which the commands (k, channels) change.
-
-        Returns:
-            (k, channels) by how much the positions moved.
-        """
+        """Moves (k, channels) in a frame in which commands change so; states (k, states) are advanced in place."""
         moved = np.empty(before.shape)
         self.moves(states, *self.given, before, after, *(rows[frame] for rows in self.loads), moved)
         return moved

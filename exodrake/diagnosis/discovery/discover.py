@@ -26,14 +26,12 @@ from exodrake.diagnosis.isolation import Isolation
 from exodrake.diagnosis.likelihood import SAMPLE, Likelihood
 from exodrake.diagnosis.linear import RIDGE, LinearModel
 from exodrake.diagnosis.parameter import Parameter
-from exodrake.diagnosis.problem import Problem, Trial
+from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.result import Interval
 from exodrake.diagnosis.search import LAW, NATS, NEGLIGIBLE
 from exodrake.diagnosis.verdict import LARGE, MOST
-from exodrake.engine.compose import compile_machine
-from exodrake.engine.inputs import NOTHING, NoiseInputs, input_rows
 from exodrake.model.display import percent
-from exodrake.model.machine import Machine, signal_count, stack, state_size
+from exodrake.model.machine import Machine, stack, state_size
 from exodrake.model.part import HYSTERESIS, RELAXATION, FreeLaw
 from exodrake.model.robot import Robot
 
@@ -197,11 +195,7 @@ def discover(
 
     Laws are sought beside the retuned robot, and beside the best set of effects where that explains half of the gap.
 
-    Args:
-        problem: the case.
-        found: its isolation.
-        progress: called with the stage and the law that is worked on.
-        blocks: of the robot whose points are tried; all where empty.
+    blocks: of the robot whose points are tried; all where empty.
     """
     accepted = found.best if 1.0 - found.search.measure_left(found.best) >= MOST else found.retuned
     if found.excess(accepted.explanation.robot) < 0.0:
@@ -212,10 +206,8 @@ def discover(
     machine = law_code.add_laws(bare)
     laws = [law for law in law_code.law_points(bare) if not blocks or law.block in blocks]
     part, whole = (replace(p, robot=law_code.robot_on(p.robot, machine)) for p in (found.problem, found.whole))
-    likelihood, index = (
-        found.likelihood.on(part).for_stage("discover"),
-        [machine.index[p.name] for p in bare.parameters],
-    )
+    index = [machine.index[p.name] for p in bare.parameters]
+    likelihood = found.likelihood.on(part).for_stage("discover")
     likelihood = replace(likelihood, memory=min(likelihood.memory, max(SAMPLE / machine.frame, 1.0)))
     fits, tried = list[LawFit](), dict[str, int]()
     for e in {id(f): f.explanation for f in (accepted, found.retuned)}.values():
@@ -293,37 +285,23 @@ def run_watches(
 ) -> dict[str, dict[str, np.ndarray]]:
     """States of watches, effects that count, at the ends of all fitted trials, run in closed loop without noise.
 
-    Args:
-        problem: the case.
-        values: (parameters,) of the robot.
-        settings: id of each law to be watched -> parameters of its watch.
-
-    Returns:
-        The same id -> name of a state -> (trials, channels).
+    values: (parameters,) of the robot. settings: id of each law to be watched -> parameters of its watch. Returns the
+    same id -> name of a state -> (trials, channels).
     """
     machine, row = problem.robot.machine, values.copy()
-    module = compile_machine(machine)
     for identity, given in settings.items():
         for name, value in given.items():
             row[[*machine.effect_indices(f"{identity}_watch", name).values()]] = value
 
-    def end_state(trial: Trial) -> np.ndarray:
-        n, state, w = len(trial.reference), np.zeros(state_size(machine)), np.zeros(signal_count(machine))
-        noise = NoiseInputs.draw(n, None, machine)
-        noise |= {name: given[:n] for name, given in trial.latent.items()}
-        module.begin(row, state)
-        given = input_rows(machine, trial.reference, noise).values()
-        module.run(row, state, w, *given, machine.slot, 1, np.zeros((n, len(w))), NOTHING, NOTHING)
-        return state
-
-    ends = np.array(side_by_side([partial(end_state, trial) for trial in problem.fit]))
+    ends = np.zeros((len(problem.fit), 1, state_size(machine)))
+    side_by_side([partial(problem.records, row[None], t, ends=end) for t, end in zip(problem.fit, ends, strict=True)])
     widths: dict[tuple[str, str], int] = {}
     for part in machine.parts:
         for owner, states in ((part.name, part.states), *((e.id, e.states) for e in machine.effects_on(part))):
             widths |= {(owner, s.name): machine.width(s.axis) * s.width for s in states}
     places = stack(widths).items()
     watches = {identity: f"{identity}_watch" for identity in settings}
-    return {law: {n: ends[:, at] for (owner, n), at in places if owner == watch} for law, watch in watches.items()}
+    return {law: {n: ends[:, 0, at] for (owner, n), at in places if owner == watch} for law, watch in watches.items()}
 
 
 def list_candidates(problem: Problem, values: np.ndarray, laws: Sequence[LawPoint]) -> list[Candidate]:
