@@ -11,7 +11,7 @@ from threadpoolctl import threadpool_info
 
 from exodrake.core import parallel
 from exodrake.core.errors import InputError
-from exodrake.core.parallel import HELPERS, each, side_by_side
+from exodrake.core.parallel import each, side_by_side
 
 HOARD = []
 
@@ -150,7 +150,7 @@ def test_tasks_within_tasks_never_take_more_threads_than_allowed(limit):
     found = side_by_side([lambda: sum(side_by_side([leaf] * 4)) for _ in range(5)])
     assert found == [4] * 5
     assert max(most) <= limit
-    assert HELPERS.busy == 0
+    assert parallel.busy_helpers == 0
 
 
 def test_as_many_tasks_as_threads_run_at_once(limit):
@@ -174,7 +174,7 @@ def test_after_an_error_no_task_begins_and_it_is_raised(limit):
     with pytest.raises(ZeroDivisionError):
         side_by_side([lambda k=k: task(k) for k in range(50)])
     assert len(begun) <= 2 + limit
-    assert HELPERS.busy == 0
+    assert parallel.busy_helpers == 0
     assert side_by_side([lambda: 7]) == [7]
 
 

@@ -6,7 +6,6 @@ each other and with other tasks (a 40 us prediction then takes 15 ms), and add i
 
 import logging
 import os
-import signal
 import sys
 import threading
 import traceback
@@ -27,6 +26,7 @@ TIMEOUT = "10s"  # for a scheduler to answer
 QUEUED = 2  # tasks sent to a cluster per worker, so that no worker waits for its next task
 GROWN = "A worker stopped while some jobs"  # loky replaces one that has grown by 300 MB, as the allocator keeps memory
 CRASHED = "the worker process crashed (out of memory?)"
+COUNTING, busy_helpers = Lock(), 0  # helper threads of this process that do not wait for others
 
 
 def one_blas_thread() -> Any:
@@ -59,9 +59,9 @@ def side_by_side[T](tasks: Sequence[Callable[[], T]]) -> list[T]:
                 results[k] = tasks[k]()
         finally:
             list(waiting)  # after an error no task begins
-            HELPERS.enter(-1)  # this thread waits from here on: tasks within the last ones may have its core
+            count_helpers(-1)  # this thread waits from here on: tasks within the last ones may have its core
 
-    count = HELPERS.enter(max(0, min(len(tasks), limit) - 1), limit - 1)
+    count = count_helpers(max(0, min(len(tasks), limit) - 1), limit - 1)
     if not count:
         return [task() for task in tasks]
     try:
@@ -69,27 +69,19 @@ def side_by_side[T](tasks: Sequence[Callable[[], T]]) -> list[T]:
             helpers = [pool.submit(work) for _ in range(count)]
             work()
     finally:
-        HELPERS.enter(1)
+        count_helpers(1)
     for helper in helpers:
         helper.result()
     return results
 
 
-class Helpers:
-    """Count of busy helper threads of this process, less those that wait for others."""
-
-    def __init__(self) -> None:
-        self.lock, self.busy = Lock(), 0
-
-    def enter(self, wanted: int, most: float = inf) -> int:
-        """Number of the wanted helpers that may begin, where `most` may be busy; -1: one has ended, or waits."""
-        with self.lock:
-            count = int(min(wanted, max(0, most - self.busy)))
-            self.busy += count
-            return count
-
-
-HELPERS = Helpers()
+def count_helpers(wanted: int, most: float = inf) -> int:
+    """Number of the wanted helper threads that may begin, where `most` may be busy; -1: one has ended, or waits."""
+    global busy_helpers
+    with COUNTING:
+        count = int(min(wanted, max(0, most - busy_helpers)))
+        busy_helpers += count
+        return count
 
 
 @dataclass(frozen=True)
@@ -217,14 +209,8 @@ class LokyWorkers:
         from joblib.externals.loky import get_reusable_executor
 
         return get_reusable_executor(
-            self.jobs, env=ONE_THREAD | SAFE_PATH, initializer=begin_worker, initargs=(os.getpid(),)
+            self.jobs, env=ONE_THREAD | SAFE_PATH, initializer=end_with, initargs=(os.getpid(),)
         )
-
-
-def begin_worker(parent: int) -> None:
-    """Ctrl-C reaches every process of a terminal; the parent process ends its workers, also by its own end."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    end_with(parent)
 
 
 class DaskWorkers:

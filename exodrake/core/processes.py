@@ -74,7 +74,6 @@ def in_child[T](function: Callable[..., T], *arguments: Any, source: str, size: 
 
 def serve(pipe: Connection) -> None:
     """Answers calls until the other end is closed."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's matter
     for limit, most in ((resource.RLIMIT_AS, MEMORY), (resource.RLIMIT_CORE, 0)):
         with suppress(ValueError, OSError):  # a lower limit is in force, or the system has none
             resource.setrlimit(limit, (most, most))
@@ -106,7 +105,8 @@ def safe_path() -> Iterator[None]:
 
 
 def end_with(parent: int) -> None:
-    """Ends this process once the process of that id, which started it, has ended, even by `kill -9`."""
+    """Ends this process once the process of that id, which started it, has ended, even by `kill -9`, not by Ctrl-C."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # reaches every process of a terminal, and is the parent's matter
 
     def watch() -> None:
         while os.getppid() == parent:
