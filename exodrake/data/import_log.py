@@ -16,6 +16,7 @@ from exodrake.core import schema
 from exodrake.core.errors import InputError, nearest, plural
 from exodrake.core.files import is_folder, read_bytes
 from exodrake.data.formats import ending, read_log, stem
+from exodrake.data.formats.csv import TextLayout
 from exodrake.data.log import (
     LONGEST,
     Log,
@@ -28,7 +29,6 @@ from exodrake.data.log import (
 )  # fmt: skip
 from exodrake.data.ros2 import STATE, Track, is_bag, read_bag, read_topics
 from exodrake.data.tables import TIME, element_names, episodes, is_dataset, read_columns, read_info, resolve
-from exodrake.data.text import TextLayout
 from exodrake.model.units import check_unit, si_unit, to_si
 
 BAG_PERIOD = 0.02  # s, frames of a bag whose mapping states none

@@ -17,9 +17,8 @@ from exodrake.core.errors import InputError
 from exodrake.core.files import is_file, read_bytes
 from exodrake.core.schema import parse_json, read_json
 from exodrake.data.formats import mat, mcap, npz, parquet, read_apart
-from exodrake.data.formats.csv import unpack
+from exodrake.data.formats.csv import guess_layout, read_text, unpack
 from exodrake.data.log import MAX_COLUMNS, check_size, refuse_doubled
-from exodrake.data.text import guess_layout, read_text
 
 if TYPE_CHECKING:
     from exodrake.data.import_log import Mapped

@@ -18,9 +18,9 @@ import numpy as np
 from exodrake.core.errors import InputError, MissingColumn
 from exodrake.core.files import refuse_special
 from exodrake.data.formats import ending, read_table
+from exodrake.data.formats.csv import TextLayout, read_text, split_rows
 from exodrake.data.import_log import Mapped, import_recording
 from exodrake.data.log import STRETCH, check_columns, columns_in_si, find_first, other_rate
-from exodrake.data.text import TextLayout, read_text, split_rows
 from exodrake.model.machine import Machine
 from exodrake.model.robot import Robot
 from exodrake.monitor.alarm import BEFORE, Alarm, Gap, Reading, date_rise, judge, measure_noise, read_limits

@@ -13,10 +13,10 @@ from exodrake.cli.main import OneLineErrors
 from exodrake.core.errors import InputError
 from exodrake.core.files import read_bytes
 from exodrake.data.case import Case, CaseLog, write_case
+from exodrake.data.formats.csv import TextLayout, read_text
 from exodrake.data.formats.npz import read_arrays
 from exodrake.data.log import Log
 from exodrake.data.tables import list_columns
-from exodrake.data.text import TextLayout, read_text
 
 # s, of the frames of each set
 EMPS_FRAME, SHEATH_FRAME, SO101_FRAME, WRIST_FRAME = 1e-3, 0.025, 0.02, 1.0

@@ -118,11 +118,11 @@ class Recording:
 
 def parse_csv(data: bytes, source: str) -> Recording:
     """Parse a CSV file. InputError for a missing heading, unit or axis, or for time that does not rise."""
-    from exodrake.data.formats.csv import read_cells
+    from exodrake.data.formats.csv import read_text
 
     lines = data.splitlines(keepends=True)
-    headings, values = read_cells(b"".join(line for line in lines if not line.lstrip().startswith(b"#")), source)
-    used = [(heading, column) for heading, column in zip(headings, values.T) if HEADING.match(heading)]
+    table = read_text(b"".join(line for line in lines if not line.lstrip().startswith(b"#")), source)
+    used = [(heading, column) for heading, column in table.items() if HEADING.match(heading)]
     columns, units = columns_in_si(used, source)
     for column, unit in units.items():
         if unit != (wanted := "s" if column == "time" else "m"):
