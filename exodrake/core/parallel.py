@@ -102,16 +102,8 @@ def each(
     A task that raises yields an outcome with the reason. A worker that crashes costs each task in flight one retry,
     alone on the workers, so that only the task to blame is given up; a Dask scheduler retries as its
     `distributed.scheduler.allowed-failures` says. Tasks are read only as workers become free. Closing the generator
-    ends the tasks in flight.
-
-    Args:
-        function: Function that a worker can import by name.
-        tasks: Arguments of each call, sent by value.
-        jobs: Number of worker processes; -1 for one per core, 1 for this process alone.
-        cluster: Address of a Dask scheduler, in place of `jobs`.
-
-    Raises:
-        InputError: If no scheduler answers, or it goes away; the outcomes yielded until then stand.
+    ends the tasks in flight. `jobs`: worker processes, -1 for one per core, 1 for this process alone; `cluster`:
+    address of a Dask scheduler in their place. InputError if it does not answer, or goes away.
     """
     if jobs == 1 and not cluster:
         for number, task in enumerate(tasks):

@@ -159,16 +159,6 @@ SCHEMA = schema.mapping(
 )  # fmt: skip
 
 
-def read_case_file(path: Path) -> dict[str, Any]:
-    """Content of a case.yaml by its keys, each log with its role and date; InputError names file and key."""
-    content = {"name": None, "serial": None, "robot": None, "period": None} | SCHEMA(schema.read_yaml(path), str(path))
-    for key in ("name", "serial"):
-        content[key] = "" if content[key] is None else str(content[key])
-    for log in content["logs"]:
-        log |= {"role": log.get("role") or "fit", "date": log.get("date") or content.get("date")}
-    return content
-
-
 def log_names(folder: Path) -> list[str]:
     """Files of a folder that are logs by their ending, in order; hidden ones are none."""
     return sorted(item.name for item in folder.iterdir() if ending(item) and item.is_file() and item.name[0] != ".")
@@ -228,7 +218,11 @@ def read_case(
         if not is_folder(place):
             raise InputError(f"{folder}: no such file or folder")
         if is_file(place / FILE):
-            content, hashes[FILE] = read_case_file(place / FILE), hash_file(place / FILE)
+            content, hashes[FILE] = SCHEMA(schema.read_yaml(place / FILE), str(place / FILE)), hash_file(place / FILE)
+            for key in ("name", "serial"):
+                content[key] = "" if content.get(key) is None else str(content[key])
+            for log in content["logs"]:
+                log |= {"role": log.get("role") or "fit", "date": log.get("date") or content.get("date")}
         for file in [entry["file"] for entry in content["logs"]] if content else log_names(place):
             if not allow_outside:
                 check_inside(place, file, str(folder))

@@ -168,19 +168,14 @@ def draw_panel(
         if log.has(reference) and len(log) <= LONG:
             wanted = display.factor * log[reference]
             axes.plot(log.time, wanted, color=colour, lw=0.9, ls=(0, (4, 2)), alpha=0.75)
-        if log.has(f"{kind}{ESTIMATE}_{name}"):
-            draw_estimate(axes, log, kind, name, colour, display.factor)
+        if log.has(f"{kind}{ESTIMATE}_{name}"):  # a thin line, in a band of two standard deviations if the log has them
+            mean = display.factor * log[f"{kind}{ESTIMATE}_{name}"]
+            axes.plot(log.time, mean, color="black", lw=0.6)
+            if log.has(f"{kind}{DEVIATION}_{name}"):
+                band = 2.0 * display.factor * log[f"{kind}{DEVIATION}_{name}"]
+                axes.fill_between(log.time, mean - band, mean + band, color=colour, alpha=0.2, lw=0)
     axes.set_ylabel(display.axis)
     axes.margins(y=0.08)
-
-
-def draw_estimate(axes: Any, log: Log, kind: str, name: str, colour: str, factor: float) -> None:
-    """Draws an estimate as a thin line, with a band of two standard deviations where the log has them."""
-    mean = factor * log[f"{kind}{ESTIMATE}_{name}"]
-    axes.plot(log.time, mean, color="black", lw=0.6)
-    if log.has(f"{kind}{DEVIATION}_{name}"):
-        band = 2.0 * factor * log[f"{kind}{DEVIATION}_{name}"]
-        axes.fill_between(log.time, mean - band, mean + band, color=colour, alpha=0.2, lw=0)
 
 
 def add_legends(panels: Mapping[str, Any], log: Log, logs: Mapping[str, Mapping[str, Any]]) -> None:

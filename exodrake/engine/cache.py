@@ -45,16 +45,12 @@ def load_text(stem: str, text: str) -> ModuleType:
 def run(text: str, path: Path, module: ModuleType) -> None:
     """Runs source that a file holds in a module. RuntimeError if its machine code can be kept nowhere."""
     exec(compile(text, path, "exec"), module.__dict__)
-    if CACHED in text:
-        mend_caches(module)
-
-
-def mend_caches(module: ModuleType) -> None:
-    """Gives compiled functions, before they are compiled, a cache whose damage costs a compilation and not the run."""
+    if CACHED not in text:
+        return
     from numba.core.caching import FunctionCache
 
     class MendingCache(FunctionCache):
-        """Compiles anew what cannot be read, and does without what cannot be written."""
+        """A cache whose damage costs a compilation and not the run; does without what cannot be written."""
 
         def load_overload(self, sig: Any, target_context: Any) -> Any:
             try:
