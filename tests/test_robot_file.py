@@ -12,7 +12,7 @@ import exodrake as exo
 from exodrake.core.errors import InputError
 from exodrake.core.provenance import robot_digest
 from exodrake.diagnosis.many import get_configuration
-from exodrake.machines.library import robot_yaml
+from exodrake.machines.library import robot_files
 
 
 def refusal(path, content) -> str:
@@ -46,7 +46,7 @@ def test_limits_and_grasps_of_a_wearer_come_back(tmp_path):
 
 def test_tolerances_and_ranges_of_a_robots_own_file_come_back(tmp_path):
     """A fitted robot differs from the next one of its kind by as much as the nominal one."""
-    mine = yaml.safe_load(robot_yaml("exo_index").read_text())
+    mine = yaml.safe_load(robot_files()["exo_index"].read_text())
     own = {"parameters": ["tendon.k.{w}"], "transform": "log", "prior_std": 0.3, "max_deviation": 0.9}
     mine["tolerances"] = [own, *mine["tolerances"][1:]]
     mine["parameters"] |= {
@@ -151,7 +151,7 @@ def test_units_may_stand_with_the_number_or_beside_it(tmp_path):
 )
 def test_answers_are_told_apart_for_robots_that_differ_in_more_than_parameters(tmp_path, change):
     """Each of these changes what is simulated or fitted, and leaves the vector of parameters as it is."""
-    nominal = yaml.safe_load(robot_yaml("exo_index").read_text())
+    nominal = yaml.safe_load(robot_files()["exo_index"].read_text())
     (tmp_path / "a.yaml").write_text(yaml.safe_dump(nominal))
     (tmp_path / "b.yaml").write_text(yaml.safe_dump(nominal | change))
     one, again, other = (exo.load_robot(tmp_path / name) for name in ("a.yaml", "a.yaml", "b.yaml"))

@@ -107,7 +107,7 @@ def export_log(subject, form, robot, out, map_file, start, end) -> None:
     along; a comment in the file names what the format cannot state.
     """  # noqa: D205 - click shows the first paragraph whole
     from exodrake.data.import_log import read_mapping
-    from exodrake.machines.library import robot_yaml
+    from exodrake.machines.library import robot_files
 
     if form:
         if map_file or start is not None or end is not None:
@@ -117,7 +117,7 @@ def export_log(subject, form, robot, out, map_file, start, end) -> None:
         effects = len(found.effects())
         click.echo(f"{out}: {found.machine.name} with {effects} effect{'s' * (effects != 1)}")
         return
-    if not subject or robot_yaml(subject) or Path(subject).suffix == ".yaml":
+    if not subject or subject in robot_files() or Path(subject).suffix == ".yaml":
         raise InputError("a robot is exported with --mjcf, --urdf or --isaac; else name a log")
     table = exo.read_log(options.log_in(Path(subject)))
     first, last = float(table.time[0]), float(table.time[-1])

@@ -26,10 +26,10 @@ def list_parameters(name: str, robot: str, only: str) -> dict[str, Any]:
 
     NAME is a machine or a robot file, as for --robot, or part of a parameter's name, as for --only.
     """
-    from exodrake.machines.library import robot_files, robot_yaml
+    from exodrake.machines.library import robot_files
     from exodrake.model.robot import alike, effect_in_words, implausible
 
-    if name and not (Path(name).suffix == ".yaml" or Path(name).exists() or robot_yaml(name)):
+    if name and not (Path(name).suffix == ".yaml" or Path(name).exists() or name in robot_files()):
         full = list(exo.load_robot(robot).parameters())
         if not any(name in one for one in full):
             words = [*robot_files(), *dict.fromkeys(one.rpartition(".")[0] for one in full), *full]

@@ -97,10 +97,7 @@ def check_folder(folder: Path) -> None:
 
 
 def write_folder(folder: str | Path, contents: dict[str, bytes]) -> list[Path]:
-    """Write files into a folder together: all are there before the first is moved to its place.
-
-    A new folder appears with all of them or not at all. InputError if it cannot be made or written.
-    """
+    """Write files into a folder together; a new one appears with all of them or not at all. InputError if it cannot."""
     target = Path(folder)
     there = target.exists()
     part = (target if there else target.parent) / f".{target.name}.{os.getpid()}.part"

@@ -59,10 +59,7 @@ def waiting(text: str) -> Iterator[Callable[[str], None]]:
 
 @contextmanager
 def stages(spent: dict[Stage, float] | None = None) -> Iterator[StageProgress]:
-    """Show a bar of a diagnosis and yield the function that is called at each of its steps.
-
-    `spent` takes the processor time [s] of each stage, whole at the end of the context.
-    """
+    """Show a bar of a diagnosis, yield the function to call at its steps, and put the time [s] of each in `spent`."""
     with show_bar("spinner", "bar", "elapsed", "{task.description}", transient=True) as bar:
         task, done, times = bar.add_task("reading", total=100), 0.0, {} if spent is None else spent
         current, began = Stage.CHECK, time.process_time()

@@ -28,10 +28,7 @@ def configuration() -> dict[str, str]:
 
 @cache
 def digest(*folders: Path) -> str:
-    """First 12 hexadecimal digits of the SHA-256 of names and contents of the Python and YAML files in folders.
-
-    Names are paths in the package, or the last two parts of others; files without bearing on an answer are left out.
-    """
+    """First digits of the SHA-256 of names and contents of the Python and YAML files that have a bearing on answers."""
     whole = hashlib.sha256()
     for file in (file for folder in folders for file in sorted([*folder.rglob("*.py"), *folder.rglob("*.yaml")])):
         name = (file.relative_to(PACKAGE) if file.is_relative_to(PACKAGE) else Path(*file.parts[-2:])).as_posix()

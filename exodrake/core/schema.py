@@ -65,10 +65,7 @@ def read_yaml(path: str | Path) -> Any:
 
 
 def parse_yaml(data: bytes, source: str | Path) -> Any:
-    """The content of a YAML file: mappings with text keys, lists and scalars.
-
-    InputError names file and line of text that is not YAML, or is too long, too deep or not plain data.
-    """
+    """Mappings with text keys, lists and scalars of YAML text. InputError names the line of what is no plain data."""
     import yaml
 
     if len(data) > MAX_BYTES:

@@ -81,10 +81,7 @@ SCHEMA = schema.mapping(
 
 @dataclass(frozen=True)
 class Column:
-    """A column of the log: sign (value * scale + offset) of a foreign column, in SI; `wrap` [unit], `filter` [Hz].
-
-    One that is derived from a column of ours is (take(of) - minus) scale + offset [SI].
-    """
+    """A column of the log: sign (value * scale + offset) [SI]; a derived one: (take(of) - minus) scale + offset."""
 
     of: str  # foreign column, or ours of a derived one
     name: str
@@ -92,8 +89,8 @@ class Column:
     scale: float = 1.0
     offset: float = 0.0
     sign: float = 1.0
-    wrap: float | None = None
-    filter: float | None = None
+    wrap: float | None = None  # [unit]
+    filter: float | None = None  # [Hz]
     take: str | None = None  # of a derived one "first", "rate" or ""
     minus: str = ""
 
@@ -198,10 +195,7 @@ def import_recording(file: str | Path, mapped: Mapped) -> Imported:
 def import_all(
     path: Path, mapped: Mapped | None, unit: str = "", chosen: frozenset[int] = frozenset()
 ) -> dict[str, Imported]:
-    """Every log of a recording by name: one of a file or bag, one for each (or chosen) episode of a LeRobot data set.
-
-    Without a mapping by that of joint states, or of actions and states with the unit of their joints.
-    """
+    """Logs of a recording by name: one of a file or bag, one for each (or chosen) episode of a LeRobot data set."""
     if is_dataset(path):
         mapped, found = mapped or default_dataset_mapping(path, unit), {}
         for number, (name, columns) in enumerate(episodes(path)):

@@ -123,10 +123,7 @@ class Log:
         return name in self.signals or bool(self.names(name))
 
     def names(self, kind: str) -> tuple[str, ...]:
-        """Channels with this kind of column, in file order, such as `AF`, `MF`, `AE` for `tension`.
-
-        A longer known kind claims its columns: `tension_ref_AF` is no `tension` of a channel `ref_AF`.
-        """
+        """Channels with this kind of column, in file order; `tension_ref_AF` is no `tension` of a channel `ref_AF`."""
         own = (column for column in self.signals if column.startswith(kind + "_"))
         return tuple(column[len(kind) + 1 :] for column in own if len(find_kind(column) or "") <= len(kind))
 

@@ -73,10 +73,7 @@ def read_topics(path: str | Path) -> dict[str, Topic]:
 
 
 def read_tracks(data: bytes, source: str, columns: Sequence[str], stamp: str) -> dict[str, Track]:
-    """Column -> samples with their times [s], by a stamp.
-
-    `log` is the recorder's time, `publish` that of the publisher in MCAP, `header` the message's own.
-    """
+    """Column -> samples with their times [s]: of the recorder (`log`), the publisher or the message's `header`."""
     wanted: dict[str, list[str]] = {}
     for column in columns:
         topic, _, field = column.partition(":")
@@ -145,10 +142,7 @@ def numeric_fields(message: Any, path: str = "") -> list[str]:
 def messages(
     data: bytes, source: str, topics: set[str] | None, published: bool = False
 ) -> Iterator[tuple[str, str, Any, int]]:
-    """(topic, type, message, log time [ns]) on some topics; on all for None, where undecodable messages are None.
-
-    With `published` the time is the publisher's, where the storage has it.
-    """
+    """(topic, type, message, time [ns]) on some topics; on all for None, where undecodable messages are None."""
     with require_extra(f"{source}: bags need the packages of the extra mcap; install exodrake[mcap]"):
         if source.lower().endswith(SQLITE):
             yield from sqlite_messages(data, source, topics)
@@ -190,10 +184,7 @@ def mcap_messages(
 
 
 def plain_message(message: Any) -> Any:
-    """A Protobuf message without its bytes as JSON would have it; the numbers of a `tensorflow.Example` by their keys.
-
-    Such examples are what the logger of Google's robots writes, each on its topic `/timestep` or `/action`.
-    """
+    """A Protobuf message without its bytes as JSON would have it; numbers of a `tensorflow.Example` by their keys."""
     if isinstance(message, Mapping):
         return {str(key): plain_message(value) for key, value in message.items()}
     if isinstance(message, Sequence) and not isinstance(message, str | bytes):

@@ -1,8 +1,7 @@
 """Columns of foreign tables by name: text, MAT, HDF5, JSON, NPY, NPZ, Parquet, MCAP of ours, and LeRobot data sets.
 
-A matrix makes columns `name[0]`, `name[1]` ...; a field of a struct or group is `outer.inner`.
-A LeRobot data set (v2 or v3) is a folder with `meta/info.json` and Parquet files of episodes; video is left out. Its
-columns of several numbers are also called by the names that it states: `action[shoulder_pan]`.
+A matrix makes columns `name[0]` ..., or `action[shoulder_pan]` where names are stated; a field of a struct or group is
+`outer.inner`. A LeRobot data set (v2 or v3) is a folder with `meta/info.json` and Parquet files; video is left out.
 """
 
 from __future__ import annotations

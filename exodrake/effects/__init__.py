@@ -23,11 +23,7 @@ FAMILIES = ("motor", "friction", "tendon", "sensor", "finger", "timing", "signal
 
 
 def discover() -> tuple[dict[str, Effect], tuple[Effect, ...]]:
-    """All effects by id, in the order in which they act, and those of plugins among them.
-
-    Raises:
-        InputError: for two effects of one id, or a plugin's file that is named as one of the families'.
-    """
+    """All effects by id, in the order in which they act, and those of plugins among them."""
     for file in [file for place in __path__[1:] for file in Path(place).iterdir() if file.stem in FAMILIES]:
         raise InputError(f"{file}: the library has a file of this name; rename it")
     modules = [f"{__name__}.{family}" for family in FAMILIES]
@@ -96,16 +92,9 @@ def generic_effects(part: Part) -> tuple[Effect, ...]:
 def for_machine(
     library_id: str, identity: str, points: Mapping[str, str] | None = None, **parameters: EffectParameter
 ) -> Effect:
-    """The same law on another machine, under its own id.
+    """The law of an id in the library on another machine, under its own id.
 
-    Args:
-        library_id: id in the library.
-        identity: id on the machine.
-        points: the machine's own point for each point of the effect that has another name there.
-        parameters: parameters, by name, that replace those of the library (another range or axis).
-
-    Raises:
-        InputError: for an id that the library does not have.
+    `points`: the machine's own point for each that has another name there; `parameters` replace those of the library.
     """
     if library_id not in LIBRARY:
         raise InputError(f"unknown effect {library_id!r}{nearest(library_id, list(LIBRARY))}")

@@ -84,10 +84,7 @@ def print_once(reason: str) -> None:
 
 
 def once[T](owner: Any, name: str, make: Callable[[], T]) -> T:
-    """A value kept beside the fields of an instance, frozen or not, as `cached_property` does; copies lack it.
-
-    Of several threads that ask for it, one makes it.
-    """
+    """A value kept beside the fields of an instance, as `cached_property` does, made by one of several threads."""
     if name not in owner.__dict__:
         with MAKING:
             if name not in owner.__dict__:

@@ -307,10 +307,6 @@ def compile_machine(machine: Machine) -> ModuleType:
 
 
 def equations(machine: Machine, part: Part) -> SimpleNamespace:
-    """The compiled functions of a part's module by name, with the effects of the machine.
-
-    `update(state, p, dt, reads...)`, `read(state, p, channel, reads...)`, `output(state, p, reads..., writes...)` and
-    `start(state, p, start vectors...)` take arrays; signals are written in place.
-    """
+    """The compiled functions of a part's module by name, with the effects of the machine: see `generate_equations`."""
     head, module = f"{part.name}__equation__", compile_machine(machine)
     return SimpleNamespace(**{k.removeprefix(head): f for k, f in vars(module).items() if k.startswith(head)})

@@ -23,10 +23,7 @@ def run_compiled(
 
 
 class Replay:
-    """A machine stepped frame by frame, whose fixed segments take what was measured; logs may come in parts.
-
-    `state` and `signals` are the flat vectors after the last frame.
-    """
+    """A machine stepped frame by frame, whose fixed segments take what was measured; logs may come in parts."""
 
     def __init__(self, machine: Machine, values: np.ndarray, fixed: Iterable[str] = ()) -> None:
         self.machine, names, module = machine, set(fixed), compile_machine(machine)

@@ -99,9 +99,8 @@ def start_vectors(part: Part) -> tuple[str, ...]:
 
 def call_start(part: Part) -> str:
     """A call of a part's `start`; without one its state begins at 0."""
-    return (
-        call(part, "start", list(start_vectors(part))) if hasattr(part.module, "start") else f"{part.name}_x[:] = 0.0"
-    )
+    has_start = hasattr(part.module, "start")
+    return call(part, "start", list(start_vectors(part))) if has_start else f"{part.name}_x[:] = 0.0"
 
 
 def generate_run(machine: Machine) -> str:
@@ -131,10 +130,7 @@ def generate_run(machine: Machine) -> str:
 
 
 def tick(machine: Machine, private: Container[tuple[str, str]]) -> list[str]:
-    """The plant's tick: every update sees the signals before it; the outputs follow; fixed segments hold their states.
-
-    private: parts and signals that the part reads as the segments impose them on it alone.
-    """
+    """The plant's tick: every update sees the signals before it, `private` ones as the segments impose them on it."""
     plant = [(b, t) for b in machine.parts for t in b.tasks if not t.slots]
     alone = [(s, i) for s, i in impositions(machine) if i.part]
     copies = dict.fromkeys(f"{i.part}_reads_{i.signal}[:] = w_{i.signal}" for _, i in alone)
@@ -246,10 +242,7 @@ def correct_state(machine: Machine) -> list[str]:
 
 
 def generate_moves(machine: Machine) -> str:
-    """`moves(states, p, dt, slots, switch, before, after, loads..., moved)`: one frame of the drives alone.
-
-    From the slot `switch` on they take the commands `after`; `moved` takes by how much the positions moved.
-    """
+    """`moves(...)`: by how much (`moved`) the drives move in a frame with commands `after` from slot `switch` on."""
     link = machine.command_link
     assert link is not None
     part = next(b for b in machine.parts if b.name == link.part)
@@ -266,7 +259,7 @@ def generate_moves(machine: Machine) -> str:
 
 
 def generate_equations(machine: Machine, part: Part) -> list[str]:
-    """One function `part__equation__name(state, p, ...)` per task, output and the start of a part: see `equations`."""
+    """One function `part__equation__name(state, p, ...)` per task (`dt` or `channel`, reads...), output and start."""
     tasks = [(t.function, [*(["dt"] if not t.slots else ["channel"] * t.per_channel), *t.reads]) for t in part.tasks]
     outputs = [(o.function, [*o.reads, *o.writes]) for o in part.outputs if not o.states]
     functions = [(name, given, call(part, name, given)) for name, given in (*tasks, *outputs)]

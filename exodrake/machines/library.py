@@ -34,18 +34,9 @@ def robot_files() -> dict[str, Path]:
     return found
 
 
-def robot_yaml(name: str) -> Path | None:
-    """The robot file of a built-in robot, or None if there is none of that name."""
-    return robot_files().get(name)
-
-
 @cache
 def machine_named(name: str, tolerances: tuple[Tolerance, ...] = ()) -> Machine:
-    """The machine of that name with its tolerances; the same object each time, so that it is compiled once.
-
-    Raises:
-        InputError: for an unknown name, with the names that exist, and for a folder whose `machine.py` is unusable.
-    """
+    """The machine of that name with its tolerances; the same object each time, so that it is compiled once."""
     folders = machine_folders()
     if name not in folders:
         raise InputError(f"unknown machine {name!r}{nearest(name, list(folders))}; known: {', '.join(folders)}")

@@ -49,10 +49,7 @@ SECTION = mapping(
 
 
 def add_generic(generic: tuple[Effect, ...], library: tuple[Effect, ...]) -> tuple[Effect, ...]:
-    """Generic effects of a law that the library lacks: behind a rigid servo an error of the reading is one of the aim.
-
-    Delays of reading and of command are one, too, and so are a clock's error and a delay of one motion.
-    """
+    """Generic effects of a law that the library lacks: behind a rigid servo an error of the reading is one of the aim."""
     known = {effect.family for effect in library}
     return in_order(effect for effect in generic if effect.family not in known)
 
@@ -97,10 +94,7 @@ def mechanism(robot: Robot) -> Mechanism:
 
 
 def servo_machine(name: str, section: Any, source: str) -> Machine:
-    """The machine of a `servos` section of a robot file: `effects` has the library's law by the id of each effect.
-
-    InputError for an unknown key, law or setting, and a doubled joint.
-    """
+    """The machine of a `servos` section of a robot file: `effects` has the library's law by the id of each effect."""
     section = SECTION(section, f"{source}, 'servos'")
     joints = tuple(section["joints"])
     if len(set(joints)) < len(joints):
@@ -222,10 +216,7 @@ def motor_mechanism(robot: Robot) -> Mechanism:
 
 
 def make_loop(joints: tuple[str, ...], frame: float, library: tuple[Effect, ...]) -> Loop:
-    """The outer loop that `analyse` and `tune` look at; its integral acts over ten frames at first, `OUTER` at least.
-
-    A servo turns no faster for a log of more frames a second.
-    """
+    """The outer loop that `analyse` and `tune` look at; its integral acts over ten frames at first, `OUTER` at least."""
     first = min(0.1 / frame, 1.0 / OUTER)
     proportional, integral = Gain("joint_loop.kp", 0.01, 2.0), Gain("joint_loop.ki", 1e-3 / frame, 1.0 / frame)
     latency = (f"{e.id}.frames" for e in library if e.family == LIBRARY["timing.command_latency"].family)

@@ -16,7 +16,7 @@ from exodrake.core import plugins, schema
 from exodrake.core.errors import InputError, argument, nearest
 from exodrake.core.files import is_file, read_bytes, write_text
 from exodrake.core.schema import Schema, anything, dump_yaml, either, listing, mapping, names, number, optional, text
-from exodrake.machines.library import machine_named, robot_files, robot_yaml
+from exodrake.machines.library import machine_named, robot_files
 from exodrake.model.machine import Machine, Tolerance
 from exodrake.model.part import TENDONS
 from exodrake.model.robot import Robot, flatten, refuse_negative
@@ -66,9 +66,9 @@ def load_robot(path: str | Path = "exo_index", above: tuple[str, ...] = ()) -> R
         >>> load_robot("exo_index")["finger.kappa.MCP"]
         0.08
     """
-    file, shipped = Path(path), robot_yaml(str(path))
+    file, shipped = Path(path), robot_files().get(str(path))
     if shipped is None and plugins.is_machine(file):
-        shipped = robot_yaml(plugins.add_plugin(file).name)
+        shipped = robot_files().get(plugins.add_plugin(file).name)
     if shipped is not None:
         source, data, place, file = f"{path}.yaml", read_bytes(shipped), None, shipped
     else:
@@ -102,7 +102,7 @@ def build(content: Any, source: str, above: tuple[str, ...] = (), folder: Path |
     content = SCHEMA(content, source)
     base = content.get("base")
     named = base or content.get("machine")
-    if folder is not None and named and robot_yaml(named) is None:
+    if folder is not None and named and named not in robot_files():
         own = folder.resolve()
         for beside in (folder / named, own, own.parent / named) if base else (own,):
             if beside.name == named and plugins.is_machine(beside):
@@ -189,10 +189,7 @@ def write_robot(robot: Robot, path: str | Path, notes: str = "") -> None:
 
 
 def robot_text(robot: Robot, notes: str = "") -> str:
-    """Text of a robot file that `load_robot` takes: what differs from its machine, effects and limits too.
-
-    A robot with tolerances of its own states all its parameters.
-    """
+    """Text of a robot file that `load_robot` takes: what differs from its machine; all, with tolerances of its own."""
     base = load_robot(robot.machine.name)
     own = robot.machine.tolerances != base.machine.tolerances
     effects: dict[str, dict[str, Any]] = {identity: {} for identity in robot.effects()}

@@ -68,10 +68,7 @@ OF_CABLES = ("arm.joint_compliance", "arm.rotor_inertia")  # which the cables an
 
 
 def arm_machine(name: str, section: Any, folder: Path, source: str) -> Machine:
-    """The machine of an `arm` section of a robot file in a folder, in which the URDF file must lie.
-
-    InputError for an unknown key, and a URDF file that is absent, elsewhere or no serial arm.
-    """
+    """The machine of an `arm` section of a robot file; InputError for a URDF that is not in its folder or no arm."""
     section = SECTION(section, f"{source}, 'arm'")
     path = (folder / section["urdf"]).resolve()
     if not path.is_relative_to(folder.resolve()):
@@ -308,10 +305,7 @@ def units(chain: Chain) -> dict[str, str]:
 
 
 def chain_values(chain: Chain, part: str) -> dict[str, float]:
-    """Bodies, axes and gravity as the URDF states them, by full name of the parameters of a part [SI].
-
-    The arm itself also has damping, dry friction, and rotors without inertia.
-    """
+    """Bodies, axes, gravity and, of the arm itself, losses, as the URDF states them: full name of a parameter -> [SI]."""
     found = {f"{part}.gravity": GRAVITY, f"{part}.tip_mass": 0.0, f"{part}.base_roll": 0.0, f"{part}.base_pitch": 0.0}
     found |= {f"{part}.tip_{name}": float(value) for name, value in zip("xyz", chain.tip, strict=True)}
     for channel, joint, body in zip(chain.names, chain.joints, chain.bodies, strict=True):

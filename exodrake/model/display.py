@@ -1,7 +1,5 @@
 """How quantities are shown to people: label and unit of a log column, colour of a channel."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

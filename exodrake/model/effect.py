@@ -1,7 +1,5 @@
 """Effects: physics that the nominal model leaves out, and their parameters."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -96,11 +94,7 @@ class Effect:
 
     @property
     def equation(self) -> str:
-        """Equation of the effect with a description: the docstring of its first law, whose equation `formula` replaces.
-
-        It is the second paragraph, or what follows the colon of a docstring of one line. Where there is neither, the
-        docstring of the law's module, which then has one law.
-        """
+        """Equation with a description: the docstring of the first law, `formula` in place of its second part."""
         law = next(iter(self.at.values()))
         said, _, rest = cleandoc(law.__doc__ or "").partition("\n\n")
         if not rest and ": " in said:

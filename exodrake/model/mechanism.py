@@ -163,10 +163,7 @@ class Skeleton:
 
 @dataclass(frozen=True)
 class Shape:
-    """Geometry of a serial arm in space, or of axes side by side, and the columns that move and colour it.
-
-    World: axes of the base.
-    """
+    """Geometry of a serial arm in space, or of axes side by side, and the columns that move and colour it."""
 
     joints: tuple[str, ...]  # their names, from the base to the tip
     origins: np.ndarray  # (joints, 3) in the frame of the joint before [m]

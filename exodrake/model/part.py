@@ -22,15 +22,12 @@ CURVE, PLACE, HYSTERESIS, RELAXATION = "curve", "place", "hysteresis", "relaxati
 
 @dataclass(frozen=True)
 class Signal:
-    """A named signal between parts: a Drake port and, where it has a log column, a column family.
-
-    `distribution` of a noise input: `NORMAL` or `UNIFORM`.
-    """
+    """A named signal between parts: a Drake port and, where it has a log column, a column family."""
 
     name: str
     unit: str
     axis: str
-    distribution: str = ""
+    distribution: str = ""  # of a noise input: `NORMAL` or `UNIFORM`
 
 
 @dataclass(frozen=True)
@@ -89,10 +86,7 @@ def free_memory(
 
 @dataclass(frozen=True)
 class Unit:
-    """Metadata of a field of a part's `Parameters`: SI unit, axis, and the group that prefixes its name.
-
-    The parameter's public name is `group.name` or `group.name.channel`; `Part.fields` fills group and name in.
-    """
+    """SI unit, axis, and group of a field of a part's `Parameters`, called `group.name` or `group.name.channel`."""
 
     unit: str
     axis: str = SCALAR
@@ -122,28 +116,22 @@ class State:
 
 @dataclass(frozen=True)
 class Task:
-    """An update of a part's own state from signals: in each of its slots once a frame, or without slots at every tick.
-
-    `per_channel`: the k-th slot handles the k-th channel only, and the function takes its index before the signals.
-    """
+    """An update of a part's own state from signals: once a frame in each of its slots, or without slots at every tick."""
 
     function: str
     reads: tuple[str, ...]
     slots: tuple[int, ...] = ()
-    per_channel: bool = False
+    per_channel: bool = False  # whether the k-th slot handles the k-th channel, whose index comes before the signals
 
 
 @dataclass(frozen=True)
 class Output:
-    """A function from state to signals; with `reads`, also from signals (direct feedthrough).
-
-    `states`: names of states that the signals show as they are; no function is called then.
-    """
+    """A function from state to signals."""
 
     function: str
     writes: tuple[str, ...]
-    reads: tuple[str, ...] = ()
-    states: tuple[str, ...] = ()
+    reads: tuple[str, ...] = ()  # signals that it follows from, too (direct feedthrough)
+    states: tuple[str, ...] = ()  # that the signals show as they are; no function is called then
 
     @staticmethod
     def of_states(**signals: str) -> Output:
@@ -183,13 +171,10 @@ class Point:
 
 @dataclass(frozen=True)
 class Part:
-    """A part: `name` is unique in a machine; `module` has `Parameters` and functions of tasks and outputs.
+    """A part: signals it reads and writes, parameters, states, tasks and points."""
 
-    `start(x, z, n, e, ...)` of the module sets the first state, which is 0 without it.
-    """
-
-    name: str
-    module: ModuleType
+    name: str  # unique in a machine
+    module: ModuleType  # functions of tasks and outputs; `start(x, z, n, e, ...)` sets the first state, else 0
     parameters: type
     tasks: tuple[Task, ...]
     outputs: tuple[Output, ...]

@@ -73,11 +73,7 @@ def protocol(text: str, robot: Robot | None = None) -> Reference:
 
 
 def on_machine(function: Callable[..., Reference], robot: Robot, **options: float) -> Reference:
-    """A protocol on any machine. InputError if the machine or its robot file states no limits of the reference.
-
-    Tensions are shares of the highest one, other references, such as angles, of the span between both limits.
-    Further inputs are those of `complete_inputs`.
-    """
+    """A protocol on any machine: tensions are shares of the highest one, other references of the span of the limits."""
     machine, limits = robot.machine, robot.machine.reference_limits
     first, *others = machine.references
     if not limits or not all(robot.limits.get(name) for name in limits):

@@ -111,10 +111,7 @@ def scenario_text(scenario: Scenario) -> str:
 def change_robot(
     robot: Robot, parameters: Sequence[str], effects: Sequence[str], parts: Sequence[str] = ()
 ) -> tuple[Robot, dict[str, float], dict[str, dict[str, Any]]]:
-    """A robot with parts, then parameters, then effects as the command line has them, and values of the last two.
-
-    A parameter is `finger.kappa.MCP=0.09` or `tendon.k=2.7 N/mm`, an effect as in `parse_effect`.
-    """
+    """A robot with parts, parameters (`tendon.k=2.7 N/mm`) and effects (`parse_effect`), and values of the last two."""
     for part in parts:
         robot = robot.with_part(part)
     numbers, spliced = {}, {}

@@ -120,12 +120,7 @@ def write_log(log: Log, path: str | Path) -> None:
 
 
 def log_bytes(log: Log, path: str | Path) -> bytes:
-    """Content of a log's file.
-
-    Raises:
-        InputError: for an unknown ending, and for what would be refused when it is read: no rows, a sample that is
-            infinite or larger than any signal, a hole in the clock, a name that no heading can hold.
-    """
+    """Content of a log's file. InputError for an unknown ending, and for what would be refused when it is read."""
     write = find_format(path).write
     try:
         columns = log_from_columns(zip(headings(log), [log.time, *log.signals.values()]), str(path)).columns
