@@ -40,7 +40,6 @@ class ModuleSource:
         self.points = {name: p for name, p in vars(module).items() if isinstance(p, Point) and name in assigned}
         nodes = [*tree.body, *(ast.parse(point.source).body[0] for point in self.points.values())]
         self.functions = {node.name: node for node in nodes if isinstance(node, ast.FunctionDef)}
-        self.classes = [node.name for node in tree.body if isinstance(node, ast.ClassDef)]
         self.constants = [node for node in tree.body if isinstance(node, ast.Assign) and constant_names(node)]
         self.imports = [node for node in tree.body if isinstance(node, ast.ImportFrom)]
 
@@ -53,7 +52,7 @@ class ModuleSource:
 
     def renames(self) -> dict[str, str]:
         """How the module's own and imported names are called in the generated module."""
-        table = {name: f"{self.prefix}__{name}" for name in (*self.functions, *self.classes)}
+        table = {name: f"{self.prefix}__{name}" for name in self.functions}
         table |= {name: f"{self.prefix}__{name}" for node in self.constants for name in constant_names(node)}
         table |= {name: f"{self.prefix}__{point.name}" for name, point in self.points.items()}
         for home, alias in ((n.module, a) for n in self.imports for a in n.names):

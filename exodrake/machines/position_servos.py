@@ -49,7 +49,7 @@ SECTION = mapping(
 
 
 def add_generic(generic: tuple[Effect, ...], library: tuple[Effect, ...]) -> tuple[Effect, ...]:
-    """Generic effects of a law that the library lacks: behind a rigid servo an error of the reading is one of the aim."""
+    """Generic effects of a law that the library lacks: behind a rigid servo an error in reading is one of the aim."""
     known = {effect.family for effect in library}
     return in_order(effect for effect in generic if effect.family not in known)
 
@@ -216,7 +216,7 @@ def motor_mechanism(robot: Robot) -> Mechanism:
 
 
 def make_loop(joints: tuple[str, ...], frame: float, library: tuple[Effect, ...]) -> Loop:
-    """The outer loop that `analyse` and `tune` look at; its integral acts over ten frames at first, `OUTER` at least."""
+    """The outer loop that `analyse` and `tune` look at; its integral acts over ten frames first, `OUTER` at least."""
     first = min(0.1 / frame, 1.0 / OUTER)
     proportional, integral = Gain("joint_loop.kp", 0.01, 2.0), Gain("joint_loop.ki", 1e-3 / frame, 1.0 / frame)
     latency = (f"{e.id}.frames" for e in library if e.family == LIBRARY["timing.command_latency"].family)

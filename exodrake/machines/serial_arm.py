@@ -305,7 +305,7 @@ def units(chain: Chain) -> dict[str, str]:
 
 
 def chain_values(chain: Chain, part: str) -> dict[str, float]:
-    """Bodies, axes, gravity and, of the arm itself, losses, as the URDF states them: full name of a parameter -> [SI]."""
+    """Bodies, axes, gravity and, of the arm itself, losses, as the URDF states them: name of a parameter -> [SI]."""
     found = {f"{part}.gravity": GRAVITY, f"{part}.tip_mass": 0.0, f"{part}.base_roll": 0.0, f"{part}.base_pitch": 0.0}
     found |= {f"{part}.tip_{name}": float(value) for name, value in zip("xyz", chain.tip, strict=True)}
     for channel, joint, body in zip(chain.names, chain.joints, chain.bodies, strict=True):
@@ -338,8 +338,7 @@ def compute_dynamics(
 
 def middle(chain: Chain) -> np.ndarray:
     """Middle of each joint's range (n,); 0 of one without limits."""
-    ends = [(j.lower, j.upper) if np.isfinite(j.upper - j.lower) else (0.0, 0.0) for j in chain.joints]
-    return np.array([0.5 * (low + high) for low, high in ends])
+    return np.array([0.5 * (j.lower + j.upper) if np.isfinite(j.upper - j.lower) else 0.0 for j in chain.joints])
 
 
 def typical_efforts(chain: Chain) -> np.ndarray:

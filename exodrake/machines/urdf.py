@@ -160,13 +160,11 @@ def make_chain(path: Sequence[Joint], joints: Sequence[Joint], bodies: Mapping[s
         raise InputError(f"{source}: {len(moving)} moving joints on the way to the tip, wanted 1 to {MAX_JOINTS}")
     on_way = {joint.name for joint in moving}
 
-    def whole(link: str, depth: int = 0) -> Body:
+    def whole(link: str) -> Body:
         """A link and all that hangs on it, but for what the arm's next joint moves."""
-        if depth > len(bodies):
-            raise InputError(f"{source}: its links form a ring")
         found = bodies[link]
         for joint in (j for j in joints if j.parent == link and j.name not in on_way):
-            found = found.join(whole(joint.child, depth + 1), rotation(joint.angles), joint.origin)
+            found = found.join(whole(joint.child), rotation(joint.angles), joint.origin)
         return found
 
     turn, point, placed, direct = np.eye(3), np.zeros(3), [], True

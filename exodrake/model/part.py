@@ -116,7 +116,7 @@ class State:
 
 @dataclass(frozen=True)
 class Task:
-    """An update of a part's own state from signals: once a frame in each of its slots, or without slots at every tick."""
+    """An update of a part's own state from signals: once a frame in each of its slots, or at every tick without one."""
 
     function: str
     reads: tuple[str, ...]
