@@ -236,7 +236,7 @@ def read_case(
         check_columns(table, required)
         log, faults = regularise(table, frame)
         hashes[file] = hash_file(path)
-        if is_file(beside := path.with_name(stem(path) + NOTES)):
+        if is_file(beside := path.with_name(notes_name(path))):
             lines = read_bytes(beside).decode(errors="replace").splitlines()[:MOST_NOTES]
             notes += [f"{path.name}: {line.strip()}" for line in lines if line.strip()]
         notes += [fault.replace(str(path), file) for fault in faults]  # the answer holds them
@@ -308,7 +308,7 @@ def write_case(case: Case, folder: str | Path, notes: Mapping[str, Sequence[str]
         logs.append({key: value for key, value in log.items() if value is not None})
     head = {"name": case.name} | ({"serial": case.serial} if case.serial else {})
     text = schema.dump_yaml(head | {"robot": plain(case.robot), "period": float(case.period), "logs": logs})
-    contents |= {stem(file) + NOTES: "\n".join((*lines, "")).encode() for file, lines in (notes or {}).items() if lines}
+    contents |= {notes_name(file): "\n".join((*lines, "")).encode() for file, lines in (notes or {}).items() if lines}
     write_folder(folder, contents | {FILE: text.encode()})
 
 
@@ -325,3 +325,8 @@ def check_inside(folder: str | Path, file: str, where: str) -> None:
 def relative_name(file: str, place: Path) -> str:
     """A log's name seen from the folder of its case, since answers hold it: no absolute path."""
     return os.path.relpath(file, place) if os.path.isabs(file) else file
+
+
+def notes_name(file: str | Path) -> str:
+    """Name of the file of notes of a log, a line each."""
+    return stem(file) + NOTES

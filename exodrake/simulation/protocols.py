@@ -71,17 +71,8 @@ def grasp(
 ) -> Reference:  # fmt: skip
     """One grasp: rest, minimum-jerk approach to the mode's target tensions, hold, minimum-jerk release, rest.
 
-    Args:
-        mode: one of `robot.grasps`, or any name if `targets` are given.
-        robot: whose limits hold; the built-in one if None.
-        targets: tendon -> tension [N].
-        rest: duration before and after [s].
-        approach: duration [s].
-        hold: duration [s].
-        release: duration [s].
-
-    Raises:
-        InputError: naming the mode, tendon, value or duration.
+    Args: mode: one of `robot.grasps`, or any name if `targets` (tendon -> tension [N]) are given; rest (before and
+    after), approach, hold, release: durations [s]. InputError naming the mode, tendon, value or duration.
 
     Examples:
         >>> grasp("narrow-pinch", hold=1.0).values.shape
