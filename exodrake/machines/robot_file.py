@@ -68,7 +68,8 @@ def load_robot(path: str | Path = "exo_index", above: tuple[str, ...] = ()) -> R
     """
     file, shipped = Path(path), robot_files().get(str(path))
     if shipped is None and plugins.is_machine(file):
-        shipped = robot_files().get(plugins.add_plugin(file).name)
+        added = plugins.add_plugin(file).name
+        shipped = robot_files().get(added)
     if shipped is not None:
         source, data, place, file = f"{path}.yaml", read_bytes(shipped), None, shipped
     else:
