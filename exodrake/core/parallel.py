@@ -43,10 +43,9 @@ def thread_limit(api: str | None = None, count: int = 1) -> Any:
 
 
 def side_by_side[T](tasks: Sequence[Callable[[], T]]) -> list[T]:
-    """Results of tasks, in their order, on this thread and on idle ones as far as numba may use several.
+    """Results of tasks, which may call it, too, in order, on this thread and on idle ones as far as numba may use some.
 
-    Tasks may call it, too: what is idle then helps with theirs. A task gains by it while it simulates or works on
-    arrays, as compiled code and numpy let other threads run. After an error no other task begins.
+    A task gains by it while compiled code or numpy lets other threads run. After an error no other task begins.
     """
     import numba
 

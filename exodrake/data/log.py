@@ -204,10 +204,7 @@ class Log:
         return plot_log(self, *args, **options)
 
     def sample(self, column: str, time: np.ndarray) -> np.ndarray:
-        """A column (n,) [its unit] at times (n,) [s]: its samples where the clocks agree, else linear between them.
-
-        NaN outside the time that the log covers.
-        """
+        """A column (n,) [its unit] at times (n,) [s], linear between samples, NaN outside the time of the log."""
         if len(self) == len(time) and np.abs(self.time - time).max() <= ALIKE:
             return self[column]
         inside = (time >= self.time[0] - ALIKE) & (time <= self.time[-1] + ALIKE)
@@ -260,8 +257,7 @@ def columns_in_si(
 ) -> tuple[dict[str, np.ndarray], dict[str, str]]:
     """Values (n,) [SI] by name, time among them, and their SI units, from pairs of heading and values (n,).
 
-    A bare name takes its unit from `units`, else SI by its kind; units of None: each heading has its unit. `before`:
-    number of rows before the first, for messages.
+    A bare name takes its unit from `units` if that is given, else SI by its kind; `before`: rows before the first.
     """
     signals, known, plain = dict[str, np.ndarray](), dict[str, str](), dict[str, str]()
     for text, values in columns:
@@ -407,10 +403,7 @@ def regularise(log: Log, period: float = 0.02) -> tuple[Log, list[str]]:
 
 
 def other_rate(time: np.ndarray, frames: np.ndarray, period: float) -> tuple[float, float] | None:
-    """Time [s] from which a clock (n,) [s] runs at another rate than its frames (n,), and its frame there [s]; or None.
-
-    The rate is the slope over some rows, and counts where it takes them half a frame away.
-    """
+    """Time [s] from which a clock (n,) [s] runs at another rate than its frames (n,), and its frame [s]; or None."""
     for rows in np.array_split(np.arange(len(time)), max(1, len(time) // STRETCH)):
         span = float(frames[rows[-1]] - frames[rows[0]]) if len(rows) > 2 else 0.0
         if span:

@@ -153,10 +153,7 @@ LEFT_OUT = ("reading.delay", "reading.crosstalk")
 def motor_machine(
     name: str, joints: tuple[str, ...], frame: float, max_effects: int, friction: float = FRICTION
 ) -> Machine:
-    """A machine of servos with motor, gear and supply (`physics/servo.py`); the sensor reads as a command arrives.
-
-    frame: its period [s]; friction: of the gears [N m], about, with which ranges of the friction family scale.
-    """
+    """A machine of servos with motor, gear and supply; frame: its period [s]; friction: of the gears [N m], about."""
     scales = {
         "force": (friction, "N m"), "speed": (TURNING, "rad/s"), "length": (SWING, "rad"),
         "force/speed": (friction / TURNING, "N m s/rad"),
@@ -169,10 +166,7 @@ def motor_machine(
 
 
 def motor_mechanism(robot: Robot) -> Mechanism:
-    """Loads side by side, each under a position loop within the stall torque; the back-EMF is damping of the joint.
-
-    A load is half a point on a lever, so that its weight has the stated moment, and half a body about the axis.
-    """
+    """Loads side by side, half points on levers and half bodies, each under a loop; the back-EMF is joint damping."""
     joints = robot.machine.axes.joints
 
     def with_share(parameter: str, effect: str) -> np.ndarray:

@@ -96,9 +96,8 @@ def robot_or_default(robot: Robot | None) -> Robot:
 def build(content: Any, source: str, above: tuple[str, ...] = (), folder: Path | None = None) -> Robot:
     """A robot from the content of the file `source` in a folder, to which some bases above led.
 
-    A machine that is the file's own folder, and a base that is a machine's folder beside the file or its folder too,
-    is known from then on, code and all, as `--machine` would make it; a base that is a file is looked for there first.
-    InputError names the key.
+    A machine that is the file's own folder, and a base that is a machine's folder beside the file or its folder too, is
+    known from then on, code and all; a base that is a file is looked for there first. InputError names the key.
     """
     content = SCHEMA(content, source)
     base = content.get("base")

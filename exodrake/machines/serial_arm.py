@@ -83,10 +83,7 @@ def make_machine(
     without: tuple[str, ...], given: tuple[Signal, ...], inner: tuple[Signal, ...], columns: tuple[Column, ...],
     slots: int = 4, **rest: Any,
 ) -> Machine:  # fmt: skip
-    """The machine of an arm of some parts; sensors: column kind -> part; without: ids of effects that it has not.
-
-    Signals `given` come from outside, `inner` ones are computed; `slots`: of a frame, at least.
-    """
+    """The machine of an arm of some parts; sensors: column kind -> part; without: ids of effects that it has not."""
     return Machine(
         name=name, axes=Axes((), chain.names), parts=parts, signals=(*given, *inner), columns=columns, frame=frame,
         inputs=tuple(s.name for s in given), effects=effects_in(units(chain), parts, without), compared=tuple(sensors),

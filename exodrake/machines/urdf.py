@@ -103,10 +103,7 @@ MAX_JOINTS, MAX_ALL = 30, 300  # that move on the way to the tip; in the file
 
 
 def read_urdf(path: str | Path, tip: str = "") -> Chain:
-    """The arm of a URDF file, up to the link `tip`, which is needed where the moving joints branch.
-
-    Joints elsewhere stand at 0. InputError names the file and what is wrong.
-    """
+    """The arm of a URDF file up to the link `tip`, which is needed where moving joints branch; others stand at 0."""
     source = Path(path).name
     data = read_bytes(path)
     if len(data) > MAX_BYTES:

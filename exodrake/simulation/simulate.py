@@ -46,10 +46,7 @@ def delay_columns(machine: Machine, records: np.ndarray, indices: list[int]) -> 
 
 
 def delay_samples(machine: Machine, signals: dict[str, np.ndarray], noise_std: Callable[[str], float]) -> None:
-    """Replaces delayed columns (frames, channels) [SI] in a run's signals by their values at t - delay.
-
-    The noise stays where it was; `noise_std` gives the parameter [SI] that scales it, by its name.
-    """
+    """Replaces delayed columns (frames, channels) [SI] by their values at t - delay, noise of `noise_std` aside."""
     for column in machine.columns:
         if (delay := column.delay) and (late := signals[delay.signal][:, 0]).any():
             noise, own = noise_std(delay.noise_std) * signals[delay.noise_input], signals[column.signal]

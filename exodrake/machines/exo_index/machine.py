@@ -146,8 +146,6 @@ LOOP = Loop(
     nonlinear={"motor.dead_zone": {}, "tendon.coulomb_friction": {}},
 )  # fmt: skip
 
-AXES = Axes(("AF", "MF", "AE"), ("MCP", "PIP", "DIP"))
-
 SIGNALS = (
     Signal("tension_ref", "N", TENDONS), Signal("noise_tension", "-", TENDONS, NORMAL),
     Signal("noise_angle", "-", JOINTS, NORMAL), Signal("packet_arrival", "-", TENDONS, UNIFORM),
@@ -192,7 +190,7 @@ TWELFTH = 1.0 / 12.0  # variance of a rounding error in units of its step square
 def machine() -> Machine:
     """The nominal machine with every effect of the library at its null value."""
     return Machine(
-        name="exo_index", axes=AXES, signals=SIGNALS, parts=PARTS,
+        name="exo_index", axes=Axes(("AF", "MF", "AE"), ("MCP", "PIP", "DIP")), signals=SIGNALS, parts=PARTS,
         inputs=("tension_ref", "noise_tension", "noise_angle", "packet_arrival"), columns=COLUMNS,
         effects=collect_effects(PARTS), noise=("sensor.sigma_F", "mocap.sigma_q"),
         resolution=("sensor.q_F", "encoder.q_theta"), compared=("tension", "stroke", "speed_cmd", "angle"),
