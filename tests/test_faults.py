@@ -33,7 +33,7 @@ def ready(case, robot=None, progress=None, tried=None, discovers=None, answered=
 import exodrake.diagnosis.pipeline as pipeline
 import exodrake.cli.simulate
 pipeline.diagnose = ready
-exodrake.cli.simulate.files_of = lambda *_: {{"figure.png": b"x" * 5000, "recording.html": b"y" * 5000}}
+exodrake.cli.simulate.make_files = lambda *_: {{"figure.png": b"x" * 5000, "recording.html": b"y" * 5000}}
 from exodrake.__main__ import run
 """
 # Runs it, then again and again in forks that kill themselves at their first, second ... change of the file system.
