@@ -24,7 +24,5 @@ for joint, length, half, true in zip(found.joints, found.lengths, found.interval
     print(f"{joint.name}   {1e3 * length:.2f} +- {1e3 * half:.2f}   true {1e3 * true:.2f}")
 
 ranges = Ranges(*(joint.range for joint in found.joints))
-area, drawn = reach(found.lengths, ranges).area, monte_carlo(found.lengths, ranges, samples=5000)
-print(
-    f"\nfingertip workspace {1e6 * area:.0f} mm2, by Monte Carlo {1e6 * drawn.value:.0f} +- {1e6 * drawn.error:.0f} mm2"
-)
+area, (drawn, error) = reach(found.lengths, ranges).area, monte_carlo(found.lengths, ranges, samples=5000)
+print(f"\nfingertip workspace {1e6 * area:.0f} mm2, by Monte Carlo {1e6 * drawn:.0f} +- {1e6 * error:.0f} mm2")
