@@ -87,12 +87,16 @@ def excess_by_column(
     robot: (parameters,) flat vector. shares: (n,) the parts, each from the beginning of every log.
     """
     logs = [log**2 for log in by_trial(problem.residual(robot[None], problem.fit)[0], problem.fit)]
-    runs = likelihood.views[0].squares
-    assert runs is not None, "a likelihood of noise"
-    noise = np.maximum(runs.mean(axis=0), 1.0) + SAMPLING * runs.std(axis=0, ddof=1)
     counts = [[trial.count_frames(share) for trial in problem.fit] for share in shares]
     means = [np.concatenate([log[:n] for log, n in zip(logs, each)]).mean(axis=0) for each in counts]
-    return np.array(means) - noise - NEGLIGIBLE**2
+    return np.array(means) - noise_by_column(likelihood) - NEGLIGIBLE**2
+
+
+def noise_by_column(likelihood: Likelihood) -> np.ndarray:
+    """Mean squares in closed loop (columns,) of simulated runs with noise, with their scatter [noise variances]."""
+    runs = likelihood.views[0].squares
+    assert runs is not None, "a likelihood of noise"
+    return np.maximum(runs.mean(axis=0), 1.0) + SAMPLING * runs.std(axis=0, ddof=1)
 
 
 def retune(problem: Problem, x: np.ndarray | None = None) -> tuple[Explanation, defaultdict[str, float]]:

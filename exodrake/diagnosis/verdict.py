@@ -3,8 +3,8 @@
     left(S)        share of the gap beyond retuning that a set leaves (`Search.measure_left`)
 
 An effect of the best set S takes up left(S without it) - left(S), where a set leaves no more than a part of it does.
-It is a cause where that is a tenth of the gap, of one joint at least where joints are separate, or most of what is
-left without it and more than the errors of the other causes' laws may leave. Other effects of S are refinements.
+It is a cause where that is a tenth of the gap, of one joint at least where joints are separate, or where it takes up
+in a channel what neither noise nor errors of the other effects' laws may leave. Other effects of S are refinements.
 Causes divide into shares what they take up together. A rival of a cause stands in its place in a set that leaves no
 more than S and the error of a law, or is as likely. Beside a verdict stand the parameters that retuning moved, and the
 explanations that the logs do not tell apart.
@@ -12,14 +12,14 @@ explanations that the logs do not tell apart.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from exodrake.core.confidence import NORMAL_90
 from exodrake.diagnosis.fit import Predicted, fit_beside
-from exodrake.diagnosis.isolation import Isolation, excess_by_column
+from exodrake.diagnosis.isolation import Isolation, excess_by_column, noise_by_column
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.result import (
     AMBIGUOUS,
@@ -34,7 +34,7 @@ from exodrake.diagnosis.result import (
     Moved,
     Rival,
 )
-from exodrake.diagnosis.search import LARGE, LAW, NATS, NEGLIGIBLE, Fitted, screen
+from exodrake.diagnosis.search import LARGE, LAW, NATS, Fitted, screen
 
 VISIBLE = 1.0  # standard deviations of the tolerance from which a change is listed
 ALIKE = 0.9  # share of what retuning explains from which a single effect is listed
@@ -47,6 +47,7 @@ REASONS = {
     UNKNOWN: "no effect explains half of the gap",
 }
 DIFFERS = "most of the gap differs from run to run of one motion, and no effect that was tried does"
+CLEAR = 2.0  # times (RMS) what a set leaves in a channel that a small cause takes up there; errors of laws reach 1
 EXPLAINED, MOST = 0.9, 0.5  # shares of the gap from which causes are named, and from which they explain part of it
 
 
@@ -154,8 +155,7 @@ def drop_refinements(found: Isolation) -> tuple[Fitted, tuple[Part, ...]]:
 def divide_gap(found: Isolation, best: Fitted) -> tuple[Part, ...]:
     """Effects of a set, causes first, the largest first.
 
-    A small effect is a cause where what is left without it is visible and no error of another one's law: it takes up
-    most of that, and more than laws err by. Lost commands that were decoded have no such law. Where joints are
+    A small effect is a cause where it takes up in a channel what nothing else may (`find_clear`). Where joints are
     separate, it is one that is a cause in one of them.
     What causes take up together is divided by what each takes up alone and what is left without it, in the mean: of
     two that stand in for each other neither is lost.
@@ -170,18 +170,13 @@ def divide_gap(found: Isolation, best: Fitted) -> tuple[Part, ...]:
     smaller = {i: search.best_within(best.effects - {i}) for i in best.explanation.effects}
     gains = {i: measure(fitted) - left for i, fitted in smaller.items()}
 
-    def leave(fitted: Fitted) -> np.ndarray:
-        """What a set leaves in each channel (columns,) beyond a negligible gap [noise variances]."""
-        return excess_by_column(found.whole, fitted.explanation.robot, found.likelihood)[0]
-
-    roles, after, counts = {}, leave(best), search.whole.any_by_joint(leave(search.none) >= 0.0)
-    rest = found.beside_detections * search.left_by_joint(best)
-    gained = {i: found.beside_detections * search.left_by_joint(fitted) - rest for i, fitted in smaller.items()}
-    for effect, gain in gained.items():
-        others = sum(np.minimum(g, 1.0) for i, g in gained.items() if i not in (effect, *found.whole.counted))
-        small = (gain >= LAW**2 * others) & (bool(after.max() < 0.0) | (gain >= MOST * (rest + gain)))
-        visible = search.whole.any_by_joint(leave(smaller[effect]) > np.maximum(after + NEGLIGIBLE**2, 0.0))
-        roles[effect] = CAUSE if np.any(counts & ((gain >= LARGE) | (small & visible))) else REFINEMENT
+    roles, clear = dict[str, str](), find_clear(found, best, smaller)
+    gap = excess_by_column(found.whole, search.none.explanation.robot, found.likelihood)[0]
+    counts, rest = search.whole.any_by_joint(gap >= 0.0), search.left_by_joint(best)
+    for effect, fitted in smaller.items():
+        gain = found.beside_detections * (search.left_by_joint(fitted) - rest)
+        is_cause = counts & ((gain >= LARGE) | search.whole.any_by_joint(clear[effect]))
+        roles[effect] = CAUSE if is_cause.any() else REFINEMENT
     alone = {i: none - measure(search.sets.get(frozenset([i]), search.none)) for i in gains}
     weight = {i: np.maximum(alone[i], 0.0) + np.maximum(gains[i], 1e-9) for i in gains if roles[i] == CAUSE}
     together = none - left - sum(np.maximum(g, 0.0) for i, g in gains.items() if roles[i] == REFINEMENT)
@@ -192,6 +187,27 @@ def divide_gap(found: Isolation, best: Fitted) -> tuple[Part, ...]:
         lost = {i: float(share[0] + left[0] - measure(f)[0]) for i, f in rivals.items()}
         parts.append(Part(effect, roles[effect], jackknife_share(share), lost))
     return tuple(sorted(parts, key=lambda p: (p.role != CAUSE, -p.share.value)))
+
+
+def find_clear(found: Isolation, best: Fitted, smaller: Mapping[str, Fitted]) -> dict[str, np.ndarray]:
+    """Whether each effect of a set takes up in a channel (columns,) what nothing else may: effect -> mask.
+
+    That is as much as the noise, and `CLEAR` times (RMS) what the set leaves there. A sample counts the less, the more
+    errors of the other effects' laws may leave in it: `LAW` of what each does there. Lost commands that were decoded
+    have no such law. smaller: effect -> the set without it.
+    """
+    problem, own = found.whole, replace(found.whole.robot, values=best.explanation.robot)
+    silent = {i: own.without_effects({i}).values for i in smaller if i not in problem.counted}
+    rows = np.array([own.values, *(f.explanation.robot for f in smaller.values()), *silent.values()])
+    left = problem.residual(rows, problem.fit).reshape(len(rows), -1, len(problem.columns))
+    here, without, noise = left[0], dict(zip(smaller, left[1:], strict=False)), noise_by_column(found.likelihood)
+    law_errors = {i: (LAW * (one - here)) ** 2 for i, one in zip(silent, left[1 + len(smaller) :], strict=True)}
+    clear = {}
+    for effect, less in without.items():
+        weight = 1.0 / (1.0 + sum(e for i, e in law_errors.items() if i != effect))
+        gain, rest = ((weight * squares).mean(axis=0) for squares in (less**2 - here**2, here**2 - noise))
+        clear[effect] = gain >= np.maximum(CLEAR**2 * rest, 1.0)
+    return clear
 
 
 def list_moved(found: Isolation) -> tuple[Moved, ...]:
