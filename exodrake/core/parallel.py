@@ -167,11 +167,8 @@ class LokyWorkers:
 
     def __init__(self, jobs: int) -> None:
         self.jobs = jobs
+        self.capacity = lambda: jobs  # tasks in flight: not more, so that a crash costs none beyond those that run
         warnings.filterwarnings("ignore", GROWN, UserWarning)
-
-    def capacity(self) -> int:
-        """Number of tasks to have in flight."""
-        return self.jobs  # not more, so that a crash costs no task beyond those that were running
 
     def submit(self, *call: Any) -> Future:
         """Start a call."""
@@ -217,6 +214,7 @@ class DaskWorkers:
         logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # `lost` says it in one line
         self.lost = f"--cluster {address}: the scheduler has gone; what was done until then is kept"
         self.executor = self.client.get_executor(pure=False)
+        self.submit = self.executor.submit
 
     def capacity(self) -> int:
         """Number of tasks to have in flight."""
@@ -225,10 +223,6 @@ class DaskWorkers:
         except OSError:
             raise InputError(self.lost) from None
         return QUEUED * max(1, len(workers))
-
-    def submit(self, *call: Any) -> Future:
-        """Start a call."""
-        return self.executor.submit(*call)
 
     def close(self) -> None:
         """End the tasks in flight and release the workers."""
