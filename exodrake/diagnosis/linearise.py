@@ -159,13 +159,12 @@ def fixed_points(parameters: Sequence[Parameter], start: np.ndarray, amplitudes:
 
     A limit that the motion does not reach shows nothing: it is taken down through its range.
     """
-    lead = parameters[amplitudes[0] if amplitudes else 0]
-    if amplitudes and lead.channels != ("",):
+    if amplitudes and (lead := parameters[amplitudes[0]]).channels != ("",):
         found = np.tile(start, (GRID if lead.transform == "reciprocal" else 1, 1))
         found[:, list(amplitudes)] *= STRONG
         if lead.transform == "reciprocal":
             found[:, list(amplitudes)] = np.geomspace(lead.start, lead.bounds[1] / RANGE_FACTOR, GRID)[:, None]
         return [*np.clip(found, *np.array([p.bounds for p in parameters]).T)]
-    lead = parameters[0]
-    low, high = (b / 2.0 for b in lead.bounds) if lead.amplitude else lead.bounds
+    whole = parameters[0]
+    low, high = (b / 2.0 for b in whole.bounds) if whole.amplitude else whole.bounds
     return [np.concatenate([[value], start[1:]]) for value in np.linspace(low, high, GRID) if value != 0.0]

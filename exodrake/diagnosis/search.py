@@ -412,6 +412,7 @@ class Search:
                 self.reduce(best.effects)
             if self.best.effects != best.effects:
                 continue
+            best = self.best
             for effect in sorted(best.effects):
                 self.exchange(best, effect)
             if self.best.effects != best.effects:
