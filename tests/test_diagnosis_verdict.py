@@ -76,6 +76,35 @@ def test_a_small_cause_of_one_joint_is_not_hidden_by_a_larger_gap_of_the_others(
     assert (sag.role, sag.joints) == (CAUSE, ("Pitch",)) and sag.share.value < 0.02  # of the gap of six joints
 
 
+@pytest.mark.parametrize("part_of_law", [False, True])
+def test_what_an_error_of_another_law_may_be_is_no_cause(part_of_law):
+    """Five noise standard deviations where the large effect is silent, or a tenth of what that one does."""
+    rng, robot, large, small = np.random.default_rng(0), load_robot(), "tendon.capstan_friction", "sensor.offset"
+    moves = np.repeat([1.0, 0.0], 1000)[:, None]
+    does = {large: 50.0 * moves, small: 5.0 * (moves if part_of_law else 1.0 - moves)}
+    indices = {
+        i: next(iter(robot.machine.effect_indices(i, robot.machine.effect(i).parameters[0].name).values()))
+        for i in does
+    }
+    present = robot.values.copy()
+    present[list(indices.values())] = 0.01
+    noise = rng.normal(size=(len(moves), 1))
+
+    def residual(rows, trials):
+        return np.array([noise + sum(x * (row[indices[i]] == 0.0) for i, x in does.items()) for row in rows])
+
+    def fitted(values):
+        return SimpleNamespace(explanation=SimpleNamespace(robot=values))
+
+    found = SimpleNamespace(
+        whole=SimpleNamespace(robot=robot, residual=residual, fit=(), columns=("tension_AF",), counted={}),
+        likelihood=SimpleNamespace(views=[SimpleNamespace(squares=np.ones((2, 1)))]),
+    )
+    smaller = {i: fitted(np.where(np.arange(len(present)) == k, 0.0, present)) for i, k in indices.items()}
+    clear = verdict.find_clear(found, fitted(present), smaller)
+    assert clear[large].all() and clear[small].all() == (not part_of_law)
+
+
 def test_a_robot_whose_finger_snaps_over_is_retuned_to_its_noise():
     """Fitted in closed loop alone it ended in another minimum, with reduced chi-squares of 16.3 and 3.6."""
     case, _ = case_and_label(CasePlan("case", (400123, 84), "healthy", (), False, MIXES["healthy"]))
