@@ -22,20 +22,29 @@ from exodrake.simulation.simulate import simulate
 BOTH, FRICTION, DRIFT = (frozenset(some) for some in (("friction", "drift"), ("friction",), ("drift",)))
 
 
-def decide(monkeypatch, divide, usable=lambda fitted: True):
+def decide(monkeypatch, divide, usable=lambda fitted: True, family="friction"):
     """Effects and roles that are left of two."""
     monkeypatch.setattr(verdict, "divide_gap", divide)
     sets = {key: SimpleNamespace(effects=key) for key in (BOTH, FRICTION, DRIFT)}
-    search = SimpleNamespace(sets=sets, usable=usable, reduce=lambda effects: None)
+    effects = [SimpleNamespace(id="drift", family=family)]
+    search = SimpleNamespace(sets=sets, usable=usable, reduce=lambda effects: None, effects=effects)
     found = SimpleNamespace(search=search, whole=SimpleNamespace(detected=()), best=sets[BOTH])
     best, parts = verdict.drop_refinements(found)
     assert {p.effect for p in parts} == best.effects
     return best.effects, [p.role for p in parts]
 
 
-@pytest.mark.parametrize(("share", "usable", "kept"), [(0.02, True, True), (-0.02, True, False), (-0.02, False, True)])
-def test_a_refinement_goes_if_whole_logs_are_worse_with_it_and_the_rest_is_within_its_ranges(
-    monkeypatch, share, usable, kept
+@pytest.mark.parametrize(
+    ("share", "usable", "family", "kept"),
+    [
+        (0.02, True, "load", True),
+        (-0.02, True, "load", False),
+        (-0.02, False, "load", True),
+        (0.02, True, "drift", False),
+    ],
+)
+def test_a_refinement_goes_if_whole_logs_are_worse_with_it_or_it_is_of_time_alone_and_the_rest_is_within_its_ranges(
+    monkeypatch, share, usable, family, kept
 ):
     def divide(found, best):
         shares = {"friction": (CAUSE, 0.9), "drift": (REFINEMENT, share)}
@@ -43,7 +52,7 @@ def test_a_refinement_goes_if_whole_logs_are_worse_with_it_and_the_rest_is_withi
             verdict.Part(i, shares[i][0], Interval(*3 * [shares[i][1]]), {}) for i in sorted(best.effects)[::-1]
         )
 
-    effects, _ = decide(monkeypatch, divide, lambda fitted: usable)
+    effects, _ = decide(monkeypatch, divide, lambda fitted: usable, family)
     assert effects == (BOTH if kept else FRICTION)
 
 

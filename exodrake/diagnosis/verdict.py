@@ -135,14 +135,16 @@ def drop_refinements(found: Isolation) -> tuple[Fitted, tuple[Part, ...]]:
     """The best set without refinements that do not help, and its effects.
 
     Such leave more over the whole logs than the set without them. Where none is a cause, each stands in for the others:
-    they go, the smallest first, until one is. What cross-validation says against others is chance: on 38 splits of
-    recordings of real machines, held-out motion is predicted best with all of them.
+    they go, the smallest first, until one is. So does a drift, a law of time alone: it takes up what is slow in one log
+    and says nothing of another. What cross-validation says against others is chance: on 38 splits of recordings of real
+    machines, held-out motion is predicted best with all of them.
     """
     search, best = found.search, found.best
     parts, least = divide_gap(found, best), 1 - any(d.certain for d in found.whole.detected)
+    drifts = {e.id for e in search.effects if e.family == "drift"}
     while len(parts) > least:
         alike = all(p.role == REFINEMENT for p in parts)
-        tried = [p for p in parts if p.role == REFINEMENT and (alike or p.share.value < 0.0)]
+        tried = [p for p in parts if p.role == REFINEMENT and (alike or p.share.value < 0.0 or p.effect in drifts)]
         tried = [p for p in tried if search.usable(search.sets[best.effects - {p.effect}])]
         if not tried:
             break
