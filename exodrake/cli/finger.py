@@ -140,12 +140,15 @@ def find_workspace(robot: str, out: Path, samples: int, steps: int, seed: int) -
 
     Writes workspace.csv and workspace.png; `make paper` compares them with the paper's Table 2.
     """
+    import matplotlib
+
+    from exodrake.data.plot import STYLE
     from exodrake.identification.workspace import HEAD, SPONTANEOUS, areas, solve_assisted, workspace_figure
 
     loaded = exo.load_robot(robot)
     options.refuse_others("workspace", loaded, "finger.length")
     lengths = tuple(loaded.channels("finger.length").tolist())
-    with options.waiting("sampling postures"):
+    with options.waiting("sampling postures"), matplotlib.rc_context(STYLE):
         wired = solve_assisted(loaded, steps)
         rows = areas(lengths, SPONTANEOUS, wired, samples, seed)
         figure = workspace_figure(lengths, SPONTANEOUS, wired)

@@ -7,15 +7,16 @@ unions of polygons, checked by random points, and those that the wires reach: `d
 from itertools import pairwise
 from typing import NamedTuple
 
-import matplotlib
 import numpy as np
 import shapely
+from matplotlib.figure import Figure
 
 from exodrake.core.errors import InputError
-from exodrake.data.plot import STYLE, new_figure, render_png
+from exodrake.data.plot import new_figure
 
 FINGERTIP, DISTAL = "fingertip", "distal phalanx"
 ARC = 0.01  # rad; finest step along arcs and curves
+SIMPLER = 2e-5  # m, outlines are drawn this exactly
 HEAD = ("motion", "workspace", "exact [mm2]", "Monte Carlo [mm2]", "standard error [mm2]", "points")
 
 
@@ -174,26 +175,23 @@ def areas(lengths, ranges: Ranges, assisted: Assisted, samples: int, seed: int) 
     return rows
 
 
-@matplotlib.rc_context(STYLE)
-def workspace_figure(lengths, ranges: Ranges, assisted: Assisted) -> bytes:
-    """Draw fingertip and distal phalanx as PNG for phalanx lengths (3,) [m]."""
-    figure = new_figure(10.5, 5.6)
+def workspace_figure(lengths, ranges: Ranges, assisted: Assisted) -> Figure:
+    """Draw both workspaces, and the finger to scale, for phalanx lengths (3,) [m]."""
+    figure = new_figure(9.6, 5.0)
     panels = figure.subplots(1, 2, sharex=True, sharey=True)
-    q = [float(np.mean(span)) for span in ranges]
-    joints = [np.zeros(2), tip((lengths[0], 0, 0), q[0], 0, 0), tip((*lengths[:2], 0.0), *q), tip(lengths, *q)]
-    for panel, what in zip(panels, (FINGERTIP, DISTAL), strict=True):
-        whole, part = reach(lengths, ranges, what), assisted.region(lengths, what)
-        drawn = (whole, "0.25", 0.25, "full range of motion"), (part, "#c8372d", 0.45, "assisted by the tendons")
-        for region, colour, alpha, name in drawn:
+    q, cut = [float(np.mean(span)) for span in ranges], np.tril(np.tile(lengths, (4, 1)), -1)
+    for axes, what in zip(panels, (FINGERTIP, DISTAL), strict=True):
+        regions = reach(lengths, ranges, what), assisted.region(lengths, what)
+        looks = ("#98a2b3", "full range of motion"), ("#c8372d", "assisted by the tendons")
+        for region, (colour, name) in zip(regions, looks):
             label = f"{name}, {1e6 * region.area:.0f} mm²"
-            for piece in getattr(region, "geoms", [region]):
+            for piece in getattr(outline := region.simplify(SIMPLER), "geoms", [outline]):
                 x, y = 1e3 * np.array(piece.exterior.coords).T
-                panel.fill(x, y, color=colour, alpha=alpha, lw=0, label=label)
-                panel.plot(x, y, color=colour, lw=1)
+                axes.fill(x, y, fc=(colour, 0.4), ec=colour, lw=1.0, label=label)
                 label = None
-        x, y = 1e3 * np.array(joints).T
-        panel.plot(x, y, "-o", color="#1f4f7a", lw=3, ms=6, mfc="white", zorder=5, label="finger, mid range")
-        panel.set(title=f"{what} workspace", xlabel="x, along the proximal phalanx at MCP 0 [mm]", aspect="equal")
-        panel.legend(loc="upper left", fontsize=8)
-    panels[0].set(ylabel="y, palmar [mm]", ylim=(90, -55))  # palmar down, as the hand lies
-    return render_png(figure, dpi=130)
+        x, y = 1e3 * np.array([tip(bones, *q) for bones in cut]).T
+        axes.plot(x, y, "-o", color="#1f4f7a", lw=2.4, ms=4.5, mfc="white", label="finger, mid range")
+        axes.set(title=f"{what} workspace", xlabel="x, along the proximal phalanx at MCP 0 [mm]", aspect="equal")
+        axes.legend(loc="upper left", fontsize=8)
+    panels[0].set(ylabel="y, palmar [mm]", ylim=(92, -55))  # palmar down, as the hand lies
+    return figure

@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from exodrake.data.plot import new_figure
 from exodrake.identification.workspace import (
     DISTAL,
     FINGERTIP,
@@ -11,7 +10,7 @@ from exodrake.identification.workspace import (
     Ranges,
     reach,
     solve_assisted,
-    tip,
+    workspace_figure,
 )
 from exodrake.report.blocks import RULE, Drawing, Heading, Table, house_style, render_svg
 from studies.paper.claim import AGREES, DOES_NOT, UNKNOWN, Chapter, Claim
@@ -20,7 +19,6 @@ ASSISTED = ((21.27, 32.90), (3.11, 0.88), (1.48, 4.55))  # as printed, min and m
 AREAS = {"K.M.": 8712.30, "S.M.": 5884.10, "A.M.": 3770.80}  # mm², Table 2
 SHARE = 64.08  # %, A.M. of S.M., text
 WHERE = "Table 2"
-SIMPLER = 2e-5  # m, outlines are drawn this exactly
 
 
 def chapter(robot, tensions: int) -> Chapter:
@@ -37,7 +35,12 @@ def chapter(robot, tensions: int) -> Chapter:
         " text. The printed A.M. ranges cannot be radians."
     )
     table = Table(HEAD, table_rows(wired), wide=False)
-    body = (Drawing(figure(wired), caption), Heading("Table 2, printed beside ours"), table)
+    with house_style():
+        figure = workspace_figure(LENGTHS, SPONTANEOUS, wired)
+        for axes in figure.axes:
+            axes.grid(color=RULE, lw=0.5)
+        drawn = render_svg(figure, "workspace", "workspace of the fingertip and of the distal phalanx")
+    body = (Drawing(drawn, caption), Heading("Table 2, printed beside ours"), table)
     return Chapter("workspace", "Workspace: Fig. 13, Table 2", lead, body, table_2(wired))
 
 
@@ -89,34 +92,3 @@ def table_rows(wired) -> list[tuple[str, ...]]:
         ("S.M., spontaneous", *ranges[0], f"{AREAS['S.M.']:.2f}", *(f"at most {area}" for area in whole)),
         ("A.M., assisted", *ranges[1], f"{AREAS['A.M.']:.2f}", *part),
     ]
-
-
-def figure(wired) -> str:
-    """Both workspaces as SVG."""
-    middle, first = [float(np.mean(span)) for span in SPONTANEOUS], LENGTHS[0]
-    cut = ((0.0, 0.0, 0.0), (first, 0.0, 0.0), (*LENGTHS[:2], 0.0), LENGTHS)
-    with house_style():
-        drawn = new_figure(9.6, 4.6)
-        panels = drawn.subplots(1, 2, sharex=True, sharey=True)
-        for axes, what in zip(panels, (FINGERTIP, DISTAL)):
-            whole, part = reach(LENGTHS, SPONTANEOUS, what), wired.region(LENGTHS, what)
-            fill(axes, whole, "#98a2b3", f"all of the ranges, {1e6 * whole.area:.0f} mm²")
-            fill(axes, part, "#c8372d", f"assisted, {1e6 * part.area:.0f} mm²")
-            x, y = 1e3 * np.array([tip(bones, *middle) for bones in cut]).T  # the finger, to scale
-            axes.plot(x, y, "-o", color="#1f4f7a", lw=2.4, ms=4.5, mfc="white", label="finger, mid range")
-            axes.set_title(what)
-            axes.set_aspect("equal")
-            axes.set_xlabel("x, along the proximal phalanx [mm]")
-            axes.grid(color=RULE, lw=0.5)
-            axes.legend(loc="upper left")
-        panels[0].set_ylabel("y, palmar [mm]")
-        panels[0].set_ylim(92.0, -50.0)
-        return render_svg(drawn, "workspace", "workspace of the fingertip and of the distal phalanx")
-
-
-def fill(axes, region, colour: str, label: str) -> None:
-    """A region [m] in mm."""
-    region = region.simplify(SIMPLER)
-    for number, part in enumerate(getattr(region, "geoms", [region])):
-        x, y = 1e3 * np.array(part.exterior.coords).T
-        axes.fill(x, y, fc=colour, ec=colour, alpha=0.35, lw=1.0, label=label if number == 0 else None)
