@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 from scipy.optimize import least_squares
-from scipy.spatial.transform import RigidTransform
+from scipy.spatial.transform import RigidTransform, Rotation
 
 from exodrake.core.errors import InputError
 from exodrake.identification.kinematics import identify as module
@@ -29,7 +29,6 @@ from exodrake.identification.kinematics.rigid import (
     hat,
     inverse,
     motion,
-    rotation,
     triad_pose,
 )
 from studies.identification import recordings
@@ -72,8 +71,10 @@ def test_joint_angles_of_a_two_axis_joint_are_found_where_there_is_a_pose():
 def test_joint_angles_that_do_not_converge_are_refused():
     """A single axis, moved across itself by half a turn: no angle about it is near, and the steps do not end."""
     axes = (Axis(np.array([0.0, 0.0, 1.0]), np.zeros(3), np.zeros(3)),) * 2
-    far = motion(rotation(np.array([np.pi - 1e-6, 0.0, 0.0])), np.array([1.0, 0.0, 0.0]))
-    spun = joint_angles(axes[:1], motion(rotation(np.array([[0.0, 0.0, 0.3]])), np.zeros((1, 3))))
+    far = motion(Rotation.from_rotvec(np.array([np.pi - 1e-6, 0.0, 0.0])).as_matrix(), np.array([1.0, 0.0, 0.0]))
+    spun = joint_angles(
+        axes[:1], motion(Rotation.from_rotvec(np.array([[0.0, 0.0, 0.3]])).as_matrix(), np.zeros((1, 3)))
+    )
     assert spun[0, 0] == pytest.approx(0.3)
     with pytest.raises(InputError, match="does not converge in 1 of 1 frames"):
         joint_angles(axes[:1], far[None], np.array([[1.0]]))
@@ -85,7 +86,9 @@ def test_centres_err_as_one_over_the_angle_and_are_misplaced_by_the_printed_g_in
     rng, theta, w = np.random.default_rng(degrees), np.deg2rad(degrees), np.array([0.0, 0.0, 1.0])
     true = Axis(w, np.array([20.0, 0.0, 0.0]), np.zeros(3)).pose(theta)
     ways = rng.standard_normal((4000, 3)) * np.deg2rad(0.5)
-    noisy = motion(rotation(ways) @ true[:3, :3], true[:3, 3] + 0.3 * rng.standard_normal((4000, 3)))
+    noisy = motion(
+        Rotation.from_rotvec(ways).as_matrix() @ true[:3, :3], true[:3, 3] + 0.3 * rng.standard_normal((4000, 3))
+    )
     found = centres(noisy, w, np.arctan2(noisy[:, 1, 0], noisy[:, 0, 0]), np.zeros(3))
     assert 0.4 * rms < np.median(np.linalg.norm(found - [20.0, 0.0, 0.0], axis=1)) < 1.6 * rms
     centre = np.array([35.0, 5.0, 0.0])
@@ -104,7 +107,7 @@ def test_moving_axis_velocity_is_the_derivative_of_its_pose():
 
 def test_fitted_pose_is_the_true_one_and_reports_the_residual():
     shape = np.array([[0.0, 0, 0], [0.02, 0, 0], [0.005, 0.012, 0]])
-    pose = motion(rotation(2.2 * TILTED), np.array([0.3, -0.1, 0.2]))
+    pose = motion(Rotation.from_rotvec(2.2 * TILTED).as_matrix(), np.array([0.3, -0.1, 0.2]))
     found, left = fit_pose(shape, apply(pose, shape)[None])
     np.testing.assert_allclose(found[0], pose, atol=1e-14)
     assert left[0] < 1e-15

@@ -69,7 +69,7 @@ class Finger:
         """Finger after a change (72,) of markers [m], directions [rad], centres [m] and slopes [m/rad]."""
         axes = []
         for axis, (turn, shift, slope) in zip(self.axes, change[COUNT:].reshape(4, 3, 3), strict=True):
-            w = rigid.rotation(turn) @ axis.direction
+            w = Rotation.from_rotvec(turn).as_matrix() @ axis.direction
             axes.append(rigid.Axis(w, rigid.across(axis.point + shift, w), rigid.across(axis.slope + slope, w)))
         return Finger(self.markers + change[:COUNT].reshape(self.markers.shape), tuple(axes))  # type: ignore[arg-type]
 
@@ -169,7 +169,7 @@ def compare_markers(points: np.ndarray, place: np.ndarray, poses: np.ndarray) ->
 
 def shift_poses(poses: np.ndarray, moves: np.ndarray) -> np.ndarray:
     """Poses (frames, 4, 4) [m] after small rotations and shifts, moves (frames, 10) [rad, m]."""
-    return poses @ rigid.motion(rigid.rotation(moves[:, :3]), moves[:, 3:6])
+    return poses @ rigid.motion(Rotation.from_rotvec(moves[:, :3]).as_matrix(), moves[:, 3:6])
 
 
 def first_guess(
@@ -233,10 +233,7 @@ def first_guess(
 
 
 def smooth(time: np.ndarray, positions: np.ndarray, cutoff: float, source: str = "recording") -> np.ndarray:
-    """Smooth positions (frames, markers, 3) [m], NaN where missing, at evenly spaced time (frames,) [s].
-
-    InputError for uneven frames or a cut-off [Hz] beyond half the frame rate; it names the source.
-    """
+    """Smooth positions (frames, markers, 3) [m], NaN if missing. InputError for uneven time or a bad cut-off [Hz]."""
     steps = np.diff(time)
     step = float(np.median(steps))
     uneven = np.flatnonzero(np.abs(steps - step) > step / 2)

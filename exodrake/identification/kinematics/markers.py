@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from exodrake.core.errors import InputError
 from exodrake.core.files import read_bytes
@@ -79,11 +80,7 @@ class Layout:
 
 
 def read_layout(path: str | Path) -> Layout:
-    """Read a layout from YAML such as `proximal: [RP1, RP2, RP3]`; absent keys keep their defaults.
-
-    Raises:
-        InputError: Naming file and key, for an unknown key, not three names in a triad, or a marker named twice.
-    """
+    """Read a layout from YAML such as `proximal: [RP1, RP2, RP3]`; absent keys keep defaults. InputError names key."""
     content: dict[str, Any] = SCHEMA(read_yaml(path), str(path))
     names: dict[str, Any] = {key: v if key == "tip" else tuple(v or ()) for key, v in content.items()}
     layout = Layout(**names)
@@ -392,11 +389,7 @@ class Truth(NamedTuple):
 
 
 def synthesise(hand: Hand, faults: Faults, duration: float, rate: float, seed: int) -> tuple[Recording, Truth]:
-    """Synthesise a recording and its truth; the finger rests for the first second, then moves over its ranges.
-
-    Raises:
-        InputError: For a duration outside 3 s to an hour, a rate outside 5 to 1000 Hz, or faults below 0.
-    """
+    """Synthesise a recording and its truth: a second of rest, then motion. InputError for numbers out of range."""
     if not (3 <= duration <= 3600 and 5 <= rate <= 1000):
         raise InputError(f"synthesise: {duration:g} s at {rate:g} Hz, wanted 3 to 3600 s at 5 to 1000 Hz")
     for name, value in faults._asdict().items():
@@ -430,7 +423,7 @@ def synthesise(hand: Hand, faults: Faults, duration: float, rate: float, seed: i
     turn = np.array([0.48, 0.6, 0.64]) * (0.7 + 0.25 * np.sin(0.7 * time))[:, None]
     waves = (0.03 * np.sin(0.6 * time), 0.02 * np.sin(0.9 * time), 0.02 * np.cos(0.5 * time))
     shift = np.array([0.4, 0.1, 0.9]) + np.stack(waves, axis=1)
-    positions = rigid.apply(rigid.motion(rigid.rotation(turn), shift), np.concatenate(places, axis=1))
+    positions = rigid.apply(rigid.motion(Rotation.from_rotvec(turn).as_matrix(), shift), np.concatenate(places, axis=1))
     positions = positions + faults.noise * rng.standard_normal(positions.shape)
     gap = max(1, round(faults.gap / (time[1] - time[0])))
     for marker in range(positions.shape[1]):

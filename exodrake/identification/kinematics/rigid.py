@@ -16,14 +16,7 @@ from scipy.spatial.transform import Rotation
 
 def hat(w: np.ndarray) -> np.ndarray:
     """Matrix [w] of the cross product w x (Eq. 11): (..., 3) [-] to (..., 3, 3) [-]."""
-    matrix = np.zeros((*np.shape(w), 3))
-    matrix[..., 2, 1], matrix[..., 0, 2], matrix[..., 1, 0] = w[..., 0], w[..., 1], w[..., 2]
-    return matrix - np.swapaxes(matrix, -1, -2)
-
-
-def rotation(vector: np.ndarray) -> np.ndarray:
-    """Rotation e^{[v]} (..., 3, 3) of rotation vectors (..., 3) [rad]."""
-    return Rotation.from_rotvec(vector).as_matrix()
+    return np.cross(np.eye(3), np.asarray(w)[..., None, :])
 
 
 def motion(matrix: np.ndarray, shift: np.ndarray) -> np.ndarray:
@@ -63,7 +56,7 @@ class Axis:
 
     def turn(self, angle: np.ndarray) -> np.ndarray:
         """Rotation (..., 3, 3) by angles (...,) [rad]."""
-        return rotation(self.direction * np.asarray(angle)[..., None])
+        return Rotation.from_rotvec(self.direction * np.asarray(angle)[..., None]).as_matrix()
 
     def pose(self, angle: np.ndarray) -> np.ndarray:
         """Motion from the reference posture (..., 4, 4) at angles (...) [rad]."""
@@ -121,10 +114,7 @@ def corners() -> np.ndarray:
 
 
 def fit_pose(shape: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Poses (frames, 4, 4) [m] that carry a shape (k, 3) [m] to points (frames, k, 3) [m] by least squares (Kabsch).
-
-    With RMS residuals (frames,) [m]; both are NaN in frames where a point is missing.
-    """
+    """Poses (n, 4, 4) from a shape (k, 3) to points (n, k, 3) [m] (Kabsch), RMS (n,) [m]; NaN if one is missing."""
     whole = np.isfinite(points).all(axis=(1, 2))
     pose, residual = np.full((len(points), 4, 4), np.nan), np.full(len(points), np.nan)
     if not whole.any():
