@@ -165,12 +165,8 @@ class Log:
 
     def equals(self, other: Log) -> bool:
         """True if clock, columns, order, units and every sample are the same to the last bit (NaN equals NaN)."""
-        return (
-            self.columns == other.columns
-            and self.units == other.units
-            and np.array_equal(self.time, other.time)
-            and all(np.array_equal(self[name], other[name], equal_nan=True) for name in self.columns)
-        )
+        alike = self.columns == other.columns and self.units == other.units
+        return alike and all(np.array_equal(self[n], other[n], equal_nan=True) for n in ("time", *self.columns))
 
     def to_pandas(self) -> Any:
         """The log as a DataFrame indexed by time [s]; `attrs` hold units and source. InputError without pandas."""
