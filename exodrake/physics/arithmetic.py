@@ -51,11 +51,6 @@ def solve(m, r):
     return x, y, (w * r[0] + (b * h - a * k) * r[1] + (a * f - b * d) * r[2]) * inverse
 
 
-def along(start, step, rate):
-    """Start + step rate for triples."""
-    return start[0] + step * rate[0], start[1] + step * rate[1], start[2] + step * rate[2]
-
-
 def quotient(here, there, step):
     """Difference quotient (there - here) / step of triples."""
     return (there[0] - here[0]) / step, (there[1] - here[1]) / step, (there[2] - here[2]) / step

@@ -13,7 +13,7 @@ from typing import Annotated, NamedTuple
 
 from exodrake.model.part import JOINTS, SCALAR, TENDONS, Output, Part, State, Task, Unit
 from exodrake.physics import finger, tendon, wire_paths
-from exodrake.physics.arithmetic import along, column, dot, solve
+from exodrake.physics.arithmetic import add, column, dot, multiply, solve
 from exodrake.physics.finger import coriolis, external_with_slope, inertia, mass_matrix, passive_with_slope, relax
 from exodrake.physics.tendon import at_cell, at_spool, cell_tension, finger_tension, move_slide, settle, stretch_wire
 from exodrake.physics.wire_paths import applied_arm, differ_from_levers, heights, levers, paths
@@ -180,11 +180,11 @@ def tick(x, z, n, e, dt, stroke, wire_speed):
     q_from = (behind(x, Q), behind(x, Q + 1), behind(x, Q + 2))
     rate_from = (behind(x, RATE), behind(x, RATE + 1), behind(x, RATE + 2))
     rate = (onward(x, RATE), onward(x, RATE + 1), onward(x, RATE + 2))
-    angle = along(q_from, lag, rate)
+    angle = add(q_from, multiply(lag, rate))
     for _ in range(STEPS):
         change = newton_step(e, z, n, x, ends, angle, rate, rate_from, constants, high, dt, lag)
-        rate = along(rate, 1.0, change)
-        angle = along(q_from, lag, rate)
+        rate = add(rate, change)
+        angle = add(q_from, multiply(lag, rate))
         if lag * max(abs(change[0]), abs(change[1]), abs(change[2])) < CLOSE:
             break
     for i in range(3):
