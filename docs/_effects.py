@@ -14,9 +14,8 @@ from exodrake.cli.robot import describe
 from exodrake.data.log import Log
 from exodrake.data.plot import MEASURED, NOMINAL, STYLE, new_figure
 from exodrake.engine.inputs import Reference
-from exodrake.machines.library import machine_folders
 from exodrake.machines.position_servos import motor_machine
-from exodrake.machines.robot_file import load_robot
+from exodrake.machines.robot_file import load_robot, machine_folders
 from exodrake.machines.serial_arm import FORMS, arm_machine
 from exodrake.model.display import find_display
 from exodrake.model.effect import Effect

@@ -30,8 +30,7 @@ from exodrake.diagnosis.calibration import (
 from exodrake.diagnosis.healthy import draw_value, follow_case
 from exodrake.diagnosis.result import REFINEMENT, EffectRival, Interval, NamedEffect
 from exodrake.engine.inputs import Reference
-from exodrake.machines.library import machine_folders
-from exodrake.machines.robot_file import load_robot
+from exodrake.machines.robot_file import load_robot, machine_folders
 from exodrake.simulation.simulate import simulate
 
 SHEATH = "tendon_sheath"

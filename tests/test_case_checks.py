@@ -10,7 +10,7 @@ import exodrake as exo
 from exodrake.diagnosis.checks.compare import check_case, compare
 from exodrake.diagnosis.checks.suspicions import CHECKS, suspicions as suspicions_in
 from exodrake.engine.inputs import reference_width
-from exodrake.machines.library import machine_folders
+from exodrake.machines.robot_file import machine_folders
 
 ROBOT = exo.load_robot()
 REPEAT, SECOND, HELD = 1, 2, 3  # logs of the case below

@@ -10,8 +10,7 @@ from exodrake.diagnosis.healthy import healthy_case, healthy_robot
 from exodrake.diagnosis.likelihood import output_error
 from exodrake.diagnosis.linearise import PROBE, linearise, nominal_jacobian, probes, scaled_points
 from exodrake.diagnosis.parameter import Parameter, apply, effect_parameters, nominal_parameters
-from exodrake.machines.library import machine_folders
-from exodrake.machines.robot_file import load_robot
+from exodrake.machines.robot_file import load_robot, machine_folders
 
 LAWS = {
     "relative": lambda base, x: base * (1.0 + x),

@@ -16,7 +16,7 @@ import exodrake as exo
 from exodrake.cli.main import cli
 from exodrake.core import plugins
 from exodrake.data.import_log import import_recording, read_mapping
-from exodrake.machines.library import machine_folders
+from exodrake.machines.robot_file import machine_folders
 
 ROOT = Path(__file__).parent.parent
 sys.path.insert(0, str(ROOT / "docs"))

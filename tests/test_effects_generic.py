@@ -13,7 +13,7 @@ from exodrake.core.errors import InputError
 from exodrake.effects import LIBRARY, friction, generic_effects, signal
 from exodrake.engine.compose import choose_context
 from exodrake.engine.inputs import Reference
-from exodrake.machines.library import machine_folders
+from exodrake.machines.robot_file import machine_folders
 from exodrake.model.effect import Effect
 from exodrake.model.part import Part
 from exodrake.simulation.simulate import record

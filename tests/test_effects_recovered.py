@@ -9,7 +9,7 @@ from scipy.optimize import least_squares
 
 import exodrake as exo
 from exodrake.effects import LIBRARY
-from exodrake.machines.library import machine_folders
+from exodrake.machines.robot_file import machine_folders
 from exodrake.model.effect import EffectParameter
 
 SEED = 20  # of the packets that arrive; the noise itself is switched off

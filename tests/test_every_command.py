@@ -15,7 +15,7 @@ from exodrake.cli.options import OTHERS
 from exodrake.core import plugins
 from exodrake.core.errors import MAX_MESSAGE
 from exodrake.diagnosis import pipeline
-from exodrake.machines.library import machine_folders
+from exodrake.machines.robot_file import machine_folders
 
 SHORT = "steps:dwell=2"
 # command -> its arguments besides --robot; {} is a folder with a log of the machine

@@ -15,8 +15,7 @@ from exodrake.core.errors import InputError
 from exodrake.data.case import Case, CaseLog, write_case
 from exodrake.data.formats import read_log, write_log
 from exodrake.data.log import Log
-from exodrake.machines.library import machine_folders
-from exodrake.machines.robot_file import load_robot
+from exodrake.machines.robot_file import load_robot, machine_folders
 
 JOINTS = ("shoulder", "elbow")
 MACHINE = """

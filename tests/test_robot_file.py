@@ -12,7 +12,7 @@ import exodrake as exo
 from exodrake.core.errors import InputError
 from exodrake.core.provenance import robot_digest
 from exodrake.diagnosis.many import get_configuration
-from exodrake.machines.library import robot_files
+from exodrake.machines.robot_file import robot_files
 
 
 def refusal(path, content) -> str:

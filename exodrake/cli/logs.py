@@ -17,7 +17,7 @@ import exodrake as exo
 from exodrake.cli import options
 from exodrake.core.errors import InputError
 from exodrake.core.files import read_bytes
-from exodrake.machines.library import machine_folders, machine_named
+from exodrake.machines.robot_file import machine_folders, machine_named
 
 if TYPE_CHECKING:
     from exodrake.data.import_log import Mapped
@@ -107,7 +107,7 @@ def export_log(subject, form, robot, out, map_file, start, end) -> None:
     along; a comment in the file names what the format cannot state.
     """  # noqa: D205 - click shows the first paragraph whole
     from exodrake.data.import_log import read_mapping
-    from exodrake.machines.library import robot_files
+    from exodrake.machines.robot_file import robot_files
 
     if form:
         if map_file or start is not None or end is not None:

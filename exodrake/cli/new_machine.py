@@ -42,7 +42,7 @@ def command(folder, joints, servo, frame, urdf, form, tip) -> None:
     make it yours. Nothing that exists is overwritten.
     """
     from exodrake import machines
-    from exodrake.machines.library import machine_folders
+    from exodrake.machines.robot_file import machine_folders
 
     name, step = folder.resolve().name, FRAME if frame is None else frame
     if not NAME.fullmatch(name):

@@ -301,7 +301,7 @@ def change_robot(
 
 def register_machine(context: click.Context, _: click.Parameter, folder: str | None) -> None:
     """Registers the folder of --machine, or chooses a built-in machine by name; InputError if there is none."""
-    from exodrake.machines.library import machine_folders
+    from exodrake.machines.robot_file import machine_folders
 
     if folder is None:
         return

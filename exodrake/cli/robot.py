@@ -26,7 +26,7 @@ def list_parameters(name: str, robot: str, only: str) -> dict[str, Any]:
 
     NAME is a machine or a robot file, as for --robot, or part of a parameter's name, as for --only.
     """
-    from exodrake.machines.library import robot_files
+    from exodrake.machines.robot_file import robot_files
     from exodrake.model.robot import alike, effect_in_words, implausible
 
     if name and not (Path(name).suffix == ".yaml" or Path(name).exists() or name in robot_files()):

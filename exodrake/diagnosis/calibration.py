@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from exodrake.core.confidence import binomial_interval
 from exodrake.core.provenance import configuration
 from exodrake.core.schema import dump_yaml, mapping, number, read_yaml, text
-from exodrake.machines.library import machine_folders
+from exodrake.machines.robot_file import machine_folders
 from exodrake.model.machine import Machine
 
 FILE = "calibration.yaml"  # in the folder of the machine

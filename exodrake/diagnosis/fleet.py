@@ -28,7 +28,7 @@ from exodrake.data.formats.parquet import import_pyarrow, parse_rows
 from exodrake.diagnosis.change_point import DRAWS, LEAST, ROUNDING, Change, ChangePoint
 from exodrake.diagnosis.many import ANSWER, FAILED, FAILURE, check_answer, line
 from exodrake.diagnosis.result import CAUSE, NAMED, NO_GAP, RETUNE
-from exodrake.machines.library import machine_folders, machine_named
+from exodrake.machines.robot_file import machine_folders, machine_named
 
 MAGIC = b"PAR1"  # a Parquet file begins so
 LATER = ("confirmed",)  # columns that tables of older versions lack

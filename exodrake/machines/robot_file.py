@@ -1,26 +1,29 @@
 """Robot files, read and written: a machine with its parameters, all of them or what differs from a `base`.
 
 `docs/howto/robot.md` describes them. Numbers are in SI, or have their unit: `2.5 N/mm`, or `{value: 2.5, unit: N/mm}`.
-`machine` is a machine of the library or of a plugin; a folder with a robot file that has an `arm` is one, too.
+`machine` names a folder with `machine.py` and `robot.yaml`, here or in a plugin, or with a robot file alone that has an
+`arm` or `servos`. Its folder `robots` holds further ones: `exo_index/wide_pinch` is `exo_index/robots/wide_pinch.yaml`.
 """
 
 import math
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import cache
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+import exodrake.machines
 from exodrake.core import plugins, schema
 from exodrake.core.errors import InputError, argument, nearest
 from exodrake.core.files import is_file, read_bytes, write_text
 from exodrake.core.schema import Schema, anything, dump_yaml, either, listing, mapping, names, number, optional, text
-from exodrake.machines.library import machine_named, robot_files
 from exodrake.model.machine import Machine, Tolerance
 from exodrake.model.part import TENDONS
 from exodrake.model.robot import Robot, flatten, refuse_negative
-from exodrake.model.units import quantity
+from exodrake.model.units import add_kind, quantity
 
 TRANSFORMS = ("relative", "additive", "log")
 
@@ -50,6 +53,56 @@ SCHEMA = mapping(
         "tolerances": optional(listing(mapping(TOLERANCE, required=tuple(TOLERANCE)))),
     }
 )  # fmt: skip
+
+
+def machine_folders() -> dict[str, Path]:
+    """Folder of each machine by name: built-in ones first; a plugin cannot replace them."""
+    found: dict[str, Path] = {}
+    for place in map(Path, exodrake.machines.__path__):
+        for file in sorted(place.glob(f"*/{plugins.ROBOT}")):
+            found.setdefault(file.parent.name, file.parent)
+    return {**plugins.single_machines(), **found}
+
+
+def robot_files() -> dict[str, Path]:
+    """Robot file of each built-in robot by name: `machine` for the nominal one, `machine/robot` for the others."""
+    found: dict[str, Path] = {}
+    for name, folder in machine_folders().items():
+        found[name] = folder / plugins.ROBOT
+        found |= {f"{name}/{file.stem}": file for file in sorted(folder.glob("robots/*.yaml"))}
+    return found
+
+
+@cache
+def machine_named(name: str, tolerances: tuple[Tolerance, ...] = ()) -> Machine:
+    """The machine of that name with its tolerances; the same object each time, so that it is compiled once."""
+    folders = machine_folders()
+    if name not in folders:
+        raise InputError(f"unknown machine {name!r}{nearest(name, list(folders))}; known: {', '.join(folders)}")
+    folder = folders[name]
+    if (folder / plugins.MACHINE).is_file():
+        with plugins.shown_errors():
+            made = getattr(import_module(f"exodrake.machines.{name}.machine"), "machine", None)
+            found = made() if callable(made) else made
+        if not isinstance(found, Machine):
+            raise InputError(f"{folder}: machine.py defines no function machine() that returns a Machine")
+    else:
+        content, source = schema.read_yaml(folder / plugins.ROBOT), f"{name}/{plugins.ROBOT}"
+        if isinstance(content, dict) and "servos" in content:
+            from exodrake.machines.position_servos import servo_machine
+
+            found = servo_machine(name, content["servos"], source)
+        elif isinstance(content, dict) and "arm" in content:
+            from exodrake.machines.serial_arm import arm_machine
+
+            found = arm_machine(name, content["arm"], folder, source)
+        else:
+            raise InputError(f"{folder}: neither {plugins.MACHINE}, nor an `arm` or `servos` in its {plugins.ROBOT}")
+    if found.name != name:
+        raise InputError(f"{folder}: the machine calls itself {found.name!r}, not {name!r}")
+    for column in found.columns:
+        add_kind(column.kind, found.signal[column.signal].unit, f"machine {name}")
+    return replace(found, tolerances=tolerances)
 
 
 def load_robot(path: str | Path = "exo_index", above: tuple[str, ...] = ()) -> Robot:

@@ -19,8 +19,7 @@ from exodrake.diagnosis.change_point import LEAST, ChangePoint
 from exodrake.diagnosis.healthy import healthy_robot
 from exodrake.diagnosis.noise import sensor_noise_std
 from exodrake.engine.inputs import Reference
-from exodrake.machines.library import machine_folders
-from exodrake.machines.robot_file import load_robot
+from exodrake.machines.robot_file import load_robot, machine_folders
 from exodrake.model.machine import Machine
 from exodrake.model.robot import Robot
 from exodrake.simulation import protocols
