@@ -26,21 +26,15 @@ from exodrake.model.robot import Robot, drawn_deviation
 class NamedParameter:
     """A parameter, or all channels of one, in the Contexts of a leaf.
 
-    Attributes:
-        leaf: that holds it.
-        name: as in robot files.
-        index: place of each channel in a numeric parameter of the leaf.
-        group: which numeric parameter that is.
-        in_effect: all values of the leaf with their deviations, from its own Context; None: there are no deviations.
-
     Contexts may be the leaf's own or those of the whole Diagram. The run begins from a changed parameter if it is
     changed before `Simulator.Initialize`.
     """
 
-    leaf: LeafSystem
-    name: str
-    index: tuple[int, ...]
-    group: int = 0
+    leaf: LeafSystem  # that holds it
+    name: str  # as in robot files
+    index: tuple[int, ...]  # place of each channel in a numeric parameter of the leaf
+    group: int = 0  # which numeric parameter that is
+    # all values of the leaf with their deviations, from its own Context; None: there are no deviations
     in_effect: Callable[[Context], np.ndarray] | None = None
 
     def __repr__(self) -> str:

@@ -48,22 +48,14 @@ def correct_tensions(
 
 @dataclass(frozen=True, eq=False)
 class PosturePlan:
-    """Plan of a posture controller: tensions, angles, gains and limits.
+    """Plan of a posture controller: tensions, angles, gains and limits."""
 
-    Attributes:
-        tension: (frames, tendons) array, planned tensions [N]; the last row stays.
-        angle: (frames, joints) array, the angles that the nominal robot then takes [rad].
-        gain: (tendons, joints) array [N/rad].
-        low, high: (tendons,) arrays, limits of the tension references [N].
-        ki: [1/s]; 0 leaves the planned tensions as they are.
-    """
-
-    tension: np.ndarray
-    angle: np.ndarray
-    gain: np.ndarray
-    low: np.ndarray
+    tension: np.ndarray  # (frames, tendons) planned [N]; the last row stays
+    angle: np.ndarray  # (frames, joints) that the nominal robot then takes [rad]
+    gain: np.ndarray  # (tendons, joints) [N/rad]
+    low: np.ndarray  # (tendons,) limits of the tension references [N]
     high: np.ndarray
-    ki: float
+    ki: float  # [1/s]; 0 leaves the planned tensions as they are
 
 
 class PostureController(Cloneable, LeafSystem):

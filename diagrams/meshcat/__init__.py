@@ -57,17 +57,11 @@ FRONT, VIEW = np.array([0.75, -0.15, 0.5]), np.array([0.8, -1.3, 0.45])  # camer
 
 @dataclass(frozen=True)
 class Thing:
-    """An object at the robot.
+    """An object at the robot."""
 
-    Attributes:
-        centre: (x, z) [m].
-        radius: [m].
-        length: of a cylinder along the joints' axes [m]; None for a sphere.
-    """
-
-    centre: tuple[float, float]
-    radius: float
-    length: float | None = None
+    centre: tuple[float, float]  # (x, z) [m]
+    radius: float  # [m]
+    length: float | None = None  # of a cylinder along the joints' axes [m]; None for a sphere
 
 
 def skeleton(robot: Robot) -> Skeleton | Shape:
