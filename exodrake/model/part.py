@@ -94,11 +94,11 @@ class Unit:
     name: str = ""
 
 
-def parameter_class(*groups: tuple[str, Mapping[str, str]]) -> Any:
-    """A class of a part's parameters, a named tuple: the axis of each group, and the SI unit of each of its names."""
+def parameter_class(*groups: tuple[str, Mapping[str, str]] | tuple[str, Mapping[str, str], str]) -> Any:
+    """A class of a part's parameters, a named tuple: axis of each group, SI unit of each of its names, `Unit.group`."""
     fields: Any = [
-        (name, Annotated[tuple if axis else float, Unit(unit, axis)])
-        for axis, units in groups
+        (name, Annotated[tuple if axis else float, Unit(unit, axis, *group)])
+        for axis, units, *group in groups
         for name, unit in units.items()
     ]
     return NamedTuple("Parameters", fields)

@@ -9,9 +9,8 @@ on at its speed during the tick.
 
 import sys
 from math import cos, sin
-from typing import Annotated, NamedTuple
 
-from exodrake.model.part import JOINTS, SCALAR, TENDONS, Output, Part, State, Task, Unit
+from exodrake.model.part import JOINTS, SCALAR, TENDONS, Output, Part, State, Task, parameter_class
 from exodrake.physics import finger, tendon, wire_paths
 from exodrake.physics.arithmetic import add, column, dot, multiply, solve
 from exodrake.physics.finger import coriolis, external_with_slope, inertia, mass_matrix, passive_with_slope, relax
@@ -54,29 +53,13 @@ def onward(x, i):
     return 2.0 * x[i] - x[i + 6]
 
 
-class Parameters(NamedTuple):
+class Parameters(parameter_class(
+    (TENDONS, {"k": "N/m"}, "tendon"), (SCALAR, {"presliding": "m"}, "tendon"),
+    (JOINTS, dict.fromkeys(("a_f", "b_f", "m_f", "n_f", "a_e", "b_e", "m_e", "n_e"), "m"), "router"),
+    (JOINTS, {"kappa": "N m/rad", "q0": "rad", "B": "N m s/rad", "q_f": "rad", "q_e": "rad", "beta": "1/rad"}),
+    (JOINTS, {"A": "N m", "length": "m", "mass": "kg", "radius": "m"}),
+)):  # fmt: skip
     """Wires, routers (a, b, m, n per joint for flexor and extensor) and finger."""
-
-    k: Annotated[tuple, Unit("N/m", TENDONS, "tendon")]
-    presliding: Annotated[float, Unit("m", group="tendon")]
-    a_f: Annotated[tuple, Unit("m", JOINTS, "router")]
-    b_f: Annotated[tuple, Unit("m", JOINTS, "router")]
-    m_f: Annotated[tuple, Unit("m", JOINTS, "router")]
-    n_f: Annotated[tuple, Unit("m", JOINTS, "router")]
-    a_e: Annotated[tuple, Unit("m", JOINTS, "router")]
-    b_e: Annotated[tuple, Unit("m", JOINTS, "router")]
-    m_e: Annotated[tuple, Unit("m", JOINTS, "router")]
-    n_e: Annotated[tuple, Unit("m", JOINTS, "router")]
-    kappa: Annotated[tuple, Unit("N m/rad", JOINTS)]
-    q0: Annotated[tuple, Unit("rad", JOINTS)]
-    B: Annotated[tuple, Unit("N m s/rad", JOINTS)]
-    q_f: Annotated[tuple, Unit("rad", JOINTS)]
-    q_e: Annotated[tuple, Unit("rad", JOINTS)]
-    beta: Annotated[tuple, Unit("1/rad", JOINTS)]
-    A: Annotated[tuple, Unit("N m", JOINTS)]
-    length: Annotated[tuple, Unit("m", JOINTS)]
-    mass: Annotated[tuple, Unit("kg", JOINTS)]
-    radius: Annotated[tuple, Unit("m", JOINTS)]
 
 
 Q, RATE, Q_BEFORE, RATE_BEFORE, TAKEN, SLIDE, PULL, CLOCK = 0, 3, 6, 9, 12, 15, 18, 21
