@@ -3,8 +3,9 @@
     left(S)        share of the gap beyond retuning that a set leaves (`Search.measure_left`)
 
 An effect of the best set S takes up left(S without it) - left(S), where a set leaves no more than a part of it does.
-It is a cause where that is a tenth of the gap, of one joint at least where joints are separate, or where it takes up
-in a channel what neither noise nor errors of the other effects' laws may leave. Other effects of S are refinements.
+It is a cause where that is a tenth of the gap, of one joint at least where joints are separate, or most of what is
+left without it and more than errors of the other effects' laws may leave, in all or where these are silent. Other
+effects of S are refinements.
 Causes divide into shares what they take up together. A rival of a cause stands in its place in a set that leaves no
 more than S and the error of a law, or is as likely. Beside a verdict stand the parameters that retuning moved, and the
 explanations that the logs do not tell apart.
@@ -34,7 +35,7 @@ from exodrake.diagnosis.result import (
     Moved,
     Rival,
 )
-from exodrake.diagnosis.search import LARGE, LAW, NATS, Fitted, screen
+from exodrake.diagnosis.search import LARGE, LAW, NATS, NEGLIGIBLE, Fitted, screen
 
 VISIBLE = 1.0  # standard deviations of the tolerance from which a change is listed
 ALIKE = 0.9  # share of what retuning explains from which a single effect is listed
@@ -157,8 +158,9 @@ def drop_refinements(found: Isolation) -> tuple[Fitted, tuple[Part, ...]]:
 def divide_gap(found: Isolation, best: Fitted) -> tuple[Part, ...]:
     """Effects of a set, causes first, the largest first.
 
-    A small effect is a cause where it takes up in a channel what nothing else may (`find_clear`). Where joints are
-    separate, it is one that is a cause in one of them.
+    A small effect is a cause where what is left without it is visible and no error of another one's law. Such errors
+    are as large as `LAW` of what the others take up; lost commands that were decoded have no such law. Or the effect
+    takes up in a channel what nothing else may (`find_clear`). Where joints are separate, it is a cause in one of them.
     What causes take up together is divided by what each takes up alone and what is left without it, in the mean: of
     two that stand in for each other neither is lost.
     """
@@ -172,13 +174,19 @@ def divide_gap(found: Isolation, best: Fitted) -> tuple[Part, ...]:
     smaller = {i: search.best_within(best.effects - {i}) for i in best.explanation.effects}
     gains = {i: measure(fitted) - left for i, fitted in smaller.items()}
 
-    roles, clear = dict[str, str](), find_clear(found, best, smaller)
-    gap = excess_by_column(found.whole, search.none.explanation.robot, found.likelihood)[0]
-    counts, rest = search.whole.any_by_joint(gap >= 0.0), search.left_by_joint(best)
-    for effect, fitted in smaller.items():
-        gain = found.beside_detections * (search.left_by_joint(fitted) - rest)
-        is_cause = counts & ((gain >= LARGE) | search.whole.any_by_joint(clear[effect]))
-        roles[effect] = CAUSE if is_cause.any() else REFINEMENT
+    def leave(fitted: Fitted) -> np.ndarray:
+        """What a set leaves in each channel (columns,) beyond a negligible gap [noise variances]."""
+        return excess_by_column(found.whole, fitted.explanation.robot, found.likelihood)[0]
+
+    roles, after, counts = {}, leave(best), search.whole.any_by_joint(leave(search.none) >= 0.0)
+    rest, clear = found.beside_detections * search.left_by_joint(best), find_clear(found, best, smaller)
+    gained = {i: found.beside_detections * search.left_by_joint(fitted) - rest for i, fitted in smaller.items()}
+    for effect, gain in gained.items():
+        others = sum(np.minimum(g, 1.0) for i, g in gained.items() if i not in (effect, *found.whole.counted))
+        small = (gain >= LAW**2 * others) & (bool(after.max() < 0.0) | (gain >= MOST * (rest + gain)))
+        small &= search.whole.any_by_joint(leave(smaller[effect]) > np.maximum(after + NEGLIGIBLE**2, 0.0))
+        small |= search.whole.any_by_joint(clear[effect])
+        roles[effect] = CAUSE if np.any(counts & ((gain >= LARGE) | small)) else REFINEMENT
     alone = {i: none - measure(search.sets.get(frozenset([i]), search.none)) for i in gains}
     weight = {i: np.maximum(alone[i], 0.0) + np.maximum(gains[i], 1e-9) for i in gains if roles[i] == CAUSE}
     together = none - left - sum(np.maximum(g, 0.0) for i, g in gains.items() if roles[i] == REFINEMENT)
