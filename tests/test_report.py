@@ -347,6 +347,8 @@ def test_an_error_that_grows_is_called_so_and_never_a_percentage():
     assert wording.closure(GREW.value) == "grew by a factor of 47,000"
     assert wording.closure_span(GREW) == "grew by a factor of 17,000 to 410,000"
     assert wording.closure_span(Interval(-0.2, -1.5, 0.3)) == "grew by a factor of 2.5 to 30 % gone"
+    assert wording.share(0.001) == "< 1 %" and wording.share(0.0) == "0 %"
+    assert wording.share_span(Interval(0.003, 0.001, 0.02)) == "< 1 % (0-2)"
     assert wording.closure(-0.001) == "0 %" and wording.closure(0.962) == "96 %"
     assert wording.closure_span(Interval(0.96, 0.93, 0.98)) == "93 to 98 %"
 

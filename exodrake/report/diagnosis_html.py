@@ -29,7 +29,7 @@ from exodrake.diagnosis.parameter import nominal_parameters
 from exodrake.diagnosis.problem import Problem, Trial
 from exodrake.diagnosis.result import CAUSE, REFINEMENT, Diagnosis, Interval, SignalGap
 from exodrake.diagnosis.search import GAIN, LARGE, LAW, NATS, NEGLIGIBLE
-from exodrake.diagnosis.verdict import EXPLAINED, MOST
+from exodrake.diagnosis.verdict import CLEAR, EXPLAINED, MOST
 from exodrake.diagrams.block_diagram import wiring_svg
 from exodrake.model.display import PALETTE, SYMBOLS, find_display, shown_unit
 from exodrake.report import blocks, wording as w
@@ -482,6 +482,7 @@ def decision_numbers() -> list[tuple[str, str]]:
         ("a cause takes up of the gap at least", w.percent(LARGE)),
         ("or of what is left without it at least", w.percent(MOST)),
         ("a law of an effect may err by", w.percent(LAW)),
+        ("a channel shows a small cause above what remains there by a factor (RMS) of", f"{CLEAR:g}"),
         ("causes are named that explain of the gap at least", w.percent(EXPLAINED)),
         ("causes explain part of it (PARTLY) from", w.percent(MOST)),
     ]

@@ -175,14 +175,16 @@ def says_something(item: Interval) -> bool:
 
 
 def share(fraction: float) -> str:
-    """A share of the gap as per cent, between 0 and 100 %."""
+    """A share of the gap as per cent, between 0 and 100 %; one that would be rounded to 0 is `< 1 %`."""
+    if 0.0 < fraction < 0.005:
+        return "< 1 %"
     return percent(min(max(fraction, 0.0), 1.0)) if math.isfinite(fraction) else "–"
 
 
 def share_span(item: Interval) -> str:
     """A share of the gap with its 90 % interval, where it has one: `91 % (87-94)`."""
-    ends = (share(x).removesuffix(" %") for x in (item.low, item.high))
-    span = f" ({'-'.join(ends)})" if item.low < item.high else ""
+    ends = (share(x).removesuffix(" %").replace("< 1", "0") for x in (item.low, item.high))
+    span = f" ({'-'.join(ends)})" if item.low < item.high >= 0.005 else ""
     return f"{share(item.value)}{span}"
 
 
@@ -212,7 +214,7 @@ def headline(diagnosis: Diagnosis) -> str:
     for effect in sorted(causes(diagnosis), key=lambda e: not e.rivals):
         (kind, place), values = name_place(diagnosis, effect), by_channel(effect)
         known = math.isfinite(effect.share.value)  # not of one among several that detectors found
-        explained = named.format(share(effect.share.value)) if known else "was detected"
+        explained = named.format(share(effect.share.value).replace("<", "less than")) if known else "was detected"
         explained += f" ({values})" if values and not effect.rivals else ""
         if effect.rivals:
             others = join_words([f"{shorten_id(r.id)} ({r.id})" for r in effect.rivals], "or")
