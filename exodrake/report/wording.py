@@ -30,6 +30,7 @@ DIGITS = 3  # significant digits of a quantity
 MOST_MOVED = 4  # parameters that a sentence lists
 MOST_SEATS = 4  # channels that a sentence lists where an effect sits on all of them
 SMALL = 1.1  # noise standard deviations: a gap below it leaves nothing to close
+LEAST_SHARE = 0.005  # of the gap: a smaller one would be rounded to 0 %
 REFINED = "a refinement may be the error of a cause's law, and is no cause"
 EXPERIMENT = "`exodrake experiment CASE --out reference.csv` designs the motion that tells them apart"
 
@@ -176,16 +177,17 @@ def says_something(item: Interval) -> bool:
 
 def share(fraction: float) -> str:
     """A share of the gap as per cent, between 0 and 100 %; one that would be rounded to 0 is `< 1 %`."""
-    if 0.0 < fraction < 0.005:
+    if 0.0 < fraction < LEAST_SHARE:
         return "< 1 %"
     return percent(min(max(fraction, 0.0), 1.0)) if math.isfinite(fraction) else "–"
 
 
 def share_span(item: Interval) -> str:
-    """A share of the gap with its 90 % interval, where it has one: `91 % (87-94)`."""
-    ends = (share(x).removesuffix(" %").replace("< 1", "0") for x in (item.low, item.high))
-    span = f" ({'-'.join(ends)})" if item.low < item.high >= 0.005 else ""
-    return f"{share(item.value)}{span}"
+    """A share of the gap with its 90 % interval, where it has one that is not rounded to 0: `91 % (87-94)`."""
+    if not item.low < item.high or item.high < LEAST_SHARE:
+        return share(item.value)
+    low, high = (percent(min(max(end, 0.0), 1.0)).removesuffix(" %") for end in (item.low, item.high))
+    return f"{share(item.value)} ({low}-{high})"
 
 
 def headline(diagnosis: Diagnosis) -> str:
@@ -207,7 +209,7 @@ def headline(diagnosis: Diagnosis) -> str:
         text = f"There is a gap{within}{f' at {place}' if place else ''}{regime_words(where.regime)}"
         text += ", that no effect of the library explains"
         best = min(diagnosis.candidates, key=lambda c: abs(c.share - explained), default=None)
-        if best and explained > 0.005:
+        if best and explained > LEAST_SHARE:
             text += f"; the best set, {best.id}, would explain {share(explained)} of it"
         return f"{text}{unconfirmed}."
     said, named = [], "explains {} of the gap"  # by each cause; those with rivals first
@@ -231,7 +233,7 @@ def headline(diagnosis: Diagnosis) -> str:
             if left.noise_std > 1.0
             else "nothing remains"
         )
-        words += f"; {share(left.value)} remains" if left.value >= 0.005 else f"; {rest}"
+        words += f"; {share(left.value)} remains" if left.value >= LEAST_SHARE else f"; {rest}"
         worst = max(diagnosis.closure.signals.items(), key=lambda item: item[1].after / item[1].noise_std, default=None)
         if diagnosis.verdict == result.PARTLY and worst is not None:
             name, ratio = worst[0], digits(worst[1].after / worst[1].noise_std, 2)
