@@ -233,7 +233,10 @@ def first_guess(
 
 
 def smooth(time: np.ndarray, positions: np.ndarray, cutoff: float, source: str = "recording") -> np.ndarray:
-    """Smooth positions (frames, markers, 3) [m], NaN if missing. InputError for uneven time or a bad cut-off [Hz]."""
+    """Smooth positions (frames, markers, 3) [m], NaN where missing, at evenly spaced time (frames,) [s].
+
+    InputError for uneven frames or a cut-off [Hz] beyond half the frame rate; it names the source.
+    """
     steps = np.diff(time)
     step = float(np.median(steps))
     uneven = np.flatnonzero(np.abs(steps - step) > step / 2)

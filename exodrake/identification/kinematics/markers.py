@@ -80,7 +80,11 @@ class Layout:
 
 
 def read_layout(path: str | Path) -> Layout:
-    """Read a layout from YAML such as `proximal: [RP1, RP2, RP3]`; absent keys keep defaults. InputError names key."""
+    """Read a layout from YAML such as `proximal: [RP1, RP2, RP3]`; absent keys keep their defaults.
+
+    Raises:
+        InputError: Naming file and key, for an unknown key, not three names in a triad, or a marker named twice.
+    """
     content: dict[str, Any] = SCHEMA(read_yaml(path), str(path))
     names: dict[str, Any] = {key: v if key == "tip" else tuple(v or ()) for key, v in content.items()}
     layout = Layout(**names)
@@ -389,7 +393,11 @@ class Truth(NamedTuple):
 
 
 def synthesise(hand: Hand, faults: Faults, duration: float, rate: float, seed: int) -> tuple[Recording, Truth]:
-    """Synthesise a recording and its truth: a second of rest, then motion. InputError for numbers out of range."""
+    """Synthesise a recording and its truth; the finger rests for the first second, then moves over its ranges.
+
+    Raises:
+        InputError: For a duration outside 3 s to an hour, a rate outside 5 to 1000 Hz, or faults below 0.
+    """
     if not (3 <= duration <= 3600 and 5 <= rate <= 1000):
         raise InputError(f"synthesise: {duration:g} s at {rate:g} Hz, wanted 3 to 3600 s at 5 to 1000 Hz")
     for name, value in faults._asdict().items():

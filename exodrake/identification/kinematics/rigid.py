@@ -114,7 +114,10 @@ def corners() -> np.ndarray:
 
 
 def fit_pose(shape: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Poses (n, 4, 4) from a shape (k, 3) to points (n, k, 3) [m] (Kabsch), RMS (n,) [m]; NaN if one is missing."""
+    """Poses (frames, 4, 4) [m] that carry a shape (k, 3) [m] to points (frames, k, 3) [m] by least squares (Kabsch).
+
+    With RMS residuals (frames,) [m]; both are NaN in frames where a point is missing.
+    """
     whole = np.isfinite(points).all(axis=(1, 2))
     pose, residual = np.full((len(points), 4, 4), np.nan), np.full(len(points), np.nan)
     if not whole.any():
