@@ -102,15 +102,16 @@ def test_what_an_error_of_another_law_may_be_is_no_cause(part_of_law):
     def residual(rows, trials):
         return np.array([noise + sum(x * (row[indices[i]] == 0.0) for i, x in does.items()) for row in rows])
 
-    def fitted(values):
-        return SimpleNamespace(explanation=SimpleNamespace(robot=values))
+    def errors(values):
+        return residual([values], ())[0]
 
     found = SimpleNamespace(
         whole=SimpleNamespace(robot=robot, residual=residual, fit=(), columns=("tension_AF",), counted={}),
         likelihood=SimpleNamespace(views=[SimpleNamespace(squares=np.ones((2, 1)))]),
     )
-    smaller = {i: fitted(np.where(np.arange(len(present)) == k, 0.0, present)) for i, k in indices.items()}
-    clear = verdict.find_clear(found, fitted(present), smaller)
+    without = {i: errors(np.where(np.arange(len(present)) == k, 0.0, present)) for i, k in indices.items()}
+    best = SimpleNamespace(explanation=SimpleNamespace(robot=present))
+    clear = verdict.find_clear(found, best, errors(present), without)
     assert clear[large].all() and clear[small].all() == (not part_of_law)
 
 

@@ -167,8 +167,11 @@ class LokyWorkers:
 
     def __init__(self, jobs: int) -> None:
         self.jobs = jobs
-        self.capacity = lambda: jobs  # tasks in flight: not more, so that a crash costs none beyond those that run
         warnings.filterwarnings("ignore", GROWN, UserWarning)
+
+    def capacity(self) -> int:
+        """Number of tasks to have in flight: not more, so that a crash costs none beyond those that run."""
+        return self.jobs
 
     def submit(self, *call: Any) -> Future:
         """Start a call."""

@@ -20,7 +20,7 @@ import numpy as np
 
 from exodrake.core.confidence import NORMAL_90
 from exodrake.diagnosis.fit import Predicted, fit_beside
-from exodrake.diagnosis.isolation import Isolation, excess_by_column, noise_by_column
+from exodrake.diagnosis.isolation import Isolation, noise_by_column
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.result import (
     AMBIGUOUS,
@@ -173,19 +173,19 @@ def divide_gap(found: Isolation, best: Fitted) -> tuple[Part, ...]:
     none, left = measure(search.none), measure(best)
     smaller = {i: search.best_within(best.effects - {i}) for i in best.explanation.effects}
     gains = {i: measure(fitted) - left for i, fitted in smaller.items()}
-
-    def leave(fitted: Fitted) -> np.ndarray:
-        """What a set leaves in each channel (columns,) beyond a negligible gap [noise variances]."""
-        return excess_by_column(found.whole, fitted.explanation.robot, found.likelihood)[0]
-
-    roles, after, counts = {}, leave(best), search.whole.any_by_joint(leave(search.none) >= 0.0)
-    rest, clear = found.beside_detections * search.left_by_joint(best), find_clear(found, best, smaller)
+    problem, sets, by_joint = found.whole, (search.none, best, *smaller.values()), search.whole.any_by_joint
+    errors = problem.residual(np.array([f.explanation.robot for f in sets]), problem.fit)
+    errors = errors.reshape(len(sets), -1, len(problem.columns))
+    before, after, *without = (errors**2).mean(axis=1) - noise_by_column(found.likelihood) - NEGLIGIBLE**2
+    shown, clear = dict(zip(smaller, without)), find_clear(found, best, errors[1], dict(zip(smaller, errors[2:])))
+    roles, counts = {}, by_joint(before >= 0.0)
+    rest = found.beside_detections * search.left_by_joint(best)
     gained = {i: found.beside_detections * search.left_by_joint(fitted) - rest for i, fitted in smaller.items()}
     for effect, gain in gained.items():
         others = sum(np.minimum(g, 1.0) for i, g in gained.items() if i not in (effect, *found.whole.counted))
         small = (gain >= LAW**2 * others) & (bool(after.max() < 0.0) | (gain >= MOST * (rest + gain)))
-        small &= search.whole.any_by_joint(leave(smaller[effect]) > np.maximum(after + NEGLIGIBLE**2, 0.0))
-        small |= search.whole.any_by_joint(clear[effect])
+        small &= by_joint(shown[effect] > np.maximum(after + NEGLIGIBLE**2, 0.0))
+        small |= by_joint(clear[effect])
         roles[effect] = CAUSE if np.any(counts & ((gain >= LARGE) | small)) else REFINEMENT
     alone = {i: none - measure(search.sets.get(frozenset([i]), search.none)) for i in gains}
     weight = {i: np.maximum(alone[i], 0.0) + np.maximum(gains[i], 1e-9) for i in gains if roles[i] == CAUSE}
@@ -199,19 +199,20 @@ def divide_gap(found: Isolation, best: Fitted) -> tuple[Part, ...]:
     return tuple(sorted(parts, key=lambda p: (p.role != CAUSE, -p.share.value)))
 
 
-def find_clear(found: Isolation, best: Fitted, smaller: Mapping[str, Fitted]) -> dict[str, np.ndarray]:
+def find_clear(
+    found: Isolation, best: Fitted, here: np.ndarray, without: Mapping[str, np.ndarray]
+) -> dict[str, np.ndarray]:
     """Whether each effect of a set takes up in a channel (columns,) what nothing else may: effect -> mask.
 
     That is as much as the noise, and `CLEAR` times (RMS) what the set leaves there. A sample counts the less, the more
     errors of the other effects' laws may leave in it: `LAW` of what each does there. Lost commands that were decoded
-    have no such law. smaller: effect -> the set without it.
+    have no such law. here: errors (samples, columns) of the set, without: effect -> those of the set without it.
     """
     problem, own = found.whole, replace(found.whole.robot, values=best.explanation.robot)
-    silent = {i: own.without_effects({i}).values for i in smaller if i not in problem.counted}
-    rows = np.array([own.values, *(f.explanation.robot for f in smaller.values()), *silent.values()])
-    left = problem.residual(rows, problem.fit).reshape(len(rows), -1, len(problem.columns))
-    here, without, noise = left[0], dict(zip(smaller, left[1:], strict=False)), noise_by_column(found.likelihood)
-    law_errors = {i: (LAW * (one - here)) ** 2 for i, one in zip(silent, left[1 + len(smaller) :], strict=True)}
+    silent = {i: own.without_effects({i}).values for i in without if i not in problem.counted}
+    left = problem.residual(np.array([*silent.values()]), problem.fit) if silent else ()
+    law_errors = {i: (LAW * (one.reshape(here.shape) - here)) ** 2 for i, one in zip(silent, left, strict=True)}
+    noise = noise_by_column(found.likelihood)
     clear = {}
     for effect, less in without.items():
         weight = 1.0 / (1.0 + sum(e for i, e in law_errors.items() if i != effect))
