@@ -12,7 +12,7 @@ from exodrake.diagnosis import verdict
 from exodrake.diagnosis.isolation import isolate
 from exodrake.diagnosis.pipeline import diagnose
 from exodrake.diagnosis.problem import make_problem, with_recorded_ranges
-from exodrake.diagnosis.result import CAUSE, REFINEMENT, Interval
+from exodrake.diagnosis.result import CAUSE, REFINEMENT
 from exodrake.diagnosis.search import Search
 from exodrake.machines.robot_file import load_robot
 from exodrake.reference.cases import MIXES, CasePlan
@@ -22,16 +22,18 @@ from exodrake.simulation.simulate import simulate
 BOTH, FRICTION, DRIFT = (frozenset(some) for some in (("friction", "drift"), ("friction",), ("drift",)))
 
 
-def decide(monkeypatch, divide, usable=lambda fitted: True, family="friction"):
-    """Effects and roles that are left of two."""
-    monkeypatch.setattr(verdict, "divide_gap", divide)
+def decide(monkeypatch, find, usable=lambda fitted: True, family="friction"):
+    """Effects and roles that are left of two; find: set -> effect -> role and share."""
+    monkeypatch.setattr(verdict, "find_roles", lambda found, best: {i: role for i, (role, _) in find(best).items()})
+    gains = lambda found, best: {i: np.array([share]) for i, (_, share) in find(best).items()}  # noqa: E731
+    monkeypatch.setattr(verdict, "measure_gains", gains)
     sets = {key: SimpleNamespace(effects=key) for key in (BOTH, FRICTION, DRIFT)}
     effects = [SimpleNamespace(id="drift", family=family)]
     search = SimpleNamespace(sets=sets, usable=usable, reduce=lambda effects: None, effects=effects)
     found = SimpleNamespace(search=search, whole=SimpleNamespace(detected=()), best=sets[BOTH])
-    best, parts = verdict.drop_refinements(found)
-    assert {p.effect for p in parts} == best.effects
-    return best.effects, [p.role for p in parts]
+    best, roles = verdict.drop_refinements(found)
+    assert roles.keys() == best.effects
+    return best.effects, [*roles.values()]
 
 
 @pytest.mark.parametrize(
@@ -46,25 +48,23 @@ def decide(monkeypatch, divide, usable=lambda fitted: True, family="friction"):
 def test_a_refinement_goes_if_whole_logs_are_worse_with_it_or_it_is_of_time_alone_and_the_rest_is_within_its_ranges(
     monkeypatch, share, usable, family, kept
 ):
-    def divide(found, best):
+    def find(best):
         shares = {"friction": (CAUSE, 0.9), "drift": (REFINEMENT, share)}
-        return tuple(
-            verdict.Part(i, shares[i][0], Interval(*3 * [shares[i][1]]), {}) for i in sorted(best.effects)[::-1]
-        )
+        return {i: shares[i] for i in sorted(best.effects)[::-1]}
 
-    effects, _ = decide(monkeypatch, divide, lambda fitted: usable, family)
+    effects, _ = decide(monkeypatch, find, lambda fitted: usable, family)
     assert effects == (BOTH if kept else FRICTION)
 
 
 def test_effects_that_stand_in_for_each_other_go_until_one_is_a_cause(monkeypatch):
     """Either of two leaves little without the other, so that neither is a cause beside it: the smaller one goes."""
 
-    def divide(found, best):
-        role, share = (REFINEMENT, {"friction": 0.06, "drift": 0.05}) if len(best.effects) > 1 else (CAUSE, {})
-        found = ((i, share.get(i, 0.9)) for i in sorted(best.effects))
-        return tuple(verdict.Part(i, role, Interval(s, s, s), {}) for i, s in found)
+    def find(best):
+        if len(best.effects) == 1:
+            return dict.fromkeys(best.effects, (CAUSE, 0.9))
+        return {"friction": (REFINEMENT, 0.06), "drift": (REFINEMENT, 0.05)}
 
-    assert decide(monkeypatch, divide) == (FRICTION, [CAUSE])
+    assert decide(monkeypatch, find) == (FRICTION, [CAUSE])
 
 
 def test_what_a_set_leaves_is_no_more_than_what_a_part_of_it_does():

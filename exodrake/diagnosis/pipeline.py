@@ -106,7 +106,7 @@ def answer(found: Isolation, started: float, progress: StageProgress) -> Diagnos
     since, decision = follow_sessions(problem, found, decide(found))
     best, word = decision.best, decision.verdict
     progress(Stage.CLOSURE, "")
-    retuned, precise = fit_on(found, best)
+    retuned, precise = decision.fits or fit_on(found, best)
     effects, gone = state_effects(found, decision, precise)
     rows = {
         "nominal": replace(problem, detected=()).silent(),
@@ -140,7 +140,9 @@ def answer(found: Isolation, started: float, progress: StageProgress) -> Diagnos
         equivalents=next(((p.effect, *p.rivals) for p in decision.causes if word == result.AMBIGUOUS and p.rivals), ()),
         # noise_std: RMS beyond noise in closed loop
         remainder=result.Remainder(
-            *(rest.value, rest.low, rest.high, float(np.sqrt(max(best.chi2[0] - 1.0, 0.0)))), place.block, place.regime
+            *(rest.value, rest.low, rest.high, float(np.sqrt(max(precise.chi2[0] - 1.0, 0.0)))),
+            place.block,
+            place.regime,
         ),
         closure=closure,
         rivals=find_rivals(problem, found, decision, [p for _, p in others.values()]),

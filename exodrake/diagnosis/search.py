@@ -170,7 +170,7 @@ class Search:
         where that is less than expected. together: all joints as one (views, 1).
         """
         samples, known = self.whole.samples_by_log, self.squares
-        if new := [f for f in self.sets.values() if f not in known]:  # what each leaves over the whole logs
+        if new := [f for f in (*self.sets.values(), fitted) if f not in known]:  # what each leaves over the whole logs
             rows = [f.explanation.residual for f in new]
             if self.whole.samples != self.likelihood.samples:
                 rows = self.whole.residual(np.array([f.explanation.robot for f in new]))
@@ -180,7 +180,7 @@ class Search:
             sums, n = ((x * samples)[some].sum(axis=0) for x in (squares, np.ones_like(squares)))
             return sums.sum(axis=1, keepdims=True) / n.sum(axis=1, keepdims=True) if together else sums / n
 
-        floor = np.minimum(np.min([mean(known[f], ALL) for f in self.sets.values()], axis=0), 1.0)
+        floor = np.minimum(np.min([mean(x, ALL) for x in known.values()], axis=0), 1.0)
         squares = known[self.none] if before is None else before, known[fitted]
         gap, left = (np.maximum(mean(x, logs) - floor, 0.0) for x in squares)
         return gap / (gap + NEGLIGIBLE**2), left / np.maximum(gap, 1e-12)

@@ -20,7 +20,7 @@ import numpy as np
 
 from exodrake.core.confidence import NORMAL_90
 from exodrake.diagnosis.fit import Predicted, fit_beside
-from exodrake.diagnosis.isolation import Isolation, noise_by_column
+from exodrake.diagnosis.isolation import Isolation, fit_on, noise_by_column
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.result import (
     AMBIGUOUS,
@@ -71,6 +71,8 @@ class Decision:
     parts: tuple[Part, ...]  # its effects, causes first, the largest first
     remainder: Interval  # share of the gap that it leaves
     reasons: tuple[str, ...]  # sentences
+    # the retuned robot and the set, fitted on to more of the logs, where the verdict rests on what these leave
+    fits: tuple[Fitted, Fitted] | None = None
 
     @property
     def causes(self) -> tuple[Part, ...]:
@@ -98,10 +100,12 @@ def decide(found: Isolation) -> Decision:
             if word == RETUNE and found.differs_between_runs:
                 return replace(one, verdict=UNKNOWN, reasons=(DIFFERS,))
             return one if word == NO_GAP else decide_retuned(found, one)
-    best, parts = drop_refinements(found)
-    causes, left = [p for p in parts if p.role == CAUSE], found.beside_detections * search.left_by_log(best)
-    explained = 1.0 - float(left[0])
-    if found.excess(best.explanation.robot) < 0.0:
+    best, roles = drop_refinements(found)
+    retuned, precise = fit_on(found, best)
+    left = found.beside_detections * search.left_by_log(precise)
+    parts = divide_gap(found, best, roles, left)
+    causes, explained = [p for p in parts if p.role == CAUSE], 1.0 - float(left[0])
+    if found.excess(precise.explanation.robot) < 0.0:
         explained = 1.0
     if not (causes or certain) or explained < MOST:
         word = UNKNOWN
@@ -109,7 +113,7 @@ def decide(found: Isolation) -> Decision:
         word = PARTLY
     else:
         word = AMBIGUOUS if any(p.rivals for p in causes) else NAMED
-    return Decision(word, best, parts, jackknife_share(left), (*certain, REASONS[word]))
+    return Decision(word, best, parts, jackknife_share(left), (*certain, REASONS[word]), (retuned, precise))
 
 
 def decide_retuned(found: Isolation, decision: Decision) -> Decision:
@@ -132,8 +136,8 @@ def decide_retuned(found: Isolation, decision: Decision) -> Decision:
     return Decision(word, singles[one], (part,), jackknife_share(left[one]), (REASONS[word],))
 
 
-def drop_refinements(found: Isolation) -> tuple[Fitted, tuple[Part, ...]]:
-    """The best set without refinements that do not help, and its effects.
+def drop_refinements(found: Isolation) -> tuple[Fitted, dict[str, str]]:
+    """The best set without refinements that do not help, and the roles of its effects.
 
     Such leave more over the whole logs than the set without them. Where none is a cause, each stands in for the others:
     they go, the smallest first, until one is. So does a drift, a law of time alone: it takes up what is slow in one log
@@ -141,60 +145,73 @@ def drop_refinements(found: Isolation) -> tuple[Fitted, tuple[Part, ...]]:
     machines, held-out motion is predicted best with all of them.
     """
     search, best = found.search, found.best
-    parts, least = divide_gap(found, best), 1 - any(d.certain for d in found.whole.detected)
+    roles, least = find_roles(found, best), 1 - any(d.certain for d in found.whole.detected)
     drifts = {e.id for e in search.effects if e.family == "drift"}
-    while len(parts) > least:
-        alike = all(p.role == REFINEMENT for p in parts)
-        tried = [p for p in parts if p.role == REFINEMENT and (alike or p.share.value < 0.0 or p.effect in drifts)]
-        tried = [p for p in tried if search.usable(search.sets[best.effects - {p.effect}])]
+    while len(roles) > least:
+        gains = {i: float(gain[0]) for i, gain in measure_gains(found, best).items() if roles[i] == REFINEMENT}
+        alike = len(gains) == len(roles)
+        tried = [i for i, gain in gains.items() if alike or gain < 0.0 or i in drifts]
+        tried = [i for i in tried if search.usable(search.sets[best.effects - {i}])]
         if not tried:
             break
-        best = search.sets[best.effects - {min(tried, key=lambda p: p.share.value).effect}]
+        best = search.sets[best.effects - {min(tried, key=gains.__getitem__)}]
         search.reduce(best.effects)
-        parts = divide_gap(found, best)
-    return best, parts
+        roles = find_roles(found, best)
+    return best, roles
 
 
-def divide_gap(found: Isolation, best: Fitted) -> tuple[Part, ...]:
-    """Effects of a set, causes first, the largest first.
+def list_smaller(found: Isolation, best: Fitted) -> dict[str, Fitted]:
+    """Effects of a set, each with the set without it."""
+    return {i: found.search.best_within(best.effects - {i}) for i in best.explanation.effects}
+
+
+def measure_gains(found: Isolation, best: Fitted) -> dict[str, np.ndarray]:
+    """Share (1 + logs,) of the gap, detections in it, that each effect of a set takes up beside the others."""
+    left, part = found.search.left_by_log, found.beside_detections
+    return {i: part * (left(fitted) - left(best)) for i, fitted in list_smaller(found, best).items()}
+
+
+def find_roles(found: Isolation, best: Fitted) -> dict[str, str]:
+    """Role of each effect of a set.
 
     A small effect is a cause where what is left without it is visible and no error of another one's law. Such errors
     are as large as `LAW` of what the others take up; lost commands that were decoded have no such law. Or the effect
     takes up in a channel what nothing else may (`find_clear`). Where joints are separate, it is a cause in one of them.
-    What causes take up together is divided by what each takes up alone and what is left without it, in the mean: of
-    two that stand in for each other neither is lost.
     """
-    search = found.search
-
-    def measure(fitted: Fitted) -> np.ndarray:
-        """Share (1 + logs,) of the gap, detections in it, that a set leaves."""
-        return found.beside_detections * search.left_by_log(fitted)
-
-    none, left = measure(search.none), measure(best)
-    smaller = {i: search.best_within(best.effects - {i}) for i in best.explanation.effects}
-    gains = {i: measure(fitted) - left for i, fitted in smaller.items()}
-    problem, sets, by_joint = found.whole, (search.none, best, *smaller.values()), search.whole.any_by_joint
+    search, problem, smaller = found.search, found.whole, list_smaller(found, best)
+    sets, by_joint = (search.none, best, *smaller.values()), search.whole.any_by_joint
     errors = problem.residual(np.array([f.explanation.robot for f in sets]), problem.fit)
     errors = errors.reshape(len(sets), -1, len(problem.columns))
     before, after, *without = (errors**2).mean(axis=1) - noise_by_column(found.likelihood) - NEGLIGIBLE**2
     shown, clear = dict(zip(smaller, without)), find_clear(found, best, errors[1], dict(zip(smaller, errors[2:])))
-    roles, counts = {}, by_joint(before >= 0.0)
     rest = found.beside_detections * search.left_by_joint(best)
     gained = {i: found.beside_detections * search.left_by_joint(fitted) - rest for i, fitted in smaller.items()}
+    roles, counts = {}, by_joint(before >= 0.0)
     for effect, gain in gained.items():
-        others = sum(np.minimum(g, 1.0) for i, g in gained.items() if i not in (effect, *found.whole.counted))
+        others = sum(np.minimum(g, 1.0) for i, g in gained.items() if i not in (effect, *problem.counted))
         small = (gain >= LAW**2 * others) & (bool(after.max() < 0.0) | (gain >= MOST * (rest + gain)))
         small &= by_joint(shown[effect] > np.maximum(after + NEGLIGIBLE**2, 0.0))
         small |= by_joint(clear[effect])
         roles[effect] = CAUSE if np.any(counts & ((gain >= LARGE) | small)) else REFINEMENT
-    alone = {i: none - measure(search.sets.get(frozenset([i]), search.none)) for i in gains}
+    return roles
+
+
+def divide_gap(found: Isolation, best: Fitted, roles: Mapping[str, str], left: np.ndarray) -> tuple[Part, ...]:
+    """Effects of a set, causes first, the largest first. left: share (1 + logs,) of the gap that it leaves.
+
+    What causes take up together is divided by what each takes up alone and what is left without it, in the mean: of
+    two that stand in for each other neither is lost.
+    """
+    search, part, gains = found.search, found.beside_detections, measure_gains(found, best)
+    none = part * search.left_by_log(search.none)
+    alone = {i: none - part * search.left_by_log(search.sets.get(frozenset([i]), search.none)) for i in gains}
     weight = {i: np.maximum(alone[i], 0.0) + np.maximum(gains[i], 1e-9) for i in gains if roles[i] == CAUSE}
     together = none - left - sum(np.maximum(g, 0.0) for i, g in gains.items() if roles[i] == REFINEMENT)
     parts = []
     for effect, gain in gains.items():
         share = together * weight[effect] / sum(weight.values()) if effect in weight else gain
-        rivals = search.list_rivals(best, effect, float(gain[0]) / found.beside_detections)
-        lost = {i: float(share[0] + left[0] - measure(f)[0]) for i, f in rivals.items()}
+        rivals = search.list_rivals(best, effect, float(gain[0]) / part)
+        lost = {i: float(share[0] + left[0] - part * search.left_by_log(f)[0]) for i, f in rivals.items()}
         parts.append(Part(effect, roles[effect], jackknife_share(share), lost))
     return tuple(sorted(parts, key=lambda p: (p.role != CAUSE, -p.share.value)))
 
