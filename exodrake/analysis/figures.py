@@ -130,7 +130,7 @@ def plot_margins(result: ClosedLoop) -> Figure:
         if np.isfinite(m.delay_margin):
             lines += [f"phase {m.phase_margin_deg:.0f} deg at {m.crossover:.2f} Hz"]
             lines += [f"delay {1e3 * m.delay_margin:.3g} ms"]
-        words = ("unstable: no margins" if m.closed_unstable else "\n".join(lines)) if m.acts else IDLE
+        words = ("unstable poles: no margins" if m.closed_unstable else "\n".join(lines)) if m.acts else IDLE
         phase.text(0.04, 0.05, words, transform=phase.transAxes, fontsize=8, color=DARK, bbox=WHITE)
         gain.set_ylim(-25, 45)
         phase.set(yticks=[-360, -270, -180, -90], ylim=(-390, -45))
@@ -140,7 +140,7 @@ def plot_margins(result: ClosedLoop) -> Figure:
 
 def plot_nyquist(result: ClosedLoop) -> Figure:
     """Nyquist curves of each channel and drawn robot, negative frequencies dashed; they must not enter the disk."""
-    figure, (panels,), _ = channel_panels(result, "{}", {"Im L": 1.0}, "Re L", 3.0)
+    figure, (panels,), _ = channel_panels(result, "{}", {"Im L": 1.0}, "Re L", 3.3)
     turn = np.linspace(0.0, 2.0 * np.pi, 200)
     for j, (m, axes) in enumerate(zip(result.margins, panels)):
         for k, band in enumerate(result.bands):
@@ -204,8 +204,6 @@ def plot_robust(result: ClosedLoop) -> Figure:
     for axes in panels[1]:
         axes.set_xlabel("Frequency [Hz]")
     figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
-    if not result.robust.stable:
-        figure.suptitle("not stable by its poles: S and T mean nothing", fontsize=9, color="#a83a12")
     return figure
 
 
@@ -425,11 +423,14 @@ def plot_uncertainty(found: Uncertainty) -> Figure:
 
 def draw_figures(result: ClosedLoop, cycles: tuple[LimitCycles, ...] = ()) -> dict[str, bytes]:
     """File name -> PNG of every figure with something in it: no margins where no command acts, as of stuck joints."""
-    plots = [plot_steps, plot_stability, plot_bode, plot_delays]
+    plots = [plot_steps, plot_bode, plot_delays, plot_stability]
     if any(m.acts for m in result.margins):
         plots += [plot_margins, plot_nyquist, plot_robust, plot_root_locus]
     with matplotlib.rc_context(STYLE):
         drawn = {plot.__name__.removeprefix("plot_"): plot(result) for plot in plots}
+        for figure in () if result.robust.stable else list(drawn.values())[3:]:
+            words = "unstable: no margins" if result.model.decides else "here poles, margins and maps mean little"
+            figure.suptitle(words, fontsize=9, color="#a83a12")
         drawn |= {"limit_cycles": plot_limit_cycles(cycles)} if cycles else {}
         drawn |= {"uncertainty": plot_uncertainty(result.uncertainty)} if result.uncertainty else {}
     return {f"{name}.png": render_png(figure) for name, figure in drawn.items()}

@@ -124,7 +124,7 @@ class FrequencyResponse:
     spread: np.ndarray = field(repr=False)  # standard deviation over them
     coherence: np.ndarray = field(repr=False)  # share of the reading's power that the reference explains
     linear: np.ndarray = field(repr=False)  # complex, from the frame map
-    bandwidth: float  # -3 dB against the frame map's static gain [Hz], from the frame map; nan if none
+    bandwidth: float  # -3 dB against the frame map's static gain [Hz], from that map if poles decide; nan if none
     bandwidth_measured: float  # the same from the multisine
 
 
@@ -154,17 +154,17 @@ def frequency_response(model: FrameModel, channel: int, seed: int | None = None)
         _, signals = loop.run(point.state, rows, None if seed is None else seed + draw)
         reading = signals[PERIOD:, loop.signals[loop.loop.measured]][:, channel]
         sent[draw], read[draw] = np.fft.rfft(rows[PERIOD:, channel])[lines], np.fft.rfft(reading)[lines]
-    frequency = lines / (PERIOD * frame)
-    ratio = read / sent
+    frequency, ratio = lines / (PERIOD * frame), read / sent
     cross, power = (read * sent.conj()).mean(0), (np.abs(sent) ** 2).mean(0) * (np.abs(read) ** 2).mean(0)
     coherence = np.divide(np.abs(cross) ** 2, power, out=np.full(len(lines), np.nan), where=power > 0.0)
     fine = np.linspace(0.0, 0.5 / frame, 2001)
     own = model.system[model.rows(loop.loop.measured)[channel], channel]
     linear, finely = evaluate(own, frequency)[:, 0, 0], evaluate(own, fine)[:, 0, 0]
     static = 0.0 if model.marginal else float(abs(finely[0]))  # a joint that friction holds answers by rounding
+    measured = bandwidth(frequency, static, ratio.mean(0))
     return FrequencyResponse(
         loop.channels[channel], frequency, ratio.mean(0), ratio.std(0, ddof=1), coherence, linear,
-        bandwidth(fine, static, finely), bandwidth(frequency, static, ratio.mean(0)),
+        bandwidth(fine, static, finely) if model.decides else measured, measured,
     )  # fmt: skip
 
 
