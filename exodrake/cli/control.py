@@ -296,9 +296,8 @@ def show_tuning(tuning: exo.Tuning) -> None:
     if (limit := tuning.limit) and math.isfinite(limit.settling):
         name = (best or own).name
         click.echo(
-            f"bound: no controller settles in less than {limit.settling:.3g} s with the commands of {name}, its "
-            f"crosstalk of {100.0 * limit.crosstalk:.2g} % and the overshoot required, on the linear nominal plant "
-            f"without noise; there {name} settles in {limit.tuned:.3g} s"
+            f"bound: on the nominal linear plant without noise, {name} settles in {limit.tuned:.3g} s, and no "
+            f"controller with such commands in less than {limit.settling:.3g} s"
         )
     if limit and limit.law and (p := limit.lqg):
         click.echo(
