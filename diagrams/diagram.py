@@ -140,9 +140,9 @@ class RobotDiagram(Cloneable, Diagram):
                     raise InputError(f"{both}; a system takes a part's place by bearing its name")
                 ports[name] = port
         for part in machine.parts:
-            for name in (name for output in part.outputs for name in output.writes):
-                if name not in ports:
-                    raise InputError(f"the system in place of {part.name} has no output port {name!r}")
+            lacks = [repr(name) for output in part.outputs for name in output.writes if name not in ports]
+            if lacks:
+                raise InputError(f"the system in place of {part.name} has no output port {', '.join(lacks)}")
         for system in systems:
             known = {*ports, *machine.inputs, *getattr(system, "optional", ())}
             known |= {"deviation", "start_stroke"} if isinstance(system, PartSystem) else set()
