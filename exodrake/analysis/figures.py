@@ -69,7 +69,7 @@ def plot_steps(result: ClosedLoop) -> Figure:
         axes.set_xlim(-0.04 * shown, shown)
         words = f"rise {step.rise:.3g} s\novershoot {100 * step.overshoot:.1f} %\nsettles in {step.settling:.3g} s"
         words = "\n".join(line for line in words.splitlines() if "nan" not in line)
-        axes.text(0.97, 0.55, words, transform=axes.transAxes, ha="right", **NOTE)
+        axes.text(0.97, 0.55, words, transform=axes.get_yaxis_transform(), ha="right", **NOTE)
     low, high = np.min(changes), np.max(changes)  # an unstable step must not hide the rest
     panels[0].set_ylim(max(low - 0.05, -1.0), min(max(high, 1.0) + 0.12, 2.5))
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper right", ncols=len(colours))
@@ -95,7 +95,7 @@ def plot_bode(result: ClosedLoop) -> Figure:
         else:
             gain.text(0.97, 0.93, IDLE, transform=gain.transAxes, ha="right", **NOTE)
         gain.plot(f, decibel(size), ".", label="multisine", **dots)
-        phase.plot(f, np.degrees(np.unwrap(np.angle(response.measured))), ".", **dots)
+        phase.plot(f, np.unwrap(np.angle(np.where(size, response.measured, np.nan), deg=True), period=360), ".", **dots)
         for axes in coherence:
             axes.plot(f, response.coherence, ".", **dots)
             axes.set_ylim(-0.05, 1.08)

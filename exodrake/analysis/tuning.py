@@ -108,7 +108,7 @@ class Limit:
     """
 
     settling: float  # bound, of the slowest channel [s]
-    tuned: float  # the tuned controller there [s]; the slowest channel's, as above
+    tuned: float  # by steps of the nominal robot with the tuned controller [s]; the slowest channel's, as above
     command_peak: float  # largest change of a command in their steps [command / reference]
     crosstalk: float  # largest change of another channel, as a fraction of the step
     lqg: Performance | None  # worst of the LQG design over all plants of the search; None if it destabilises one

@@ -296,8 +296,8 @@ def show_tuning(tuning: exo.Tuning) -> None:
     if (limit := tuning.limit) and math.isfinite(limit.settling):
         name = (best or own).name
         click.echo(
-            f"bound: on the nominal linear plant without noise, {name} settles in {limit.tuned:.3g} s, and no "
-            f"controller with such commands in less than {limit.settling:.3g} s"
+            f"bound: on the linear nominal plant without noise, no controller with the commands of {name} settles in "
+            f"less than {limit.settling:.3g} s; it settles in {limit.tuned:.3g} s on the nominal robot"
         )
     if limit and limit.law and (p := limit.lqg):
         click.echo(
