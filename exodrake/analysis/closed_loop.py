@@ -97,7 +97,7 @@ class ClosedLoop:
         for name, known in ((source, self.system.input_labels), (target, self.system.output_labels)):
             if name not in known:
                 raise InputError(f"the loop has no signal {name!r} there{nearest(name, known)}; see `system`")
-        return self.system[target, source].copy(name=f"{source}_to_{target}")
+        return System(self.system[target, source], name=f"{source}_to_{target}", states=self.system.state_labels)
 
     def open_loop(self, command: str) -> control.StateSpace:
         """The return ratio L of the loop opened at a command, the others closed, as python-control's `StateSpace`.
@@ -108,9 +108,8 @@ class ClosedLoop:
         if command not in self.opened.input_labels:
             known = self.opened.input_labels
             raise InputError(f"no command {command!r}{nearest(command, known)}; there are {', '.join(known)}")
-        ratio = -mg.open_channel(self.opened, self.opened.input_labels.index(command))[0, 0]
-        ratio.update_names(name=f"L_{command}", inputs=[command], outputs=[command], states=self.opened.state_labels)
-        return ratio
+        ratio, names = -mg.open_channel(self.opened, self.opened.input_labels.index(command))[0, 0], [command]
+        return System(ratio, name=f"L_{command}", inputs=names, outputs=names, states=self.opened.state_labels)
 
     def to_control(self) -> control.StateSpace:
         """The closed loop from the references to all signals, as python-control's `StateSpace` with dt = one frame."""

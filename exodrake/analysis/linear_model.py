@@ -228,6 +228,7 @@ class Pole:
 class System(control.StateSpace):
     """python-control's `StateSpace`, here with one step per frame, SI."""
 
+    repr_format = "info"  # pyright: ignore  # name and signals in a line; print shows the matrices
     if TYPE_CHECKING:  # which python-control's own annotations leave open
         A: np.ndarray
         B: np.ndarray
