@@ -137,7 +137,7 @@ def uncertainty_lines(result: exo.ClosedLoop) -> list[str]:
     if u.cycles:
         gain, phase = (u.list_worst(attrgetter(name)) for name in ("gain_margin_db", "least_phase_deg"))
         found.append(
-            f"describing functions, worst amplitude and interval: gain margin {u.gain_margin_db:.3g} dB "
+            f"describing functions, worst amplitude tried, and interval: gain margin {u.gain_margin_db:.3g} dB "
             f"({gain[0].channel}), phase margin {u.phase_margin_deg:.3g} deg ({phase[0].channel})"
         )
         size, frequency = max(c.read_simulation() for c in u.cycles)
