@@ -145,7 +145,7 @@ class Fit:
                     values = [max(getattr(s, prefix + name), 0.0) for s in self.signals]
                     left.plot(values, rows, "o", ms=4.5, **style)
             left.set_yticks(rows, [s.column for s in self.signals])
-            left.set(xlabel="Fit [%], hollow: held out", xlim=(-3.0, 103.0))
+            left.set(xlabel="Fit [%], below 0 drawn at 0; hollow: held out", xlim=(-3.0, 103.0))
             left.set_ylim(len(self.signals) - 0.5, -0.5)
             figure.legend(loc="outside upper left", ncols=3)
             right.imshow(self.correlation, cmap="RdBu_r", vmin=-1.0, vmax=1.0)
