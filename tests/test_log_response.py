@@ -159,6 +159,10 @@ def test_command_writes_figure_and_numbers(chirp, tmp_path):
     (answer,) = json.loads(found.stdout)
     assert answer["input"] == "tension_AF" and "nominal" in answer["gap"]
     assert (tmp_path / "out" / "response.png").read_bytes().startswith(b"\x89PNG")
+    (tmp_path / "emps").mkdir()  # a folder of logs, at the frame of its machine
+    wrong = exo.load_robot("emps").splice("scale.gain", {"gain": 0.1})
+    exo.write_log(exo.simulate(wrong, "random-motion:duration=4", seed=1), tmp_path / "emps" / "a.csv")
+    assert run("response", tmp_path / "emps", "--robot", "emps").exit_code == 0
     refused = run("response", tmp_path / "log.csv", "--from", "tension_AF")
     assert refused.exit_code == 2 and "--from and --to belong together" in refused.stderr
 

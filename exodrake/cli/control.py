@@ -18,7 +18,7 @@ from click.core import ParameterSource
 import exodrake as exo
 from exodrake.cli import options
 from exodrake.core.errors import InputError
-from exodrake.core.files import is_file
+from exodrake.core.files import is_file, is_folder
 
 FIGURES = {
     "rise": "s", "overshoot": "%", "settling": "s", "-3 dB": "Hz", "gain\nmargin": "dB", "phase": "deg", "delay": "ms",
@@ -191,15 +191,15 @@ def find_response(cases, input, output, file, parameters, effects, parts, improv
     if bool(input) != bool(output):
         raise InputError("--from and --to belong together; without both, every block is estimated")
     robot = options.change_robot(exo.load_robot(file), parameters, effects, parts)
-    case = gather_logs(cases[0] if len(cases) == 1 else cases)
+    source = cases[0] if len(cases) == 1 else cases
+    case = gather_logs(source, period=robot.machine.frame if is_folder(cases[0]) else None)
     other = exo.load_robot(improved) if improved else None
     follows = all(item.log.has(n) for item in case.logs for n in robot.machine.log_names(robot.machine.references))
     if input and not follows:
         click.echo(f"note: no references of {robot.machine.name} in the logs, so no robot beside them", err=True)
     with options.waiting("simulating on the logs' references, and estimating"):
         if input:
-            robots = (robot, other) if follows else (None, None)
-            found = [exo.frequency_response(case, input, output, *robots, segment)]
+            found = [exo.frequency_response(case, input, output, *((robot, other) if follows else ()), segment=segment)]
         else:
             found = block_responses(case, {"nominal": robot} | ({"improved": other} if other else {}), segment)
     rows, models = [], list(found[0].models) if found else []
