@@ -10,7 +10,7 @@ import numpy as np
 
 from exodrake.analysis import margins as mg
 from exodrake.analysis.limit_cycles import LimitCycles
-from exodrake.analysis.linear_model import KINK, FrameModel, OperatingPoint, System, linearise_robot
+from exodrake.analysis.linear_model import KINK, UNLIKE, FrameModel, OperatingPoint, System, linearise_robot
 from exodrake.analysis.responses import FrequencyResponse, StepResponse, frequency_response, list_departures, returns
 from exodrake.analysis.robustness import Band, Robustness, Uncertainty, robustness
 from exodrake.core.errors import InputError, argument, nearest
@@ -170,13 +170,12 @@ def list_remarks(
         "within a dead zone or does not act: only the simulated kick says whether it is stable"
         + moving: model.marginal,
         "the loop is unstable here: its step and frequency responses are those of a growing oscillation, "
-        "and it has no margins": not model.marginal and model.spectral_radius > 1.0 and model.kink <= KINK,
+        "and it has no margins": model.decides and model.spectral_radius > 1.0,
         f"slack at rest: {', '.join(point.slack)}; poles hold for slack channels, not for taut ones": point.slack,
         f"one-sided slopes differ ({model.where}, {model.kink:.2g}): a kink such as friction; "
         "poles, margins and maps mean little, steps and multisine do" + moving: model.kink > KINK,
-        f"difference quotients depend on their step ({model.convergence:.2g}): rounding or a kink nearby": (
-            model.convergence > ROUGH
-        ),
+        f"difference quotients depend on their step ({model.convergence:.2g}): rounding or a kink nearby"
+        + "; poles, margins and maps mean little" * (model.convergence > UNLIKE): model.convergence > ROUGH,
     }
     notes = [*(words for words, holds in remarks.items() if holds), *list_departures(model, steps)]
     for s in steps:
@@ -192,8 +191,7 @@ def list_remarks(
 
 def name_fields(result: Any, *without: str) -> dict[str, Any]:
     """Fields of a result, units in their names, some left out."""
-    fields: dict[str, Any] = vars(result)
-    return {UNITS.get(k, k): v for k, v in fields.items() if k not in without}
+    return {UNITS.get(k, k): v for k, v in vars(result).items() if k not in without}
 
 
 def to_plain(result: ClosedLoop, cycles: tuple[LimitCycles, ...] = ()) -> dict[str, Any]:

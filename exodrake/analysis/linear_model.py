@@ -37,6 +37,7 @@ OUTSIDE = 1e-6  # width of the ring about the unit circle in which poles count a
 ON_CIRCLE = 1e-9  # of |z|: what rounding leaves of an eigenvalue on the unit circle [-]
 EXOGENOUS = ("drift", "disturbance")  # families of effects that come from outside
 KINK = 0.02  # difference of one-sided slopes from which a note is given
+UNLIKE = 0.5  # slopes of two step sizes that differ by more, as of a joint held by friction, are none: assumed
 CHUNK, CHUNKS = 100, 30  # frames between two checks for rest; checks
 REST = 1e-8  # change over a frame, in units of a state's excursion, below which the loop rests
 SLOW = 1e-4  # the same after 60 s, below which a drift is too slow to matter
@@ -285,7 +286,7 @@ class FrameModel:
     @property
     def decides(self) -> bool:
         """Whether the poles tell if the loop is stable: not at a kink, such as stuck friction, nor on the circle."""
-        return self.kink <= KINK and not self.marginal
+        return self.kink <= KINK and self.convergence <= UNLIKE and not self.marginal
 
     def poles(self) -> tuple[Pole, ...]:
         """Poles, the slowest to decay first."""
