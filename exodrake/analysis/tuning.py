@@ -246,7 +246,8 @@ def tune_structures(
     tuning = Tuning(whole.robot, wanted, tuple(compared))
     best = tuning.best or compared[0]
     notes = [describe_rough(rough, best)] if rough else []
-    notes += list_departures(lm.linearise_robot(best.robot.without_effects(rough)), best.steps, f" of {best.name!r}")
+    for one in (best, *(one for one in compared[1:] if not one.settling < np.inf)):
+        notes += list_departures(lm.linearise_robot(one.robot.without_effects(rough)), one.steps, f" of {one.name!r}")
     say("LQG and bound")
     limit = find_limit(plants, best, wanted)
     tuning = replace(tuning, notes=(*notes, *list_remarks(plants[0].model)), limit=limit)
