@@ -191,7 +191,7 @@ def list_remarks(
 
 def name_fields(result: Any, *without: str) -> dict[str, Any]:
     """Fields of a result, units in their names, some left out."""
-    return {UNITS.get(k, k): v for k, v in vars(result).items() if k not in without}
+    return {UNITS.get(k) or k: v for k, v in dict[str, Any](vars(result)).items() if k not in without}
 
 
 def to_plain(result: ClosedLoop, cycles: tuple[LimitCycles, ...] = ()) -> dict[str, Any]:
