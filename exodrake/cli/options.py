@@ -23,7 +23,7 @@ import click
 
 import exodrake as exo
 from exodrake.core import plugins
-from exodrake.core.errors import InputError
+from exodrake.core.errors import InputError, nearest
 from exodrake.core.files import check_folder, is_folder, make_folder, write_bytes, write_folder
 from exodrake.core.progress import waiting as waiting
 
@@ -305,7 +305,10 @@ def register_machine(context: click.Context, _: click.Parameter, folder: str | N
 
     if folder is None:
         return
-    if not Path(folder).exists() and folder in machine_folders():
+    if not Path(folder).exists():
+        if folder not in (known := machine_folders()):
+            hint = nearest(folder, [*known])
+            raise InputError(f"{folder}: no such folder of a machine, nor a machine of that name{hint}")
         context.meta[MACHINE] = folder
         return
     path = plugins.add_plugin(folder)

@@ -422,7 +422,6 @@ class Difference:
     samples: int
 
 
-@short_repr
 @dataclass(frozen=True, eq=False)
 class Comparison:
     """Differences of two logs.
@@ -447,6 +446,11 @@ class Comparison:
     end: float
     signals: dict[str, Difference]
     notes: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        listed = ", ".join(f"{name} {s.largest:.3g} {s.unit}" for name, s in self.signals.items())
+        listed = listed if len(listed) <= 60 else f"{listed[:57]}..."
+        return f"Comparison({' and '.join(self.names)}: {self.start:g} to {self.end:g} s; up to {listed})"
 
 
 def compare(first: Log, second: Log) -> Comparison:
