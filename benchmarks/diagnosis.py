@@ -68,7 +68,8 @@ def explanation(problem: Problem) -> Explanation:
     parameters = (*nominal, *injected_parameters(machine))
     start, values = np.array([p.start for p in parameters]), problem.silent()
     (residual,) = likelihood.residual(values[None])
-    jacobian = nominal_jacobian(likelihood, values, nominal, np.zeros(len(nominal)), residual)
+    bare = Explanation((), nominal, np.zeros(len(nominal)), values, residual, np.zeros((len(nominal), 0)))
+    jacobian = nominal_jacobian(likelihood, bare)
     return Explanation((EFFECT,), parameters, start, values, residual, jacobian).at(likelihood, start)
 
 

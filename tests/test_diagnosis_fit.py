@@ -84,7 +84,8 @@ def test_injected_parameters_of_a_simulated_robot_are_recovered_as_by_scipy():
     parameters = (*nominals, *effect_parameters(machine, machine.effect("tendon.capstan_friction")))
     x = np.array([p.start for p in parameters])
     (residual,) = likelihood.residual(values[None])
-    jacobian = nominal_jacobian(likelihood, values, nominals, np.zeros(6), residual)
+    start = Explanation((), nominals, np.zeros(6), values, residual, np.zeros((6, 0)))
+    jacobian = nominal_jacobian(likelihood, start)
     start = Explanation(("tendon.capstan_friction",), parameters, x, values, residual, jacobian)
     found = minimise(likelihood, start.at(likelihood, x), 30, 1e-7)
     coefficients = [p.value(c) for p, c in zip(parameters[6:], found.x[6:], strict=True)]

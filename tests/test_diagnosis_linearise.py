@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from diagnosis_cases import friction_problem
 
+from exodrake.diagnosis.fit import Explanation
 from exodrake.diagnosis.healthy import healthy_case, healthy_robot
 from exodrake.diagnosis.likelihood import output_error
 from exodrake.diagnosis.linearise import PROBE, linearise, nominal_jacobian, probes, scaled_points
@@ -101,7 +102,8 @@ def test_jacobian_holds_in_all_directions_those_that_hardly_show_included(proble
     likelihood, values, nominal = output_error(problem), problem.silent(), nominal_parameters(problem.robot)
     prior_std = np.array([p.prior_std for p in nominal])
     (base,) = likelihood.residual(values[None])
-    jacobian = nominal_jacobian(likelihood, values, nominal, np.zeros(len(nominal)), base) * prior_std[:, None]
+    bare = Explanation((), nominal, np.zeros(len(nominal)), values, base, np.zeros((len(nominal), 0)))
+    jacobian = nominal_jacobian(likelihood, bare) * prior_std[:, None]
     seen = [k for k, row in enumerate(jacobian) if row @ row > 0.0]
     sizes, directions = np.linalg.eigh(jacobian[seen] @ jacobian[seen].T)
     assert sizes[-1] > 1e6 * sizes[0]

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from exodrake.core.errors import InputError, MissingColumn, argument, nearest, require_extra, short_repr
+from exodrake.core.errors import InputError, MissingColumn, argument, nearest, require_extra
 from exodrake.model.units import KINDS, check_unit, default_unit, find_kind, to_si
 
 MODEL, CHANGED = 1, 2  # robots by which exodrake simulated a log: as its file states it; changed for the run

@@ -62,12 +62,6 @@ class Explanation:
         """Number of nominal parameters."""
         return len(self.jacobian)
 
-    @property
-    def nominal_part(self) -> tuple[np.ndarray, tuple[Parameter, ...], np.ndarray]:
-        """Flat vector with the fitted effects, the nominal parameters and their coordinates."""
-        own = self.parameters[: self.nominal], self.x[: self.nominal]
-        return apply(self.values, self.parameters, np.r_[np.zeros(self.nominal), self.x[self.nominal :]]), *own
-
     def find_visible(self, likelihood: Likelihood) -> np.ndarray:
         """Mask (nominal,) of the nominal parameters whose tolerance shows in the logs, by `VISIBLE`."""
         size = np.linalg.norm(self.jacobian * likelihood.weights, axis=1)
@@ -287,7 +281,7 @@ def renew(likelihood: Likelihood, e: Explanation, seen: np.ndarray | None = None
     """The explanation with new derivatives by nominal parameters: `seen` (nominal,), or visible ones."""
     likelihood, jacobian = likelihood.scaled_to(e.residual), e.jacobian.copy()
     seen = e.find_visible(likelihood) if seen is None else seen
-    jacobian[seen] = nominal_jacobian(likelihood, *e.nominal_part, e.residual, seen)
+    jacobian[seen] = nominal_jacobian(likelihood, e, seen)
     return e.change(jacobian=jacobian)
 
 

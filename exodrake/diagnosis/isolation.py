@@ -210,8 +210,7 @@ def fit_nominal(likelihood: Likelihood, e: Explanation) -> Explanation:
     likelihood = likelihood.for_stage("retune")
     for _ in range(ROUNDS):
         before, likelihood = likelihood.mean_log(e.residual), likelihood.scaled_to(e.residual)
-        jacobian = nominal_jacobian(likelihood, e.values, e.parameters, e.x, e.residual)
-        e = minimise(likelihood, e.change(jacobian=jacobian))
+        e = minimise(likelihood, e.change(jacobian=nominal_jacobian(likelihood, e)))
         if before - likelihood.mean_log(e.residual) < LEAST_GAIN:
             break
     return e

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,6 +21,9 @@ from exodrake.diagnosis.parameter import RANGE_FACTOR, STEP, Parameter, apply, e
 from exodrake.diagnosis.problem import Problem
 from exodrake.model.effect import Effect
 from exodrake.model.machine import Machine
+
+if TYPE_CHECKING:
+    from exodrake.diagnosis.fit import Explanation
 
 PROBE, STRONG = 0.6, 2.5  # of an effect's initial amplitude: modest, and where small amplitudes hide; assumed
 GRID = 5  # amplitudes at which a limit, or an effect of the whole robot, is tried
@@ -93,23 +97,16 @@ def linearise(
     return Linearisation(directions, tuple(probe for probe, _ in found), kept, early)
 
 
-def nominal_jacobian(
-    likelihood: Likelihood,
-    values: np.ndarray,
-    nominal: tuple[Parameter, ...],
-    x: np.ndarray,
-    base: np.ndarray,
-    wanted: np.ndarray | None = None,
-) -> np.ndarray:
-    """Derivatives (wanted, samples), float32, of the residual by the nominal parameters.
+def nominal_jacobian(likelihood: Likelihood, e: Explanation, wanted: np.ndarray | None = None) -> np.ndarray:
+    """Derivatives (wanted, samples), float32, of the residual by the nominal parameters of an explanation, at it.
 
-    values: (parameters,) flat vector of the robot at x = 0. x: (nominal,) coordinates of the nominal parameters, base:
-    (samples,) residual there. wanted: (nominal,) mask of the parameters; all if None.
+    wanted: (nominal,) mask of the parameters; all if None.
     """
-    steps = STEP * np.array([p.scale for p in nominal])
-    wanted = np.ones(len(nominal), dtype=bool) if wanted is None else wanted
-    rows = np.array([apply(values, nominal, x + step) for step in np.diag(steps)[wanted]])
-    return likelihood.derivatives(rows, base, steps[wanted])
+    steps = STEP * np.array([p.scale for p in e.parameters[: e.nominal]])
+    wanted = np.ones(e.nominal, dtype=bool) if wanted is None else wanted
+    moves = (steps[:, None] * np.eye(e.nominal, len(e.x)))[wanted]
+    rows = np.array([apply(e.values, e.parameters, x) for x in e.x + moves])
+    return likelihood.derivatives(rows, e.residual, steps[wanted])
 
 
 def probes(problem: Problem, effect: Effect, here: np.ndarray, at: int) -> list[tuple[Probe, np.ndarray]]:

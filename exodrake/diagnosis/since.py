@@ -166,7 +166,7 @@ class Logs:
         with what their session has found, and the step is repeated.
         """
         e = e.at(self.likelihood, e.x)
-        e = replace(e, jacobian=nominal_jacobian(self.likelihood, *e.nominal_part, e.residual))
+        e = replace(e, jacobian=nominal_jacobian(self.likelihood, e))
         leads = {next(p.name for p in e.parameters if p.effect == effect) for effect in e.effects}
         own = [i for i, p in enumerate(e.parameters) if p.name in leads or (p.effect and p.amplitude)]
         if not e.effects:

@@ -173,7 +173,7 @@ def prepare_contest(problem: Problem, rivals: Sequence[Rival]) -> Contest:
 def differentiate(likelihood: Likelihood, e: Explanation, x: np.ndarray) -> Explanation:
     """An explanation at coordinates x (parameters,) on the logs of a likelihood, with its Jacobian there."""
     e = e.at(likelihood, x)
-    return replace(e, jacobian=nominal_jacobian(likelihood, *e.nominal_part, e.residual))
+    return replace(e, jacobian=nominal_jacobian(likelihood, e))
 
 
 def pair_model(difference: np.ndarray, columns: np.ndarray, weights: np.ndarray) -> LinearModel:

@@ -10,7 +10,7 @@ from exodrake.diagnosis.closure import change_robot
 from exodrake.diagnosis.fit import Explanation, minimise
 from exodrake.diagnosis.likelihood import Likelihood, output_error
 from exodrake.diagnosis.linearise import nominal_jacobian, with_effects
-from exodrake.diagnosis.parameter import apply, effect_parameters, nominal_parameters
+from exodrake.diagnosis.parameter import effect_parameters, nominal_parameters
 from exodrake.diagnosis.problem import Problem
 from exodrake.model.robot import Robot
 
@@ -38,8 +38,8 @@ def growing_models(problem: Problem, steps: list[tuple[str, tuple[str, ...]]]) -
     likelihood, nominal = output_error(problem), nominal_parameters(problem.robot)
     values, x = problem.silent(), np.zeros(len(nominal))
     (residual,) = likelihood.residual(values[None])
-    jacobian = nominal_jacobian(likelihood, values, nominal, x, residual)
-    point = Explanation((), nominal, x, values, residual, jacobian)
+    point = Explanation((), nominal, x, values, residual, np.zeros((len(nominal), 0)))
+    point = replace(point, jacobian=nominal_jacobian(likelihood, point))
     found = []
     for name, effects in steps:
         for identity in effects:
@@ -68,11 +68,8 @@ def extended(likelihood: Likelihood, point: Explanation, identity: str) -> Expla
 
 def converged(likelihood: Likelihood, point: Explanation) -> Explanation:
     """A fit with new Jacobians of the nominal parameters until it gains no more."""
-    count = point.nominal
     for _ in range(ROUNDS):
-        here = apply(point.values, point.parameters, np.concatenate([np.zeros(count), point.x[count:]]))
-        jacobian = nominal_jacobian(likelihood, here, point.parameters[:count], point.x[:count], point.residual)
-        better = minimise(likelihood, replace(point, jacobian=jacobian), STEPS, TOL)
+        better = minimise(likelihood, replace(point, jacobian=nominal_jacobian(likelihood, point)), STEPS, TOL)
         if better.cost(likelihood) > (1.0 - TOL) * point.cost(likelihood):
             return better
         point = better

@@ -226,7 +226,8 @@ def identifiability(whole: Problem, progress: Callable[[str], object] = no_progr
     progress(f"simulating {len(effects)} effects")
     likelihood, values, x = output_error(problem), problem.silent(), np.zeros(len(nominal))
     (residual,) = likelihood.residual(values[None])
-    jacobian = nominal_jacobian(likelihood, values, nominal, x, residual)
+    bare = Explanation((), nominal, x, values, residual, np.zeros((len(nominal), 0)))
+    jacobian = nominal_jacobian(likelihood, bare)
     lin = linearise(likelihood, values, effects, residual)
     progress("telling the effects apart")
     # a linear model of nominal parameters and, last, directions, with a block for each kind of column
@@ -234,7 +235,6 @@ def identifiability(whole: Problem, progress: Callable[[str], object] = no_progr
     kind = np.concatenate([np.tile(kinds, len(trial.measured)) for trial in problem.fit])
     blocks = [(0, 0, np.flatnonzero(kind == k)) for k in known]
     memory = likelihood.memory * duration(problem) / duration(whole)  # the simulated frames stand for all
-    bare = Explanation((), nominal, x, values, residual, jacobian)
     model = LinearModel.with_directions(bare, jacobian, lin.directions, blocks, memory)
 
     def with_kinds(some: Sequence[str]) -> Identifiability:
