@@ -11,7 +11,7 @@ import numpy as np
 
 from exodrake.cli.new_machine import ARM_SCAFFOLD
 from exodrake.cli.robot import describe
-from exodrake.data.log import Log
+from exodrake.data.log import Log, find_first
 from exodrake.data.plot import MEASURED, NOMINAL, STYLE, new_figure
 from exodrake.engine.inputs import Reference
 from exodrake.machines.position_servos import motor_machine
@@ -28,8 +28,10 @@ SEED = 1  # of the noise, the same with and without the effect
 SLOW = "caging:approach=2.5,hold=1.5,release=2.5"  # one tendon pulls and lets go, where a loop is seen
 PROTOCOLS = (SLOW, "wide-pinch", "short-sweeps:period=4", "chirp:span=8", "holds:count=3,dwell=3")
 SWINGS = (2.6, 1.9, 1.4, 2.2, 1.7, 3.1)  # of each joint within the window, where a machine has no protocols
+APART = {"figure.constrained_layout.w_pad": 0.1}  # inches beside a panel: labels keep off the panel before them
 REACH = {"m": 0.04, "rad": 0.5}  # amplitude of these swings
 BEND = 2.0  # [rad] of a sheath
+DIVERGED = 10.0  # times the largest value of the nominal robot: an unstable loop is drawn until then
 WINDOW, FRAMES, POINTS = 8.0, 300, 800  # drawn where the difference is largest: seconds, frames at least, points
 LOOP = re.compile(r"loops? of (\w+) against (\w+)")  # in the signature of an effect
 
@@ -39,7 +41,8 @@ INDEX = """\
 Physics that the nominal models leave out, generated from the effect libraries; `exodrake effects` prints the same. An
 effect is absent, bit for bit, where its first parameter has its null value. Each page has a figure: the nominal robot
 and the robot with the effect, on the motion and in the signals in which they differ most. *Clearest in* is that signal,
-with the RMS difference in noise standard deviations.
+with the RMS difference in noise standard deviations. Where the effect makes the loop unstable, the figure
+ends soon after.
 """
 
 
@@ -105,7 +108,10 @@ def clearest(robot: Robot, effect: Effect) -> Shown:
     for channel in channels or [""]:
         changed = robot.splice(effect.id, channels=[channel] if channel else ())
         for text, (reference, nominal) in motions.items():
-            log = simulate(changed, reference, SEED)
+            log, kind = simulate(changed, reference, SEED), machine.compared[0]
+            unstable = np.abs(log.array(kind)) > DIVERGED * np.abs(nominal.array(kind)).max()
+            rows = slice(find_first(unstable.any(axis=1)))
+            nominal, log = nominal.rows(rows), log.rows(rows)
             found.append(Shown(text, channel, nominal, log, differences(robot, nominal, log)))
     return max(found, key=lambda shown: shown.size)
 
@@ -126,7 +132,7 @@ def effect_figure(robot: Robot, effect: Effect) -> tuple[Shown, bytes]:
     """Where an effect shows, and its figure as SVG."""
     shown = clearest(robot, effect)
     columns = [name for name, (difference, noise) in shown.columns.items() if difference > noise][:2]
-    with matplotlib.rc_context(STYLE | {"font.size": 8.5, "svg.fonttype": "none", "svg.hashsalt": effect.id}):
+    with matplotlib.rc_context(STYLE | {"font.size": 8.5, "svg.fonttype": "none", "svg.hashsalt": effect.id, **APART}):
         figure = draw(robot.machine, shown, columns or list(shown.columns)[:1], loop_of(effect, shown))
         buffer = BytesIO()
         figure.savefig(buffer, format="svg", metadata={"Date": None})
@@ -206,10 +212,10 @@ def effect_pages() -> Iterator[tuple[str, str | bytes]]:
         index += f"\n## {name}\n\n| effect | what it is | clearest in |\n|---|---|---|\n"
         for effect in robot.machine.effects:
             shown, svg = effect_figure(robot, effect)
-            column = max(shown.columns, key=lambda name: shown.columns[name][0] / shown.columns[name][1])
+            label = axis_label(robot.machine, next(iter(shown.columns))).partition(" [")[0]
             link = f"[`{effect.id}`](effects/{name}/{effect.id}.md)"
-            size = f"{shown.size:.2g}" if shown.size < 100 else f"{shown.size:.3g}"
-            index += f"| {link} | {effect.summary} | {words_of(robot, column)}, {size} |\n"
+            size = f"{shown.size:.2g}" if shown.size < 100 else f"{shown.size:,.0f}"
+            index += f"| {link} | {effect.summary} | {label}, {size} |\n"
             yield path_of(name, effect), effect_page(robot, effect, shown)
             yield path_of(name, effect).removesuffix("md") + "svg", svg
     index += "\n## Arms and servos\n\n[Effects](effects/arms/index.md) of what `exodrake new-machine` makes.\n"
@@ -231,23 +237,17 @@ def arms_page() -> str:
     return page
 
 
-def words_of(robot: Robot, column: str) -> str:
-    """`joint angle MCP`."""
-    kind, _, channel = column.rpartition("_")
-    return f"{find_display(kind, robot.machine).label.lower()} {channel}"
-
-
 def effect_page(robot: Robot, effect: Effect, shown: Shown) -> str:
     """Format one effect: figure, equation, parameters, signature and source."""
     machine = robot.machine
     page = describe(machine, effect)
     title = " ".join(titled(page)[0].split())
-    values = ", ".join(f"`{p.name}` {p.initial:.3g}{'' if p.unit == '-' else ' ' + p.unit}" for p in effect.parameters)
+    values = ", ".join(f"`{p.name}` {p.initial:.4g}{'' if p.unit == '-' else ' ' + p.unit}" for p in effect.parameters)
     at = f" on {shown.channel}" if shown.channel else ""
     lines = [f"# {effect.id}", "", title[:1].upper() + title[1:], ""]
     lines += [f"![nominal and with {effect.id}]({effect.id}.svg)", ""]
-    lines += [f"Grey: the nominal robot of `{machine.name}`. Blue: with {values}{at}; same motion, same noise."]
-    lines += ["Below: the difference, with a band of two noise standard deviations.", ""]
+    lines += [f"Solid: with {values}{at}. Dotted: the nominal robot of `{machine.name}`; same motion, same noise."]
+    lines += ["Below: the difference; the grey band is two noise standard deviations to either side.", ""]
     if shown.motion != "swings":
         lines += [f"    exodrake simulate {shown.motion} --effect {effect.id}{'@' * bool(at)}{shown.channel}", ""]
     return "\n".join([*lines, *body(machine, effect, "##")])
@@ -275,11 +275,11 @@ def body(machine: Machine, effect: Effect, level: str) -> list[str]:
     for number, row in zip(effect.parameters, page["parameters"], strict=True):
         absent = f"{number.null:g}" if number is effect.parameters[0] else ""
         per = ", ".join(row["channels"]) or "robot"
-        ends = f"{number.low:g} to {number.high:g} {number.unit}".removesuffix(" -")
+        ends = f"{number.low:.4g} to {number.high:.4g} {number.unit}".removesuffix(" -")
         lines.append(f"| `{number.name}` | {ends} | {number.initial:.4g} | {absent} | {per} |")
     lines += ["", f"{level} In logs", "", sentence(page["signature"]), ""]
     if effect.not_tried:
-        lines += [f"A diagnosis does not try it unless `--effects` names it: {effect.not_tried}.", ""]
+        lines += [f"A diagnosis tries it only where `--effects` names it ({effect.not_tried}).", ""]
     return [*lines, f"{level} Source", "", sentence(linked(page["source"])), ""]
 
 
