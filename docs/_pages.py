@@ -71,7 +71,7 @@ def on_page_markdown(markdown: str, page, config, files):
 
 def on_page_content(html: str, page, config, files):
     """Put MathML, which browsers draw without a script, in place of TeX, and keep numbers of tables with their %."""
-    html = re.sub(r"<td.*?</td>", lambda found: re.sub(r"(?<=\d) %", "\u00a0%", found[0]), html, flags=re.DOTALL)
+    html = re.sub(r"<td.*?</td>", lambda found: re.sub(r"(?<=\d) ?%", "\u00a0%", found[0]), html, flags=re.DOTALL)
     return re.sub(r'<(span|div) class="arithmatex">\\([(\[])(.*?)\\[)\]]</\1>', mathml, html, flags=re.DOTALL)
 
 

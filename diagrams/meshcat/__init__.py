@@ -290,8 +290,8 @@ def recording_html(
         label=f"{coloured}: its {display.label.lower()}, from 0 to {end}",
         lowest=lowest, highest=highest, ghost=[round(255 * c) for c in GHOSTLY[:3]],
     )  # fmt: skip
-    html = animate(step, angle, np.abs(load) / top, ghost, bones, thing)
-    html = html.replace("<title>Drake MeshCat</title>", f"<title>{escape(title)}</title>")
+    head = f'<meta name="viewport" content="width=device-width, initial-scale=1">\n  <title>{escape(title)}</title>'
+    html = animate(step, angle, np.abs(load) / top, ghost, bones, thing).replace("<title>Drake MeshCat</title>", head)
     before, tag, after = html.rpartition("</body>")
     return before + added + tag + after
 
