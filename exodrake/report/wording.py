@@ -198,7 +198,7 @@ def headline(diagnosis: Diagnosis) -> str:
     unconfirmed = f"; held-out motion {doubt} it" if diagnosis.confirmed is False else ""
     if diagnosis.verdict == result.RETUNE:
         changed = diagnosis.retune.moved  # the largest change first
-        shown = [f"{m.name} {digits(m.nominal, 3)} -> {digits(m.value, 3)} {m.unit}" for m in changed[:MOST_MOVED]]
+        shown = [f"{m.name} {quantity(m.nominal, m.unit)} -> {quantity(m.value, m.unit)}" for m in changed[:MOST_MOVED]]
         shown += [f"{len(changed) - len(shown)} more"] if len(changed) > len(shown) else []
         words = f": {join_words(shown)}" if shown else ""
         return f"Nominal parameters within their tolerances explain the gap{words}; no effect is needed."
