@@ -51,4 +51,4 @@ def diagnosis_html(diagnosis: Diagnosis) -> str:
 
 def picture(svg: str) -> str:
     """An SVG as an image of its own, whose styles reach nothing else of the notebook."""
-    return f'<img style="max-width:100%" src="data:image/svg+xml;base64,{b64encode(svg.encode()).decode()}">'
+    return f'<img alt="plot" style="max-width:100%" src="data:image/svg+xml;base64,{b64encode(svg.encode()).decode()}">'
