@@ -101,7 +101,7 @@ def test_headline_names_cause_place_share_and_what_remains():
         "The logs cannot tell capstan friction (tendon.capstan_friction) from coulomb friction "
         "(tendon.coulomb_friction) at tendons AF and MF, which explains 91 % of the gap; 6 % remains."
     )
-    assert "finger.kappa.MCP 0.0800 -> 0.0712" in said[RETUNE] and "negligible" in said[NO_GAP]
+    assert "finger.kappa.MCP 0.0800 N m/rad -> 0.0712 N m/rad" in said[RETUNE] and "negligible" in said[NO_GAP]
     best = "the best set, tendon.capstan_friction, would explain 41 % of it"
     assert best in said[UNKNOWN] and "in the tendon at tendons AF and MF" in said[UNKNOWN]
 

@@ -25,7 +25,7 @@ def command() -> None:
 
 
 @options.command(command.command, short_help="Write the logs of drawn robots, their labels committed to apart.")
-@click.option("--seed", required=True, type=click.IntRange(min=0), help="Of everything in the set.")
+@click.option("--seed", required=True, type=click.IntRange(min=0), help="Seed of everything in the set.")
 @click.option("--cases", required=True, type=click.IntRange(min=1), help="How many of each mix.")
 @click.option("--out", required=True, type=options.AnyPath(), help="Folder of the cases.")
 @click.option("--labels", type=options.AnyPath(), help="Labels file [default: OUT-labels.json].")

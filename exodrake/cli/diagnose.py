@@ -226,7 +226,7 @@ def summarise_fleet(sources, out, table) -> object:
 @click.option("--case", "folder", metavar="CASE", help="Folder or log whose motion the robots follow.")
 @click.option("--cases", default=60, show_default=True, type=click.IntRange(min=1), help="How many robots at most.")
 @click.option("--minutes", default=9.0, show_default=True, type=click.FloatRange(min=0.0), help="Time for them.")
-@click.option("--seed", default=0, show_default=True, type=click.IntRange(min=0), help="Of everything that is drawn.")
+@click.option("--seed", default=0, show_default=True, type=click.IntRange(min=0), help="Seed of all draws.")
 @where_to_run
 @click.option("--out", required=True, type=options.OutputFile("calibration.yaml"),
               help="File, or the machine's folder, whose verdicts then state the rates.")  # fmt: skip
@@ -369,7 +369,7 @@ def check_case(case: Path, robot: str, only: str, without: str, figure: Path | N
 @click.option("--case", "folder", default=None, metavar="FOLDER", type=options.AnyPath(),
               help="Folder of the case, for an answer that lies elsewhere.")  # fmt: skip
 @click.option("--duration", type=float, default=None, help="Length of the experiment, 20 to 60 s [60].")
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the search.")
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of the search.")
 @options.robot_option()
 def design_experiment(case, out, folder, duration, seed, robot) -> object:
     """Design the experiment that tells apart the explanations that the logs of CASE do not reject.

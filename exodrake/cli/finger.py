@@ -85,7 +85,7 @@ def kinematics(file: Path, out: Path, names: Path | None, cutoff: float, repair:
 @click.option("--artefact", type=float, default=0.0, show_default=True, help="Skin drags each marker [mm/rad].")
 @click.option("--dropouts", type=float, default=0.0, show_default=True, help="Gaps per marker and minute.")
 @click.option("--swap", nargs=2, help="Two markers that exchange names for half a second in the middle.")
-@click.option("--seed", type=click.IntRange(0), default=0, show_default=True)
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Seed of noise and gaps.")
 def synthesise(file, duration, rate, noise, artefact, dropouts, swap, seed) -> None:
     """Write a synthetic 14-marker recording, CSV or C3D by its name, and its truth into FILE.truth.yaml."""
     from exodrake.identification.kinematics import markers
@@ -134,7 +134,7 @@ def maximum_tension(log: Path, robot: str) -> object:
               help="Points of the Monte Carlo areas.")  # fmt: skip
 @click.option("--steps", type=click.IntRange(3), default=25, show_default=True,
               help="Tensions per tendon in the assisted workspace.")  # fmt: skip
-@click.option("--seed", type=click.IntRange(0), default=0, show_default=True)
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Seed of the Monte Carlo points.")
 def find_workspace(robot: str, out: Path, samples: int, steps: int, seed: int) -> object:
     """Areas that fingertip and distal phalanx reach, by polygon union and Monte Carlo.
 
@@ -167,7 +167,7 @@ def find_workspace(robot: str, out: Path, samples: int, steps: int, seed: int) -
               help="Training points, equispaced.")  # fmt: skip
 @click.option("--robot", default="", metavar="FILE", help="Robot file or machine whose signature to record.")
 @click.option("--one-sweep-per-log", is_flag=True, help="Do not cut logs at the ramps of their tension references.")
-@click.option("--seed", default=0, show_default=True, help="Of the validation's folds.")
+@click.option("--seed", default=0, show_default=True, help="Seed of the validation's folds.")
 def train_estimator(logs, out, points, robot, one_sweep_per_log, seed) -> object:
     """Train the joint-angle estimator on LOGS (tension, stroke and measured angles).
 

@@ -62,7 +62,7 @@ def command(log: Path, robot: str, until_idle: float | None, map_file: Path | No
 
 @options.command()
 @options.robot_option()
-@click.option("--seed", default=21, show_default=True, type=click.IntRange(min=0), help="Of everything that is drawn.")
+@click.option("--seed", default=21, show_default=True, type=click.IntRange(min=0), help="Seed of all draws.")
 @click.option("--robots", default=100, show_default=True, type=click.IntRange(min=2), help="Simulated healthy robots.")
 @click.option("--minutes", default=20.0, show_default=True, type=click.FloatRange(min=0.5, max=1440),
               help="Work of each robot.")  # fmt: skip
