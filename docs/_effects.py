@@ -275,7 +275,7 @@ def body(machine: Machine, effect: Effect, level: str) -> list[str]:
     for number, row in zip(effect.parameters, page["parameters"], strict=True):
         absent = f"{number.null:g}" if number is effect.parameters[0] else ""
         per = ", ".join(row["channels"]) or "robot"
-        ends = f"{number.low:.4g} to {number.high:.4g} {number.unit}".removesuffix(" -")
+        ends = f"{number.low:.5g} to {number.high:.5g} {number.unit}".removesuffix(" -")
         lines.append(f"| `{number.name}` | {ends} | {number.initial:.4g} | {absent} | {per} |")
     lines += ["", f"{level} In logs", "", sentence(page["signature"]), ""]
     if effect.not_tried:
