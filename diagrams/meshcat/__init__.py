@@ -194,7 +194,7 @@ class Arm(Scene):
         shape, below = self.bones, BELOW * self.size * self.bones.beside
         wide = np.array([PLATE * self.size, self.reach if shape.beside else PLATE * self.size, THICK * self.size])
         if shape.beside and shape.sliding.any():
-            wide = wide[[1, 0, 2]]  # along the rail
+            wide[:2] = 3.0 * SMALLEST, wide[0]  # along the rail, which lies on it
         self.put(f"{ROOT}/.base", Box(*wide), DARK, [0.0, 0.0, -below])
         tilt = RollPitchYaw(shape.tilt[0], shape.tilt[1], 0.0).ToRotationMatrix()
         for root, colour, width in ((ROOT, LIMB, 1.0), (GHOST, GHOSTLY, 1.25))[: 1 + ghost]:
@@ -208,8 +208,8 @@ class Arm(Scene):
                 self.put(f"{path}/.joint", body, STEEL if root == ROOT else colour, HERE, line)
                 if shape.sliding[j] and root == ROOT:
                     rail = f"{root if shape.beside else segment_path(shape, j, root)}/.rail_{j}"
-                    bar = Box(RAIL * size, RAIL * size, 3.0 * SMALLEST)
-                    self.put(rail, bar, DARK, shape.origins[j], self.fixed[j] @ line)
+                    low = shape.origins[j] - [0.0, 0.0, 0.5 * (LONG - RAIL) * size * shape.beside]
+                    self.put(rail, Box(RAIL * size, RAIL * size, 3.0 * SMALLEST), DARK, low, self.fixed[j] @ line)
             self.meshcat.SetTransform(root, RigidTransform(tilt, HERE))
             self.turn(root, 0.0, position)
         step = 10.0 ** np.floor(np.log10(self.reach)) * (0.5 if self.reach < 3.0 * SMALLEST else 1.0)
@@ -273,7 +273,7 @@ def recording_html(
     readings = {
         "time": time.round(4).tolist(), "step": step, "tendons": bones.tendons, "joints": bones.joints,
         "paths": [segment_path(bones, i + 1)[1:].split("/") for i in range(len(bones.joints))],
-        "one": bones.load == bones.angle,
+        "one": bones.load == bones.angle, "above": isinstance(bones, Shape) and bones.beside,
         "sliding": bones.sliding.tolist() if isinstance(bones, Shape) else [], "angle": angle.round(4).tolist(),
         "load": (display.factor * load).round(2).tolist(), "unit": display.unit,
         "top": (display.factor * top).tolist(), "ghost": [] if ghost is None else ghost.round(4).tolist(),

@@ -51,7 +51,7 @@
     document.getElementById("exo-now").replaceChildren(table);
   }
 
-  // The names of the joints beside them, where the camera sees these.
+  // The names of the joints beside or above them, where the camera sees these.
   const names = document.querySelectorAll(".exo-joint");
   const joints = data.paths.map((path) => viewer.scene_tree.find(path).object);
   const times = (m, v) => [0, 1, 2, 3].map((i) => v.reduce((sum, x, j) => sum + m[4 * j + i] * x, 0));
@@ -60,8 +60,8 @@
     joints.forEach((joint, i) => {
       const at = [...joint.matrixWorld.elements.slice(12, 15), 1];
       const [x, y, , w] = times(camera.projectionMatrix.elements, times(camera.matrixWorldInverse.elements, at));
-      const left = innerWidth * (1 + x / w) / 2 + 22;
-      let top = innerHeight * (1 - y / w) / 2 - 26;
+      const left = innerWidth * (1 + x / w) / 2 + (data.above ? -names[i].offsetWidth / 2 : 22);
+      let top = innerHeight * (1 - y / w) / 2 - (data.above ? 46 : 26);
       for (let k = 0; k < 20 && used.some(([l, t]) => Math.abs(l - left) < 40 && Math.abs(t - top) < 16); k++) top -= 4;
       used.push([left, top]);
       names[i].style.transform = "translate(" + left + "px," + top + "px)";
