@@ -154,7 +154,7 @@ def answer(found: Isolation, started: float, progress: StageProgress) -> Diagnos
         evidence={name: float(chi2[0]) for name, chi2 in robots.items()} | prediction,
         # to a millisecond: fits side by side add their times in any order
         simulated={stage: round(spent, 3) for stage, spent in found.likelihood.simulated.items()},
-        retune=result.Retune(list_moved(found), {i: share for i, (share, _) in others.items()}),
+        retune=result.Retune(list_moved(problem, retuned), {i: share for i, (share, _) in others.items()}),
         since=since,
         provenance=result.record_provenance(problem),
         problem=problem,

@@ -238,9 +238,9 @@ def find_clear(
     return clear
 
 
-def list_moved(found: Isolation) -> tuple[Moved, ...]:
+def list_moved(problem: Problem, retuned: Fitted) -> tuple[Moved, ...]:
     """Nominal parameters that retuning moved visibly, largest change first."""
-    e, infos = found.retuned.explanation, found.likelihood.robot.machine.parameters
+    e, infos = retuned.explanation, problem.robot.machine.parameters
     changes = []
     for parameter, x in zip(e.parameters, e.x, strict=True):
         deviations, i = float(x / parameter.prior_std), parameter.index[0]
