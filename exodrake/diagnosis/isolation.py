@@ -66,6 +66,8 @@ class Isolation:
         that noise, and half of what the nominal robot leaves, in the worst column.
         """
         sensors, problem = sensor_noise_std(self.whole.robot), self.whole
+        if not problem.case.repeat_groups:
+            return False
         own = np.array([sensors.get(kind, noise) for kind, noise in zip(problem.kinds, problem.noise_std)])
         alone = replace(problem, noise_std=np.minimum(own, problem.noise_std))
         robots = self.nominal.robot, self.retuned.explanation.robot

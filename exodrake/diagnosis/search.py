@@ -41,6 +41,7 @@ GAIN = 0.05  # share of what is left that one effect more must take up
 LARGE = 0.1  # share of the gap from which an effect is a cause, not a refinement
 LAW = 0.15  # relative error of a law: that of another simulator or of a machine differs by as much
 SURE = 15.0  # nats of the tolerances' priors that an effect in their place has to spare: of 21 healthy robots 12
+FAR = 1.0  # noise variances: a set that leaves more leaves much
 ALL = slice(None)  # logs
 NEGLIGIBLE = 0.3  # noise standard deviations RMS beyond noise, in every channel: a smaller gap is none
 
@@ -306,7 +307,7 @@ class Search:
         self.expanded.add((key, place))
         e = self.sets[key].explanation
         likelihood = self.likelihood.scaled_to(e.residual)
-        far = bool(key) and self.sets[key].excess > 1.0 and not place  # noise variances
+        far = bool(key) and self.sets[key].excess > FAR and not place
         kinds = {x.id: (x.block, name_kind(x)) for x in self.effects}
         alike = {i for i, kind in kinds.items() if kind == kinds.get(place)}
         lin = self.lin
@@ -420,13 +421,26 @@ class Search:
             if len(best.effects) < most and not self.negligible(best.explanation.robot):
                 self.expand(best.effects)
                 self.bar_richer_laws()
-            if self.best.effects == best.effects:
+            if self.best.effects == best.effects and not self.look_further(best, most):
                 break
         while True:
             best = self.plainer(self.best)
             self.reduce(best.effects, again=True)
             if not self.best.effects < best.effects:  # a smaller set, fitted again, may leave as little
                 return best
+
+    def look_further(self, best: Fitted, most: int) -> bool:
+        """Try one effect more beside the set that is larger by one and leaves least; whether the best set changed.
+
+        Where much is left, effects that a set lacks count as noise of long memory, which hides each step towards them.
+        """
+        size, least = len(best.effects), (1.0 - LARGE) * best.excess
+        larger = [f for k, f in self.sets.items() if best.effects < k and len(k) == size + 1 and self.usable(f)]
+        larger = [f for f in larger if f.excess < least]
+        if not size or size + 2 > most or best.excess <= FAR or not larger:
+            return False
+        self.expand(min(larger, key=lambda f: f.excess).effects)
+        return self.best.effects != best.effects
 
     def list_sparing(self, best: Fitted, size: int) -> list[Fitted]:
         """Sets of so many effects that spare `SURE` of the tolerances that the best one uses."""

@@ -105,7 +105,7 @@ def decide(found: Isolation) -> Decision:
     left = found.beside_detections * search.left_by_log(precise)
     parts = divide_gap(found, best, roles, left)
     causes, explained = [p for p in parts if p.role == CAUSE], 1.0 - float(left[0])
-    if found.excess(precise.explanation.robot) < 0.0:
+    if explained >= MOST and found.excess(precise.explanation.robot) < 0.0:
         explained = 1.0
     if not (causes or certain) or explained < MOST:
         word = UNKNOWN
