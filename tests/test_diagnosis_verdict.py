@@ -151,6 +151,8 @@ def test_gaps_that_differ_from_run_to_run_are_no_gaps_of_tolerances():
     noise = 1.2 * np.sqrt(np.maximum(np.mean(residual**2, axis=0), 1.0)) * whole.noise_std
     runs = [whole.predict(found.retuned.explanation.robot[None], trial)[0] for trial in whole.fit]
     fit = [replace(t, measured=y + noise * rng.standard_normal(y.shape)) for t, y in zip(whole.fit, runs, strict=True)]
-    random = replace(found, whole=replace(whole, noise_std=noise, fit=tuple(fit)))
+    first = whole.case.logs[0]
+    case = replace(whole.case, logs=(*whole.case.logs, replace(first, file="again.csv", repeats=first.file)))
+    random = replace(found, whole=replace(whole, case=case, noise_std=noise, fit=tuple(fit)))
     decision = verdict.decide(random)
     assert decision.verdict == "UNKNOWN" and "run to run" in decision.reasons[0]

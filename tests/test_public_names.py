@@ -68,10 +68,11 @@ def full(cls: type) -> object:
 
 
 def test_every_result_has_a_repr_of_at_most_two_lines():
+    log = exo.Log(np.arange(9.0), {f"angle_{k}": np.zeros(9) for k in range(99)})
     real = {
         "Robot": exo.load_robot(), "Machine": exo.load_robot().machine,
         "ClosedLoop": exo.analyse(exo.load_robot("emps")), "Diagnosis": diagnosis(),
-        "Log": exo.Log(np.arange(9.0), {f"angle_{k}": np.zeros(9) for k in range(99)}),
+        "Log": log, "Comparison": exo.compare(log, log),
         "Tuning": exo.Tuning(exo.load_robot(), exo.Requirements(), (tuned(),)),
     }  # fmt: skip
     assert "NAMED" in repr(diagnosis()) and repr(diagnosis()).endswith("explains 91 % of the gap; 6 % remains.")
