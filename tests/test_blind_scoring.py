@@ -17,6 +17,7 @@ from exodrake.reference.score import (
     Paired,
     compute_shares,
     count_share,
+    interval_score,
     is_in_class,
     is_kind_right,
     is_named_exactly,
@@ -174,6 +175,8 @@ def test_quantities_of_a_set_done_by_hand(tiny):
     assert found["C(retune) when named, median"][1] == 0
     assert found["relative half width, same meaning, median"] == ((0.2 + 0.125) / 2, 2)
     assert found["relative half width, other law, median"] == ((0.2 + 0.0625) / 2, 2)
+    assert found["relative interval score, same meaning, mean"] == ((0.4 + 5.25) / 2, 2)
+    assert found["relative interval score, other law, mean"] == ((0.4 + 2.625) / 2, 2)
     assert found["simulated seconds a case, median"] == (60e3, 2)
     assert found["simulated seconds a case, 95 %"] == (69e3, 2)
     assert found["seconds a case, median"] == (20.0, 15)
@@ -197,6 +200,11 @@ def test_mcnemar_is_the_sign_test_of_a_textbook():
     second = count_share({deer: deer >= 8 for deer in range(10)})
     assert pair_shares(first, second) == Paired(0, 8, 2, 0, p=pytest.approx(0.109375))
     assert pair_shares(first, first) == Paired(8, 0, 0, 2, p=1.0)
+
+
+@pytest.mark.parametrize(("true", "penalty"), [(0.5, 0.0), (-0.1, 2.0), (1.3, 6.0)])
+def test_interval_score_is_width_plus_a_penalty_of_two_over_alpha(true, penalty):
+    assert interval_score(0.0, 1.0, true) == pytest.approx(1.0 + penalty)
 
 
 def cause(name, *rivals, role="cause"):

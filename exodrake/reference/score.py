@@ -28,6 +28,7 @@ from exodrake.machines.robot_file import load_robot
 from exodrake.reference.answers import Answered, Diagnosis, Truth, read_answers, read_labels
 from exodrake.reference.faults import ENTRIES
 
+ALPHA = 0.1  # of a 90 % interval
 NO_EFFECT = ("NO_GAP", "RETUNE")
 LAWS = (("same meaning", True, "<= 0.03"), ("other law", False, "<= 0.2"))  # name, `exact`, wanted half width
 NAMEABLE = {"single": ">= 90 %", "pair": ">= 80 %", "same-block": "", "three": ""}  # kind -> exactly named, wanted
@@ -145,6 +146,12 @@ class ParameterInterval(NamedTuple):
     exact: bool  # Whether the parameter means the same in the law of the reference simulator
     covers: bool  # Whether the interval holds the true value
     half_width: float  # Relative to the parameter
+    score: float  # Interval score relative to the parameter
+
+
+def interval_score(low: float, high: float, true: float) -> float:
+    """Interval score in the unit of the parameter."""
+    return high - low + 2 / ALPHA * (max(low - true, 0.0) + max(true - high, 0.0))
 
 
 def list_intervals(case: Answered) -> Iterator[ParameterInterval]:
@@ -164,8 +171,9 @@ def list_intervals(case: Answered) -> Iterator[ParameterInterval]:
                     drawn = ENTRIES[truth["id"]].ranges if truth["id"] in ENTRIES else {}
                     least, most = drawn.get(name, (0.0, 0.0))
                     scale = max(abs(true), -least, most) if least < 0 else abs(true)  # of a range through zero its end
-                    key, half = (case.name, truth["id"], name, channel), (high - low) / 2 / scale
-                    yield ParameterInterval(key, bool(truth["exact"]), low <= true <= high, half)
+                    relative = (high - low) / 2 / scale, interval_score(low, high, true) / scale
+                    key = case.name, truth["id"], name, channel
+                    yield ParameterInterval(key, bool(truth["exact"]), low <= true <= high, *relative)
 
 
 def intervals(cases: Sequence[Answered], exact: bool) -> list[ParameterInterval]:
@@ -287,6 +295,7 @@ def compute_quantities(cases: Sequence[Answered]) -> dict[str, Quantity]:
     for law, exact, wanted in LAWS:
         found = intervals(cases, exact)
         rows.append((f"relative half width, {law}, median", np.median, [i.half_width for i in found], wanted))
+        rows.append((f"relative interval score, {law}, mean", np.mean, [i.score for i in found], ""))
     for name, key, middle, end in (
         ("simulated seconds a case", "simulated_seconds", "<= 60000", ""),
         ("seconds a case", "seconds", "<= 12", "<= 20"),
