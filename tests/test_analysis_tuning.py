@@ -45,7 +45,8 @@ def test_the_command_writes_figure_numbers_and_a_robot_that_holds_them(tuned):
     size = loop.model.loop.loop.step
     assert numbers["limit"]["command_peak"] == pytest.approx(loop.steps[0].command_peak / size, rel=1e-3)  # its own
     assert numbers["limit"]["crosstalk"] == pytest.approx(max(s.crosstalk for s in loop.steps), abs=1e-6)
-    assert f"{numbers['limit']['tuned']:.3g} s on the nominal robot" in found.output
+    assert f"no controller with the commands of {numbers['best']} settles in less than" in found.output
+    assert f"it settles in {numbers['limit']['tuned']:.3g} s on the nominal robot" in found.output
     assert best["disk_margin"] >= 0.7 and best["overshoot"] <= 0.2 and best["misses"] == []
     assert loop.robot["drive.kp"] == pytest.approx(best["gains"]["drive.kp"])
     assert loop.robust.numbers["disk margin"] >= best["disk_margin"] - 1e-6

@@ -191,7 +191,8 @@ def list_remarks(
 
 def name_fields(result: Any, *without: str) -> dict[str, Any]:
     """Fields of a result, units in their names, some left out."""
-    return {UNITS.get(k) or k: v for k, v in dict[str, Any](vars(result)).items() if k not in without}
+    fields: dict[str, Any] = vars(result)
+    return {UNITS.get(k, k): v for k, v in fields.items() if k not in without}
 
 
 def to_plain(result: ClosedLoop, cycles: tuple[LimitCycles, ...] = ()) -> dict[str, Any]:

@@ -423,14 +423,14 @@ def plot_uncertainty(found: Uncertainty) -> Figure:
 
 def draw_figures(result: ClosedLoop, cycles: tuple[LimitCycles, ...] = ()) -> dict[str, bytes]:
     """File name -> PNG of every figure with something in it: no margins where no command acts, as of stuck joints."""
-    plots = [plot_steps, plot_bode, plot_delays, plot_stability]
+    by_runs, by_poles = [plot_steps, plot_bode, plot_delays], [plot_stability]
     if any(m.acts for m in result.margins):
-        plots += [plot_margins, plot_nyquist, plot_robust, plot_root_locus]
+        by_poles += [plot_margins, plot_nyquist, plot_robust, plot_root_locus]
     with matplotlib.rc_context(STYLE):
-        drawn = {plot.__name__.removeprefix("plot_"): plot(result) for plot in plots}
-        for figure in () if result.robust.stable else list(drawn.values())[3:]:
+        drawn = {plot.__name__.removeprefix("plot_"): plot(result) for plot in (*by_runs, *by_poles)}
+        for plot in () if result.robust.stable else by_poles:
             words = "unstable: no margins" if result.model.decides else "here poles, margins and maps mean little"
-            figure.suptitle(words, fontsize=9, color="#a83a12")
+            drawn[plot.__name__.removeprefix("plot_")].suptitle(words, fontsize=9, color="#a83a12")
         drawn |= {"limit_cycles": plot_limit_cycles(cycles)} if cycles else {}
         drawn |= {"uncertainty": plot_uncertainty(result.uncertainty)} if result.uncertainty else {}
     return {f"{name}.png": render_png(figure) for name, figure in drawn.items()}

@@ -154,7 +154,8 @@ def frequency_response(model: FrameModel, channel: int, seed: int | None = None)
         _, signals = loop.run(point.state, rows, None if seed is None else seed + draw)
         reading = signals[PERIOD:, loop.signals[loop.loop.measured]][:, channel]
         sent[draw], read[draw] = np.fft.rfft(rows[PERIOD:, channel])[lines], np.fft.rfft(reading)[lines]
-    frequency, ratio = lines / (PERIOD * frame), read / sent
+    frequency = lines / (PERIOD * frame)
+    ratio = read / sent
     cross, power = (read * sent.conj()).mean(0), (np.abs(sent) ** 2).mean(0) * (np.abs(read) ** 2).mean(0)
     coherence = np.divide(np.abs(cross) ** 2, power, out=np.full(len(lines), np.nan), where=power > 0.0)
     fine = np.linspace(0.0, 0.5 / frame, 2001)
