@@ -348,12 +348,24 @@ def brake(x, z, n, e, count, dt, efforts):
 
 
 def stand(x, z, n, e, position_start):
-    """Where the arm stands at the start of the log [rad], taken in the first frame; it rests there."""
+    """Where the arm stands at the start of the log [rad], taken in the first frame; it rests there.
+
+    The springs of elastic joints hold its weight: theta - q = compliance g(q), found by fixed-point iteration.
+    """
     count = position_start.shape[0]
     if x[(WIDTH + count + STATES) * count] == 0.0:
+        gravity = downwards(n.gravity, n.base_roll, n.base_pitch)
         for j in range(count):
             x[find_place(count, ANGLE, j)] = position_start[j]
             x[find_place(count, ROTOR, j)] = position_start[j]
+        for _ in range(SWEEPS):
+            for j in range(count):
+                link(x, z, n, e, j, count, x[find_place(count, ANGLE, j)])
+                move(x, j, 0.0, 0.0, gravity)
+            gather(x, count, WRENCH, WIDTH - WRENCH)
+            for j in range(count):
+                sag = joint_compliance(e, z, j, n.compliance[j]) * effort(x, j)
+                x[find_place(count, ANGLE, j)] = position_start[j] - sag
         x[(WIDTH + count + STATES) * count] = 1.0
 
 
