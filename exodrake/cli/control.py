@@ -18,7 +18,7 @@ from click.core import ParameterSource
 import exodrake as exo
 from exodrake.cli import options
 from exodrake.core.errors import InputError
-from exodrake.core.files import is_file, is_folder
+from exodrake.core.files import is_file
 
 FIGURES = {
     "rise": "s", "overshoot": "%", "settling": "s", "-3 dB": "Hz", "gain\nmargin": "dB", "phase": "deg", "delay": "ms",
@@ -191,8 +191,7 @@ def find_response(cases, input, output, file, parameters, effects, parts, improv
     if bool(input) != bool(output):
         raise InputError("--from and --to belong together; without both, every block is estimated")
     robot = options.change_robot(exo.load_robot(file), parameters, effects, parts)
-    source = cases[0] if len(cases) == 1 else cases
-    case = gather_logs(source, period=robot.machine.frame if is_folder(cases[0]) else None)
+    case = gather_logs(cases[0] if len(cases) == 1 else cases)
     other = exo.load_robot(improved) if improved else None
     follows = all(item.log.has(n) for item in case.logs for n in robot.machine.log_names(robot.machine.references))
     if input and not follows:

@@ -199,7 +199,7 @@ def read_case(
     Args:
         folder: the folder, its case.yaml, or a log.
         required: as in `read_log`.
-        period: frame [s] when case.yaml gives none.
+        period: frame [s] when case.yaml gives none; by default the step of each log's own clock.
         allow_outside: whether logs may lie outside the folder, by their names (`../a.csv`) or as links.
 
     Examples:
@@ -228,13 +228,13 @@ def read_case(
                 check_inside(place, file, str(folder))
         entries, notes = (content["logs"], []) if content else find_logs(place)
         name = printable(content.get("name") or place.resolve().name)
-    logs, frame = [], float(content.get("period") or period or PERIOD)
+    logs, period = [], content.get("period") or period
     for entry in entries:
         path, repeats = place / entry["file"], entry.get("repeats")
         file = relative_name(entry["file"], place)
         table = entry["table"] if "table" in entry else read_table(path)
         check_columns(table, required)
-        log, faults = regularise(table, frame)
+        log, faults = regularise(table, period or table.dt)
         hashes[file] = hash_file(path)
         if is_file(beside := path.with_name(notes_name(path))):
             lines = read_bytes(beside).decode(errors="replace").splitlines()[:MOST_NOTES]
@@ -249,6 +249,7 @@ def read_case(
     notes += [f"{', '.join(marked)}: simulated by exodrake, not measured"] if marked else []
     try:
         robot, serial = content.get("robot") or {}, content.get("serial", "")
+        frame = float(period or (logs[0].log.dt if logs else PERIOD))
         return Case(name, robot, tuple(logs), frame, tuple(notes), hashes, serial)
     except InputError as problem:
         raise InputError(f"{place / FILE}: {problem}") from None
