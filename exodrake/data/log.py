@@ -9,6 +9,7 @@ from __future__ import annotations
 import unicodedata
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from textwrap import shorten
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ MODEL, CHANGED = 1, 2  # robots by which exodrake simulated a log: as its file s
 LARGEST = 1e12  # in SI: beyond any signal of a robot, and the square of a sum of squares is still finite
 MAX_SAMPLES = 20_000_000  # assumed: an hour of 100 columns at 50 Hz
 MAX_COLUMNS = 20_000  # assumed: a hundred times the widest recording
+SHOWN = 60  # characters of a list of columns in a `repr`
 LONGEST = 100  # rows to fill per row recorded; beyond, a clock has jumped or its unit is wrong
 SMALLER = {"ms": "milliseconds", "us": "microseconds", "ns": "nanoseconds"}  # units that a clock may count in
 RATE = 3e-3  # by which a clock may run fast or slow: assumed; those of computers keep to a tenth of it
@@ -83,8 +85,8 @@ class Log:
 
     def __repr__(self) -> str:
         span = f"{self.time[0]:g} to {self.time[-1]:g} s" if len(self) else "empty"
-        listed = ", ".join(self.kinds or self.columns)
-        return f"Log({self.label}: {len(self)} rows, {span}; {listed if len(listed) <= 60 else listed[:57] + '...'})"
+        listed = shorten(", ".join(self.kinds or self.columns), SHOWN, placeholder=" ...")
+        return f"Log({self.label}: {len(self)} rows, {span}; {listed})"
 
     @property
     def label(self) -> str:
@@ -449,7 +451,7 @@ class Comparison:
 
     def __repr__(self) -> str:
         listed = ", ".join(f"{name} {s.largest:.3g} {s.unit}" for name, s in self.signals.items())
-        listed = listed if len(listed) <= 60 else f"{listed[:57]}..."
+        listed = shorten(listed, SHOWN, placeholder=" ...")
         return f"Comparison({' and '.join(self.names)}: {self.start:g} to {self.end:g} s; up to {listed})"
 
 

@@ -22,7 +22,7 @@ from exodrake.diagnosis.checks.suspicions import suspicions
 from exodrake.diagnosis.closure import change_robot, measure_closure, with_values
 from exodrake.diagnosis.discovery.discover import discover
 from exodrake.diagnosis.intervals import describe, fitted_effects, traces
-from exodrake.diagnosis.isolation import Isolation, affordable, excess_by_column, fit_on, isolate
+from exodrake.diagnosis.isolation import Isolation, affordable, excess_by_column, isolate
 from exodrake.diagnosis.localise import localise, remaining
 from exodrake.diagnosis.problem import list_required, make_problem, with_recorded_ranges
 from exodrake.diagnosis.result import Diagnosis
@@ -106,7 +106,7 @@ def answer(found: Isolation, started: float, progress: StageProgress) -> Diagnos
     since, decision = follow_sessions(problem, found, decide(found))
     best, word = decision.best, decision.verdict
     progress(Stage.CLOSURE, "")
-    retuned, precise = decision.fits or fit_on(found, best)
+    retuned, precise = decision.fits
     effects, gone = state_effects(found, decision, precise)
     rows = {
         "nominal": replace(problem, detected=()).silent(),

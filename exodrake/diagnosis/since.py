@@ -21,7 +21,7 @@ from exodrake.core.confidence import NORMAL_90
 from exodrake.data.case import Case, written_date
 from exodrake.diagnosis.change_point import LEAST, Change, ChangePoint
 from exodrake.diagnosis.fit import Explanation, fit_beside, whole_jacobian
-from exodrake.diagnosis.isolation import Isolation, affordable
+from exodrake.diagnosis.isolation import Isolation, affordable, fit_on
 from exodrake.diagnosis.likelihood import Likelihood
 from exodrake.diagnosis.linear import LinearModel
 from exodrake.diagnosis.linearise import nominal_jacobian
@@ -333,7 +333,8 @@ def follow_effects(
         unsure = float("nan"), float("nan")
         reason = f"{name} changed: with an amplitude for each session it explains {percent(explained)} of the gap"
         part = Part(name, CAUSE, Interval(explained, *unsure), alike)
-        decided = Decision(word, search.sets[frozenset({name})], (part,), Interval(left[0], *unsure), (reason,))
+        best = search.sets[frozenset({name})]
+        decided = Decision(word, best, (part,), Interval(left[0], *unsure), (reason,), fit_on(found, best))
     lead = 1.0 - left[0] / max(min(left[1:] or [1.0]), 1e-9)
     since = add_series(since, fits[0], logs, decided.verdict in (NAMED, AMBIGUOUS))
     return replace(since, effect=name, lead=lead), decided

@@ -71,8 +71,7 @@ class Decision:
     parts: tuple[Part, ...]  # its effects, causes first, the largest first
     remainder: Interval  # share of the gap that it leaves
     reasons: tuple[str, ...]  # sentences
-    # the retuned robot and the set, fitted on to more of the logs, where the verdict rests on what these leave
-    fits: tuple[Fitted, Fitted] | None = None
+    fits: tuple[Fitted, Fitted]  # the retuned robot and the set, fitted on to more of the logs (`fit_on`)
 
     @property
     def causes(self) -> tuple[Part, ...]:
@@ -94,18 +93,18 @@ def decide(found: Isolation) -> Decision:
     for word, explanation in ((NO_GAP, found.nominal), (RETUNE, none.explanation)):
         if found.excess(explanation.robot) < 0.0:
             left = found.beside_detections * search.left_by_log(none)
-            one = Decision(word, none, (), jackknife_share(left), (REASONS[word],))
+            one = Decision(word, none, (), jackknife_share(left), (REASONS[word],), fit_on(found, none))
             if certain:
                 return replace(one, verdict=NAMED, reasons=(*certain, *one.reasons))
             if word == RETUNE and found.differs_between_runs:
                 return replace(one, verdict=UNKNOWN, reasons=(DIFFERS,))
             return one if word == NO_GAP else decide_retuned(found, one)
     best, roles = drop_refinements(found)
-    retuned, precise = fit_on(found, best)
-    left = found.beside_detections * search.left_by_log(precise)
+    fits = fit_on(found, best)
+    left = found.beside_detections * search.left_by_log(fits[1])
     parts = divide_gap(found, best, roles, left)
     causes, explained = [p for p in parts if p.role == CAUSE], 1.0 - float(left[0])
-    if explained >= MOST and found.excess(precise.explanation.robot) < 0.0:
+    if explained >= MOST and found.excess(fits[1].explanation.robot) < 0.0:
         explained = 1.0
     if not (causes or certain) or explained < MOST:
         word = UNKNOWN
@@ -113,7 +112,7 @@ def decide(found: Isolation) -> Decision:
         word = PARTLY
     else:
         word = AMBIGUOUS if any(p.rivals for p in causes) else NAMED
-    return Decision(word, best, parts, jackknife_share(left), (*certain, REASONS[word]), (retuned, precise))
+    return Decision(word, best, parts, jackknife_share(left), (*certain, REASONS[word]), fits)
 
 
 def decide_retuned(found: Isolation, decision: Decision) -> Decision:
@@ -133,7 +132,8 @@ def decide_retuned(found: Isolation, decision: Decision) -> Decision:
     rivals = {i: 1.0 - float(part[0]) for i, part in left.items() if i != one}
     part = Part(one, CAUSE, jackknife_share(1.0 - left[one]), rivals)
     word = AMBIGUOUS if rivals else NAMED
-    return Decision(word, singles[one], (part,), jackknife_share(left[one]), (REASONS[word],))
+    best = singles[one]
+    return Decision(word, best, (part,), jackknife_share(left[one]), (REASONS[word],), fit_on(found, best))
 
 
 def drop_refinements(found: Isolation) -> tuple[Fitted, dict[str, str]]:
@@ -168,7 +168,8 @@ def list_smaller(found: Isolation, best: Fitted) -> dict[str, Fitted]:
 def measure_gains(found: Isolation, best: Fitted) -> dict[str, np.ndarray]:
     """Share (1 + logs,) of the gap, detections in it, that each effect of a set takes up beside the others."""
     left, part = found.search.left_by_log, found.beside_detections
-    return {i: part * (left(fitted) - left(best)) for i, fitted in list_smaller(found, best).items()}
+    rest = left(best)
+    return {i: part * (left(fitted) - rest) for i, fitted in list_smaller(found, best).items()}
 
 
 def find_roles(found: Isolation, best: Fitted) -> dict[str, str]:
