@@ -218,9 +218,8 @@ def import_recordings(context, recordings, map_file, unit, episodes, out) -> obj
     size = f"{sum(len(item.log) for item in logs.values())} rows, {len(first.log.columns)} columns"
     several = f"{len(logs)} logs, " if len(logs) > 1 else ""
     click.echo(f"{out}: {several}{size}: {', '.join(first.log.columns)}")
-    for name, item in logs.items():
-        for note in item.notes:
-            click.echo(f"note: {name}: {note}" if several else f"note: {note}")
+    for note in cases.merge_notes({n: i.notes for n, i in logs.items()}) if several else first.notes:
+        click.echo(f"note: {note}")
     made = {n: {"rows": len(i.log), "columns": i.log.columns, "notes": i.notes} for n, i in logs.items()}
     return {"out": out, "logs": made}
 

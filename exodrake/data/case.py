@@ -228,7 +228,7 @@ def read_case(
                 check_inside(place, file, str(folder))
         entries, notes = (content["logs"], []) if content else find_logs(place)
         name = printable(content.get("name") or place.resolve().name)
-    logs, period = [], content.get("period") or period
+    logs, period, done = [], content.get("period") or period, dict[str, Sequence[str]]()
     for entry in entries:
         path, repeats = place / entry["file"], entry.get("repeats")
         file = relative_name(entry["file"], place)
@@ -236,12 +236,13 @@ def read_case(
         check_columns(table, required)
         log, faults = regularise(table, period or table.dt)
         hashes[file] = hash_file(path)
-        if is_file(beside := path.with_name(notes_name(path))):
-            lines = read_bytes(beside).decode(errors="replace").splitlines()[:MOST_NOTES]
-            notes += [f"{path.name}: {line.strip()}" for line in lines if line.strip()]
+        beside = path.with_name(notes_name(path))
+        lines = read_bytes(beside).decode(errors="replace").splitlines() if is_file(beside) else []
+        done[path.name] = [line.strip() for line in lines[:MOST_NOTES] if line.strip()]
         notes += [fault.replace(str(path), file) for fault in faults]  # the answer holds them
         protocol, repeats = entry.get("protocol") or stem(file), repeats and relative_name(repeats, place)
         logs.append(CaseLog(log, protocol, entry.get("role", "fit"), repeats, file, entry.get("date")))
+    notes += merge_notes(done)
     marked = [item.file for item in logs if item.log.simulated]
     if marked and len(marked) < len(logs):
         measured = next(item.file for item in logs if not item.log.simulated)
@@ -321,6 +322,15 @@ def check_inside(folder: str | Path, file: str, where: str) -> None:
         inside = False
     if not inside:
         raise schema.refusal(f"{where}: log {schema.quote(file)}", "lies outside the folder; --allow-outside reads it")
+
+
+def merge_notes(done: Mapping[str, Sequence[str]]) -> list[str]:
+    """Notes on several logs as sentences, each once with the names of all logs that it is true of."""
+    names: dict[str, list[str]] = {}
+    for name, lines in done.items():
+        for line in lines:
+            names.setdefault(line, []).append(name)
+    return [f"{'all logs' if 1 < len(done) == len(some) else ', '.join(some)}: {line}" for line, some in names.items()]
 
 
 def relative_name(file: str, place: Path) -> str:

@@ -5,6 +5,7 @@ What is changed beyond names and units is noted beside the log.
 """
 
 import re
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -29,7 +30,7 @@ from exodrake.data.log import (
 )  # fmt: skip
 from exodrake.data.ros2 import STATE, Track, is_bag, read_bag, read_topics
 from exodrake.data.tables import TIME, element_names, episodes, is_dataset, read_columns, read_info, resolve
-from exodrake.model.units import check_unit, si_unit, to_si
+from exodrake.model.units import check_unit, find_kind, si_unit, to_si
 
 BAG_PERIOD = 0.02  # s, frames of a bag whose mapping states none
 ALIKE = 0.1  # relative difference of a frame and a recording's step up to which it has one sample a frame: assumed
@@ -293,19 +294,22 @@ def make_log(tracks: dict[str, Track], mapped: Mapped, source: str, notes: Seque
     log = log_from_columns([("time [s]", time), *ours], source)
     check_columns(log, log.columns)
     check_clock(log)
+    said = defaultdict[str, list[str]](list)
     for column in (*mapped.columns, *mapped.derived):  # what is done to it beyond its unit
-        done = []
+        done, channel = [], column.name.removeprefix(find_kind(column.name) or "")
         if column.take is not None and column.take != "first":
             minus = f" minus {column.minus}" if column.minus else ""
-            done.append(f"{'the derivative of ' if column.take else ''}{column.of}{minus}")
+            of = column.of.removesuffix(channel) or column.of
+            done.append(f"{'the derivative of ' if column.take else ''}{of}{minus}")
         if column.wrap is not None:
             done.append(f"made continuous where readings start again after {column.wrap:g}")
         if column.sign < 0.0:
             done.append("sign turned")
         if column.filter is not None:
             done.append(f"low-passed at {column.filter:g} Hz without phase, so its fast noise is not the sensor's")
-        notes += [f"{column.name}: {', '.join(done)}"] if done else []
-    return Imported(log, tuple(notes))
+        if done:
+            said[", ".join(done)].append(column.name)
+    return Imported(log, (*notes, *(f"{', '.join(names)}: {what}" for what, names in said.items())))
 
 
 def convert_table(table: dict[str, np.ndarray], mapped: Mapped, source: str) -> Imported:
