@@ -18,8 +18,7 @@ import exodrake as exo
 from exodrake.core import plugins
 from exodrake.diagrams.multibody import multibody_arm
 from exodrake.engine.inputs import Reference
-from exodrake.machines.serial_arm import arm_machine, compute_dynamics
-from exodrake.machines.urdf import read_urdf
+from exodrake.machines.serial_arm import arm_machine, compute_dynamics, read_urdf
 from exodrake.physics import arm
 from exodrake.simulation.simulate import record
 

@@ -109,8 +109,7 @@ WHAT = {
 
 def arm_files(values: dict[str, Any], urdf: str, form: str, tip: str, frame: float | None) -> dict[str, bytes]:
     """Contents of an arm's folder by file name. InputError for an unknown form, and for a URDF of no serial arm."""
-    from exodrake.machines.serial_arm import FRAME, RATIO, cable_defaults, middle, typical_efforts, units
-    from exodrake.machines.urdf import read_urdf
+    from exodrake.machines.serial_arm import FRAME, RATIO, cable_defaults, middle, read_urdf, typical_efforts, units
 
     if form not in WHAT:
         raise InputError(f"--form: unknown form {form!r}{nearest(form, list(WHAT))}; there are {', '.join(WHAT)}")
