@@ -5,8 +5,8 @@ import pytest
 from scipy.signal import lfilter
 
 from exodrake.data.log import fill_gaps
-from exodrake.diagnosis import filters
 from exodrake.diagnosis.likelihood import ORDER, fit_whitening
+from exodrake.diagnosis.noise import mismatch, without
 
 PERIOD = 0.02
 
@@ -15,14 +15,14 @@ PERIOD = 0.02
 def test_a_notched_band_takes_what_is_in_it_and_nothing_else(frequency, left):
     time = PERIOD * np.arange(4000)
     wave = np.sin(2 * np.pi * frequency * time)[None, :, None]
-    kept = filters.without(((6.0, 8.0),), wave, PERIOD)
+    kept = without(((6.0, 8.0),), wave, PERIOD)
     power = np.mean(kept[0, 200:-200, 0] ** 2)
     assert power == pytest.approx(0.5 * left / (1.0 - 2.0 * 2.0 * PERIOD), abs=0.05)  # white noise keeps its power
 
 
 def test_white_noise_keeps_its_power_without_a_band():
     noise = np.random.default_rng(4).standard_normal((1, 60_000, 2))
-    left = filters.without(((4.0, 6.4), (9.0, 11.4)), noise, PERIOD)
+    left = without(((4.0, 6.4), (9.0, 11.4)), noise, PERIOD)
     assert np.mean(left**2) == pytest.approx(1.0, abs=0.02)
 
 
@@ -32,7 +32,7 @@ def test_in_the_band_of_a_tremor_only_its_strength_counts(frequency, strength, l
     time = PERIOD * np.arange(4000)
     measured = np.sin(2 * np.pi * frequency * time)[:, None]
     simulated = strength * np.cos(2 * np.pi * frequency * time)[:, None]
-    gap = filters.mismatch(measured, simulated, ((6.0, 8.0),), PERIOD)
+    gap = mismatch(measured, simulated, ((6.0, 8.0),), PERIOD)
     assert np.sqrt(np.mean(gap[200:-200] ** 2)) == pytest.approx(left * np.sqrt(0.5), abs=0.02)
 
 

@@ -15,8 +15,8 @@ from datetime import UTC, datetime
 import numpy as np
 
 from exodrake.core.confidence import CONFIDENCE
-from exodrake.diagnosis.filters import mismatch
 from exodrake.diagnosis.likelihood import stretch_length
+from exodrake.diagnosis.noise import mismatch
 from exodrake.diagnosis.parameter import apply
 from exodrake.diagnosis.problem import WILD, Problem
 from exodrake.diagnosis.result import Closure, Interval, SignalGap

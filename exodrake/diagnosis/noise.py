@@ -1,19 +1,19 @@
 """Noise standard deviation of each signal: from trials that repeat a reference, else from runs of the nominal robot.
 
 Rounding to a resolution q adds q^2/12 to the noise of a reading; two runs of one motion round alike, so repeats do not
-show it.
+show it. Bands of frequencies in which no simulation repeats a signal are filtered out of noise and residuals.
 """
 
 from __future__ import annotations
 
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
 
 from exodrake.core.errors import InputError
 from exodrake.data.case import Case
-from exodrake.data.log import fill_gaps
-from exodrake.diagnosis.filters import Bands, without
+from exodrake.data.log import fill_columns, fill_gaps
 from exodrake.engine.inputs import Reference
 from exodrake.model.robot import Robot
 from exodrake.simulation.references import reference_rows
@@ -23,6 +23,9 @@ ROBUST = 1.4826  # standard deviation of a normal law over its median absolute d
 LIMIT = 3.0  # standard deviations at which deviations are clipped; efficiency of 0.99 for a normal law
 WITHIN = 0.995  # variance of a normal law that is clipped so, over its variance
 STEPS = 5  # of the iteration, which leave an error of 1e-5 where rounding is half of the noise
+Bands = tuple[tuple[float, float], ...]
+STEEP = 2  # order of the filter, which runs forwards and backwards
+FINE = 4096  # frequencies at which its response is taken
 
 
 def sensor_noise_std(robot: Robot) -> dict[str, float]:
@@ -66,3 +69,42 @@ def noise_std(case: Case, robot: Robot, columns: tuple[str, ...], notched: Bands
         if found[-1] <= 0.0:
             raise InputError(f"{case.name}: noise of {column} unknown: nothing repeats and no sensor number says")
     return np.array(found)
+
+
+@cache
+def filters(bands: Bands, period: float) -> tuple[tuple[np.ndarray, ...], float]:
+    """Second-order sections that stop each band, and the share of a white signal's power that they leave."""
+    from scipy.signal import butter, sosfreqz
+
+    sections = tuple(np.asarray(butter(STEEP, band, "bandstop", fs=1.0 / period, output="sos")) for band in bands)
+    passed = [np.abs(sosfreqz(one, FINE)[1]) ** 4 for one in sections]  # of the power; the filter runs twice
+    return sections, float(np.prod(passed, axis=0).mean())
+
+
+def without(bands: Bands, signals: np.ndarray, period: float) -> np.ndarray:
+    """Signals (..., n, columns) sampled every `period` [s] without some bands [Hz]; white ones keep their power."""
+    return outside(bands, signals, period) / np.sqrt(filters(bands, period)[1]) if bands else signals
+
+
+def outside(bands: Bands, signals: np.ndarray, period: float) -> np.ndarray:
+    """Signals (..., n, columns) without some bands [Hz], all else as it is."""
+    from scipy.signal import sosfiltfilt
+
+    for sections in filters(bands, period)[0]:
+        signals = sosfiltfilt(sections, signals, axis=-2)
+    return signals
+
+
+def mismatch(measured: np.ndarray, simulated: np.ndarray, bands: Bands, period: float) -> np.ndarray:
+    """Measured less simulated signals (n, columns), NaN where nothing was measured; of a tremor its strength alone.
+
+    No simulation repeats the phase of a tremor: in its bands [Hz] the simulated signal is given the measured phase.
+    Both signals are (n, columns), sampled every `period` [s].
+    """
+    if not bands:
+        return measured - simulated
+    known = fill_columns(measured)
+    seen, repeated = (signal - outside(bands, signal, period) for signal in (known, simulated))
+    strength = np.sqrt(np.mean(repeated**2, axis=0) / np.maximum(np.mean(seen**2, axis=0), 1e-30))
+    found = outside(bands, known - simulated, period) + seen * (1.0 - strength)
+    return np.where(np.isfinite(measured), found, np.nan)

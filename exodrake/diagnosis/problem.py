@@ -20,8 +20,7 @@ from exodrake.data.case import EXPERIMENT, Case, CaseLog
 from exodrake.data.log import fill_columns
 from exodrake.diagnosis.checks.compare import check_case, compare, find_columns, without_short_logs
 from exodrake.diagnosis.checks.suspicions import find_runs, logged_noise
-from exodrake.diagnosis.filters import Bands, without
-from exodrake.diagnosis.noise import noise_std, reference_rows
+from exodrake.diagnosis.noise import Bands, noise_std, reference_rows, without
 from exodrake.diagnosis.result import NamedEffect
 from exodrake.effects import LIBRARY
 from exodrake.engine.compose import compile_machine

@@ -23,8 +23,8 @@ from exodrake.data.case import parse_date
 from exodrake.data.plot import choose_stretch, envelope, new_figure
 from exodrake.diagnosis import localise
 from exodrake.diagnosis.change_point import STEP
-from exodrake.diagnosis.filters import mismatch
 from exodrake.diagnosis.isolation import SAMPLING
+from exodrake.diagnosis.noise import mismatch
 from exodrake.diagnosis.parameter import nominal_parameters
 from exodrake.diagnosis.problem import Problem, Trial
 from exodrake.diagnosis.result import CAUSE, REFINEMENT, Diagnosis, Interval, SignalGap

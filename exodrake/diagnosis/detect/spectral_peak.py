@@ -16,8 +16,8 @@ from typing import NamedTuple
 import numpy as np
 
 from exodrake.core.confidence import NORMAL_90
-from exodrake.diagnosis.filters import Bands, outside
 from exodrake.diagnosis.intervals import affected_channels
+from exodrake.diagnosis.noise import Bands, outside
 from exodrake.diagnosis.parameter import apply, effect_parameters
 from exodrake.diagnosis.problem import Detection, Problem, Trial, by_trial
 from exodrake.diagnosis.result import Interval, NamedEffect
