@@ -24,12 +24,12 @@ import numpy as np
 import exodrake as exo
 from exodrake.core.files import write_bytes, write_text
 from exodrake.data.case import Case, CaseLog, write_case
+from exodrake.diagnosis.calibrate import healthy_robot
 from exodrake.diagnosis.fleet import read_answers, read_table, table_bytes
-from exodrake.diagnosis.healthy import healthy_robot
 from exodrake.diagnosis.many import FAILURE, diagnose_all
 from exodrake.report.fleet import fleet_html
 from exodrake.simulation import protocols
-from exodrake.simulation.references import on_machine
+from exodrake.simulation.protocols import on_machine
 
 MACHINE, EFFECT, PARAMETER = "tendon_sheath", "sheath.play", "half_width"
 START = datetime(2026, 1, 1, tzinfo=UTC)

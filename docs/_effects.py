@@ -21,7 +21,7 @@ from exodrake.model.display import find_display
 from exodrake.model.effect import Effect
 from exodrake.model.machine import Machine
 from exodrake.model.robot import Robot
-from exodrake.simulation.references import protocol
+from exodrake.simulation.protocols import protocol
 from exodrake.simulation.simulate import simulate
 
 SEED = 1  # of the noise, the same with and without the effect

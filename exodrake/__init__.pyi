@@ -32,16 +32,17 @@ from exodrake.model.machine import Machine as Machine
 from exodrake.model.robot import Robot as Robot
 from exodrake.simulation.protocols import (
     chirp as chirp,
+    from_log as from_log,
     grasp as grasp,
     holds as holds,
     maximum_tension as maximum_tension,
     multisine as multisine,
+    protocol as protocol,
     random_motion as random_motion,
     short_sweeps as short_sweeps,
     steps as steps,
     sweeps as sweeps,
 )
-from exodrake.simulation.references import from_log as from_log, protocol as protocol
 from exodrake.simulation.simulate import (
     Recording as Recording,
     diagram_log as diagram_log,

@@ -12,7 +12,7 @@ import click
 import numpy as np
 
 from exodrake.core.errors import InputError
-from exodrake.diagnosis.healthy import healthy_robot
+from exodrake.diagnosis.calibrate import healthy_robot
 from exodrake.machines.robot_file import load_robot
 from exodrake.model.robot import Robot
 from exodrake.monitor.alarm import MINUTE, SPAN, Alarm, judge, measure_noise, read_limits, read_work

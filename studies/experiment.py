@@ -38,7 +38,7 @@ from exodrake.reference.answers import ANSWER, find_cases
 from exodrake.reference.make import record_log
 from exodrake.reference.robot import RobotSpec
 from exodrake.reference.score import count_share, found_ids, pair_shares
-from exodrake.simulation.references import protocol
+from exodrake.simulation.protocols import protocol
 from studies.page_text import share
 from studies.transfer.study import withheld
 

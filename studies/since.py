@@ -26,12 +26,12 @@ from exodrake.core.confidence import ALPHA, CONFIDENCE
 from exodrake.core.files import write_text
 from exodrake.core.plain import plain
 from exodrake.data.case import Case, CaseLog
-from exodrake.diagnosis.healthy import healthy_robot
+from exodrake.diagnosis.calibrate import healthy_robot
 from exodrake.reference.cases import wander
 from exodrake.reference.make import record_log
 from exodrake.reference.robot import InjectedFault, RobotSpec, draw_parameters
 from exodrake.simulation import protocols
-from exodrake.simulation.references import on_machine
+from exodrake.simulation.protocols import on_machine
 from studies.page_text import keep as keep_answer, made, share
 
 START = datetime(2026, 1, 1, tzinfo=UTC)

@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 
 from exodrake.data.case import Case, CaseLog
-from exodrake.diagnosis.healthy import healthy_robot
+from exodrake.diagnosis.calibrate import healthy_robot
 from exodrake.diagnosis.pipeline import diagnose
 from exodrake.diagnosis.problem import make_problem
 from exodrake.engine.inputs import Reference

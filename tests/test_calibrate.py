@@ -13,7 +13,7 @@ from exodrake.core.errors import InputError
 from exodrake.core.schema import parse_yaml, read_yaml
 from exodrake.data.case import Case, CaseLog, write_case
 from exodrake.diagnosis import calibrate as simulated_robots, calibration, pipeline
-from exodrake.diagnosis.calibrate import Record, alike, calibrate, count_rates, record
+from exodrake.diagnosis.calibrate import Record, alike, calibrate, count_rates, draw_value, follow_case, record
 from exodrake.diagnosis.calibration import (
     ALARM,
     CLASS,
@@ -27,7 +27,6 @@ from exodrake.diagnosis.calibration import (
     calibration_text,
     read_calibration,
 )
-from exodrake.diagnosis.healthy import draw_value, follow_case
 from exodrake.diagnosis.result import REFINEMENT, EffectRival, Interval, NamedEffect
 from exodrake.engine.inputs import Reference
 from exodrake.machines.robot_file import load_robot, machine_folders

@@ -17,7 +17,7 @@ from exodrake.reference import make
 from exodrake.reference.answers import read_committed
 from exodrake.reference.cases import MIXES
 from exodrake.simulation import protocols
-from exodrake.simulation.references import on_machine
+from exodrake.simulation.protocols import on_machine
 from tests.short_sets import answers
 
 distributed = pytest.importorskip("distributed", reason="the extra `cluster` is not installed")

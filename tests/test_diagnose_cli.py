@@ -17,7 +17,7 @@ from exodrake.data.log import Log
 from exodrake.diagnosis.result import NAMED
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation import protocols
-from exodrake.simulation.references import on_machine
+from exodrake.simulation.protocols import on_machine
 from exodrake.simulation.simulate import simulate
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from diagnosis_cases import friction_problem
 
+from exodrake.diagnosis.calibrate import healthy_case, healthy_robot
 from exodrake.diagnosis.fit import Explanation
-from exodrake.diagnosis.healthy import healthy_case, healthy_robot
 from exodrake.diagnosis.likelihood import output_error
 from exodrake.diagnosis.linearise import PROBE, linearise, nominal_jacobian, probes, scaled_points
 from exodrake.diagnosis.parameter import Parameter, apply, effect_parameters, nominal_parameters

@@ -11,8 +11,8 @@ from scipy.stats import binomtest
 import exodrake as exo
 from exodrake.core.confidence import ALPHA
 from exodrake.data.case import Case, CaseLog
+from exodrake.diagnosis.calibrate import healthy_robot
 from exodrake.diagnosis.change_point import RAMP, STEP, Change, ChangePoint
-from exodrake.diagnosis.healthy import healthy_robot
 from exodrake.diagnosis.isolation import isolate
 from exodrake.diagnosis.problem import make_problem
 from exodrake.diagnosis.result import NAMED
@@ -21,7 +21,7 @@ from exodrake.diagnosis.verdict import Decision, decide
 from exodrake.report.diagnosis_html import render_report, since as since_section
 from exodrake.report.wording import since_words as words
 from exodrake.simulation import protocols
-from exodrake.simulation.references import on_machine
+from exodrake.simulation.protocols import on_machine
 from studies.since import KINDS, SESSIONS, sheath_case
 
 SHAPES = {STEP: lambda t, tau: (t > tau) * 1.0, RAMP: lambda t, tau: np.maximum(t - tau, 0.0)}

@@ -22,7 +22,7 @@ from exodrake.engine.inputs import Reference
 from exodrake.experiment import contest as inside, design as search
 from exodrake.experiment.contest import UNSURE, Information, information, pair_model, prepare_contest, refit
 from exodrake.experiment.design import Stage, check_length, design, measure_safety
-from exodrake.simulation.references import from_log
+from exodrake.simulation.protocols import from_log
 
 VISCOUS = Rival(("carriage.viscous_friction",), {"carriage.viscous_friction.coefficient": 150.0})
 COULOMB = Rival(("carriage.coulomb_friction",), {"carriage.coulomb_friction.force": 15.0})

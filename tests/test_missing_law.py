@@ -37,7 +37,7 @@ from exodrake.effects import law_table
 from exodrake.engine.compose import generate_module
 from exodrake.report.diagnosis_html import law_figure
 from exodrake.report.wording import law_lines
-from exodrake.simulation.references import protocol
+from exodrake.simulation.protocols import protocol
 from exodrake.simulation.simulate import simulate
 
 TICKS, FRAME = 16, 1e-3
@@ -198,7 +198,7 @@ def test_gain_of_a_law_is_that_of_a_normal_distribution():
 
 WRITTEN = """
 import exodrake as exo
-from exodrake.simulation.references import from_log
+from exodrake.simulation.protocols import from_log
 exo.add_plugin("law")
 robot = exo.load_robot("law/robot.yaml")
 for engine in ("compiled", "drake"):

@@ -21,7 +21,7 @@ from exodrake.data.formats import write_log
 from exodrake.data.formats.csv import write
 from exodrake.data.import_log import read_mapping
 from exodrake.data.log import Log
-from exodrake.diagnosis.healthy import healthy_robot
+from exodrake.diagnosis.calibrate import healthy_robot
 from exodrake.machines.position_servos import motor_machine
 from exodrake.monitor.alarm import choose_limits, date_rise, draw_work, measure_noise, share_at_most
 from exodrake.monitor.display import draw_screen

@@ -26,7 +26,7 @@ from exodrake.diagnosis.linearise import PROBE
 from exodrake.diagnosis.problem import make_problem
 from exodrake.engine.inputs import Reference
 from exodrake.machines.robot_file import load_robot
-from exodrake.simulation.references import protocol
+from exodrake.simulation.protocols import protocol
 from exodrake.simulation.simulate import simulate
 
 ROBOT = load_robot("so101")

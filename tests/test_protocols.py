@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import exodrake as exo
-from exodrake.simulation.references import PROTOCOLS
+from exodrake.simulation.protocols import PROTOCOLS
 
 ROBOT = exo.load_robot()
 FLOOR, CEILING = np.array([0.3, 0.3, 0.3]), np.array([12.0, 8.0, 8.0])

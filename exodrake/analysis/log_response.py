@@ -21,7 +21,7 @@ from exodrake.data.plot import IMPROVED, MEASURED, NOMINAL, STYLE, new_figure
 from exodrake.engine.inputs import Reference
 from exodrake.model.display import percent
 from exodrake.model.robot import Robot
-from exodrake.simulation.references import reference_rows
+from exodrake.simulation.protocols import reference_rows
 from exodrake.simulation.simulate import simulate
 
 if TYPE_CHECKING:

@@ -21,7 +21,7 @@ from exodrake.data.plot import IMPROVED, STYLE, new_figure
 from exodrake.engine.inputs import Reference
 from exodrake.model.robot import Robot
 from exodrake.model.units import quantity
-from exodrake.simulation.references import protocol
+from exodrake.simulation.protocols import protocol
 from exodrake.simulation.simulate import simulate
 
 CHUNK = 8  # runs between two reports of progress

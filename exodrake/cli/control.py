@@ -51,7 +51,7 @@ def analyse_loop(file, parameters, effects, parts, at, draws, diagnosis, seed, o
     from exodrake.cli.simulate import warn
     from exodrake.core.parallel import one_blas_thread
     from exodrake.model.units import quantity
-    from exodrake.simulation.references import split_options
+    from exodrake.simulation.protocols import split_options
 
     wanted = click.get_current_context().params["json_file"]
     answer, improved = robustness.read_diagnosis(diagnosis) if diagnosis else (None, None)

@@ -17,7 +17,7 @@ PACKAGE = Path(__file__).parent.parent
 ANSWERING = ("core", "model", "engine", "data", "physics", "effects", "machines", "simulation", "diagnosis")
 DIGITS = 12  # hexadecimal ones of a SHA-256
 # without bearing on an answer
-ASIDE = ("diagnosis/healthy.py", "diagnosis/calibra", "data/plot.py", "model/display.py", "core/templates.py")
+ASIDE = ("diagnosis/calibra", "data/plot.py", "model/display.py", "core/templates.py")
 
 
 def configuration() -> dict[str, str]:

@@ -16,7 +16,7 @@ from exodrake.data.case import Case
 from exodrake.data.log import fill_columns, fill_gaps
 from exodrake.engine.inputs import Reference
 from exodrake.model.robot import Robot
-from exodrake.simulation.references import reference_rows
+from exodrake.simulation.protocols import reference_rows
 from exodrake.simulation.simulate import run, write_log
 
 ROBUST = 1.4826  # standard deviation of a normal law over its median absolute deviation

@@ -23,8 +23,7 @@ from exodrake.engine.inputs import Reference
 from exodrake.experiment.contest import Contest, Information, information, refit
 from exodrake.model.machine import Machine
 from exodrake.model.robot import Robot
-from exodrake.simulation.protocols import smooth
-from exodrake.simulation.references import complete_inputs, protocol
+from exodrake.simulation.protocols import complete_inputs, protocol, smooth
 
 SHORTEST, LONGEST, DEFAULT = 20.0, 60.0, 60.0  # s of an experiment
 FEWEST, MOST = 60, 200  # frames of one, for a machine whose frames are long: assumed

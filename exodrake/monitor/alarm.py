@@ -15,15 +15,15 @@ from exodrake.core.parallel import each
 from exodrake.core.progress import show_count
 from exodrake.core.schema import read_yaml
 from exodrake.data.log import Log
+from exodrake.diagnosis.calibrate import healthy_robot
 from exodrake.diagnosis.change_point import LEAST, ChangePoint
-from exodrake.diagnosis.healthy import healthy_robot
 from exodrake.diagnosis.noise import sensor_noise_std
 from exodrake.engine.inputs import Reference
 from exodrake.machines.robot_file import load_robot, machine_folders
 from exodrake.model.machine import Machine
 from exodrake.model.robot import Robot
 from exodrake.simulation import protocols
-from exodrake.simulation.references import on_machine
+from exodrake.simulation.protocols import on_machine
 from exodrake.simulation.segments import LOOP, Channel, OnlineReplay, list_channels
 from exodrake.simulation.simulate import simulate
 

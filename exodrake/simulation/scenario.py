@@ -24,7 +24,7 @@ from exodrake.engine.inputs import Reference
 from exodrake.machines.robot_file import EFFECTS, PARAMETERS, VARIANTS, build, load_robot
 from exodrake.model.robot import Robot
 from exodrake.model.units import quantity
-from exodrake.simulation.references import from_log, protocol, split_options
+from exodrake.simulation.protocols import from_log, protocol, split_options
 from exodrake.simulation.simulate import ENGINES, simulate
 
 SCHEMA = mapping({

@@ -14,7 +14,7 @@ from exodrake.engine.inputs import NoiseInputs, Reference, prepare_values, refer
 from exodrake.engine.run import run_compiled
 from exodrake.model.machine import Machine
 from exodrake.model.robot import Robot
-from exodrake.simulation.references import protocol
+from exodrake.simulation.protocols import protocol
 
 if TYPE_CHECKING:
     from pydrake.systems.framework import Context, Diagram

@@ -20,7 +20,7 @@ from exodrake.diagnosis.noise import robust_std
 from exodrake.engine.inputs import Reference
 from exodrake.model.machine import Machine
 from exodrake.model.robot import Robot
-from exodrake.simulation.references import reference_rows
+from exodrake.simulation.protocols import reference_rows
 from exodrake.simulation.simulate import run, write_log
 
 SHORTEST = 100  # frames; at the Exo-Index's 20 ms that is 2 s, longer than the loop's memory
