@@ -12,7 +12,7 @@ import exodrake as exo
 from exodrake.core.errors import InputError
 from exodrake.data.formats import formats, read_log, write_log
 from exodrake.data.log import MODEL, Log, compare, regularise
-from exodrake.model.units import COMMON, KINDS, UNITS, si_unit
+from exodrake.model.units import COMMON, KINDS, UNITS, read_unit
 
 HEADING = "time [s],tension_ref_AF [N],tension_AF [N],stroke_AF [m]"
 GOOD = HEADING + "\n0,1,1.5,0.001\n0.02,1,,0.002\n0.04,1,1.25,0.003\n"
@@ -189,7 +189,7 @@ def test_a_clock_in_another_unit_is_named_and_read_with_its_unit(tmp_path, unit,
     assert len(mended) == rows + 37
 
 
-SI = sorted({si_unit(unit) for unit in (*UNITS, *COMMON)})
+SI = sorted({read_unit(unit).si for unit in (*UNITS, *COMMON)})
 TENDONS = st.sampled_from(["AF", "MF", "ref_AF", "a_b", "0", "MCP", ""])
 COLUMN = st.one_of(
     st.builds(lambda kind, wire: f"{kind}_{wire}".rstrip("_"), st.sampled_from(sorted(set(KINDS) - {"time"})), TENDONS),

@@ -7,7 +7,7 @@ import pytest
 
 import exodrake as exo
 from exodrake.model.robot import implausible
-from exodrake.model.units import quantity, si_unit, to_si
+from exodrake.model.units import quantity, read_unit, to_si
 
 
 @pytest.mark.parametrize(
@@ -21,13 +21,13 @@ from exodrake.model.units import quantity, si_unit, to_si
     ],
 )  # fmt: skip
 def test_units_convert(unit, si, factor):
-    assert si_unit(unit) == si and to_si(1.0, unit) == pytest.approx(factor, rel=1e-15)
+    assert read_unit(unit).si == si and to_si(1.0, unit) == pytest.approx(factor, rel=1e-15)
 
 
 @pytest.mark.parametrize("unit", ["lbf", "N/m s", "m//s", "/s", "()", "m/", "2", "m0", "%/s", "N mm)", "furlong/s"])
 def test_what_is_no_unit_or_may_mean_two_things_is_refused(unit):
     with pytest.raises(exo.InputError, match="unknown unit"):
-        si_unit(unit)
+        read_unit(unit)
 
 
 @pytest.mark.parametrize("text", ["2.5 N/mm", "2.5N/mm", "2500", "2.5e3 N/m", "0.25 kgf/mm"])

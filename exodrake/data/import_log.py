@@ -30,7 +30,7 @@ from exodrake.data.log import (
 )  # fmt: skip
 from exodrake.data.ros2 import STATE, Track, is_bag, read_bag, read_topics
 from exodrake.data.tables import TIME, element_names, episodes, is_dataset, read_columns, read_info, resolve
-from exodrake.model.units import check_unit, find_kind, si_unit, to_si
+from exodrake.model.units import check_unit, find_kind, read_unit, to_si
 
 BAG_PERIOD = 0.02  # s, frames of a bag whose mapping states none
 ALIKE = 0.1  # relative difference of a frame and a recording's step up to which it has one sample a frame: assumed
@@ -266,7 +266,7 @@ def make_log(tracks: dict[str, Track], mapped: Mapped, source: str, notes: Seque
         values = {name: track.values for name, track in ours.items()}
         for name in late:
             values[name] = np.interp(time, ours[name].time, ours[name].values, left=np.nan, right=np.nan)
-    units = {column.name: si_unit(column.unit) for column in mapped.columns}
+    units = {column.name: read_unit(column.unit).si for column in mapped.columns}
     for column in mapped.columns:
         if column.filter is not None:
             values[column.name] = low_pass(time, values[column.name], column.filter, f"{source}: {column.name}")
@@ -286,7 +286,7 @@ def make_log(tracks: dict[str, Track], mapped: Mapped, source: str, notes: Seque
             if len(time) < 3:
                 raise InputError(f"{where}: {len(time)} rows, too few for a derivative")
             found, unit = np.gradient(found, time, edge_order=2), RATES.get(unit, "")
-        unit = si_unit(column.unit) if column.unit else unit
+        unit = read_unit(column.unit).si if column.unit else unit
         if not unit:
             raise InputError(f"{where}: state its SI unit, `unit: ...`")
         values[column.name], units[column.name] = found * column.scale + column.offset, unit

@@ -82,6 +82,15 @@ class Explanation:
         """Lower and upper ends of the coordinates (2, parameters)."""
         return np.array([p.bounds for p in self.parameters]).reshape(-1, 2).T
 
+    def prior(self, x: np.ndarray) -> list[np.ndarray]:
+        """Prior mean, precision, low and high of the change from x, (..., parameters) each; of an effect its range."""
+        effect = np.array([bool(p.effect) for p in self.parameters], dtype=bool)
+        shapes = np.array([bool(p.effect) and not p.amplitude for p in self.parameters], dtype=bool)
+        low, high = self.bounds
+        std = np.where(effect & (high > low), (high - low) / np.sqrt(12.0), self.prior_std)  # of a uniform law
+        precision = np.broadcast_to(1.0 / np.maximum(std, 1e-300) ** 2, x.shape)
+        return [np.where(shapes, 0.0, -x), precision, low - x, high - x]
+
     def cost(self, likelihood: Likelihood) -> float:
         """Half the sum of squares of the weighted residual and of the coordinates in units of their priors."""
         return likelihood.cost(self.residual, self.x, self.prior_std)
@@ -134,15 +143,9 @@ class Predicted:
 
 
 def linear_model(likelihood: Likelihood, e: Explanation) -> LinearModel:
-    """The linear model about a fit, blocks of each log in each view; the prior of an effect is its range."""
+    """The linear model about a fit, blocks of each log in each view."""
     rows = np.concatenate([whole_jacobian(likelihood, e), e.residual[None]])
-    own = np.array([bool(p.effect) for p in e.parameters], dtype=bool)
-    shapes = np.array([bool(p.effect) and not p.amplitude for p in e.parameters], dtype=bool)
-    low, high = e.bounds
-    std = np.where(own & (high > low), (high - low) / np.sqrt(12.0), e.prior_std)  # of a uniform law
-    mean = np.where(shapes, 0.0, -e.x)  # of the change of x
-    prior = (mean, 1.0 / np.maximum(std, 1e-300) ** 2, low - e.x, high - e.x)
-    return LinearModel.of_rows(rows, likelihood.stretches, prior, likelihood.memory)
+    return LinearModel.of_rows(rows, likelihood.stretches, e.prior(e.x), likelihood.memory)
 
 
 @dataclass(frozen=True, eq=False)

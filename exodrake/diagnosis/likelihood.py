@@ -18,7 +18,7 @@ Spectral Estimation, 1988, ch. 7):
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from threading import Lock
@@ -74,10 +74,6 @@ class View:
         """Length of its residual."""
         return sum(trial.measured.size for trial in self.problem.fit)
 
-    def tasks(self, rows: np.ndarray, out: np.ndarray) -> list[Callable[[], None]]:
-        """Tasks that fill `out` (rows, samples) with whitened residuals of flat vectors `rows` (rows, parameters)."""
-        return self.problem.tasks(rows, self.problem.fit, out, self.whitening)
-
 
 @dataclass(frozen=True, eq=False)
 class Likelihood:
@@ -104,8 +100,8 @@ class Likelihood:
         with COUNTING:
             self.simulated[self.stage] += len(rows) * sum(duration(view.problem) for view in self.views)
         out = np.empty((len(rows), self.samples))
-        parts = zip(self.views, self.split(out), strict=True)
-        side_by_side([task for view, part in parts for task in view.tasks(rows, part)])
+        parts = [(v.problem, v.whitening, part) for v, part in zip(self.views, self.split(out), strict=True)]
+        side_by_side([task for p, whitening, part in parts for task in p.tasks(rows, p.fit, part, whitening)])
         return out
 
     def derivatives(self, rows: np.ndarray, base: np.ndarray, steps: np.ndarray) -> np.ndarray:

@@ -190,11 +190,7 @@ class Logs:
 
     def step(self, e: Explanation, rows: np.ndarray, x: np.ndarray, own: Sequence[int]) -> SessionFit:
         """One step from coordinates x (sessions, parameters), about which rows (parameters + 1, samples) are."""
-        low, high = e.bounds
-        effect, amplitude = np.array([(bool(p.effect), p.amplitude) for p in e.parameters], dtype=bool).reshape(-1, 2).T
-        std = np.where(effect & (high > low), (high - low) / np.sqrt(12.0), e.prior_std)
-        precision = np.tile(1.0 / np.maximum(std, 1e-300) ** 2, (len(x), 1))
-        prior = [np.where(effect & ~amplitude, 0.0, -x), precision, low - x, high - x]
+        prior = e.prior(x)
         model = LinearModel.of_rows(rows, self.blocks, [one[0] for one in prior], self.likelihood.memory)
         wide = rescale(split_by_session(model, own, prior))
         shared = [i for i in range(len(e.parameters)) if i not in own]

@@ -116,11 +116,6 @@ def read_unit(unit: str, where: str = "") -> Conversion:
     return found
 
 
-def si_unit(unit: str, where: str = "") -> str:
-    """The SI unit a unit converts to. InputError, saying where, for a unit that cannot be read."""
-    return read_unit(unit, where).si
-
-
 def to_si[T: (float, np.ndarray)](values: T, unit: str, where: str = "") -> T:
     """Values in SI, same shape; bit-equal to the input when the unit is SI already. InputError for an unknown unit."""
     _, numerator, denominator, _ = read_unit(unit, where)

@@ -22,7 +22,7 @@ from exodrake.core.schema import listing, mapping, optional, read_yaml, text
 from exodrake.data.log import columns_in_si
 from exodrake.identification.kinematics import rigid
 from exodrake.identification.workspace import LENGTHS, SPONTANEOUS
-from exodrake.model.units import si_unit, to_si
+from exodrake.model.units import read_unit, to_si
 from exodrake.simulation.protocols import smooth
 
 SEGMENTS = ("base", "proximal", "middle", "distal")
@@ -191,7 +191,7 @@ def parse_c3d(path: str, frames: int) -> Recording:
         twice = next(name for name in names if names.count(name) > 1)
         raise InputError(f"{path}: two points are called {twice}")
     unit = (list(settings["UNITS"]["value"]) or [""])[0]
-    if si_unit(unit, f"{path}, POINT:UNITS") != "m":
+    if read_unit(unit, f"{path}, POINT:UNITS").si != "m":
         raise InputError(f"{path}: POINT:UNITS is [{unit}], not a length")
     residuals = content["data"]["meta_points"]["residuals"]  # ezc3d gives NaN for most negative ones
     if residuals.shape[1:] == points.shape[1::-1]:
