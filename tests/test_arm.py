@@ -129,15 +129,16 @@ def read_urdf_of(robot):
     return read_urdf(plugins.single_machines()[robot.machine.name] / "arm.urdf")
 
 
-def test_an_elastic_joint_rests_where_its_spring_carries_the_link(closed):
-    """Deflection is compliance times effort; with half of it the link sinks."""
+def test_an_elastic_joint_begins_where_its_spring_carries_the_link(closed):
+    """Deflection is compliance times effort, so that the link stays at rest; with half of it the link sinks."""
     q, compliance = np.array([0.4, 0.1, 0.5]), 2e-3
     robot = closed.with_parameters({"arm.compliance": compliance, "arm.rotor_inertia": 0.1, "arm.dry_friction": 1e6})
-    weight = compute_dynamics(read_urdf_of(closed), q, np.zeros(3), np.zeros(3))[0]
-    rests = ticks(robot, np.zeros(3), q, count=50, rotor=q + compliance * weight)
-    assert rests["speed"] == pytest.approx(np.zeros(3), abs=1e-9) and rests["angle"] == pytest.approx(q, abs=1e-12)
-    assert rests["rotor"] == pytest.approx(q + compliance * weight)
-    assert np.abs(ticks(robot, np.zeros(3), q, count=50, rotor=q + 0.5 * compliance * weight)["speed"]).max() > 1e-3
+    rests = ticks(robot, np.zeros(3), q, count=50)
+    weight = compute_dynamics(read_urdf_of(closed), rests["angle"], np.zeros(3), np.zeros(3))[0]
+    assert rests["speed"] == pytest.approx(np.zeros(3), abs=1e-9) and rests["rotor"] == pytest.approx(q, abs=1e-12)
+    assert rests["rotor"] - rests["angle"] == pytest.approx(compliance * weight, abs=1e-12)
+    assert np.abs(weight).max() > 1.0
+    assert np.abs(ticks(robot, np.zeros(3), q, count=50, rotor=q - 0.5 * compliance * weight)["speed"]).max() > 1e-3
 
 
 @pytest.mark.parametrize("end, sign", [(-1.0, 1.0), (2.0, -1.0)])
