@@ -74,6 +74,15 @@ def arm_folder(tmp_path_factory):
 
 
 @pytest.fixture
+def few_cycles(monkeypatch):
+    """Describing functions at every third amplitude, and limit cycles simulated at one factor."""
+    from exodrake.analysis import limit_cycles
+
+    monkeypatch.setattr(limit_cycles, "AMPLITUDES", limit_cycles.AMPLITUDES[::3])
+    monkeypatch.setattr(limit_cycles, "FACTORS", (0.9,))
+
+
+@pytest.fixture
 def short_cases(monkeypatch):
     """Cases of the reference simulator with motions of a few seconds."""
     from exodrake.reference import cases

@@ -20,7 +20,7 @@ FIGURES = {
 }  # fmt: skip
 
 
-def test_it_writes_figures_numbers_and_the_model(tmp_path):
+def test_it_writes_figures_numbers_and_the_model(tmp_path, few_cycles):
     files = ("--out", tmp_path / "a", "--json", tmp_path / "b.json", "--to-control", tmp_path / "m.npz")
     found = run("analyse", "--draws", 2, *files)
     assert found.exit_code == 0, found.output

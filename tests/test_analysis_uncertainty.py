@@ -34,11 +34,9 @@ def test_a_weight_of_that_form_is_found_again_and_covers_any_deviation(order, ze
     assert (np.abs(fit_weight(f, deviation)(2j * np.pi * f)) >= deviation * (1.0 - 1e-9)).all()
 
 
-def test_with_a_dead_zone_it_gives_margins_over_amplitude_and_the_dead_band_at_the_upper_end(monkeypatch):
-    """On every second amplitude, and at one factor: cycles that are simulated are that of other tests."""
+def test_with_a_dead_zone_it_gives_margins_over_amplitude_and_the_dead_band_at_the_upper_end(few_cycles):
+    """Cycles that are simulated are that of other tests."""
     robot = exo.load_robot()
-    monkeypatch.setattr(limit_cycles, "AMPLITUDES", limit_cycles.AMPLITUDES[::2])
-    monkeypatch.setattr(limit_cycles, "FACTORS", (0.9,))
     found = assess_answer(
         robot, answer_of("motor.dead_zone", width=(4e-4, 3e-4, 6e-4), release=(1.0, 1.0, 1.0)), draws=2
     )
