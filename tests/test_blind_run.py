@@ -69,7 +69,7 @@ def test_killed_twice_and_taken_up_again_gives_the_same_answers(uninterrupted, t
         before, kept = kept, written(tmp_path / "set")
         assert len(before) < len(kept) < 4 and before.items() <= kept.items()
     assert process.returncode == 130 and f"interrupted; {len(kept)} of 4 done" in said and "Traceback" not in said
-    assert run(tmp_path / "set", jobs=2) == {}
+    assert run(tmp_path / "set") == {}
     assert answers(tmp_path / "set") == uninterrupted
     assert kept.items() <= written(tmp_path / "set").items()
 

@@ -75,7 +75,7 @@ def test_an_error_of_one_segment_shows_in_its_replay_alone(robot, injected, segm
     ],
 )
 def test_effect_that_is_not_tried_is_found_in_its_block(robot, injected, block):
-    place = place_without(robot, injected, Reference(protocols.steps(robot, dwell=1.0).values[:350], "steps"))
+    place = place_without(robot, injected, Reference(protocols.steps(robot, dwell=1.0).values[:250], "steps"))
     assert (place.block, place.wires, place.joints) == (block, robot.machine.axes.tendons, ())
 
 

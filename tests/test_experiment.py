@@ -50,7 +50,7 @@ def contest(problem):
 def few():
     """A short search."""
     with pytest.MonkeyPatch.context() as patch:
-        for name, count in (("RANDOM", 5), ("WINDOWS", 3), ("MUTATIONS", 3), ("WHOLE", 3)):
+        for name, count in (("RANDOM", 3), ("WINDOWS", 2), ("MUTATIONS", 1), ("WHOLE", 1)):
             patch.setattr(search, name, count)
         yield
 
