@@ -30,10 +30,12 @@ def ready(case, robot=None, progress=None, tried=None, discovers=None, answered=
         time.sleep(60)
     return diagnosis(VERDICTS[0])
 
-import exodrake.diagnosis.pipeline as pipeline
-import exodrake.cli.simulate
-pipeline.diagnose = ready
-exodrake.cli.simulate.make_files = lambda *_: {{"figure.png": b"x" * 5000, "recording.html": b"y" * 5000}}
+if {{"diagnose", "blind"}} & {{*sys.argv}}:
+    import exodrake.diagnosis.pipeline as pipeline
+    pipeline.diagnose = ready
+if "simulate" in sys.argv:
+    import exodrake.cli.simulate
+    exodrake.cli.simulate.make_files = lambda *_: {{"figure.png": b"x" * 5000, "recording.html": b"y" * 5000}}
 from exodrake.__main__ import run
 """
 # Runs it, then again and again in forks that kill themselves at their first, second ... change of the file system.
