@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import numpy as np
 from command_line import run
 
 import exodrake as exo
@@ -36,3 +37,20 @@ def made(folder: Path, name: str, *options: str) -> exo.Robot:
     assert result.exit_code == 0, result.output
     exo.add_plugin(folder / name)
     return exo.load_robot(name)
+
+
+def plant_of(path, payload=0.0, tip="tool"):
+    """The arm as Drake's parser reads it, with a point mass welded to its tip [kg]."""
+    from pydrake.multibody.parsing import Parser
+    from pydrake.multibody.plant import MultibodyPlant
+    from pydrake.multibody.tree import SpatialInertia, UnitInertia, default_model_instance
+
+    plant = MultibodyPlant(0.0)
+    Parser(plant).AddModels(str(path))
+    plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("base"))
+    if payload:
+        point = SpatialInertia(payload, np.zeros(3), UnitInertia(1e-12, 1e-12, 1e-12))
+        body = plant.AddRigidBody("payload", default_model_instance(), point)
+        plant.WeldFrames(plant.GetFrameByName(tip), body.body_frame())
+    plant.Finalize()
+    return plant

@@ -3,15 +3,12 @@
 import os
 import subprocess
 import sys
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from arm_folders import CABLE, MIXED, made
+from arm_folders import CABLE, MIXED, made, plant_of
 from command_line import run
-from pydrake.multibody.parsing import Parser
-from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import MultibodyForces_
 
 import exodrake as exo
@@ -35,15 +32,6 @@ def closed(arm_folder, tmp_path_factory):
     return made(arm_folder, "mixed_loop", "--urdf", path, "--form", "closed-loop")
 
 
-def parsed(path: Path) -> MultibodyPlant:
-    """The arm as Drake's own parser reads it."""
-    plant = MultibodyPlant(0.0)
-    Parser(plant).AddModels(str(path))
-    plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("base"))
-    plant.Finalize()
-    return plant
-
-
 def dynamics(plant, q, rate, acceleration):
     """Efforts and mass matrix of a MultibodyPlant."""
     context = plant.CreateDefaultContext()
@@ -63,7 +51,7 @@ def test_urdf_and_dynamics_agree_with_drakes_parser_and_plant(name, tmp_path):
     path = CABLE if name == "cable_arm" else tmp_path / "mixed.urdf"
     if name == "mixed":
         path.write_text(MIXED)
-    chain, plant = read_urdf(path), parsed(path)
+    chain, plant = read_urdf(path), plant_of(path)
     assert chain.names == (("turntable", "lift2", "J3") if name == "mixed" else tuple(f"J{i}" for i in range(1, 8)))
     for state in states(20, len(chain.names)):
         efforts, matrix = compute_dynamics(chain, *state)

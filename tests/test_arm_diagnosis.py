@@ -4,10 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from arm_folders import CABLE, MIXED, made
-from pydrake.multibody.parsing import Parser
-from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import MultibodyForces_, SpatialInertia, UnitInertia, default_model_instance
+from arm_folders import CABLE, MIXED, made, plant_of
+from pydrake.multibody.tree import MultibodyForces_
 from pydrake.systems.analysis import Simulator
 
 import exodrake as exo
@@ -17,19 +15,6 @@ from exodrake.diagnosis.isolation import isolate
 from exodrake.diagnosis.problem import make_problem
 
 ROLES = ("fit", "fit", "holdout")
-
-
-def plant_of(path, payload=0.0, tip="tool"):
-    """The arm as Drake's parser reads it, with a point mass welded to its tip [kg]."""
-    plant = MultibodyPlant(0.0)
-    Parser(plant).AddModels(str(path))
-    plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("base"))
-    if payload:
-        point = SpatialInertia(payload, np.zeros(3), UnitInertia(1e-12, 1e-12, 1e-12))
-        body = plant.AddRigidBody("payload", default_model_instance(), point)
-        plant.WeldFrames(plant.GetFrameByName(tip), body.body_frame())
-    plant.Finalize()
-    return plant
 
 
 def motion(seed, rows, robot):

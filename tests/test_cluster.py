@@ -20,16 +20,13 @@ from exodrake.simulation import protocols
 from exodrake.simulation.protocols import on_machine
 from tests.short_sets import answers
 
-dask = pytest.importorskip("dask", reason="the extra `cluster` is not installed")
 distributed = pytest.importorskip("distributed", reason="the extra `cluster` is not installed")
 
 
 @pytest.fixture(scope="module")
 def cluster():
     """Two worker processes of one thread each, on this machine; one that is killed is started anew."""
-    options = {"threads_per_worker": 1, "dashboard_address": None, "silence_logs": 50}
-    once = dask.config.set({"distributed.scheduler.allowed-failures": 1})  # three by default
-    with once, distributed.LocalCluster(n_workers=2, **options) as found:
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50) as found:
         yield found
 
 
