@@ -34,11 +34,17 @@ def pytest_terminal_summary(terminalreporter):
 
 
 @pytest.fixture(scope="session")
-def loop():
+def robot():
+    """The nominal robot."""
+    return exo.load_robot()
+
+
+@pytest.fixture(scope="session")
+def loop(robot):
     """The nominal robot's map from one frame to the next."""
     from exodrake.analysis.linear_model import FrameMap
 
-    return FrameMap.from_robot(exo.load_robot())
+    return FrameMap.from_robot(robot)
 
 
 @pytest.fixture(scope="session")
@@ -58,11 +64,11 @@ def model(loop, point):
 
 
 @pytest.fixture(scope="session")
-def plant():
+def plant(robot):
     """The nominal robot's linear plant, for the search of controllers."""
     from exodrake.analysis.tuning import linearise_plant
 
-    return linearise_plant(exo.load_robot())
+    return linearise_plant(robot)
 
 
 @pytest.fixture(scope="module")

@@ -10,16 +10,10 @@ from exodrake.diagnosis.detect.spectral_peak import PROMINENT, Peak, find_peak, 
 from exodrake.diagnosis.likelihood import written_by
 from exodrake.diagnosis.problem import make_problem
 from exodrake.engine.inputs import NoiseInputs, Reference
-from exodrake.machines.robot_file import load_robot
 from exodrake.simulation import protocols
 from exodrake.simulation.simulate import simulate
 
 READING = 1.2e-5  # m, of an encoder
-
-
-@pytest.fixture(scope="module")
-def robot():
-    return load_robot()
 
 
 def decoded(robot, log):

@@ -21,11 +21,6 @@ LAWS = {
 }
 
 
-@pytest.fixture(scope="module")
-def robot():
-    return load_robot()
-
-
 @pytest.mark.parametrize("transform", LAWS)
 def test_transform_is_its_formula_and_its_inverse_undoes_it(transform):
     parameter = Parameter("p", (0,), transform, 2.5, 0.1, (-1.0, 1.0))

@@ -19,11 +19,6 @@ from exodrake.engine.inputs import Reference
 from exodrake.simulation import protocols
 
 
-@pytest.fixture(scope="module")
-def robot():
-    return exo.load_robot()
-
-
 def problem_of(robot, injected, frames=400):
     """Steps of a robot with an injected effect, as the only log."""
     reference = Reference(protocols.steps(robot, dwell=1.0).values[:frames], "steps")

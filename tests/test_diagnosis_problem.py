@@ -17,11 +17,6 @@ from exodrake.simulation.simulate import simulate
 
 
 @pytest.fixture(scope="module")
-def robot():
-    return load_robot()
-
-
-@pytest.fixture(scope="module")
 def case(robot):
     """Two runs of 10 s of holds to fit, steps held out."""
     holds = Reference(protocols.holds(robot, seed=3, dwell=2.5).values[:500], "holds")

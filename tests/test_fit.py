@@ -18,11 +18,6 @@ from exodrake.model.robot import drawn_robot
 PLANTED = {"finger.kappa.MCP": 0.09, "finger.kappa.PIP": 0.052, "controller.kp": 0.0066}
 
 
-@pytest.fixture(scope="module")
-def robot():
-    return exo.load_robot()
-
-
 def test_planted_parameters_come_back_from_logs_without_noise(robot):
     truth = robot.with_parameters(PLANTED | {"tendon.k": 3000.0})
     log = exo.simulate(truth, "chirp:span=8", seed=None, quantisation=False)

@@ -18,11 +18,6 @@ EFFECT = {
 }  # fmt: skip
 
 
-@pytest.fixture(scope="module")
-def robot():
-    return exo.load_robot()
-
-
 def test_grid_is_all_combinations_and_each_row_a_run(robot):
     table = exo.sweep(robot, {MU: [0.1, 0.3], "finger.kappa.MCP": ["80 mN m/rad", 0.1]}, "caging")
     assert table[MU].tolist() == [0.1, 0.1, 0.3, 0.3] and table["finger.kappa.MCP"].tolist() == [0.08, 0.1] * 2
