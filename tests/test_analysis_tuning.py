@@ -9,6 +9,7 @@ from arm_folders import made
 from command_line import run
 
 import exodrake as exo
+from exodrake.analysis import tuning
 from exodrake.analysis.linear_model import linearise_robot
 from exodrake.analysis.responses import AFTER, BENT, linear_error, list_departures, step_response
 from exodrake.analysis.tuning import (
@@ -24,6 +25,12 @@ from exodrake.analysis.tuning import (
 )
 from exodrake.simulation import protocols
 from exodrake.simulation.simulate import simulate
+
+
+@pytest.fixture
+def hasty(monkeypatch):
+    """A short search of gains."""
+    monkeypatch.setattr(tuning, "SEARCH", tuning.SEARCH | {"maxiter": 2, "popsize": 3})
 
 
 @pytest.fixture(scope="module")
@@ -98,7 +105,7 @@ def test_missed_requirements_are_phrases():
     assert list_missed(wanted, Performance(*none), "m/s") == ("does not settle",)
 
 
-def test_what_cannot_be_held_writes_no_robot(tmp_path):
+def test_what_cannot_be_held_writes_no_robot(tmp_path, hasty):
     found = run("tune", "--robot", "emps", "--disk-margin", 1.99, "--draws", 0, "--out-robot", tmp_path / "r.yaml")
     assert found.exit_code == 2 and "no controller holds all requirements" in found.output
     assert not (tmp_path / "r.yaml").exists()
@@ -121,17 +128,17 @@ def test_gains_of_an_outer_loop_are_no_robot_file(tmp_path):
 
 
 @pytest.mark.parametrize("effects", [{}, {"servo.lag": {"time_constant": 0.1}, "servo.latency": {"frames": 2.8}}])
-def test_servos_are_tuned_on_the_plant_that_is_analysed(arm_folder, effects):
+def test_servos_are_tuned_on_the_plant_that_is_analysed(arm_folder, hasty, effects):
     """Plant and law apart have the poles of the whole loop; ideal servos settle in a frame."""
     robot = made(arm_folder, f"tuned_{len(effects)}", "--joints", "J1")
     for name, values in effects.items():
         robot = robot.splice(name, values, ["J1"])
     plant = linearise_plant(robot)
     assert predict_performance(plant, linearise_law(plant, {})).radius == pytest.approx(plant.model.spectral_radius)
-    tuning = tune(robot, draws=1, judges=1)
-    assert tuning.best and tuning.best.settling <= tuning.compared[0].settling
-    assert tuning.compared[0].name == "assumed gains" and "(assumed gains: " in repr(tuning)
-    assert tuning.limit.settling <= tuning.limit.tuned
+    found = tune(robot, draws=1, judges=1)
+    assert found.best and found.best.settling <= found.compared[0].settling
+    assert found.compared[0].name == "assumed gains" and "(assumed gains: " in repr(found)
+    assert found.limit.settling <= found.limit.tuned
 
 
 def test_a_step_that_reaches_a_limit_is_noted():
