@@ -22,7 +22,7 @@ SCRAP = st.one_of(
     st.dictionaries(st.sampled_from(["value", "unit", "range", "AF", "MCP", "file", 3]), st.integers(0, 2), max_size=2),
 )
 
-FEW = 800  # in seconds, so that each change of the code meets them
+FEW = 500  # in seconds, so that each change of the code meets them
 INPUTS = int(os.environ.get("FUZZ", "0"))  # of the whole suite; 0: few, the same ones each time
 HANG = 10 if INPUTS else 100  # s of processor time for one command, which in a few tests compiles
 WAIT = 300  # s of the clock, on a busy machine

@@ -52,6 +52,7 @@ def few():
     with pytest.MonkeyPatch.context() as patch:
         for name, count in (("RANDOM", 3), ("WINDOWS", 2), ("MUTATIONS", 1), ("WHOLE", 1)):
             patch.setattr(search, name, count)
+        patch.setattr(inside, "DRAWS", 3)
         yield
 
 
