@@ -1,38 +1,18 @@
 """A case whose residual is a formula of the parameters: no robot, no simulation."""
 
-from dataclasses import dataclass
 from math import inf
 from types import SimpleNamespace
 
 import numpy as np
 
 from exodrake.diagnosis.fit import Explanation
-from exodrake.diagnosis.likelihood import Likelihood
+from exodrake.diagnosis.likelihood import Likelihood, View
 from exodrake.diagnosis.linearise import Linearisation, Probe
 from exodrake.diagnosis.parameter import Parameter
 from exodrake.diagnosis.problem import Trial
 
 FRAME = 0.02  # s
 WIDE = (-1e6, 1e6)
-
-
-@dataclass(frozen=True, eq=False)
-class FormulaView:
-    """A view of which `formula` gives the residual (samples,) of a parameter vector."""
-
-    problem: SimpleNamespace
-    formula: object
-    scale: float = 1.0
-
-    @property
-    def samples(self):
-        return sum(trial.measured.size for trial in self.problem.fit)
-
-    def tasks(self, rows, out):
-        def fill():
-            out[:] = np.array([self.formula(row) for row in rows]).reshape(len(rows), self.samples)
-
-        return [fill]
 
 
 def likelihood_of(formula, frames=(400,), columns=1, scale=1.0, measured=None):
@@ -42,10 +22,15 @@ def likelihood_of(formula, frames=(400,), columns=1, scale=1.0, measured=None):
     case = SimpleNamespace(repeat_groups=(), fit_logs=[SimpleNamespace(log=y) for y in logs])
     machine = SimpleNamespace(name="formula", frame=FRAME, tolerances=(), separate=False, effect=lambda identity: None)
     names = tuple(f"angle_{k}" for k in range(columns))
+
+    def tasks(rows, trials, out, whitening):
+        return [lambda: np.copyto(out, np.array([formula(row) for row in rows]).reshape(out.shape))]
+
     problem = SimpleNamespace(
-        fit=trials, columns=names, case=case, robot=SimpleNamespace(machine=machine), counted={}, judged=trials
-    )
-    return Likelihood((FormulaView(problem, formula, scale),))
+        fit=trials, columns=names, case=case, robot=SimpleNamespace(machine=machine), counted={}, judged=trials,
+        tasks=tasks,
+    )  # fmt: skip
+    return Likelihood((View(problem, None, scale),))
 
 
 def nominal(count, prior_std, bounds=WIDE):
