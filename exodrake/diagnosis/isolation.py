@@ -219,8 +219,8 @@ def fit_nominal(likelihood: Likelihood, e: Explanation) -> Explanation:
 
 
 def affordable(problem: Problem, most: float = MOST) -> float:
-    """Part of the fitted logs that can be used in reasonable time and memory; most: samples."""
-    return min(1.0, most / count_samples(problem))
+    """Part of the fitted logs that can be used in reasonable time and memory; most: samples that count."""
+    return min(1.0, (most + len(problem.columns) * problem.settling) / count_samples(problem))
 
 
 def count_samples(problem: Problem) -> int:

@@ -194,6 +194,11 @@ class Problem:
         """The problem with the first part of each fitted trial, for cheap comparisons."""
         return replace(self, fit=tuple(t.shorten(share) for t in self.fit))
 
+    @property
+    def settling(self) -> float:
+        """Frames at the starts of all fitted logs that do not count (`Machine.settling`)."""
+        return len(self.fit) * self.robot.machine.settling / self.robot.machine.frame
+
     def prediction_error(self) -> Problem | None:
         """The problem with runs that follow what was measured where the machine says so (`Machine.observer`).
 

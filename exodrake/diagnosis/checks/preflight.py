@@ -45,7 +45,9 @@ CLEAR, MISTAKEN, HIDDEN = "distinguished", "could be mistaken", "not seen"
 COLOURS = {CLEAR: "#009e73", MISTAKEN: "#e69f00", HIDDEN: "#b0b7bf"}
 SEEN = 4.0  # standard deviations; that of one test among a hundred effects and channels at 0.3 % (normal law)
 STRETCH = (0.0, 1.5)  # by which a direction that was simulated at one size only may be scaled: assumed
-FRAMES = 1500  # of the case that are simulated for each direction; they stand for all, so that a check takes seconds
+# of the case that are simulated for each direction, and s of it where frames are short, after what does not count; they
+# stand for all, so that a check takes seconds
+FRAMES, SECONDS = 1500, 5.0
 SENSOR = 5e-4  # noise of a sensor not there yet, as a share of its signal's span: assumed, an encoder of 12 bits
 EXTRA = "also"  # kind of the columns of such sensors
 
@@ -265,7 +267,8 @@ def plan_experiment(problem: Problem) -> Problem:
     extra = tuple(Column(EXTRA + s.name.replace("_", ""), s.name, required=False) for s in more)
     wide = replace(machine, columns=machine.columns + extra, nominal=None)
     columns, robot = (*problem.columns, *machine.log_names(extra)), replace(problem.robot, machine=wide)
-    short = problem.shorten(min(1.0, FRAMES / sum(len(t.reference) for t in problem.fit)))
+    frames = max(FRAMES, SECONDS / machine.frame) + problem.settling
+    short = problem.shorten(min(1.0, frames / sum(len(t.reference) for t in problem.fit)))
     every, logs = replace(short, robot=robot, columns=columns, holdout=()), []
     for trial in short.fit:
         (simulated,) = every.predict(every.silent()[None], trial)
