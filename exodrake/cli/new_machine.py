@@ -123,7 +123,8 @@ def arm_files(values: dict[str, Any], urdf: str, form: str, tip: str, frame: flo
     reach = [min(WIDEST, 0.45 * (j.upper - j.lower)) for j in chain.joints]
     values |= {
         "urdf": "arm.urdf", "form": form, "what": WHAT[form], "frame": f"{frame or FRAME:g}", "tip": tip,
-        "joints": names, "units": unit | {"measured_effort": "N m" if cable else unit["effort"]},
+        "joints": names, "friction": any(j.damping or j.friction for j in chain.joints),
+        "units": unit | {"measured_effort": "N m" if cable else unit["effort"]},
         "prefix": "joint_" if unit["position"] == "-" and not cable else "", "part": "cable" if cable else "arm",
         "rotors": by_joint(names, [0.0] * len(names)), "noise": by_joint(names, noise),
         "repeatability": f"{float(noise.min()) / 10:.2g}",
