@@ -11,8 +11,9 @@ from pydrake.systems.analysis import Simulator
 import exodrake as exo
 from exodrake.data.case import Case, CaseLog
 from exodrake.data.log import Log
-from exodrake.diagnosis.isolation import isolate
+from exodrake.diagnosis.isolation import affordable, isolate
 from exodrake.diagnosis.problem import make_problem
+from exodrake.report.diagnosis_html import report_html
 
 ROLES = ("fit", "fit", "holdout")
 
@@ -88,6 +89,18 @@ def test_a_fault_of_an_arm_of_seven_joints_is_named_from_its_efforts(fault, effe
     assert found.closure.overall.value > 0.9
 
 
+def test_friction_that_a_urdf_file_states_too_high_is_retuned(arm_folder, tmp_path):
+    """Not named as a gain; joints without friction have none to retune, and the report says what was."""
+    path = tmp_path / "rubbing.urdf"
+    joint = CABLE.read_text().partition('<joint name="J4"')
+    path.write_text("".join([*joint[:2], joint[2].replace("<limit", '<dynamics friction="2"/><limit', 1)]))
+    robot = made(arm_folder, "rubbing", "--urdf", path)
+    found = exo.diagnose(inverse_case(robot, friction=[(3, 1.7)]), robot)
+    assert found.verdict == "RETUNE" and [one.name for one in found.retune.moved] == ["arm.dry_friction.J4"]
+    assert found.retune.moved[0].value == pytest.approx(1.7, abs=0.05)
+    assert "arm.dry_friction.J4" in report_html(found, found.problem)
+
+
 def test_each_fitted_set_leaves_what_its_robot_does(cable_arm):
     """The mass of a link shows in the efforts of the joints before it: steps of single joints do not add up."""
     found = isolate(make_problem(inverse_case(cable_arm, gain=[(1, -0.08)]), cable_arm))
@@ -153,7 +166,11 @@ def test_a_payload_is_named_in_closed_loop(arm_folder, tmp_path):
     path = tmp_path / "mixed.urdf"
     path.write_text(MIXED)
     robot = made(arm_folder, "mixed_loop", "--urdf", path, "--form", "closed-loop")
-    found = exo.diagnose(loop_case(robot, path, 0.3), robot)
+    case = loop_case(robot, path, 0.3)
+    problem = make_problem(case, robot)
+    short = problem.shorten(affordable(problem, 600))  # its first 0.5 s do not count
+    assert sum(np.isfinite(trial.measured).sum() for trial in short.fit) == pytest.approx(600, abs=12)
+    found = exo.diagnose(case, robot)
     assert found.verdict == "NAMED", found.reasons
     assert [one.id for one in found.effects if one.role == "cause"] == ["arm.payload"]
     assert found.effects[0].parameters["mass"].value == pytest.approx(0.3, rel=0.05)
