@@ -15,15 +15,13 @@ from exodrake.core.parallel import each
 from exodrake.core.progress import show_count
 from exodrake.core.schema import read_yaml
 from exodrake.data.log import Log
-from exodrake.diagnosis.calibrate import healthy_robot
 from exodrake.diagnosis.change_point import LEAST, ChangePoint
 from exodrake.diagnosis.noise import sensor_noise_std
 from exodrake.engine.inputs import Reference
 from exodrake.machines.robot_file import load_robot, machine_folders
 from exodrake.model.machine import Machine
-from exodrake.model.robot import Robot
+from exodrake.model.robot import Robot, drawn_robot
 from exodrake.simulation import protocols
-from exodrake.simulation.protocols import on_machine
 from exodrake.simulation.segments import LOOP, Channel, OnlineReplay, list_channels
 from exodrake.simulation.simulate import simulate
 
@@ -62,11 +60,11 @@ def draw_work(robot: Robot, seed: int, duration: float) -> Reference:
         own = int(rng.integers(1 << 31))
         if task == "random":
             options = {"duration": rng.uniform(15.0, 40.0), "fastest": rng.uniform(0.2, 1.2)}
-            made = on_machine(protocols.random_motion, robot, seed=own, **options)
+            made = protocols.on_machine(protocols.random_motion, robot, seed=own, **options)
         elif task == "holds":
-            made = on_machine(protocols.holds, robot, seed=own, count=3, dwell=rng.uniform(2.0, 5.0))
+            made = protocols.on_machine(protocols.holds, robot, seed=own, count=3, dwell=rng.uniform(2.0, 5.0))
         else:
-            made = on_machine(rest, robot, duration=rng.uniform(5.0, 15.0))
+            made = protocols.on_machine(rest, robot, duration=rng.uniform(5.0, 15.0))
         parts.append(made.values)
     return Reference(np.concatenate(parts)[:frames], "work")
 
@@ -215,7 +213,7 @@ def read_work(nominal: Robot, robot: Robot, noise: np.ndarray, seed: int, durati
 def measure_peaks(robot: str, noise: np.ndarray, seed: int, duration: float) -> np.ndarray:
     """Largest gap of each channel (channels,) [noise standard deviations] of one healthy robot, drawn by the seed."""
     nominal = load_robot(robot)
-    found = read_work(nominal, healthy_robot(nominal, np.random.default_rng(seed)), noise, seed, duration)
+    found = read_work(nominal, drawn_robot(nominal, np.random.default_rng(seed)), noise, seed, duration)
     return np.nanmax([r.recent for r in found], axis=0)
 
 
