@@ -149,7 +149,8 @@ def machine():
 
 def fitted(machine, effect, x, std):
     parameters = effect_parameters(machine, machine.effect(effect))
-    return Estimates(parameters, np.array(x, dtype=float), np.diag(np.square(np.broadcast_to(std, len(parameters)))))
+    covariance = np.diag(np.square(np.broadcast_to(std, len(parameters))))
+    return Estimates(parameters, np.array(x, dtype=float), covariance, np.ones(len(parameters)))
 
 
 def test_intervals_of_normal_estimates_cover_as_often_as_they_say(machine):
@@ -166,7 +167,8 @@ def share_found(amplitudes, std):
     """Share of draws of normal estimates in which exactly the channels with an amplitude are found."""
     rng, amplitudes, std = np.random.default_rng(0), np.array(amplitudes), np.broadcast_to(std, len(amplitudes))
     draws = amplitudes + std * rng.standard_normal((DRAWS, len(amplitudes)))
-    return np.mean([np.array_equal(affected_channels(x, np.diag(std**2)), np.flatnonzero(amplitudes)) for x in draws])
+    found = [affected_channels(x, np.diag(std**2), 1.0 / std) for x in draws]
+    return np.mean([np.array_equal(one, np.flatnonzero(amplitudes)) for one in found])
 
 
 @pytest.mark.parametrize("amplitudes", [[1.0, 0.0, 0.0], [1.0, 1.0, 1.0], [0.0, 1.0, 0.9], [0, 0, 1.0, 0], [1.0] * 6])
@@ -176,8 +178,18 @@ def test_channels_with_an_amplitude_are_found(amplitudes):
 
 def test_a_channel_that_the_motion_hardly_excites_goes_with_the_others_unless_its_amplitude_ended_at_0():
     assert share_found([1.0, 1.0, 1.0], [0.05, 1.0, 0.05]) > 0.9 and share_found([1.0, 0, 0], [0.05, 1.0, 0.05]) > 0.9
-    assert affected_channels(np.array([0.05, 0.0, 0.05]), np.diag([0.003, 50.0, 0.003]) ** 2).tolist() == [0, 2]
-    assert len(affected_channels(np.zeros(3), np.eye(3))) == 1
+    assert affected_channels(np.array([0.05, 0.0, 0.05]), np.diag([0.003, 50.0, 0.003]) ** 2, np.ones(3)).tolist() == [
+        0,
+        2,
+    ]
+    assert len(affected_channels(np.zeros(3), np.eye(3), np.ones(3))) == 1
+
+
+def test_a_smaller_amplitude_counts_where_its_channel_shows_it_as_clearly():
+    """Dry friction of a six-joint arm [N m], as large in each joint's efforts as the joint is loaded."""
+    friction, error = np.array([6.7, 6.5, 4.1, 1.5, 1.3, 0.6]), np.array([0.05, 0.05, 0.03, 0.01, 0.007, 0.005])
+    assert affected_channels(friction, np.diag(error**2), 1.0 / error).tolist() == [0, 1, 2, 3, 4, 5]
+    assert 5 not in affected_channels(friction, np.diag(error**2), np.ones(6))
 
 
 def test_the_set_of_channels_depends_on_neither_scale_nor_order():
@@ -185,9 +197,11 @@ def test_the_set_of_channels_depends_on_neither_scale_nor_order():
     for _ in range(50):
         x, root = rng.standard_normal(4), 0.3 * rng.standard_normal((4, 4))
         covariance, order = root @ root.T, rng.permutation(4)
-        found = set(affected_channels(x, covariance))
-        assert set(affected_channels(1e-6 * x, 1e-12 * covariance)) == found
-        assert {order[i] for i in affected_channels(x[order], covariance[np.ix_(order, order)])} == found
+        shown = rng.uniform(1.0, 10.0, 4)
+        found = set(affected_channels(x, covariance, shown))
+        assert set(affected_channels(1e-6 * x, 1e-12 * covariance, 1e6 * shown)) == found
+        assert set(affected_channels(x, covariance, 3.0 * shown)) == found
+        assert {order[i] for i in affected_channels(x[order], covariance[np.ix_(order, order)], shown[order])} == found
 
 
 def test_answer_names_the_channels_and_pools_them_unless_they_clearly_differ(machine):

@@ -92,6 +92,28 @@ def test_direction_of_a_marker_gain_is_the_angle(problem):
     assert np.abs(others).max() < 1e-6 * np.abs(direction).max()
 
 
+def test_a_direction_is_taken_where_its_response_is_as_large_as_the_gap(problem):
+    """Of a little slack a direction of the usual size has another shape."""
+    machine, values, likelihood = problem.robot.machine, problem.silent(), output_error(problem)
+    effect = machine.effect("tendon.slack")
+    parameters = effect_parameters(machine, effect)
+    x = np.array([0.05 * p.start if p.channels == ("MF",) else 0.0 for p in parameters])
+    residual, planted = likelihood.residual(np.array([values, apply(values, parameters, x)]))
+    gap = planted - residual
+
+    def compare(**given):
+        """Sine of the angle between the direction of the channel and the gap, and the ratio of their lengths."""
+        probe = (found := linearise(likelihood, values, [effect], residual, **given)).probes[0]
+        ends = [p.bounds[1] for p in parameters if p.amplitude]
+        assert probe.coordinates(probe.high)[list(probe.scaled)] == pytest.approx(ends)
+        row = found.directions[probe.rows[int(np.flatnonzero(x)[0])]].astype(float)
+        length, along = np.linalg.norm(row), row @ gap / np.linalg.norm(gap)
+        return np.sqrt(1.0 - (along / length) ** 2), length / np.linalg.norm(gap)
+
+    (angle, length), (usual, longer) = compare(gap=gap), compare()
+    assert angle < 0.01 < 0.1 < usual and length == pytest.approx(1.0, abs=0.1) and longer > 10.0
+
+
 def test_jacobian_holds_in_all_directions_those_that_hardly_show_included(problem):
     """Lengths, spools and stiffness that grow together hardly show; a long step would show their curvature instead."""
     likelihood, values, nominal = output_error(problem), problem.silent(), nominal_parameters(problem.robot)
@@ -124,9 +146,9 @@ def test_every_direction_belongs_to_one_probe_and_simulated_time_is_counted(prob
 
 def test_probes_stay_within_the_bounds_of_a_fit(problem):
     for effect in problem.robot.machine.effects:
-        tried = probes(problem, effect, problem.silent(), 0)
+        tried = probes(problem, effect, 0)
         assert tried or effect.not_tried
-        for probe, _ in tried:
+        for probe in tried:
             low, high = np.array([p.bounds for p in probe.parameters]).T
             assert (probe.x >= low - 1e-12).all() and (probe.x <= high + 1e-12).all()
             assert (probe.low <= probe.high).all()

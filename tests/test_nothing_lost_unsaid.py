@@ -157,6 +157,14 @@ def test_samples_that_frames_drop_or_repeat_are_counted(tmp_path):
     assert "100 samples on 124 frames of 20 ms: the sample before again in 24" in slow
 
 
+@pytest.mark.parametrize("last", [-4e-4, 4e-4])
+def test_jitter_of_the_clock_loses_no_sample(tmp_path, last):
+    time = EVEN + np.random.default_rng(0).uniform(-5e-4, 5e-4, N)
+    time[[0, -1]] = 0.0, EVEN[-1] + last
+    found = import_recording(table(tmp_path / "a.csv", time), Mapped(TABLE.columns, time="t", period=0.02))
+    assert next(iter(found.log.signals.values())).tolist() == list(range(N)) and found.notes == ()
+
+
 LONG = 0.02 * np.arange(3000)
 
 

@@ -368,10 +368,10 @@ def lay_on_frames(
     if frames > min(1e7, LONGEST * (most + LONGEST)):
         many = f"{frames:.0f} frames of {period:g} s for {most} samples are too many"
         raise InputError(f"{source}: {many}; is the unit of time right? Else cut it where its clock jumps")
-    count = int(np.floor(frames)) + 1
-    time = start + period * np.arange(count)
     step = median_step(np.unique(np.concatenate([track.time for track in tracks.values()])))
-    begin = time - 0.5 * period if abs(step / period - 1.0) < ALIKE else time
+    about = abs(step / period - 1.0) < ALIKE
+    time = start + period * np.arange(int(np.rint(frames) if about else np.floor(frames)) + 1)
+    begin = time - 0.5 * period if about else time
     values, said = {}, dict[str, list[str]]()
     for name, track in tracks.items():
         newest = np.searchsorted(track.time, begin + period * (1 - ROUNDED), side="left") - 1
@@ -388,7 +388,8 @@ def lay_on_frames(
         if parts := [f"{what}, the first at {at[0]:.10g} s" for what, at in kinds.items() if len(at)]:
             frames = f"{len(track.time)} samples on {len(time)} frames of {period * 1e3:g} ms"
             said.setdefault(f"{frames}: {'; '.join(parts)}", []).append(name)
-    return time, values, [f"{', '.join(names)}: {note}" for note, names in said.items()]
+    whose = {note: "all columns" if len(names) == len(tracks) > 1 else ", ".join(names) for note, names in said.items()}
+    return time, values, [f"{whose[note]}: {note}" for note in said]
 
 
 def median_step(time: np.ndarray) -> float:

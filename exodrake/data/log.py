@@ -349,8 +349,6 @@ def regularise(log: Log, period: float = 0.02) -> tuple[Log, list[str]]:
         >>> len(mended), notes
         (4, ['log: 1 missing frames, the first at 0.04 s (longest gap 1 frames), left empty'])
     """
-    if not (np.isfinite(period) and period > 0):
-        raise InputError(f"frame period {period!r} s: wanted a positive number")
     table, name = np.column_stack([argument("log", log, Log).time, *log.signals.values()]), log.label
     same = ((table[1:] == table[:-1]) | (np.isnan(table[1:]) & np.isnan(table[:-1]))).all(axis=1)
     if (row := find_first(~(np.diff(log.time) > 0) & ~same)) is not None:
@@ -358,6 +356,8 @@ def regularise(log: Log, period: float = 0.02) -> tuple[Log, list[str]]:
         back = f"the clock steps backwards by {here - after:.6g} s"
         fault = back if here != after else "the same time with other values"
         raise InputError(f"{name}: at row {row + 2}, {after:g} s after {here:g} s: {fault}; cut the log there")
+    if not (np.isfinite(period) and period > 0):
+        raise InputError(f"frame period {period!r} s: wanted a positive number")
     notes, single = [], log
     if (row := find_first(same)) is not None:
         single, at = log.rows(np.concatenate([[True], ~same])), log.time[row + 1]

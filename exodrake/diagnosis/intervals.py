@@ -7,12 +7,12 @@ a real robot follows another law, and the fitted value is an effective one.
 
 The channels of an effect are the set S of largest evidence. Its fitted amplitudes x are normal numbers about 0,
 
-    var x = C + (l s)^2 1 + s^2 1_S 1_S' + (c s)^2 1_S      one cause: the channels of S share a value
-    var x = C + (l s)^2 1 + s^2 1_S                         each channel of S has a value of its own
+    var x = C + L^2 + s^2 1_S 1_S' + (c s)^2 1_S      one cause: the channels of S share a value
+    var x = C + L^2 + s^2 1_S                         each channel of S has a value of its own
 
-s: largest amplitude; C: covariance of the fit; l: share that a wrong law leaks into other channels; c: difference
-between channels of one cause. The evidence of S is the mean of both densities. A channel that the motion hardly excites
-then follows the others. A test of each channel alone would leave it out.
+s: largest amplitude; C: covariance of the fit; L: what a wrong law leaks into each channel, a share of s and of the
+largest response; c: difference between channels of one cause. The evidence of S is the mean of both densities. A
+channel that the motion hardly excites then follows the others. A test of each channel alone would leave it out.
 """
 
 from __future__ import annotations
@@ -32,7 +32,9 @@ from exodrake.model.part import SCALAR, TENDONS
 # RMS error of seven such parameters on development cases of the reference simulator
 ROUNDING = 0.016
 UNSURE = float("nan")
-LEAK = 0.12  # of the largest amplitude, into channels without the effect: development cases of the reference simulator
+# of the largest amplitude and of the largest response, into channels without the effect: development cases of the
+# reference simulator
+LEAK = 0.12
 SPREAD = 0.2  # of the largest amplitude, between channels with one cause: as the parameters of two laws differ
 ONE_OR_ALL = 0.4  # prior probability of one channel, and of all of them; other sets share what is left: assumed
 
@@ -44,6 +46,7 @@ class Estimates:
     parameters: tuple[Parameter, ...]  # of the effects
     x: np.ndarray  # (parameters,) coordinates
     covariance: np.ndarray  # (parameters, parameters) of x
+    shown: np.ndarray  # (parameters,) response to x = 1, in a unit common to all
 
     @property
     def std(self) -> np.ndarray:
@@ -53,14 +56,16 @@ class Estimates:
     def of(self, effect: str) -> Estimates:
         """The parameters of one effect."""
         mine = [i for i, p in enumerate(self.parameters) if p.effect == effect]
-        return Estimates(tuple(self.parameters[i] for i in mine), self.x[mine], self.covariance[np.ix_(mine, mine)])
+        own = self.x[mine], self.covariance[np.ix_(mine, mine)], self.shown[mine]
+        return Estimates(tuple(self.parameters[i] for i in mine), *own)
 
 
 def fitted_effects(best: Fitted) -> Estimates:
     """Parameters of the effects of a fit, with the covariance of its linear model."""
     e, model = best.explanation, replace(best.model, memory=best.memory)
     own = slice(e.nominal, None)
-    return Estimates(e.parameters[own], e.x[own], model.robust_covariance()[own, own])
+    shown = np.sqrt(np.diag(model.weight_products())[:-1])
+    return Estimates(e.parameters[own], e.x[own], model.robust_covariance()[own, own], shown[own])
 
 
 def describe(found: Estimates, effect: Effect, channels: tuple[str, ...]) -> NamedEffect:
@@ -70,7 +75,8 @@ def describe(found: Estimates, effect: Effect, channels: tuple[str, ...]) -> Nam
     names = [p.name.removeprefix(f"{effect.id}.") for p in found.parameters]
     lead = found.parameters[0].name
     mine = [i for i, p in enumerate(found.parameters) if p.name == lead and len(p.channels) == 1 and p.channels[0]]
-    sits = affected_channels(found.x[mine], found.covariance[np.ix_(mine, mine)]) if mine else ()
+    one = found.x[mine], found.covariance[np.ix_(mine, mine)], found.shown[mine]
+    sits = affected_channels(*one) if mine else ()
     if chosen := [mine[int(i)] for i in sits]:
         first, name = found.parameters[chosen[0]], names[chosen[0]]
         law, unit = law_std(effect, first), info[name].unit
@@ -139,17 +145,18 @@ def interval(parameter: Parameter, x: float, std: float, unit: str, law: float =
     return Interval(parameter.value(x), min(ends), max(ends), unit)
 
 
-def affected_channels(x: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+def affected_channels(x: np.ndarray, covariance: np.ndarray, shown: np.ndarray) -> np.ndarray:
     """Positions of the channels that an effect sits on, in their order; those more surely not 0 come in first.
 
     A channel whose amplitude ended at 0, a bound, has none, however little its motion tells of it.
 
-    x: (channels,) fitted amplitudes. covariance: (channels, channels) of x.
+    x: (channels,) fitted amplitudes. covariance: (channels, channels) of x. shown: (channels,) response to x = 1.
     """
     if not np.any(x):
         return np.array([0])
     size, count = np.max(np.abs(x)), len(x)
-    order = np.argsort(-np.abs(x) / np.sqrt(np.diag(covariance) + (LEAK * size) ** 2), kind="stable")
+    leak = LEAK * np.minimum(size, np.max(np.abs(x) * shown) / np.maximum(shown, 1e-12))
+    order = np.argsort(-np.abs(x) / np.sqrt(np.diag(covariance) + leak**2), kind="stable")
     sets = [order[:number] for number in range(1, np.count_nonzero(x) + 1)]
 
     def evidence(chosen: np.ndarray) -> float:
@@ -157,7 +164,7 @@ def affected_channels(x: np.ndarray, covariance: np.ndarray) -> np.ndarray:
         there, densities = np.isin(np.arange(count), chosen).astype(float), []
         others = (1.0 - 2.0 * ONE_OR_ALL) / (count - 2) if count > 2 else ONE_OR_ALL
         prior = ONE_OR_ALL if len(chosen) in (1, count) else others
-        outside = covariance + (LEAK * size) ** 2 * np.eye(count)
+        outside = covariance + np.diag(leak**2)
         one_cause = size**2 * (np.outer(there, there) + SPREAD**2 * np.diag(there))
         for inside in (one_cause, size**2 * np.diag(there)):
             whole = outside + inside

@@ -165,11 +165,13 @@ def isolate(
     (nominal,) = retuned.at_each(likelihood, [zero.x])
     share = max(SCREENED, affordable(short, LEAST_SCREENED))
     logs = likelihood.on(whole.shorten(affordable(whole))).for_stage("measure")
-    search = Search(likelihood, effects, share, logs, negligible, progress=progress)
+    gap = excess_by_column(whole, retuned.robot, likelihood).max()
+    residual = (nominal if gap < 0.0 else retuned).residual
+    search = Search(likelihood, effects, residual, share, logs, negligible, progress=progress)
     search.add([retuned])
     if before is not None:
         search.take_over(before)
-    gap, best = excess_by_column(whole, retuned.robot, likelihood).max(), search.none
+    best = search.none
     if effects and gap < 0.0:
         search.expand_nominal(nominal)
     elif effects:

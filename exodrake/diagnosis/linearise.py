@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from exodrake.diagnosis.fit import Explanation
 
 PROBE, STRONG = 0.6, 2.5  # of an effect's initial amplitude: modest, and where small amplitudes hide; assumed
+LARGER = 2.0  # times the gap from which a response is too large to stand for one as large as the gap: assumed
 GRID = 5  # amplitudes at which a limit, or an effect of the whole robot, is tried
 ELSEWHERE = 0.7  # of the way through its range at which a further parameter is tried
 
@@ -48,6 +49,15 @@ class Probe:
         x = self.x.copy()
         x[list(self.scaled)] *= factors[: len(self.scaled)]
         return x
+
+    def robots(self, nominal: np.ndarray) -> np.ndarray:
+        """Robots (directions, parameters) whose responses are the directions, from one without the effect."""
+        rows = self.x if not self.scaled else [self.coordinates(row) for row in np.eye(len(self.scaled))]
+        return np.array([apply(nominal, self.parameters, row) for row in np.atleast_2d(rows)])
+
+    def shrink(self, size: np.ndarray) -> Probe:
+        """The same at smaller amplitudes; size: (directions,) of the present ones."""
+        return replace(self, x=self.coordinates(size), low=self.low / size, high=self.high / size)
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,25 +86,37 @@ def with_effects(values: np.ndarray, machine: Machine, effects: Iterable[Effect]
 
 
 def linearise(
-    likelihood: Likelihood, robot: np.ndarray, effects: Sequence[Effect], residual: np.ndarray, share: float = 1.0
-) -> Linearisation:
+    likelihood: Likelihood, robot: np.ndarray, effects: Sequence[Effect], residual: np.ndarray, share: float = 1.0,
+    gap: np.ndarray | None = None,
+) -> Linearisation:  # fmt: skip
     """Directions of effects at a robot (parameters,) with a residual (samples,), whitened [noise_std].
 
     share: part of each log, from its beginning, on which they are simulated.
+    gap: (samples,) residual that they are to explain, if any. A direction whose response is much larger is taken at an
+    amplitude with a response as large: beyond it, an effect such as play may show another shape.
     """
-    problem, found = likelihood.views[0].problem, []
+    problem, found = likelihood.views[0].problem, list[Probe]()
     for effect in effects:
-        found += probes(problem, effect, robot, sum(len(robots) for _, robots in found))
+        found += probes(problem, effect, sum(len(probe.rows) for probe in found))
+    nominal = {e.id: with_effects(robot, problem.robot.machine, [e]) for e in effects}
     short = likelihood.on(problem.shorten(share)) if share < 1.0 else likelihood
     whole, part = ([t.measured.size for v in each.views for t in v.problem.fit] for each in (likelihood, short))
     kept, early = (np.concatenate([np.arange(n) < m // k for n, m in zip(whole, part, strict=True)]) for k in (1, 2))
-    directions = np.zeros((sum(len(robots) for _, robots in found), len(residual)), dtype=np.float32)
+    directions = np.zeros((sum(len(probe.rows) for probe in found), len(residual)), dtype=np.float32)
 
-    def simulate(probe: Probe, robots: np.ndarray) -> None:
-        directions[np.ix_(probe.rows, kept)] = short.residual(robots) - residual[kept]
+    # of a response: that of the gap, and noise at least
+    largest = np.inf if gap is None else np.sqrt(max(gap[kept] @ gap[kept], np.count_nonzero(kept)))
 
-    side_by_side([partial(simulate, *pair) for pair in found])
-    return Linearisation(directions, tuple(probe for probe, _ in found), kept, early)
+    def simulate(probe: Probe) -> Probe:
+        change = short.residual(probe.robots(nominal[probe.effect])) - residual[kept]
+        size = largest / np.maximum(np.linalg.norm(change, axis=1), 1e-12)
+        if probe.scaled and size.min() * LARGER < 1.0 and probe.effect not in problem.counted:
+            probe = probe.shrink(np.minimum(size, 1.0))
+            change = short.residual(probe.robots(nominal[probe.effect])) - residual[kept]
+        directions[np.ix_(probe.rows, kept)] = change
+        return probe
+
+    return Linearisation(directions, tuple(side_by_side([partial(simulate, probe) for probe in found])), kept, early)
 
 
 def nominal_jacobian(likelihood: Likelihood, e: Explanation, wanted: np.ndarray | None = None) -> np.ndarray:
@@ -109,24 +131,20 @@ def nominal_jacobian(likelihood: Likelihood, e: Explanation, wanted: np.ndarray 
     return likelihood.derivatives(rows, e.residual, steps[wanted])
 
 
-def probes(problem: Problem, effect: Effect, here: np.ndarray, at: int) -> list[tuple[Probe, np.ndarray]]:
-    """Probes of an effect with the robots (directions, parameters) that they simulate; `at`: first free direction."""
-    machine = problem.robot.machine
-    parameters, base = effect_parameters(machine, effect), with_effects(here, machine, [effect])
+def probes(problem: Problem, effect: Effect, at: int) -> list[Probe]:
+    """Probes of an effect; `at`: first free direction."""
+    parameters = effect_parameters(problem.robot.machine, effect)
     if effect.id in problem.counted:
         known = problem.counted[effect.id]
         parameters = tuple(replace(p, start=known, bounds=(known, known)) if p.amplitude else p for p in parameters)
     amplitudes = tuple(i for i, p in enumerate(parameters) if p.amplitude)
     start, found = np.array([p.start for p in parameters]), []
     for x in scaled_points(parameters, start, amplitudes):
-        single = [np.where(np.isin(np.arange(len(x)), [i for i in amplitudes if i != k]), 0.0, x) for k in amplitudes]
         ends = np.array([sorted(np.array(parameters[k].bounds) / x[k]) for k in amplitudes])
         rows = np.arange(at, at := at + len(amplitudes))
-        probe = Probe(effect.id, parameters, x, amplitudes, rows, ends[:, 0], ends[:, 1])
-        found.append((probe, np.array([apply(base, parameters, row) for row in single])))
+        found.append(Probe(effect.id, parameters, x, amplitudes, rows, ends[:, 0], ends[:, 1]))
     for x in fixed_points(parameters, start, amplitudes):
-        probe = Probe(effect.id, parameters, x, (), np.array([at]), np.ones(1), np.ones(1))
-        found.append((probe, apply(base, parameters, x)[None]))
+        found.append(Probe(effect.id, parameters, x, (), np.array([at]), np.ones(1), np.ones(1)))
         at += 1
     return found
 

@@ -81,12 +81,13 @@ def apply(values: np.ndarray, parameters: Sequence[Parameter], x: np.ndarray) ->
 
 
 def nominal_parameters(robot: Robot) -> tuple[Parameter, ...]:
-    """One parameter for each tolerance of the robot file. Raises InputError for an unknown name."""
+    """One parameter for each tolerance of the robot file, but for what is relative to 0. InputError: unknown name."""
     machine, found = robot.machine, []
     for group, name in list_tolerances(machine):
         index = tuple(position(machine, part) for part in name.split())
         limit, base = group.max_deviation, float(robot.values[index[0]])
-        found.append(Parameter(name, index, group.transform, base, group.prior_std, (-limit, limit)))
+        if base or group.transform == "additive":
+            found.append(Parameter(name, index, group.transform, base, group.prior_std, (-limit, limit)))
     return tuple(found)
 
 

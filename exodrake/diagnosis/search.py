@@ -113,6 +113,8 @@ class Search:
 
     likelihood: Likelihood  # the case
     effects: tuple[Effect, ...]  # effects to try
+    # (samples,) whitened residual that they are to explain: of the nominal robot, where retuning leaves no visible gap
+    gap: np.ndarray
     share: float  # part of each log, from its beginning, on which all effects are tried beside the retuned robot
     whole: Likelihood  # the case with whole logs, on which shares are measured; the likelihood where these were fitted
     negligible: Callable[[np.ndarray], bool]  # whether a robot (parameters,) leaves no visible gap
@@ -137,8 +139,8 @@ class Search:
     def lin(self) -> Linearisation:
         """Directions of all effects beside the retuned robot, simulated where they are needed first."""
         self.progress(Stage.LINEARISE, "")
-        e = self.none.explanation
-        return linearise(self.likelihood.for_stage("linearise"), e.robot, self.effects, e.residual, self.share)
+        e, likelihood = self.none.explanation, self.likelihood.for_stage("linearise")
+        return linearise(likelihood, e.robot, self.effects, e.residual, self.share, self.gap)
 
     def measure_left(self, fitted: Fitted, logs: np.ndarray | slice = ALL, before: np.ndarray | None = None) -> float:
         """Share of the gap beyond retuning that a set leaves in some logs (mask), the mean of the views that have one.
@@ -332,7 +334,7 @@ class Search:
         known = self.beside[1] if self.beside and self.beside[0] is e else None
         have = {probe.effect for probe in known.probes} if known else set[str]()
         some = [x for x in self.effects if x.id in wanted and x.id not in have]
-        lin = linearise(self.likelihood.for_stage("linearise again"), e.robot, some, e.residual)
+        lin = linearise(self.likelihood.for_stage("linearise again"), e.robot, some, e.residual, gap=e.residual)
         lin = known.join(lin) if known else lin
         self.beside = (e, lin) if keep else self.beside
         return lin

@@ -142,8 +142,7 @@ def prepare_contest(problem: Problem, rivals: Sequence[Rival]) -> Contest:
     problem = detect(problem, rows[0])
     likelihood = make_likelihood(problem.shorten(affordable(problem, USED)), rows[0])
     likelihood, found = replace(likelihood, views=likelihood.views[:1]), list[Explanation]()
-    tuned = (replace(p, base=float(nominal[p.index[0]])) for p in nominal_parameters(problem.robot))
-    own = tuple(p for p in tuned if p.base or p.transform == "additive")  # nothing is relative to 0
+    own = tuple(replace(p, base=float(nominal[p.index[0]])) for p in nominal_parameters(problem.robot))
     for rival, row, laws in zip(rivals, rows, effects, strict=True):
         parameters = (*own, *(p for effect in laws for p in effect_parameters(machine, effect)))
         x = np.array([p.coordinate(float(row[p.index[0]])) for p in parameters])

@@ -359,13 +359,17 @@ def stand(x, z, n, e, position_start):
             x[find_place(count, ANGLE, j)] = position_start[j]
             x[find_place(count, ROTOR, j)] = position_start[j]
         for _ in range(SWEEPS):
+            change = 0.0
             for j in range(count):
                 link(x, z, n, e, j, count, x[find_place(count, ANGLE, j)])
                 move(x, j, 0.0, 0.0, gravity)
             gather(x, count, WRENCH, WIDTH - WRENCH)
             for j in range(count):
-                sag = joint_compliance(e, z, j, n.compliance[j]) * effort(x, j)
-                x[find_place(count, ANGLE, j)] = position_start[j] - sag
+                at = find_place(count, ANGLE, j)
+                after = position_start[j] - joint_compliance(e, z, j, n.compliance[j]) * effort(x, j)
+                change, x[at] = max(change, abs(after - x[at])), after
+            if change == 0.0:
+                break
         x[(WIDTH + count + STATES) * count] = 1.0
 
 

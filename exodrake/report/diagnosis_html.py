@@ -349,9 +349,8 @@ def which(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
         sets.append((f"`{one.id or 'retune'}`", w.closure(one.share), *chi2, evidence))
     header = ("Effects", "Explains", "chi-square, closed loop", "chi-square, prediction error", "Evidence [nats]")
     rows, improved = [], diagnosis.robots[IMPROVED].values
-    # nominal parameters that the last robot changes, the largest change first; nothing is relative to 0
-    nominal = (p for p in nominal_parameters(runs.problem.robot) if p.base or p.transform == "additive")
-    changes = [(p, p.coordinate(float(improved[p.index[0]]))) for p in nominal]
+    # nominal parameters that the last robot changes, the largest change first
+    changes = [(p, p.coordinate(float(improved[p.index[0]]))) for p in nominal_parameters(runs.problem.robot)]
     for p, x in sorted(changes, key=lambda change: -abs(change[1] / change[0].prior_std)):
         unit = runs.problem.robot.machine.parameters[p.index[0]].unit
         bound = " (its bound)" if abs(x) >= AT_BOUND * max(map(abs, p.bounds)) else ""

@@ -44,7 +44,8 @@ def check_case(case: Case, machine: Machine) -> None:
     every log, such as initial states, may differ.
     """
     if abs(case.period - machine.frame) > EXACT:
-        raise InputError(f"{case.name}: frames of {case.period:g} s, {machine.name} has frames of {machine.frame:g} s")
+        there = f"{machine.name} has frames of {machine.frame:g} s; `exodrake import` lays rows on frames"
+        raise InputError(f"{case.name}: frames of {case.period:g} s, {there}")
     for item, column in product(case.logs, (c for c in machine.columns if c.required)):
         for name in machine.log_names([column]):
             if name not in item.log.signals:

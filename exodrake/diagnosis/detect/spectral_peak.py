@@ -168,7 +168,7 @@ def fit_torques(problem: Problem, effect: Effect, values: np.ndarray, peak: Peak
     def torque(value: float) -> Interval:  # of a waveform that is not known
         return Interval(value, value * (1.0 - NORMAL_90 * SHAPE_STD), value * (1.0 + NORMAL_90 * SHAPE_STD), "N m")
 
-    affected = affected_channels(x[joints], np.diag((SHAPE_STD * x[joints]) ** 2))
+    affected = affected_channels(x[joints], np.diag((SHAPE_STD * x[joints]) ** 2), np.sqrt(unit.sum(axis=1)))
     torques = {parameters[joints[k]].channels[0]: torque(float(x[joints[k]])) for k in affected}
     half, (size, line) = 0.5 / WINDOW, (p.name for p in effect.parameters[:2])
     frequency = Interval(peak.frequency, peak.frequency - half, peak.frequency + half, "Hz")
