@@ -178,10 +178,8 @@ def test_channels_with_an_amplitude_are_found(amplitudes):
 
 def test_a_channel_that_the_motion_hardly_excites_goes_with_the_others_unless_its_amplitude_ended_at_0():
     assert share_found([1.0, 1.0, 1.0], [0.05, 1.0, 0.05]) > 0.9 and share_found([1.0, 0, 0], [0.05, 1.0, 0.05]) > 0.9
-    assert affected_channels(np.array([0.05, 0.0, 0.05]), np.diag([0.003, 50.0, 0.003]) ** 2, np.ones(3)).tolist() == [
-        0,
-        2,
-    ]
+    x, std = np.array([0.05, 0.0, 0.05]), np.array([0.003, 50.0, 0.003])
+    assert affected_channels(x, np.diag(std**2), np.ones(3)).tolist() == [0, 2]
     assert len(affected_channels(np.zeros(3), np.eye(3), np.ones(3))) == 1
 
 
