@@ -23,7 +23,7 @@ import numpy as np
 
 from exodrake.core.errors import InputError, nearest, short_repr
 from exodrake.engine.compose import compile_machine
-from exodrake.engine.inputs import NOTHING, NoiseInputs, prepare_values
+from exodrake.engine.inputs import NOTHING, UNIMPOSED, NoiseInputs, prepare_values
 from exodrake.model.machine import Loop, full_name, signal_count, stack, state_size
 from exodrake.model.part import NORMAL
 from exodrake.model.robot import Robot
@@ -152,7 +152,7 @@ class FrameMap:
         ]
         x, w = state.copy(), np.zeros(self.width)
         rows, fine = np.zeros((frames, self.width)), NOTHING if ticks is None else ticks
-        self.module.run(self.parameters, x, w, *inputs, machine.slot, 1, rows, fine, NOTHING)
+        self.module.run(self.parameters, x, w, *inputs, machine.slot, 1, rows, fine, NOTHING, *UNIMPOSED)
         return x, rows
 
     @cached_property

@@ -24,7 +24,7 @@ from exodrake.diagnosis.noise import Bands, noise_std, reference_rows, without
 from exodrake.diagnosis.result import NamedEffect
 from exodrake.effects import LIBRARY
 from exodrake.engine.compose import compile_machine
-from exodrake.engine.inputs import NOTHING, NoiseInputs, input_rows, prepare_values
+from exodrake.engine.inputs import NOTHING, UNIMPOSED, NoiseInputs, input_rows, prepare_values
 from exodrake.model.machine import Machine, signal_count, state_size
 from exodrake.model.robot import Robot
 from exodrake.simulation.simulate import delay_columns
@@ -150,7 +150,7 @@ class Problem:
             w, state = np.zeros(signal_count(machine)), np.zeros(state_size(machine)) if ends is None else ends[k]
             with suppress(ZeroDivisionError):
                 module.begin(rows[k], state)
-                module.run(rows[k], state, w, *given, machine.slot, 1, records[k], NOTHING, follow)
+                module.run(rows[k], state, w, *given, machine.slot, 1, records[k], NOTHING, follow, *UNIMPOSED)
 
         side_by_side([partial(run, k) for k in range(len(rows))])
         return records

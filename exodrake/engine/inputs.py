@@ -67,6 +67,7 @@ class NoiseInputs(dict[str, np.ndarray]):
 
 
 NOTHING = np.zeros((0, 0))  # no fine record; no log to follow
+UNIMPOSED = (NOTHING, NOTHING, np.zeros(0, dtype=bool), NOTHING, NOTHING, NOTHING)  # no signal is imposed on a run
 
 
 def reference_width(machine: Machine) -> int:

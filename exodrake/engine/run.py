@@ -5,7 +5,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from exodrake.engine.compose import compile_machine
-from exodrake.engine.inputs import NOTHING, NoiseInputs, Reference, input_rows, reference_width
+from exodrake.engine.inputs import NOTHING, UNIMPOSED, NoiseInputs, Reference, input_rows, reference_width
 from exodrake.model.machine import Machine, signal_count, state_size
 
 
@@ -18,7 +18,7 @@ def run_compiled(
     state, w = np.zeros(state_size(machine)), np.zeros(signal_count(machine))
     module.begin(values, state)
     given = input_rows(machine, reference.values, noise_inputs).values()
-    module.run(values, state, w, *given, machine.slot / substeps, substeps, rows, NOTHING, NOTHING)
+    module.run(values, state, w, *given, machine.slot / substeps, substeps, rows, NOTHING, NOTHING, *UNIMPOSED)
     return rows
 
 
@@ -28,12 +28,13 @@ class Replay:
     def __init__(self, machine: Machine, values: np.ndarray, fixed: Iterable[str] = ()) -> None:
         self.machine, names, module = machine, set(fixed), compile_machine(machine)
         self.fixed = np.array([s.name in names for s in machine.segments], dtype=bool)
-        self.frames = module.frames
+        self.run = module.run
         self.state, self.signals = np.zeros(state_size(machine)), np.zeros(signal_count(machine))
         module.begin(values, self.state)
         none = input_rows(machine, np.zeros((0, reference_width(machine))), NoiseInputs.draw(0, None, machine))
         nothing = np.zeros((0, len(self.signals)))
-        module.run(values, self.state, self.signals, *none.values(), machine.slot, 1, nothing, NOTHING, NOTHING)
+        rows = (*none.values(), machine.slot, 1, nothing, NOTHING, NOTHING)
+        self.run(values, self.state, self.signals, *rows, *UNIMPOSED)
         self.values = values.copy()
         for segment in machine.segments:
             for name, value in segment.parameters.items() if segment.name in names else ():
@@ -57,7 +58,7 @@ class Replay:
         given, (feed, rate, readings, targets, gains) = rows[:-5], rows[-5:]
         record = np.empty((len(given[0]), len(self.signals)))
         if len(record):
-            self.frames(
+            self.run(
                 self.values, self.state, self.signals, *given, self.machine.slot, 1, record, NOTHING, NOTHING,
                 feed, rate, self.fixed, readings, targets, gains,
             )  # fmt: skip

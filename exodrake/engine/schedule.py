@@ -86,7 +86,8 @@ def generate_begin(machine: Machine) -> str:
     """`begin(p, state)`: the start of every part, from the shared start vectors, which their writers fill first."""
     vectors = dict.fromkeys(name for part in machine.parts for name in start_vectors(part))
     first = sorted(machine.parts, key=lambda part: not part.fills_start)
-    lines = [*views(machine, signals=False), *(f"{name} = np.zeros({len(machine.axes.tendons)})" for name in vectors)]
+    start = f"np.zeros(INTEGER_{len(machine.axes.tendons)})"
+    lines = [*views(machine, signals=False), *(f"{name} = {start}" for name in vectors)]
     lines += [call_start(part) for part in first]
     return "@njit(cache=True)\ndef begin(p, state):\n" + indent(lines)
 
@@ -104,12 +105,12 @@ def call_start(part: Part) -> str:
 
 
 def generate_run(machine: Machine) -> str:
-    """`frames(p, state, w, given..., dt, substeps, record, fine, follow, feed, rate, fixed, readings, targets, gains)`.
+    """`run(p, state, w, given..., dt, substeps, record, fine, follow, feed, rate, fixed, readings, targets, gains)`.
 
     `record` and `fine` take the signals at each frame's and each slot's end. The plant's tick stands in one place, so
     that it is inlined once. `follow`: values of the observer's measured input and output (frames, channels of both).
     The others are those of `engine.run.Replay.step`. Any of them may have no length. Nothing imposed: the signals
-    follow from the state; else they go on from `w`. `run` is `frames` with nothing imposed.
+    follow from the state; else they go on from `w`.
     """
     given = [f"{name}_rows" for name in machine.inputs]
     private = dict.fromkeys((i.part, i.signal) for _, i in impositions(machine) if i.part)
@@ -117,23 +118,22 @@ def generate_run(machine: Machine) -> str:
     for k in range(machine.slots):
         if lines := slot_tasks(machine, k):
             slot += nest(f"if slot == {k}:", lines)
-    slot += impose_all(machine) + nest("if fine.shape[0] > 0:", [f"fine[{machine.slots} * frame + slot, :] = w"])
-    frame = [f"w_{name}[:] = {name}_rows[frame]" for name in machine.inputs]
-    frame += [*nest(f"for slot in range({machine.slots}):", slot), "record[frame, :] = w", *correct_state(machine)]
-    body = [*views(machine), "imposing = readings.shape[0] > 0 or targets.shape[0] > 0 or fixed.any()"]
-    body += [f"{part}_reads_{name} = np.zeros_like(w_{name}) if imposing else w_{name}" for part, name in private]
+    slot += impose_all(machine) + nest("if fine.shape[0] > 0:", [f"copy(w, fine[{machine.slots} * frame + slot])"])
+    frame = [f"copy({name}_rows[frame], w_{name})" for name in machine.inputs]
+    frame += [*nest(f"for slot in range({machine.slots}):", slot), "copy(w, record[frame])", *correct_state(machine)]
+    body = [*views(machine), "imposing = readings.shape[0] > 0 or targets.shape[0] > 0"]
+    body += nest("for k in range(len(fixed)):", ["imposing = imposing or fixed[k]"])
+    body += [f"{part}_reads_{name} = np.zeros(len(w_{name})) if imposing else w_{name}" for part, name in private]
     body += nest("if not imposing:", outputs(machine)) + nest(f"for frame in range({given[0]}.shape[0]):", frame)
-    own = f"(p, state, w, {', '.join(given)}, dt, substeps, record, fine, follow"
-    run = ["none = np.zeros((0, 0))", f"frames{own}, none, none, np.zeros(0, dtype=np.bool_), none, none, none)"]
-    head = "@njit(cache=True, nogil=True)\ndef "
-    return f"{head}frames{own}, {IMPOSED}):\n{indent(body)}\n\n\n{head}run{own}):\n{indent(run)}"
+    own = f"p, state, w, {', '.join(given)}, dt, substeps, record, fine, follow"
+    return f"@njit(cache=True, nogil=True)\ndef run({own}, {IMPOSED}):\n{indent(body)}"
 
 
 def tick(machine: Machine, private: Container[tuple[str, str]]) -> list[str]:
     """The plant's tick: every update sees the signals before it, `private` ones as the segments impose them on it."""
     plant = [(b, t) for b in machine.parts for t in b.tasks if not t.slots]
     alone = [(s, i) for s, i in impositions(machine) if i.part]
-    copies = dict.fromkeys(f"{i.part}_reads_{i.signal}[:] = w_{i.signal}" for _, i in alone)
+    copies = dict.fromkeys(f"copy(w_{i.signal}, {i.part}_reads_{i.signal})" for _, i in alone)
     measured = (line for s, i in alone for line in impose_segment(machine, s, i))
     lines = nest("if imposing:", [*copies, *measured]) if alone else []
     for part, task in plant:
@@ -154,16 +154,16 @@ def slot_tasks(machine: Machine, slot: int) -> list[str]:
     here = [(b, t) for b in machine.parts for t in b.tasks if slot in t.slots]
     if not here:
         return []
-    lines = [
-        call(b, t.function, [*([str(t.slots.index(slot))] if t.per_channel else []), *(f"w_{n}" for n in t.reads)])
-        for b, t in here
-    ]
+    lines = []
+    for part, task in here:
+        channel = [f"INTEGER_{task.slots.index(slot)}"] if task.per_channel else []
+        lines.append(call(part, task.function, [*channel, *(f"w_{name}" for name in task.reads)]))
     lines += outputs(machine, {b.name for b, _ in here})
     if (observer := machine.observer) is not None:
         signal = machine.column(observer.measured_input).signal
         if any(signal in output.writes for b, _ in here for output in b.outputs):
             width = machine.column_width(observer.measured_input)
-            lines += nest("if follow.shape[0] > 0:", [f"w_{signal}[:] = follow[frame, :{width}]"])
+            lines += nest("if follow.shape[0] > 0:", [f"copy(follow[frame, :{width}], w_{signal})"])
     return lines
 
 
@@ -248,7 +248,10 @@ def generate_moves(machine: Machine) -> str:
     part = next(b for b in machine.parts if b.name == link.part)
     (task,) = (t for t in part.tasks if not t.slots)
     loads = [name for name in outer_reads(part, task.reads) if name != link.received]
-    body = [f"{part.name}_p = p", *(f"w_{n} = np.zeros({len(machine.channels(n))})" for n in held_signals(part))]
+    body = [
+        f"{part.name}_p = p",
+        *(f"w_{n} = np.zeros(INTEGER_{len(machine.channels(n))})" for n in held_signals(part)),
+    ]
     ticks = [f"w_{link.received} = after[k] if tick >= switch else before[k]"]
     ticks += [call(part, task.function, ["dt", *(f"w_{n}" for n in task.reads)]), *held_outputs(machine, part)]
     inner = [*part_views(machine, part, "states[k]"), *held_outputs(machine, part), f"moved[k] = -w_{link.moved}"]

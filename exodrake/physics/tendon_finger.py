@@ -130,13 +130,13 @@ def update(x, z, n, e, dt, stroke, wire_speed):
         for j in range(3):  # by the tension in the wires before the finger has moved
             stretched = stretch_wire(e, z, j, stroke[j] - x[TAKEN + j], 0.0)
             rests = max(rests, rests_before(cell_tension(e, z, j, stretched, 0.0, n.k[j])))
-    for _ in range(rests):
-        tick(x, z, n, e, RESTING, stroke, (0.0, 0.0, 0.0))
-        for i in range(3):  # it stands still again
+    for k in range(rests + 1):
+        resting = k < rests
+        tick(x, z, n, e, RESTING if resting else dt, stroke, wire_speed, 0.0 if resting else dt)
+        for i in range(3 if resting else 0):  # it stands still again
             x[RATE + i] = x[RATE_BEFORE + i] = 0.0
             x[Q_BEFORE + i] = x[Q + i]
-        x[CLOCK] = 0.0
-    tick(x, z, n, e, dt, stroke, wire_speed)
+        x[CLOCK] = 0.0 if resting else x[CLOCK]
 
 
 def rests_before(tension):
@@ -153,13 +153,14 @@ def rests_at_switch_on(tension):
     return RESTS if tension > PULLING else 0
 
 
-def tick(x, z, n, e, dt, stroke, wire_speed):
-    """One tick of length dt [s]; signals [m], [m/s]."""
+def tick(x, z, n, e, dt, stroke, wire_speed, turning):
+    """One tick of length dt [s]; signals [m], [m/s]; turning: time for which the spool moves on at its speed [s]."""
     constants = inertia(n.length, n.mass, n.radius)
     worn = heights(e, z, n, (x[PULL], x[PULL + 1], x[PULL + 2]))
     high = (worn, levers(e, z, worn))
     lag = 2.0 * dt / 3.0
-    ends = (stroke[0] + dt * wire_speed[0], stroke[1] + dt * wire_speed[1], stroke[2] + dt * wire_speed[2])
+    s = (turning * wire_speed[0], turning * wire_speed[1], turning * wire_speed[2])
+    ends = (stroke[0] + s[0], stroke[1] + s[1], stroke[2] + s[2])
     q_from = (behind(x, Q), behind(x, Q + 1), behind(x, Q + 2))
     rate_from = (behind(x, RATE), behind(x, RATE + 1), behind(x, RATE + 2))
     rate = (onward(x, RATE), onward(x, RATE + 1), onward(x, RATE + 2))
