@@ -27,8 +27,23 @@ from exodrake.model.part import SCALAR, Part, Point, State, module_name, part_mo
 # and only compiled code calls them (wrappers for others would be a fifth of the compilation).
 INTERNAL = "_nrt=False, no_cpython_wrapper=True, no_cfunc_wrapper=True"
 PLAIN, INLINED = f"@njit({INTERNAL})\n", f"@njit({INTERNAL}, forceinline=True)\n"
-# `target[:] = source` would compile numba's message about other lengths, which takes longer than a part
-COPY = INLINED + "def copy(source, target):\n    for i in range(len(source)):\n        target[i] = source[i]"
+# What every module begins with. `target[:] = source` would compile numba's message about other lengths, for seconds.
+COMMON = f'''
+{INLINED}def copy(source, target):
+    for i in range(len(source)):
+        target[i] = source[i]
+
+
+@njit(no_cpython_wrapper=True, no_cfunc_wrapper=True)
+def fill(values, flags, places, nulls):
+    """A flag for each point of a part (is an effect present?), then the parameters `values` of its effects."""
+    e = np.zeros(flags + len(values))
+    copy(values, e[flags:])
+    for k in range(len(nulls)):
+        if values[places[k, 0]] != nulls[k]:
+            e[places[k, 1]] = 1.0
+    return e
+'''
 PARAMETERS = "n"  # the argument by which the functions of parts know their parameters
 
 
@@ -220,23 +235,21 @@ def generate_module(machine: Machine) -> str:
         "import numpy as np\nfrom numba import njit",
         *(f"INTEGER_{n} = np.int64({n})" for n in sorted(numbers)),
         *sorted({f"from math import {alias.name}" for node in imports for alias in node.names}),
-        COPY,
+        COMMON,
         *functions,
     ]
     return "\n\n".join(lines) + "\n"
 
 
 def generate_effects(machine: Machine, part: Part) -> str:
-    """`fill_part_e(p)`: a flag for each point of the part (is an effect present?), then the effects' parameters."""
-    start, flags = sum(machine.width(f.axis) for f in part.fields), len(part.points)
-    size = sum(machine.width(n.axis) for e in machine.effects_on(part) for n in e.parameters)
-    lines = ["@njit(no_cpython_wrapper=True, no_cfunc_wrapper=True)", f"def fill_{part.name}_e(p):"]
-    lines += [f"    e = np.zeros(INTEGER_{flags + size})", f"    copy(p[{start}:{start + size}], e[{flags}:])"]
-    points = [point_key(part, p) for p in part.points]
-    for effect in machine.effects_on(part):
-        lines.append(f"    if {guard(machine, part, effect, None)}:")
-        lines += [f"        e[{points.index(key)}] = 1.0" for key in effect.at]
-    return "\n".join([*lines, "    return e"])
+    """`part_places` and `part_nulls`, by which `fill` knows at which points the effects of a part are present."""
+    effects, points = machine.effects_on(part), [point_key(part, p) for p in part.points]
+    at = stack({(e.id, one.name): machine.width(one.axis) for e in effects for one in e.parameters})
+    first = [(at[e.id, e.parameters[0].name], e) for e in effects]
+    rows = [(k, points.index(key), float(e.parameters[0].null)) for span, e in first for key in e.at
+            for k in range(span.start, span.stop)]  # fmt: skip
+    places = f"{part.name}_places = np.array({[row[:2] for row in rows]}, dtype=np.int64).reshape(-1, 2)"
+    return f"{places}\n{part.name}_nulls = np.array({[row[2] for row in rows]})"
 
 
 def effect_values(

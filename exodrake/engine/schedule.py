@@ -32,8 +32,9 @@ def part_views(machine: Machine, part: Part, state: str, at: int = 0) -> list[st
     """Source lines that name a part's parameters n, effects e, state x and effect state z; `at`: start in `state`."""
     name, (own, extra) = part.name, machine.part_sizes[part.name]
     middle, end, count = at + own, at + own + extra, sum(machine.width(f.axis) for f in part.fields)
+    effects = f"fill({name}_p[{count}:], INTEGER_{len(part.points)}, {name}_places, {name}_nulls)"
     return [
-        f"{name}_n, {name}_e = {name}_p[:{count}], fill_{name}_e({name}_p)",
+        f"{name}_n, {name}_e = {name}_p[:{count}], {effects}",
         f"{name}_x, {name}_z = {state}[{at}:{middle}], {state}[{middle}:{end}]",
     ]
 

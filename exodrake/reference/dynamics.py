@@ -534,8 +534,8 @@ def advance(time, until, y, step, p, command, inputs, tolerance, work):
         if worst <= 1.0:
             time += size
             left = until - time
-            y[:] = new
-            rows[0, :] = rows[5]
+            for i in range(y.size):
+                y[i], rows[0, i] = new[i], rows[5, i]
             step = max(step, size * factor) if size < step else size * factor
         else:
             step = size * factor
@@ -582,8 +582,8 @@ def run(p, y, reference, inputs, dropped, noise, tolerance):
             if step < 0.0:
                 return tension, theta, commands, posture
             time = until
-            posture[10 * frame + slot, :3] = y[ANGLE : ANGLE + 3]
-            posture[10 * frame + slot, 3:] = y[RATE : RATE + 3]
+            for i in range(3):
+                posture[10 * frame + slot, i], posture[10 * frame + slot, 3 + i] = y[ANGLE + i], y[RATE + i]
             if 1 <= slot <= 3:
                 wire, drift = slot - 1, inputs[frame, CELL_DRIFT + slot - 1]
                 theta[frame, wire] = y[THETA + wire]
