@@ -1,6 +1,7 @@
 """The whole diagnosis on short simulated cases: names, what the answer may depend on, its form and its cost."""
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -18,7 +19,7 @@ from exodrake.diagnosis.likelihood import NOISE_RUNS, duration
 from exodrake.diagnosis.many import check_answer
 from exodrake.diagnosis.pipeline import write_notes
 from exodrake.diagnosis.problem import make_problem
-from exodrake.diagnosis.result import CAUSE, NAMED, NO_GAP, RETUNE
+from exodrake.diagnosis.result import CAUSE, NAMED, NO_GAP, RETUNE, UNKNOWN
 from exodrake.engine.inputs import Reference
 from exodrake.simulation import protocols
 from exodrake.simulation.simulate import simulate
@@ -216,6 +217,20 @@ def test_closure_on_a_kind_left_out_is_that_of_a_fit_without_it():
     found = exo.diagnose(never_seen, robot).closure
     assert set(joint) == {"motiona", "motionb"} and found.motions == {}  # one kind says nothing of another
     assert joint["motionb"].value == pytest.approx(found.overall.value, abs=0.03)
+
+
+def test_a_gap_that_its_user_calls_negligible_is_none():
+    """A hum in the readings of a sheath, of less than their noise, which no effect that is tried makes."""
+    robot = exo.load_robot("tendon_sheath")
+    log, hum = exo.simulate(robot, "steps:dwell=2", seed=1), 0.9 * robot["reading.sigma.bending"]
+    angle = log["angle_bending"] + hum * np.sin(0.9 * np.arange(len(log)))
+    humming = replace(log, signals=log.signals | {"angle_bending": angle})
+    found = exo.diagnose(humming, robot, tried=frozenset({"sheath.gain"}))
+    (note,) = (note for note in found.notes if "--negligible" in note)
+    assert found.verdict == UNKNOWN
+    least = float(re.search(r"--negligible ([\d.]+) ", note)[1])
+    assert 0.3 < least < 0.9 / np.sqrt(2.0)
+    assert exo.diagnose(humming, robot, tried=frozenset({"sheath.gain"}), negligible=least).verdict == NO_GAP
 
 
 def test_machine_without_tolerances_and_without_held_out_logs_is_diagnosed():

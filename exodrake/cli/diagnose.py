@@ -39,6 +39,12 @@ NO_ANSWER: dict[str, Any] = {"where": {"block": ""}, "effects": [], "equivalents
 @options.robot_option(default="")
 @click.option("--effects", "only", default="", metavar="ID,...", help="Try these effects only.")
 @click.option("--without", default="", metavar="ID,...", help="Do not try these effects.")
+@click.option(
+    "--negligible",
+    type=click.FloatRange(min=0.0),
+    metavar="NUMBER",
+    help="A gap of fewer noise standard deviations beyond noise on every channel is none [0.3].",
+)
 @click.option("--discover/--no-discover", default=None, help="Look for a law that the library lacks [for UNKNOWN].")
 @click.option("--out-law", metavar="FOLDER", type=options.AnyPath(), help="Write that law, as a plugin with its robot.")
 @click.option("--profile", is_flag=True, help="Say how much processor time and simulated time each stage took.")
@@ -48,7 +54,7 @@ NO_ANSWER: dict[str, Any] = {"where": {"block": ""}, "effects": [], "equivalents
 @click.option("--redo", is_flag=True, help="Of several cases: answer anew what another configuration answered.")
 def command(
     cases, json_file, report, out_robot, robot, only, without, jobs, out, cluster, redo, allow_outside, profile,
-    discover, out_law,
+    discover, out_law, negligible,
 ) -> None:  # fmt: skip
     """Say where the logs of CASE differ from the robot's model, which effect causes it and how far it shrinks.
 
@@ -64,7 +70,9 @@ def command(
         if given := [name for name, value in of_one.items() if value]:
             raise click.UsageError(f"{given[0]} is for one case; the answers to several are written to --out")
         with options.quiet(json_file):
-            answers = diagnose_many(cases, out or DIAGNOSED, robot, jobs or -1, cluster, redo, tried, allow_outside)
+            answers = diagnose_many(
+                cases, out or DIAGNOSED, robot, jobs or -1, cluster, redo, tried, allow_outside, negligible
+            )
         return options.end(answers, json_file)
     if cluster or redo:
         raise click.UsageError("--cluster and --redo are for several cases")
@@ -78,13 +86,13 @@ def command(
         numba.set_num_threads(min(jobs, numba.config.NUMBA_NUM_THREADS))  # pyright: ignore
         thread_limit(count=jobs)
     discover = True if out_law is not None and discover is None else discover
-    diagnose_case(cases[0], robot, json, report, improved, out_law, tried, allow_outside, profile, discover)
+    diagnose_case(cases[0], robot, json, report, improved, out_law, tried, allow_outside, profile, discover, negligible)
 
 
 def diagnose_case(
     case: str, robot: str, json: Path | str | None, report: Path | None, improved: Path | None,
     law: Path | None = None, tried: frozenset[str] | None = None, allow_outside: bool = False, profile: bool = False,
-    discover: bool | None = None,
+    discover: bool | None = None, negligible: float | None = None,
 ) -> exo.Diagnosis:  # fmt: skip
     """Diagnose one case, print the summary and write the files; `json`, which may be `-`, prints the answer alone.
 
@@ -108,7 +116,12 @@ def diagnose_case(
         for path, text in (
             (json, lambda: options.json_text(found.to_json())),
             (improved, lambda: found.robot_file(found.robot)),
-            (report, lambda: diagnosis_html.report_html(found, found.problem or make_problem(read, nominal))),
+            (
+                report,
+                lambda: diagnosis_html.report_html(
+                    found, found.problem or make_problem(read, nominal, tried, negligible)
+                ),
+            ),
         ):
             if isinstance(path, Path):
                 options.write_files({path: text()}, announce=False)
@@ -120,7 +133,7 @@ def diagnose_case(
             from exodrake.diagnosis.result import UNKNOWN
 
             wanted = (lambda verdict: verdict == UNKNOWN) if discover is None else lambda _: discover
-            found = diagnose(read, nominal, progress, tried, wanted, answered=keep)
+            found = diagnose(read, nominal, progress, tried, wanted, keep, negligible)
         keep(found)
         missing = found.missing_law
         if law and missing and missing.robot:
@@ -141,7 +154,7 @@ def diagnose_case(
 
 def diagnose_many(
     cases: tuple[str, ...], out: Path, robot: str, jobs: int, cluster: str | None, redo: bool,
-    tried: frozenset[str] | None, allow_outside: bool = False,
+    tried: frozenset[str] | None, allow_outside: bool = False, negligible: float | None = None,
 ) -> list[dict]:  # fmt: skip
     """Diagnose cases in parallel, and return the answers. Exit status 1 if some fail; InputError before the work."""
     from exodrake.diagnosis.fleet import find_answers, read_answers
@@ -154,7 +167,9 @@ def diagnose_many(
     places = map_places(cases, out)
     with show_count("diagnosing") as count:
         typed = options.command_line()
-        failed = diagnose_all(places, jobs, cluster, count, redo, robot, tried, allow_outside, report_html, typed)
+        failed = diagnose_all(
+            places, jobs, cluster, count, redo, robot, tried, allow_outside, report_html, typed, negligible
+        )
     rows, answers = [], []
     for place in places.values():
         none: dict[str, Any] = {"verdict": FAILURE, "reasons": [failed.get(place.name, "")], **NO_ANSWER}

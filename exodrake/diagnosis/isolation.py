@@ -17,7 +17,7 @@ from exodrake.diagnosis.linearise import nominal_jacobian
 from exodrake.diagnosis.noise import sensor_noise_std
 from exodrake.diagnosis.parameter import nominal_parameters
 from exodrake.diagnosis.problem import Problem, by_trial
-from exodrake.diagnosis.search import GAIN, NEGLIGIBLE, Fitted, Search
+from exodrake.diagnosis.search import GAIN, Fitted, Search
 
 USED, MOST = 15_000, 135_000  # samples that are fitted, and at most where the rest shows a gap that this part does not
 SCREENED, LEAST_SCREENED = 0.75, 15_000  # part of them on which all effects are tried, and samples of it at least
@@ -75,14 +75,14 @@ class Isolation:
         return bool(left > max(1.0, HALF * before))
 
     def excess(self, robot: np.ndarray) -> float:
-        """What a robot leaves beyond `NEGLIGIBLE` in its worst channel, over the whole logs; negligible below 0."""
+        """What a robot leaves beyond what is negligible in its worst channel, over the whole logs; below 0: no gap."""
         return float(excess_by_column(self.whole, robot, self.likelihood).max())
 
 
 def excess_by_column(
     problem: Problem, robot: np.ndarray, likelihood: Likelihood, shares: Sequence[float] | np.ndarray = (1.0,)
 ) -> np.ndarray:
-    """What a robot leaves beyond noise and `NEGLIGIBLE` (n, columns) [noise variances], over parts of the logs.
+    """What a robot leaves beyond noise and what is negligible (n, columns) [noise variances], over parts of the logs.
 
     Noise is what simulated runs with noise show (`View.squares`), with their scatter; what the sensors state at least.
 
@@ -91,7 +91,7 @@ def excess_by_column(
     logs = [log**2 for log in by_trial(problem.residual(robot[None], problem.fit)[0], problem.fit)]
     counts = [[trial.count_frames(share) for trial in problem.fit] for share in shares]
     means = [np.concatenate([log[:n] for log, n in zip(logs, each)]).mean(axis=0) for each in counts]
-    return np.array(means) - noise_by_column(likelihood) - NEGLIGIBLE**2
+    return np.array(means) - noise_by_column(likelihood) - problem.negligible**2
 
 
 def noise_by_column(likelihood: Likelihood) -> np.ndarray:

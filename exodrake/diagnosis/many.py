@@ -109,15 +109,18 @@ def read_stored(folder: Path) -> dict[str, Any] | None:
     return answer
 
 
-def get_configuration(robot: str, tried: frozenset[str] | None = None) -> dict[str, str]:
-    """Return the configuration, with a digest of a nominal robot that is not built in and the effects if chosen."""
+def get_configuration(
+    robot: str, tried: frozenset[str] | None = None, negligible: float | None = None
+) -> dict[str, str]:
+    """Return the configuration, with a digest of a nominal robot that is not built in and what else was chosen."""
     choice = {} if tried is None else {"effects": ",".join(sorted(tried))}
+    choice |= {} if negligible is None else {"negligible": f"{negligible:g}"}
     return configuration() | choice | ({"robot": robot_digest(load_robot(robot))} if robot else {})
 
 
 def diagnose_one(
-    case: Case, robot: str, wanted: dict[str, str], tried: frozenset[str] | None = None, report: Report | None = None,
-    command: str = "",
+    case: Case, robot: str, wanted: dict[str, str], tried: frozenset[str] | None = None,
+    negligible: float | None = None, report: Report | None = None, command: str = "",
 ) -> dict[str, Any]:  # fmt: skip
     """Diagnose a case into plain data. RuntimeError where a configuration other than `wanted` is installed.
 
@@ -125,12 +128,12 @@ def diagnose_one(
     """
     from exodrake.diagnosis.pipeline import diagnose
 
-    installed = get_configuration(robot, tried)
+    installed = get_configuration(robot, tried, negligible)
     if installed != wanted:
         raise RuntimeError(
             f"this worker has {describe_configuration(installed)}; the run uses {describe_configuration(wanted)}"
         )
-    found = diagnose(case, load_robot(robot) if robot else None, tried=tried)
+    found = diagnose(case, load_robot(robot) if robot else None, tried=tried, negligible=negligible)
     if found.provenance:
         found = replace(found, provenance=replace(found.provenance, command=command))
     robots = {RETUNED: found.robots["retuned"], IMPROVED: found.robot}
@@ -146,21 +149,21 @@ def diagnose_one(
 def diagnose_all(
     places: Mapping[Path, Path], jobs: int = 1, cluster: str | None = None, progress: Count = no_progress,
     redo: bool = False, robot: str = "", tried: frozenset[str] | None = None, allow_outside: bool = False,
-    report: Report | None = None, command: str = "",
+    report: Report | None = None, command: str = "", negligible: float | None = None,
 ) -> dict[str, str]:  # fmt: skip
     """Diagnose the unfinished of many cases; an interruption loses no answer.
 
     places: folder for the answer of each case. jobs, cluster: as in `parallel.each`. progress: called with the numbers
     of answered, failed and all cases. redo: answer anew the cases of another configuration. robot: a name or a file
-    that each worker reads itself; the built-in one if empty. tried: ids of effects; None for the default ones.
-    report: text of the report of an answer, which is written beside it.
+    that each worker reads itself; the built-in one if empty. tried, negligible: as in `diagnose`. report: text of the
+    report of an answer, which is written beside it.
 
     Returns {name of the answer's folder: reason} of the cases that failed; they stay unfinished. InputError for answers
     of another configuration without `redo`, as `parallel.each`, and where nothing can be written.
     """
     from exodrake.diagnosis.problem import list_required
 
-    wanted = get_configuration(robot, tried)
+    wanted = get_configuration(robot, tried, negligible)
     answers = {case: read_stored(place) for case, place in places.items()}
     foreign = [case for case, answer in answers.items() if answer and answer.get("configuration") != wanted]
     if foreign and not redo:
@@ -202,7 +205,7 @@ def diagnose_all(
                 write(path, Outcome(-1, reason=f"{type(error).__name__}: {error}"))
                 continue
             sent.append(path)
-            yield case, robot, wanted, tried, report, command
+            yield case, robot, wanted, tried, negligible, report, command
 
     with closing(each(diagnose_one, read_tasks(), jobs, cluster)) as outcomes:
         try:

@@ -44,6 +44,7 @@ def diagnose(
     tried: frozenset[str] | None = None,
     discovers: Callable[[str], bool] | None = None,
     answered: Callable[[Diagnosis], None] | None = None,
+    negligible: float | None = None,
 ) -> Diagnosis:
     """Diagnosis of a case: location of the gap, effects that cause it, and its reduction by them.
 
@@ -56,6 +57,8 @@ def diagnose(
         discovers: whether to look for a missing law after a verdict (`discovery`). A failure of this search becomes a
             note.
         answered: called with the answer before a missing law is sought, to keep it whatever comes.
+        negligible: noise standard deviations RMS beyond noise; a gap that is smaller in every channel is none. 0.3 by
+            default.
 
     Raises:
         InputError: for a case or a log that cannot be read, naming file, column and row.
@@ -82,7 +85,7 @@ def diagnose(
         case = gather_logs(fitted, held_out, robot.machine.frame, required)
     progress(Stage.CHECK, "")
     with one_blas_thread():
-        found = isolate(make_problem(case, with_recorded_ranges(robot, case), tried), progress)
+        found = isolate(make_problem(case, with_recorded_ranges(robot, case), tried, negligible), progress)
         made = answer(found, started, progress)
         if discovers is None or not discovers(made.verdict):
             return made
@@ -148,7 +151,7 @@ def answer(found: Isolation, started: float, progress: StageProgress) -> Diagnos
         rivals=find_rivals(problem, found, decision, [p for _, p in others.values()]),
         candidates=tuple(sorted(candidates, key=lambda c: -c.evidence)),
         reasons=decision.reasons,
-        notes=write_notes(found, best, stated["improved"]),
+        notes=write_notes(found, best, stated["improved"], word),
         run_time=time.perf_counter() - started,
         robots=stated,
         evidence={name: float(chi2[0]) for name, chi2 in robots.items()} | prediction,
@@ -199,14 +202,19 @@ def state_effects(
     return tuple(sorted(stated, key=lambda e: (e.role != result.CAUSE, -np.nan_to_num(e.share.value)))), gone
 
 
-def write_notes(found: Isolation, best: Fitted, improved: Robot) -> tuple[str, ...]:
-    """Remarks beside the verdict: on the logs and their noise, on the part that was used, on the calibration."""
+def write_notes(found: Isolation, best: Fitted, improved: Robot, verdict: str = "") -> tuple[str, ...]:
+    """Remarks beside the verdict: on the logs, their noise and gap, the part that was used, and the calibration."""
     problem, machine = found.whole, found.whole.robot.machine
     with_improved = partial(compare, problem.case, improved)
     notes = [*problem.case.notes, *suspicions(compare(problem.case, problem.stated), with_improved)]
     for name in problem.noisier:
         level = in_words(problem.robot[name], machine.parameters[machine.index[name]].unit)
         notes.append(f"the noise of the logs counts: {name} of {level}")
+    gap = np.sqrt(max(found.excess(found.retuned.explanation.robot) + problem.negligible**2, 0.0))
+    if verdict in (result.PARTLY, result.UNKNOWN) and gap < 1.0:
+        least = np.ceil(10.0 * gap) / 10.0
+        small = f"{gap:.2f} noise standard deviations beyond noise in its worst channel"
+        notes.append(f"the retuned robot leaves {small}, less than the noise; --negligible {least:g} calls that no gap")
     if affordable(problem) < 1.0:
         used, whole = (sum(len(trial.reference) for trial in p.fit) for p in (found.problem, problem))
         note, robot = f"the logs are long: the first {percent(used / whole)} of each was fitted", best.explanation.robot

@@ -34,6 +34,7 @@ ROWS = 4  # robots simulated at once: their records stay in the cache
 GAP, SETTLED = 0.1, 2.0
 STILL = 0.02  # of a channel's largest speed: below it the channel counts as at rest; assumed
 GENERIC = ("signal", "sliding", "joint")  # blocks of the library whose laws serve any machine
+NEGLIGIBLE = 0.3  # noise standard deviations RMS beyond noise, in every channel: a smaller gap is none, by default
 WILD = 1e4  # residuals are clipped here [noise_std]: a diverging candidate is bad, not infinite
 
 
@@ -91,6 +92,7 @@ class Problem:
     notched: Bands = ()  # bands [Hz] that are filtered out of all residuals
     tried: frozenset[str] = frozenset()  # ids of the effects that the diagnosis tries
     detected: tuple[Detection, ...] = ()
+    negligible: float = NEGLIGIBLE  # a gap that is smaller in every channel is none
     # noise parameters that the logs showed to be larger -> value in the robot file [SI]
     noisier: Mapping[str, float] = field(default_factory=dict)
 
@@ -268,7 +270,9 @@ def list_required(machine: Machine) -> tuple[str, ...]:
     return tuple(dict.fromkeys(c.kind for c in machine.columns if c.required))
 
 
-def make_problem(case: Case, robot: Robot, tried: frozenset[str] | None = None) -> Problem:
+def make_problem(
+    case: Case, robot: Robot, tried: frozenset[str] | None = None, negligible: float | None = None
+) -> Problem:
     """The regression of a case.
 
     Args:
@@ -277,6 +281,7 @@ def make_problem(case: Case, robot: Robot, tried: frozenset[str] | None = None) 
             reference keeps its last value, in a missing row it goes on in a straight line.
         robot: nominal robot.
         tried: ids of the effects to try; by default all that are not `not_tried`.
+        negligible: noise standard deviations RMS beyond noise; a gap that is smaller in every channel is none.
 
     Raises:
         InputError: where `check_case` has one, and where all fitted logs are too short.
@@ -320,6 +325,7 @@ def make_problem(case: Case, robot: Robot, tried: frozenset[str] | None = None) 
         holdout=tuple(map(make_trial, case.holdout_logs)),
         case=case,
         tried=frozenset(e.id for e in robot.machine.effects if not e.not_tried) if tried is None else tried,
+        negligible=NEGLIGIBLE if negligible is None else negligible,
         noisier=noisier,
     )
 

@@ -43,7 +43,6 @@ LAW = 0.15  # relative error of a law: that of another simulator or of a machine
 SURE = 15.0  # nats of the tolerances' priors that an effect in their place has to spare: of 21 healthy robots 12
 FAR = 1.0  # noise variances: a set that leaves more leaves much
 ALL = slice(None)  # logs
-NEGLIGIBLE = 0.3  # noise standard deviations RMS beyond noise, in every channel: a smaller gap is none
 
 # laws of one kind stand for each other: a set holds one of them at a place
 KINDS = {
@@ -186,7 +185,7 @@ class Search:
         floor = np.minimum(np.min([mean(x, ALL) for x in known.values()], axis=0), 1.0)
         squares = known[self.none] if before is None else before, known[fitted]
         gap, left = (np.maximum(mean(x, logs) - floor, 0.0) for x in squares)
-        return gap / (gap + NEGLIGIBLE**2), left / np.maximum(gap, 1e-12)
+        return gap / (gap + self.likelihood.views[0].problem.negligible ** 2), left / np.maximum(gap, 1e-12)
 
     def bar_richer_laws(self) -> None:
         """Bar laws with more parameters than another of their kind that leaves as much, within the error of a law.

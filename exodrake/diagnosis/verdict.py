@@ -35,7 +35,7 @@ from exodrake.diagnosis.result import (
     Moved,
     Rival,
 )
-from exodrake.diagnosis.search import LARGE, LAW, NATS, NEGLIGIBLE, Fitted, screen
+from exodrake.diagnosis.search import LARGE, LAW, NATS, Fitted, screen
 
 VISIBLE = 1.0  # standard deviations of the tolerance from which a change is listed
 ALIKE = 0.9  # share of what retuning explains from which a single effect is listed
@@ -183,7 +183,7 @@ def find_roles(found: Isolation, best: Fitted) -> dict[str, str]:
     sets, by_joint = (search.none, best, *smaller.values()), search.whole.any_by_joint
     errors = problem.residual(np.array([f.explanation.robot for f in sets]), problem.fit)
     errors = errors.reshape(len(sets), -1, len(problem.columns))
-    before, after, *without = (errors**2).mean(axis=1) - noise_by_column(found.likelihood) - NEGLIGIBLE**2
+    before, after, *without = (errors**2).mean(axis=1) - noise_by_column(found.likelihood) - problem.negligible**2
     shown, clear = dict(zip(smaller, without)), find_clear(found, best, errors[1], dict(zip(smaller, errors[2:])))
     rest = found.beside_detections * search.left_by_joint(best)
     gained = {i: found.beside_detections * search.left_by_joint(fitted) - rest for i, fitted in smaller.items()}
@@ -191,7 +191,7 @@ def find_roles(found: Isolation, best: Fitted) -> dict[str, str]:
     for effect, gain in gained.items():
         others = sum(np.minimum(g, 1.0) for i, g in gained.items() if i not in (effect, *problem.counted))
         small = (gain >= LAW**2 * others) & (bool(after.max() < 0.0) | (gain >= MOST * (rest + gain)))
-        small &= by_joint(shown[effect] > np.maximum(after + NEGLIGIBLE**2, 0.0))
+        small &= by_joint(shown[effect] > np.maximum(after + problem.negligible**2, 0.0))
         small |= by_joint(clear[effect])
         roles[effect] = CAUSE if np.any(counts & ((gain >= LARGE) | small)) else REFINEMENT
     return roles

@@ -26,9 +26,9 @@ from exodrake.diagnosis.change_point import STEP
 from exodrake.diagnosis.isolation import SAMPLING
 from exodrake.diagnosis.noise import mismatch
 from exodrake.diagnosis.parameter import nominal_parameters
-from exodrake.diagnosis.problem import Problem, Trial
+from exodrake.diagnosis.problem import NEGLIGIBLE, Problem, Trial
 from exodrake.diagnosis.result import CAUSE, REFINEMENT, Diagnosis, Interval, SignalGap
-from exodrake.diagnosis.search import GAIN, LARGE, LAW, NATS, NEGLIGIBLE
+from exodrake.diagnosis.search import GAIN, LARGE, LAW, NATS
 from exodrake.diagnosis.verdict import CLEAR, EXPLAINED, MOST
 from exodrake.diagrams.block_diagram import wiring_svg
 from exodrake.model.display import PALETTE, SYMBOLS, find_display, shown_unit
@@ -457,7 +457,9 @@ def list_assumptions(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any
         digest = f"`{case.hashes[item.file][:DIGITS]}`" if case.hashes.get(item.file) else "–"
         rows.append((f"`{item.file}`", role, f"{len(item.log) * runs.period:.0f} s", missing, *errors, digest))
     logs = Table(("Log", "Role", "Length", "Missing", *titles, "SHA-256"), rows, words=2)
-    numbers = Table(("Number", "Value"), decision_numbers(), words=1, folded="The numbers of the decisions")
+    numbers = Table(
+        ("Number", "Value"), decision_numbers(runs.problem.negligible), words=1, folded="The numbers of the decisions"
+    )
     made, provenance = diagnosis.provenance, None
     if made is not None:
         rows = [
@@ -471,10 +473,10 @@ def list_assumptions(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any
     return {"logs": logs, "numbers": numbers, "provenance": provenance}
 
 
-def decision_numbers() -> list[tuple[str, str]]:
+def decision_numbers(negligible: float = NEGLIGIBLE) -> list[tuple[str, str]]:
     """Each number of the search and of the verdict: its meaning and value with unit."""
     return [
-        ("a gap is negligible below, in every channel", f"{NEGLIGIBLE:g} noise standard deviations RMS beyond noise"),
+        ("a gap is negligible below, in every channel", f"{negligible:g} noise standard deviations RMS beyond noise"),
         ("and below, so that sampling shows no gap", f"{SAMPLING:g} standard errors of a mean square"),
         ("one effect more adds evidence of at least", f"{NATS:g} nats and the logarithm of the number of effects"),
         ("and takes up of what is left at least", w.percent(GAIN)),

@@ -28,7 +28,7 @@ from exodrake.diagnosis.linear import RIDGE, LinearModel
 from exodrake.diagnosis.parameter import Parameter
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.result import Interval
-from exodrake.diagnosis.search import LAW, NATS, NEGLIGIBLE
+from exodrake.diagnosis.search import LAW, NATS
 from exodrake.diagnosis.verdict import LARGE, MOST
 from exodrake.model.display import percent
 from exodrake.model.machine import Machine, stack, state_size
@@ -223,7 +223,7 @@ def discover(
     base, likelihood = fits[0].base, fits[0].likelihood
     fits = [fit for fit in fits if fit.base is base]
     before = np.maximum(likelihood.chi2(base.residual) - 1.0, 0.0)
-    wide = before > NEGLIGIBLE**2
+    wide = before > whole.negligible**2
     after = [np.maximum(likelihood.chi2(fit.explanation.residual) - 1.0, 0.0) for fit in fits]
     shares = [float(np.mean(1.0 - left[wide] / before[wide])) if wide.any() else 0.0 for left in after]
     # the memory of a reading imitates any cause: a law that removes as much, but for errors of laws, goes before it
