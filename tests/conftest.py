@@ -89,6 +89,14 @@ def few_cycles(monkeypatch):
 
 
 @pytest.fixture
+def hasty(monkeypatch):
+    """A short search of gains."""
+    from exodrake.analysis import tuning
+
+    monkeypatch.setattr(tuning, "SEARCH", tuning.SEARCH | {"maxiter": 1, "popsize": 2})
+
+
+@pytest.fixture
 def short_cases(monkeypatch):
     """Cases of the reference simulator with motions of a few seconds."""
     from exodrake.reference import cases

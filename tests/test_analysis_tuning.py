@@ -9,7 +9,6 @@ from arm_folders import made
 from command_line import run
 
 import exodrake as exo
-from exodrake.analysis import tuning
 from exodrake.analysis.linear_model import linearise_robot
 from exodrake.analysis.responses import AFTER, BENT, linear_error, list_departures, step_response
 from exodrake.analysis.tuning import (
@@ -25,12 +24,6 @@ from exodrake.analysis.tuning import (
 )
 from exodrake.simulation import protocols
 from exodrake.simulation.simulate import simulate
-
-
-@pytest.fixture
-def hasty(monkeypatch):
-    """A short search of gains."""
-    monkeypatch.setattr(tuning, "SEARCH", tuning.SEARCH | {"maxiter": 2, "popsize": 3})
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,6 @@ from pathlib import Path
 import matplotlib
 import pytest
 
-from exodrake.analysis import tuning
 from exodrake.diagnosis import pipeline
 from exodrake.diagnosis.problem import make_problem
 from exodrake.identification.kinematics import markers
@@ -16,10 +15,9 @@ EXAMPLES = sorted((Path(__file__).parent.parent / "examples").glob("*.py"))
 
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
-def test_example(path, tmp_path, short_cases, few_cycles, monkeypatch, capsys):
+def test_example(path, tmp_path, short_cases, few_cycles, hasty, monkeypatch, capsys):
     """As a program in this process; cases, recordings and searches are short, and a diagnosis tries few effects."""
     assert len(path.read_text().splitlines()) < 60 and path.read_text().startswith('"""')
-    monkeypatch.setattr(tuning, "SEARCH", tuning.SEARCH | {"maxiter": 1, "popsize": 2})
     few = {"tendon.viscous_friction", "servo.latency", "servo.gravity_moment"}
     monkeypatch.setattr(pipeline, "make_problem", lambda case, robot, _: make_problem(case, robot, frozenset(few)))
     slow = markers.synthesise

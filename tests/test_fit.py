@@ -20,7 +20,7 @@ PLANTED = {"finger.kappa.MCP": 0.09, "finger.kappa.PIP": 0.052, "controller.kp":
 
 def test_planted_parameters_come_back_from_logs_without_noise(robot):
     truth = robot.with_parameters(PLANTED | {"tendon.k": 3000.0})
-    log = exo.simulate(truth, "chirp:span=8", seed=None, quantisation=False)
+    log = exo.simulate(truth, "chirp:span=5", seed=None, quantisation=False)
     found = exo.fit(robot, log, [*PLANTED, "tendon.k.AF tendon.k.MF tendon.k.AE"])  # the last three move together
     *own, together = found.parameters
     assert together.value == pytest.approx(3000.0, rel=1e-5)
@@ -33,7 +33,7 @@ def test_planted_parameters_come_back_from_logs_without_noise(robot):
 
 def test_values_and_white_deviations_are_those_of_scipys_curve_fit(robot):
     """On runs of the public simulator, weighted by the same noise."""
-    log = exo.simulate(robot.with_parameters(PLANTED), "chirp:span=8", seed=3)
+    log = exo.simulate(robot.with_parameters(PLANTED), "chirp:span=5", seed=3)
     found = exo.fit(robot, log, list(PLANTED))
     problem = make_problem(gather_logs(log, (), robot.machine.frame), robot)
     scale, reference = problem.noise_std, exo.from_log(log, robot)
@@ -54,7 +54,7 @@ def test_parameters_of_an_effect_and_prediction_errors(robot):
     start = robot.splice("tendon.capstan_friction", {"mu_phi": 0.3})
     name = "tendon.capstan_friction.mu_phi"
     truth = start.with_parameters({name: 0.2})
-    log, held = (exo.simulate(truth, motion, seed) for seed, motion in enumerate(("chirp:span=8", "caging")))
+    log, held = (exo.simulate(truth, motion, seed) for seed, motion in enumerate(("chirp:span=5", "caging")))
     found = exo.fit(start, log, [name], held_out=[held], prediction=True)
     assert [p.name[-2:] for p in found.parameters] == ["AF", "MF", "AE"]
     for p in found.parameters:
@@ -75,7 +75,7 @@ def test_intervals_hold_robots_within_the_tolerances_where_white_ones_do_not(rob
         drawn = drawn_robot(robot, np.random.default_rng(seed)).values
         for name in free:  # what is fitted is nominal
             drawn[robot.indices(name)] = robot.values[robot.indices(name)]
-        log = exo.simulate(replace(robot, values=drawn), "chirp:span=8", seed)
+        log = exo.simulate(replace(robot, values=drawn), "chirp:span=5", seed)
         for p in exo.fit(robot, log, free).parameters:
             hits.append(p.low <= robot[p.name] <= p.high)
             white.append(abs(p.value - robot[p.name]) <= stats.norm.ppf(0.95) * p.std_white)
@@ -133,13 +133,13 @@ def test_tests_of_residuals_keep_their_level_and_find_what_is_planted():
     ],
 )
 def test_bad_input_is_refused_in_one_sentence(robot, free, more, reason):
-    log = exo.simulate(robot, "chirp:span=8", seed=1)
+    log = exo.simulate(robot, "chirp:span=5", seed=1)
     with pytest.raises(exo.InputError, match=reason):
         exo.fit(robot, log, free, **more)
 
 
 def test_a_bound_is_kept_and_noted(robot):
-    log = exo.simulate(robot.with_parameters({"finger.kappa.MCP": 0.09}), "chirp:span=8", seed=1)
+    log = exo.simulate(robot.with_parameters({"finger.kappa.MCP": 0.09}), "chirp:span=5", seed=1)
     found = exo.fit(robot, log, ["finger.kappa.MCP"], bounds={"finger.kappa": ("70 mN m/rad", "85 mN m/rad")})
     (p,) = found.parameters
     assert p.at_bound and p.value == pytest.approx(0.085) and "finger.kappa.MCP ended at a bound" in found.notes
@@ -162,7 +162,7 @@ def test_starts_on_a_limit_that_is_not_reached_are_said_not_to_move(monkeypatch)
 
 def test_command_writes_the_fitted_robot(robot, tmp_path):
     exo.write_log(
-        exo.simulate(robot.with_parameters({"finger.kappa.MCP": 0.09}), "chirp:span=8", seed=1), tmp_path / "log.csv"
+        exo.simulate(robot.with_parameters({"finger.kappa.MCP": 0.09}), "chirp:span=5", seed=1), tmp_path / "log.csv"
     )
     words = ("--free", "finger.kappa.MCP", "--bounds", "finger.kappa.MCP=0.05..0.2", "--out", tmp_path / "out")
     found = run("fit", tmp_path / "log.csv", *words)

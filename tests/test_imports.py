@@ -75,11 +75,9 @@ def name_of(path: Path) -> str:
     return ".".join(["exodrake", *path.relative_to(PACKAGE).with_suffix("").parts]).removesuffix(".__init__")
 
 
-IMPORTS = {path: imports(path) for path in FILES}
-
-
 def test_imports_go_one_way_and_drake_is_imported_in_few_places():
-    for path, found in IMPORTS.items():
+    for path in FILES:
+        found = imports(path)
         assert "from pydrake.all import *" not in path.read_text()
         _, *here = name_of(path).split(".")
         drake = [module for module in found if module.split(".")[0] == "pydrake"]
@@ -103,7 +101,7 @@ def test_diagram_of_imports_and_folder_table_name_each_package():
 
 def test_no_modules_import_each_other_in_a_circle():
     """Imports inside functions count."""
-    names = {name_of(path): found for path, found in IMPORTS.items()}
+    names = {name_of(path): imports(path) for path in FILES}
     graph = {name: found & set(names) - {name, "exodrake"} for name, found in names.items()}
     try:
         list(TopologicalSorter(graph).static_order())

@@ -160,13 +160,23 @@ def test_gain_that_depends_on_place_is_linear_in_it():
     assert law.closure.value > 0.9
 
 
-def test_law_that_is_withheld_from_the_library_is_found_with_its_point_and_form():
+def bare(robot, monkeypatch, *points):
+    """A machine without the effects of the library, and laws at some points alone: to compile all takes a minute."""
+    machine = replace(robot.machine, effects=())
+    few = [point for point in law_points(machine) if point.key in points]
+    monkeypatch.setattr(law_code, "law_points", lambda machine: few)
+    return replace(
+        robot, machine=machine, values=robot.values[[robot.machine.index[p.name] for p in machine.parameters]]
+    )
+
+
+def test_law_that_is_withheld_from_the_library_is_found_with_its_point_and_form(monkeypatch):
     """Joints that stiffen with their bend, on the finger exoskeleton; nothing of the library may explain it."""
-    robot = exo.load_robot()
-    stiff, items = robot.splice("finger.hardening"), []
+    stiff, items = exo.load_robot().splice("finger.hardening"), []
     for k, role in enumerate(("fit", "holdout")):
         log = exo.simulate(stiff, f"random-motion:seed={k},duration=7", seed=k)
         items.append(CaseLog(log, role, role, None, f"{role}.csv"))
+    robot = bare(exo.load_robot(), monkeypatch, "finger.passive", "tendon.transmit", "motor.load", "mocap.reading")
     with one_blas_thread():
         problem = make_problem(Case("stiff", {}, tuple(items), robot.machine.frame), robot, frozenset())
         law = discover(problem, isolate(problem))
@@ -252,15 +262,9 @@ def test_files_of_laws_that_earlier_versions_found_act_as_they_did():
 
 
 def test_discovery_finds_the_friction_that_an_inverse_arm_is_not_told_of(arm_folder, monkeypatch):
-    """0.02 N m against the speed are added to the efforts. Two points have laws; the test above reads those of all.
-
-    Compilation takes most of the time: that of all laws as long again, that of the arm's effects too.
-    """
+    """0.02 N m against the speed are added to the efforts. Two points have laws; a test above reads those of all."""
     arm = made(arm_folder, "turning", "--urdf", "rotary_axis", "--form", "inverse")
-    bare = replace(arm.machine, effects=())
-    robot = replace(arm, machine=bare, values=arm.values[[arm.machine.index[p.name] for p in bare.parameters]])
-    few = [point for point in law_points(bare) if point.key in ("arm.pushed", "reading_torque.shown")]
-    monkeypatch.setattr(law_code, "law_points", lambda machine: few)
+    robot = bare(arm, monkeypatch, "arm.pushed", "reading_torque.shown")
     whole, items = protocol("random-motion", robot), []
     for k, role in enumerate(("fit", "holdout")):
         log = exo.simulate(robot, replace(whole, values=whole.values[100 * k : 100 * k + 300]), seed=k)

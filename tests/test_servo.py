@@ -178,7 +178,7 @@ def test_where_a_joint_stands_at_first_is_not_what_an_offset_reading_says(nomina
     assert np.mean(residual**2) < 1.5
 
 
-def test_a_loop_whose_joint_friction_holds_is_analysed_and_tuned(nominal):
+def test_a_loop_whose_joint_friction_holds_is_analysed_and_tuned(nominal, few_cycles, hasty):
     """Small steps do not move it: no margins, and a note says how to see it in motion; nothing raises."""
     stuck = add_controller(nominal.splice("servo.coulomb_friction", {"force": 0.25}))
     found = exo.analyse(stuck)
