@@ -92,7 +92,8 @@ def test_what_new_machine_made_is_analysed_and_tuned(arm_folder):
     assert servos.steps[0].overshoot < 1e-9 and servos.steps[0].settling < 0.021
     assert arm.stable and all(margin.gain_margin_db > 6.0 for margin in arm.margins)
     axis = made(arm_folder, "axis", "--urdf", "linear_axis", "--form", "closed-loop")
-    stuck = exo.analyse(exo.load_robot("arm").splice("arm.coulomb_friction"))  # slopes differ by step size, not by side
+    turning = made(arm_folder, "turning", "--urdf", "rotary_axis", "--form", "closed-loop")
+    stuck = exo.analyse(turning.splice("arm.coulomb_friction"))  # slopes differ by step size, not by side
     assert stuck.stable and not stuck.model.decides and stuck.model.kink <= KINK
     cable = made(arm_folder, "cabled", "--urdf", "cable_arm", "--form", "cable")
     assert all(robot.machine.loop.command == "effort_ref" for robot in (axis, cable))

@@ -24,7 +24,7 @@ def case_of(effect="", **parameters):
     """Short sweeps and their repeat, random motion to fit and held out, of the nominal robot with an effect."""
     robot = ROBOT.splice(effect, parameters or None) if effect else ROBOT
     sweeps = exo.Reference(exo.short_sweeps().values[:1200], "sweeps")
-    motions = (sweeps, sweeps, *(exo.random_motion(seed=s, duration=25.0) for s in (1, 2)))
+    motions = (sweeps, sweeps, *(exo.random_motion(seed=s) for s in (1, 2)))
     items = (("a", "fit", None), ("b", "fit", "a.csv"), ("c", "fit", None), ("d", "holdout", None))
     logs = [
         exo.CaseLog(exo.simulate(robot, motion, seed=10 + k), name, role, repeats, f"{name}.csv")

@@ -36,7 +36,9 @@ def answered(monkeypatch):
     """Puts a ready answer in place of the diagnosis."""
 
     def put(verdict):
-        def ready(case, robot=None, progress=lambda *_: None, tried=None, discovers=None, answered=None):
+        def ready(
+            case, robot=None, progress=lambda *_: None, tried=None, discovers=None, answered=None, negligible=None
+        ):
             for stage in Stage:
                 progress(stage, "")
             return diagnosis(verdict)
@@ -150,7 +152,9 @@ def test_an_error_in_the_report_loses_no_answer(case, answered, tmp_path, monkey
 def test_an_answer_is_kept_before_a_missing_law_is_sought(case, tmp_path, monkeypatch, ending):
     """The search for a law is interrupted: answer, robot file and report are there, and the summary is printed."""
 
-    def interrupted_search(case, robot=None, progress=lambda *_: None, tried=None, discovers=None, answered=None):
+    def interrupted_search(
+        case, robot=None, progress=lambda *_: None, tried=None, discovers=None, answered=None, negligible=None
+    ):
         answered(diagnosis(UNKNOWN))
         raise ending
 

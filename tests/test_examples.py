@@ -19,7 +19,7 @@ def test_example(path, tmp_path, short_cases, few_cycles, hasty, monkeypatch, ca
     """As a program in this process; cases, recordings and searches are short, and a diagnosis tries few effects."""
     assert len(path.read_text().splitlines()) < 60 and path.read_text().startswith('"""')
     few = {"tendon.viscous_friction", "servo.latency", "servo.gravity_moment"}
-    monkeypatch.setattr(pipeline, "make_problem", lambda case, robot, _: make_problem(case, robot, frozenset(few)))
+    monkeypatch.setattr(pipeline, "make_problem", lambda case, robot, *_: make_problem(case, robot, frozenset(few)))
     slow = markers.synthesise
     monkeypatch.setattr(markers, "synthesise", lambda *what, **given: slow(*what, **given | {"rate": 25.0}))
     monkeypatch.setattr(sys, "argv", [str(path), str(tmp_path)])

@@ -23,7 +23,7 @@ import os, signal, sys, time
 signal.signal(signal.SIGINT, signal.default_int_handler)
 sys.path.insert(0, {tests!r})
 
-def ready(case, robot=None, progress=None, tried=None, discovers=None, answered=None):
+def ready(case, robot=None, progress=None, tried=None, discovers=None, answered=None, negligible=None):
     from report_synthetic import VERDICTS, diagnosis
     if "WORK" in os.environ:
         print("working", flush=True)
