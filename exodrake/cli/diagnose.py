@@ -27,6 +27,7 @@ ADVICE = (
     "no motion of the free robot within its limits tells them apart for certain; measure at a known state instead: at "
     "a mechanical stop for the zero of an encoder, under known weights for a force, a clamped joint for a stiffness"
 )
+NO_GAP = "A gap of fewer noise standard deviations beyond noise on every channel is none [0.3]."
 NO_ANSWER: dict[str, Any] = {"where": {"block": ""}, "effects": [], "equivalents": [], "closure": {"overall": {}}}
 
 
@@ -39,12 +40,7 @@ NO_ANSWER: dict[str, Any] = {"where": {"block": ""}, "effects": [], "equivalents
 @options.robot_option(default="")
 @click.option("--effects", "only", default="", metavar="ID,...", help="Try these effects only.")
 @click.option("--without", default="", metavar="ID,...", help="Do not try these effects.")
-@click.option(
-    "--negligible",
-    type=click.FloatRange(min=0.0),
-    metavar="NUMBER",
-    help="A gap of fewer noise standard deviations beyond noise on every channel is none [0.3].",
-)
+@click.option("--negligible", metavar="NUMBER", type=click.FloatRange(min=0.0), help=NO_GAP)
 @click.option("--discover/--no-discover", default=None, help="Look for a law that the library lacks [for UNKNOWN].")
 @click.option("--out-law", metavar="FOLDER", type=options.AnyPath(), help="Write that law, as a plugin with its robot.")
 @click.option("--profile", is_flag=True, help="Say how much processor time and simulated time each stage took.")
@@ -116,12 +112,7 @@ def diagnose_case(
         for path, text in (
             (json, lambda: options.json_text(found.to_json())),
             (improved, lambda: found.robot_file(found.robot)),
-            (
-                report,
-                lambda: diagnosis_html.report_html(
-                    found, found.problem or make_problem(read, nominal, tried, negligible)
-                ),
-            ),
+            (report, lambda: diagnosis_html.report_html(found, found.problem or make_problem(read, nominal))),
         ):
             if isinstance(path, Path):
                 options.write_files({path: text()}, announce=False)
