@@ -160,23 +160,20 @@ def test_gain_that_depends_on_place_is_linear_in_it():
     assert law.closure.value > 0.9
 
 
-def bare(robot, monkeypatch, *points):
-    """A machine without the effects of the library, and laws at some points alone: to compile all takes a minute."""
+def bare(robot):
+    """A robot whose machine has no effects: those of the library take longer to compile than the laws."""
     machine = replace(robot.machine, effects=())
-    few = [point for point in law_points(machine) if point.key in points]
-    monkeypatch.setattr(law_code, "law_points", lambda machine: few)
-    return replace(
-        robot, machine=machine, values=robot.values[[robot.machine.index[p.name] for p in machine.parameters]]
-    )
+    values = robot.values[[robot.machine.index[p.name] for p in machine.parameters]]
+    return replace(robot, machine=machine, values=values)
 
 
-def test_law_that_is_withheld_from_the_library_is_found_with_its_point_and_form(monkeypatch):
+def test_law_that_is_withheld_from_the_library_is_found_with_its_point_and_form():
     """Joints that stiffen with their bend, on the finger exoskeleton; nothing of the library may explain it."""
     stiff, items = exo.load_robot().splice("finger.hardening"), []
     for k, role in enumerate(("fit", "holdout")):
         log = exo.simulate(stiff, f"random-motion:seed={k},duration=7", seed=k)
         items.append(CaseLog(log, role, role, None, f"{role}.csv"))
-    robot = bare(exo.load_robot(), monkeypatch, "finger.passive", "tendon.transmit", "motor.load", "mocap.reading")
+    robot = bare(exo.load_robot())
     with one_blas_thread():
         problem = make_problem(Case("stiff", {}, tuple(items), robot.machine.frame), robot, frozenset())
         law = discover(problem, isolate(problem))
@@ -264,7 +261,9 @@ def test_files_of_laws_that_earlier_versions_found_act_as_they_did():
 def test_discovery_finds_the_friction_that_an_inverse_arm_is_not_told_of(arm_folder, monkeypatch):
     """0.02 N m against the speed are added to the efforts. Two points have laws; a test above reads those of all."""
     arm = made(arm_folder, "turning", "--urdf", "rotary_axis", "--form", "inverse")
-    robot = bare(arm, monkeypatch, "arm.pushed", "reading_torque.shown")
+    robot = bare(arm)
+    few = [point for point in law_points(robot.machine) if point.key in ("arm.pushed", "reading_torque.shown")]
+    monkeypatch.setattr(law_code, "law_points", lambda machine: few)
     whole, items = protocol("random-motion", robot), []
     for k, role in enumerate(("fit", "holdout")):
         log = exo.simulate(robot, replace(whole, values=whole.values[100 * k : 100 * k + 300]), seed=k)
