@@ -17,6 +17,7 @@ from pydrake.systems.primitives import ConstantVectorSource, LogVectorOutput
 
 import exodrake as exo
 from benchmarks.diagram import multibody_speed
+from benchmarks.speed import compiled_speed
 from exodrake.cli.main import cli
 from exodrake.core.errors import InputError
 from exodrake.diagrams.block_diagram import part_shares, stream_order, wiring_svg
@@ -246,6 +247,11 @@ def test_rebuilt_diagrams_leave_nothing_behind():
     del diagram, simulator
     gc.collect()
     assert not [item for item in alive if item() is not None]
+
+
+@pytest.mark.parametrize("batch", [False, True])
+def test_the_bench_runs_the_compiled_simulator(batch):
+    assert compiled_speed(nominal(), wavy(0.1), 2, batch) > 0
 
 
 @pytest.mark.parametrize("step", [0.002, 0.0])

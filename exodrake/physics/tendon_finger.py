@@ -136,7 +136,7 @@ def update(x, z, n, e, dt, stroke, wire_speed):
         for i in range(3 if resting else 0):  # it stands still again
             x[RATE + i] = x[RATE_BEFORE + i] = 0.0
             x[Q_BEFORE + i] = x[Q + i]
-        x[CLOCK] = 0.0 if resting else x[CLOCK]
+    x[CLOCK] += dt
 
 
 def rests_before(tension):
@@ -184,7 +184,6 @@ def tick(x, z, n, e, dt, stroke, wire_speed, turning):
         x[PULL + j] = finger_tension(e, z, j, tension, stretched, x[SLIDE + j], travel, travel / dt)
         x[TAKEN + j] = taken[j]
         settle(e, z, j, dt, stretched, tension, x[PULL + j], travel)
-    x[CLOCK] += dt
 
 
 def taken_in(x, n, high):
