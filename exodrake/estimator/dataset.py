@@ -16,7 +16,6 @@ MIN_SWEEPS = 4  # fewer do not show the variation between sweeps
 MIN_RAMP = 0.3  # s, a shorter rise or fall of a reference is a step between sweeps
 MAX_STEP = 0.05  # of a reference's range in one frame: more is a jump, not a ramp
 MIN_STEP = 1e-4  # of a reference's range in one frame: less is a hold
-ARRAYS = ("inputs", "angle", "sweep", "time")  # of sweeps, a row a sample
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +50,8 @@ class Sweeps:
 
     def rows(self, which: np.ndarray) -> "Sweeps":
         """Select rows by a mask (n,) [-] or indices."""
-        return replace(self, **{name: getattr(self, name)[which] for name in ARRAYS})
+        kept = {name: getattr(self, name)[which] for name in ("inputs", "angle", "sweep", "time")}
+        return replace(self, **kept)
 
     def select_equispaced(self, count: int) -> "Sweeps":
         """Select at most `count` rows, equally spaced."""
@@ -69,18 +69,18 @@ def sweeps_from_logs(logs: Sequence[Log], one_per_log: Sequence[str] = ()) -> Sw
     if not logs:
         raise InputError("no logs to train the estimator on")
     wires, joints = logs[0].names("tension"), logs[0].names("angle")
-    sessions, first = [], 0
+    rows, first = [], 0
     for log in logs:
-        session = replace(read_session(log, wires, joints), angle=read_columns(log, ("angle",), joints))
+        inputs, angle = read_columns(log, ("tension", "stroke"), wires), read_columns(log, ("angle",), joints)
         label = np.zeros(len(log), int) if log.label in one_per_log else cut(log.array("tension_ref", wires), log.dt)
-        sessions.append(replace(session, sweep=first + label))
+        rows.append((inputs, angle, first + label, log.time))
         first += int(label[-1]) + 1
     if first < MIN_SWEEPS:
         raise InputError(
             f"{logs[0].label}: too few sweeps: {first} in {len(logs)} log(s), at least {MIN_SWEEPS} are needed"
         )
-    arrays = {name: np.concatenate([getattr(session, name) for session in sessions]) for name in ARRAYS}
-    return Sweeps(**arrays, wires=wires, joints=joints, logs=tuple(log.label for log in logs))
+    arrays = map(np.concatenate, zip(*rows, strict=True))
+    return Sweeps(*arrays, wires=wires, joints=joints, logs=tuple(log.label for log in logs))
 
 
 def read_columns(log: Log, kinds: tuple[str, ...], channels: tuple[str, ...], complete: bool = True) -> np.ndarray:

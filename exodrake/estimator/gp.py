@@ -9,6 +9,7 @@ from __future__ import annotations
 import io
 import json
 import warnings
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -403,9 +404,7 @@ def load(path: str | Path, robot: str | None = None) -> Estimator:
 def quick_estimator(robot: Robot, cache: Path | None = None) -> Estimator:
     """An estimator of simulated sweeps of a robot without effects, or the one kept in a file for that robot."""
     if cache is not None and cache.is_file():
-        try:
+        with suppress(InputError):
             return load(cache, robot_digest(robot))
-        except InputError:
-            pass
     training = sweeps_from_logs([simulate(robot, sweeps(robot), seed=0)])
     return replace(fit(training, QUICK_POINTS), robot=robot_digest(robot))
