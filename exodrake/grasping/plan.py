@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import inf
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -54,7 +55,6 @@ TOLERANCE = 0.02  # rad, a shortfall below this still counts as the posture: the
 GAP = 0.01  # m off the thumb that count in a cage like 1 rad
 KI = 0.5  # 1/s: a quarter of the tension loop's bandwidth, which settles in 1.8 s; assumed
 
-FREE = 9.0  # rad, no limit
 GRID = 81  # points along each free direction
 OFF = 0.9  # rad, how far a cage may stay off the thumb
 DEPTH = 0.02  # m of penetration or of an open cage that count like 1 rad beyond a limit
@@ -93,9 +93,9 @@ class Mode:
 # Paper, Section 2.2.2: "wide pinch, which only bends the PIP joint", narrow pinch by MCP flexion, caging by all joints.
 # The others stay within STILL of rest, in flexion and in extension.
 STILL = 0.1  # rad, assumed
-NARROW = Mode("narrow-pinch", (-FREE, -STILL, -STILL), (FREE, STILL, STILL), (0.0, 1.0, 1.0))
-WIDE = Mode("wide-pinch", (-STILL, 0.0, -STILL), (STILL, FREE, STILL), (1.0, 0.0, 1.0))
-CAGING = Mode("caging", (-FREE, -FREE, -FREE), (FREE, FREE, FREE), (0.0, 0.0, 0.0), wraps=True)
+NARROW = Mode("narrow-pinch", (-inf, -STILL, -STILL), (inf, STILL, STILL), (0.0, 1.0, 1.0))
+WIDE = Mode("wide-pinch", (-STILL, 0.0, -STILL), (STILL, inf, STILL), (1.0, 0.0, 1.0))
+CAGING = Mode("caging", (-inf, -inf, -inf), (inf, inf, inf), (0.0, 0.0, 0.0), wraps=True)
 MODES = {mode.name: mode for mode in (CAGING, NARROW, WIDE)}
 
 
@@ -276,7 +276,7 @@ def project(
     def miss(x: np.ndarray) -> np.ndarray:
         return np.nan_to_num(ramp_posture(x, low, n) - wanted, nan=1.0)
 
-    best = np.inf, low, ramp_posture(low, low, n)
+    best = inf, low, ramp_posture(low, low, n)
     for place in np.argsort(np.linalg.norm(angles - wanted, axis=1))[:STARTS]:
         start = np.clip(tension[place], low + 1e-3, high - 1e-3)
         found = least_squares(miss, start, bounds=(low, high), x_scale=high - low, diff_step=1e-4).x
