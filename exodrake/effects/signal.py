@@ -1,7 +1,7 @@
 """What a sensor does to its signal: the laws, then the errors of any signal, of encoders and of motion capture.
 
 A law takes the value and its parameters, and of its point's other arguments those that it names, so that it may act at
-any point. `signal.*` are generic: each part made by `systems.reading.sensor` gets them. A law with memory returns the
+any point. `signal.*` are generic: each part made by `physics.reading.sensor` gets them. A law with memory returns the
 value and then its states, or has them advanced at a point of its own.
 """
 

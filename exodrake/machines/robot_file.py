@@ -25,8 +25,6 @@ from exodrake.model.part import TENDONS
 from exodrake.model.robot import Robot, flatten, refuse_negative
 from exodrake.model.units import add_kind, quantity
 
-TRANSFORMS = ("relative", "additive", "log")
-
 
 def amount(value: Any, where: str) -> Any:
     """A number, or text that `quantity` reads later, when the unit wanted is known."""
@@ -42,7 +40,7 @@ LIMIT = either(mapping({"value": VALUES, "unit": text(), "range": anything, "sou
 EFFECTS = names(names(either(mapping({"value": VALUE, "source": anything}), VALUE, "value")))
 VARIANTS = listing(text(), wanted="a list of names")
 TOLERANCE = {
-    "parameters": VARIANTS, "transform": text(TRANSFORMS), "prior_std": number(above=0.0),
+    "parameters": VARIANTS, "transform": text(("relative", "additive", "log")), "prior_std": number(above=0.0),
     "max_deviation": number(above=0.0),
 }  # fmt: skip
 SCHEMA = mapping(

@@ -21,9 +21,8 @@ class EffectParameter:
     axis: str = SCALAR  # `TENDONS`, `JOINTS` or `SCALAR`
     default: float | None = None  # of an effect added without parameters [unit]; the middle of the range if None
     fitted: bool = True  # whether a fit may change it
-    transform: str = (
-        "linear"  # how a fit sees it; or "log", or "reciprocal" of a stiffness whose null value is infinite
-    )
+    # how a fit sees it; or "log", or "reciprocal" of a stiffness whose null value is infinite
+    transform: str = "linear"
     period: float = 0.0  # values that differ by it mean the same and are reported from `low` on [unit]; 0 for none
 
     def __post_init__(self) -> None:

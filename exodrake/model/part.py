@@ -1,7 +1,7 @@
 """A part: signals read and written, parameters, states, tasks, and the named points where effects may act.
 
 A module in `physics/` or `effects/` holds plain functions over floats, small tuples and arrays, which the Drake leaves
-call, and which `compiled.compose` copies into one module for numba. Signals join parts, over the channels of an axis.
+call, and which `engine.compose` copies into one module for numba. Signals join parts, over the channels of an axis.
 """
 
 from __future__ import annotations
