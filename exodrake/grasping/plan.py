@@ -150,12 +150,11 @@ def list_postures(
     centre = held * np.exp(1j * mcp)
     gap = np.abs(centre - thumb) - touch
     miss = np.maximum(np.maximum(low - angles, angles - high), 0.0).sum(axis=1)
-    ends, pierced = joints(angles, n), np.zeros(len(angles))  # m, by which the object enters a phalanx
-    for i in range(3):
-        bone = ends[:, i + 1] - ends[:, i]
-        along = (centre - ends[:, i]) * bone.conj() / np.abs(bone)
-        away = np.abs(along - np.clip(along.real, 0.0, np.abs(bone)))
-        pierced = np.maximum(pierced, radius + n.radius[i] - away)
+    ends = joints(angles, n)
+    bones = np.diff(ends, axis=1)
+    along = (centre[:, None] - ends[:, :3]) * bones.conj() / np.abs(bones)
+    away = np.abs(along - np.clip(along.real, 0.0, np.abs(bones)))
+    pierced = (radius + np.array(n.radius) - away).max(axis=1)  # m, by which the object enters a phalanx
     miss += np.maximum(pierced - hand.soft, 0.0) / DEPTH
     if mode.wraps:
         opening = np.abs(ends[:, 3] - thumb) - n.radius[2] - hand.thumb_radius  # m, between fingertip and thumb
