@@ -32,6 +32,14 @@ def closed(arm_folder, tmp_path_factory):
     return made(arm_folder, "mixed_loop", "--urdf", path, "--form", "closed-loop")
 
 
+def test_turning_and_sliding_joints_may_have_cables(arm_folder, tmp_path):
+    path = tmp_path / "mixed.urdf"
+    path.write_text(MIXED)
+    machine = made(arm_folder, "mixed_cables", "--urdf", path, "--form", "cable").machine
+    assert machine.compared == ("joint_position", "motor_position", "motor_effort")
+    assert [machine.signal[s].unit for s in ("position", "motor_position")] == ["-", "rad"]
+
+
 def dynamics(plant, q, rate, acceleration):
     """Efforts and mass matrix of a MultibodyPlant."""
     context = plant.CreateDefaultContext()

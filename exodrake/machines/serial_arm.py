@@ -58,18 +58,11 @@ RESONANCE = 2.0 * np.pi * 15.0  # rad/s of the links on their cables, motors hel
 REFLECTED = 0.2  # inertia of a motor over that of its links, as the joint feels it: assumed
 LOSS = 1e-3  # s, of a steel cable: 5 % of critical damping at that resonance: assumed
 TAUT = 2.0  # pretension in efforts of a moderate motion: assumed, so that no strand goes slack in one
-SENSORS = {"position": "link_encoder", "motor_position": "encoder", "motor_effort": "torque"}  # by kind of column
-SEEN = ("link_position", *list(SENSORS)[1:])  # the signals that they measure
+SENSORS = {"link_position": "link_encoder", "motor_position": "encoder", "motor_effort": "torque"}  # by signal
 COLUMNS = (
-    Column("position", "link_position_read", required=False),
     Column("motor_effort_ref", "motor_effort_ref", required=False, unit="N m"),
     Column("motor_position", "motor_position_read"),
     Column("motor_effort", "motor_effort_read", unit="N m"),
-)
-SEGMENTS = (
-    Segment("drive", "motor_effort", ("motor_position",)),
-    Segment("cable", "motor_position", ("motor_effort",)),
-    Segment("arm", "position", ("motor_position",)),
 )
 OF_CABLES = ("arm.joint_compliance", "arm.rotor_inertia")  # which the cables and motors are themselves
 
@@ -156,7 +149,7 @@ def cable_machine(name: str, chain: Chain, frame: float) -> Machine:
     shown = Output.of_states(effort="motor_effort", effort_true="motor_effort_true")
     motors = replace(gear_motor.PART, tasks=(Task("update", ("motor_effort_ref",)),), outputs=(shown,))
     seen = {"link_position": unit["position"], "motor_position": "rad", "motor_effort": "N m"}
-    readings = zip(SENSORS.values(), SEEN, (5, 2, 4), (SWING, SWING / RATIO, most), strict=True)
+    readings = zip(SENSORS.values(), SENSORS, (5, 2, 4), (SWING, SWING / RATIO, most), strict=True)
     parts = (
         replace(forward, tasks=(forward.tasks[0], Task("stand", ("link_start",), slots=(0,)))),
         cable.part(1, SHARE * most, SPEED / RATIO, unit),
@@ -174,11 +167,18 @@ def cable_machine(name: str, chain: Chain, frame: float) -> Machine:
     inner |= dict.fromkeys(("motor_start", "motor_position", "motor_position_read"), "rad")
     inner |= dict.fromkeys(("motor_effort_ref", "motor_effort", "motor_effort_true", "motor_effort_read"), "N m")
     given = signals(unit, "position_ref", "position_start")
+    *asked, position = columns(chain, {s.name: s.name for s in given} | {"position": "link_position_read"})
+    seen_as = dict(zip((position.kind, *list(SENSORS)[1:]), SENSORS.values(), strict=True))  # kind of column -> sensor
     return make_machine(
-        name, chain, frame, parts, SENSORS,
-        (*(f"{sensor}.crosstalk" for sensor in SENSORS.values()), *rubbing, *OF_CABLES), (*given, *noise(*SEEN)),
+        name, chain, frame, parts, seen_as,
+        (*(f"{sensor}.crosstalk" for sensor in SENSORS.values()), *rubbing, *OF_CABLES), (*given, *noise(*SENSORS)),
         tuple(Signal(signal, u, JOINTS) for signal, u in inner.items()),
-        (*(Column(s.name, s.name) for s in given), *COLUMNS), slots=6, segments=SEGMENTS,
+        (*asked, replace(position, required=False), *COLUMNS), slots=6,
+        segments=(
+            Segment("drive", "motor_effort", ("motor_position",)),
+            Segment("cable", "motor_position", ("motor_effort",)),
+            Segment("arm", position.kind, ("motor_position",)),
+        ),
         loop=joint_control(chain, {}), settling=SETTLING, defaults=cable_defaults(chain, efforts, frame),
     )  # fmt: skip
 
