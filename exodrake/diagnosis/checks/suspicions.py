@@ -5,6 +5,7 @@ Most compare a statistic of a measured channel with the nominal robot's; the las
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from itertools import chain, combinations, pairwise, product
 from textwrap import shorten
@@ -55,14 +56,6 @@ def suspicions(comparison: Comparison, improved: Callable[[], Comparison] | None
     if found[unlike_other_logs] and improved and not any(unlike_other_logs(improved())):
         found[unlike_other_logs] = []
     return tuple(sentence for said in found.values() for sentence in said)
-
-
-def group[K, V](pairs: Iterable[tuple[K, V]]) -> list[tuple[K, list[V]]]:
-    """Each key with its values."""
-    found: dict[K, list[V]] = {}
-    for key, value in pairs:
-        found.setdefault(key, []).append(value)
-    return list(found.items())
 
 
 def list_places(channels: Iterable[Channel]) -> str:
@@ -119,7 +112,8 @@ def copied_logs(comparison: Comparison) -> Iterator[str]:
 
 def another_unit(comparison: Comparison) -> Iterator[str]:
     """A channel has the shape of the nominal robot's, times -1, 57.3, 100, 1000 or their inverses."""
-    for factor, channels in group((c.factor, c) for c in comparison.channels if c.factor != 1.0):
+    for factor in dict.fromkeys(c.factor for c in comparison.channels if c.factor != 1.0):
+        channels = [c for c in comparison.channels if c.factor == factor]
         yield f"{list_places(channels)} are about {factor:.3g} times what the nominal robot logs: another unit or sign?"
 
 
@@ -147,7 +141,7 @@ def exchanged_columns(comparison: Comparison) -> Iterator[str]:
     """Channels of one kind correlate clearly better with one another's simulation than with their own."""
     from scipy.optimize import linear_sum_assignment
 
-    found = []
+    found = defaultdict[str, list[str]](list)  # exchanged columns in words -> files
     for pair, kind in product(comparison.pairs, dict.fromkeys(comparison.kinds)):
         own = np.flatnonzero(comparison.kinds == kind)
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -161,8 +155,8 @@ def exchanged_columns(comparison: Comparison) -> Iterator[str]:
         clearly = len(others) and np.mean(unexplained[others, others] - left) > 2.0 * np.log(CLEAR)
         if clearly and left.max() < np.log(HALF):
             columns = np.array(comparison.columns)[own]
-            found.append((list_few(f"{columns[k]} like {columns[best[k]]}" for k in others), pair.item.file))
-    for names, files in group(found):
+            found[list_few(f"{columns[k]} like {columns[best[k]]}" for k in others)].append(pair.item.file)
+    for names, files in found.items():
         yield f"{names} of the nominal robot in {list_few(files)}: exchanged columns?"
 
 
@@ -193,11 +187,8 @@ def frozen_channels(comparison: Comparison) -> Iterator[str]:
             continue
         runs = []  # of one value, in each log: length, start, and the motion that is predicted
         for log, one in enumerate(values):
-            spans, predicted = (
-                [(int(n), int(s)) for s, n in zip(*find_runs(one)) if n >= LONG],
-                other.predict(column, log),
-            )
-            runs.append([(n, start, float(np.std(predicted[start : start + n]))) for n, start in spans])
+            predicted = other.predict(column, log)
+            runs.append([(n, s, np.std(predicted[s : s + n])) for s, n in zip(*find_runs(one)) if n >= LONG])
         for log in (k for k, own in enumerate(runs) if own):
             one, nominal, (n, start, own) = values[log], nominals[log], max(runs[log], key=lambda run: run[0])
             stuck = [moved for *_, moved in chain(*runs[:log], *runs[log + 1 :])]
@@ -295,11 +286,10 @@ def noise_unlike_robot_file(comparison: Comparison) -> Iterator[str]:
     With a noisier sensor no explanation leaves as little as it should, with a quieter one a fit may look too good.
     """
     machine = comparison.robot.machine
-    sensors = group(
-        ((".".join(parameter.split(".")[:2]), word, repeats), (parameter, channels))
-        for parameter, channels, repeats, word in compare_noise(comparison)
-    )
-    for (name, word, repeats), found in sensors if not any(noise_as_large_as_motion(comparison)) else ():
+    sensors = defaultdict[tuple[str, str, float], list[tuple[str, list[Channel]]]](list)
+    for parameter, channels, repeats, word in compare_noise(comparison):
+        sensors[".".join(parameter.split(".")[:2]), word, repeats].append((parameter, channels))
+    for (name, word, repeats), found in sensors.items() if not any(noise_as_large_as_motion(comparison)) else ():
         columns = list(dict.fromkeys(c.column for _, channels in found for c in channels))
         unit = machine.signal[machine.column(columns[0].rsplit("_", 1)[0]).signal].unit
         levels = np.median([(c.noise, c.nominal_noise) for c in comparison.audible(columns[0])], axis=0)
@@ -359,7 +349,7 @@ def changed_between_repeats(comparison: Comparison) -> Iterator[str]:
 
     pairs = {pair.item.file: pair for pair in comparison.pairs}
     repeats = [(pairs[a.file], pairs[b.file]) for g in comparison.case.repeat_groups for a, b in pairwise(g)]
-    found = []
+    found = defaultdict[tuple[str, str], list[str]](list)  # files of a repeat -> columns
     for (a, b), (i, column) in product(repeats, enumerate(comparison.columns)):
         n = min(len(a.measured), len(b.measured))
         difference, nominal = b.measured[:n, i] - a.measured[:n, i], a.nominal[:n, i]
@@ -371,8 +361,8 @@ def changed_between_repeats(comparison: Comparison) -> Iterator[str]:
         p = float(fdtrc(2, n - 2, n * np.mean(change**2) / rest)) if rest > 0.0 else 0.0
         motion = max(np.std(a.measured[:, i]), np.std(a.nominal[:, i]))
         if np.abs(change).max() > CHANGED * motion and p < ALPHA / (len(repeats) * len(comparison.columns)):
-            found.append(((a.item.file, b.item.file), column))
-    for (a, b), columns in group(found):
+            found[a.item.file, b.item.file].append(column)
+    for (a, b), columns in found.items():
         names = list_few(columns)
         yield f"{names} changed in gain or offset from {a} to its repeat {b}: another robot, or one that changed?"
 
@@ -385,7 +375,7 @@ def logs_of_other_robots(comparison: Comparison) -> Iterator[str]:
     """
     from scipy.spatial import KDTree
 
-    pairs, found = comparison.pairs, []
+    pairs, found = comparison.pairs, defaultdict[str, list[str]](list)  # column -> files
     reference, measured, nominal = (
         np.vstack([getattr(p, x) for p in pairs]) for x in ("reference", "measured", "nominal")
     )
@@ -403,8 +393,9 @@ def logs_of_other_robots(comparison: Comparison) -> Iterator[str]:
         close = np.isfinite(distance)
         if close.sum() >= 4 * LONG:  # fewer frames are one state, not like motion
             apart = np.abs(np.median(residual[mine[close]] - residual[others[nearest[close]]], axis=0))
-            found += [(comparison.columns[i], pair.item.file) for i in smooth if apart[i] > APART * motion[i]]
-    for column, files in group(found):
+            for i in (i for i in smooth if apart[i] > APART * motion[i]):
+                found[comparison.columns[i]].append(pair.item.file)
+    for column, files in found.items():
         place = f"{column} of {list_few(files)}"
         yield f"{place} differs from the other logs by more than its motion in like states: another robot?"
 
