@@ -20,7 +20,7 @@ from exodrake.core.plain import plain
 from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.diagnosis.closure import change_robot, measure
 from exodrake.diagnosis.discovery import law_code
-from exodrake.diagnosis.discovery.law_code import KNOTS, SIZE, WEIGHTS, LawPoint
+from exodrake.diagnosis.discovery.law_code import KNOTS, SEEN, SIZE, WEIGHTS, LawPoint
 from exodrake.diagnosis.fit import Explanation, linear_model, minimise, settle, whole_jacobian, without
 from exodrake.diagnosis.isolation import Isolation
 from exodrake.diagnosis.likelihood import SAMPLE, Likelihood
@@ -151,6 +151,13 @@ class LawFit:
         """Whether the law is the memory of a reading."""
         return self.candidate.form.kind in (HYSTERESIS, RELAXATION) and self.candidate.law.point.name in READINGS
 
+    @cached_property
+    def share(self) -> float:
+        """Share of the excess over noise that the law removes, the mean of the views with a gap that counts."""
+        before, left = (np.maximum(self.likelihood.chi2(e.residual) - 1.0, 0.0) for e in (self.base, self.explanation))
+        wide = before > self.likelihood.views[0].problem.negligible ** 2
+        return float(np.mean(1.0 - left[wide] / before[wide])) if wide.any() else 0.0
+
     @property
     def active(self) -> list[int]:
         """Positions of the channels that have the law."""
@@ -222,27 +229,20 @@ def discover(
     fits.sort(key=lambda fit: -fit.model.evidence(memory))
     base, likelihood = fits[0].base, fits[0].likelihood
     fits = [fit for fit in fits if fit.base is base]
-    before = np.maximum(likelihood.chi2(base.residual) - 1.0, 0.0)
-    wide = before > whole.negligible**2
-    after = [np.maximum(likelihood.chi2(fit.explanation.residual) - 1.0, 0.0) for fit in fits]
-    shares = [float(np.mean(1.0 - left[wide] / before[wide])) if wide.any() else 0.0 for left in after]
     # the memory of a reading imitates any cause: a law that removes as much, but for errors of laws, goes before it
-    causes = [k for k, share in enumerate(shares) if not fits[k].is_memory and share >= (1.0 - LAW) * shares[0]]
+    causes = [fit for fit in fits if not fit.is_memory and fit.share >= (1.0 - LAW) * fits[0].share]
     if fits[0].is_memory and causes:
-        fits.insert(0, fits.pop(causes[0]))
-        shares.insert(0, shares.pop(causes[0]))
-    others = tuple(
-        Runner(f.candidate.law.learned, f.candidate.form.words, s) for f, s in zip(fits, shares, strict=True)
-    )
-    best, memory, rest = fits[0], fits[0].model.memory, base.name if base.effects else "retuning"
+        fits.sort(key=lambda fit: fit is not causes[0])
+    others = tuple(Runner(f.candidate.law.learned, f.candidate.form.words, f.share) for f in fits)
+    best, share, memory, rest = fits[0], fits[0].share, fits[0].model.memory, base.name if base.effects else "retuning"
     gain = best.model.evidence(memory) - linear_model(likelihood, base).evidence(memory)
     # evidence exceeds exp(g) times that of no law with probability exp(-g) at most (Markov); any of those tried may
     p = float(min(1.0, tried[base.name] * len(SCALES) * np.exp(-gain)))
     if p > ALPHA:
         reason = f"no law takes up more than noise lets one (p = {p:.2g})"
         return MissingLaw(False, reason, p_noise=p, others=others)
-    if shares[0] < LARGE:
-        reason = f"the best law, {best.candidate.name}, removes only {percent(shares[0])} of what {rest} leaves"
+    if share < LARGE:
+        reason = f"the best law, {best.candidate.name}, removes only {percent(share)} of what {rest} leaves"
         return MissingLaw(False, reason, p_noise=p, others=others)
     progress(Stage.CLOSURE, best.candidate.name)
     for effect in best.explanation.effects:  # without those that no longer earn their place beside it
@@ -257,8 +257,8 @@ def discover(
         e = settle(on_whole, e, np.ones(e.nominal, dtype=bool))
     best = replace(best, explanation=e, likelihood=on_whole)
     candidate, robot, weights = best.candidate, best.explanation.robot, best.weights
-    rival = next((k for k, fit in enumerate(fits) if fit.candidate.law.block != candidate.law.block), None)
-    lead = 1.0 if rival is None else measure_lead(shares[0], shares[rival])
+    rival = next((one for one in others if one.id.split(".")[0] != candidate.law.block), None)
+    lead = 1.0 if rival is None else measure_lead(share, rival.share)
     watched = {"form": float(candidate.number), "low": candidate.low, "high": candidate.high}
     states = run_watches(whole, base.robot, {candidate.law.identity: watched})[candidate.law.identity]
     curves = draw_curves(best, np.array([states[c].sum(axis=0) for c in law_code.COUNTS]).T)
@@ -270,10 +270,10 @@ def discover(
     known = change_robot(found.whole, robot[index], problem.case.name)
     words, key = candidate.form.words, candidate.law.key
     return MissingLaw(
-        found=True, reason=f"a free law of {words} at {key} removes {percent(shares[0])} of what {rest} leaves",
+        found=True, reason=f"a free law of {words} at {key} removes {percent(share)} of what {rest} leaves",
         id=others[0].id, words=words, unit=candidate.form.unit,
         channels=tuple(name for name in (candidate.channels[i] for i in best.active) if name),
-        share=shares[0], p_noise=p, runner_up=None if rival is None else others[rival], lead=lead,
+        share=share, p_noise=p, runner_up=rival, lead=lead,
         distinguished=lead > LEAD, others=others, curves=curves,
         closure=measure(whole, [rows] * len(whole.judged)).effect, held_out=bool(whole.holdout),
         robot=law_code.robot_with(known, text, candidate.channels, candidate.knots, weights), text=text,
@@ -295,13 +295,14 @@ def run_watches(
 
     ends = np.zeros((len(problem.fit), 1, state_size(machine)))
     side_by_side([partial(problem.records, row[None], t, ends=end) for t, end in zip(problem.fit, ends, strict=True)])
-    widths: dict[tuple[str, str], int] = {}
-    for part in machine.parts:
-        for owner, states in ((part.name, part.states), *((e.id, e.states) for e in machine.effects_on(part))):
-            widths |= {(owner, s.name): machine.width(s.axis) * s.width for s in states}
-    places = stack(widths).items()
-    watches = {identity: f"{identity}_watch" for identity in settings}
-    return {law: {n: ends[:, 0, at] for (owner, n), at in places if owner == watch} for law, watch in watches.items()}
+    widths = {
+        (owner, s.name): machine.width(s.axis) * s.width
+        for part in machine.parts
+        for owner, states in ((part.name, part.states), *((e.id, e.states) for e in machine.effects_on(part)))
+        for s in states
+    }
+    places = stack(widths)
+    return {law: {name: ends[:, 0, places[f"{law}_watch", name]] for name in SEEN} for law in settings}
 
 
 def list_candidates(problem: Problem, values: np.ndarray, laws: Sequence[LawPoint]) -> list[Candidate]:
@@ -504,10 +505,9 @@ def find_formulas(fit: LawFit) -> dict[str, str]:
     modes, prior = fit.modes[active].ravel(), np.repeat(fit.scales[active], SIZE)
     penalty, back = float(np.log(fit.model.effective.sum())), np.linalg.inv(candidate.basis)
     volume = np.linalg.slogdet(np.eye(len(prior)) + reduced.normal * np.outer(prior, prior))[1]
-    free, texts, known = float(np.sum((modes / prior) ** 2) + volume), [], []
-    for text, values in find_terms(candidate):  # coordinates of each term in one active channel each (active, n)
-        texts.append(text)
-        known.append(block_diag(*(back @ values[channel] / candidate.size[channel] for channel in active)))
+    free, (texts, shapes) = float(np.sum((modes / prior) ** 2) + volume), zip(*find_terms(candidate), strict=True)
+    # coordinates of each term in one active channel each (active, n)
+    known = [block_diag(*(back @ shape[channel] / candidate.size[channel] for channel in active)) for shape in shapes]
 
     def solve(terms: list[int]) -> tuple[float, np.ndarray]:
         """Cost beyond that of the fit, and coefficients (terms of each active channel,)."""

@@ -14,7 +14,7 @@ from textwrap import wrap
 
 import numpy as np
 
-from exodrake.core.files import write_text
+from exodrake.core.files import write_folder
 from exodrake.engine.cache import cache_folder, once, write_if_different
 from exodrake.machines.robot_file import robot_text
 from exodrake.model.effect import Effect
@@ -154,19 +154,16 @@ def write_effect(
     filters = watch or own in advances
     states = ", ".join(kept)
     # of each point: bodies by form, and what it returns without one
-    cases: dict[str, dict[int, list[str]]] = {own: {}} | {point: {} for point in elsewhere}
+    cases: dict[str, dict[int, list[str]]] = {point: {} for point in (own, *elsewhere)}
     ends = dict.fromkeys(elsewhere, states) | {own: f"{value}, {states}" if filters else value}
     if watch:
         count = [f"{c} + inside(u, low, high, {i}.0, {BINS}.0)" for i, c in enumerate(COUNTS)]
         low, high = (f"u if started == 0.0 else {f}({end}, u)" for f, end in zip(("min", "max"), SEEN))
         seen = ", ".join([low, high, *count, "u", "1.0"])
-        for k, f in enumerate(law.forms, 1):
-            moves = f.moves and f.advances != own
-            cases[f.advances or own][k] = [f"u = place + {f.variable}" if moves else f"u = {f.variable}"]
-        cases[own][len(law.forms) + 1] = [f"u = {law.scale}"]
-        for point, bodies in cases.items():
-            for body in bodies.values():
-                body.append(f"return {value}, {seen}" if point == own else f"return {seen}")
+        variables = [(f.advances or own, f.variable, f.moves and f.advances != own) for f in law.forms]
+        for k, (point, variable, moves) in enumerate([*variables, (own, law.scale, False)], 1):
+            result = f"{value}, {seen}" if point == own else seen
+            cases[point][k] = [f"u = {'place + ' if moves else ''}{variable}", f"return {result}"]
     else:
         for k, f in enumerate(law.forms, 1):
             here = f.advances == own
@@ -308,8 +305,6 @@ def robot_with(robot: Robot, text: str, channels: Sequence[str], knots: np.ndarr
 
 def write_law(folder: Path, identity: str, text: str, robot: Robot, case: str) -> list[Path]:
     """Writes a plugin folder: `effects/NAME.py` and `robot.yaml`."""
-    module = folder / "effects" / f"{identity.replace('.', '_')}.py"
-    module.parent.mkdir(parents=True, exist_ok=True)
-    write_text(module, text)
-    write_text(folder / "robot.yaml", robot_text(robot, f"with a law found in {case} by exodrake diagnose"))
-    return [module, folder / "robot.yaml"]
+    module = f"effects/{identity.replace('.', '_')}.py"
+    named = robot_text(robot, f"with a law found in {case} by exodrake diagnose")
+    return write_folder(folder, {module: text.encode(), "robot.yaml": named.encode()})
