@@ -22,7 +22,7 @@ from exodrake.core.parallel import Outcome, each
 from exodrake.core.progress import Count, no_progress
 from exodrake.core.provenance import configuration, describe_configuration, robot_digest
 from exodrake.core.schema import anything, flag, having, listing, names, number, optional, quote, refusal, text
-from exodrake.data.case import Case, parse_date, read_case
+from exodrake.data.case import Case, moment, read_case
 from exodrake.machines.robot_file import load_robot
 
 ANSWER, FAILED = "diagnosis.json", "failed.json"
@@ -46,10 +46,9 @@ def check_word(value: Any, where: str) -> str:
 
 def check_moment(value: Any, where: str) -> datetime:
     """A date by ISO 8601, in UTC."""
-    found = parse_date(text()(value, where))
     try:
-        return found.astimezone(UTC)  # pyright: ignore[reportOptionalMemberAccess]
-    except (AttributeError, OverflowError):
+        return moment(value, where).astimezone(UTC)
+    except OverflowError:
         raise refusal(where, f"wanted a date as 2026-03-05, found {quote(value)}") from None
 
 
