@@ -24,9 +24,9 @@ import numpy as np
 import exodrake as exo
 from exodrake.core.files import write_bytes, write_text
 from exodrake.data.case import Case, CaseLog, write_case
-from exodrake.diagnosis.calibrate import healthy_robot
 from exodrake.diagnosis.fleet import read_answers, read_table, table_bytes
 from exodrake.diagnosis.many import FAILURE, diagnose_all
+from exodrake.model.robot import drawn_robot
 from exodrake.report.fleet import fleet_html
 from exodrake.simulation import protocols
 from exodrake.simulation.protocols import on_machine
@@ -40,7 +40,7 @@ LOGS, SECONDS = 2, 8.0  # of a case, and of a log
 def session_case(robot: int, session: int, sessions: int) -> Case:
     """A session of a robot; every third robot has a play that grows from 40 % of its sessions on."""
     nominal = exo.load_robot(MACHINE)
-    found, passed = healthy_robot(nominal, np.random.default_rng(robot)), session / sessions
+    found, passed = drawn_robot(nominal, np.random.default_rng(robot)), session / sessions
     if robot % 3 == 0 and passed > 0.4:
         found = found.splice(EFFECT, {PARAMETER: FIRST + GROWTH * (passed - 0.4) / 0.6})
     logs, date = [], START + timedelta(days=session)

@@ -12,9 +12,8 @@ import click
 import numpy as np
 
 from exodrake.core.errors import InputError
-from exodrake.diagnosis.calibrate import healthy_robot
 from exodrake.machines.robot_file import load_robot
-from exodrake.model.robot import Robot
+from exodrake.model.robot import Robot, drawn_robot
 from exodrake.monitor.alarm import MINUTE, SPAN, Alarm, judge, measure_noise, read_limits, read_work
 from exodrake.simulation.segments import list_channels
 from studies.page_text import share
@@ -54,7 +53,7 @@ def healthy(seed: int, robots: int, minutes: float) -> None:
     noise, hits = measure_noise(nominal), 0
     for k in range(robots):
         own = SPAN * seed + k
-        robot = healthy_robot(nominal, np.random.default_rng(own))
+        robot = drawn_robot(nominal, np.random.default_rng(own))
         alarm = first_alarm(nominal, robot, noise, own, minutes * MINUTE)
         hits += alarm is not None
         if alarm or k % 10 == 9:
@@ -74,7 +73,7 @@ def effects(seed: int, robots: int) -> None:
         early: list[Alarm] = []
         later: list[Alarm] = []
         for own in range(SPAN * seed + 100 * k, SPAN * seed + 100 * k + robots):
-            robot = healthy_robot(nominal, np.random.default_rng(own)).splice(effect.id)
+            robot = drawn_robot(nominal, np.random.default_rng(own)).splice(effect.id)
             if alarm := first_alarm(nominal, robot, noise, own, SOON * MINUTE):
                 early.append(alarm)
             elif alarm := first_alarm(nominal, robot, noise, own, LATE * MINUTE):

@@ -26,7 +26,7 @@ from exodrake.core.confidence import ALPHA, CONFIDENCE
 from exodrake.core.files import write_text
 from exodrake.core.plain import plain
 from exodrake.data.case import Case, CaseLog
-from exodrake.diagnosis.calibrate import healthy_robot
+from exodrake.model.robot import drawn_robot
 from exodrake.reference.cases import wander
 from exodrake.reference.make import record_log
 from exodrake.reference.robot import InjectedFault, RobotSpec, draw_parameters
@@ -88,7 +88,7 @@ EXO_KINDS = (
 def sheath_case(kind: Kind, seed: int) -> tuple[Case, exo.Robot, float]:
     """Sessions of a drawn sheath, its nominal robot, and the begin of the change [d]."""
     rng, nominal, logs = np.random.default_rng(seed), exo.load_robot("tendon_sheath"), []
-    begin, base = rng.uniform(EARLIEST, LATEST), healthy_robot(nominal, rng)
+    begin, base = rng.uniform(EARLIEST, LATEST), drawn_robot(nominal, rng)
     for k in range(SESSIONS):
         value = kind.value(float(k), begin)
         robot = base.splice(kind.effect, {kind.parameter: value}) if value else base

@@ -5,11 +5,11 @@ from functools import cache
 import numpy as np
 
 from exodrake.data.case import Case, CaseLog
-from exodrake.diagnosis.calibrate import healthy_robot
 from exodrake.diagnosis.pipeline import diagnose
 from exodrake.diagnosis.problem import make_problem
 from exodrake.engine.inputs import Reference
 from exodrake.machines.robot_file import load_robot
+from exodrake.model.robot import drawn_robot
 from exodrake.simulation import protocols
 from exodrake.simulation.simulate import simulate
 
@@ -34,7 +34,7 @@ def case_of(robot, seed=0, frames=FRAMES, name="case"):
 
 def robot_with(identity="", seed=0, **parameters):
     """A robot of the tolerances, healthy or with an effect."""
-    robot = healthy_robot(load_robot(), np.random.default_rng(seed))
+    robot = drawn_robot(load_robot(), np.random.default_rng(seed))
     return robot.splice(identity, parameters) if identity else robot
 
 

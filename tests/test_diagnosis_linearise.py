@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from diagnosis_cases import friction_problem
 
-from exodrake.diagnosis.calibrate import healthy_case, healthy_robot
+from exodrake.diagnosis.calibrate import healthy_case
 from exodrake.diagnosis.fit import Explanation
 from exodrake.diagnosis.likelihood import output_error
 from exodrake.diagnosis.linearise import PROBE, linearise, nominal_jacobian, probes, scaled_points
 from exodrake.diagnosis.parameter import Parameter, apply, effect_parameters, nominal_parameters
 from exodrake.machines.robot_file import load_robot, machine_folders
+from exodrake.model.robot import drawn_robot
 
 LAWS = {
     "relative": lambda base, x: base * (1.0 + x),
@@ -55,7 +56,7 @@ def test_effects_at_null_coordinates_leave_the_robot_as_it_is(name):
 
 def test_healthy_robots_differ_within_tolerance_and_have_no_effect(robot):
     assert [item.role for item in healthy_case(robot, 5).logs] == ["fit", "fit", "fit", "holdout"]
-    drawn = np.array([healthy_robot(robot, np.random.default_rng(seed)).values for seed in range(200)])
+    drawn = np.array([drawn_robot(robot, np.random.default_rng(seed)).values for seed in range(200)])
     parameters = nominal_parameters(robot)
     fitted = sorted(i for p in parameters for i in p.index)
     assert (np.delete(drawn, fitted, axis=1) == np.delete(robot.values, fitted)).all()

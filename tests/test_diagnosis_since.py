@@ -11,13 +11,13 @@ from scipy.stats import binomtest
 import exodrake as exo
 from exodrake.core.confidence import ALPHA
 from exodrake.data.case import Case, CaseLog
-from exodrake.diagnosis.calibrate import healthy_robot
 from exodrake.diagnosis.change_point import RAMP, STEP, Change, ChangePoint
 from exodrake.diagnosis.isolation import isolate
 from exodrake.diagnosis.problem import make_problem
 from exodrake.diagnosis.result import NAMED
 from exodrake.diagnosis.since import Series, Since, date_sessions, follow_sessions
 from exodrake.diagnosis.verdict import Decision, decide
+from exodrake.model.robot import drawn_robot
 from exodrake.report.diagnosis_html import render_report, since as since_section
 from exodrake.report.wording import since_words as words
 from exodrake.simulation import protocols
@@ -73,7 +73,7 @@ def answered(case, nominal) -> tuple[Since | None, Decision]:
 def sessions(effect, values, seed, machine="so101"):
     """Short logs of one robot, a session a day; values: of the effect's first parameter by session, None without it."""
     nominal = exo.load_robot(machine)
-    base, logs = healthy_robot(nominal, np.random.default_rng(seed)), []
+    base, logs = drawn_robot(nominal, np.random.default_rng(seed)), []
     name = nominal.machine.effect(effect).parameters[0].name
     for k, value in enumerate(values):
         robot = base if value is None else base.splice(effect, {name: value})

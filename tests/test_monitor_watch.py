@@ -21,8 +21,8 @@ from exodrake.data.formats import write_log
 from exodrake.data.formats.csv import write
 from exodrake.data.import_log import read_mapping
 from exodrake.data.log import Log
-from exodrake.diagnosis.calibrate import healthy_robot
 from exodrake.machines.position_servos import motor_machine
+from exodrake.model.robot import drawn_robot
 from exodrake.monitor.alarm import choose_limits, date_rise, draw_work, measure_noise, share_at_most
 from exodrake.monitor.display import draw_screen
 from exodrake.monitor.watcher import Grid, Monitor, Tail, follow
@@ -212,7 +212,7 @@ def test_injected_effects_raise_an_alarm_in_their_segment_and_healthy_robots_non
     """Injected effects, and none: in 20 minutes some 2 % of healthy robots raise an alarm, in a minute fewer."""
     noise = measure_noise(NOMINAL)
     without_alarm = [
-        first_alarm(NOMINAL, healthy_robot(NOMINAL, np.random.default_rng(k)), noise, k, 60.0) is None for k in range(8)
+        first_alarm(NOMINAL, drawn_robot(NOMINAL, np.random.default_rng(k)), noise, k, 60.0) is None for k in range(8)
     ]
     assert sum(without_alarm) >= 7
     for effect, segment in [
@@ -221,7 +221,7 @@ def test_injected_effects_raise_an_alarm_in_their_segment_and_healthy_robots_non
         ("tendon.slack", "tendon"),
         ("tendon.capstan_friction", "finger"),  # the sheath lies between cell and finger
     ]:
-        alarm = first_alarm(NOMINAL, healthy_robot(NOMINAL, np.random.default_rng(9)).splice(effect), noise, 9, 60.0)
+        alarm = first_alarm(NOMINAL, drawn_robot(NOMINAL, np.random.default_rng(9)).splice(effect), noise, 9, 60.0)
         assert alarm is not None and alarm.channel.segment == segment and alarm.gap > alarm.limit
 
 

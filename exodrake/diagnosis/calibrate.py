@@ -89,7 +89,7 @@ def simulated_robot(robot: str, case: Case | None, seed: int, number: int) -> Re
     nominal = nominal.with_parameters(case.robot, source=case.name) if case else nominal
     motion = case or healthy_case(nominal, int(rng.integers(SEEDS)))
     for _ in range(DRAWS):
-        drawn, effect = healthy_robot(nominal, rng), ""
+        drawn, effect = drawn_robot(nominal, rng), ""
         if number % EACH_HEALTHY:
             one = nominal.machine.effects[rng.integers(len(nominal.machine.effects))]
             drawn, effect = with_effect(drawn, one, rng), one.id
@@ -99,14 +99,9 @@ def simulated_robot(robot: str, case: Case | None, seed: int, number: int) -> Re
     return record(diagnose(logs, nominal), drawn, effect)
 
 
-def healthy_robot(robot: Robot, rng: np.random.Generator) -> Robot:
-    """The robot with each parameter that has a tolerance drawn anew, normal and clipped to its largest deviation."""
-    return replace(drawn_robot(robot, rng), source="healthy")
-
-
 def healthy_case(nominal: Robot, seed: int) -> Case:
     """Logs of a healthy robot: short sweeps, a chirp and holds to fit, random motion held out."""
-    robot = healthy_robot(nominal, np.random.default_rng(seed))
+    robot = drawn_robot(nominal, np.random.default_rng(seed))
     plan = {
         "sweeps": protocols.short_sweeps(nominal),
         "chirp": protocols.chirp(nominal),
