@@ -116,30 +116,29 @@ def test_healthy_robot_has_no_tremor(robot):
 
 
 def test_line_in_every_log_is_distinguished_from_noise(robot):
-    problem = make_problem(case_of(robot, 3, frames=200), robot)
-    rng = np.random.default_rng(2)
-    columns, time = len(problem.columns), np.arange(2000) * robot.machine.frame
+    rng, columns, frame = np.random.default_rng(2), 12, robot.machine.frame
+    time = np.arange(2000) * frame
     consistent = [rng.standard_normal((2000, columns)) for _ in range(3)]
-    assert not find_peak(problem, consistent).certain
+    assert not find_peak(consistent, frame).certain
     with_peak = [log + 2.0 * np.sin(2 * np.pi * 6.3 * time + k)[:, None] for k, log in enumerate(consistent)]
-    found = find_peak(problem, with_peak)
+    found = find_peak(with_peak, frame)
     assert found.certain and found.frequency == pytest.approx(6.3, abs=0.05)
     assert found.power == pytest.approx(np.full(columns, 2.0), rel=0.2)  # a^2 / 2 of a sine
-    assert not find_peak(problem, [consistent[0], consistent[1], with_peak[2]]).certain  # in one log only: no tremor
+    assert not find_peak([consistent[0], consistent[1], with_peak[2]], frame).certain  # in one log only: no tremor
 
 
 @pytest.mark.parametrize(("frequency", "rate"), [(6.3, 0.0), (6.3, 0.5), (6.3, 2.0), (1.6, 0.5)])
 def test_rate_of_a_wandering_phase_is_recovered(robot, frequency, rate):
     """Six logs of 60 s: the estimate of a rate of 2 rad^2/s scatters by 10 %."""
     rng, frame = np.random.default_rng(5), robot.machine.frame
-    problem, time = make_problem(case_of(robot, 3, frames=100), robot), np.arange(3000) * frame
+    time = np.arange(3000) * frame
     logs = []
     for _ in range(6):
         phase = np.cumsum(np.sqrt(rate * frame) * rng.standard_normal(3000))
         logs.append(
             10.0 * np.sin(2 * np.pi * frequency * time + phase)[:, None] + rng.standard_normal((3000, 2)) * [1.0, 0.1]
         )
-    found = phase_rate(problem, logs, Peak(frequency + 0.05, np.array([50.0, 49.0]), 10.0, 1.0))
+    found = phase_rate(logs, Peak(frequency + 0.05, np.array([50.0, 49.0]), 10.0, 1.0), frame)
     assert found == pytest.approx(rate, rel=0.3, abs=0.1)
 
 
@@ -161,8 +160,7 @@ def test_drawn_tremor_is_as_strong_as_the_simulated_one_and_repeats_no_phase(rob
 
 def test_slow_bursts_are_no_tremor(robot):
     """A line at 0.9 Hz, whose shoulder reaches into the range of tremors."""
-    problem = make_problem(case_of(robot, 3, frames=200), robot)
     rng, time = np.random.default_rng(2), np.arange(2000) * robot.machine.frame
     wave = 3.0 * np.sin(2 * np.pi * 0.9 * time + 0.2 * np.cumsum(rng.standard_normal(2000)))[:, None]
-    found = find_peak(problem, [rng.standard_normal((2000, len(problem.columns))) + wave for _ in range(3)])
+    found = find_peak([rng.standard_normal((2000, 12)) + wave for _ in range(3)], robot.machine.frame)
     assert found.prominence > PROMINENT and not found.certain

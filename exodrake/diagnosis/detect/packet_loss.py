@@ -66,8 +66,7 @@ def detect(problem: Problem, effect: Effect, values: np.ndarray) -> Problem:
     absent = replace(problem, tried=problem.tried - {effect.id})
     if not needed or any(np.sum(kinds == kind) < max(machine.column_width(kind), 1) for kind in needed):
         return absent
-    noise = float(np.median(problem.noise_std[kinds == needed[1]]))
-    noise = sensor_noise_std(problem.robot).get(needed[1], noise)
+    noise = sensor_noise_std(problem.robot).get(needed[1], float(np.median(problem.noise_std[kinds == needed[1]])))
     trials, count, share = (*problem.fit, *problem.holdout), len(problem.fit), (0.0, 0.0, 0.0)
     drives = [Drive(machine, nominal, [t.measured[:, kinds == kind] for kind in needed], noise) for t in trials]
     decoded = [drive.decode() for drive in drives]

@@ -57,14 +57,14 @@ def detect(problem: Problem, effect: Effect, values: np.ndarray) -> Problem:
     """
     machine = problem.robot.machine
     left = by_trial(problem.residual(values[None], problem.fit)[0], problem.fit)
-    peak = find_peak(problem, left)
+    peak = find_peak(left, machine.frame)
     problem = replace(problem, tried=problem.tried - {effect.id})
     if not peak.certain:
         return problem
     centres = [k * peak.frequency for k in range(1, OVERTONES + 1)]  # those up to the highest that a log shows
     bands = tuple((max(f - NOTCHED, SLOWEST), f + NOTCHED) for f in centres if f + ASIDE < 0.5 / machine.frame)
     torques = [*machine.effect_indices(effect.id, effect.parameters[0].name).values()]
-    noise = partial(draw_phase, torques, bands, phase_rate(problem, left, peak))
+    noise = partial(draw_phase, torques, bands, phase_rate(left, peak, machine.frame))
     detection = replace(fit_torques(problem, effect, values, peak), noise=noise)
     return replace(problem.without(bands), detected=(*problem.detected, detection))
 
@@ -89,14 +89,13 @@ def draw_phase(
     return np.real(hilbert(line, axis=0) * (np.exp(1j * phase) - 1.0)[:, None])
 
 
-def phase_rate(problem: Problem, logs: list[np.ndarray], peak: Peak) -> float:
-    """Rate of the variance of a line's phase [rad^2/s], from the strongest column of logs (n, columns)."""
+def phase_rate(logs: list[np.ndarray], peak: Peak, frame: float) -> float:
+    """Rate of a phase's variance [rad^2/s], by the strongest column of logs (n, columns), rows `frame` [s] apart."""
     from scipy.signal import hilbert
 
-    frame, column = problem.robot.machine.frame, int(np.argmax(peak.power))
     band = ((max(peak.frequency - ASIDE, SLOWEST), peak.frequency + ASIDE),)
     lag, turns = round(LAG / frame), []
-    for signal in (log[:, [column]] for log in logs):
+    for signal in (log[:, [np.argmax(peak.power)]] for log in logs):
         line = np.asarray(hilbert((signal - outside(band, signal, frame))[:, 0]))
         unit = line / np.maximum(np.abs(line), 1e-12)
         turns.append(unit[lag:] * np.conj(unit[:-lag]))
@@ -104,13 +103,13 @@ def phase_rate(problem: Problem, logs: list[np.ndarray], peak: Peak) -> float:
     return -2.0 * float(np.log(max(coherence, LEAST))) / LAG
 
 
-def find_peak(problem: Problem, logs: list[np.ndarray]) -> Peak:
-    """The most prominent peak in residuals (n, columns) [noise_std] of several logs.
+def find_peak(logs: list[np.ndarray], frame: float) -> Peak:
+    """The most prominent peak in residuals (n, columns) [noise_std] of logs, rows `frame` [s] apart.
 
     Logs shorter than a window have no fine spectrum: they are left out where others are longer.
     """
-    logs = [log for log in logs if len(log) >= round(WINDOW / problem.robot.machine.frame)] or logs
-    frequency, densities = compute_spectra(problem, logs)
+    logs = [log for log in logs if len(log) >= round(WINDOW / frame)] or logs
+    frequency, densities = compute_spectra(logs, frame)
     sums = densities.sum(axis=2)
     sought = frequency[(frequency >= LOWEST) & (frequency <= min(HIGHEST, frequency[-1] - ASIDE))]
     if not len(sought):
@@ -126,14 +125,13 @@ def find_peak(problem: Problem, logs: list[np.ndarray]) -> Peak:
     return Peak(centre, power, float(np.max(prominences)), float(each.min() / max(each.mean(), 1e-12)))
 
 
-def compute_spectra(problem: Problem, logs: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+def compute_spectra(logs: Sequence[np.ndarray], frame: float) -> tuple[np.ndarray, np.ndarray]:
     """Frequencies (f,) [Hz] and power densities (logs, f, columns) [noise variance/Hz] of logs (n, columns).
 
-    Windows are as long as the shortest log at most.
+    Windows are as long as the shortest log at most. frame: time between rows [s].
     """
     from scipy.signal import welch
 
-    frame = problem.robot.machine.frame
     size = min(round(WINDOW / frame), *(len(log) for log in logs))
     found = [welch(log, 1.0 / frame, nperseg=size, axis=0) for log in logs]
     return found[0][0], np.array([density for _, density in found])
@@ -158,7 +156,7 @@ def fit_torques(problem: Problem, effect: Effect, values: np.ndarray, peak: Peak
     alone[:, joints] *= np.eye(len(joints))
     rows = np.array([values, *(apply(values, parameters, row) for row in alone)])
     logs = problem.predict(rows, problem.fit[0]) / problem.noise_std
-    frequencies, densities = compute_spectra(problem, logs[1:] - logs[0])
+    frequencies, densities = compute_spectra(logs[1:] - logs[0], problem.robot.machine.frame)
     unit, scale = sum_band(frequencies, densities, peak.frequency), np.sqrt(peak.power + 1e-3)
     shares, _ = nnls(unit.T / scale[:, None], peak.power / scale)  # a power is known the better the smaller it is
     x[joints] *= np.sqrt(shares)
