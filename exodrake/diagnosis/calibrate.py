@@ -166,15 +166,10 @@ def record(answer: Diagnosis, true: Robot, effect: str) -> Record:
         for channel, interval in intervals.items():
             if channel in values and np.isfinite([values[channel], interval.low, interval.high]).all():
                 covered.append(bool(interval.low <= values[channel] <= interval.high))
-    in_class = bool(stood & alike(true, effect))
+    known, others = true.machine.effect(effect), true.machine.effects
+    laws = {e.id for e in others if e.family and (e.family, e.block) == (known.family, known.block)}
+    in_class = bool(stood & {effect, *laws})
     return Record(effect, answer.verdict, named, in_class, len(causes), tuple(covered), answer.run_time)
-
-
-def alike(robot: Robot, effect: str) -> set[str]:
-    """Ids of an effect and of the other laws of its family and block."""
-    known = robot.machine.effect(effect)
-    laws = (e for e in robot.machine.effects if e.family and (e.family, e.block) == (known.family, known.block))
-    return {effect} | {e.id for e in laws}
 
 
 def count_rates(records: Sequence[Record]) -> dict[str, tuple[int, int]]:
