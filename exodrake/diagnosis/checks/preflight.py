@@ -148,8 +148,8 @@ def preflight(
     problem = make_problem(case, robot, tried)
     robot, comparison = problem.stated, compare(case, problem.stated)
     place = Path(path) if Path(path).is_dir() else Path(path).parent
-    recorded = [(read_table(place / item.file), item.file) for item in case.logs]  # before their clocks are mended
-    clocks = tuple(judge_clock(log, file, machine.frame) for log, file in recorded)
+    # as recorded, before they are mended
+    clocks = tuple(judge_clock(read_table(place / item.file), item.file, machine.frame) for item in case.logs)
     channels, logs = [], [pair.item.log for pair in comparison.pairs]
     whole = [~np.isnan(np.column_stack(list(log.signals.values()))).all(axis=1) for log in logs]
     for i, column in enumerate(comparison.columns):
