@@ -335,7 +335,7 @@ def list_candidates(problem: Problem, values: np.ndarray, laws: Sequence[LawPoin
             knots = (near * np.sinh(np.linspace(np.arcsinh(low / near), np.arcsinh((low + span) / near), SIZE))).T
         else:
             knots = np.linspace(low, low + span, SIZE).T
-        if form.kind != RELAXATION and form.factor not in ("", "-1.0") and form.factor.isidentifier():
+        if form.kind != RELAXATION and form.factor.isidentifier():
             size = np.ones(len(size))
         # modes of the prior of the weights: smooth curves (a Gaussian process), or independent elements
         basis = np.eye(SIZE)[:, [1, 3, 5, 7, 0, 2, 4, 6]]
