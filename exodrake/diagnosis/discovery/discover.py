@@ -507,7 +507,7 @@ def find_formulas(fit: LawFit) -> dict[str, str]:
     volume = np.linalg.slogdet(np.eye(len(prior)) + reduced.normal * np.outer(prior, prior))[1]
     free, (texts, shapes) = float(np.sum((modes / prior) ** 2) + volume), zip(*find_terms(candidate), strict=True)
     # coordinates of each term in one active channel each (active, n)
-    known = [block_diag(*(back @ shape[channel] / candidate.size[channel] for channel in active)) for shape in shapes]
+    known = [np.asarray(block_diag(*(back @ shape[c] / candidate.size[c] for c in active))) for shape in shapes]
 
     def solve(terms: list[int]) -> tuple[float, np.ndarray]:
         """Cost beyond that of the fit, and coefficients (terms of each active channel,)."""
