@@ -104,7 +104,7 @@ def exo_case(kind: Kind, seed: int) -> tuple[Case, exo.Robot, float]:
     rng, logs = np.random.default_rng(seed), []
     begin, parameters = rng.uniform(EARLIEST, LATEST), draw_parameters(rng)
     for k in range(SESSIONS):
-        fault = InjectedFault(kind.effect, wires=("AF",), parameters={kind.parameter: kind.value(float(k), begin)})
+        fault = InjectedFault(kind.effect, ("AF",), parameters={kind.parameter: kind.value(float(k), begin)})
         motion = wander(rng, EXO_SHARE)
         log = record_log(RobotSpec(parameters, (fault,)), motion, [seed, k], f"{k}.csv")
         logs.append(CaseLog(log, "random", "fit", None, f"{k}.csv", START + timedelta(days=k)))

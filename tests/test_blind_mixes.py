@@ -26,7 +26,7 @@ def test_the_standard_set_of_a_seed_stays_as_published():
         ("pair", ("finger.gravity", "mocap.offset")),
     ]
     drawn = draw_case(plans[0]).spec
-    assert drawn.effects[0].wires == ("MF",) and drawn.effects[0].parameters["force"] == 0.31990629345935506
+    assert drawn.effects[0].channels == ("MF",) and drawn.effects[0].parameters["force"] == 0.31990629345935506
     assert drawn.parameters["torque_constant"][0] == 0.011930148684987495
     assert plan(611221, 200, *MIXES.values())[:200] == [replace(item, name=f"case_0{item.name[5:]}") for item in plans]
 
@@ -68,7 +68,7 @@ def test_small_effects_leave_a_gap_of_two_to_four_noise_standard_deviations(shor
     planned = CasePlan("case", (3, 1), "single", (effect,), False, MIXES["small"])
     _, label = case_and_label(planned)
     (line,) = label["effects"]
-    fault = InjectedFault(effect, tuple(line["wires"]), tuple(line["joints"]), line["parameters"])
+    fault = InjectedFault(effect, (*line["wires"], *line["joints"]), line["parameters"])
     drawn = draw_case(planned)
     robots = (replace(drawn.spec, effects=effects, noisy=False) for effects in ((fault,), ()))
     gap = max(gap_in_noise(*(simulate(robot, drawn.protocols["grasps"], 0) for robot in robots)).values())
@@ -118,7 +118,7 @@ def test_weaker_effects_lie_on_the_way_to_the_null_value_and_an_unknown_mix_is_r
     assert [weaken(fault, 0.25).parameters for fault in (garment, loop, sheath)] == [
         {"stiffness": 4000.0}, {"factor": pytest.approx(0.8)}, {"coefficient": 2.0},
     ]  # fmt: skip
-    assert weaken(sheath, 0.25).wires == ("AF",) and weaken(sheath, 1.0) == sheath
+    assert weaken(sheath, 0.25).channels == ("AF",) and weaken(sheath, 1.0) == sheath
     result = run("blind", "make", "--seed", 8, "--cases", 1, "--out", tmp_path / "set", "--mix", "smal")
     assert result.exit_code == 2 and "no case mix 'smal'; did you mean small?" in result.output
     assert not list(tmp_path.iterdir())

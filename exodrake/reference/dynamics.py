@@ -89,24 +89,20 @@ def inverse_dynamics(p, sine, cosine, turn, spin, base_x, base_y):
 
     The base is the distal and dorsal acceleration of the first joint [m/s2]; minus gravity for a finger with weight.
     """
-    mass, centre, length, unit = p.mass, p.centre, p.length, p.unit_inertia
-    x0, y0 = swing(sine[0], cosine[0], turn[0], spin[0])
-    x1, y1 = swing(sine[1], cosine[1], turn[1], spin[1])
-    x2, y2 = swing(sine[2], cosine[2], turn[2], spin[2])
-    second_x, second_y = base_x + length[0] * x0, base_y + length[0] * y0
-    third_x, third_y = second_x + length[1] * x1, second_y + length[1] * y1
-    force_x0, force_y0 = mass[0] * (base_x + centre[0] * x0), mass[0] * (base_y + centre[0] * y0)
-    force_x1, force_y1 = mass[1] * (second_x + centre[1] * x1), mass[1] * (second_y + centre[1] * y1)
-    force_x2, force_y2 = mass[2] * (third_x + centre[2] * x2), mass[2] * (third_y + centre[2] * y2)
-    # across each phalanx: its own force, and that of the phalanges beyond
-    own0, own1 = sine[0] * force_x0 + cosine[0] * force_y0, sine[1] * force_x1 + cosine[1] * force_y1
-    own2, beyond1 = sine[2] * force_x2 + cosine[2] * force_y2, sine[1] * force_x2 + cosine[1] * force_y2
-    beyond0 = sine[0] * (force_x1 + force_x2) + cosine[0] * (force_y1 + force_y2)
-    third = mass[2] * (unit[2] - centre[2] * centre[2]) * spin[2] - centre[2] * own2
-    second = third + mass[1] * (unit[1] - centre[1] * centre[1]) * spin[1]
-    second -= centre[1] * own1 + length[1] * beyond1
-    first = second + mass[0] * (unit[0] - centre[0] * centre[0]) * spin[0]
-    return first - (centre[0] * own0 + length[0] * beyond0), second, third
+    x, y, force_x, force_y = base_x, base_y, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    for i in range(3):  # accelerations, outwards
+        swing_x, swing_y = swing(sine[i], cosine[i], turn[i], spin[i])
+        force_x = force_x[1], force_x[2], p.mass[i] * (x + p.centre[i] * swing_x)
+        force_y = force_y[1], force_y[2], p.mass[i] * (y + p.centre[i] * swing_y)
+        x, y = x + p.length[i] * swing_x, y + p.length[i] * swing_y
+    torque, beyond_x, beyond_y, torques = 0.0, 0.0, 0.0, (0.0, 0.0, 0.0)
+    for i in (2, 1, 0):  # torques, inwards: the phalanx's own force, and that of the phalanges beyond
+        torque += p.mass[i] * (p.unit_inertia[i] - p.centre[i] * p.centre[i]) * spin[i]
+        own, beyond = sine[i] * force_x[i] + cosine[i] * force_y[i], sine[i] * beyond_x + cosine[i] * beyond_y
+        torque -= p.centre[i] * own + p.length[i] * beyond
+        beyond_x, beyond_y = beyond_x + force_x[i], beyond_y + force_y[i]
+        torques = torque, torques[0], torques[1]
+    return torques
 
 
 @njit(cache=True)

@@ -258,8 +258,8 @@ WITHOUT_STRENGTH = tuple(name for name, entry in LIBRARY.items() if entry.null i
 
 def inject(build, effect: InjectedFault, rng: np.random.Generator) -> None:
     """Write an effect into a robot that is being assembled (`simulator.Build`)."""
-    write, channels = ENTRIES[effect.id].inject, [WIRES.index(name) for name in effect.wires]
-    where = channels or [JOINTS.index(name) for name in effect.joints] or [0, 1, 2]
+    write, place = ENTRIES[effect.id].inject, {name: i for names in (WIRES, JOINTS) for i, name in enumerate(names)}
+    where = [place[name] for name in effect.channels] or [0, 1, 2]
     if not isinstance(write, dict):
         return write(build, where, effect.parameters, rng)
     for name, parameter in write.items():
@@ -295,9 +295,7 @@ def draw_effect(effect_id: str, rng: np.random.Generator) -> InjectedFault:
         parameters["frames"] = float(rng.integers(1, 4))
     if effect_id == "finger.stiffness" and 0.85 < parameters["factor"] < 1.18:
         parameters["factor"] *= 1.35
-    names = {"wire": WIRES, "joint": JOINTS, "one joint": JOINTS[:2]}.get(entry.seat, ())
-    chosen = tuple(names)
-    if entry.seat == "one joint" or (names and rng.random() < ONE_ONLY):
-        chosen = (str(rng.choice(names)),)
-    wires, joints = (chosen, ()) if entry.seat == "wire" else ((), chosen)
-    return InjectedFault(effect_id, wires, joints, parameters)
+    channels = {"wire": WIRES, "joint": JOINTS, "one joint": JOINTS[:2]}.get(entry.seat, ())
+    if entry.seat == "one joint" or (channels and rng.random() < ONE_ONLY):
+        channels = (str(rng.choice(channels)),)
+    return InjectedFault(effect_id, channels, parameters)

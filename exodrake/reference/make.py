@@ -87,7 +87,7 @@ def make_label(plan: CasePlan, case: DrawnCase, each: list[float], whole: Gaps) 
     effects = []
     for effect, gap in zip(case.spec.effects, each):
         entry, blocks = ENTRIES[effect.id], find_blocks(effect.id)
-        channels = (*effect.wires, *effect.joints, *entry.channels)
+        channels = (*effect.channels, *entry.channels)
         seats = {key: [c for c in channels if c in names] for key, names in (("wires", WIRES), ("joints", JOINTS))}
         label = {"id": effect.id, "block": blocks[0], "blocks": list(blocks), **seats}
         effects.append(label | {"parameters": effect.parameters, "exact": entry.exact, "gap": gap})

@@ -61,8 +61,7 @@ class InjectedFault:
     """One effect in a robot: wires or joints that it sits on (none for all), parameters by effects.md's names [SI]."""
 
     id: str
-    wires: tuple[str, ...] = ()
-    joints: tuple[str, ...] = ()
+    channels: tuple[str, ...] = ()
     parameters: dict[str, float] = field(default_factory=dict)
 
 
