@@ -78,20 +78,15 @@ ROBOT = np.dtype(
 
 
 @njit(cache=True)
-def swing(sine, cosine, turn, spin):
-    """Second derivative of a phalanx's direction [1/s2]; turn [rad/s] and spin [rad/s2] are absolute."""
-    return -spin * sine - turn * turn * cosine, -spin * cosine + turn * turn * sine
-
-
-@njit(cache=True)
 def inverse_dynamics(p, sine, cosine, turn, spin, base_x, base_y):
     """Joint torques [N m] of a motion: sines and cosines of absolute angles, their rates and accelerations (3,) each.
 
     The base is the distal and dorsal acceleration of the first joint [m/s2]; minus gravity for a finger with weight.
     """
     x, y, force_x, force_y = base_x, base_y, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-    for i in range(3):  # accelerations, outwards
-        swing_x, swing_y = swing(sine[i], cosine[i], turn[i], spin[i])
+    for i in range(3):  # accelerations, outwards, by the second derivative of each phalanx's direction [1/s2]
+        swing_x = -spin[i] * sine[i] - turn[i] * turn[i] * cosine[i]
+        swing_y = -spin[i] * cosine[i] + turn[i] * turn[i] * sine[i]
         force_x = force_x[1], force_x[2], p.mass[i] * (x + p.centre[i] * swing_x)
         force_y = force_y[1], force_y[2], p.mass[i] * (y + p.centre[i] * swing_y)
         x, y = x + p.length[i] * swing_x, y + p.length[i] * swing_y
@@ -239,26 +234,6 @@ def through_sheath(p, y, dy, wire, tension, taken, speed):
     return max(0.0, tension - loss)
 
 
-@njit(cache=True)
-def at_pulley(p, y, wire, tension):
-    """Friction of the sensing pulley in the wire [N], against which the motor pulls.
-
-    The pulley turns on a plain bearing: the friction is proportional to the load, alike both ways.
-    """
-    return limit_force(y[PULLEY + wire], 0.5 * FULL_TURN * p.pulley[wire] * tension)
-
-
-@njit(cache=True)
-def at_cell(p, y, dy, wire, tension, spool_speed):
-    """Load on the cell [N]: the mean of the pulley's two strands, of which the farther one has the wire's tension."""
-    if p.pulley[wire] == 0.0:
-        return tension
-    friction = 0.5 * FULL_TURN * p.pulley[wire]
-    stiffness = friction * TYPICAL_LOAD / p.pulley_travel[wire]
-    dy[PULLEY + wire] = rub_rate(y[PULLEY + wire], spool_speed, tension, friction * tension, stiffness)
-    return tension + 0.5 * at_pulley(p, y, wire, tension)
-
-
 SINH_RATE = 1.6  # 1/rad, bends the exponential hardening away from a cubic [A]
 
 
@@ -388,28 +363,31 @@ def wires(p, y, dy, u, command, torque, arms):
     """All three wires with their motors and cells; adds P^T T to the joint torques."""
     sine = (sin(y[ANGLE]), sin(y[ANGLE + 1]), sin(y[ANGLE + 2]))
     cosine = (cos(y[ANGLE]), cos(y[ANGLE + 1]), cos(y[ANGLE + 2]))
-    first, second, first_speed, second_speed = 0.0, 0.0, 0.0, 0.0
+    pulls, speeds = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)  # at the finger
     for wire in range(3):
         taken = route(p, y, u, wire, sine, cosine, arms)
         speed = arms[wire, 0] * y[RATE] + arms[wire, 1] * y[RATE + 1] + arms[wire, 2] * y[RATE + 2]
         tension, radius = pull(p, y, dy, u, wire, taken)
-        spool_speed = motor(p, y, dy, u, wire, command[wire], tension + at_pulley(p, y, wire, tension), radius)
-        load = at_cell(p, y, dy, wire, tension, spool_speed)
+        # of the sensing pulley, on a plain bearing: friction proportional to the load, against which the motor pulls
+        friction = 0.5 * FULL_TURN * p.pulley[wire]
+        drag = limit_force(y[PULLEY + wire], friction * tension)
+        spool_speed = motor(p, y, dy, u, wire, command[wire], tension + drag, radius)
+        if p.pulley[wire] != 0.0:
+            stiffness = friction * TYPICAL_LOAD / p.pulley_travel[wire]
+            dy[PULLEY + wire] = rub_rate(y[PULLEY + wire], spool_speed, tension, friction * tension, stiffness)
+        load = tension + 0.5 * drag  # on the cell: the mean of the pulley's strands, the farther one at `tension`
         if p.cell_lag[wire] > 0.0:  # a slow filter has two poles instead of one
             tau = 0.5 * p.cell_lag[wire]
             dy[CELL_SECOND + wire] = (load - y[CELL_SECOND + wire]) / tau
             dy[CELL + wire] = (y[CELL_SECOND + wire] - y[CELL + wire]) / tau
         else:
             dy[CELL + wire] = (load - y[CELL + wire]) / p.tau_cell
-        at_finger = through_sheath(p, y, dy, wire, tension, taken, speed)
-        if wire == 0:
-            first, first_speed = at_finger, speed
-        elif wire == 1:
-            second, second_speed = at_finger, speed
+        pulls = pulls[1], pulls[2], through_sheath(p, y, dy, wire, tension, taken, speed)
+        speeds = speeds[1], speeds[2], speed
         for joint in range(3):
-            torque[joint] += arms[wire, joint] * at_finger
+            torque[joint] += arms[wire, joint] * pulls[2]
     if p.rub > 0.0:
-        rubbed = p.rub * min(first, second) * np.tanh((first_speed - second_speed) / 2e-3)
+        rubbed = p.rub * min(pulls[0], pulls[1]) * np.tanh((speeds[0] - speeds[1]) / 2e-3)
         for joint in range(3):
             torque[joint] += rubbed * (arms[1, joint] - arms[0, joint])
 

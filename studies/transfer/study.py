@@ -128,9 +128,7 @@ def withheld(name: str, label: Mapping[str, Any]) -> RobotSpec:
     for effect in label["effects"]:
         if effect["id"] not in ENTRIES:
             raise InputError(f"{name}: the reference simulator knows no fault {effect['id']!r}")
-    effects = (
-        InjectedFault(e["id"], (*e["wires"], *e["joints"]), dict(e["parameters"])) for e in label["effects"]
-    )
+    effects = (InjectedFault(e["id"], (*e["wires"], *e["joints"]), dict(e["parameters"])) for e in label["effects"])
     return RobotSpec({key: np.asarray(value) for key, value in label["numbers"].items()}, tuple(effects))
 
 
