@@ -27,7 +27,7 @@ from exodrake.core.errors import InputError, argument, nearest
 from exodrake.diagrams.exo_index import add_exo_index
 from exodrake.engine.inputs import NoiseInputs, Reference, input_rows, prepare_values, stack
 from exodrake.machines.exo_index.machine import PARTS
-from exodrake.model.machine import Machine, find_places
+from exodrake.model.machine import find_places
 from exodrake.model.robot import Robot
 from exodrake.systems.part import Cloneable, MachinePart, NamedParameter, PartSystem
 from exodrake.systems.sources import Noise, Playback, RobotDraw
@@ -79,7 +79,8 @@ def run_diagram(
     diagram = RobotDiagram(replace(robot, values=values), rows, None, True, substeps)
     simulator = Simulator(diagram)
     simulator.AdvanceTo(machine.frame * len(reference.values))
-    return read_signals(machine, diagram, simulator.get_context())
+    found = logged_signals(diagram, simulator.get_context())
+    return np.hstack([found[signal.name] for signal in machine.signals])
 
 
 class RobotDiagram(Cloneable, Diagram):
@@ -111,12 +112,11 @@ class RobotDiagram(Cloneable, Diagram):
             raise InputError(f"two systems are named {max(names, key=names.count)!r}")
         replaced = {part.name: own.pop(part.name) for part in machine.parts if part.name in own}
         if machine.parts == PARTS:
-            parts = add_exo_index(builder, robot, substeps, **replaced)._asdict()
+            parts, added = add_exo_index(builder, robot, substeps, **replaced)._asdict(), own
         else:
             parts = {p.name: replaced.get(p.name) or MachinePart(robot, p.name, substeps) for p in machine.parts}
-            for name, system in parts.items():
-                builder.AddNamedSystem(name, system)
-        for name, system in own.items():
+            added = parts | own
+        for name, system in added.items():
             builder.AddNamedSystem(name, system)
         if rows:
             builder.AddNamedSystem("reference", Playback(rows, machine.frame, 0.125 * machine.slot))
@@ -163,8 +163,8 @@ class RobotDiagram(Cloneable, Diagram):
                 builder.ExportInput(port, name)
                 exported.add(name)
         # the log: a row of the signals that something writes, and of what systems of one's own show
-        names = [*(name for name in machine.signal if name in ports), *(n for n in ports if n not in machine.signal)]
-        names = [n for n in names if n in machine.signal or not isinstance(ports[n].get_system(), PartSystem)]
+        names = [name for name in machine.signal if name in ports]
+        names += [n for n in ports if n not in machine.signal and not isinstance(ports[n].get_system(), PartSystem)]
         sizes = [ports[name].size() for name in names]
         signals = builder.AddNamedSystem("signals", Multiplexer(sizes))
         log = builder.AddNamedSystem("log", VectorLogSink(sum(sizes), machine.frame))
@@ -222,19 +222,9 @@ def logged_signals(diagram: Diagram, context: Context) -> dict[str, np.ndarray]:
 
 def check_diagram(diagram: Diagram) -> RobotDiagram:
     """A Diagram from `build_diagram`. TypeError for any other."""
-    argument("diagram", diagram, Diagram)
-    if not isinstance(diagram, RobotDiagram):
+    if not isinstance(argument("diagram", diagram, Diagram), RobotDiagram):
         raise TypeError("diagram: wanted one from build_diagram, whose log has a column for each signal")
     return diagram
-
-
-def read_signals(machine: Machine, diagram: Diagram, context: Context) -> np.ndarray:
-    """All signals (rows, channels) [SI] of the machine side by side; arguments as in `logged_signals`.
-
-    Signals from outside are missing where they are input ports of the Diagram.
-    """
-    found = logged_signals(diagram, context)
-    return np.hstack([found[signal.name] for signal in machine.signals if signal.name in found])
 
 
 def find_parameter(diagram: Diagram, name: str) -> NamedParameter:
