@@ -243,11 +243,8 @@ def compute_shares(cases: Sequence[Answered]) -> dict[str, Share]:
     def seats(case: Answered, key: str) -> set[str]:
         return {seat for truth in case.truths for seat in truth[key]}
 
-    def read_where(case: Answered, key: str) -> Any:
-        return (case.diagnosis.get("where") or {}).get(key)
-
-    def is_seat_right(key: str) -> Callable[[Answered], bool]:
-        return lambda case: set(read_where(case, key) or ()) == seats(case, key)
+    def where(case: Answered) -> dict[str, Any]:
+        return case.diagnosis.get("where") or {}
 
     tests = {
         "exactly named": is_named_exactly,
@@ -268,9 +265,11 @@ def compute_shares(cases: Sequence[Answered]) -> dict[str, Share]:
         ("missed (NO_GAP or RETUNE) though visible", nameable, lambda case: case.verdict in NO_EFFECT, ""),
         ("another effect named, or one too many", named,
          lambda case: not set(named_ids(case.diagnosis)) <= set().union(*map(accepted_ids, case.truths)), ""),
-        ("block right", filter(blocks, located), lambda case: read_where(case, "block") in blocks(case), ">= 95 %"),
-        ("tendons right", [c for c in located if seats(c, "wires")], is_seat_right("wires"), ">= 95 %"),
-        ("joints right", [c for c in located if seats(c, "joints")], is_seat_right("joints"), ">= 95 %"),
+        ("block right", filter(blocks, located), lambda case: where(case).get("block") in blocks(case), ">= 95 %"),
+        ("tendons right", [case for case in located if seats(case, "wires")],
+         lambda case: set(where(case).get("wires") or ()) == seats(case, "wires"), ">= 95 %"),
+        ("joints right", [case for case in located if seats(case, "joints")],
+         lambda case: set(where(case).get("joints") or ()) == seats(case, "joints"), ">= 95 %"),
         (f"C(effect given retune), lower bound > {CLOSED:g}", closed,
          lambda case: (closure(case, "effect", "low") or 0.0) > CLOSED, ">= 95 %"),
     ]  # fmt: skip
