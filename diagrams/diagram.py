@@ -222,7 +222,8 @@ def logged_signals(diagram: Diagram, context: Context) -> dict[str, np.ndarray]:
 
 def check_diagram(diagram: Diagram) -> RobotDiagram:
     """A Diagram from `build_diagram`. TypeError for any other."""
-    if not isinstance(argument("diagram", diagram, Diagram), RobotDiagram):
+    argument("diagram", diagram, Diagram)
+    if not isinstance(diagram, RobotDiagram):
         raise TypeError("diagram: wanted one from build_diagram, whose log has a column for each signal")
     return diagram
 

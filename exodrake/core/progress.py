@@ -108,7 +108,7 @@ def show_count(title: str, resume: str = "the same command resumes the run") -> 
 
             yield count
     except KeyboardInterrupt:
-        click.echo("; ".join(["interrupted", *([reached] if reached else []), resume]), err=True)
+        click.echo("; ".join(filter(None, ("interrupted", reached, resume))), err=True)
         raise SystemExit(INTERRUPTED) from None
     finally:
         signal.signal(signal.SIGTERM, before)
