@@ -556,7 +556,8 @@ def run(p, y, reference, inputs, dropped, noise, tolerance):
             if step < 0.0:
                 return tension, theta, commands, posture
             time = until
-            posture[10 * frame + slot] = y[ANGLE : RATE + 3]
+            for i in range(3):
+                posture[10 * frame + slot, i], posture[10 * frame + slot, 3 + i] = y[ANGLE + i], y[RATE + i]
             if 1 <= slot <= 3:
                 wire, drift = slot - 1, inputs[frame, CELL_DRIFT + slot - 1]
                 theta[frame, wire] = y[THETA + wire]
