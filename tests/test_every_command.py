@@ -185,6 +185,12 @@ def test_a_command_without_machines_of_ones_own_says_why(name):
     assert OTHERS[name][:40] in result.stderr
 
 
+def test_import_points_from_a_robot_to_a_mapping():
+    result = run("import", "log.mat", "--robot", "emps")
+    assert_one_sentence(result, "import")
+    assert "takes no --robot: --map FILE" in result.stderr
+
+
 @pytest.mark.parametrize("name", [name for name in [*ALL, *SOME] if name != "export"])
 def test_an_unknown_robot_is_refused_with_those_that_there_are(name, folders):
     words = [word.replace("{}", str(folders[MADE_FOR])) for word in {**ALL, **SOME}[name]]

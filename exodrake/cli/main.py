@@ -107,8 +107,10 @@ def explain_usage(problem: click.UsageError) -> str:
     context, text = problem.ctx, problem.format_message()
     path = context.command_path if context else "exodrake"
     name = [*path.split(), ""][1]
-    if isinstance(problem, click.NoSuchOption) and problem.option_name == "--machine" and name in OTHERS:
-        return f"{name} takes no --machine: {OTHERS[name]}"
+    option = problem.option_name if isinstance(problem, click.NoSuchOption) else ""
+    reasons = OTHERS | {"import": "--map FILE says which column is which, --machine FOLDER is a machine of your own"}
+    if option in ("--machine", "--robot") and name in reasons:
+        return f"{name} takes no {option}: {reasons[name]}"
     if isinstance(problem, click.MissingParameter) and isinstance(problem.param, click.Option):
         return f"{problem.param.opts[0]} is missing: {problem.param.help}"
     return text if text.endswith(("?", ")")) else f"{text.rstrip('.')}; {path} --help explains"
