@@ -67,7 +67,7 @@ def command(
             raise click.UsageError(f"{given[0]} is for one case; the answers to several are written to --out")
         with options.quiet(json_file):
             answers = diagnose_many(
-                cases, out or DIAGNOSED, robot, jobs or -1, cluster, redo, tried, allow_outside, negligible
+                cases, out or DIAGNOSED, robot, jobs or -1, cluster, redo, tried, negligible, allow_outside
             )
         return options.end(answers, json_file)
     if cluster or redo:
@@ -145,7 +145,7 @@ def diagnose_case(
 
 def diagnose_many(
     cases: tuple[str, ...], out: Path, robot: str, jobs: int, cluster: str | None, redo: bool,
-    tried: frozenset[str] | None, allow_outside: bool = False, negligible: float | None = None,
+    tried: frozenset[str] | None, negligible: float | None, allow_outside: bool,
 ) -> list[dict]:  # fmt: skip
     """Diagnose cases in parallel, and return the answers. Exit status 1 if some fail; InputError before the work."""
     from exodrake.diagnosis.fleet import find_answers, read_answers
@@ -159,7 +159,7 @@ def diagnose_many(
     with show_count("diagnosing") as count:
         typed = options.command_line()
         failed = diagnose_all(
-            places, jobs, cluster, count, redo, robot, tried, allow_outside, report_html, typed, negligible
+            places, jobs, cluster, count, redo, robot, tried, negligible, report_html, typed, allow_outside
         )
     rows, answers = [], []
     for place in places.values():

@@ -147,8 +147,8 @@ def diagnose_one(
 
 def diagnose_all(
     places: Mapping[Path, Path], jobs: int = 1, cluster: str | None = None, progress: Count = no_progress,
-    redo: bool = False, robot: str = "", tried: frozenset[str] | None = None, allow_outside: bool = False,
-    report: Report | None = None, command: str = "", negligible: float | None = None,
+    redo: bool = False, robot: str = "", tried: frozenset[str] | None = None, negligible: float | None = None,
+    report: Report | None = None, command: str = "", allow_outside: bool = False,
 ) -> dict[str, str]:  # fmt: skip
     """Diagnose the unfinished of many cases; an interruption loses no answer.
 
