@@ -108,12 +108,12 @@ def measure(name: str, seed: int, real: Path | None) -> Row:
         started = time.process_time()
         found = isolate(make_problem(case, load_robot(robot), tried))
         problem = found.whole
-        law = discover(problem, found)
+        law = discover(found)
         seconds = time.process_time() - started
         every = {point.block for point in law_points(problem.robot.machine)}
         # where the search has not come upon the right part, or another one, that is fitted for this study alone
         parts = (every.intersection(blocks), every.difference(blocks))
-        shares = [most(law, part) or most(discover(problem, found, blocks=part), part) for part in parts if blocks]
+        shares = [most(law, part) or most(discover(found, blocks=part), part) for part in parts if blocks]
     right, wrong = shares or (float("nan"), float("nan"))
     formula = "; ".join(f"{c}: {curve.formula}" for c, curve in law.curves.items() if curve.formula)
     closed = float("nan") if law.closure is None else law.closure.value

@@ -67,7 +67,7 @@ def test_a_clear_step_is_dated_to_its_gap_and_a_clear_ramp_to_its_slope():
 def answered(case, nominal) -> tuple[Since | None, Decision]:
     """Changes and decision of a case."""
     found = isolate(make_problem(case, nominal))
-    return follow_sessions(found.whole, found, decide(found))
+    return follow_sessions(found, decide(found))
 
 
 def sessions(effect, values, seed, machine="so101"):

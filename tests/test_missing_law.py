@@ -117,17 +117,16 @@ def case_of(law):
 
 @cache
 def isolated(law):
-    """The regression and the isolation of a law's case."""
-    problem = make_problem(case_of(law), exo.load_robot("emps"), KNOWN)
+    """The isolation of a law's case."""
     with one_blas_thread():
-        return problem, isolate(problem)
+        return isolate(make_problem(case_of(law), exo.load_robot("emps"), KNOWN))
 
 
 @cache
 def discovered(law):
     """The law that a discovery finds."""
     with one_blas_thread():
-        return discover(*isolated(law))
+        return discover(isolated(law))
 
 
 def test_healthy_robot_lacks_no_law():
@@ -176,15 +175,15 @@ def test_law_that_is_withheld_from_the_library_is_found_with_its_point_and_form(
     robot = bare(exo.load_robot())
     with one_blas_thread():
         problem = make_problem(Case("stiff", {}, tuple(items), robot.machine.frame), robot, frozenset())
-        law = discover(problem, isolate(problem))
+        law = discover(isolate(problem))
     assert (law.id, law.words) == ("finger.learned_passive", "torque over bend")
     assert law.closure.low > 0.5
 
 
 def test_law_is_sought_in_the_parts_that_are_named_alone():
     with one_blas_thread():
-        here = discover(*isolated(saturating_spring), blocks=("carriage",))
-        elsewhere = discover(*isolated(saturating_spring), blocks=("scale",))
+        here = discover(isolated(saturating_spring), blocks=("carriage",))
+        elsewhere = discover(isolated(saturating_spring), blocks=("scale",))
     assert here.id == "carriage.learned_pushed" and {other.id.split(".")[0] for other in here.others} == {"carriage"}
     assert {other.id.split(".")[0] for other in elsewhere.others} <= {"scale"}
 
@@ -272,7 +271,7 @@ def test_discovery_finds_the_friction_that_an_inverse_arm_is_not_told_of(arm_fol
         items.append(CaseLog(log, role, role, None, f"{role}.csv"))
     with one_blas_thread():
         problem = make_problem(Case("rusty", {}, tuple(items), robot.machine.frame), robot, frozenset())
-        law = discover(problem, isolate(problem))
+        law = discover(isolate(problem))
     assert law.found and law.id == "arm.learned_pushed" and law.words == "force over speed"
     (curve,) = law.curves.values()
     assert curve.low[0] < -0.02 < curve.high[0] and curve.low[-1] < 0.02 < curve.high[-1]

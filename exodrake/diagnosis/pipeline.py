@@ -92,7 +92,7 @@ def diagnose(
         if answered is not None:
             answered(made)
         try:
-            made = replace(made, missing_law=discover(found.whole, found, progress))
+            made = replace(made, missing_law=discover(found, progress))
         except Exception as error:  # whatever the search or generated code raises, the verdict stands
             reason = printable(f"{type(error).__name__}: {error}".splitlines()[0])
             made = replace(made, notes=(*made.notes, f"the search for a missing law failed ({shorten(reason)})"))
@@ -106,7 +106,7 @@ def diagnose(
 def answer(found: Isolation, started: float, progress: StageProgress) -> Diagnosis:
     """The diagnosis of an isolation, with everything measured that it states; it began at a moment `started` [s]."""
     problem, search = found.whole, found.search
-    since, decision = follow_sessions(problem, found, decide(found))
+    since, decision = follow_sessions(found, decide(found))
     best, word = decision.best, decision.verdict
     progress(Stage.CLOSURE, "")
     retuned, precise = decision.fits
@@ -148,7 +148,7 @@ def answer(found: Isolation, started: float, progress: StageProgress) -> Diagnos
             place.regime,
         ),
         closure=closure,
-        rivals=find_rivals(problem, found, decision, [p for _, p in others.values()]),
+        rivals=find_rivals(found, decision, [p for _, p in others.values()]),
         candidates=tuple(sorted(candidates, key=lambda c: -c.evidence)),
         reasons=decision.reasons,
         notes=write_notes(found, best, stated["improved"], word),

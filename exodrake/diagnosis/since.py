@@ -25,7 +25,6 @@ from exodrake.diagnosis.isolation import Isolation, affordable, fit_on
 from exodrake.diagnosis.likelihood import Likelihood
 from exodrake.diagnosis.linear import LinearModel
 from exodrake.diagnosis.linearise import nominal_jacobian
-from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.result import AMBIGUOUS, CAUSE, NAMED, NO_GAP, PARTLY, RETUNE, UNKNOWN, Interval
 from exodrake.diagnosis.search import NATS, Predicted
 from exodrake.diagnosis.verdict import EXPLAINED, MOST, VISIBLE, Decision, Part
@@ -230,12 +229,12 @@ def split_by_session(model: LinearModel, own: Sequence[int], prior: Sequence[np.
     return replace(model, products=products, mean=mean, precision=precision, low=low, high=high)
 
 
-def follow_sessions(problem: Problem, found: Isolation, decided: Decision) -> tuple[Since | None, Decision]:
+def follow_sessions(found: Isolation, decided: Decision) -> tuple[Since | None, Decision]:
     """Changes over the sessions of a case, and the decision with them; None of undated cases but for one long log.
 
     Of logs too long for that, their first part counts.
     """
-    problem = problem.shorten(affordable(problem, SAMPLES))
+    problem = found.whole.shorten(affordable(found.whole, SAMPLES))
     sessions, unit = date_sessions(problem.case, [trial.name for trial in problem.fit]), "d"
     if not sessions and len(problem.fit) == 1:  # windows of equal length of one log
         frame, unit = problem.robot.machine.frame, "s"

@@ -264,9 +264,7 @@ def screen_alike(found: Isolation) -> dict[str, tuple[float, Predicted]]:
     return {effect: one for effect, one in shares.items() if one[0] > ALIKE}
 
 
-def find_rivals(
-    problem: Problem, found: Isolation, decision: Decision, others: Iterable[Predicted]
-) -> tuple[Rival, ...]:
+def find_rivals(found: Isolation, decision: Decision, others: Iterable[Predicted]) -> tuple[Rival, ...]:
     """The explanations still in play after a decision, the best set first; none where one is left.
 
     others: single effects that explain as much as retuning does.
@@ -282,6 +280,6 @@ def find_rivals(
         explanations += fit_beside(likelihood, nominal, [replace(p, x=nominal.x) for p in others])
     if len(explanations) < 2:
         return ()
-    nominal, names = replace(problem, detected=()).silent(), [p.name for p in problem.robot.machine.parameters]
+    nominal, names = replace(found.whole, detected=()).silent(), [p.name for p in found.whole.robot.machine.parameters]
     changes = [(e, e.robot, np.flatnonzero(e.robot != nominal)) for e in explanations]
     return tuple(Rival(e.effects, {names[i]: float(values[i]) for i in at}) for e, values, at in changes)

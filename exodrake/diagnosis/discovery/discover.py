@@ -195,9 +195,7 @@ def measure_lead(share: float, other: float) -> float:
     return 1.0 - (1.0 - share) / max(1.0 - max(other, 0.0), 1e-9)
 
 
-def discover(
-    problem: Problem, found: Isolation, progress: StageProgress = no_progress, blocks: Collection[str] = ()
-) -> MissingLaw:
+def discover(found: Isolation, progress: StageProgress = no_progress, blocks: Collection[str] = ()) -> MissingLaw:
     """The law that is missing in a case: the most likely one at any point.
 
     Laws are sought beside the retuned robot, and beside the best set of effects where that explains half of the gap.
@@ -209,7 +207,7 @@ def discover(
         who = accepted.explanation.name if accepted.effects else "retuning"
         return MissingLaw(False, f"what {who} leaves is negligible: no law is missing")
     progress(Stage.LINEARISE, "free laws")
-    bare = problem.robot.machine
+    bare, case = found.whole.robot.machine, found.whole.case.name
     machine = law_code.add_laws(bare)
     laws = [law for law in law_code.law_points(bare) if not blocks or law.block in blocks]
     part, whole = (replace(p, robot=law_code.robot_on(p.robot, machine)) for p in (found.problem, found.whole))
@@ -265,9 +263,9 @@ def discover(
     short = {name: curve.formula for name, curve in curves.items() if curve.formula}
     strongest = int(abs(weights).max(axis=1).argmax())
     at = candidate.knots[strongest], weights[strongest]
-    text = law_code.effect_text(candidate.law, candidate.form, *at, problem.case.name, short)
+    text = law_code.effect_text(candidate.law, candidate.form, *at, case, short)
     rows = np.array([law_code.values_on(found.whole.silent(), bare, machine), base.robot, robot])
-    known = change_robot(found.whole, robot[index], problem.case.name)
+    known = change_robot(found.whole, robot[index], case)
     words, key = candidate.form.words, candidate.law.key
     return MissingLaw(
         found=True, reason=f"a free law of {words} at {key} removes {percent(share)} of what {rest} leaves",
