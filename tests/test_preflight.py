@@ -117,11 +117,13 @@ def test_the_command_prints_tables_and_draws_the_figure(tmp_path, monkeypatch):
     case = case_of(sines(0.1))
     log = case.logs[0].log
     clipped = log.with_signals({"angle_Jaw": np.clip(log["angle_Jaw"], -0.15, 0.15)})
-    write_case(Case("c", {}, (CaseLog(clipped, "m", "fit", None, "m.csv"),), 0.02), tmp_path / "case")
+    logs = CaseLog(clipped, "m", "fit", None, "m.csv"), CaseLog(log.rows(slice(0, 40)), "s", "fit", None, "short.csv")
+    write_case(Case("c", {}, logs, 0.02), tmp_path / "case")
     words = ["check", str(tmp_path / "case"), "--robot", "so101", "--figure", str(tmp_path / "check.png")]
     result = CliRunner().invoke(cli, words)
     assert result.exit_code == 0, result.output
     assert "servo.latency" in result.stdout and "would help most" in result.stdout
+    assert "left out, since a diagnosis needs 100 (2 s) frames: short.csv" in " ".join(result.stdout.split())
     said = "angle_Jaw of m.csv again and again stay at one value at an end of their range"
     assert said in result.stdout and "no log is held out" in result.stdout
     assert not re.search(r"\d -\s", result.stdout), "a ratio has no unit"

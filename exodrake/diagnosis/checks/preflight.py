@@ -143,10 +143,11 @@ def preflight(
     the folder. progress: called with what is done.
     """
     machine = robot.machine
-    case = read_case(path, list_required(machine), machine.frame, allow_outside)
+    recorded = read_case(path, list_required(machine), machine.frame, allow_outside)
     progress("comparing the logs with the nominal robot")
-    problem = make_problem(case, robot, tried)
-    robot, comparison = problem.stated, compare(case, problem.stated)
+    problem = make_problem(recorded, robot, tried)
+    robot, case = problem.stated, problem.case  # without logs that are too short
+    comparison = compare(case, robot)
     place = Path(path) if Path(path).is_dir() else Path(path).parent
     # as recorded, before they are mended
     clocks = tuple(judge_clock(read_table(place / item.file), item.file, machine.frame) for item in case.logs)
