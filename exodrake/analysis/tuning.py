@@ -187,6 +187,9 @@ def tune(
 ) -> Tuning:  # fmt: skip
     """Tunes each controller structure of the machine's loop and compares them.
 
+    Effects that leave no linear response at rest, such as dry friction or hysteresis, are left out of the plants and
+    the assessment, and stay in the robots of the answer.
+
     Args:
         robot: whose loop it is.
         requirements: to be held; the defaults without.
@@ -206,52 +209,43 @@ def tune(
     """
     argument("robot", robot, Robot)
     wanted = argument("requirements", requirements, Requirements, type(None)) or Requirements()
+    say = progress or no_progress
     with one_blas_thread():
-        return tune_structures(robot, wanted, only, draws, judges, progress or no_progress)
-
-
-def tune_structures(
-    robot: Robot, wanted: Requirements, only: tuple[str, ...], draws: int, judges: int, say: Callable[[str], None]
-) -> Tuning:
-    """`tune` of checked arguments.
-
-    Effects that leave no linear response at rest, such as dry friction or hysteresis, are left out of the plants and
-    the assessment, and stay in the robots of the answer.
-    """
-    whole = lm.FrameMap.from_robot(robot)
-    loop, known = whole.loop, [c.name for c in whole.loop.controllers]
-    if (name := next((name for name in only if name not in known), None)) is not None:
-        there = f"there are {' | '.join(known)}"
-        raise InputError(f"{robot.machine.name}: no controller {name!r}{nearest(name, known)}; {there}")
-    rough = find_rough(whole.robot) if whole.robot.effects() and not is_linear(whole.robot) else []
-    smooth = whole.robot.without_effects(rough)
-    plants = [linearise_plant(smooth, at) for at in loop.points]
-    plants += [linearise_plant(drawn) for _, drawn in within_tolerances(smooth, draws, DESIGN_SEED)]
-    if wanted.noise is None:
-        noises = [predict_performance(plant, linearise_law(plant, {})).noise for plant in plants]
-        if np.isfinite(noises).any():
-            wanted = replace(wanted, noise=NOISE_FACTOR * max(filter(np.isfinite, noises)))
-    own = OWN if whole.loop is robot.machine.loop else ASSUMED
-    compared = [replace(assess(own, smooth, {}, wanted, judges), robot=whole.robot)]
-    for structure in (c for c in loop.controllers if not only or c.name in only):
-        say(structure.name)
-        fixed = {**structure.fixed, **compliance(plants[0], structure)}
-        gains, named = search_gains(plants, structure, fixed, wanted), {}
-        for name, value in {**fixed, **gains}.items():
-            places = [smooth.machine.parameters[i].name for i in smooth.indices(name)]
-            named |= dict(zip(places, np.broadcast_to(value, len(places)).tolist(), strict=True))
-        changed = whole.robot.with_parameters(named, f"tuned by exodrake as {structure.name}")
-        found = assess(structure.name, changed.without_effects(rough), gains, wanted, judges)
-        compared.append(replace(found, robot=changed))
-    tuning = Tuning(whole.robot, wanted, tuple(compared))
-    best = tuning.best or compared[0]
-    notes = [describe_rough(rough, best)] if rough else []
-    for one in (best, *(one for one in compared[1:] if not one.settling < np.inf)):
-        notes += list_departures(lm.linearise_robot(one.robot.without_effects(rough)), one.steps, f" of {one.name!r}")
-    say("LQG and bound")
-    limit = find_limit(plants, best, wanted)
-    tuning = replace(tuning, notes=(*notes, *list_remarks(plants[0].model)), limit=limit)
-    return replace(tuning, schedule=schedule_gains(plants[: len(loop.points)], tuning))
+        whole = lm.FrameMap.from_robot(robot)
+        loop, known = whole.loop, [c.name for c in whole.loop.controllers]
+        if (name := next((name for name in only if name not in known), None)) is not None:
+            there = f"there are {' | '.join(known)}"
+            raise InputError(f"{robot.machine.name}: no controller {name!r}{nearest(name, known)}; {there}")
+        rough = find_rough(whole.robot) if whole.robot.effects() and not is_linear(whole.robot) else []
+        smooth = whole.robot.without_effects(rough)
+        plants = [linearise_plant(smooth, at) for at in loop.points]
+        plants += [linearise_plant(drawn) for _, drawn in within_tolerances(smooth, draws, DESIGN_SEED)]
+        if wanted.noise is None:
+            noises = [predict_performance(plant, linearise_law(plant, {})).noise for plant in plants]
+            if np.isfinite(noises).any():
+                wanted = replace(wanted, noise=NOISE_FACTOR * max(filter(np.isfinite, noises)))
+        own = OWN if whole.loop is robot.machine.loop else ASSUMED
+        compared = [replace(assess(own, smooth, {}, wanted, judges), robot=whole.robot)]
+        for structure in (c for c in loop.controllers if not only or c.name in only):
+            say(structure.name)
+            fixed = {**structure.fixed, **compliance(plants[0], structure)}
+            gains, named = search_gains(plants, structure, fixed, wanted), {}
+            for name, value in {**fixed, **gains}.items():
+                places = [smooth.machine.parameters[i].name for i in smooth.indices(name)]
+                named |= dict(zip(places, np.broadcast_to(value, len(places)).tolist(), strict=True))
+            changed = whole.robot.with_parameters(named, f"tuned by exodrake as {structure.name}")
+            found = assess(structure.name, changed.without_effects(rough), gains, wanted, judges)
+            compared.append(replace(found, robot=changed))
+        tuning = Tuning(whole.robot, wanted, tuple(compared))
+        best = tuning.best or compared[0]
+        notes = [describe_rough(rough, best)] if rough else []
+        for one in (best, *(one for one in compared[1:] if not one.settling < np.inf)):
+            model = lm.linearise_robot(one.robot.without_effects(rough))
+            notes += list_departures(model, one.steps, f" of {one.name!r}")
+        say("LQG and bound")
+        limit = find_limit(plants, best, wanted)
+        tuning = replace(tuning, notes=(*notes, *list_remarks(plants[0].model)), limit=limit)
+        return replace(tuning, schedule=schedule_gains(plants[: len(loop.points)], tuning))
 
 
 def find_rough(robot: Robot) -> list[str]:
