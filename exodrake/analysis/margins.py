@@ -277,16 +277,14 @@ def radius_at(loop: lm.FrameMap, model: lm.FrameModel, keep: np.ndarray) -> floa
     return lm.spectral_radius(central[np.ix_(keep, keep)])
 
 
-def stability_map(
-    model: lm.FrameModel, first: np.ndarray | None = None, second: np.ndarray | None = None
-) -> StabilityMap:
-    """The map over the loop's two gains, or grids (m,) and (n,) [SI] of them: it rests in the same state under all."""
+def stability_map(model: lm.FrameModel) -> StabilityMap:
+    """The map over the loop's two gains, under all of which it rests in the same state."""
     loop, point = model.loop, model.point
     across, up = loop.loop.gains
     names = (across.parameter, up.parameter)
     nominal = tuple(float(loop.parameters[loop.robot.indices(name)[0]]) for name in names)
-    x = np.linspace(across.low, across.high, GAINS)[across.low == 0.0 :] if first is None else np.asarray(first, float)
-    y = np.linspace(up.low, up.high, GAINS) if second is None else np.asarray(second, float)
+    x = np.linspace(across.low, across.high, GAINS)[across.low == 0.0 :]  # a gain of 0 leaves no loop
+    y = np.linspace(up.low, up.high, GAINS)
     largest = loop.with_values({names[0]: x.max(), names[1]: np.abs(y).max()})
     keep = lm.find_observed_states(largest, point.state, point.references, model.size)
     pairs = [[loop.with_values({names[0]: a, names[1]: b}) for a in x] for b in y]
@@ -295,15 +293,15 @@ def stability_map(
     return StabilityMap(names, x, y, radius, (nominal[0], nominal[1]), limit)
 
 
-def latency_sweep(model: lm.FrameModel, frames: np.ndarray = LATENCIES) -> LatencySweep | None:
+def latency_sweep(model: lm.FrameModel) -> LatencySweep | None:
     """Spectral radius over latency (n,) [frames] added to all commands; None where the loop names no such effect."""
     loop, point, radii = model.loop, model.point, []
     if not (name := loop.loop.latency):
         return None
     own = loop.parameters[loop.robot.indices(name)[0]]
-    for added in frames:
+    for added in LATENCIES:
         late = loop.with_values({name: own + added})
         keep = lm.find_observed_states(late, point.state, point.references, model.size)
         radii.append(radius_at(late, model, keep))
     radius = np.array(radii)
-    return LatencySweep(np.asarray(frames, dtype=float), radius, stability_limit(frames, radius))
+    return LatencySweep(LATENCIES, radius, stability_limit(LATENCIES, radius))
