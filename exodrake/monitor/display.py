@@ -66,7 +66,7 @@ def draw_screen(monitor: Monitor, path: Path) -> RenderableType:
     shares = reading.recent if limit is None else reading.recent / limit
     at = round(BAR * CALM)  # where the bar marks the limit
     for segment in monitor.segments:
-        means = [format_gap(monitor.rms(values, segment)) for values in (reading.recent, reading.overall)]
+        means = [format_gap(monitor, values, segment) for values in (reading.recent, reading.overall)]
         own = [k for k, c in enumerate(monitor.channels) if c.segment == segment and np.isfinite(shares[k])]
         if not own:
             table.add_row(name_segment(segment), *means, "not measured", "-", "", style="dim")
@@ -76,7 +76,7 @@ def draw_screen(monitor: Monitor, path: Path) -> RenderableType:
             style = "green" if shares[k] < CALM else "yellow" if shares[k] <= HIGH else "bold red"
             full = min(round(shares[k] * at), BAR)
             bar = "".join("█" if i < full else "│" if i == at else " " for i in range(BAR))
-        cells = (name_segment(segment), *means, monitor.channels[k].column, format_gap(reading.recent[k]), bar)
+        cells = (name_segment(segment), *means, monitor.channels[k].column, f"{reading.recent[k]:.1f}", bar)
         table.add_row(*cells, style=style)
     if limit is None:
         state = Text(describe_rate(monitor), style="dim")
@@ -94,14 +94,15 @@ def draw_screen(monitor: Monitor, path: Path) -> RenderableType:
     return Group(head, table, state, *notes)
 
 
-def format_gap(value: float) -> str:
-    """A gap with one digit."""
-    return "-" if value != value else f"{value:.1f}"
+def format_gap(monitor: Monitor, values: np.ndarray, segment: str) -> str:
+    """RMS of gaps (channels,) [noise standard deviations] over a segment's channels; `-` if none is measured."""
+    own = values[[c.segment == segment and np.isfinite(v) for c, v in zip(monitor.channels, values)]]
+    return f"{np.sqrt(np.mean(own**2)):.1f}" if len(own) else "-"
 
 
 def describe_reading(monitor: Monitor, reading: Reading) -> str:
     """A reading as one line of plain text."""
-    gaps = (f"{name_segment(s)} {format_gap(monitor.rms(reading.recent, s)):>5s}" for s in monitor.segments)
+    gaps = (f"{name_segment(s)} {format_gap(monitor, reading.recent, s):>5s}" for s in monitor.segments)
     return f"{reading.second:6d} s  {'  '.join(gaps)}"
 
 
@@ -111,7 +112,7 @@ def summarise(monitor: Monitor, path: Path) -> list[str]:
     needed = f"a gap needs more than {SKIP} s, and an alarm {SKIP + WINDOW} s"
     if reading is None:
         return [f"{path}: {frames} frames, {duration:.3g} s, are too few: {needed}"]
-    gaps = "  ".join(f"{name_segment(s)} {format_gap(monitor.rms(reading.overall, s))}" for s in monitor.segments)
+    gaps = "  ".join(f"{name_segment(s)} {format_gap(monitor, reading.overall, s)}" for s in monitor.segments)
     lines = [
         f"{path}: {duration:.0f} s, {frames} frames, {1e3 * monitor.busy / max(frames, 1):.2f} ms each",
         f"gap since the start in noise standard deviations: {gaps}",

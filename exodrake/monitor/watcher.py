@@ -257,11 +257,6 @@ class Monitor:
             self.alarm = alarm
             yield reading
 
-    def rms(self, values: np.ndarray, segment: str) -> float:
-        """RMS over a segment's channels of `values` (channels,); NaN if none is measured."""
-        own = values[[c.segment == segment for c in self.channels]]
-        return float(np.sqrt(np.mean(own[np.isfinite(own)] ** 2))) if np.isfinite(own).any() else float("nan")
-
 
 def follow(monitor: Monitor, path: Path, idle: float | None, mapped: Mapped | None = None) -> Iterator[Reading | None]:
     """Follows a file, which is read as it is if it is no CSV; yields each reading, and None after every look at it.
