@@ -183,13 +183,12 @@ def compare_cycles(
     """
     references, state, channel = model.point.references, model.point.state, plant.channel
     loop = FrameMap.from_robot(robot)
-    loop = replace(loop, parameters=prepare_values(loop.robot, quantisation=rounded))
     if rounded:
         edge = np.zeros(len(references))
         edge[channel] = 0.5 * np.broadcast_to(robot.channels(loop.loop.resolution), len(edge))[channel]
         references = references + edge
-        rows = np.tile(references, (RUN, 1))
-        state = replace(loop, parameters=prepare_values(robot, quantisation=False)).run(state, rows)[0]
+        state, _ = loop.run(state, np.tile(references, (RUN, 1)))
+        loop = replace(loop, parameters=prepare_values(loop.robot))
     plant = replace(plant, loop=loop, references=references)
     unit, dt = plant.unit, model.system.dt
     measured = np.array([plant.sweep(state, a, lines) for a in unit * AMPLITUDES])
