@@ -405,8 +405,8 @@ def plot_uncertainty(found: Uncertainty) -> Figure:
     ends = {"lower ends": thin | {"color": "#009e73"}, "upper ends": thin | {"color": "#cc79a7"}}
     ends = {"improved robot": IMPROVED, **ends}
     curves = (
-        ("Gain margin [dB]", found.list_worst(attrgetter("gain_margin_db")), lambda c: decibel(c.factor)),
-        ("Phase margin [deg]", found.list_worst(attrgetter("least_phase_deg")), attrgetter("phase_margin_deg")),
+        ("Gain margin [dB]", found.list_worst("gain_margin_db"), lambda c: decibel(c.factor)),
+        ("Phase margin [deg]", found.list_worst("least_phase_deg"), attrgetter("phase_margin_deg")),
     )
     for axes, (name, cycles, margin) in zip(panels[1:], curves):
         unit, factor = shown_unit(cycles[0].unit)

@@ -10,7 +10,6 @@ from exodrake.analysis.linear_model import FrameMap, FrameModel, OperatingPoint,
 from exodrake.core.errors import short_repr
 from exodrake.engine.inputs import prepare_values
 from exodrake.model.display import percent
-from exodrake.model.machine import signal_count
 
 BEFORE, AFTER = 10, 300  # frames shown before the step and simulated after it
 BAND = 0.02  # settling band, as a share of the step
@@ -58,7 +57,7 @@ def step_response(loop: FrameMap, point: OperatingPoint, channel: int) -> StepRe
     machine, size = loop.robot.machine, loop.loop.step
     rows = np.tile(point.references, (BEFORE + AFTER, 1))
     rows[BEFORE:, channel] += size
-    signals = np.zeros((len(rows) * machine.slots, signal_count(machine)))
+    signals = np.zeros((len(rows) * machine.slots, loop.width))
     loop.run(point.state, rows, ticks=signals)
     output = signals[:, loop.signals[loop.loop.output]]
     time = machine.slot * (np.arange(len(signals)) + 1) - BEFORE * machine.frame

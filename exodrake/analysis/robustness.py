@@ -3,8 +3,9 @@
 Populations are drawn within the tolerances of the robot file, or within the intervals of a diagnosis.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -189,9 +190,9 @@ class Uncertainty:
         """Worst describing-function gain margin over amplitudes and intervals [dB]; nan without nonlinearities."""
         return min((c.gain_margin_db for c in self.cycles), default=np.nan)
 
-    def list_worst(self, margin: Callable[[LimitCycles], float]) -> tuple[LimitCycles, ...]:
-        """Cycles of the channel where a margin is least: the improved robot's, then those of the intervals' ends."""
-        least = min(self.cycles, key=margin, default=None)
+    def list_worst(self, margin: str) -> tuple[LimitCycles, ...]:
+        """Cycles of the channel where a margin, by its name, is least: the improved robot's, then the intervals' ends."""
+        least = min(self.cycles, key=attrgetter(margin), default=None)
         return tuple(c for c in self.cycles if least and c.channel == least.channel)
 
     @property

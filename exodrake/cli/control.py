@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -135,7 +134,7 @@ def uncertainty_lines(result: exo.ClosedLoop) -> list[str]:
     words += f", {u.kicked} by a simulated kick" if u.kicked else ""
     found = [words + (f"; unstable: {', '.join(u.unstable)}" if u.unstable else "")]
     if u.cycles:
-        gain, phase = (u.list_worst(attrgetter(name)) for name in ("gain_margin_db", "least_phase_deg"))
+        gain, phase = (u.list_worst(name) for name in ("gain_margin_db", "least_phase_deg"))
         found.append(
             f"describing functions, worst amplitude tried, and interval: gain margin {u.gain_margin_db:.3g} dB "
             f"({gain[0].channel}), phase margin {u.phase_margin_deg:.3g} deg ({phase[0].channel})"
