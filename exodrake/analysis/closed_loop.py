@@ -183,9 +183,8 @@ def list_remarks(
             notes.append(f"{s.channel} ends {s.steady_error:+.3g} {unit} off its reference after {s.time[-1]:.3g} s")
     if idle:
         notes.append(f"the command of {', '.join(idle)} does not act on its reading here: no margins and no frame map")
-    for m in found:
-        if np.isfinite(m.gain_low_db):
-            notes.append(f"{m.channel} is conditionally stable: {m.gain_low_db:.3g} dB of loop gain is too little")
+    lowest = [(m.channel, m.gain_low_db) for m in found if np.isfinite(m.gain_low_db)]
+    notes += [f"{name} is conditionally stable: {low:.3g} dB of loop gain is too little" for name, low in lowest]
     return tuple(notes)
 
 

@@ -97,7 +97,7 @@ def sweep(
 def variations(robot: Robot, over: Any, draws: int, seed: int) -> tuple[list[dict[str, float]], list[Robot]]:
     """Parameters [SI] that vary, a mapping for each run, and the robots; arguments as in `sweep`."""
     if isinstance(over, int):
-        over = [one for _, one in within_tolerances(robot, over, seed)] if over > 0 else []
+        over = [one for _, one in within_tolerances(robot, over, seed)]
     elif hasattr(over, "verdict") or (isinstance(over, Mapping) and "verdict" in over):
         over = [one for _, one in within_intervals(robot, to_dict(over), draws, seed)]
     elif isinstance(over, Mapping):
