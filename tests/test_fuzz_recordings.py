@@ -19,7 +19,8 @@ from scipy.io import savemat
 from small_recordings import SETS, made
 
 import exodrake as exo
-from exodrake.analysis.robustness import read_diagnosis, within_intervals
+from exodrake.analysis.robustness import within_intervals
+from exodrake.core.schema import read_json
 from exodrake.data.formats import formats
 from exodrake.diagnosis.fleet import Row, read_row, sort_rows, table_bytes
 from exodrake.report.fleet import fleet_html
@@ -229,7 +230,7 @@ def test_spoilt_answers_of_a_diagnosis(data, place):
     file, whole = place() / "answer.json", json.loads(json.dumps(diagnosis().to_json()))
     file.write_bytes(data.draw(spoilt_page({"verdict": "x", "effects": [effect]}, json_bytes)))
     with suppress(exo.InputError):
-        assert all(label for label, _ in within_intervals(exo.load_robot(), read_diagnosis(file)[0], 2))
+        assert all(label for label, _ in within_intervals(exo.load_robot(), read_json(file), 2))
     rows = [read_row(whole, "good")]
     with suppress(json.JSONDecodeError, UnicodeDecodeError):
         spoilt = json.loads(data.draw(spoilt_page(whole, json_bytes)))

@@ -6,7 +6,6 @@ Populations are drawn within the tolerances of the robot file, or within the int
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from operator import attrgetter
-from pathlib import Path
 from typing import Any
 
 import control
@@ -20,7 +19,6 @@ from exodrake.analysis.margins import decibel, disk_margin, loop_margins, open_l
 from exodrake.analysis.responses import StepResponse, returns, step_response
 from exodrake.core.confidence import NORMAL_90
 from exodrake.core.errors import InputError, short_repr
-from exodrake.core.schema import read_json
 from exodrake.model.robot import Robot, drawn_robot
 
 POINTS = 240  # frequencies; all margins are read between them by straight lines
@@ -191,7 +189,7 @@ class Uncertainty:
         return min((c.gain_margin_db for c in self.cycles), default=np.nan)
 
     def list_worst(self, margin: str) -> tuple[LimitCycles, ...]:
-        """Cycles of the channel where a margin, by its name, is least: the improved robot's, then the intervals' ends."""
+        """Cycles of the channel whose margin of that name is least: the improved robot's, then those of the ends."""
         least = min(self.cycles, key=attrgetter(margin), default=None)
         return tuple(c for c in self.cycles if least and c.channel == least.channel)
 
@@ -282,10 +280,3 @@ def fit_weight(frequency: np.ndarray, deviation: np.ndarray) -> control.Transfer
     _, (gain, zero, pole), order = tried[1] if tried[1][0] < LESS * tried[0][0] else tried[0]
     s = control.tf("s")
     return np.exp(gain) * ((s / np.exp(zero) + 1.0) / (s / np.exp(pole) + 1.0)) ** order
-
-
-def read_diagnosis(path: Path) -> tuple[dict[str, Any], Path | None]:
-    """The answer in a diagnosis file, or in a folder's `diagnosis.json`, and the improved robot beside it, if any."""
-    file = path / "diagnosis.json" if path.is_dir() else path
-    improved = file.parent / "improved.yaml"
-    return read_json(file), improved if improved.is_file() else None

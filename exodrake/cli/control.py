@@ -18,6 +18,7 @@ import exodrake as exo
 from exodrake.cli import options
 from exodrake.core.errors import InputError
 from exodrake.core.files import is_file
+from exodrake.core.schema import read_json
 
 FIGURES = {
     "rise": "s", "overshoot": "%", "settling": "s", "-3 dB": "Hz", "gain\nmargin": "dB", "phase": "deg", "delay": "ms",
@@ -53,9 +54,12 @@ def analyse_loop(file, parameters, effects, parts, at, draws, diagnosis, seed, o
     from exodrake.simulation.protocols import split_options
 
     wanted = click.get_current_context().params["json_file"]
-    answer, improved = robustness.read_diagnosis(diagnosis) if diagnosis else (None, None)
-    if improved and click.get_current_context().get_parameter_source("file") == ParameterSource.DEFAULT:
-        file = str(improved)
+    answer = None
+    if diagnosis:  # beside an answer lies its improved robot
+        path = diagnosis / "diagnosis.json" if diagnosis.is_dir() else diagnosis
+        answer, improved = read_json(path), path.with_name("improved.yaml")
+        default = click.get_current_context().get_parameter_source("file") == ParameterSource.DEFAULT
+        file = str(improved) if default and improved.is_file() else file
     robot = options.change_robot(linear_model.add_controller(exo.load_robot(file)), parameters, effects, parts)
     point, bands, uncertainty = at.strip() or None, [], None
     if any(mark in at for mark in "=,:"):  # references, not the name of a point
