@@ -78,9 +78,7 @@ def draw_screen(monitor: Monitor, path: Path) -> RenderableType:
             bar = "".join("█" if i < full else "│" if i == at else " " for i in range(BAR))
         cells = (name_segment(segment), *means, monitor.channels[k].column, f"{reading.recent[k]:.1f}", bar)
         table.add_row(*cells, style=style)
-    if limit is None:
-        state = Text(describe_rate(monitor), style="dim")
-    elif not reading.full:
+    if limit is not None and not reading.full:
         state = Text(f"the alarm begins after {SKIP + WINDOW} s", style="dim")
     elif monitor.alarm is not None:
         state = Text(describe_alarm(monitor, monitor.alarm, path), style="bold red")
@@ -88,7 +86,7 @@ def draw_screen(monitor: Monitor, path: Path) -> RenderableType:
         last = describe_alarm(monitor, monitor.alarms[-1], path)
         state = Text(f"no alarm now; {len(monitor.alarms)} so far, the last: {last}", style="yellow")
     else:
-        state = Text(describe_rate(monitor), style="green")
+        state = Text(describe_rate(monitor), style="dim" if limit is None else "green")
     cost = f"{1e3 * monitor.busy / max(monitor.frames, 1):.2f} of {1e3 * monitor.machine.frame:g} ms a frame"
     head = Text(f"{path}  {reading.second} s  gap in noise standard deviations  {cost}", style="bold")
     return Group(head, table, state, *notes)
