@@ -41,7 +41,7 @@ def test_with_a_dead_zone_it_gives_margins_over_amplitude_and_the_dead_band_at_t
         robot, answer_of("motor.dead_zone", width=(4e-4, 3e-4, 6e-4), release=(1.0, 1.0, 1.0)), draws=2
     )
     assert found.dead_band["tension_MF"] == pytest.approx(6e-4 / robot["controller.kp"], rel=0.1)
-    assert found.kicked == 2 and found.unstable == () and len(found.cycles) == 3
+    assert found.band.undecided == 2 and found.unstable == () and len(found.cycles) == 3
     assert found.gain_margin_db == pytest.approx(8.4, abs=1.0) and found.phase_margin_deg > 80.0
 
 
@@ -54,7 +54,7 @@ def test_a_robot_of_the_answer_that_is_unstable_is_named():
 def test_a_gain_of_the_sensor_is_an_uncertainty_of_that_size():
     """MF reads 10 % more, 4 to 16: its plant deviates by 0.06 / 1.10 but for the tension at rest."""
     found = assess_answer(exo.load_robot(), SENSOR_GAIN, draws=4)
-    assert found.robots == 4 and found.unstable == () and found.kicked == 0 and found.cycles == ()
+    assert len(found.band.members) == 4 and found.unstable == () and found.band.undecided == 0 and found.cycles == ()
     assert found.deviation == pytest.approx(0.06 / 1.10 * np.ones(120), rel=0.15)
     assert found.peak < 0.07 and max(found.dead_band.values()) < 1e-6
 

@@ -171,10 +171,8 @@ def within_intervals(
 class Uncertainty:
     """The robots of a diagnosis' answer in the loop."""
 
-    robots: int
-    unstable: tuple[str, ...]  # labels of those whose loop is not stable
-    kicked: int  # number of those that a simulated kick decides, because their poles mean little
-    failures: tuple[str, ...]  # why others have no operating point, a sentence each
+    band: Band
+    unstable: tuple[str, ...]  # labels of those whose loop is not stable, by a kick where their poles mean little
     dead_band: dict[str, float]  # log column -> half the range in which it may rest [SI], the worst of the robots
     # on each channel of the improved robot, then of the intervals' ends; empty if it is smooth at rest
     cycles: tuple[LimitCycles, ...]
@@ -201,8 +199,10 @@ class Uncertainty:
     def to_dict(self) -> dict[str, Any]:
         """All numbers as plain data; the weight by its coefficients in s, the highest power first."""
         num, den = (np.asarray(c[0][0]).tolist() for c in (self.weight.num, self.weight.den))
+        counts = {"robots": len(self.band.members), "kicked": self.band.undecided, "failures": self.band.failures}
         worst = {"gain_margin_db": self.gain_margin_db, "phase_margin_deg": self.phase_margin_deg}
-        return vars(self) | worst | {"weight": {"numerator": num, "denominator": den}}
+        own = {name: value for name, value in vars(self).items() if name != "band"}
+        return counts | own | worst | {"weight": {"numerator": num, "denominator": den}}
 
 
 def assess_answer(
@@ -221,15 +221,15 @@ def assess_answer(
     model = linearise_robot(improved, at)
     frequency = np.geomspace(WEIGHT_SLOWEST, 1.0, WEIGHT_POINTS) * 0.5 / model.system.dt
     ratio, nominal = open_responses(open_loop(model), frequency) if model.decides else (None, None)
-    unstable, failures, kicked, deviations = [], [], 0, []
+    members, unstable, failures, deviations = [], [], [], []
     dead_band, cycles = find_dead_band(model.loop, model.point), list(limit_cycles(improved, at, own_only=True))
     for k, (label, drawn) in enumerate(within_intervals(robot, answer, draws)):
         try:
             there = linearise_robot(drawn, at)
+            members.append(robustness(there, label))
         except InputError as problem:
             failures.append(f"{label}: {problem}")
             continue
-        kicked += not there.decides
         if not (there.spectral_radius < 1.0 if there.decides else returns(there.loop, there.point)):
             unstable.append(label)
         dead_band = {n: max(b, dead_band[n]) for n, b in find_dead_band(there.loop, there.point).items()}
@@ -248,10 +248,8 @@ def assess_answer(
     if nominal is not None and ratio is not None:
         t = nominal @ np.linalg.solve(np.eye(ratio.shape[-1]) + ratio, ratio) @ np.linalg.pinv(nominal)
         peak = float((np.abs(weight(2j * np.pi * frequency)) * np.linalg.norm(t, 2, axis=(1, 2))).max())
-    return Uncertainty(
-        draws - len(failures), tuple(unstable), kicked, tuple(failures), dead_band, tuple(cycles), frequency, deviation,
-        weight, peak,
-    )  # fmt: skip
+    population = Band("diagnosis", tuple(members), tuple(failures))
+    return Uncertainty(population, tuple(unstable), dead_band, tuple(cycles), frequency, deviation, weight, peak)
 
 
 def fit_weight(frequency: np.ndarray, deviation: np.ndarray) -> control.TransferFunction:

@@ -74,7 +74,7 @@ def analyse_loop(file, parameters, effects, parts, at, draws, diagnosis, seed, o
         if answer is not None:
             say("analysing the robots that the diagnosis leaves possible")
             uncertainty = robustness.assess_answer(robot, answer, point, draws or 12)
-            bands.append(robustness.band("diagnosis", robustness.within_intervals(robot, answer, draws or 12), point))
+            bands.append(uncertainty.band)
         if robot.machine.loop and len(robot.machine.loop.points) > 1:
             say("analysing the operating points")
             bands.append(robustness.points_band(robot))
@@ -134,8 +134,9 @@ def uncertainty_lines(result: exo.ClosedLoop) -> list[str]:
     u, machine = result.uncertainty, result.robot.machine
     if u is None:
         return []
-    words = f"robots of the diagnosis: {u.robots - len(u.unstable)} of {u.robots} stable"
-    words += f", {u.kicked} by a simulated kick" if u.kicked else ""
+    robots, kicked = len(u.band.members), u.band.undecided
+    words = f"robots of the diagnosis: {robots - len(u.unstable)} of {robots} stable"
+    words += f", {kicked} by a simulated kick" if kicked else ""
     found = [words + (f"; unstable: {', '.join(u.unstable)}" if u.unstable else "")]
     if u.cycles:
         gain, phase = (u.list_worst(name) for name in ("gain_margin_db", "least_phase_deg"))
