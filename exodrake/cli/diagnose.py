@@ -86,7 +86,7 @@ def command(
 
 
 def diagnose_case(
-    case: str, robot: str, json: Path | str | None, report: Path | None, improved: Path | None,
+    case: str, robot: str, json: Path | None, report: Path | None, improved: Path | None,
     law: Path | None = None, tried: frozenset[str] | None = None, allow_outside: bool = False, profile: bool = False,
     discover: bool | None = None, negligible: float | None = None,
 ) -> exo.Diagnosis:  # fmt: skip
@@ -110,11 +110,11 @@ def diagnose_case(
             found = replace(found, provenance=replace(made, command=options.command_line()))
         known[:] = [found]
         for path, text in (
-            (json, lambda: options.json_text(found.to_json())),
+            (json, lambda: options.json_text(found)),
             (improved, lambda: found.robot_file(found.robot)),
             (report, lambda: diagnosis_html.report_html(found, found.problem or make_problem(read, nominal))),
         ):
-            if isinstance(path, Path):
+            if path and path != options.STDOUT:
                 options.write_files({path: text()}, announce=False)
                 written[path] = None
 
@@ -132,8 +132,8 @@ def diagnose_case(
 
             written.update(dict.fromkeys(write_law(law, missing.id, missing.text, missing.robot, found.case)))
     finally:  # also of a search for a law, or a report, that is interrupted or fails
-        if known and json == "-":
-            options.write_json(known[0].to_json(), "-")
+        if known and json == options.STDOUT:
+            click.echo(options.json_text(known[0]), nl=False)
         elif known:
             print_summary(known[0])
             if profile:

@@ -3,7 +3,7 @@
 `exodrake train` and `estimate`: its joint angles from stroke and tension. `exodrake grasp`: tensions for an object.
 """
 
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -146,7 +146,7 @@ def find_workspace(robot: str, out: Path, samples: int, steps: int, seed: int) -
     from exodrake.identification.workspace import HEAD, SPONTANEOUS, areas, solve_assisted, workspace_figure
 
     loaded = exo.load_robot(robot)
-    options.refuse_others("workspace", loaded, "finger.length")
+    options.refuse_others("workspace", loaded)
     lengths = tuple(loaded.channels("finger.length").tolist())
     with options.waiting("sampling postures"), matplotlib.rc_context(STYLE):
         wired = solve_assisted(loaded, steps)
@@ -269,7 +269,7 @@ def plan_grasp(mode: str, size: str, file: Path | None, robot: str, seed: int, o
     from exodrake.grasping.plan import at_hold, grasp_figure, run_plan
 
     built, wanted = exo.load_robot(robot), parse_size(size)
-    options.refuse_others("grasp", built, "finger.length")
+    options.refuse_others("grasp", built)
     listening = gp.load(file) if file else None
     with options.waiting("planning (the statics compile first)") as say:
         plan = exo.plan_grasp(mode, wanted, built)
@@ -286,7 +286,7 @@ def plan_grasp(mode: str, size: str, file: Path | None, robot: str, seed: int, o
         shown = log.with_array("angle_plan", plan.joints, np.tile(plan.planned, (len(log), 1)))
         contents: dict[str, Any] = {
             "log.csv": log,
-            "plan.json": options.json_text(asdict(plan)),
+            "plan.json": options.json_text(plan),
             "figure.png": grasp_figure(plan, log, built),
         }
         for name, (what, kind) in RECORDINGS.items():

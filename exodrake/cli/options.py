@@ -32,6 +32,7 @@ DEFAULT = "exo_index"  # the machine of a command that is given none
 MACHINE = "exodrake.machine"  # key of the machine that --machine registered, in the context's `meta`
 ARGUMENTS = "exodrake.arguments"  # key of the arguments as they were typed
 WRITTEN, STATUS = "exodrake.written", "exodrake.status"  # keys of the files written, and of the exit status
+STDOUT = Path("-")  # for --json
 # why a command does not take a machine of the user's own
 OTHERS: dict[str, str] = {
     "demo": "its hidden fault comes from the reference simulator of the Exo-Index; the test of `exodrake new-machine` "
@@ -90,18 +91,6 @@ class OutputFile(AnyPath):
         return path
 
 
-class JsonTarget(OutputFile):
-    """A JSON file to be written; `-` is the standard output."""
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Path of the file, or `-`."""
-        if value == "-":
-            return value
-        if Path(value).suffix.lower() != ".json":
-            raise InputError(f"--json {value}: wanted a file whose name ends in .json, or --json last, to print")
-        return super().convert(value, param, ctx)
-
-
 OutputFolder = partial(AnyPath, check_folder)  # a folder to be written
 
 
@@ -114,8 +103,16 @@ def check_target(path: Path) -> None:
     check_folder(path.parent)
 
 
+def check_json(path: Path) -> None:
+    """InputError for a JSON file that cannot be written; `-` is the standard output."""
+    if path != STDOUT:
+        if path.suffix.lower() != ".json":
+            raise InputError(f"--json {path}: wanted a file whose name ends in .json, or --json last, to print")
+        check_target(path)
+
+
 json_target = click.option(
-    "--json", "json_file", type=JsonTarget(), is_flag=False, flag_value="-", metavar="[FILE]",
+    "--json", "json_file", type=AnyPath(check_json), is_flag=False, flag_value="-", metavar="[FILE]",
     help="Print the answer as JSON, in SI, and nothing else; or write it into FILE.",
 )  # fmt: skip
 
@@ -125,11 +122,11 @@ def command(make: Callable[..., Any] = click.command, *words: str, **settings: A
 
     def build(function: Callable) -> Any:
         @wraps(function)
-        def answering(*arguments: Any, json_file: Path | str | None, **options: Any) -> None:
-            meta = click.get_current_context().meta
+        def answering(*arguments: Any, json_file: Path | None, **options: Any) -> None:
             with quiet(json_file):
                 answer = function(*arguments, **options)
-            end({"wrote": meta.get(WRITTEN, [])} if answer is None else answer, json_file)
+            written = click.get_current_context().meta.get(WRITTEN, [])
+            end({"wrote": written} if answer is None else answer, json_file)
 
         json_target(answering)
         parameters: list = answering.__click_params__  # pyright: ignore[reportAttributeAccessIssue]
@@ -146,17 +143,17 @@ def note_failures(failed: Mapping[Any, object]) -> None:
     click.get_current_context().meta[STATUS] = int(bool(failed))
 
 
-def quiet(json_file: Path | str | None) -> AbstractContextManager:
+def quiet(json_file: Path | None) -> AbstractContextManager:
     """A context that prints nothing where the answer alone is to be printed."""
-    return redirect_stdout(io.StringIO()) if json_file == "-" else nullcontext()
+    return redirect_stdout(io.StringIO()) if json_file == STDOUT else nullcontext()
 
 
-def end(answer: Any, json_file: Path | str | None) -> None:
-    """Writes the answer of a command as JSON where that is wanted, and ends with its status."""
-    if json_file:
-        from exodrake.core.plain import plain
-
-        write_json(plain(answer), json_file)
+def end(answer: Any, json_file: Path | None) -> None:
+    """Prints or writes the answer of a command as JSON where that is wanted, and ends with its status."""
+    if json_file == STDOUT:
+        click.echo(json_text(answer), nl=False)
+    elif json_file:
+        write_files({json_file: json_text(answer)})
     context = click.get_current_context()
     if status := context.meta.get(STATUS):
         context.exit(status)
@@ -164,21 +161,14 @@ def end(answer: Any, json_file: Path | str | None) -> None:
 
 def note_written(paths: Iterable[Path]) -> None:
     """Keeps the names of files that a command wrote, for its answer as JSON."""
-    if context := click.get_current_context(silent=True):
-        context.meta.setdefault(WRITTEN, []).extend(str(path) for path in paths)
+    click.get_current_context().meta.setdefault(WRITTEN, []).extend(str(path) for path in paths)
 
 
-def json_text(content: Any) -> str:
-    """Plain data as the text of a JSON file."""
-    return json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+def json_text(result: Any) -> str:
+    """A result as the text of a JSON file."""
+    from exodrake.core.plain import plain
 
-
-def write_json(content: Any, target: Path | str) -> None:
-    """Print plain data as JSON if the target is `-`, else write them."""
-    if target == "-":
-        click.echo(json_text(content), nl=False)
-    else:
-        write_files({Path(target): json_text(content)})
+    return json.dumps(plain(result), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def encode(path: Path, content: Any) -> bytes:
@@ -193,8 +183,7 @@ def encode(path: Path, content: Any) -> bytes:
 def write_files(contents: Mapping[Path, Any], announce: bool = True) -> None:
     """Write files that `encode` takes, each whole or not at all, in folders that are made; and say where they are."""
     for path, data in {path: encode(path, content) for path, content in contents.items()}.items():
-        if path.parent != Path():
-            make_folder(path.parent)
+        make_folder(path.parent)
         write_bytes(path, data)
         note_written([path])
         if announce:
@@ -209,13 +198,10 @@ def write_together(folder: Path, contents: Mapping[str, Any]) -> list[Path]:
 
 
 def write_answer(answer: Any, name: str, out: Path | None, files: Mapping[str, Any]) -> Any:
-    """Write an answer as JSON, and further files, into the folder `out`, if there is one; returns it as plain data."""
-    from exodrake.core.plain import plain
-
-    content = plain(answer)
+    """Write an answer as JSON, and further files, into the folder `out`, if there is one; returns the answer."""
     if out:
-        write_files({out / file: data for file, data in {**files, f"{name}.json": json_text(content)}.items()})
-    return content
+        write_files({out / file: data for file, data in {**files, f"{name}.json": json_text(answer)}.items()})
+    return answer
 
 
 def print_table(titles: Sequence[str], rows: Sequence[Any], wrapped: int = -1) -> None:
@@ -236,8 +222,9 @@ def cases_in(folder: Path) -> list[Path]:
     def is_case(path: Path) -> bool:
         return is_folder(path) and ((path / FILE).exists() or bool(log_names(path)))
 
-    single = not is_folder(folder) or is_case(folder)
-    return [] if single else [path for path in sorted(folder.iterdir()) if is_case(path)]
+    if not is_folder(folder) or is_case(folder):
+        return []
+    return [path for path in sorted(folder.iterdir()) if is_case(path)]
 
 
 def refuse_cases(folder: Path) -> None:
@@ -252,13 +239,13 @@ def log_in(path: Path) -> Path:
 
 
 def command_line() -> str:
-    """The command as it was typed, for answers: absolute paths by their last part; empty outside of a command."""
-    context, words = click.get_current_context(silent=True), []
-    for argument in context.meta[ARGUMENTS] if context else ():
+    """The command as it was typed, for answers: absolute paths by their last part."""
+    words = ["exodrake"]
+    for argument in click.get_current_context().meta[ARGUMENTS]:
         option, equals, path = argument.partition("=") if argument.startswith("-") else ("", "", argument)
         last = os.path.basename(os.path.normpath(path))
         words.append(f"{option}{equals}{last}" if os.path.isabs(path) else argument)
-    return shlex.join(["exodrake", *words]) if context else ""
+    return shlex.join(words)
 
 
 def robot_option(name: str = "robot", default: str = DEFAULT) -> Callable[[Callable], Callable]:
@@ -317,9 +304,9 @@ def register_machine(context: click.Context, _: click.Parameter, folder: str | N
     context.meta[MACHINE] = path.name
 
 
-def refuse_others(name: str, robot: exo.Robot, parameter: str) -> None:
-    """InputError with the reason why a command does not take a machine that lacks a parameter."""
-    if not any(one.name.startswith(f"{parameter}.") for one in robot.machine.parameters):
+def refuse_others(name: str, robot: exo.Robot) -> None:
+    """InputError with the reason why a command does not take a machine without the finger."""
+    if not any(one.name.startswith("finger.length.") for one in robot.machine.parameters):
         raise InputError(f"{robot.machine.name}: not for `exodrake {name}`, since {OTHERS[name]}")
 
 
