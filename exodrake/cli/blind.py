@@ -29,8 +29,8 @@ def command() -> None:
 @click.option("--cases", required=True, type=click.IntRange(min=1), help="How many of each mix.")
 @click.option("--out", required=True, type=options.AnyPath(), help="Folder of the cases.")
 @click.option("--labels", type=options.AnyPath(), help="Labels file [default: OUT-labels.json].")
-@click.option(
-    "--mix", "mixes", multiple=True, default=("standard",), show_default=True, metavar="NAME",
+@options.option(
+    "--mix", "mixes", multiple=True, default=("standard",), metavar="NAME",
     help="standard, healthy, small (effects near the detection limit), half (logs half as long), no-mocap,"
     " no-load-cells, encoders-alone, same-block (two effects) or three (effects); several times for several mixes.",
 )  # fmt: skip
@@ -100,8 +100,8 @@ def score(folder, labels, against, markdown) -> object:
 
 
 @options.command()
-@click.option("--seed", type=click.IntRange(min=0), default=1, show_default=True, help="Which robot, and which fault.")
-@click.option("--out", type=options.OutputFolder(), default=Path("demo"), show_default=True, help="Folder.")
+@options.option("--seed", type=click.IntRange(min=0), default=1, help="Which robot, and which fault.")
+@options.option("--out", type=options.OutputFolder(), default=Path("demo"), help="Folder.")
 def run_demo(seed: int, out: Path) -> dict[str, Any]:
     """Simulate a grasp, inject a fault into an independent reference simulator, and find it from logs alone."""
     from exodrake.cli.diagnose import FILES, diagnose_case

@@ -230,9 +230,9 @@ def summarise_fleet(sources, out, table) -> object:
 @options.command()
 @options.robot_option()
 @click.option("--case", "folder", metavar="CASE", help="Folder or log whose motion the robots follow.")
-@click.option("--cases", default=60, show_default=True, type=click.IntRange(min=1), help="How many robots at most.")
-@click.option("--minutes", default=9.0, show_default=True, type=click.FloatRange(min=0.0), help="Time for them.")
-@click.option("--seed", default=0, show_default=True, type=click.IntRange(min=0), help="Seed of all draws.")
+@options.option("--cases", default=60, type=click.IntRange(min=1), help="How many robots at most.")
+@options.option("--minutes", default=9.0, type=click.FloatRange(min=0.0), help="Time for them.")
+@options.option("--seed", default=0, type=click.IntRange(min=0), help="Seed of all draws.")
 @where_to_run
 @click.option("--out", required=True, type=options.OutputFile("calibration.yaml"),
               help="File, or the machine's folder, whose verdicts then state the rates.")  # fmt: skip
@@ -372,10 +372,10 @@ def check_case(case: Path, robot: str, only: str, without: str, figure: Path | N
 @click.argument("case", type=options.AnyPath())
 @click.option("--out", type=options.OutputFile("reference.csv"), required=True,
               help="References to be sent to the robot, or a folder for them; the figure lies beside.")  # fmt: skip
-@click.option("--case", "folder", default=None, metavar="FOLDER", type=options.AnyPath(),
+@click.option("--case", "folder", metavar="FOLDER", type=options.AnyPath(),
               help="Folder of the case, for an answer that lies elsewhere.")  # fmt: skip
-@click.option("--duration", type=float, default=None, help="Length of the experiment, 20 to 60 s [60].")
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of the search.")
+@click.option("--duration", type=float, help="Length of the experiment, 20 to 60 s [60].")
+@options.option("--seed", type=click.IntRange(min=0), default=0, help="Seed of the search.")
 @options.robot_option()
 def design_experiment(case, out, folder, duration, seed, robot) -> object:
     """Design the experiment that tells apart the explanations that the logs of CASE do not reject.

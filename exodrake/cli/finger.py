@@ -32,11 +32,9 @@ def identify_finger() -> None:
 
 @options.command(identify_finger.command, short_help="Joint axes, centres, angles and phalanx lengths.")
 @click.argument("file", type=options.AnyPath())
-@click.option("--out", type=options.OutputFolder(), default=Path("kinematics"), show_default=True,
-              help="Folder for the files.")  # fmt: skip
+@options.option("--out", type=options.OutputFolder(), default=Path("kinematics"), help="Folder for the files.")
 @click.option("--markers", "names", type=options.AnyPath(), help="YAML with the marker names of each segment.")
-@click.option("--cutoff", type=float, default=4.0, show_default=True,
-              help="Smoothing of marker paths [Hz]; 0 for none.")  # fmt: skip
+@options.option("--cutoff", default=4.0, help="Smoothing of marker paths [Hz]; 0 for none.")
 @click.option("--repair", is_flag=True, help="Exchange swapped markers back instead of refusing the file.")
 def kinematics(file: Path, out: Path, names: Path | None, cutoff: float, repair: bool) -> object:
     """Joint axes, moving joint centres, angles and phalanx lengths from a marker recording, CSV or C3D.
@@ -79,13 +77,13 @@ def kinematics(file: Path, out: Path, names: Path | None, cutoff: float, repair:
 
 @options.command(identify_finger.command, short_help="Write a marker recording with known truth.")
 @click.argument("file", type=options.OutputFile())
-@click.option("--duration", type=float, default=40.0, show_default=True, help="Length of the recording.")
-@click.option("--rate", type=float, default=100.0, show_default=True, help="Frames per second.")
-@click.option("--noise", type=float, default=0.3, show_default=True, help="Noise per axis [mm RMS].")
-@click.option("--artefact", type=float, default=0.0, show_default=True, help="Skin drags each marker [mm/rad].")
-@click.option("--dropouts", type=float, default=0.0, show_default=True, help="Gaps per marker and minute.")
+@options.option("--duration", default=40.0, help="Length of the recording.")
+@options.option("--rate", default=100.0, help="Frames per second.")
+@options.option("--noise", default=0.3, help="Noise per axis [mm RMS].")
+@options.option("--artefact", default=0.0, help="Skin drags each marker [mm/rad].")
+@options.option("--dropouts", default=0.0, help="Gaps per marker and minute.")
 @click.option("--swap", nargs=2, help="Two markers that exchange names for half a second in the middle.")
-@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Seed of noise and gaps.")
+@options.option("--seed", type=click.IntRange(0), default=0, help="Seed of noise and gaps.")
 def synthesise(file, duration, rate, noise, artefact, dropouts, swap, seed) -> None:
     """Write a synthetic 14-marker recording, CSV or C3D by its name, and its truth into FILE.truth.yaml."""
     from exodrake.identification.kinematics import markers
@@ -128,13 +126,10 @@ def maximum_tension(log: Path, robot: str) -> object:
 
 @options.command()
 @options.robot_option()
-@click.option("--out", type=options.OutputFolder(), default=Path("workspace"), show_default=True,
-              help="Folder for the files.")  # fmt: skip
-@click.option("--samples", type=click.IntRange(100), default=40_000, show_default=True,
-              help="Points of the Monte Carlo areas.")  # fmt: skip
-@click.option("--steps", type=click.IntRange(3), default=25, show_default=True,
-              help="Tensions per tendon in the assisted workspace.")  # fmt: skip
-@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Seed of the Monte Carlo points.")
+@options.option("--out", type=options.OutputFolder(), default=Path("workspace"), help="Folder for the files.")
+@options.option("--samples", type=click.IntRange(100), default=40_000, help="Points of the Monte Carlo areas.")
+@options.option("--steps", type=click.IntRange(3), default=25, help="Tensions per tendon in the assisted workspace.")
+@options.option("--seed", type=click.IntRange(0), default=0, help="Seed of the Monte Carlo points.")
 def find_workspace(robot: str, out: Path, samples: int, steps: int, seed: int) -> object:
     """Areas that fingertip and distal phalanx reach, by polygon union and Monte Carlo.
 
@@ -163,11 +158,10 @@ def find_workspace(robot: str, out: Path, samples: int, steps: int, seed: int) -
 @options.command()
 @click.argument("logs", nargs=-1, required=True, type=options.AnyPath())
 @click.option("--out", required=True, type=options.OutputFile("estimator.npz"), help="Estimator file, or a folder.")
-@click.option("--points", default=500, show_default=True, type=click.IntRange(50, 4000),
-              help="Training points, equispaced.")  # fmt: skip
+@options.option("--points", default=500, type=click.IntRange(50, 4000), help="Training points, equispaced.")
 @click.option("--robot", default="", metavar="FILE", help="Robot file or machine whose signature to record.")
 @click.option("--one-sweep-per-log", is_flag=True, help="Do not cut logs at the ramps of their tension references.")
-@click.option("--seed", default=0, show_default=True, help="Seed of the validation's folds.")
+@options.option("--seed", default=0, help="Seed of the validation's folds.")
 def train_estimator(logs, out, points, robot, one_sweep_per_log, seed) -> object:
     """Train the joint-angle estimator on LOGS (tension, stroke and measured angles).
 
@@ -253,7 +247,7 @@ def estimate_angles(log, estimator, out, robot, as_trained) -> object:
 @click.option("--size", required=True, metavar="SIZE", help="Diameter of the object with its unit: 60mm, '6 cm'.")
 @click.option("--estimator", "file", type=options.AnyPath(), help="File of `exodrake train`.")
 @options.robot_option()
-@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Seed of the noise.")
+@options.option("--seed", type=click.IntRange(0), default=0, help="Seed of the noise.")
 @click.option("--out", type=options.OutputFolder(), help="Folder for the files [grasps/MODE-SIZE].")
 def plan_grasp(mode: str, size: str, file: Path | None, robot: str, seed: int, out: Path | None) -> Any:
     """Plan a grasp (caging, narrow-pinch, wide-pinch), simulate it, and show planned, reached and estimated posture.

@@ -20,13 +20,11 @@ SLOWEST = 10.0  # s, as the longest frame of a case
 
 @options.command()
 @click.argument("folder", type=options.AnyPath())
-@click.option("--joints", default="shoulder,elbow", show_default=True, metavar="A,B", help="Names of the joints.")
-@click.option(
-    "--servo", default=None, type=click.Choice(("ideal", "motor")), help="Of --joints: kind of servo. [ideal]"
-)
-@click.option("--frame", default=None, type=float, help="From one row to the next [s]. [0.02, of an arm 0.005]")
+@options.option("--joints", default="shoulder,elbow", metavar="A,B", help="Names of the joints.")
+@click.option("--servo", type=click.Choice(("ideal", "motor")), help="Of --joints: kind of servo. [ideal]")
+@click.option("--frame", type=float, help="From one row to the next [s]. [0.02, of an arm 0.005]")
 @click.option("--urdf", default="", metavar="FILE", help="An arm: its URDF, or cable_arm, linear_axis, rotary_axis.")
-@click.option("--form", default=None, help="Of an arm: inverse, closed-loop or cable. [inverse]")
+@click.option("--form", help="Of an arm: inverse, closed-loop or cable. [inverse]")
 @click.option("--tip", default="", metavar="LINK", help="Of an arm whose joints branch: its last link.")
 def command(folder, joints, servo, frame, urdf, form, tip) -> None:
     """Write FOLDER with a machine of position servos: machine.py, robot.yaml, mapping.yaml, a test and a README.

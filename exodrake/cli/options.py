@@ -27,6 +27,7 @@ from exodrake.core.errors import InputError, nearest
 from exodrake.core.files import check_folder, is_folder, make_folder, write_bytes, write_folder
 from exodrake.core.progress import waiting as waiting
 
+option = partial(click.option, show_default=True)
 CASE = click.argument("cases", nargs=-1, required=True, metavar="CASE_OR_LOG...")
 DEFAULT = "exo_index"  # the machine of a command that is given none
 MACHINE = "exodrake.machine"  # key of the machine that --machine registered, in the context's `meta`

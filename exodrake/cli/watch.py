@@ -17,7 +17,7 @@ EVERY = 10  # s of the log between plain lines
 @options.command()
 @click.argument("log", type=options.AnyPath())
 @options.robot_option()
-@click.option("--until-idle", type=click.FloatRange(min=0), default=None, metavar="TIME",
+@click.option("--until-idle", type=click.FloatRange(min=0), metavar="TIME",
               help="End when no row has come for this time [s; never]; 0 reads a complete log to its end.")  # fmt: skip
 @click.option("--map", "map_file", type=options.AnyPath(), metavar="FILE", help="Mapping file of a foreign recording.")
 def command(log: Path, robot: str, until_idle: float | None, map_file: Path | None) -> object:
@@ -62,11 +62,10 @@ def command(log: Path, robot: str, until_idle: float | None, map_file: Path | No
 
 @options.command()
 @options.robot_option()
-@click.option("--seed", default=21, show_default=True, type=click.IntRange(min=0), help="Seed of all draws.")
-@click.option("--robots", default=100, show_default=True, type=click.IntRange(min=2), help="Simulated healthy robots.")
-@click.option("--minutes", default=20.0, show_default=True, type=click.FloatRange(min=0.5, max=1440),
-              help="Work of each robot.")  # fmt: skip
-@click.option("--out", "--write", "out", type=options.OutputFile("alarm_limits.yaml"), default=None,
+@options.option("--seed", default=21, type=click.IntRange(min=0), help="Seed of all draws.")
+@options.option("--robots", default=100, type=click.IntRange(min=2), help="Simulated healthy robots.")
+@options.option("--minutes", default=20.0, type=click.FloatRange(min=0.5, max=1440), help="Work of each robot.")
+@click.option("--out", "--write", "out", type=options.OutputFile("alarm_limits.yaml"),
               help="The machine's folder, where `watch` finds alarm_limits.yaml, or a file.")  # fmt: skip
 @where_to_run
 def find_alarm_limits(robot, seed, robots, minutes, out, jobs, cluster) -> object:
