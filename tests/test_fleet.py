@@ -61,7 +61,7 @@ FLEET = sort_rows([
 
 def test_injected_onsets_are_dated_and_steady_robots_are_not():
     found = {m.serial: m for m in members(FLEET)}
-    assert not found["steady"].changes and not found["healthy"].trends
+    assert not found["steady"].changes and not find_trends(found["healthy"].rows)
     (loosened,), (worn,) = found["loosened"].changes, found["worn"].changes
     assert loosened.change.shape == STEP and loosened.change.began[1] <= 32.5 <= loosened.change.began[2]
     assert loosened.change.after[0] == pytest.approx(0.25, abs=0.01)

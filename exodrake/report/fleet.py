@@ -7,9 +7,9 @@ write_text("fleet.html", fleet_html(rows, "answers"))
 import os
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
+from typing import NamedTuple
 from urllib.parse import quote
 
 import numpy as np
@@ -24,7 +24,7 @@ from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, PARTLY, RETUNE, 
 from exodrake.report import wording as w
 from exodrake.report.blocks import Bars, Table, render, timeline
 
-VERDICTS = (NO_GAP, RETUNE, NAMED, AMBIGUOUS, PARTLY, UNKNOWN, FAILURE)
+VERDICTS = (*w.COLOURS, FAILURE)
 WORST_FIRST = (UNKNOWN, PARTLY, NAMED, AMBIGUOUS, FAILURE, RETUNE, NO_GAP)  # order of robots by their last verdict
 GREY = "#475467"  # of failures and of verdicts that a newer version gave
 CELLS = 60  # of a robot's strip of verdicts
@@ -33,30 +33,22 @@ LISTED = 30  # failed cases that are listed
 CAUSES = 15  # that have a bar
 
 
-@dataclass(frozen=True, eq=False)
-class Member:
+class Member(NamedTuple):
     """A robot of the fleet."""
 
     serial: str  # its number
-    rows: tuple[Row, ...]  # its cases by date
-    trends: tuple[Trend, ...]  # of the amplitudes of its causes, the clearest change first
-
-    @property
-    def last(self) -> Row:
-        """Its last case that has an answer, or the last of all."""
-        return next((row for row in reversed(self.rows) if row.verdict != FAILURE), self.rows[-1])
-
-    @property
-    def changes(self) -> tuple[Trend, ...]:
-        """Trends with a change."""
-        return tuple(trend for trend in self.trends if trend.change is not None)
+    rows: list[Row]  # its cases by date
+    last: Row  # its last case that has an answer, or the last of all
+    changes: list[Trend]  # trends of the amplitudes of its causes that have a change, the clearest first
 
 
 def members(rows: Sequence[Row]) -> list[Member]:
     """Robots with their cases, those whose last verdict is worst first; one of a newer version, unknown here, leads."""
-    place = {verdict: k for k, verdict in enumerate(WORST_FIRST)}
-    grouped = ((serial, tuple(own)) for serial, own in groupby(rows, key=lambda row: row.serial))
-    found = [Member(serial, own, tuple(find_trends(own))) for serial, own in grouped]
+    place, found = {verdict: k for k, verdict in enumerate(WORST_FIRST)}, []
+    for serial, cases in groupby(rows, key=lambda row: row.serial):
+        own = list(cases)
+        last = next((row for row in reversed(own) if row.verdict != FAILURE), own[-1])
+        found.append(Member(serial, own, last, [trend for trend in find_trends(own) if trend.change is not None]))
     return sorted(found, key=lambda m: (place.get(m.last.verdict, -1), m.serial))
 
 
