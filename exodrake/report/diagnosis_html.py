@@ -34,7 +34,6 @@ from exodrake.diagrams.block_diagram import wiring_svg
 from exodrake.model.display import PALETTE, SYMBOLS, find_display, shown_unit
 from exodrake.report import blocks, wording as w
 from exodrake.report.blocks import AFTER, BAND, LINE, RULE, SOFT, Bars, Drawing, Table, render, render_svg, timeline
-from exodrake.report.wording import split_column
 
 if TYPE_CHECKING:
     from exodrake.diagnosis.discovery.discover import MissingLaw
@@ -96,7 +95,7 @@ class SimulatedLogs:
     @cached_property
     def parts(self) -> tuple[tuple[str, str], ...]:
         """Kind and channel of each column."""
-        return tuple(split_column(column, self.problem.robot.machine) for column in self.problem.columns)
+        return tuple(w.split_column(column, self.problem.robot.machine) for column in self.problem.columns)
 
     @property
     def loop_answer(self) -> str:
@@ -141,7 +140,7 @@ def how_far(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
 
     rows = []  # of each signal, behind a fold
     for name, gap in closure.signals.items():
-        kind, channel = split_column(name, diagnosis.machine)
+        kind, channel = w.split_column(name, diagnosis.machine)
         display, _ = gaps[kind]
         rows.append(gap_row(f"{display.label} {channel}", gap, display.unit))
     totals = [gap_row(display.label, gap, display.unit) for display, gap in gaps.values()]
@@ -249,7 +248,7 @@ def response_figure(diagnosis: Diagnosis, runs: SimulatedLogs) -> Drawing | None
         return float(np.average(error**2, weights=one.power))
 
     drawable = [one for one in found if one.resolved.any() and all(np.isfinite(m).all() for m in one.models.values())]
-    kinds = {one.output: split_column(one.output, machine)[0] for one in drawable}
+    kinds = {one.output: w.split_column(one.output, machine)[0] for one in drawable}
     by_block = {s.name: [one for one in drawable if kinds[one.output] == s.output] for s in machine.segments}
     chosen = {name: sorted(each, key=gap)[::-1] for name, each in by_block.items() if each}
     if not chosen:
@@ -501,10 +500,7 @@ def report_html(diagnosis: Diagnosis, problem: Problem) -> str:
 
 def render_report(diagnosis: Diagnosis, runs: SimulatedLogs) -> str:
     """The report from a diagnosis and logs that were simulated already."""
-    sections = {**how_far(diagnosis, runs), **where(diagnosis, runs), **which(diagnosis, runs), **since(diagnosis)}
-    return render(
-        "diagnosis.html",
-        title=f"{diagnosis.case}: diagnosis", version=__version__, colour=w.COLOURS.get(diagnosis.verdict, "#1d4ed8"),
-        found=diagnosis, runs=runs, w=w, **sections, **list_assumptions(diagnosis, runs),
-        **missing_law(diagnosis),
-    )  # fmt: skip
+    sections = how_far(diagnosis, runs) | where(diagnosis, runs) | which(diagnosis, runs) | since(diagnosis)
+    sections |= missing_law(diagnosis) | list_assumptions(diagnosis, runs)
+    head = {"title": f"{diagnosis.case}: diagnosis", "version": __version__, "colour": w.COLOURS[diagnosis.verdict]}
+    return render("diagnosis.html", found=diagnosis, runs=runs, w=w, **head, **sections)

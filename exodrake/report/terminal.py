@@ -58,7 +58,7 @@ def print_summary(diagnosis: Diagnosis, console: Console | None = None) -> None:
         lines.append(f"refined {escape(refined)}")
     lines += [f"because {escape(reason)}" for reason in diagnosis.reasons]
     title = f"[bold]{diagnosis.verdict}[/bold]  {escape(diagnosis.case)}"
-    style = w.STYLES.get(diagnosis.verdict, "white")
+    style = w.STYLES[diagnosis.verdict]
     console.print(Panel("\n".join(lines), title=title, title_align="left", border_style=style, padding=(0, 2)))
     if diagnosis.effects:
         rows = []

@@ -96,7 +96,6 @@ def factor(ratio: float) -> str:
 
 def join_words(items: tuple[str, ...] | list[str], last: str = "and") -> str:
     """Items in a sentence: `a, b and c`."""
-    items = list(items)
     return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} {last} {items[-1]}" if items else ""
 
 
@@ -114,7 +113,7 @@ def seat(place: Where | NamedEffect, machine: Machine) -> str:
         if len(names) > MOST_SEATS and set(names) == set(machine.axes.of(f"{axis}s")):
             parts.append(f"all {len(names)} {axis}s")
         elif names:
-            parts.append(f"the {axis}" if names == (axis,) else f"{plural(len(names), axis)} {join_words(list(names))}")
+            parts.append(f"the {axis}" if names == (axis,) else f"{plural(len(names), axis)} {join_words(names)}")
     return " and ".join(parts)
 
 
