@@ -252,15 +252,15 @@ def tune_gains(
     from exodrake.machines.robot_file import robot_text
 
     robot = options.change_robot(exo.load_robot(file), parameters, effects, parts)
-    if out_robot and robot.machine.loop and robot.machine.loop.outer:
+    outer = robot.machine.loop and robot.machine.loop.outer
+    if out_robot and outer:
         raise InputError("--out-robot: the gains are those of an outer loop, which no robot file holds")
     wanted = exo.Requirements(settling, overshoot / 100.0, disk_margin, noise)
     with options.waiting("tuning") as say:
         tuning = exo.tune(robot, wanted, only, draws, progress=lambda name: say(f"tuning: {name}"))
     show_tuning(tuning)
     files: dict[str, Any] = {"tune.png": plot_tuning(tuning)} if out else {}
-    if tuning.best and (out or out_robot) and not (robot.machine.loop and robot.machine.loop.outer):
-        best = tuning.best
+    if (best := tuning.best) and not outer:
         notes = (
             f"controller {best.name} by exodrake tune: overshoot up to {100.0 * wanted.overshoot:g} %, disk margin "
             f"from {wanted.disk_margin:g}; worst over operating points and tolerances: settles in "
@@ -269,10 +269,10 @@ def tune_gains(
         )
         files["tuned.yaml"] = robot_text(best.robot, notes)
     answer = options.write_answer(tuning.to_dict(), "tune", out, files)
-    if out_robot and tuning.best:
+    if out_robot:
+        if not best:
+            raise InputError("no controller holds all requirements: no robot file written")
         options.write_files({out_robot: files["tuned.yaml"]})
-    if out_robot and not tuning.best:
-        raise InputError("no controller holds all requirements: no robot file written")
     return answer
 
 

@@ -54,16 +54,12 @@ def kinematics(file: Path, out: Path, names: Path | None, cutoff: float, repair:
     with options.waiting("adjusting axes to the markers"):
         found = identify.identify(recording, layout, cutoff or None)
         files = options.write_together(out, report.make_report(found))
-    rows = [
-        (joint, axis, f"{a} ± {c}", f"{b} ± {d}", rmse) for joint, axis, a, c, b, d, rmse in report.table_rows(found)
-    ]
     click.echo(f"joint centres of {Path(found.source).name}: centre = gradient x angle + intercept")
+    rows = [(j, axis, f"{a} ± {c}", f"{b} ± {d}", rmse) for j, axis, a, c, b, d, rmse in report.table_rows(found)]
     options.print_table(("joint", "axis", ">gradient \\[mm/rad]", ">intercept \\[mm]", ">RMSE \\[mm]"), rows)
-    ranges = ["{:.2f} to {:.2f}".format(*joint.range) for joint in found.joints]
-    lengths = [
-        (j, span, bone, f"{mm} ± {half}") for span, (j, bone, mm, half) in zip(ranges, report.length_rows(found))
-    ]
-    options.print_table(("joint", ">flexion \\[rad]", "phalanx", ">length \\[mm]"), lengths)
+    flexions = ["{:.2f} to {:.2f}".format(*joint.range) for joint in found.joints]
+    rows = [(j, span, bone, f"{mm} ± {c}") for span, (j, bone, mm, c) in zip(flexions, report.length_rows(found))]
+    options.print_table(("joint", ">flexion \\[rad]", "phalanx", ">length \\[mm]"), rows)
     for remark in found.remarks:
         click.echo(f"note: {remark}")
     click.echo("wrote " + ", ".join(str(name) for name in files))
@@ -71,8 +67,8 @@ def kinematics(file: Path, out: Path, names: Path | None, cutoff: float, repair:
         joint.name: {"axis": joint.axis, "half_widths": joint.half_widths, "rmse": joint.rmse, "range": joint.range}
         for joint in found.joints
     }
-    lengths = {"lengths": found.lengths, "half_widths": found.intervals}
-    return {"source": found.source, "joints": joints, **lengths, "remarks": found.remarks}
+    answer = {"source": found.source, "joints": joints, "lengths": found.lengths, "half_widths": found.intervals}
+    return answer | {"remarks": found.remarks}
 
 
 @options.command(identify_finger.command, short_help="Write a marker recording with known truth.")
@@ -213,10 +209,10 @@ def estimate_angles(log, estimator, out, robot, as_trained) -> object:
     trained = gp.load(estimator, robot_digest(exo.load_robot(robot)) if robot else None)
     found = validate.estimate(trained, exo.read_log(log, ("tension", "stroke")), correct=not as_trained)
     if out:
-        options.write_files({out: found.log}, announce=False)
-        click.echo(f"{out}: {len(found.log)} rows with angle_est and angle_std")
         figure = out.with_name(out.name.split(".")[0] + ".png")
-        options.write_files({figure: found.log.plot(f"{log.name}, estimated", details=[BAND])}, announce=False)
+        drawn = found.log.plot(f"{log.name}, estimated", details=[BAND])
+        options.write_files({out: found.log, figure: drawn}, announce=False)
+        click.echo(f"{out}: {len(found.log)} rows with angle_est and angle_std")
         click.echo(f"{figure}: the log with its estimate")
     if zeros := found.zeros:
         parts = zip(zeros.wires, 1e3 * zeros.shift, 1e3 * zeros.half_widths, strict=True)
@@ -278,11 +274,8 @@ def plan_grasp(mode: str, size: str, file: Path | None, robot: str, seed: int, o
         width = WIDTH if plan.mode == "caging" else None
         thing = meshcat.Thing((plan.centre[0], -plan.centre[1]), plan.size / 2.0, width)
         shown = log.with_array("angle_plan", plan.joints, np.tile(plan.planned, (len(log), 1)))
-        contents: dict[str, Any] = {
-            "log.csv": log,
-            "plan.json": options.json_text(plan),
-            "figure.png": grasp_figure(plan, log, built),
-        }
+        contents: dict[str, Any] = {"log.csv": log, "plan.json": options.json_text(plan)}
+        contents["figure.png"] = grasp_figure(plan, log, built)
         for name, (what, kind) in RECORDINGS.items():
             title = f"{plan.mode.replace('-', ' ').capitalize()}, {1e3 * plan.size:g} mm, {what}"
             contents[name] = meshcat.recording_html(shown, built, title, thing, kind)
@@ -291,12 +284,12 @@ def plan_grasp(mode: str, size: str, file: Path | None, robot: str, seed: int, o
         options.write_together(folder, contents)
     click.echo(f"{plan.mode}  {1e3 * plan.size:g} mm {'feasible' if plan.feasible else 'not feasible'}")
     click.echo(f"fingertip at x {1e3 * plan.target[0]:.1f}, y {1e3 * plan.target[1]:.1f} mm (palmar) of the MCP")
-    rows = []
-    reached, guess, deviation = (at_hold(log, kind, plan.joints) for kind in ("angle", "angle_est", "angle_std"))
-    for i, (tendon, joint) in enumerate(zip(plan.tendons, plan.joints)):
-        angles = (f"{v:.3f}" for v in (plan.wanted[i], plan.planned[i], plan.shortfall[i], reached[i]))
-        estimated = f"{guess[i]:.3f} ± {deviation[i]:.3f} rad"
-        rows.append((tendon, f"{plan.tensions[i]:.2f} N", joint, *angles, estimated))
+    held = (at_hold(log, kind, plan.joints) for kind in ("angle", "angle_est", "angle_std"))
+    columns = zip(plan.tendons, plan.tensions, plan.joints, plan.wanted, plan.planned, plan.shortfall, *held)
+    rows = [
+        (tendon, f"{tension:.2f} N", joint, *(f"{v:.3f}" for v in angles), f"{guess:.3f} ± {deviation:.3f} rad")
+        for tendon, tension, joint, *angles, guess, deviation in columns
+    ]
     titles = ("tendon", ">tension", "joint", ">wanted", ">planned", ">short by", ">reached", ">estimated")
     options.print_table(titles, rows)
     if not plan.feasible:
