@@ -41,7 +41,7 @@ SHOWN = 0.3  # poles of smaller modulus are gone within a few frames
 @click.option(
     "--to-control", "model", type=options.OutputFile(), help="NPZ with A, B, C, D, dt and names for python-control."
 )
-def analyse_loop(file, parameters, effects, parts, at, draws, diagnosis, seed, out, model) -> object:
+def analyse_loop(robot, parameters, effects, parts, at, draws, diagnosis, seed, out, model) -> object:
     """How stable, how fast and how robust the closed loop of a robot is, seen once a frame.
 
     Linearises the whole sampled loop at an operating point, and measures the full nonlinear one by steps and multisine.
@@ -52,15 +52,16 @@ def analyse_loop(file, parameters, effects, parts, at, draws, diagnosis, seed, o
     from exodrake.core.parallel import one_blas_thread
     from exodrake.model.units import quantity
     from exodrake.simulation.protocols import split_options
+    from exodrake.simulation.scenario import change_robot
 
     wanted = click.get_current_context().params["json_file"]
     answer = None
     if diagnosis:  # beside an answer lies its improved robot
         path = diagnosis / "diagnosis.json" if diagnosis.is_dir() else diagnosis
         answer, improved = read_json(path), path.with_name("improved.yaml")
-        default = click.get_current_context().get_parameter_source("file") == ParameterSource.DEFAULT
-        file = str(improved) if default and improved.is_file() else file
-    robot = options.change_robot(linear_model.add_controller(exo.load_robot(file)), parameters, effects, parts)
+        default = click.get_current_context().get_parameter_source("robot") == ParameterSource.DEFAULT
+        robot = str(improved) if default and improved.is_file() else robot
+    robot, _, _ = change_robot(linear_model.add_controller(exo.load_robot(robot)), parameters, effects, parts)
     point, bands, uncertainty = at.strip() or None, [], None
     if any(mark in at for mark in "=,:"):  # references, not the name of a point
         loop, (_, given) = robot.machine.loop, split_options(f"--at:{at}")
@@ -182,7 +183,7 @@ def verdict(result: exo.ClosedLoop) -> str:
 @click.option("--improved", type=options.AnyPath(), metavar="FILE", help="Robot file of an improved robot.")
 @click.option("--segment", type=ABOVE, help="Length of Welch's segments [s].")
 @click.option("--out", type=options.OutputFolder(), help="Folder for response.png and response.json.")
-def find_response(cases, input, output, file, parameters, effects, parts, improved, segment, out) -> object:
+def find_response(cases, input, output, improved, segment, out, **changes) -> object:
     """Estimate frequency responses from logs, with coherence, and set them beside the robot's on the same references.
 
     CASE_OR_LOG is a case folder, or one or several logs, which are averaged. Logs without the robot's references are
@@ -194,7 +195,7 @@ def find_response(cases, input, output, file, parameters, effects, parts, improv
 
     if bool(input) != bool(output):
         raise InputError("--from and --to belong together; without both, every block is estimated")
-    robot = options.change_robot(exo.load_robot(file), parameters, effects, parts)
+    robot = options.load_changed(**changes)
     case = gather_logs(cases[0] if len(cases) == 1 else cases)
     other = exo.load_robot(improved) if improved else None
     follows = all(item.log.has(n) for item in case.logs for n in robot.machine.log_names(robot.machine.references))
@@ -240,9 +241,7 @@ def find_response(cases, input, output, file, parameters, effects, parts, improv
 @click.option("--out", type=options.OutputFolder(), help="Folder for tuned.yaml, tune.png and tune.json.")
 @click.option("--out-robot", type=options.OutputFile("tuned.yaml"),
               help="Write the robot with the best controller alone.")  # fmt: skip
-def tune_gains(
-    file, parameters, effects, parts, settling, overshoot, disk_margin, noise, only, draws, out, out_robot
-) -> Any:  # fmt: skip
+def tune_gains(settling, overshoot, disk_margin, noise, only, draws, out, out_robot, **changes) -> Any:
     """Choose the gains of a robot's closed loop that settle fastest within requirements.
 
     They hold at every operating point of the machine and for robots within the tolerances. Every controller that the
@@ -251,7 +250,7 @@ def tune_gains(
     from exodrake.analysis.figures import plot_tuning
     from exodrake.machines.robot_file import robot_text
 
-    robot = options.change_robot(exo.load_robot(file), parameters, effects, parts)
+    robot = options.load_changed(**changes)
     outer = robot.machine.loop and robot.machine.loop.outer
     if out_robot and outer:
         raise InputError("--out-robot: the gains are those of an outer loop, which no robot file holds")

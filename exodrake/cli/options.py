@@ -249,8 +249,8 @@ def command_line() -> str:
     return shlex.join(words)
 
 
-def robot_option(name: str = "robot", default: str = DEFAULT) -> Callable[[Callable], Callable]:
-    """Adds --robot, as parameter `name`, and --machine for the folder of a machine of the user's own, to a command."""
+def robot_option(default: str = DEFAULT) -> Callable[[Callable], Callable]:
+    """Adds --robot, and --machine for the folder of a machine of the user's own, to a command."""
 
     def add(command: Callable) -> Callable:
         machine = click.option(
@@ -258,7 +258,7 @@ def robot_option(name: str = "robot", default: str = DEFAULT) -> Callable[[Calla
             help="Folder of a machine of your own (robot.yaml, machine.py); its robot is the default.",
         )  # fmt: skip
         robot = click.option(
-            "--robot", name, default=default, metavar="FILE", callback=choose_robot,
+            "--robot", default=default, metavar="FILE", callback=choose_robot,
             help="Robot file, a machine's folder, or the name of a machine or built-in robot.",
         )  # fmt: skip
         return robot(machine(command))
@@ -266,7 +266,7 @@ def robot_option(name: str = "robot", default: str = DEFAULT) -> Callable[[Calla
     return add
 
 
-def robot_changes(command: Callable, name: str = "file", default: str = DEFAULT) -> Callable:
+def robot_changes(command: Callable, default: str = DEFAULT) -> Callable:
     """Adds `robot_option`, and --set, --effect and --part, which change that robot, to a command."""
     options = (
         ("--set", "parameters", "finger.kappa.MCP=0.09, or 'tendon.k=2.7 N/mm'. Repeatable."),
@@ -275,16 +275,14 @@ def robot_changes(command: Callable, name: str = "file", default: str = DEFAULT)
     )
     for flag, changed, text in reversed(options):
         command = click.option(flag, changed, multiple=True, metavar="TEXT", help=text)(command)
-    return robot_option(name, default)(command)
+    return robot_option(default)(command)
 
 
-def change_robot(
-    robot: exo.Robot, parameters: tuple[str, ...], effects: tuple[str, ...], parts: tuple[str, ...]
-) -> exo.Robot:
-    """A robot with what the options change: parts first, then parameters, then effects."""
-    from exodrake.simulation import scenario
+def load_changed(robot: str, parameters: Sequence[str], effects: Sequence[str], parts: Sequence[str]) -> exo.Robot:
+    """The robot of `robot_changes`: parts are changed first, then parameters, then effects."""
+    from exodrake.simulation.scenario import change_robot
 
-    return scenario.change_robot(robot, parameters, effects, parts)[0]
+    return change_robot(exo.load_robot(robot), parameters, effects, parts)[0]
 
 
 def register_machine(context: click.Context, _: click.Parameter, folder: str | None) -> None:

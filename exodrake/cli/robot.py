@@ -150,7 +150,7 @@ def draw(robot: str, out: Path) -> None:
 @click.option("--prediction", is_flag=True, help="Fit prediction errors beside output errors.")
 @options.robot_changes
 @click.option("--out", type=options.OutputFolder(), help="Folder for robot.yaml, fit.png and fit.json.")
-def fit_parameters(cases, free, bounds, held_out, prediction, file, parameters, effects, parts, out) -> object:
+def fit_parameters(cases, free, bounds, held_out, prediction, out, **changes) -> object:
     """Fit parameters of a robot to logs by least squares, with 90 % intervals that allow for coloured residuals.
 
     CASE_OR_LOG is a case folder, whose held-out logs are held out, or one or several logs. A name without channel
@@ -167,7 +167,7 @@ def fit_parameters(cases, free, bounds, held_out, prediction, file, parameters, 
             raise InputError(f"--bounds: {text!r} is not of the form NAME=LOW..HIGH")
         limits[name.strip()] = (low, high)
     with options.waiting("fitting (the first run after a change compiles for half a minute)"):
-        robot = options.change_robot(exo.load_robot(file), parameters, effects, parts)
+        robot = options.load_changed(**changes)
         found = exo.fit(robot, cases[0] if len(cases) == 1 else cases, free, limits, held_out, prediction)
     for titles, rows in found.tables:
         options.print_table([escape(title).replace("held out, ", "held out\n") for title in titles], rows)

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 @click.argument("protocol", required=False, default="")
 @click.option("--reference", default="", metavar="LOG", help="Follow the references of this log.")
 @click.option("--scenario", "file", default="", metavar="FILE", help="Repeat this scenario; other options change it.")
-@partial(options.robot_changes, name="robot", default="")
+@partial(options.robot_changes, default="")
 @click.option("--seed", type=int, help="Seed of the noise [0].")
 @click.option("--no-noise", is_flag=True, help="Sensors without noise, a bus that loses nothing.")
 @click.option("--no-quantisation", is_flag=True, help="Readings unrounded.")
@@ -205,9 +205,7 @@ def use_engine(engine: str) -> None:
 @click.option("--seed", type=click.IntRange(0), default=0, help="Seed of the draws. [0]")
 @click.option("--noise", type=click.IntRange(0), help="Seed of the sensors' noise; none without it.")
 @click.option("--out", type=options.OutputFolder(), help="Folder for sweep.csv, sweep.png and sweep.json.")
-def sweep_parameters(
-    protocol, reference, over, robots, diagnosis, file, parameters, effects, parts, seed, noise, out
-) -> Any:  # fmt: skip
+def sweep_parameters(protocol, reference, over, robots, diagnosis, seed, noise, out, **changes) -> Any:
     """Run a robot on PROTOCOL once for each variation, and tabulate RMS from the robot's own run, peak and end."""
     import numpy as np
 
@@ -215,7 +213,7 @@ def sweep_parameters(
 
     if bool(protocol) == bool(reference) or bool(over) + bool(robots) + bool(diagnosis) != 1:
         raise InputError("wanted a protocol or --reference, and one of --over, --robots and --diagnosis")
-    robot, grid = options.change_robot(exo.load_robot(file), parameters, effects, parts), {}
+    robot, grid = options.load_changed(**changes), {}
     for text in over:
         name, equals, values = text.partition("=")
         try:

@@ -210,22 +210,20 @@ def curves(runs: SimulatedLogs, robots: Sequence[str]) -> dict[str, Any]:
 
 def where(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
     """Values of the section's template; nothing where there is no place."""
-    found, conditions = diagnosis.where, None
+    found = diagnosis.where
     if found.block == "none":
-        return {"wiring": None, "conditions": None, "figures": []}
+        return {}
     by = "the effects of each part take up" if diagnosis.effects else "the best effect of each part takes up alone"
-    drawn = wiring_svg(runs.problem.robot.machine, found.shares, schedule=False)
     caption = f"In each part the share of the gap that {by}."
-    figures = [response_figure(diagnosis, runs), condition_figure(diagnosis, runs)]
-    if found.regime:  # shares of the variance, over the width of the largest
-        largest = max(*found.regime.values(), 1e-9)
-        ordered = sorted(found.regime.items(), key=lambda item: -item[1])
-        rows = [(name, max(v, 0.0) / largest, f"{100 * v:.0f} %", v == largest) for name, v in ordered]
-        conditions = Bars(rows)
+    drawn = wiring_svg(runs.problem.robot.machine, found.shares, schedule=False)
+    largest = max([*found.regime.values(), 1e-9])  # shares of the variance, over the width of the largest
+    ordered = sorted(found.regime.items(), key=lambda item: -item[1])
+    rows = [(name, max(v, 0.0) / largest, f"{100 * v:.0f} %", v == largest) for name, v in ordered]
     return {
         "wiring": Drawing(drawn, caption, wide=True, alt="parts and signals of the robot"),
-        "conditions": conditions,
-        "figures": [figure for figure in figures if figure is not None],
+        "responses": response_figure(diagnosis, runs),
+        "conditions": Bars(rows) if rows else None,
+        "condition": condition_figure(diagnosis, runs),
     }
 
 
