@@ -213,14 +213,12 @@ def where(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
     found = diagnosis.where
     if found.block == "none":
         return {}
-    by = "the effects of each part take up" if diagnosis.effects else "the best effect of each part takes up alone"
-    caption = f"In each part the share of the gap that {by}."
     drawn = wiring_svg(runs.problem.robot.machine, found.shares, schedule=False)
     largest = max([*found.regime.values(), 1e-9])  # shares of the variance, over the width of the largest
     ordered = sorted(found.regime.items(), key=lambda item: -item[1])
     rows = [(name, max(v, 0.0) / largest, f"{100 * v:.0f} %", v == largest) for name, v in ordered]
     return {
-        "wiring": Drawing(drawn, caption, wide=True, alt="parts and signals of the robot"),
+        "wiring": Drawing(drawn, wide=True, alt="parts and signals of the robot"),
         "responses": response_figure(diagnosis, runs),
         "conditions": Bars(rows) if rows else None,
         "condition": condition_figure(diagnosis, runs),
@@ -306,11 +304,7 @@ def condition_figure(diagnosis: Diagnosis, runs: SimulatedLogs) -> Drawing | Non
         axes.set_ylabel(f"error of {signal} / noise std")
         figure.legend(loc="outside upper left", ncols=2, handlelength=1.6)
         svg = render_svg(figure, "condition", f"error of {signal} against {label}")
-    caption = (
-        "Error of the worst signal against the strongest condition: samples, and means of bins. "
-        "The band is ± 2 noise standard deviations."
-    )
-    return Drawing(svg, caption)
+    return Drawing(svg)
 
 
 def which(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
@@ -335,10 +329,6 @@ def which(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
         described[effect.role].append((effect, w.find_effect(diagnosis, effect.id), table))
     noise = f", {w.digits(left.noise_std, 2)} noise std" if np.isfinite(left.noise_std) else ""
     bars.append(bar("remains", left.value, w.share(left.value) + noise))
-    caption = (
-        "Share of the gap beyond retuning, fitted logs: what is left without the effect less what is left with it. "
-        "Causes in colour, rivals of a cause beneath it. Effects that partly replace each other do not add up to 100 %."
-    )
     sets = []
     for one in diagnosis.candidates:
         chi2 = [w.digits(x) if np.isfinite(x) else "–" for x in (one.chi2, one.prediction_chi2)]
@@ -358,7 +348,7 @@ def which(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
     retuned = [Table(titles, rows[:SHOWN], wide=False)] if rows else []
     retuned += [Table(titles, rest, wide=False, folded=f"{len(rest)} smaller changes")] if rest else []
     return {
-        "shares": Bars(bars, caption) if len(bars) > 1 else None,
+        "shares": Bars(bars) if len(bars) > 1 else None,
         "causes": described[CAUSE],
         "refinements": described[REFINEMENT],
         "sets": Table(header, sets, folded=f"All {len(sets)} fitted sets in numbers") if sets else None,
@@ -433,11 +423,7 @@ def law_figure(law: MissingLaw) -> Drawing:
             below.set_xlabel(f"u [{symbol}]" if symbol else "u")
         panels[0, 0].set_ylabel("f(u), SI")
         svg = render_svg(figure, "missing_law", law.words)
-    caption = (
-        "The fitted law with its 90 % band; below it, where its variable was in the fitted logs. Where there are no "
-        "data the curve is what smoothness makes of its neighbours."
-    )
-    return Drawing(svg, caption, wide=len(law.curves) > 1)
+    return Drawing(svg, wide=len(law.curves) > 1)
 
 
 def list_assumptions(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
@@ -454,9 +440,8 @@ def list_assumptions(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any
         digest = f"`{case.hashes[item.file][:DIGITS]}`" if case.hashes.get(item.file) else "–"
         rows.append((f"`{item.file}`", role, f"{len(item.log) * runs.period:.0f} s", missing, *errors, digest))
     logs = Table(("Log", "Role", "Length", "Missing", *titles, "SHA-256"), rows, words=2)
-    numbers = Table(
-        ("Number", "Value"), decision_numbers(runs.problem.negligible), words=1, folded="The numbers of the decisions"
-    )
+    decided = decision_numbers(runs.problem.negligible)
+    numbers = Table(("Number", "Value"), decided, folded="The numbers of the decisions")
     made, provenance = diagnosis.provenance, None
     if made is not None:
         rows = [

@@ -77,7 +77,6 @@ def fleet_html(rows: Sequence[Row], source: str, links: Mapping[str, str] | None
     for e in sorted(ever, key=lambda e: (-now[e], -ever[e]))[:CAUSES]:
         counts = f"{now[e]} {plural(now[e], 'robot')}, {ever[e]:,} {plural(ever[e], 'case')}"
         bars.append((f"`{e}`", now[e] / most, counts, now[e] > 0))
-    words = "Robots in whose last case the cause is named, or left by an ambiguous verdict; and all such cases."
     if len(failed) > LISTED:
         failed[LISTED:] = [("…", f"and {len(failed) - LISTED} more")]
     dates = [row.date.date().isoformat() for row in rows if row.date is not None]
@@ -86,7 +85,7 @@ def fleet_html(rows: Sequence[Row], source: str, links: Mapping[str, str] | None
         "fleet.html", title=f"Fleet: {source}", version=__version__, colour=w.COLOURS[NAMED], source=source,
         tiles=tiles, colours=dict.fromkeys(verdicts, GREY) | w.COLOURS, verdicts=verdicts,
         strips=[(m.serial, strip(m.rows)) for m in robots], robots=robot_table(robots, links),
-        causes=Bars(bars, words) if bars else None,
+        causes=Bars(bars) if bars else None,
         timelines=timelines, rest=sum(len(m.changes) for m in robots) - len(timelines),
         failed=Table(("Case", "Reason"), failed, words=2) if failed else None,
         dates=(min(dates), max(dates)) if dates else None,

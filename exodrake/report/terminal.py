@@ -114,7 +114,6 @@ def print_profile(diagnosis: Diagnosis, spent: Mapping[Stage, float]) -> None:
         stage = SIMULATES.get(name, Stage.FIT)
         simulated[stage] = simulated.get(stage, 0.0) + time
     rows = [(s.text, f"{spent.get(s, 0.0):.2f} s", f"{time:,.0f} s") for s, time in simulated.items()]
-    rows.append(
-        ("all", f"{sum(spent.values()):.2f} s in {diagnosis.run_time:.1f} s", f"{diagnosis.simulated_time:,.0f} s")
-    )
+    taken = f"{sum(spent.values()):.2f} s in {diagnosis.run_time:.1f} s"
+    rows.append(("all", taken, f"{diagnosis.simulated_time:,.0f} s"))
     print_table(Console(highlight=False), ("stage", ">processor", ">simulated"), rows)

@@ -227,11 +227,8 @@ def headline(diagnosis: Diagnosis) -> str:
         named = "explains {} of it"
     words, left = "; ".join(said), diagnosis.remainder
     if math.isfinite(left.value):
-        rest = (
-            f"{digits(left.noise_std, 2)} noise standard deviations remain"
-            if left.noise_std > 1.0
-            else "nothing remains"
-        )
+        noise = f"{digits(left.noise_std, 2)} noise standard deviations remain"
+        rest = noise if left.noise_std > 1.0 else "nothing remains"
         words += f"; {share(left.value)} remains" if left.value >= LEAST_SHARE else f"; {rest}"
         worst = max(diagnosis.closure.signals.items(), key=lambda item: item[1].after / item[1].noise_std, default=None)
         if diagnosis.verdict == result.PARTLY and worst is not None:
