@@ -79,9 +79,8 @@ def compare_logs(first, second, robot, out) -> exo.Comparison:
         click.secho(f"note: {note}", fg="yellow", err=True)
     if out:
         said = remarks(found, one, machine)
-        options.write_files(
-            {out: one.plot(" and ".join(names), other, names, machine=machine, remarks=said, difference=True)}
-        )
+        drawn = one.plot(" and ".join(names), other, names, machine=machine, remarks=said, difference=True)
+        options.write_files({out: drawn})
     return found
 
 

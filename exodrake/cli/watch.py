@@ -85,10 +85,8 @@ def find_alarm_limits(robot, seed, robots, minutes, out, jobs, cluster) -> objec
         written.setdefault(channel.segment, {})[channel.column] = float(f"{limit:.4g}")
         name = f"{channel.segment} {channel.column}"
         click.echo(f"{name:28s} median {np.median(column):7.2f}  largest {column.max():7.2f}  limit {limit:7.2f}")
-    click.echo(
-        f"at most {percent(share_at_most(robots))} of healthy robots raise an alarm in {minutes:g} min "
-        "(95 % confidence)"
-    )
+    share = percent(share_at_most(robots))
+    click.echo(f"at most {share} of healthy robots raise an alarm in {minutes:g} min (95 % confidence)")
     content = {"robots": robots, "minutes": minutes, "limits": written}
     if out:
         head = (
