@@ -68,8 +68,7 @@ def run(folder, jobs, cluster, redo) -> object:
 
     cases = find_cases(folder)
     with show_count("diagnosing") as count:
-        typed = options.command_line()
-        failed = diagnose_all({case: case for case in cases}, jobs, cluster, count, redo, command=typed)
+        failed = diagnose_all(dict(zip(cases, cases)), jobs, cluster, count, redo, command=options.command_line())
     options.note_failures(failed)
     return {"cases": len(cases), "failed": failed}
 

@@ -24,7 +24,6 @@ from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, PARTLY, RETUNE, 
 from exodrake.report import wording as w
 from exodrake.report.blocks import Bars, Table, render, timeline
 
-VERDICTS = (*w.COLOURS, FAILURE)
 WORST_FIRST = (UNKNOWN, PARTLY, NAMED, AMBIGUOUS, FAILURE, RETUNE, NO_GAP)  # order of robots by their last verdict
 GREY = "#475467"  # of failures and of verdicts that a newer version gave
 CELLS = 60  # of a robot's strip of verdicts
@@ -80,7 +79,7 @@ def fleet_html(rows: Sequence[Row], source: str, links: Mapping[str, str] | None
     if len(failed) > LISTED:
         failed[LISTED:] = [("…", f"and {len(failed) - LISTED} more")]
     dates = [row.date.date().isoformat() for row in rows if row.date is not None]
-    verdicts = tuple(dict.fromkeys((*VERDICTS, *sorted({row.verdict for row in rows}))))
+    verdicts = tuple(dict.fromkeys((*w.COLOURS, FAILURE, *sorted({row.verdict for row in rows}))))
     return render(
         "fleet.html", title=f"Fleet: {source}", version=__version__, colour=w.COLOURS[NAMED], source=source,
         tiles=tiles, colours=dict.fromkeys(verdicts, GREY) | w.COLOURS, verdicts=verdicts,
