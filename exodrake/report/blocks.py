@@ -1,4 +1,4 @@
-"""Building blocks of HTML reports: tables, bars, headings, drawings; set by `templates/kit.html` in `base.html`.
+"""Building blocks of HTML reports: tables, bars, drawings; set by `templates/kit.html` in `base.html`.
 
 Matplotlib figures become inline SVG: the fonts of the report, no ids that clash, no reference to the outside.
 """
@@ -118,15 +118,7 @@ class Drawing:
         return b64encode(self.svg.encode()).decode()
 
 
-@dataclass(frozen=True)
-class Heading:
-    """A heading of the third level."""
-
-    block: ClassVar[str] = "heading"
-    text: str
-
-
-Block = Table | Bars | Drawing | Heading
+Block = Table | Bars | Drawing | str  # a text is a heading of the third level
 
 
 def render(template: str, folder: Path = TEMPLATES, **values: Any) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 from exodrake.data.plot import new_figure
 from exodrake.identification.kinematics.identify import SMALLEST_ANGLE, Kinematics, identify
 from exodrake.identification.kinematics.markers import Faults, Hand, Layout, Truth, synthesise
-from exodrake.report.blocks import RULE, Drawing, Heading, Table, house_style, render_svg
+from exodrake.report.blocks import RULE, Drawing, Table, house_style, render_svg
 from studies.paper.claim import AGREES, DOES_NOT, UNKNOWN, Chapter, Claim
 
 NOISE, SLIDING, RATE = 3e-4, 2e-3, 50.0  # m RMS per axis, m/rad of skin, Hz
@@ -59,7 +59,7 @@ def chapter(markers: Markers) -> Chapter:
     folded = "Axis by axis (* in the frames of the synthetic markers, which are not the paper's)"
     body = (
         Drawing(figure(markers.rigid), caption),
-        Heading("Table 1, printed beside found"),
+        "Table 1, printed beside found",
         Table(HEAD, table_rows(markers)),
         Table(AXIS_HEAD, axis_rows(markers), words=2, folded=folded),
     )

@@ -11,7 +11,7 @@ from exodrake.identification.kinematics.rigid import Axis, chain_poses
 from exodrake.identification.statics import find_maximum_tension
 from exodrake.machines.robot_file import load_robot
 from exodrake.physics.finger_statics import posture, read_parameters
-from exodrake.report.blocks import AFTER, BEFORE, RULE, SOFT, Drawing, Heading, Table, house_style, render_svg
+from exodrake.report.blocks import AFTER, BEFORE, RULE, SOFT, Drawing, Table, house_style, render_svg
 from exodrake.simulation.protocols import grasp, maximum_tension
 from exodrake.simulation.simulate import simulate
 from studies.paper.claim import AGREES, DOES_NOT, UNKNOWN, Chapter, Claim
@@ -40,11 +40,11 @@ def chapter(robot) -> Chapter:
         for degrees in DEGREES
     ]  # fmt: skip
     header = ("angle", "corrected", "as printed", "joint centre off by")
-    table = (Heading("Eq. 9: ‖G G⁻¹ − I‖"), Table(header, rows, wide=False))
+    table = ("Eq. 9: ‖G G⁻¹ − I‖", Table(header, rows, wide=False))
     caption = (
         "Simulated: wire of 3 N/mm, drive lag 20 ms, one 20 ms frame late, kp 5 mm/(s N), kd 0.1 mm/N (all assumed)."
     )
-    drawing = (Heading("Eq. 3: a step of 1 N"), Drawing(draw_steps(), caption))
+    drawing = ("Eq. 3: a step of 1 N", Drawing(draw_steps(), caption))
     lead = (
         "Each equation was coded twice, as printed and corrected, and tried against an identity it must satisfy. Most"
         " of what fails is a slip of one symbol; the authors' own code evidently used the right forms, or Table 1 could"

@@ -7,7 +7,7 @@ import numpy as np
 from exodrake.data.plot import new_figure
 from exodrake.estimator.validate import HELD_OUT, RANDOM
 from exodrake.machines.exo_index.machine import COLOURS
-from exodrake.report.blocks import AFTER, BEFORE, MEASURED, RULE, SOFT, Drawing, Heading, Table, house_style, render_svg
+from exodrake.report.blocks import AFTER, BEFORE, MEASURED, RULE, SOFT, Drawing, Table, house_style, render_svg
 from studies.paper.claim import AGREES, DOES_NOT, UNKNOWN, Chapter, Claim
 from studies.paper.study import CREEP_STIFFNESS, CREEP_TIME, DATA, MODEL, MU_PHI, Study
 
@@ -54,13 +54,13 @@ def chapter(found: Study) -> Chapter:
         for one in found.recorded
     ]  # fmt: skip
     body = (
-        Heading("Fig. 11: data-driven against model-based"),
+        "Fig. 11: data-driven against model-based",
         Drawing(figure_11(found), eleven),
         methods_table(found),
-        Heading("Fig. 10: estimated and measured angles"),
+        "Fig. 10: estimated and measured angles",
         Drawing(figure_10(found), ten),
         Table(split, by_split, wide=False),
-        Heading("Which sweeps to record"),
+        "Which sweeps to record",
         Table(trained, by_training, wide=False),
     )
     return Chapter("estimation", "Joint angles: Fig. 10, 11", lead, body, claims(found))

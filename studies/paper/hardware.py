@@ -6,7 +6,7 @@ import numpy as np
 
 from exodrake.data.plot import new_figure
 from exodrake.engine.inputs import Reference
-from exodrake.report.blocks import AFTER, BEFORE, RULE, Drawing, Heading, Table, house_style, render_svg
+from exodrake.report.blocks import AFTER, BEFORE, RULE, Drawing, Table, house_style, render_svg
 from exodrake.simulation.simulate import simulate
 from exodrake.systems.gp_estimator import LISTENS
 from studies.paper.claim import AGREES, DOES_NOT, Chapter, Claim
@@ -54,7 +54,7 @@ def chapter(robot, rate: float) -> Chapter:
         " default resolution, which is the cautious choice, and takes `sensor.q_F=0.001` for the corrected one."
     )
     slots = Table(("slot", "runs at [ms]", "task"), schedule(robot.machine), words=3, wide=False)
-    body = (Drawing(figure(coarse, fine), caption), Heading("A frame of 20 ms (Fig. 5)"), slots)
+    body = (Drawing(figure(coarse, fine), caption), "A frame of 20 ms (Fig. 5)", slots)
     claims = (*sensor_claims(coarse, fine), *timing_claims(robot.machine, rate))
     return Chapter("hardware", "Sensors and timing: Fig. 1c, 5", lead, body, claims)
 

@@ -12,7 +12,7 @@ from exodrake.identification.workspace import (
     solve_assisted,
     workspace_figure,
 )
-from exodrake.report.blocks import RULE, Drawing, Heading, Table, house_style, render_svg
+from exodrake.report.blocks import RULE, Drawing, Table, house_style, render_svg
 from studies.paper.claim import AGREES, DOES_NOT, UNKNOWN, Chapter, Claim
 
 ASSISTED = ((21.27, 32.90), (3.11, 0.88), (1.48, 4.55))  # as printed, min and max, A.M.
@@ -40,7 +40,7 @@ def chapter(robot, tensions: int) -> Chapter:
         for axes in figure.axes:
             axes.grid(color=RULE, lw=0.5)
         drawn = render_svg(figure, "workspace", "workspace of the fingertip and of the distal phalanx")
-    body = (Drawing(drawn, caption), Heading("Table 2, printed beside ours"), table)
+    body = (Drawing(drawn, caption), "Table 2, printed beside ours", table)
     return Chapter("workspace", "Workspace: Fig. 13, Table 2", lead, body, table_2(wired))
 
 
