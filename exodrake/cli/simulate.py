@@ -220,8 +220,9 @@ def sweep_parameters(protocol, reference, over, robots, diagnosis, seed, noise, 
             ends = values.split(":")
             if not name or not equals or len(ends) not in (1, 3):
                 raise ValueError
-            even = len(ends) == 3
-            grid[name.strip()] = np.linspace(*map(float, ends[:2]), int(ends[2])) if even else values.split(",")
+            grid[name.strip()] = (
+                np.linspace(float(ends[0]), float(ends[1]), int(ends[2])) if len(ends) == 3 else values.split(",")
+            )
         except ValueError:
             raise InputError(f"--over: {text!r} is not NAME=VALUE,VALUE nor NAME=LOW:HIGH:COUNT") from None
     what = grid or robots or read_json(diagnosis)
