@@ -218,6 +218,7 @@ def test_command_writes_a_reference_that_a_robot_follows(answered, few, tmp_path
     robot = exo.load_robot("emps")
     reference = from_log(out, robot)
     assert len(reference.values) == pytest.approx(20.0 / robot.machine.frame, rel=1e-3)
+    assert "position_ref_carriage [m]" in out.read_text().splitlines()[0]
     assert out.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
     again = tmp_path / "again.csv"
     result = run("experiment", answered / "diagnosis.json", "--robot", "emps", "--out", again, "--duration", 20)

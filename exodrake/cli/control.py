@@ -332,8 +332,6 @@ def find_commands(wanted: str, robot: str, out: Path, map_file: Path | None) -> 
     WANTED is a protocol such as random-motion, or a log whose references are what is wanted. With the improved robot of
     a diagnosis, the commands make up for what was found: delay, play, sag, gain.
     """
-    import numpy as np
-
     from exodrake.analysis.feedforward import feedforward
     from exodrake.cli.logs import owner_table
     from exodrake.data.formats import find_format
@@ -348,10 +346,7 @@ def find_commands(wanted: str, robot: str, out: Path, map_file: Path | None) -> 
     reference = exo.from_log(wanted, built) if is_file(wanted) else exo.protocol(wanted, built)
     with options.waiting("simulating (the first run after a change compiles for half a minute)"):
         found = feedforward(built, reference)
-    names = machine.log_names(machine.references)
-    signals = dict(zip(names, found.commands.values.T, strict=True))
-    units = {name: machine.signal[c.signal].unit for c in machine.references for name in machine.log_names([c])}
-    log = exo.Log(machine.frame * np.arange(len(reference.values)), signals, units, "commands")
+    log = options.reference_log(built, found.commands, "commands")
     options.write_files({out: log if mapped is None else owner_table(log, mapped, str(map_file))})
     shown = find_display(found.kind, machine)
     ends = [[f"{shown.factor * value:.3g} {shown.unit}" for value in one] for one in (found.before, found.after)]

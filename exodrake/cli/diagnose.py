@@ -384,8 +384,6 @@ def design_experiment(case, out, folder, duration, seed, robot) -> object:
     motion is the one on which they differ most after each is fitted to it, safe on every one of them. Its log, saved as
     experiment.csv in the folder of the case, decides the next diagnosis.
     """
-    import numpy as np
-
     from exodrake.core.parallel import one_blas_thread
     from exodrake.experiment.contest import prepare_contest, read_rivals
     from exodrake.experiment.design import check_length, design, draw_experiment
@@ -420,9 +418,7 @@ def design_experiment(case, out, folder, duration, seed, robot) -> object:
     if best.size < 1.0:
         click.echo(f"made smaller, to {percent(best.size)}, so that no signal leaves its range")
     click.echo()
-    machine, values = nominal.machine, best.reference.values
-    columns = dict(zip(machine.log_names(machine.references), values.T, strict=True))
-    log = exo.Log(machine.frame * np.arange(len(values)), columns)
+    log = options.reference_log(nominal, best.reference)
     options.write_files({out: log, picture: draw_experiment(contest, best)})
     click.echo(
         "save its log as experiment.csv in the folder of the case (in its case.yaml: role fit), and diagnose again"

@@ -285,6 +285,16 @@ def load_changed(robot: str, parameters: Sequence[str], effects: Sequence[str], 
     return change_robot(exo.load_robot(robot), parameters, effects, parts)[0]
 
 
+def reference_log(robot: exo.Robot, reference: exo.Reference, label: str = "") -> exo.Log:
+    """References of a robot as a log, in the units of its machine."""
+    import numpy as np
+
+    machine = robot.machine
+    units = {name: machine.signal[c.signal].unit for c in machine.references for name in machine.log_names([c])}
+    signals = dict(zip(units, reference.values.T, strict=True))
+    return exo.Log(machine.frame * np.arange(len(reference.values)), signals, units, label)
+
+
 def register_machine(context: click.Context, _: click.Parameter, folder: str | None) -> None:
     """Registers the folder of --machine, or chooses a built-in machine by name; InputError if there is none."""
     from exodrake.machines.robot_file import machine_folders
