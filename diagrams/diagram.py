@@ -27,7 +27,7 @@ from exodrake.core.errors import InputError, argument, nearest
 from exodrake.diagrams.exo_index import add_exo_index
 from exodrake.engine.inputs import NoiseInputs, Reference, input_rows, prepare_values, stack
 from exodrake.machines.exo_index.machine import PARTS
-from exodrake.model.machine import find_places
+from exodrake.model.machine import Machine, find_places
 from exodrake.model.robot import Robot
 from exodrake.systems.part import Cloneable, MachinePart, NamedParameter, PartSystem
 from exodrake.systems.sources import Noise, Playback, RobotDraw
@@ -79,8 +79,7 @@ def run_diagram(
     diagram = RobotDiagram(replace(robot, values=values), rows, None, True, substeps)
     simulator = Simulator(diagram)
     simulator.AdvanceTo(machine.frame * len(reference.values))
-    found = logged_signals(diagram, simulator.get_context())
-    return np.hstack([found[signal.name] for signal in machine.signals])
+    return read_signals(machine, diagram, simulator.get_context())
 
 
 class RobotDiagram(Cloneable, Diagram):
@@ -226,6 +225,15 @@ def check_diagram(diagram: Diagram) -> RobotDiagram:
     if not isinstance(diagram, RobotDiagram):
         raise TypeError("diagram: wanted one from build_diagram, whose log has a column for each signal")
     return diagram
+
+
+def read_signals(machine: Machine, diagram: Diagram, context: Context) -> np.ndarray:
+    """All signals (rows, channels) [SI] of the machine side by side; arguments as in `logged_signals`.
+
+    Signals from outside are missing where they are input ports of the Diagram.
+    """
+    found = logged_signals(diagram, context)
+    return np.hstack([found[signal.name] for signal in machine.signals if signal.name in found])
 
 
 def find_parameter(diagram: Diagram, name: str) -> NamedParameter:

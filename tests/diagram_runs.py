@@ -31,14 +31,6 @@ def both(robot, reference, seed=1, substeps=1, **options):
     return compiled, run_diagram(robot, values, reference, noise_inputs, substeps, **options)
 
 
-def read_signals(machine, diagram, context):
-    """Rows of all wires of a Diagram's run; those from outside are missing where they are its input ports."""
-    from exodrake.diagrams.diagram import logged_signals
-
-    found = logged_signals(diagram, context)
-    return np.hstack([found[signal.name] for signal in machine.signals if signal.name in found])
-
-
 def made_up_weights(points=30):
     """An estimator of random numbers: its arithmetic, not its sense, is at stake."""
     rng = np.random.default_rng(4)

@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from diagram_runs import nominal, read_signals, wavy
+from diagram_runs import nominal, wavy
 from effects_motion import motion_of
 from pydrake.common import RandomGenerator
 from pydrake.systems.analysis import MonteCarloSimulation, Simulator
 
 from exodrake.core.errors import InputError
-from exodrake.diagrams.diagram import build_diagram, find_parameter, logged_signals, set_parameters
+from exodrake.diagrams.diagram import build_diagram, find_parameter, logged_signals, read_signals, set_parameters
 from exodrake.engine.compose import compile_machine
 from exodrake.engine.inputs import NoiseInputs, Reference, prepare_values
 from exodrake.engine.run import run_compiled

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import yaml
 from click.testing import CliRunner
-from diagram_runs import made_up_weights, nominal, read_signals, wavy
+from diagram_runs import made_up_weights, nominal, wavy
 from pydrake.common import RandomGenerator
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
@@ -21,7 +21,7 @@ from benchmarks.speed import compiled_speed
 from exodrake.cli.main import cli
 from exodrake.core.errors import InputError
 from exodrake.diagrams.block_diagram import part_shares, stream_order, wiring_svg
-from exodrake.diagrams.diagram import build_diagram
+from exodrake.diagrams.diagram import build_diagram, read_signals
 from exodrake.diagrams.posture_loop import PostureLoop
 from exodrake.engine.inputs import Reference
 from exodrake.identification.kinematics.markers import clock_from_pulses
