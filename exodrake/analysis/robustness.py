@@ -171,7 +171,7 @@ def within_intervals(
 class Uncertainty:
     """The robots of a diagnosis' answer in the loop."""
 
-    band: Band
+    band: Band  # figures of the robots, and why others have no operating point
     unstable: tuple[str, ...]  # labels of those whose loop is not stable, by a kick where their poles mean little
     dead_band: dict[str, float]  # log column -> half the range in which it may rest [SI], the worst of the robots
     # on each channel of the improved robot, then of the intervals' ends; empty if it is smooth at rest

@@ -68,7 +68,8 @@ def run(folder, jobs, cluster, redo) -> object:
 
     cases = find_cases(folder)
     with show_count("diagnosing") as count:
-        failed = diagnose_all(dict(zip(cases, cases)), jobs, cluster, count, redo, command=options.command_line())
+        places = {case: case for case in cases}
+        failed = diagnose_all(places, jobs, cluster, count, redo, command=options.command_line())
     options.note_failures(failed)
     return {"cases": len(cases), "failed": failed}
 

@@ -50,6 +50,7 @@ def analyse_loop(robot, parameters, effects, parts, at, draws, diagnosis, seed, 
     from exodrake.analysis import closed_loop, figures, limit_cycles, linear_model, robustness
     from exodrake.cli.simulate import warn
     from exodrake.core.parallel import one_blas_thread
+    from exodrake.diagnosis.many import ANSWER, IMPROVED
     from exodrake.model.units import quantity
     from exodrake.simulation.protocols import split_options
     from exodrake.simulation.scenario import change_robot
@@ -57,8 +58,8 @@ def analyse_loop(robot, parameters, effects, parts, at, draws, diagnosis, seed, 
     wanted = click.get_current_context().params["json_file"]
     answer = None
     if diagnosis:  # beside an answer lies its improved robot
-        path = diagnosis / "diagnosis.json" if diagnosis.is_dir() else diagnosis
-        answer, improved = read_json(path), path.with_name("improved.yaml")
+        path = diagnosis / ANSWER if diagnosis.is_dir() else diagnosis
+        answer, improved = read_json(path), path.with_name(IMPROVED)
         default = click.get_current_context().get_parameter_source("robot") == ParameterSource.DEFAULT
         robot = str(improved) if default and improved.is_file() else robot
     robot, _, _ = change_robot(linear_model.add_controller(exo.load_robot(robot)), parameters, effects, parts)
