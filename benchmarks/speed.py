@@ -18,7 +18,7 @@ from benchmarks import diagnosis, estimator
 from benchmarks.diagram import diagram_speed, multibody_speed
 from exodrake.core.parallel import side_by_side
 from exodrake.engine.compose import compile_machine
-from exodrake.engine.inputs import NOTHING, UNIMPOSED, NoiseInputs, Reference, input_rows, prepare_values
+from exodrake.engine.inputs import ALONE, NoiseInputs, Reference, input_rows, prepare_values
 from exodrake.machines.robot_file import load_robot
 from exodrake.model.machine import signal_count, state_size
 from exodrake.model.robot import Robot
@@ -81,7 +81,7 @@ def compiled_speed(robot: Robot, reference: Reference, rows: int, batch: bool) -
     def run(k: int) -> None:
         state, wires = np.zeros(state_size(machine)), np.zeros(signal_count(machine))
         module.begin(parameters[k], state)
-        module.run(parameters[k], state, wires, *given, machine.slot, 1, records[k], NOTHING, NOTHING, *UNIMPOSED)
+        module.run(parameters[k], state, wires, *given, machine.slot, 1, records[k], *ALONE)
 
     runs = [partial(run, k) for k in range(rows)]
     seconds = best(lambda: side_by_side(runs) if batch else [one() for one in runs], 4)

@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 
 from exodrake.engine.compose import compile_machine
-from exodrake.engine.inputs import NOTHING, UNIMPOSED, NoiseInputs, prepare_values
+from exodrake.engine.inputs import ALONE, NoiseInputs, prepare_values
 from exodrake.machines.robot_file import load_robot
 from exodrake.model.machine import signal_count, state_size
 from exodrake.model.robot import Robot
@@ -42,8 +42,8 @@ def run_rows(rows: np.ndarray, seed: int = SEED) -> np.ndarray:
     for i, row in enumerate(rows):
         state, w = np.zeros(state_size(machine)), np.zeros(signal_count(machine))
         module.begin(row, state)
-        given = (reference, still, still, packet_arrival, machine.slot, 1, records[i], NOTHING, NOTHING)
-        module.run(row, state, w, *given, *UNIMPOSED)
+        given = (reference, still, still, packet_arrival, machine.slot, 1, records[i])
+        module.run(row, state, w, *given, *ALONE)
     return records
 
 

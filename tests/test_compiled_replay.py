@@ -8,7 +8,7 @@ from scipy.signal import savgol_filter
 from scipy.stats import kstest
 
 import exodrake as exo
-from exodrake.engine.inputs import NoiseInputs, input_rows, reading_places, reference_width
+from exodrake.engine.inputs import NoiseInputs, RunOptions, input_rows, reading_places, reference_width
 from exodrake.engine.run import Replay
 from exodrake.model.part import JOINTS, NORMAL, Signal
 from exodrake.simulation import protocols
@@ -96,7 +96,8 @@ def test_fixed_segment_of_any_machine_carries_what_was_measured():
     position = 0.01 * np.sin(np.arange(100) * 0.05)[:, None]
     feed = np.concatenate([np.zeros_like(position), position], axis=1)
     given = input_rows(robot.machine, reference, NoiseInputs.draw(100, None, robot.machine))
-    rows = Replay(robot.machine, robot.values, ["carriage"]).step(given.values(), feed, np.zeros_like(feed))
+    options = RunOptions(feed=feed, rate=np.zeros_like(feed))
+    rows = Replay(robot.machine, robot.values, ["carriage"]).step(given.values(), options)
     force = rows[:, robot.machine.offsets["force"]][:, 0]
     rate = (position[2:, 0] - position[:-2, 0]) / (2 * robot["drive.period"])
     law = robot["drive.gain"] * robot["drive.kv"] * (-robot["drive.kp"] * position[2:, 0] - rate)
@@ -104,16 +105,16 @@ def test_fixed_segment_of_any_machine_carries_what_was_measured():
 
 
 def test_replay_in_pieces_gives_the_bits_of_the_whole(inputs, feed):
-    whole = Replay(MACHINE, ROBOT.values, ["tendon"]).step(inputs.values(), *feed)
+    whole = Replay(MACHINE, ROBOT.values, ["tendon"]).step(inputs.values(), RunOptions(feed=feed[0], rate=feed[1]))
     replay = Replay(MACHINE, ROBOT.values, ["tendon"])
     cuts = np.split(np.arange(FRAMES), [1, 2, 17, 40])
-    parts = [replay.step([v[i] for v in inputs.values()], *(x[i] for x in feed)) for i in cuts]
+    parts = [replay.step([v[i] for v in inputs.values()], RunOptions(feed=feed[0][i], rate=feed[1][i])) for i in cuts]
     np.testing.assert_array_equal(np.concatenate(parts), whole)
 
 
-def test_readings_are_imposed_and_missing_ones_are_simulated(inputs, feed):
+def test_readings_are_imposed_and_missing_ones_are_simulated(inputs):
     places, at = reading_places(MACHINE), MACHINE.offsets
     readings = np.full((FRAMES, 12), np.nan)
     readings[::2, places["tension"]] = 1.25
-    rows = Replay(MACHINE, ROBOT.values).step(inputs.values(), *feed, readings)
+    rows = Replay(MACHINE, ROBOT.values).step(inputs.values(), RunOptions(readings=readings))
     assert (rows[::2, at["tension_read"]] == 1.25).all() and (rows[1::2, at["tension_read"]] != 1.25).all()

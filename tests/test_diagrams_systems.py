@@ -16,7 +16,7 @@ from exodrake.diagrams.meshcat import FingerView, find_colours
 from exodrake.diagrams.multibody import MultibodyFinger
 from exodrake.diagrams.posture_loop import PostureLoop
 from exodrake.engine.compose import compile_machine
-from exodrake.engine.inputs import NOTHING, UNIMPOSED, NoiseInputs, Reference, input_rows, prepare_values
+from exodrake.engine.inputs import ALONE, NoiseInputs, Reference, input_rows, prepare_values
 from exodrake.machines.robot_file import load_robot
 from exodrake.model.machine import signal_count, state_size
 from exodrake.physics.gp_estimator import Weights, predict_rows
@@ -179,7 +179,7 @@ def stepwise(robot, plan, weights, frames, seed):
         tension, correction = correct_tensions(correction, plan.tension[k], error, plan.gain, step, plan.low, plan.high)
         now = NoiseInputs({name: draws[k : k + 1] for name, draws in noise.items()})
         given = input_rows(machine, tension[None], now).values()
-        module.run(values, state, w, *given, machine.slot, 1, rows[k : k + 1], NOTHING, NOTHING, *UNIMPOSED)
+        module.run(values, state, w, *given, machine.slot, 1, rows[k : k + 1], *ALONE)
         estimate = predict_rows(rows[[k], at["tension_read"]], rows[[k], at["stroke_read"]], weights)[0][0]
         estimates[k] = estimate
     return {name: rows[:, place] for name, place in at.items()} | {"angle_est": estimates}

@@ -23,7 +23,7 @@ import numpy as np
 
 from exodrake.core.errors import InputError, nearest, short_repr
 from exodrake.engine.compose import compile_machine
-from exodrake.engine.inputs import NOTHING, UNIMPOSED, NoiseInputs, prepare_values
+from exodrake.engine.inputs import NOTHING, NoiseInputs, RunOptions, prepare_values
 from exodrake.model.machine import Loop, full_name, signal_count, stack, state_size
 from exodrake.model.part import NORMAL
 from exodrake.model.robot import Robot
@@ -135,7 +135,7 @@ class FrameMap:
         return {n: noise[n] if n in noise else np.zeros((1, len(machine.channels(n)))) for n in machine.inputs}
 
     def run(
-        self, state: np.ndarray, references: np.ndarray, seed: int | None = None, ticks: np.ndarray | None = None,
+        self, state: np.ndarray, references: np.ndarray, seed: int | None = None, ticks: np.ndarray = NOTHING,
         noise: Mapping[str, np.ndarray] | None = None,
     ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
         """State (states,) [SI] after some frames from a state, and all signals (frames, w) [SI] at the end of each.
@@ -151,8 +151,8 @@ class FrameMap:
             for n, row in self.idle.items()
         ]
         x, w = state.copy(), np.zeros(self.width)
-        rows, fine = np.zeros((frames, self.width)), NOTHING if ticks is None else ticks
-        self.module.run(self.parameters, x, w, *inputs, machine.slot, 1, rows, fine, NOTHING, *UNIMPOSED)
+        rows, options = np.zeros((frames, self.width)), RunOptions(fine=ticks)
+        self.module.run(self.parameters, x, w, *inputs, machine.slot, 1, rows, *options)
         return x, rows
 
     @cached_property

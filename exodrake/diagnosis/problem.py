@@ -24,7 +24,7 @@ from exodrake.diagnosis.noise import Bands, noise_std, reference_rows, without
 from exodrake.diagnosis.result import NamedEffect
 from exodrake.effects import LIBRARY
 from exodrake.engine.compose import compile_machine
-from exodrake.engine.inputs import NOTHING, UNIMPOSED, NoiseInputs, input_rows, prepare_values
+from exodrake.engine.inputs import NOTHING, NoiseInputs, RunOptions, input_rows, prepare_values
 from exodrake.model.machine import Machine, signal_count, state_size
 from exodrake.model.robot import Robot
 from exodrake.simulation.simulate import delay_columns
@@ -47,7 +47,7 @@ class Trial:
     measured: np.ndarray  # (n, columns) [SI], NaN where missing
     latent: Mapping[str, np.ndarray] = field(default_factory=dict)  # inputs decoded from the log -> (n, channels)
     # (n, channels) logged inputs and outputs that correct a run (`Machine.observer`), if they do
-    follow: np.ndarray | None = None
+    follow: np.ndarray = field(default_factory=lambda: NOTHING)
     whole: bool = False  # no part of it may be left out: the motion was designed to tell explanations apart
 
     def count_frames(self, share: float) -> int:
@@ -57,8 +57,7 @@ class Trial:
     def shorten(self, share: float) -> Trial:
         """That part."""
         n = self.count_frames(share)
-        follow = None if self.follow is None else self.follow[:n]
-        return replace(self, reference=self.reference[:n], measured=self.measured[:n], follow=follow)
+        return replace(self, reference=self.reference[:n], measured=self.measured[:n], follow=self.follow[:n])
 
 
 @dataclass(frozen=True)
@@ -145,14 +144,14 @@ class Problem:
         noise_inputs |= {name: values[:n] for name, values in trial.latent.items()}
         given = input_rows(machine, trial.reference, noise_inputs).values()
         records = np.full((len(rows), n, signal_count(machine)), np.inf)  # what a run leaves that ends early
-        follow, module = NOTHING if trial.follow is None else trial.follow, compile_machine(machine)
+        options, module = RunOptions(follow=trial.follow), compile_machine(machine)
         rows = np.ascontiguousarray(rows)
 
         def run(k: int) -> None:
             w, state = np.zeros(signal_count(machine)), np.zeros(state_size(machine)) if ends is None else ends[k]
             with suppress(ZeroDivisionError):
                 module.begin(rows[k], state)
-                module.run(rows[k], state, w, *given, machine.slot, 1, records[k], NOTHING, follow, *UNIMPOSED)
+                module.run(rows[k], state, w, *given, machine.slot, 1, records[k], *options)
 
         side_by_side([partial(run, k) for k in range(len(rows))])
         return records

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 from zlib import crc32
 
 import numpy as np
@@ -66,8 +67,23 @@ class NoiseInputs(dict[str, np.ndarray]):
         return found
 
 
-NOTHING = np.zeros((0, 0))  # no fine record; no log to follow
-UNIMPOSED = (NOTHING, NOTHING, np.zeros(0, dtype=bool), NOTHING, NOTHING, NOTHING)  # no signal is imposed on a run
+NOTHING = np.zeros((0, 0))
+
+
+class RunOptions(NamedTuple):
+    """The last arguments of a compiled `run`, in their order: what it records and follows; by default nothing."""
+
+    fine: np.ndarray = NOTHING  # (slots of all frames, signals) that takes the signals at each slot's end [SI]
+    follow: np.ndarray = NOTHING  # (frames, channels) the observer's measured input and output, which a run takes [SI]
+    feed: np.ndarray = NOTHING  # (frames, feeds) measured outputs of all segments side by side (`feed_places`) [SI]
+    rate: np.ndarray = NOTHING  # (frames, feeds) their rates [SI/s]
+    fixed: np.ndarray = np.zeros(0, dtype=bool)  # (segments,) which of them give what was measured
+    readings: np.ndarray = NOTHING  # (frames, all compared channels) in place of simulated ones, NaN: none [SI]
+    targets: np.ndarray = NOTHING  # (frames, channels) measured output of the machine's observer, NaN: none [SI]
+    gains: np.ndarray = NOTHING  # (frames, channels) share of the difference by which its state moves at a frame's end
+
+
+ALONE = RunOptions()
 
 
 def reference_width(machine: Machine) -> int:

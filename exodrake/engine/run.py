@@ -5,7 +5,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from exodrake.engine.compose import compile_machine
-from exodrake.engine.inputs import NOTHING, UNIMPOSED, NoiseInputs, Reference, input_rows, reference_width
+from exodrake.engine.inputs import ALONE, NoiseInputs, Reference, RunOptions, input_rows, reference_width
 from exodrake.model.machine import Machine, signal_count, state_size
 
 
@@ -18,7 +18,7 @@ def run_compiled(
     state, w = np.zeros(state_size(machine)), np.zeros(signal_count(machine))
     module.begin(values, state)
     given = input_rows(machine, reference.values, noise_inputs).values()
-    module.run(values, state, w, *given, machine.slot / substeps, substeps, rows, NOTHING, NOTHING, *UNIMPOSED)
+    module.run(values, state, w, *given, machine.slot / substeps, substeps, rows, *ALONE)
     return rows
 
 
@@ -32,34 +32,23 @@ class Replay:
         self.state, self.signals = np.zeros(state_size(machine)), np.zeros(signal_count(machine))
         module.begin(values, self.state)
         none = input_rows(machine, np.zeros((0, reference_width(machine))), NoiseInputs.draw(0, None, machine))
-        nothing = np.zeros((0, len(self.signals)))
-        rows = (*none.values(), machine.slot, 1, nothing, NOTHING, NOTHING)
-        self.run(values, self.state, self.signals, *rows, *UNIMPOSED)
+        rows = np.zeros((0, len(self.signals)))
+        self.run(values, self.state, self.signals, *none.values(), machine.slot, 1, rows, *ALONE)
         self.values = values.copy()
         for segment in machine.segments:
             for name, value in segment.parameters.items() if segment.name in names else ():
                 self.values[machine.indices(name)] = value
 
-    def step(
-        self, inputs: Iterable[np.ndarray], feed: np.ndarray = NOTHING, rate: np.ndarray = NOTHING,
-        readings: np.ndarray = NOTHING, targets: np.ndarray = NOTHING, gains: np.ndarray = NOTHING,
-    ) -> np.ndarray:  # fmt: skip
+    def step(self, inputs: Iterable[np.ndarray], options: RunOptions = ALONE) -> np.ndarray:
         """Signals (n, signals) at the end of each of the next n frames [SI].
 
         Args:
             inputs: exogenous inputs in the machine's order, (n, channels) each [SI].
-            feed: (n, feeds) measured outputs of all segments side by side (`feed_places`) [SI]; needed if any is fixed.
-            rate: (n, feeds) their rates [SI/s].
-            readings: (n, channels of all compared columns) readings put in place of simulated ones, NaN: none [SI].
-            targets: (n, channels) measured output of the machine's observer, NaN: none [SI].
-            gains: (n, channels) share of the difference by which the observer's state moves at a frame's end.
+            options: what was measured; `feed` and `rate` are needed if a segment is fixed.
         """
-        rows = [np.ascontiguousarray(x, dtype=float) for x in (*inputs, feed, rate, readings, targets, gains)]
-        given, (feed, rate, readings, targets, gains) = rows[:-5], rows[-5:]
+        given = [np.ascontiguousarray(x, dtype=float) for x in inputs]
+        options = RunOptions(*map(np.ascontiguousarray, options._replace(fixed=self.fixed)))
         record = np.empty((len(given[0]), len(self.signals)))
         if len(record):
-            self.run(
-                self.values, self.state, self.signals, *given, self.machine.slot, 1, record, NOTHING, NOTHING,
-                feed, rate, self.fixed, readings, targets, gains,
-            )  # fmt: skip
+            self.run(self.values, self.state, self.signals, *given, self.machine.slot, 1, record, *options)
         return record

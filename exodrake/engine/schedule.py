@@ -9,11 +9,9 @@ equations.
 from collections.abc import Container
 from inspect import signature
 
-from exodrake.engine.inputs import feed_places, reading_places
+from exodrake.engine.inputs import RunOptions, feed_places, reading_places
 from exodrake.model.machine import Imposed, Machine, Segment, feedthrough_order
 from exodrake.model.part import Output, Part, prefix
-
-IMPOSED = "feed, rate, fixed, readings, targets, gains"
 
 
 def views(machine: Machine, signals: bool = True) -> list[str]:
@@ -106,12 +104,10 @@ def call_start(part: Part) -> str:
 
 
 def generate_run(machine: Machine) -> str:
-    """`run(p, state, w, given..., dt, substeps, record, fine, follow, feed, rate, fixed, readings, targets, gains)`.
+    """`run(p, state, w, given..., dt, substeps, record, *RunOptions)`.
 
-    `record` and `fine` take the signals at each frame's and each slot's end. The plant's tick stands in one place, so
-    that it is inlined once. `follow`: values of the observer's measured input and output (frames, channels of both).
-    The others are those of `engine.run.Replay.step`. Any of them may have no length. Nothing imposed: the signals
-    follow from the state; else they go on from `w`.
+    `record` takes the signals at each frame's end. The plant's tick stands in one place, so that it is inlined once.
+    Nothing imposed: the signals follow from the state; else they go on from `w`.
     """
     given = [f"{name}_rows" for name in machine.inputs]
     private = dict.fromkeys((i.part, i.signal) for _, i in impositions(machine) if i.part)
@@ -126,8 +122,8 @@ def generate_run(machine: Machine) -> str:
     body += nest("for k in range(len(fixed)):", ["imposing = imposing or fixed[k]"])
     body += [f"{part}_reads_{name} = np.zeros(len(w_{name})) if imposing else w_{name}" for part, name in private]
     body += nest("if not imposing:", outputs(machine)) + nest(f"for frame in range({given[0]}.shape[0]):", frame)
-    own = f"p, state, w, {', '.join(given)}, dt, substeps, record, fine, follow"
-    return f"@njit(cache=True, nogil=True)\ndef run({own}, {IMPOSED}):\n{indent(body)}"
+    arguments = ", ".join(["p, state, w", *given, "dt, substeps, record", *RunOptions._fields])
+    return f"@njit(cache=True, nogil=True)\ndef run({arguments}):\n{indent(body)}"
 
 
 def tick(machine: Machine, private: Container[tuple[str, str]]) -> list[str]:

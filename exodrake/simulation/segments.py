@@ -11,7 +11,7 @@ import numpy as np
 from scipy.signal import savgol_filter
 
 from exodrake.data.log import fill_columns
-from exodrake.engine.inputs import NoiseInputs, input_rows, prepare_values, reading_places, reference_width
+from exodrake.engine.inputs import NoiseInputs, RunOptions, input_rows, prepare_values, reading_places, reference_width
 from exodrake.engine.run import Replay
 from exodrake.model.machine import Machine, Segment, signal_count
 from exodrake.model.robot import Robot
@@ -91,13 +91,14 @@ class SegmentReplay:
                 readings[:, self.places[software.output]] = measured[:, self.places[software.output]]
         own = self.places[self.segment.output]
         readings[:, own] = np.nan
+        options = RunOptions(feed=feed, rate=rate, readings=readings)
         if not self.drawn:
-            return self.replay.step(inputs, feed, rate, readings)
+            return self.replay.step(inputs, options)
         known = np.isfinite(measured[:, own])
         before = self.known + np.cumsum(known, axis=0) - known
         self.known = self.known + known.sum(axis=0)
         gains = np.maximum(EASE**before, self.machine.frame / ANCHOR)
-        return self.replay.step(inputs, feed, rate, readings, measured[:, own], gains)
+        return self.replay.step(inputs, options._replace(targets=measured[:, own], gains=gains))
 
 
 def without_noise(robot: Robot) -> np.ndarray:
