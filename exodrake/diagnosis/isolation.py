@@ -11,7 +11,7 @@ import numpy as np
 
 from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.diagnosis.detect import detect
-from exodrake.diagnosis.fit import COLUMNS, HALF, Explanation, minimise, renew
+from exodrake.diagnosis.fit import COLUMNS, HALF, Explanation, minimise, renew, settle
 from exodrake.diagnosis.likelihood import Likelihood, make_likelihood, output_error, with_prediction
 from exodrake.diagnosis.linearise import nominal_jacobian
 from exodrake.diagnosis.noise import sensor_noise_std
@@ -210,11 +210,15 @@ def fit_on(found: Isolation, best: Fitted) -> tuple[Fitted, Fitted]:
 
 
 def fit_nominal(likelihood: Likelihood, e: Explanation) -> Explanation:
-    """The nominal parameters of an explanation fitted in all views, with new derivatives as long as that gains."""
+    """The nominal parameters of an explanation fitted in all views, with new derivatives as long as that gains.
+
+    By all of them at first, then by those that show.
+    """
     likelihood = likelihood.for_stage("retune")
-    for _ in range(ROUNDS):
-        before, likelihood = likelihood.mean_log(e.residual), likelihood.scaled_to(e.residual)
-        e = minimise(likelihood, e.change(jacobian=nominal_jacobian(likelihood, e)))
+    e = e.change(jacobian=nominal_jacobian(likelihood, e))
+    for k in range(ROUNDS):
+        before = likelihood.mean_log(e.residual)
+        e = settle(likelihood, e) if k else minimise(likelihood.scaled_to(e.residual), e)
         if before - likelihood.mean_log(e.residual) < LEAST_GAIN:
             break
     return e
