@@ -85,7 +85,7 @@ def test_nominal_parameters_come_back_from_where_retuning_led_without_traces_els
     found = exo.diagnose(case_of(worn, 4), tried=RIVALS)
     friction = found.effects[0]
     assert found.verdict == NAMED and friction.id == "tendon.capstan_friction"
-    assert found.closure.rms["retuned"] > 20.0 and found.closure.rms["after"] < 1.2
+    assert found.closure.rms["retuned"] > 20.0 and found.closure.rms["after"] < 1.5
     assert friction.wires == ("AF",)
     robot = found.robots["improved"]
     coefficients = {tendon: robot[f"tendon.capstan_friction.mu_phi.{tendon}"] for tendon in ("AF", "MF", "AE")}
@@ -160,6 +160,22 @@ def test_more_of_a_log_is_fitted_where_an_effect_begins_after_the_part_that_woul
     found = isolation.isolate(problem, most=0.4 * size)
     assert "motor.current_limit" in found.best.effects
     assert found.likelihood.views[0].samples > 0.66 * size
+
+
+def test_effect_that_shows_after_the_fitted_part_is_taken_by_its_evidence():
+    """A clock that gains 0.2 ms a second, beside play: play alone leaves no more than the stated noise at first."""
+    robot = exo.load_robot("tendon_sheath")
+    time, turn = robot.machine.frame * np.arange(4000), 2.0 * np.pi
+    angle = 0.6 * np.sin(0.11 * turn * time) + 0.25 * np.sin(0.37 * turn * time)
+    motion = np.column_stack([angle, np.gradient(angle, robot.machine.frame), np.ones_like(angle)])
+    quiet = robot.with_parameters({"reading.sigma.bending": 0.8 * robot["reading.sigma.bending"]})
+    worn = quiet.splice("sheath.play", {"half_width": 0.1}).splice("reading.clock_skew", {"skew": 2e-4})
+    case = gather_logs([simulate(worn, Reference(motion), seed=1)], (), robot.machine.frame)
+    tried = frozenset({"sheath.play", "sheath.gain", "sheath.offset", "reading.clock_skew"})
+    with one_blas_thread():
+        found = isolation.isolate(make_problem(case, robot, tried), most=0.35 * len(time))
+    assert found.best.effects == {"sheath.play", "reading.clock_skew"}
+    assert found.search.sets[frozenset({"sheath.play"})].excess < 1e-3
 
 
 def test_effect_beside_a_tremor_is_named_with_it():

@@ -78,8 +78,7 @@ class Fitted:
     model: LinearModel  # linear model about it
     chi2: np.ndarray  # reduced chi-squares (views,)
     memory: float  # frames that count as one in what it leaves
-    # (joints,) or (1,) what it leaves above noise [noise variances], views in the mean; joints where they are separate
-    excess_by_joint: np.ndarray
+    excess: float  # what it leaves above noise, views and separate joints in the mean [noise variances]
 
     @classmethod
     def at(cls, likelihood: Likelihood, e: Explanation) -> Fitted:
@@ -87,17 +86,12 @@ class Fitted:
         memory = likelihood.with_memory(e.residual).memory
         model, chi2 = linear_model(likelihood.scaled_to(e.residual), e), likelihood.chi2(e.residual)
         squares = np.average(likelihood.chi2_by_log(e.residual), axis=0, weights=likelihood.samples_by_log)
-        return cls(e, model, chi2, memory, np.maximum(squares - 1.0, 0.0).mean(axis=0))
+        return cls(e, model, chi2, memory, float(np.maximum(squares - 1.0, 0.0).mean()))
 
     @property
     def effects(self) -> frozenset[str]:
         """Ids of its effects."""
         return frozenset(self.explanation.effects)
-
-    @property
-    def excess(self) -> float:
-        """What it leaves above noise, joints and views in the mean [noise variances]."""
-        return float(np.mean(self.excess_by_joint))
 
     @property
     def tolerance_cost(self) -> float:
@@ -258,13 +252,14 @@ class Search:
         """Whether a set is better than another: more evidence, enough more if it has `more` effects.
 
         One effect more is one choice among all that the machine has, and no more as likely without it. It takes up
-        `GAIN` of what is left, in one joint at least where joints are separate.
+        `GAIN` of what is left over the whole logs, in one joint at least where joints are separate.
         """
         more = len(a.effects) - len(b.effects) if more is None else more
         memory = a.memory if more > 0 else b.memory if more < 0 else min(a.memory, b.memory)
         price = more * (np.log(len(self.likelihood.robot.machine.effects)) + NATS)
-        likelier = self.evidence(a, memory) - self.evidence(b, memory) > price
-        return likelier and (more <= 0 or bool(np.any(a.excess_by_joint < (1.0 - GAIN) ** more * b.excess_by_joint)))
+        if self.evidence(a, memory) - self.evidence(b, memory) <= price:
+            return False
+        return more <= 0 or bool(np.any(self.left_by_joint(a) < (1.0 - GAIN) ** more * self.left_by_joint(b)))
 
     def evidence(self, fitted: Fitted, memory: float | None = None) -> float:
         """Log evidence [nats] of a set; two sets are compared with the memory of what the larger one leaves."""
