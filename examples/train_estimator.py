@@ -1,4 +1,4 @@
-"""Train the joint-angle estimator on simulated sweeps, validate it under two splits, and apply it to a grasp.
+"""Train the joint-angle estimator on simulated sweeps, validate it under two splits, and apply it to grasps.
 
 The simulated wearer is the same in every sweep, so the errors are smaller than those of a real wearer.
 
@@ -16,7 +16,7 @@ robot = exo.load_robot()
 training = sweeps_from_logs([exo.simulate(robot, exo.sweeps(robot), seed=0)])
 print(f"{training.count} sweeps, {len(training)} rows")
 
-prior = learn(training, points=250)  # covariance: seconds at 500 points
+prior = learn(training, points=250)  # covariance: seconds at 250 points
 estimator = replace(condition(prior, training, points=250), strokes=learn_strokes(training))
 for score in validate(prior, training, points=250):
     print(f"{score.method:17} {score.split:16} RMSE {score.mean_rmse:.4f} rad")

@@ -2,7 +2,7 @@
 
     exodrake blind make --seed 7 --cases 20 --out cases
     exodrake blind run cases
-    python -m studies.doubling cases --keep kept --out docs/doubling.md
+    python -m studies.doubling cases --keep kept --out doubling.md
 
 Two copies of a log hold nothing new, but an answer that counts rows grows more certain of itself.
 What is measured is kept case by case, so the command can be repeated.

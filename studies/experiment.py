@@ -205,8 +205,8 @@ def command(
             after = "; ".join(f"{motion}: {describe(found)}" for motion, found in row.get("after", {}).items())
             click.echo(f"{name}: {', '.join(row['truth'])}: {describe(row['before'])}; {after}")
     if out:
-        sets = " ".join(folder.name for folder in folders)
-        command = f"python -m studies.experiment {sets} --labels LABELS --keep kept --out experiment.md"
+        sets = " ".join(folder.name for folder in folders) + " --labels LABELS" * len(folders)
+        command = f"python -m studies.experiment {sets} --keep kept --out experiment.md"
         write_text(out, make_page(rows, command))
 
 

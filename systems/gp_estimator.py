@@ -22,7 +22,7 @@ class GPEstimator(Cloneable, LeafSystem):
 
     Tension [N] and stroke [m] per tendon; both outputs [rad] per joint, state, and NaN before the first estimate. The
     weights of the trained estimator are numeric parameters, one for each field of `Weights`, found by `parameter`.
-    `exodrake estimate` adds the same columns to the log of a run, to the last bit.
+    `exodrake estimate --as-trained` adds the same columns to the log of a run, to the last bit.
 
     Args:
         weights: of the trained estimator.

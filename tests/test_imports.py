@@ -16,8 +16,7 @@ PACKAGE = Path(__file__).parent.parent / "exodrake"
 LINKED = ("systems", "diagrams")  # folders beside the package, to which links in it lead
 FILES = sorted([*PACKAGE.rglob("*.py"), *(file for name in LINKED for file in (PACKAGE / name).rglob("*.py"))])
 
-# what each folder may import besides itself, as the architecture draws it: siblings do not import each other; a folder
-# that is not listed fails the test
+# what each folder may import besides itself, as the architecture draws it; a folder that is not listed fails the test
 LIBRARY = {"core", "model", "physics", "effects", "machines", "data"}
 ENGINES = LIBRARY | {"engine"}
 METHODS = ENGINES | {"systems", "diagrams", "simulation"}

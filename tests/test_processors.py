@@ -11,7 +11,7 @@ KERNELS = ("Haswell", "Sandybridge")  # with and without fused products, in bloc
 
 
 def test_answer_is_the_same_by_two_processors(tmp_path):
-    """To a short case with friction; the whole table is on the page of the diagnosis."""
+    """To a short case with friction; the whole table is in the appendix."""
     for kernel in KERNELS:
         if used(kernel) != [kernel]:
             pytest.skip(f"the linear algebra of {kernel} does not run on this processor")

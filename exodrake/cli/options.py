@@ -1,10 +1,10 @@
 """What commands share: options, files that they write, and the display while they work.
 
 The convention: `--out` is the folder of a command's files, or the file of one that writes one (a folder for it will
-do). They have the same names everywhere: log.csv, figure.png, report.html, diagnosis.json, robot.yaml. Without it a run
-goes into a folder named after it, an animation beside its log, and nothing else is written. Every command takes
-`--json`: it prints the numbers and nothing else, or writes them into the file that it names. A command without numbers
-lists the files that it wrote.
+do). They have the same names everywhere: log.csv, figure.png, report.html, diagnosis.json, robot.yaml. Without it
+nothing is written, or a place of the command's own that its help names: a run goes into a folder named after it, an
+animation beside its log. Every command takes `--json`: it prints the numbers and nothing else, or writes them into the
+file that it names. A command without numbers lists the files that it wrote.
 """
 
 from __future__ import annotations

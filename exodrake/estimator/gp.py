@@ -370,7 +370,7 @@ def load(path: str | Path, robot: str | None = None) -> Estimator:
     if not isinstance(record, dict) or (record.get("format"), record.get("units")) != (FORMAT, UNITS):
         raise InputError(f"{path}: not an estimator file of this version ({FORMAT!r}, units {UNITS})")
     if robot is not None and record.get("robot") != robot:
-        known = str(record.get("robot"))[:12] or "unknown"
+        known = str(record.get("robot") or "unknown")[:12]
         raise InputError(
             f"{path}: estimator trained for another robot (signature {known}, this robot's is {robot[:12]})"
         )

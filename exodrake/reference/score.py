@@ -31,7 +31,7 @@ from exodrake.reference.faults import ENTRIES
 ALPHA = 0.1  # of a 90 % interval
 NO_EFFECT = ("NO_GAP", "RETUNE")
 LAWS = (("same meaning", True, "<= 0.03"), ("other law", False, "<= 0.2"))  # name, `exact`, wanted half width
-NAMEABLE = {"single": ">= 90 %", "pair": ">= 80 %", "same-block": "", "three": ""}  # kind -> exactly named, wanted
+NAMEABLE = {"single": ">= 92 %", "pair": ">= 75 %", "same-block": "", "three": ""}  # kind -> exactly named, wanted
 CLOSED = 0.8  # closure that an effect's lower bound has to exceed
 
 
@@ -258,7 +258,7 @@ def compute_shares(cases: Sequence[Answered]) -> dict[str, Share]:
     rows += [
         ("PARTLY, and its causes hold the truth", partly, lambda case: is_in_class(case.truths, case.diagnosis), ""),
         ("truth first", nameable, is_first, ">= 95 %"),
-        ("UNKNOWN outside the library", outside, lambda case: case.verdict == "UNKNOWN", ">= 90 %"),
+        ("UNKNOWN outside the library", outside, lambda case: case.verdict == "UNKNOWN", ">= 92 %"),
         ("not named outside the library", outside, lambda case: case.verdict in ("UNKNOWN", "PARTLY", *NO_EFFECT), ""),
         ("wrongly UNKNOWN", healthy + nameable, lambda case: case.verdict == "UNKNOWN", "<= 3 %"),
         ("false alarm on healthy", healthy, lambda case: case.verdict not in NO_EFFECT, "0-1 cases"),

@@ -24,11 +24,12 @@ from exodrake.data.plot import choose_stretch, envelope, new_figure
 from exodrake.diagnosis import localise
 from exodrake.diagnosis.change_point import STEP
 from exodrake.diagnosis.isolation import SAMPLING
+from exodrake.diagnosis.likelihood import CORRELATION
 from exodrake.diagnosis.noise import mismatch
 from exodrake.diagnosis.parameter import nominal_parameters
 from exodrake.diagnosis.problem import NEGLIGIBLE, Problem, Trial
 from exodrake.diagnosis.result import CAUSE, REFINEMENT, Diagnosis, Interval, SignalGap
-from exodrake.diagnosis.search import GAIN, LARGE, LAW, NATS
+from exodrake.diagnosis.search import GAIN, LARGE, LAW, NATS, SURE
 from exodrake.diagnosis.verdict import CLEAR, EXPLAINED, MOST
 from exodrake.diagrams.block_diagram import wiring_svg
 from exodrake.model.display import PALETTE, SYMBOLS, find_display, shown_unit
@@ -462,6 +463,8 @@ def decision_numbers(negligible: float = NEGLIGIBLE) -> list[tuple[str, str]]:
         ("and below, so that sampling shows no gap", f"{SAMPLING:g} standard errors of a mean square"),
         ("one effect more adds evidence of at least", f"{NATS:g} nats and the logarithm of the number of effects"),
         ("and takes up of what is left at least", w.percent(GAIN)),
+        ("one in the place of what retuning moved spares of the tolerances at least", f"{SURE:g} nats"),
+        ("what a model leaves counts as one sample for at most", f"{CORRELATION:g} s"),
         ("two explanations are as likely within", f"{NATS:g} nats"),
         ("a cause takes up of the gap at least", w.percent(LARGE)),
         ("or of what is left without it at least", w.percent(MOST)),
