@@ -371,9 +371,7 @@ def load(path: str | Path, robot: str | None = None) -> Estimator:
         raise InputError(f"{path}: not an estimator file of this version ({FORMAT!r}, units {UNITS})")
     if robot is not None and record.get("robot") != robot:
         known = str(record.get("robot") or "unknown")[:12]
-        raise InputError(
-            f"{path}: estimator trained for another robot (signature {known}, this robot's is {robot[:12]})"
-        )
+        raise InputError(f"{path}: trained for another robot (signature {known}, this robot's is {robot[:12]})")
     try:
         wires, joints, logs = (tuple(record[name]) for name in ("wires", "joints", "logs"))
         inputs, points, strokes = 2 * len(wires), len(arrays["alpha"]), None
