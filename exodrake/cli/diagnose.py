@@ -420,7 +420,7 @@ def design_experiment(case, out, folder, duration, seed, robot) -> object:
     click.echo()
     log = options.reference_log(nominal, best.reference)
     options.write_files({out: log, picture: draw_experiment(contest, best)})
-    click.echo("save its log as experiment.csv in the folder of the case (in its case.yaml: role fit), diagnose again;")
-    click.echo("without a case.yaml the last log by name is held out")
+    click.echo("save its log as experiment.csv in the folder of the case, to be fitted, and diagnose again")
+    click.echo("(role: fit in its case.yaml; without a case.yaml the last log by name is held out)")
     told = [dict(zip(("cause", "rejected", "left", "probability"), pair)) for pair in pairs]
     return {"probability": expected.probability, "random": best.random, "size": best.size, "pairs": told}
