@@ -99,7 +99,7 @@ def test_an_effect_that_explains_the_first_samples_alone_is_ranked_beside_those_
     case.directions[0] = np.where(early, case.known.residual, 30.0 * rng.standard_normal(SAMPLES))
     lin = linearisation(case.known, case.directions, [probe(effect, rows) for effect, rows in PROBES.items()])
     assert list(case.screened())[-1] == "a"
-    search = Search(case.likelihood, (), np.zeros(0), 1.0, case.likelihood, lambda robot: False)
+    search = Search(case.likelihood, (), np.zeros(0), 1.0, case.likelihood, case.likelihood, None)
     ranked = search.screen_beside(case.known, replace(lin, early=early))
     assert "a" in [p.probe.effect for p in ranked[:2]] and len(ranked) == len(PROBES)
 
@@ -119,7 +119,7 @@ def test_a_set_is_fitted_on_as_long_as_its_gap_is_visible(monkeypatch):
     case, calls = Linear(0).settled(), []
 
     def fit_on(sequence, visible, most=inf, excess=1.0):
-        search, key = Search(case.likelihood, (), np.zeros(0), 1.0, case.likelihood, lambda robot: False), "a"
+        search, key = Search(case.likelihood, (), np.zeros(0), 1.0, case.likelihood, case.likelihood, None), "a"
         states = iter(sequence)
         calls.clear()
 
@@ -132,7 +132,7 @@ def test_a_set_is_fitted_on_as_long_as_its_gap_is_visible(monkeypatch):
         monkeypatch.setattr(Search, "add", lambda self, found: (calls.append(1), take(found)))
         monkeypatch.setattr(Search, "evidence", lambda self, fitted: fitted.value)
         monkeypatch.setattr("exodrake.diagnosis.search.settle", lambda likelihood, e: e)
-        search.negligible = lambda robot: len(calls) >= visible
+        search.excess = lambda robot: np.array([1.0, visible - len(calls) - 0.5])
         search.converge(key, most)
         return len(calls)
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.diagnosis.detect import detect
-from exodrake.diagnosis.fit import COLUMNS, HALF, Explanation, minimise, renew, settle
+from exodrake.diagnosis.fit import HALF, Explanation, minimise, settle
 from exodrake.diagnosis.likelihood import Likelihood, make_likelihood, output_error, with_prediction
 from exodrake.diagnosis.linearise import nominal_jacobian
 from exodrake.diagnosis.noise import sensor_noise_std
@@ -146,11 +146,11 @@ def isolate(
             return 0.0
         return float(shares[np.argmax(gaps >= SHOWN * gaps.max())]) * count_samples(problem)
 
-    def negligible(robot: np.ndarray) -> bool:
-        return bool(excess_by_column(whole, robot, likelihood).max() < 0.0)
+    def excess(robot: np.ndarray) -> np.ndarray:
+        return excess_by_column(whole, robot, likelihood, (part, 1.0)).max(axis=1)
 
     zero, shares = replace(start, x=np.zeros(len(start.x))), np.linspace(part, affordable(problem), PARTS)
-    if negligible(zero.robot):
+    if excess(zero.robot)[-1] < 0.0:
         none = np.zeros((len(start.x), likelihood.samples), dtype=np.float32)
         (retuned,) = replace(zero, jacobian=none).at_each(likelihood, [zero.x])
         effects = ()
@@ -159,15 +159,15 @@ def isolate(
         if more := count_needed(retuned.robot):
             wide = make_likelihood(whole.shorten(affordable(problem, more)), retuned.robot, simulated)
             by_more = fit_nominal(wide, retuned.at_each(wide, [retuned.x])[0])
-            if not negligible(by_more.robot):
+            if excess(by_more.robot)[-1] >= 0.0:
                 return isolate(problem, progress, more)
             (retuned,) = retuned.at_each(likelihood, [by_more.x])
     (nominal,) = retuned.at_each(likelihood, [zero.x])
     share = max(SCREENED, affordable(short, LEAST_SCREENED))
-    logs = likelihood.on(whole.shorten(affordable(whole))).for_stage("measure")
-    gap = excess_by_column(whole, retuned.robot, likelihood).max()
+    fine, logs = (likelihood.on(whole.shorten(affordable(whole, most))) for most in (PRECISE, MOST))
+    gap = excess(retuned.robot)[-1]
     residual = (nominal if gap < 0.0 else retuned).residual
-    search = Search(likelihood, effects, residual, share, logs, negligible, progress=progress)
+    search = Search(likelihood, effects, residual, share, fine, logs.for_stage("measure"), excess, progress=progress)
     search.add([retuned])
     if before is not None:
         search.take_over(before)
@@ -176,49 +176,32 @@ def isolate(
         search.expand_nominal(nominal)
     elif effects:
         best = search.run(max(machine.max_effects - certain, 0))
-        if best.effects and (more := count_needed(best.explanation.robot, GAIN * gap)):
-            return isolate(problem, progress, more, search)
-        if best.effects and negligible(best.explanation.robot):
+        if best.effects and search.is_negligible(best):
             sparing = sorted(search.list_sparing(best, len(best.effects)), key=lambda f: f.tolerance_cost)
-            best = next((f for f in sparing if negligible(f.explanation.robot)), best)
+            best = next((f for f in sparing if search.is_negligible(f)), best)
             search.reduce(best.effects)
+        elif best.effects and (more := count_needed(best.explanation.robot, GAIN * gap)):
+            return isolate(problem, progress, more, search)
     return Isolation(short, whole, likelihood, nominal, search, best)
 
 
 def fit_on(found: Isolation, best: Fitted) -> tuple[Fitted, Fitted]:
-    """The retuned robot and a set of effects, fitted on to more of the logs: `PRECISE` samples.
-
-    A part of the logs tells which set is best, and values are as exact as the number of samples makes them.
-    """
-    part = affordable(found.whole, PRECISE)
-    if count_samples(found.whole) * part <= found.likelihood.views[0].samples:
-        return found.retuned, best
-    likelihood, fits = found.likelihood.on(found.whole.shorten(part)).for_stage("fit on"), list[Fitted]()
-    jacobian = np.zeros((best.explanation.nominal, likelihood.samples), dtype=np.float32)
-    for fitted in dict.fromkeys((best, found.retuned)):
-        before = fitted.explanation
-        seen = before.find_visible(found.likelihood.scaled_to(before.residual)) & (not fits)
-        (e,) = replace(before, jacobian=jacobian).at_each(likelihood, [before.x])
-        likelihood = likelihood.with_memory(e.residual)
-        start = renew(likelihood, e, seen)
-        # with derivatives that are all taken at one point: where an effect acts as a nominal parameter does, such as a
-        # joint's stiffness, a corrected one beside a new one looks like knowledge, and intervals are too narrow
-        e = replace(minimise(likelihood.scaled_to(e.residual), start), jacobian=start.jacobian)
-        COLUMNS[e] = COLUMNS[start]
-        jacobian, fits = e.jacobian, [*fits, Fitted.at(likelihood, e)]
-    return fits[-1], fits[0]
+    """The retuned robot and a set of effects, fitted on to more of the logs: `PRECISE` samples."""
+    precise = found.search.fit_on(best)
+    return found.search.fit_on(found.retuned, precise.explanation.jacobian), precise
 
 
 def fit_nominal(likelihood: Likelihood, e: Explanation) -> Explanation:
     """The nominal parameters of an explanation fitted in all views, with new derivatives as long as that gains.
 
-    By all of them at first, then by those that show.
+    By all of them twice, then by those that show.
     """
     likelihood = likelihood.for_stage("retune")
     e = e.change(jacobian=nominal_jacobian(likelihood, e))
     for k in range(ROUNDS):
         before = likelihood.mean_log(e.residual)
-        e = settle(likelihood, e) if k else minimise(likelihood.scaled_to(e.residual), e)
+        seen = np.full(e.nominal, True) if k == 1 else None
+        e = settle(likelihood, e, seen) if k else minimise(likelihood.scaled_to(e.residual), e)
         if before - likelihood.mean_log(e.residual) < LEAST_GAIN:
             break
     return e

@@ -18,6 +18,7 @@ import numpy as np
 from exodrake.core.parallel import side_by_side
 from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.diagnosis.fit import (
+    COLUMNS,
     HALF,
     ROUGH,
     Explanation,
@@ -25,6 +26,7 @@ from exodrake.diagnosis.fit import (
     fit_beside,
     linear_model,
     minimise,
+    renew,
     settle,
     whole_jacobian,
     without,
@@ -109,8 +111,10 @@ class Search:
     # (samples,) whitened residual that they are to explain: of the nominal robot, where retuning leaves no visible gap
     gap: np.ndarray
     share: float  # part of each log, from its beginning, on which all effects are tried beside the retuned robot
+    fine: Likelihood  # the case with more of the logs, to which sets are fitted on; no more than were fitted: none are
     whole: Likelihood  # the case with whole logs, on which shares are measured; the likelihood where these were fitted
-    negligible: Callable[[np.ndarray], bool]  # whether a robot (parameters,) leaves no visible gap
+    # what a robot (parameters,) leaves beyond what is negligible (2,), in the fitted part and in the whole logs
+    excess: Callable[[np.ndarray], np.ndarray]
     sets: dict[frozenset[str], Fitted] = field(default_factory=dict)  # fitted sets by their effects
     # sets beside which further effects were tried, and effects in whose place
     expanded: set[tuple[frozenset[str], str]] = field(default_factory=set)
@@ -119,6 +123,7 @@ class Search:
     known: dict[tuple[Fitted, float], float] = field(default_factory=dict)
     # mean squares of what sets leave, as `Likelihood.chi2_by_log`
     squares: dict[Fitted, np.ndarray] = field(default_factory=dict)
+    precise: dict[Fitted, Fitted] = field(default_factory=dict)  # sets that were fitted on
     # the fit that was grown last, and directions of effects there
     beside: tuple[Explanation, Linearisation] | None = None
     progress: StageProgress = no_progress  # called with the stage and what it works on
@@ -355,8 +360,37 @@ class Search:
                 break
             self.add([settle(self.likelihood.for_stage("refine again"), before.explanation)])
             after = self.sets[key]
-            if self.evidence(after) - self.evidence(before) < NATS or self.negligible(after.explanation.robot):
+            if self.evidence(after) - self.evidence(before) < NATS or self.excess(after.explanation.robot)[-1] < 0.0:
                 break
+
+    def fit_on(self, fitted: Fitted, jacobian: np.ndarray | None = None) -> Fitted:
+        """A set fitted on to more of the logs: a part tells which set is best, values are as exact as it is long.
+
+        jacobian: derivatives by the nominal parameters there, of a robot nearby.
+        """
+        before, likelihood = fitted.explanation, self.fine.for_stage("fit on")
+        if likelihood.samples <= self.likelihood.samples:
+            return fitted
+        if fitted not in self.precise:
+            seen = before.find_visible(self.likelihood.scaled_to(before.residual)) & (jacobian is None)
+            if jacobian is None:
+                jacobian = np.zeros((before.nominal, likelihood.samples), dtype=np.float32)
+            (e,) = replace(before, jacobian=jacobian).at_each(likelihood, [before.x])
+            likelihood = likelihood.with_memory(e.residual)
+            start = renew(likelihood, e, seen)
+            # with derivatives that are all taken at one point: where an effect acts as a nominal parameter does, such
+            # as a joint's stiffness, a corrected one beside a new one looks like knowledge: too narrow an interval
+            e = replace(minimise(likelihood.scaled_to(e.residual), start), jacobian=start.jacobian)
+            COLUMNS[e] = COLUMNS[start]
+            self.precise[fitted] = Fitted.at(likelihood, e)
+        return self.precise[fitted]
+
+    def is_negligible(self, fitted: Fitted) -> bool:
+        """Whether a set leaves no visible gap over the whole logs, fitted on where the fitted part shows none."""
+        here, whole = self.excess(fitted.explanation.robot)
+        if here < 0.0 <= whole:
+            whole = self.excess(self.fit_on(fitted).explanation.robot)[-1]
+        return bool(whole < 0.0)
 
     def expand_nominal(self, nominal: Explanation) -> None:
         """Fit the most promising single effects from the nominal robot, where retuning strains its tolerances.
@@ -414,7 +448,7 @@ class Search:
                 self.exchange(best, effect)
             if self.best.effects != best.effects:
                 continue
-            if len(best.effects) < most and not self.negligible(best.explanation.robot):
+            if len(best.effects) < most and not self.is_negligible(best):
                 self.expand(best.effects)
                 self.bar_richer_laws()
             if self.best.effects == best.effects and not self.look_further(best, most):
