@@ -42,9 +42,9 @@ ALIKE = 0.9  # share of what retuning explains from which a single effect is lis
 REASONS = {
     NO_GAP: "what is left is negligible",
     RETUNE: "nominal parameters within their tolerances explain the gap",
-    NAMED: "the causes explain the gap, and nothing else does",
-    AMBIGUOUS: "the causes explain the gap, and some have rivals",
-    PARTLY: "the causes explain part of the gap",
+    NAMED: "{} explain the gap, and nothing else does",
+    AMBIGUOUS: "{} explain the gap, and some have rivals",
+    PARTLY: "{} explain part of the gap",
     UNKNOWN: "no effect explains half of the gap",
 }
 DIFFERS = "most of the gap differs from run to run of one motion, and no effect that was tried does"
@@ -112,7 +112,8 @@ def decide(found: Isolation) -> Decision:
         word = PARTLY
     else:
         word = AMBIGUOUS if any(p.rivals for p in causes) else NAMED
-    return Decision(word, best, parts, jackknife_share(left), (*certain, REASONS[word]), fits)
+    what = "the causes with their refinements" if len(causes) < len(parts) else "the causes"
+    return Decision(word, best, parts, jackknife_share(left), (*certain, REASONS[word].format(what)), fits)
 
 
 def decide_retuned(found: Isolation, decision: Decision) -> Decision:
@@ -133,7 +134,7 @@ def decide_retuned(found: Isolation, decision: Decision) -> Decision:
     part = Part(one, CAUSE, jackknife_share(1.0 - left[one]), rivals)
     word = AMBIGUOUS if rivals else NAMED
     best = singles[one]
-    return Decision(word, best, (part,), jackknife_share(left[one]), (REASONS[word],), fit_on(found, best))
+    return Decision(word, best, (part,), jackknife_share(left[one]), (REASONS[word].format("the cause"),), fit_on(found, best))
 
 
 def drop_refinements(found: Isolation) -> tuple[Fitted, dict[str, str]]:

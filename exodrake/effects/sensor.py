@@ -8,7 +8,7 @@ from exodrake.model.effect import ANY_SHAPE, Effect, per_tendon
 from exodrake.model.part import TENDONS, State
 from exodrake.physics.sensor import lag_ramp
 
-FULL_SCALE = 20.0  # tension at which the cell is full [N]; effects.md
+FULL_SCALE = 20.0  # tension at which the cell is full [N]: assumed
 
 
 def rub_pulley(tension, travel, mu, presliding, force):

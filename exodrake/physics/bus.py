@@ -1,4 +1,4 @@
-"""Motor bus: hands each speed command to its drive in its slot, held until the next one (`model.md`, Timing)."""
+"""Motor bus: hands each speed command to its drive in its slot, held until the next one (`physics.md`, Timing)."""
 
 import sys
 

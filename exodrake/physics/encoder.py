@@ -1,4 +1,4 @@
-"""Encoder on the gear's output, read over the bus: stroke = r theta, theta rounded to q_theta (`model.md`, Encoder)."""
+"""Encoder on the gear's output, read over the bus: stroke = r theta, theta rounded to q_theta."""
 
 import sys
 

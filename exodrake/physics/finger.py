@@ -2,7 +2,7 @@
 
 In absolute angles phi_i = q_1 + .. + q_i the chain is A(phi) phi'' + c(phi, phi') = Q with constant A_ii,
 A_ij = b_ij cos(phi_i - phi_j) and c_i = sum_j b_ij sin(phi_i - phi_j) phi_j'^2; a joint's row is the sum over the bones
-distal to it. Passive torque (`model.md`, Finger):
+distal to it. Passive torque (`physics.md`, Finger):
 
     tau_p = kappa (q - q0) + A (exp(beta (q - q_f)) - 1) [q > q_f] - A (exp(beta (q_e - q)) - 1) [q < q_e]
 """

@@ -1,4 +1,4 @@
-"""Motion capture: joint angles with white noise, once a frame (`model.md`).
+"""Motion capture: joint angles with white noise, once a frame.
 
 Where its clock and the controller's meet, a picture may be late: the log takes it of the angle at t - lateness.
 """

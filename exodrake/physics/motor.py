@@ -4,7 +4,7 @@
     J w' = kM i - b w - r T_c / N               theta' = w / N                          s = r theta
 
 z is frozen while i is clipped and e pushes on. r_set is the spool radius configured in drive and log: nominally r.
-Integrated by the classical Runge-Kutta rule over one tick with command and tension held (`model.md`, Motor).
+Integrated by the classical Runge-Kutta rule over one tick with command and tension held (`physics.md`, Motor).
 """
 
 import sys

@@ -2,7 +2,7 @@
 
 The cell reads 2 T and is halved; its amplifier is a first-order lag, exact for a tension that is linear over a tick:
 
-    tau_F F' = T_c - F          reading = round(F + sigma_F noise, q_F)            (`model.md`, Tension sensor)
+    tau_F F' = T_c - F          reading = round(F + sigma_F noise, q_F)            (`physics.md`, Sensors)
 """
 
 import sys

@@ -1,4 +1,4 @@
-"""Three elastic tendons on a planar finger, one stiff part (`model.md`, Wire, Path, Finger).
+"""Three elastic tendons on a planar finger, one stiff part (`physics.md`, Wire, Path, Finger).
 
     M(q) q'' + C(q, q') q' + B q' + tau_p(q) = P(q)^T T_d + tau_external          P = dl/dq
 

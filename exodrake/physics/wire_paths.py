@@ -9,7 +9,7 @@ L(q) = |A - B|:
 
 with sigma = +1 for a flexor, -1 for the extensor. l is the wire taken in by the finger and R the signed moment arm
 (R > 0 flexes): the paper's Eq. 1 and 2 with the sign kept and without the factor 0.5, which breaks T dl = tau dq
-(`physics.md` 1.1). For a = b, m = n = h this is rho sin(alpha +- q/2) of `model.md`.
+(`physics.md` 1.1). For a = b, m = n = h this is rho sin(alpha +- q/2).
 """
 
 import sys
@@ -40,11 +40,11 @@ def applied_arm(arm):
 
 
 def applied_arm_as_printed(arm):
-    """|R| / 2 [m] as printed in our copy of the paper's Eq. 2; only the extensor's arm (< 0 near q = 0) has a sign.
+    """Half the moment arm [m], by the factor 0.5 of Eq. 2 in our copy of the paper.
 
     A variant of `applied_arm`: T dl/dt = tau q' no longer holds (`physics.md` 1.1). The path keeps its true length.
     """
-    return 0.5 * abs(arm) if arm > 0.0 else -0.5 * abs(arm)
+    return 0.5 * arm
 
 
 router_height = Point("router_height", JOINTS, "height", "router height at joint i [m]",

@@ -243,7 +243,7 @@ def tissue(p, y, dy, u, joint):
     q, rate = y[ANGLE + joint], y[RATE + joint]
     bent = q - p.rest[joint] - u[REST_SHIFT + joint]
     stiffness, torque = p.stiffness_joint[joint] * p.factor[joint] * (1.0 + u[STIFFENED + joint]), 0.0
-    if q > p.stop_flexed[joint]:  # double exponential of model.md
+    if q > p.stop_flexed[joint]:  # double exponential, physics.md
         torque -= p.stop_torque[joint] * (exp(p.stop_rate[joint] * (q - p.stop_flexed[joint])) - 1.0)
     if q < p.stop_extended[joint]:
         torque += p.stop_torque[joint] * (exp(p.stop_rate[joint] * (p.stop_extended[joint] - q)) - 1.0)

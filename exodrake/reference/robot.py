@@ -1,4 +1,4 @@
-"""A robot of the reference simulator: nominal parameters of model.md, injected faults, motion. SI throughout."""
+"""A robot of the reference simulator: nominal parameters of nominal.yaml, injected faults, motion. SI throughout."""
 
 from dataclasses import dataclass, field
 from pathlib import Path

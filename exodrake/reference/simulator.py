@@ -1,6 +1,6 @@
 """One robot of the reference simulator and its log: the kernels of `dynamics`, given parameters, courses and noise.
 
-Only the specification `model.md` is common with exodrake's main model.
+Only the equations of `physics.md` are common with exodrake's main model.
 """
 
 from dataclasses import dataclass
@@ -45,7 +45,7 @@ def assemble(spec: RobotSpec, frames: int, rng: np.random.Generator) -> Build:
 
 
 def initial_state(record):
-    """At rest, every wire just taut at q0 (model.md, Numbers)."""
+    """At rest, every wire just taut at q0 (nominal.yaml)."""
     y = np.zeros(STATE_SIZE)
     y[ANGLE : ANGLE + 3] = record["rest"]
     for wire in range(3):

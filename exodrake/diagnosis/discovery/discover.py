@@ -111,8 +111,7 @@ class MissingLaw:
     words: str = ""  # what it is over what
     unit: str = ""  # of the variable
     channels: tuple[str, ...] = ()  # that have it; () for the whole robot
-    # of the excess over noise that retuning leaves on the fitted logs, removed by it; what nominal parameters use of
-    # their tolerances counts as left
+    # of the excess over noise that what it stands beside leaves on the fitted logs, removed by it (`LawFit.share`)
     share: float = float("nan")
     p_noise: float = float("nan")  # p-value of that were there noise alone
     runner_up: Runner | None = None  # the best law in another block

@@ -1,4 +1,7 @@
-"""The Exo-Index robot: signals, parts in order, log columns, segments, control loop and drawing; slots: `model.md`."""
+"""The Exo-Index robot: signals, parts in order, log columns, segments, control loop and drawing.
+
+The slots of its tasks: `physics.md`, Timing.
+"""
 
 from collections.abc import Callable
 from functools import cache
