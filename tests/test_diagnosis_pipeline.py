@@ -76,6 +76,19 @@ def test_values_are_fitted_to_more_of_the_logs_than_the_search():
     assert retuned.model.samples.sum() == best.model.samples.sum() and retuned.chi2[0] > best.chi2[0]
 
 
+def test_a_set_that_explains_the_fitted_part_is_fitted_on_before_more_is_sought():
+    """Its values are as exact as that part: a longer part, and not a lag of 2 ms, explains the rest of the log."""
+    worn = exo.load_robot().splice("tendon.capstan_friction", {"mu_phi": {"AF": 0.3}})
+    case = gather_logs(simulate(worn, protocols.protocol("short-sweeps", worn), seed=3))
+    problem = make_problem(case, exo.load_robot(), frozenset({"tendon.capstan_friction", "sensor.lag"}))
+    with one_blas_thread():
+        found = isolation.isolate(problem)
+        _, precise = isolation.fit_on(found, found.best)
+    assert found.best.effects == {"tendon.capstan_friction"}
+    here, whole = found.search.excess(found.best.explanation.robot)
+    assert here < 0.0 <= whole and found.excess(precise.explanation.robot) < 0.0
+
+
 def test_nominal_parameters_come_back_from_where_retuning_led_without_traces_elsewhere():
     """Retuning moves what imitates friction, by 1.3 tolerances (RMS).
 
