@@ -133,8 +133,8 @@ def decide_retuned(found: Isolation, decision: Decision) -> Decision:
     rivals = {i: 1.0 - float(part[0]) for i, part in left.items() if i != one}
     part = Part(one, CAUSE, jackknife_share(1.0 - left[one]), rivals)
     word = AMBIGUOUS if rivals else NAMED
-    best = singles[one]
-    return Decision(word, best, (part,), jackknife_share(left[one]), (REASONS[word].format("the cause"),), fit_on(found, best))
+    best, reason = singles[one], REASONS[word].format("the causes")
+    return Decision(word, best, (part,), jackknife_share(left[one]), (reason,), fit_on(found, best))
 
 
 def drop_refinements(found: Isolation) -> tuple[Fitted, dict[str, str]]:
