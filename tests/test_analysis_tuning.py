@@ -9,11 +9,13 @@ from arm_folders import made
 from command_line import run
 
 import exodrake as exo
+from exodrake.analysis import tuning
 from exodrake.analysis.linear_model import linearise_robot
 from exodrake.analysis.responses import AFTER, BENT, linear_error, list_departures, step_response
 from exodrake.analysis.tuning import (
     Performance,
     Requirements,
+    assess,
     compliance,
     compute_cost,
     linearise_law,
@@ -22,6 +24,7 @@ from exodrake.analysis.tuning import (
     predict_performance,
     tune,
 )
+from exodrake.core.errors import InputError
 from exodrake.simulation import protocols
 from exodrake.simulation.simulate import simulate
 
@@ -145,6 +148,18 @@ def test_a_step_that_reaches_a_limit_is_noted():
     assert linear_error(model, free) < 1e-9
     (note,) = list_departures(model, (slow, free))
     assert note.startswith(f"a step of {step:g} rad on Rotation differs from that of the linear model by ")
+
+
+def test_a_structure_with_which_the_robot_comes_to_rest_nowhere_is_left_out_and_noted(hasty, monkeypatch):
+    def assess_own(name, *rest):
+        if name == "cascade":
+            raise InputError("emps: no state of rest")
+        return assess(name, *rest)
+
+    monkeypatch.setattr(tuning, "assess", assess_own)
+    found = tune(exo.load_robot("emps"), draws=0, judges=1)
+    assert [one.name for one in found.compared] == ["as it is"]
+    assert any(note.startswith("'cascade' is left out, with ") and "no state of rest" in note for note in found.notes)
 
 
 @pytest.mark.parametrize("wanted", [{"overshoot": float("nan")}, {"settling": -1.0}, {"noise": float("nan")}])

@@ -71,9 +71,11 @@ def test_bad_input_is_one_line_and_status_two_and_red_in_a_terminal(tmp_path, mo
         result = run("new-machine", "mine", *options)
         assert result.exit_code == 2 and named in result.stderr and not list(tmp_path.iterdir())
     said = {form: run("new-machine", f"a{k}", "--urdf", "linear_axis", "--form", form).stdout
-            for k, form in enumerate(("inverse", "closed-loop"))}  # fmt: skip
+            for k, form in enumerate(("inverse", "closed-loop", "cable"))}  # fmt: skip
     assert "then import, check, fit, diagnose, export: as a0/README.md" in said["inverse"]
     assert "check, response, fit, diagnose, analyse, tune, export" in said["closed-loop"]
+    assert "check, response, fit, diagnose, analyse, export" in said["cable"] and "tune" not in said["cable"]
+    assert "exodrake analyse" in (tmp_path / "a2" / "README.md").read_text()
 
 
 @pytest.mark.parametrize("words", [("simulate", "holds", "--out", ""), ("show", ""), ("analyse", "--out", "")])

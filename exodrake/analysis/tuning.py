@@ -199,7 +199,7 @@ def tune(
         progress: called with the name of each structure before its search.
 
     Raises:
-        InputError: no closed loop, no state of rest, unknown structure.
+        InputError: no closed loop, no state of rest with the robot's own controller, unknown structure.
 
     Examples:
         >>> import exodrake as exo
@@ -225,7 +225,7 @@ def tune(
             if np.isfinite(noises).any():
                 wanted = replace(wanted, noise=NOISE_FACTOR * max(filter(np.isfinite, noises)))
         own = OWN if whole.loop is robot.machine.loop else ASSUMED
-        compared = [replace(assess(own, smooth, {}, wanted, judges), robot=whole.robot)]
+        compared, notes = [replace(assess(own, smooth, {}, wanted, judges), robot=whole.robot)], []
         for structure in (c for c in loop.controllers if not only or c.name in only):
             say(structure.name)
             fixed = {**structure.fixed, **compliance(plants[0], structure)}
@@ -234,11 +234,14 @@ def tune(
                 places = [smooth.machine.parameters[i].name for i in smooth.indices(name)]
                 named |= dict(zip(places, np.broadcast_to(value, len(places)).tolist(), strict=True))
             changed = whole.robot.with_parameters(named, f"tuned by exodrake as {structure.name}")
-            found = assess(structure.name, changed.without_effects(rough), gains, wanted, judges)
-            compared.append(replace(found, robot=changed))
+            try:
+                found = assess(structure.name, changed.without_effects(rough), gains, wanted, judges)
+                compared.append(replace(found, robot=changed))
+            except InputError as error:  # the nominal robot comes to rest nowhere with them
+                notes.append(f"{structure.name!r} is left out, with {word_gains(gains)}: {error}")
         tuning = Tuning(whole.robot, wanted, tuple(compared))
         best = tuning.best or compared[0]
-        notes = [describe_rough(rough, best)] if rough else []
+        notes += [describe_rough(rough, best)] if rough else []
         for one in (best, *(one for one in compared[1:] if not one.settling < np.inf)):
             model = lm.linearise_robot(one.robot.without_effects(rough))
             notes += list_departures(model, one.steps, f" of {one.name!r}")

@@ -72,8 +72,8 @@ def command(folder, joints, servo, frame, urdf, form, tip) -> None:
     click.echo(f"{folder}: {', '.join(file.name for file in files)}")
     click.echo(f"try it: exodrake simulate chirp --machine {folder}")
     click.echo(f"your own logs: exodrake import RECORDING lists their columns, for {folder}/mapping.yaml")
-    closed = ("response", "analyse", "tune") if not urdf or form == "closed-loop" else ()
-    steps = ("import", "check", *closed[:1], "fit", "diagnose", *closed[1:], "export")
+    loop = ("analyse",) if form == "cable" else ("analyse", "tune") if not urdf or form == "closed-loop" else ()
+    steps = ("import", "check", *["response"] * bool(loop), "fit", "diagnose", *loop, "export")
     click.echo(f"then {', '.join(steps)}: as {folder}/README.md has them")
 
 
