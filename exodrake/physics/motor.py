@@ -53,25 +53,25 @@ settle = Point("settle", TENDONS, "dt, rotor_speed",
                "states of the effects on motor j after dt [s]; rotor speed [rad/s]", laws=())  # fmt: skip
 
 
-def slope(e, z, w, integral, w_ref, load_torque, kp, ki, i_max, j, n):
-    """Rotor acceleration [rad/s2] and rate of the integral part [A/s]."""
+def drive(e, z, w, integral, w_ref, load_torque, kp, ki, i_max, j, n):
+    """Torque that speeds the rotor up [N m] and rate of the integral part [A/s]."""
     error = w_ref - w
     wanted = kp * error + integral
     amps = current(e, z, j, min(max(wanted, -i_max), i_max), wanted, i_max)
     frozen = (wanted > i_max and error > 0.0) or (wanted < -i_max and error < 0.0)
-    return (n.kM[j] * amps - n.b[j] * w - load_torque) / n.J[j], 0.0 if frozen else ki * error
+    return n.kM[j] * amps - n.b[j] * w - load_torque, 0.0 if frozen else ki * error
 
 
 def turn(e, z, w, integral, angle, w_ref, load_torque, kp, ki, i_max, dt, j, n):
     """Rotor speed, integral part and output angle after dt."""
-    half = 0.5 * dt
-    a1, c1 = slope(e, z, w, integral, w_ref, load_torque, kp, ki, i_max, j, n)
-    a2, c2 = slope(e, z, w + half * a1, integral + half * c1, w_ref, load_torque, kp, ki, i_max, j, n)
-    a3, c3 = slope(e, z, w + half * a2, integral + half * c2, w_ref, load_torque, kp, ki, i_max, j, n)
-    a4, c4 = slope(e, z, w + dt * a3, integral + dt * c3, w_ref, load_torque, kp, ki, i_max, j, n)
-    sixth = dt / 6.0
-    angle += (dt * w + sixth * dt * (a1 + a2 + a3)) / n.N
-    return w + sixth * (a1 + 2.0 * (a2 + a3) + a4), integral + sixth * (c1 + 2.0 * (c2 + c3) + c4), angle
+    half, push = 0.5 * dt, dt / n.J[j]  # [s], and the change of speed by a torque [rad/s per N m]
+    t1, c1 = drive(e, z, w, integral, w_ref, load_torque, kp, ki, i_max, j, n)
+    t2, c2 = drive(e, z, w + 0.5 * push * t1, integral + half * c1, w_ref, load_torque, kp, ki, i_max, j, n)
+    t3, c3 = drive(e, z, w + 0.5 * push * t2, integral + half * c2, w_ref, load_torque, kp, ki, i_max, j, n)
+    t4, c4 = drive(e, z, w + push * t3, integral + dt * c3, w_ref, load_torque, kp, ki, i_max, j, n)
+    angle += dt * (w + push * (t1 + t2 + t3) / 6.0) / n.N
+    w += push * (t1 + 2.0 * (t2 + t3) + t4) / 6.0
+    return w, integral + dt * (c1 + 2.0 * (c2 + c3) + c4) / 6.0, angle
 
 
 def update(x, z, n, e, dt, speed_applied, tension_spool):

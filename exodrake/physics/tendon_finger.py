@@ -15,7 +15,7 @@ from exodrake.physics import finger, tendon, wire_paths
 from exodrake.physics.arithmetic import add, column, dot, multiply, solve
 from exodrake.physics.finger import coriolis, external_with_slope, inertia, mass_matrix, passive_with_slope, relax
 from exodrake.physics.tendon import at_cell, at_spool, cell_tension, finger_tension, move_slide, settle, stretch_wire
-from exodrake.physics.wire_paths import applied_arm, differ_from_levers, heights, levers, paths
+from exodrake.physics.wire_paths import applied_arm, differ_from_levers, heights, levers, paths, take_in_further
 
 
 def newton_row(i, inertia, damping, lag, s, passive_slope, push_slope):
@@ -87,7 +87,7 @@ def pull_wire(e, z, j, n, x, extension, travel, dt):
 
 
 def newton_step(e, z, n, x, ends, angle, rate, rate_from, constants, high, dt, lag):
-    """One Newton step for the joint rates at the end of a tick: the change of the rates [rad/s].
+    """One Newton step for the joint rates at the end of a tick: their change [rad/s], and the `paths` of the wires.
 
     Args: ends: strokes at the end of the tick [m]; angle, rate: the iterate;
         rate_from, lag [s]: rate' = (rate - rate_from) / lag; high: `heights` and `levers` [m].
@@ -95,7 +95,8 @@ def newton_step(e, z, n, x, ends, angle, rate, rate_from, constants, high, dt, l
     diagonal, coupling, moments = constants
     cosines, sines = (cos(angle[0]), cos(angle[1]), cos(angle[2])), (sin(angle[0]), sin(angle[1]), sin(angle[2]))
     cos_12, sin_12 = cosines[1] * cosines[2] - sines[1] * sines[2], sines[1] * cosines[2] + cosines[1] * sines[2]
-    taken, arms, bends = paths(n, cosines, sines, high[0])
+    here = paths(n, cosines, sines, high[0])
+    taken, arms, bends = here
     turns = arms
     if differ_from_levers(high):
         _, turns, bends = paths(n, cosines, sines, high[1])
@@ -120,7 +121,7 @@ def newton_step(e, z, n, x, ends, angle, rate, rate_from, constants, high, dt, l
         newton_row(1, (m12, m22, m23), n.B[1], lag, s, k1, push_slope),
         newton_row(2, (m13, m23, m33), n.B[2], lag, s, k2, push_slope),
     )
-    return solve(rows, (-r0, -r1, -r2))
+    return solve(rows, (-r0, -r1, -r2)), here
 
 
 def update(x, z, n, e, dt, stroke, wire_speed):
@@ -166,7 +167,7 @@ def tick(x, z, n, e, dt, stroke, wire_speed, turning):
     rate = (onward(x, RATE), onward(x, RATE + 1), onward(x, RATE + 2))
     angle = add(q_from, multiply(lag, rate))
     for _ in range(STEPS):
-        change = newton_step(e, z, n, x, ends, angle, rate, rate_from, constants, high, dt, lag)
+        change, here = newton_step(e, z, n, x, ends, angle, rate, rate_from, constants, high, dt, lag)
         rate = add(rate, change)
         angle = add(q_from, multiply(lag, rate))
         if lag * max(abs(change[0]), abs(change[1]), abs(change[2])) < CLOSE:
@@ -175,7 +176,7 @@ def tick(x, z, n, e, dt, stroke, wire_speed, turning):
         x[Q_BEFORE + i], x[RATE_BEFORE + i] = x[Q + i], x[RATE + i]
         x[Q + i], x[RATE + i] = angle[i], rate[i]
         relax(e, z, i, dt, angle[i] - n.q0[i], rate[i], n.kappa[i] * (angle[i] - n.q0[i]))
-    taken = taken_in(x, n, worn)
+    taken = take_in_further(here, multiply(lag, change))
     for j in range(3):
         travel = taken[j] - x[TAKEN + j]
         stretched = stretch_wire(e, z, j, ends[j] - taken[j], x[PULL + j])

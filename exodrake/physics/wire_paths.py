@@ -16,6 +16,7 @@ import sys
 from math import sqrt
 
 from exodrake.model.part import JOINTS, TENDONS, FreeLaw, Point
+from exodrake.physics.arithmetic import dot
 
 FLEXOR, EXTENSOR = 1.0, -1.0
 HERE = sys.modules[__name__]
@@ -104,3 +105,14 @@ def paths(n, cosines, sines, high):
     taken = (f0[0] + f1[0] + f2[0], g0[0], x0[0] + x1[0] + x2[0])
     arms = ((f0[1], f1[1], f2[1]), (g0[1], 0.0, 0.0), (x0[1], x1[1], x2[1]))
     return taken, arms, ((f0[2], f1[2], f2[2]), (g0[2], 0.0, 0.0), (x0[2], x1[2], x2[2]))
+
+
+def take_in_further(here, move):
+    """Wire taken in [m] after a small further move of the joints [rad], to the second order; here: `paths`."""
+    taken, arms, bends = here
+    half = (0.5 * move[0] * move[0], 0.5 * move[1] * move[1], 0.5 * move[2] * move[2])
+    return (
+        taken[0] + dot(arms[0], move) + dot(bends[0], half),
+        taken[1] + dot(arms[1], move) + dot(bends[1], half),
+        taken[2] + dot(arms[2], move) + dot(bends[2], half),
+    )
