@@ -9,7 +9,7 @@ import pytest
 from formula_case import WIDE, explanation, likelihood_of, linearisation, nominal, probe
 from scipy.optimize import lsq_linear
 
-from exodrake.diagnosis.search import Search, screen
+from exodrake.diagnosis.search import Excess, Search, screen
 
 NOMINAL, SAMPLES, SCALE = 5, 300, 1.7
 PROBES = {"a": (0,), "b": (1, 2), "c": (3, 4, 5), "d": (6,)}
@@ -132,7 +132,7 @@ def test_a_set_is_fitted_on_as_long_as_its_gap_is_visible(monkeypatch):
         monkeypatch.setattr(Search, "add", lambda self, found: (calls.append(1), take(found)))
         monkeypatch.setattr(Search, "evidence", lambda self, fitted: fitted.value)
         monkeypatch.setattr("exodrake.diagnosis.search.settle", lambda likelihood, e: e)
-        search.excess = lambda robot: np.array([1.0, visible - len(calls) - 0.5])
+        search.excess = lambda robot: Excess(1.0, visible - len(calls) - 0.5)
         search.converge(key, most)
         return len(calls)
 

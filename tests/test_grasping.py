@@ -16,13 +16,13 @@ from exodrake.grasping.plan import MODES, at_hold, find_mode, run_plan, tensions
 from exodrake.physics.finger_statics import read_parameters
 
 SIZES = [size / 1e3 for size in range(20, 95, 5)]
-LENGTHS, RADII = np.array([0.04264, 0.02014, 0.01872]), np.array([0.009, 0.008, 0.007])  # model.md
+LENGTHS, RADII = np.array([0.04264, 0.02014, 0.01872]), np.array([0.009, 0.008, 0.007])  # m, robot.yaml
 FEASIBLE = {  # mm, measured: what a change of planner or robot may not take away unseen
     "narrow-pinch": range(25, 70, 5),
     "wide-pinch": range(55, 65, 5),
     "caging": range(25, 65, 5),
 }
-REST = np.array([0.20, 0.30, 0.15])  # rad, model.md
+REST = np.array([0.20, 0.30, 0.15])  # rad, robot.yaml
 # Paper, Section 2.2.2, by robot and grasp: least and largest bend of MCP, PIP, DIP from rest [rad].
 POSTURES = {
     ("exo_index", "caging"): ((0.3, 0.4, 0.4), (0.9, 1.2, 1.0)),
@@ -91,7 +91,7 @@ def test_wanted_posture_touches_the_object(mode):
 
 
 def equilibrium(tension, kappa):
-    """Angles (3,) [rad] at tensions AF, MF, AE [N] and their stiffness (3,) [N m/rad], by model.md's equations alone.
+    """Angles (3,) [rad] at tensions AF, MF, AE [N] and their stiffness (3,) [N m/rad], by equations of physics.md alone.
 
     Each joint follows its torque from rest, as a slow finger does.
     """

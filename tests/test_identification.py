@@ -102,7 +102,7 @@ def with_limits(robot, **highest):
 
 
 def test_a_hard_end_stop_gives_the_tension_of_its_torque_balance():
-    """MF bends the MCP alone: T R(q_f) = kappa (q_f - q0), with the arm R of model.md."""
+    """MF bends the MCP alone: T R(q_f) = kappa (q_f - q0), with the arm R of physics.md."""
     kappa, stop, rest = 0.03, 1.30, 0.20
     arm = np.hypot(5e-3, 3e-3) * np.sin(np.arctan2(3.0, 5.0) + stop / 2)
     wanted = kappa * (stop - rest) / arm
@@ -117,7 +117,7 @@ def test_a_hard_end_stop_gives_the_tension_of_its_torque_balance():
 
 
 def test_soft_end_stops_agree_with_the_statics_of_each_joint():
-    """The nominal extensor: gain of movement per newton by bisection of model.md's torque balance, no package code."""
+    """The nominal extensor: gain of movement per newton by bisection of the torque balance, no package code."""
     rest, stops = np.array([0.20, 0.30, 0.15]), np.array([-0.30, 0.0, 0.0])
     kappa = np.array([0.080, 0.060, 0.035])
 

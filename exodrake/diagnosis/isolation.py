@@ -17,7 +17,7 @@ from exodrake.diagnosis.linearise import nominal_jacobian
 from exodrake.diagnosis.noise import sensor_noise_std
 from exodrake.diagnosis.parameter import nominal_parameters
 from exodrake.diagnosis.problem import Problem, by_trial
-from exodrake.diagnosis.search import GAIN, Fitted, Search
+from exodrake.diagnosis.search import GAIN, Excess, Fitted, Search
 
 USED, MOST = 15_000, 135_000  # samples that are fitted, and at most where the rest shows a gap that this part does not
 SCREENED, LEAST_SCREENED = 0.75, 15_000  # part of them on which all effects are tried, and samples of it at least
@@ -75,8 +75,8 @@ class Isolation:
         return bool(left > max(1.0, HALF * before))
 
     def excess(self, robot: np.ndarray) -> float:
-        """What a robot leaves beyond what is negligible in its worst channel, over the whole logs; below 0: no gap."""
-        return float(excess_by_column(self.whole, robot, self.likelihood).max())
+        """What a robot leaves over the whole logs, as `Excess` has it."""
+        return self.search.excess(robot).whole
 
 
 def excess_by_column(
@@ -135,22 +135,30 @@ def isolate(
     (residual,) = likelihood.residual(start.robot[None])
     likelihood = likelihood.with_memory(residual)
     effects = tuple(e for e in machine.effects if e.id in short.tried)
+    shares, measured = np.linspace(part, affordable(problem), PARTS), dict[bytes, np.ndarray]()
+
+    def measure(robot: np.ndarray) -> np.ndarray:
+        """Excess (n,) over parts of the logs, and over whole ones."""
+        if (key := robot.tobytes()) not in measured:
+            measured[key] = excess_by_column(whole, robot, likelihood, (*shares, 1.0)).max(axis=1)
+        return measured[key]
+
+    def excess(robot: np.ndarray) -> Excess:
+        gaps = measure(robot)
+        return Excess(float(gaps[0]), float(gaps[-1]))
 
     def count_needed(robot: np.ndarray, least: float = 0.0) -> float:
         """Samples to fit instead, where the rest of the logs shows what the fitted part does not; 0 where not.
 
         least: excess over all of them that counts [noise variances].
         """
-        gaps = excess_by_column(whole, robot, likelihood, shares).max(axis=1)
+        gaps = measure(robot)[:-1]
         if part == shares[-1] or gaps[-1] < least or gaps[0] >= HIDDEN * gaps.max():
             return 0.0
         return float(shares[np.argmax(gaps >= SHOWN * gaps.max())]) * count_samples(problem)
 
-    def excess(robot: np.ndarray) -> np.ndarray:
-        return excess_by_column(whole, robot, likelihood, (part, 1.0)).max(axis=1)
-
-    zero, shares = replace(start, x=np.zeros(len(start.x))), np.linspace(part, affordable(problem), PARTS)
-    if excess(zero.robot)[-1] < 0.0:
+    zero = replace(start, x=np.zeros(len(start.x)))
+    if excess(zero.robot).whole < 0.0:
         none = np.zeros((len(start.x), likelihood.samples), dtype=np.float32)
         (retuned,) = replace(zero, jacobian=none).at_each(likelihood, [zero.x])
         effects = ()
@@ -159,13 +167,13 @@ def isolate(
         if more := count_needed(retuned.robot):
             wide = make_likelihood(whole.shorten(affordable(problem, more)), retuned.robot, simulated)
             by_more = fit_nominal(wide, retuned.at_each(wide, [retuned.x])[0])
-            if excess(by_more.robot)[-1] >= 0.0:
+            if excess(by_more.robot).whole >= 0.0:
                 return isolate(problem, progress, more)
             (retuned,) = retuned.at_each(likelihood, [by_more.x])
     (nominal,) = retuned.at_each(likelihood, [zero.x])
     share = max(SCREENED, affordable(short, LEAST_SCREENED))
     fine, logs = (likelihood.on(whole.shorten(affordable(whole, most))) for most in (PRECISE, MOST))
-    gap = excess(retuned.robot)[-1]
+    gap = excess(retuned.robot).whole
     residual = (nominal if gap < 0.0 else retuned).residual
     search = Search(likelihood, effects, residual, share, fine, logs.for_stage("measure"), excess, progress=progress)
     search.add([retuned])

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -102,6 +103,13 @@ class Fitted:
         return 0.5 * float(np.sum(e.use[: e.nominal] ** 2))
 
 
+class Excess(NamedTuple):
+    """What a robot leaves beyond noise and what is negligible, in its worst channel [noise variances]; < 0: no gap."""
+
+    fitted: float  # in the part of the logs that is fitted
+    whole: float  # in whole logs
+
+
 @dataclass(eq=False)
 class Search:
     """Sets of effects that were fitted on one case."""
@@ -113,8 +121,7 @@ class Search:
     share: float  # part of each log, from its beginning, on which all effects are tried beside the retuned robot
     fine: Likelihood  # the case with more of the logs, to which sets are fitted on; no more than were fitted: none are
     whole: Likelihood  # the case with whole logs, on which shares are measured; the likelihood where these were fitted
-    # what a robot (parameters,) leaves beyond what is negligible (2,), in the fitted part and in the whole logs
-    excess: Callable[[np.ndarray], np.ndarray]
+    excess: Callable[[np.ndarray], Excess]  # of a robot (parameters,)
     sets: dict[frozenset[str], Fitted] = field(default_factory=dict)  # fitted sets by their effects
     # sets beside which further effects were tried, and effects in whose place
     expanded: set[tuple[frozenset[str], str]] = field(default_factory=set)
@@ -360,7 +367,7 @@ class Search:
                 break
             self.add([settle(self.likelihood.for_stage("refine again"), before.explanation)])
             after = self.sets[key]
-            if self.evidence(after) - self.evidence(before) < NATS or self.excess(after.explanation.robot)[-1] < 0.0:
+            if self.evidence(after) - self.evidence(before) < NATS or self.excess(after.explanation.robot).whole < 0.0:
                 break
 
     def fit_on(self, fitted: Fitted, jacobian: np.ndarray | None = None) -> Fitted:
@@ -389,7 +396,7 @@ class Search:
         """Whether a set leaves no visible gap over the whole logs, fitted on where the fitted part shows none."""
         here, whole = self.excess(fitted.explanation.robot)
         if here < 0.0 <= whole:
-            whole = self.excess(self.fit_on(fitted).explanation.robot)[-1]
+            whole = self.excess(self.fit_on(fitted).explanation.robot).whole
         return bool(whole < 0.0)
 
     def expand_nominal(self, nominal: Explanation) -> None:
