@@ -91,7 +91,7 @@ def test_wanted_posture_touches_the_object(mode):
 
 
 def equilibrium(tension, kappa):
-    """Angles (3,) [rad] at tensions AF, MF, AE [N] and their stiffness (3,) [N m/rad], by equations of physics.md alone.
+    """Angles (3,) [rad] at tensions AF, MF, AE [N] and their stiffness (3,) [N m/rad], by equations alone.
 
     Each joint follows its torque from rest, as a slow finger does.
     """
