@@ -85,8 +85,8 @@ def test_a_set_that_explains_the_fitted_part_is_fitted_on_before_more_is_sought(
         found = isolation.isolate(problem)
         _, precise = isolation.fit_on(found, found.best)
     assert found.best.effects == {"tendon.capstan_friction"}
-    here, whole = found.search.excess(found.best.explanation.robot)
-    assert here < 0.0 <= whole and found.excess(precise.explanation.robot) < 0.0
+    left = found.search.excess(found.best.explanation.robot)
+    assert left.fitted < 0.0 <= left.whole and found.excess(precise.explanation.robot) < 0.0
 
 
 def test_nominal_parameters_come_back_from_where_retuning_led_without_traces_elsewhere():

@@ -132,7 +132,7 @@ def test_a_set_is_fitted_on_as_long_as_its_gap_is_visible(monkeypatch):
         monkeypatch.setattr(Search, "add", lambda self, found: (calls.append(1), take(found)))
         monkeypatch.setattr(Search, "evidence", lambda self, fitted: fitted.value)
         monkeypatch.setattr("exodrake.diagnosis.search.settle", lambda likelihood, e: e)
-        search.excess = lambda robot: Excess(1.0, visible - len(calls) - 0.5)
+        search.excess = lambda robot: Excess(1.0, visible - len(calls) - 0.5, 0.0)
         search.converge(key, most)
         return len(calls)
 

@@ -135,27 +135,15 @@ def isolate(
     (residual,) = likelihood.residual(start.robot[None])
     likelihood = likelihood.with_memory(residual)
     effects = tuple(e for e in machine.effects if e.id in short.tried)
-    shares, measured = np.linspace(part, affordable(problem), PARTS), dict[bytes, np.ndarray]()
-
-    def measure(robot: np.ndarray) -> np.ndarray:
-        """Excess (n,) over parts of the logs, and over whole ones."""
-        if (key := robot.tobytes()) not in measured:
-            measured[key] = excess_by_column(whole, robot, likelihood, (*shares, 1.0)).max(axis=1)
-        return measured[key]
+    shares, measured = np.linspace(part, affordable(problem), PARTS), dict[bytes, Excess]()
 
     def excess(robot: np.ndarray) -> Excess:
-        gaps = measure(robot)
-        return Excess(float(gaps[0]), float(gaps[-1]))
-
-    def count_needed(robot: np.ndarray, least: float = 0.0) -> float:
-        """Samples to fit instead, where the rest of the logs shows what the fitted part does not; 0 where not.
-
-        least: excess over all of them that counts [noise variances].
-        """
-        gaps = measure(robot)[:-1]
-        if part == shares[-1] or gaps[-1] < least or gaps[0] >= HIDDEN * gaps.max():
-            return 0.0
-        return float(shares[np.argmax(gaps >= SHOWN * gaps.max())]) * count_samples(problem)
+        if (key := robot.tobytes()) not in measured:
+            *gaps, left = excess_by_column(whole, robot, likelihood, (*shares, 1.0)).max(axis=1).tolist()
+            shown = next((float(s) for s, gap in zip(shares, gaps) if gap >= SHOWN * max(gaps)), 1.0)
+            hidden = part < shares[-1] and gaps[-1] >= 0.0 and gaps[0] < HIDDEN * max(gaps)
+            measured[key] = Excess(gaps[0], left, shown * count_samples(problem) if hidden else 0.0)
+        return measured[key]
 
     zero = replace(start, x=np.zeros(len(start.x)))
     if excess(zero.robot).whole < 0.0:
@@ -164,7 +152,7 @@ def isolate(
         effects = ()
     else:
         retuned = fit_nominal(likelihood, start.at_each(likelihood, [start.x])[0])
-        if more := count_needed(retuned.robot):
+        if more := excess(retuned.robot).needed:
             wide = make_likelihood(whole.shorten(affordable(problem, more)), retuned.robot, simulated)
             by_more = fit_nominal(wide, retuned.at_each(wide, [retuned.x])[0])
             if excess(by_more.robot).whole >= 0.0:
@@ -188,8 +176,8 @@ def isolate(
             sparing = sorted(search.list_sparing(best, len(best.effects)), key=lambda f: f.tolerance_cost)
             best = next((f for f in sparing if search.is_negligible(f)), best)
             search.reduce(best.effects)
-        elif best.effects and (more := count_needed(best.explanation.robot, GAIN * gap)):
-            return isolate(problem, progress, more, search)
+        elif best.effects and (left := excess(best.explanation.robot)).needed and left.whole >= GAIN * gap:
+            return isolate(problem, progress, left.needed, search)
     return Isolation(short, whole, likelihood, nominal, search, best)
 
 

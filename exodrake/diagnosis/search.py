@@ -108,6 +108,7 @@ class Excess(NamedTuple):
 
     fitted: float  # in the part of the logs that is fitted
     whole: float  # in whole logs
+    needed: float  # samples to fit instead, where the rest of the logs shows what the fitted part does not; 0 elsewhere
 
 
 @dataclass(eq=False)
@@ -394,10 +395,10 @@ class Search:
 
     def is_negligible(self, fitted: Fitted) -> bool:
         """Whether a set leaves no visible gap over the whole logs, fitted on where the fitted part shows none."""
-        here, whole = self.excess(fitted.explanation.robot)
-        if here < 0.0 <= whole:
-            whole = self.excess(self.fit_on(fitted).explanation.robot).whole
-        return bool(whole < 0.0)
+        left = self.excess(fitted.explanation.robot)
+        if left.fitted < 0.0 <= left.whole:
+            left = self.excess(self.fit_on(fitted).explanation.robot)
+        return left.whole < 0.0
 
     def expand_nominal(self, nominal: Explanation) -> None:
         """Fit the most promising single effects from the nominal robot, where retuning strains its tolerances.
