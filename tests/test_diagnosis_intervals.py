@@ -16,10 +16,10 @@ from exodrake.diagnosis.intervals import (
     Estimates,
     affected_channels,
     describe,
+    find_traces,
     fitted_effects,
     interval,
     pool_channels,
-    traces,
 )
 from exodrake.diagnosis.linear import LinearModel
 from exodrake.diagnosis.parameter import effect_parameters
@@ -213,12 +213,17 @@ def test_answer_names_the_channels_and_pools_them_unless_they_clearly_differ(mac
 
 
 def test_a_small_amplitude_where_an_effect_does_not_sit_is_a_trace_if_its_interval_holds_0(machine):
-    effect = machine.effect("mocap.gain")
-    at = list(machine.effect_indices("mocap.gain", "gain").values())
-    for small, left in ((0.001, {at[2]: 0.0}), (0.005, {})):
+    for small, left in ((0.001, [("DIP",)]), (0.005, [])):
         found = fitted(machine, "mocap.gain", [0.1, 0.1, small], 0.002)
-        named = describe(found, effect, machine.axes.joints)
-        assert named.joints == ("MCP", "PIP") and traces((named,), found) == left
+        assert [p.channels for p in find_traces(found, machine)] == left
+
+
+def test_an_effect_sits_on_no_channel_in_which_it_cannot_show(machine):
+    """As a coupling to the joint before, of the first one."""
+    found = fitted(machine, "mocap.gain", [0.1, 0.0, 0.1], 0.01)
+    shown = np.array([1.0, 0.0, 1.0])
+    blind = replace(found, covariance=np.diag([1e-4, 1.0, 1e-4]), shown=shown)
+    assert describe(blind, machine.effect("mocap.gain"), machine.axes.joints).joints == ("MCP", "DIP")
 
 
 def test_covariance_of_effects_that_meet_is_that_of_all_fitted_parameters_together():

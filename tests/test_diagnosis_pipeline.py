@@ -105,6 +105,26 @@ def test_nominal_parameters_come_back_from_where_retuning_led_without_traces_els
     assert coefficients == {"AF": friction.parameters["mu_phi"].value, "MF": 0.0, "AE": 0.0}
 
 
+def test_a_gain_is_told_from_tolerances_that_are_factors_beside_it():
+    """The gain of one reading beside ratios within 3 %: each comes back where it was planted.
+
+    Where a gain can stand for a ratio, a fit gives it to all joints and takes no ratio, and it creeps along the valley
+    of two factors with one product.
+    """
+    wrist = exo.load_robot("dvrk_wrist")
+    ratios = {"q4": 0.99, "q5": 1.01, "q6": 1.0}
+    worn = wrist.with_parameters({f"cable.ratio.{joint}": value for joint, value in ratios.items()})
+    worn = worn.splice("reading.gain", {"gain": -0.107}, ["q6"])
+    logs = [exo.simulate(worn, f"random-motion:duration=300,seed={k}", seed=k) for k in (1, 2, 3)]
+    found = exo.diagnose(logs, wrist, tried=frozenset({"reading.gain", "cable.play", "cable.offset"}))
+    (gain,) = found.effects
+    assert (found.verdict, gain.id, gain.joints) == (NAMED, "reading.gain", ("q6",))
+    interval, improved = gain.parameters["gain"], found.robots["improved"]
+    assert interval.low < -0.107 < interval.high < 0.0
+    assert {joint: improved[f"cable.ratio.{joint}"] for joint in ratios} == pytest.approx(ratios, abs=2e-3)
+    assert found.closure.rms["after"] < 1.0 < found.closure.rms["retuned"]
+
+
 def test_healthy_robot_raises_no_alarm():
     """It meets an end stop in its held-out log only, which no retuning could know."""
     found = healthy_diagnosis()

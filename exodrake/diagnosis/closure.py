@@ -8,7 +8,7 @@ The intervals come from one bootstrap over blocks of time. Held-out logs serve t
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 
@@ -38,13 +38,6 @@ def change_robot(problem: Problem, values: np.ndarray, found_in: str) -> Robot:
     return replace(nominal, values=np.where(changed, values, nominal.values), sources={**nominal.sources, **sources})
 
 
-def with_values(rows: np.ndarray, given: Mapping[int, float]) -> np.ndarray:
-    """Flat vectors (..., parameters) [SI] with other values at some indices."""
-    found = rows.copy()
-    found[..., list(given)] = list(given.values())
-    return found
-
-
 def without_logs(fitted: Fitted, logs: Collection[int]) -> np.ndarray:
     """Flat vector (parameters,) [SI] of the robot that is fitted to all logs but some: a Gauss-Newton step off."""
     e, others = fitted.explanation, ~np.isin(fitted.model.log, list(logs))
@@ -58,19 +51,17 @@ def kinds_of_motion(problem: Problem) -> dict[str, str]:
     return {n: re.sub(r"[-_ ]*\d+$", "", protocols.get(n, n)) or protocols.get(n, n) for n in names}
 
 
-def measure_closure(
-    problem: Problem, retuned: Fitted, best: Fitted, rows: np.ndarray, traces: Mapping[int, float]
-) -> Closure:
+def measure_closure(problem: Problem, retuned: Fitted, best: Fitted, rows: np.ndarray) -> Closure:
     """Closure on the judged logs, and on each kind of fitted motion by the robot that is fitted to the other kinds.
 
     Without held-out logs, each fitted log is judged by robots fitted to the others.
 
     retuned, best: fits without an effect and with the effects. rows: (3, parameters) nominal, retuned and improved
-    robot [SI]. traces: values of the improved robot at some indices, whatever a fit gives.
+    robot [SI].
     """
 
     def robots(logs: Collection[int]) -> np.ndarray:
-        return np.array([rows[0], without_logs(retuned, logs), with_values(without_logs(best, logs), traces)])
+        return np.array([rows[0], without_logs(retuned, logs), without_logs(best, logs)])
 
     alone = problem.holdout or len(problem.fit) == 1
     found = measure(problem, [rows if alone else robots([k]) for k in range(len(problem.judged))])

@@ -26,6 +26,7 @@ from exodrake.diagnosis.parameter import Parameter
 from exodrake.diagnosis.result import Interval, NamedEffect
 from exodrake.diagnosis.search import Fitted, name_kind
 from exodrake.model.effect import SHAPE_STD, Effect
+from exodrake.model.machine import Machine
 from exodrake.model.part import SCALAR, TENDONS
 
 # relative standard deviation of a parameter that means the same in two simulators, or machines, which differ otherwise:
@@ -75,6 +76,7 @@ def describe(found: Estimates, effect: Effect, channels: tuple[str, ...]) -> Nam
     names = [p.name.removeprefix(f"{effect.id}.") for p in found.parameters]
     lead = found.parameters[0].name
     mine = [i for i, p in enumerate(found.parameters) if p.name == lead and len(p.channels) == 1 and p.channels[0]]
+    mine = [i for i in mine if found.shown[i] > 0.0] or mine  # where nothing shows it cannot sit
     one = found.x[mine], found.covariance[np.ix_(mine, mine)], found.shown[mine]
     sits = affected_channels(*one) if mine else ()
     if chosen := [mine[int(i)] for i in sits]:
@@ -98,18 +100,18 @@ def describe(found: Estimates, effect: Effect, channels: tuple[str, ...]) -> Nam
     return NamedEffect(effect.id, tendons, joints, stated, by_channel, name_kind(effect))
 
 
-def traces(effects: tuple[NamedEffect, ...], found: Estimates) -> dict[int, float]:
-    """Index in the flat vector -> value without an effect, of channels it does not sit on and 90 % intervals with 0.
+def find_traces(found: Estimates, machine: Machine) -> list[Parameter]:
+    """Amplitudes of effects on channels that they do not sit on, with 90 % intervals that hold 0.
 
     A fit gives every channel an amplitude; such a one comes from noise and the error of the law.
     """
-    left: dict[int, float] = {}
-    for named in effects:
-        own, sits = found.of(named.id), {"", *named.wires, *named.joints}
-        for p, x, std in zip(own.parameters, own.x, own.std, strict=True):
-            if p.amplitude and not sits.issuperset(p.channels) and abs(x) < NORMAL_90 * std:
-                left |= dict.fromkeys(p.index, p.value(0.0))
-    return left
+    sits: dict[str, set[str]] = {}
+    for effect in (machine.effect(i) for i in {p.effect for p in found.parameters}):
+        named = describe(found.of(effect.id), effect, machine.axes.of(effect.axis))
+        sits[effect.id] = {"", *named.wires, *named.joints}
+    elsewhere = [p.amplitude and not sits[p.effect].issuperset(p.channels) for p in found.parameters]
+    small = np.abs(found.x) < NORMAL_90 * found.std
+    return [p for p, *both in zip(found.parameters, elsewhere, small, strict=True) if all(both)]
 
 
 def law_std(effect: Effect, parameter: Parameter) -> float:

@@ -12,6 +12,7 @@ import numpy as np
 from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.diagnosis.detect import detect
 from exodrake.diagnosis.fit import HALF, Explanation, minimise, settle
+from exodrake.diagnosis.intervals import find_traces, fitted_effects
 from exodrake.diagnosis.likelihood import Likelihood, make_likelihood, output_error, with_prediction
 from exodrake.diagnosis.linearise import nominal_jacobian
 from exodrake.diagnosis.noise import sensor_noise_std
@@ -182,9 +183,12 @@ def isolate(
 
 
 def fit_on(found: Isolation, best: Fitted) -> tuple[Fitted, Fitted]:
-    """The retuned robot and a set of effects, fitted on to more of the logs: `PRECISE` samples."""
-    precise = found.search.fit_on(best)
-    return found.search.fit_on(found.retuned, precise.explanation.jacobian), precise
+    """The retuned robot and a set of effects, fitted on to more of the logs (`PRECISE` samples), without its traces."""
+    search = found.search
+    precise = search.fit_on(best)
+    if gone := find_traces(fitted_effects(precise), found.whole.robot.machine):
+        precise = search.fit_without(precise, gone)
+    return search.fit_on(found.retuned, precise.explanation.jacobian), precise
 
 
 def fit_nominal(likelihood: Likelihood, e: Explanation) -> Explanation:

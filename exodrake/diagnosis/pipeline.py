@@ -19,9 +19,9 @@ from exodrake.diagnosis import result
 from exodrake.diagnosis.calibration import calibration_notes
 from exodrake.diagnosis.checks.compare import compare
 from exodrake.diagnosis.checks.suspicions import suspicions
-from exodrake.diagnosis.closure import change_robot, measure_closure, with_values
+from exodrake.diagnosis.closure import change_robot, measure_closure
 from exodrake.diagnosis.discovery.discover import discover
-from exodrake.diagnosis.intervals import describe, fitted_effects, traces
+from exodrake.diagnosis.intervals import describe, fitted_effects
 from exodrake.diagnosis.isolation import Isolation, affordable, excess_by_column, isolate
 from exodrake.diagnosis.localise import localise, remaining
 from exodrake.diagnosis.problem import list_required, make_problem, with_recorded_ranges
@@ -110,13 +110,13 @@ def answer(found: Isolation, started: float, progress: StageProgress) -> Diagnos
     best, word = decision.best, decision.verdict
     progress(Stage.CLOSURE, "")
     retuned, precise = decision.fits
-    effects, gone = state_effects(found, decision, precise)
+    effects = state_effects(found, decision, precise)
     rows = {
         "nominal": replace(problem, detected=()).silent(),
         "retuned": retuned.explanation.robot,
-        "improved": with_values(precise.explanation.robot, gone),
+        "improved": precise.explanation.robot,
     }
-    closure = measure_closure(problem, retuned, precise, np.array(list(rows.values())), gone)
+    closure = measure_closure(problem, retuned, precise, np.array(list(rows.values())))
     effects = () if word in (result.NO_GAP, result.RETUNE, result.UNKNOWN) else effects
     others = screen_alike(found) if word == result.RETUNE else {}
     progress(Stage.LOCALISE, "")
@@ -171,13 +171,10 @@ def answer(found: Isolation, started: float, progress: StageProgress) -> Diagnos
     return replace(made, notes=(note, *made.notes))
 
 
-def state_effects(
-    found: Isolation, decision: Decision, precise: Fitted
-) -> tuple[tuple[result.NamedEffect, ...], dict[int, float]]:
+def state_effects(found: Isolation, decision: Decision, precise: Fitted) -> tuple[result.NamedEffect, ...]:
     """Effects of the best set and certain detections with channels, intervals, shares and rivals, as they are stated.
 
-    And values of parameters that the improved robot has whatever the fit gives (`intervals.traces`). precise: the fit
-    that says their values.
+    precise: the fit that says their values.
     """
     problem, search, fitted, stated = found.whole, found.search, fitted_effects(precise), []
     counted = {d.effect.id: d.effect for d in problem.detected if not d.certain}
@@ -195,11 +192,10 @@ def state_effects(
                 share = jackknife_share(left - mine)
             rivals.append(result.EffectRival(other, share))
         stated.append(replace(named, role=part.role, share=part.share, rivals=tuple(rivals)))
-    gone = traces(tuple(stated), fitted)
     certain = [d.effect for d in problem.detected if d.certain]
     taken = 1.0 - found.beside_detections if len(certain) == 1 else NONE  # nothing is known of one among several
     stated += [replace(effect, share=result.Interval(taken, taken, taken)) for effect in certain]
-    return tuple(sorted(stated, key=lambda e: (e.role != result.CAUSE, -np.nan_to_num(e.share.value)))), gone
+    return tuple(sorted(stated, key=lambda e: (e.role != result.CAUSE, -np.nan_to_num(e.share.value))))
 
 
 def write_notes(found: Isolation, best: Fitted, improved: Robot, verdict: str = "") -> tuple[str, ...]:

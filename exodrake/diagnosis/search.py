@@ -35,6 +35,7 @@ from exodrake.diagnosis.fit import (
 from exodrake.diagnosis.likelihood import Likelihood
 from exodrake.diagnosis.linear import LinearModel, minimise_bounded
 from exodrake.diagnosis.linearise import Linearisation, linearise
+from exodrake.diagnosis.parameter import Parameter
 from exodrake.model.effect import Effect
 
 SINGLES, FITTED, LOOKED = 4, 3, 10  # first effects fitted; further ones; those whose directions are taken anew
@@ -377,21 +378,26 @@ class Search:
         jacobian: derivatives by the nominal parameters there, of a robot nearby.
         """
         before, likelihood = fitted.explanation, self.fine.for_stage("fit on")
-        if likelihood.samples <= self.likelihood.samples:
+        more = likelihood.samples > self.likelihood.samples
+        if not (more or before.effects):
             return fitted
         if fitted not in self.precise:
-            seen = before.find_visible(self.likelihood.scaled_to(before.residual)) & (jacobian is None)
-            if jacobian is None:
-                jacobian = np.zeros((before.nominal, likelihood.samples), dtype=np.float32)
-            (e,) = replace(before, jacobian=jacobian).at_each(likelihood, [before.x])
-            likelihood = likelihood.with_memory(e.residual)
-            start = renew(likelihood, e, seen)
-            # with derivatives that are all taken at one point: where an effect acts as a nominal parameter does, such
-            # as a joint's stiffness, a corrected one beside a new one looks like knowledge: too narrow an interval
-            e = replace(minimise(likelihood.scaled_to(e.residual), start), jacobian=start.jacobian)
-            COLUMNS[e] = COLUMNS[start]
-            self.precise[fitted] = Fitted.at(likelihood, e)
+            start = before
+            if more:
+                seen = before.find_visible(self.likelihood.scaled_to(before.residual)) & (jacobian is None)
+                if jacobian is None:
+                    jacobian = np.zeros((before.nominal, likelihood.samples), dtype=np.float32)
+                start = renew(likelihood, replace(before, jacobian=jacobian).at(likelihood, before.x), seen)
+            self.precise[fitted] = finish(likelihood.with_memory(start.residual), start)
         return self.precise[fitted]
+
+    def fit_without(self, fitted: Fitted, gone: Collection[Parameter]) -> Fitted:
+        """A set that was fitted on, fitted again without some amplitudes of its effects."""
+        e, likelihood = fitted.explanation, self.fine.for_stage("fit on")
+        kept = np.array([p not in gone for p in e.parameters])
+        start = replace(e, parameters=tuple(p for p in e.parameters if p not in gone)).at(likelihood, e.x[kept])
+        COLUMNS[start] = COLUMNS[e][kept[e.nominal :]]
+        return finish(likelihood.with_memory(start.residual), start)
 
     def is_negligible(self, fitted: Fitted) -> bool:
         """Whether a set leaves no visible gap over the whole logs, fitted on where the fitted part shows none."""
@@ -484,6 +490,25 @@ class Search:
         """Sets of so many effects that spare `SURE` of the tolerances that the best one uses."""
         limit, others = best.tolerance_cost - SURE, (f for f in self.sets.values() if len(f.effects) == size)
         return [f for f in others if self.usable(f) and f.tolerance_cost < limit]
+
+
+def finish(likelihood: Likelihood, start: Explanation) -> Fitted:
+    """A set fitted from `start`, and from where the linear model about that fit costs least: the better of both.
+
+    Where an effect acts as a nominal parameter does, as two factors of one product, a fit creeps along a curved valley:
+    each step in it costs more than the priors gain. Derivatives are all those of one point: a corrected one beside a
+    new one would look like knowledge, and give too narrow an interval.
+    """
+    likelihood = likelihood.scaled_to(start.residual)
+    e = minimise(likelihood, start)
+    if e.effects:
+        leap = linear_model(likelihood, e).posterior().step
+        e = min(
+            e, minimise(likelihood, e.at(likelihood, np.clip(e.x + leap, *e.bounds))), key=lambda x: x.cost(likelihood)
+        )
+    e = replace(e, jacobian=start.jacobian)
+    COLUMNS[e] = COLUMNS[start]
+    return Fitted.at(likelihood, e)
 
 
 def screen(likelihood: Likelihood, e: Explanation, lin: Linearisation, kept: np.ndarray) -> list[Predicted]:

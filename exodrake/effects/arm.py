@@ -79,7 +79,7 @@ LOST_PRETENSION = Effect(
     id="cable.lost_pretension", summary="pretension that went", family="elasticity",
     signature="half the stiffness beyond the effort at which one strand goes slack",
     source="creep of cables and their ends; range assumed", at={"cable.tensioned": loosen_loop},
-    parameters=(per_joint("share", "-", null=0.0, low=0.1, high=1.0, default=0.5),),
+    parameters=(per_joint("share", "-", null=0.0, low=0.1, high=1.0, default=0.9),),
 )  # fmt: skip
 RATIO_ERROR = Effect(
     id="cable.ratio_error", summary="the joint goes further or less far than its motor's angle says", family="gain",
