@@ -187,7 +187,7 @@ def fit_on(found: Isolation, best: Fitted) -> tuple[Fitted, Fitted]:
     search = found.search
     precise = search.fit_on(best)
     if gone := find_traces(fitted_effects(precise), found.whole.robot.machine):
-        precise = search.fit_without(precise, gone)
+        precise = max(search.fit_without(precise, gone), precise, key=search.evidence)
     return search.fit_on(found.retuned, precise.explanation.jacobian), precise
 
 

@@ -142,6 +142,11 @@ class Search:
         """The retuned robot without an effect."""
         return self.sets[frozenset()]
 
+    @property
+    def longest(self) -> Likelihood:
+        """The case with as many samples as sets are fitted on to, or were fitted to if those are more."""
+        return max(self.likelihood, self.fine, key=lambda one: one.samples).for_stage("fit on")
+
     @cached_property
     def lin(self) -> Linearisation:
         """Directions of all effects beside the retuned robot, simulated where they are needed first."""
@@ -377,10 +382,10 @@ class Search:
 
         jacobian: derivatives by the nominal parameters there, of a robot nearby.
         """
-        before, likelihood = fitted.explanation, self.fine.for_stage("fit on")
-        more = likelihood.samples > self.likelihood.samples
+        before, more = fitted.explanation, self.fine.samples > self.likelihood.samples
         if not (more or before.effects):
             return fitted
+        likelihood = self.longest
         if fitted not in self.precise:
             start = before
             if more:
@@ -393,7 +398,7 @@ class Search:
 
     def fit_without(self, fitted: Fitted, gone: Collection[Parameter]) -> Fitted:
         """A set that was fitted on, fitted again without some amplitudes of its effects."""
-        e, likelihood = fitted.explanation, self.fine.for_stage("fit on")
+        e, likelihood = fitted.explanation, self.longest
         kept = np.array([p not in gone for p in e.parameters])
         start = replace(e, parameters=tuple(p for p in e.parameters if p not in gone)).at(likelihood, e.x[kept])
         COLUMNS[start] = COLUMNS[e][kept[e.nominal :]]
