@@ -93,8 +93,11 @@ def test_headline_names_cause_place_share_and_what_remains():
     cause = "oad-dependent friction (tendon.capstan_friction) at tendons AF and MF explains"
     assert said[NAMED] == f"L{cause} 91 % of the gap; 6 % remains."
     found = diagnosis(NAMED)
-    small = wording.headline(replace(found, remainder=replace(found.remainder, value=0.002, noise_std=4.6)))
-    assert small.endswith("; 4.6 noise standard deviations remain.")
+    small, signals = replace(found, remainder=replace(found.remainder, value=0.002)), found.closure.signals
+    assert wording.headline(small).endswith("; nothing remains.")
+    far = signals | {"tension_AF": replace(signals["tension_AF"], after=4.6 * signals["tension_AF"].noise_std)}
+    said_of_far = wording.headline(replace(small, closure=replace(found.closure, signals=far)))
+    assert said_of_far.endswith("; 4.6 noise standard deviations remain on tension_AF.")
     most = "most on tension_AF (1.1 noise standard deviations)"
     assert said[PARTLY] == f"L{cause} 62 % of the gap; 38 % remains in the finger, mostly with speed, {most}."
     assert said[AMBIGUOUS] == (

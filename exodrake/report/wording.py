@@ -32,7 +32,9 @@ MOST_SEATS = 4  # channels that a sentence lists where an effect sits on all of 
 SMALL = 1.1  # noise standard deviations: a gap below it leaves nothing to close
 LEAST_SHARE = 0.005  # of the gap: a smaller one would be rounded to 0 %
 REFINED = "a refinement may be the error of a cause's law, and is no cause"
-EXPERIMENT = "`exodrake experiment CASE --out reference.csv` designs the motion that tells them apart"
+EXPERIMENT = (
+    "`exodrake experiment CASE --out reference.csv`, with this --robot, designs the motion that tells them apart"
+)
 
 
 def digits(value: float, count: int = DIGITS) -> str:
@@ -227,14 +229,14 @@ def headline(diagnosis: Diagnosis) -> str:
         named = "explains {} of it"
     words, left = "; ".join(said), diagnosis.remainder
     if math.isfinite(left.value):
-        noise = f"{digits(left.noise_std, 2)} noise standard deviations remain"
-        rest = noise if left.noise_std > 1.0 else "nothing remains"
+        errors = {name: signal.after / signal.noise_std for name, signal in diagnosis.closure.signals.items()}
+        worst = max(errors, key=errors.__getitem__, default="")
+        seen = f"{digits(errors[worst], 2)} noise standard deviations" if worst else ""
+        rest = f"{seen} remain on {worst}" if worst and errors[worst] ** 2 > 2.0 else "nothing remains"
         words += f"; {share(left.value)} remains" if left.value >= LEAST_SHARE else f"; {rest}"
-        worst = max(diagnosis.closure.signals.items(), key=lambda item: item[1].after / item[1].noise_std, default=None)
-        if diagnosis.verdict == result.PARTLY and worst is not None:
-            name, ratio = worst[0], digits(worst[1].after / worst[1].noise_std, 2)
+        if diagnosis.verdict == result.PARTLY and worst:
             words += f" in the {left.block}" if left.block else ""
-            words += f"{regime_words(left.regime)}, most on {name} ({ratio} noise standard deviations)"
+            words += f"{regime_words(left.regime)}, most on {worst} ({seen})"
     closed = "" if diagnosis.closure.overall.value > 0.0 else "; on the judged logs the gap is not closed"
     return f"{words[:1].upper()}{words[1:]}{unconfirmed}{closed}."
 
