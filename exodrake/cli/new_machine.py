@@ -70,6 +70,8 @@ def command(folder, joints, servo, frame, urdf, form, tip) -> None:
         texts = fill_templates(values, *[MOTOR_SCAFFOLD] * (servo == "motor"), SCAFFOLD)
     files = options.write_together(folder, texts)
     click.echo(f"{folder}: {', '.join(file.name for file in files)}")
+    if values.get("on_axis"):
+        click.echo("its last link is the last joint: a payload sits on that axis until arm.tip_x, _y, _z place it")
     click.echo(f"try it: exodrake simulate chirp --machine {folder}")
     click.echo(f"your own logs: exodrake import RECORDING lists their columns, for {folder}/mapping.yaml")
     loop = ("analyse",) if form == "cable" else ("analyse", "tune") if not urdf or form == "closed-loop" else ()
@@ -125,6 +127,7 @@ def arm_files(values: dict[str, Any], urdf: str, form: str, tip: str, frame: flo
         "units": unit | {"measured_effort": "N m" if cable else unit["effort"]},
         "prefix": "joint_" if unit["position"] == "-" and not cable else "", "part": "cable" if cable else "arm",
         "rotors": by_joint(names, [0.0] * len(names)), "noise": by_joint(names, noise),
+        "on_axis": chain.joints[-1].kind != "prismatic" and not chain.tip.any(),
         "repeatability": f"{float(noise.min()) / 10:.2g}",
         "lowest": by_joint(names, places - reach), "highest": by_joint(names, places + reach),
         # 0.01 rad/s at the level of the largest effort: assumed
