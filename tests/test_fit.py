@@ -12,7 +12,7 @@ import exodrake as exo
 from exodrake.data.case import gather_logs
 from exodrake.diagnosis.problem import make_problem
 from exodrake.identification import fit as module
-from exodrake.identification.fit import arx_percents, check_residual, jackknife
+from exodrake.identification.fit import arx_percents, check_residual, hold_start, jackknife
 from exodrake.model.robot import drawn_robot
 
 PLANTED = {"finger.kappa.MCP": 0.09, "finger.kappa.PIP": 0.052, "controller.kp": 0.0066}
@@ -136,6 +136,20 @@ def test_bad_input_is_refused_in_one_sentence(robot, free, more, reason):
     log = exo.simulate(robot, "chirp:span=5", seed=1)
     with pytest.raises(exo.InputError, match=reason):
         exo.fit(robot, log, free, **more)
+
+
+@pytest.mark.parametrize(
+    ("start", "low", "high", "ends"),
+    [
+        (0.5, 0.1, 2.0, (0.1, 2.0)),
+        (4.0, 0.1, 2.0, (0.1, 8.0)),
+        (0.05, 0.1, np.inf, (0.025, np.inf)),
+        (-0.5, -0.3, 0.3, (-0.7, 0.3)),
+        (0.0, 0.1, 2.0, (0.0, 2.0)),
+    ],
+)
+def test_a_start_beyond_a_plausible_range_is_no_bound(start, low, high, ends):
+    assert hold_start(start, low, high) == pytest.approx(ends)
 
 
 def test_a_bound_is_kept_and_noted(robot):

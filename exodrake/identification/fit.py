@@ -321,7 +321,7 @@ def free_parameters(
                 effect = next(e.id for e in machine.effects if name.startswith(f"{e.id}."))
                 words = "is not in the robot, so nothing of it can be fitted; splice it in first"
                 raise InputError(f"{name}: {effect} {words}")
-            least, most = given.get(name) or (min(stated[name].low, value), max(stated[name].high, value))
+            least, most = given.get(name) or hold_start(value, stated[name].low, stated[name].high)
             if not least <= value <= most or least == most or not np.isfinite(value):
                 raise InputError(f"{name} = {value:g} does not lie between its bounds {least:g} and {most:g}")
             if len(group) > 1:
@@ -333,6 +333,12 @@ def free_parameters(
             ends = sorted(((least - value) / scales[k, i], (most - value) / scales[k, i]))
             low[k], high[k] = max(low[k], ends[0]), min(high[k], ends[1])
     return [" ".join(group) for group in groups], scales, low, high
+
+
+def hold_start(value: float, low: float, high: float) -> tuple[float, float]:
+    """A plausible range about a start: an end that it lies beyond moves as far again, by ratio of positive ones."""
+    lowest, highest = (value**2 / end if low > 0.0 else 2.0 * value - end for end in (low, high))
+    return min(low, lowest, value), max(high, highest, value)
 
 
 def spread_starts(base: np.ndarray, scales: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
