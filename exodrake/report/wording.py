@@ -230,13 +230,13 @@ def headline(diagnosis: Diagnosis) -> str:
     words, left = "; ".join(said), diagnosis.remainder
     if math.isfinite(left.value):
         errors = {name: signal.after / signal.noise_std for name, signal in diagnosis.closure.signals.items()}
-        worst = max(errors, key=errors.__getitem__, default="")
-        seen = f"{digits(errors[worst], 2)} noise standard deviations" if worst else ""
-        rest = f"{seen} remain on {worst}" if worst and errors[worst] ** 2 > 2.0 else "nothing remains"
+        worst, error = max(errors.items(), key=lambda one: one[1], default=("", 0.0))
+        size = f"{digits(error, 2)} noise standard deviations"
+        rest = f"{size} remain on {worst}" if error**2 > 2.0 else "nothing remains"  # as large again as the noise
         words += f"; {share(left.value)} remains" if left.value >= LEAST_SHARE else f"; {rest}"
         if diagnosis.verdict == result.PARTLY and worst:
             words += f" in the {left.block}" if left.block else ""
-            words += f"{regime_words(left.regime)}, most on {worst} ({seen})"
+            words += f"{regime_words(left.regime)}, most on {worst} ({size})"
     closed = "" if diagnosis.closure.overall.value > 0.0 else "; on the judged logs the gap is not closed"
     return f"{words[:1].upper()}{words[1:]}{unconfirmed}{closed}."
 
