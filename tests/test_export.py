@@ -81,7 +81,7 @@ def test_servos_with_effects_move_in_mujoco_as_in_the_own_engine(mujoco, effects
     "effects",
     [
         {},
-        {"servo.gravity_moment": {"moment": 0.6}, "servo.supply": {"share": -0.4}},
+        {"servo.gravity_moment": {"moment": 0.6, "lever": 0.2}, "servo.supply": {"share": -0.4}},
         {"servo.coulomb_friction": {"force": 0.25}, "servo.viscous_friction": {"coefficient": 0.3}},
         {"servo.latency": {"frames": 2.0}, "servo.lag": {"time_constant": 0.06}},
     ],

@@ -98,6 +98,8 @@ def test_headline_names_cause_place_share_and_what_remains():
     far = signals | {"tension_AF": replace(signals["tension_AF"], after=4.6 * signals["tension_AF"].noise_std)}
     said_of_far = wording.headline(replace(small, closure=replace(found.closure, signals=far)))
     assert said_of_far.endswith("; 4.6 noise standard deviations remain on tension_AF.")
+    said_of_far = wording.headline(replace(found, closure=replace(found.closure, signals=far)))
+    assert said_of_far.endswith("; 6 % remains, most on tension_AF (4.6 noise standard deviations).")
     most = "most on tension_AF (1.1 noise standard deviations)"
     assert said[PARTLY] == f"L{cause} 62 % of the gap; 38 % remains in the finger, mostly with speed, {most}."
     assert said[AMBIGUOUS] == (
@@ -244,6 +246,11 @@ def test_summary_is_short_and_says_the_verdict(verdict):
     text = said(verdict)
     assert verdict in text and "gap (RMS)" in text
     assert len(text.splitlines()) < 29
+
+
+def test_parameters_that_their_tolerances_hold_back_are_named():
+    assert "limits  moved as far as tolerances allow: finger.kappa.MCP" in said(RETUNE)
+    assert "limits" not in said(NO_GAP)
 
 
 def test_summary_of_each_kind():

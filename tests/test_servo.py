@@ -140,6 +140,21 @@ def test_every_effect_is_absent_at_its_null_value_and_bounded_over_its_range(nom
                 assert all(np.array_equal(log[c], plain[c]) for c in plain.columns), effect.id
 
 
+def test_a_payload_is_a_mass_at_its_lever(nominal):
+    """As a load of that much more inertia, m l^2, and moment, m g l; without a lever it is moment alone."""
+    mass, lever, motion = 0.3, 0.2, "random-motion:duration=3,seed=1"
+    payload = nominal.splice("servo.gravity_moment", {"moment": mass * 9.81 * lever, "lever": lever})
+    inertia, moment = nominal.channels("servo.inertia"), nominal.channels("servo.moment")
+    joints, more = nominal.machine.axes.joints, {"inertia": mass * lever**2, "moment": mass * 9.81 * lever}
+    stated = {
+        f"servo.{name}.{j}": own + more[name]
+        for name, values in (("inertia", inertia), ("moment", moment)) for j, own in zip(joints, values)
+    }  # fmt: skip
+    logs = [exo.simulate(robot, motion, seed=None) for robot in (payload, nominal.with_parameters(stated))]
+    for name in (f"angle_{j}" for j in joints):
+        assert logs[0][name] == pytest.approx(logs[1][name], abs=1e-9) and np.ptp(logs[0][name]) > 0.5
+
+
 def diagnose_planted(nominal, effect, **parameters):
     """The diagnosis of a robot with an effect in one joint."""
     worn = nominal.splice(f"servo.{effect}", parameters, ["elbow"])

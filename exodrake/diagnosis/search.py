@@ -55,7 +55,7 @@ KINDS = {
     "viscous_friction": "viscous friction", "direction": "viscous friction",
     "capstan_friction": "load-dependent friction", "load_friction": "load-dependent friction",
     "sheath_friction": "load-dependent friction", "gear_efficiency": "load-dependent friction",
-    "pulley_friction": "load-dependent friction",
+    "pulley_friction": "load-dependent friction", "clock_skew": "clock skew", "mocap_clock_skew": "clock skew",
 }  # fmt: skip
 ONE = ("dry friction", "load-dependent friction")  # kinds whose laws exclude each other
 # errors of a sensor that imitate causes
@@ -508,9 +508,8 @@ def finish(likelihood: Likelihood, start: Explanation) -> Fitted:
     e = minimise(likelihood, start)
     if e.effects:
         leap = linear_model(likelihood, e).posterior().step
-        e = min(
-            e, minimise(likelihood, e.at(likelihood, np.clip(e.x + leap, *e.bounds))), key=lambda x: x.cost(likelihood)
-        )
+        further = minimise(likelihood, e.at(likelihood, np.clip(e.x + leap, *e.bounds)))
+        e = min(e, further, key=lambda one: one.cost(likelihood))
     e = replace(e, jacobian=start.jacobian)
     COLUMNS[e] = COLUMNS[start]
     return Fitted.at(likelihood, e)

@@ -6,9 +6,10 @@ from exodrake.effects.friction import bend_bristle, brake_by_load, turn_bristle
 from exodrake.effects.signal import clip, mix, scale, shift, take_up_play
 from exodrake.model.effect import Effect, per_joint
 from exodrake.model.part import JOINTS, State
-from exodrake.physics.arithmetic import brake_dry
+from exodrake.physics.arithmetic import GRAVITY, brake_dry
 
 STRANDS = 3.0
+LEFT = 0.2  # of a load's inertia: assumed, as of `servo.load_inertia`
 
 
 def lose_in_bends(aim, setting, loss):
@@ -120,6 +121,19 @@ def drop_voltage(voltage, duty, back_emf, resistance, source):
     V = V_0 - source u i,  i = (u V - back_emf) / resistance          u: duty cycle
     """
     return (voltage + source * duty * back_emf / resistance) / (1.0 + source * duty * duty / resistance)
+
+
+def carry(inertia, moment, lever):
+    """Inertia of a load [kg m2] that is heavier by a moment of weight [N m] at a lever [m]: J + m l^2 of a mass there.
+
+    A load that is lighter keeps `LEFT` of its inertia at least.
+    """
+    return max(inertia + moment * lever / GRAVITY, LEFT * inertia)
+
+
+def weigh_down(largest, moment, lever):
+    """Largest moment of a load's weight [N m] that is heavier by one: a mass at a lever adds m g l."""
+    return largest + moment
 
 
 def brake_by_shared_load(speed, mobility, load, opposed, coefficient):
@@ -255,16 +269,18 @@ GEAR_PLAY = Effect(
     parameters=(per_joint("half_width", "rad", null=0.0, low=0.002, high=0.1, default=0.02),),
 )  # fmt: skip
 GRAVITY_MOMENT = Effect(
-    id="servo.gravity_moment", summary="the weight of the load other than stated", family="load",
-    signature="an error of posture: largest with the load level, none with it upright or hanging",
-    source="weight times lever; range assumed", at={"servo.load_moment": shift},
-    formula="gravity = (m g l + moment) sin(q - hanging)",
-    parameters=(per_joint("moment", "N m", null=0.0, low=-1.0, high=1.0, default=0.1),),
+    id="servo.gravity_moment", summary="a load heavier or lighter than stated, as by a payload", family="load",
+    signature="an error of posture: largest with the load level, none with it upright or hanging; slower with a lever",
+    source="weight times lever; ranges assumed",
+    at={"servo.load_moment": weigh_down, "servo.load_inertia": carry},
+    formula="gravity = (m g l + moment) sin(q - hanging),  J_j = J + moment lever / g          a mass at a lever",
+    parameters=(per_joint("moment", "N m", null=0.0, low=-1.0, high=1.0, default=0.1),
+                per_joint("lever", "m", null=0.0, low=0.0, high=0.5, default=0.1)),
 )  # fmt: skip
 LOAD_INERTIA = Effect(
     id="servo.load_inertia", summary="inertia of the load other than stated", family="inertia",
     signature="slower and with more overshoot, or the other way round; nothing at rest",
-    source="payloads and CAD without cables; range assumed", at={"servo.load_inertia": scale},
+    source="CAD without cables; range assumed", at={"servo.load_inertia": scale},
     formula="J_j = (1 + share) J",
     parameters=(per_joint("share", "-", null=0.0, low=-0.8, high=4.0, default=0.5),),
 )  # fmt: skip

@@ -10,15 +10,16 @@ import numpy as np
 from exodrake.core.errors import InputError
 from exodrake.core.schema import listing, mapping, names, number, text, whole
 from exodrake.effects import LIBRARY, collect_effects, for_machine, generic_effects, in_order, plugin_effects
-from exodrake.effects.servo import lag_behind, limit_speed
+from exodrake.effects.servo import carry, lag_behind, limit_speed
 from exodrake.effects.signal import scale, shift, take_up_play
 from exodrake.effects.timing import delay_command
 from exodrake.model.effect import Effect
 from exodrake.model.machine import SETTLING, Column, Controller, Gain, Loop, Machine, Segment
-from exodrake.model.mechanism import GRAVITY, Body, Chain, Drive, Joint, Mechanism, axes_side_by_side
+from exodrake.model.mechanism import Body, Chain, Drive, Joint, Mechanism, axes_side_by_side
 from exodrake.model.part import JOINTS, NORMAL, SCALAR, UNIFORM, Axes, Signal
 from exodrake.model.robot import Robot
 from exodrake.physics import joint, joint_command, joint_loop, servo
+from exodrake.physics.arithmetic import GRAVITY
 from exodrake.physics.reading import sensor
 
 FRAMES = replace(LIBRARY["timing.command_latency"].parameters[0], axis=JOINTS)  # each joint late by its own
@@ -87,7 +88,7 @@ def mechanism(robot: Robot) -> Mechanism:
     return Mechanism(
         Chain(joints, tuple(chain), (light,) * len(joints), place.ends[-1]),
         tuple(Drive(INERTIA * fast**2, 2.0 * INERTIA * fast, armature=INERTIA, **fields) for fields in found),
-        step=0.1 / fast, stated=frozenset(stated), gravity=0.0, beside=True,
+        step=0.1 / fast, stated=frozenset(stated), beside=True,
         notes=("the model of these servos has neither inertias nor gains: masses, armature, friction, kp and kv are",
                "assumed, so that a joint settles in a fraction of a frame; the other numbers are for your arm's model"),
     )  # fmt: skip
@@ -176,7 +177,10 @@ def motor_mechanism(robot: Robot) -> Mechanism:
         return robot.channels(f"servo.{parameter}") + robot.channels(f"servo.{effect}")
 
     kt, volts = with_share("kt", "torque_constant"), with_share("supply", "supply")
-    load, moment = with_share("inertia", "load_inertia"), with_amount("moment", "gravity_moment.moment")
+    heavier = (robot.channels(f"servo.gravity_moment.{name}") for name in ("moment", "lever"))
+    load = np.array([*map(carry, robot.channels("servo.inertia"), *heavier)])
+    load *= 1.0 + robot.channels("servo.load_inertia.share")
+    moment = with_amount("moment", "gravity_moment.moment")
     limit = np.minimum(robot.channels("servo.duty_limit.limit"), 1.0)
     stall, hangs = kt * volts / (resistance := robot.channels("servo.R")), moment != 0.0
     lever = np.divide(0.5 * GRAVITY * load, moment, out=np.zeros(len(joints)), where=hangs)
@@ -203,7 +207,7 @@ def motor_mechanism(robot: Robot) -> Mechanism:
     return Mechanism(
         Chain(joints, tuple(turning), bodies, place.ends[-1]),
         tuple(Drive(**{name: values[i] for name, values in drives.items()}) for i in range(len(joints))),
-        step=robot.machine.slot, stated=frozenset(f"servo.{name}" for name in effects), beside=True,
+        step=robot.machine.slot, stated=frozenset(f"servo.{name}" for name in effects), gravity=GRAVITY, beside=True,
         notes=("mass and lever of each load are assumed; its inertia and the moment of its weight are the robot's",
                "damping holds the back-EMF kt^2 / R, so that V / kt is the fastest motion"),
     )  # fmt: skip

@@ -26,10 +26,11 @@ from exodrake.core.schema import mapping, number, quote, text
 from exodrake.effects import collect_effects, friction
 from exodrake.model.effect import Effect
 from exodrake.model.machine import SETTLING, Column, Controller, Gain, Loop, Machine, Segment
-from exodrake.model.mechanism import GRAVITY, Body, Chain, Drive, Joint, Mechanism, Shape
+from exodrake.model.mechanism import Body, Chain, Drive, Joint, Mechanism, Shape
 from exodrake.model.part import JOINTS, NORMAL, UNIFORM, Axes, Output, Part, Signal, Task
 from exodrake.model.robot import Robot
 from exodrake.physics import arm as dynamics, arm_drive, cable, gear_motor
+from exodrake.physics.arithmetic import GRAVITY
 from exodrake.physics.reading import sensor
 
 STEP = 0.02  # rad or m, of a reference for the analysis: assumed
@@ -109,13 +110,16 @@ def inverse_machine(name: str, chain: Chain, frame: float) -> Machine:
     shown = {**{s.name: s.name for s in motion}, "effort": "effort_read"}
     found = columns(chain, shown)
     torque = reading("torque", "effort", unit, 0, frame, float(efforts.max()), len(chain.names))
-    return make_machine(
+    machine = make_machine(
         name, chain, frame, (dynamics.inverse_part(scales(efforts, unit), unit), torque), {found[-1].kind: "torque"},
         CROSSTALK + OFFSET, (*motion, *noise("effort")), signals(unit, "effort", "effort_read"), found, slots=1,
         segments=(Segment("arm", found[-1].kind),), defaults=chain_values(chain, "arm"),
         recorded={"arm.mobility": lambda size: REST * size.get(speed, np.inf) / max(size.get(force, 0.0), 1e-12)},
         resting={found[-1].kind: found[1].kind},
     )  # fmt: skip
+    late = machine.effect("torque.delay")
+    early = replace(late, parameters=(replace(late.parameters[0], low=-frame),))  # where the motion is read late
+    return replace(machine, effects=tuple(early if e is late else e for e in machine.effects))
 
 
 def closed_machine(name: str, chain: Chain, frame: float) -> Machine:

@@ -12,8 +12,6 @@ from math import inf
 
 import numpy as np
 
-GRAVITY = 9.81  # m/s2, as Drake has it
-
 
 @dataclass(frozen=True, eq=False)
 class Body:
@@ -117,7 +115,7 @@ class Mechanism:
     borne: float = 0.0  # share of the payload's weight that the controller bears [-]
     radii: np.ndarray | None = None  # (joints,) of the links, to draw them [m]
     tilt: tuple[float, float] = (0.0, 0.0)  # (2,) roll and pitch of the base [rad]
-    gravity: float = GRAVITY  # [m/s2]
+    gravity: float = 0.0  # [m/s2]
     beside: bool = False  # whether each joint stands on the base, and not on the one before
     notes: tuple[str, ...] = ()  # sentences about what is assumed or left out
 

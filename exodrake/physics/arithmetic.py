@@ -5,6 +5,8 @@ Vectors are tuples of floats, which numba keeps in registers.
 
 from math import floor
 
+GRAVITY = 9.81  # m/s2, as Drake has it
+
 
 def round_to(value, step):
     """Value rounded to the nearest multiple of step; unchanged where step is 0."""

@@ -26,7 +26,6 @@ from exodrake.diagnosis.change_point import STEP
 from exodrake.diagnosis.isolation import SAMPLING
 from exodrake.diagnosis.likelihood import CORRELATION
 from exodrake.diagnosis.noise import mismatch
-from exodrake.diagnosis.parameter import nominal_parameters
 from exodrake.diagnosis.problem import NEGLIGIBLE, Problem, Trial
 from exodrake.diagnosis.result import CAUSE, REFINEMENT, Diagnosis, Interval, SignalGap
 from exodrake.diagnosis.search import GAIN, LARGE, LAW, NATS, SURE
@@ -56,7 +55,6 @@ SERIES = 6  # of quantities over sessions that are drawn
 RELAXES = "relaxation"  # a law over time since a change
 SHOWN = 5  # retuned parameters that are shown at once
 LEAST = 0.005  # standard deviations of its tolerance: a smaller change is not listed
-AT_BOUND = 0.999  # of the bound, from which a change counts as limited by it
 DIGITS = 12  # of a file's hash that are shown; the JSON has them all
 
 
@@ -336,12 +334,10 @@ def which(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
         evidence = f"{one.evidence:,.1f}" if np.isfinite(one.evidence) else "–"
         sets.append((f"`{one.id or 'retune'}`", w.closure(one.share), *chi2, evidence))
     header = ("Effects", "Explains", "chi-square, closed loop", "chi-square, prediction error", "Evidence [nats]")
-    rows, improved = [], diagnosis.robots[IMPROVED].values
-    # nominal parameters that the last robot changes, the largest change first
-    changes = [(p, p.coordinate(float(improved[p.index[0]]))) for p in nominal_parameters(runs.problem.robot)]
-    for p, x in sorted(changes, key=lambda change: -abs(change[1] / change[0].prior_std)):
+    rows = []
+    for p, x in w.list_changes(diagnosis):
         unit = runs.problem.robot.machine.parameters[p.index[0]].unit
-        bound = " (its bound)" if abs(x) >= AT_BOUND * max(map(abs, p.bounds)) else ""
+        bound = " (its limit)" if w.is_limited(p, x) else ""
         cells = [w.quantity(value, unit) for value in (p.base, p.value(x))]
         if abs(x) > LEAST * p.prior_std:
             rows.append((f"`{p.name}`", *cells, f"{x / p.prior_std:+.2f}{bound}"))

@@ -12,7 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from exodrake.core.progress import Stage
-from exodrake.diagnosis.result import AMBIGUOUS, CAUSE, NO_GAP, PARTLY, UNKNOWN, Diagnosis
+from exodrake.diagnosis.result import CAUSE, NO_GAP, PARTLY, UNKNOWN, Diagnosis
 from exodrake.report import wording as w
 
 TOP = 5  # candidates that are listed
@@ -51,7 +51,7 @@ def print_summary(diagnosis: Diagnosis, console: Console | None = None) -> None:
     if where.block != "none":
         place = w.seat(where, diagnosis.machine)
         lines.append(f"where   {where.block}{', ' + place if place else ''}")
-    if diagnosis.verdict in (UNKNOWN, PARTLY, AMBIGUOUS) and where.regime:
+    if diagnosis.verdict in (UNKNOWN, PARTLY) and where.regime:
         top = sorted(where.regime.items(), key=lambda item: -item[1])[:REGIMES]
         lines.append("when    " + ", ".join(f"{name} {w.percent(value)}" for name, value in top) + " of its variance")
     if refined := w.refinement_words(diagnosis):
@@ -89,6 +89,8 @@ def print_summary(diagnosis: Diagnosis, console: Console | None = None) -> None:
             console.print(f"        {words}")
         robots = ", ".join(f"{name} {w.digits(closure.rms[key])}" for key, name in w.list_robots(diagnosis).items())
         console.print(f"error   {robots} noise standard deviations (RMS)")
+    if limited := w.limit_words(diagnosis):
+        console.print(f"limits  {limited}")
     if alike := w.alike_words(diagnosis):
         console.print(f"moved   {alike}")
     if diagnosis.rivals:

@@ -11,6 +11,7 @@ import numpy as np
 from exodrake.core.errors import plural
 from exodrake.diagnosis import result
 from exodrake.diagnosis.change_point import STEP, Change
+from exodrake.diagnosis.parameter import Parameter, nominal_parameters
 from exodrake.diagnosis.result import Diagnosis, Interval, NamedEffect, SignalGap, Where
 from exodrake.model.display import Display, find_display, percent, shown_unit, with_unit
 from exodrake.model.effect import Effect
@@ -30,6 +31,7 @@ DIGITS = 3  # significant digits of a quantity
 MOST_MOVED = 4  # parameters that a sentence lists
 MOST_SEATS = 4  # channels that a sentence lists where an effect sits on all of them
 SMALL = 1.1  # noise standard deviations: a gap below it leaves nothing to close
+AT_LIMIT = 0.999  # of the largest change that a tolerance allows, from which a parameter counts as limited by it
 LEAST_SHARE = 0.005  # of the gap: a smaller one would be rounded to 0 %
 REFINED = "a refinement may be the error of a cause's law, and is no cause"
 EXPERIMENT = (
@@ -231,12 +233,14 @@ def headline(diagnosis: Diagnosis) -> str:
     if math.isfinite(left.value):
         errors = {name: signal.after / signal.noise_std for name, signal in diagnosis.closure.signals.items()}
         worst, error = max(errors.items(), key=lambda one: one[1], default=("", 0.0))
-        size = f"{digits(error, 2)} noise standard deviations"
-        rest = f"{size} remain on {worst}" if error**2 > 2.0 else "nothing remains"  # as large again as the noise
-        words += f"; {share(left.value)} remains" if left.value >= LEAST_SHARE else f"; {rest}"
-        if diagnosis.verdict == result.PARTLY and worst:
-            words += f" in the {left.block}" if left.block else ""
-            words += f"{regime_words(left.regime)}, most on {worst} ({size})"
+        size, seen = f"{digits(error, 2)} noise standard deviations", error**2 > 2.0  # as large again as the noise
+        if left.value < LEAST_SHARE:
+            words += f"; {size} remain on {worst}" if seen else "; nothing remains"
+        else:
+            partly = diagnosis.verdict == result.PARTLY
+            words += f"; {share(left.value)} remains{f' in the {left.block}' if partly and left.block else ''}"
+            words += regime_words(left.regime) if partly else ""
+            words += f", most on {worst} ({size})" if worst and (partly or seen) else ""
     closed = "" if diagnosis.closure.overall.value > 0.0 else "; on the judged logs the gap is not closed"
     return f"{words[:1].upper()}{words[1:]}{unconfirmed}{closed}."
 
@@ -285,6 +289,25 @@ def kind_gaps(diagnosis: Diagnosis) -> dict[str, tuple[Display, SignalGap]]:
         total = SignalGap(before, retuned, after, noise_std, float(closed), gaps[0].unit)
         found[kind] = find_display(kind, diagnosis.machine), total
     return found
+
+
+def list_changes(diagnosis: Diagnosis) -> list[tuple[Parameter, float]]:
+    """Nominal parameters with the coordinates that the improved robot gives them, the largest change first."""
+    improved, nominal = (diagnosis.robots[name] for name in ("improved", "nominal"))
+    found = [(p, p.coordinate(float(improved.values[p.index[0]]))) for p in nominal_parameters(nominal)]
+    return sorted(found, key=lambda change: -abs(change[1] / change[0].prior_std))
+
+
+def is_limited(parameter: Parameter, x: float) -> bool:
+    """Whether a nominal parameter has moved as far as its tolerance allows."""
+    return abs(x) >= AT_LIMIT * max(map(abs, parameter.bounds))
+
+
+def limit_words(diagnosis: Diagnosis) -> str:
+    """Nominal parameters that ended where their tolerances end; empty without any."""
+    names = [p.name for p, x in list_changes(diagnosis) if is_limited(p, x)]
+    shown = names[:MOST_MOVED] + ([f"{len(names) - MOST_MOVED} more"] if len(names) > MOST_MOVED else [])
+    return f"moved as far as tolerances allow: {join_words(shown)}" if names else ""
 
 
 def motion_words(diagnosis: Diagnosis) -> str:

@@ -44,7 +44,7 @@ def mechanism(robot: Robot) -> Mechanism:
     body = Body(robot["carriage.M"], np.zeros(3), robot["carriage.M"] * 0.01 * np.eye(3))
     return Mechanism(
         Chain(("carriage",), (axis,), (body,), np.zeros(3)), (Drive(robot["drive.kp"] * kv, kv),), 1e-4,
-        frozenset(("carriage.viscous_friction", "carriage.coulomb_friction")), gravity=0.0,
+        frozenset(("carriage.viscous_friction", "carriage.coulomb_friction")),
         notes=("the drive computes once in 1 ms, with the difference of places over two frames as the speed",
                "the inertia of the carriage about its centre is assumed; it does not turn"),
     )  # fmt: skip

@@ -111,7 +111,7 @@ def mechanism(robot: Robot) -> Mechanism:
     stated = ("finger.stiffness", "tendon.viscous_friction", "tendon.coulomb_friction", "motor.current_limit")
     return Mechanism(
         Chain(joints, tuple(chain), tuple(bodies), lengths[-1] * along), tuple(drives), robot.machine.slot,
-        frozenset((*stated, "timing.command_latency")), tuple(winding), radii=radii, gravity=0.0,
+        frozenset((*stated, "timing.command_latency")), tuple(winding), radii=radii,
         notes=(
             "a motor winds its tendon in at the commanded speed at once: rotor, speed loop and sensors are left out",
             "the end stops are hard at q_e and q_f, where those of the robot grow exponentially",
