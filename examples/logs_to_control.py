@@ -14,9 +14,8 @@ MADE = Path(sys.argv[1] if len(sys.argv) > 1 else "controlled")
 # a machine of one's own, and a stand-in for the real one: both drives act late, and the elbow bears a weight
 cli(["new-machine", str(MADE / "two_servos"), "--joints", "shoulder,elbow", "--servo", "motor"], standalone_mode=False)
 nominal = exo.load_robot(str(MADE / "two_servos"))
-real = nominal.splice("servo.latency", {"frames": 3.0}).splice(
-    "servo.gravity_moment", {"moment": 1.0, "lever": 0.1}, ["elbow"]
-)
+real = nominal.splice("servo.latency", {"frames": 3.0})
+real = real.splice("servo.gravity_moment", {"moment": 1.0, "lever": 0.1}, ["elbow"])
 first, second, held = (exo.simulate(real, f"random-motion:duration=12,seed={k}", seed=k) for k in (1, 2, 3))
 
 # 1. where the gap is over frequency, 2. a guess, fitted: both joints late, 3. a diagnosis, which tries all effects
