@@ -16,7 +16,7 @@ from exodrake.core.errors import InputError, argument, printable, short_repr
 from exodrake.core.files import hash_file, is_file, is_folder, read_bytes, write_folder
 from exodrake.core.plain import plain
 from exodrake.data.formats import ending, log_bytes, read_log, read_table, stem
-from exodrake.data.log import MODEL, Log, check_columns, regularise
+from exodrake.data.log import MODEL, Log, check_columns, merge_notes, regularise
 
 ROLES = ("fit", "holdout")
 PERIOD = 0.02  # s, frame of the nominal robot
@@ -322,15 +322,6 @@ def check_inside(folder: str | Path, file: str, where: str) -> None:
         inside = False
     if not inside:
         raise schema.refusal(f"{where}: log {schema.quote(file)}", "lies outside the folder; --allow-outside reads it")
-
-
-def merge_notes(done: Mapping[str, Sequence[str]]) -> list[str]:
-    """Notes on several logs as sentences, each once with the names of all logs that it is true of."""
-    names: dict[str, list[str]] = {}
-    for name, lines in done.items():
-        for line in lines:
-            names.setdefault(line, []).append(name)
-    return [f"{'all logs' if 1 < len(done) == len(some) else ', '.join(some)}: {line}" for line, some in names.items()]
 
 
 def relative_name(file: str, place: Path) -> str:

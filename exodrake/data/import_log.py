@@ -5,7 +5,6 @@ What is changed beyond names and units is noted beside the log.
 """
 
 import re
-from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -25,6 +24,7 @@ from exodrake.data.log import (
     check_columns,
     find_first,
     log_from_columns,
+    merge_notes,
     other_rate,
     refuse_doubled,
 )  # fmt: skip
@@ -294,7 +294,7 @@ def make_log(tracks: dict[str, Track], mapped: Mapped, source: str, notes: Seque
     log = log_from_columns([("time [s]", time), *ours], source)
     check_columns(log, log.columns)
     check_clock(log)
-    said = defaultdict[str, list[str]](list)
+    said = dict[str, list[str]]()
     for column in (*mapped.columns, *mapped.derived):  # what is done to it beyond its unit
         done, channel = [], column.name.removeprefix(find_kind(column.name) or "")
         if column.take is not None and column.take != "first":
@@ -307,9 +307,8 @@ def make_log(tracks: dict[str, Track], mapped: Mapped, source: str, notes: Seque
             done.append("sign turned")
         if column.filter is not None:
             done.append(f"low-passed at {column.filter:g} Hz without phase, so its fast noise is not the sensor's")
-        if done:
-            said[", ".join(done)].append(column.name)
-    return Imported(log, (*notes, *(f"{', '.join(names)}: {what}" for what, names in said.items())))
+        said[column.name] = [", ".join(done)] if done else []
+    return Imported(log, (*notes, *merge_notes(said, "")))
 
 
 def convert_table(table: dict[str, np.ndarray], mapped: Mapped, source: str) -> Imported:
@@ -346,9 +345,8 @@ def convert_table(table: dict[str, np.ndarray], mapped: Mapped, source: str) -> 
     for name in lengths:
         empty = np.isnan(table[names[name]])
         if empty.any() and not empty.all():
-            some = f"{empty.sum()} of {len(time)} samples are missing, the first in row {empty.argmax() + 1}"
-            lost.setdefault(some, []).append(name)
-    notes += [f"{', '.join(columns)}: {some}" for some, columns in lost.items()]
+            lost[name] = [f"{empty.sum()} of {len(time)} samples are missing, the first in row {empty.argmax() + 1}"]
+    notes += merge_notes(lost, "")
     return make_log({name: Track(time[fresh], table[names[name]][fresh]) for name in lengths}, mapped, source, notes)
 
 
@@ -385,11 +383,10 @@ def lay_on_frames(
             f"{len(left)} dropped for a newer one in the same frame": track.time[left],
             f"the sample before again in {len(again)}": time[again], f"{len(empty)} left empty": time[empty],
         }  # fmt: skip
-        if parts := [f"{what}, the first at {at[0]:.10g} s" for what, at in kinds.items() if len(at)]:
-            frames = f"{len(track.time)} samples on {len(time)} frames of {period * 1e3:g} ms"
-            said.setdefault(f"{frames}: {'; '.join(parts)}", []).append(name)
-    whose = {note: "all columns" if len(names) == len(tracks) > 1 else ", ".join(names) for note, names in said.items()}
-    return time, values, [f"{whose[note]}: {note}" for note in said]
+        parts = "; ".join(f"{what}, the first at {at[0]:.10g} s" for what, at in kinds.items() if len(at))
+        frames = f"{len(track.time)} samples on {len(time)} frames of {period * 1e3:g} ms"
+        said[name] = [f"{frames}: {parts}"] if parts else []
+    return time, values, merge_notes(said, "all columns")
 
 
 def median_step(time: np.ndarray) -> float:

@@ -400,6 +400,19 @@ def regularise(log: Log, period: float = 0.02) -> tuple[Log, list[str]]:
     return replace(single, time=grid, signals=signals), notes
 
 
+def merge_notes(done: Mapping[str, Sequence[str]], everything: str = "all logs") -> list[str]:
+    """Notes on several logs or columns as sentences, each once with the names of all that it is true of.
+
+    everything: what stands in place of the names where these are all of several; they are listed if it is empty.
+    """
+    names: dict[str, list[str]] = {}
+    for name, lines in done.items():
+        for line in lines:
+            names.setdefault(line, []).append(name)
+    whole = {line: everything if 1 < len(done) == len(some) else "" for line, some in names.items()}
+    return [f"{whole[line] or ', '.join(some)}: {line}" for line, some in names.items()]
+
+
 def other_rate(time: np.ndarray, frames: np.ndarray, period: float) -> tuple[float, float] | None:
     """Time [s] from which a clock (n,) [s] runs at another rate than its frames (n,), and its frame [s]; or None."""
     for rows in np.array_split(np.arange(len(time)), max(1, len(time) // STRETCH)):

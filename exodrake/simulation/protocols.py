@@ -162,12 +162,10 @@ def short_sweeps(robot: Robot | None = None, *, period: float = 5.0) -> Referenc
     """
     robot = robot_or_default(robot)
     tendons = len(robot.reference_limits()[1])
-    chosen = []
-    for tendon, level in product(range(tendons), LEVELS):
-        levels = np.zeros(tendons)
-        if tendons > 1:
-            levels[1 if tendon == 0 else 0] = level
-        chosen.append(one_sweep(robot, tendon, list(levels), period))
+    chosen = [
+        one_sweep(robot, tendon, [level if other == int(tendon == 0) else 0.0 for other in range(tendons)], period)
+        for tendon, level in product(range(tendons), LEVELS)
+    ]
     return above_minimum(robot, np.concatenate(chosen), "short-sweeps")
 
 
