@@ -242,8 +242,7 @@ def envelope(values: np.ndarray, stretch: int) -> np.ndarray:
 
 def split_stretches(values: np.ndarray, stretch: int) -> np.ndarray:
     """Values (n, columns) in stretches, (ceil(n / stretch), stretch, columns), the last one filled with NaN."""
-    padded = np.full((-(-len(values) // stretch) * stretch, values.shape[1]), np.nan)
-    padded[: len(values)] = values
+    padded = np.pad(values, ((0, -len(values) % stretch), (0, 0)), constant_values=np.nan)
     return padded.reshape(-1, stretch, values.shape[1])
 
 

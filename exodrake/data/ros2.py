@@ -11,11 +11,10 @@ import math
 import re
 import sqlite3
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -30,8 +29,7 @@ STATE = "sensor_msgs/msg/JointState"
 Topic = tuple[str, int, list[str] | None]  # type, number of messages, fields; None: they cannot be decoded
 
 
-@dataclass(frozen=True, eq=False)
-class Track:
+class Track(NamedTuple):
     """A foreign column with a clock of its own: time (n,) [s], values (n,) in the foreign unit."""
 
     time: np.ndarray
@@ -56,8 +54,7 @@ def read_bag(path: str | Path, columns: Sequence[str], stamp: str) -> dict[str, 
     read = partial(read_tracks, columns=list(columns), stamp=stamp)
     parts, found = [read_apart(read, read_bytes(f), str(f)) for f in bag_files(path)], {}
     for column in columns:
-        tracks = [part[column] for part in parts]
-        found[column] = Track(*(np.concatenate(item) for item in zip(*((t.time, t.values) for t in tracks))))
+        found[column] = Track(*map(np.concatenate, zip(*(part[column] for part in parts))))
         if not len(found[column].time):
             topic = column.partition(":")[0]
             raise InputError(f"{path}: no message on topic {topic!r} gives column {column!r}, which is empty")
