@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from exodrake.data.log import fill_gaps
+from exodrake.diagnosis.checks.suspicions import find_runs
 from exodrake.diagnosis.intervals import describe, fitted_effects
 from exodrake.diagnosis.isolation import Isolation
 from exodrake.diagnosis.likelihood import written_by
@@ -142,11 +143,11 @@ def motion(position: np.ndarray, width: int, still: float | None, period: float)
     speed = np.gradient(uniform_filter1d(position, width, mode="nearest"), period)
     still = STILL * np.abs(speed).max() if still is None else still
     direction, frames = np.where(np.abs(speed) < still, 0.0, np.sign(speed)), np.arange(len(position))
-    turned = np.concatenate([[True], direction[1:] != direction[:-1]])
+    starts = np.repeat(*find_runs(direction))
     return {
         "direction of motion": direction,
         "speed": np.abs(speed),
-        "time since reversal": period * (frames - np.maximum.accumulate(np.where(turned, frames, 0))),
+        "time since reversal": period * (frames - starts),
         "time in trial": period * frames,
     }
 
