@@ -42,11 +42,8 @@ def accepted_ids(truth: Truth) -> set[str]:
     than nominal, which stands for a compliance, is a parameter and has no id.
     """
     name = truth["id"]
-    if name == "tendon.slack":
-        return {name, "encoder.homing_offset"}
-    if name == "encoder.homing_offset" and truth["parameters"]["offset"] < 0:
-        return {name, "tendon.slack"}
-    return {name}
+    looser = name == "encoder.homing_offset" and truth["parameters"]["offset"] < 0
+    return {"tendon.slack", "encoder.homing_offset"} if looser or name == "tendon.slack" else {name}
 
 
 def list_causes(diagnosis: Diagnosis) -> list[dict[str, Any]]:
