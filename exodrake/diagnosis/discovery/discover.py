@@ -235,11 +235,9 @@ def discover(found: Isolation, progress: StageProgress = no_progress, blocks: Co
     gain = best.model.evidence(memory) - linear_model(likelihood, base).evidence(memory)
     # evidence exceeds exp(g) times that of no law with probability exp(-g) at most (Markov); any of those tried may
     p = float(min(1.0, tried[base.name] * len(SCALES) * np.exp(-gain)))
-    if p > ALPHA:
-        reason = f"no law takes up more than noise lets one (p = {p:.2g})"
-        return MissingLaw(False, reason, p_noise=p, others=others)
-    if share < LARGE:
-        reason = f"the best law, {best.candidate.name}, removes only {percent(share)} of what {rest} leaves"
+    if p > ALPHA or share < LARGE:
+        weak = f"the best law, {best.candidate.name}, removes only {percent(share)} of what {rest} leaves"
+        reason = f"no law takes up more than noise lets one (p = {p:.2g})" if p > ALPHA else weak
         return MissingLaw(False, reason, p_noise=p, others=others)
     progress(Stage.CLOSURE, best.candidate.name)
     for effect in best.explanation.effects:  # without those that no longer earn their place beside it
