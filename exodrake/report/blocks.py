@@ -97,7 +97,6 @@ class Bars:
 
     block: ClassVar[str] = "bars"
     rows: Sequence[tuple[str, float, str, bool]]
-    caption: str = ""
 
 
 @dataclass(frozen=True)

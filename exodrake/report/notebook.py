@@ -20,7 +20,7 @@ def diagnosis_html(diagnosis: Diagnosis) -> str:
     """The headline, the error of each kind of signal with each robot, and the values of the causes."""
     import matplotlib
 
-    rows = [row for effect in w.causes(diagnosis) for row in w.parameter_values(effect, known=True)]
+    rows = [row for effect in w.causes(diagnosis) for row in w.parameter_values(effect)]
     said = {"verdict": diagnosis.verdict, "text": w.headline(diagnosis), "rows": rows}
     kinds, robots = list(w.kind_gaps(diagnosis).values()), w.list_robots(diagnosis)
     if not kinds:

@@ -152,15 +152,15 @@ def block_words(diagnosis: Diagnosis) -> str:
     return f" Effects of the {block} act in {plural(len(found), 'part')} {join_words(found)}."
 
 
-def parameter_values(effect: NamedEffect, known: bool = False) -> list[tuple[str, str, str]]:
-    """Name, value and 90 % interval of each parameter, by channel where they disagree; `known`: if it says anything."""
+def parameter_values(effect: NamedEffect) -> list[tuple[str, str, str]]:
+    """Name, value and 90 % interval of each parameter, by channel where they disagree, whose interval says anything."""
     found = []
     for name, item in effect.parameters.items():
         channels = effect.channels.get(name, {})
         alike = all(item.low <= one.value <= item.high for one in channels.values())
         several = {} if alike else {f"{name} {channel}": one for channel, one in channels.items()}
         shown = (several or {name: item}).items()
-        found += [(title, *interval(one)) for title, one in shown if says_something(one) or not known]
+        found += [(title, *interval(one)) for title, one in shown if says_something(one)]
     return found
 
 
