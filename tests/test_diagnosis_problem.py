@@ -9,7 +9,7 @@ from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis.checks.compare import find_columns
 from exodrake.diagnosis.likelihood import moved_a_little
 from exodrake.diagnosis.noise import noise_std, robust_std, sensor_noise_std
-from exodrake.diagnosis.problem import WILD, by_trial, make_problem, subtract
+from exodrake.diagnosis.problem import WILD, by_trial, find_turns, make_problem, subtract
 from exodrake.engine.inputs import Reference
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation import protocols
@@ -131,6 +131,16 @@ def test_rows_that_a_log_lacks_are_bridged_and_nothing_counts_until_the_robot_ha
     for rows in (slice(49, 53), slice(99, 121)):
         np.testing.assert_allclose(np.diff(trial.reference[rows], n=2, axis=0), 0.0, atol=1e-12)
     np.testing.assert_array_equal(trial.reference[121:], whole.reference[121:])
+
+
+def test_a_joint_turns_round_beside_its_rest_and_half_of_a_fast_motion_counts():
+    """Of sin(2 pi t / period) it rests within least period / (2 pi) of a turn."""
+    time = 0.001 * np.arange(4000)
+    for period, counted in ((2.0, 1.0 - 4.0 * 0.05 / 2.0), (0.1, 0.5)):
+        share = 1.0 - np.mean(find_turns(np.sin(2 * np.pi * (time + 0.0003) / period), 0.02, 50))
+        rest = 2.0 * np.arcsin(0.02) / np.pi
+        assert share == pytest.approx(counted - rest * (0.5 if counted == 0.5 else 1.0), abs=0.01)
+    assert find_turns(np.full(100, np.nan), 0.02, 50).sum() == 0
 
 
 def test_run_that_divides_by_zero_is_bad_not_fatal(robot, case):

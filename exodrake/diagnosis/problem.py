@@ -33,6 +33,7 @@ ROWS = 4  # robots simulated at once: their records stay in the cache
 # s without a row after which the robot may be anywhere until it has settled, and s that this takes; assumed
 GAP, SETTLED = 0.1, 2.0
 STILL = 0.02  # of a channel's largest speed: below it the channel counts as at rest; assumed
+TURN = 0.05  # s beside rest in which dry friction turns round; as long as a low-pass of 10 Hz blurs that. Assumed
 GENERIC = ("signal", "sliding", "joint")  # blocks of the library whose laws serve any machine
 NEGLIGIBLE = 0.3  # noise standard deviations RMS beyond noise, in every channel: a smaller gap is none, by default
 WILD = 1e4  # residuals are clipped here [noise_std]: a diverging candidate is bad, not infinite
@@ -292,8 +293,8 @@ def make_problem(
     noisier = {name: robot[name] for name in noise}
     robot = robot.with_parameters(noise, source="the logs") if noise else robot
     columns = find_columns(case, robot.machine)
-    # place of a column of efforts, which at rest are whatever dry friction holds and count as missing -> column of its
-    # speed, and the least that counts
+    # place of a column of efforts, which about rest are whatever dry friction holds and count as missing -> column of
+    # its speed, and the least that counts
     resting = dict[int, tuple[str, float]]()
     for i, (kind, _, channel) in enumerate(column.rpartition("_") for column in columns):
         if kind in robot.machine.resting:
@@ -313,7 +314,7 @@ def make_problem(
         measured[: round(robot.machine.settling / robot.machine.frame)] = np.nan
         for i, (speed, least) in resting.items():
             if speed in item.log.signals:
-                measured[np.abs(item.log[speed]) < least, i] = np.nan
+                measured[find_turns(item.log[speed], least, round(TURN / robot.machine.frame)), i] = np.nan
         return Trial(item.file, reference, measured, whole=item.protocol == EXPERIMENT)
 
     return Problem(
@@ -327,6 +328,19 @@ def make_problem(
         negligible=NEGLIGIBLE if negligible is None else negligible,
         noisier=noisier,
     )
+
+
+def find_turns(speed: np.ndarray, least: float, frames: int) -> np.ndarray:
+    """Mask (n,) of samples at which a joint rests or turns round, and of so many at both ends of each motion.
+
+    At most a quarter of a motion at each end. speed: (n,), of which a smaller one than `least` is rest.
+    """
+    direction = np.where(np.abs(speed) < least, 0.0, np.sign(speed))
+    found = direction == 0.0
+    for start, rows in zip(*find_runs(direction)):
+        ends = min(frames, rows // 4)
+        found[start : start + ends] = found[start + rows - ends : start + rows] = True
+    return found
 
 
 def choose_tried(machine: Machine, only: Sequence[str] = (), without: Sequence[str] = ()) -> frozenset[str]:
