@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -180,6 +181,18 @@ def test_a_controller_that_compensates_no_gravity_is_one_without_a_model(closed)
     one, other, plain = (exo.simulate(robot, "random-motion:duration=2,seed=1", 1) for robot in (sagging, bare, closed))
     assert all(np.array_equal(one[c], other[c]) for c in one.columns)
     assert any(np.abs(one[c] - plain[c]).max() > 0.01 for c in one.columns if c.startswith("joint_position"))
+
+
+def test_a_reference_that_arrives_late_is_one_of_the_frames_before(closed):
+    """Two frames late, the arm does to the last bit what it does for a reference that begins two frames later."""
+    frames, late = 2, closed.splice("arm_drive.latency", {"delay": 2 * closed.machine.frame})
+    whole = exo.protocol("random-motion:duration=2,seed=1", closed)
+    rows = np.concatenate([whole.values[:1]] * frames + [whole.values[:-frames]])
+    joints = len(closed.machine.axes.joints)
+    rows[:, joints:] = whole.values[:, joints:]
+    one, other = exo.simulate(late, whole, seed=None), exo.simulate(closed, replace(whole, values=rows), seed=None)
+    measured = [c for c in one.columns if "position_ref" not in c]
+    assert all(np.array_equal(one[c], other[c]) for c in measured) and len(measured) > joints
 
 
 def test_the_closed_loop_follows_its_references(closed):

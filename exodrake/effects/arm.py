@@ -3,8 +3,9 @@
 The motors of a cable-driven arm feel the joints' efforts by the same matrix A as the joints their angles.
 """
 
-from exodrake.effects.signal import cut_dead_zone, mix, scale, shift
+from exodrake.effects.signal import DEPTH, cut_dead_zone, delay, mix, scale, shift
 from exodrake.model.effect import Effect, EffectParameter, per_joint
+from exodrake.model.part import JOINTS, State
 
 
 def soften_loop(stiffness, share):
@@ -23,6 +24,13 @@ ENCODER_OFFSET = Effect(
     source="homing; range assumed", at={"arm.seen": shift},
     formula="q_j = measured + offset          the arm stands elsewhere than measured",
     parameters=(per_joint("offset", "rad", null=0.0, low=-0.3, high=0.3, default=0.05),),
+)  # fmt: skip
+COMMAND_LATENCY = Effect(
+    id="arm_drive.latency", summary="references reach the controller late", family="delay",
+    signature="position and effort late by one time at every speed, and alike; nothing at rest",
+    source="buses and trajectory interpolators, 1-10 frames; range assumed", at={"arm_drive.referred": delay},
+    parameters=(per_joint("delay", "s", null=0.0, low=5e-4, high=0.02, default=5e-3),), same_meaning=True,
+    states=(State("history", JOINTS, DEPTH),), filters=("arm_drive.referred",),
 )  # fmt: skip
 GRAVITY_COMPENSATION = Effect(
     id="arm_drive.gravity_compensation", summary="the controller gives another share of the arm's weight than stated",

@@ -10,9 +10,9 @@ import sys
 from exodrake.model.part import JOINTS, Output, Part, Point, State, Task
 from exodrake.physics.arm import WIDTH, WRENCH, body, downwards, effort, gather, move, parameters_with
 
-gravity_share = Point(
-    "compensated", JOINTS, "share", "share of the believed gravity that the controller gives to joint j"
-)
+late_reference = Point("referred", JOINTS, "value, clock, period",
+                       "reference of joint j [rad] as it arrives; clock: 0 at first; period: a frame [s]")  # fmt: skip
+gravity_share = Point("compensated", JOINTS, "share", "share of the believed gravity that the drive gives to joint j")
 
 
 def control(x, z, n, e, position_ref, position_read):
@@ -25,7 +25,8 @@ def control(x, z, n, e, position_ref, position_read):
         move(x, j, 0.0, 0.0, gravity)
     gather(x, count, WRENCH, WIDTH - WRENCH)
     for j in range(count):
-        error = position_ref[j] - position_read[j]
+        reference = late_reference(e, z, j, position_ref[j], x[started], n.period)
+        error = reference - position_read[j]
         rate = (error - x[before + j]) / n.period if x[started] > 0.0 else 0.0
         law = n.kp * n.stiffness[j] * error + n.kd * n.viscosity[j] * rate
         x[held + j] = law + gravity_share(e, z, j, n.feedforward[j]) * effort(x, j)
@@ -45,5 +46,5 @@ def part(slot: int, unit: dict[str, str]) -> Part:
         ),
         tasks=(Task("control", ("position_ref", "position_read"), slots=(slot,)),),
         outputs=(Output.of_states(effort="effort_ref"),),
-        points=(gravity_share,),
+        points=(late_reference, gravity_share),
     )  # fmt: skip
