@@ -9,6 +9,7 @@ from dataclasses import replace
 from html.parser import HTMLParser
 from io import StringIO
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -109,6 +110,16 @@ def test_headline_names_cause_place_share_and_what_remains():
     assert "finger.kappa.MCP 0.0800 N m/rad -> 0.0712 N m/rad" in said[RETUNE] and "negligible" in said[NO_GAP]
     best = "the best set, tendon.capstan_friction, would explain 41 % of it"
     assert best in said[UNKNOWN] and "in the tendon at tendons AF and MF" in said[UNKNOWN]
+
+
+@pytest.mark.parametrize("verdict", [NO_GAP, RETUNE])
+def test_a_gap_that_held_out_motion_alone_shows_is_said(verdict):
+    found = replace(diagnosis(verdict), problem=SimpleNamespace(holdout=("far.csv",)))
+    signals = found.closure.signals
+    far = signals | {"tension_AF": replace(signals["tension_AF"], after=3.0 * signals["tension_AF"].noise_std)}
+    text = wording.headline(replace(found, closure=replace(found.closure, signals=far)))
+    assert text.endswith("; on held-out motion 3.0 noise standard deviations remain on tension_AF.")
+    assert "held-out" not in wording.headline(found)
 
 
 def test_rivals_belong_to_one_cause_and_the_others_stand_besides():

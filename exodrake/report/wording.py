@@ -195,8 +195,13 @@ def share_span(item: Interval) -> str:
 
 def headline(diagnosis: Diagnosis) -> str:
     """The verdict in one sentence: causes, places, shares, what remains, and what held-out motion says of them."""
+    errors = {name: signal.after / signal.noise_std for name, signal in diagnosis.closure.signals.items()}
+    worst, error = max(errors.items(), key=lambda one: one[1], default=("", 0.0))
+    size, seen = f"{digits(error, 2)} noise standard deviations", error**2 > 2.0  # as large again as the noise
+    held_out = diagnosis.problem is not None and bool(diagnosis.problem.holdout)
+    beyond = f"; on held-out motion {size} remain on {worst}" if seen and held_out else ""
     if diagnosis.verdict == result.NO_GAP:
-        return "What the nominal robot leaves beyond noise is negligible on every signal."
+        return f"What the nominal robot leaves beyond noise is negligible on every signal{beyond}."
     doubt = "contradicts" if diagnosis.closure.effect.high < 0.0 else "does not confirm"
     unconfirmed = f"; held-out motion {doubt} it" if diagnosis.confirmed is False else ""
     if diagnosis.verdict == result.RETUNE:
@@ -204,7 +209,7 @@ def headline(diagnosis: Diagnosis) -> str:
         shown = [f"{m.name} {quantity(m.nominal, m.unit)} -> {quantity(m.value, m.unit)}" for m in changed[:MOST_MOVED]]
         shown += [f"{len(changed) - len(shown)} more"] if len(changed) > len(shown) else []
         words = f": {join_words(shown)}" if shown else ""
-        return f"Nominal parameters within their tolerances explain the gap{words}; no effect is needed."
+        return f"Nominal parameters within their tolerances explain the gap{words}; no effect is needed{beyond}."
     if diagnosis.verdict == result.UNKNOWN:
         where, explained = diagnosis.where, 1.0 - diagnosis.remainder.value
         place = seat(where, diagnosis.machine)
@@ -231,9 +236,6 @@ def headline(diagnosis: Diagnosis) -> str:
         named = "explains {} of it"
     words, left = "; ".join(said), diagnosis.remainder
     if math.isfinite(left.value):
-        errors = {name: signal.after / signal.noise_std for name, signal in diagnosis.closure.signals.items()}
-        worst, error = max(errors.items(), key=lambda one: one[1], default=("", 0.0))
-        size, seen = f"{digits(error, 2)} noise standard deviations", error**2 > 2.0  # as large again as the noise
         if left.value < LEAST_SHARE:
             words += f"; {size} remain on {worst}" if seen else "; nothing remains"
         else:
