@@ -19,7 +19,7 @@ from pydrake.systems.primitives import Demultiplexer
 from exodrake.core.errors import InputError
 from exodrake.machines.export import robot_as
 from exodrake.model.robot import Robot
-from exodrake.physics.finger_statics import MF_JOINTS, end_stop, joint_paths, read_parameters
+from exodrake.physics.finger_statics import MF_JOINTS, excess, joint_paths, read_parameters
 from exodrake.systems.part import Cloneable
 
 
@@ -135,19 +135,9 @@ def pull_joints(state, stroke, n):
 
     state: (6,) angles [rad], then rates [rad/s]; stroke: (3,) [m]; n: `Parameters` of the finger.
     """
-    arms, taken, torque, tension = np.zeros((3, 3)), np.zeros(3), np.zeros(3), np.zeros(3)
+    taken = np.zeros(3)
     for i in range(3):
         flexor, extensor = joint_paths(i, state[i], n)
-        taken[0] += flexor[0]
-        taken[2] += extensor[0]
-        arms[0, i], arms[2, i] = flexor[1], extensor[1]
-        if i < MF_JOINTS:
-            taken[1] += flexor[0]
-            arms[1, i] = flexor[1]
-    for j in range(3):
-        tension[j] = max(0.0, n.k[j] * (stroke[j] - taken[j]))
-    for i in range(3):
-        torque[i] = -n.kappa[i] * (state[i] - n.q0[i]) - end_stop(state[i], n.q_f[i], n.q_e[i], n.beta[i], n.A[i])
-        for j in range(3):
-            torque[i] += arms[j, i] * tension[j]
-    return torque, tension
+        taken += np.array([flexor[0], flexor[0] if i < MF_JOINTS else 0.0, extensor[0]])
+    tension = np.maximum(0.0, np.array(n.k) * (stroke - taken))
+    return np.array([excess(i, state[i], tension, n) for i in range(3)]), tension
