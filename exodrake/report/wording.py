@@ -103,6 +103,12 @@ def join_words(items: tuple[str, ...] | list[str], last: str = "and") -> str:
     return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} {last} {items[-1]}" if items else ""
 
 
+def join_first(items: list[str]) -> str:
+    """The first `MOST_MOVED` items in a sentence, and how many more there are."""
+    more = len(items) - MOST_MOVED
+    return join_words([*items[:MOST_MOVED], *([f"{more} more"] if more > 0 else [])])
+
+
 def split_column(name: str, machine: Machine) -> tuple[str, str]:
     """Kind and channel of a column: `speed_cmd_AF` -> (`speed_cmd`, `AF`)."""
     kinds = [c.kind for c in machine.columns if name.startswith(f"{c.kind}_")]
@@ -205,10 +211,9 @@ def headline(diagnosis: Diagnosis) -> str:
     doubt = "contradicts" if diagnosis.closure.effect.high < 0.0 else "does not confirm"
     unconfirmed = f"; held-out motion {doubt} it" if diagnosis.confirmed is False else ""
     if diagnosis.verdict == result.RETUNE:
-        changed = diagnosis.retune.moved  # the largest change first
-        shown = [f"{m.name} {quantity(m.nominal, m.unit)} -> {quantity(m.value, m.unit)}" for m in changed[:MOST_MOVED]]
-        shown += [f"{len(changed) - len(shown)} more"] if len(changed) > len(shown) else []
-        words = f": {join_words(shown)}" if shown else ""
+        moved = diagnosis.retune.moved  # the largest change first
+        shown = [f"{m.name} {quantity(m.nominal, m.unit)} -> {quantity(m.value, m.unit)}" for m in moved]
+        words = f": {join_first(shown)}" if shown else ""
         return f"Nominal parameters within their tolerances explain the gap{words}; no effect is needed{beyond}."
     if diagnosis.verdict == result.UNKNOWN:
         where, explained = diagnosis.where, 1.0 - diagnosis.remainder.value
@@ -308,8 +313,7 @@ def is_limited(parameter: Parameter, x: float) -> bool:
 def limit_words(diagnosis: Diagnosis) -> str:
     """Nominal parameters that ended where their tolerances end; empty without any."""
     names = [p.name for p, x in list_changes(diagnosis) if is_limited(p, x)]
-    shown = names[:MOST_MOVED] + ([f"{len(names) - MOST_MOVED} more"] if len(names) > MOST_MOVED else [])
-    return f"moved as far as tolerances allow: {join_words(shown)}" if names else ""
+    return f"moved as far as tolerances allow: {join_first(names)}" if names else ""
 
 
 def motion_words(diagnosis: Diagnosis) -> str:
