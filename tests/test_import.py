@@ -17,7 +17,17 @@ from scipy.io import loadmat, savemat
 from exodrake.core.errors import InputError
 from exodrake.data.case import read_case
 from exodrake.data.formats import read_log, write_log
-from exodrake.data.import_log import Track, find_lag, import_all, import_recording, low_pass, read_mapping
+from exodrake.data.import_log import (
+    Column,
+    Mapped,
+    Track,
+    convert_table,
+    find_lag,
+    import_all,
+    import_recording,
+    low_pass,
+    read_mapping,
+)
 from exodrake.data.log import Log
 from exodrake.data.tables import list_columns
 
@@ -397,6 +407,20 @@ def test_a_filtered_acceleration_is_right_at_the_ends_of_a_log_that_begins_and_e
         rates = np.gradient(rates, time, edge_order=2)
     wrong = np.abs(rates + w**2 * np.sin(w * time + 0.4)) / w**2
     assert wrong[2:-2].max() < 0.05 and wrong[20:-20].max() < 0.02
+
+
+@pytest.mark.parametrize(("step", "jitter"), [(0.0013, 0.0), (0.002, 3e-4)])
+def test_an_acceleration_is_right_where_the_clock_is_no_whole_number_of_samples_a_frame(step, jitter):
+    """Of sin(w t), but for a shift of less than a frame that all columns have."""
+    w, time = 4.0 * np.pi, np.arange(0.0, 8.0, step)
+    time += np.random.default_rng(0).uniform(-jitter, jitter, len(time))
+    rates = (Column("position_J", "velocity_J", take="rate", filter=40.0), Column("velocity_J", "twice", take="rate"))
+    mapped = Mapped((Column("q", "position_J", unit="rad"),), time="t", period=0.005, derived=rates)
+    found = convert_table({"t": time, "q": np.sin(w * time)}, mapped, "x")
+    inner = slice(100, -100)
+    angle, wrong = found.log["position_J"][inner], found.log["twice"][inner] + w**2 * found.log["position_J"][inner]
+    assert np.std(wrong) < 0.01 * w**2 * np.std(angle)
+    assert any("interpolated" in note for note in found.notes)
 
 
 def test_derivative_and_difference(tmp_path):

@@ -5,7 +5,7 @@ What is changed beyond names and units is noted beside the log.
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -256,7 +256,9 @@ def make_log(tracks: dict[str, Track], mapped: Mapped, source: str, notes: Seque
         moved = f"{', '.join(entry['columns'])}: moved by {-1e3 * lag:+.3g} ms to fit {to}"
         notes.append(f"{moved} (correlation {correlation:.3f}), so a delay between them, of a clock or real, is gone")
     if mapped.period is not None:
-        time, values, lost = lay_on_frames(ours, mapped.period, mapped.hold, source)
+        smooth = {column.of for column in mapped.derived if column.take == "rate" or column.filter}
+        smooth |= {column.name for column in mapped.columns if column.filter}
+        time, values, lost = lay_on_frames(ours, mapped.period, mapped.hold, source, smooth)
         notes += lost
     else:
         late = {name for entry in mapped.sync for name in entry["columns"]}  # interpolated on the clock of the others
@@ -351,12 +353,14 @@ def convert_table(table: dict[str, np.ndarray], mapped: Mapped, source: str) -> 
 
 
 def lay_on_frames(
-    tracks: dict[str, Track], period: float, hold: int, source: str
+    tracks: dict[str, Track], period: float, hold: int, source: str, smooth: Set[str]
 ) -> tuple[np.ndarray, dict[str, np.ndarray], list[str]]:
     """Frames from the first sample to the last, each with the newest sample taken before its end, and notes.
 
     A sample older than `hold` frames is stale. Where a clock has about one sample a frame, frames lie about their
-    samples, so that jitter neither loses nor repeats one.
+    samples, so that jitter neither loses nor repeats one. On any other clock the newest sample is older in one frame
+    than in the next, which a derivative takes for motion: tracks of `smooth` have the value, between two samples, of
+    the age that their newest one has on average.
     """
     start = min(track.time.min() for track in tracks.values())
     end = max(track.time.max() for track in tracks.values())
@@ -374,7 +378,10 @@ def lay_on_frames(
     for name, track in tracks.items():
         newest = np.searchsorted(track.time, begin + period * (1 - ROUNDED), side="left") - 1
         fresh = (newest >= 0) & (track.time[newest] >= begin - period * (hold + ROUNDED))
-        values[name] = np.where(fresh, track.values[newest], np.nan)
+        found, between = track.values[newest], name in smooth and not about
+        if between:
+            found = np.interp(begin + period - 0.5 * median_step(track.time), track.time, track.values)
+        values[name] = np.where(fresh, found, np.nan)
         taken = np.where(fresh, newest, -1)
         left = np.setdiff1d(np.arange(len(track.time)), taken)
         again = np.flatnonzero((np.diff(taken) == 0) & (taken[1:] >= 0)) + 1
@@ -383,7 +390,8 @@ def lay_on_frames(
             f"{len(left)} dropped for a newer one in the same frame": track.time[left],
             f"the sample before again in {len(again)}": time[again], f"{len(empty)} left empty": time[empty],
         }  # fmt: skip
-        parts = "; ".join(f"{what}, the first at {at[0]:.10g} s" for what, at in kinds.items() if len(at))
+        kept = [f"{what}, the first at {at[0]:.10g} s" for what, at in list(kinds.items())[2 * between :] if len(at)]
+        parts = "; ".join([*(["interpolated"] if between else []), *kept])
         frames = f"{len(track.time)} samples on {len(time)} frames of {period * 1e3:g} ms"
         said[name] = [f"{frames}: {parts}"] if parts else []
     return time, values, merge_notes(said, "all columns")
