@@ -185,7 +185,7 @@ def test_a_controller_that_compensates_no_gravity_is_one_without_a_model(closed)
 
 def test_a_reference_that_arrives_late_is_one_of_the_frames_before(closed):
     """Two frames late, the arm does to the last bit what it does for a reference that begins two frames later."""
-    frames, late = 2, closed.splice("arm_drive.latency", {"delay": 2 * closed.machine.frame})
+    frames, late = 2, closed.splice("arm_drive.latency", {"frames": 2.0})
     whole = exo.protocol("random-motion:duration=2,seed=1", closed)
     rows = np.concatenate([whole.values[:1]] * frames + [whole.values[:-frames]])
     joints = len(closed.machine.axes.joints)

@@ -10,8 +10,8 @@ import sys
 from exodrake.model.part import JOINTS, Output, Part, Point, State, Task
 from exodrake.physics.arm import WIDTH, WRENCH, body, downwards, effort, gather, move, parameters_with
 
-late_reference = Point("referred", JOINTS, "value, clock, period",
-                       "reference of joint j [rad] as it arrives; clock: 0 at first; period: a frame [s]")  # fmt: skip
+late_reference = Point("referred", JOINTS, "value, clock",
+                       "reference of joint j [rad] as it arrives; clock: 0 at first")  # fmt: skip
 gravity_share = Point("compensated", JOINTS, "share", "share of the believed gravity that the drive gives to joint j")
 
 
@@ -25,7 +25,7 @@ def control(x, z, n, e, position_ref, position_read):
         move(x, j, 0.0, 0.0, gravity)
     gather(x, count, WRENCH, WIDTH - WRENCH)
     for j in range(count):
-        reference = late_reference(e, z, j, position_ref[j], x[started], n.period)
+        reference = late_reference(e, z, j, position_ref[j], x[started])
         error = reference - position_read[j]
         rate = (error - x[before + j]) / n.period if x[started] > 0.0 else 0.0
         law = n.kp * n.stiffness[j] * error + n.kd * n.viscosity[j] * rate
