@@ -143,6 +143,12 @@ def test_a_joint_turns_round_beside_its_rest_and_half_of_a_fast_motion_counts():
     assert find_turns(np.full(100, np.nan), 0.02, 50).sum() == 0
 
 
+def test_a_wiggle_of_a_sticking_joint_does_not_count_and_the_motions_beside_it_do():
+    speed = np.concatenate([np.ones(1000), np.zeros(100), np.ones(60), np.zeros(100), -np.ones(1000)])
+    counted = np.flatnonzero(~find_turns(speed, 0.02, 50))
+    assert np.array_equal(counted, [*range(50, 950), *range(1310, 2210)])
+
+
 def test_run_that_divides_by_zero_is_bad_not_fatal(robot, case):
     problem = make_problem(case, robot)
     broken = problem.silent()

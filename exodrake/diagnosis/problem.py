@@ -331,15 +331,17 @@ def make_problem(
 
 
 def find_turns(speed: np.ndarray, least: float, frames: int) -> np.ndarray:
-    """Mask (n,) of samples at which a joint rests or turns round, and of so many at both ends of each motion.
+    """Mask (n,) of samples at which a joint rests or turns round, and of so many beside them.
 
-    At most a quarter of a motion at each end. speed: (n,), of which a smaller one than `least` is rest.
+    At most a quarter of the motion in which a moving sample lies on average. speed: (n,), of which a smaller one than
+    `least` is rest.
     """
     direction = np.where(np.abs(speed) < least, 0.0, np.sign(speed))
-    found = direction == 0.0
-    for start, rows in zip(*find_runs(direction)):
-        ends = min(frames, rows // 4)
-        found[start : start + ends] = found[start + rows - ends : start + rows] = True
+    starts, rows = find_runs(direction)
+    starts, rows = starts[direction[starts] != 0.0], rows[direction[starts] != 0.0]
+    found, frames = direction == 0.0, min(frames, int(np.sum(rows**2) // max(4 * np.sum(rows), 1)))
+    for start, end in zip(starts, starts + rows, strict=True):
+        found[start : start + frames] = found[max(start, end - frames) : end] = True
     return found
 
 
