@@ -8,6 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import yaml
 from arm_folders import CABLE, MIXED, made, plant_of
 from command_line import run
 from pydrake.multibody.tree import MultibodyForces_
@@ -39,6 +40,22 @@ def test_turning_and_sliding_joints_may_have_cables(arm_folder, tmp_path):
     machine = made(arm_folder, "mixed_cables", "--urdf", path, "--form", "cable").machine
     assert machine.compared == ("joint_position", "motor_position", "motor_effort")
     assert [machine.signal[s].unit for s in ("position", "motor_position")] == ["-", "rad"]
+
+
+PENDULUM = """<robot name="p"><link name="base"/>
+<link name="bob"><inertial><origin xyz="0 0 -{0}"/><mass value="1"/><inertia ixx="{1}" iyy="{1}" izz="{1}"/>
+</inertial></link>
+<joint name="pin" type="revolute"><axis xyz="0 1 0"/><parent link="base"/><child link="bob"/>
+<limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>"""
+
+
+def test_tolerances_of_centres_are_of_the_arms_size(arm_folder, tmp_path):
+    """A ball on a rod is as long as the rod and its radius of gyration, sqrt(tr I / 2 m)."""
+    for length, wanted in ((0.02, 0.0002), (0.1, 0.0008), (1.0, 0.002)):
+        (tmp_path / "p.urdf").write_text(PENDULUM.format(length, 0.25 * length**2))
+        made(arm_folder, name := f"pendulum_{round(100 * length)}", "--urdf", tmp_path / "p.urdf")
+        _, centres = yaml.safe_load((arm_folder / name / "robot.yaml").read_text())["tolerances"]
+        assert (centres["prior_std"], centres["max_deviation"]) == (wanted, pytest.approx(3.0 * wanted))
 
 
 def dynamics(plant, q, rate, acceleration):

@@ -1,6 +1,7 @@
 """`exodrake new-machine`: a folder with a machine of one's own, which runs at once."""
 
 import re
+from math import hypot, sqrt
 from pathlib import Path
 from typing import Any
 
@@ -99,6 +100,7 @@ ARM_SCAFFOLD = Path(__file__).parent / "scaffold_arm"
 WIDEST = 1.0  # rad, or half a range, either way of the middle that a protocol asks for: assumed, a moderate motion
 NOISE = 0.01  # of a moderate motion's effort: assumed
 SMALLEST = 0.002  # of the largest effort of all joints, for joints that hardly need any: assumed
+CENTRE, FINEST, COARSEST = 0.005, 1e-4, 2e-3  # tolerance of centres, of the arm's length; from, to [m]: assumed
 ANGLE_NOISE = 2e-5  # rad at the joint, of encoders at rest: assumed
 WHAT = {
     "inverse": "its efforts predicted from measured motion (inverse dynamics)",
@@ -120,6 +122,10 @@ def arm_files(values: dict[str, Any], urdf: str, form: str, tip: str, frame: flo
     chain, cable = read_urdf(path, tip), form == "cable"
     unit, efforts, names, places = units(chain), typical_efforts(chain), chain.names, middle(chain)
     noise = NOISE * efforts.clip(SMALLEST / NOISE * efforts.max()) * (RATIO if cable else 1.0)
+    last, spans = chain.bodies[-1], sum(hypot(*joint.origin) for joint in chain.joints[1:])
+    gyration = sqrt(last.inertia.trace() / (2.0 * last.mass)) if last.mass else 0.0
+    length = spans + max(hypot(*chain.tip), hypot(*last.centre) + gyration)
+    centre = round(min(max(CENTRE * length, FINEST), COARSEST), 4)
     reach = [min(WIDEST, 0.45 * (j.upper - j.lower)) for j in chain.joints]
     values |= {
         "urdf": "arm.urdf", "form": form, "what": WHAT[form], "frame": f"{frame or FRAME:g}", "tip": tip,
@@ -129,6 +135,7 @@ def arm_files(values: dict[str, Any], urdf: str, form: str, tip: str, frame: flo
         "rotors": by_joint(names, [0.0] * len(names)), "noise": by_joint(names, noise),
         "on_axis": chain.joints[-1].kind != "prismatic" and not chain.tip.any(),
         "repeatability": f"{float(noise.min()) / 10:.2g}",
+        "centre": f"{centre:g}", "farthest": f"{3.0 * centre:g}",
         "lowest": by_joint(names, places - reach), "highest": by_joint(names, places + reach),
         # 0.01 rad/s at the level of the largest effort: assumed
         "mobility": f"{float(f'{0.01 / efforts.max():.1g}'):g}",
