@@ -382,6 +382,10 @@ def test_a_counter_that_starts_again_is_made_continuous_with_its_sign(tmp_path):
     found = import_recording(tmp_path / "c.csv", read_mapping(tmp_path / "map.yaml"))
     np.testing.assert_allclose(found.log["angle_wheel"], -2 * np.pi * turns, atol=2 * np.pi / 4096)
     assert found.notes == ("angle_wheel: made continuous where readings start again after 4096, sign turned",)
+    column["wrap"] = 360.0
+    (tmp_path / "map.yaml").write_text(yaml.safe_dump({"time": {"column": "t"}, "columns": {"count": column}}))
+    with pytest.raises(InputError, match=r"angle_wheel spans \d+ .*, more than wrap: 360"):
+        import_recording(tmp_path / "c.csv", read_mapping(tmp_path / "map.yaml"))
 
 
 def test_a_zero_phase_filter_halves_the_amplitude_at_its_cut_off_and_delays_nothing():

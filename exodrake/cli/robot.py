@@ -11,6 +11,7 @@ from rich.markup import escape
 
 import exodrake as exo
 from exodrake.cli import options
+from exodrake.core import plugins
 from exodrake.core.errors import InputError, nearest
 
 if TYPE_CHECKING:
@@ -125,7 +126,9 @@ def describe(machine: exo.Machine, effect: Effect) -> dict[str, Any]:
 def example(machine: exo.Machine, effect: Effect) -> str:
     """A command that shows the effect."""
     parameter, channel = effect.parameters[0], machine.axes.of(effect.axis)[0]
-    what = "caging" if machine.name == options.DEFAULT else f"chirp --robot {machine.name}"
+    own = plugins.single_machines().get(machine.name)
+    which = f"--machine {own}" if own else f"--robot {machine.name}"
+    what = "caging" if machine.name == options.DEFAULT else f"chirp {which}"
     at = f"@{channel}" if channel else ""
     return f"exodrake simulate {what} --effect {effect.id}:{parameter.name}={parameter.initial:.3g}{at}"
 

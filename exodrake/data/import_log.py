@@ -241,8 +241,12 @@ def make_log(tracks: dict[str, Track], mapped: Mapped, source: str, notes: Seque
     for column in mapped.columns:
         values = tracks[column.of].values.copy()
         if column.wrap is not None:  # readings start again: made continuous
-            there = np.isfinite(values)
-            values[there] = np.unwrap(values[there], period=column.wrap)
+            there, span = np.isfinite(values), np.nanmax(values, initial=-np.inf) - np.nanmin(values, initial=np.inf)
+            found = np.unwrap(values[there], period=column.wrap)
+            if span > column.wrap * (1.0 + ROUNDED) and not np.array_equal(found, values[there]):
+                wide = f"{column.name} spans {span:g} {column.unit}, more than wrap: {column.wrap:g}"
+                raise InputError(f"{source}: {wide}, which is in the column's unit, too")
+            values[there] = found
         values = column.sign * (values * column.scale + column.offset)
         ours[column.name] = Track(tracks[column.of].time, to_si(values, column.unit, source))
     if mapped.start is not None:  # before frames are laid, since stamps since 1970 have few digits below a microsecond

@@ -176,7 +176,8 @@ def build(content: Any, source: str, above: tuple[str, ...] = (), folder: Path |
             given = {name for name, *_ in flatten(parameters)} | machine.defaults.keys()
             for p in machine.parameters:
                 if p.null is None and given.isdisjoint((p.name, p.name.rsplit(".", 1)[0])):
-                    raise InputError(f"{source}: parameter {p.name} is missing")
+                    split = any(name.startswith(f"{p.name}.") for name in given)
+                    raise InputError(f"{source}: parameter {p.name} {'wants one value' if split else 'is missing'}")
             unset = [machine.defaults.get(p.name, math.nan) if p.null is None else p.null for p in machine.parameters]
             robot = Robot(machine, np.array(unset), dict.fromkeys(machine.defaults, "default of the machine"))
         robot = replace(robot, source=source)

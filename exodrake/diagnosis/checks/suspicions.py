@@ -30,7 +30,8 @@ HELD = 3  # samples in a row that count as held: noise repeats a rounded value n
 SATURATED = 0.05  # of the samples: less hardly matters (assumed)
 WINDOW = 50  # frames in which the strength of a burst is taken (assumed)
 USUAL = 0.9  # quantile over windows that counts as the usual strength: a burst is shorter than a tenth of a log
-NOISIER = "vibration, or noisier sensors"
+NOISIER = "vibration, or noisier sensors? Set"
+QUIETER = "smoothed logs, or quieter sensors? If quieter, set"
 LEAST_MOTION = 5.0  # motion over noise below which a signal says little: assumed
 ORDERS = (8, 16)  # differences that leave little of a loop that hunts: 0.14 and 0.01 of a period of 4 frames
 WHITE = 1.2  # ratio of what differences of these orders say of noise that is white (assumed: half of a hunting loop's)
@@ -299,7 +300,7 @@ def noise_unlike_robot_file(comparison: Comparison) -> Iterator[str]:
         also = f" and {name.split('.')[0]}.repeatability" if repeats else ""
         yield (
             f"noise in the logs is {logged} in {list_few(columns)}, that of the nominal robot {stated}{between}: "
-            f"{word}? Set {name if whole else list_few(parameter for parameter, _ in found)}{also}"
+            f"{word} {name if whole else list_few(parameter for parameter, _ in found)}{also}"
         )
 
 
@@ -326,7 +327,7 @@ def compare_noise(comparison: Comparison) -> Iterator[tuple[str, list[Channel], 
         if min(map(min, counted)) > ABOVE:
             yield parameter, channels, repeats, NOISIER
         elif max(map(np.median, simulated)) < 1.0 / ABOVE and min(map(np.median, counted)) < 1.0 / CLEAR:
-            yield parameter, channels, repeats, "smoothed logs, or quieter sensors"
+            yield parameter, channels, repeats, QUIETER
 
 
 def logged_noise(comparison: Comparison) -> dict[str, float]:
