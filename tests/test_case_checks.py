@@ -191,7 +191,7 @@ def test_a_camera_with_a_clock_of_its_own_is_named_with_its_rate(log, rate, word
     found = [sentence for sentence in suspicions(drifting, ROBOT) if "clock of its own" in sentence]
     assert len(found) == bool(rate)
     for sentence in found:
-        assert f"angle_MCP, angle_PIP, angle_DIP of {case.logs[log].file} come ever {word}" in sentence
+        assert f"angle_MCP, angle_PIP, angle_DIP in {case.logs[log].file} come ever {word}" in sentence
         assert float(sentence.split(" ppm")[0].split("(")[-1]) == pytest.approx(1e6 * abs(rate), rel=0.5)
 
 

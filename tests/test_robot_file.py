@@ -92,6 +92,8 @@ def test_no_folder_is_refused_and_nothing_written(tmp_path):
         ("5", ["5"]),
         ({"base": 5}, ["base", "5"]),
         ({"base": "exo_index", "machine": "subprocess:Popen"}, ["'machine'", "of its base"]),
+        ({"base": "so101", "servos": {"frame": 0.05}}, ["'servos'", "of its base"]),
+        ({"machine": "mine", "servos": {"frame": 0.05}}, ["a folder of its name, mine/robot.yaml"]),
         ({"base": "exo_index", "paramters": {}}, ["'paramters'", "parameters"]),
         ({"base": "exo_index", "parameters": [1]}, ["parameters", "[1]"]),
         ({"base": "exo_index", "parameters": {"tendon": {"k": "soft"}}}, ["tendon.k", "'soft'"]),

@@ -37,6 +37,18 @@ COMMAND_LATENCY = Effect(
     parameters=(per_joint("frames", "-", null=0.0, low=0.1, high=7.0, default=1.0),), same_meaning=True,
     states=(State("history", JOINTS, DEPTH),), filters=("arm_drive.referred",),
 )  # fmt: skip
+POSITION_GAIN, VELOCITY_GAIN = (
+    Effect(
+        id=f"arm_drive.{name}_gain", summary=f"gain of the controller on {what} other than stated", family="gain",
+        signature=f"effort that the drive asks for off in proportion to {what}, motion with it", source=source,
+        at={f"arm_drive.{point}": scale}, formula=f"{symbol}_j = (1 + share) {symbol}", same_meaning=True,
+        parameters=(per_joint("share", "-", null=0.0, low=-0.7, high=2.0, default=-0.3),),
+    )
+    for source in ("registers and their units; range assumed",)
+    for name, what, point, symbol in (
+        ("position", "the position error", "stiffened", "K"), ("velocity", "the error's rate", "damped", "D"),
+    )
+)  # fmt: skip
 GRAVITY_COMPENSATION = Effect(
     id="arm_drive.gravity_compensation", summary="the controller gives another share of the arm's weight than stated",
     family="load", signature="joints sag by their weight over their stiffness, as far as posture says; encoders see it",

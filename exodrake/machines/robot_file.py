@@ -43,9 +43,10 @@ TOLERANCE = {
     "parameters": VARIANTS, "transform": text(("relative", "additive", "log")), "prior_std": number(above=0.0),
     "max_deviation": number(above=0.0),
 }  # fmt: skip
+OF_MACHINES = "arm", "servos"  # sections from which the machine itself is made
 SCHEMA = mapping(
     {
-        "machine": optional(text()), "arm": anything, "servos": anything, "base": optional(text()), "notes": anything,
+        "machine": optional(text()), "base": optional(text()), **dict.fromkeys((*OF_MACHINES, "notes"), anything),
         "parameters": optional(PARAMETERS), "effects": optional(EFFECTS), "parts": optional(VARIANTS),
         "limits": optional(names(LIMIT)), "grasps": optional(names(VALUES)),
         "tolerances": optional(listing(mapping(TOLERANCE, required=tuple(TOLERANCE)))),
@@ -162,9 +163,11 @@ def build(content: Any, source: str, above: tuple[str, ...] = (), folder: Path |
             base = str(folder / base)
     if base in above:
         raise InputError(f"{source}: base {content['base']!r} comes back to itself")
-    for key in ("machine", "tolerances"):
+    for key in ("machine", "tolerances", *OF_MACHINES):
         if base and content.get(key):
             raise InputError(f"{source}, {key!r}: a robot with a base has the {key} of its base")
+    if not base and any(key in content for key in OF_MACHINES) and named not in robot_files():
+        raise InputError(f"{source}: a machine of one's own is a folder of its name, {named}/{plugins.ROBOT}")
     try:
         parameters = content.get("parameters") or {}
         if base:

@@ -281,8 +281,10 @@ def mechanism(robot: Robot) -> Mechanism:
         ))  # fmt: skip
         share = value(f"drive.feedforward.{j}") + value(f"arm_drive.gravity_compensation.share.{j}")
         believed = value(f"drive.mass.{j}") * share
+        gains = (1.0 + value(f"arm_drive.{name}_gain.share.{j}") for name in ("position", "velocity"))
         drives.append(Drive(
-            kp=value("drive.kp") * value(f"drive.stiffness.{j}"), kv=value("drive.kd") * value(f"drive.viscosity.{j}"),
+            kp=value("drive.kp") * value(f"drive.stiffness.{j}") * next(gains),
+            kv=value("drive.kd") * value(f"drive.viscosity.{j}") * next(gains),
             gravity=believed / mass if mass else 0.0,
             armature=robot[f"arm.rotor_inertia.{j}"] + value(f"arm.rotor_inertia.inertia.{j}")
             + value(f"cable.inertia.{j}") / ratio**2,
@@ -299,10 +301,11 @@ def mechanism(robot: Robot) -> Mechanism:
         notes.append(f"{once}: send q_ref + (kv / kp) dq_ref/dt")
         if any(robot.channels("motor.time_constant")):
             notes.append("the time constant of the motors' current loops is left out")
-    stated = ("payload", "link_mass", "rotor_inertia", "viscous_friction", "coulomb_friction", "joint_compliance")
+    own = ("payload", "link_mass", "rotor_inertia", "viscous_friction", "coulomb_friction", "joint_compliance")
+    stated = (*(f"arm.{name}" for name in own), "arm_drive.position_gain", "arm_drive.velocity_gain")
     return Mechanism(
         Chain(joints, tuple(chain), tuple(bodies), np.array([robot[f"arm.tip_{axis}"] for axis in "xyz"])),
-        tuple(drives), min(robot.machine.slot, robot.machine.frame / 4), frozenset(f"arm.{name}" for name in stated),
+        tuple(drives), min(robot.machine.slot, robot.machine.frame / 4), frozenset(stated),
         payload=payload,
         borne=value("drive.tip_mass") * share / payload if payload else 0.0,
         tilt=(robot["arm.base_roll"], robot["arm.base_pitch"]), gravity=robot["arm.gravity"], notes=tuple(notes),

@@ -12,6 +12,8 @@ from exodrake.physics.arm import WIDTH, WRENCH, body, downwards, effort, gather,
 
 late_reference = Point("referred", JOINTS, "value, clock",
                        "reference of joint j [rad] as it arrives; clock: 0 at first")  # fmt: skip
+position_gain = Point("stiffened", JOINTS, "gain", "gain of the drive on the position error of joint j [N m/rad]")
+velocity_gain = Point("damped", JOINTS, "gain", "gain of the drive on the rate of that error [N m s/rad]")
 gravity_share = Point("compensated", JOINTS, "share", "share of the believed gravity that the drive gives to joint j")
 
 
@@ -28,7 +30,8 @@ def control(x, z, n, e, position_ref, position_read):
         reference = late_reference(e, z, j, position_ref[j], x[started])
         error = reference - position_read[j]
         rate = (error - x[before + j]) / n.period if x[started] > 0.0 else 0.0
-        law = n.kp * n.stiffness[j] * error + n.kd * n.viscosity[j] * rate
+        stiffness = position_gain(e, z, j, n.kp * n.stiffness[j])
+        law = stiffness * error + velocity_gain(e, z, j, n.kd * n.viscosity[j]) * rate
         x[held + j] = law + gravity_share(e, z, j, n.feedforward[j]) * effort(x, j)
         x[before + j] = error
     x[started] = 1.0
@@ -46,5 +49,5 @@ def part(slot: int, unit: dict[str, str]) -> Part:
         ),
         tasks=(Task("control", ("position_ref", "position_read"), slots=(slot,)),),
         outputs=(Output.of_states(effort="effort_ref"),),
-        points=(late_reference, gravity_share),
+        points=(late_reference, position_gain, velocity_gain, gravity_share),
     )  # fmt: skip

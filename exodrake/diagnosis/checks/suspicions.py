@@ -562,8 +562,9 @@ def drifting_clocks(comparison: Comparison) -> Iterator[str]:
             grows = abs(own) * len(pair.measured)
             if sure[log] > DRIFTING and grows > 1.0 and abs(own) > BEYOND * np.abs(rest - np.median(rest)).max():
                 names = list_few(np.array(comparison.columns)[comparison.kinds == kind])
+                when = "later" if own > 0.0 else "earlier"
                 yield (
-                    f"{names} of {pair.item.file} come ever {'later' if own > 0.0 else 'earlier'}, by {grows:.2g} "
+                    f"samples of {names} in {pair.item.file} come ever {when}, by {grows:.2g} "
                     f"frames at its end ({1e6 * abs(own):.0f} ppm), unlike in the other logs: a clock of its own?"
                 )
 
