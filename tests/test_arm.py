@@ -200,6 +200,18 @@ def test_a_controller_that_compensates_no_gravity_is_one_without_a_model(closed)
     assert any(np.abs(one[c] - plain[c]).max() > 0.01 for c in one.columns if c.startswith("joint_position"))
 
 
+@pytest.mark.parametrize(("gain", "factor"), [("position", "drive.kp"), ("velocity", "drive.kd")])
+def test_a_gain_that_is_off_is_another_gain_of_the_controller(closed, gain, factor):
+    """In the simulation and in what an export writes."""
+    off = closed.splice(f"arm_drive.{gain}_gain", {"share": 0.25})
+    stated = closed.with_parameters({factor: 1.25 * closed[factor]})
+    one, other = (exo.simulate(robot, "random-motion:duration=1,seed=1", None) for robot in (off, stated))
+    for column in one.columns:
+        np.testing.assert_allclose(one[column], other[column], rtol=1e-9, atol=1e-9)
+    drives = (robot.machine.mechanism(robot).drives for robot in (off, stated))
+    assert [(d.kp, d.kv) for d in next(drives)] == [pytest.approx((d.kp, d.kv)) for d in next(drives)]
+
+
 def test_a_reference_that_arrives_late_is_one_of_the_frames_before(closed):
     """Two frames late, the arm does to the last bit what it does for a reference that begins two frames later."""
     frames, late = 2, closed.splice("arm_drive.latency", {"frames": 2.0})

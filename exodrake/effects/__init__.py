@@ -67,8 +67,8 @@ def plugin_effects(parts: Iterable[Part], listed: Iterable[Effect]) -> tuple[Eff
 def generic_effects(part: Part) -> tuple[Effect, ...]:
     """The generic effects (`signal.*`, `sliding.*`) of a part's standard points, under ids of the part.
 
-    Ranges and units follow from the part's `scales`, and each channel of the part gets parameters of its own. Only
-    sensors of travel have play or a coupling centred by a spring before them.
+    Ranges and units follow from the part's `scales` and `ranges`, and each channel of the part gets parameters of its
+    own. Only sensors of travel have play or a coupling centred by a spring before them.
     """
     own = {p.standard: p for p in part.points}
     travels = part.scales.get("value", (1.0, ""))[1] in ("rad", "m")
@@ -82,6 +82,8 @@ def generic_effects(part: Part) -> tuple[Effect, ...]:
             size, unit = part.scales.get(p.unit, (1.0, p.unit))
             ends = {"null": size * p.null, "low": size * p.low, "high": size * p.high}
             default = None if p.default is None else size * p.default
+            if p is effect.parameters[0] and effect.id in part.ranges:
+                ends["low"], default, ends["high"] = part.ranges[effect.id]
             parameters[p.name] = replace(p, unit=unit, axis=axis, default=default, **ends)
         states = tuple(replace(s, axis=axis, unit=part.scales.get(s.unit, (1.0, s.unit))[1]) for s in effect.states)
         one = for_machine(effect.id, f"{part.name}.{effect.id.split('.')[1]}", names, **parameters)

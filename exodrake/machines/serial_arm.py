@@ -23,7 +23,7 @@ import numpy as np
 from exodrake.core.errors import InputError, nearest
 from exodrake.core.files import read_bytes
 from exodrake.core.schema import mapping, number, quote, text
-from exodrake.effects import collect_effects, friction
+from exodrake.effects import LIBRARY, collect_effects, friction
 from exodrake.model.effect import Effect
 from exodrake.model.machine import SETTLING, Column, Controller, Gain, Loop, Machine, Segment
 from exodrake.model.mechanism import Body, Chain, Drive, Joint, Mechanism, Shape
@@ -51,6 +51,7 @@ SECTION = mapping(
 FRAME = 0.005  # s, as most recordings of arms: assumed
 REST = 0.01  # of the largest speed, below which dry friction of the largest effort counts as rest: assumed
 CROSSTALK = ("torque.crosstalk", "encoder.crosstalk")  # not tried: joints are measured one by one
+COUNTED = (-0.05, 0.02, 0.05)  # gain of an encoder: counts are exact, pitch and radius err by some per cent. Assumed
 OFFSET = ("arm.offset",)  # which is `torque.offset` in inverse dynamics
 
 # of arms with cables
@@ -110,24 +111,24 @@ def inverse_machine(name: str, chain: Chain, frame: float) -> Machine:
     shown = {**{s.name: s.name for s in motion}, "effort": "effort_read"}
     found = columns(chain, shown)
     torque = reading("torque", "effort", unit, 0, frame, float(efforts.max()), len(chain.names))
-    machine = make_machine(
-        name, chain, frame, (dynamics.inverse_part(scales(efforts, unit), unit), torque), {found[-1].kind: "torque"},
-        CROSSTALK + OFFSET, (*motion, *noise("effort")), signals(unit, "effort", "effort_read"), found, slots=1,
+    (late,) = LIBRARY["signal.delay"].parameters
+    early = {"signal.delay": (-frame, late.initial * frame, late.high * frame)}  # as where the motion is read late
+    parts = dynamics.inverse_part(scales(chain, efforts), unit), replace(torque, ranges=early)
+    return make_machine(
+        name, chain, frame, parts, {found[-1].kind: "torque"}, CROSSTALK + OFFSET,
+        (*motion, *noise("effort")), signals(unit, "effort", "effort_read"), found, slots=1,
         segments=(Segment("arm", found[-1].kind),), defaults=chain_values(chain, "arm"),
         recorded={"arm.mobility": lambda size: REST * size.get(speed, np.inf) / max(size.get(force, 0.0), 1e-12)},
         resting={found[-1].kind: found[1].kind},
     )  # fmt: skip
-    late = machine.effect("torque.delay")
-    early = replace(late, parameters=(replace(late.parameters[0], low=-frame),))  # where the motion is read late
-    return replace(machine, effects=tuple(early if e is late else e for e in machine.effects))
 
 
 def closed_machine(name: str, chain: Chain, frame: float) -> Machine:
     """The arm in closed loop: controller, motors, forward dynamics, encoders and torque sensors."""
     unit, efforts, count = units(chain), typical_efforts(chain), len(chain.names)
     parts = (
-        dynamics.forward_part(count, 0, scales(efforts, unit), unit), gear_motor.PART,
-        reading("encoder", "position", unit, 1, frame, SWING, count),
+        dynamics.forward_part(count, 0, scales(chain, efforts), unit), gear_motor.PART,
+        reading("encoder", "position", unit, 1, frame, travel(chain), count),
         reading("torque", "effort", unit, 3, frame, float(efforts.max()), count), arm_drive.part(2, unit),
     )  # fmt: skip
     given = signals(unit, "position_ref", "position_start")
@@ -149,11 +150,11 @@ def cable_machine(name: str, chain: Chain, frame: float) -> Machine:
     """The arm in closed loop that motors move through cables: arm, cables, motors, sensors and controller."""
     unit, efforts, count = units(chain), typical_efforts(chain), len(chain.names)
     most = RATIO * float(efforts.max())
-    forward = dynamics.forward_part(count, 0, scales(efforts, unit), unit)
+    forward = dynamics.forward_part(count, 0, scales(chain, efforts), unit)
     shown = Output.of_states(effort="motor_effort", effort_true="motor_effort_true")
     motors = replace(gear_motor.PART, tasks=(Task("update", ("motor_effort_ref",)),), outputs=(shown,))
     seen = {"link_position": unit["position"], "motor_position": "rad", "motor_effort": "N m"}
-    readings = zip(SENSORS.values(), SENSORS, (5, 2, 4), (SWING, SWING / RATIO, most), strict=True)
+    readings = zip(SENSORS.values(), SENSORS, (5, 2, 4), (size := travel(chain), size / RATIO, most), strict=True)
     parts = (
         replace(forward, tasks=(forward.tasks[0], Task("stand", ("link_start",), slots=(0,)))),
         cable.part(1, SHARE * most, SPEED / RATIO, unit),
@@ -224,9 +225,10 @@ def columns(chain: Chain, shown: Mapping[str, str]) -> tuple[Column, ...]:
 
 
 def reading(name: str, signal: str, unit: Mapping[str, str], slot: int, frame: float, size: float, count: int) -> Part:
-    """A sensor of a signal of the joints."""
+    """A sensor of a signal of the joints; that of a position is an encoder."""
     joined = (signal, f"noise_{signal}", f"arrival_{signal}", f"{signal}_read")
-    return sensor(name, joined, unit[signal], slot, frame, size, count)
+    ranges = {"signal.gain": COUNTED} if signal.endswith("position") else {}
+    return replace(sensor(name, joined, unit[signal], slot, frame, size, count), ranges=ranges)
 
 
 def effects_in(unit: Mapping[str, str], parts: tuple[Part, ...], without: tuple[str, ...]) -> tuple[Effect, ...]:
@@ -366,12 +368,17 @@ def typical_efforts(chain: Chain) -> np.ndarray:
     return np.maximum(np.sqrt(np.mean(np.square(found), axis=0)), 1e-3)
 
 
-def scales(efforts: np.ndarray, unit: Mapping[str, str]) -> dict[str, tuple[float, str]]:
+def travel(chain: Chain) -> float:
+    """How far a moderate motion goes to either side [rad], or [m] where all joints slide: half the shortest stroke."""
+    return min(SWING, *(0.5 * (j.upper - j.lower) for j in chain.joints)) if all(chain.sliding) else SWING
+
+
+def scales(chain: Chain, efforts: np.ndarray) -> dict[str, tuple[float, str]]:
     """Sizes of the friction of joints, for the generic effects."""
-    force = SHARE * float(efforts.max())
+    unit, force = units(chain), SHARE * float(efforts.max())
     return {
-        "force": (force, unit["effort"]), "speed": (SPEED, unit["velocity"]), "length": (SWING, unit["position"]),
-        "force/speed": (force / SPEED, unit["effort/speed"]),
+        "force": (force, unit["effort"]), "speed": (SPEED, unit["velocity"]),
+        "length": (travel(chain), unit["position"]), "force/speed": (force / SPEED, unit["effort/speed"]),
     }  # fmt: skip
 
 
