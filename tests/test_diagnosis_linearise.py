@@ -6,13 +6,11 @@ import numpy as np
 import pytest
 from diagnosis_cases import friction_problem
 
-import exodrake as exo
 from exodrake.diagnosis.calibrate import healthy_case
 from exodrake.diagnosis.fit import Explanation
 from exodrake.diagnosis.likelihood import output_error
 from exodrake.diagnosis.linearise import PROBE, linearise, nominal_jacobian, probes, scaled_points
 from exodrake.diagnosis.parameter import Parameter, apply, effect_parameters, nominal_parameters
-from exodrake.diagnosis.problem import make_problem
 from exodrake.machines.robot_file import load_robot, machine_folders
 from exodrake.model.robot import drawn_robot
 
@@ -175,18 +173,3 @@ def test_shapes_of_a_law_are_tried_at_two_places_on_any_machine(machine, effect,
     points = scaled_points(parameters, np.array([p.start for p in parameters]), amplitudes)
     moved = {i for x in points[1:] for i in np.flatnonzero(x != points[0])}
     assert len(points) == 1 + shapes and not moved & set(amplitudes)
-
-
-def test_a_limit_of_a_reading_is_tried_where_the_recording_ends():
-    """Whatever its plausible range: 0.8 rad, of which no grid knows, beside joints that move further."""
-    wrist = exo.load_robot("dvrk_wrist").with_parameters({"reading.sigma": 1e-4})
-    clipped = wrist.splice("reading.saturation", {"limit": {"q6": 0.8}})
-    time = np.arange(200.0)[:, None]
-    course = np.sin(0.1 * time * [1.0, 1.3, 1.7]) * (1.0 - np.exp(-time / 5.0))
-    motion = exo.Reference(np.hstack([course, np.zeros_like(course)]), "sines")
-    log = exo.CaseLog(exo.simulate(clipped, motion, seed=1), "sines", "fit", None, "sines.csv")
-    problem = make_problem(exo.Case("clipped", {}, (log,), wrist.machine.frame), wrist)
-    tried = probes(problem, wrist.machine.effect("reading.saturation"), 0)
-    joint = wrist.machine.axes.joints.index("q6")
-    limits = [1.0 / probe.x[probe.scaled[joint]] for probe in tried if probe.scaled]
-    assert any(limit == pytest.approx(0.8, abs=1e-3) for limit in limits)

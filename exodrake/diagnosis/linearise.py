@@ -139,13 +139,7 @@ def probes(problem: Problem, effect: Effect, at: int) -> list[Probe]:
         parameters = tuple(replace(p, start=known, bounds=(known, known)) if p.amplitude else p for p in parameters)
     amplitudes = tuple(i for i, p in enumerate(parameters) if p.amplitude)
     start, found = np.array([p.start for p in parameters]), []
-    points = scaled_points(parameters, start, amplitudes)
-    if amplitudes and parameters[amplitudes[0]].transform == "reciprocal":
-        largest = largest_values(problem, effect.parameters[0].unit)
-        if all(parameters[i].channels[0] in largest for i in amplitudes):
-            points.append(start.copy())
-            points[-1][list(amplitudes)] = [1.0 / largest[parameters[i].channels[0]] for i in amplitudes]
-    for x in points:
+    for x in scaled_points(parameters, start, amplitudes):
         ends = np.array([sorted(np.array(parameters[k].bounds) / x[k]) for k in amplitudes])
         rows = np.arange(at, at := at + len(amplitudes))
         found.append(Probe(effect.id, parameters, x, amplitudes, rows, ends[:, 0], ends[:, 1]))
@@ -153,17 +147,6 @@ def probes(problem: Problem, effect: Effect, at: int) -> list[Probe]:
         found.append(Probe(effect.id, parameters, x, (), np.array([at]), np.ones(1), np.ones(1)))
         at += 1
     return found
-
-
-def largest_values(problem: Problem, unit: str) -> dict[str, float]:
-    """Largest size of the recorded signals of a unit by channel, where a limit of them lies if there is one."""
-    machine, found = problem.robot.machine, dict[str, float]()
-    for i, (kind, _, channel) in enumerate(column.rpartition("_") for column in problem.columns):
-        column = machine.column(kind)
-        if unit == (column.unit or machine.signal[column.signal].unit):
-            size = max(np.nanmax(np.abs(trial.measured[:, i]), initial=0.0) for trial in problem.fit)
-            found[channel] = max(found.get(channel, 0.0), float(size))
-    return {channel: size for channel, size in found.items() if size}
 
 
 def scaled_points(parameters: Sequence[Parameter], start: np.ndarray, amplitudes: Sequence[int]) -> list[np.ndarray]:
