@@ -89,8 +89,8 @@ def print_summary(diagnosis: Diagnosis, console: Console | None = None) -> None:
             console.print(f"        {words}")
         robots = ", ".join(f"{name} {w.digits(closure.rms[key])}" for key, name in w.list_robots(diagnosis).items())
         console.print(f"error   {robots} noise standard deviations (RMS)")
-    if limited := w.limit_words(diagnosis):
-        console.print(f"limits  {limited}")
+    if retuned := w.retuned_words(diagnosis):
+        console.print(f"retuned {retuned}")
     if alike := w.alike_words(diagnosis):
         console.print(f"moved   {alike}")
     if diagnosis.rivals:

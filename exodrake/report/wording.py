@@ -32,6 +32,7 @@ MOST_MOVED = 4  # parameters that a sentence lists
 MOST_SEATS = 4  # channels that a sentence lists where an effect sits on all of them
 SMALL = 1.1  # noise standard deviations: a gap below it leaves nothing to close
 AT_LIMIT = 0.999  # of the largest change that a tolerance allows, from which a parameter counts as limited by it
+MUCH = 2.0  # standard deviations of its tolerance, beyond which a change is said: one in twenty that differ by chance
 LEAST_SHARE = 0.005  # of the gap: a smaller one would be rounded to 0 %
 REFINED = "a refinement may be the error of a cause's law, and is no cause"
 EXPERIMENT = (
@@ -310,10 +311,15 @@ def is_limited(parameter: Parameter, x: float) -> bool:
     return abs(x) >= AT_LIMIT * max(map(abs, parameter.bounds))
 
 
-def limit_words(diagnosis: Diagnosis) -> str:
-    """Nominal parameters that ended where their tolerances end; empty without any."""
-    names = [p.name for p, x in list_changes(diagnosis) if is_limited(p, x)]
-    return f"moved as far as tolerances allow: {join_first(names)}" if names else ""
+def retuned_words(diagnosis: Diagnosis) -> str:
+    """Nominal parameters that the improved robot changes by much, or as far as tolerances allow; empty without any."""
+    found = []
+    for p, x in list_changes(diagnosis):
+        if (limited := is_limited(p, x)) or abs(x) > MUCH * p.prior_std:
+            unit = diagnosis.machine.parameters[p.index[0]].unit
+            ends = f"{quantity(p.base, unit)} -> {quantity(p.value(x), unit)}"
+            found.append(f"{p.name} {ends}{' (its limit)' if limited else ''}")
+    return join_first(found) if found else ""
 
 
 def motion_words(diagnosis: Diagnosis) -> str:
