@@ -575,3 +575,19 @@ def test_a_short_heading_is_not_taken_for_another_separator(tmp_path):
     with pytest.raises(InputError, match="no column 'b'") as caught:
         imported(tmp_path, "t;a\n", {"separator": ";", "time": {"column": "t", "unit": "s"}, "columns": columns})
     assert "lacks" not in str(caught.value)
+
+
+def test_a_period_that_is_not_the_machines_frame_is_said_at_once(tmp_path):
+    """The wrist's frame has 1 s."""
+    time = 0.04 * np.arange(1000)
+    rows = np.column_stack([time, *(np.sin(time + k) for k in range(3))])
+    np.savetxt(tmp_path / "run.csv", rows, delimiter=",", header="t,q4,q5,q6", comments="")
+    columns = {f"q{k}": {"name": f"angle_q{k}", "unit": "rad"} for k in (4, 5, 6)}
+    for period, said in ((0.04, True), (1.0, False)):
+        mapping = {"time": {"column": "t"}, "columns": columns, "period": period}
+        (tmp_path / "map.yaml").write_text(yaml.safe_dump(mapping))
+        place = tmp_path / f"case_{said}"
+        made = run(
+            "import", tmp_path / "run.csv", "--machine", "dvrk_wrist", "--map", tmp_path / "map.yaml", "--out", place
+        )
+        assert made.exit_code == 0 and ("state period: 1" in made.output) == said, made.output

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -211,7 +212,10 @@ def import_recordings(context, recordings, map_file, unit, episodes, out) -> obj
     else:
         roles = dict.fromkeys(logs, "fit") | ({list(logs)[-1]: "holdout"} if len(logs) > 1 else {})
         items = tuple(exo.CaseLog(logs[n].log, n, role, None, f"{n}.csv.gz") for n, role in roles.items())
-        period = frame_period([item.log for item in items], mapped, machine_named(machine or options.DEFAULT).frame)
+        frame = machine_named(machine or options.DEFAULT).frame
+        period = frame_period([item.log for item in items], mapped, frame)
+        if machine is not None and not math.isclose(period, frame, rel_tol=1e-6):
+            click.echo(f"note: a row every {period:g} s, a frame of {machine} has {frame:g} s: state period: {frame:g}")
         notes = {item.file: logs[item.protocol].notes for item in items}
         exo.write_case(exo.Case(out.resolve().name, {}, items, period), out, notes)
     size = f"{sum(len(item.log) for item in logs.values())} rows, {len(first.log.columns)} columns"
