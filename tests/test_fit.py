@@ -159,6 +159,16 @@ def test_a_bound_is_kept_and_noted(robot):
     assert p.at_bound and p.value == pytest.approx(0.085) and "finger.kappa.MCP ended at a bound" in found.notes
 
 
+def test_a_time_constant_is_found_from_one_that_is_too_short_to_have_a_slope():
+    sheath = exo.load_robot("tendon_sheath")
+    time = np.arange(400.0)[:, None] * sheath.machine.frame
+    rows = np.hstack([0.3 * np.sin(2.0 * time), np.zeros_like(time), np.zeros_like(time)])
+    slow, fast = (sheath.splice("sheath.lag", {"time_constant": size}) for size in (0.1, 1e-6))
+    log = exo.simulate(slow, exo.Reference(rows, "sine"), seed=1)
+    (found,) = exo.fit(fast, log, free=["sheath.lag.time_constant"]).parameters
+    assert found.start == 1e-6 and found.low < 0.1 < found.high and found.high < 0.2
+
+
 def test_starts_on_a_limit_that_is_not_reached_are_said_not_to_move(monkeypatch):
     """A joint that is told to turn at 0.35 rad/s at most: no limit of its speed above that has a slope."""
     monkeypatch.setattr(module, "SPREAD", 8)

@@ -239,10 +239,11 @@ def fit(
         )  # fmt: skip
 
     before = residual(base[None])[0]
-    refuse_alike(jacobian(np.zeros(len(names))))
     spread = spread_starts(base, scales, low, high)
     costs = [float(left @ left) for (left,) in (residual((base + x @ scales)[None]) for x in spread)]
     starts = [np.zeros(len(names)), *spread[np.argsort(costs)[:FARTHER]]]
+    # where it is best: a time constant, say, has no slope at 0
+    refuse_alike(jacobian(starts[int(min(costs) < before @ before)]))
     minima = [minimise(x) for x in starts]
     found = min(minima, key=lambda one: one.cost)
     x, left, slopes = found.x, found.fun, found.jac
@@ -276,6 +277,8 @@ def fit(
     )
     values = {n: float(fitted[machine.index[n]]) for n in spoken_for}
     notes = [*case.notes, *(f"{p.name} ended at a bound" for p in parameters if p.at_bound)]
+    open_ended = ~(np.isfinite(low) & np.isfinite(high)) & (np.abs(x) < AT_BOUND)
+    notes += [f"{p.name} stayed where it began; state its range" for p, o in zip(parameters, open_ended) if o]
     advice = f"not converged after {RUNS} evaluations: free fewer parameters, or narrow their bounds"
     notes += [] if found.success else [advice]
     higher = [(x0, one) for x0, one in zip(starts, minima) if one.cost > (1.0 + HIGHER) * found.cost]
