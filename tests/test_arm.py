@@ -212,6 +212,15 @@ def test_a_gain_that_is_off_is_another_gain_of_the_controller(closed, gain, fact
     assert [(d.kp, d.kv) for d in next(drives)] == [pytest.approx((d.kp, d.kv)) for d in next(drives)]
 
 
+def test_a_motors_lag_is_fitted_from_none_and_one_that_stays_there_is_said_to(closed):
+    (name,) = (n for n in closed.machine.index if n.startswith("motor.time_constant.") and n.endswith("J3"))
+    slow = exo.simulate(closed.with_parameters({name: 0.01}), "random-motion:duration=2,seed=1", 1)
+    plain = exo.simulate(closed, "random-motion:duration=2,seed=1", None)
+    (found,) = exo.fit(closed, slow, free=[name]).parameters
+    assert found.low < 0.01 < found.high < 0.02
+    assert f"{name} stayed where it began; state its range" in exo.fit(closed, plain, free=[name]).notes
+
+
 def test_a_reference_that_arrives_late_is_one_of_the_frames_before(closed):
     """Two frames late, the arm does to the last bit what it does for a reference that begins two frames later."""
     frames, late = 2, closed.splice("arm_drive.latency", {"frames": 2.0})

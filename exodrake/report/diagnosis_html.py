@@ -336,11 +336,9 @@ def which(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
     header = ("Effects", "Explains", "chi-square, closed loop", "chi-square, prediction error", "Evidence [nats]")
     rows = []
     for p, x in w.list_changes(diagnosis):
-        unit = runs.problem.robot.machine.parameters[p.index[0]].unit
-        bound = " (its limit)" if w.is_limited(p, x) else ""
-        cells = [w.quantity(value, unit) for value in (p.base, p.value(x))]
         if abs(x) > LEAST * p.prior_std:
-            rows.append((f"`{p.name}`", *cells, f"{x / p.prior_std:+.2f}{bound}"))
+            *cells, limit = w.describe_change(runs.problem.robot.machine, p, x)
+            rows.append((f"`{p.name}`", *cells, f"{x / p.prior_std:+.2f}{limit}"))
     titles, rest = ("Parameter", "Nominal", "Fitted", "Change in std of its tolerance"), rows[SHOWN:]
     retuned = [Table(titles, rows[:SHOWN], wide=False)] if rows else []
     retuned += [Table(titles, rest, wide=False, folded=f"{len(rest)} smaller changes")] if rest else []

@@ -306,19 +306,20 @@ def list_changes(diagnosis: Diagnosis) -> list[tuple[Parameter, float]]:
     return sorted(found, key=lambda change: -abs(change[1] / change[0].prior_std))
 
 
-def is_limited(parameter: Parameter, x: float) -> bool:
-    """Whether a nominal parameter has moved as far as its tolerance allows."""
-    return abs(x) >= AT_LIMIT * max(map(abs, parameter.bounds))
+def describe_change(machine: Machine, parameter: Parameter, x: float) -> tuple[str, str, str]:
+    """A nominal parameter's value before and after its change, and a word where it went as far as tolerances allow."""
+    unit, limited = machine.parameters[parameter.index[0]].unit, abs(x) >= AT_LIMIT * max(map(abs, parameter.bounds))
+    before, after = (quantity(value, unit) for value in (parameter.base, parameter.value(x)))
+    return before, after, " (its limit)" if limited else ""
 
 
 def retuned_words(diagnosis: Diagnosis) -> str:
     """Nominal parameters that the improved robot changes by much, or as far as tolerances allow; empty without any."""
     found = []
     for p, x in list_changes(diagnosis):
-        if (limited := is_limited(p, x)) or abs(x) > MUCH * p.prior_std:
-            unit = diagnosis.machine.parameters[p.index[0]].unit
-            ends = f"{quantity(p.base, unit)} -> {quantity(p.value(x), unit)}"
-            found.append(f"{p.name} {ends}{' (its limit)' if limited else ''}")
+        before, after, limit = describe_change(diagnosis.machine, p, x)
+        if limit or abs(x) > MUCH * p.prior_std:
+            found.append(f"{p.name} {before} -> {after}{limit}")
     return join_first(found) if found else ""
 
 
