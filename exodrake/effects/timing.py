@@ -6,15 +6,15 @@ from exodrake.model.effect import Effect, EffectParameter
 REMEMBERED = 12  # commands that the bus remembers [-]
 
 
-def delay_command(command, history, first, frames):
+def delay_command(command, history, first, passed, step, frames):
     """Command that arrives late by a number of frames.
 
-    c(n) = c_cmd(n - frames)          a part of a frame mixes the two neighbours, so that a fit can move through
+    c(n) = c_cmd(n - frames)          within a step the two neighbours are mixed, so that a fit can move through
     """
     frames = min(max(frames, 0.0), REMEMBERED - 2.0)
     whole = int(frames)
-    part = frames - whole
-    return (1.0 - part) * history[first + whole] + part * history[first + whole + 1]
+    older = min(max((frames - whole - passed) / step, 0.0), 1.0)
+    return (1.0 - older) * history[first + whole] + older * history[first + whole + 1]
 
 
 def jitter_command(command, history, first, frame_arrival, spread):

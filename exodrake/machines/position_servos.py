@@ -160,7 +160,7 @@ def motor_machine(
         "force/speed": (friction / TURNING, "N m s/rad"),
     }  # fmt: skip
     ideal = joint_machine(name, "servo", joints, OF_COMMANDS[:1], frame, max_effects)
-    parts = (servo.part(scales), *ideal.parts[1:])
+    parts = (servo.part(scales), joint_command.TICK_PART, *ideal.parts[2:])
     found = (*OF_COMMANDS, *(effect for effect in collect_effects(parts) if effect.id not in LEFT_OUT))
     slots = max(4, ceil(frame / TICK))
     return replace(ideal, parts=parts, effects=found, slots=slots, settling=SETTLING, mechanism=motor_mechanism)
@@ -221,7 +221,8 @@ def make_loop(joints: tuple[str, ...], frame: float, library: tuple[Effect, ...]
 
     def add_controller(robot: Robot) -> Robot:
         machine = robot.machine
-        parts = [replace(p, tasks=tuple(replace(t, reads=("angle_sent", *t.reads[1:]), slots=(1,)) for t in p.tasks))
+        parts = [replace(p, tasks=tuple(replace(t, reads=("angle_sent", *t.reads[1:]), slots=t.slots and (1,))
+                                        for t in p.tasks))
                  if p.name == joint_command.PART.name else p for p in machine.parts]  # fmt: skip
         closed = replace(
             machine, parts=(*parts, joint_loop.PART), signals=(*machine.signals, Signal("angle_sent", "rad", JOINTS)),

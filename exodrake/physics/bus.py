@@ -6,10 +6,11 @@ from exodrake.model.part import TENDONS, Output, Part, Point, State, Task, param
 
 DEPTH = 12  # commands remembered per wire, the newest first
 
-send = Point("sent", TENDONS, "command, history, first, held, arrival, frame_arrival",
+send = Point("sent", TENDONS, "command, history, first, passed, step, held, arrival, frame_arrival",
              "speed [m/s] that reaches drive j, from the newest command; history: commands of all tendons [m/s], the "
-             "newest of this one at `first`, older ones after it; held: speed so far [m/s]; arrival, frame_arrival: "
-             "uniform draws in 0 .. 1 of this frame, for this drive and for all drives", laws=())  # fmt: skip
+             "newest of this one at `first`, older ones after it; passed, step: 0 and 1, shares of the frame that have "
+             "passed and that the speed holds for; held: speed so far [m/s]; arrival, frame_arrival: uniform draws in "
+             "0 .. 1 of this frame, for this drive and for all drives", laws=())  # fmt: skip
 
 
 def write(x, z, n, e, j, speed_cmd, packet_arrival):
@@ -18,7 +19,7 @@ def write(x, z, n, e, j, speed_cmd, packet_arrival):
         x[DEPTH * j + k] = x[DEPTH * j + k - 1]
     x[DEPTH * j] = speed_cmd[j]
     applied = 3 * DEPTH + j
-    x[applied] = send(e, z, j, speed_cmd[j], x, DEPTH * j, x[applied], packet_arrival[j], packet_arrival[0])
+    x[applied] = send(e, z, j, speed_cmd[j], x, DEPTH * j, 0.0, 1.0, x[applied], packet_arrival[j], packet_arrival[0])
 
 
 PART = Part(

@@ -1,6 +1,7 @@
 """Commands of a machine's joints, taken once a frame and handed to their drives; it also hands on where the log starts.
 
-Two blocks: `PART`, and `SET_PART` for joints that have a setting of their own, such as the bend of a sheath.
+Blocks: `PART`, `SET_PART` for joints that have a setting of their own, such as the bend of a sheath, and `TICK_PART`,
+for drives with dynamics: a command that is late by a part of a frame reaches them within it.
 """
 
 import sys
@@ -9,24 +10,40 @@ from dataclasses import replace
 from exodrake.model.part import JOINTS, SCALAR, Output, Part, Point, State, Task, parameter_class
 
 DEPTH = 12  # commands remembered per joint, the newest first: as many as the motor bus remembers
+STARTED, TICKS, LENGTH = -3, -2, -1  # places of the last states
 
-send = Point("sent", JOINTS, "command, history, first, applied, packet_arrival, frame_arrival",
+send = Point("sent", JOINTS, "command, history, first, passed, step, applied, packet_arrival, frame_arrival",
              "angle [rad] that reaches drive j, from the newest command; history: commands of all joints [rad], the "
-             "newest of this one at `first`, older ones after it; applied: angle so far [rad]; packet_arrival, "
-             "frame_arrival: 1, as no command is ever lost or late here", laws=())  # fmt: skip
+             "newest of this one at `first`, older ones after it; passed, step: shares of the frame that have passed "
+             "and that the angle holds for; applied: angle so far [rad]; packet_arrival, frame_arrival: 1, as no "
+             "command is ever lost or late here", laws=())  # fmt: skip
 
 
 def take(x, z, n, e, angle_ref, angle_start):
     """One command for every joint; signals [rad]. Before the first one the robot stood there."""
     joints = angle_ref.shape[0]
+    x[LENGTH], x[TICKS] = max(x[TICKS], 1.0), 0.0
     for j in range(joints):
         for k in range(DEPTH - 1, 0, -1):
-            x[DEPTH * j + k] = x[DEPTH * j + k - 1] if x[(DEPTH + 3) * joints] > 0.0 else angle_ref[j]
+            x[DEPTH * j + k] = x[DEPTH * j + k - 1] if x[STARTED] > 0.0 else angle_ref[j]
         x[DEPTH * j] = angle_ref[j]
-        held = DEPTH * joints + j
-        x[held] = send(e, z, j, angle_ref[j], x, DEPTH * j, x[held], 1.0, 1.0)
-        x[held + joints] = angle_start[j]
-    x[(DEPTH + 3) * joints] = 1.0
+        x[(DEPTH + 1) * joints + j] = angle_start[j]
+    x[STARTED] = 1.0
+    give(x, z, e, joints)
+
+
+def give(x, z, e, joints):
+    """What reaches the drives after that many ticks of the frame, and holds for one of them."""
+    for j in range(joints):
+        held, step = DEPTH * joints + j, 1.0 / x[LENGTH]
+        x[held] = send(e, z, j, x[DEPTH * j], x, DEPTH * j, x[TICKS] * step, step, x[held], 1.0, 1.0)
+
+
+def hold(x, z, n, e, dt, angle_ref):
+    """The same in each tick, whose number in a frame is that of the frame before."""
+    if x[STARTED] > 0.0:
+        x[TICKS] += 1.0
+        give(x, z, e, angle_ref.shape[0])
 
 
 def take_set(x, z, n, e, angle_ref, angle_start, bend):
@@ -41,10 +58,11 @@ PART = Part(
     name="command", module=sys.modules[__name__], parameters=parameter_class(),
     states=(
         State("history", JOINTS, DEPTH, "rad"), State("held", JOINTS, unit="rad"), State("origin", JOINTS, unit="rad"),
-        State("setting", JOINTS, unit="rad"), State("started", SCALAR),
+        State("setting", JOINTS, unit="rad"), State("started", SCALAR), State("ticks", SCALAR), State("length", SCALAR),
     ),
     tasks=(Task("take", ("angle_ref", "angle_start"), slots=(0,)),),
     outputs=(Output.of_states(held="command", origin="origin", setting="setting", started="ready"),),
     points=(send,), group="timing",
 )  # fmt: skip
 SET_PART = replace(PART, tasks=(Task("take_set", ("angle_ref", "angle_start", "bend"), slots=(0,)),))
+TICK_PART = replace(PART, tasks=(*PART.tasks, Task("hold", ("angle_ref",))))
