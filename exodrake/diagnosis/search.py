@@ -486,7 +486,7 @@ class Search:
         size, least = len(best.effects), (1.0 - LARGE) * best.excess
         larger = [f for k, f in self.sets.items() if best.effects < k and len(k) == size + 1 and self.usable(f)]
         larger = [f for f in larger if f.excess < least]
-        if not size or size + 2 > most or best.excess <= FAR or not larger:
+        if size + 2 > most or best.excess <= FAR or not larger:
             return False
         self.expand(min(larger, key=lambda f: f.excess).effects)
         return self.best.effects != best.effects

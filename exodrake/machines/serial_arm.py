@@ -24,7 +24,7 @@ from exodrake.core.errors import InputError, nearest
 from exodrake.core.files import read_bytes
 from exodrake.core.schema import mapping, number, quote, text
 from exodrake.effects import LIBRARY, collect_effects, friction
-from exodrake.model.effect import Effect
+from exodrake.model.effect import Effect, EffectParameter
 from exodrake.model.machine import SETTLING, Column, Controller, Gain, Loop, Machine, Segment
 from exodrake.model.mechanism import Body, Chain, Drive, Joint, Mechanism, Shape
 from exodrake.model.part import JOINTS, NORMAL, UNIFORM, Axes, Output, Part, Signal, Task
@@ -57,6 +57,7 @@ OFFSET = ("arm.offset",)  # which is `torque.offset` in inverse dynamics
 # of arms with cables
 RATIO = 0.05  # of joint to motor: assumed, as of small gears and capstans
 RESONANCE = 2.0 * np.pi * 15.0  # rad/s of the links on their cables, motors held: assumed; 10-30 Hz are usual
+ORDINARY = 10.0  # kg of an arm that the library's ranges are of, with 1 kg m2 at the joint that moves most: assumed
 REFLECTED = 0.2  # inertia of a motor over that of its links, as the joint feels it: assumed
 LOSS = 1e-3  # s, of a steel cable: 5 % of critical damping at that resonance: assumed
 TAUT = 2.0  # pretension in efforts of a moderate motion: assumed, so that no strand goes slack in one
@@ -94,7 +95,7 @@ def make_machine(
     """The machine of an arm of some parts; sensors: column kind -> part; without: ids of effects that it has not."""
     return Machine(
         name=name, axes=Axes((), chain.names), parts=parts, signals=(*given, *inner), columns=columns, frame=frame,
-        inputs=tuple(s.name for s in given), effects=effects_in(units(chain), parts, without), compared=tuple(sensors),
+        inputs=tuple(s.name for s in given), effects=effects_in(chain, parts, without), compared=tuple(sensors),
         slots=slots if slots == 1 else max(slots, round(np.ceil(frame / TICK))),
         noise=tuple(f"{sensor}.sigma.{j}" for sensor in sensors.values() for j in chain.names),
         resolution=tuple(f"{sensor}.step.{j}" for sensor in sensors.values() for j in chain.names),
@@ -231,14 +232,22 @@ def reading(name: str, signal: str, unit: Mapping[str, str], slot: int, frame: f
     return replace(sensor(name, joined, unit[signal], slot, frame, size, count), ranges=ranges)
 
 
-def effects_in(unit: Mapping[str, str], parts: tuple[Part, ...], without: tuple[str, ...]) -> tuple[Effect, ...]:
-    """The effects of the parts but for some, those that are made for turning joints in the units of these."""
-    own = {TURNS["position"]: unit["position"], TURNS["inertia"]: unit["inertia"], "rad/(N m)": unit["position/effort"]}
+def effects_in(chain: Chain, parts: tuple[Part, ...], without: tuple[str, ...]) -> tuple[Effect, ...]:
+    """The effects of the parts but for some, in the units of the joints; ranges of the library scale with the arm."""
+    unit, inertia = units(chain), float(compute_inertias(chain).max()) or 1.0
+    mass = sum(body.mass for body in chain.bodies) / ORDINARY or 1.0
+    own = {
+        TURNS["position"]: (unit["position"], 1.0), TURNS["inertia"]: (unit["inertia"], inertia), "kg": ("kg", mass),
+        "rad/(N m)": (unit["position/effort"], 1.0 / inertia),
+    }  # fmt: skip
+
+    def adapt(p: EffectParameter) -> EffectParameter:
+        name, size = own.get(p.unit, (p.unit, 1.0))
+        default = None if p.default is None else size * p.default
+        return replace(p, unit=name, low=size * p.low, high=size * p.high, default=default)
+
     kept = (effect for effect in collect_effects(parts) if effect.id not in without)
-    return tuple(
-        replace(effect, parameters=tuple(replace(p, unit=own.get(p.unit, p.unit)) for p in effect.parameters))
-        for effect in kept
-    )
+    return tuple(replace(effect, parameters=tuple(map(adapt, effect.parameters))) for effect in kept)
 
 
 def shape(robot: Robot) -> Shape:
