@@ -56,15 +56,31 @@ def test_a_refinement_goes_if_whole_logs_are_worse_with_it_or_it_is_of_time_alon
     assert effects == (BOTH if kept else FRICTION)
 
 
-def test_effects_that_stand_in_for_each_other_go_until_one_is_a_cause(monkeypatch):
-    """Either of two leaves little without the other, so that neither is a cause beside it: the smaller one goes."""
+DRY, LOAD, SENSOR = "carriage.coulomb_friction", "carriage.load_friction", "scale.low_pass"
 
-    def find(best):
-        if len(best.effects) == 1:
-            return dict.fromkeys(best.effects, (CAUSE, 0.9))
-        return {"friction": (REFINEMENT, 0.06), "drift": (REFINEMENT, 0.05)}
 
-    assert decide(monkeypatch, find) == (FRICTION, [CAUSE])
+@pytest.mark.parametrize(
+    ("alone", "cause"),
+    [
+        ({"": 1.0, DRY: 0.06, LOAD: 0.05}, [LOAD]),  # either of two leaves little without the other
+        ({"": 0.09, DRY: 0.06, LOAD: 0.05}, []),  # both together are small
+        ({"": 1.0, DRY: 0.06, SENSOR: 0.05}, [DRY]),  # a sensor's memory comes last
+    ],
+)
+def test_of_refinements_that_stand_in_for_each_other_one_is_a_cause(alone, cause):
+    """Shares of the gap that each leaves alone, and none; both leave 1 %."""
+    first, second = list(alone)[1:]
+    sets = {frozenset(filter(None, [i])): share for i, share in alone.items()} | {frozenset([first, second]): 0.01}
+    search = SimpleNamespace(
+        sets=sets, best_within=sets.__getitem__, left_by_joint=np.atleast_1d,
+        effects=load_robot("emps").machine.effects,
+    )  # fmt: skip
+    best, found = (
+        SimpleNamespace(effects=frozenset([first, second])),
+        SimpleNamespace(search=search, beside_detections=1.0),
+    )
+    roles = verdict.promote_refinements(found, best, {first: REFINEMENT, second: REFINEMENT})
+    assert [i for i, role in roles.items() if role == CAUSE] == cause
 
 
 def test_what_a_set_leaves_is_no_more_than_what_a_part_of_it_does():

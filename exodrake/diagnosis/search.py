@@ -437,17 +437,22 @@ class Search:
 
     def reduce(self, key: frozenset[str], again: bool = False) -> None:
         """Fit the sets with one effect less, from this set; again: also those that were fitted from elsewhere."""
-        e = self.sets[key].explanation
-        wanted = [i for i in e.effects if again or key - {i} not in self.sets]
+        parts = [key - {i} for i in self.sets[key].explanation.effects]
+        self.fit_parts(key, [part for part in parts if again or part not in self.sets])
+
+    def fit_parts(self, key: frozenset[str], parts: Iterable[frozenset[str]]) -> None:
+        """Fit parts of a set, from this set."""
         likelihood = self.likelihood.for_stage("refine")
 
-        def smaller(effect: str) -> Explanation:
-            start = without(likelihood, e, effect)
+        def smaller(part: frozenset[str]) -> Explanation:
+            start = self.sets[key].explanation
+            for effect in start.effects:
+                start = start if effect in part else without(likelihood, start, effect)
             (again,) = start.at_each(likelihood, [np.r_[self.none.explanation.x, start.x[start.nominal :]]])
             start = min(start, again, key=lambda one: likelihood.mean_log(one.residual))
             return minimise(likelihood.scaled_to(start.residual), start)
 
-        self.add(side_by_side([partial(smaller, i) for i in wanted]))
+        self.add(side_by_side([partial(smaller, part) for part in parts]))
 
     def run(self, most: int) -> Fitted:
         """The best set of at most so many effects."""

@@ -35,7 +35,7 @@ from exodrake.diagnosis.result import (
     Moved,
     Rival,
 )
-from exodrake.diagnosis.search import LARGE, LAW, NATS, Fitted, screen
+from exodrake.diagnosis.search import LARGE, LAW, NATS, Fitted, is_memory, screen
 
 VISIBLE = 1.0  # standard deviations of the tolerance from which a change is listed
 ALIKE = 0.9  # share of what retuning explains from which a single effect is listed
@@ -140,25 +140,44 @@ def decide_retuned(found: Isolation, decision: Decision) -> Decision:
 def drop_refinements(found: Isolation) -> tuple[Fitted, dict[str, str]]:
     """The best set without refinements that do not help, and the roles of its effects.
 
-    Such leave more over the whole logs than the set without them. Where none is a cause, each stands in for the others:
-    they go, the smallest first, until one is. So does a drift, a law of time alone: it takes up what is slow in one log
-    and says nothing of another. What cross-validation says against others is chance: on 38 splits of recordings of real
-    machines, held-out motion is predicted best with all of them.
+    Such leave more over the whole logs than the set without them. So do drifts, laws of time alone: they take up what
+    is slow in one log and say nothing of another. What cross-validation says against others is chance: on 38 splits of
+    recordings of real machines, held-out motion is predicted best with all of them.
     """
     search, best = found.search, found.best
-    roles, least = find_roles(found, best), 1 - any(d.certain for d in found.whole.detected)
+    roles = find_roles(found, best)
     drifts = {e.id for e in search.effects if e.family == "drift"}
-    while len(roles) > least:
+    while True:
         gains = {i: float(gain[0]) for i, gain in measure_gains(found, best).items() if roles[i] == REFINEMENT}
-        alike = len(gains) == len(roles)
-        tried = [i for i, gain in gains.items() if alike or gain < 0.0 or i in drifts]
+        tried = [i for i, gain in gains.items() if gain < 0.0 or i in drifts]
         tried = [i for i in tried if search.usable(search.sets[best.effects - {i}])]
         if not tried:
-            break
+            return best, promote_refinements(found, best, roles)
         best = search.sets[best.effects - {min(tried, key=gains.__getitem__)}]
         search.reduce(best.effects)
         roles = find_roles(found, best)
-    return best, roles
+
+
+def promote_refinements(found: Isolation, best: Fitted, roles: Mapping[str, str]) -> dict[str, str]:
+    """Roles where refinements that stand in for each other take up together what makes a cause.
+
+    None of them does alone, as the others of them stay. The one that takes up most beside the causes is a cause, too,
+    errors of a sensor's memory last.
+    """
+    search, roles = found.search, dict(roles)
+    known = {e.id: e for e in search.effects}
+
+    def left(key: frozenset[str]) -> np.ndarray:
+        if key not in search.sets:
+            search.fit_parts(best.effects, [key])
+        return found.beside_detections * search.left_by_joint(search.best_within(key))
+
+    while len(rest := [i for i, role in roles.items() if role == REFINEMENT]) > 1:
+        causes = frozenset(roles) - frozenset(rest)
+        if not np.any(left(causes) - left(best.effects) >= LARGE):
+            break
+        roles[min(rest, key=lambda i: (is_memory(known[i]), float(left(causes | {i}).sum())))] = CAUSE
+    return roles
 
 
 def list_smaller(found: Isolation, best: Fitted) -> dict[str, Fitted]:
