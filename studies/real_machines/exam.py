@@ -2,7 +2,8 @@
 
 An answer agrees if its causes are of the kinds that experts fitted to the same recording, and none of these is missing
 from its effects; rivals of a cause count as it does. The error on motion that was not fitted is compared with that of
-the best simple model which those experts give. Who fitted what, and to what error: DATA/README.md.
+the best simple model which those experts give. Who fitted what, and to what error: DATA/README.md. [D]: the model of
+those who recorded the xl330, Duclusaud et al., ICRA 2025.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ from studies.real_machines.recordings import READERS, halve_log
 LATENCY, LAG, SPEED = "delay", "lag", "speed limit"
 DRY, VISCOUS, OFFSET, PLAY = "dry friction", "viscous friction", "offset", "backlash"
 SAG, INERTIA, GAIN, COUPLING = "load", "inertia", "gain", "crosstalk"
+LOAD = "load-dependent friction"
 
 
 @dataclass(frozen=True)
@@ -123,8 +125,9 @@ PAPERS = (
     Paper("hobby_servo", "delay and speed limit", (LATENCY, SPEED), (),
           {"angle": float(np.sqrt(np.mean(np.square([0.079, 0.017, 0.042, 0.110, 0.042]))))},
           split("hobby_servo", *([f"hobby_{n}" for n in names.split()] for names in (HOBBY, HOBBY_HELD)))),
-    Paper("xl330", "Coulomb, viscous, inertia, torque constant and mass off; nothing closes it", (DRY,),
-          (VISCOUS, INERTIA, GAIN, SAG, OFFSET), {"effort": 0.132}, split("xl330", XL330, ("xl_800_sin_sin",))),
+    Paper("xl330", "Coulomb, viscous, inertia, torque constant, mass, friction by load [D]; nothing closes it",
+          (DRY,), (VISCOUS, INERTIA, GAIN, SAG, OFFSET, LOAD), {"effort": 0.132},
+          split("xl330", XL330, ("xl_800_sin_sin",))),
     Paper("fairino", "dry friction; more terms help little", (DRY,), (VISCOUS, OFFSET), {"effort": 2.75},
           split("fairino", ("fai_S",), ("fai_zhixian",))),
     Paper("emps", "Coulomb, viscous, offset or friction by direction", (DRY, VISCOUS), (OFFSET,),
