@@ -155,6 +155,21 @@ def test_a_payload_is_a_mass_at_its_lever(nominal):
         assert logs[0][name] == pytest.approx(logs[1][name], abs=1e-9) and np.ptp(logs[0][name]) > 0.5
 
 
+@pytest.mark.parametrize("late", [0, 3, 43])
+def test_a_late_command_reaches_a_servo_within_the_frame(nominal, late):
+    """As a servo that is stepped alone, its command older by a number of ticks. A reading is taken in the fourth."""
+    slots, robot = nominal.machine.slots, nominal.with_parameters({"reading.sigma": 0.0, "reading.step": 0.0})
+    plain = exo.simulate(robot, "random-motion:duration=2,seed=1", seed=None)
+    log = exo.simulate(robot.splice("servo.latency", {"frames": late / slots}), exo.from_log(plain, robot), seed=None)
+    command, stated = log["angle_ref_elbow"], {name: nominal[f"servo.{name}.elbow"] for name in PLAIN}
+    ticks = simulate_joint(
+        lambda t: command[max(round(t / robot.machine.slot) - late, 0) // slots], len(command) * robot.machine.frame,
+        robot.machine.slot, log["angle_start_elbow"][0], **stated,
+    )  # fmt: skip
+    assert np.ptp(log["angle_elbow"]) > 0.5
+    assert log["angle_elbow"] == pytest.approx(ticks[2::slots, 0], abs=1e-9)
+
+
 def diagnose_planted(nominal, effect, **parameters):
     """The diagnosis of a robot with an effect in one joint."""
     worn = nominal.splice(f"servo.{effect}", parameters, ["elbow"])
