@@ -58,6 +58,16 @@ def test_tolerances_of_centres_are_of_the_arms_size(arm_folder, tmp_path):
         assert (centres["prior_std"], centres["max_deviation"]) == (wanted, pytest.approx(3.0 * wanted))
 
 
+@pytest.mark.parametrize("length", [0.02, 1.0])
+def test_what_an_arm_may_lack_is_of_its_size(length, arm_folder, tmp_path):
+    """Rotors up to thrice the largest inertia about a joint, 1.25 l^2 here; a payload of half the mass."""
+    (tmp_path / "p.urdf").write_text(PENDULUM.format(length, 0.25 * length**2))
+    robot = made(arm_folder, f"bob_{round(100 * length)}", "--urdf", tmp_path / "p.urdf", "--form", "closed-loop")
+    highest = [robot.machine.effect(f"arm.{name}").parameters[0].high
+               for name in ("rotor_inertia", "payload", "joint_compliance")]  # fmt: skip
+    assert highest == pytest.approx([3.0 * 1.25 * length**2, 0.5, 3e-3 / (1.25 * length**2)])
+
+
 def dynamics(plant, q, rate, acceleration):
     """Efforts and mass matrix of a MultibodyPlant."""
     context = plant.CreateDefaultContext()
